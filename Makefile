@@ -2,6 +2,7 @@
 # make test   all tests
 # make check  style and types
 # make docs   the documentation as a site, out/site; a broken link or an undocumented public name fails
+# make hashes compare every image of every method with bench/results/today/hashes.json, bit for bit
 # make fuzz   what is tested by chance, at length: SUPERSAMPLER_FUZZ cases of each kind of file and argument
 # make mutation   changes of one place that no test notices: MUTATIONS=300 of them, MINUTES=60 at most, SEED=0
 # PYTHON=python3.12 chooses the interpreter of new environments. On Windows: the pip lines in README.md.
@@ -12,7 +13,7 @@ DEVELOPMENT := .venv-dev/installed
 DOCS := .venv-docs/installed
 SOURCES := $(shell find sdk model export bench -name '*.py' -o -name '*.html' -o -name '*.onnx' -o -name '*.json' -o -name '*.glsl')
 
-.PHONY: demo test fuzz mutation check docs clean
+.PHONY: demo test hashes fuzz mutation check docs clean
 
 demo: $(RUNTIME)
 	.venv/bin/supersampler demo -o out
@@ -20,6 +21,9 @@ demo: $(RUNTIME)
 # Two processes: threads of torch, in each, would wait for those of the other. Long files come early, as they lie.
 test: $(DEVELOPMENT)
 	OMP_NUM_THREADS=1 .venv-dev/bin/pytest -q --numprocesses 2 --dist loadscope --no-loadscope-reorder
+
+hashes: $(DEVELOPMENT)
+	.venv-dev/bin/python bench/studies/hashes.py --check bench/results/today/hashes.json
 
 fuzz: $(DEVELOPMENT)
 	SUPERSAMPLER_FUZZ=$${SUPERSAMPLER_FUZZ:-2000} SUPERSAMPLER_INTERRUPTS=1500 SUPERSAMPLER_MODELS=3000 \

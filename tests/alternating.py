@@ -1,4 +1,4 @@
-"""What an engine does that shades some frames and not others, for the tests of extrapolation."""
+"""Steps of an engine that shades only some frames, for the tests of extrapolation."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -24,8 +24,8 @@ def alternate(upscaler: Upscaler, shaded: Shaded, pattern: str, start: int = 0) 
     ]
 
 
-def drawn_by_torch(method: Method, shaded: Shaded, pattern: str) -> list[Float32 | None]:
-    """Colours (h, w, 3) that a method draws of frames that are not shaded; None of those that are."""
+def extrapolated_by_torch(method: Method, shaded: Shaded, pattern: str) -> list[Float32 | None]:
+    """Colours (h, w, 3) that a method extrapolates for unshaded frames; None for shaded ones."""
     history: list[torch.Tensor] | None = None
     made: list[Float32 | None] = []
     for index, kind in enumerate(pattern):

@@ -1,4 +1,4 @@
-"""Python code in a process of its own, for tests of what an SDK does to the process that it runs in."""
+"""Python code in a process of its own, for tests of the SDK's effects on its process."""
 
 import os
 import shutil
@@ -17,7 +17,7 @@ from supersampler import Frame, Upscaler
 def upscaler(method="classifier", **options):
     return Upscaler(method, **{"display_size": (64, 36), "threads": 2, "validate": "off", **options})
 """
-"""What most of these tests begin with: `noise(seed)` is a frame of 32x18."""
+"""First lines of most of these tests: `noise(seed)` is a frame of 32x18."""
 
 
 def run_apart(

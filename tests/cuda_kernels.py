@@ -26,4 +26,4 @@ CUDA_KERNELS = {
 CPU_INPUTS = dict.fromkeys(
     ("Clip", "Expand", "ReduceSum", "Reshape", "Slice", "Split", "Unsqueeze"), slice(1, None)
 )
-"""Which inputs kernels read on the host."""
+"""Which inputs kernels read in CPU memory."""

@@ -1,8 +1,7 @@
-"""`guided-flow` with a narrow network that says something, small enough to be exported in a test."""
+"""`guided-flow` with a narrow network of random weights that move light, and a scene with a moving shadow."""
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
-from pathlib import Path
+from dataclasses import dataclass, replace
 from typing import Any
 
 import torch
@@ -13,11 +12,8 @@ from supersampler.frame import Size
 from supersampler.methods.extrapolation.spec import FlowNetworkConfig, GuidedFlowConfig, GuidedWarpConfig
 from supersampler_model.data.scenes.analytic import Values, Vector, grey
 from supersampler_model.methods.extrapolation.guided_flow import GuidedFlow
-from supersampler_model.methods.weights_file import Trained, save_trained
 
 SMALL = GuidedFlowConfig(network=FlowNetworkConfig((8, 8, 8)), warp=GuidedWarpConfig(strides=(1,)))
-TINY = GuidedFlowConfig(network=FlowNetworkConfig((8, 8)), warp=GuidedWarpConfig(strides=(), taps=1))
-"""Of as few operators as there can be: tracing takes its time for each."""
 
 
 def random_flow(config: GuidedFlowConfig = SMALL) -> GuidedFlow:
@@ -28,14 +24,6 @@ def random_flow(config: GuidedFlowConfig = SMALL) -> GuidedFlow:
         if name.endswith("flow.weight"):
             torch.nn.init.normal_(parameter, std=0.5)
     return method.eval()
-
-
-def flow_weights(path: Path) -> Path:
-    """Write weights as a run does, of the method that is fast to trace."""
-    method = random_flow(TINY)
-    facts: dict[str, Any] = {"steps": 1, "data": "0" * 64, "assets": [], "commit": "abc", "validation": {}}
-    save_trained(path, Trained(method.name, asdict(method.config), facts, method.state_dict()))
-    return path
 
 
 @dataclass(frozen=True)

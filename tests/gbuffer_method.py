@@ -27,14 +27,14 @@ DARK = 0.04
 
 
 class Step(NamedTuple):
-    """The image, twice: to be shown, and to be remembered."""
+    """Return the image twice: as output and as history."""
 
     image: Tensor
     history_color: Tensor
 
 
 class Demodulated(Method):
-    """Light, which is colour over base colour, upsampled and lit again; a tenth of it is the past's."""
+    """Light (colour over base colour), upsampled and lit again, blended with a tenth of the history."""
 
     spec: ClassVar = MethodSpec(
         name="demodulated",

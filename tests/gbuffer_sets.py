@@ -19,7 +19,7 @@ FRAMES = 10
 
 
 def gbuffer_data(folder: Path, ratio: int = 2, *, gbuffers: bool = True) -> Dataset:
-    """A sequence to train on and one to validate on, at ratio 1 and drawn again at another."""
+    """Write a sequence to train on and one to validate on, at ratio 1 and rendered again at another."""
     entries = tuple(
         SequenceEntry(spec=SequenceSpec(family="fences", seed=1, frames=FRAMES), ratio=1.0, split=split)
         for split in ("train", "validation")
@@ -34,13 +34,13 @@ def gbuffer_data(folder: Path, ratio: int = 2, *, gbuffers: bool = True) -> Data
             write_training_frame(made.path(entry, index), frame(index, gbuffers=gbuffers))
             path = again.rerendered_path(other, index)
             assert path is not None
-            write_rerendered(path, drawn(index, ratio))
+            write_rerendered(path, rendered(index, ratio))
     return made
 
 
 def frame(index: int, *, gbuffers: bool = True) -> TrainingFrame:
     there = surface(index, DISPLAY, (0.0, 0.0))
-    color, depth, motion, jitter, _ = drawn(index, 1)
+    color, depth, motion, jitter, _ = rendered(index, 1)
     alias = (there["roughness"] > 0.6).astype(np.uint8)
     return TrainingFrame(
         color=color, depth=depth, motion=motion, jitter=jitter, reset=index == 0, exposure=1.0 + 0.1 * index,
@@ -49,7 +49,7 @@ def frame(index: int, *, gbuffers: bool = True) -> TrainingFrame:
     )  # fmt: skip
 
 
-def drawn(index: int, ratio: int) -> Rerendered:
+def rendered(index: int, ratio: int) -> Rerendered:
     size, jitter = (DISPLAY[0] // ratio, DISPLAY[1] // ratio), halton_jitter(index, float(ratio))
     seen = surface(index, size, jitter)
     motion = np.broadcast_to(-VELOCITY / ratio, (*size[::-1], 2))

@@ -141,7 +141,7 @@ def sky(seed: int = 0) -> Environment:
 
 
 class Yard:
-    """Everything the renderer can draw, at once. Frame 0 onwards at 30 frames a second.
+    """All features of the renderer in one scene. Frame 0 onwards at 30 frames a second.
 
     Args:
         seed: of the textures.

@@ -1,7 +1,6 @@
-"""One scene for the tests of all importers, written in each layout, and what an importer must make of it.
+"""A test scene written in the file layout of each importer, and the frames that importers must return.
 
-Each layout is written by formulas of its own, with a sky, a jitter and a motion of whole pixels, so that each
-frame can be found in the one before it by its motion, exactly.
+It has a sky, jitter, and motion by whole pixels, so that motion vectors lead exactly to the previous frame.
 """
 
 import json
@@ -26,15 +25,15 @@ NEAR, DISTANCE = 0.1, 10.0  # of the plane, scene units
 SKY_ROWS = 4
 COUNT = 3
 CUT = 2
-SCENE = Plane(checker, (2.0, -1.0))  # it moves right and up: its past is at (-2, +1)
+SCENE = Plane(checker, (2.0, -1.0))  # it moves right and up: the previous frame shows it at (-2, +1)
 PAST = (-2, 1)
 MAP = {"color": ["R", "G", "B"], "depth": "depth.V", "motion": ["motion/*.exr:R", "motion/*.exr:G"]}
 
 
 def color(index: int) -> np.ndarray:
-    picture = SCENE.frame(index, SIZE, JITTER).color
-    assert picture is not None
-    return picture
+    rgb = SCENE.frame(index, SIZE, JITTER).color
+    assert rgb is not None
+    return rgb
 
 
 def distance() -> np.ndarray:
@@ -65,10 +64,10 @@ def assert_is_the_scene(shot: Shot) -> None:
         assert (frame.depth[:SKY_ROWS] == 0).all()
         np.testing.assert_allclose(frame.depth[SKY_ROWS:], NEAR / DISTANCE, rtol=1e-4)
         if before is not None and before.color is not None:
-            past = np.rint(frame.motion).astype(int)
-            np.testing.assert_allclose(frame.motion, past, atol=1e-4)
+            vectors = np.rint(frame.motion).astype(int)
+            np.testing.assert_allclose(frame.motion, vectors, atol=1e-4)
             rows, columns = np.mgrid[8:28, 8:56]
-            found = before.color[rows + past[8:28, 8:56, 1], columns + past[8:28, 8:56, 0]]
+            found = before.color[rows + vectors[8:28, 8:56, 1], columns + vectors[8:28, 8:56, 0]]
             np.testing.assert_allclose(found, frame.color[8:28, 8:56], atol=1e-3)
         before = frame
 
@@ -90,9 +89,9 @@ def blender_frame(
     index: int, layer: str, depth: str = "Depth.Z", diffuse: str = "DiffCol"
 ) -> dict[str, np.ndarray]:
     """One multilayer frame: y of Vector points up, Z is the distance, 1e10 at the sky."""
-    picture = color(index)
+    rgb = color(index)
     return {
-        **{f"{layer}.Combined.{axis}": picture[..., i].astype(np.float16) for i, axis in enumerate("RGB")},
+        **{f"{layer}.Combined.{axis}": rgb[..., i].astype(np.float16) for i, axis in enumerate("RGB")},
         f"{layer}.Combined.A": plane(0.5),
         f"{layer}.{depth}": np.where(np.isinf(distance()), np.float32(1e10), distance()),
         f"{layer}.Vector.X": plane(PAST[0]),
@@ -121,8 +120,8 @@ def write_blender(folder: Path, *layers: str, **names: str) -> Path:
 def write_channels(folder: Path, count: int = COUNT) -> Path:
     """Unreal's way: motion in a file of its own, NDC, y up, current minus previous; linear depth."""
     for index in range(count):
-        picture = color(index)
-        image = {axis: picture[..., i].astype(np.float16) for i, axis in enumerate("RGB")}
+        rgb = color(index)
+        image = {axis: rgb[..., i].astype(np.float16) for i, axis in enumerate("RGB")}
         write_exr(folder / f"{index:04d}.exr", {**image, "depth.V": distance(), "rough": plane(0.3)})
         motion = {"R": plane(-PAST[0] * 2 / SIZE[0]), "G": plane(PAST[1] * 2 / SIZE[1])}
         write_exr(folder / "motion" / f"{index:04d}.exr", motion)

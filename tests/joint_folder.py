@@ -1,4 +1,4 @@
-"""A model folder with one in it that steps on drawn frames: made of a shipped one, in no time."""
+"""A model folder with an inner folder for extrapolated frames, made from a shipped one without tracing."""
 
 import hashlib
 import json
@@ -16,7 +16,7 @@ SURFACE = "gbuffer_base_color"
 
 
 def joint_folder(folder: Path) -> Path:
-    """Write `classifier` as a model whose drawn frames are brighter by their mean base colour."""
+    """Write `classifier` as a model that brightens extrapolated frames by their mean base colour."""
     shipped = find_model("classifier")
     described: dict[str, Any] = json.loads((shipped / "model.json").read_text("utf-8"))
     for there in (folder, folder / EXTRAPOLATED):

@@ -1,4 +1,4 @@
-"""Random frames of plausible content, for tests that do not care what is shown."""
+"""Random frames of plausible content, for tests that need no particular scene."""
 
 from typing import Any
 

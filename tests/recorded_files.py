@@ -1,4 +1,4 @@
-"""Recordings made, replayed and changed, with hashes that fit: a stranger can write any hash."""
+"""Helpers that make, replay and change recordings, with matching hashes."""
 
 import hashlib
 import json

@@ -1,4 +1,4 @@
-"""A step for processes that are spawned: they import what they run."""
+"""A step for spawned processes, which import the function that they run."""
 
 from noise import noise
 from supersampler import Upscaler

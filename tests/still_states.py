@@ -1,4 +1,4 @@
-"""States that hold all that a state may: of a still scene, with channels carried and a shaded frame."""
+"""States with every kind of content: of a still scene, with AOVs and a shaded frame."""
 
 from functools import lru_cache
 from typing import Any

@@ -1,4 +1,4 @@
-"""A run of the trainer that was stopped, for the tests of what is trained."""
+"""A training run that is stopped and resumed, for the tests of each task."""
 
 from collections.abc import Callable
 from pathlib import Path

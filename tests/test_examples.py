@@ -1,4 +1,4 @@
-"""Every example runs from a checkout, and draws what `Upscaler` draws; the docs' snippets on data run too."""
+"""Every example runs from a checkout, with the images of `Upscaler`; the docs' snippets on data run too."""
 
 import json
 import os
@@ -59,7 +59,7 @@ def live(*arguments: str, **environment: str) -> "subprocess.CompletedProcess[st
     )
 
 
-def picture(file: Path) -> NDArray[np.float32]:
+def read_png(file: Path) -> NDArray[np.float32]:
     return np.asarray(ImageBuf(str(file)).get_pixels("float"))
 
 
@@ -78,7 +78,7 @@ def test_the_live_renderer_shows_its_input_beside_the_images_of_upscaler(tmp_pat
         assert exposure is not None
         color, surfaces = renderer.frame(scene, (64, 36), jitter=jitter)
         frame = frame_of(color, surfaces, None, jitter=jitter, reset=sequence.cut(index), exposure=exposure)
-        shown = picture(tmp_path / f"{index:04d}.png")
+        shown = read_png(tmp_path / f"{index:04d}.png")
         assert shown.shape == (144, 256, 3)
         squares = display_transform(color, exposure).repeat(2, axis=0).repeat(2, axis=1)
         output = display_transform(upscaler.step(frame), exposure)

@@ -1,5 +1,5 @@
-"""One-off measurements that wrote a few tables of the documentation, and are in no wheel.
+"""Programs for maintainers, in no wheel: one-off measurements, and checks of one version against another.
 
-Each is a program for a development install: `python bench/studies/NAME.py --help`. Their records are in
+Each runs in a development install: `python bench/studies/NAME.py --help`. Their records are in
 bench/results/studies.
 """

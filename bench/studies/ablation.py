@@ -1,6 +1,6 @@
-"""What each choice of a method gains: one is changed at a time, trained briefly and validated.
+"""Ablation: train variants of a method that differ in one choice each, briefly, and compare their scores.
 
-A run that was stopped goes on when the same command is given again:
+The same command continues a stopped run:
     python bench/studies/ablation.py classifier --data data -o ablation --workers 2
 """
 
@@ -25,7 +25,7 @@ from supersampler_model.training.trainer import Plan, Trainer
 from supersampler_model.training.validate import validate, validation_entries
 
 BATCH, AVERAGE = 4, 100
-CHANCE = "from another seed"  # ends the name of a variant that says what differences mean nothing
+CHANCE = "from another seed"  # suffix of the variant that shows how much of a difference is chance
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Ablation:
     Attributes:
         method: of SUBJECTS.
         data: training sets.
-        folder: of the runs, numbered as the method's variants; a run that is there is gone on with.
+        folder: of the runs, numbered as the method's variants; existing runs are continued.
         steps: updates of each.
         workers: runs at a time, a thread each.
     """
@@ -103,7 +103,7 @@ def markdown_table(record: Record) -> str:
 
 
 def run_variant(ablation: Ablation, name: str) -> Row:
-    """Train and validate one variant, or go on with what its folder has of it.
+    """Train and validate one variant, or continue the run in its folder.
 
     Raises:
         ArgumentError: the folder has the run of another variant, from before their list was changed.
@@ -130,7 +130,7 @@ def run_variant(ablation: Ablation, name: str) -> Row:
 
 
 def _known(scored: Path, name: str) -> Row | None:
-    """Scores in a folder, if they are this variant's: numbers of folders change with the list."""
+    """Return the scores in a folder if they are of this variant: folder numbers change with the list."""
     if not scored.exists():
         return None
     known = loads(scored.read_text(encoding="utf-8"))

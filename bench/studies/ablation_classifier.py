@@ -1,4 +1,4 @@
-"""What the classifier is made of, one choice changed at a time."""
+"""Variants of the classifier for `ablation.py`, each with one choice changed."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace

@@ -1,17 +1,15 @@
-"""What `gbuffer` is made of, one thing taken away at a time (Wang et al. 2025, tables VI and IX), at 4x."""
+"""Variants of `gbuffer` at 4x for `ablation.py`, each without one part (Wang et al. 2025, VI and IX)."""
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 from typing import Any
 
-from torch import Tensor
-
 from supersampler.methods.gbuffer.spec import SMALL_NETWORK, GBufferConfig
 from supersampler_model.methods.base import render_size_of
-from supersampler_model.methods.gbuffer.buffers import Gathered, History, Surfaces
-from supersampler_model.methods.gbuffer.small import SmallGBuffer4
-from supersampler_model.methods.gbuffer.surfaces import matte
-from supersampler_model.ops.sampling import View
+from supersampler_model.methods.gbuffer.buffers import FrameInputs, Gathered, History, Surfaces
+from supersampler_model.methods.gbuffer.model import SmallGBuffer4
+from supersampler_model.methods.gbuffer.surfaces import neutral_surfaces
+from supersampler_model.ops.sampling import pick
 from supersampler_model.training.gbuffer_task import GBufferTask, GBufferWeights
 from supersampler_model.training.task import Task
 
@@ -22,7 +20,7 @@ class Lacking(SmallGBuffer4):
     """One that knows less of surfaces.
 
     Args:
-        unread: fields of `Surfaces` that are matte grey ones', of both sizes.
+        unread: fields of `Surfaces` replaced by those of `neutral_surfaces`, at both sizes.
         nearest: fields that are the nearest sample's at display size.
     """
 
@@ -30,25 +28,15 @@ class Lacking(SmallGBuffer4):
         super().__init__()
         self.unread, self.nearest = unread, nearest
 
-    def gather(
-        self,
-        color: Tensor,
-        motion: Tensor,
-        exposure: Tensor,
-        render: Surfaces,
-        display: Surfaces,
-        history: History,
-        view: View,
-    ) -> Gathered:
+    def gather(self, frame: FrameInputs, history: History) -> Gathered:
         """See `GBuffer.gather`."""
-        grid = view.grid(render_size_of(color))
-        rows, columns = grid.row.clamp(0, color.shape[2] - 1), grid.column.clamp(0, color.shape[3] - 1)
-        near = {n: getattr(render, n).index_select(2, rows).index_select(3, columns) for n in self.nearest}
-        there = (self._known(render), self._known(display._replace(**near)))
-        return super().gather(color, motion, exposure, *there, history, view)
+        grid = frame.view.grid(render_size_of(frame.color))
+        near = {name: pick(getattr(frame.render, name), grid) for name in self.nearest}
+        display = self._known(frame.display._replace(**near))
+        return super().gather(frame._replace(render=self._known(frame.render), display=display), history)
 
     def _known(self, surfaces: Surfaces) -> Surfaces:
-        grey = matte(surfaces.depth)
+        grey = neutral_surfaces(surfaces.depth)
         return surfaces._replace(**{name: getattr(grey, name) for name in self.unread})
 
 

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from supersampler import Frame, Upscaler, halton_jitter
 from supersampler.backends.cpu.static_weights import NONE, StaticWeights
 from supersampler.conventions import jitter_phase_count
+from supersampler.conventions.srgb import srgb_encoded
 from supersampler.frame import Float32, Size
-from supersampler.io.display import decibels, display_transform, srgb_oetf
+from supersampler.io.display import decibels, display_transform
 from supersampler_bench.cli.options import listed
 from supersampler_model.data.scenes.still_life import still_scene
 
@@ -172,7 +173,7 @@ class Opening:
 def toned_luma(color: Float32) -> Float32:
     """Return luma of what a screen shows."""
     toned = color / (1.0 + color.max(-1, keepdims=True))
-    luma: Float32 = srgb_oetf(toned) @ np.array([0.2126, 0.7152, 0.0722], np.float32)
+    luma: Float32 = srgb_encoded(toned) @ np.array([0.2126, 0.7152, 0.0722], np.float32)
     return luma
 
 
@@ -214,7 +215,7 @@ def reopening(ratio: float, learned: int = 2) -> list[str]:
 def brighter(color: Float32) -> Float32:
     """Return colours that a screen shows CHANGE brighter."""
     toned = color / (1.0 + color.max(-1, keepdims=True))
-    shown = np.clip(srgb_oetf(toned) + CHANGE, 0.0, 0.99)
+    shown = np.clip(srgb_encoded(toned) + CHANGE, 0.0, 0.99)
     linear = np.where(shown <= 0.04045, shown / 12.92, ((shown + 0.055) / 1.055) ** 2.4)
     found: Float32 = (linear / (1.0 - linear.max(-1, keepdims=True))).astype(np.float32)
     return found

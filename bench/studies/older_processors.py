@@ -1,4 +1,4 @@
-"""Time of a step with kernels compiled as for an older x86-64 processor, on this one.
+"""Step time with kernels compiled for an older x86-64 processor, measured on this one.
 
 python bench/studies/older_processors.py avx2 --sizes 960x540
 """

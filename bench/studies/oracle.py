@@ -1,4 +1,4 @@
-"""The oracle: the blend weight of frame and history with the least error, chosen per pixel by the reference.
+"""Oracle: the best possible blend of frame and history, its weight chosen per pixel by the reference.
 
 No method that only chooses this weight does better, so the gap from `taau` to the oracle is the most that a
 network can close. The oracle's history is its own output, as with every method.

@@ -1,4 +1,4 @@
-"""Training samples rendered in an hour: by family, in all, and what the time goes into.
+"""Rendered training samples per hour: by scene family, in all, and the time of each part.
 
 python bench/studies/render_speed.py --frames 4
 """

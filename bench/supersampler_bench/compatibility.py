@@ -62,7 +62,7 @@ def gbuffers_of(models: Iterable[str]) -> set[str]:
 
 
 def with_default_gbuffers(frame: Frame, names: Iterable[str], display: Size) -> Frame:
-    """Return a frame with the G-buffers of these tensor names; those it lacks are of a matte surface.
+    """Return a frame with the G-buffers of these tensor names; missing ones are those of a matte surface.
 
     Missing depth of display size is the nearest sample of the frame's depth, and 0 where that is not valid.
     """

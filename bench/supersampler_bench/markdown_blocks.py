@@ -1,4 +1,4 @@
-"""Text between two marks of a Markdown file: `<!-- bench:NAME -->` and `<!-- /bench -->`."""
+"""Find and replace generated text in Markdown files, between `<!-- bench:NAME -->` and `<!-- /bench -->`."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -28,7 +28,7 @@ def update_blocks(path: Path, texts: Mapping[str, str]) -> None:
 
 
 def update_block(path: Path, name: str, text: str) -> None:
-    """Replace what stands between `<!-- bench:NAME -->` and `<!-- /bench -->`, whole or not at all.
+    """Replace the text between `<!-- bench:NAME -->` and `<!-- /bench -->`, whole or not at all.
 
     Raises:
         ArgumentError: see `find_block`.

@@ -1,4 +1,4 @@
-"""Markdown tables, as records are shown in the documentation."""
+"""Format Markdown tables, numbers and sizes for the documentation."""
 
 import math
 from collections.abc import Iterable, Sequence

@@ -23,7 +23,7 @@ _PACKAGES = ("supersampler", "numpy", "onnxruntime", "flip-evaluator")
 
 
 def setting() -> dict[str, Any]:
-    """Return what every measurement depends on: versions, machine and command; and the date."""
+    """Return the setting of a measurement: versions, machine, command and date."""
     return {
         "versions": {"python": platform.python_version(), **{name: _version(name) for name in _PACKAGES}},
         "machine": machine(),

@@ -1,4 +1,4 @@
 """From torch methods to model folders for the SDK: ONNX, fp16, int8, parity. Needs the `train` extra.
 
-No operation of a method is defined here.
+The methods themselves are in `supersampler_model.methods`.
 """

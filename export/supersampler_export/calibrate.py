@@ -1,4 +1,4 @@
-"""Calibration: output ranges of the network's layers on real frames, for `quantize`."""
+"""Calibration for `quantize`: output ranges of the network's layers on real frames."""
 
 import itertools
 from collections.abc import Callable
@@ -12,9 +12,9 @@ from supersampler.io.shot import Shot
 from supersampler_model.methods.base import Size
 from supersampler_model.methods.classifier.model import Classifier
 
-SCALES, FRAMES = (1.5, 2.5), 10
+SCALES, FRAMES = (1.5, 2.5), 10  # ratios that the shipped shot is stepped at, frames of each
 SHARE = 0.9999
-"""Quantile at which a range ends; including the outliers would coarsen the steps of all others."""
+"""Quantile at which a range ends; outliers would make the quantization of all other values coarser."""
 MARGIN = 1.5
 """Factor for scenes with larger values than the calibration shot."""
 

@@ -43,20 +43,20 @@ def export(
     console = Console()
     for name in shipped_methods() if method == "all" else [method]:
         folder = output / name if method == "all" else output
-        made = made_method(name, weights)
+        made = load_method(name, weights)
         with console.status(f"exporting {name}"):
             write_model_folder(made, folder)
         console.print(f"{name}: {folder}")
 
 
 def shipped_methods() -> list[str]:
-    """Names of the methods that ship: those without weights, and those whose weights ship."""
+    """Return the names of the shipped methods: those without weights, and those whose weights ship."""
     from supersampler_model.methods.weights_file import shipped_weights
 
     return [*FIXED, *(name for name in LEARNED if shipped_weights(name).exists())]
 
 
-def made_method(name: str, weights: Path | None = None) -> "Method":
+def load_method(name: str, weights: Path | None = None) -> "Method":
     """Return a method, with the weights of a file, or with those that ship.
 
     Raises:

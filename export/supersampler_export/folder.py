@@ -1,4 +1,4 @@
-"""Write a model folder: step.onnx, model.json and a model card; only after the parity gate."""
+"""Write a model folder (step.onnx, model.json, a model card), only if ONNX Runtime matches torch."""
 
 import dataclasses
 import hashlib
@@ -42,7 +42,7 @@ _FILES = {
     "network.npz": "is the int8 network, for the CPU backend.",
     f"{EXTRAPOLATED}/model.json": "describes the step for extrapolated frames, on the same history.",
 }
-"""Text of a model card about optional files."""
+"""Text of the model card on each optional file."""
 
 
 def write_model_folder(method: Method, folder: Path) -> None:
@@ -58,16 +58,16 @@ def write_model_folder(method: Method, folder: Path) -> None:
     inner = (
         {}
         if extrapolated is None
-        else {f"{EXTRAPOLATED}/{name}": made for name, made in _made(extrapolated, {}).items()}
+        else {f"{EXTRAPOLATED}/{name}": made for name, made in _folder_files(extrapolated, {}).items()}
     )
-    content = {**inner, **_made(method, inner)}
-    _check_free(folder, content)
+    content = {**inner, **_folder_files(method, inner)}
+    _check_replaceable(folder, content)
     (folder / EXTRAPOLATED if inner else folder).mkdir(parents=True, exist_ok=True)
     for name, made in content.items():
         _replace(folder / name, made)
 
 
-def _check_free(folder: Path, names: Iterable[str]) -> None:
+def _check_replaceable(folder: Path, names: Iterable[str]) -> None:
     """Raise where an existing file is not listed by the model.json beside it."""
     for name in names:
         check_ours(folder / name, _is_listed, "listed by a model.json beside it")
@@ -83,8 +83,8 @@ def _is_listed(path: Path) -> bool:
     return path.name in ("model.json", "MODEL_CARD.md", *described.get("files", ()))
 
 
-def _made(method: Method, inner: Mapping[str, bytes]) -> dict[str, bytes]:
-    """Return all files of a folder by name, model.json last; of the inner folder it lists the model.json."""
+def _folder_files(method: Method, inner: Mapping[str, bytes]) -> dict[str, bytes]:
+    """Return all files of a folder by name, model.json last; it lists the model.json of `inner`."""
     described = describe(method)
     graph = _labelled(export_graph(method), described)
     files = {"step.onnx": _serialized(graph)}

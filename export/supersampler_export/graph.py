@@ -33,26 +33,13 @@ from supersampler_model.methods.base import Fused, Method, Size
 OPSET = 17
 """Last opset in which every provider implements GridSample alike (docs/contract.md)."""
 
-PORTABLE_OPERATORS = frozenset(
-    {"Abs", "Add", "And", "Cast", "Clip", "Concat", "Conv", "DepthToSpace", "Div", "Equal", "Exp", "Expand"}
-    | {"Floor", "Gather", "Greater", "GreaterOrEqual", "GridSample", "Identity", "Less", "LessOrEqual", "Log"}
-    | {
-        "MatMul",
-        "Max",
-        "MaxPool",
-        "Min",
-        "Mul",
-        "Neg",
-        "Not",
-        "Or",
-        "Pow",
-        "Range",
-        "Reciprocal",
-        "ReduceSum",
-    }
-    | {"Relu", "Reshape", "Shape", "Sigmoid", "Slice", "Split", "Sqrt", "Squeeze", "Sub", "Transpose"}
-    | {"Unsqueeze", "Where"}
-)
+PORTABLE_OPERATORS = frozenset({
+    "Abs", "Add", "And", "Cast", "Clip", "Concat", "Conv", "DepthToSpace", "Div", "Equal", "Exp",
+    "Expand", "Floor", "Gather", "Greater", "GreaterOrEqual", "GridSample", "Identity", "Less",
+    "LessOrEqual", "Log", "MatMul", "Max", "MaxPool", "Min", "Mul", "Neg", "Not", "Or", "Pow", "Range",
+    "Reciprocal", "ReduceSum", "Relu", "Reshape", "Shape", "Sigmoid", "Slice", "Split", "Sqrt",
+    "Squeeze", "Sub", "Transpose", "Unsqueeze", "Where"
+})  # fmt: skip
 """Operators that CUDA, TensorRT, DirectML, WebGPU and CPU implement alike."""
 
 
@@ -61,7 +48,7 @@ class ExportError(SupersamplerError, RuntimeError):
 
 
 def history_name(name: str) -> str:
-    """Name of a history tensor in the graph: history_color -> history.color."""
+    """Return the name of a history tensor in the graph: history_color -> history.color."""
     return name.replace("history_", "history.", 1)
 
 
@@ -69,7 +56,7 @@ def export_graph(method: Method) -> onnx.ModelProto:
     """Trace `method` with free sizes, at opset 17, with portable operators only.
 
     Raises:
-        ExportError: another opset or operator came out.
+        ExportError: the exporter returned another opset, or an operator that is not portable.
     """
     arguments = example_arguments(method, *traced_sizes(method), Size(22, 15))
     names = [*method.inputs(), *(f"history_{name}" for name in method.history)]
@@ -125,7 +112,7 @@ def export_fused(fused: Fused) -> onnx.ModelProto:
     """Trace the network alone, with free sizes.
 
     Raises:
-        ExportError: another opset or operator came out.
+        ExportError: the exporter returned another opset, or an operator that is not portable.
     """
     dims = {n: torch.export.Dim(n, min=1, max=1 << 14) for n in (*HALF, *RENDER)}
     dims |= {d: _times(dims[r], fused.ratio) for d, r in zip(DISPLAY, RENDER, strict=True)}
@@ -139,7 +126,7 @@ def export_fused(fused: Fused) -> onnx.ModelProto:
 
 
 def example_inputs(fused: Fused, size: Size) -> list[Tensor]:
-    """Noise of the network's input shapes, from half the display size, or the render size."""
+    """Return random inputs of the network; `size` is half the display size, or the render size."""
     sizes = {n: extent for names in (HALF, RENDER) for n, extent in zip(names, size[::-1], strict=True)}
     sizes |= {d: fused.ratio * sizes[r] for d, r in zip(DISPLAY, RENDER, strict=True)}
     return [torch.rand(sized(shape, sizes)) for shape in fused.inputs.values()]
@@ -159,7 +146,7 @@ def _traced(
             output_names=outputs, dynamic_shapes=parameters, verbose=False,
         )  # fmt: skip
     if program is None:
-        raise ExportError("torch.onnx.export handed back no program")
+        raise ExportError("torch.onnx.export returned no program")
     model = program.model_proto
     check_portable(model)
     onnx.checker.check_model(model, full_check=True)
@@ -167,14 +154,14 @@ def _traced(
 
 
 def shape_of(method: Method, parameter: str) -> Shape:
-    """Shape of a parameter of the step."""
+    """Return the shape of a parameter of the step."""
     if parameter.startswith("history_"):
         return method.history[parameter.removeprefix("history_")]
     return TENSORS[parameter]
 
 
 def example_arguments(method: Method, render: Size, display: Size, previous: Size) -> list[Tensor]:
-    """Noise of the shapes of the step's inputs, for tracing."""
+    """Return random inputs of the step, for tracing."""
     sizes = extents(render=render, display=display, previous=previous) | {CHANNELS: 3}
     for i, (height, width) in enumerate((SHADED, EARLIER, BETWEEN), 1):
         sizes |= {height: previous.height + 2 * i, width: previous.width + i}
@@ -187,11 +174,11 @@ def check_portable(model: onnx.ModelProto) -> None:
     """Raise ExportError unless the graph is at opset 17 and every operator is on the portable list."""
     opsets = {opset.domain: opset.version for opset in model.opset_import}
     if opsets.get("") != OPSET or set(opsets) - {""}:
-        raise ExportError(f"the exporter handed back opsets {opsets}; want {OPSET} and no other domain")
-    strange = {node.op_type for node in model.graph.node} - PORTABLE_OPERATORS
-    if strange:
+        raise ExportError(f"the exporter returned opsets {opsets}; want {OPSET} and no other domain")
+    unsupported = {node.op_type for node in model.graph.node} - PORTABLE_OPERATORS
+    if unsupported:
         raise ExportError(
-            f"operators {sorted(strange)} are not on the portable list; rewrite the step without"
+            f"operators {sorted(unsupported)} are not on the portable list; rewrite the step without"
         )
     for node in model.graph.node:
         for attribute in node.attribute:
@@ -216,7 +203,7 @@ def _strip(model: onnx.ModelProto) -> None:
 
 @contextlib.contextmanager
 def _quiet() -> Iterator[None]:
-    """Keep the exporter's progress and advice off the screen; its errors still come through."""
+    """Silence the exporter's progress and warnings; its errors are still raised."""
     logger = logging.getLogger("torch.onnx")
     level = logger.level
     logger.setLevel(logging.ERROR)

@@ -1,4 +1,4 @@
-"""The network in half precision, for providers with fast half precision."""
+"""Convert the network of a method to half precision, for providers that compute it fast."""
 
 import copy
 

@@ -8,8 +8,8 @@ convert the sum to the next layer's bytes:
 The scale of each input channel is folded into the weights, so that inputs from several sources need no common
 scale. Outputs of depthwise convolutions are signed and stored around 128.
 
-The order of channels is a part of each layer: outputs are written in the order in which the next layer reads
-them, with padding between them, so that nothing is moved in between.
+Each layer writes its output channels in the order in which the next layer reads them, with padding, so that
+no bytes are moved between layers.
 """
 
 from collections.abc import Mapping, Sequence

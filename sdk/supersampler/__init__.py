@@ -49,7 +49,7 @@ __all__ = [
     "jittered_projection",
 ]
 
-# These pull in ONNX Runtime or OpenImageIO, which a `supersampler --help` should not wait for.
+# These import ONNX Runtime or OpenImageIO, which `supersampler --help` does not need.
 _LAZY = {
     "Model": "model",
     "Shot": "io.shot",
@@ -67,17 +67,17 @@ _SUBMODULES = (
     "methods.model_file",
     "validation",
 )
-"""Where public names are that are not above."""
+"""Modules with public names that are not exported here."""
 
 
 def __getattr__(name: str) -> Any:
-    """Import what is heavy when it is first asked for; say where other names are."""
+    """Import heavy modules on first use; for names of other modules, raise an error that names the module."""
     if name in _LAZY:
         value = getattr(import_module(f"supersampler.{_LAZY[name]}"), name)
         globals()[name] = value
         return value
     problem = f"module 'supersampler' has no attribute {name!r}"
-    if not name.startswith("_"):  # those are what tools ask every module for
+    if not name.startswith("_"):  # tools look up such names in every module
         for module in (import_module(f"supersampler.{submodule}") for submodule in _SUBMODULES):
             if name in _public(module):
                 raise AttributeError(f"{problem}. It is in {module.__name__}")

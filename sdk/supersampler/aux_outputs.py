@@ -1,4 +1,4 @@
-"""Images of a method's auxiliary outputs: class map, weight of the history, sample count, work."""
+"""False-colour images of auxiliary outputs: class map, weight of the history, sample count, work."""
 
 from collections.abc import Mapping
 
@@ -11,7 +11,7 @@ from supersampler.io.compare import Legend, false_color, false_color_legend
 from supersampler.io.images import Bytes
 
 NO_CLASS = (24, 24, 24)
-"""sRGB of a pixel without a class."""
+"""sRGB of a pixel that shows no ghosting and no aliasing."""
 CLASS_COLORS: Mapping[str, tuple[int, int, int]] = {
     "visibility": (213, 94, 0),  # vermilion
     "visibility, aliased": (204, 121, 167),  # purple
@@ -19,10 +19,10 @@ CLASS_COLORS: Mapping[str, tuple[int, int, int]] = {
     "geometry": (86, 180, 233),  # sky blue
     "texture": (0, 158, 115),  # green
 }
-"""sRGB of each class, of Okabe and Ito: colour-blind people tell them apart."""
+"""sRGB of each class, from the colour-blind-safe palette of Okabe and Ito."""
 
 MOST_SAMPLES = 64.0
-"""The count that its false colours end at."""
+"""Sample count at the end of the colour scale."""
 
 LEGENDS: Mapping[str, Legend] = {
     "classes": Legend(colors=[f"rgb{color}" for color in CLASS_COLORS.values()], names=tuple(CLASS_COLORS)),
@@ -30,13 +30,13 @@ LEGENDS: Mapping[str, Legend] = {
     "count": false_color_legend("no sample", f"{MOST_SAMPLES:.0f}, by logarithm"),
     "work": false_color_legend("reused", "computed"),
 }
-"""By layer, for `compare.About`."""
+"""Legend of each layer, for `compare.About`."""
 
 
 def aux_output_layers(result: StepResult) -> dict[str, Bytes]:
-    """Return the layers classes, weight, count and work of a `ComparePage`, those that `result` has.
+    """Return an image for each auxiliary output of `result`, by the names of `LEGENDS`.
 
-    Each is (h, w, 3) uint8 sRGB, of the size of its map; work is of the image's.
+    Each is (h, w, 3) uint8 sRGB in the size of the output; "work" has the size of `result.image`.
     """
     layers = {}
     if result.class_map is not None:
@@ -46,17 +46,14 @@ def aux_output_layers(result: StepResult) -> dict[str, Bytes]:
     if result.count is not None:
         layers["count"] = false_color(np.log1p(result.count) / np.log1p(MOST_SAMPLES))
     if result.work is not None:
-        layers["work"] = false_color(_spread(result.work, *result.image.shape[:2]))
+        height, width = result.image.shape[:2]
+        pixels = np.kron(result.work, np.ones((TILE, TILE), np.float32))[:height, :width]
+        layers["work"] = false_color(pixels)
     return layers
 
 
-def _spread(tiles: Float32, height: int, width: int) -> Float32:
-    """(rows, columns) of tiles, the last of which are cut off, as pixels."""
-    return np.kron(tiles, np.ones((TILE, TILE), np.float32))[:height, :width]
-
-
 def class_colors(probabilities: Float32) -> Bytes:
-    """Mix the classes' colours by their probabilities; aliased ghosting has a colour of its own.
+    """Mix the colours of the classes by their probabilities; aliased ghosting has its own colour.
 
     Args:
         probabilities: (h, w, 6), see `StepResult.class_map`.

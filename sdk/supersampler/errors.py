@@ -1,24 +1,23 @@
-"""Every error this package raises on purpose. Each says what came, what was wanted and what to do.
+"""All errors and warnings of this package. Messages state the value given, the value wanted, and a remedy.
 
 SupersamplerError
   FrameError         one input of one frame breaks the contract
   ArgumentError      an argument of a call that is not a frame's input (sizes, conventions, options)
   ShotError          a file of a shot cannot be read or written; names the file and the channel
   RecordingError     a recording of an Upscaler cannot be read, written or replayed; names the file
-  ModelError         a model folder that this runtime cannot drive
-  ProviderError      an ONNX Runtime execution provider was asked for and cannot be had
+  ModelError         a model folder that this runtime cannot run
+  ProviderError      an ONNX Runtime execution provider was requested and is not available
   KernelError        the CPU backend's kernels cannot be compiled here
 
-Warnings: FrameWarning, from the checks that read pixels (`validate="warn"`); BackendWarning, where a slower
-backend runs than could.
+Warnings: FrameWarning, from the checks that read pixels (`validate="warn"`); BackendWarning, when a slower
+backend runs because a faster one cannot.
 """
 
 import difflib
 from collections.abc import Collection
 from pathlib import Path
 
-_LONGEST = 120
-"""Characters of a value that a message shows."""
+_LONGEST = 120  # characters of a value in a message
 
 
 class SupersamplerError(Exception):
@@ -52,19 +51,19 @@ class _FileError(SupersamplerError, OSError):
 
 
 class ShotError(_FileError):
-    """A file of a shot cannot be used; names the file, what is wrong with it and what to do."""
+    """A file of a shot cannot be read or written; the message names the file and a remedy."""
 
 
 class RecordingError(_FileError):
-    """A recording cannot be used; names the file, what is wrong with it and what to do."""
+    """A recording cannot be read, written or replayed; the message names the file and a remedy."""
 
 
 class ModelError(SupersamplerError, ValueError):
-    """A model folder is missing, damaged, or of a contract that this runtime does not drive."""
+    """A model folder is missing, damaged, or has a contract version that this runtime does not support."""
 
 
 class ProviderError(SupersamplerError, RuntimeError):
-    """An execution provider was asked for and cannot be had; the message lists those that can."""
+    """An execution provider was requested and is not available; the message lists those that are."""
 
 
 class KernelError(SupersamplerError, RuntimeError):
@@ -72,11 +71,11 @@ class KernelError(SupersamplerError, RuntimeError):
 
 
 class BackendWarning(UserWarning):
-    """A model runs on a slower backend than it could; says why and what to install."""
+    """A model runs on a slower backend; the message says why and what to install."""
 
 
 def did_you_mean(word: object, choices: Collection[str]) -> str:
-    """Return "Did you mean 'x'?" for a misspelt word; "" where no choice is like it."""
+    """Return "Did you mean 'x'?" for a misspelt word; "" where no choice is similar."""
     if not isinstance(word, str) or len(word) > _LONGEST:
         return ""
     by_lower = {choice.lower(): choice for choice in choices}
@@ -85,15 +84,15 @@ def did_you_mean(word: object, choices: Collection[str]) -> str:
 
 
 def shown(value: object) -> str:
-    """Return any value as a few words for a message, whatever its own `repr` does."""
+    """Return a short text for any value, for messages; a `repr` that fails is not a problem."""
     try:
         if getattr(value, "ndim", 0):
             return f"{type(value).__name__} {tuple(value.shape)} {value.dtype}"  # type: ignore[attr-defined]
         text = " ".join(repr(value).split())
-    except Exception:  # of somebody's class; of Python, where an int has more than 4300 digits
+    except Exception:  # of a user's class, or of an int with more than 4300 digits
         return f"of type {type(value).__name__}"
     return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
 
 
 class FrameWarning(UserWarning):
-    """A check that read pixels found a likely mistake in a frame and guesses which."""
+    """A check of pixels found a likely mistake in a frame; the message names it."""

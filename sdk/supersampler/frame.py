@@ -1,4 +1,4 @@
-"""One rendered frame and the contract of its inputs: docs/contract.md is this file in prose."""
+"""`Frame`: the inputs of one rendered frame, with shapes, units and signs; see docs/contract.md."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -16,13 +16,15 @@ Size: TypeAlias = tuple[int, int]
 """(width, height), as in FSR, XeSS and GL; arrays are (height, width, channels), row 0 on top."""
 
 MAX_AOVS = 1024
-"""AOV channels that a frame may have."""
+"""Largest number of AOV channels."""
 GBUFFER_CHANNELS: Mapping[str, int] = {
     "base_color": 3, "normal": 3, "roughness": 1, "metallic": 1, "specular": 1,
 }  # fmt: skip
 GBUFFER_DISPLAY_CHANNELS: Mapping[str, int] = {**GBUFFER_CHANNELS, "depth": 1}
 
-_LEAST, _MOST = float(np.finfo(np.float32).smallest_subnormal), float(np.finfo(np.float32).max)
+_GROUPS = {"gbuffer": GBUFFER_CHANNELS, "gbuffer_display": GBUFFER_DISPLAY_CHANNELS}
+_MIN_EXPOSURE = float(np.finfo(np.float32).smallest_subnormal)
+_MAX_EXPOSURE = float(np.finfo(np.float32).max)
 _SINGLE = (np.dtype(np.float32),)
 _HALF_OR_SINGLE = (np.dtype(np.float16), *_SINGLE)
 
@@ -32,28 +34,29 @@ class Frame:
     """One rendered frame at render size (w, h). Row 0 is the top row; x points right, y down.
 
     Arrays are numpy arrays, or anything with DLPack (a torch tensor, say), which is copied to the CPU.
-    Shapes and types are always checked, pixel values never: `Upscaler(validate=...)` reads those.
+    Shapes and types are always checked. Pixel values are not; `Upscaler(validate=...)` checks those.
 
     Attributes:
         color: (h, w, 3) float32 or float16. Linear scene RGB, >= 0, before tone mapping, sampled with
             `jitter`, not anti-aliased. None on a frame that was not shaded (extrapolation).
         depth: (h, w) float32. Reversed, infinite far plane: near / view distance. 0 at the sky, larger is
-            closer. Only ratios are used, so any constant times 1 / distance serves, while it stays the same
-            between resets.
+            closer. Only ratios are used: any constant times 1 / distance is valid if the constant stays the
+            same between resets.
         motion: (h, w, 2) float32 or float16. Render pixels (x right, y down), without jitter, previous minus
-            current: what is at p now was at p + motion[p] in the previous frame handed in.
+            current: what is at p now was at p + motion[p] in the previous frame, shaded or not.
         jitter: (x, y). Where in the pixel the sample was taken: pixel centre + jitter, render pixels,
             in [-0.5, 0.5].
         reset: True on the first frame after a cut: the history is dropped.
         exposure: > 0, multiplies the colour before the tone curve. None measures it from the frames.
-        gbuffer: at render size, by name: base_color (h, w, 3), normal (h, w, 3; world space, unit length,
+        gbuffer: render-size buffers by name: base_color (h, w, 3), normal (h, w, 3; world space, unit length,
             0 at the sky), roughness, metallic, specular (each (h, w); dielectric F0 = 0.08 specular).
-            Linear, in [0, 1] but for the normal.
-        gbuffer_display: the same at display size, and `depth`, sampled at pixel centres without jitter.
-        aovs: (h, w, k), k at most MAX_AOVS. Alpha or any channels that belong to the colour.
+            Linear, in [0, 1] except for the normal.
+        gbuffer_display: display-size buffers by name: the same and `depth`, sampled at pixel centres without
+            jitter.
+        aovs: (h, w, k), k at most MAX_AOVS. Alpha or other channels, blended by the colour's weights.
 
     Raises:
-        FrameError: an input has the wrong type, shape or range; its `name` says which.
+        FrameError: an input has the wrong type, shape or range; `FrameError.name` says which.
     """
 
     color: Array | None
@@ -72,8 +75,10 @@ class Frame:
             if value is not None or name in ("depth", "motion"):
                 object.__setattr__(self, name, as_array(name, value))
         self.check_shapes()
-        self._check_scalars()
-        for name in ("gbuffer", "gbuffer_display"):
+        object.__setattr__(self, "jitter", checked_jitter(self.jitter))
+        object.__setattr__(self, "exposure", checked_exposure(self.exposure))
+        object.__setattr__(self, "reset", checked_reset(self.reset))
+        for name in _GROUPS:
             buffers = getattr(self, name)
             if buffers is not None:
                 size = self.size if name == "gbuffer" else None
@@ -86,8 +91,11 @@ class Frame:
         return width, height
 
     def check_shapes(self) -> None:
-        """Raise FrameError unless the arrays are as above: whoever has them may give them another shape."""
-        leader = self.depth if self.color is None else self.color  # the others must agree with it
+        """Raise FrameError unless the arrays have the shapes and types above.
+
+        Checked again before each step, because the caller may have set another shape since.
+        """
+        leader = self.depth if self.color is None else self.color  # the other arrays must match its size
         if leader.ndim < 2 or 0 in leader.shape:
             name, want = ("depth", "(h, w)") if self.color is None else ("color", "(h, w, 3)")
             raise FrameError(name, got=leader.shape, want=f"{want} with at least one pixel")
@@ -101,19 +109,9 @@ class Frame:
             channels = channels if 1 <= channels <= MAX_AOVS else "k"
             _check("aovs", self.aovs, (h, w, channels), _HALF_OR_SINGLE)
 
-    def _check_scalars(self) -> None:
-        object.__setattr__(self, "jitter", checked_jitter(self.jitter))
-        object.__setattr__(self, "exposure", checked_exposure(self.exposure))
-        object.__setattr__(self, "reset", checked_reset(self.reset))
-
 
 def checked_frame(frame: Frame) -> Frame:
-    """Return a frame whose arrays are still those that it was made of.
-
-    Raises:
-        ArgumentError: it is none.
-        FrameError: an array has been given another shape since.
-    """
+    """Return a frame after `Frame.check_shapes`; raise ArgumentError if it is not a Frame."""
     if not isinstance(frame, Frame):
         hint = "`Conventions.converter` makes one of a RawFrame."
         raise ArgumentError("frame", got=shown(frame), want="a supersampler.Frame", hint=hint)
@@ -122,17 +120,13 @@ def checked_frame(frame: Frame) -> Frame:
 
 
 def arrays_of(frame: Frame) -> list[NDArray[Any]]:
-    """Return all arrays of a frame."""
+    """Return all arrays of a frame, G-buffers included."""
     buffers = [*(frame.gbuffer or {}).values(), *(frame.gbuffer_display or {}).values()]
     return [a for a in (frame.color, frame.depth, frame.motion, frame.aovs, *buffers) if a is not None]
 
 
 def checked_jitter(jitter: Sequence[float]) -> tuple[float, float]:
-    """Return a frame's jitter.
-
-    Raises:
-        FrameError: it is no pair in [-0.5, 0.5].
-    """
+    """Return a frame's jitter as two floats; raise FrameError unless both are in [-0.5, 0.5]."""
     x, y = pair_of(jitter)
     if not max(abs(x), abs(y)) <= 0.5:  # written so that NaN fails
         hint = "Jitter in NDC is 2/w and 2/h times the pixel offset; in UV 1/w and 1/h."
@@ -141,11 +135,7 @@ def checked_jitter(jitter: Sequence[float]) -> tuple[float, float]:
 
 
 def pair_of(jitter: Sequence[float]) -> tuple[float, float]:
-    """Return a jitter of any unit as two floats.
-
-    Raises:
-        FrameError: it is no pair of numbers.
-    """
+    """Return a jitter in any unit as two floats; raise FrameError if it is not a pair of numbers."""
     pair = [as_number(value) for value in jitter] if is_row(jitter) else []
     if len(pair) != 2 or pair[0] is None or pair[1] is None:
         raise FrameError("jitter", got=shown(jitter), want="(x, y), two numbers")
@@ -153,26 +143,18 @@ def pair_of(jitter: Sequence[float]) -> tuple[float, float]:
 
 
 def checked_exposure(exposure: float | None) -> float | None:
-    """Return a frame's exposure.
-
-    Raises:
-        FrameError: it is neither None nor a finite number > 0, in single precision.
-    """
+    """Return a frame's exposure; raise FrameError unless it is None or > 0 and finite in single precision."""
     if exposure is None:
         return None
     number = as_number(exposure)
-    if number is None or not _LEAST <= number <= _MOST:
+    if number is None or not _MIN_EXPOSURE <= number <= _MAX_EXPOSURE:
         hint = "Single precision must hold it; None measures it from the frames."
         raise FrameError("exposure", got=shown(exposure), want="a finite number > 0, or None", hint=hint)
     return number
 
 
 def checked_reset(reset: object) -> bool:
-    """Return a frame's reset.
-
-    Raises:
-        FrameError: it is neither True nor False.
-    """
+    """Return a frame's reset flag; raise FrameError unless it is True or False."""
     flag = as_flag(reset)
     if flag is None:
         raise FrameError("reset", got=shown(reset), want="True or False")
@@ -182,15 +164,20 @@ def checked_reset(reset: object) -> bool:
 def as_array(
     name: str, value: object, error: type[FrameError] | type[ArgumentError] = FrameError
 ) -> NDArray[Any]:
-    """Return `value` as a numpy array, by DLPack where it is not one; device memory is copied to the CPU.
+    """Return `value` as an aligned numpy array, converted with DLPack if necessary.
+
+    Args:
+        name: name of the input, for the error.
+        value: a numpy array, or a tensor with DLPack, which is copied if it is in device memory.
+        error: the exception to raise.
 
     Raises:
-        FrameError: it is neither, has a mask, or is larger than an image may be; or `error` in its place.
+        FrameError: `value` is neither, is masked, or is larger than an image may be.
     """
     array = _plain_array(name, value, error)
     if array.ndim >= 2 and array.size and not is_image_size(array.shape[1], array.shape[0]):
         raise error(name, got=f"of shape {array.shape}", want=f"width and height {IMAGE_SIZES}")
-    return array if array.flags.aligned else array.copy()  # kernels read whole values, where they should be
+    return array if array.flags.aligned else array.copy()  # kernels need aligned values
 
 
 def _plain_array(name: str, value: object, error: type[FrameError] | type[ArgumentError]) -> NDArray[Any]:
@@ -200,11 +187,11 @@ def _plain_array(name: str, value: object, error: type[FrameError] | type[Argume
         hint = "Fill what is masked first: array.filled(0), say."
         raise error(name, got=f"a masked array {value.shape}", want="a numpy array without a mask", hint=hint)
     if isinstance(value, np.ndarray):
-        return value.view(np.ndarray)  # of a file, or a matrix, without its own rules
+        return value.view(np.ndarray)  # drops the rules of subclasses, such as np.matrix and np.memmap
     if hasattr(value, "__dlpack__"):
         try:
             return np.from_dlpack(value, device="cpu")
-        except Exception as problem:  # of the library that the tensor is of
+        except Exception as problem:  # each library raises its own types
             hint = "Hand in a tensor on the CPU that needs no gradient."
             got = f"{type(value).__name__} ({' '.join(str(problem).split())})"
             raise error(name, got=got, want="an array", hint=hint) from problem
@@ -215,7 +202,7 @@ def _plain_array(name: str, value: object, error: type[FrameError] | type[Argume
 def _check(
     name: str, array: NDArray[Any], shape: tuple[object, ...], dtypes: tuple[np.dtype[Any], ...]
 ) -> None:
-    if array.shape == shape and array.dtype in dtypes:  # of this machine's byte order, too
+    if array.shape == shape and array.dtype in dtypes:  # compares the byte order, too
         return
     wanted = " or ".join(dtype.name for dtype in dtypes)
     text = "(" + ", ".join(map(str, shape)) + ")"
@@ -225,7 +212,7 @@ def _check(
 
 
 def _hint(array: NDArray[Any], shape: tuple[object, ...]) -> str:
-    """Guess the usual mistakes behind a wrong shape or type."""
+    """Return advice for the usual mistakes behind a wrong shape or type."""
     if array.shape == shape and array.dtype.kind in "biu":
         return "Bring integers to their range first: array.astype(np.float32) / 255, say."
     if array.shape == shape:
@@ -242,12 +229,11 @@ def _hint(array: NDArray[Any], shape: tuple[object, ...]) -> str:
 
 
 def checked_buffers(name: str, buffers: Mapping[str, Array]) -> Mapping[str, Array]:
-    """Return a frame's `gbuffer` or `gbuffer_display`, whose arrays are not checked.
+    """Return a frame's `gbuffer` or `gbuffer_display`; raise FrameError unless it maps G-buffer names.
 
-    Raises:
-        FrameError: it is no mapping, or a name is not a G-buffer's.
+    The arrays are not checked.
     """
-    known = GBUFFER_CHANNELS if name == "gbuffer" else GBUFFER_DISPLAY_CHANNELS
+    known = _GROUPS[name]
     if not isinstance(buffers, Mapping):
         raise FrameError(name, got=shown(buffers), want="a mapping of names to arrays, or None")
     for key in buffers:
@@ -259,14 +245,14 @@ def checked_buffers(name: str, buffers: Mapping[str, Array]) -> Mapping[str, Arr
 
 
 def _checked_gbuffer(name: str, buffers: Mapping[str, Array], size: Size | None) -> dict[str, Array]:
-    known = GBUFFER_CHANNELS if name == "gbuffer" else GBUFFER_DISPLAY_CHANNELS
     arrays: dict[str, Array] = {}
     for key, value in checked_buffers(name, buffers).items():
         array = as_array(f"{name}[{key!r}]", value)
         if size is None and array.ndim >= 2:
             size = (array.shape[1], array.shape[0])
         w, h = size or (0, 0)
-        shape = (h, w) if known[key] == 1 else (h, w, known[key])
+        channels = _GROUPS[name][key]
+        shape = (h, w) if channels == 1 else (h, w, channels)
         _check(f"{name}[{key!r}]", array, shape, _HALF_OR_SINGLE)
         arrays[key] = array
     return arrays

@@ -1,4 +1,4 @@
-"""What a step takes from the previous one, and what it returns beside an image."""
+"""`History`, the state between steps; `StepResult`, the outputs of a step; `Stats` of an Upscaler."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -19,14 +19,14 @@ WORK = "work"
 
 @dataclass(eq=False)
 class History:
-    """What a step on one frame keeps for the next, in the form of its model's executor.
+    """The state that a step passes to the next one, in the format of the model's executor.
 
     Attributes:
-        display_size: (width, height) of the images that it belongs to.
-        render_size: (width, height) of that frame.
-        buffers: the executor's.
-        aovs: (1, k, H, W) float32 blended AOVs; None where they were not asked for.
-        kind: identifies the model; a model takes histories of its own kind alone.
+        display_size: (width, height) of the images.
+        render_size: (width, height) of the frame that the step upscaled.
+        buffers: buffers of the executor.
+        aovs: (1, k, H, W) float32 blended AOVs; None if they were not requested.
+        kind: identifies the model; a model accepts only histories of its own kind.
     """
 
     display_size: Size
@@ -39,16 +39,16 @@ class History:
 def check_histories(
     history: History, next_history: History | None, kind: object, fits: Callable[[Buffers, Size, Size], bool]
 ) -> None:
-    """Raise ArgumentError unless a step may read one history and write to another.
+    """Raise ArgumentError unless a step may read `history` and write to `next_history`.
 
     Args:
-        history: to read.
-        next_history: to write to; None where a new one is allocated.
-        kind: of the model.
-        fits: the executor's check of buffers against display and render size.
+        history: the history to read.
+        next_history: the history to write to; None if the step allocates it.
+        kind: kind of the model.
+        fits: see `Executor.fits`.
     """
-    outputs = {} if next_history is None else {"history_out": next_history}
-    for name, given in {"history": history, **outputs}.items():
+    written = history if next_history is None else next_history
+    for name, given in (("history", history), ("history_out", written)):
         if not isinstance(given, History) or given.kind != kind:
             hint = "`first_history`, `run` and `load_history` of the model make one."
             raise ArgumentError(name, got=shown(given), want="a History of this model", hint=hint)
@@ -61,18 +61,18 @@ def check_histories(
 
 @dataclass(frozen=True, eq=False)
 class StepResult:
-    """An image, and what else was asked for; what was not is None.
+    """The outputs of a step; those that were not requested are None.
 
     Attributes:
         image: (H, W, 3) float32 linear RGB.
-        aovs: (H, W, k) float32 the frame's AOVs, blended by the same weights as the image.
+        aovs: (H, W, k) float32 AOVs of the frame, blended with the weights of the image.
         class_map: (H / 2, W / 2, 6) float32, sizes rounded up: class probabilities of each 2x2 pixels. Three
             classes of ghosting: no ghost, disocclusion, changed light; three of aliasing: none, edge, fine
             detail.
         weight: (H, W) float32 weight of the history in the image, [0, 1].
         count: (H, W) float32 number of samples that each pixel has accumulated.
-        work: (H / 32, W / 32) float32, sizes rounded up: share of a full step's work that was done in each
-            tile of 32x32 pixels, [0, 1].
+        work: (H / 32, W / 32) float32, sizes rounded up: fraction of a full step's work done in each tile of
+            32x32 pixels, [0, 1].
     """
 
     image: Float32
@@ -84,16 +84,16 @@ class StepResult:
 
 
 def checked_history(info: ModelInfo, arrays: object, display: Size, render: Size) -> dict[str, NDArray[Any]]:
-    """Return the arrays of a saved history after a check of each: see `Model.save_history`.
+    """Return the arrays of `Model.save_history` after a check of their names, types, shapes and values.
 
     Args:
         info: the model.
-        arrays: by name.
+        arrays: arrays by name.
         display: (width, height) of the images.
         render: (width, height) of the previous frame.
 
     Raises:
-        ArgumentError: an array is missing, unknown, or not of the type, shape and range that the model names.
+        ArgumentError: an array is missing, unknown, or of a wrong type, shape or range.
     """
     specs = {
         h.input.name: h.input.spec_for(render=render, display=display, previous=render) for h in info.history
@@ -107,17 +107,17 @@ def checked_history(info: ModelInfo, arrays: object, display: Size, render: Size
 
 @dataclass(frozen=True)
 class Stats:
-    """What an Upscaler has done since it was made.
+    """Counts and times of all steps of an Upscaler.
 
     Attributes:
-        frames: frames stepped.
-        extrapolated: those of them that were not shaded.
-        resets: times that the history was dropped, the first frame's included.
+        frames: number of frames, shaded or not.
+        extrapolated: number of unshaded frames among them.
+        resets: number of frames without a history, the first one included.
         seconds: wall time of the steps, without extrapolation.
         extrapolation_seconds: wall time of extrapolating the colour of unshaded frames.
-        work: full steps' worth of work that was done; static-tile reuse saved `frames - work`.
-        full_frames: frames of which every pixel was computed.
-        full_seconds: wall time of those.
+        work: work done, in full steps; static-tile reuse saved `frames - work`.
+        full_frames: number of frames of which every pixel was computed.
+        full_seconds: wall time of the steps on those frames.
     """
 
     frames: int = 0
@@ -132,13 +132,13 @@ class Stats:
     def after_step(
         self, *, fresh: bool, work: float, seconds: float, extrapolation_seconds: float | None = None
     ) -> "Stats":
-        """Return these with one more step.
+        """Return the stats after one more step.
 
         Args:
-            fresh: whether it had no history.
-            work: share of a full step's work that was done.
+            fresh: whether the step had no history.
+            work: fraction of a full step's work that was done.
             seconds: wall time of the step.
-            extrapolation_seconds: wall time of extrapolating the frame's colour; None where it was shaded.
+            extrapolation_seconds: wall time of extrapolating the frame's colour; None for a shaded frame.
         """
         full, extrapolated = work == 1.0, extrapolation_seconds is not None
         return replace(
@@ -155,7 +155,7 @@ class Stats:
 
     @property
     def saved_seconds(self) -> float:
-        """Seconds that all frames would have taken at the pace of the full ones, less what they took."""
+        """Seconds saved by static-tile reuse: the time of as many full frames, minus the time measured."""
         if not self.full_frames:
             return 0.0
         return self.full_seconds / self.full_frames * self.frames - self.seconds

@@ -1,4 +1,4 @@
-"""`Model`: one exported method, ready to run. Pure: it remembers nothing between calls."""
+"""`Model`: an exported method, ready to run. It keeps no state between calls."""
 
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
@@ -52,14 +52,15 @@ Precision = Literal["auto", "fp32", "fp16", "int8"]
 
 
 class Model:
-    """An exported method, ready to run; shareable between threads and Upscalers.
+    """An exported method, ready to run; threads and Upscalers may share it.
 
     Attributes:
-        info: what its model.json says.
-        providers: execution providers of ONNX Runtime in use, in order; the CPU backend needs none for a
-            step, and counts as the CPU's.
-        threads: on the CPU, as given; 0 takes every core.
-        on_extrapolated: the model that steps on extrapolated frames, on the same histories; mostly this one.
+        info: contents of its model.json.
+        providers: execution providers of ONNX Runtime in use, in order of preference; the CPU's with the CPU
+            backend.
+        threads: number of CPU threads, as given; 0 uses every core.
+        on_extrapolated: the model that steps on extrapolated frames with the same histories; most models do
+            so themselves.
     """
 
     def __init__(
@@ -94,21 +95,21 @@ class Model:
 
         Args:
             name_or_path: one of `methods.model_file.model_names()`, or a folder with a model.json.
-            providers: "auto" (CUDA, DirectML, else CPU), a provider's name ("cpu", "cuda", "directml", ... or
-                ONNX Runtime's own), or several in order of preference.
-            threads: threads on the CPU; 0 takes every core.
+            providers: "auto" (CUDA, DirectML, else CPU), the name of a provider ("cpu", "cuda", "directml",
+                ... or ONNX Runtime's own), or several in order of preference.
+            threads: number of CPU threads; 0 uses every core.
             executor: "onnx" runs the model's graph in ONNX Runtime; "cpu" runs kernels compiled for this
-                processor, which is several times as fast; "auto" takes "cpu" where the provider is the CPU
-                and the model has kernels.
-            precision: of the learned part: "int8", which the CPU backend always runs; "fp32" or "fp16" of the
-                ONNX backend. All else is fp32 everywhere.
-            capture: have CUDA or TensorRT capture the step with tensors as a CUDA graph, launched as one from
-                then on; anew where a size changes. The CPU runs the same on fixed buffers, without capture.
+                processor, which is several times as fast; "auto" uses "cpu" if the provider is the CPU and
+                the model has kernels.
+            precision: precision of the network: "int8", which the CPU backend always uses; "fp32" or "fp16"
+                with the ONNX backend. Everything else is fp32.
+            capture: CUDA and TensorRT capture the step with tensors as a CUDA graph and replay it; a new size
+                is captured again. The CPU uses the same fixed buffers without capture.
 
         Raises:
-            ModelError: no such model, a damaged folder, another contract, or a model that upscales nothing.
-            ProviderError: a provider was asked for and cannot be had, or cannot capture.
-            ArgumentError: the model cannot run so.
+            ModelError: the model does not exist, is damaged, has another contract, or does not upscale.
+            ProviderError: a provider is not available, or cannot capture.
+            ArgumentError: an argument is unknown, or the model does not support the combination.
         """
         threads, capture = checked_threads(threads), checked_flag("capture", capture)
         executor = checked_choice("executor", executor, get_args(ExecutorName))
@@ -130,19 +131,19 @@ class Model:
         if info.extrapolated is None:
             return cls(info, graph, aov_blender, graph.providers, threads)
         other = read_model_info(info.extrapolated)
-        steps = OnnxExecutor(other, threads, graph.providers, kind, capture=False)  # without run_tensors
+        steps = OnnxExecutor(other, threads, graph.providers, kind, capture=False)  # steps with arrays only
         blender = AovBlender(other, session_options(threads))
         on_extrapolated = cls(other, steps, blender, steps.providers, threads)
         return cls(info, graph, aov_blender, graph.providers, threads, on_extrapolated)
 
     @property
     def executor(self) -> str:
-        """How it runs: "onnx" or "cpu"."""
+        """The backend in use: "onnx" or "cpu"."""
         return self._executor.name
 
     @property
     def device(self) -> str:
-        """Where histories, and tensors for `run_tensors`, lie: "cpu", "cuda", "dml"."""
+        """The device of histories and of tensors for `run_tensors`: "cpu", "cuda", "dml"."""
         return self._executor.device if isinstance(self._executor, OnnxExecutor) else "cpu"
 
     @property
@@ -152,14 +153,14 @@ class Model:
 
     @property
     def precision(self) -> str:
-        """Of what is learned: "fp32", "fp16" or "int8"."""
+        """Precision of the network: "fp32", "fp16" or "int8"."""
         return self._executor.precision
 
     def first_history(self, display_size: Size, render_size: Size) -> History:
-        """Return an empty history: all zeros.
+        """Return an empty history, which is all zeros.
 
         Raises:
-            ArgumentError: a size is not that of an image.
+            ArgumentError: a size is not a valid image size.
         """
         display = checked_size("display_size", display_size)
         render = checked_size("render_size", render_size)
@@ -176,17 +177,17 @@ class Model:
         """Upscale one frame to the display size of `history`.
 
         Args:
-            frame: its `reset` is not read; hand in `first_history` for a frame without a history.
-            history: of the previous frame; not changed.
-            out: (H, W, 3) float32 to write the image to; a new array where None.
-            history_out: buffers of an older history to write to; new ones where None.
+            frame: the frame. Its `reset` is ignored: pass `first_history` for a frame without a history.
+            history: history after the previous frame; not changed.
+            out: (H, W, 3) float32 to write the image to; None allocates it.
+            history_out: an older history, whose buffers are reused; None allocates new ones.
 
         Returns:
             The image (H, W, 3) float32, linear RGB, >= 0, and the history for the next frame.
 
         Raises:
-            FrameError: the frame lacks an input, or its size does not fit.
-            ArgumentError: `out` has the wrong shape or type, or `history_out` is `history`.
+            FrameError: the frame lacks an input, or has a wrong size.
+            ArgumentError: `out` has a wrong shape or type, or `history_out` is `history`.
         """
         result, next_history = self.run_outputs(frame, history, (), out=out, history_out=history_out)
         return result.image, next_history
@@ -201,22 +202,14 @@ class Model:
         history_out: History | None = None,
         skip: Skip = "exact",
     ) -> tuple[StepResult, History]:
-        """Upscale as `run` does, and return what `outputs` names of `StepResult` with the image.
+        """Upscale like `run`, and return the fields of `StepResult` that `outputs` names, with the image.
 
-        What is not named costs nothing.
-
-        Args:
-            frame: see `run`.
-            history: see `run`.
-            outputs: names of `StepResult`'s.
-            out: see `run`.
-            history_out: see `run`.
-            skip: see `Upscaler`.
+        Other fields cost nothing. See `Upscaler` for `skip`.
 
         Raises:
-            FrameError: as `run`; or "aovs" is among the outputs, and the frame has none, or other channels
-                than the previous one.
-            ArgumentError: as `run`; or the model has no output of that name.
+            FrameError: as `run`; or `outputs` has "aovs", and the frame has no AOVs, or not as many channels
+                as the previous one.
+            ArgumentError: as `run`; or the model has no such output.
         """
         outputs = checked_names("outputs", outputs)
         check_histories(history, history_out, self._kind, self._executor.fits)
@@ -233,7 +226,7 @@ class Model:
         history_out: History | None,
         skip: Skip,
     ) -> tuple[StepResult, History]:
-        """Do as `run_outputs`, for arguments that `check` has passed and histories of this model."""
+        """Run `run_outputs` without its checks of frame, outputs and histories; see `check`."""
         tolerance, display_size = tolerance_of(checked_skip(skip), outputs), history.display_size
         image = aligned((*display_size[::-1], 3)) if out is None else out
         next_history = self._prepared(history_out, display_size, frame.size)
@@ -261,10 +254,10 @@ class Model:
         out: Tensor | None = None,
         history_out: History | None = None,
     ) -> tuple[Tensor, History]:
-        """Upscale a frame that lies on the provider's device; see `Upscaler.step_tensors`.
+        """Upscale a frame on the provider's device; see `Upscaler.step_tensors`.
 
         Raises:
-            FrameError: an input is missing, or its type, shape, range or device does not fit.
+            FrameError: an input is missing, or has a wrong type, shape, range or device.
             ModelError: the provider cannot capture the step.
             ArgumentError: the executor is not "onnx", or `history_out` is `history`.
         """
@@ -286,48 +279,41 @@ class Model:
         return (image if out is None else out), next_history
 
     def plan(self, render_size: Size, display_size: Size) -> Plan:
-        """Return what frames of this size need; nothing of it is made.
-
-        Args:
-            render_size: (width, height) of the frames.
-            display_size: (width, height) of the images.
+        """Return the memory and arithmetic that frames of this size need; nothing is allocated.
 
         Raises:
-            FrameError: the method does not upscale by that much.
+            FrameError: the method does not support this ratio.
+            ArgumentError: a size is not a valid image size.
         """
         render_size = checked_size("render_size", render_size)
         display_size = checked_size("display_size", display_size)
         check_ratio(self.info.ratios, render_size, display_size)
-        history, working = self._executor.needs(display_size, render_size)
-        products = round(self.info.multiply_adds * display_size[0] * display_size[1])
-        return Plan(self.executor, self.precision, 2 * history, working, products)
+        history, working = self._executor.required_bytes(display_size, render_size)
+        multiply_adds = round(self.info.multiply_adds * display_size[0] * display_size[1])
+        return Plan(self.executor, self.precision, 2 * history, working, multiply_adds)
 
     def note_stages(self) -> Mapping[str, float]:
-        """Return wall seconds by stage, which fill with each step from now on; none for the ONNX backend."""
+        """Return a mapping in which each step adds its seconds by stage; empty for the ONNX backend."""
         return self._executor.note_stages()
 
     def save_history(self, history: History) -> dict[str, NDArray[Any]]:
-        """Copies of all history tensors of the contract, and of the executor's own.
-
-        Any executor of the model can load them.
-        """
+        """Return copies of all history tensors; each executor of the model can load them."""
         buffers, names = history.buffers, [h.input.name for h in self.info.history]
         copies = {name: np.array(self._executor.tensor(buffers, name)) for name in names}
         copies |= self._executor.memory(buffers)
         return copies if history.aovs is None else {**copies, AOVS: history.aovs.copy()}
 
     def work(self, history: History) -> Float32:
-        """Return `StepResult.work` of the step that returned this history."""
+        """Return `StepResult.work` for the step that returned this history."""
         return self._executor.work(history.buffers, history.display_size)
 
     def load_history(
         self, display_size: Size, render_size: Size, arrays: Mapping[str, NDArray[Any]]
     ) -> History:
-        """Make a history of copies by `save_history`.
+        """Return the history that `save_history` copied.
 
         Raises:
-            ArgumentError: they are of another method or of other sizes, or one has another type, values that
-                are not finite or out of range, or is too large for the memory that there is.
+            ArgumentError: an array has a wrong name, type, shape or range, or does not fit into memory.
         """
         display_size = checked_size("state.display_size", display_size)
         render_size = checked_size("state.render_size", render_size)
@@ -348,17 +334,9 @@ class Model:
         previous_aovs: Float32 | None = None,
         out: Float32 | None = None,
     ) -> None:
-        """Raise what `run_outputs` would for this frame, before anything is done with it.
+        """Check the arguments of `run_outputs`, and raise its errors, before anything is computed.
 
-        Args:
-            frame: the frame.
-            display_size: (width, height) of the image.
-            outputs: names of what else is to be returned.
-            previous_aovs: `History.aovs` of the previous frame.
-            out: where the image is to be written.
-
-        Raises:
-            FrameError, ArgumentError: see `run_outputs`.
+        `previous_aovs` are those of the history.
         """
         if checked_frame(frame).color is None:
             hint = "`extrapolate`, and `upscale --extrapolate`, take frames that were not shaded."
@@ -380,21 +358,21 @@ class Model:
         aux_outputs: Mapping[str, Float32],
         next_history: History,
     ) -> StepResult:
-        inputs = {h.output: h.input.name for h in self.info.history}
+        history_names = {h.output: h.input.name for h in self.info.history}
         maps: dict[str, Float32] = {}
         for name in set(outputs) & set(self.info.maps):
-            where = self.info.maps[name]
-            planes = aux_outputs.get(where.output)
+            source = self.info.maps[name]
+            planes = aux_outputs.get(source.output)
             if planes is None:
-                planes = self._executor.tensor(next_history.buffers, inputs[where.output])
-            maps[name] = pixels_of(planes[:, where.first : where.first + where.channels])
+                planes = self._executor.tensor(next_history.buffers, history_names[source.output])
+            maps[name] = pixels_of(planes[:, source.first : source.first + source.channels])
         aovs = None if next_history.aovs is None else next_history.aovs[0].transpose(1, 2, 0).copy()
         if WORK in outputs:
             maps[WORK] = self.work(next_history).copy()
         return StepResult(image, aovs=aovs, **maps)
 
     def _prepared(self, history: History | None, display: Size, render: Size) -> History:
-        """Return buffers for the next history: those of `history` where they fit."""
+        """Return the next history; it reuses the buffers of `history` if they have the right sizes."""
         if history is not None and self._executor.fits(history.buffers, display, render):
             return History(display, render, history.buffers, kind=self._kind)
         return self.first_history(display, render)

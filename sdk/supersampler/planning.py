@@ -1,4 +1,4 @@
-"""What an `Upscaler` will need, before one is made."""
+"""`Upscaler.plan`: memory and arithmetic that a model needs at a size, before any is allocated."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,22 +19,15 @@ def plan(
     executor: ExecutorName = "auto",
     precision: Precision = "auto",
 ) -> Plan:
-    """Return what an Upscaler will need: bytes of history, of working memory, and multiply-adds.
+    """Return the memory and the multiply-adds that an Upscaler needs per frame.
 
     >>> plan = Upscaler.plan((960, 540), (1920, 1080))  # render size, display size
     >>> megabytes = plan.history_bytes / 1e6
 
-    Args:
-        render_size: (width, height) of the frames.
-        display_size: (width, height) of the images.
-        model: see `Upscaler`; a `Model` has a `plan` of its own.
-        providers: see `Model.load`.
-        threads: see `Model.load`.
-        executor: see `Model.load`.
-        precision: see `Model.load`.
+    Sizes are (width, height). See `Model.load` for the other arguments; a `Model` has its own `plan`.
 
     Raises:
-        FrameError: the method does not upscale by that much.
+        FrameError: the method does not support this ratio.
         ModelError, ProviderError, ArgumentError: see `Model.load`.
     """
     sizes = checked_size("render_size", render_size), checked_size("display_size", display_size)

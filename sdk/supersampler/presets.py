@@ -1,8 +1,8 @@
-"""Presets: settings on the frontier of run time against error, by the rule of docs/pareto.md."""
+"""Presets: settings on the Pareto frontier of run time and error (docs/pareto.md)."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Literal, NamedTuple, get_args
+from typing import Any, Literal, NamedTuple, get_args
 
 from supersampler.arguments import Skip, as_flag, as_index, checked_choice, checked_skip
 from supersampler.errors import ArgumentError
@@ -24,17 +24,16 @@ PRESETS: Mapping[PresetName, Preset] = {
     "balanced": Preset("classifier-small", "auto", "auto"),
     "high": Preset("classifier", "auto", "exact"),
 }
-"""`supersampler bench pareto` chooses them."""
+"""As `supersampler bench pareto` chooses them."""
 
 
 def chosen(
     preset: PresetName | None, model: Model | str | Path | None, precision: Precision, skip: Skip
 ) -> tuple[Model | str | Path, Precision, Skip]:
-    """Return model, precision and skipping: those given, or those of a preset.
+    """Return model, precision and skip: those given, or those of a preset.
 
     Raises:
-        ArgumentError: there is no such preset, precision or skip, or something that a preset sets is given
-            beside it.
+        ArgumentError: a value is unknown, or a preset is given together with a value that it sets.
     """
     precision = checked_choice("precision", precision, get_args(Precision))
     skip = checked_skip(skip)
@@ -56,21 +55,15 @@ def loaded_model(
     *,
     capture: bool,
 ) -> Model:
-    """Return a loaded model as it is, or load one; arguments as of `Model.load`.
+    """Return a `Model` unchanged, or load one; see `Model.load` for the arguments.
 
     Raises:
-        ArgumentError: the model is loaded, and arguments of loading are given again.
+        ArgumentError: arguments of `Model.load` are given together with a `Model`.
         ModelError, ProviderError, ArgumentError: see `Model.load`.
     """
     if not isinstance(model, Model):
-        return Model.load(
-            model,
-            providers=providers,
-            threads=threads,
-            executor=executor,
-            precision=precision,
-            capture=capture,
-        )
+        options: dict[str, Any] = {"providers": providers, "threads": threads, "executor": executor}
+        return Model.load(model, **options, precision=precision, capture=capture)
     words = {"providers": providers, "executor": executor, "precision": precision}
     set_again = [name for name, word in words.items() if not (isinstance(word, str) and word == "auto")]
     set_again += ["threads"] * (as_index(threads) != 0) + ["capture"] * (as_flag(capture) is not False)

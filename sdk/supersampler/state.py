@@ -1,4 +1,4 @@
-"""What an Upscaler remembers: `Memory`, while it runs, and `State`, a copy to keep or send."""
+"""The state of an Upscaler: `Memory` while it runs, and `State`, a copy to store or send."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -17,17 +17,17 @@ if TYPE_CHECKING:
 
 
 STATE_VERSION = 2
-"""Version of what a State holds. Another one is refused: what its arrays mean may have changed."""
+"""Version of the contents of a State. Other versions are refused: the meaning of arrays may differ."""
 
 
 class Memory(NamedTuple):
-    """What an Upscaler remembers. Replaced as a whole: an interrupted step changes all of it or nothing.
+    """State between frames. Replaced as a whole, so that an interrupted step changes all of it or nothing.
 
     Attributes:
-        display_size: (width, height) of the images; with `scale` None until the first frame.
-        history: for the next frame; None where there is none.
-        spare: the history before, whose buffers the next step writes to.
-        shaded: what unshaded frames are extrapolated from.
+        display_size: (width, height) of the images; with `scale`, None before the first frame.
+        history: history for the next frame; None at a start or after a reset.
+        spare: the history before that one; the next step writes to its buffers.
+        shaded: history from which unshaded frames are extrapolated.
         stats: see `Upscaler`.
     """
 
@@ -40,14 +40,14 @@ class Memory(NamedTuple):
 
 @dataclass(frozen=True)
 class State:
-    """A copy of an Upscaler's history; plain arrays and numbers, so it can be pickled or sent elsewhere.
+    """A copy of an Upscaler's history as plain arrays and numbers, which can be pickled or sent.
 
     Attributes:
-        method: whose history it is.
+        method: name of the method.
         display_size: (width, height) of the images.
-        render_size: (width, height) of the previous frame; None where there is none.
-        history: tensors by name; None where there is no history.
-        shaded: tensors from which unshaded frames are extrapolated, likewise.
+        render_size: (width, height) of the previous frame; None without a history.
+        history: tensors by name; None without a history.
+        shaded: tensors from which unshaded frames are extrapolated; None without a shaded frame.
         version: STATE_VERSION of the package that saved it.
     """
 
@@ -56,18 +56,17 @@ class State:
     render_size: Size | None
     history: Mapping[str, NDArray[Any]] | None
     shaded: Mapping[str, NDArray[Any]] | None = None
-    version: int = field(default_factory=lambda: STATE_VERSION)  # not of the class: older pickles lack it
+    version: int = field(default_factory=lambda: STATE_VERSION)  # no class attribute: old pickles lack it
 
     def history_for(self, model: "Model", display_size: Size | None) -> History | None:
-        """Return the history as a model takes it; None where there is none.
+        """Return the history for a model; None if the state has none.
 
         Args:
             model: the model.
-            display_size: (width, height) that it must be of; None takes any.
+            display_size: required (width, height) of the images; None accepts any.
 
         Raises:
-            ArgumentError: it is of another version, method or display size, or an array of its history is
-                not as the model has it.
+            ArgumentError: the version, the method, the display size or an array does not match.
         """
         version = getattr(self, "version", None)
         if type(version) is not int or version != STATE_VERSION:

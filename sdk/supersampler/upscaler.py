@@ -1,7 +1,8 @@
-"""`Upscaler`: a Model and the history of one view. One per camera; frames go in one after the other."""
+"""`Upscaler`: a `Model` and the history of one camera."""
 
 import time
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import TracebackType
@@ -11,7 +12,7 @@ from supersampler.arguments import checked_names, checked_path, checked_scale, c
 from supersampler.backends.onnx.tensors import Tensor, checked_tensors, size_of_tensors, tensors_of_frame
 from supersampler.conventions.ratios import display_size_of
 from supersampler.errors import ArgumentError, shown
-from supersampler.extrapolation import Extrapolation, ShadedHistory
+from supersampler.extrapolation import Extrapolator, ShadedHistory
 from supersampler.frame import Float32, Frame, Size, checked_frame, checked_reset
 from supersampler.history import Stats, StepResult
 from supersampler.methods.gbuffers import GBUFFERS, black
@@ -25,49 +26,54 @@ if TYPE_CHECKING:
     from supersampler.recording.recorder import Recorder
 
 
+_Names = tuple[str, *tuple[str, ...]]
+"""At least one name, so that the type of the result is known."""
+_Out = Float32 | StepResult
+
+
 class Upscaler:
-    """Turns the frames of one camera, in order, into clean frames at display size.
+    """Upscales the frames of one camera, in order, to anti-aliased images at display size.
 
     >>> upscaler = Upscaler(display_size=(1920, 1080))
     >>> for frame in shot:
     ...     image = upscaler.step(frame)  # (1080, 1920, 3) float32, linear RGB
 
-    Not for use from two threads at once; several Upscalers may share one Model and step in parallel.
+    Two threads must not use it at once; several Upscalers may share one Model and step in parallel.
 
     Args:
-        model: a `Model`, the name of a shipped one, or a model folder; "classifier" where None.
+        model: a `Model`, the name of a shipped one, or a model folder; None is "classifier".
         display_size: (width, height) of the images.
         scale: instead of `display_size`: display size over the first frame's render size, rounded to pixels.
-        render_size: (width, height) that frames will have; only `warm_up` needs it, and with `scale` it
-            fixes the display size before the first frame. Frames of other sizes are taken too.
+        render_size: (width, height) of the frames. Only `warm_up` needs it; with `scale` it fixes the display
+            size before the first frame. Frames may have other sizes.
         providers: see `Model.load`; not with a `Model`.
         threads, precision, capture: see `Model.load`; not with a `Model`.
         executor: see `Model.load`; "auto" with a `Model`. "onnx" runs extrapolation in ONNX Runtime, too.
-        skip: the tolerance of static-tile reuse. A tile keeps its pixels where nothing moves, each frame is,
-            bit for bit, what it was one period of the jitter before, and the tile's pixels have changed by no
-            more than this in that period: root mean square of display values, in [0, 1]. The tolerance grows
-            to 4x in the next period and 8x in later ones, because the remaining change is periodic. A frame
-            without other tiles is a copy. "auto" is half a step of an 8-bit image; "exact" computes every
-            pixel, as the ONNX backend always does.
-        preset: "fast", "balanced" or "high" in place of `model`, `precision` and `skip`: settings that no
-            other beats in both time and error (docs/pareto.md).
-        extrapolation: a model that computes the colour of frames that were not shaded, for `extrapolate`:
-            "guided-warp", "guided-flow", or a model folder. It runs as `model` does, and so does the model
-            that `model` has for extrapolated frames, if any. None keeps nothing for it.
-        validate: "warn" reads the pixels of the first frames after a start or reset and warns with a guess at
-            the mistake, "strict" reads every frame and raises, "off" checks shapes alone.
-        record: a new folder to record all calls to, for `supersampler replay`; `close` ends it.
+        skip: tolerance of static-tile reuse. A tile keeps its pixels if it has no motion, each frame equals,
+            bit for bit, the frame one jitter period earlier, and its pixels changed by at most this tolerance
+            in that period: root mean square of display values, in [0, 1]. The tolerance grows to 4x in the
+            next period and 8x in later ones, because the remaining change is periodic. A frame of which all
+            tiles are reused is a copy. "auto" is half a step of an 8-bit image; "exact" computes every pixel,
+            as the ONNX backend always does.
+        preset: "fast", "balanced" or "high" in place of `model`, `precision` and `skip`: Pareto-optimal
+            settings of time and error (docs/pareto.md).
+        extrapolation: model for `extrapolate`, which computes the colour of unshaded frames: "guided-warp",
+            "guided-flow", or a model folder. It uses the providers and threads of `model`. None disables
+            `extrapolate`.
+        validate: "warn" checks the pixels of the first frames after a start or reset and warns of likely
+            mistakes, "strict" checks every frame and raises, "off" checks only shapes and types.
+        record: a new folder, to which all calls are recorded for `supersampler replay` until `close`.
 
     Attributes:
-        model: in use.
-        skip: the tolerance of static-tile reuse, as given.
-        gbuffers: names of the G-buffers that are read of frames, as `ModelInfo.gbuffers` has them.
+        model: the model in use.
+        skip: tolerance of static-tile reuse, as given.
+        gbuffers: names of the G-buffers that frames must have; see `ModelInfo.gbuffers`.
 
     Raises:
         ArgumentError: sizes are missing, or arguments contradict each other.
         ModelError, ProviderError: see `Model.load`.
-        RecordingError: the folder to record to is there already, or cannot be written. Any call may raise it
-            before anything is done; later calls are then not recorded.
+        RecordingError: the folder exists already or cannot be written. Any call may raise it, before it
+            changes anything; later calls are not recorded then.
     """
 
     def __init__(
@@ -101,10 +107,13 @@ class Upscaler:
         if self._render_size is not None and display_size is None:
             display_size = display_size_of(self._render_size, self._scale)
         self._memory = Memory(display_size)
-        self._extrapolation = Extrapolation(extrapolation, self.model.providers, self.model.threads, executor)
-        self._on_extrapolated = self.model.on_extrapolated if self._extrapolation.infos else self.model
-        infos = (self.model.info, self._on_extrapolated.info, *self._extrapolation.infos)
-        inputs = list(dict.fromkeys(tensor.name for info in infos for tensor in info.inputs))
+        self._extrapolator, self._on_extrapolated, infos = None, self.model, []
+        if extrapolation is not None:
+            device = self.model.providers, self.model.threads
+            self._extrapolator = Extrapolator(extrapolation, *device, executor)
+            self._on_extrapolated, infos = self.model.on_extrapolated, [self._extrapolator.info]
+        read = (self.model.info, self._on_extrapolated.info, *infos)
+        inputs = list(dict.fromkeys(tensor.name for info in read for tensor in info.inputs))
         self.gbuffers = tuple(name for name in inputs if name in GBUFFERS)
         self._closed = False
         self._recorder: Recorder | None = None
@@ -113,7 +122,7 @@ class Upscaler:
             from supersampler.recording.setup import setup_here
 
             made = {"display_size": display_size, "scale": self._scale, "skip": self.skip}
-            setup = setup_here(self.model, self._extrapolation.infos, **made, validate=validate)
+            setup = setup_here(self.model, infos, **made, validate=validate)
             self._recorder = recorder.Recorder(record, setup, inputs)
 
     plan = staticmethod(plan)
@@ -125,47 +134,39 @@ class Upscaler:
 
     @property
     def stats(self) -> Stats:
-        """What has been done."""
+        """Counts and times of all steps so far."""
         return self._memory.stats
 
     @overload
-    def step(self, frame: Frame, *, out: Float32 | None = ..., outputs: tuple[()] = ...) -> Float32: ...
+    def step(self, frame: Frame, *, out: Float32 | None = ..., outputs: tuple[()] = ()) -> Float32: ...
 
     @overload
-    def step(
-        self, frame: Frame, *, out: Float32 | None = ..., outputs: tuple[str, *tuple[str, ...]]
-    ) -> StepResult: ...
+    def step(self, frame: Frame, *, out: Float32 | None = ..., outputs: _Names) -> StepResult: ...
 
     @overload
-    def step(
-        self, frame: Frame, *, out: Float32 | None = ..., outputs: Collection[str]
-    ) -> Float32 | StepResult: ...
+    def step(self, frame: Frame, *, out: Float32 | None = ..., outputs: Collection[str]) -> _Out: ...
 
-    def step(
-        self, frame: Frame, *, out: Float32 | None = None, outputs: Collection[str] = ()
-    ) -> Float32 | StepResult:
+    def step(self, frame: Frame, *, out: Float32 | None = None, outputs: Collection[str] = ()) -> _Out:
         """Upscale the next frame.
 
         Args:
-            frame: see `Frame`. Its render size may differ from the frame before; the history is kept.
+            frame: see `Frame`. Its render size may differ from that of the previous frame; the history stays.
             out: (H, W, 3) float32 to write the image to.
-            outputs: names of what else to return: "aovs", and maps that explain the image: "class_map",
-                "weight", "count", "work", as far as the method has them. What is not named costs nothing.
-                Blending of AOVs starts anew where the previous frame was stepped without "aovs"; with it, no
-                tile is reused.
+            outputs: names of further outputs: "aovs", "class_map", "weight", "count", "work"; see
+                `StepResult`. A method may lack some. Others than those named cost nothing. "aovs" disables
+                static-tile reuse, and starts without AOV history after a frame without "aovs".
 
         Returns:
             (H, W, 3) float32 linear RGB, finite and >= 0, in the units of `frame.color`; `out` if given.
-            Where `outputs` names something, a `StepResult` with it as `image`.
+            With `outputs`, a `StepResult` that holds it as `image`.
 
         Raises:
-            FrameError: the frame breaks the contract. The history is as before; go on with the next frame.
-            ArgumentError: `out` has the wrong shape or type, or the method has none of that name.
+            FrameError: the frame breaks the contract. The history is unchanged; continue with the next frame.
+            ArgumentError: `out` has a wrong shape or type, or the method has no such output.
         """
         outputs = self._checked_call(frame, outputs)
-        if self._recorder is None:
-            return self._step(frame, out, outputs)
-        return self._recorder.step(frame, outputs, partial(self._step, frame, out, outputs))
+        run = partial(self._step, frame, out, outputs)
+        return run() if self._recorder is None else self._recorder.step(frame, outputs, run)
 
     @overload
     def extrapolate(
@@ -173,37 +174,26 @@ class Upscaler:
     ) -> Float32: ...
 
     @overload
-    def extrapolate(
-        self, frame: Frame, *, out: Float32 | None = ..., outputs: tuple[str, *tuple[str, ...]]
-    ) -> StepResult: ...
+    def extrapolate(self, frame: Frame, *, out: Float32 | None = ..., outputs: _Names) -> StepResult: ...
 
     @overload
-    def extrapolate(
-        self, frame: Frame, *, out: Float32 | None = ..., outputs: Collection[str]
-    ) -> Float32 | StepResult: ...
+    def extrapolate(self, frame: Frame, *, out: Float32 | None = ..., outputs: Collection[str]) -> _Out: ...
 
-    def extrapolate(
-        self, frame: Frame, *, out: Float32 | None = None, outputs: Collection[str] = ()
-    ) -> Float32 | StepResult:
-        """Upscale the next frame, which was not shaded: its colour is extrapolated from the last shaded one.
+    def extrapolate(self, frame: Frame, *, out: Float32 | None = None, outputs: Collection[str] = ()) -> _Out:
+        """Upscale the next frame, which was not shaded: its colour comes from the last shaded frame.
 
-        Shaded and unshaded frames may alternate in any way. `step` takes the shaded ones, which need the
-        G-buffers that the extrapolation reads, too. Motion leads to the previous frame, of either kind.
+        Shaded and unshaded frames may alternate in any order. `step` upscales the shaded ones, which must
+        have the G-buffers of the extrapolation, too. Motion points to the previous frame, shaded or not.
 
         >>> upscaler = Upscaler(display_size=(1920, 1080), extrapolation="guided-warp")
         >>> image = upscaler.step(shaded) if is_shaded else upscaler.extrapolate(without_color)
 
-        Args:
-            frame: without colour, with the G-buffers that the extrapolation and the method read.
-            out: see `step`.
-            outputs: see `step`.
-
-        Returns:
-            As `step`.
+        The frame has no colour, and the G-buffers of the extrapolation and of the method. Otherwise arguments
+        and result are those of `step`.
 
         Raises:
-            FrameError: as `step`; or the frame has colour, or is the first after a start, a reset or a cut.
-            ArgumentError: as `step`; or the Upscaler was made without `extrapolation`.
+            FrameError: as `step`; or the frame has colour, or is the first after a start or a reset.
+            ArgumentError: as `step`; or the Upscaler has no `extrapolation`.
         """
         outputs = self._checked_call(frame, outputs)
         run = partial(self._extrapolate, frame, out, outputs)
@@ -220,30 +210,29 @@ class Upscaler:
         reset: bool = False,
         out: Tensor | None = None,
     ) -> Tensor:
-        """Upscale the next frame on the provider's device; no image is copied to or from the CPU.
+        """Upscale the next frame on the provider's device, without copies of images to or from the CPU.
 
         >>> image = upscaler.step_tensors({"color": c, "depth": d, "motion": m}, jitter=(x, y))
         >>> image = torch.from_dlpack(image)
 
-        For executor="onnx", and without `extrapolation`. Pixels are not read and checked as `step` does.
+        Requires executor="onnx", and no `extrapolation`. Pixels are not validated.
 
         Args:
-            tensors: of the method's inputs, by name: float32, contiguous, in the shapes of docs/contract.md:
-                "color" (1, 3, h, w), "depth" (1, 1, h, w), "motion" (1, 2, h, w), and the G-buffers that the
-                method asks for. Anything that speaks DLPack (torch, CuPy, JAX).
+            tensors: inputs by name, as float32 contiguous tensors with DLPack (torch, CuPy, JAX): "color"
+                (1, 3, h, w), "depth" (1, 1, h, w), "motion" (1, 2, h, w), and the method's G-buffers; see
+                docs/contract.md.
             jitter: see `Frame`.
             exposure: see `Frame`.
             reset: see `Frame`.
-            out: (1, 3, H, W) to write the image to; a new tensor where None.
+            out: (1, 3, H, W) to write the image to; None allocates it.
 
         Returns:
             (1, 3, H, W) linear RGB on the device; `out` if given.
 
         Raises:
-            FrameError: a tensor is missing, or its type, shape or device does not fit. The history is as
-                before.
-            ModelError: the provider cannot capture the step, with `capture`; likewise.
-            ArgumentError: the executor takes no tensors, or the Upscaler was made with `extrapolation`.
+            FrameError: a tensor is missing, or has a wrong type, shape or device. The history is unchanged.
+            ModelError: the provider cannot capture the step. The history is unchanged.
+            ArgumentError: the executor does not accept tensors, or the Upscaler has an `extrapolation`.
         """
         self._check_open()
         tensors, reset = checked_tensors(tensors), checked_reset(reset)
@@ -261,19 +250,19 @@ class Upscaler:
         self._checker.reset()
 
     def warm_up(self, render_size: Size | None = None) -> None:
-        """Run once on a black frame, so that the first `step` pays for no start-up; the history is untouched.
+        """Run once on a black frame, so that the first `step` is fast; the history is unchanged.
 
-        With `capture` this captures: call it on the thread that will step, as ONNX Runtime keeps CUDA graphs
-        by thread.
+        With `capture`, call it on the thread that will step: ONNX Runtime keeps CUDA graphs per thread.
 
         Raises:
-            ArgumentError: `render_size` was given neither here nor to the constructor.
+            ArgumentError: `render_size` is missing here and in the constructor.
         """
         self._check_open()
         size = checked_size("render_size", self._render_size if render_size is None else render_size)
         display_size = self.display_size or display_size_of(size, self._scale)
         frame = black(self.gbuffers, size, display_size)
-        self._extrapolation.warm_up(frame)
+        if self._extrapolator is not None:
+            self._extrapolator.extrapolate(replace(frame, color=None), self._extrapolator.after_shaded(frame))
         history = self.model.first_history(display_size, size)
         self.model.run(frame, history)
         if self._on_extrapolated is not self.model:
@@ -283,32 +272,38 @@ class Upscaler:
             self.model.run_tensors(tensors, history, jitter=frame.jitter)
 
     def save_state(self) -> State:
-        """Copy the history; an Upscaler that loads it continues bit for bit as this one does."""
+        """Copy the history. An Upscaler that loads it computes the same next images, bit for bit."""
         self._check_open()
-        history = self._memory.history
+        history, shaded = self._memory.history, self._memory.shaded
         if history is None:
             return State(self.model.info.method, self.display_size, None, None)
-        saved = self.model.save_history(history), self._extrapolation.save(self._memory.shaded)
-        return State(self.model.info.method, history.display_size, history.render_size, *saved)
+        saved_shaded = None
+        if self._extrapolator is not None and shaded is not None:
+            saved_shaded = self._extrapolator.save(shaded)
+        sizes = history.display_size, history.render_size
+        return State(self.model.info.method, *sizes, self.model.save_history(history), saved_shaded)
 
     def load_state(self, state: State) -> None:
-        """Continue from `state`; where it has nothing to extrapolate from, shade a frame first.
+        """Continue from `state`. If it holds no shaded frame, a shaded one must precede `extrapolate`.
 
         Raises:
-            ArgumentError: it is of another method, extrapolation or display size; the history stays as is.
+            ArgumentError: the state has another method, extrapolation or display size. The history is
+                unchanged.
         """
         self._check_open()
         if not isinstance(state, State):
             raise ArgumentError("state", got=shown(state), want="a State, as `save_state` returns it")
         history = state.history_for(self.model, self.display_size)
-        shaded = self._extrapolation.load(state.shaded)
+        shaded = None
+        if self._extrapolator is not None and state.shaded is not None:
+            shaded = self._extrapolator.load(state.shaded)
         if self._recorder is not None:
             self._recorder.load_state(state)
         self._memory = Memory(state.display_size, history, None, shaded, self.stats)
         self._checker.reset()
 
     def close(self) -> None:
-        """Free the history, and end the recording; all but `close` raise ArgumentError afterwards."""
+        """Free the history and end the recording; later calls other than `close` raise ArgumentError."""
         self._memory = Memory(self.display_size, stats=self.stats)
         self._closed = True
         if self._recorder is not None:
@@ -323,17 +318,20 @@ class Upscaler:
     ) -> None:
         self.close()
 
-    def _step(self, frame: Frame, out: Float32 | None, outputs: Collection[str]) -> Float32 | StepResult:
-        before = self._memory.shaded
-        shaded = None if frame.color is None else self._extrapolation.after_shaded(frame, before)
+    def _step(self, frame: Frame, out: Float32 | None, outputs: Collection[str]) -> _Out:
+        shaded = None
+        if self._extrapolator is not None and frame.color is not None:
+            shaded = self._extrapolator.after_shaded(frame, self._memory.shaded)
         return self._upscaled(self.model, frame, frame, shaded, out, outputs)
 
-    def _extrapolate(
-        self, frame: Frame, out: Float32 | None, outputs: Collection[str]
-    ) -> Float32 | StepResult:
+    def _extrapolate(self, frame: Frame, out: Float32 | None, outputs: Collection[str]) -> _Out:
+        if self._extrapolator is None:
+            hint = "Upscaler(extrapolation='guided-warp') takes frames that were not shaded."
+            raise ArgumentError("extrapolation", got=None, want="a model", hint=hint)
         started = time.perf_counter()
-        shaded_frame, shaded = self._extrapolation.extrapolate(frame, self._memory.shaded)
+        color, shaded = self._extrapolator.extrapolate(frame, self._memory.shaded)
         took = time.perf_counter() - started
+        shaded_frame = replace(frame, color=color)
         return self._upscaled(self._on_extrapolated, frame, shaded_frame, shaded, out, outputs, took)
 
     def _upscaled(
@@ -345,12 +343,12 @@ class Upscaler:
         out: Float32 | None,
         outputs: Collection[str],
         extrapolation_seconds: float | None = None,
-    ) -> Float32 | StepResult:
-        """Step on a frame that has colour, as it was `given` or extrapolated."""
+    ) -> _Out:
+        """Step on `frame`, which has colour: `given`, or its extrapolation."""
         started, memory = time.perf_counter(), self._memory
         kept = None if frame.reset else memory.history
         display = memory.display_size or display_size_of(frame.size, self._scale)
-        # first: no frame is remembered, and no memory taken for one, that is then refused
+        # before anything is allocated or kept for a frame that is then refused
         model.check(frame, display, outputs, None if kept is None else kept.aovs, out)
         self._checker.check(given, display, self.gbuffers)
         history = model.first_history(display, frame.size) if kept is None else kept
@@ -375,7 +373,7 @@ class Upscaler:
         out: Tensor | None,
     ) -> Tensor:
         started, memory = time.perf_counter(), self._memory
-        if self._extrapolation.infos:
+        if self._extrapolator is not None:
             hint = "Extrapolation takes arrays alone: use `step`."
             raise ArgumentError("step_tensors", got="called with extrapolation", want="neither", hint=hint)
         size, kept = size_of_tensors(tensors), None if reset else memory.history
@@ -393,7 +391,7 @@ class Upscaler:
             raise ArgumentError("upscaler", got="closed", want="open", hint="Make a new one.")
 
     def _checked_call(self, frame: Frame, outputs: Collection[str]) -> tuple[str, ...]:
-        """Return `outputs`, once it is known that the call may be made, and recorded."""
+        """Check the arguments that a recording stores; return the names of the outputs."""
         self._check_open()
         checked_frame(frame)
         return checked_names("outputs", outputs)

@@ -1,4 +1,4 @@
-"""Benches give a method the G-buffers that it reads, and leave out by name what it cannot draw."""
+"""Benches add the G-buffers that a method reads, and name the methods that they leave out."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -59,27 +59,27 @@ def test_a_method_is_left_out_for_its_ratio_or_for_what_frames_lack(gbuffer_mode
 
 
 def test_speed_times_a_method_with_buffers_where_it_renders(gbuffer_model: Path) -> None:
-    name, told = str(gbuffer_model), list[str]()
+    name, unfit = str(gbuffer_model), list[str]()
     sizes = [DISPLAY, (65, 36)]
-    results = measure_speed([name, "bilinear"], sizes, ["onnx"], [1], steps=1, on_left_out=told.append)
+    results = measure_speed([name, "bilinear"], sizes, ["onnx"], [1], steps=1, on_left_out=unfit.append)
     assert [(r.setting.method, r.setting.display[0]) for r in results] == [
         ("taa", 64), (name, 64), ("bilinear", 64), ("taa", 65), ("bilinear", 65),
     ]  # fmt: skip
     plain, reading = results[2].moved, results[1].moved
     history = 2 * 4 * 3 * 64 * 36
     assert reading - plain == history + 4 * (3 * 32 * 18 + 6 * 64 * 36)
-    assert len(told) == 1
-    assert "(65, 36)" in told[0]
+    assert len(unfit) == 1
+    assert "(65, 36)" in unfit[0]
 
 
 def test_a_device_is_timed_with_buffers_captured_too(gbuffer_model: Path) -> None:
-    name, told = str(gbuffer_model), list[str]()
+    name, unfit = str(gbuffer_model), list[str]()
     results = measure_device(
         [name], [DISPLAY, (63, 36)], ["fp32"], provider="cpu", steps=1, captures=(False, True),
-        on_left_out=told.append,
+        on_left_out=unfit.append,
     )  # fmt: skip
     assert [(r.method, r.capture) for r in results] == [("demodulated", False), ("demodulated", True)]
-    assert len(told) == 1
+    assert len(unfit) == 1
 
 
 def test_stress_gives_buffers_and_says_what_a_ratio_leaves_out(gbuffer_model: Path) -> None:
@@ -110,17 +110,17 @@ def test_quality_is_measured_with_the_buffers_of_a_shot(shot: Shot, gbuffer_mode
     assert [score.method for score in scores] == ["bilinear", name]
     upscaler = Upscaler(gbuffer_model, display_size=DISPLAY)
     exposure = auto_exposure(np.full((*DISPLAY[::-1], 3), 0.5, np.float32))
-    drawn = [display_transform(upscaler.step(item.frame), exposure) for item in shot]
-    for image, own in zip([s.shown for s in seen if s.method == 1], drawn, strict=True):
+    images = [display_transform(upscaler.step(item.frame), exposure) for item in shot]
+    for image, own in zip([s.shown for s in seen if s.method == 1], images, strict=True):
         np.testing.assert_array_equal(image, own)
 
 
 def test_quality_leaves_out_by_name_what_cannot_draw_a_shot(shot: Shot, gbuffer_model: Path) -> None:
-    name, told = str(gbuffer_model), list[str]()
-    assert runnable(shot, ["bilinear:exact", name], told.append) == ["bilinear:exact", name]
-    assert told == []
-    assert runnable(Shot.open("plaza"), ["taau", name], told.append) == ["taau"]
-    assert len(told) == 1
-    assert told[0].startswith(f"plaza: {name} is left out: the frames have no base_color at render size")
+    name, unfit = str(gbuffer_model), list[str]()
+    assert runnable(shot, ["bilinear:exact", name], unfit.append) == ["bilinear:exact", name]
+    assert unfit == []
+    assert runnable(Shot.open("plaza"), ["taau", name], unfit.append) == ["taau"]
+    assert len(unfit) == 1
+    assert unfit[0].startswith(f"plaza: {name} is left out: the frames have no base_color at render size")
     with pytest.raises(ArgumentError, match="one that can upscale plaza"):
-        runnable(Shot.open("plaza"), [name], told.append)
+        runnable(Shot.open("plaza"), [name], unfit.append)

@@ -32,7 +32,7 @@ def sound(color: Float32) -> Float32:
 
 
 class Average:
-    """The past, times `keep`, and a share `new` of what the frame shows."""
+    """The history times `keep`, and a share `new` of the frame."""
 
     def __init__(
         self, display: Size, keep: float | Float32 = 0.9, new: float = 0.1, mend: Mend = sound

@@ -1,4 +1,4 @@
-"""`network.npz` is made for what the CPU kernels have room for, and for nothing else."""
+"""`network.npz` is written only for networks whose sizes the CPU kernels support."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Kernels of a classifier leave out what its config does without, and draw what torch draws."""
+"""Kernels compiled for a classifier's config compute the same images as torch."""
 
 import json
 from dataclasses import asdict, replace
@@ -27,7 +27,7 @@ VARIANTS = [
     Variant(corrected=False, rectified=False, own_motion=False),
     Variant(
         corrected=True, rectified=False, own_motion=True
-    ),  # says 19 numbers: four pixels are no whole eights
+    ),  # 19 outputs: those of four pixels are no multiple of eight
 ]
 TINY = NetworkConfig(levels=(16, 16, 32, 64), decoder=16, hidden=16)
 Made = tuple[Classifier, Model]
@@ -35,7 +35,7 @@ Made = tuple[Classifier, Model]
 
 @pytest.fixture(scope="module", params=VARIANTS, ids=lambda variant: variant.kernel("with"))
 def made(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Made:
-    """A method with random weights, and its model: of the folder what the host needs alone."""
+    """A method with random weights, and its model: of the folder only what the CPU backend needs."""
     method = Classifier(ClassifierConfig(network=TINY, **request.param._asdict())).eval()
     torch.manual_seed(0)
     assert isinstance(method.net.blend, nn.Conv2d)
@@ -56,7 +56,7 @@ def made(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
 
 
 def step_both(made: Made, frames: list[Frame], display: Size) -> list[tuple[Float32, Float32]]:
-    """Pictures by torch and by the host, (H, W, 3)."""
+    """Images of torch and of the CPU backend, (H, W, 3)."""
     method, model = made
     upscaler = Upscaler(model, display_size=display, validate="off", skip="exact")
     history: Any = method.first_history(ModelSize(*display), ModelSize(*frames[0].size))

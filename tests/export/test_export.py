@@ -1,4 +1,4 @@
-"""A model folder is written only when ONNX Runtime draws what torch draws, and what ships is up to date."""
+"""A model folder is written only if ONNX Runtime matches torch; shipped folders are up to date."""
 
 import io
 import json
@@ -22,7 +22,7 @@ from supersampler.methods.model_file import CONTRACT, find_model, read_model_inf
 from supersampler.methods.model_info import EXTRAPOLATED
 from supersampler.methods.spec import MethodSpec
 from supersampler_export import folder as folder_module
-from supersampler_export.cli import made_method, shipped_methods
+from supersampler_export.cli import load_method, shipped_methods
 from supersampler_export.count import multiply_adds, multiply_adds_of
 from supersampler_export.cpu_network import cpu_network
 from supersampler_export.folder import describe, model_card, write_model_folder
@@ -51,7 +51,7 @@ def _shipped_aovs_graph(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("name", shipped_methods())
 def test_the_shipped_folder_says_what_the_exporter_says_today(name: str) -> None:
-    folder, method = find_model(name), made_method(name)
+    folder, method = find_model(name), load_method(name)
     inner = method.on_extrapolated()
     described = {folder: method} | ({} if inner is None else {folder / EXTRAPOLATED: inner})
     for place, one in described.items():
@@ -71,7 +71,7 @@ def test_the_shipped_card_says_what_the_exporter_says_today(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["classifier", "classifier-small"])
 def test_the_network_in_bytes_is_what_the_exporter_writes_today(name: str) -> None:
-    made = cpu_network(made_method(name))
+    made = cpu_network(load_method(name))
     assert made is not None
     fresh, shipped = np.load(io.BytesIO(made)), np.load(find_model(name) / "network.npz")
     assert fresh.files == shipped.files
@@ -82,7 +82,7 @@ def test_the_network_in_bytes_is_what_the_exporter_writes_today(name: str) -> No
 @pytest.mark.parametrize("name", shipped_methods())
 def test_the_shipped_graph_computes_what_torch_computes_at_sizes_not_traced(name: str) -> None:
     session = ort.InferenceSession(find_model(name) / "step.onnx", providers=["CPUExecutionProvider"])
-    method = made_method(name)
+    method = load_method(name)
     for render, display in sizes_of(method)[1:7]:
         assert compare(method, session, render, display).difference <= TOLERANCE
 
@@ -92,7 +92,7 @@ def test_the_shipped_graph_in_half_precision_computes_what_torch_computes(name: 
     path = find_model(name) / "step.fp16.onnx"
     check_portable(onnx.load(path))
     session = ort.InferenceSession(path, providers=["CPUExecutionProvider"])
-    method = made_method(name)
+    method = load_method(name)
     for render, display in sizes_of(method)[1:7]:
         assert compare(method, session, render, display).difference <= TOLERANCE_HALF
 
@@ -122,7 +122,7 @@ def test_the_description_names_every_tensor_of_the_graph(name: str) -> None:
 
 @pytest.mark.parametrize("name", [name for name in LEARNED if name in shipped_methods()])
 def test_the_shipped_network_is_the_learned_part_of_the_method(name: str) -> None:
-    fused = made_method(name).fused()
+    fused = load_method(name).fused()
     assert fused is not None
     path = find_model(name) / "network.onnx"
     check_portable(onnx.load(path))
@@ -131,7 +131,7 @@ def test_the_shipped_network_is_the_learned_part_of_the_method(name: str) -> Non
 
 @pytest.mark.parametrize("name", [name for name in LEARNED if name in shipped_methods()])
 def test_the_shipped_network_has_as_many_multiply_adds_as_torch_counts(name: str) -> None:
-    fused = made_method(name).fused()
+    fused = load_method(name).fused()
     assert fused is not None
     network = onnx.load(find_model(name) / "network.onnx")
     for display in ((960, 544), (128, 64)):
@@ -175,7 +175,7 @@ def test_weights_go_with_methods_that_are_learned(arguments: list[str], tmp_path
 
 
 class Fickle(Bilinear):
-    """Draws another picture when it is run than when it is exported."""
+    """Computes another image in torch than in its exported graph."""
 
     def kernel(self, distance: Tensor) -> Tensor:
         widened = 1.0 if torch.compiler.is_exporting() else 1.01
@@ -204,7 +204,7 @@ def test_files_of_others_are_kept_and_those_of_an_earlier_export_replaced(
 ) -> None:
     described = json.dumps({"contract": 1, "files": {"step.onnx": ""}}).encode()
     made = {"step.onnx": b"graph", "MODEL_CARD.md": b"card", "model.json": described}
-    monkeypatch.setattr(folder_module, "_made", lambda *_: made)
+    monkeypatch.setattr(folder_module, "_folder_files", lambda *_: made)
     (tmp_path / name).write_text('{"mine": 1}')
     with pytest.raises(SupersamplerError, match=rf"{name}: is there already, and is not listed by a model"):
         write_model_folder(Bilinear(), tmp_path)
@@ -238,7 +238,7 @@ def test_of_an_inner_folder_the_description_alone_is_listed_with_the_files(
     graph = onnx.load(find_model("bilinear") / "step.onnx")
     monkeypatch.setattr(folder_module, "export_graph", lambda _: graph)
     inner = {f"{EXTRAPOLATED}/{name}": name.encode() for name in ("step.onnx", "model.json")}
-    described = json.loads(folder_module._made(Bilinear(), inner)["model.json"])
+    described = json.loads(folder_module._folder_files(Bilinear(), inner)["model.json"])
     assert set(described["files"]) == {"step.onnx", "aovs.onnx", f"{EXTRAPOLATED}/model.json"}
 
 

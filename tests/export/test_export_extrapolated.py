@@ -1,4 +1,4 @@
-"""`extrapolate` is two graphs, which share a history in an Upscaler and draw what torch draws."""
+"""The two graphs of `extrapolate` share a history in an Upscaler and compute the same images as torch."""
 
 from pathlib import Path
 
@@ -49,12 +49,16 @@ def shipped() -> Extrapolate:
 
 
 def frame(index: int, kind: str) -> Frame:
-    hidden = {"color": None} if kind == "u" else {}
-    return SCENE.frame(index, SIZE, halton_jitter(index, 2.0), **hidden)
+    fields = {"color": None} if kind == "u" else {}
+    return SCENE.frame(index, SIZE, halton_jitter(index, 2.0), **fields)
 
 
 def by_torch(method: Extrapolate, pattern: str) -> list[Float32]:
-    history, past, images = method.first_history(Size(*DISPLAY), Size(*SIZE)), list[torch.Tensor](), []
+    history, warp_history, images = (
+        method.first_history(Size(*DISPLAY), Size(*SIZE)),
+        list[torch.Tensor](),
+        [],
+    )
     for index, kind in enumerate(pattern):
         names = [*UnshadedExtrapolate.inputs(), "gbuffer_normal"]
         arrays = frame_inputs(frame(index, "s"), DISPLAY, names)
@@ -62,11 +66,11 @@ def by_torch(method: Extrapolate, pattern: str) -> list[Float32]:
         stepping: Method = method
         with torch.no_grad():
             if kind == "u":
-                drawing, stepping = GuidedWarp(), method.on_extrapolated()
-                drawn = drawing.step(*(given[name] for name in drawing.inputs()), *past)
-                given["color"], past = drawn.image, drawn.history
+                warp, stepping = GuidedWarp(), method.on_extrapolated()
+                extrapolated = warp.step(*(given[name] for name in warp.inputs()), *warp_history)
+                given["color"], warp_history = extrapolated.image, extrapolated.history
             else:
-                past = GuidedWarp.after_shaded(given)
+                warp_history = GuidedWarp.after_shaded(given)
             image, history, _ = stepping.step(*(given[name] for name in stepping.inputs()), *history)
         images.append(image[0].permute(1, 2, 0).numpy())
     return images
@@ -109,7 +113,7 @@ def test_nothing_is_written_where_either_is_off(
             raise ExportError("off")
         return {"model.json": b""}
 
-    monkeypatch.setattr(folder_module, "_made", made)
+    monkeypatch.setattr(folder_module, "_folder_files", made)
     with pytest.raises(ExportError):
         write_model_folder(method, tmp_path / "mine")
     assert not (tmp_path / "mine").exists()
@@ -118,7 +122,7 @@ def test_nothing_is_written_where_either_is_off(
 def test_each_is_written_to_its_own_folder(
     method: Extrapolate, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(folder_module, "_made", lambda one, _: {"model.json": one.name.encode()})
+    monkeypatch.setattr(folder_module, "_folder_files", lambda one, _: {"model.json": one.name.encode()})
     write_model_folder(method, tmp_path / "mine")
     written = {str(p.relative_to(tmp_path)): p.read_text() for p in tmp_path.rglob("*") if p.is_file()}
     assert written == {

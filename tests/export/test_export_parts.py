@@ -1,6 +1,7 @@
-"""Parts of the exporter that take no tracing."""
+"""Parts of the exporter that need no tracing."""
 
-from typing import ClassVar
+from contextlib import nullcontext
+from typing import Any, ClassVar
 
 import onnx
 import pytest
@@ -9,6 +10,7 @@ from onnx import TensorProto, helper
 from torch import Tensor, nn
 
 from supersampler.methods.spec import DISPLAY, HALF, PREVIOUS, RENDER, SHADED, MethodSpec, Shape
+from supersampler_export import graph
 from supersampler_export.count import multiply_adds_of
 from supersampler_export.graph import (
     ExportError,
@@ -20,6 +22,7 @@ from supersampler_export.graph import (
     shape_of,
     traced_sizes,
 )
+from supersampler_export.parity import check_fused
 from supersampler_model.methods.base import Fused, Method, Size
 
 
@@ -87,6 +90,52 @@ def test_example_inputs_of_a_network_are_of_render_half_and_display_size(ratio: 
     inputs: dict[str, Shape] = {"a": (1, 5, *RENDER), "b": (1, 2, *DISPLAY), "c": (1, 7, *HALF)}
     made = example_inputs(Fused(nn.Identity(), inputs, {}, ratio), Size(21, 13))
     assert [tuple(t.shape) for t in made] == [(1, 5, 13, 21), (1, 2, 13 * ratio, 21 * ratio), (1, 7, 13, 21)]
+
+
+def test_a_network_of_any_size_from_one_pixel_on_can_be_traced(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its display size is a whole multiple of its render size."""
+    inputs: dict[str, Shape] = {"a": (1, 5, *RENDER), "b": (1, 2, *DISPLAY), "c": (1, 7, *HALF)}
+    values = [helper.make_tensor_value_info(name, TensorProto.FLOAT, None) for name in inputs]
+    free: list[Any] = []
+
+    def traced(module: nn.Module, arguments: Any, inputs: Any, outputs: Any, dims: Any) -> onnx.ModelProto:
+        free.extend(dims)
+        return helper.make_model(helper.make_graph([], "g", values, []))
+
+    monkeypatch.setattr(graph, "_traced", traced)
+    graph.export_fused(Fused(nn.Identity(), inputs, {}, 4))
+    render, display, half = free
+    for axis in (2, 3):
+        assert (render[axis].min, half[axis].min) == (1, 1)
+        assert 8192 <= render[axis].max == half[axis].max <= 32768
+        assert display[axis].root is render[axis]
+        assert display[axis].fn(3) == 12
+    assert len({dim.__name__ for dims in (render, half) for dim in dims.values()}) == 4
+
+
+@pytest.mark.parametrize(("off", "refused"), [(0.5e-4, False), (2e-4, True)])
+@pytest.mark.parametrize("largest", [0.5, 300.0])
+def test_a_network_may_be_off_by_the_tolerance_of_its_largest_value_or_of_1(
+    off: float, refused: bool, largest: float
+) -> None:
+    class Ramp(nn.Module):
+        """Values from 0 to the largest, a little off."""
+
+        def forward(self, image: Tensor) -> tuple[Tensor]:
+            return (image * 0.0 + torch.tensor([0.0, largest]).reshape(1, 2, 1, 1) + off * max(largest, 1.0),)
+
+    shape: Shape = (1, 2, *HALF)
+    zero = helper.make_node("Sub", ["image", "image"], ["zero"])
+    ramp = helper.make_tensor("ramp", TensorProto.FLOAT, (1, 2, 1, 1), [0.0, largest])
+    add = helper.make_node("Add", ["zero", "ramp"], ["made"])
+    values = [helper.make_tensor_value_info(n, TensorProto.FLOAT, shape) for n in ("image", "made")]
+    exact = helper.make_model(
+        helper.make_graph([zero, add], "ramp", values[:1], values[1:], [ramp]),
+        opset_imports=[helper.make_opsetid("", 17)], ir_version=10,
+    )  # fmt: skip
+    fused = Fused(Ramp(), {"image": shape}, {"made": shape}, 1)
+    with pytest.raises(ExportError, match="ONNX Runtime is off by") if refused else nullcontext():
+        check_fused(fused, exact.SerializeToString())
 
 
 def test_multiply_adds_are_counted_for_each_pixel_of_the_display() -> None:

@@ -1,4 +1,4 @@
-"""Layers in bytes give what the layers of floats give, to within half a step of each value."""
+"""Quantized layers match float layers to within half a step of each value."""
 
 import numpy as np
 import pytest

@@ -1,6 +1,6 @@
-"""Shipped graphs and torch agree on all that a step returns, over frames that use every branch of a method.
+"""Shipped graphs and torch return the same from a step, over frames that use every branch of a method.
 
-The graphs do not change with the code, so that this holds the code to what it was when they were exported.
+Shipped graphs do not change with the code, so these tests fail if a change of the code changes images.
 """
 
 from collections.abc import Iterator
@@ -14,7 +14,7 @@ from torch import Tensor
 from supersampler.backends.onnx.runtime import ort
 from supersampler.conventions.ratios import only_ratio, scaled
 from supersampler.methods.model_file import find_model
-from supersampler_export.cli import made_method, shipped_methods
+from supersampler_export.cli import load_method, shipped_methods
 from supersampler_export.graph import history_name
 from supersampler_export.parity import noise
 from supersampler_model.methods.aovs import BlendAovs
@@ -24,7 +24,7 @@ RENDER = Size(37, 22)
 EXPOSURES = (0.0, 1.7, 0.0, 900.0, 900.0, 2.0, 0.0)
 """Measured, given, measured; an outlier, which is held back once; an outlier back again; measured."""
 SHADED = (True, False, False, True, False, True, False)
-"""Of methods that draw frames that were not shaded."""
+"""Of methods that extrapolate unshaded frames."""
 BAD = (float("nan"), float("inf"), -float("inf"), -1.0, 1e6)
 
 
@@ -86,7 +86,7 @@ def assert_alike(name: str, ours: Tensor, theirs: Tensor) -> None:
 
 @pytest.mark.parametrize("name", shipped_methods())
 def test_image_history_and_what_is_told_are_those_of_the_shipped_graph(name: str) -> None:
-    assert_steps_alike(made_method(name), find_model(name) / "step.onnx")
+    assert_steps_alike(load_method(name), find_model(name) / "step.onnx")
 
 
 def test_channels_that_frames_carry_are_blended_as_the_shipped_graph_blends_them() -> None:

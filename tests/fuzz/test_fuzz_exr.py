@@ -1,4 +1,4 @@
-"""No EXR file harms its reader: whole ones of every kind, damaged in every place, are read or refused."""
+"""Fuzz tests of the EXR reader: random valid and damaged files are read or refused with ShotError."""
 
 import tempfile
 from collections.abc import Callable

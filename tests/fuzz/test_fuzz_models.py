@@ -1,7 +1,7 @@
-"""Whatever lies in a model folder, loading it ends in a model that steps or in an error of ours.
+"""Fuzz tests of model folders: damaged ones load and step, or are refused with an error of the package.
 
-ONNX Runtime is shown damaged graphs only where our own reader finds nothing wrong with them; it may
-refuse the rest, and it alone runs them, which is not looked at here.
+Damaged graphs reach ONNX Runtime only where the package's own reader accepts them. How ONNX Runtime handles
+them is not tested here.
 """
 
 import hashlib

@@ -1,4 +1,4 @@
-"""Whatever a recording holds, opening and replaying it ends in images or in errors of ours."""
+"""Fuzz tests of recordings: damaged ones are replayed or refused with an error of the package."""
 
 import json
 import shutil

@@ -1,4 +1,4 @@
-"""No .safetensors file harms its reader: Arm's sequences, training frames, weights."""
+"""Fuzz tests of .safetensors readers: Arm's sequences, training frames, weights."""
 
 import json
 import tempfile

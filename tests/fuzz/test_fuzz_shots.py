@@ -1,4 +1,4 @@
-"""No description of frames harms its reader: shot.json, channels.json, jitter.json, upscale.json."""
+"""Fuzz tests of shot.json, channels.json, jitter.json and upscale.json: read or refused with ShotError."""
 
 import json
 import os
@@ -174,7 +174,7 @@ def test_patterns_do_not_leave_the_folder(shot: Path, pattern: str) -> None:
     pattern = pattern.format(absolute=shot.parent)
     content = {**CHANNELS, "channels": {**CHANNELS["channels"], "depth": f"{pattern}:depth.Z"}}  # type: ignore[dict-item]
     (shot / "channels.json").write_text(json.dumps(content))
-    with pytest.raises(ShotError, match="is of no files in it"):
+    with pytest.raises(ShotError, match="matches no files in it"):
         open_source(shot)
 
 

@@ -5,18 +5,18 @@ import pytest
 import torch
 
 from noise import noise
-from supersampler.methods.classifier.spec import CLASSES, DEFAULT_INPUTS, NEIGHBOURHOOD_INPUTS
+from supersampler.methods.classifier.spec import CLASSES, DEFAULT_INPUTS, NEIGHBOURHOOD_INPUTS, CountCode
 from supersampler_model.methods.base import Size
 from supersampler_model.methods.classifier.buffers import Gathered, History
 from supersampler_model.methods.classifier.model import Classifier
-from supersampler_model.methods.classifier.network_inputs import neighbourhood_inputs, pixel_inputs
+from supersampler_model.methods.classifier.network_inputs import COUNTS, neighbourhood_inputs, pixel_inputs
 from supersampler_model.ops.sampling import View
 
 DISPLAY = Size(47, 27)
 
 
 def gathered(value: float | None = None) -> Gathered:
-    """A frame of noise on a past of noise, `value` here and there in every image."""
+    """A frame of noise with a history of noise, `value` here and there in every image."""
     frame = noise(1)
     assert frame.color is not None
     method, random = Classifier(), np.random.default_rng(3)
@@ -24,13 +24,13 @@ def gathered(value: float | None = None) -> Gathered:
         torch.from_numpy(np.ascontiguousarray(a, np.float32))[None]
         for a in (frame.color.transpose(2, 0, 1), frame.depth[None], frame.motion.transpose(2, 0, 1))
     ]
-    past, state, classes, depth, _, _ = method.first_history(DISPLAY, Size(32, 18))
-    past = torch.from_numpy(random.gamma(0.5, 2.0, past.shape).astype(np.float32))
+    history_color, state, classes, depth, _, _ = method.first_history(DISPLAY, Size(32, 18))
+    history_color = torch.from_numpy(random.gamma(0.5, 2.0, history_color.shape).astype(np.float32))
     state = torch.from_numpy(random.uniform(0.0, 1.0, state.shape).astype(np.float32))
     if value is not None:
-        for image in (*images, past):
+        for image in (*images, history_color):
             image[torch.from_numpy(random.random(image.shape) < 0.1)] = value
-    history = History(past, state, classes, depth + 0.02, torch.ones(1))
+    history = History(history_color, state, classes, depth + 0.02, torch.ones(1))
     view = View(DISPLAY, Size(32, 18), torch.tensor([frame.jitter]))
     with torch.no_grad():
         color, depth, motion = images
@@ -50,8 +50,8 @@ def test_all_that_the_network_sees_is_about_one_at_most(value: float | None) -> 
 
 def test_differences_of_a_frame_and_the_same_history_are_zero() -> None:
     g = gathered()
-    past = g.warped._replace(color=g.current.sample, detail=torch.zeros_like(g.warped.detail))
-    seen = pixel_inputs(g.current, past, g.reprojection)
+    history_color = g.warped._replace(color=g.current.sample, detail=torch.zeros_like(g.warped.detail))
+    seen = pixel_inputs(g.current, history_color, g.reprojection)
     for name in ("history_to_sample", "beyond_range"):
         assert not seen[name].any(), name
     assert seen["history_to_frame"].any()
@@ -87,3 +87,13 @@ def test_the_history_is_blurred_most_where_it_is_read_between_pixels(
     )
     seen = pixel_inputs(g.current, g.warped, at)["blur"]
     torch.testing.assert_close(seen, torch.full_like(seen, blur))
+
+
+@pytest.mark.parametrize(
+    ("code", "of_one", "of_64"), [("saturating", 0.2, 64 / 68), ("logarithm", 0.166, 1.0)]
+)
+def test_counts_are_encoded_from_0_without_samples_towards_1(
+    code: CountCode, of_one: float, of_64: float
+) -> None:
+    encoded = COUNTS[code](torch.tensor([0.0, 1.0, 64.0]))
+    assert encoded.tolist() == pytest.approx([0.0, of_one, of_64], abs=1e-3)

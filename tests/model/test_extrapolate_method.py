@@ -72,18 +72,18 @@ def test_before_training_shaded_frames_are_those_of_classifier_bit_for_bit(
 def test_before_training_extrapolated_frames_are_those_of_classifier(
     from_classifier: Extrapolate, pattern: str
 ) -> None:
-    drawn, history, past = from_classifier.on_extrapolated(), first(from_classifier), State()
+    inner, history, shaded = from_classifier.on_extrapolated(), first(from_classifier), State()
     model = Model.load("classifier", executor="onnx", threads=1)
     upscaler = Upscaler(model, display_size=DISPLAY, extrapolation="guided-warp", validate="off")
     for index, kind in enumerate(pattern):
         inputs, frame = given(index), SCENE.frame(index, RENDER, halton_jitter(index, 2.0))
         if kind == "s":
-            past = GuidedWarp().after_shaded(inputs)
+            shaded = GuidedWarp().after_shaded(inputs)
             image, history = step(from_classifier, inputs, history)
             theirs = upscaler.step(frame)
         else:
-            color, past = step(GuidedWarp(), inputs, past)
-            image, history = step(drawn, {**inputs, "color": color}, history)
+            color, shaded = step(GuidedWarp(), inputs, shaded)
+            image, history = step(inner, {**inputs, "color": color}, history)
             theirs = upscaler.extrapolate(SCENE.frame(index, RENDER, halton_jitter(index, 2.0), color=None))
         off: Float32 = np.abs(image[0].permute(1, 2, 0).numpy() - theirs)
         assert np.quantile(off, 0.99) < 1e-4  # of torch and ONNX Runtime
@@ -110,11 +110,11 @@ def test_each_encoder_sees_frames_of_one_kind_alone(
 
 
 def test_once_trained_extrapolated_frames_depend_on_base_colour(from_classifier: Extrapolate) -> None:
-    drawn = changed(from_classifier, "extrapolated_encoder").on_extrapolated()
+    inner = changed(from_classifier, "extrapolated_encoder").on_extrapolated()
     _, history = step(from_classifier, given(0), first(from_classifier))
     inputs = given(1)
     black = {**inputs, "gbuffer_base_color": torch.zeros_like(inputs["gbuffer_base_color"])}
-    assert not torch.equal(step(drawn, inputs, history)[0], step(drawn, black, history)[0])
+    assert not torch.equal(step(inner, inputs, history)[0], step(inner, black, history)[0])
 
 
 def test_the_method_on_extrapolated_frames_has_the_same_history_and_asks_for_one_input_more() -> None:
@@ -139,11 +139,11 @@ def test_weights_of_both_sizes_begin_it(weights: Trained) -> None:
 
 @pytest.mark.parametrize(("render", "display"), [((1, 1), (1, 1)), ((21, 13), (63, 38)), ((9, 7), (9, 7))])
 def test_odd_sizes_are_rendered(from_classifier: Extrapolate, render: Sizes, display: Sizes) -> None:
-    drawn, history = (
+    inner, history = (
         changed(from_classifier, "extrapolated_encoder").on_extrapolated(),
         first(from_classifier, render, display),
     )
-    for index, method in enumerate((from_classifier, drawn, drawn, from_classifier)):
+    for index, method in enumerate((from_classifier, inner, inner, from_classifier)):
         image, history = step(method, given(index, render, display), history)
         assert image.shape == (1, 3, *display[::-1])
         assert image.isfinite().all()
@@ -153,11 +153,11 @@ def test_odd_sizes_are_rendered(from_classifier: Extrapolate, render: Sizes, dis
 def test_base_colour_that_is_no_number_in_range_spoils_nothing(
     from_classifier: Extrapolate, bad: float
 ) -> None:
-    drawn = changed(from_classifier, "extrapolated_encoder").on_extrapolated()
+    inner = changed(from_classifier, "extrapolated_encoder").on_extrapolated()
     _, history = step(from_classifier, given(0), first(from_classifier))
     inputs = given(1)
     inputs["gbuffer_base_color"][:, :, 3:9, 4:20] = bad
-    image, history = step(drawn, inputs, history)
+    image, history = step(inner, inputs, history)
     assert image.isfinite().all()
     assert (image >= 0.0).all()
     assert all(tensor.isfinite().all() for tensor in history)

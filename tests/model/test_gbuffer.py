@@ -12,15 +12,13 @@ from supersampler.methods.gbuffer.spec import SMALL_NETWORK, GBufferNetworkConfi
 from supersampler_bench.quality import metrics
 from supersampler_model.methods.base import Method, Size
 from supersampler_model.methods.gbuffer.buffers import Surfaces
-from supersampler_model.methods.gbuffer.depth import DepthGBuffer
-from supersampler_model.methods.gbuffer.model import GBuffer
+from supersampler_model.methods.gbuffer.model import DepthGBuffer, GBuffer, SmallGBuffer, SmallGBuffer4
 from supersampler_model.methods.gbuffer.network import GBufferNetwork
-from supersampler_model.methods.gbuffer.small import SmallGBuffer, SmallGBuffer4
 from supersampler_model.methods.gbuffer.surfaces import (
-    LEAST,
+    MIN_REFLECTANCE,
     changed_light,
     gradients,
-    matte,
+    neutral_surfaces,
     occluded,
     read_nearest,
     reflectance,
@@ -98,7 +96,9 @@ def test_of_depth_alone_no_surface_is_told_from_another() -> None:
     render, display = textured(2)
     inputs = frame(render, display, reflectance(render), (0.1, -0.2))
     image, history = step(method, inputs)
-    grey = frame(matte(render.depth), matte(display.depth), reflectance(render), (0.1, -0.2))
+    grey = frame(
+        neutral_surfaces(render.depth), neutral_surfaces(display.depth), reflectance(render), (0.1, -0.2)
+    )
     ours, _ = step(SmallGBuffer().eval(), grey)
     torch.testing.assert_close(image, ours)
     again, _ = step(method, inputs, history)
@@ -162,9 +162,9 @@ def test_any_size_is_rendered(kind: type[GBuffer], size: tuple[int, int]) -> Non
 def test_a_surface_reflects_its_base_colour_and_the_sky_is_white() -> None:
     base = torch.tensor([0.2, 0.4, 0.6]).reshape(1, 3, 1, 1)
     here = surfaces(base)
-    torch.testing.assert_close(reflectance(here), base + 0.04 + LEAST)
+    torch.testing.assert_close(reflectance(here), base + 0.04 + MIN_REFLECTANCE)
     metal = here._replace(metallic=torch.ones(1, 1, 1, 1))
-    torch.testing.assert_close(reflectance(metal), base + LEAST)
+    torch.testing.assert_close(reflectance(metal), base + MIN_REFLECTANCE)
     sky = here._replace(normal=torch.zeros(1, 3, 1, 1))
     torch.testing.assert_close(reflectance(sky), torch.ones(1, 3, 1, 1))
 
@@ -187,24 +187,24 @@ def test_masks_find_what_was_hidden_and_what_has_another_colour() -> None:
     assert occluded(now, (now[0], image(0.9), now[2])).all()
     assert occluded(now, (image(0.8), now[1], now[2])).all()
     one = image(0.2)
-    one[..., 3, 3] = 0.8  # in the past: unlike all of its neighbours now
+    one[..., 3, 3] = 0.8  # in the previous frame: unlike all of its neighbours now
     assert occluded(now, (one, now[1], now[2])).nonzero()[:, 2:].tolist() == [[3, 3]]
 
 
 @pytest.mark.parametrize(("stops", "changed"), [(5.9, 0.0), (6.1, 1.0)])
 def test_light_has_changed_where_it_is_six_stops_off_on_average(stops: float, changed: float) -> None:
-    past, known = torch.full((1, 3, 6, 8), 0.2), torch.ones(1, 1, 6, 8)
-    now = past * 2.0**stops
-    assert (changed_light(now, past, known) == changed).all()
-    assert (changed_light(past, now, known * 0.0) == 0.0).all(), "nothing is known to have"
+    previous, known = torch.full((1, 3, 6, 8), 0.2), torch.ones(1, 1, 6, 8)
+    now = previous * 2.0**stops
+    assert (changed_light(now, previous, known) == changed).all()
+    assert (changed_light(previous, now, known * 0.0) == 0.0).all(), "nothing is known to have"
 
 
 def test_a_spark_is_no_change_of_light_and_neither_is_the_dark() -> None:
-    past, known = torch.full((1, 3, 6, 8), 0.2), torch.ones(1, 1, 6, 8)
-    spark = past.clone()
+    previous, known = torch.full((1, 3, 6, 8), 0.2), torch.ones(1, 1, 6, 8)
+    spark = previous.clone()
     spark[..., 3, 4] = 65504.0
-    assert not changed_light(spark, past, known).any()
-    assert not changed_light(past * 0.0, past, known).any(), "black is four stops below"
+    assert not changed_light(spark, previous, known).any()
+    assert not changed_light(previous * 0.0, previous, known).any(), "black is four stops below"
 
 
 def test_gradients_are_differences_to_the_right_and_below() -> None:

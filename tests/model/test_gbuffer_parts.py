@@ -11,7 +11,7 @@ from supersampler.methods.gbuffer.spec import SMALL_NETWORK, GBufferNetworkConfi
 from supersampler_model.methods import LEARNED
 from supersampler_model.methods.base import Size
 from supersampler_model.methods.gbuffer.buffers import Surfaces
-from supersampler_model.methods.gbuffer.model import GBuffer
+from supersampler_model.methods.gbuffer.model import GBuffer, SmallGBuffer
 from supersampler_model.methods.gbuffer.network import (
     GRADIENTS,
     SURFACES,
@@ -20,18 +20,17 @@ from supersampler_model.methods.gbuffer.network import (
     GBufferNetwork,
     NetworkInputs,
 )
-from supersampler_model.methods.gbuffer.small import SmallGBuffer
 from supersampler_model.methods.gbuffer.surfaces import (
     closest_around,
-    matte,
     motion_of_surface,
+    neutral_surfaces,
     occluded,
     read_bilinear,
     read_nearest,
     relative_depth,
     samples_of,
     usable_surfaces,
-    weighed_mean,
+    weighted_mean,
 )
 from supersampler_model.ops.sampling import grid_of
 
@@ -54,19 +53,25 @@ def test_base_colours_are_compared_in_3x3_pixels_and_colours_in_5x5(
     size: int, by_base: int, by_color: int
 ) -> None:
     """Equation 2: of no use where more than half of the pixels around are unlike the warped one."""
-    past, depth = (image(GREY), image(GREY), image(0.5, 1)), image(0.5, 1)
+    previous, depth = (image(GREY), image(GREY), image(0.5, 1)), image(0.5, 1)
     middle = (0, 0, SIDE // 2, SIDE // 2)
-    assert int(occluded((image(GREY), with_block(size), depth), past)[middle]) == by_base
-    assert int(occluded((with_block(size), image(GREY), depth), past)[middle]) == by_color
+    assert int(occluded((image(GREY), with_block(size), depth), previous)[middle]) == by_base
+    assert int(occluded((with_block(size), image(GREY), depth), previous)[middle]) == by_color
 
 
 @pytest.mark.parametrize(
-    ("past", "found"), [(0.5 / 1.09, 0), (0.5 / 1.11, 1), (0.5 / 0.91, 0), (0.5 / 0.89, 1)]
+    ("previous", "found"), [(0.5 / 1.09, 0), (0.5 / 1.11, 1), (0.5 / 0.91, 0), (0.5 / 0.89, 1)]
 )
-def test_distances_that_differ_by_a_tenth_hide(past: float, found: int) -> None:
+def test_distances_that_differ_by_a_tenth_hide(previous: float, found: int) -> None:
     """Equation 1, by distance, which is one over the reversed depth."""
     colors = (image(GREY), image(GREY))
-    assert (occluded((*colors, image(0.5, 1)), (*colors, image(past, 1))) == found).all()
+    assert (occluded((*colors, image(0.5, 1)), (*colors, image(previous, 1))) == found).all()
+
+
+@pytest.mark.parametrize(("now", "previous", "found"), [(0.0, 0.5, 1), (0.5, 0.0, 1), (0.0, 0.0, 0)])
+def test_sky_hides_a_surface_and_a_surface_hides_the_sky(now: float, previous: float, found: int) -> None:
+    colors = (image(GREY), image(GREY))
+    assert (occluded((*colors, image(now, 1)), (*colors, image(previous, 1))) == found).all()
 
 
 def test_a_frame_and_the_edges_of_its_surfaces_each_ask_the_other() -> None:
@@ -190,11 +195,11 @@ def test_samples_are_taken_from_surfaces_like_the_pixels(mark: Callable[[Tensor]
     grid = grid_of(Size(12, 12), Size(6, 6), torch.zeros(1, 2))
     samples = samples_of(light, torch.ones(1, 1, 6, 6), render, display, grid)
     torch.testing.assert_close(
-        weighed_mean(samples), 0.2 + 0.5 * right.expand(-1, 3, -1, -1), rtol=0.0, atol=0.03
+        weighted_mean(samples), 0.2 + 0.5 * right.expand(-1, 3, -1, -1), rtol=0.0, atol=0.03
     )
-    assert samples.likeness[..., 5:7].min() > 0.5
+    assert samples.similarity[..., 5:7].min() > 0.5
     lost = samples_of(light, torch.ones(1, 1, 6, 6), render, surfaces(12, **mark(1.0 - right)), grid)
-    assert lost.likeness[..., :4].max() < 0.05
+    assert lost.similarity[..., :4].max() < 0.05
 
 
 def test_motion_is_of_the_sample_whose_depth_is_most_like_the_pixels() -> None:
@@ -265,7 +270,7 @@ def test_a_method_of_one_ratio_has_a_network_of_that_ratio(name: str) -> None:
 
 def test_surfaces_of_known_depth_alone_are_grey_rough_and_face_one_way() -> None:
     depth = torch.rand(1, 1, 2, 3)
-    made = matte(depth)
+    made = neutral_surfaces(depth)
     assert [float(value.mean()) for value in made[:1]] == [0.5]
     assert made.base_color.shape == made.normal.shape == (1, 3, 2, 3)
     assert made.normal[0, :, 0, 0].tolist() == [0.0, 0.0, 1.0]

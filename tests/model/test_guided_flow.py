@@ -20,6 +20,7 @@ from supersampler_model.methods.base import Size as Extent
 from supersampler_model.methods.extrapolation.flow_network import moved
 from supersampler_model.methods.extrapolation.guided import surface_of
 from supersampler_model.methods.extrapolation.guided_flow import (
+    TONED,
     Gathered,
     GuidedFlow,
     flow_history,
@@ -40,7 +41,7 @@ def tensors(frame: Frame) -> dict[str, Tensor]:
 
 
 def run(method: Method, frames: Sequence[dict[str, Tensor]], pattern: str) -> list[Tensor]:
-    """Pictures and, at the end, the history; "s" is shaded, "u" is not."""
+    """Return the images and, at the end, the history; "s" is shaded, "u" is not."""
     history: list[Tensor] | None = None
     images = []
     for frame, kind in zip(frames, pattern, strict=True):
@@ -56,7 +57,11 @@ def run(method: Method, frames: Sequence[dict[str, Tensor]], pattern: str) -> li
 
 def gathered(scene: Shadow, pattern: str = "sus") -> Gathered:
     """What is known of the frame after these."""
-    frames = [tensors(scene.frame(index)) for index in range(len(pattern) + 1)]
+    return gathered_from([tensors(scene.frame(index)) for index in range(len(pattern) + 1)], pattern)
+
+
+def gathered_from(frames: Sequence[dict[str, Tensor]], pattern: str = "sus") -> Gathered:
+    """What the gather stage computes for the last of the frames; `pattern` is of those before."""
     history = run(GuidedFlow().eval(), frames[:-1], pattern)[-len(HISTORY) :]
     now = frames[-1]
     surface = surface_of(now["gbuffer_base_color"], now["gbuffer_normal"], now["depth"])
@@ -147,7 +152,7 @@ def sure_of(image: Tensor) -> Tensor:
     return said
 
 
-# --- the past ---
+# --- the history ---
 
 
 def test_what_a_shaded_frame_leaves_is_it_and_what_was_there_before() -> None:
@@ -169,7 +174,7 @@ def test_what_a_shaded_frame_leaves_is_it_and_what_was_there_before() -> None:
 
 @pytest.mark.parametrize("sizes", [(SIZE,) * 5, ((48, 27), (96, 54), (64, 36), (80, 45), (72, 40))])
 def test_motion_adds_up_to_that_back_to_both_shaded_frames(sizes: tuple[Size, ...]) -> None:
-    """Of a picture that is zoomed about the middle, by another factor and with another jitter each frame."""
+    """An image is zoomed about the middle, by another factor and with another jitter each frame."""
     factors, frames = (1.0, 0.95, 1.04, 0.93, 1.03), []
     for index, (factor, size) in enumerate(zip(factors, sizes, strict=True)):
         jitter = halton_jitter(index, 2.0)
@@ -233,17 +238,22 @@ def test_light_as_bright_and_as_dark_as_there_is_stays_in_the_range_of_halves() 
         frames = [tensors(SCENE.frame(index)) for index in range(4)]
         for frame in frames:
             frame["color"] = (frame["color"] * scale).clamp(max=65504.0)
-        history = run(method, frames[:3], "sus")[-len(HISTORY) :]
-        now = frames[3]
-        surface = surface_of(now["gbuffer_base_color"], now["gbuffer_normal"], now["depth"])
-        seen = method.gather(
-            surface, now["gbuffer_roughness"], now["motion"], now["jitter"], flow_history(*history)
-        )
-        for picture in seen.lights:
-            assert 0.0 <= picture.min() <= picture.max() < 1.0
+        seen = gathered_from(frames)
+        for light in seen.lights:
+            assert 0.0 <= light.min() <= light.max() < 1.0
         with torch.no_grad():
             image = method.finish(seen, method.net(*seen.lights)[0])
         assert 0.0 <= image.min() <= image.max() <= 65504.0
+
+
+def test_the_network_sees_no_light_brighter_than_toned_allows() -> None:
+    """One lamp in a dim frame."""
+    frames = [tensors(Shadow(0.0).frame(index)) for index in range(4)]
+    for frame in frames:
+        frame["color"][:, :, :12, :12] = 65504.0
+    for light in gathered_from(frames).lights:
+        assert float(light[:, :3].max()) == pytest.approx(TONED, abs=1e-7)
+        assert TONED < 1.0
 
 
 def test_the_network_says_nearly_the_same_in_half_precision() -> None:

@@ -27,7 +27,7 @@ def tensors(frame: Frame) -> dict[str, Tensor]:
     return {name: torch.from_numpy(array) for name, array in frame_inputs(frame, SIZE, names).items()}
 
 
-def drawn(frame: Frame, history: list[Tensor]) -> tuple[Float32, list[Tensor]]:
+def extrapolated(frame: Frame, history: list[Tensor]) -> tuple[Float32, list[Tensor]]:
     inputs, method = tensors(frame), GuidedWarp()
     with torch.no_grad():
         done = method.step(*(inputs[name] for name in method.inputs()), *history)
@@ -42,12 +42,12 @@ def after(frame: Frame) -> list[Tensor]:
 def second_of(
     scene: LitScene, jitters: tuple[tuple[float, float], ...] = ((0.0, 0.0), (0.0, 0.0))
 ) -> Float32:
-    """Frame 1, drawn from frame 0."""
-    return drawn(scene.frame(1, SIZE, jitters[1]), after(scene.frame(0, SIZE, jitters[0])))[0]
+    """Extrapolate frame 1 from frame 0."""
+    return extrapolated(scene.frame(1, SIZE, jitters[1]), after(scene.frame(0, SIZE, jitters[0])))[0]
 
 
 def off(image: Float32, frame: Frame) -> NDArray[np.float32]:
-    """Relative errors of a picture, (h, w)."""
+    """Relative errors of an image, (h, w)."""
     assert frame.color is not None
     return np.asarray((np.abs(image - frame.color) / np.maximum(frame.color, 0.05)).max(axis=-1))
 
@@ -115,14 +115,14 @@ def test_the_sky_keeps_its_colour_and_takes_none_of_surfaces() -> None:
 def test_black_surfaces_keep_what_they_reflect_besides() -> None:
     scene = LitScene(base=lambda x, y: 0.0 * even(x, y))
     shade = np.full((36, 64, 3), 0.2, np.float32)
-    image, _ = drawn(scene.frame(1, SIZE), after(scene.frame(0, SIZE, color=shade)))
+    image, _ = extrapolated(scene.frame(1, SIZE), after(scene.frame(0, SIZE, color=shade)))
     np.testing.assert_allclose(image, 0.2, rtol=1e-5)
 
 
 def test_without_a_shaded_frame_the_image_is_black() -> None:
     method, frame = GuidedWarp(), LitScene().frame(1, SIZE)
     nothing = method.first_history(Extent(*SIZE), Extent(*SIZE))
-    assert drawn(frame, nothing)[0].max() == 0.0
+    assert extrapolated(frame, nothing)[0].max() == 0.0
 
 
 # --- motion over several frames ---
@@ -131,7 +131,7 @@ def test_without_a_shaded_frame_the_image_is_black() -> None:
 def zoom(
     index: int, size: Size, jitter: tuple[float, float], factors: tuple[float, ...]
 ) -> NDArray[np.float32]:
-    """Motion of a picture that is zoomed about the middle by factors[index], (h, w, 2)."""
+    """Motion of an image that is zoomed about the middle by factors[index], (h, w, 2)."""
     x, y = places(size, jitter)
     away = np.stack([x - EXTENT[0] / 2, y - EXTENT[1] / 2], axis=-1)
     return np.asarray(away * (factors[index] - 1.0) * np.array(size) / EXTENT, np.float32)
@@ -160,16 +160,16 @@ def test_several_unshaded_frames_in_a_row_show_the_scene_of_each(gap: int) -> No
         if history is None:
             history = after(frame)
             continue
-        image, history = drawn(frame, history)
+        image, history = extrapolated(frame, history)
         assert off(image, frame)[9:-9, 9:-9].mean() < 0.07
 
 
 def test_frames_of_another_size_are_extrapolated_from_a_shaded_one() -> None:
     scene = LitScene(velocity=(1.0, 0.5))
-    _, history = drawn(scene.frame(1, (96, 54), (0.2, 0.1)), after(scene.frame(0, SIZE)))
+    _, history = extrapolated(scene.frame(1, (96, 54), (0.2, 0.1)), after(scene.frame(0, SIZE)))
     assert history[HISTORY.index("motion")].shape == (1, 2, 54, 96)
     assert history[HISTORY.index("color")].shape == (1, 3, 36, 64)
-    image, _ = drawn(scene.frame(2, (80, 45), (-0.4, 0.3)), history)
+    image, _ = extrapolated(scene.frame(2, (80, 45), (-0.4, 0.3)), history)
     assert off(image, scene.frame(2, (80, 45), (-0.4, 0.3)))[9:-9, 9:-9].mean() < 0.07
 
 
@@ -217,7 +217,7 @@ def test_a_sample_that_is_no_number_is_not_taken_however_often_it_could_be(name:
     inputs[name][:, :, 10, 10:14] = float("nan")
     history = method.after_shaded(inputs)
     for _ in range(3):
-        image, history = drawn(LitScene(base=even).frame(1, SIZE), history)
+        image, history = extrapolated(LitScene(base=even).frame(1, SIZE), history)
         np.testing.assert_allclose(image, 0.5, rtol=1e-4)
 
 

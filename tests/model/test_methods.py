@@ -95,7 +95,7 @@ def test_taau_leaves_no_ghost_behind_a_mover() -> None:
         truth = display_transform(scene.truth(index, DISPLAY, 8))
         for name, images in (("taau", temporal), ("bilinear", spatial)):
             errors[name] += float(np.mean((display_transform(images[index]) - truth)[revealed] ** 2))
-    assert errors["taau"] < 1.4 * errors["bilinear"]  # three times as much where the past is kept
+    assert errors["taau"] < 1.4 * errors["bilinear"]  # three times as much where the history is kept
 
 
 def test_taau_follows_a_change_of_light_at_once() -> None:
@@ -165,7 +165,7 @@ def test_without_jitter_and_motion_taa_of_a_flat_image_is_that_image() -> None:
 
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_the_classifier_renders_what_it_is_shown_whatever_is_chosen(variant: str) -> None:
-    """Untrained: the paper's network then takes half of the past, ours the running mean."""
+    """Untrained: the paper's network then blends half of the history, ours the running mean."""
     scene = Plane(dots)
     truth = scene.truth(0, DISPLAY)
     images = run_torch(VARIANTS[variant]().eval(), scene, 6)

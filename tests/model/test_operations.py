@@ -108,12 +108,12 @@ def test_the_history_is_at_the_pixel_plus_its_motion(display: Size) -> None:
     image = random_image(3, display)
     ratio = display.width / 8
     motion = torch.tensor([2.0, -1.0]).reshape(1, 2, 1, 1) / ratio  # (2, -1) display pixels
-    past = reproject(motion.expand(1, 2, *display[::-1]), display, Size(8, 6))
-    warped = read(image, past.x, past.y)
+    reprojection = reproject(motion.expand(1, 2, *display[::-1]), display, Size(8, 6))
+    warped = read(image, reprojection.x, reprojection.y)
     torch.testing.assert_close(warped[:, :, 1:, :-2], image[:, :, :-1, 2:], rtol=1e-4, atol=1e-5)
-    assert past.on_screen[:, :, 1:, :-2].all()
-    assert not past.on_screen[:, :, 0].any()
-    assert not past.on_screen[:, :, :, -2:].any()
+    assert reprojection.on_screen[:, :, 1:, :-2].all()
+    assert not reprojection.on_screen[:, :, 0].any()
+    assert not reprojection.on_screen[:, :, :, -2:].any()
 
 
 def test_dilation_takes_the_motion_of_what_is_in_front() -> None:
@@ -133,8 +133,8 @@ def test_what_was_closer_hides_what_is_behind() -> None:
     before[..., :3] = 0.1  # a wall on the left
     place = torch.tensor([0.5, 2.25, 2.5, 3.5]).reshape(1, 1, 1, 4), torch.full((1, 1, 1, 4), 2.5)
     now = torch.full((1, 1, 1, 4), 0.01)
-    hidden = disocclusion(now, before, *place, margin=0.01, ramp=0.05)
-    torch.testing.assert_close(hidden.ravel(), torch.tensor([1.0, 0.75, 0.5, 0.0]))
+    occluded = disocclusion(now, before, *place, margin=0.01, ramp=0.05)
+    torch.testing.assert_close(occluded.ravel(), torch.tensor([1.0, 0.75, 0.5, 0.0]))
     assert not disocclusion(now * 10, before, *place, margin=0.01, ramp=0.05).any()  # the wall itself
     assert not disocclusion(
         torch.full_like(now, -1.0), before, *place, margin=0.01, ramp=0.05

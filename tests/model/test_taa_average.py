@@ -37,11 +37,11 @@ def test_without_a_history_the_frame_is_all_of_the_image(has_history: float, exp
     assert (weight == 1.0).all()
 
 
-@pytest.mark.parametrize(("clip", "past"), [("sample", 0.4), ("center", 0.4), ("clamp", 0.4)])
-def test_the_history_is_cut_by_the_box_before_it_is_averaged(clip: str, past: float) -> None:
+@pytest.mark.parametrize(("clip", "cut_to"), [("sample", 0.4), ("center", 0.4), ("clamp", 0.4)])
+def test_the_history_is_cut_by_the_box_before_it_is_averaged(clip: str, cut_to: float) -> None:
     method = Taa(TaaConfig(space="rgb", clip=clip))  # type: ignore[arg-type]
     image = method.finish(gathered(Rect(plane(0.1), plane(0.4))), plane(0.1, 1), torch.ones(1))
-    torch.testing.assert_close(tone(image), plane(0.02 + 0.9 * past), rtol=1e-4, atol=1e-4)
+    torch.testing.assert_close(tone(image), plane(0.02 + 0.9 * cut_to), rtol=1e-4, atol=1e-4)
 
 
 def test_the_box_is_one_deviation_around_the_mean_and_within_the_extent() -> None:

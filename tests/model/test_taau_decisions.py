@@ -1,4 +1,4 @@
-"""The rules of `taau` by numbers worked out by hand: how much of the history counts, and what it leaves."""
+"""The rules of `taau` by numbers worked out by hand: how much of the history counts, and the next history."""
 
 import pytest
 import torch
@@ -50,9 +50,9 @@ def decided(current: CurrentFrame, warped: WarpedHistory, flash: float = 0.0) ->
     return RULES.network(current, warped, plane(flash))
 
 
-def counted(**past: float) -> float:
+def counted(**history: float) -> float:
     """Samples of the history that count."""
-    return float(decided(present(), remembered(**past)).samples)
+    return float(decided(present(), remembered(**history)).samples)
 
 
 def test_a_history_like_the_frame_counts_whole_up_to_a_limit() -> None:
@@ -118,13 +118,13 @@ def test_samples_are_forgotten_as_the_history_lies_outside_the_box() -> None:
 def test_a_flash_keeps_the_history_where_contrast_rises_and_light_has_not_changed() -> None:
     """Deviation is 0.05 in the history."""
     risen = present(shade=(0.5, 0.1))
-    past = remembered(samples=10.0, surface=0.5)
-    assert not decided(risen, past).unconfirmed
-    blend = decided(risen, past, flash=1.0)
+    history = remembered(samples=10.0, surface=0.5)
+    assert not decided(risen, history).unconfirmed
+    blend = decided(risen, history, flash=1.0)
     assert blend.unconfirmed
     assert float(blend.kept) == pytest.approx(5.0)
-    assert not decided(present(shade=(0.5, 0.05)), past, flash=1.0).unconfirmed
-    assert decided(present(shade=(0.5, 0.05)), past, flash=2.0).unconfirmed, "of a frame like the last one"
+    assert not decided(present(shade=(0.5, 0.05)), history, flash=1.0).unconfirmed
+    assert decided(present(shade=(0.5, 0.05)), history, flash=2.0).unconfirmed, "of a frame like the last one"
     assert not decided(risen, remembered(mean=0.1), flash=1.0).unconfirmed
 
 
@@ -157,7 +157,12 @@ def test_contrast_is_compared_at_the_exposure_of_this_frame() -> None:
 
 
 def finished(
-    past: WarpedHistory, *, samples: float, weight: float = 0.2, spreads: float = 1.0, confidence: float = 0.5
+    history: WarpedHistory,
+    *,
+    samples: float,
+    weight: float = 0.2,
+    spreads: float = 1.0,
+    confidence: float = 0.5,
 ) -> tuple[float, float, float]:
     """Toned luma of the image, count and power."""
     blend = Blend(
@@ -169,17 +174,17 @@ def finished(
         plane(samples),
         torch.zeros(1, 1, 1, 1, dtype=torch.bool),
     )
-    image, state = RULES.finish(present(confidence), past, blend, torch.tensor([2.0]))
+    image, state = RULES.finish(present(confidence), history, blend, torch.tensor([2.0]))
     green = float(image[0, 1] * 2.0)
     return green / (1.0 + green), float(state[0, 0]), float(state[0, 1])
 
 
 def test_a_settled_history_takes_the_samples_near_a_pixel_and_a_young_one_the_frame() -> None:
-    past = remembered(luma=0.2)
-    assert finished(past, samples=4.0)[0] == pytest.approx(0.2 + 0.2 * (0.5 - 0.2), rel=1e-4)
+    history = remembered(luma=0.2)
+    assert finished(history, samples=4.0)[0] == pytest.approx(0.2 + 0.2 * (0.5 - 0.2), rel=1e-4)
     young = 0.3 + 0.5 * (0.5 - 0.3)
-    assert finished(past, samples=0.5 * C.settled)[0] == pytest.approx(0.2 + 0.2 * (young - 0.2), rel=1e-4)
-    assert finished(past, samples=0.5e-3)[0] == pytest.approx(0.3, rel=1e-4)
+    assert finished(history, samples=0.5 * C.settled)[0] == pytest.approx(0.2 + 0.2 * (young - 0.2), rel=1e-4)
+    assert finished(history, samples=0.5e-3)[0] == pytest.approx(0.3, rel=1e-4)
 
 
 def test_the_count_grows_by_the_confidence() -> None:
@@ -190,7 +195,7 @@ def test_the_count_grows_by_the_confidence() -> None:
     ("luma", "off"), [(0.4, 0.1), (0.6, 0.1), (0.1, 0.1 + C.spread_step), (0.9, 0.1 + C.spread_step)]
 )
 def test_the_spread_follows_how_far_samples_are_off_by_no_more_than_a_step(luma: float, off: float) -> None:
-    """A mean over spread_samples of squares of sample - past, 0.5 - `luma`; the spread so far is 0.1."""
+    """A mean over spread_samples of squares of sample - history, 0.5 - `luma`; the spread so far is 0.1."""
     for samples in (4.0, 100.0):
         rate = 0.5 / (min(samples, C.spread_samples) + 0.5)
         power = finished(remembered(luma=luma, power=0.01), samples=samples)[2]

@@ -1,7 +1,7 @@
 """Mutate a random sample of places and print the changes that no test notices.
 
-MUTATIONS=300 places, at most MINUTES=60 minutes, SEED=0, ONLY=part of a path. What has been found is kept in
-out/mutation and not done again for the same seed while the files are the same.
+MUTATIONS=300 places, run from the FIRST=1 on, at most MINUTES=60 minutes, SEED=0, ONLY=part of a path.
+Results are kept in out/mutation: the same mutant is not run again while its file and tests are the same.
 """
 
 import hashlib
@@ -143,7 +143,7 @@ def chosen_mutants(targets: list[str], count: int, seed: int) -> list[Mutant]:
 def main() -> None:
     """Run."""
     settings = os.environ.get
-    count, seed = int(settings("MUTATIONS", "300")), int(settings("SEED", "0"))
+    count, first, seed = (int(settings(*s)) for s in (("MUTATIONS", "300"), ("FIRST", "1"), ("SEED", "0")))
     end = time.monotonic() + 60.0 * float(settings("MINUTES", "60"))
     sys.dont_write_bytecode = True
     os.environ |= {"PYTHONDONTWRITEBYTECODE": "1", "OMP_NUM_THREADS": "1"}
@@ -155,7 +155,7 @@ def main() -> None:
     importers, results = importers_of(targets_of(TREE)), Results(OUT / "results.jsonl")
     mutants = chosen_mutants(targets, count, seed)
     done: list[tuple[Mutant, StepResult]] = []
-    for i, mutant in enumerate(mutants, 1):
+    for i, mutant in list(enumerate(mutants, 1))[first - 1 :]:
         started, key = time.monotonic(), key_of(mutant)
         if started > end:
             print("out of time; the same command goes on from here")

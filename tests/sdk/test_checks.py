@@ -1,4 +1,4 @@
-"""The pixel-reading checks: silent on right frames, and on wrong ones they name the mistake and its cure."""
+"""Tests of `FrameChecker`: no warning for correct frames, the right message for each mistake."""
 
 from dataclasses import replace
 from typing import Any

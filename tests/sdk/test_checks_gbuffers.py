@@ -1,4 +1,4 @@
-"""Where the checks of G-buffers begin to speak: just short of each threshold they are silent."""
+"""Tests of the thresholds of the G-buffer checks: no warning just below each."""
 
 from typing import Any
 
@@ -110,6 +110,14 @@ def test_a_distance_grows_where_depth_falls() -> None:
     assert "a distance: it grows" in complaint("gbuffer_display_depth", np.float32(0.03) / doubled(SLOPE))
     flat = np.full((HEIGHT, WIDTH), 0.3, np.float32)
     assert "distance: it" not in complaint("gbuffer_display_depth", np.float32(0.09) / doubled(flat), flat)
+
+
+def test_surfaces_at_nearly_one_distance_do_not_tell_depth_from_distance() -> None:
+    """Depths that differ by a few hundredths: noise may look like a distance."""
+    for width, found in ((0.03, False), (0.3, True)):
+        near_one = (0.3 * (1.0 + width * (SLOPE - SLOPE.mean()) / np.ptp(SLOPE))).astype(np.float32)
+        said = complaint("gbuffer_display_depth", np.float32(0.09) / doubled(near_one), near_one)
+        assert ("a distance: it grows" in said) is found
 
 
 def test_depth_is_0_at_the_sky_and_never_less() -> None:

@@ -1,4 +1,4 @@
-"""The command: resumable, never a half-written or wrong picture, errors in one line, quick to answer."""
+"""Tests of the `supersampler` command: resuming, complete output files, one-line errors, fast `--help`."""
 
 import json
 import os
@@ -66,17 +66,17 @@ def upscaled(path: Path, display_size: tuple[int, int]) -> list[np.ndarray]:
     return [upscaler.step(item.frame) for item in Shot.open(path)]
 
 
-def pictures(folder: Path) -> dict[str, tuple[bytes, int]]:
+def image_files(folder: Path) -> dict[str, tuple[bytes, int]]:
     return {path.name: (path.read_bytes(), path.stat().st_mtime_ns) for path in sorted(folder.glob("*.exr"))}
 
 
 def interrupt_at(index: int, monkeypatch: pytest.MonkeyPatch) -> None:
     write: Callable[..., None] = Results.write
 
-    def stop(self: Results, at: int, *picture: Any) -> None:
+    def stop(self: Results, at: int, *pixels: Any) -> None:
         if at == index:
             raise KeyboardInterrupt
-        write(self, at, *picture)
+        write(self, at, *pixels)
 
     monkeypatch.setattr(Results, "write", stop)
 
@@ -113,8 +113,8 @@ def test_upscale_writes_what_the_library_makes(shot: Path, tmp_path: Path) -> No
     assert run("upscale", shot, "-o", tmp_path / "out").exit_code == 0
     for index, image in enumerate(upscaled(shot, (16, 12))):
         channels = read_exr(tmp_path / "out" / f"{index:04d}.exr")
-        picture = np.stack([channels[name] for name in "RGB"], axis=-1)
-        np.testing.assert_array_equal(picture, image.astype(np.float16))
+        pixels = np.stack([channels[name] for name in "RGB"], axis=-1)
+        np.testing.assert_array_equal(pixels, image.astype(np.float16))
 
 
 @pytest.mark.parametrize(("option", "size"), [("--scale=1.5", (9, 12)), ("--display-size=20x10", (10, 20))])
@@ -141,29 +141,31 @@ def test_a_stopped_run_continues_to_the_same_images(
         stopped = run("upscale", shot, "-o", tmp_path / "out")
     assert stopped.exit_code == 130
     assert f"{stop} of {COUNT} frames are complete" in stopped.stderr
-    before = pictures(tmp_path / "out")
+    before = image_files(tmp_path / "out")
     assert run("upscale", shot, "-o", tmp_path / "out").exit_code == 0
-    after = pictures(tmp_path / "out")
+    after = image_files(tmp_path / "out")
     assert {name: after[name] for name in before} == before  # neither changed nor written anew
-    assert [data for data, _ in after.values()] == [data for data, _ in pictures(tmp_path / "whole").values()]
+    assert [data for data, _ in after.values()] == [
+        data for data, _ in image_files(tmp_path / "whole").values()
+    ]
 
 
 def test_a_complete_run_is_not_done_again(shot: Path, tmp_path: Path) -> None:
     run("upscale", shot, "-o", tmp_path / "out")
-    before = pictures(tmp_path / "out")
+    before = image_files(tmp_path / "out")
     again = run("upscale", shot, "-o", tmp_path / "out")
-    assert (again.exit_code, pictures(tmp_path / "out")) == (0, before)
+    assert (again.exit_code, image_files(tmp_path / "out")) == (0, before)
     assert f"All {COUNT} frames are there already" in again.stderr
 
 
 def test_a_page_that_is_asked_for_later_has_all_frames(shot: Path, tmp_path: Path) -> None:
     run("upscale", shot, "-o", tmp_path / "out")
-    before = pictures(tmp_path / "out")
+    before = image_files(tmp_path / "out")
     assert run("upscale", shot, "-o", tmp_path / "out", "--compare").exit_code == 0
     html = (tmp_path / "out" / "compare.html").read_text(encoding="utf-8")
     assert html.count('/output">data:') == COUNT
     assert html.count('/error">data:') == 1
-    assert pictures(tmp_path / "out") == before
+    assert image_files(tmp_path / "out") == before
 
 
 def test_other_settings_need_overwrite(shot: Path, tmp_path: Path) -> None:
@@ -173,7 +175,7 @@ def test_other_settings_need_overwrite(shot: Path, tmp_path: Path) -> None:
     assert "method was classifier, is now bilinear" in message
     assert "--overwrite" in message
     assert run(*other, "--overwrite").exit_code == 0
-    assert len(pictures(tmp_path / "out")) == COUNT
+    assert len(image_files(tmp_path / "out")) == COUNT
     assert list((tmp_path / "out").glob("*.png")) == []  # the earlier run's
 
 
@@ -181,11 +183,11 @@ def test_overwrite_keeps_what_is_there_until_the_new_settings_are_known_to_do(
     shot: Path, tmp_path: Path
 ) -> None:
     run("upscale", shot, "-o", tmp_path / "out")
-    before = pictures(tmp_path / "out")
+    before = image_files(tmp_path / "out")
     assert "want a ratio from" in one_line(
         run("upscale", shot, "-o", tmp_path / "out", "--scale=9", "--overwrite")
     )
-    assert pictures(tmp_path / "out") == before
+    assert image_files(tmp_path / "out") == before
 
 
 def test_a_doubtful_frame_is_named(tmp_path: Path) -> None:
@@ -198,7 +200,7 @@ def test_a_doubtful_frame_is_named(tmp_path: Path) -> None:
     assert "warning: frame 1: frame.color" in warned.stderr
     stopped = run("upscale", tmp_path / "shot", "-o", tmp_path / "strict", "--validate", "strict")
     assert f"{tmp_path / 'shot'}: frame 1: frame.color" in one_line(stopped)
-    assert list(pictures(tmp_path / "strict")) == ["0000.exr"]
+    assert list(image_files(tmp_path / "strict")) == ["0000.exr"]
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Any file given to any command ends in one line of error, never in a traceback."""
+"""Tests that damaged or strange input files give one line of error, never a traceback."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""The page is one file that needs nothing else, appears only when complete, and shows what it was given."""
+"""Tests of compare.html: self-contained, written atomically, with the right layers and numbers."""
 
 import base64
 import json
@@ -18,7 +18,7 @@ from supersampler.io.compare import ERROR_SCALE, PSNR, About, compare_layers, co
 ABOUT = About(title="a <b>shot</b> </script>", method="taau", display_size=(8, 6))
 
 
-def picture(seed: int, width: int = 8, height: int = 6) -> NDArray[np.uint8]:
+def pixels(seed: int, width: int = 8, height: int = 6) -> NDArray[np.uint8]:
     return np.random.default_rng(seed).integers(0, 256, (height, width, 3), np.uint8)
 
 
@@ -28,7 +28,7 @@ def summary(html: str) -> dict[str, object]:
     return content
 
 
-def pictures(html: str) -> dict[str, tuple[str, bytes]]:
+def images(html: str) -> dict[str, tuple[str, bytes]]:
     found = re.findall(r'<script type="text/plain" id="(.*?)">data:image/(\w+);base64,(.*?)</script>', html)
     return {name: (kind, base64.b64decode(data)) for name, kind, data in found}
 
@@ -36,8 +36,8 @@ def pictures(html: str) -> dict[str, tuple[str, bytes]]:
 @pytest.fixture
 def html(tmp_path: Path) -> str:
     with compare_page(tmp_path / "compare.html", ABOUT) as page:
-        page.add(3, {"input": picture(1), "output": picture(2)})
-        page.add(5, {"input": picture(3), "output": picture(4), "class map": picture(5)}, {"dB": 30.0})
+        page.add(3, {"input": pixels(1), "output": pixels(2)})
+        page.add(5, {"input": pixels(3), "output": pixels(4), "class map": pixels(5)}, {"dB": 30.0})
     return (tmp_path / "compare.html").read_text(encoding="utf-8")
 
 
@@ -61,18 +61,18 @@ def test_text_from_a_shot_cannot_become_markup(html: str) -> None:
 
 
 def test_small_images_come_back_to_the_byte(html: str, tmp_path: Path) -> None:
-    kind, data = pictures(html)["5/class map"]
+    kind, data = images(html)["5/class map"]
     (tmp_path / "back.png").write_bytes(data)
     assert kind == "png"
     image = ImageInput.open(str(tmp_path / "back.png"))
     assert image is not None
-    np.testing.assert_array_equal(image.read_image("uint8"), picture(5))
+    np.testing.assert_array_equal(image.read_image("uint8"), pixels(5))
 
 
 def test_large_images_are_jpeg(tmp_path: Path) -> None:
     with compare_page(tmp_path / "compare.html", ABOUT) as page:
-        page.add(0, {"output": picture(0, 640, 360)})
-    kind, _ = pictures((tmp_path / "compare.html").read_text(encoding="utf-8"))["0/output"]
+        page.add(0, {"output": pixels(0, 640, 360)})
+    kind, _ = images((tmp_path / "compare.html").read_text(encoding="utf-8"))["0/output"]
     assert kind == "jpeg"
 
 
@@ -80,7 +80,7 @@ def test_a_run_that_stops_leaves_the_page_that_was_there(tmp_path: Path) -> None
     path = tmp_path / "compare.html"
     path.write_text("the old one")
     with suppress(KeyboardInterrupt), compare_page(path, ABOUT) as page:
-        page.add(0, {"output": picture(0)})
+        page.add(0, {"output": pixels(0)})
         raise KeyboardInterrupt
     assert path.read_text() == "the old one"
     assert list(tmp_path.iterdir()) == [path]
@@ -95,9 +95,9 @@ def test_a_page_without_frames_is_not_written(tmp_path: Path) -> None:
 
 def test_frames_out_of_order_are_refused(tmp_path: Path) -> None:
     with compare_page(tmp_path / "compare.html", ABOUT) as page:
-        page.add(2, {"output": picture(0)})
+        page.add(2, {"output": pixels(0)})
         with pytest.raises(ArgumentError, match="index is 2; want frames in order, more than 2"):
-            page.add(2, {"output": picture(0)})
+            page.add(2, {"output": pixels(0)})
 
 
 def test_error_and_psnr_are_those_of_the_shown_images() -> None:

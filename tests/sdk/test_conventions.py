@@ -1,4 +1,4 @@
-"""Conventions: there and back again over all fields, the vendors' own formulas, and what is refused."""
+"""Tests of `Conventions`: round trips over all fields, the vendors' formulas, refused values."""
 
 import json
 from collections.abc import Callable
@@ -175,14 +175,14 @@ def test_jittered_motion_of_a_projected_point_loses_its_jitter() -> None:
 
 
 def test_jittered_motion_leads_to_the_same_colour_in_the_jittered_image() -> None:
-    """The picture is a ramp that moves by (2, 1); a pixel's colour is the ramp at its centre + jitter."""
+    """The image is a ramp that moves by (2, 1); a pixel's colour is the ramp at its centre + jitter."""
     x, y = np.meshgrid(np.arange(9.0), np.arange(7.0))
 
-    def picture(jitter: tuple[float, float], moved: tuple[float, float]) -> Any:
+    def rendered(jitter: tuple[float, float], moved: tuple[float, float]) -> Any:
         return (x + jitter[0] - moved[0]) + 10 * (y + jitter[1] - moved[1])
 
     previous, current = (0.25, -0.375), (-0.5, 0.125)
-    before, now = picture(previous, (0, 0)), picture(current, (2, 1))
+    before, now = rendered(previous, (0, 0)), rendered(current, (2, 1))
     there = Conventions(motion_jittered=True).converter()
     depth, motion = np.ones((7, 9), np.float32), np.tile(np.array((-2, -1), np.float32), (7, 9, 1))
     there.from_frame(Frame(color=None, depth=depth, motion=motion, jitter=previous))

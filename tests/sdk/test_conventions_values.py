@@ -1,4 +1,4 @@
-"""Numbers that conversions give, worked out by hand: what comes back unchanged may be wrong both ways."""
+"""Tests of converted values against numbers computed by hand, as round trips can hide errors."""
 
 import math
 from typing import Any
@@ -108,7 +108,7 @@ def test_a_jitter_of_half_a_pixel_survives_rounding_and_a_longer_one_is_refused(
 
 
 def test_jittered_motion_loses_the_difference_of_both_jitters() -> None:
-    """Previous minus current, drawn at p - jitter, holds - previous + current jitter."""
+    """Previous minus current, rendered at p - jitter, holds - previous + current jitter."""
     converter = Conventions(motion_jittered=True).converter()
     first = converter.to_frame(raw(jitter=(0.1, 0.2)))
     second = converter.to_frame(raw(jitter=(0.4, -0.3)))

@@ -1,4 +1,4 @@
-"""Kernels on this processor draw what the graph draws, whatever the number of threads."""
+"""The CPU backend computes what the ONNX backend computes, whatever the number of threads."""
 
 import os
 import subprocess
@@ -30,7 +30,7 @@ SIZES = [
     ((1, 1), (2, 2)),
 ]
 BYTES, ROUNDING = (3e-3, 0.03), (1e-5, 1e-3)
-"""Mean difference, and that at 99 % of the pixels, of pictures in [0, 1]: a network in bytes, the rest."""
+"""Mean difference, and that at 99 % of the pixels, of images in [0, 1]: with an int8 network, without."""
 
 
 @pytest.fixture(scope="module")
@@ -132,20 +132,20 @@ def test_a_frame_whose_exposure_is_an_outlier_is_not_accumulated(
 @pytest.mark.parametrize("method", METHODS)
 def test_real_frames_come_out_alike_and_stay_so(models: dict[tuple[str, str], Model], method: str) -> None:
     frames = [item.frame for item in Shot.open("plaza")][:12]
-    pictures = step_both(models, method, frames, (480, 270))
-    for one, other in (pictures[0], pictures[5], pictures[11]):
+    pairs = step_both(models, method, frames, (480, 270))
+    for one, other in (pairs[0], pairs[5], pairs[11]):
         compare(one.image, other.image, method)
 
 
 @pytest.mark.parametrize("method", METHODS)
 def test_the_number_of_threads_changes_no_bit(method: str) -> None:
-    drawn = []
+    images = []
     for threads in (1, 2, 5):
         model = Model.load(method, threads=threads, executor="cpu")
         upscaler = Upscaler(model, display_size=(97, 55), validate="off")
-        drawn.append([upscaler.step(noise(seed, (48, 27), exposure=None)) for seed in range(4)])
-    np.testing.assert_array_equal(drawn[0], drawn[1])
-    np.testing.assert_array_equal(drawn[0], drawn[2])
+        images.append([upscaler.step(noise(seed, (48, 27), exposure=None)) for seed in range(4)])
+    np.testing.assert_array_equal(images[0], images[1])
+    np.testing.assert_array_equal(images[0], images[2])
 
 
 @pytest.mark.parametrize("method", METHODS)

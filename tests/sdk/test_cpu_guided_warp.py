@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from alternating import drawn_by_torch
+from alternating import extrapolated_by_torch
 from lit_scene import LitScene
 from noise import Size, noise
 from supersampler import Frame, halton_jitter
@@ -29,12 +29,12 @@ def made(executor: ExecutorName, threads: int = 2) -> Extrapolator:
 
 
 @pytest.fixture(scope="module")
-def graph() -> Extrapolator:
+def onnx_backend() -> Extrapolator:
     return made("onnx")
 
 
 @pytest.fixture(scope="module")
-def host() -> Extrapolator:
+def cpu_backend() -> Extrapolator:
     return made("auto")
 
 
@@ -49,13 +49,13 @@ def surfaces(seed: int, size: Size = (32, 18), **overrides: Any) -> Frame:
     return replace(frame, depth=look[kind, 6], motion=motion, gbuffer=gbuffer, reset=False, **overrides)
 
 
-def drawn(model: Extrapolator, frames: list[Frame], pattern: str) -> list[Float32]:
-    past, images = None, []
+def extrapolated(model: Extrapolator, frames: list[Frame], pattern: str) -> list[Float32]:
+    history, images = None, []
     for frame, kind in zip(frames, pattern, strict=True):
         if kind == "s":
-            past = model.after_shaded(frame, past)
+            history = model.after_shaded(frame, history)
             continue
-        image, past = model.extrapolate(replace(frame, color=None), past)
+        image, history = model.extrapolate(replace(frame, color=None), history)
         images.append(image)
     return images
 
@@ -71,20 +71,26 @@ def check_alike(ones: list[Float32], others: list[Float32]) -> None:
 
 
 @pytest.mark.parametrize("size", SIZES)
-def test_kernels_compute_what_the_graph_computes(graph: Extrapolator, host: Extrapolator, size: Size) -> None:
+def test_kernels_compute_what_the_graph_computes(
+    onnx_backend: Extrapolator, cpu_backend: Extrapolator, size: Size
+) -> None:
     frames = [surfaces(seed, size) for seed in range(7)]
-    check_alike(drawn(graph, frames, "suuusuu"), drawn(host, frames, "suuusuu"))
+    check_alike(extrapolated(onnx_backend, frames, "suuusuu"), extrapolated(cpu_backend, frames, "suuusuu"))
 
 
-def test_frames_of_changing_size_come_out_alike(graph: Extrapolator, host: Extrapolator) -> None:
+def test_frames_of_changing_size_come_out_alike(
+    onnx_backend: Extrapolator, cpu_backend: Extrapolator
+) -> None:
     frames = [surfaces(seed, size) for seed, size in enumerate([*SIZES, *SIZES])]
-    check_alike(drawn(graph, frames, "suuusuuuusuu"), drawn(host, frames, "suuusuuuusuu"))
+    check_alike(
+        extrapolated(onnx_backend, frames, "suuusuuuusuu"), extrapolated(cpu_backend, frames, "suuusuuuusuu")
+    )
 
 
-def test_a_real_scene_is_extrapolated_as_torch_does(host: Extrapolator) -> None:
+def test_a_real_scene_is_extrapolated_as_torch_does(cpu_backend: Extrapolator) -> None:
     frames = [SCENE.frame(index, (97, 55), halton_jitter(index, 2.0)) for index in range(9)]
-    expected = drawn_by_torch(GuidedWarp(), lambda index: frames[index], "susuusuuu")
-    images = drawn(host, frames, "susuusuuu")
+    expected = extrapolated_by_torch(GuidedWarp(), lambda index: frames[index], "susuusuuu")
+    images = extrapolated(cpu_backend, frames, "susuusuuu")
     for one, other in zip([each for each in expected if each is not None], images, strict=True):
         assert np.quantile(np.abs(one - other), 0.999) <= 1e-4
 
@@ -92,7 +98,7 @@ def test_a_real_scene_is_extrapolated_as_torch_does(host: Extrapolator) -> None:
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, -1.0, 1e30, 1e-42])
 @pytest.mark.parametrize("shaded", [True, False])
 def test_hostile_pixels_do_the_same_on_both(
-    graph: Extrapolator, host: Extrapolator, bad: float, *, shaded: bool
+    onnx_backend: Extrapolator, cpu_backend: Extrapolator, bad: float, *, shaded: bool
 ) -> None:
     frames = [surfaces(seed) for seed in range(4)]
     index = 0 if shaded else 1
@@ -101,22 +107,22 @@ def test_hostile_pixels_do_the_same_on_both(
     fields: dict[str, Any] = {n: spoilt(getattr(frames[index], n), spots, bad) for n in ("depth", "motion")}
     color = spoilt(frames[index].color, spots[::-1], bad)
     frames[index] = replace(frames[index], gbuffer=gbuffer, color=color, **fields)
-    check_alike(drawn(graph, frames, "suuu"), drawn(host, frames, "suuu"))
+    check_alike(extrapolated(onnx_backend, frames, "suuu"), extrapolated(cpu_backend, frames, "suuu"))
 
 
 def test_without_any_depth_in_the_shaded_frame_its_samples_are_told_apart_by_their_other_features(
-    graph: Extrapolator, host: Extrapolator
+    onnx_backend: Extrapolator, cpu_backend: Extrapolator
 ) -> None:
     frames = [surfaces(seed) for seed in range(3)]
     assert frames[0].gbuffer is not None
     lit = frames[0].gbuffer["base_color"] + np.float32(GUIDED_WARP.config().least)  # light of one everywhere
     lit[:, :16] *= 3.0 * frames[0].gbuffer["base_color"][:, :16]  # or of the surface itself
     frames[0] = replace(frames[0], color=lit, depth=np.full((18, 32), np.nan, np.float32))
-    images = drawn(host, frames, "suu")
-    check_alike(drawn(graph, frames, "suu"), images)
+    images = extrapolated(cpu_backend, frames, "suu")
+    check_alike(extrapolated(onnx_backend, frames, "suu"), images)
     known = replace(frames[0], depth=np.ones((18, 32), np.float32))
     flat = [known, *(replace(frame, depth=known.depth) for frame in frames[1:])]
-    check_alike(drawn(host, flat, "suu"), images)
+    check_alike(extrapolated(cpu_backend, flat, "suu"), images)
 
 
 def spoilt(image: Any, spots: Any, bad: float) -> Float32:
@@ -127,49 +133,52 @@ def spoilt(image: Any, spots: Any, bad: float) -> Float32:
 
 def test_the_number_of_threads_changes_no_bit() -> None:
     frames = [surfaces(seed, (97, 55)) for seed in range(5)]
-    one, two, five = (drawn(made("auto", threads), frames, "suusu") for threads in (1, 2, 5))
+    one, two, five = (extrapolated(made("auto", threads), frames, "suusu") for threads in (1, 2, 5))
     np.testing.assert_array_equal(one, two)
     np.testing.assert_array_equal(one, five)
 
 
 def test_a_history_goes_from_the_cpu_backend_to_the_onnx_backend_and_back(
-    graph: Extrapolator, host: Extrapolator
+    onnx_backend: Extrapolator, cpu_backend: Extrapolator
 ) -> None:
     frames = [surfaces(seed) for seed in range(4)]
-    for one, other in ((graph, host), (host, graph)):
-        _, past = one.extrapolate(replace(frames[1], color=None), one.after_shaded(frames[0]))
+    for one, other in ((onnx_backend, cpu_backend), (cpu_backend, onnx_backend)):
+        _, history = one.extrapolate(replace(frames[1], color=None), one.after_shaded(frames[0]))
         last = replace(frames[2], color=None)
         check_alike(
-            [one.extrapolate(last, past)[0]], [other.extrapolate(last, other.load(one.save(past)))[0]]
+            [one.extrapolate(last, history)[0]], [other.extrapolate(last, other.load(one.save(history)))[0]]
         )
 
 
-def test_frames_are_read_whatever_they_lie_in_memory(host: Extrapolator) -> None:
+def test_frames_are_read_whatever_they_lie_in_memory(cpu_backend: Extrapolator) -> None:
     first, frame = surfaces(0), replace(surfaces(1), color=None)
     fields: dict[str, Any] = {name: np.asfortranarray(getattr(frame, name)) for name in ("depth", "motion")}
     gbuffer = {name: np.asfortranarray(image) for name, image in (frame.gbuffer or {}).items()}
-    past = host.after_shaded(first)
+    history = cpu_backend.after_shaded(first)
     np.testing.assert_array_equal(
-        host.extrapolate(frame, past)[0], host.extrapolate(replace(frame, gbuffer=gbuffer, **fields), past)[0]
+        cpu_backend.extrapolate(frame, history)[0],
+        cpu_backend.extrapolate(replace(frame, gbuffer=gbuffer, **fields), history)[0],
     )
 
 
-def test_what_a_frame_leaves_is_not_written_to(host: Extrapolator) -> None:
-    past = host.after_shaded(surfaces(0))
-    before = host.save(past)
-    host.extrapolate(replace(surfaces(1), color=None), past)
-    after = host.save(past)
+def test_what_a_frame_leaves_is_not_written_to(cpu_backend: Extrapolator) -> None:
+    history = cpu_backend.after_shaded(surfaces(0))
+    before = cpu_backend.save(history)
+    cpu_backend.extrapolate(replace(surfaces(1), color=None), history)
+    after = cpu_backend.save(history)
     for name, array in before.items():
         np.testing.assert_array_equal(array, after[name])
 
 
-def test_a_cpu_takes_kernels_unless_it_is_told_not_to(graph: Extrapolator, host: Extrapolator) -> None:
-    assert host.executor == "cpu"
-    assert graph.executor == "onnx"
+def test_a_cpu_takes_kernels_unless_it_is_told_not_to(
+    onnx_backend: Extrapolator, cpu_backend: Extrapolator
+) -> None:
+    assert cpu_backend.executor == "cpu"
+    assert onnx_backend.executor == "onnx"
 
 
 @pytest.mark.parametrize("changed", [{"taps": 3}, {"strides": [3, 1]}, {"strides": []}])
 def test_kernels_draw_with_no_settings_that_they_are_not_made_for(changed: dict[str, Any]) -> None:
     config = read_model_info(find_model("guided-warp")).config
-    assert GuidedWarpCpu.draws(config)
-    assert not GuidedWarpCpu.draws({**config, **changed})
+    assert GuidedWarpCpu.supports(config)
+    assert not GuidedWarpCpu.supports({**config, **changed})

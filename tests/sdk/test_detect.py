@@ -1,4 +1,4 @@
-"""The detector finds each planted mistake on the shipped shot, and says so where it cannot tell."""
+"""Tests of `detect_conventions` on the shipped shot: each wrong convention is found or called uncertain."""
 
 from dataclasses import replace
 from itertools import product
@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 
 from supersampler.conventions import Conventions, RawFrame
+from supersampler.conventions.jitter import halton_jitter
 from supersampler.errors import ArgumentError
 from supersampler.frame import Frame
 from supersampler.io.shot import Shot
 from supersampler.validation import Detection, detect_conventions
+from supersampler_model.data.scenes.analytic import Plane, checker
 
 FIELDS = (
     "motion_unit", "motion_direction", "motion_flip_y", "motion_jittered",
@@ -150,6 +152,18 @@ def test_exchanged_axes_are_noted(frames: list[Frame]) -> None:
     assert any("motion[..., ::-1]" in note for note in detect_conventions(motion).notes)
     jitter = [replace(raw, jitter=raw.jitter[::-1]) for raw in raws if raw.jitter is not None]
     assert any("frame.jitter is (y, x)" in note for note in detect_conventions(jitter).notes)
+
+
+def test_frames_of_two_sizes_are_read_size_by_size() -> None:
+    scene, conventions = Plane(checker, (2.0, 1.0)), Conventions(motion_jittered=True)
+    sizes = [(160, 90)] * 3 + [(96, 54)] * 3
+    frames = [scene.frame(i, size, halton_jitter(i, 2.0)) for i, size in enumerate(sizes)]
+    detection = detect_conventions(planted(frames, conventions))
+    assert detection.motion.certain
+    assert detection.jitter.certain
+    assert detection.conventions == conventions
+    alternating = planted([frames[i] for i in (0, 1, 3, 4)], conventions)
+    assert "three frames of one size" in detect_conventions(alternating).jitter.reason
 
 
 def test_one_frame_is_too_few(frames: list[Frame]) -> None:

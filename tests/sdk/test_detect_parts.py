@@ -1,4 +1,4 @@
-"""What the detector looks at, and how it reads that under a hypothesis."""
+"""Tests of the detector's parts: chosen frames, jitter readings, rankings."""
 
 from typing import Any
 

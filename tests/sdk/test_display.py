@@ -1,4 +1,4 @@
-"""The display transform is DESIGN.md section 7, and no pixel, however broken, gets out of [0, 1]."""
+"""Tests of the display transform and of measured exposure, with invalid pixels, too."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from supersampler.io.display import ExposureMeter, auto_exposure, display_transform, srgb_oetf, to_uint8
+from supersampler.conventions.srgb import srgb_encoded
+from supersampler.io.display import ExposureMeter, auto_exposure, display_transform, to_uint8
 
 HOSTILE = np.array(
     [[[np.nan, np.inf, -np.inf], [-1.0, 65504.0, 1e-45]], [[0.0, 0.0, 0.0], [1e38, 1.0, 0.5]]], np.float32
@@ -19,12 +20,12 @@ def grey(value: float) -> np.ndarray:
 
 @pytest.mark.parametrize(("linear", "encoded"), [(0.0, 0.0), (0.001, 0.01292), (0.5, 0.735357), (1.0, 1.0)])
 def test_srgb_is_the_standard_one(linear: float, encoded: float) -> None:
-    assert srgb_oetf(grey(linear))[0, 0, 0] == pytest.approx(encoded, abs=1e-5)
+    assert srgb_encoded(grey(linear))[0, 0, 0] == pytest.approx(encoded, abs=1e-5)
 
 
 def test_the_curve_divides_by_one_plus_the_largest_channel() -> None:
     color = np.array([[[3.0, 1.0, 0.5]]], np.float32)
-    expected = srgb_oetf(color * 2.0 / (1.0 + 6.0))
+    expected = srgb_encoded(color * 2.0 / (1.0 + 6.0))
     np.testing.assert_allclose(display_transform(color, 2.0), expected, rtol=1e-6)
 
 

@@ -1,4 +1,4 @@
-"""Frames that were not shaded, through an Upscaler: what they are drawn from, and what is refused."""
+"""Unshaded frames through an Upscaler: what they are extrapolated from, and what is refused."""
 
 import json
 import pickle
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from alternating import alternate, drawn_by_torch
+from alternating import alternate, extrapolated_by_torch
 from lit_scene import LitScene
 from noise import noise
 from supersampler import (
@@ -62,7 +62,7 @@ def without(frame: Frame, name: str) -> Frame:
 @pytest.mark.parametrize("pattern", ["susu", "suusuuus", "ssuuu"])
 def test_the_method_steps_on_the_extrapolated_colour(taau: Model, pattern: str) -> None:
     images, plain = run(make(taau), pattern), Upscaler(taau, display_size=DISPLAY, validate="off")
-    colors = drawn_by_torch(GuidedWarp(), shaded, pattern)
+    colors = extrapolated_by_torch(GuidedWarp(), shaded, pattern)
     for index, (image, color) in enumerate(zip(images, colors, strict=True)):
         frame = shaded(index) if color is None else shaded(index, color=np.ascontiguousarray(color))
         off = np.abs(plain.step(frame) - image)
@@ -264,8 +264,8 @@ def test_stats_tell_extrapolated_frames_from_shaded_ones(taau: Model) -> None:
 
 
 @pytest.mark.parametrize("model", ["taau", "classifier-small"])
-def test_what_stands_still_may_rest(model: str) -> None:
-    """Kernels that leave tiles as they are look at drawn colours as at others."""
+def test_static_tiles_are_reused_where_frames_are_extrapolated(model: str) -> None:
+    """Static-tile reuse compares extrapolated colours like rendered ones."""
     still = LitScene()
     upscaler = make(Model.load(model, threads=1), skip=0.05)
     for index in range(80):

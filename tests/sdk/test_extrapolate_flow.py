@@ -1,22 +1,20 @@
-"""A model that looks at two shaded frames, exported from its weights and driven by its model.json alone."""
+"""A model that looks at two shaded frames, driven by its model.json alone."""
 
 import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
-from unittest.mock import patch
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from alternating import alternate, drawn_by_torch
-from flow_method import TINY, Shadow, flow_weights, random_flow
+from alternating import alternate, extrapolated_by_torch
+from flow_method import Shadow
 from supersampler import Frame, FrameError, Model, Upscaler, halton_jitter
 from supersampler.backends.onnx.providers import CPU
-from supersampler.cli import app
 from supersampler.extrapolation import Extrapolator
 from supersampler.frame import Float32
+from supersampler.methods.model_file import find_model
 from supersampler.recording import open_recording
 from supersampler.recording.replay import Replay
 from supersampler_model.methods.extrapolation.guided_flow import GuidedFlow
@@ -27,15 +25,12 @@ SIZES = (SIZE, (48, 27), (80, 45), SIZE, (33, 19), SIZE)
 SCENE = Shadow(2.0, velocity=(1.3, -0.6))
 
 
+FOLDER = find_model("guided-flow")
+
+
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    made = tmp_path_factory.mktemp("flow")
-    weights = flow_weights(made / "weights.safetensors")
-    arguments = ["export", "guided-flow", "--weights", str(weights), "-o", str(made / "model")]
-    with patch("supersampler_export.folder.to_half", lambda _: None):  # it would be traced once more
-        result = CliRunner().invoke(app, arguments)
-    assert result.exit_code == 0, result.output
-    return made / "model"
+def trained() -> GuidedFlow:
+    return GuidedFlow.of(load_trained(shipped_weights("guided-flow"))).eval()
 
 
 @pytest.fixture(scope="module")
@@ -44,9 +39,9 @@ def taau() -> Model:
 
 
 @pytest.fixture
-def make(taau: Model, folder: Path) -> Callable[..., Upscaler]:
+def make(taau: Model) -> Callable[..., Upscaler]:
     def made(**options: Any) -> Upscaler:
-        return Upscaler(taau, display_size=DISPLAY, extrapolation=folder, validate="off", **options)
+        return Upscaler(taau, display_size=DISPLAY, extrapolation=FOLDER, validate="off", **options)
 
     return made
 
@@ -62,15 +57,15 @@ def run(upscaler: Upscaler, pattern: str, start: int = 0) -> list[Float32]:
 def assert_alike(
     model: Extrapolator, method: GuidedFlow, pattern: str, sizes: tuple[tuple[int, int], ...]
 ) -> None:
-    """Each drawn frame is what torch draws."""
-    past, images = None, []
+    """Check each extrapolated image against that of torch."""
+    history, images = None, []
     for index, (kind, size) in enumerate(zip(pattern, sizes, strict=True)):
         if kind == "s":
-            past = model.after_shaded(frame(index, size), past)
+            history = model.after_shaded(frame(index, size), history)
             continue
-        image, past = model.extrapolate(frame(index, size, color=None), past)
+        image, history = model.extrapolate(frame(index, size, color=None), history)
         images.append(image)
-    expected = drawn_by_torch(method, lambda index: frame(index, sizes[index]), pattern)
+    expected = extrapolated_by_torch(method, lambda index: frame(index, sizes[index]), pattern)
     for image, other in zip(images, [each for each in expected if each is not None], strict=True):
         off = np.abs(image - other)
         assert np.quantile(off, 0.99) < 1e-3
@@ -79,15 +74,13 @@ def assert_alike(
 
 @pytest.mark.parametrize("pattern", ["susuus", "ssuuus", "suusuu"])
 @pytest.mark.parametrize("sizes", [(SIZE,) * 6, SIZES])
-def test_frames_are_extrapolated_as_torch_does(
-    folder: Path, pattern: str, sizes: tuple[tuple[int, int], ...]
+def test_frames_are_extrapolated_as_torch_does_with_the_shipped_weights(
+    trained: GuidedFlow, pattern: str, sizes: tuple[tuple[int, int], ...]
 ) -> None:
-    assert_alike(Extrapolator(folder, [CPU], 1), random_flow(TINY), pattern, sizes)
+    assert_alike(Extrapolator("guided-flow", [CPU], 1), trained, pattern, sizes)
 
 
-def test_what_ships_computes_what_its_weights_compute_and_moves_light() -> None:
-    trained = GuidedFlow.of(load_trained(shipped_weights("guided-flow"))).eval()
-    assert_alike(Extrapolator("guided-flow", [CPU], 1), trained, "susuus", SIZES)
+def test_light_that_moves_is_extrapolated_better_than_by_guided_warp() -> None:
     flow, plain = (
         run(Upscaler("bilinear", display_size=DISPLAY, extrapolation=name), "susu")[-1]
         for name in ("guided-flow", "guided-warp")
@@ -96,15 +89,15 @@ def test_what_ships_computes_what_its_weights_compute_and_moves_light() -> None:
     assert np.square(flow - truth).mean() < np.square(plain - truth).mean()
 
 
-def test_the_folder_says_what_it_is(folder: Path) -> None:
-    described = json.loads((folder / "model.json").read_text())
+def test_the_folder_says_what_it_is() -> None:
+    described = json.loads((FOLDER / "model.json").read_text())
     assert described["method"] == "guided-flow"
     assert described["network"]["multiply_adds"] > 0
     assert described["image"]["shape"] == [1, 3, "render_height", "render_width"]
     assert "network.onnx" in described["files"]
     assert "aovs.onnx" not in described["files"]
     assert all(size["difference"] <= 1e-4 for size in described["parity"]["sizes"])
-    assert "at render size, for an upscaler to step on" in (folder / "MODEL_CARD.md").read_text()
+    assert "at render size, for an upscaler to step on" in (FOLDER / "MODEL_CARD.md").read_text()
 
 
 def test_an_upscaler_steps_on_colors_extrapolated_from_two_shaded_frames(make: Any) -> None:
@@ -136,12 +129,12 @@ def test_a_state_continues_bit_for_bit(make: Any, pattern: str) -> None:
         np.testing.assert_array_equal(a, b)
 
 
-def test_a_recording_is_replayed_bit_for_bit(make: Any, folder: Path, tmp_path: Path) -> None:
+def test_a_recording_is_replayed_bit_for_bit(make: Any, tmp_path: Path) -> None:
     with make(record=tmp_path / "a.recording") as upscaler:
         run(upscaler, "susu")
         upscaler.load_state(upscaler.save_state())
         run(upscaler, "su", 4)
-    replay = Replay(open_recording(tmp_path / "a.recording"), extrapolation=folder)
+    replay = Replay(open_recording(tmp_path / "a.recording"), extrapolation=FOLDER)
     steps = [step for step in map(replay.call, replay.recording) if step is not None]
     assert [step.exact for step in steps] == [True] * 6
 

@@ -1,4 +1,4 @@
-"""A model that steps on drawn frames with a graph of their own: which graph runs on what, on one history."""
+"""A model with a graph of its own for extrapolated frames: which graph runs on which frame."""
 
 import pickle
 from dataclasses import replace

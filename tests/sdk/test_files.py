@@ -1,4 +1,4 @@
-"""What may be replaced or removed: leftovers of our own, and what lies apart from the input."""
+"""Tests of file removal and path checks: temporary files, and output apart from the input."""
 
 import os
 import re

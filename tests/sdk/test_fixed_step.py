@@ -1,4 +1,4 @@
-"""Steps on buffers that stay where they are, as capture wants them, draw what all others draw."""
+"""Steps on fixed buffers, which graph capture needs, compute the same images as all others."""
 
 import functools
 from concurrent.futures import ThreadPoolExecutor
@@ -43,7 +43,7 @@ def upscaler(model: Model, **options: Any) -> Upscaler:
     return Upscaler(model, **{"display_size": DISPLAY, **options}, validate="off")
 
 
-def drawn(one: Upscaler, frame: Frame, **options: Any) -> NDArray[np.float32]:
+def image_of(one: Upscaler, frame: Frame, **options: Any) -> NDArray[np.float32]:
     """The image of a frame in tensors that are new each time."""
     tensors = tensors_of_frame(frame, "cpu")
     image = one.step_tensors(
@@ -56,7 +56,7 @@ def test_a_fixed_step_computes_bit_for_bit_what_a_step_computes(models: tuple[Mo
     plain, fixed = map(upscaler, models)
     for seed in (1, 2, 3, 0, 4, 5):  # the frame of seed 0 resets
         frame = noise(seed, exposure=None if seed == 2 else 0.5 + seed)
-        np.testing.assert_array_equal(drawn(fixed, frame), drawn(plain, frame))
+        np.testing.assert_array_equal(image_of(fixed, frame), image_of(plain, frame))
     for name, history in plain.save_state().history.items():  # type: ignore[union-attr]
         np.testing.assert_array_equal(fixed.save_state().history[name], history)  # type: ignore[index]
 
@@ -65,20 +65,20 @@ def test_the_render_size_may_change_and_change_back(models: tuple[Model, Model])
     plain, fixed = map(upscaler, models)
     for seed, size in enumerate([(32, 18), (32, 18), (40, 23), (40, 23), (32, 18), (32, 18)], start=1):
         frame = noise(seed, size)
-        np.testing.assert_array_equal(drawn(fixed, frame), drawn(plain, frame))
+        np.testing.assert_array_equal(image_of(fixed, frame), image_of(plain, frame))
 
 
 def test_a_state_goes_on_where_it_was_saved(models: tuple[Model, Model]) -> None:
     plain, fixed = map(upscaler, models)
     for one in (plain, fixed):
-        drawn(one, noise(1))
+        image_of(one, noise(1))
     plain_state, fixed_state = plain.save_state(), fixed.save_state()
-    expected = drawn(plain, noise(2))
-    drawn(fixed, noise(3))
+    expected = image_of(plain, noise(2))
+    image_of(fixed, noise(3))
     fixed.load_state(plain_state)
-    np.testing.assert_array_equal(drawn(fixed, noise(2)), expected)
+    np.testing.assert_array_equal(image_of(fixed, noise(2)), expected)
     plain.load_state(fixed_state)
-    np.testing.assert_array_equal(drawn(plain, noise(2)), expected)
+    np.testing.assert_array_equal(image_of(plain, noise(2)), expected)
 
 
 @pytest.mark.parametrize("other", [DISPLAY, (80, 45)])
@@ -90,7 +90,7 @@ def test_upscalers_that_share_a_model_do_not_see_each_other(
     for seed in range(1, 4):
         for which in (0, 1):
             frame = noise(10 * which + seed, (40, 23))
-            np.testing.assert_array_equal(drawn(fixed[which], frame), drawn(plain[which], frame))
+            np.testing.assert_array_equal(image_of(fixed[which], frame), image_of(plain[which], frame))
 
 
 def test_upscalers_that_share_a_model_may_step_in_parallel() -> None:
@@ -98,13 +98,13 @@ def test_upscalers_that_share_a_model_may_step_in_parallel() -> None:
 
     def shot(_: int) -> list[NDArray[np.float32]]:
         one = upscaler(model)
-        return [drawn(one, frame) for frame in frames]
+        return [image_of(one, frame) for frame in frames]
 
     with ThreadPoolExecutor(3) as pool:
         alone, *others = pool.map(shot, range(4))
     plain = upscaler(load("taau"))
     for index, frame in enumerate(frames):
-        expected = drawn(plain, frame)
+        expected = image_of(plain, frame)
         assert all(np.array_equal(images[index], expected) for images in (alone, *others))
 
 
@@ -122,34 +122,34 @@ def test_arrays_and_tensors_may_take_turns() -> None:
     for seed in range(1, 5):
         frame = noise(seed)
         expected = plain.step(frame)
-        image = drawn(fixed, frame)[0].transpose(1, 2, 0) if seed % 2 else fixed.step(frame)
+        image = image_of(fixed, frame)[0].transpose(1, 2, 0) if seed % 2 else fixed.step(frame)
         np.testing.assert_array_equal(image, expected)
 
 
 def test_a_tensor_that_does_not_fit_leaves_the_history_as_it_was() -> None:
     plain, fixed = upscaler(load("taau")), upscaler(load("taau", capture=True))
     for one in (plain, fixed):
-        drawn(one, noise(1))
+        image_of(one, noise(1))
     tensors = tensors_of_frame(noise(2), "cpu")
     with pytest.raises(FrameError, match=r"frame\.depth is"):
         fixed.step_tensors({**tensors, "depth": tensors["color"]}, jitter=(0.0, 0.0))
-    np.testing.assert_array_equal(drawn(fixed, noise(2)), drawn(plain, noise(2)))
+    np.testing.assert_array_equal(image_of(fixed, noise(2)), image_of(plain, noise(2)))
 
 
 def test_warming_up_makes_what_the_first_step_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     fixed = upscaler(load("taau", capture=True), display_size=(50, 30))
-    expected = drawn(upscaler(load("taau"), display_size=(50, 30)), noise(1))
+    expected = image_of(upscaler(load("taau"), display_size=(50, 30)), noise(1))
     fixed.warm_up((32, 18))
     monkeypatch.setattr("supersampler.backends.onnx.executor.FixedStep", None)  # no other is made
     monkeypatch.setattr("supersampler.backends.onnx.executor.OnnxExecutor._run", None)
-    np.testing.assert_array_equal(drawn(fixed, noise(1)), expected)
+    np.testing.assert_array_equal(image_of(fixed, noise(1)), expected)
 
 
 def test_a_run_may_be_repeated_as_it_is_before_it_is_captured(
     models: tuple[Model, Model], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     plain, fixed = map(upscaler, models)
-    expected = [drawn(plain, noise(seed)) for seed in (1, 2)]
+    expected = [image_of(plain, noise(seed)) for seed in (1, 2)]
     run = ort.InferenceSession.run_with_iobinding
 
     def run_thrice(self: ort.InferenceSession, binding: ort.IOBinding) -> None:
@@ -158,7 +158,7 @@ def test_a_run_may_be_repeated_as_it_is_before_it_is_captured(
 
     monkeypatch.setattr(ort.InferenceSession, "run_with_iobinding", run_thrice)
     for seed in (1, 2):
-        np.testing.assert_array_equal(drawn(fixed, noise(seed)), expected[seed - 1])
+        np.testing.assert_array_equal(image_of(fixed, noise(seed)), expected[seed - 1])
 
 
 def test_only_graphs_are_captured() -> None:

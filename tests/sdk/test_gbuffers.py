@@ -47,13 +47,13 @@ def tensors_of(frame: Frame) -> dict[str, Any]:
     return {name: torch.from_numpy(planes_of(image_of(frame, name))) for name in ("color", *WANTED)}
 
 
-def drawn(one: Upscaler, frame: Frame, **without: Any) -> NDArray[np.float32]:
+def stepped(one: Upscaler, frame: Frame, **without: Any) -> NDArray[np.float32]:
     tensors = {**tensors_of(frame), **without}
     return np.array(np.from_dlpack(one.step_tensors(tensors, jitter=frame.jitter, reset=frame.reset)))
 
 
-def by_hand(frame: Frame, past: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """What the method draws of a frame, and what it remembers, in numpy."""
+def by_hand(frame: Frame, previous: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return the method's image and next history, in numpy."""
     low, high, normal = (image_of(frame, name).astype(np.float32) for name in WANTED)
     light = np.asarray(frame.color) / (low + DARK)
     for axis in (0, 1):
@@ -64,15 +64,15 @@ def by_hand(frame: Frame, past: NDArray[np.float32]) -> tuple[NDArray[np.float32
         share = share[:, None, None] if axis == 0 else share[:, None]
         light = below + share * (above - below)
     image = light * (high + DARK) * (1.0 + 0.1 * normal[..., 2:])
-    return 0.9 * image + 0.1 * past, image
+    return 0.9 * image + 0.1 * previous, image
 
 
 def test_a_method_reads_the_buffers_that_it_asks_for(model: Model) -> None:
     assert (model.executor, model.info.gbuffers, model.info.only_ratio) == ("onnx", WANTED, RATIO)
-    one, past = upscaler(model), np.zeros((*DISPLAY[::-1], 3), np.float32)
+    one, previous = upscaler(model), np.zeros((*DISPLAY[::-1], 3), np.float32)
     for seed in (1, 2, 0, 3):
         frame = lit(seed)
-        expected, past = by_hand(frame, np.zeros_like(past) if frame.reset else past)
+        expected, previous = by_hand(frame, np.zeros_like(previous) if frame.reset else previous)
         np.testing.assert_allclose(one.step(frame), expected, rtol=1e-4, atol=1e-5)
 
 
@@ -155,8 +155,8 @@ def test_tensors_draw_what_arrays_draw_captured_or_not(model: Model, capturing: 
     for seed in (1, 2, 0, 3):
         frame = lit(seed)
         expected = one.step(frame).transpose(2, 0, 1)[None]
-        np.testing.assert_array_equal(drawn(other, frame), expected)
-        np.testing.assert_array_equal(drawn(fixed, frame), expected)
+        np.testing.assert_array_equal(stepped(other, frame), expected)
+        np.testing.assert_array_equal(stepped(fixed, frame), expected)
 
 
 @pytest.mark.parametrize("capture", [False, True])
@@ -166,13 +166,13 @@ def test_a_tensor_that_is_missing_or_does_not_fit_is_named(
 ) -> None:
     one, other = upscaler(model), upscaler(capturing if capture else model)
     for u in (one, other):
-        drawn(u, lit(1))
+        stepped(u, lit(1))
     tensors = {**tensors_of(lit(2)), "gbuffer_display_normal": tensor}
     if tensor is None:
         del tensors["gbuffer_display_normal"]
     with pytest.raises(FrameError, match=r"frame\.gbuffer_display_normal is .*; want"):
         other.step_tensors(tensors, jitter=(0.0, 0.0))
-    np.testing.assert_array_equal(drawn(one, lit(3)), drawn(other, lit(3)))
+    np.testing.assert_array_equal(stepped(one, lit(3)), stepped(other, lit(3)))
 
 
 # --- one ratio ---
@@ -206,9 +206,9 @@ def test_a_range_of_ratios_keeps_its_slack_for_rounded_sizes() -> None:
 
 @pytest.mark.parametrize("render", [(1, 1), (1, 9), (33, 17)])
 def test_odd_and_tiny_sizes_are_rendered(model: Model, render: Size) -> None:
-    frame, past = lit(1, render), np.zeros((2 * render[1], 2 * render[0], 3), np.float32)
+    frame, previous = lit(1, render), np.zeros((2 * render[1], 2 * render[0], 3), np.float32)
     image = upscaler(model, display_size=None, scale=2.0).step(frame)
-    np.testing.assert_allclose(image, by_hand(frame, past)[0], rtol=1e-4, atol=1e-5)
+    np.testing.assert_allclose(image, by_hand(frame, previous)[0], rtol=1e-4, atol=1e-5)
 
 
 def test_a_display_size_or_a_scale_is_asked_for_as_of_any_method(model: Model) -> None:
@@ -228,7 +228,7 @@ def test_a_recording_holds_the_buffers_that_are_used_and_no_others(
             one.step(lit(seed))
         with pytest.raises(FrameError):
             one.step(lit(3, drop=WANTED[2]))
-        drawn(one, lit(4))
+        stepped(one, lit(4))
         with pytest.raises(FrameError, match=r"frame\.gbuffer_base_color is None"):
             one.step_tensors({"color": tensors_of(lit(4))["color"]}, jitter=(0.0, 0.0))
     recording = open_recording(file)

@@ -1,5 +1,6 @@
 """One bad pixel never enters the history: images stay finite and >= 0, and the next clean frame recovers."""
 
+import pickle
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -66,6 +67,12 @@ def clean(models: dict[str, Model]) -> dict[str, Float32]:
     return {name: steps(make(model), 0, LAST) for name, model in models.items()}
 
 
+@pytest.fixture(scope="module")
+def last_images(models: dict[str, Model]) -> dict[tuple[str, bytes], Float32]:
+    """Last images by method and by the state after the hostile frame: many cases leave the same state."""
+    return {}
+
+
 @cache
 def rendered(index: int) -> Frame:
     return Plane(checker).frame(index, SIZE, halton_jitter(index, 2.0))
@@ -98,7 +105,11 @@ def make(model: Model) -> Upscaler:
 @pytest.mark.parametrize("case", HOSTILE)
 @pytest.mark.parametrize("name", METHODS)
 def test_a_hostile_frame_gives_a_clean_image_and_is_forgotten(
-    models: dict[str, Model], clean: dict[str, Float32], name: str, case: str
+    models: dict[str, Model],
+    clean: dict[str, Float32],
+    last_images: dict[tuple[str, bytes], Float32],
+    name: str,
+    case: str,
 ) -> None:
     upscaler = make(models[name])
     steps(upscaler, 0, BAD - 1)
@@ -106,9 +117,11 @@ def test_a_hostile_frame_gives_a_clean_image_and_is_forgotten(
     assert np.isfinite(bad).all()
     assert bad.min() >= 0
     assert bad.max() <= 65504
-    image = steps(upscaler, BAD + 1, LAST)
-    off = np.abs(display_transform(image) - display_transform(clean[name]))
-    assert off.mean() < 0.004, "one step of an 8-bit picture"
+    state = name, pickle.dumps(upscaler.save_state())
+    if state not in last_images:
+        last_images[state] = steps(upscaler, BAD + 1, LAST)
+    off = np.abs(display_transform(last_images[state]) - display_transform(clean[name]))
+    assert off.mean() < 0.004, "one step of an 8-bit image"
     assert np.quantile(off, 0.999) < 0.1
 
 

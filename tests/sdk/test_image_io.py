@@ -1,4 +1,4 @@
-"""Promises of supersampler.io.images."""
+"""Tests of reading and writing EXR, PNG and JPEG files."""
 
 import subprocess
 import sys

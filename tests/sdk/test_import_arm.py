@@ -1,4 +1,4 @@
-"""Arm's sequences come out as our Frames: sign, unit, order, all of it."""
+"""Tests of `import_arm`: signs, units and order of the imported frames."""
 
 import math
 from pathlib import Path

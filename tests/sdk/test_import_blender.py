@@ -1,4 +1,4 @@
-"""Blender's multilayer frames come out as our Frames: sign, unit, order, all of it."""
+"""Tests of `import_blender`: signs, units and order of the imported frames."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Anybody's EXR channels come out as our Frames: sign, unit, order, all of it."""
+"""Tests of `import_channels`: signs, units and order of the imported frames."""
 
 import json
 from pathlib import Path
@@ -63,14 +63,14 @@ def test_the_map_can_lie_in_the_folder(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"conventions": {"depth": "deep"}}, r"channels\.json: will not do: depth is 'deep'; want"),
+        ({"conventions": {"depth": "deep"}}, r"channels\.json: is not valid: depth is 'deep'; want"),
         (
             {"channels": {"color": ["R"]}},
-            r"channels\.json: will not do: channel_map\['color'\] is \['R'\]; want 3",
+            r"channels\.json: is not valid: channel_map\['color'\] is \['R'\]; want 3",
         ),
         ({"channels": {"color": 3}}, r"channel_map\['color'\] is 3; want 3 channel names"),
         ({"channel": {}}, r"channels\.json: the file has the unknown key 'channel'"),
-        ({"cuts": ["a"]}, r"channels\.json: will not do: cuts is \['a'\]; want indices of frames, 0 to 0"),
+        ({"cuts": ["a"]}, r"channels\.json: is not valid: cuts is \['a'\]; want indices of frames, 0 to 0"),
     ],
 )
 def test_a_wrong_map_in_the_folder_is_named(tmp_path: Path, change: dict[str, Any], message: str) -> None:

@@ -1,8 +1,9 @@
-"""Whatever layout lies there: its frames come out as our Frames: sign, unit, order, all of it."""
+"""Tests of `open_source`: it detects each layout, and names what it found otherwise."""
 
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
 from imported_scene import (
     CONVENTIONS,
@@ -18,6 +19,7 @@ from imported_scene import (
     write_safetensors,
 )
 from supersampler import ArgumentError, ShotError
+from supersampler.cli import app
 from supersampler.io.images import write_exr
 from supersampler.io.shot import (
     copy_shot,
@@ -61,3 +63,15 @@ def test_what_cannot_be_guessed_is_answered_with_what_was_found(tmp_path: Path) 
         ArgumentError, match="layout is 'exr'; want 'auto', 'shot', 'blender', 'channels' or 'arm'"
     ):
         open_source(tmp_path, layout="exr")  # type: ignore[arg-type]
+
+
+def test_an_option_that_the_layout_does_not_take_is_refused_by_name(tmp_path: Path) -> None:
+    folder = write_blender(tmp_path / "blender", "V")
+    with pytest.raises(ArgumentError, match="channel_map is given; want left out: the layout 'blender'"):
+        open_source(folder, layout="blender", channel_map={})
+    arm = write_safetensors(tmp_path / "arm.safetensors", arm_tensors())
+    with pytest.raises(ArgumentError, match="frame_rate is given; want left out: the layout 'arm'"):
+        open_source(arm, frame_rate=25.0)
+    done = CliRunner().invoke(app, ["import", str(arm), "-o", str(tmp_path / "out"), "--frame-rate", "25"])
+    assert "--frame-rate is given; want left out: the layout 'arm' does not use it" in done.stderr
+    assert (done.exit_code, (tmp_path / "out").exists()) == (1, False)

@@ -1,4 +1,4 @@
-"""Jitter, mip bias and render sizes: FSR's code and XeSS's guide, number by number."""
+"""Tests of jitter, mip bias and render sizes against FSR's code and XeSS's guide."""
 
 from typing import Any
 

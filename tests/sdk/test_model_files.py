@@ -1,4 +1,4 @@
-"""A model folder is read field by field, file by file; what is not a model's is an error that names it."""
+"""Tests of reading model folders: each wrong field or file is refused by name."""
 
 import hashlib
 import io

@@ -1,4 +1,4 @@
-"""What `upscale`, `replay` and `import` may replace and remove: what their own record lists, no more."""
+"""Tests that `upscale`, `replay` and `import` replace and remove only files that they wrote."""
 
 import json
 import subprocess

@@ -1,4 +1,4 @@
-"""What an Upscaler tells beside the image: maps that explain it, and channels that go along with it."""
+"""Outputs of a step beside the image: maps that explain it, and AOVs."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -28,29 +28,29 @@ def make(model: Model | str) -> Upscaler:
     return Upscaler(model, display_size=DISPLAY, validate="off")
 
 
-def carrying(seed: int, channels: int = 2) -> Frame:
-    """Return a frame that carries its own colour's first channels, scaled to [0, 1]."""
+def with_aovs(seed: int, channels: int = 2) -> Frame:
+    """Return a frame whose AOVs are its own colour's first channels, scaled to [0, 1]."""
     frame = noise(seed)
     assert frame.color is not None
     return noise(seed, aovs=(frame.color / 8.0)[..., :channels].copy())
 
 
-def told(upscaler: Upscaler, frame: Frame, *outputs: str) -> StepResult:
+def stepped(upscaler: Upscaler, frame: Frame, *outputs: str) -> StepResult:
     result = upscaler.step(frame, outputs=outputs)
     assert isinstance(result, StepResult)
     return result
 
 
-def test_asking_does_not_change_the_image(model: Model) -> None:
+def test_outputs_do_not_change_the_image(model: Model) -> None:
     silent, asked = make(model), make(model)
     for seed in range(3):
-        result = told(asked, carrying(seed), "weight", "aovs")
+        result = stepped(asked, with_aovs(seed), "weight", "aovs")
         np.testing.assert_array_equal(result.image, silent.step(noise(seed)))
 
 
 def test_the_first_frame_takes_nothing_from_the_history_and_the_next_ones_do(model: Model) -> None:
     upscaler = make(model)
-    first, second = (told(upscaler, noise(seed), "weight").weight for seed in range(2))
+    first, second = (stepped(upscaler, noise(seed), "weight").weight for seed in range(2))
     assert first is not None
     assert second is not None
     assert first.shape == (36, 64)
@@ -63,7 +63,7 @@ def test_the_count_of_a_still_scene_grows() -> None:
     still = np.zeros((18, 32, 2), np.float32)
     counts = []
     for index in range(6):
-        count = told(upscaler, noise(1, motion=still, reset=index == 0), "count").count
+        count = stepped(upscaler, noise(1, motion=still, reset=index == 0), "count").count
         assert count is not None
         counts.append(float(count.mean()))
     assert (np.diff(counts) > 0.0).all()
@@ -72,7 +72,7 @@ def test_the_count_of_a_still_scene_grows() -> None:
 def test_a_flat_channel_stays_flat_and_a_cut_forgets_it(model: Model) -> None:
     upscaler = make(model)
     for seed, value in ((0, 0.25), (1, 0.25), (0, 0.75)):  # noise(0) is a cut
-        aovs = told(upscaler, noise(seed, aovs=np.full((18, 32, 1), value, np.float32)), "aovs").aovs
+        aovs = stepped(upscaler, noise(seed, aovs=np.full((18, 32, 1), value, np.float32)), "aovs").aovs
         assert aovs is not None
         np.testing.assert_allclose(aovs, value, rtol=1e-5)
 
@@ -80,9 +80,9 @@ def test_a_flat_channel_stays_flat_and_a_cut_forgets_it(model: Model) -> None:
 def test_a_channel_is_blended_by_the_weight_of_the_colour(model: Model) -> None:
     upscaler = make(model)
     zeros = np.zeros((18, 32, 1), np.float32)
-    told(upscaler, noise(0, aovs=zeros), "aovs")
+    stepped(upscaler, noise(0, aovs=zeros), "aovs")
     still = np.zeros((18, 32, 2), np.float32)
-    result = told(upscaler, noise(1, aovs=zeros + 1.0, motion=still), "aovs", "weight")
+    result = stepped(upscaler, noise(1, aovs=zeros + 1.0, motion=still), "aovs", "weight")
     assert result.aovs is not None
     assert result.weight is not None
     np.testing.assert_allclose(result.aovs[..., 0], 1.0 - result.weight, atol=1e-5)
@@ -91,39 +91,39 @@ def test_a_channel_is_blended_by_the_weight_of_the_colour(model: Model) -> None:
 def test_a_bad_value_in_a_channel_does_not_spread(model: Model) -> None:
     upscaler = make(model)
     aovs = np.full((18, 32, 1), 0.5, np.float32)
-    told(upscaler, noise(0, aovs=aovs), "aovs")
+    stepped(upscaler, noise(0, aovs=aovs), "aovs")
     bad = aovs.copy()
     bad[4, 5], bad[9, 9], bad[2, 2] = np.nan, np.inf, -np.inf
     for seed in range(1, 4):
-        result = told(upscaler, noise(seed, aovs=bad if seed == 1 else aovs), "aovs")
+        result = stepped(upscaler, noise(seed, aovs=bad if seed == 1 else aovs), "aovs")
         assert result.aovs is not None
         assert np.isfinite(result.aovs).all()
 
 
 def test_a_saved_state_holds_aovs(model: Model) -> None:
     upscaler, fork = make(model), make(model)
-    told(upscaler, carrying(0), "aovs")
+    stepped(upscaler, with_aovs(0), "aovs")
     fork.load_state(upscaler.save_state())
-    ours, theirs = (told(u, carrying(1), "aovs").aovs for u in (upscaler, fork))
+    ours, theirs = (stepped(u, with_aovs(1), "aovs").aovs for u in (upscaler, fork))
     assert ours is not None
     assert theirs is not None
     np.testing.assert_array_equal(ours, theirs)
 
 
-def test_what_cannot_be_told_is_refused_by_name_and_the_next_frame_works() -> None:
+def test_an_output_that_a_method_lacks_is_refused_by_name_and_the_next_frame_works() -> None:
     upscaler = make("taau")
-    told(upscaler, carrying(0), "aovs")
+    stepped(upscaler, with_aovs(0), "aovs")
     with pytest.raises(ArgumentError, match="class_map"):
-        upscaler.step(carrying(1), outputs=("class_map",))
+        upscaler.step(with_aovs(1), outputs=("class_map",))
     with pytest.raises(ArgumentError, match="outputs"):
-        upscaler.step(carrying(1), outputs="aovs")
+        upscaler.step(with_aovs(1), outputs="aovs")
     with pytest.raises(FrameError, match="aovs is None"):
         upscaler.step(noise(1), outputs=("aovs",))
     with pytest.raises(FrameError, match="aovs is 1 channels"):
-        upscaler.step(carrying(1, channels=1), outputs=("aovs",))
+        upscaler.step(with_aovs(1, channels=1), outputs=("aovs",))
     other = make("taau")
-    told(other, carrying(0), "aovs")
-    ours, theirs = (told(u, carrying(1), "aovs") for u in (upscaler, other))
+    stepped(other, with_aovs(0), "aovs")
+    ours, theirs = (stepped(u, with_aovs(1), "aovs") for u in (upscaler, other))
     np.testing.assert_array_equal(ours.image, theirs.image)
     assert ours.aovs is not None
     assert theirs.aovs is not None
@@ -131,7 +131,7 @@ def test_what_cannot_be_told_is_refused_by_name_and_the_next_frame_works() -> No
 
 
 def test_a_spatial_method_upsamples_aovs() -> None:
-    aovs = told(make("bilinear"), carrying(0), "aovs").aovs
+    aovs = stepped(make("bilinear"), with_aovs(0), "aovs").aovs
     assert aovs is not None
     assert aovs.shape == (36, 64, 2)
 
@@ -153,18 +153,20 @@ def test_alpha_of_a_shot_ends_in_the_exr_files(tmp_path: Path) -> None:
 
 
 def test_classes_have_the_colours_of_the_legend() -> None:
-    shares = np.zeros((1, 5, 6), np.float32)
+    probabilities = np.zeros((1, 5, 6), np.float32)
     for column, (ghost, alias) in enumerate([(1, 3), (1, 4), (2, 3), (0, 4), (0, 5)]):
-        shares[0, column, [ghost, alias]] = 1.0
-    assert [tuple(map(int, pixel)) for pixel in class_colors(shares)[0]] == list(CLASS_COLORS.values())
+        probabilities[0, column, [ghost, alias]] = 1.0
+    assert [tuple(map(int, pixel)) for pixel in class_colors(probabilities)[0]] == list(CLASS_COLORS.values())
     image = np.zeros((2, 10, 3), np.float32)
-    layers = aux_output_layers(StepResult(image, class_map=shares, weight=image[..., 0], count=image[..., 0]))
+    layers = aux_output_layers(
+        StepResult(image, class_map=probabilities, weight=image[..., 0], count=image[..., 0])
+    )
     assert list(layers) == ["classes", "weight", "count"]
 
 
-def test_a_saved_state_with_a_misshapen_carry_is_refused() -> None:
+def test_a_saved_state_with_aovs_of_another_shape_is_refused() -> None:
     upscaler = make("taau")
-    told(upscaler, carrying(0), "aovs")
+    stepped(upscaler, with_aovs(0), "aovs")
     state = upscaler.save_state()
     assert state.history is not None
     cut = {**state.history, "history.aovs": state.history["history.aovs"][..., 1:]}

@@ -1,4 +1,4 @@
-"""A recording holds all calls of an Upscaler, bit for bit, whatever ends the process that writes it."""
+"""Tests of recordings: all calls and their results, bit for bit, whatever ends the process."""
 
 import json
 import shutil
@@ -75,7 +75,7 @@ def test_a_replay_is_bit_for_bit_what_was_recorded(models: dict[str, Model], nam
 
 
 def test_what_rested_rests_again(models: dict[str, Model], file: Path) -> None:
-    """The memory of what stands still is part of a state, in numbers of other types than pictures."""
+    """Static tiles are part of a state, in numbers of other types than images."""
     still = noise(0, motion=np.zeros((18, 32, 2), np.float32), exposure=1.0)
     frames = [replace(still, jitter=(0.25 * (index % 2), 0.0), reset=index == 0) for index in range(60)]
     with recorded(models["taau"], file, skip=0.1) as upscaler:
@@ -241,9 +241,9 @@ def test_a_bug_that_raised_there_and_not_here_is_told(
             patch.setattr(Model, "run_checked", fail)
             with pytest.raises(ZeroDivisionError):
                 upscaler.step(noise(1))
-    told = replayed(file)[1]
-    assert (told.exact, told.within) == (False, False)
-    assert told.note == "raises nothing; recorded: ZeroDivisionError (by zero)"
+    second = replayed(file)[1]
+    assert (second.exact, second.within) == (False, False)
+    assert second.note == "raises nothing; recorded: ZeroDivisionError (by zero)"
     with monkeypatch.context() as patch:
         patch.setattr(Model, "run_checked", fail)
         other, same = replayed(file)

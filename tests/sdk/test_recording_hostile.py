@@ -1,4 +1,4 @@
-"""A recording of a stranger is refused where it holds what no Upscaler writes."""
+"""Tests that manipulated recordings are refused with RecordingError."""
 
 import json
 import os
@@ -86,7 +86,7 @@ def append(file: Path, *lines: object) -> None:
         ({**STEP, "frame": 1}, "line 4.frame is 1"),
         ({**STEP, "frame": {**FRAME, "file": "../0000.exr"}}, "file is "),
         ({**STEP, "frame": {**FRAME, "file": "/etc/passwd"}}, "file is "),
-        ({**STEP, "frame": {**FRAME, "file": "0009.exr"}}, "is missing"),
+        ({**STEP, "frame": {**FRAME, "file": "0009.exr"}}, "there is no such file"),
         ({**STEP, "frame": {**FRAME, "file": "0001.exr"}}, "sha256 has no '0001.exr'"),
         ({**STEP, "frame": {**FRAME, "file": "shot.json"}}, "is not an EXR image"),
         ({**STEP, "frame": {**FRAME, "jitter": [9, 9]}}, "frame.jitter"),
@@ -99,7 +99,7 @@ def append(file: Path, *lines: object) -> None:
         ({**STEP, "frame": FRAME, "outputs": "aovs"}, "outputs is 'aovs'"),
         ({**STEP, "frame": {**FRAME, "file": "0009.exr"}, "sha256": {"0009.exr": 7}}, "is 7; want str"),
         ({**STEP, "frame": FRAME, "sha256": []}, r"sha256 is \[\]"),
-        ({"call": "load_state", **STATE, "sha256": {"states/0000.safetensors": ""}}, "is missing"),
+        ({"call": "load_state", **STATE, "sha256": {"states/0000.safetensors": ""}}, "there is no such file"),
         ({"call": "load_state", **STATE}, "no 'sha256'"),
         ({"call": "close", "sha256": {}}, "sha256 has no 'last.exr'"),
         ({"call": "close", "sha256": 7}, "sha256 is 7"),

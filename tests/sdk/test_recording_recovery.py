@@ -1,4 +1,4 @@
-"""A recording holds the calls before a crash, a full disk or damage, and says what is wrong with the rest."""
+"""Tests of recordings after a crash, on a full disk and with damaged files."""
 
 import json
 import shutil

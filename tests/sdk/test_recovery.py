@@ -1,4 +1,4 @@
-"""One hostile frame is forgotten: thirty frames later the image is the one that would be drawn without it."""
+"""One hostile frame is forgotten: thirty frames later the image is the one without it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -29,7 +29,7 @@ SUBJECTS = [*((name, "cpu") for name in WITH_KERNELS), *((name, "onnx") for name
 
 @dataclass(frozen=True)
 class Run:
-    """A session that has drawn some frames, and what it draws when no frame is hostile."""
+    """A session after some frames, and its images when no frame is hostile."""
 
     session: Session
     state: Any
@@ -82,7 +82,7 @@ def test_one_frame_with_an_absurd_exposure_is_forgotten(method: str, executor: s
     images = run.after(exposure=exposure)
     soon, late = difference(images[0], run.calm[0]), difference(images[-1], run.calm[-1])
     assert soon.mean < 4.0 / 255.0, "the next image is already sound"
-    assert late.mean < (0.1 if executor == "onnx" else 1.0) / 255.0, "of a network in bytes chance is more"
+    assert late.mean < (0.1 if executor == "onnx" else 1.0) / 255.0, "chance is more with an int8 network"
     assert late.most < (4.0 if executor == "onnx" else 10.0) / 255.0
 
 
@@ -104,7 +104,7 @@ def test_a_frame_of_the_brightest_light_leaves_no_scar(method: str) -> None:
 
 LIT = ["taau", "classifier", "classifier-small"]
 CHANCE = 1.25
-"""Factor over the bound: of slow pixels and of networks in bytes what a cut leaves is one draw of chance."""
+"""Factor over the bound: of slow pixels and of int8 networks what a cut leaves is one sample of chance."""
 
 
 def figures(scenario: str, method: str, executor: Any) -> Sequence[Figure]:
@@ -159,4 +159,4 @@ def test_the_brightest_light_is_shown_at_once_and_accumulated_when_it_stays(
     assert display_transform(left_behind).min() > 0.9
     count = history.get("history.samples", history.get("history.state"))
     assert count is not None
-    assert count[0, 0, 11:13, 11:13].min() > 0.05, "it is a past like any other"
+    assert count[0, 0, 11:13, 11:13].min() > 0.05, "it is a history like any other"

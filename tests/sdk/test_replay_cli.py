@@ -1,4 +1,4 @@
-"""`supersampler upscale --record` and `supersampler replay`: one folder, and an exit code."""
+"""Tests of `supersampler upscale --record` and `supersampler replay`, with their exit codes."""
 
 import json
 from pathlib import Path
@@ -38,7 +38,7 @@ def file(shot: Path, tmp_path: Path) -> Path:
     return tmp_path / "a.recording"
 
 
-def pictures(folder: Path) -> dict[str, bytes]:
+def image_files(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in sorted(folder.glob("*.exr"))}
 
 
@@ -53,9 +53,9 @@ def test_a_replay_of_an_upscaled_shot_is_the_same_images(file: Path, tmp_path: P
     assert head == f"{file}: taau, to 64x36"
     assert recorded.replace("recorded", "here    ") == here
     assert verdict == f"{COUNT} of {COUNT} frames are bit for bit what they were."
-    assert pictures(tmp_path / "again") == pictures(tmp_path / "out")
+    assert image_files(tmp_path / "again") == image_files(tmp_path / "out")
     last = f"{COUNT - 1:04d}.exr"
-    assert pictures(tmp_path / "again" / "recorded") == {last: pictures(tmp_path / "out")[last]}
+    assert image_files(tmp_path / "again" / "recorded") == {last: image_files(tmp_path / "out")[last]}
 
 
 def test_another_executor_is_told_and_tolerated(file: Path) -> None:
@@ -88,11 +88,11 @@ def test_images_of_another_replay_need_overwrite(file: Path, tmp_path: Path) -> 
 def test_a_recording_of_frames_that_are_there_has_all_of_them_and_replaces_an_earlier_one(
     file: Path, shot: Path, tmp_path: Path
 ) -> None:
-    before, recorded = pictures(tmp_path / "out"), contents(file)
+    before, recorded = image_files(tmp_path / "out"), contents(file)
     again = ("upscale", shot, "-o", tmp_path / "out", "--method", "taau", "--record")
     assert run(*again, file).exit_code == 0
     assert contents(file) == recorded
-    assert pictures(tmp_path / "out") == before
+    assert image_files(tmp_path / "out") == before
 
 
 def test_refused_frames_warnings_and_an_end_too_early_are_told(tmp_path: Path) -> None:

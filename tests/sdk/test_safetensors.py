@@ -1,4 +1,4 @@
-"""Arrays in `.safetensors` files come back bit for bit."""
+"""Tests that arrays in `.safetensors` files are read as they were written."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""The shot that ships opens by its name."""
+"""Tests that the shipped shot opens by its name."""
 
 import re
 import shutil

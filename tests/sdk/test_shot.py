@@ -1,4 +1,4 @@
-"""Promises of Shot and ShotWriter: lazy, in order, exact, and whole at any moment."""
+"""Tests of `Shot` and `ShotWriter`: reading on demand, order, exact pixels, atomic writes."""
 
 import gc
 import subprocess

@@ -1,4 +1,4 @@
-"""Promises about shot.json: what is wrong with it is said with file, key and frame."""
+"""Tests of shot.json: errors name the file, the key and the frame."""
 
 import json
 import re
@@ -65,7 +65,7 @@ def test_what_is_written_is_read(tmp_path: Path, display_size: tuple[int, int] |
         ({"display_size": [8.5, 3]}, r"display_size is \[8.5, 3\]"),
         ({"frame_rate": 0}, r"frame_rate is 0; want frames a second, > 0"),
         ({"attribution": [1]}, r"attribution is .*; want a list of texts"),
-        ({"conventions": {"no_such": 1}}, '"conventions" will not do: '),
+        ({"conventions": {"no_such": 1}}, '"conventions" is not valid: '),
         ({"frames": {}}, r"frames is {}; want a list"),
         ({"frames": [3]}, r"frames\[0\] is 3; want an object"),
         ({"fps": 3}, "the file has the unknown key 'fps'"),

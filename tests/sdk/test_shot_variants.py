@@ -1,4 +1,4 @@
-"""Shots that share their display-size files, and the truth classes beside a reference."""
+"""Tests of shots that share their display-size files, and of class maps beside a reference."""
 
 from pathlib import Path
 

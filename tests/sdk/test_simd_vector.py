@@ -12,7 +12,7 @@ from supersampler.backends.cpu import isa
 from supersampler.backends.cpu.kernels.colors import logarithm
 from supersampler.backends.cpu.memory import address
 from supersampler.backends.cpu.simd.shuffles import load_columns, load_columns4, load_columns8
-from supersampler.backends.cpu.simd.vector import dot4, load16, picked, store
+from supersampler.backends.cpu.simd.vector import dot4, gather_nearby, load16, store
 from supersampler.methods.classifier.kernels.compose import factor
 
 FLOATS, WORDS = types.CPointer(types.float32), types.CPointer(types.int32)
@@ -78,7 +78,7 @@ def test_lanes_go_where_an_index_says(features: Collection[str], monkeypatch: py
     have_only(monkeypatch, features)
 
     def all_of(given: Any, index: Any, made: Any) -> None:
-        store(made, 0, picked(given, 3, 5, load16(index, 0)))
+        store(made, 0, gather_nearby(given, 3, 5, load16(index, 0)))
 
     random = np.random.default_rng(2)
     given, made = random.random(32, np.float32), np.zeros(16, np.float32)

@@ -1,4 +1,4 @@
-"""Where the checks of single frames begin to speak: just short of each threshold they are silent."""
+"""Tests of the thresholds of the single-frame checks: no warning just below each."""
 
 import itertools
 import warnings

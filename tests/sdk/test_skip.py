@@ -1,4 +1,4 @@
-"""What stands still is not drawn again, and nothing else is missed."""
+"""Static tiles are not computed again, and no change is missed."""
 
 import pickle
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ DISPLAY: Size = (320, 224)
 SCALE = 1.5
 PERIOD = jitter_phase_count(SCALE)
 MOST = 14 * PERIOD
-"""Frames in which this scene settles."""
+"""After so many frames this scene needs no computation."""
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +53,7 @@ def scene(
 
 
 def settled(model: Model) -> tuple[Upscaler, int]:
-    """An upscaler that has nothing left to draw of a still scene, and the next frame's number."""
+    """Return an upscaler that computes no tile of a still scene any more, and the next frame's index."""
     upscaler = Upscaler(model, display_size=DISPLAY, validate="off")
     for index in range(MOST):
         done = upscaler.stats.work
@@ -64,7 +64,7 @@ def settled(model: Model) -> tuple[Upscaler, int]:
 
 
 def twin(upscaler: Upscaler) -> Upscaler:
-    """One in the same state that draws all."""
+    """Return one in the same state that computes every tile."""
     other = Upscaler(upscaler.model, display_size=DISPLAY, validate="off", skip="exact")
     other.load_state(upscaler.save_state())
     return other
@@ -83,7 +83,7 @@ def shown(image: Float32) -> Float32:
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_a_still_scene_becomes_a_copy_that_is_as_good(models: dict[str, Model], method: str) -> None:
+def test_a_still_scene_is_copied_and_is_as_good(models: dict[str, Model], method: str) -> None:
     upscaler, index = settled(models[method])
     assert index > 2 * PERIOD
     exact = twin(upscaler)
@@ -108,12 +108,12 @@ def test_where_something_changes_all_that_it_reaches_is_computed_as_without_reus
     frame = scene(index + 1, spots=spots)
     full = exact.step(frame)
     image, work = work_of(upscaler, frame)
-    drawn = np.kron(work == 1.0, np.ones((TILE, TILE)))[: DISPLAY[1], : DISPLAY[0]] > 0
-    assert 0.0 < drawn.mean() < 0.9
+    computed = np.kron(work == 1.0, np.ones((TILE, TILE)))[: DISPLAY[1], : DISPLAY[0]] > 0
+    assert 0.0 < computed.mean() < 0.9
     for x, y in spots:
-        assert drawn[2 * y - 4 : 2 * y + 10, 2 * x - 4 : 2 * x + 10].all()
-    assert np.array_equal(image[drawn], full[drawn])
-    assert np.array_equal(image[~drawn], before[~drawn])
+        assert computed[2 * y - 4 : 2 * y + 10, 2 * x - 4 : 2 * x + 10].all()
+    assert np.array_equal(image[computed], full[computed])
+    assert np.array_equal(image[~computed], before[~computed])
 
 
 @pytest.mark.parametrize("change", [{"motion": 0.25}, {"light": 1.01}])
@@ -145,8 +145,8 @@ def test_an_image_that_has_yet_to_forget_a_spike_of_light_is_not_kept(models: di
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_tiles_come_and_go_and_hold_what_they_showed(models: dict[str, Model], method: str) -> None:
-    """A spot that comes back time and again: tiles go from drawn to kept and back, in both buffers."""
+def test_tiles_computed_and_reused_in_turns_hold_their_image(models: dict[str, Model], method: str) -> None:
+    """A spot that appears every fifth frame: tiles are computed and reused in turns, in both buffers."""
     upscaler, index = settled(models[method])
     exact = twin(upscaler)
     for k in range(index, index + 3 * PERIOD):
@@ -200,7 +200,7 @@ def test_a_larger_tolerance_settles_sooner(models: dict[str, Model]) -> None:
     assert works[0] == 5 * PERIOD > works[1] > works[2]
 
 
-def test_what_stands_still_for_longer_may_change_by_more_up_to_a_bound() -> None:
+def test_the_allowed_change_of_a_static_tile_grows_with_its_age_up_to_a_bound() -> None:
     allowed = allowed_change(0.01, np.arange(1, 8, dtype=np.int32))
     np.testing.assert_allclose(allowed, [0.01, 0.04, 0.08, 0.08, 0.08, 0.08, 0.08])
     assert not allowed_change(0.0, np.arange(1, 8, dtype=np.int32)).any()
@@ -217,19 +217,19 @@ def test_aovs_are_blended_in_every_frame(models: dict[str, Model]) -> None:
 def test_boxes_cover_every_tile_once() -> None:
     rng = np.random.default_rng(5)
     for _ in range(50):
-        drawn = rng.random((7, 11)) < rng.random()
-        tiles = Tiles(drawn)
+        computed = rng.random((7, 11)) < rng.random()
+        tiles = Tiles(computed)
         size = (11 * 32 - 7, 7 * 32 - 20)
         covered = np.zeros(size[::-1], int)
         for box in tiles.boxes(32, size):
             covered[box.y0 : box.y1, box.x0 : box.x1] += 1
-        assert (tiles.computed >= drawn).all()
-        wanted = np.kron(tiles.computed, np.ones((32, 32), int))[: size[1], : size[0]]
+        assert (tiles.computed >= computed).all()
+        expected = np.kron(tiles.computed, np.ones((32, 32), int))[: size[1], : size[0]]
         assert covered.max(initial=0) <= 1
-        assert np.array_equal(covered, wanted)
+        assert np.array_equal(covered, expected)
 
 
-def test_what_skip_does_not_know_is_an_error() -> None:
+def test_an_unknown_value_of_skip_is_an_error() -> None:
     for skip in ("always", -0.1, 1.5, float("nan")):
         with pytest.raises(ArgumentError, match="'auto', 'exact' or a number"):
             Upscaler("taa", display_size=DISPLAY, skip=skip)  # type: ignore[arg-type]

@@ -114,9 +114,9 @@ def test_pixels_of_a_shaded_frame_that_are_none_are_taken_as_a_frames_are() -> N
     one.step(frame(0, color=color))
     other = upscaler()
     other.load_state(one.save_state())
-    drawn = [each.extrapolate(frame(1, color=None)) for each in (one, other)]
-    np.testing.assert_array_equal(drawn[0], drawn[1])
-    assert np.isfinite(drawn[0]).all()
+    images = [each.extrapolate(frame(1, color=None)) for each in (one, other)]
+    np.testing.assert_array_equal(images[0], images[1])
+    assert np.isfinite(images[0]).all()
     assert_refused(with_values(still_state(), "history.jitter", np.nan, "shaded"), "history.jitter")
 
 
@@ -191,8 +191,8 @@ def test_a_state_shares_no_memory_with_whoever_loads_it() -> None:
             array[...] = 0
     for index in (FRAMES - 1, FRAMES):
         np.testing.assert_array_equal(one.step(frame(index)), other.step(frame(index)))
-    drawn = [each.extrapolate(frame(9, color=None, reset=False)) for each in (one, other)]
-    np.testing.assert_array_equal(drawn[0], drawn[1])
+    images = [each.extrapolate(frame(9, color=None, reset=False)) for each in (one, other)]
+    np.testing.assert_array_equal(images[0], images[1])
 
 
 def test_phases_of_a_stranger_are_bounded() -> None:

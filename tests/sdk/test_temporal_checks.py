@@ -1,4 +1,4 @@
-"""What the checks say of several frames: jitter by itself, what hides what, and readings in words."""
+"""Tests of the checks over several frames: jitter, depth order, readings of motion."""
 
 import warnings
 from dataclasses import replace
@@ -78,7 +78,7 @@ def test_a_jitter_that_stays_within_one_pixel_of_ndc_is_too_small() -> None:
 def test_the_order_of_depth_is_doubted_where_what_hides_is_farther(
     as_reversed: tuple[int, int], as_forward: tuple[int, int], kind: str
 ) -> None:
-    """(closer, farther) surfaces that uncovered places were hidden by, if depth were of that order."""
+    """(closer, farther) surfaces that disoccluded places were hidden by, if depth were of that order."""
     assert _other_order({"reversed": as_reversed, "forward": as_forward}) == kind
 
 
@@ -129,6 +129,17 @@ def test_errors_that_nobody_sees_and_frames_that_tell_nothing_accuse_nobody() ->
     assert _better_reading(FramesSeen(pairs=2, errors={"best": (1.9e-5, 0.0)})) == ""
     assert _better_reading(FramesSeen(pairs=2, errors={"best": (2.1e-5, 0.0)})) == "best"
     assert _better_reading(FramesSeen()) == ""
+
+
+def test_a_reading_that_leads_off_the_screen_counts_as_the_greatest_error() -> None:
+    """Motion of one pixel is, read as UV, a whole screen."""
+    frames = [Plane(checker, (2.0, 1.0)).frame(index, (96, 54), (0.0, 0.0)) for index in (0, 1)]
+    seen = FramesSeen()
+    for frame in frames:
+        seen = seen.after(Evidence.of_frame(frame), (192, 108))
+    uv = repr(Conventions(motion_unit="uv"))
+    assert seen.errors[uv][1] == 1.0
+    assert max(other for _, other in seen.errors.values()) == 1.0
 
 
 def test_pairs_of_frames_with_texture_are_counted_from_the_second_on() -> None:
@@ -204,7 +215,7 @@ def test_uncovered_places_are_looked_for_where_motion_and_both_jitters_lead(
 
     def hidden_by(before: tuple[float, float]) -> tuple[int, int]:
         [pair] = frame_pairs([Evidence.of_frame(replace(frame, jitter=before)), Evidence.of_frame(frame)])
-        return pair.uncovered("reversed", Conventions(), 30_000)
+        return pair.disoccluded("reversed", Conventions(), 30_000)
 
     assert hidden_by((-x, -y)) == found
     assert hidden_by((x, y)) == (0, 0)

@@ -24,10 +24,10 @@ def test_shares_hold_every_row_once_and_begin_at_multiples(
     for height, width, x in sizes:
         boxes.append(Rect(y, y + height, x, x + width))
         y += height
-    shares = split(boxes, count, multiple)
-    assert 1 <= len(shares) <= count
+    parts = split(boxes, count, multiple)
+    assert 1 <= len(parts) <= count
     done = np.zeros((y, 80), int)
-    for box in (box for share in shares for box in share):
+    for box in (box for part in parts for box in part):
         done[box.y0 : box.y1, box.x0 : box.x1] += 1
         (whole,) = [b for b in boxes if b.y0 <= box.y0 < b.y1]
         assert (box.y0 - whole.y0) % multiple == 0

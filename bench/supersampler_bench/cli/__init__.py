@@ -1,6 +1,6 @@
-"""`supersampler bench`: one module for each group of commands, which parse options, call and print.
+"""The `supersampler bench` commands, one module for each group: parse options, measure, print.
 
-No measurement and no statistics here; the main command looks for `app` in this package.
+Measurements and statistics are in the other packages. The main command loads `app` from here.
 """
 
 from supersampler_bench.cli.app import app

@@ -2,7 +2,7 @@
 
 import typer
 
-from supersampler_bench.cli import agreement, hashes, quality, report, shots, still, stress, timing
+from supersampler_bench.cli import parity, quality, report, shots, still, stress, timing
 
 app = typer.Typer(no_args_is_help=True)
 
@@ -23,10 +23,7 @@ for command in (
     still.still,
     timing.pareto,
     stress.stress,
-    agreement.parity,
-    agreement.precision,
-    agreement.compare,
-    hashes.hashes,
+    parity.parity,
     shots.shots,
     shots.product_shot,
     report.tables,

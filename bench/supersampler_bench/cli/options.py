@@ -1,4 +1,4 @@
-"""Options that several commands share, progress bars, and where results are written."""
+"""Shared options of the commands, progress bars, and output of records and tables."""
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -38,11 +38,11 @@ UPDATE = Annotated[
 ]
 METHODS = Annotated[str, typer.Option(help="Shipped models or model folders, with commas between.")]
 SCENES = Annotated[str, typer.Option(help="Families of test shots, with commas between.")]
-DISPLAY_SIZE = Annotated[str, typer.Option(help="Of the images.")]
+DISPLAY_SIZE = Annotated[str, typer.Option(help="Size of the images, as 960x540.")]
 DISPLAY_SIZES = Annotated[str, typer.Option(help="Display sizes, with commas between.")]
 ONE_RATIO = Annotated[float, typer.Option(min=1.0, help="Display over render size.")]
-STEPS = Annotated[int, typer.Option(min=1, help="That count, of each setting.")]
-SAMPLES = Annotated[int, typer.Option(min=1, help="A pixel of the references.")]
+STEPS = Annotated[int, typer.Option(min=1, help="Timed steps of each setting.")]
+SAMPLES = Annotated[int, typer.Option(min=1, help="Samples per pixel of the references.")]
 EXECUTORS = Annotated[str, typer.Option(help="cpu, onnx, or both with a comma between.")]
 SHOT = Annotated[
     str,
@@ -61,7 +61,7 @@ CACHE = Annotated[Path | None, typer.Option(**_CACHE_SOURCE)]
 CACHE_ARGUMENT = Annotated[Path | None, typer.Argument(**_CACHE_SOURCE)]
 
 Tables = Mapping[str, Callable[[Record], str]]
-"""The function that makes each table of a record, by the name of its block."""
+"""Functions that make the tables of a record, by the name of the table's block."""
 
 
 def say(text: str) -> None:

@@ -1,4 +1,4 @@
-"""`supersampler bench tables` and `report`: what all records say, in Markdown and as one HTML page."""
+"""`supersampler bench tables` and `report`: all records as Markdown tables and as one HTML page."""
 
 from pathlib import Path
 from typing import Annotated

@@ -11,7 +11,7 @@ from supersampler_bench.quality.summaries import WARM_UP_FRAMES
 
 
 @dataclass(frozen=True)
-class Shown:
+class FrameErrors:
     """Images and errors of one frame, in the order of the methods.
 
     Attributes:
@@ -26,9 +26,9 @@ class Shown:
 
 
 class ErrorMaps:
-    """Watches `measure_quality`; keeps only mean errors and the frame in which methods err the most.
+    """Callback `watch` of `measure_quality`, which keeps the mean errors and the frame of largest error.
 
-    Frames of the warm-up count as long as there is none after them.
+    Warm-up frames count only in shots that have no later ones.
 
     Args:
         methods: their names.
@@ -36,14 +36,14 @@ class ErrorMaps:
 
     def __init__(self, methods: list[str]) -> None:
         self.methods = methods
-        self.worst = self._now = Shown(-1)
+        self.worst = self._now = FrameErrors(-1)
         self._sums: list[NDArray[np.float64]] = []
         self._count, self._largest, self._warm = 0, -1.0, False
 
     def __call__(self, seen: ScoredImage) -> None:
         """Take one image; those of a frame follow one another in the order of the methods."""
         if seen.method == 0:
-            self._now = Shown(seen.frame)
+            self._now = FrameErrors(seen.frame)
         self._now.images.append(seen.shown)
         self._now.errors.append(seen.flip)
         if len(self._now.errors) == len(self.methods):
@@ -54,7 +54,7 @@ class ErrorMaps:
         """(H, W) each, the mean over the frames, by method."""
         return [np.asarray(total / self._count, np.float32) for total in self._sums]
 
-    def _take(self, now: Shown) -> None:
+    def _take(self, now: FrameErrors) -> None:
         if now.frame >= WARM_UP_FRAMES and not self._warm:
             self._sums, self._count, self._largest, self._warm = [], 0, -1.0, True
         sums = self._sums or [np.zeros(error.shape) for error in now.errors]

@@ -108,7 +108,7 @@ class UnshadedScores:
         return unshaded.summary(warm=warm, cropped=cropped) | temporal | {PSNR_SHADED: psnr_shaded}
 
     def classes(self, *, warm: bool = True, cropped: bool = True) -> None:
-        """Return None: classes are of shaded samples."""
+        """Return None: classes are defined on shaded frames only."""
 
 
 def measure_extrapolation(

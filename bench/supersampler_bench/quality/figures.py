@@ -159,5 +159,5 @@ def _draw_matrix(axes: Axes, names: Sequence[str], matrix: Counts) -> None:
 
 
 def _limit(errors: Sequence[Float32]) -> float:
-    """Where the scale of all methods ends: at the 99.8th percentile, so that the rest is not all dark."""
+    """Upper end of the colour scale: the 99.8th percentile, since outliers would darken all else."""
     return max(float(np.percentile(error, 99.8)) for error in errors) or 1.0

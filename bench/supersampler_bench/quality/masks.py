@@ -11,14 +11,14 @@ from supersampler.io.shot import ClassMaps
 Bool = NDArray[np.bool_]
 
 MOVING_PIXELS = 0.5
-"""Motion, in render pixels a frame, beyond which a pixel counts as moving: what jitter alone can span."""
+"""Motion, render pixels a frame, above which a pixel counts as moving; jitter alone spans that much."""
 
 DEPTH_RATIO = 1.1
 """Ratio of distances above which the previous surface occluded the current one."""
 
 
 def moving(frame: Frame) -> Bool:
-    """(h, w), True where it moves by more than `MOVING_PIXELS`, be it camera or object."""
+    """(h, w), True where the motion of camera or objects exceeds `MOVING_PIXELS`."""
     motion = frame.motion.astype(np.float32)
     return np.asarray(np.hypot(motion[..., 0], motion[..., 1]) > MOVING_PIXELS)
 

@@ -27,7 +27,7 @@ from supersampler_bench.specs import parse_spec
 
 Bool = NDArray[np.bool_]
 Bands = tuple[strred.Plane, strred.Plane]
-"""Of the previous image and of this one."""
+"""STRRED bands of the previous image and of this one."""
 
 
 @dataclass(frozen=True)
@@ -127,8 +127,8 @@ def runnable(shot: Shot, methods: Sequence[str], on_left_out: Callable[[str], No
     Raises:
         ArgumentError: no method is left.
     """
-    display, there = reference_size(shot), names_of(shot.read_raw(0))
-    reasons = {m: incompatibility(parse_spec(m).model, shot.render_size, display, there) for m in methods}
+    display, available = reference_size(shot), names_of(shot.read_raw(0))
+    reasons = {m: incompatibility(parse_spec(m).model, shot.render_size, display, available) for m in methods}
     for reason in filter(None, reasons.values()):
         on_left_out(f"{shot.name}: {reason}")
     kept = [method for method in methods if not reasons[method]]
@@ -138,7 +138,7 @@ def runnable(shot: Shot, methods: Sequence[str], on_left_out: Callable[[str], No
 
 
 def stepper_of(method: str | Path, display_size: Size) -> Stepper:
-    """Return what steps a method through a shot; `method` as `measure_quality` takes it."""
+    """Return the stepper of a method, given as `measure_quality` takes it."""
     upscaler = upscaler_of(str(method), display_size)
     outputs = [name for name in ("class_map",) if name in upscaler.model.info.maps]
 
@@ -178,7 +178,7 @@ def reference_size(shot: Shot) -> Size:
 
 @dataclass(frozen=True)
 class _Truth:
-    """What the images of one frame are compared with, the same for all methods."""
+    """The reference of one frame, with masks and classes; the same for all methods."""
 
     frame: int
     exposure: float
@@ -191,7 +191,7 @@ class _Truth:
 
 
 class _Truths:
-    """Follows the frames of a shot and keeps what the next truth needs of the previous frame."""
+    """Makes the truth of each frame in order; keeps the previous frame and reference for the next."""
 
     def __init__(self, display_size: Size) -> None:
         self._display_size = display_size

@@ -99,15 +99,15 @@ def tpsnr(image: Array, previous: Array, reference: Array, previous_reference: A
 def warped_error(image: Array, previous: Array, motion: Array, valid: Bool) -> float:
     """Mean absolute change along the motion, 0 to 1: E_w = mean over valid |image - W(previous)|.
 
-    Blur lowers it, so compare it with the reference's own (`warped_error_difference`). NaN where nothing is
-    valid.
+    Blur lowers it, so compare it with that of the reference (`warped_error_difference`). NaN where no
+    pixel is valid.
 
     Args:
         image: (H, W, 3) in [0, 1], this frame.
         previous: (H, W, 3) in [0, 1], the previous frame.
         motion: (H, W, 2), display pixels, previous minus current.
-        valid: (H, W), False where the surface was occluded in the previous frame. Off-screen pixels do not
-            count in any case.
+        valid: (H, W), False where the surface was occluded in the previous frame. Pixels whose previous
+            position is off screen never count.
     """
     warped, inside = warp(previous, motion)
     change = np.abs(_double(image) - warped)[valid & inside]
@@ -117,7 +117,7 @@ def warped_error(image: Array, previous: Array, motion: Array, valid: Bool) -> f
 def warped_error_difference(
     image: Array, previous: Array, reference: Array, previous_reference: Array, motion: Array, valid: Bool
 ) -> float:
-    """|E_w of the image - E_w of the reference|, 0 to 1: 0 moves and shimmers as the reference does."""
+    """|E_w of the image - E_w of the reference|, 0 to 1; 0: changes along the motion are alike."""
     own = warped_error(reference, previous_reference, motion, valid)
     return abs(warped_error(image, previous, motion, valid) - own)
 

@@ -1,15 +1,15 @@
 """Spatio-temporal reduced-reference entropic differencing, STRRED: Soundararajan and Bovik 2013.
 
-Two images that follow one another are reduced to one subband of a steerable pyramid, whose blocks of 3x3
-are held for a Gaussian scale mixture. What is compared with the reference is how much information each block
-of the band has (spatial, SRRED), and each of the change from one image to the next (temporal, TRRED).
+Two consecutive images are reduced to one subband of a steerable pyramid, whose 3x3 blocks are modelled as a
+Gaussian scale mixture. The metric compares with the reference how much information each block of the band has
+(spatial, SRRED), and each block of the change from one image to the next (temporal, TRRED).
 
 >>> pair = information(band(luma_before), band(luma))
 >>> srred, trred = distance(pair, information(band(reference_luma_before), band(reference_luma)))
 
-STRRED of a clip is mean SRRED times mean TRRED over its pairs, which do not overlap. It cannot see what the
-band does not pass: waves shorter than some 20 pixels, and brightness that flickers all over the image,
-which gives 0. So it stands beside other metrics.
+STRRED of a clip is mean SRRED times mean TRRED over its pairs, which do not overlap. It is blind to what the
+band does not pass: waves shorter than some 20 pixels, and flicker of the whole image's brightness, which
+gives 0. So it is only shown beside other metrics.
 """
 
 from typing import NamedTuple
@@ -24,12 +24,12 @@ from supersampler.io.display import to_uint8
 Plane = NDArray[np.float64]
 
 BAND_PIXELS = 8
-"""How many pixels of an image, across and down, there are to one of the band."""
+"""Size of a pixel of the band in pixels of the image, across and down."""
 
-_LEVELS = 4  # the band is that of the coarsest
+_LEVELS = 4  # of the pyramid; the band is taken from the coarsest
 _BLOCK = 3
-_NOISE = 0.1  # variance of the noise in what is seen, grey levels squared
-_RIDGE = 1e-6  # part of the mean variance: patterns that repeat make the covariance singular
+_NOISE = 0.1  # variance of the visual system's noise, grey levels squared
+_RIDGE = 1e-6  # fraction of the mean variance added to the diagonal: repeating patterns give rank < 9
 _ROUNDING = 1e-12  # variance, grey levels squared, below which a band is empty
 _BT709 = np.array([0.2126, 0.7152, 0.0722], np.float64)
 
@@ -46,7 +46,7 @@ _LOWPASS = (  # sums to 2: amplitudes double from level to level
     (-0.01888864, 0.00821200, 0.06554076, 0.12852666, 0.16339236),
     (-0.01924108, 0.02005976, 0.07962786, 0.16339236, 0.20193080),
 )
-_BANDPASS = (  # odd from row to row; the middle row is 0
+_BANDPASS = (  # antisymmetric from row to row; the middle row is 0
     (-0.00277643, -0.00496194, -0.01026699, -0.01455399),
     (0.00986904, 0.00893064, -0.01189859, -0.02755155),
     (0.01021852, 0.03075356, 0.08226445, 0.11732297),
@@ -55,19 +55,19 @@ _BANDPASS = (  # odd from row to row; the middle row is 0
 
 
 class Information(NamedTuple):
-    """What a pair of bands holds, block by block: (n,) each, n = 0 where there is no whole block."""
+    """Scaled entropies of a pair of bands, one a block: (n,) each, n = 0 where there is no whole block."""
 
     spatial: Plane
     temporal: Plane
 
 
 def luma255(shown: Array) -> Plane:
-    """(H, W) BT.709 luma, 0 to 255, of what an 8-bit screen shows of (H, W, 3) in [0, 1]."""
+    """Return (H, W) BT.709 luma, 0 to 255, of an image (H, W, 3) in [0, 1], rounded to 8 bits."""
     return np.asarray(to_uint8(shown) @ _BT709)
 
 
 def band(luma: Plane) -> Plane:
-    """Reduce an image to the coarsest band, of what changes from row to row.
+    """Return the coarsest band of an image, filtered for changes from row to row.
 
     Args:
         luma: (H, W), 0 to 255.
@@ -90,7 +90,7 @@ def information(previous: Plane, current: Plane) -> Information:
 
 
 def distance(pair: Information, reference: Information) -> tuple[float, float]:
-    """SRRED and TRRED of a pair, each >= 0, 0 is equal: mean over the blocks; NaN where there is no block."""
+    """Return SRRED and TRRED of a pair, means over the blocks: >= 0, 0 is equal; NaN without blocks."""
     if not pair.spatial.size:
         return float("nan"), float("nan")
     srred = np.abs(pair.spatial - reference.spatial).mean()
@@ -100,8 +100,8 @@ def distance(pair: Information, reference: Information) -> tuple[float, float]:
 def _scale_mixture(plane: Plane) -> tuple[Plane, Plane]:
     """Return the variance, relative to the band's, and the entropy of each block of 3x3: (n,) each.
 
-    The entropy is a sum over the covariance's eigenvalues. Its logarithms have two bases, as in the authors'
-    code: what they published could not be compared with otherwise.
+    The entropy is a sum over the covariance's eigenvalues. It mixes log2 and log, as the authors' code does,
+    so that values can be compared with published ones.
     """
     height, width = (side // _BLOCK * _BLOCK for side in plane.shape)
     values = _BLOCK * _BLOCK

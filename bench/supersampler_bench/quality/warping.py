@@ -1,4 +1,4 @@
-"""The baseline without a model for unshaded frames: the last image, warped."""
+"""Baseline for unshaded frames without a model: the last image, warped by motion."""
 
 from collections.abc import Iterator
 
@@ -14,7 +14,7 @@ REACH = 32
 
 
 def warped(image: Float32, frame: Frame) -> Float32:
-    """Reproject the previous image, (H, W, 3), by a frame's motion; off screen repeats the border."""
+    """Reproject the previous image, (H, W, 3), by a frame's motion; off screen the border repeats."""
     height, width = image.shape[:2]
     motion = masks.display_motion(frame, (width, height))
     rows, columns = np.indices((height, width))
@@ -31,7 +31,7 @@ def with_background_filled(image: Float32, frame: Frame, before: Frame) -> Float
     Args:
         image: (H, W, 3), by `warped`.
         frame: this one.
-        before: the previous one, of either kind.
+        before: the previous one, shaded or unshaded.
     """
     size = (image.shape[1], image.shape[0])
     unshaded, in_part, depth = (
@@ -57,24 +57,23 @@ def with_background_filled(image: Float32, frame: Frame, before: Frame) -> Float
 
 
 def motion_over_two_frames(frame: Frame, since: Array | None, jitter: tuple[float, float]) -> Array:
-    """Return motion of a frame, (h, w, 2), concatenated with `since`, that of the previous frame.
+    """Return motion (h, w, 2) from a frame across the previous one, to the frame that `since` leads to.
 
     Args:
         frame: this one.
-        since: (h, w, 2) of the frame before, back to one further in the history; None where it is not to be
-            passed over.
+        since: (h, w, 2), from the previous frame to an earlier one; None: return the frame's own motion.
         jitter: of the previous frame.
     """
     if since is None:
         return frame.motion
     to_sample = frame.motion + np.subtract(frame.jitter, jitter)
     further, inside = metrics.warp(since, to_sample)
-    total = np.where(inside[..., None], frame.motion + further, frame.motion)  # or it is off screen anyway
+    total = np.where(inside[..., None], frame.motion + further, frame.motion)  # off screen: no matter
     return total.astype(np.float32)
 
 
 def _outwards() -> Iterator[tuple[int, int]]:
-    """Places (down, across) around a pixel, the nearest first."""
+    """Yield offsets (down, across) within REACH of a pixel, the nearest first."""
     rows, columns = np.mgrid[-REACH : REACH + 1, -REACH : REACH + 1]
     far = np.hypot(rows, columns)
     order = np.argsort(far, axis=None, kind="stable")[1:]

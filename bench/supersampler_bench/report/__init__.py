@@ -1,4 +1,4 @@
-"""What all records say together: the tables of the documentation, and one HTML page with figures.
+"""Output of all records: the tables of the documentation, and one HTML page with figures.
 
 Only the quick report measures anything; each measurement has its own package.
 """

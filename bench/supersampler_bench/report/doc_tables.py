@@ -7,9 +7,9 @@ from functools import partial
 from pathlib import Path
 
 from supersampler.errors import ArgumentError
-from supersampler_bench.agreement import parity
+from supersampler_bench import parity
 from supersampler_bench.markdown_blocks import find_block, update_block
-from supersampler_bench.quality import extrapolation, precision, still
+from supersampler_bench.quality import extrapolation, still
 from supersampler_bench.quality.score_table import block_names, blocks
 from supersampler_bench.record import SHIPPED_PARETO, Record, read_record
 from supersampler_bench.stress import report as stress
@@ -22,7 +22,7 @@ RESULTS = Path("bench/results")
 STUDY = "study "
 """Prefix of the blocks that programs in bench/studies write, from records in bench/results/studies."""
 Blocks = Mapping[str, Callable[[], str]]
-"""What makes the text of a block of a Markdown file, by the block's name."""
+"""Functions that return the text of blocks of a Markdown file, by the block's name."""
 
 _TABLES: Mapping[str, Callable[[Record], str]] = {
     "against": against.markdown_table,
@@ -30,20 +30,19 @@ _TABLES: Mapping[str, Callable[[Record], str]] = {
     "device": device.markdown_table,
     "extrapolation": extrapolation.markdown_table,
     "parity": parity.markdown_table,
-    "precision": precision.markdown_table,
     "skip": skip.markdown_table,
     "speed": speed.markdown_table,
     "startup": startup.markdown_table,
     "still": still.markdown_table,
 }
-"""By the bench."""
+"""Functions that make the table of a record, by the record's bench."""
 
 
 def blocks_of(name: str, record: Record) -> Blocks:
     """Return the blocks that a record fills.
 
     Args:
-        name: of its file, without the ending: "quality-plaza" is the block "quality plaza".
+        name: of its file, without the suffix: "quality-plaza" is the block "quality plaza".
         record: read from it.
     """
     bench, block = record["bench"], name.replace("-", " ", 1)
@@ -65,7 +64,7 @@ def _quality_block(record: Record, name: str, part: str) -> str:
     return blocks(record, name)[part]
 
 
-def made(name: str, maker: Callable[[], str]) -> str:
+def block_text(name: str, maker: Callable[[], str]) -> str:
     """Return the text of a block.
 
     Raises:
@@ -73,7 +72,7 @@ def made(name: str, maker: Callable[[], str]) -> str:
     """
     try:
         return maker()
-    except (KeyError, TypeError) as error:  # a value that this version writes is not there, or one too many
+    except (KeyError, TypeError) as error:  # a value is missing or unknown in this version
         hint = "Measure again: the record has the command."
         raise ArgumentError("record", got=f"without {error}", want=f"all of {name!r}", hint=hint) from error
 
@@ -82,7 +81,7 @@ def read_records(folder: Path) -> dict[str, Record]:
     """Return all records of a folder, by the names of their files.
 
     Raises:
-        ArgumentError: there is none, or a file is none.
+        ArgumentError: there is none, or a file is not a record.
     """
     records: dict[str, Record] = {path.stem: read_record(path) for path in sorted(folder.glob("*.json"))}
     if not records:
@@ -98,8 +97,8 @@ class Block:
     Attributes:
         page: the file.
         name: of the block.
-        text: what stands there.
-        wanted: the text by its record; None where there is no record of this version.
+        text: its present text.
+        wanted: the text that its record gives; None where there is no record of this version.
         problem: why there is none.
     """
 
@@ -111,7 +110,7 @@ class Block:
 
     @property
     def is_recorded(self) -> bool:
-        """Whether what stands there is what its record says; without one, nothing may."""
+        """Whether the text is the one that the record gives; without a record it must be empty."""
         return self.text == (self.wanted or "")
 
 
@@ -138,12 +137,12 @@ def _block(page: Path, name: str, maker: Callable[[], str] | None) -> Block:
     if maker is None:
         return Block(page, name, text, None, "there is no record of it")
     try:
-        return Block(page, name, text, made(name, maker))
+        return Block(page, name, text, block_text(name, maker))
     except ArgumentError as error:
         return Block(page, name, text, None, str(error))
 
 
 def write(block: Block) -> None:
-    """Write what a block's record says where there is one."""
+    """Write the text that a block's record gives, if there is one."""
     if block.wanted is not None and not block.is_recorded:
         update_block(block.page, block.name, block.wanted)

@@ -15,7 +15,7 @@ from supersampler_bench.timing.pareto import Point, by_ratio, frontier, points_o
 from supersampler_bench.timing.speed import Timed, timed_of
 
 _GREY = "0.65"
-_NEAR = 0.04  # of a time, and of the range of scores: within it points share a label
+_NEAR = 0.04  # fraction of the time and of the range of scores within which points share a label
 
 
 def draw_record(record: Record, folder: Path) -> list[tuple[str, Path]]:
@@ -67,7 +67,7 @@ def draw_speed(results: Sequence[Timed], path: Path) -> None:
     """Draw a panel for each size and number of threads: a bar for each method, split by stage.
 
     Args:
-        results: at least one with stages; graphs have none, and are left out.
+        results: at least one with stages; those without, as of the ONNX backend, are left out.
         path: of the PNG.
     """
     groups: dict[str, list[Timed]] = {}
@@ -108,12 +108,12 @@ def _draw_group(axes: Axes, results: Sequence[Timed], stages: Sequence[str]) -> 
 
 
 def draw_pareto(points: Sequence[Point], title: str, folder: Path) -> list[Path]:
-    """Write `folder`/pareto-METRIC.png: a panel for each ratio, with its frontier; beaten settings are grey.
+    """Write `folder`/pareto-METRIC.png: a panel for each ratio, with its frontier; other settings are grey.
 
     Args:
         points: all settings.
         title: of each figure.
-        folder: that is made where it lacks.
+        folder: made if it does not exist.
     """
     folder.mkdir(parents=True, exist_ok=True)
     written = []
@@ -175,7 +175,7 @@ def _draw_ratio(axes: Axes, points: Sequence[Point], metric: Column) -> None:
 
 
 def _near(points: Sequence[Point], metric: Column) -> list[list[Point]]:
-    """Points in groups that share a label, as theirs would lie on one another; the best first."""
+    """Group points whose labels would overlap, so that they share one; the fastest first."""
     scores = [point.scores[metric.name] for point in points]
     room = _NEAR * (max(scores) - min(scores))
     groups: list[list[Point]] = []

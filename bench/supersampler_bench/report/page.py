@@ -1,4 +1,4 @@
-"""One HTML page of all that was measured; it needs no other file, and no network."""
+"""One HTML page of all records: tables, figures, images. It needs no other file and no network."""
 
 import base64
 import tempfile
@@ -15,7 +15,7 @@ from supersampler.errors import ArgumentError
 from supersampler.io.atomic import replacing
 from supersampler.io.compare import versions
 from supersampler_bench.record import Record, machine_name
-from supersampler_bench.report.doc_tables import blocks_of, made
+from supersampler_bench.report.doc_tables import block_text, blocks_of
 from supersampler_bench.report.figures import draw_record
 
 _CONTENT_GOES_HERE = "<!-- content -->"
@@ -28,8 +28,8 @@ class Section:
 
     Attributes:
         bench: of its records.
-        title: for people.
-        about: what was measured, in a sentence or two of Markdown.
+        title: heading of the section.
+        about: what was measured, as Markdown.
     """
 
     bench: str
@@ -47,16 +47,15 @@ SECTIONS = (
     Section("skip", "Static tiles", "Static-tile reuse: time saved, and error."),
     Section("stress", "Stress", "Long runs and hostile input; figures out of bounds are bold."),
     Section("parity", "Parity", "Difference of both backends from torch, over long sequences."),
-    Section("precision", "Precision", "Loss of fp16 and int8 at the end of long sequences."),
     Section("cost", "Networks", "Multiply-adds and parameters, counted in the graphs."),
 )
 _OPENED = ("pareto", "speed")
-"""Benches whose first figure is seen at once."""
+"""Benches whose first figure is shown unfolded."""
 _COLUMNS = ("record", "date, UTC", "machine", "versions", "command")
 
 
 def is_page(path: Path) -> bool:
-    """Return whether a file begins as pages of `write_page` do."""
+    """Return whether a file is a page by `write_page`, judged by its first lines."""
     head = files("supersampler_bench.report").joinpath("report.html").read_bytes().partition(b"</title>")[0]
     try:
         with path.open("rb") as file:
@@ -71,7 +70,7 @@ def write_page(path: Path, records: Mapping[str, Record], results: Path, compari
     Args:
         path: of the page.
         records: by the names of their files.
-        results: their folder. PNG files in a folder of a record's name in it are figures of that record.
+        results: their folder. PNG files in its folder NAME are figures of the record NAME.
         comparison: HTML of `split_view`.
 
     Raises:
@@ -140,7 +139,7 @@ def _record(name: str, record: Record, results: Path) -> Iterator[str]:
     makers = [partial(_table, maker) for maker in blocks_of(name, record).values()]
     for make in (*makers, partial(_figures, name, record, results)):
         try:
-            yield made(name, make)
+            yield block_text(name, make)
         except ArgumentError as error:
             yield f'<p class="facts">{escape(str(error))}</p>'
 
@@ -191,7 +190,7 @@ def _html(markdown: str) -> str:
 
 
 def _markdown() -> MarkdownIt:
-    """Tables, paragraphs, lists, emphasis: what tables of this package use. HTML and links stay text."""
+    """Return a parser for tables, paragraphs, lists and emphasis. HTML and links stay text."""
     reader = MarkdownIt("commonmark", {"html": False}).enable("table").disable(["link", "image", "autolink"])
     reader.add_render_rule("table_open", lambda *_: '<div class="table"><table>\n')
     reader.add_render_rule("table_close", lambda *_: "</table></div>\n")

@@ -7,7 +7,7 @@ from typing import Any
 
 from supersampler.errors import ArgumentError
 from supersampler.io.shot import Shot
-from supersampler_bench.agreement.parity import measure_parity, parity_record
+from supersampler_bench.parity import measure_parity, parity_record
 from supersampler_bench.quality.measure import measure_quality
 from supersampler_bench.quality.score_record import quality_record, shot_scores
 from supersampler_bench.record import Record, read_record, setting, write_json
@@ -32,14 +32,14 @@ def measure_quickly(folder: Path, on_part: Callable[[str, str], None]) -> None:
 
     Args:
         folder: where records are written.
-        on_part: called with each part's name and a word on it, when it begins and when it is done.
+        on_part: called with each part's name and a message, when it begins and when it is done.
 
     Raises:
         ArgumentError: the folder has records that were not measured quickly.
     """
     for path in folder.glob("*.json"):
         if not read_record(path).get("quick"):
-            want = "a folder of its own for what is measured quickly"
+            want = "a folder without other records"
             raise ArgumentError("results", got=f"{folder} with {path.name}, which was not", want=want)
     records: dict[str, Record] = {}
     for name, measure in _PARTS.items():
@@ -87,4 +87,4 @@ _PARTS: Mapping[str, Callable[[Mapping[str, Record], Path], dict[str, Any]]] = {
     "parity": _parity,
     "stress": _stress,
 }
-"""By the name of the record; each is given those before it, and a folder of its own for figures."""
+"""By the name of the record. Each gets the earlier records and a folder for its own figures."""

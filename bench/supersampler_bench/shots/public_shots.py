@@ -21,7 +21,7 @@ NAME = "test-shots"
 CACHE_VARIABLE = "SUPERSAMPLER_CACHE"
 FROZEN = Path(__file__).parent / "frozen.json"
 """The hashes of the pixels that every published number was measured on."""
-PROVENANCE = "drawn.json"
+PROVENANCE = "provenance.json"
 """File in each shot's folder: the driver and the settings that it was rendered with."""
 _HOW = "`supersampler bench shots` renders it."
 
@@ -38,7 +38,7 @@ class TestShots:
         samples: a pixel of the reference.
     """
 
-    __test__ = False  # a class of this name is no test, whatever pytest thinks
+    __test__ = False  # pytest takes classes of this name for tests
 
     seeds: Mapping[str, int] = field(
         default_factory=lambda: {
@@ -70,14 +70,14 @@ TEST_SHOTS = TestShots()
 
 @dataclass(frozen=True)
 class PublicShot:
-    """A test shot at one ratio, whole on disk.
+    """A test shot at one ratio, complete on disk.
 
     Attributes:
         shot: the frames.
         ratio: display over render size.
         driver: the OpenGL that rendered it.
         digest: SHA-256 of its pixels.
-        frozen: what that should be; None where nothing is frozen for it.
+        frozen: the frozen hash; None where there is none for this shot.
         frozen_driver: the OpenGL of the frozen pixels.
     """
 
@@ -94,7 +94,7 @@ class PublicShot:
         return self.digest == self.frozen
 
     def warning(self) -> str | None:
-        """Return what to know before comparing numbers; None where the pixels are the frozen ones."""
+        """Return why scores may differ from published ones; None where the pixels are the frozen ones."""
         name = f"{self.shot.name} at {variant_name(self.ratio)}"
         if self.as_frozen:
             return None
@@ -121,7 +121,7 @@ class PublicShot:
 
 
 def default_cache() -> Path:
-    """Return the platform's folder for what can be made again."""
+    """Return the package's folder in the platform's cache."""
     if sys.platform == "win32":
         return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData/Local") / "supersampler"
     if sys.platform == "darwin":
@@ -130,7 +130,7 @@ def default_cache() -> Path:
 
 
 def shot_folder(cache: Path, family: str) -> Path:
-    """Return where a test shot lies in a cache."""
+    """Return the folder of a test shot in a cache."""
     return cache / NAME / family
 
 
@@ -138,13 +138,13 @@ def open_test_shots(cache: Path, ratios: Sequence[float], shots: TestShots, froz
     """Open all test shots at the ratios given, ratio by ratio; all of their pixels are read once.
 
     Args:
-        cache: where they are.
+        cache: folder with the test shots.
         ratios: display over render size.
-        shots: which.
-        frozen: the file of hashes.
+        shots: settings that they were rendered with.
+        frozen: file of the frozen hashes.
 
     Raises:
-        ShotError: one is not there, not whole or of other properties, with the command that makes it.
+        ShotError: one is missing, incomplete or of other settings; with the command that renders it.
     """
     return [open_test_shot(cache, family, ratio, shots, frozen) for ratio in ratios for family in shots.seeds]
 
@@ -179,12 +179,19 @@ def open_test_shot(cache: Path, family: str, ratio: float, shots: TestShots, fro
 
 
 def read_provenance(folder: Path) -> dict[str, Any]:
-    """Return the driver and the settings of a shot's folder; {} where it has none."""
-    return _json(folder / PROVENANCE)
+    """Return the driver and the settings that a shot's folder was rendered with; {} where it has no shot.
+
+    Raises:
+        ShotError: it has a shot of an earlier version, without provenance.json.
+    """
+    path = folder / PROVENANCE
+    if not path.exists() and any(folder.glob("*.json")):
+        raise ShotError(path, "is missing: the shot is of an earlier version", f"Delete {folder}: {_HOW}")
+    return _json(path)
 
 
 def pixel_hash(shot: Shot) -> str:
-    """Return the SHA-256 of all that a shot's frames hold, however their files are packed."""
+    """Return the SHA-256 of the content of all frames, whatever the compression of their files."""
     digest = sha256()
     for index in range(len(shot)):
         raw, classes = shot.read_raw(index), shot.read_classes(index)
@@ -201,7 +208,7 @@ def pixel_hash(shot: Shot) -> str:
 
 
 def freeze(shots: Sequence[PublicShot], path: Path) -> list[PublicShot]:
-    """Make the pixels of these shots the ones that numbers are published for, and return them as such.
+    """Write the hashes of these shots as the frozen ones; return the shots with these.
 
     Raises:
         ShotError: they were rendered by several drivers, or the file cannot be written.

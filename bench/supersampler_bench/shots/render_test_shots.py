@@ -1,4 +1,4 @@
-"""Render the public test shots into a cache, with several processes; a run that was stopped goes on."""
+"""Render the public test shots into a cache, in several processes; a stopped run continues."""
 
 import json
 from collections.abc import Callable
@@ -18,16 +18,16 @@ from supersampler_model.data.shots import ShotForm, render_shot, variant_name
 def render_test_shots(
     cache: Path, shots: TestShots, *, workers: int = 1, on_frame: Callable[[], None] = lambda: None
 ) -> None:
-    """Render what is not there yet, a shot to a worker.
+    """Render all missing frames; each worker renders whole shots.
 
     Args:
-        cache: folder of all that can be made again.
-        shots: which.
+        cache: folder that gets the test shots.
+        shots: their settings.
         workers: processes; software OpenGL renders with cores / workers threads in each.
         on_frame: called after each frame that was missing.
 
     Raises:
-        DataError: a worker failed; what is complete stays, and the next run goes on.
+        DataError: a worker failed; complete frames stay, and the next run continues.
     """
     families = list(shots.seeds)
     shares = [families[k::workers] for k in range(min(workers, len(families)))]
@@ -42,18 +42,18 @@ def render_test_shot(
     *,
     on_frame: Callable[[], None] = lambda: None,
 ) -> None:
-    """Render the frames of one shot that are not there yet, at all ratios.
+    """Render the missing frames of one shot, at all ratios.
 
     Raises:
-        ShotError: the shot that is there was rendered by another driver or from other numbers; a full disk.
+        ShotError: existing frames were rendered by another driver or with other settings; a full disk.
         GraphicsError: there is no OpenGL.
     """
     graphics = graphics or open_graphics()
     folder, facts = shot_folder(cache, family), {**shots.facts(family), "driver": driver_name(graphics)}
-    there = read_provenance(folder) or facts
+    found = read_provenance(folder) or facts
     for name, value in facts.items():
-        if there.get(name) != value:
-            problem = f"the shot that is there has the {name} {there.get(name)}; this run's is {value}"
+        if found.get(name) != value:
+            problem = f"the existing shot has the {name} {found.get(name)}; this run's is {value}"
             raise ShotError(folder, problem, "Delete the folder, or name another cache.")
     with replacing(folder / PROVENANCE) as partial:
         partial.write_text(json.dumps(facts, indent=1) + "\n", encoding="utf-8", newline="\n")

@@ -1,4 +1,4 @@
-"""Run time, counted work and first-frame time, on this machine, and time against quality.
+"""Step time, first-frame time and counted work of methods, and time against quality.
 
 Nothing here compares images; see `quality` and `agreement`.
 """

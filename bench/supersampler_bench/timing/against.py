@@ -1,19 +1,18 @@
 """Ratios of step times: the installed version over another one, in turns in one run.
 
 The speed of a machine changes from minute to minute by more than versions differ, and the speed of a process
-depends on where its memory lies. So in each round each version has a new process, and both step every method
-on the same frames, one right after the other, in alternating order. What counts is the ratio of their times
-in a round; the median over all rounds has an interval.
+depends on where its memory lies. So in each round a method steps on the same frames in a new process of each
+version, one after the other, in alternating order. The result is the median over the rounds of the ratio of
+their times, with an interval.
 """
 
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from functools import partial
 from itertools import product
 from math import comb
 from pathlib import Path
-from statistics import median
+from statistics import fmean, median
 from tempfile import TemporaryDirectory
 from typing import Any, TypeAlias, TypeVar
 
@@ -26,15 +25,15 @@ from supersampler.methods.model_file import find_model, read_model_info
 from supersampler_bench.compatibility import gbuffers_of, incompatibility, with_default_gbuffers
 from supersampler_bench.markdown_table import size_text, table
 from supersampler_bench.record import Record, machine_name
-from supersampler_bench.timing.other_version import Process, Version
+from supersampler_bench.timing.child_process import FIRST_IMAGE, STEPS, Version
 from supersampler_bench.timing.speed import frames_of
 from supersampler_model.data.shots import render_size
 
 COVERAGE = 0.95
-"""Least probability with which the interval of a median holds it."""
+"""Least probability with which the interval of a median contains it."""
 FEWEST, FEWEST_FOR_INTERVAL = 10, 6
 """Rounds of steps by default; the fewest rounds that give an interval of `COVERAGE`."""
-_SETTLING = 8  # steps before those that count, as the other process had the caches
+_WARM_UP = 10  # steps of each process before those that count
 
 STEP_WALL, STEP_CORES = "step, wall", "step, all cores"
 FIRST, FIRST_FRESH = "first image", "first image, nothing kept"
@@ -51,8 +50,8 @@ class Rounds:
     """How often everything is timed.
 
     Attributes:
-        rounds: of steps.
-        steps: that count, of each version and method in a round.
+        rounds: rounds of steps.
+        steps: steps that count, of each version and method in a round.
         starts: rounds of first images with cached kernels.
         fresh: rounds of first images with an empty kernel cache.
     """
@@ -74,12 +73,12 @@ class Compared:
     Attributes:
         method: the model's name.
         display: (width, height) of the images.
-        threads: on the CPU; 0 for first images, which take the version's default.
+        threads: on the CPU; 0 for first images, which use the version's default.
         what: `STEP_WALL`, `STEP_CORES`, `FIRST` or `FIRST_FRESH`.
         this: of the installed version.
         other: of the other one.
         median: of the ratios this / other in each round.
-        low, high: interval that holds the median with at least `COVERAGE`, of order statistics.
+        low, high: interval that contains the median with at least `COVERAGE`, of order statistics.
         rounds: (this, other) of each round.
     """
 
@@ -132,19 +131,20 @@ def measure_against(
     results: list[Compared] = []
     with TemporaryDirectory() as name:
         folder = Path(name)
-        other = Version("other", python, folder / "other")  # first: a wrong interpreter fails at once
-        sides = Version("this", sys.executable, folder / "this"), other
+        sides = Version("this", sys.executable, folder / "this"), Version("other", python, folder / "other")
+        about = {side.name: side.about for side in reversed(sides)}  # a wrong interpreter fails at once
         for display, count in product(displays, threads):
             render, frames = render_size(display, ratio), folder / "frames.npz"
             able = [method for method in methods if not incompatibility(method, render, display)]
             _write_frames(frames, able, render, display)
-            results += _steps(sides, frames, able, display, count, rounds, on_round)
+            for method in able:
+                results += _steps(sides, frames, method, display, count, rounds, on_round)
         for method in methods:
             if reason := _no_first_image(method, render_size(displays[0], ratio), displays[0]):
                 on_left_out(reason)
             else:
                 results += _first_images(sides, method, displays[0], ratio, rounds, on_round)
-        return {version.name: version.about for version in sides}, results
+    return about, results
 
 
 def _no_first_image(method: str, render: Size, display: Size) -> str:
@@ -172,52 +172,61 @@ def _write_frames(path: Path, methods: Sequence[str], render: Size, display: Siz
 def _steps(
     sides: Versions,
     frames: Path,
-    methods: Sequence[str],
+    method: str,
     display: Size,
     threads: int,
     rounds: Rounds,
     on_round: Callable[[], None],
-) -> list[Compared]:
-    found: dict[tuple[str, str], list[Pair]] = {
-        pair: [] for pair in product(methods, (STEP_WALL, STEP_CORES))
+) -> Iterator[Compared]:
+    request: dict[str, Any] = {
+        "method": method,
+        "frames": str(frames),
+        "display": display,
+        "threads": threads,
     }
-    for index in range(rounds.rounds):  # each in new processes: where memory lies changes times by percents
-        with sides[0].process() as this, sides[1].process() as other:
-            for process, method in product((this, other), methods):
-                process.load(method, frames, display, threads)
-            for method in methods:
-                timed = partial(Process.step, method=method, settling=_SETTLING, count=rounds.steps)
-                now, then = _in_turns(index, (this, other), timed)
-                found[method, STEP_WALL].append((now.wall, then.wall))
-                found[method, STEP_CORES].append((now.cores, then.cores))
-                on_round()
-    return [compared(method, display, threads, what, pairs) for (method, what), pairs in found.items()]
+
+    def timed(version: Version) -> Pair:
+        seconds = version.run(STEPS, **request, warm_up=_WARM_UP, steps=rounds.steps)
+        return 1e3 * median(seconds["wall"]), 1e3 * fmean(seconds["cores"])
+
+    found = _in_rounds(rounds.rounds, sides, timed, on_round)
+    for number, what in enumerate((STEP_WALL, STEP_CORES)):
+        pairs = [(this[number], other[number]) for this, other in found]
+        yield compared(method, display, threads, what, pairs)
 
 
 def _first_images(
     sides: Versions, method: str, display: Size, ratio: float, rounds: Rounds, on_round: Callable[[], None]
 ) -> Iterator[Compared]:
-    render = render_size(display, ratio)
-    for what, count, fresh in ((FIRST_FRESH, rounds.fresh, True), (FIRST, rounds.starts, False)):
-        timed = partial(Version.first_image, method=method, render=render, scale=ratio, fresh=fresh)
-        if count and not fresh:
-            _in_turns(0, sides, timed)  # fills the kernel caches
-        pairs = []
-        for index in range(count):
-            pairs.append(_in_turns(index, sides, timed))
-            on_round()
-        if pairs:
-            yield compared(method, display, 0, what, pairs)
+    request: dict[str, Any] = {"method": method, "render": render_size(display, ratio), "scale": ratio}
+
+    def kept(version: Version) -> float:
+        return 1e3 * float(version.run(FIRST_IMAGE, **request)["seconds"])
+
+    def fresh(version: Version) -> float:
+        with TemporaryDirectory() as empty:
+            return 1e3 * float(version.run(FIRST_IMAGE, cache=Path(empty), **request)["seconds"])
+
+    if rounds.fresh:
+        pairs = _in_rounds(rounds.fresh, sides, fresh, on_round)
+        yield compared(method, display, 0, FIRST_FRESH, pairs)
+    if rounds.starts:
+        for version in sides:
+            kept(version)  # fills the kernel caches
+        yield compared(method, display, 0, FIRST, _in_rounds(rounds.starts, sides, kept, on_round))
 
 
-def _in_turns(index: int, both: tuple[T, T], timed: Callable[[T], R]) -> tuple[R, R]:
-    """Time this version, then the other; in every second round the other way round."""
-    this, other = both
-    if index % 2 == 0:
-        now = timed(this)
-        return now, timed(other)
-    then = timed(other)
-    return timed(this), then
+def _in_rounds(
+    count: int, sides: tuple[T, T], timed: Callable[[T], R], on_round: Callable[[], None]
+) -> list[tuple[R, R]]:
+    """Time this version, then the other; in every second round the other first."""
+    found = []
+    for index in range(count):
+        first = index % 2
+        results = {side: timed(sides[side]) for side in (first, 1 - first)}
+        found.append((results[0], results[1]))
+        on_round()
+    return found
 
 
 def compared(method: str, display: Size, threads: int, what: str, rounds: list[Pair]) -> Compared:
@@ -229,7 +238,7 @@ def compared(method: str, display: Size, threads: int, what: str, rounds: list[P
 
 
 def interval(values: Sequence[float], coverage: float = COVERAGE) -> Pair:
-    """Return an interval that holds the median of the distribution behind some samples.
+    """Return an interval that contains the median of the distribution behind some samples.
 
     Its ends are the k-th values from either end, with the largest k for which the median lies between them
     with probability `coverage`, whatever the distribution. 0.95 takes `FEWEST_FOR_INTERVAL` values.

@@ -104,7 +104,7 @@ def measure_device(
     captures: Sequence[bool] = (False,),
     on_left_out: Callable[[str], None] = lambda _: None,
 ) -> list[OnDevice]:
-    """Time all; those of one size take turns, step by step.
+    """Time all settings; those of one size take turns, step by step.
 
     Args:
         methods: names of shipped models, or model folders.

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 SPATIAL = ("bilinear", "bicubic")
 PRESET_RATIO = 2.0
-CLEARLY, HARDLY = 1.0, 0.05  # dB: the least gain of a preset over no history; a gain not worth any time
+LEAST_GAIN, NEGLIGIBLE_GAIN = 1.0, 0.05  # dB: of a preset over no history; not worth any time
 
 
 @dataclass(frozen=True)
@@ -125,21 +125,22 @@ def frontier(points: Sequence[Point], metric: Column) -> list[Point]:
 def presets(points: Sequence[Point]) -> dict[str, Spec]:
     """Choose "fast", "balanced" and "high" from the frontier of time and PSNR, at one ratio.
 
-    fast: the fastest that is `CLEARLY` better than images without a history. high: the fastest that is
-    within `HARDLY` of the best; it computes every pixel. balanced: of those between, the one that gains most
-    over fast per additional millisecond; high where there is none. Only settings with the default `skip`
-    compete, because shots in motion do not show what skipping saves. Methods that read G-buffers are left
-    out, because not all frames have them.
+    fast: the fastest that is better by `LEAST_GAIN` than images without a history.
+    high: the fastest within `NEGLIGIBLE_GAIN` of the best; it computes every pixel.
+    balanced: of those between, the one that gains most over fast per additional millisecond; else high.
+
+    Only settings with the default `skip` compete, because shots in motion do not show what skipping saves.
+    Methods that read G-buffers are left out, because not all frames have them.
     """
     reads_gbuffers = {name for name in model_names() if gbuffers_of([name])}
     line = frontier(
         [p for p in points if p.spec.model not in reads_gbuffers and p.spec.skip == "auto"], CLIP_COLUMNS[0]
     )
     floor = max(p.scores["psnr"] for p in points if p.spec.model in SPATIAL)
-    good = [p for p in line if p.scores["psnr"] >= floor + CLEARLY] or line[-1:]
+    good = [p for p in line if p.scores["psnr"] >= floor + LEAST_GAIN] or line[-1:]
     best = max(p.scores["psnr"] for p in line)
     fast = good[0]
-    high = next(p for p in line if p.scores["psnr"] >= best - HARDLY)
+    high = next(p for p in line if p.scores["psnr"] >= best - NEGLIGIBLE_GAIN)
     between = [p for p in good if fast.milliseconds < p.milliseconds < high.milliseconds]
     balanced = max(between, key=lambda p: _gain(p, fast), default=high)
     exact = replace(high.spec, skip="exact")

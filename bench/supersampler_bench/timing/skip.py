@@ -1,4 +1,4 @@
-"""Static-tile reuse: time saved and error, in partly static scenes, stepped with and without it."""
+"""Static-tile reuse: time saved and error in partly static scenes, measured with and without it."""
 
 import time
 from collections.abc import Callable, Iterator, Sequence

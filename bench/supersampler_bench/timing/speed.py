@@ -24,8 +24,8 @@ from supersampler_model.data.shots import render_size
 
 WARM_UP = 4  # steps of each setting before any counts
 REFERENCE = "taa"  # on the CPU backend; other times are given as multiples of its time
-SLOW = 10.0  # multiple of the reference above which a step leaves cold caches to the settings after it
-COPIED = 1 << 28  # bytes; several times the size of caches
+SLOW = 10.0  # multiple of the reference; slower settings take turns apart, as they leave cold caches
+COPIED = 1 << 28  # bytes of the copy that is timed; several times the size of caches
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ class Timed:
 
 @dataclass(frozen=True)
 class Limits:
-    """What this machine does in a second with numpy: bytes moved by copies, multiply-adds of a product."""
+    """Throughput of numpy on this machine, per second: bytes moved by copies, multiply-adds of a product."""
 
     moved: float
     multiplied: float
@@ -142,7 +142,7 @@ class _Runner:
 
 
 class Steppable(Protocol):
-    """Something that times a step of its own."""
+    """Something that times its own steps."""
 
     def step(self) -> object:
         """Time one step."""

@@ -1,7 +1,5 @@
 """First-frame time: from the start of a process to its first image, with a cold and a warm kernel cache."""
 
-import os
-import subprocess
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
@@ -13,23 +11,7 @@ from typing import Any
 from supersampler.frame import Size
 from supersampler_bench.markdown_table import size_text, table
 from supersampler_bench.record import Record, machine_name
-
-FIRST_IMAGE = """
-import time
-began = time.perf_counter()
-import sys
-import numpy as np
-from supersampler import Frame, Upscaler
-method, width, height, scale = sys.argv[1], int(sys.argv[2]), int(sys.argv[3]), float(sys.argv[4])
-gray, still = np.full((height, width, 3), 0.5, np.float32), np.zeros((height, width, 2), np.float32)
-frame = Frame(color=gray, depth=gray[..., 0].copy(), motion=still, jitter=(0.0, 0.0))
-Upscaler(method, scale=scale, providers="cpu").step(frame)
-print(time.perf_counter() - began)
-"""
-"""A program that prints the seconds to its first image. Arguments: method, render width and height, scale.
-
-It makes its frame in memory, as an engine does; reading files is not timed.
-"""
+from supersampler_bench.timing.child_process import FIRST_IMAGE, Version
 
 
 @dataclass(frozen=True)
@@ -67,29 +49,25 @@ def measure_startup(
         cold: processes for each method that start with an empty cache.
         warm: processes that use the cache of the last cold one.
         on_process: called after each process.
+
+    Raises:
+        ArgumentError: a process fails.
     """
     results = []
     for method in methods:
-        command = [sys.executable, "-c", FIRST_IMAGE, method, *map(str, render), str(scale)]
-        first, others, cache_bytes = [], [], 0
+        request: dict[str, Any] = {"method": method, "render": list(render), "scale": scale}
+        cold_seconds, warm_seconds, cache_bytes = [], [], 0
         for index in range(cold):
-            with TemporaryDirectory() as cache:
-                first.append(_seconds(command, cache))
+            with TemporaryDirectory() as name:
+                version = Version("this", sys.executable, Path(name))
+                cold_seconds.append(version.run(FIRST_IMAGE, **request)["seconds"])
                 on_process()
-                cache_bytes = sum(path.stat().st_size for path in Path(cache).rglob("*") if path.is_file())
+                cache_bytes = sum(path.stat().st_size for path in version.cache.rglob("*") if path.is_file())
                 for _ in range(warm if index == cold - 1 else 0):
-                    others.append(_seconds(command, cache))
+                    warm_seconds.append(version.run(FIRST_IMAGE, **request)["seconds"])
                     on_process()
-        results.append(FirstFrame(method, median(first), median(others), cache_bytes))
+        results.append(FirstFrame(method, median(cold_seconds), median(warm_seconds), cache_bytes))
     return results
-
-
-def _seconds(command: Sequence[str], cache: str) -> float:
-    environment = {**os.environ, "XDG_CACHE_HOME": cache}
-    done = subprocess.run(  # noqa: S603  # our own interpreter and program
-        command, check=True, capture_output=True, text=True, env=environment
-    )
-    return float(done.stdout)
 
 
 def startup_record(results: Sequence[FirstFrame], render: Size, scale: float) -> dict[str, Any]:

@@ -1,4 +1,4 @@
 """Training and test data: scenes, the renderer, references and labels, datasets.
 
-Nothing here knows a method.
+It does not depend on the methods.
 """

@@ -1,7 +1,7 @@
-"""Class maps in false colours for colour-blind readers, as overlays on an image with a legend.
+"""Class maps of the labels: false colours over an image, with a legend.
 
-The colours are Okabe and Ito's. A pixel of two classes shows the ghosting; where that is visibility ghosting
-of an aliased pixel it has a colour of its own. No other two meet: shading ghosting is cleared by aliasing.
+The colours are those of Okabe and Ito, which colour-blind readers can distinguish. Aliased pixels with
+visibility ghosting have a colour of their own; no other two classes can be combined.
 """
 
 from typing import Any
@@ -82,9 +82,9 @@ def with_legend(image: Image, labels: Labels) -> Image:
     return np.concatenate(parts)
 
 
-def _line(name: str, share: float, scale: int) -> Image:
+def _line(name: str, fraction: float, scale: int) -> Image:
     """One entry of the legend, of fixed width: a swatch, the name, the fraction in percent."""
-    written = _written(f"{name:<{max(map(len, CLASS_COLORS))}} {100 * share:5.1f}%")
+    written = _written(f"{name:<{max(map(len, CLASS_COLORS))}} {100 * fraction:5.1f}%")
     line = np.zeros((LINE, LINE + written.shape[1] + ADVANCE, 3), np.uint8)
     line[1 : LINE - 1, 1 : LINE - 1] = CLASS_COLORS[name]
     line[1 : 1 + written.shape[0], LINE : LINE + written.shape[1]][written] = 255

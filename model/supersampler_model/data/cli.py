@@ -1,4 +1,4 @@
-"""`supersampler render OUT`. What it needs is imported when it runs, so that --help works without."""
+"""`supersampler render OUT`; heavy modules are imported when the command runs, not for --help."""
 
 from pathlib import Path
 from typing import Annotated
@@ -32,8 +32,8 @@ def render(
     gltf: Annotated[
         Path | None, typer.Option(help="Folder of .glb and .gltf files, and .hdr panoramas, to compose from.")
     ] = None,
-    gltf_share: Annotated[
-        float, typer.Option(help="Of the sequences, how many are composed of the files in --gltf.")
+    gltf_fraction: Annotated[
+        float, typer.Option(help="Fraction of the sequences that is composed of the files in --gltf.")
     ] = 0.3,
     seed: Annotated[int, typer.Option(help="The same seed gives the same set.")] = 0,
     workers: Annotated[int, typer.Option(help="Processes.")] = 1,
@@ -53,7 +53,7 @@ def render(
       supersampler render data --sequences 60 --frames 25 --workers 2
       supersampler render data --scenes fences,floors --show-labels
       supersampler render data --gbuffers --also 2,4
-      supersampler render data --gltf my/scenes --gltf-share 0.3
+      supersampler render data --gltf my/scenes --gltf-fraction 0.3
     """
     from supersampler_model.data.dataset import RenderPlan, create_dataset, plan_sequences
     from supersampler_model.data.dataset.sheet import write_sheet
@@ -70,7 +70,7 @@ def render(
         gbuffers=gbuffers,
         seed=seed,
         gltf=gltf,
-        gltf_share=gltf_share,
+        gltf_fraction=gltf_fraction,
     )
     console = Console(stderr=True, highlight=False)
     dataset = create_dataset(output, plan_sequences(plan))

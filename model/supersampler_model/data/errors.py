@@ -1,7 +1,7 @@
-"""Every error the data side raises on purpose.
+"""Errors of `supersampler_model.data`.
 
 DataError              base of all below, itself a SupersamplerError
-  SceneError           a scene is inconsistent or exceeds a limit; names the field
+  SceneError           a scene is invalid or exceeds a limit; names the field
   GraphicsError        no usable OpenGL; the message names what to install
   DatasetError         a training set on disk is damaged, or of another description; names the file
 """

@@ -1,4 +1,4 @@
-"""Rendering in several processes, each with its own OpenGL context; one failure stops all."""
+"""Render in several processes, each with its own OpenGL context; one failure stops all."""
 
 import multiprocessing
 import os
@@ -14,7 +14,7 @@ from supersampler_model.data.errors import DataError
 
 OnFrame: TypeAlias = Callable[[], None]
 Part: TypeAlias = Callable[[OnFrame], None]
-"""Work of one process, pickled; calls its argument after each frame."""
+"""The work of one process; it is pickled, and calls its argument after each frame."""
 
 _WAIT = 0.5  # seconds between checks for dead processes
 

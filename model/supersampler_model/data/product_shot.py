@@ -1,4 +1,4 @@
-"""The shot that ships with the package: a walk across the plaza, without cuts."""
+"""The rendered shot that ships with the package: a camera walks across the plaza, without cuts."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -9,7 +9,6 @@ from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.scenes.camera import Camera
 from supersampler_model.data.scenes.procedural.paths import drift, vector
 from supersampler_model.data.scenes.procedural.plaza import plaza
-from supersampler_model.data.scenes.scene import Scene
 from supersampler_model.data.sequences import Sequence, SequenceSpec
 from supersampler_model.data.shots import ShotForm, render_shot
 
@@ -35,40 +34,22 @@ class Plaza(Sequence):
     def __init__(self) -> None:
         self.spec = SequenceSpec(family=NAME, seed=1, frames=FRAMES, frame_rate=30.0)
         content, hand = (np.random.default_rng([self.spec.seed, i]) for i in (0, 1))
-        self._stage, self._shake = plaza(content), drift(hand, 0.015, 1.3)
+        self.stage, self._shake = plaza(content), drift(hand, 0.015, 1.3)
 
-    def scene(self, index: int) -> Scene:
-        """See `Sequence.scene`."""
-        now, before = index / self.spec.frame_rate, (index - 1) / self.spec.frame_rate
-        return self._stage.scene(now, before, self._camera(now), self._camera(now if index == 0 else before))
-
-    def cut(self, index: int) -> bool:
-        """See `Sequence.cut`."""
-        return index == 0
-
-    def exposure(self, index: int) -> float:  # noqa: ARG002  # the same for all
-        """See `Sequence.exposure`."""
-        return self._stage.exposure
-
-    def _camera(self, t: float) -> Camera:
+    def camera(self, index: int) -> Camera:
         """Walk to the right and ahead, with the eyes on the fountain."""
+        t = self.time(index)
         eye = np.array([-1.5 + 2.1 * t, 1.62, 3.0 - 0.6 * t]) + self._shake(t)
         return Camera(
-            position=vector(eye),
-            target=(0.1 + 0.4 * t, 1.45, -3.6),
-            fov_y=55.0,
-            exposure=self._stage.exposure,
+            position=vector(eye), target=(0.1 + 0.4 * t, 1.45, -3.6), fov_y=55.0, exposure=self.stage.exposure
         )
 
 
-def render_product_shot(
-    folder: Path, *, samples: int = 64, on_frame: Callable[[], None] = lambda: None
-) -> None:
+def render_product_shot(folder: Path, *, on_frame: Callable[[], None] = lambda: None) -> None:
     """Render the shipped shot into `folder`, or resume.
 
     Raises:
         ShotError: writing failed, or the folder holds another shot.
         GraphicsError: there is no OpenGL.
     """
-    renderer = Renderer(DISPLAY_SIZE, samples=samples)
-    render_shot(folder, Plaza(), renderer, _FORM, on_frame=on_frame)
+    render_shot(folder, Plaza(), Renderer(DISPLAY_SIZE, samples=64), _FORM, on_frame=on_frame)

@@ -7,8 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler import Frame
-from supersampler_model.data.labels import Evidence, PixelStatistics, toned
+from supersampler_model.data.labels import Evidence, Labels, PixelStatistics, label, toned
 
+UNIT_BUFFERS = ("base_color", "roughness", "metallic", "specular")
+"""G-buffers in [0, 1]; they are stored with eight bits, as in engines."""
 Float16: TypeAlias = NDArray[np.float16]
 Float32: TypeAlias = NDArray[np.float32]
 
@@ -19,8 +21,8 @@ class Surfaces:
 
     Attributes:
         depth: (h, w) near / view distance; 0 at the sky.
-        motion: (h, w, 2) pixels of this grid, without jitter, previous minus current: what is at p now was
-            at p + motion[p] a frame ago. Points that were behind the camera point off screen.
+        motion: (h, w, 2) pixels of this grid, without jitter, previous minus current: the surface at p was
+            at p + motion[p] one frame ago. Motion of points that were behind the camera points off screen.
         previous_depth: (h, w) the depth that the surface had a frame ago, occluded or not.
         base_color: (h, w, 3) in [0, 1].
         normal: (h, w, 3) world, unit length, normal map applied; 0 at the sky.
@@ -38,23 +40,21 @@ class Surfaces:
     metallic: Float16
     specular: Float16
 
-    def gbuffer(self) -> dict[str, NDArray[Any]]:
-        """Return the buffers of `Frame.gbuffer` by name."""
-        names = ("base_color", "normal", "roughness", "metallic", "specular")
+    def gbuffer(self, *, depth: bool = False) -> dict[str, NDArray[Any]]:
+        """Return the buffers of `Frame.gbuffer` by name, or with depth those of `Frame.gbuffer_display`."""
+        names = ("base_color", "normal", "roughness", "metallic", "specular", *(["depth"] * depth))
         return {name: getattr(self, name) for name in names}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Reference:
-    """The reference at display size, (H, W, ...), from many samples per pixel, and their ranges.
+    """Statistics of many samples per pixel, at display size; see `PixelStatistics`.
 
     Attributes:
-        color: (H, W, 3) linear RGB, the samples' mean.
-        color_min, color_max: (H, W, 3) of the samples, each channel on its own.
-        depth_min, depth_max: (H, W) reversed depth of the samples.
-        normal_spread: (H, W) largest L1 distance of a sample's normal to that of the pixel's first sample,
-            in [0, 2 sqrt(3)], without normal maps; the sky's normal is 0.
-        normal_mapped_spread: (H, W) the same with normal maps.
+        color: (H, W, 3) linear RGB, the mean: the reference image.
+        color_min, color_max: (H, W, 3) linear RGB, of each channel on its own.
+        depth_min, depth_max: (H, W) reversed depth.
+        normal_spread, normal_mapped_spread: (H, W) without and with normal maps.
     """
 
     color: Float32
@@ -123,6 +123,12 @@ class Rendered:
         )
 
 
+def labels_of(now: Rendered, before: Rendered | None) -> Labels:
+    """Label a frame; both frames are compared at its exposure, as a change of exposure changes no light."""
+    previous = None if before is None else before.evidence(now.exposure)
+    return label(now.evidence(now.exposure), previous)
+
+
 def frame_of(
     color: Float16,
     render: Surfaces,
@@ -141,5 +147,5 @@ def frame_of(
         reset=reset,
         exposure=exposure,
         gbuffer=render.gbuffer(),
-        gbuffer_display=None if display is None else {**display.gbuffer(), "depth": display.depth},
+        gbuffer_display=None if display is None else display.gbuffer(depth=True),
     )

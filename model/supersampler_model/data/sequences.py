@@ -1,4 +1,4 @@
-"""Sequences of every family, reproduced exactly from a few numbers."""
+"""Sequences of all scene families, generated from a `SequenceSpec`."""
 
 from collections.abc import Callable
 from itertools import pairwise
@@ -11,7 +11,6 @@ from supersampler_model.data.scenes.camera import Camera
 from supersampler_model.data.scenes.gltf.compose import Composition
 from supersampler_model.data.scenes.procedural import TEST, TRAIN
 from supersampler_model.data.scenes.procedural.paths import camera_path
-from supersampler_model.data.scenes.scene import Scene
 from supersampler_model.data.specs import GLTF, Sequence, SequenceSpec
 
 __all__ = ["GLTF", "TEST_FAMILIES", "TRAIN_FAMILIES", "Sequence", "SequenceSpec", "make_sequence"]
@@ -39,7 +38,7 @@ def make_sequence(spec: SequenceSpec) -> Sequence:
 
 
 class StagedSequence(Sequence):
-    """A stage of a family, recorded in one or more shots."""
+    """A stage of a procedural family, recorded in one or more shots."""
 
     def __init__(self, spec: SequenceSpec) -> None:
         self.spec = spec
@@ -47,35 +46,24 @@ class StagedSequence(Sequence):
         content, direction = (
             np.random.default_rng([spec.seed, crc32(spec.family.encode()), i]) for i in (0, 1)
         )
-        self._stage = {**TRAIN, **TEST}[spec.family](content)
-        self._starts = _shot_starts(direction, spec.frames)
+        self.stage = stage = {**TRAIN, **TEST}[spec.family](content)
+        self.starts = _shot_starts(direction, spec.frames)
         self._metered = direction.random() < 0.25
-        exposure = _exposure_path(direction, self._stage.exposure, spec.frames / spec.frame_rate)
-        order = direction.permutation(len(self._stage.vantages))
+        exposure = _exposure_path(direction, stage.exposure, spec.frames / spec.frame_rate)
+        order = direction.permutation(len(stage.vantages))
         self._cameras = [
-            camera_path(direction, self._stage.vantages[order[shot % len(order)]], exposure)
-            for shot in range(len(self._starts))
+            camera_path(direction, stage.vantages[order[shot % len(order)]], exposure)
+            for shot in range(len(self.starts))
         ]
-
-    def scene(self, index: int) -> Scene:
-        """See `Sequence.scene`."""
-        self.check_index(index)
-        now, before = index / self.spec.frame_rate, (index - 1) / self.spec.frame_rate
-        camera = self._camera(index)
-        camera_before = camera if self.cut(index) else self._camera(index - 1)
-        return self._stage.scene(now, before, camera, camera_before)
-
-    def cut(self, index: int) -> bool:
-        """See `Sequence.cut`."""
-        return index in self._starts
 
     def exposure(self, index: int) -> float | None:
         """See `Sequence.exposure`."""
-        return None if self._metered else self._camera(index).exposure
+        return None if self._metered else self.camera(index).exposure
 
-    def _camera(self, index: int) -> Camera:
-        shot = sum(start <= index for start in self._starts) - 1
-        return self._cameras[shot](index / self.spec.frame_rate)
+    def camera(self, index: int) -> Camera:
+        """See `Sequence.camera`."""
+        shot = sum(start <= index for start in self.starts) - 1
+        return self._cameras[shot](self.time(index))
 
 
 class HeldSequence(StagedSequence):
@@ -87,26 +75,25 @@ class HeldSequence(StagedSequence):
         time_stands: whether the scene stands still too.
     """
 
+    _time: float | None = None  # of all frames; None: it passes
+
     def __init__(self, spec: SequenceSpec, at: int, *, time_stands: bool) -> None:
         super().__init__(spec)
         self.check_index(at)
-        self._at, self._time_stands = at, time_stands
+        self._held, self._time = super().camera(at), super().time(at) if time_stands else None
+        self.starts = (0,)
 
-    def scene(self, index: int) -> Scene:
-        """See `Sequence.scene`."""
-        self.check_index(index)
-        frames = (self._at, self._at) if self._time_stands else (index, index - 1)
-        now, before = (frame / self.spec.frame_rate for frame in frames)
-        camera = self._camera(self._at)
-        return self._stage.scene(now, before, camera, camera)
+    def exposure(self, index: int) -> float | None:
+        """See `Sequence.exposure`; it is always given."""
+        return self.camera(index).exposure
 
-    def cut(self, index: int) -> bool:
-        """See `Sequence.cut`."""
-        return index == 0
+    def camera(self, index: int) -> Camera:  # noqa: ARG002  # always the same
+        """See `Sequence.camera`."""
+        return self._held
 
-    def exposure(self, index: int) -> float | None:  # noqa: ARG002  # always the same
-        """See `Sequence.exposure`."""
-        return self._camera(self._at).exposure
+    def time(self, index: int) -> float:
+        """See `Sequence.time`."""
+        return super().time(index) if self._time is None else self._time
 
 
 def _shot_starts(random: np.random.Generator, frames: int) -> tuple[int, ...]:
@@ -114,8 +101,8 @@ def _shot_starts(random: np.random.Generator, frames: int) -> tuple[int, ...]:
     starts, cuts = [0], int(random.choice(3, p=(0.6, 0.28, 0.12)))
     for place in sorted(random.uniform(0.2, 0.85, cuts)):
         starts.append(int(place * frames))
-    apart = [after for before, after in pairwise(starts) if after - before >= _SHORTEST_SHOT]
-    return (0, *apart)
+    long_enough = [after for before, after in pairwise(starts) if after - before >= _SHORTEST_SHOT]
+    return (0, *long_enough)
 
 
 def _exposure_path(random: np.random.Generator, level: float, seconds: float) -> Callable[[float], float]:

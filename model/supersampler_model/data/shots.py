@@ -12,31 +12,24 @@ from supersampler import Frame, halton_jitter
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
 from supersampler.io.shot import ClassMaps, ShotWriter
-from supersampler_model.data.labels import label
-from supersampler_model.data.rendered import Rendered
+from supersampler_model.data.rendered import UNIT_BUFFERS, Rendered, labels_of
 from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.sequences import Sequence
 
-_BYTES = (
-    "base_color",
-    "roughness",
-    "metallic",
-    "specular",
-)  # in [0, 1]; stored with eight bits, as in engines
-_FARTHEST = 16384.0  # pixels; longer motion leads off screen anyway, and half floats end at 65504
+_MAX_MOTION = 16384.0  # pixels; longer motion points off screen, and half floats end at 65504
 
 
 @dataclass(frozen=True, kw_only=True)
 class ShotForm:
-    """What is stored of a sequence, and how.
+    """Content and encoding of a stored shot.
 
     Attributes:
         name: of the shot.
-        ratios: display over render size, each >= 1, of the shots that are written.
-        variants: one JSON file and one folder of frames a ratio; False, for a single ratio, is a plain shot.
-        gbuffers: keep G-buffers, of render and of display size.
-        small: round values that compress badly: depth to 14 bits, motion to 1 / 256 pixel.
-        first_reference: the first frame whose reference is kept.
+        ratios: display over render size, each >= 1; a shot is written for each.
+        variants: whether each ratio has a JSON file and a folder of frames; False needs a single ratio.
+        gbuffers: whether G-buffers of render and of display size are stored.
+        small: whether values that compress badly are rounded: depth to 14 bits, motion to 1 / 256 pixel.
+        first_reference: the first frame whose reference is stored.
         license: of the images.
         compression, reference_compression: see `ShotWriter`.
     """
@@ -83,7 +76,7 @@ def render_shot(
         folder: of the shot.
         sequence: the scenes.
         renderer: with display size and samples.
-        form: what is stored.
+        form: content and encoding of the shot.
         on_frame: called after each frame, written at all ratios.
 
     Raises:
@@ -99,7 +92,8 @@ def render_shot(
         now = before
         for ratio_index, rendered in enumerate(_rendered(sequence, renderer, form.ratios, index)):
             if ratio_index == 0:
-                now, classes = rendered, _classes(rendered, before)
+                labels = labels_of(rendered, before)
+                now, classes = rendered, ClassMaps(labels.ghost, labels.alias)
             writer = writers[ratio_index]
             if len(writer) > index:  # by a run that was stopped between two ratios
                 continue
@@ -148,17 +142,10 @@ def _rendered(
         )
 
 
-def _classes(now: Rendered, before: Rendered | None) -> ClassMaps:
-    """Label a frame; both frames are compared at its exposure."""
-    previous = None if before is None else before.evidence(now.exposure)
-    labels = label(now.evidence(now.exposure), previous)
-    return ClassMaps(labels.ghost, labels.alias)
-
-
 def _frame(rendered: Rendered, exposure: float | None, form: ShotForm) -> Frame:
     """Return the stored form of a frame: half floats for motion, eight bits for values in [0, 1]."""
     frame = rendered.frame()
-    motion = np.clip(frame.motion, -_FARTHEST, _FARTHEST)
+    motion = np.clip(frame.motion, -_MAX_MOTION, _MAX_MOTION)
     return replace(
         frame,
         depth=_rounded(frame.depth) if form.small else frame.depth,
@@ -170,7 +157,7 @@ def _frame(rendered: Rendered, exposure: float | None, form: ShotForm) -> Frame:
 
 
 def _compact(buffers: Any) -> dict[str, NDArray[Any]]:
-    return {name: _bytes(array) if name in _BYTES else array for name, array in buffers.items()}
+    return {name: _bytes(array) if name in UNIT_BUFFERS else array for name, array in buffers.items()}
 
 
 def _rounded(depth: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -1,4 +1,4 @@
-"""Sequences: a scene for each frame index, made from a few numbers and names."""
+"""Base class of rendered sequences, and the spec that generates one."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
@@ -7,6 +7,8 @@ import numpy as np
 
 from supersampler_model.data.checks import check_number
 from supersampler_model.data.errors import SceneError
+from supersampler_model.data.scenes.camera import Camera
+from supersampler_model.data.scenes.procedural.stage import Stage
 from supersampler_model.data.scenes.scene import Scene
 
 GLTF = "gltf"
@@ -15,7 +17,7 @@ GLTF = "gltf"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SequenceSpec:
-    """Everything that a sequence is generated from; plain data for a JSON file.
+    """The parameters that generate a sequence; plain data for a JSON file.
 
     Attributes:
         family: one of TRAIN_FAMILIES or TEST_FAMILIES, or GLTF.
@@ -23,7 +25,7 @@ class SequenceSpec:
         frames: how many, >= 1.
         frame_rate: frames a second, > 0.
         folder: of the files of a GLTF sequence; None of the others.
-        files: that a GLTF sequence is composed of: name below `folder`, and SHA-256 of what is read of it.
+        files: of a GLTF sequence: name below `folder`, and SHA-256 of the content.
     """
 
     family: str
@@ -44,11 +46,18 @@ class SequenceSpec:
 
 
 class Sequence(ABC):
-    """Frames 0 to spec.frames - 1, each a pure function of the spec and its index."""
+    """Frames 0 to spec.frames - 1, each a pure function of the spec and its index.
+
+    Attributes:
+        spec: generates the sequence.
+        stage: the content of its scenes.
+        starts: first frames of the shots.
+    """
 
     spec: SequenceSpec
+    stage: Stage
+    starts: tuple[int, ...] = (0,)
 
-    @abstractmethod
     def scene(self, index: int) -> Scene:
         """Return the scene of a frame; its previous state is the state of the previous frame.
 
@@ -57,14 +66,26 @@ class Sequence(ABC):
         Raises:
             SceneError: there is no such frame.
         """
+        self.check_index(index)
+        camera = self.camera(index)
+        before = camera if self.cut(index) else self.camera(index - 1)
+        return self.stage.scene(self.time(index), self.time(index - 1), camera, before)
 
-    @abstractmethod
     def cut(self, index: int) -> bool:
         """Return whether frame `index` starts a new shot; frame 0 does."""
+        return index in self.starts
 
-    @abstractmethod
     def exposure(self, index: int) -> float | None:
         """Return the engine's exposure of frame `index`, its camera's; None: to be measured."""
+        return self.camera(index).exposure
+
+    def time(self, index: int) -> float:
+        """Return the time of frame `index`, seconds; the frame before the first has one too."""
+        return index / self.spec.frame_rate
+
+    @abstractmethod
+    def camera(self, index: int) -> Camera:
+        """Return the camera of frame `index`."""
 
     def check_index(self, index: int) -> None:
         """Raise a SceneError where there is no frame `index`."""

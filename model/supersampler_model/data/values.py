@@ -1,10 +1,12 @@
-"""Names of the array types that scenes are made of."""
+"""Type aliases of the arrays, colours and vectors in scenes."""
 
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+Rng: TypeAlias = np.random.Generator
+Values: TypeAlias = NDArray[np.float64]
 Vector: TypeAlias = tuple[float, float, float]
 Color: TypeAlias = tuple[float, float, float]
 Matrix: TypeAlias = NDArray[np.float64]

@@ -1,6 +1,6 @@
-"""One folder for each method: `model.py` has its three stages, `network.py` what is learned.
+"""The methods as torch modules: in each folder `model.py` has the stages, `network.py` the network.
 
-`METHODS` and `LEARNED` find them by name. Losses and data live in `training` and `data`.
+`METHODS` and `LEARNED` find the methods by name.
 """
 
 from collections.abc import Mapping
@@ -12,16 +12,20 @@ from supersampler_model.methods.classifier_paper.model import PaperClassifier
 from supersampler_model.methods.extrapolation.guided_flow import GuidedFlow
 from supersampler_model.methods.extrapolation.guided_warp import GuidedWarp
 from supersampler_model.methods.extrapolation.joint import Extrapolate
-from supersampler_model.methods.gbuffer.depth import DepthGBuffer
-from supersampler_model.methods.gbuffer.model import GBuffer, GBuffer4
-from supersampler_model.methods.gbuffer.small import SmallGBuffer, SmallGBuffer4
+from supersampler_model.methods.gbuffer.model import (
+    DepthGBuffer,
+    GBuffer,
+    GBuffer4,
+    SmallGBuffer,
+    SmallGBuffer4,
+)
 from supersampler_model.methods.learned import LearnedMethod
 from supersampler_model.methods.spatial.model import Bicubic, Bilinear
 from supersampler_model.methods.taa.model import Taa
 from supersampler_model.methods.taau.model import Taau
 
 METHODS: Mapping[str, type[Method]] = {m.name: m for m in (Bilinear, Bicubic, Taa, Taau, GuidedWarp)}
-"""Methods without anything learned."""
+"""Methods without a network."""
 LEARNED: Mapping[str, type[LearnedMethod]] = {
     m.name: m
     for m in (
@@ -30,4 +34,4 @@ LEARNED: Mapping[str, type[LearnedMethod]] = {
         GuidedFlow,
     )
 }  # fmt: skip
-"""Methods that are trained: `LEARNED[name].of(load_trained(path))`."""
+"""Methods with a network: `LEARNED[name].of(load_trained(path))`."""

@@ -1,7 +1,7 @@
-"""Blending of AOVs (alpha, any channels) with the weight that blended the colour.
+"""Temporal blending of AOVs (alpha or any channels) by the weights that a method computed for the colour.
 
-A separate graph, `aovs.onnx` in every model folder, so that frames without AOVs cost nothing. Its `weight`
-input is the method's `weight` output; zeros for a method without history.
+It is exported as `aovs.onnx` in every model folder; frames without AOVs do not run it. Its input `weight` is
+the method's auxiliary output `weight`, or zeros for a method without history.
 """
 
 from typing import ClassVar
@@ -10,11 +10,7 @@ import torch
 from torch import Tensor
 
 from supersampler.methods.aovs.spec import AOVS
-from supersampler_model.methods.base import (
-    Method,
-    display_size_of,
-    render_size_of,
-)
+from supersampler_model.methods.base import Method, display_size_of, render_size_of
 from supersampler_model.ops.color import finite
 from supersampler_model.ops.motion import dilate_motion_2x2, read, reproject, usable_depth, usable_motion
 from supersampler_model.ops.sampling import gaussian, grid_of, normalised, pick_first, upsample

@@ -1,9 +1,8 @@
-"""What a method does: a pure function step(frame inputs, history) -> (image, history), as one torch module.
+"""Base class of methods: a pure function step(frame inputs, history) -> (image, history), as a torch module.
 
-Its `spec`, in the SDK, has its facts: names, shapes, ratios, constants. The parameters of `forward` are the
-spec's inputs, then its history tensors, one by one with the prefix `history_` or as `*history`. It returns
-the image, the next history and the auxiliary outputs, in the order of the spec. A history of zeros means no
-history.
+The method's `spec`, in the SDK, gives names, shapes, ratios and constants. `forward` takes the spec's inputs,
+then its history tensors; it returns the image, the next history and the auxiliary outputs, all in the order
+of the spec. A history of zeros means no history.
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,16 +13,7 @@ import torch
 from torch import Tensor, nn
 
 from supersampler.methods.model_info import extents
-from supersampler.methods.spec import (
-    BETWEEN,
-    CHANNELS,
-    EARLIER,
-    RENDER,
-    SHADED,
-    MethodSpec,
-    Shape,
-    sized,
-)
+from supersampler.methods.spec import BETWEEN, CHANNELS, EARLIER, RENDER, SHADED, MethodSpec, Shape, sized
 
 
 class Size(NamedTuple):
@@ -59,7 +49,7 @@ class Method(nn.Module):
         spec: the facts of the method.
         name, history, ratios: those of the spec.
         config: its constants, an instance of `spec.config`.
-        learned: what weights were learned from, plain data; empty where nothing was.
+        learned: provenance of the weights, plain data; empty for methods without a network.
     """
 
     spec: ClassVar[MethodSpec]

@@ -1,4 +1,4 @@
-"""Base of methods with weights: built from a config, then loaded with weights of that config."""
+"""Base class of methods with a network; they are built from a config and load a weights file."""
 
 from abc import abstractmethod
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""Weights files: safetensors with method, config and training facts in the header."""
+"""Weights files: safetensors whose header holds method, config and provenance."""
 
 import json
 from collections.abc import Mapping

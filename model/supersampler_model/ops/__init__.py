@@ -1,4 +1,4 @@
 """Operations that methods share: colour, motion, sampling, rectification; the CPU kernels compute the same.
 
-Nothing here has weights or knows a method.
+They have no weights and do not depend on a method.
 """

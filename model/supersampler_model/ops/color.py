@@ -1,4 +1,4 @@
-"""Tone curve, YCoCg, exposure, and the sanitizing that keeps invalid pixels out of the history."""
+"""Colour operations: tone curves, YCoCg, exposure, and sanitizing of invalid pixels."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -43,7 +43,7 @@ def without_glare(values: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def sanitize(color: Tensor, fallback: Tensor | float) -> Tensor:
-    """Replace what is not a number in [0, 65504]."""
+    """Replace values that are not in [0, 65504], NaN included, by `fallback`."""
     fallback = torch.as_tensor(fallback, dtype=color.dtype)
     return torch.where((color >= 0.0) & (color <= MAX_HALF), color, fallback)
 

@@ -1,4 +1,4 @@
-"""The compositor of the learned methods: colours weighted by counts of samples times learned factors."""
+"""The compositor of the learned methods: a mean of colours, weighted by sample counts and learned factors."""
 
 from collections.abc import Sequence
 from typing import NamedTuple

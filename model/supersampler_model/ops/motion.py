@@ -28,11 +28,10 @@ def usable_depth(depth: Tensor) -> Tensor:
 
 
 def dilate_motion_2x2(depth: Tensor, motion: Tensor) -> tuple[Tensor, Tensor]:
-    """Depth and motion of the closest sample among each pixel and its right, lower and lower right
-    neighbours.
+    """Return depth and motion of the closest of each sample and its right, lower and lower right neighbours.
 
-    Edges then move with the foreground, and no pixel takes motion from more than one sample away. A 3x3
-    dilation would move three display pixels of background with the edge at a ratio of 2.
+    Edges then move with the foreground, and no pixel takes motion from more than one sample away. At a ratio
+    of 2, a 3x3 dilation would move a band of background three display pixels wide with each edge.
     """
     best, chosen = depth, motion
     for d, m in zip(neighbours_2x2(depth), neighbours_2x2(motion), strict=True):
@@ -50,7 +49,7 @@ def morphological_opening(depth: Tensor) -> Tensor:
 def disocclusion(
     depth: Tensor, history_depth: Tensor, x: Tensor, y: Tensor, margin: float, ramp: float
 ) -> Tensor:
-    """(1, 1, H, W) degree to which the surface at `depth` was occluded in the previous frame, in [0, 1].
+    """Return (1, 1, H, W) in [0, 1]: the degree of occlusion of the surface at `depth` in the previous frame.
 
     The bilinear mean over the four samples around (x, y). A sample counts as an occluder if it was closer by
     the relative `margin`, and counts fully from `margin` + `ramp` on.
@@ -60,9 +59,17 @@ def disocclusion(
     occluded = []
     for (across, wx), (down, wy) in itertools.product(columns, rows):
         before = read(history_depth, left + across, top + down, mode="nearest")
-        closer = (before - depth) / torch.maximum(before, depth).clamp(min=1e-12)
+        closer = relative_depth_change(before, depth)
         occluded.append(wx * wy * ((closer - margin) / ramp).clamp(0.0, 1.0))
     return sum_of(occluded) * (depth >= 0.0)
+
+
+def relative_depth_change(before: Tensor, depth: Tensor) -> Tensor:
+    """Return (before - depth) over the closer depth: > 0 where the previous surface was closer.
+
+    Equation 10 of the supplement of Guo et al. 2022, with reversed depth.
+    """
+    return (before - depth) / torch.maximum(before, depth).clamp(min=1e-12)
 
 
 def longest(motion: Tensor) -> Tensor:

@@ -125,7 +125,7 @@ def local_moments(
 ) -> tuple[Tensor, Tensor]:
     """E[c] and E[c^2], (1, 3, H, W) each, of the usable samples under a Gaussian at every display pixel.
 
-    Where the sum of the Gaussian's weights is `least` or below, nothing is known: E[c^2] is 1.
+    Where the sum of the Gaussian's weights is `least` or below, there is no sample: E[c^2] is 1.
     """
     window = upsample(torch.cat([color, color * color, usable], dim=1), grid, gaussian(sigma))
     moments, known = normalised(window), (window[:, 6:7] > least).float()

@@ -1,4 +1,4 @@
-"""Training of the methods that learn: trainer, losses, crops, and one task file for each method.
+"""Training of the learned methods: trainer, losses, crops, and a task file for each method.
 
-`tasks.TASKS` finds the tasks by name; data comes from `data.dataset`.
+`tasks.TASKS` finds the tasks by name; `data.dataset` provides the data.
 """

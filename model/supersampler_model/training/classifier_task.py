@@ -1,4 +1,4 @@
-"""Training of the classifiers: crops are gathered one by one, as ratios differ, and classified as a batch."""
+"""Training of the classifiers: crops of several ratios are gathered one by one and inferred as a batch."""
 
 from collections.abc import Sequence
 
@@ -37,9 +37,7 @@ class ClassifierTask(Task[Sample]):
         """Step all crops; from frame to frame gradients flow only through the history colour."""
         method = self.method
         gathered = [self.gather(sample, state) for sample, state in zip(samples, states, strict=True)]
-        packed, half_inputs = (
-            torch.cat(parts) for parts in zip(*(method.network_inputs(g) for g in gathered), strict=True)
-        )
+        packed, half_inputs = map(torch.cat, zip(*map(method.network_inputs, gathered), strict=True))
         with torch.autocast(packed.device.type, torch.bfloat16, enabled=method.training):
             logits, blend = method.net(packed, half_inputs)
         return self.stepped(samples, gathered, logits.float(), blend.float(), self.losses.ghost)
@@ -68,11 +66,11 @@ class ClassifierTask(Task[Sample]):
             state, classes = done.state.detach(), done.classes.detach()
             after.append([done.image, state, classes, g.surfaces, sample.view.jitter, g.followed])
         ghost, alias = _ghost(samples, gathered), torch.cat([s.alias for s in samples])
-        useless = ((ghost == Ghost.VISIBILITY) | (ghost == Ghost.SHADING)).float()[:, None]
+        invalid = ((ghost == Ghost.VISIBILITY) | (ghost == Ghost.SHADING)).float()[:, None]
         return Stepped(
             images=torch.cat(images),
             states=after,
-            weight=1.0 + ghost_weight * useless,
+            weight=1.0 + ghost_weight * invalid,
             terms={"classes": class_loss(logits, ghost, alias, self.losses)},
         )
 
@@ -80,9 +78,7 @@ class ClassifierTask(Task[Sample]):
         """Run the gather stage on one crop."""
         color, counted, classes, depth, jitter, exposure = state
         history = History(color, counted, classes, depth, exposure)
-        before = sample.view._replace(
-            jitter=jitter
-        )  # the region of a crop is fixed until the next crop of its stream
+        before = sample.view._replace(jitter=jitter)  # the region is the same in all frames of a crop
         return self.method.gather(
             sample.color, sample.depth, sample.motion, sample.exposure, history, sample.view, before
         )

@@ -1,4 +1,4 @@
-"""`supersampler train`. Torch is imported when it runs, so that --help works without."""
+"""`supersampler train`; torch is imported when the command runs, not for --help."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""Crops of training sequences: exact, flipped, turned and relit.
+"""Random crops of training sequences, with augmentation: flips, transposition, colours and exposure.
 
-A crop of the display reads a crop of the render-size input through a `View` whose jitter includes the offset
-between both. Any crop at any ratio, flipped or turned, is as exact as the whole frame. The crop is the
-screen: pixels reprojected outside of it have no history, and the method's own reprojection labels them so.
+A crop of the display reads a crop of the render-size input. Its `View` has a jitter that includes the offset
+between both, so that crops at any ratio are sampled as exactly as whole frames. A crop is a screen of its
+own: pixels that are reprojected outside of it have no history.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -25,9 +25,9 @@ from supersampler_model.ops.sampling import Extent, View
 from supersampler_model.training.frame_inputs import planes
 
 MARGIN = 3  # render pixels around the region that a crop reads
-CHOICES = 3  # candidates per crop; the one with most aliased pixels is used
-FIREFLIES = 0.03  # fraction of the frames with fireflies
-BRIGHTER = 1.0  # maximum change of exposure in augmentation, stops
+CANDIDATES = 3  # regions drawn per crop; the one with most aliased pixels is used
+FIREFLY_CHANCE = 0.03  # fraction of the frames with fireflies
+MAX_EXPOSURE_CHANGE = 1.0  # in augmentation, stops
 
 
 class Sample(NamedTuple):
@@ -84,7 +84,7 @@ class CropRegion:
         return self._part(frame, *self._visible(frame), reset=reset)
 
     def worth(self, frame: TrainingFrame) -> int:
-        """Number of aliased pixels in the crop."""
+        """Return the number of aliased pixels in the crop."""
         crop = frame.alias[self.display]
         return int(((crop == Alias.GEOMETRY) | (crop == Alias.TEXTURE)).sum())
 
@@ -164,10 +164,8 @@ def draw_region(
         flip=(bool(random.integers(2)), bool(random.integers(2))),
         turned=bool(random.integers(2)),
         colors=(r, g, b),
-        gain=float(
-            2.0 ** random.uniform(-2.0, 2.0)
-        ),  # history is scene-linear: methods must not depend on its unit
-        exposure=float(2.0 ** random.uniform(-BRIGHTER, BRIGHTER)),
+        gain=float(2.0 ** random.uniform(-2.0, 2.0)),  # methods must not depend on the unit of light
+        exposure=float(2.0 ** random.uniform(-MAX_EXPOSURE_CHANGE, MAX_EXPOSURE_CHANGE)),
     )
 
 
@@ -177,12 +175,12 @@ def with_fireflies(sample: Sample, random: np.random.Generator) -> Sample:
     Path tracers and broken shaders produce such samples for one frame. Rendered training data has none, and a
     network that never saw one keeps it for a second.
     """
-    if random.random() >= FIREFLIES:
+    if random.random() >= FIREFLY_CHANCE:
         return sample
-    share, stops = 10.0 ** random.uniform(-3.0, -1.0), random.uniform(3.0, 16.0)
-    struck = torch.from_numpy(random.random(sample.depth.shape) < share)
+    fraction, stops = 10.0 ** random.uniform(-3.0, -1.0), random.uniform(3.0, 16.0)
+    is_firefly = torch.from_numpy(random.random(sample.depth.shape) < fraction)
     light = torch.tensor(2.0**stops, dtype=torch.float32) / sample.exposure
-    return sample._replace(color=torch.where(struck, light.clamp(max=MAX_HALF), sample.color))
+    return sample._replace(color=torch.where(is_firefly, light.clamp(max=MAX_HALF), sample.color))
 
 
 @dataclass
@@ -201,7 +199,7 @@ class Stream:
         ratios: minimum and maximum ratio.
         size: of the crops, display pixels.
         seed: of the draws; two streams of the same seed and place are the same.
-        draw: draws the CHOICES candidates of each crop.
+        draw: draws the CANDIDATES candidates of each crop.
 
     Raises:
         ArgumentError: no sequence can be trained on, or crops are larger than a display.
@@ -229,13 +227,13 @@ class Stream:
             dataset, entry, count = self._sequences[int(random.integers(len(self._sequences)))]
             first = int(random.integers(max(count // 3, 1)))
             display_size = dataset.description.display_size
-            cuts = [self._draw(random, entry, display_size, self._size) for _ in range(CHOICES)]
-            begun = dataset.read(entry, first)
-            cut = max(cuts, key=lambda cut: cut.worth(begun))
+            regions = [self._draw(random, entry, display_size, self._size) for _ in range(CANDIDATES)]
+            first_frame = dataset.read(entry, first)
+            region = max(regions, key=lambda region: region.worth(first_frame))
             for index in range(first + self.place.frame, count):
                 frame = dataset.read(entry, index)
                 self.place.frame += 1
-                sample = cut.sample(frame, reset=frame.reset or index == first)
+                sample = region.sample(frame, reset=frame.reset or index == first)
                 yield with_fireflies(sample, np.random.default_rng([*self._seed, self.place.crop, index]))
             self.place = Place(self.place.crop + 1, 0)
 

@@ -1,7 +1,7 @@
-"""Training of `extrapolate`: on shaded and unshaded frames in turn (Wu et al. 2023, section 4.4.2).
+"""Training of `extrapolate`, on shaded and unshaded frames in turn (Wu et al. 2023, section 4.4.2).
 
-The colour of an unshaded frame is extrapolated, without gradients, as in an engine: from the last shaded
-frame of the crop, whose tensors are a part of the crop's state.
+The colour of an unshaded frame is extrapolated as in an engine, without gradients, from the last shaded frame
+of the crop. The tensors of that frame are part of the crop's state.
 """
 
 from collections.abc import Sequence
@@ -48,7 +48,7 @@ class Crop(NamedTuple):
 
     sample: Sample  # with extrapolated colour if unshaded
     unshaded: bool
-    twin: Sample | None  # a shaded frame with extrapolated colour; None without history
+    twin: Sample | None  # of a shaded frame: the same with extrapolated colour; None without history
     next_history: State  # of the extrapolator
 
 
@@ -93,15 +93,14 @@ class ExtrapolateTask(ClassifierTask):
         """Step all crops, as `ClassifierTask` does; extrapolation takes no gradients."""
         count, net = len(self.method.history), self.method.net
         crops = [self._crop(s, state[count:]) for s, state in zip(samples, states, strict=True)]
-        shown, histories = [crop.sample for crop in crops], [state[:count] for state in states]
-        gathered = [self.gather(sample, history) for sample, history in zip(shown, histories, strict=True)]
+        frames, histories = [crop.sample for crop in crops], [state[:count] for state in states]
+        gathered = [self.gather(sample, history) for sample, history in zip(frames, histories, strict=True)]
         twins = [(i, crop.twin) for i, crop in enumerate(crops) if crop.twin is not None]
         with torch.no_grad():
-            beside = [self.method.network_inputs(self.gather(twin, histories[i])) for i, twin in twins]
-        inputs = [*map(self.method.network_inputs, gathered), *beside]
-        surfaces = [_surface(c.sample) if c.unshaded else None for c in crops] + [
-            _surface(t) for _, t in twins
-        ]
+            twin_inputs = [self.method.network_inputs(self.gather(twin, histories[i])) for i, twin in twins]
+        inputs = [*map(self.method.network_inputs, gathered), *twin_inputs]
+        surfaces = [_surface(crop.sample) if crop.unshaded else None for crop in crops]
+        surfaces += [_surface(twin) for _, twin in twins]
         with torch.autocast(samples[0].color.device.type, torch.bfloat16, enabled=self.method.training):
             features = self._features(inputs, surfaces)
             logits, blend = net.decode(
@@ -109,9 +108,9 @@ class ExtrapolateTask(ClassifierTask):
             )
         ghosts = [self.losses.ghost_extrapolated if crop.unshaded else self.losses.ghost for crop in crops]
         weight = torch.tensor(ghosts, device=logits.device)[:, None, None, None]
-        stepped = self.stepped(shown, gathered, logits.float(), blend.float(), weight)
+        stepped = self.stepped(frames, gathered, logits.float(), blend.float(), weight)
         pairs = [(features[i], features[len(crops) + j]) for j, (i, _) in enumerate(twins)]
-        terms = {**stepped.terms, "features": self.losses.features * _apart(pairs, logits)}
+        terms = {**stepped.terms, "features": self.losses.features * _mean_difference(pairs, logits)}
         after = [[*state, *crop.next_history] for state, crop in zip(stepped.states, crops, strict=True)]
         return stepped._replace(states=after, terms=terms)
 
@@ -135,26 +134,24 @@ class ExtrapolateTask(ClassifierTask):
     def _features(
         self, inputs: Sequence[tuple[Tensor, Tensor]], surfaces: Sequence[Tensor | None]
     ) -> list[Tensor]:
-        """Encoder features of each crop, one batch per encoder; extrapolated crops have a surface."""
-        found = dict[int, Tensor]()
+        """Return the features of each crop, in one batch per encoder; extrapolated crops have a surface."""
+        features = dict[int, Tensor]()
         for extrapolated in (False, True):
-            of = [i for i, surface in enumerate(surfaces) if (surface is not None) is extrapolated]
-            if of:
-                packed, half_inputs = (
-                    torch.cat(parts) for parts in zip(*(inputs[i] for i in of), strict=True)
-                )
+            indices = [i for i, surface in enumerate(surfaces) if (surface is not None) is extrapolated]
+            if indices:
+                packed, half_inputs = map(torch.cat, zip(*(inputs[i] for i in indices), strict=True))
                 surface = torch.cat([s for s in surfaces if s is not None]) if extrapolated else None
-                features = self.method.net.encode(packed, half_inputs, surface)
-                found |= zip(of, torch.split(features, 1), strict=True)
-        return [found[i] for i in range(len(inputs))]
+                batch = self.method.net.encode(packed, half_inputs, surface)
+                features |= zip(indices, torch.split(batch, 1), strict=True)
+        return [features[i] for i in range(len(inputs))]
 
 
 def _surface(sample: Sample) -> Tensor:
     return packed_base_color(sample.gbuffer["gbuffer_base_color"], sample.view)
 
 
-def _apart(pairs: Sequence[tuple[Tensor, Tensor]], like: Tensor) -> Tensor:
-    """Mean absolute difference; 0 of no pairs."""
+def _mean_difference(pairs: Sequence[tuple[Tensor, Tensor]], like: Tensor) -> Tensor:
+    """Return the mean absolute difference of the pairs; 0 without pairs."""
     if not pairs:
         return like.new_zeros(())
     return sum_of([(one.float() - other.float()).abs().mean() for one, other in pairs]) / len(pairs)

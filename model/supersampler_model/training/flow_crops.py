@@ -1,7 +1,7 @@
-"""Crops of guided light of unshaded frames and of the shaded frames before them, for `guided-flow`.
+"""Crops of guided light, the training data of `guided-flow`.
 
-Computing guided light takes far longer than a step of the network. It is computed once per frame and cached
-in memory, in half floats.
+Computing guided light (`methods.extrapolation.guided`) takes far longer than a step of the network: it is
+computed once per frame and kept in memory, as half floats.
 """
 
 from collections.abc import Iterator, Sequence
@@ -22,13 +22,13 @@ from supersampler_model.ops.color import MAX_HALF, bounded
 from supersampler_model.training.crops import Place, sequences_of
 from supersampler_model.training.frame_inputs import frame_inputs
 
-WAYS = ((0, 1), (1, 1), (0, 2))
-"""Patterns: index of the first frame, and number of unshaded frames after each shaded one."""
-LEAST = 4  # minimum frames of a sequence for one with two shaded frames before it
-HALVED = [LIGHT, 3]  # channels at half size: later input, earlier light
-WHOLE = [3, 4, 3, 3, 1]  # guided light, guides, reflectance, the frame's own colour, where light has changed
-STILL = 1e-3  # added to the fraction of changed pixels: the sampling weight of a frame
-BRIGHTER = 1.0  # maximum change of exposure in augmentation, stops
+PATTERNS = ((0, 1), (1, 1), (0, 2))
+"""Index of the first shaded frame, and number of unshaded frames after each shaded one."""
+MIN_FRAMES = 4  # of a sequence, so that one frame has two shaded frames before it
+HALF_CHANNELS = [LIGHT, 3]  # at half size: later input, earlier light
+FULL_CHANNELS = [3, 4, 3, 3, 1]  # guided light, guides, reflectance, own colour, 1 where light changed
+MIN_CHANCE = 1e-3  # added to the fraction of pixels whose light changed: the sampling weight of a frame
+MAX_EXPOSURE_CHANGE = 1.0  # in augmentation, stops
 
 
 class LightSample(NamedTuple):
@@ -50,14 +50,14 @@ class LightSample(NamedTuple):
         return type(self)(**there)
 
 
-class Found(NamedTuple):
-    """Unshaded frames of a sequence, in half floats."""
+class LightFrames(NamedTuple):
+    """Unshaded frames of a sequence, as half floats."""
 
-    halved: Tensor  # (n, HALVED, h / 2, w / 2)
-    whole: Tensor  # (n, WHOLE, h, w); light and colour are exposed
+    half: Tensor  # (n, HALF_CHANNELS, h / 2, w / 2)
+    full: Tensor  # (n, FULL_CHANNELS, h, w); light and colour are exposed
 
 
-class Lights:
+class LightCache:
     """Computes and caches the guided light of sequences.
 
     Args:
@@ -66,10 +66,10 @@ class Lights:
 
     def __init__(self, method: GuidedFlow) -> None:
         self._method = method
-        self._kept: dict[tuple[str, SequenceEntry], Found] = {}
+        self._kept: dict[tuple[str, SequenceEntry], LightFrames] = {}
 
-    def of(self, dataset: Dataset, entry: SequenceEntry) -> Found:
-        """Return the unshaded frames of a sequence under each pattern of WAYS.
+    def of(self, dataset: Dataset, entry: SequenceEntry) -> LightFrames:
+        """Return the unshaded frames of a sequence under each of the PATTERNS.
 
         Raises:
             ArgumentError: there are none.
@@ -77,18 +77,19 @@ class Lights:
         key = str(dataset.folder), entry
         if key not in self._kept:
             frames = list(dataset.frames(entry))
-            found = [light for way in WAYS for light in self._along(frames, *way)]
+            found = [light for pattern in PATTERNS for light in self._unshaded(frames, *pattern)]
             if not found:
-                raise ArgumentError("data", got=f"{key}", want=f"{LEAST} frames without a cut")
-            self._kept[key] = Found(*(torch.cat(parts) for parts in zip(*found, strict=True)))
+                raise ArgumentError("data", got=f"{key}", want=f"{MIN_FRAMES} frames without a cut")
+            self._kept[key] = LightFrames(*(torch.cat(parts) for parts in zip(*found, strict=True)))
         return self._kept[key]
 
     @torch.no_grad()
-    def _along(self, frames: Sequence[TrainingFrame], first: int, unshaded: int) -> Iterator[Found]:
+    def _unshaded(self, frames: Sequence[TrainingFrame], first: int, unshaded: int) -> Iterator[LightFrames]:
+        """Yield the unshaded frames after two shaded ones without a cut."""
         method = self._method
         names = ["color", *method.inputs()]
         state: list[Tensor] = []
-        count = 0  # since a cut
+        count = 0  # frames since a cut
         for frame in frames[first:]:
             count = 0 if frame.reset else count
             given = dict(zip(names, frame_inputs(frame, names), strict=True))
@@ -96,23 +97,25 @@ class Lights:
                 state = method.after_shaded(given, state if count else None)
             else:
                 history, jitter = flow_history(*state), given["jitter"]
-                now = surface_of(given["gbuffer_base_color"], given["gbuffer_normal"], given["depth"])
-                gathered = method.gather(now, given["gbuffer_roughness"], given["motion"], jitter, history)
+                surface = surface_of(given["gbuffer_base_color"], given["gbuffer_normal"], given["depth"])
+                gathered = method.gather(
+                    surface, given["gbuffer_roughness"], given["motion"], jitter, history
+                )
                 if count > unshaded + 1:
-                    yield self._found(frame, given["color"], gathered)
+                    yield self._light_frame(frame, given["color"], gathered)
                 state = method.next_history(gathered.motion, jitter, history)
             count += 1
 
-    def _found(self, frame: TrainingFrame, color: Tensor, gathered: Gathered) -> Found:
+    def _light_frame(self, frame: TrainingFrame, color: Tensor, gathered: Gathered) -> LightFrames:
         method, (later, earlier) = self._method, gathered.lights
-        whole = [
+        full = [
             bounded(gathered.light * frame.exposure),
             method.guides(gathered.surface).clamp(-MAX_HALF, MAX_HALF),
             reflectance(gathered.surface, method.config.warp),
             bounded(color * frame.exposure),
             changing_light(frame),
         ]
-        return Found(torch.cat([later, earlier[:, :3]], dim=1).half(), torch.cat(whole, dim=1).half())
+        return LightFrames(torch.cat([later, earlier[:, :3]], dim=1).half(), torch.cat(full, dim=1).half())
 
 
 class LightStream:
@@ -130,9 +133,9 @@ class LightStream:
     """
 
     def __init__(
-        self, datasets: Sequence[Dataset], lights: Lights, *, ratio: int, size: int, seed: Sequence[int]
+        self, datasets: Sequence[Dataset], lights: LightCache, *, ratio: int, size: int, seed: Sequence[int]
     ) -> None:
-        self._sequences = sequences_of(datasets, (ratio, ratio), least=LEAST)
+        self._sequences = sequences_of(datasets, (ratio, ratio), least=MIN_FRAMES)
         smallest = min(min(dataset.description.display_size) for dataset, _, _ in self._sequences) // ratio
         if size > smallest - 2:
             raise ArgumentError("size", got=size, want=f"at most {smallest - 2}, less than a frame")
@@ -147,43 +150,43 @@ class LightStream:
             yield draw_light(random, self._lights.of(dataset, entry), self._size)
 
 
-def draw_light(random: np.random.Generator, found: Found, size: int) -> LightSample:
+def draw_light(random: np.random.Generator, frames: LightFrames, size: int) -> LightSample:
     """Cut a random, augmented crop out of the unshaded frames.
 
     Args:
         random: generator.
-        found: the frames.
+        frames: of one sequence.
         size: of the crop, pixels at half the render size; smaller than the frames.
     """
-    chances = found.whole[:, -1].float().mean(dim=(1, 2)).numpy().astype(np.float64) + STILL
+    chances = frames.full[:, -1].float().mean(dim=(1, 2)).numpy().astype(np.float64) + MIN_CHANCE
     index = int(random.choice(len(chances), p=chances / chances.sum()))
-    corner = [1 + int(random.integers(many // 2 - size)) for many in found.whole.shape[2:]]
+    corner = [1 + int(random.integers(many // 2 - size)) for many in frames.full.shape[2:]]
     flips = [bool(random.integers(2)) for _ in corner]
     turned = bool(random.integers(2))
     order = torch.from_numpy(random.permutation(3))
-    exposure = 2.0 ** random.uniform(-BRIGHTER, BRIGHTER)
+    exposure = 2.0 ** random.uniform(-MAX_EXPOSURE_CHANGE, MAX_EXPOSURE_CHANGE)
 
     def cut(images: Tensor, unit: int) -> Tensor:
-        # halved images hold the first pixel of each pair, also when flipped
+        # Images of half size hold the first pixel of each pair, also when flipped.
         begins = [unit * at - (unit - 1) * flip for at, flip in zip(corner, flips, strict=True)]
         rows, columns = (slice(begin, begin + unit * size) for begin in begins)
         image = images[index : index + 1, :, rows, columns].float()
         image = image.flip([axis for axis, flip in zip((2, 3), flips, strict=True) if flip])
         return image.transpose(2, 3) if turned else image
 
-    later, earlier = torch.split(cut(found.halved, 1), HALVED, dim=1)
+    later, earlier = torch.split(cut(frames.half, 1), HALF_CHANNELS, dim=1)
     rough = later[:, 3:]
     later, earlier = (torch.cat([light[:, order], rough], dim=1) for light in (later, earlier))
-    light, guides, reflects, color, changed = torch.split(cut(found.whole, 2), WHOLE, dim=1)
+    light, guides, reflects, color, changed = torch.split(cut(frames.full, 2), FULL_CHANNELS, dim=1)
     light, reflects, color = (part[:, order] for part in (light, reflects, color))
     exposed = torch.full((1,), exposure)
     return LightSample(later, earlier, light, guides, reflects, color, changed, exposed)
 
 
 def changing_light(frame: TrainingFrame) -> Tensor:
-    """(1, 1, h, w) 1 at samples of pixels whose lighting changed since the previous frame."""
+    """Return (1, 1, h, w): 1 where the label is a change of lighting since the previous frame, else 0."""
     axes = zip(frame.depth.shape[::-1], frame.ghost.shape[::-1], frame.jitter, strict=True)
-    places = [((np.arange(few) + 0.5 + moved) * many / few, many) for few, many, moved in axes]
-    columns, rows = (at.astype(np.int64).clip(0, many - 1) for at, many in places)
+    positions = [((np.arange(small) + 0.5 + jitter) * large / small, large) for small, large, jitter in axes]
+    columns, rows = (at.astype(np.int64).clip(0, large - 1) for at, large in positions)
     relit = frame.ghost[np.ix_(rows, columns)] == Ghost.SHADING
     return torch.from_numpy(relit.astype(np.float32))[None, None]

@@ -1,7 +1,7 @@
-"""Training of `guided-flow`: on unshaded frames, by the error to their shaded colour.
+"""Training of `guided-flow` on unshaded frames, by the error to their shaded colour.
 
-The census loss of light (Wu et al. 2023, equations 8 and 9) is not used: it fits the noise of light, and kept
-the network from moving anything.
+The census loss of light (Wu et al. 2023, equations 8 and 9) is not used: with it the network fitted the noise
+of light and inferred no motion.
 """
 
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ from supersampler_model.data.dataset import Dataset
 from supersampler_model.methods.base import Method, Size
 from supersampler_model.methods.extrapolation.guided_flow import GuidedFlow
 from supersampler_model.methods.extrapolation.guided_warp import GuidedWarp
-from supersampler_model.training.flow_crops import Lights, LightSample, LightStream
+from supersampler_model.training.flow_crops import LightCache, LightSample, LightStream
 from supersampler_model.training.gbuffer_crops import gbuffer_set
 from supersampler_model.training.losses import ImageWeights
 from supersampler_model.training.sequence_runner import ExtrapolationRunner, SequenceRunner
@@ -44,7 +44,7 @@ class FlowTask(Task[LightSample]):
     def __init__(self, method: GuidedFlow, losses: FlowWeights | None = None) -> None:
         self.method: GuidedFlow = method
         self.losses: FlowWeights = losses or FlowWeights()
-        self._lights = Lights(method)
+        self._lights = LightCache(method)
 
     @property
     def ratios(self) -> tuple[float, float]:
@@ -65,8 +65,7 @@ class FlowTask(Task[LightSample]):
 
         Raises:
             ArgumentError: see `LightStream`; or the coarsest level of the network would be a single pixel,
-            which
-                batch normalisation cannot normalise.
+                which batch normalisation cannot normalise.
         """
         least = 2 ** (len(self.method.config.network.levels) + 1)
         if size <= least:

@@ -1,8 +1,7 @@
 """Crops of training frames with G-buffers.
 
-Methods of one whole ratio (`gbuffer`) read G-buffers of render and of display size. Their crops consist of
-whole render pixels and are small frames: a crop has the frame's jitter, each render pixel covers the same
-square of display pixels, and nothing is read around it (`aligned`).
+Methods of a fixed integer ratio (`gbuffer`) read G-buffers of render and of display size. Their crops are
+`aligned`: they consist of whole render pixels, have the frame's jitter and read no pixels around the crop.
 Methods of any ratio (`extrapolate`) read G-buffers of render size, to extrapolate unshaded frames.
 """
 
@@ -114,7 +113,7 @@ def gbuffer_set(dataset: Dataset, ratio: int) -> Dataset:
     if size[0] % ratio or size[1] % ratio:
         want = f"a set whose display size is a multiple of {ratio}, the ratio of the method"
         raise ArgumentError("data", got=f"{dataset.folder}, of {size[0]}x{size[1]}", want=want)
-    missing = "" if any(map(at.complete, at.entries())) else f"anything at ratio {ratio}"
+    missing = "" if any(map(at.complete, at.entries())) else f"frames at ratio {ratio}"
     missing = missing if dataset.description.gbuffers else "G-buffers of display size"
     if missing:
         want = f"a set made by `supersampler render --gbuffers --also {ratio}`"

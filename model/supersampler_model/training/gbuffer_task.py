@@ -1,4 +1,4 @@
-"""Training of `gbuffer`: image error, larger on reflective surfaces (Wang et al. 2025, section III.E)."""
+"""Training of `gbuffer`: an image loss weighted towards reflective surfaces (Wang et al. 2025, III.E)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from torch.nn import functional as F
 
 from supersampler_model.data.dataset import Dataset
 from supersampler_model.methods.base import render_size_of
-from supersampler_model.methods.gbuffer.buffers import Gathered, History
+from supersampler_model.methods.gbuffer.buffers import FrameInputs, Gathered, History
 from supersampler_model.methods.gbuffer.model import GBuffer
 from supersampler_model.training.crops import Sample, Stream
 from supersampler_model.training.gbuffer_crops import gbuffer_set, gbuffer_stream
@@ -17,8 +17,8 @@ from supersampler_model.training.losses import ImageWeights, shown
 from supersampler_model.training.structure import dissimilarity
 from supersampler_model.training.task import State, Stepped, Task
 
-COS_APART = 0.5**0.5  # of 45 degrees
-METAL, SMOOTH = 0.95, 0.02
+COS_45 = 0.5**0.5
+METALLIC, SMOOTH = 0.95, 0.02  # thresholds of metallic and roughness from which a surface is a mirror
 
 
 @dataclass(frozen=True)
@@ -70,38 +70,31 @@ class GBufferTask(Task[Sample]):
         for i, (g, state) in enumerate(zip(gathered, states, strict=True)):
             done = method.finish(g, blend[i : i + 1], History(*state))
             images.append(done.image)
-            after.append(list(done.history._replace(counted=done.history.counted.detach())))
-        stepped_images, reflective = torch.cat(images), torch.cat([reflective_of(g) for g in gathered])
-        weights = self.losses
-        exposure = torch.cat([s.exposure for s in samples])
-        truth = shown(torch.cat([s.reference for s in samples]), exposure)
-        unlike = dissimilarity(shown(stepped_images, exposure), truth)
-        structure = _mean(unlike, 1.0 + weights.reflective_structure * reflective)
-        return Stepped(
-            images=stepped_images,
-            states=after,
-            weight=1.0 + weights.reflective * reflective,
-            terms={"structure": weights.structure * structure},
-        )
+            after.append(list(done.history._replace(sample_count=done.history.sample_count.detach())))
+        batch, reflective = torch.cat(images), torch.cat([reflective_of(g) for g in gathered])
+        weights, exposure = self.losses, torch.cat([s.exposure for s in samples])
+        reference = shown(torch.cat([s.reference for s in samples]), exposure)
+        map_ = dissimilarity(shown(batch, exposure), reference)
+        structure = weights.structure * _mean(map_, 1.0 + weights.reflective_structure * reflective)
+        return Stepped(batch, after, 1.0 + weights.reflective * reflective, {"structure": structure})
 
     def gather(self, sample: Sample, state: State) -> Gathered:
         """Run the gather stage on one crop."""
         render, display = self.method.surfaces_of(sample.gbuffer, sample.depth)
-        return self.method.gather(
-            sample.color, sample.motion, sample.exposure, render, display, History(*state), sample.view
-        )
+        frame = FrameInputs(sample.color, sample.motion, sample.exposure, render, display, sample.view)
+        return self.method.gather(frame, History(*state))
 
 
 def reflective_of(gathered: Gathered) -> Tensor:
-    """(1, 1, H, W) M_L: 1 where the normal turned by more than 45 degrees, or on metal or a mirror."""
-    surfaces = gathered.current.display
+    """Return M_L (1, 1, H, W): 1 on metal, on mirrors and where the normal turned by 45 degrees, else 0."""
+    surfaces = gathered.current.inputs.display
     ratio = surfaces.normal.shape[2] // gathered.frame.shape[2]
     before = F.interpolate(gathered.previous_normal, scale_factor=float(ratio), mode="nearest")
     known = (before.square().sum(dim=1, keepdim=True) > 0.5).float()
-    turned = ((surfaces.normal * before).sum(dim=1, keepdim=True) < COS_APART).float() * known
-    there = (surfaces.normal.square().sum(dim=1, keepdim=True) > 0.5).float()
-    mirror = ((surfaces.metallic > METAL) | (surfaces.roughness < SMOOTH)).float()
-    return torch.maximum(turned, mirror) * there
+    turned = ((surfaces.normal * before).sum(dim=1, keepdim=True) < COS_45).float() * known
+    no_sky = (surfaces.normal.square().sum(dim=1, keepdim=True) > 0.5).float()
+    mirror = ((surfaces.metallic > METALLIC) | (surfaces.roughness < SMOOTH)).float()
+    return torch.maximum(turned, mirror) * no_sky
 
 
 def _mean(values: Tensor, weight: Tensor) -> Tensor:

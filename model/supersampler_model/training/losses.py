@@ -1,4 +1,4 @@
-"""The image loss (docs/training.md)."""
+"""The image loss: error of display values and of their change from frame to frame (docs/training.md)."""
 
 from dataclasses import dataclass
 

@@ -1,8 +1,8 @@
-"""Muon (Jordan et al. 2024) for the 1x1 convolutions, which are matrices, and AdamW for all else.
+"""The optimizer: Muon (Jordan et al. 2024) for 1x1 convolutions, which are matrices, AdamW for all others.
 
-A step along the nearest orthogonal matrix updates all directions of a weight equally; gradients of a
-recurrent image loss are dominated by a few. Scaled as in Liu et al. 2025, section 2.2, so that one learning
-rate serves both.
+Gradients of a recurrent image loss are dominated by a few directions. Muon replaces a gradient by the nearest
+orthogonal matrix, which updates all directions equally. Its steps are scaled as in Liu et al. 2025, section
+2.2, so that both use one learning rate.
 """
 
 from collections.abc import Iterable, Mapping

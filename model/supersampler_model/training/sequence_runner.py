@@ -1,4 +1,4 @@
-"""Stepping of whole sequences as in an engine: all frames shaded, or some extrapolated."""
+"""Runs methods over whole sequences as an engine does: all frames shaded, or some extrapolated."""
 
 from typing import Any
 
@@ -12,14 +12,14 @@ from supersampler_model.training.frame_inputs import frame_inputs, gbuffers
 
 
 class SequenceRunner:
-    """Steps a method through frames, in order.
+    """Runs a method over frames, in order.
 
     Args:
         method: the method.
         display: size of its images.
 
     Attributes:
-        history: after the previous frame, in the order of the method.
+        history: the method's history tensors after the previous frame.
         unshaded: whether the previous frame was unshaded.
     """
 
@@ -66,14 +66,9 @@ class AlternatingRunner(SequenceRunner):
         given = dict(zip(names, frame_inputs(frame, names), strict=True))
         method = self._method
         if history is not None and self.unshaded:
-            extrapolated = self._extrapolator.step(
-                *(given[name] for name in self._extrapolator.inputs()), *history
-            )
-            given["color"], self._extrapolator_history, method = (
-                extrapolated.image,
-                extrapolated.history,
-                self._on_unshaded,
-            )
+            inputs = [given[name] for name in self._extrapolator.inputs()]
+            given["color"], self._extrapolator_history, _ = self._extrapolator.step(*inputs, *history)
+            method = self._on_unshaded
         else:
             self._extrapolator_history = self._extrapolator.after_shaded(given, history)
         image, self.history, _ = method.step(*(given[name] for name in method.inputs()), *self.history)

@@ -1,6 +1,6 @@
-"""A user's own shots as a training set: references, but usually no classes."""
+"""Converts a user's shots into a training set; they have references, but usually no class labels."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -18,9 +18,7 @@ UNKNOWN = 255
 FAMILY = "shot"
 
 
-def dataset_of_shots(
-    shots: Sequence[Shot], folder: Path, split: Split, *, on_frame: Callable[[], None] = lambda: None
-) -> Dataset:
+def dataset_of_shots(shots: Sequence[Shot], folder: Path, split: Split) -> Dataset:
     """Copy shots to a training set for fast reads of crops; existing frames are kept.
 
     Frames without a reference stay, as history; their references are NaN.
@@ -29,7 +27,6 @@ def dataset_of_shots(
         shots: of one display size, each with some references.
         folder: of the data set.
         split: its split.
-        on_frame: called after each written frame.
 
     Raises:
         ShotError: a shot has no reference, or another display size than the first.
@@ -58,7 +55,6 @@ def dataset_of_shots(
     for shot, entry in zip(shots, entries, strict=True):
         for item in shot.frames(dataset.complete(entry)):
             write_training_frame(dataset.path(entry, item.index), _training_frame(shot, item))
-            on_frame()
     return dataset
 
 

@@ -1,4 +1,4 @@
-"""Structural similarity as a loss (Wang et al. 2004): 11x11 Gaussian kernel on luma."""
+"""Structural dissimilarity, 1 - SSIM, as a loss (Wang et al. 2004): 11x11 Gaussian window, on luma."""
 
 import torch
 from torch import Tensor
@@ -7,7 +7,7 @@ from torch.nn import functional as F
 from supersampler_model.ops.color import luminance
 
 SIZE, SIGMA = 11, 1.5
-STEADY = (0.01**2, 0.03**2)  # of means and of variances, for values in [0, 1]
+C1, C2 = 0.01**2, 0.03**2  # constants of SSIM for values in [0, 1]
 
 
 def dissimilarity(image: Tensor, truth: Tensor) -> Tensor:
@@ -15,10 +15,9 @@ def dissimilarity(image: Tensor, truth: Tensor) -> Tensor:
     a, b = luminance(image), luminance(truth)
     maps = torch.cat([a, b, a * a, b * b, a * b], dim=1)
     mean_a, mean_b, aa, bb, ab = _blurred(maps).split_with_sizes([1] * 5, dim=1)
-    one, two = STEADY
-    means = (2.0 * mean_a * mean_b + one) / (mean_a * mean_a + mean_b * mean_b + one)
+    means = (2.0 * mean_a * mean_b + C1) / (mean_a * mean_a + mean_b * mean_b + C1)
     spread_a, spread_b = aa - mean_a * mean_a, bb - mean_b * mean_b
-    return 1.0 - means * (2.0 * (ab - mean_a * mean_b) + two) / (spread_a + spread_b + two)
+    return 1.0 - means * (2.0 * (ab - mean_a * mean_b) + C2) / (spread_a + spread_b + C2)
 
 
 def _blurred(maps: Tensor) -> Tensor:

@@ -1,4 +1,4 @@
-"""The interface between trainer and methods: one step of a batch of crops, and the stream of crops."""
+"""Interface between the trainer and a method: a stream of crops, and a training step on a batch of them."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,7 +1,7 @@
 """Training: truncated back-propagation through time along streams of crops.
 
-Each stream of a batch yields one crop after the other. The history at the end of an update is the start of
-the next, so that the network learns on the histories that it produces.
+Each stream of a batch yields crop after crop, frame by frame. An update starts from the histories that the
+previous update ended with, so that the network is trained on histories of its own.
 """
 
 import math

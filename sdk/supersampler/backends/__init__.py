@@ -1,4 +1,4 @@
-"""How a step runs: the protocol (`base`), ONNX Runtime (`onnx/`), compiled kernels on the CPU (`cpu/`).
+"""Backends: the protocol (`base`), ONNX Runtime (`onnx/`), compiled kernels on the CPU (`cpu/`).
 
-What a method computes lives in `methods/`; no module here knows one method from another.
+They are independent of the methods, which are in `methods/`.
 """

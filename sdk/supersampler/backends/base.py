@@ -1,4 +1,4 @@
-"""The backend protocol: what `Model` needs of the ONNX backend and of the CPU backend."""
+"""`Executor`: the protocol of the ONNX backend and the CPU backend."""
 
 from collections.abc import Collection, Mapping
 from typing import Any, Protocol
@@ -8,25 +8,25 @@ from numpy.typing import NDArray
 from supersampler.frame import Float32, Frame, Size
 
 Buffers = Any
-"""A history in the layout and memory of one executor."""
+"""The buffers of a history; each executor has its own type."""
 
 
 class Executor(Protocol):
-    """Runs steps. Keeps no state that a result depends on; shareable between threads.
+    """Runs steps of one model. Results depend on no state of an executor; threads may share it.
 
     Attributes:
         name: "onnx" or "cpu".
-        precision: of the network, "fp32", "fp16" or "int8".
+        precision: precision of the network: "fp32", "fp16" or "int8".
     """
 
     name: str
     precision: str
 
     def zeros(self, display: Size, render: Size) -> Buffers:
-        """Allocate an empty history for frames of this size."""
+        """Allocate an empty history."""
 
     def fits(self, buffers: Buffers, display: Size, render: Size) -> bool:
-        """Whether the history after a frame of this size may be written to these buffers."""
+        """Return whether these buffers can hold a history of this display and render size."""
 
     def step(
         self,
@@ -44,34 +44,30 @@ class Executor(Protocol):
         Args:
             frame: the frame.
             display: (W, H).
-            history: after the previous frame; not changed.
+            history: history after the previous frame; not changed.
             next_history: written to; not `history`.
             image: (H, W, 3), written to.
             aux_outputs: names of auxiliary outputs to return.
-            tolerance: of static-tile reuse: a tile of a still scene is reused where its change over one
-                jitter period is at most this, root mean square of display values. None: no tile is reused.
+            tolerance: tolerance of static-tile reuse, see `Upscaler`; None disables it.
 
         Returns:
             The auxiliary outputs, NCHW, by name.
         """
 
-    def needs(self, display: Size, render: Size) -> tuple[int, int | None]:
-        """Bytes of a history, and of the working memory of a step; None where that is unknown."""
+    def required_bytes(self, display: Size, render: Size) -> tuple[int, int | None]:
+        """Return the bytes of a history, and of a step's working memory (None if unknown)."""
 
     def note_stages(self) -> Mapping[str, float]:
-        """Return a mapping in which wall seconds of stages add up from now on; empty where unknown."""
+        """Return a mapping in which each later step adds its wall seconds by stage; empty if unknown."""
 
     def tensor(self, buffers: Buffers, name: str) -> Float32:
-        """A history tensor of the contract as an array, NCHW."""
+        """Return a history tensor of the contract as an array, NCHW."""
 
     def memory(self, buffers: Buffers) -> Mapping[str, NDArray[Any]]:
-        """Copies of the executor's own state beside the history tensors, by name."""
+        """Return copies of the state that only this executor has, such as tile states, by name."""
 
     def work(self, buffers: Buffers, display: Size) -> Float32:
-        """Work of the step that wrote these buffers as a share of a full step, by tile: (rows, columns)."""
+        """Return the work that the step on these buffers did in each tile; see `StepResult.work`."""
 
     def load(self, buffers: Buffers, tensors: Mapping[str, NDArray[Any]]) -> None:
-        """Fill buffers with all history tensors of the contract, whose shapes have been checked.
-
-        Arrays by `memory` may be among them, of this executor or of another.
-        """
+        """Fill buffers from all history tensors, already checked, and optionally arrays of `memory`."""

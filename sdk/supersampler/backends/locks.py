@@ -1,4 +1,4 @@
-"""Locks that a forked child finds free: the thread that may have held one in the parent is not there."""
+"""Locks that are free in a forked child, where no thread exists that could release them."""
 
 import os
 import weakref
@@ -6,30 +6,26 @@ from _thread import allocate_lock
 
 
 class ForkSafeLock:
-    """A lock for `with lock.lock:`, which a signal handler that raises cannot leave held.
+    """A lock for `with fork_safe.lock:`.
 
-    (Between the acquisition and the block of a `with` on a lock of Python's own no handler runs; in an
-    `__enter__` of ours it would.)
+    The `with` statement must use Python's own lock: no signal handler runs between its acquisition and the
+    block, whereas one that raises in an `__enter__` of this class would leave the lock held.
 
     Attributes:
-        lock: Python's lock.
+        lock: Python's lock; a forked child gets a new one.
     """
 
     def __init__(self) -> None:
-        self.renew()
-        _LOCKS.add(self)
-
-    def renew(self) -> None:
-        """Replace the lock by a new one, which is free."""
         self.lock = allocate_lock()
+        _LOCKS.add(self)
 
 
 _LOCKS: "weakref.WeakSet[ForkSafeLock]" = weakref.WeakSet()
 
 
 def _renew_all() -> None:
-    for lock in _LOCKS:
-        lock.renew()
+    for fork_safe in _LOCKS:
+        fork_safe.lock = allocate_lock()
 
 
 if hasattr(os, "register_at_fork"):

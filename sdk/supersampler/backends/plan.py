@@ -1,4 +1,4 @@
-"""What a model will need at a size, before any of it is there."""
+"""`Plan`: the memory and arithmetic that a model needs at a size."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -8,15 +8,15 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Plan:
-    """What an `Upscaler` needs for one render size and one display size.
+    """Memory and arithmetic of an `Upscaler` for one render size and one display size.
 
     Attributes:
         executor: "onnx" or "cpu"; see `Model.load`.
-        precision: of what is learned, "fp32", "fp16" or "int8".
-        history_bytes: what one frame leaves for the next, twice: one is read while the other is written.
-        working_bytes: what a step works in, which Upscalers of one Model share; what they keep to know what
-            stands still is counted, too. None for a graph: ONNX Runtime decides.
-        multiply_adds: of the learned part, for one frame; 0 where nothing is learned.
+        precision: precision of the network: "fp32", "fp16" or "int8".
+        history_bytes: bytes of two histories: a step reads one and writes the other.
+        working_bytes: bytes of the buffers of a step, which Upscalers of one Model share, and of the state of
+            static-tile reuse. None with the ONNX backend, where ONNX Runtime allocates them.
+        multiply_adds: multiply-adds of the network per frame; 0 without a network.
     """
 
     executor: str
@@ -27,7 +27,7 @@ class Plan:
 
 
 def held_bytes(thing: Any) -> int:
-    """Bytes of all arrays that an object holds, each once."""
+    """Return the bytes of all arrays that an object refers to; shared memory counts once."""
     bases: dict[int, int] = {}
     seen: set[int] = set()
     waiting = [thing]
@@ -38,8 +38,8 @@ def held_bytes(thing: Any) -> int:
         seen.add(id(item))
         if isinstance(item, np.ndarray):
             base = item
-            while isinstance(base.base, np.ndarray):
-                base = base.base  # views share what they look at
+            while isinstance(base.base, np.ndarray):  # a view
+                base = base.base
             bases[id(base)] = base.nbytes
         elif isinstance(item, dict):
             waiting += item.values()

@@ -1,11 +1,10 @@
-"""The `supersampler` command. One file per command; each imports what it needs only when it runs.
+"""The `supersampler` command, with one module per command; each imports its dependencies when it runs.
 
-An error that this package raises on purpose, or that the file system does, is one line on stderr and exit
-code 1; Ctrl-C is exit code 130; a wrong command line is exit code 2. Anything else keeps its traceback, since
-it is a bug.
+Errors of this package or the file system are one line on stderr and exit code 1; Ctrl-C is exit code 130; a
+wrong command line is exit code 2. Other errors are bugs and keep their traceback.
 """
 
-from supersampler.cli.app import app, bench, export, main, render, train
+from supersampler.cli.app import TOOLS, app, main
 from supersampler.cli.check import check
 from supersampler.cli.demo import demo
 from supersampler.cli.import_ import import_shot
@@ -19,9 +18,7 @@ app.command()(info)
 app.command()(check)
 app.command()(replay)
 app.command("import")(import_shot)
-app.command()(render)
-app.command()(train)
-app.command()(export)
-app.command()(bench)
+for name, (_, text) in TOOLS.items():
+    app.command(name, help=text)(lambda: None)
 
 __all__ = ["app", "main"]

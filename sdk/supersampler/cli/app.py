@@ -1,4 +1,4 @@
-"""The top of the command: global options, errors in one line, and commands that live in other packages."""
+"""The command group: global options, one-line errors, and the commands of other packages."""
 
 import re
 import sys
@@ -13,12 +13,18 @@ from supersampler.cli.arguments import printable
 from supersampler.errors import SupersamplerError, did_you_mean
 
 TOOLS = {
-    "render": "supersampler_model.data.cli",
-    "train": "supersampler_model.training.cli",
-    "export": "supersampler_export.cli",
-    "bench": "supersampler_bench.cli",
+    "render": (
+        "supersampler_model.data.cli",
+        "Render a training set with exact truth and labels. Needs moderngl.",
+    ),
+    "train": (
+        "supersampler_model.training.cli",
+        "Train a method on rendered data or your own shots. Needs torch.",
+    ),
+    "export": ("supersampler_export.cli", "Write a method as a model folder for ONNX Runtime. Needs torch."),
+    "bench": ("supersampler_bench.cli", "Measure methods against references. Needs flip-evaluator."),
 }
-"""Commands of the training side, by the module whose `app` they are; imported only when they are called."""
+"""Commands of other packages: the module with their `app`, imported when they are called, and their help."""
 
 EXTRAS = {
     "torch": "train",
@@ -29,16 +35,16 @@ EXTRAS = {
     "moderngl": "render",
     "safetensors": "render",
 }
-"""Packages that a runtime-only install lacks, and the extra that brings each."""
+"""Packages that are missing in a runtime-only install, and the extra that installs each."""
 
 
 class Commands(TyperGroup):
-    """Finds commands of other packages, and turns expected errors into one line."""
+    """Finds commands of other packages, and prints expected errors as one line."""
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
-        """Take a tool's own command instead of its line in `--help`."""
+        """Return the command of another package in place of its entry in `--help`."""
         if args and args[0] in TOOLS:
-            command = typer.main.get_command(import_module(TOOLS[args[0]]).app)
+            command = typer.main.get_command(import_module(TOOLS[args[0]][0]).app)
             return args[0], command, args[1:]
         return super().resolve_command(ctx, args)
 
@@ -69,10 +75,10 @@ def main() -> None:
 
 
 def _line(error: Exception) -> str | None:
-    """The one line for an error; None for a module whose lack is a bug."""
+    """Return the line to print for an error; None where it is a bug, such as a missing required module."""
     if isinstance(error, SupersamplerError):
         return str(error)
-    if isinstance(error, OSError):  # of a path that no file can have, a folder, a disk
+    if isinstance(error, OSError):
         return f"{error.filename}: {error.strerror}" if error.filename else str(error)
     if isinstance(error, UnicodeDecodeError):
         return f"a file that should hold text does not ({error})"
@@ -86,7 +92,7 @@ def _line(error: Exception) -> str | None:
 
 
 def _with_suggestion(message: str) -> str:
-    """Add "Did you mean ...?" to "'x' is not one of 'a', 'b'"."""
+    """Append "Did you mean ...?" to "'x' is not one of 'a', 'b'"."""
     given, _, choices = message.partition(" is not one of ")
     word = given.rpartition("'")[0].rpartition("'")[2]
     hint = did_you_mean(word, re.findall("'(.*?)'", choices))
@@ -112,19 +118,3 @@ def supersampler(
     with a channels.json, an Arm .safetensors sequence, or the name of the shot that ships: plaza. Sizes
     are width x height in pixels.
     """
-
-
-def render() -> None:
-    """Render a training set with exact truth and labels. Needs moderngl."""
-
-
-def train() -> None:
-    """Train a method that learns, on rendered data or on your own shots. Needs torch."""
-
-
-def export() -> None:
-    """Write a method as a model folder for ONNX Runtime. Needs torch."""
-
-
-def bench() -> None:
-    """Measure methods against references. Needs flip-evaluator."""

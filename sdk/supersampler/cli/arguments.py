@@ -1,55 +1,29 @@
-"""Arguments that several commands share, and how their texts are read."""
+"""Types and parsers of command-line arguments that several commands share."""
 
 import re
 from enum import StrEnum
-from typing import TYPE_CHECKING, Annotated, cast
+from typing import TYPE_CHECKING, Annotated, Literal, cast
 
 import typer
 
+from supersampler.arguments import Skip
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
 
 if TYPE_CHECKING:
     from supersampler.io.shot import Shot
-    from supersampler.model import Skip
 
 ShotArgument = Annotated[str, typer.Argument(metavar="SHOT", help="A shot, or the name of a shipped one.")]
 
 
-class Validate(StrEnum):
-    """How much of each frame is checked."""
-
-    off = "off"
-    warn = "warn"
-    strict = "strict"
-
-
-class PrecisionName(StrEnum):
-    """What is learned runs in."""
-
-    auto = "auto"
-    fp32 = "fp32"
-    fp16 = "fp16"
-    int8 = "int8"
+# The same words as in the SDK's modules, which would take long to import for `--help`.
+Validate = Literal["off", "warn", "strict"]
+Precision = Literal["auto", "fp32", "fp16", "int8"]
+Executor = Literal["auto", "onnx", "cpu"]
+Preset = Literal["fast", "balanced", "high"]
 
 
-class ExecutorChoice(StrEnum):
-    """How a model runs."""
-
-    auto = "auto"
-    onnx = "onnx"
-    cpu = "cpu"
-
-
-class PresetChoice(StrEnum):
-    """Settings that lead in run time against error."""
-
-    fast = "fast"
-    balanced = "balanced"
-    high = "high"
-
-
-class Format(StrEnum):
+class Format(StrEnum):  # a Literal cannot be given several times
     """Image file formats."""
 
     exr = "exr"
@@ -57,36 +31,30 @@ class Format(StrEnum):
 
 
 def open_shot(text: str) -> "Shot":
-    """Open a shot of any layout, or the shipped one of that name.
-
-    Raises:
-        ShotError: nothing that is known lies there.
-    """
+    """Open a shot of any layout, or a shipped one by name; ShotError where there is none."""
     from supersampler.io.shot import open_source
 
     return open_source(text)
 
 
 def parse_size(text: str) -> Size:
-    """Read "1920x1080" as (1920, 1080).
-
-    Raises:
-        ArgumentError: it is not two whole numbers >= 1 with an x between.
-    """
+    """Parse "1920x1080" as (1920, 1080); ArgumentError for anything else."""
     found = re.fullmatch(r"\s*([1-9]\d*)\s*[xX×]\s*([1-9]\d*)\s*", text)
     if found is None:
-        raise ArgumentError("--display-size", got=repr(text), want="WIDTHxHEIGHT in pixels, 1920x1080 say")
+        raise ArgumentError(
+            "--display-size", got=repr(text), want="WIDTHxHEIGHT in pixels, such as 1920x1080"
+        )
     return int(found[1]), int(found[2])
 
 
 def parse_providers(text: str) -> str | list[str]:
-    """Read "cuda,cpu" as names in order; one alone is not listed, as "auto" is no name in a list."""
+    """Parse "cuda,cpu" as a list of names; one name stays text, as "auto" is not allowed in a list."""
     names = [name.strip() for name in text.split(",")]
     return names[0] if len(names) == 1 else names
 
 
-def parse_skip(text: str) -> "Skip":
-    """Read "auto", "exact" or a number, which `Upscaler` checks."""
+def parse_skip(text: str) -> Skip:
+    """Parse "auto", "exact" or a number; `Upscaler` checks its range."""
     if text in ("auto", "exact"):
         return cast("Skip", text)
     try:
@@ -96,10 +64,10 @@ def parse_skip(text: str) -> "Skip":
 
 
 def printable(text: str) -> str:
-    """Return a text as one line; names in a stranger's file have no say over the terminal."""
+    """Replace unprintable characters: names in files must not send control codes to the terminal."""
     return "".join(character if character.isprintable() else "?" for character in text)
 
 
 def size_text(size: Size | None) -> str:
-    """Write (1920, 1080) as "1920x1080"."""
+    """Format (1920, 1080) as "1920x1080", and None as "none"."""
     return "none" if size is None else f"{size[0]}x{size[1]}"

@@ -1,4 +1,4 @@
-"""`supersampler check`."""
+"""`supersampler check`: detects the conventions of a shot."""
 
 from typing import Annotated
 
@@ -9,14 +9,13 @@ from supersampler.cli.arguments import ShotArgument, open_shot, printable
 
 def check(
     shot: ShotArgument,
-    frames: Annotated[int, typer.Option(min=2, help="How many from the middle to read.")] = 6,
+    frames: Annotated[int, typer.Option(min=2, help="Number of frames to read from the middle.")] = 6,
 ) -> None:
-    """Find out in which conventions SHOT is: motion, jitter and depth, by what fits the images.
+    """Detect the conventions of SHOT: motion, jitter and depth.
 
     Tries motion units, directions and flips, and jitter units, signs and flips, on a few frames, and ranks
-    them by how well they reproject each image to the next. Prints what fits, by how much, and the
-    Conventions to write; and which G-buffers the first frame has. Exit code 1 where what fits contradicts
-    what the shot says.
+    them by how well they reproject each image to the next. Prints the best, the margins and the Conventions
+    to write, and the G-buffers of the first frame. Exit code 1 where they contradict the shot's own.
 
     \b
     Example:

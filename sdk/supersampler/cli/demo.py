@@ -1,4 +1,4 @@
-"""`supersampler demo`."""
+"""`supersampler demo`: upscales the shot that ships with the package."""
 
 from pathlib import Path
 from typing import Annotated

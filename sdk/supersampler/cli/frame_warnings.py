@@ -1,4 +1,4 @@
-"""Warnings about frames, as lines above a progress bar."""
+"""Print `FrameWarning` as lines above a progress bar."""
 
 import warnings
 from collections.abc import Iterator
@@ -12,7 +12,7 @@ from supersampler.errors import FrameWarning
 
 @contextmanager
 def frame_warnings(console: Console, index: int) -> Iterator[None]:
-    """Print FrameWarnings in one line that names the frame; others are shown as always."""
+    """Print each FrameWarning of the block as one line with the frame's index; show others as usual."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", FrameWarning)
         yield

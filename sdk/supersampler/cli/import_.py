@@ -1,11 +1,7 @@
-"""`supersampler import`."""
+"""`supersampler import`: copies frames of other programs into a shot."""
 
-import json
-from collections.abc import Callable
-from enum import StrEnum
-from inspect import signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -14,19 +10,9 @@ from supersampler.errors import ArgumentError, ShotError
 
 if TYPE_CHECKING:
     from supersampler.conventions import Conventions
-    from supersampler.io.shot import Shot
 
 _PRESETS = ("fsr", "xess", "streamline", "unreal", "unity", "blender", "arm_gym")
-_OBJECT = 'an object, {"name": value, ...}'
-
-
-class Layout(StrEnum):
-    """Layouts that can be imported."""
-
-    auto = "auto"
-    blender = "blender"
-    channels = "channels"
-    arm = "arm"
+Layout = Literal["auto", "blender", "channels", "arm"]
 
 
 def import_shot(
@@ -34,7 +20,7 @@ def import_shot(
         Path, typer.Argument(metavar="SOURCE", help="Folder of EXR frames, or a .safetensors.")
     ],
     output: Annotated[Path, typer.Option("-o", "--output", metavar="SHOT", help="Folder to write.")],
-    layout: Annotated[Layout, typer.Option(help="What SOURCE is; auto looks.")] = Layout.auto,
+    layout: Annotated[Layout, typer.Option(help="Layout of SOURCE; auto detects it.")] = "auto",
     jitter: Annotated[
         Path | None,
         typer.Option(
@@ -52,13 +38,13 @@ def import_shot(
     frame_rate: Annotated[float | None, typer.Option(help="Frames a second.", show_default="24")] = None,
     cuts: Annotated[str | None, typer.Option(help="First frames after cuts: 48,120.")] = None,
     reference: Annotated[
-        str | None, typer.Option(metavar="PATTERN", help="Blender: reference files, reference/*.exr say.")
+        str | None, typer.Option(metavar="PATTERN", help="Blender: reference files, such as reference/*.exr.")
     ] = None,
 ) -> None:
-    """Copy other people's frames into a shot of this package's format.
+    """Copy frames of other programs into a shot of this package's format.
 
-    Pixels are not converted: the shot says in which conventions they are. `supersampler check` finds out
-    whether it is right. A run that was stopped continues when it is given again.
+    Pixels are not converted: the shot states their conventions, and `supersampler check` tests them. A run
+    that was stopped continues when the same command is given again.
 
     \b
     Examples:
@@ -68,85 +54,57 @@ def import_shot(
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from rich.console import Console
 
-    from supersampler.io.shot import copy_shot
+    from supersampler.io.shot import copy_shot, open_source
 
-    options: dict[str, Any] = {
+    given = {
         "jitter": jitter,
-        "channel_map": None if channels is None else _read_json(channels, "--channels"),
+        "channel_map": None if channels is None else _json_object(str(channels), "--channels"),
         "conventions": None if conventions is None else _conventions(conventions),
         "frame_rate": frame_rate,
         "cuts": None if cuts is None else _indices(cuts),
         "reference": reference,
     }
-    shot = _open(source, layout, {name: value for name, value in options.items() if value is not None})
+    options = {name: value for name, value in given.items() if value is not None}
+    if channels is not None and conventions is None:
+        raise ArgumentError("--conventions", got="left out", want="given, as --channels is")
+    try:
+        shot = open_source(source, layout=layout if channels is None else "channels", **options)
+    except ArgumentError as error:
+        if error.name not in options:
+            raise
+        option = "--" + {"channel_map": "channels"}.get(error.name, error.name).replace("_", "-")
+        raise ArgumentError(option, got=error.got, want=error.want, hint=error.hint) from error
     with Console(stderr=True).status(f"copying {len(shot)} frames"):
         written = copy_shot(shot, output, resume=True)
     typer.echo(f"{len(written)} frames of {size_text(written.render_size)} in {output}")
     typer.echo(f"Next: supersampler check {output}")
 
 
-def _open(source: Path, layout: Layout, options: dict[str, Any]) -> "Shot":
-    """Open with the layout's importer, once it is sure that the importer takes these options."""
-    from supersampler.io import shot
-    from supersampler.io.shot.sources import guess_layout
-
-    found: str = "channels" if "channel_map" in options else layout.value
-    if found == Layout.auto:
-        found = guess_layout(source)
-    described = shot.import_channels if "channel_map" in options else shot.import_described_channels
-    importers: dict[str, Callable[..., Shot]] = {
-        "shot": shot.Shot.open, "blender": shot.import_blender, "channels": described, "arm": shot.import_arm,
-    }  # fmt: skip
-    takes = signature(importers[found]).parameters
-    for name in options:
-        if name not in takes:
-            option = "--" + {"channel_map": "channels"}.get(name, name).replace("_", "-")
-            want = f"left out: the layout of SOURCE, {found}, has no use for it"
-            raise ArgumentError(option, got="given", want=want)
-    if "channel_map" in options and "conventions" not in options:
-        raise ArgumentError("--conventions", got="left out", want="given, as --channels is")
-    return importers[found](source, **options)
-
-
 def _conventions(text: str) -> "Conventions":
     from supersampler.conventions import Conventions
+    from supersampler.io.atomic import is_file
 
     if text in _PRESETS:
         preset: Conventions = getattr(Conventions, text)()
         return preset
-    if text.lstrip().startswith("{"):
-        content = _parsed_json(text, "--conventions")
-    elif Path(text).is_file():
-        content = _read_json(Path(text), "--conventions")
-    else:
+    if not (text.lstrip().startswith("{") or is_file(Path(text))):
         want = f"one of {', '.join(_PRESETS)}, JSON, or a JSON file"
         raise ArgumentError("--conventions", got=repr(text), want=want)
-    return Conventions.from_json(content)
+    return Conventions.from_json(_json_object(text, "--conventions"))
 
 
-def _read_json(path: Path, option: str) -> dict[str, Any]:
-    from supersampler.io.json_fields import read_json
+def _json_object(text: str, option: str) -> dict[str, Any]:
+    """Return a JSON object, of the text itself where it begins with {, else of the file of this name."""
+    from supersampler.io.json_fields import parse_json, read_json
 
+    want = 'an object, {"name": value, ...}'
     try:
-        content = read_json(path)
-    except ShotError as error:
-        raise ArgumentError(
-            option, got=f"{path} ({error.problem})", want="a JSON file of an object"
-        ) from error
-    return _object(content, option)
-
-
-def _parsed_json(text: str, option: str) -> dict[str, Any]:
-    try:
-        content = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise ArgumentError(option, got=f"not JSON ({error})", want=_OBJECT) from error
-    return _object(content, option)
-
-
-def _object(content: object, option: str) -> dict[str, Any]:
+        content = parse_json(text.encode()) if text.lstrip().startswith("{") else read_json(Path(text))
+    except (ShotError, ValueError, RecursionError) as error:
+        got = f"{text} ({error.problem})" if isinstance(error, ShotError) else f"not JSON ({error})"
+        raise ArgumentError(option, got=got, want=want) from error
     if not isinstance(content, dict):
-        raise ArgumentError(option, got=type(content).__name__, want=_OBJECT)
+        raise ArgumentError(option, got=type(content).__name__, want=want)
     return content
 
 
@@ -154,4 +112,6 @@ def _indices(text: str) -> list[int]:
     try:
         return [int(item) for item in text.split(",")]
     except ValueError:
-        raise ArgumentError("--cuts", got=repr(text), want="frame indices with commas, 48,120 say") from None
+        raise ArgumentError(
+            "--cuts", got=repr(text), want="frame indices with commas, such as 48,120"
+        ) from None

@@ -1,4 +1,4 @@
-"""`supersampler info`."""
+"""`supersampler info`: prints the properties of a method, a model or a shot."""
 
 from importlib import import_module
 from pathlib import Path
@@ -19,7 +19,7 @@ def info(
         str | None, typer.Argument(metavar="METHOD|SHOT", help="A method's name, a model folder, or a shot.")
     ] = None,
 ) -> None:
-    """Say what a method takes and gives, or what a shot holds. Without an argument: what there is.
+    """Print a method's inputs and outputs, or a shot's properties. Without an argument: all names.
 
     \b
     Examples:
@@ -50,7 +50,7 @@ def info(
 
 
 def _opened(what: str) -> "Shot":
-    """Open a shot; where there is none, suggest methods, too."""
+    """Open a shot; where it is missing, suggest names of methods, too."""
     from supersampler.methods.catalog import FIXED, LEARNED
 
     try:

@@ -1,24 +1,17 @@
-"""`supersampler replay`."""
+"""`supersampler replay`: repeats a recording and compares the images."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from supersampler.cli.arguments import (
-    ExecutorChoice,
-    Format,
-    PrecisionName,
-    parse_providers,
-    printable,
-    size_text,
-)
+from supersampler.cli.arguments import Executor, Format, Precision, parse_providers, printable, size_text
 
 if TYPE_CHECKING:
     from supersampler.cli.results import Results
-    from supersampler.recording import Call
+    from supersampler.recording import Call, Setup
     from supersampler.recording.replay import Replay, Replayed
 
 
@@ -31,19 +24,18 @@ def replay(
         list[Format] | None, typer.Option(help="See `supersampler upscale`.", show_default="exr")
     ] = None,
     model: Annotated[
-        str | None,
-        typer.Option(help="A model folder, or a shipped model by name.", show_default="recorded"),
+        str | None, typer.Option(help="A model folder, or a shipped model by name.", show_default="recorded")
     ] = None,
     extrapolation: Annotated[
         str | None,
         typer.Option(help="Likewise, the model that extrapolates unshaded frames.", show_default="recorded"),
     ] = None,
     executor: Annotated[
-        ExecutorChoice | None,
+        Executor | None,
         typer.Option(help="onnx: the ONNX backend. cpu: the CPU backend.", show_default="recorded"),
     ] = None,
     precision: Annotated[
-        PrecisionName | None, typer.Option(help="Of the network.", show_default="recorded")
+        Precision | None, typer.Option(help="Of the network.", show_default="recorded")
     ] = None,
     providers: Annotated[
         str | None,
@@ -55,10 +47,10 @@ def replay(
         bool, typer.Option("--overwrite", help="Replace the images of another replay.")
     ] = False,
 ) -> None:
-    """Replay what `upscale --record FOLDER` or `Upscaler(record=FOLDER)` recorded, and compare.
+    """Replay a recording of `upscale --record FOLDER` or `Upscaler(record=FOLDER)`, and compare the images.
 
-    Prints how many frames are bit for bit what they were, the first that is not, and the largest difference.
-    Exit code 1 if a frame is beyond tolerance, or is refused in only one of the two runs.
+    Prints the number of bit-identical frames, the first other frame, and the largest difference. Exit code 1
+    if a frame is beyond tolerance, or is refused in only one of the two runs.
 
     \b
     Examples:
@@ -72,90 +64,85 @@ def replay(
         open_recording(recording),
         model=model,
         extrapolation=extrapolation,
-        executor=None if executor is None else executor.value,
-        precision=None if precision is None else precision.value,
+        executor=executor,
+        precision=precision,
         providers=None if providers is None else parse_providers(providers),
     )
     formats = sorted({item.value for item in format or [Format.exr]})
     results = None if output is None else _begun(replayed, output, formats, overwrite=overwrite)
     steps: list[Replayed] = []
-    for line in _heads(replayed):
-        _say(line)
+    _say(*_machines(replayed))
     try:
         _run(replayed, steps, results)
-    finally:  # also of the frames before a damaged file
-        for line in _verdict(replayed, steps):
-            _say(line)
+    finally:  # also where a damaged file ends the replay
+        _say(*_verdict(replayed, steps))
     if not all(step.within for step in steps):
         raise typer.Exit(1)
 
 
-def _say(line: str) -> None:
-    typer.echo(printable(line))
+def _say(*lines: str) -> None:
+    for line in lines:
+        typer.echo(printable(line))
 
 
 def _begun(replay: "Replay", folder: Path, formats: list[str], *, overwrite: bool) -> "Results":
-    from supersampler import __version__
-    from supersampler.cli.results import Results
+    from supersampler.cli.results import Results, model_settings
     from supersampler.io.atomic import check_apart
 
     check_apart(folder, replay.recording.path)
     results = Results(folder, formats)
     settings = {
-        "supersampler": __version__,
+        **model_settings(replay.model),
         "recording": str(replay.recording.path.resolve()),
-        "method": replay.model.info.method,
-        "model files": dict(replay.model.info.files),
-        "providers": list(replay.model.providers),
-        "executor": replay.model.executor,
-        "precision": replay.model.precision,
         "formats": formats,
     }
     results.begin(settings, None, overwrite=overwrite)
     return results
 
 
-def _heads(replay: "Replay") -> list[str]:
-    """Return lines about the recording and both machines."""
+def _machines(replay: "Replay") -> list[str]:
+    """Return lines about the recording, the recorded machine and this one."""
     from supersampler.io.machine import machine
     from supersampler.recording.setup import versions
 
     setup, model = replay.recording.setup, replay.model
     size = f"to {size_text(setup.display_size)}" if setup.display_size else f"{setup.scale:g} times"
-    recorded = _place(setup.executor, setup.precision, setup.providers, setup.versions, setup.machine)
-    here = _place(model.executor, model.precision, model.providers, versions(), machine())
+    here = replace(
+        setup,
+        executor=model.executor,
+        precision=model.precision,
+        providers=tuple(model.providers),
+        versions=versions(),
+        machine=machine(),
+    )
     return [
         f"{replay.recording.path}: {setup.method}, {size}",
-        f"  recorded  {recorded}",
-        f"  here      {here}",
+        f"  recorded  {_machine(setup)}",
+        f"  here      {_machine(here)}",
     ]
 
 
-def _place(
-    executor: str,
-    precision: str,
-    providers: Sequence[str],
-    versions: Mapping[str, str],
-    machine: Mapping[str, object],
-) -> str:
-    provider = providers[0].removesuffix("ExecutionProvider") if providers else "unknown"
-    packages = ", ".join(f"{name} {version}" for name, version in versions.items())
-    where = f"{machine.get('cpu')}, {machine.get('cores')} cores, {machine.get('os')}"
-    return f"{provider} ({executor}, {precision}); {packages}; {where}"
+def _machine(setup: "Setup") -> str:
+    provider = setup.providers[0].removesuffix("ExecutionProvider") if setup.providers else "unknown"
+    packages = ", ".join(f"{name} {version}" for name, version in setup.versions.items())
+    where = f"{setup.machine.get('cpu')}, {setup.machine.get('cores')} cores, {setup.machine.get('os')}"
+    return f"{provider} ({setup.executor}, {setup.precision}); {packages}; {where}"
 
 
 def _run(replay: "Replay", steps: "list[Replayed]", results: "Results | None") -> None:
-    """Make all calls; print, keep and write their outcomes."""
+    """Repeat all calls; print their outcomes, append them to `steps` and write the images."""
     from rich.console import Console
 
     from supersampler.cli.frame_warnings import frame_warnings
     from supersampler.recording import CloseCall, StepCall
 
     console = Console(stderr=True, highlight=False)
-    last: Replayed | None = None  # that returned an image
+    last: Replayed | None = None  # the last one that returned an image
     call: Call | None = None
     for call in replay.recording:
-        if isinstance(call, StepCall) and call.outcome is None:  # it may end this process, too
+        if (
+            isinstance(call, StepCall) and call.outcome is None
+        ):  # it ended the recorded process, and may end this one
             _say(f"frame {call.index}: its outcome was not recorded")
         with frame_warnings(console, len(steps)):
             step = replay.call(call)
@@ -170,11 +157,11 @@ def _run(replay: "Replay", steps: "list[Replayed]", results: "Results | None") -
     if not isinstance(call, CloseCall):
         _say("The recording was not closed; it ends with its last complete call.")
     elif results is not None and last is not None and call.image is not None:
-        results.write_recorded(last.index, call.image, last.exposure)
+        results.write(last.index, call.image, last.exposure, recorded=True)
 
 
 def _verdict(replay: "Replay", steps: "list[Replayed]") -> Iterator[str]:
-    """Return lines that say whether images differ, from which frame on, and by how much."""
+    """Yield lines that say whether images differ, from which frame on, and by how much."""
     if not replay.is_recorded_model:
         yield "The model is not the recorded one: images are bound to differ."
     known = [step for step in steps if step.exact is not None]

@@ -1,4 +1,4 @@
-"""The folder that `supersampler upscale` writes: numbered images, a page, and upscale.json."""
+"""Write the output folder of `supersampler upscale`: numbered images, a page, and upscale.json."""
 
 import json
 import os
@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from supersampler import __version__
 from supersampler.cli.run_record import (
     FILE_NAME,
     PAGE,
@@ -25,13 +26,15 @@ from supersampler.frame import Float32
 from supersampler.io.atomic import is_regular, is_there, remove_files, remove_partial_files
 from supersampler.io.display import display_transform, to_uint8
 from supersampler.io.images import write_exr, write_png
+from supersampler.io.shot.frame_files import COLOR, aov_channels
+from supersampler.model import Model
 
 _NAMES = re.compile(rf"\d{{4,}}\.(exr|png)|{re.escape(FILE_NAME)}|{re.escape(PAGE)}")
 _LARGEST_HALF = 65504.0
 
 
 class Results:
-    """Numbered images in a folder; with several formats, each in a folder of its name.
+    """Numbered images in a folder; with several formats, each in a subfolder of its name.
 
     Args:
         folder: the folder.
@@ -51,24 +54,24 @@ class Results:
         page: bool = False,
         recording: Path | None = None,
     ) -> int:
-        """Make the folder ready, and return the index of the first frame that is not complete.
+        """Prepare the folder, and return the index of the first incomplete frame.
 
         Args:
-            settings: all that the images follow from; JSON values.
-            frame_count: how many there will be; None where it is not known.
-            overwrite: whether to remove what an earlier run wrote, instead of continuing it.
-            page: whether a page is to be written.
-            recording: the folder that the run will record to; if it exists, it is an earlier run's.
+            settings: all that the images depend on; JSON values.
+            frame_count: number of frames; None where it is not known.
+            overwrite: whether to remove the files of an earlier run instead of continuing it.
+            page: whether a page will be written.
+            recording: the folder that the run will record to; if it exists, it must be an earlier run's.
 
         Raises:
-            ShotError: files that no earlier run here wrote are in the way; or images of other settings are
-                there and `overwrite` is False. Nothing has been changed.
+            ShotError: files of another program are in the way; or images of other settings exist and
+                `overwrite` is False. Nothing has been changed.
         """
-        there = read_run_record(self.folder)
-        own = [] if there is None else there.own_files(self.folder)
-        if there is not None and not overwrite:
-            self._check_same(there.settings, settings)
-        self._record = RunRecord({}) if there is None else there
+        earlier = read_run_record(self.folder)
+        self._record = earlier or RunRecord({})
+        own = self._record.own_files(self.folder)
+        if earlier is not None and not overwrite:
+            self._check_same(earlier.settings, settings)
         self._check_free(frame_count, page=page)
         self._check_recording(recording)
         if overwrite:
@@ -81,61 +84,36 @@ class Results:
         return 0 if frame_count is None else self.count_complete(frame_count)
 
     def count_complete(self, frame_count: int) -> int:
-        """Return how many frames from the first on are complete; files that no run here wrote count not."""
-        listed = min(self._record.files.get(pattern, 0) for pattern in self._patterns())
-        for index in range(min(frame_count, listed)):
+        """Return the number of complete frames from the first on; only files of these runs count."""
+        count = min(frame_count, *(self._record.files.get(pattern, 0) for pattern in self._patterns()))
+        for index in range(count):
             paths = [frame_path(self.folder, pattern, index) for pattern in self._patterns()]
             if not all(map(is_regular, paths)):
                 return index
-        return min(frame_count, listed)
+        return count
 
-    def write(self, index: int, image: Float32, exposure: float, aovs: Float32 | None = None) -> None:
-        """Write one frame: EXR as linear half floats, PNG as a screen shows it. Each file appears whole.
+    def write(
+        self,
+        index: int,
+        image: Float32,
+        exposure: float,
+        aovs: Float32 | None = None,
+        *,
+        recorded: bool = False,
+    ) -> None:
+        """Write one frame atomically: EXR as linear half floats, PNG after the display transform.
 
         Args:
-            index: its place in the shot.
+            index: its index in the shot.
             image: (H, W, 3) linear RGB.
             exposure: > 0, for the PNG.
-            aovs: (H, W, k) of the EXR: A where it is one channel, else aovs.0, aovs.1 and so on.
+            aovs: (H, W, k) AOVs for the EXR: channel A for k = 1, else aovs.0, aovs.1 and so on.
+            recorded: whether it is an image from a recording, which has a separate subfolder.
 
         Raises:
-            ShotError: the disk refused, or a file that no run here wrote has the name.
+            ShotError: the disk refused, or a file of another program has the name.
         """
-        self._write(self._patterns(), index, image, exposure, aovs)
-
-    def write_recorded(self, index: int, image: Float32, exposure: float) -> None:
-        """Write a frame as it was recorded, into a folder of its own; see `write`."""
-        self._write(self._patterns(f"{RECORDED}/"), index, image, exposure, None)
-
-    def begin_page(self) -> Path:
-        """Return the page's path, once it is sure that no file of others is there.
-
-        Raises:
-            ShotError: one is.
-        """
-        if not self._record.files.get(PAGE):
-            self._check_free(0, page=True)
-            self._save(replace(self._record, files={**self._record.files, PAGE: 1}))
-        return self.folder / PAGE
-
-    def is_page_newest(self) -> bool:
-        """Tell whether the page is there, and was made when all images were."""
-        own = self._record.own_files(self.folder)
-        times = {path: path.stat().st_mtime_ns for path in own}
-        return self.folder / PAGE in times and times[self.folder / PAGE] == max(times.values())
-
-    def place(self, extension: str) -> Path:
-        """Return the folder that files of a format are in."""
-        return self.folder / extension if len(self.formats) > 1 else self.folder
-
-    def _patterns(self, below: str = "") -> list[str]:
-        """Names of the numbered files of this run's formats, as upscale.json lists them."""
-        several = len(self.formats) > 1
-        return [f"{below}{f'{name}/' if several else ''}####.{name}" for name in self.formats]
-
-    def _write(
-        self, patterns: list[str], index: int, image: Float32, exposure: float, aovs: Float32 | None
-    ) -> None:
+        patterns = self._patterns(f"{RECORDED}/" if recorded else "")
         self._list(patterns, index + 1)
         for pattern in patterns:
             path = frame_path(self.folder, pattern, index)
@@ -144,8 +122,29 @@ class Results:
             else:
                 write_png(path, to_uint8(display_transform(image, exposure)))
 
+    def begin_page(self) -> Path:
+        """List the page in upscale.json and return its path; ShotError if it is another program's."""
+        if not self._record.files.get(PAGE):
+            self._check_free(0, page=True)
+            self._save(replace(self._record, files={**self._record.files, PAGE: 1}))
+        return self.folder / PAGE
+
+    def is_page_newest(self) -> bool:
+        """Tell whether the page exists and no image is newer."""
+        times = {path: path.stat().st_mtime_ns for path in self._record.own_files(self.folder)}
+        return times.get(self.folder / PAGE) == max(times.values(), default=0)
+
+    def place(self, extension: str) -> Path:
+        """Return the folder of the files of a format."""
+        return self.folder / extension if len(self.formats) > 1 else self.folder
+
+    def _patterns(self, below: str = "") -> list[str]:
+        """Return the patterns of this run's numbered files, as upscale.json lists them."""
+        several = len(self.formats) > 1
+        return [f"{below}{f'{name}/' if several else ''}####.{name}" for name in self.formats]
+
     def _list(self, patterns: list[str], count: int) -> None:
-        """List the first `count` files of each pattern as this run's, once it is sure that no others are."""
+        """List the first `count` files of each pattern as this run's; unlisted ones must not exist yet."""
         listed = dict(self._record.files)
         for pattern in patterns:
             for index in range(listed.get(pattern, 0), count):
@@ -160,7 +159,7 @@ class Results:
         self._record = record
 
     def _check_free(self, frame_count: int | None, *, page: bool) -> None:
-        """Raise where a file that is not listed has the name of one that is to be written."""
+        """Raise ShotError where an unlisted file has the name of one that will be written."""
         listed = self._record.files
         if page and not listed.get(PAGE) and is_there(self.folder / PAGE):
             raise foreign(self.folder / PAGE)
@@ -171,7 +170,7 @@ class Results:
                     raise foreign(path)
 
     def _check_recording(self, recording: Path | None) -> None:
-        """Raise where the folder to record to exists, unless an earlier run of this folder recorded it."""
+        """Raise ShotError where the folder to record to exists and is not an earlier run's recording."""
         if recording is None or not is_there(recording):
             return
         from supersampler.recording.folder import holds_only_a_recording
@@ -181,20 +180,31 @@ class Results:
             problem = f"is there already, and is no recording of an earlier run into {self.folder}"
             raise ShotError(recording, problem, "Choose another name, or move it away.")
 
-    def _check_same(self, there: Mapping[str, object], wanted: Mapping[str, object]) -> None:
-        changed = [key for key in wanted if there.get(key) != json.loads(json.dumps(wanted[key]))]
+    def _check_same(self, earlier: Mapping[str, object], wanted: Mapping[str, object]) -> None:
+        changed = [key for key in wanted if earlier.get(key) != json.loads(json.dumps(wanted[key]))]
         if changed:
             key = changed[0]
-            problem = f"images of another run are there: {key} was {there.get(key)}, is now {wanted[key]}"
+            problem = f"images of another run are there: {key} was {earlier.get(key)}, is now {wanted[key]}"
             raise ShotError(self.folder, problem, "Choose another folder, or --overwrite to start over.")
 
 
 def _with_aovs(image: Float32, aovs: Float32 | None) -> tuple[NDArray[np.float16], list[str]]:
-    """Pixels and channel names of an EXR."""
-    names, arrays = ["R", "G", "B"], [image]
+    """Return the pixels and channel names of an EXR."""
+    names, arrays = list(COLOR), [image]
     if aovs is not None:
-        count = aovs.shape[2]
-        names += ["A"] if count == 1 else [f"aovs.{index}" for index in range(count)]
+        names += ["A"] if aovs.shape[2] == 1 else aov_channels(aovs.shape[2])
         arrays.append(aovs)
     pixels = np.clip(np.concatenate(arrays, axis=-1), -_LARGEST_HALF, _LARGEST_HALF)
     return pixels.astype(np.float16), names
+
+
+def model_settings(model: Model) -> dict[str, object]:
+    """Return the settings of `Results.begin` that follow from a model."""
+    return {
+        "supersampler": __version__,
+        "method": model.info.method,
+        "model files": dict(model.info.files),
+        "providers": list(model.providers),
+        "executor": model.executor,
+        "precision": model.precision,
+    }

@@ -1,4 +1,4 @@
-"""Upscale a shot into a folder, one frame at a time, resumably: what `upscale` and `demo` run."""
+"""Upscale a shot into a folder, frame by frame; a stopped run can continue. For `upscale` and `demo`."""
 
 import time
 from collections.abc import Iterator, Sequence
@@ -20,23 +20,15 @@ from rich.progress import (
 )
 from rich.text import Text
 
-from supersampler import __version__
 from supersampler.aux_outputs import LEGENDS, aux_output_layers
 from supersampler.cli.arguments import size_text
 from supersampler.cli.frame_warnings import frame_warnings
-from supersampler.cli.results import Results
+from supersampler.cli.results import Results, model_settings
 from supersampler.errors import FrameError, ShotError
 from supersampler.frame import Frame, Size
 from supersampler.history import StepResult
 from supersampler.io.atomic import check_apart
-from supersampler.io.compare import (
-    ERROR_LEGEND,
-    About,
-    ComparePage,
-    compare_layers,
-    compare_page,
-    versions,
-)
+from supersampler.io.compare import ERROR_LEGEND, About, ComparePage, compare_layers, compare_page, versions
 from supersampler.io.display import ExposureMeter
 from supersampler.io.shot import Shot
 from supersampler.methods.model_file import find_model, read_model_info
@@ -46,24 +38,23 @@ from supersampler.recording.folder import remove_recording
 from supersampler.upscaler import Upscaler
 
 COMPARE_FRAMES = 64
-"""A page holds the last so many frames: with more, browsers load it slowly."""
+"""Number of frames, the last ones, in a page: browsers load larger pages slowly."""
 
 _NOTES = (
-    "Images as a screen shows them: exposure, c / (1 + max(r, g, b)), sRGB; JPEG of quality 92, small ones "
-    "PNG. The input is as rendered, with its jitter.",
-    "error: mean over r, g, b of |output − reference| of these images. PSNR: of the same before they are "
-    "rounded to 8 bits, whole frame.",
+    "Images after exposure, c / (1 + max(r, g, b)) and sRGB; JPEG of quality 92, small ones PNG. The input "
+    "is as rendered, with its jitter.",
+    "error: mean over r, g, b of |output − reference| of these images. PSNR: of the same images before "
+    "rounding to 8 bits, whole frame.",
 )
 
 
 @dataclass(frozen=True, kw_only=True)
 class UpscaleJob:
-    """What to upscale, how, and to where; sizes are (width, height).
+    """Input, settings and output of one run; sizes are (width, height).
 
-    Unshaded frames of the shot are extrapolated by `extrapolation`, the name or folder of a model.
-    Without `display_size` and `scale` the images are of the shot's display size; where it has none, 2x, or
-    what the model's only ratio is.
-    `record` is a folder to record all frames to; the recording of an earlier run into `output` is replaced.
+    `extrapolation` is the name or folder of the model for unshaded frames. Without `display_size` and `scale`
+    the images have the shot's display size; without one, the model's only ratio, or 2x. `record` is a folder
+    to record all frames to; the recording of an earlier run into `output` is replaced.
     """
 
     shot: Shot
@@ -87,19 +78,19 @@ class UpscaleJob:
 
 
 def run_job(job: UpscaleJob) -> Results:
-    """Upscale what is not there yet, and say how it went.
+    """Upscale the frames that are not complete yet, and print a summary.
 
     Raises:
-        typer.Exit: 130 after Ctrl-C; the frames that are complete stay.
-        SupersamplerError: a frame, a file or the model will not do, or what is to be written would lie in the
-            shot or in the place of other people's files.
+        typer.Exit: 130 after Ctrl-C; complete frames are kept.
+        SupersamplerError: a frame, a file or the model is not usable; or the output lies in the shot, or
+            would replace files of another program.
     """
     results, count = Results(job.output, job.formats), len(job.shot)
     for written in filter(None, (job.output, job.record)):
         check_apart(written, job.shot.source)
     with ExitStack() as stack:
         upscaler = stack.enter_context(_open_upscaler(job))
-        upscaler.warm_up()  # a model or ratio that will not do is said before anything is overwritten
+        upscaler.warm_up()  # raises for an unusable model or ratio before files are overwritten
         first = results.begin(
             _settings(job, upscaler), count, overwrite=job.overwrite, page=job.compare, recording=job.record
         )
@@ -122,10 +113,11 @@ def run_job(job: UpscaleJob) -> Results:
 def _open_upscaler(job: UpscaleJob) -> Upscaler:
     model, precision, skip = chosen(job.preset, job.model, job.precision, job.skip)
     size = job.display_size or (job.shot.display_size if job.scale is None else None)
+    info = model.info if isinstance(model, Model) else read_model_info(find_model(model))
     return Upscaler(
         model,
         display_size=size,
-        scale=None if size else job.scale or _own_ratio(model) or 2.0,
+        scale=None if size else job.scale or info.only_ratio or 2.0,
         render_size=job.shot.render_size,
         providers=job.providers,
         threads=job.threads,
@@ -137,9 +129,9 @@ def _open_upscaler(job: UpscaleJob) -> Upscaler:
 
 
 def _recording_upscaler(job: UpscaleJob, opened: Upscaler) -> Upscaler:
-    """Return one with the same model that records; the shot makes an earlier run's recording again."""
-    assert job.record is not None  # noqa: S101 - the caller has seen to it
-    remove_recording(job.record)  # `Results.begin` has made sure that it is an earlier run's, if anybody's
+    """Return an Upscaler with the same model that records; an earlier run's recording is replaced."""
+    assert job.record is not None  # noqa: S101 - checked by the caller
+    remove_recording(job.record)  # `Results.begin` has checked that it is an earlier run's
     return Upscaler(
         opened.model,
         display_size=opened.display_size,
@@ -151,36 +143,23 @@ def _recording_upscaler(job: UpscaleJob, opened: Upscaler) -> Upscaler:
     )
 
 
-def _own_ratio(model: Model | str | Path) -> float | None:
-    info = model.info if isinstance(model, Model) else read_model_info(find_model(model))
-    return info.only_ratio
-
-
 def _settings(job: UpscaleJob, upscaler: Upscaler) -> dict[str, object]:
-    """All that the images depend on. The number of frames is not in it: a shot may still be growing."""
+    """Return all that the images depend on. The number of frames is left out, as a shot may still grow."""
+    extrapolation = None if job.extrapolation is None else read_model_info(find_model(job.extrapolation))
     return {
-        "supersampler": __version__,
+        **model_settings(upscaler.model),
         "shot": str(job.shot.path.resolve()),
         "render size": size_text(job.shot.render_size),
         "conventions": job.shot.conventions.to_json(),
-        "method": upscaler.model.info.method,
-        "model files": dict(upscaler.model.info.files),
-        "providers": list(upscaler.model.providers),
-        "executor": upscaler.model.executor,
-        "precision": upscaler.model.precision,
         "skip": upscaler.skip,
-        "extrapolation": _files_of(job.extrapolation),
+        "extrapolation": None if extrapolation is None else dict(extrapolation.files),
         "display size": size_text(upscaler.display_size),
         "formats": list(job.formats),
     }
 
 
-def _files_of(model: str | Path | None) -> dict[str, str] | None:
-    return None if model is None else dict(read_model_info(find_model(model)).files)
-
-
 def _upscale(job: UpscaleJob, upscaler: Upscaler, results: Results, first: int) -> None:
-    """Step through the frames; those before `first` rebuild the history and fill the page."""
+    """Step through the frames; frames before `first` only rebuild the history and fill the page."""
     count = len(job.shot)
     page_start = max(0, count - COMPARE_FRAMES) if job.compare else count
     start = 0 if job.record else _last_cut(job.shot, min(first, page_start))
@@ -210,7 +189,7 @@ def _upscale(job: UpscaleJob, upscaler: Upscaler, results: Results, first: int) 
 
 
 def _step(job: UpscaleJob, upscaler: Upscaler, frame: Frame) -> StepResult:
-    """Step, and request the outputs that files and page show."""
+    """Step with the auxiliary outputs that the files and the page show."""
     maps = [*upscaler.model.info.maps, "work"] if job.maps else []
     step = upscaler.extrapolate if job.extrapolation and frame.color is None else upscaler.step
     result = step(frame, outputs=(*maps, *(["aovs"] if frame.aovs is not None else [])))
@@ -218,7 +197,7 @@ def _step(job: UpscaleJob, upscaler: Upscaler, frame: Frame) -> StepResult:
 
 
 def _last_cut(shot: Shot, index: int) -> int:
-    """The last frame up to `index` that forgets what was before it: the history can be rebuilt from there."""
+    """Return the last frame up to `index` that resets the history, which can be rebuilt from there."""
     while 0 < index < len(shot) and not shot.read_raw(index, gbuffers=()).reset:
         index -= 1
     return index
@@ -268,13 +247,13 @@ def _progress(console: Console) -> Progress:
         TextColumn("left"),
         console=console,
         transient=True,
-        disable=not console.is_terminal,  # a log file gets the last line only
+        disable=not console.is_terminal,  # log files get only the summary
     )
 
 
 @contextmanager
 def _named(job: UpscaleJob, index: int) -> Iterator[None]:
-    """Say of which frame an error or a warning is."""
+    """Add the frame's index to its errors and warnings."""
     try:
         with frame_warnings(job.console, index):
             yield

@@ -1,4 +1,4 @@
-"""`supersampler upscale`."""
+"""`supersampler upscale`: upscales a shot into a folder of images."""
 
 from pathlib import Path
 from typing import Annotated
@@ -7,8 +7,8 @@ import typer
 
 from supersampler.cli.arguments import (
     Format,
-    PrecisionName,
-    PresetChoice,
+    Precision,
+    Preset,
     ShotArgument,
     Validate,
     open_shot,
@@ -29,12 +29,11 @@ def upscale(
     display_size: Annotated[
         str | None,
         typer.Option(
-            metavar="WxH", help="Size of the results, 1920x1080 say.", show_default="the shot's, or 2x"
+            metavar="WxH", help="Size of the results, such as 1920x1080.", show_default="the shot's, or 2x"
         ),
     ] = None,
     scale: Annotated[
-        float | None,
-        typer.Option(help="Instead of --display-size: display over render size, 1.0 to 4.0."),
+        float | None, typer.Option(help="Instead of --display-size: display over render size, 1.0 to 4.0.")
     ] = None,
     format: Annotated[  # noqa: A002  # the option's name
         list[Format] | None,
@@ -58,20 +57,16 @@ def upscale(
     ] = "auto",
     threads: Annotated[int, typer.Option(min=0, help="CPU threads; 0 takes every core.")] = 0,
     precision: Annotated[
-        PrecisionName,
-        typer.Option(
-            help="Of what is learned. int8: in bytes, fast on a CPU. fp32, fp16: a graph that ships."
-        ),
-    ] = PrecisionName.auto,
+        Precision, typer.Option(help="Of the network. int8: fast on a CPU. fp32, fp16: a graph that ships.")
+    ] = "auto",
     skip: Annotated[
         str,
         typer.Option(
-            help="exact: compute every pixel. auto, or how far a tile may be off: keep what stands still."
+            help="exact: compute every pixel. auto, or the tolerance in [0, 1]: reuse static tiles."
         ),
     ] = "auto",
     preset: Annotated[
-        PresetChoice | None,
-        typer.Option(help="Sets method, precision and skip: what leads in time and error."),
+        Preset | None, typer.Option(help="Sets method, precision and skip for the best error at its speed.")
     ] = None,
     extrapolate: Annotated[
         str | None,
@@ -84,20 +79,20 @@ def upscale(
     validate: Annotated[
         Validate,
         typer.Option(
-            help="off: check shapes. warn: read pixels after each cut. strict: every frame, and stop."
+            help="off: check shapes. warn: also pixels after cuts. strict: pixels of every frame, and stop."
         ),
-    ] = Validate.warn,
+    ] = "warn",
     record: Annotated[
         Path | None, typer.Option(metavar="FOLDER", help="Record all frames, for `supersampler replay`.")
     ] = None,
     overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Start over where results are already.")
+        bool, typer.Option("--overwrite", help="Replace the results of an earlier run.")
     ] = False,
 ) -> None:
     """Upscale SHOT, frame by frame, into a folder of images.
 
-    A run that was stopped continues when the same command is given again: frames that are complete are not
-    written anew, the history is rebuilt by replaying the frames since the last cut.
+    A run that was stopped continues when the same command is given again: complete frames are kept, and the
+    history is rebuilt from the frames since the last cut.
 
     \b
     Examples:
@@ -122,11 +117,11 @@ def upscale(
         maps=maps,
         providers=parse_providers(providers),
         threads=threads,
-        precision=precision.value,
+        precision=precision,
         skip=parse_skip(skip),
-        preset=None if preset is None else preset.value,
+        preset=preset,
         extrapolation=extrapolate,
-        validate=validate.value,
+        validate=validate,
         record=record,
         overwrite=overwrite,
     )

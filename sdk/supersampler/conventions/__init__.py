@@ -1,6 +1,6 @@
-"""Other engines' frames to ours and back: units, signs, axes, jitter, depth; see docs/conventions.md.
+"""Convert frames between the conventions of engines: units, signs, axes, jitter, depth; docs/conventions.md.
 
-Numbers and arrays in, numbers and arrays out: no file is read here.
+No file is read here.
 """
 
 from supersampler.conventions.conventions import Conventions

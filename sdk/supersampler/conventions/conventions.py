@@ -1,4 +1,4 @@
-"""Whose signs, units and spaces a frame is in, as one value that can be stored beside the frames."""
+"""`Conventions`: the units, signs and spaces of a frame's inputs, with presets for engines."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
@@ -12,71 +12,69 @@ from supersampler.frame import Size
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Conventions(ConventionFields):
-    """How to read an engine's frame. The defaults are this package's own conventions, those of `Frame`.
+    """Units, signs and spaces of an engine's frames. The defaults are those of `Frame`.
 
     Units: "pixels" are those of the buffer's own grid; "uv" spans the image from 0 to 1, "ndc" from -1 to 1.
-    x points right in all of them; y points down, but up in "ndc"; a `flip_y` turns it round once more.
+    x points right; y points down, but up in "ndc". A `flip_y` reverses y.
 
     Attributes:
         motion_unit: unit of the vectors after `motion_scale`.
-        motion_scale: (x, y), not 0. Multiplied in first: FSR's motionVectorScale, Streamline's mvecScale,
-            XeSS's velocity scale.
+        motion_scale: (x, y), not 0, factor of the stored vectors: FSR's motionVectorScale, Streamline's
+            mvecScale, XeSS's velocity scale.
         motion_direction: "previous_minus_current" vectors are added to a pixel to find it in the previous
             frame, "current_minus_previous" ones are subtracted.
-        motion_flip_y: True where the vectors' y points the other way than their unit says.
+        motion_flip_y: True where y is opposite to that of the unit.
         motion_resolution: "render"; or "display": vectors at display size, already dilated. Each render pixel
-            takes the one at its centre + jitter.
-        motion_jittered: True where the vectors contain the move of the jitter between the two frames.
+            takes the vector at its centre + jitter.
+        motion_jittered: True where the vectors contain the change of the jitter between the two frames.
         depth: "reversed_infinite" near / distance; "reversed" 1 at the near plane, 0 at the far plane;
             "forward" 0 at the near plane, 1 at the far plane; "forward_infinite" 1 - near / distance;
             "linear" distance along the view axis.
-        near: distance of the near plane, > 0, also where depth is reversed. It matters with a finite far
-            plane and, as a constant factor that changes no image, with linear depth.
+        near: distance of the near plane, > 0, also where depth is reversed. It is used with a finite far
+            plane and with linear depth, where it changes no image.
         far: distance of the far plane, > near. "reversed" and "forward" need it; for "linear", surfaces at
             this distance and beyond are sky.
         jitter_unit: unit of the jitter.
-        jitter_sign: +1: the sample is taken at the pixel's centre + jitter; -1: at centre - jitter (which is
-            the same as: the image moves by + jitter).
-        jitter_flip_y: True where the jitter's y points the other way than its unit says.
-        bottom_up: True where row 0 is the bottom row. This is about rows only, not about any y above.
+        jitter_sign: +1: the sample is taken at the pixel's centre + jitter; -1: at centre - jitter (the image
+            moves by + jitter).
+        jitter_flip_y: True where y is opposite to that of the unit.
+        bottom_up: True where row 0 is the bottom row. It does not affect the y of vectors.
         srgb: True where colour is sRGB-encoded; it is decoded to linear.
 
     Raises:
-        ArgumentError: a field has a value that is not listed, or contradicts another.
+        ArgumentError: a field has a value that is not allowed, or contradicts another.
     """
 
     def __repr__(self) -> str:
-        """Return the call that makes this value, without what is as by default."""
-        changed = (f for f in fields(self) if getattr(self, f.name) != f.default)
-        return f"Conventions({', '.join(f'{f.name}={getattr(self, f.name)!r}' for f in changed)})"
+        """Return the Python call that makes this value, without defaults."""
+        return f"Conventions({', '.join(f'{name}={value!r}' for name, value in self._changed().items())})"
 
     def converter(self, *, display_size: Size | None = None) -> Converter:
-        """Return a converter for one sequence of frames; it must see them all, in order.
+        """Return a converter for one sequence of frames, which are to be converted in order.
 
         Args:
             display_size: (width, height), needed only by `Converter.from_frame` with motion at display size.
 
         Raises:
-            ArgumentError: `display_size` is no size of an image.
+            ArgumentError: `display_size` is not an image size.
         """
         return Converter(self, display_size=display_size)
 
     def to_json(self) -> dict[str, Any]:
-        """Return the fields that are not as by default, as a plain dict of strings, numbers and lists."""
-        ours = Conventions()
-        changed = {
-            f.name: getattr(self, f.name)
-            for f in fields(self)
-            if getattr(self, f.name) != getattr(ours, f.name)
-        }
-        return {name: list(value) if isinstance(value, tuple) else value for name, value in changed.items()}
+        """Return the fields that are not defaults as a dict of JSON values."""
+        changed = self._changed().items()
+        return {name: list(value) if isinstance(value, tuple) else value for name, value in changed}
+
+    def _changed(self) -> dict[str, Any]:
+        values = ((field, getattr(self, field.name)) for field in fields(self))
+        return {field.name: value for field, value in values if value != field.default}
 
     @classmethod
     def from_json(cls, content: Mapping[str, Any]) -> Self:
-        """Return the conventions of a dict as `to_json` writes it; what is missing is as by default.
+        """Return the conventions of a dict of `to_json`; missing fields are defaults.
 
         Raises:
-            ArgumentError: it is no mapping, a key is unknown, or a value is not one of its field.
+            ArgumentError: it is no mapping, a key is unknown, or a value is not allowed.
         """
         if not isinstance(content, Mapping):
             raise ArgumentError("conventions", got=shown(content), want="a mapping of fields to values")
@@ -93,11 +91,11 @@ class Conventions(ConventionFields):
 
     @classmethod
     def fsr(cls, **overrides: Any) -> Self:
-        """AMD FSR 2 and 3, Arm ASR, as their code is: motion pixels to be added, image moved by + jitter.
+        """AMD FSR 2 and 3, Arm ASR: motion in pixels, previous minus current; the image moves by + jitter.
 
-        `motion_scale` is motionVectorScale: (W, H) for vectors in UV, and (0.5 W, -0.5 H) for NDC, where
-        FSR's README shows (W, H), which makes them twice too long and upside down. Depth is as FSR
-        recommends it, reversed with an infinite far plane; without its flags depth="forward", near=, far=.
+        `motion_scale` is motionVectorScale: (W, H) for vectors in UV, and (0.5 W, -0.5 H) for NDC. (FSR's
+        README shows (W, H) for NDC, which is twice too long and upside down.) Depth is what FSR recommends,
+        reversed with an infinite far plane; without its flags use depth="forward", near=, far=.
 
         Sources: FidelityFX-FSR2 README "Camera jitter" (translation by 2 x / W, -2 y / H on the left of the
         projection); ffx_fsr2.cpp (motionVectorScale / target size); ffx_fsr2_upsample.h (sample at - jitter);
@@ -107,11 +105,11 @@ class Conventions(ConventionFields):
 
     @classmethod
     def xess(cls, **overrides: Any) -> Self:
-        """Intel XeSS: motion pixels to be added, depth forward, image moved by + jitter.
+        """Intel XeSS: motion in pixels, previous minus current; forward depth; the image moves by + jitter.
 
         XESS_INIT_FLAG_USE_NDC_VELOCITY is motion_unit="ndc", HIGH_RES_MV motion_resolution="display",
         JITTERED_MV motion_jittered=True, INVERTED_DEPTH depth="reversed_infinite"; `motion_scale` is
-        xessSetVelocityScale. XeSS wants no planes, we do: give depth="forward", near=, far= for a finite one.
+        xessSetVelocityScale. With a finite far plane use depth="forward", near=, far=.
 
         Source: intel/xess doc/xess_sr_developer_guide_english.md, "Jitter" (`P[2][0] += 2 x / W` and
         `P[2][1] -= 2 y / H` on row vectors; "the effective jitter is negated"), "Motion Vectors", "Depth".
@@ -120,7 +118,7 @@ class Conventions(ConventionFields):
 
     @classmethod
     def streamline(cls, **overrides: Any) -> Self:
-        """NVIDIA Streamline (DLSS): motion in screens after mvecScale, jitter in pixels as FSR's.
+        """NVIDIA Streamline (DLSS): motion in UV after mvecScale; jitter in pixels with FSR's sign.
 
         `motion_scale` is sl::Constants::mvecScale, (1 / w, 1 / h) for vectors in pixels; depthInverted
         eFalse is depth="forward_infinite" or "forward", motionVectorsJittered is motion_jittered=True. NGX
@@ -133,7 +131,7 @@ class Conventions(ConventionFields):
 
     @classmethod
     def unreal(cls, **overrides: Any) -> Self:
-        """Unreal Engine: velocity in NDC, current minus previous; TemporalJitterPixels as FSR's.
+        """Unreal Engine: velocity in NDC, current minus previous; TemporalJitterPixels with FSR's sign.
 
         Decode the velocity buffer first: (v - 32767 / 65535) / 0.2495. An exported SceneDepth is
         depth="linear".
@@ -146,7 +144,7 @@ class Conventions(ConventionFields):
 
     @classmethod
     def unity(cls, **overrides: Any) -> Self:
-        """Unity HDRP: motion UV, current minus previous; taaJitter in pixels with y up, of the camera.
+        """Unity HDRP: motion in UV, current minus previous; taaJitter moves the camera, in pixels, y up.
 
         In URP the jitter moves the image instead: jitter_sign=-1. Motion has y down where textures start at
         the top (Direct3D, Metal, Vulkan); else motion_flip_y=True. ReadPixels gives bottom_up=True. Set near
@@ -176,7 +174,7 @@ class Conventions(ConventionFields):
     def arm_gym(cls, **overrides: Any) -> Self:
         """Arm's neural graphics model gym: motion_lr in pixels, current minus previous; sample at + jitter.
 
-        Turn its (y, x) order of motion and jitter round first. ReverseZ is depth="reversed_infinite"; a
+        Reorder its (y, x) motion and jitter to (x, y) first. ReverseZ is depth="reversed_infinite"; a
         finite zFar is depth="forward", near=, far=.
 
         Sources: nss_dataset_specification.md; dense_warp_utils.py (grid - flow); graphics_utils.py and

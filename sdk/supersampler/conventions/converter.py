@@ -1,4 +1,4 @@
-"""`RawFrame` to `Frame` and back, following the frames of one sequence."""
+"""`Converter`: `RawFrame` to `Frame` and back, for the frames of one sequence."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -31,8 +31,8 @@ _Pair = tuple[float, float]
 class Converter:
     """Converts the frames of one sequence, in order; made by `Conventions.converter`.
 
-    It remembers one thing: the jitter of the frame before, as cancelling jittered motion needs it. A frame
-    that is refused does not count as seen. The two directions are independent of each other.
+    Its only state is the previous frame's jitter, for jittered motion vectors. A refused frame leaves it
+    unchanged. The two directions are independent of each other.
     """
 
     def __init__(self, conventions: ConventionFields, *, display_size: Size | None = None) -> None:
@@ -42,7 +42,7 @@ class Converter:
         self._previous_out: _Pair | None = None
 
     def to_frame(self, raw: RawFrame) -> Frame:
-        """Return the frame in this package's conventions. Arrays that need no change are not copied.
+        """Return the frame in this package's conventions. Unchanged arrays are not copied.
 
         Raises:
             FrameError: an input has a shape, type or range that these conventions do not allow.
@@ -70,7 +70,7 @@ class Converter:
         return frame
 
     def from_frame(self, frame: Frame) -> RawFrame:
-        """Return the frame as these conventions have it: the inverse of `to_frame`.
+        """Return the frame in these conventions: the inverse of `to_frame`.
 
         Raises:
             FrameError: the depth has surfaces beyond the far plane.
@@ -93,9 +93,8 @@ class Converter:
         return raw
 
     def pass_over(self, jitter: tuple[float, float] | None, size: Size) -> None:
-        """Take a frame as seen of which only the jitter, as stored, and the render size are known."""
-        own = self._jitter_in(jitter, size)
-        self._previous_in = self._previous_out = _in_uv(own, size)
+        """Skip a frame with this stored jitter and render size."""
+        self._previous_in = self._previous_out = _in_uv(self._jitter_in(jitter, size), size)
 
     def _rows(self, array: Array) -> Array:
         return np.ascontiguousarray(array[::-1]) if self.conventions.bottom_up else array
@@ -134,10 +133,9 @@ class Converter:
         return frame.jitter[0] / scale_x, frame.jitter[1] / scale_y
 
     def _shift(self, jitter: _Pair, size: Size, previous: _Pair | None) -> _Pair:
-        """What jitter adds to a vector, in render pixels.
+        """Return what jitter adds to a vector: current minus previous jitter, in render pixels.
 
-        The image is rendered at p - jitter, so previous minus current gains
-        - previous jitter + current jitter.
+        The image moves by - jitter, so that previous minus current position changes by that.
         """
         if not self.conventions.motion_jittered or previous is None:
             return 0.0, 0.0
@@ -179,7 +177,7 @@ class Converter:
 
 
 def _floating(name: str, value: object) -> NDArray[Any]:
-    """Return a numpy array; float64 is taken as float32, what is not a floating type is refused."""
+    """Return a float16 or float32 array; float64 is converted to float32, other types are refused."""
     array = as_array(name, value)
     if array.ndim < 2:
         raise FrameError(name, got=f"of shape {array.shape}", want="(h, w), or (h, w, channels)")
@@ -215,7 +213,7 @@ def _checked_motion_size(motion: NDArray[Any], size: Size, resolution: str) -> S
 
 
 def _nearest(position: NDArray[np.float64], count: int) -> NDArray[np.intp]:
-    """The cells that positions fall into, cell i covering [i, i + 1); outside, the last one."""
+    """Return the indices of the pixels that contain the positions, clamped to the image."""
     return np.clip(np.floor(position).astype(np.intp), 0, count - 1)
 
 
@@ -228,5 +226,5 @@ def _in_uv(jitter: _Pair, size: Size) -> _Pair:
 
 
 def _snapped(jitter: float) -> float:
-    """Half a pixel, stored as a float32 in UV or NDC, comes back a rounding error too large."""
+    """Clamp a jitter that exceeds half a pixel by rounding: float32 UV or NDC is not exact."""
     return max(-0.5, min(0.5, jitter)) if abs(jitter) <= 0.5 + 1e-4 else jitter

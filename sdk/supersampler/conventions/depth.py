@@ -1,4 +1,4 @@
-"""Every kind of depth buffer to near / view distance, and back."""
+"""Convert every kind of depth buffer to near / view distance, and back."""
 
 from typing import Literal
 
@@ -23,7 +23,7 @@ def to_reversed_infinite(depth: Array, kind: DepthKind, near: float, far: float 
     if kind == "reversed_infinite":
         return values
     if kind == "linear":
-        with np.errstate(divide="ignore"):  # a distance of 0 becomes inf, which `FrameChecker` reports
+        with np.errstate(divide="ignore"):  # distance 0 becomes inf, which `FrameChecker` reports
             inverse = np.float32(near) / values
         return inverse if far is None else np.where(values >= far, np.float32(0), inverse)
     if kind.startswith("forward"):
@@ -46,17 +46,13 @@ def from_reversed_infinite(depth: Array, kind: DepthKind, near: float, far: floa
             distance = np.float32(near) / values
         return distance if far is None else np.where(values == 0, np.float32(far), distance)
     if far is not None:
-        values = _with_far_plane(values, near / far)
+        ratio, surfaces = near / far, values[values > 0]
+        if surfaces.size and surfaces.min() < ratio * (1 - 1e-5):  # 1e-5: rounding at the far plane
+            raise FrameError(
+                "depth",
+                got=f"as small as {surfaces.min():.3g}, beyond the far plane",
+                want=f">= near / far = {ratio:.3g}, or 0 at the sky",
+                hint="Give Conventions a larger far, or a depth with an infinite far plane.",
+            )
+        values = np.where(values == 0, np.float32(0), (values - np.float32(ratio)) / np.float32(1 - ratio))
     return np.float32(1) - values if kind.startswith("forward") else values
-
-
-def _with_far_plane(values: Float32, ratio: float) -> Float32:
-    surfaces = values[values > 0]
-    if surfaces.size and surfaces.min() < ratio * (1 - 1e-5):  # 1e-5: rounding of a surface at the far plane
-        raise FrameError(
-            "depth",
-            got=f"as small as {surfaces.min():.3g}, beyond the far plane",
-            want=f">= near / far = {ratio:.3g}, or 0 at the sky",
-            hint="Give Conventions a larger far, or a depth with an infinite far plane.",
-        )
-    return np.where(values == 0, np.float32(0), (values - np.float32(ratio)) / np.float32(1 - ratio))

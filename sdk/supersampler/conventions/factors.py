@@ -1,16 +1,16 @@
-"""What vectors and offsets are multiplied by to be in render pixels, x right and y down."""
+"""Factors that convert motion vectors and jitter to render pixels, x right and y down."""
 
 from supersampler.conventions.fields import ConventionFields
 from supersampler.frame import Size
 
 
 def motion_factor(conventions: ConventionFields, size: Size, own_size: Size) -> tuple[float, float]:
-    """Return (x, y) that brings a stored vector to render pixels, previous minus current.
+    """Return the factor (x, y) from a stored vector to render pixels, previous minus current.
 
     Args:
-        conventions: whose the vector is.
+        conventions: conventions of the vector.
         size: render size.
-        own_size: size of the motion buffer, which is the display size where it is at that.
+        own_size: size of the motion buffer: render or display size.
     """
     x, y = _pixels_per_unit(conventions.motion_unit, size, own_size)
     sign = 1.0 if conventions.motion_direction == "previous_minus_current" else -1.0
@@ -19,7 +19,7 @@ def motion_factor(conventions: ConventionFields, size: Size, own_size: Size) -> 
 
 
 def jitter_factor(conventions: ConventionFields, size: Size) -> tuple[float, float]:
-    """Return (x, y) that brings a stored jitter to render pixels from the pixel's centre to the sample."""
+    """Return the factor (x, y) from a stored jitter to render pixels, pixel centre to sample."""
     x, y = _pixels_per_unit(conventions.jitter_unit, size, size)
     sign = conventions.jitter_sign
     return sign * x, sign * (-y if conventions.jitter_flip_y else y)

@@ -1,4 +1,4 @@
-"""The fields of `Conventions`, which explains them, and the check of each."""
+"""The fields of `Conventions` and their checks."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -16,14 +16,14 @@ _CHOICES: Mapping[str, tuple[str, ...]] = {
     "motion_unit": get_args(Unit), "motion_direction": get_args(Direction),
     "motion_resolution": get_args(Resolution), "depth": get_args(DepthKind), "jitter_unit": get_args(Unit),
 }  # fmt: skip
-_LEAST, _MOST = 1e-30, 1e30  # that single precision, in which frames are converted, multiplies and divides by
+_LEAST, _MOST = 1e-30, 1e30  # factors for single precision
 _RANGE = f"{_LEAST:g} to {_MOST:g}"
 _SWITCHES = ("motion_flip_y", "motion_jittered", "jitter_flip_y", "bottom_up", "srgb")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConventionFields:
-    """What the conversion of a frame follows from; see `Conventions`."""
+    """The fields of `Conventions`, which documents them."""
 
     motion_unit: Unit = "pixels"
     motion_scale: tuple[float, float] = (1.0, 1.0)
@@ -54,27 +54,24 @@ class ConventionFields:
     def _check_planes(self) -> None:
         if not _is_usable(self.near) or self.near <= 0:
             hint = "near is the distance of the near plane, also where depth is reversed."
-            raise ArgumentError(
-                "near", got=shown(self.near), want=f"a finite distance > 0, {_RANGE}", hint=hint
-            )
+            want = f"a finite distance > 0, {_RANGE}"
+            raise ArgumentError("near", got=shown(self.near), want=want, hint=hint)
         if self.far is None:
             if self.depth in ("reversed", "forward"):
                 hint = f"Without a far plane it is depth='{self.depth}_infinite'."
-                raise ArgumentError(
-                    "far", got=None, want=f"a distance, as depth is '{self.depth}'", hint=hint
-                )
+                want = f"a distance, as depth is '{self.depth}'"
+                raise ArgumentError("far", got=None, want=want, hint=hint)
             return
         if not _is_usable(self.far) or self.far <= self.near:
             hint = "far is the farther plane, also where depth is reversed."
-            raise ArgumentError(
-                "far", got=shown(self.far), want=f"finite and > near = {self.near}, or None", hint=hint
-            )
+            want = f"finite and > near = {self.near}, or None"
+            raise ArgumentError("far", got=shown(self.far), want=want, hint=hint)
         if self.depth.endswith("infinite"):
             raise ArgumentError("far", got=self.far, want=f"None, as depth is '{self.depth}'")
 
 
 def _number(value: object) -> float | None:
-    """One of Python, which JSON can hold."""
+    """Return a number that JSON can hold as a float; None for other values."""
     return as_number(value) if isinstance(value, int | float) else None
 
 

@@ -1,7 +1,7 @@
-"""What a renderer does for a temporal upscaler: render sizes, where to sample in the pixel, texture mip bias.
+"""Render sizes, jitter sequences, jittered projections and mip bias for temporal upscaling.
 
 Sizes are (width, height). Jitter is (x right, y down) in render pixels: the sample is taken at the pixel's
-centre + jitter. FSR and XeSS have it the other way round (centre - jitter): see `Conventions.fsr`.
+centre + jitter. FSR and XeSS use the opposite sign (centre - jitter): see `Conventions.fsr`.
 """
 
 import math
@@ -27,9 +27,9 @@ MipStyle = Literal["fsr", "log2"]
 
 
 def jitter_phase_count(scale: float) -> int:
-    """Return how many frames a jitter sequence takes before it repeats: int(8 scale^2), at least 1.
+    """Return the length of the jitter sequence in frames: int(8 scale^2), at least 1.
 
-    FSR's documents say ceil(8 scale^2), its code truncates; this is the code.
+    FSR's documentation says ceil(8 scale^2), its code truncates; this follows the code.
 
     Args:
         scale: display size / render size, > 0.
@@ -58,7 +58,7 @@ def halton_jitter(index: int, scale: float) -> tuple[float, float]:
 
 
 def mip_bias(scale: float, style: MipStyle = "fsr") -> float:
-    """Return what to add to the texture level of detail when rendering below display size.
+    """Return the bias of the texture level of detail for rendering below display size.
 
     Args:
         scale: display size / render size, > 0.
@@ -89,17 +89,16 @@ def render_size_for(display_size: Size, mode: str | float) -> Size:
     if ratio is None or not 1.0 <= ratio < math.inf:
         want, hint = "a ratio display / render >= 1, or a mode's name", "2.0 is half size."
         raise ArgumentError("mode", got=shown(mode), want=want, hint=hint)
-    # The tiny addend keeps a width that divides exactly, such as 2197 / 1.3, from falling one pixel short.
+    # The tiny addend corrects the rounding of exact quotients, such as 2197 / 1.3.
     return max(1, int(width / ratio + 1e-6)), max(1, int(height / ratio + 1e-6))
 
 
 def jittered_projection(
     matrix: ArrayLike, jitter: tuple[float, float], render_size: Size
 ) -> NDArray[np.floating[Any]]:
-    """Return the projection that moves the image by minus `jitter`, so that pixels sample centre + jitter.
+    """Return the projection that moves the image by - `jitter`: pixels are sampled at centre + jitter.
 
-    It is a translation in clip space on the left of `matrix`, so any projection serves: perspective of either
-    hand, orthographic, oblique, of any depth range.
+    It is a translation in clip space on the left of `matrix`, for any projection and depth range.
 
     Args:
         matrix: (4, 4), row-major, acting on column vectors (clip = matrix @ view); clip space y points up.

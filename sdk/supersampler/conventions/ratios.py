@@ -1,4 +1,4 @@
-"""Ratios of display size to render size that methods support."""
+"""Check ratios of display size to render size, and compute sizes from them."""
 
 from fractions import Fraction
 
@@ -8,16 +8,25 @@ from supersampler.frame import Size
 
 
 def check_ratio(ratios: tuple[float, float], render_size: Size, display_size: Size) -> None:
-    """Raise FrameError unless a method of these ratios (least, largest) upscales from one size to the other.
+    """Raise FrameError unless a method with these ratios (least, largest) upscales between the sizes.
 
-    A range has some slack, as either size may be rounded to whole pixels. A method of one ratio puts whole
-    blocks of display pixels where a render pixel is: it takes that many times the render size, exactly.
+    A range allows for the rounding of either size to whole pixels. A method with one ratio computes whole
+    blocks of display pixels for each render pixel, and needs exactly that multiple of the render size.
     """
-    ratio = only_ratio(ratios)
-    if ratio is not None:
-        _check_exact(ratio, render_size, display_size)
-        return
     low, high = ratios
+    if low == high:
+        display = scaled(render_size, low)
+        if display == display_size:
+            return
+        frames = scaled(display_size, 1.0 / low)
+        possible = [f"frames of {frames}"] * (frames is not None)
+        possible += [f"a display of {display}"] * (display is not None)
+        raise FrameError(
+            "size",
+            got=f"{render_size}, for a display of {display_size}",
+            want=f"{' or '.join(possible) or 'others'}: this method upscales exactly {low:g} times",
+            hint="Sizes are (width, height).",
+        )
     for axis, name in enumerate(("width", "height")):
         ratio = display_size[axis] / render_size[axis]
         slack = (1.0 + ratio) / render_size[axis]
@@ -31,14 +40,14 @@ def check_ratio(ratios: tuple[float, float], render_size: Size, display_size: Si
 
 
 def only_ratio(ratios: tuple[float, float]) -> float | None:
-    """The one ratio that these, the least and the largest, are; None where they are a range."""
+    """Return the only ratio, where least and largest are equal; None for a range."""
     low, high = ratios
     return low if low == high else None
 
 
 def scaled(size: Size, ratio: float) -> Size | None:
-    """Return a size `ratio` times as large; None where that is none in whole pixels."""
-    exact = Fraction(ratio).limit_denominator(1000)  # a third is a third
+    """Return a size `ratio` times as large; None where it is not whole pixels."""
+    exact = Fraction(ratio).limit_denominator(1000)  # 0.333... is 1/3
     width, height = size[0] * exact, size[1] * exact
     return (int(width), int(height)) if width.denominator == height.denominator == 1 else None
 
@@ -47,20 +56,6 @@ def display_size_of(render_size: Size, scale: float) -> Size:
     """Return the display size that is `scale` times a render size, rounded to whole pixels.
 
     Raises:
-        ArgumentError: it is none that an image can have.
+        ArgumentError: it is not an image size.
     """
     return checked_size("display_size", (round(render_size[0] * scale), round(render_size[1] * scale)))
-
-
-def _check_exact(ratio: float, render_size: Size, display_size: Size) -> None:
-    if scaled(render_size, ratio) == display_size:
-        return
-    frames, display = scaled(display_size, 1.0 / ratio), scaled(render_size, ratio)
-    would_do = [f"frames of {frames}"] * (frames is not None)
-    would_do += [f"a display of {display}"] * (display is not None)
-    raise FrameError(
-        "size",
-        got=f"{render_size}, for a display of {display_size}",
-        want=f"{' or '.join(would_do) or 'others'}: this method upscales exactly {ratio:g} times",
-        hint="Sizes are (width, height).",
-    )

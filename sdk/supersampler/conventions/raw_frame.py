@@ -1,4 +1,4 @@
-"""One frame as an engine gives it, before `Conventions` made sense of it."""
+"""`RawFrame`: one frame in an engine's conventions."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -8,17 +8,17 @@ from supersampler.frame import Array
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RawFrame:
-    """One frame in somebody's own conventions. Nothing is checked here: `Converter.to_frame` does that.
+    """One frame in an engine's conventions, unchecked; `Converter.to_frame` checks and converts it.
 
     Attributes:
-        depth: (h, w) at render size, of the kind that `Conventions.depth` says.
-        motion: (h, w, 2), x then y; at display size (H, W, 2) where `Conventions.motion_resolution` says so.
-        color: (h, w, 3) at render size, linear or sRGB; None on a frame that was not shaded.
-        jitter: (x, y) in the unit that `Conventions.jitter_unit` says. None is no jitter.
+        depth: (h, w) at render size, of the kind `Conventions.depth`.
+        motion: (h, w, 2), x then y; (H, W, 2) where `Conventions.motion_resolution` is "display".
+        color: (h, w, 3) at render size, linear or sRGB; None on an unshaded frame.
+        jitter: (x, y) in the unit `Conventions.jitter_unit`; None is no jitter.
         reset: True on the first frame after a cut.
         exposure: > 0, multiplies the colour before the tone curve, or None.
-        gbuffer: at render size, names as in `Frame`.
-        gbuffer_display: at display size, names as in `Frame`; its depth is of the same kind as `depth`.
+        gbuffer: G-buffers at render size, with the names of `Frame`.
+        gbuffer_display: G-buffers at display size, with the names of `Frame`; its depth is of `depth`'s kind.
         aovs: (h, w, k) at render size.
     """
 

@@ -1,4 +1,4 @@
-"""The sRGB curve (IEC 61966-2-1), extended beyond 1 and mirrored below 0, so that it has an inverse."""
+"""The sRGB curve and its inverse (IEC 61966-2-1), extended above 1 and mirrored below 0."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from supersampler.frame import Array, Float32
 
 
 def srgb_decoded(values: Array) -> Float32:
-    """Return linear values of sRGB-encoded ones, any shape."""
+    """Decode sRGB values of any shape to linear."""
     encoded = values.astype(np.float32, copy=False)
     size = np.abs(encoded)
     curve = ((size + np.float32(0.055)) / np.float32(1.055)) ** np.float32(2.4)
@@ -14,7 +14,7 @@ def srgb_decoded(values: Array) -> Float32:
 
 
 def srgb_encoded(values: Array) -> Float32:
-    """Return sRGB-encoded values of linear ones, any shape."""
+    """Encode linear values of any shape as sRGB."""
     linear = values.astype(np.float32, copy=False)
     size = np.abs(linear)
     curve = np.float32(1.055) * size ** np.float32(1 / 2.4) - np.float32(0.055)

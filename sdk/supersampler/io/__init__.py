@@ -1,4 +1,4 @@
-"""Files and what people see: images, shots, importers, the display transform, the comparison page.
+"""Files and display: images, shots, importers, the display transform, the comparison page.
 
-Everything that a stranger's file may claim is checked here; nothing here steps a frame.
+The content of every file is checked here before it is used. No upscaling happens here.
 """

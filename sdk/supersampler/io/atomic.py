@@ -1,13 +1,12 @@
-"""Whose files are whose: writes that appear whole, and checks before anything is replaced or removed.
+"""Atomic writes, removal of files, and checks of what a path is before anything is replaced.
 
-A file is written beside its place under a temporary name (`.name.partial.exr`), then renamed, so that a run
-killed at any point leaves no half-written file.
+A file is written under a temporary name beside its place (`.name.HEX.partial.exr`) and then renamed, so that
+a run that is killed leaves no half-written file.
 """
 
 import os
 import re
 import secrets
-import stat
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -15,37 +14,52 @@ from pathlib import Path
 from supersampler.errors import ShotError
 
 NO_ROOM = "Is the disk full or write-protected?"
+NOT_FOUND = "Is the path right, is the drive connected?"
 _PARTIAL = ".partial"
 _PARTIAL_NAME = re.compile(rf"\.(.+)\.[0-9a-f]{{8}}{re.escape(_PARTIAL)}((?:\.[^.]+)?)")
 
 
 @contextmanager
+def os_errors_as_shot_error(path: Path | str, action: str = "read", hint: str = "") -> Iterator[None]:
+    """Raise "`path`: cannot be read (reason)" in place of an OSError of the block; ShotErrors pass."""
+    try:
+        yield
+    except ShotError:
+        raise
+    except OSError as error:
+        raise ShotError(path, f"cannot be {action} ({error})", hint) from error
+
+
+@contextmanager
 def replacing(path: Path | str) -> Iterator[Path]:
-    """Give a temporary name beside `path`; rename it to `path` at the end, or remove it where that fails."""
+    """Yield a temporary name beside `path`; rename it to `path` at the end, or remove it after an error."""
     path = Path(path)
     partial = path.with_name(f".{path.stem}.{secrets.token_hex(4)}{_PARTIAL}{path.suffix}")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        yield partial
-        partial.replace(path)
-    except OSError as error:
-        if isinstance(error, ShotError):
-            raise
-        raise ShotError(path, f"cannot be written ({error})", NO_ROOM) from error
+        with os_errors_as_shot_error(path, "written", NO_ROOM):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            yield partial
+            partial.replace(path)
     finally:
         with suppress(OSError):  # whatever went wrong has been raised above
             partial.unlink(missing_ok=True)
 
 
-def remove_partial_files(folder: Path, names: re.Pattern[str], below: Iterable[str] = ()) -> None:
-    """Remove what killed runs left of files whose names match `names` as a whole.
+def write_text(path: Path, text: str) -> None:
+    """Write a UTF-8 text file atomically; ShotError where the disk refuses."""
+    with replacing(path) as partial:
+        partial.write_text(text, encoding="utf-8", newline="\n")
 
-    Only regular files that are called as `replacing` calls them are removed.
+
+def remove_partial_files(folder: Path, names: re.Pattern[str], below: Iterable[str] = ()) -> None:
+    """Remove the temporary files that killed runs left for files whose full names match `names`.
+
+    Only regular files with a name of `replacing` are removed.
 
     Args:
         folder: where to look; it may be a link.
-        names: of the files that were being written.
-        below: folders in it where to look too; those that are links are left out.
+        names: names of the files that were being written.
+        below: subfolders to look in, too; links are skipped.
     """
     root = Path(os.path.realpath(folder))
     for place in (root, *(root / name for name in below if name)):
@@ -58,15 +72,12 @@ def remove_partial_files(folder: Path, names: re.Pattern[str], below: Iterable[s
 
 
 def check_ours(path: Path, is_ours: Callable[[Path], bool], what: str) -> None:
-    """Raise where something is at `path` that this package did not write.
+    """Raise ShotError where something is at `path` that this package did not write.
 
     Args:
-        path: a file that is to be replaced, there or not.
-        is_ours: tells it by its content.
-        what: it should be, "a record of `bench ... --json`" say.
-
-    Raises:
-        ShotError: names the file.
+        path: a file that is to be replaced; it need not exist.
+        is_ours: tells from a file's content whether this package wrote it.
+        what: what it should be, such as "a record of `bench ... --json`".
     """
     if is_there(path) and not (is_regular(path) and is_ours(path)):
         hint = "Move it away, or choose another name."
@@ -74,66 +85,57 @@ def check_ours(path: Path, is_ours: Callable[[Path], bool], what: str) -> None:
 
 
 def remove_files(paths: Iterable[Path]) -> None:
-    """Remove files, those that are gone left out.
-
-    Raises:
-        ShotError: the disk refused.
-    """
+    """Remove files, skipping those that do not exist; ShotError where the disk refuses."""
     for path in paths:
-        try:
+        with os_errors_as_shot_error(path, "removed", "Is it in use or write-protected?"):
             path.unlink(missing_ok=True)
-        except OSError as error:
-            raise ShotError(
-                path, f"cannot be removed ({error})", "Is it in use or write-protected?"
-            ) from error
+
+
+def is_file(path: Path) -> bool:
+    """Tell whether a regular file or a link to one is there; unlike Path.is_file no name is an error."""
+    return os.path.isfile(path)  # noqa: PTH113
 
 
 def is_regular(path: Path) -> bool:
-    """Tell whether a regular file is there; False for a link, whatever it leads to."""
-    try:
-        return stat.S_ISREG(path.lstat().st_mode)
-    except (OSError, ValueError):
-        return False
+    """Tell whether a regular file is there that is not a link."""
+    return is_file(path) and not path.is_symlink()
 
 
 def is_own_folder(path: Path) -> bool:
     """Tell whether a folder is there that is not a link."""
-    try:
-        return stat.S_ISDIR(path.lstat().st_mode)
-    except (OSError, ValueError):
-        return False
+    return os.path.isdir(path) and not path.is_symlink()  # noqa: PTH112
+
+
+def check_is_file(path: Path) -> None:
+    """Raise ShotError unless a regular file is there, or a link to one: reading a pipe may never end."""
+    if not is_there(path):
+        raise ShotError(path, "there is no such file", NOT_FOUND)
+    if not is_file(path):
+        raise ShotError(path, "is no regular file")
 
 
 def is_there(path: Path) -> bool:
-    """Tell whether anything has this name: a file, a folder, a link that leads nowhere."""
+    """Tell whether anything has this name: a file, a folder, a broken link."""
     return os.path.lexists(path)
 
 
 def check_apart(output: Path, source: Path) -> None:
-    """Raise where what is to be written and what is read are not apart.
+    """Raise ShotError where `output` is `source`, contains it or lies in it, links followed.
 
     Args:
-        output: a file or folder to write, there or not.
+        output: a file or folder to write; it need not exist.
         source: the file or folder that is read.
-
-    Raises:
-        ShotError: `output` is `source`, holds it or lies in it, links followed.
     """
-    above_output, above_source = _identities(output), _identities(source)
     hint = "Choose another place for what is written."
-    if _identity(source) in above_output:
-        relation = "is" if _identity(output) == _identity(source) else "lies in"
-        raise ShotError(output, f"{relation} the input, {source}", hint)
-    if _identity(output) in above_source:
+    holds = _lies_in(source, output)
+    if _lies_in(output, source):
+        raise ShotError(output, f"{'is' if holds else 'lies in'} the input, {source}", hint)
+    if holds:
         raise ShotError(output, f"holds the input, {source}", hint)
 
 
 def check_inside(folder: Path, paths: Iterable[Path]) -> None:
-    """Raise where a path leads out of `folder`, by a link or by `..`; `folder` itself may be a link.
-
-    Raises:
-        ShotError: names the path.
-    """
+    """Raise ShotError where a path leads out of `folder`, by a link or by `..`; `folder` may be a link."""
     root, real_folders = os.path.realpath(folder), dict[Path, str]()
     for path in paths:
         if path.parent not in real_folders:
@@ -144,16 +146,11 @@ def check_inside(folder: Path, paths: Iterable[Path]) -> None:
             raise ShotError(path, f"leads out of {folder}", hint)
 
 
-def _identity(path: Path) -> tuple[int, int] | None:
-    """Identity of a file or folder, whatever its name; None where it does not exist."""
-    try:
-        found = path.stat()
-    except (OSError, ValueError):
-        return None
-    return found.st_dev, found.st_ino
-
-
-def _identities(path: Path) -> set[tuple[int, int]]:
-    """Return those of a path and of all folders above it, as far as they are there."""
+def _lies_in(path: Path, folder: Path) -> bool:
+    """Tell whether `path` is `folder` or lies in it, links followed; False where `folder` does not exist."""
     real = Path(os.path.realpath(path))
-    return {found for place in (real, *real.parents) if (found := _identity(place)) is not None}
+    for place in (real, *real.parents):
+        with suppress(OSError, ValueError):  # one of them does not exist, or cannot
+            if place.samefile(folder):
+                return True
+    return False

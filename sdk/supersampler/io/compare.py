@@ -1,24 +1,25 @@
-"""compare.html: one self-contained page that compares images, frame by frame.
+"""Write compare.html: one self-contained page that compares images, frame by frame.
 
 >>> with compare_page("out/compare.html", about) as page:
 ...     for item in shot:
 ...         image = upscaler.step(item.frame)
 ...         page.add(item.index, *compare_layers(item.frame, image, item.reference, exposure))
 
-Each frame is encoded and written to disk when it is added, so memory does not grow with the shot; the page
-appears under its name when the last frame is in.
+Each frame is encoded and written to disk when it is added, so memory does not grow with the shot. The file
+appears when the last frame is written.
 """
 
 import base64
 import json
 import platform
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from html import escape
 from importlib.resources import files
+from itertools import chain
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 import numpy as np
 
@@ -30,23 +31,23 @@ from supersampler.io.images import Bytes, encode_jpeg, encode_png
 from supersampler.io.machine import installed_versions
 
 ERROR_SCALE = 0.25
-"""The error that the false colours end at, in units of the display range."""
+"""The largest error that the false colours show, in units of the display range."""
 
 PSNR = "PSNR (dB)"
 _JPEG_QUALITY = 92
-_PNG_PIXELS = 65536  # up to this many, as of a 320x180 input, PNG costs little and shows pixels as they are
+_PNG_PIXELS = 65536  # up to this many, PNG costs little and shows pixels as they are
 _ERROR_COLORS = ((0, 0, 0), (50, 32, 112), (146, 46, 130), (226, 96, 76), (248, 176, 64), (255, 246, 190))
 _FRAMES_GO_HERE = "<!-- frames -->\n"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Legend:
-    """What the false colours of a layer mean.
+    """Legend of a layer in false colours.
 
     Attributes:
-        colors: CSS colours: a scale from `low` to `high`, evenly spaced, or one for each of `names`.
-        low, high: the ends of a scale.
-        names: of colours that are no scale.
+        colors: CSS colours: an even scale from `low` to `high`, or one for each of `names`.
+        low, high: labels of the ends of a scale.
+        names: labels of separate colours.
     """
 
     colors: Sequence[str]
@@ -56,7 +57,7 @@ class Legend:
 
 
 def false_color_legend(low: str, high: str) -> Legend:
-    """Return the scale of `false_color`."""
+    """Return the legend of `false_color` with these labels at its ends."""
     return Legend(colors=[f"rgb{color}" for color in _ERROR_COLORS], low=low, high=high)
 
 
@@ -68,13 +69,13 @@ class About:
     """Captions and legends of a page.
 
     Attributes:
-        title: the shot's name, say.
-        method: what made the output.
+        title: for example the shot's name.
+        method: name of the method that made the output.
         display_size: (width, height) at which all layers are shown, whatever their own sizes.
-        frame_rate: frames a second of the page's playback.
-        facts: name and value of what stands beside the title, in order.
+        frame_rate: playback rate, frames a second.
+        facts: names and values shown beside the title, in order.
         notes: lines of the footnote.
-        legends: scales of layers in false colours, by layer.
+        legends: legends of layers in false colours, by layer.
     """
 
     title: str
@@ -87,13 +88,11 @@ class About:
 
 
 class ComparePage:
-    """Takes the frames of one page, in order; `compare_page` makes it."""
+    """Writes the frames of one page, in order; made by `compare_page`."""
 
     def __init__(self, file: IO[str], about: About) -> None:
         self._file, self._about = file, about
-        self._frames: list[dict[str, object]] = []
-        self._layers: dict[str, None] = {}  # these two are ordered sets
-        self._numbers: dict[str, None] = {}
+        self._frames: list[dict[str, Any]] = []
 
     def add(
         self, index: int, layers: Mapping[str, Bytes], numbers: Mapping[str, float] | None = None
@@ -101,38 +100,31 @@ class ComparePage:
         """Encode and write one frame.
 
         Args:
-            index: its place in the shot; larger than the one before.
+            index: index in the shot; larger than the previous one.
             layers: name to (h, w, 3) uint8 sRGB image of any size, shown stretched to the display size.
-                A frame may lack layers that others have.
-            numbers: name to value, of this frame; the page shows them and their mean.
+                Frames may have different layers.
+            numbers: name to value; the page shows those of each frame, and their mean.
 
         Raises:
             ArgumentError: the index is not larger than the last.
         """
         last = self._frames[-1]["index"] if self._frames else -1
-        if index <= int(str(last)):
+        if index <= last:
             raise ArgumentError("index", got=index, want=f"frames in order, more than {last}")
         for name, pixels in layers.items():
             tag = f'<script type="text/plain" id="{index}/{escape(name)}">'
             self._file.write(f"{tag}{_data_uri(pixels)}</script>\n")
         numbers = {name: value for name, value in (numbers or {}).items() if np.isfinite(value)}
         self._frames.append({"index": index, "layers": list(layers), "numbers": numbers})
-        self._layers.update(dict.fromkeys(layers))
-        self._numbers.update(dict.fromkeys(numbers))
 
-    def write_summary(self) -> None:
-        """Write the captions of all frames; no frame may follow.
-
-        Raises:
-            ArgumentError: there is no frame.
-        """
+    def finish(self) -> None:
+        """Write the captions of all frames; ArgumentError where there is no frame."""
         if not self._frames:
             raise ArgumentError("frames", got="none", want="at least one to compare")
         content = {
             **asdict(self._about),
             "facts": list(self._about.facts.items()),
-            "layers": list(self._layers),
-            "numbers": list(self._numbers),
+            **{key: _union(frame[key] for frame in self._frames) for key in ("layers", "numbers")},
             "frames": self._frames,
         }
         text = json.dumps(content, ensure_ascii=False).replace("<", "\\u003c")  # no tag ends the script early
@@ -141,10 +133,10 @@ class ComparePage:
 
 @contextmanager
 def compare_page(path: Path | str, about: About) -> Iterator[ComparePage]:
-    """Write a page: the file appears when the block ends well, and not at all where it does not.
+    """Write a page. The file appears when the block ends without an error; until then an older one stays.
 
     Args:
-        path: the file; one that is there stays until the new one is complete.
+        path: the file.
         about: title, sizes, notes.
 
     Raises:
@@ -156,7 +148,7 @@ def compare_page(path: Path | str, about: About) -> Iterator[ComparePage]:
         file.write(head)
         page = ComparePage(file, about)
         yield page
-        page.write_summary()
+        page.finish()
         file.write(tail)
 
 
@@ -166,14 +158,14 @@ def compare_layers(
     """Return the usual layers and numbers of one frame, for `ComparePage.add`.
 
     Args:
-        frame: what was upscaled; without colour there is no layer `input`.
+        frame: the input frame; without colour there is no layer `input`.
         image: (H, W, 3) linear RGB, the output.
-        reference: linear RGB; one of another size than the image is shown, but not compared. Or None.
+        reference: linear RGB, or None. A reference of another size is shown, but not compared.
         exposure: > 0, for all images of the frame.
 
     Returns:
-        The layers input, output, reference, error as uint8 sRGB, and the PSNR over the whole frame; the last
-        two only where there is a reference of the image's size.
+        The layers input, output, reference, error as uint8 sRGB, and the PSNR over the whole frame. Error and
+        PSNR need a reference of the image's size.
     """
     shown = display_transform(image, exposure)
     layers = {} if frame.color is None else {"input": to_uint8(display_transform(frame.color, exposure))}
@@ -192,7 +184,7 @@ def compare_layers(
 def false_color(values: Array) -> Bytes:
     """Map (h, w) values in [0, 1] to (h, w, 3) uint8: black, violet, red, orange, pale yellow.
 
-    Lightness rises evenly with the value, so that the image also reads in grey; values outside are clamped.
+    Lightness rises evenly with the value. Values outside are clamped.
     """
     stops = np.linspace(0.0, 1.0, len(_ERROR_COLORS))
     channels = [np.interp(values, stops, channel) for channel in zip(*_ERROR_COLORS, strict=True)]
@@ -200,10 +192,15 @@ def false_color(values: Array) -> Bytes:
 
 
 def versions() -> str:
-    """Return one line with the versions that made a page, as far as they are installed."""
+    """Return one line with the versions of the installed packages that images depend on."""
     names = ("supersampler", "onnxruntime", "onnxruntime-gpu", "onnxruntime-directml", "numpy")
     installed = [f"{name} {version}" for name, version in installed_versions(*names).items()]
     return ", ".join([*installed, f"Python {platform.python_version()}", platform.platform(terse=True)])
+
+
+def _union(names: Iterable[Iterable[str]]) -> list[str]:
+    """Return all names once, in the order in which they first appear."""
+    return list(dict.fromkeys(chain.from_iterable(names)))
 
 
 def _data_uri(pixels: Bytes) -> str:

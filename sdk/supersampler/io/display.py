@@ -1,11 +1,11 @@
-"""From linear light to what a screen shows: exposure, tone curve, sRGB; for pages, PNGs and metrics alike.
+"""The display transform from linear light to sRGB, and the exposure that goes into it.
 
     exposed = color * exposure
     toned   = exposed / (1 + max(exposed.r, exposed.g, exposed.b))
     shown   = clip(sRGB(toned), 0, 1)
 
-The tone curve keeps hue, and no highlight is brighter than 1. Without an exposure of the engine's own,
-`auto_exposure` measures one, by the formula of the models' graphs.
+PNG files, pages and metrics use it. The tone curve keeps hue and maps every highlight below 1. Where the
+engine gives no exposure, `auto_exposure` measures one, by the formula of the models' graphs.
 """
 
 from typing import Any
@@ -14,29 +14,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.arguments import as_number
+from supersampler.conventions.srgb import srgb_encoded
 from supersampler.errors import ArgumentError, shown
 from supersampler.frame import Array, Float32, as_array
 
 EXPOSURE_KEY = 0.18
-"""The log-average luminance that `auto_exposure` maps an image to: middle grey."""
+"""Middle grey: the log-average luminance that `auto_exposure` maps an image to."""
 
 EXPOSURES = (2.0**-24, 2.0**24)
-"""The least and the largest exposure that a frame can give: they bring any half float to middle grey and go
-two stops farther at least. In place of one outside, exposure is measured, as where none is given."""
+"""Least and largest exposure that a frame can give. Outside of it, exposure is measured. The range brings any
+half float to middle grey, with at least two stops to spare."""
 
 CEILING_DB = 100.0
-"""The PSNR of equal images: finite, so that means and JSON can hold it."""
+"""The PSNR of equal images, finite for means and JSON."""
 
-_DARKEST = 1e-4  # luminance below which black stays black instead of pulling the average to nothing
+_DARKEST = 1e-4  # least luminance in the logarithmic average
 _MAX_HALF = 65504.0
-_LARGEST = 1e30  # exposure, of which single precision can hold the product with an image
-_ADAPTATION = 0.1
-_OUTLIER = 64.0  # factor between two frames' exposures from which on one frame alone is not followed
-_BT709 = np.array([0.2126, 0.7152, 0.0722], np.float32)
+_LARGEST = 1e30  # exposure; its product with an image still fits single precision
+_ADAPTATION = 0.1  # part of the way, in stops, that exposure moves in one frame
+_OUTLIER = 64.0  # a larger factor between two frames' exposures needs a second frame to confirm it
+BT709 = np.array([0.2126, 0.7152, 0.0722], np.float32)
 
 
 def display_transform(image: Array, exposure: float = 1.0) -> Float32:
-    """Return what a screen shows of linear RGB.
+    """Apply exposure, tone curve and sRGB encoding to linear RGB.
 
     Args:
         image: (h, w, 3) linear RGB. Negative values and NaN count as 0, Inf as 65504.
@@ -55,15 +56,11 @@ def display_transform(image: Array, exposure: float = 1.0) -> Float32:
     exposed = np.nan_to_num(light.astype(np.float32, copy=False), nan=0.0, posinf=_MAX_HALF, neginf=0.0)
     exposed = np.clip(exposed, 0.0, _MAX_HALF) * np.float32(number)
     toned = exposed / (1.0 + exposed.max(axis=-1, keepdims=True))
-    return np.clip(srgb_oetf(toned), 0.0, 1.0)
+    return np.clip(srgb_encoded(toned), 0.0, 1.0)
 
 
 def checked_image(name: str, image: Array) -> NDArray[Any]:
-    """Return (h, w, 3) of any numbers as an array.
-
-    Raises:
-        ArgumentError: it is not of that shape, or has no numbers.
-    """
+    """Return (h, w, 3) numbers of any type as an array; ArgumentError for anything else."""
     array = as_array(name, image, ArgumentError)
     if array.ndim != 3 or array.shape[2] != 3 or array.dtype.kind not in "iuf":
         raise ArgumentError(name, got=shown(array), want="(h, w, 3) numbers, linear RGB")
@@ -75,23 +72,16 @@ def decibels(mean_squared_error: float) -> float:
     return float(-10.0 * np.log10(max(mean_squared_error, 10.0 ** (-CEILING_DB / 10.0))))
 
 
-def srgb_oetf(linear: Array) -> Float32:
-    """Encode linear light in [0, 1] as sRGB (IEC 61966-2-1), element by element."""
-    linear = np.asarray(linear, np.float32)
-    bright = 1.055 * np.maximum(linear, 0.0031308) ** np.float32(1.0 / 2.4) - 0.055
-    return np.where(linear <= 0.0031308, 12.92 * linear, bright).astype(np.float32)
-
-
 def to_uint8(shown: Array) -> NDArray[np.uint8]:
     """Round values in [0, 1] to 0..255, to nearest; values outside are clamped."""
     return (np.clip(shown, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
 
 
 def auto_exposure(color: NDArray[Any]) -> float:
-    """Return the exposure that brings an image's log-average luminance to 0.18.
+    """Return the exposure that maps an image's log-average luminance to 0.18.
 
     0.18 / exp(mean(log(max(luminance, 1e-4)))) with BT.709 luminance, over the pixels whose components are
-    all numbers in [0, 65504].
+    all in [0, 65504].
 
     Args:
         color: (h, w, 3) linear RGB.
@@ -106,28 +96,27 @@ def auto_exposure(color: NDArray[Any]) -> float:
     usable = color[((color >= 0.0) & (color <= _MAX_HALF)).all(axis=-1)].astype(np.float32, copy=False)
     if not usable.size:
         return EXPOSURE_KEY / _DARKEST
-    logs = np.log(np.maximum(usable @ _BT709, _DARKEST))
+    logs = np.log(np.maximum(usable @ BT709, _DARKEST))
     return float(EXPOSURE_KEY * np.exp(-logs.mean(dtype=np.float64)))
 
 
 def usable_exposure(given: float | None) -> float | None:
-    """Return the exposure that a frame gives; None, which is to measure it, where it is not in EXPOSURES."""
+    """Return the frame's exposure, or None where it is missing or outside of EXPOSURES: then measure it."""
     return given if given is not None and EXPOSURES[0] <= given <= EXPOSURES[1] else None
 
 
 def followed_exposure(given: float | None, target: float | None, before: float) -> float:
-    """Return what the next frame wants back as `before`; its absolute value is the exposure to use.
+    """Return the exposure of a frame, as its absolute value; the next call takes the result as `before`.
 
-    That is the given one, else one a tenth of the way, in stops, from that of the frame before to the
-    measured one. An exposure that differs from the one before by more than six stops is an outlier: the one
-    before holds for that frame. What a second frame wants in a row is used at once. The models' graphs do
-    the same.
+    A given exposure is used as it is. A measured one moves a tenth of the way, in stops, from the previous
+    exposure to the target. An exposure more than six stops from the previous one is an outlier: this frame
+    keeps the previous exposure, and a second outlier in a row is used at once. The models' graphs do the
+    same.
 
     Args:
-        given: by the frame, in EXPOSURES; None: it is measured.
-        target: what was measured, > 0; None where no pixel is usable, which keeps the one before.
-        before: what this function returned for the frame before: negative where no second frame has confirmed
-            it, 0 where there was none.
+        given: the frame's exposure, in EXPOSURES; None: it is measured.
+        target: measured exposure, > 0; None where no pixel is usable, which keeps the previous one.
+        before: result of the previous frame: negative after an unconfirmed outlier, 0 for the first frame.
     """
     known = abs(before)
     wanted = given or target or known or EXPOSURE_KEY
@@ -144,9 +133,9 @@ def is_flash(given: float | None, followed: float, before: float) -> bool:
     """Return whether a measured exposure is an outlier: the light of the whole frame is unconfirmed.
 
     Args:
-        given: by the frame, in EXPOSURES; None: it is measured.
-        followed: what `followed_exposure` returned.
-        before: what it returned for the frame before; 0 where there was none.
+        given: the frame's exposure, in EXPOSURES; None: it is measured.
+        followed: result of `followed_exposure` for this frame.
+        before: its result for the previous frame; 0 for the first frame.
     """
     known, used = abs(before), abs(followed)
     is_outlier = followed < 0.0 or not known / _OUTLIER <= used <= known * _OUTLIER
@@ -154,20 +143,19 @@ def is_flash(given: float | None, followed: float, before: float) -> bool:
 
 
 class ExposureMeter:
-    """The exposure of each frame of a sequence: the engine's, or measured and smoothed as the models do.
+    """The exposure of each frame of a sequence: the engine's, or measured and smoothed over frames.
 
-    A measured exposure moves a tenth of the way to its target in each frame, in stops, so that a light that
-    flickers does not make the whole image pump; a cut starts anew. See `followed_exposure` for outliers.
+    See `followed_exposure`. A reset drops the earlier frames.
     """
 
     def __init__(self) -> None:
         self._before = 0.0
 
     def read(self, color: Array | None, *, given: float | None = None, reset: bool = False) -> float:
-        """Return this frame's exposure and remember it.
+        """Return this frame's exposure and keep it for the next frame.
 
         Args:
-            color: (h, w, 3) linear RGB; None on a frame that was not shaded, which keeps the one before.
+            color: (h, w, 3) linear RGB; None on an unshaded frame, which keeps the previous exposure.
             given: the engine's exposure.
             reset: True on the first frame after a cut.
         """

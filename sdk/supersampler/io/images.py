@@ -1,4 +1,4 @@
-"""Image files by OpenImageIO: multi-channel EXR with its types kept, PNG and JPEG. Every write is atomic."""
+"""Read and write EXR files, write PNG and JPEG, by OpenImageIO. Channel types are kept; writes are atomic."""
 
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from OpenImageIO import ImageInput, ImageOutput, ImageSpec, TypeDesc, geterror
 
 from supersampler.errors import ShotError
-from supersampler.io.atomic import NO_ROOM, replacing
+from supersampler.io.atomic import NO_ROOM, check_is_file, os_errors_as_shot_error, replacing
 from supersampler.io.limits import IMAGE_BYTES, IMAGE_CHANNELS, IMAGE_PARTS, image_size_problem
 
 Bytes: TypeAlias = NDArray[np.uint8]
@@ -24,20 +24,20 @@ def read_exr(
 ) -> dict[str, Channel]:
     """Read the channels of an EXR file, in OpenImageIO's order (R, G, B, A first, then by name).
 
-    The parts of a multi-part file are read as one image; a part's name is put before its channels where they
-    do not begin with it yet.
+    The parts of a multi-part file are read as one image. A part's name is prefixed to its channels where they
+    do not begin with it.
 
     Args:
         path: the file.
-        only: names of the channels to return; those that the file does not have are left out.
-        without: names of channels not to return. Where none are left, no pixel is read.
+        only: names of the channels to return; missing ones are left out.
+        without: names of channels to leave out.
 
     Returns:
         Channel name to (h, w) array; half stays float16, float stays float32, uint stays uint32.
 
     Raises:
-        ShotError: the file is missing, cut off, no EXR, cropped, or deep, or has more pixels or
-            channels than `supersampler.io.limits` allows.
+        ShotError: the file is missing, truncated, not EXR, cropped or deep, or exceeds
+            `supersampler.io.limits`.
     """
     wanted, unwanted = None if only is None else frozenset(only), frozenset(without)
     image: dict[str, Channel] = {}
@@ -50,7 +50,7 @@ def read_exr(
 
 
 def read_exr_channels(path: Path | str) -> list[str]:
-    """Return the names that `read_exr` would, from the file's header alone."""
+    """Return the channel names of `read_exr` from the file's header, without reading pixels."""
     with _opened(path) as source:
         return [name for names in _part_names(source, path) for name in names]
 
@@ -62,14 +62,14 @@ def write_exr(
     *,
     compression: str = "zip",
 ) -> None:
-    """Write an EXR file, in one piece or not at all. float16 is stored as half, float32 as float.
+    """Write an EXR file atomically. float16 is stored as half, float32 as float.
 
     Args:
-        path: the file; its folder is made where it is missing.
+        path: the file; its folder is created where it is missing.
         image: (h, w, c) array, or channel name to (h, w) array, whose types may differ.
-        channels: the c names, for an array.
-        compression: lossless "zip", "zips", "piz", "rle", "none"; "zip:9" packs slower and tighter. Lossy
-            "dwaa:45", "dwab:45": a larger number is a smaller file.
+        channels: the c channel names of an array.
+        compression: lossless "zip", "zips", "piz", "rle", "none"; "zip:9" is slower and smaller. Lossy
+            "dwaa:45", "dwab:45": larger numbers give smaller files.
 
     Raises:
         ShotError: the types or sizes cannot be stored, or the disk refused.
@@ -79,16 +79,16 @@ def write_exr(
     arrays = list(named.values())
     kinds = ["half" if array.dtype == np.float16 else "float" for array in arrays]
     spec = _spec(arrays[0].shape, list(named), kinds[0])
-    if len(set(kinds)) > 1:  # where all are equal, OpenImageIO looks at the image's type alone
+    if len(set(kinds)) > 1:  # for equal types OpenImageIO wants the image's type only
         spec.channelformats = tuple(TypeDesc(kind) for kind in kinds)
     spec.attribute("compression", compression)
-    spec.attribute("DateTime", "")  # or OpenImageIO stores the time, and equal images are different files
+    spec.attribute("DateTime", "")  # otherwise OpenImageIO stores the time, and files of equal images differ
     pixels = np.stack([array.astype(np.float32, copy=False) for array in arrays], axis=-1)  # exact for half
     _write(path, spec, pixels)
 
 
 def write_png(path: Path | str, image: Bytes) -> None:
-    """Write (h, w, 3) uint8 sRGB pixels as PNG, in one piece or not at all.
+    """Write (h, w, 3) uint8 sRGB pixels as PNG, atomically.
 
     Raises:
         ShotError: the array is not (h, w, 3) uint8, or the disk refused.
@@ -101,55 +101,44 @@ def write_png(path: Path | str, image: Bytes) -> None:
 def encode_png(image: Bytes) -> bytes:
     """Return (h, w, 3) uint8 sRGB pixels as the bytes of a PNG file."""
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "image.png"
-        write_png(path, image)
+        write_png(path := Path(folder) / "image.png", image)
         return path.read_bytes()
 
 
 def encode_jpeg(image: Bytes, quality: int = 90) -> bytes:
-    """Return (h, w, 3) uint8 sRGB pixels as the bytes of a JPEG file with full-resolution colour.
-
-    Args:
-        image: (h, w, 3) uint8, sRGB.
-        quality: 1 (smallest) to 100.
-    """
+    """Return (h, w, 3) uint8 sRGB pixels as the bytes of a JPEG file; `quality` is 1 (smallest) to 100."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "image.jpg"
         spec = _byte_spec(path, image)
         spec.attribute("Compression", f"jpeg:{quality}")
-        spec.attribute("jpeg:subsampling", "4:4:4")  # 4:2:0 would blur the thin lines that are compared
+        spec.attribute("jpeg:subsampling", "4:4:4")  # 4:2:0 would blur thin lines
         _write(path, spec, np.ascontiguousarray(image))
         return path.read_bytes()
 
 
 @contextmanager
 def _opened(path: Path | str) -> Iterator[ImageInput]:
-    """Open an EXR file; what its decoder raises inside becomes a ShotError.
+    """Open an EXR file; errors of the decoder become ShotErrors.
 
-    The first bytes are looked at before: OpenImageIO would try every other decoder that it has.
+    The first bytes are checked before, as OpenImageIO would try all of its other decoders.
     """
     try:
-        if not Path(path).is_file():
-            raise ShotError(path, "there is no such file", "Is the path right, is the drive connected?")
-        with Path(path).open("rb") as file:
-            begins = file.read(len(_MAGIC))
-        if begins != _MAGIC:
-            raise ShotError(path, f"is not an EXR image (it begins with {begins!r})", _DAMAGED)
-        source = ImageInput.open(str(path))
-        if source is None:
-            raise ShotError(
-                path, f"is not an image that can be read ({_reason(geterror) or _NO_REASON})", _DAMAGED
-            )
-        try:
-            yield source
-        finally:
-            source.close()
+        with os_errors_as_shot_error(path):
+            check_is_file(Path(path))
+            with Path(path).open("rb") as file:
+                begins = file.read(len(_MAGIC))
+            if begins != _MAGIC:
+                raise ShotError(path, f"is not an EXR image (it begins with {begins!r})", _DAMAGED)
+            source = ImageInput.open(str(path))
+            if source is None:
+                reason = _reason(geterror) or _NO_REASON
+                raise ShotError(path, f"is not an image that can be read ({reason})", _DAMAGED)
+            try:
+                yield source
+            finally:
+                source.close()
     except MemoryError as error:
         raise ShotError(path, "claims more pixels than there is memory for", _DAMAGED) from error
-    except OSError as error:
-        if isinstance(error, ShotError):
-            raise
-        raise ShotError(path, f"cannot be read ({error})") from error
 
 
 _NO_REASON = "no reason given"
@@ -158,7 +147,7 @@ _DAMAGED = "The file is damaged or cut off; write or copy it again."
 
 
 def _part_names(source: ImageInput, path: Path | str) -> list[list[str]]:
-    """Channel names of each part; the part's name in front where a multi-part file needs it."""
+    """Return the channel names of each part; in a multi-part file they begin with the part's name."""
     parts: list[tuple[str, list[str]]] = []
     count = 0
     while source.seek_subimage(len(parts), 0):
@@ -168,7 +157,7 @@ def _part_names(source: ImageInput, path: Path | str) -> list[list[str]]:
         if len(parts) > IMAGE_PARTS or count > IMAGE_CHANNELS:
             limits = f"want at most {IMAGE_CHANNELS} in {IMAGE_PARTS}"
             raise ShotError(path, f"has {count} channels or more in {len(parts)} parts or more; {limits}")
-    _reason(source.geterror)  # the seek past the last part leaves a message behind
+    _reason(source.geterror)  # clears the message of the seek past the last part
     if len(parts) == 1:
         return [parts[0][1]]
     return [
@@ -198,16 +187,15 @@ def _read_part(
         raise ShotError(path, f"has {size >> 30} GiB of pixels; want at most {IMAGE_BYTES >> 30}", _DAMAGED)
     pixels = source.read_image(part, 0, begin, indices[-1] + 1, "float")
     if pixels is None:
-        raise ShotError(
-            path, f"cannot be read to its end ({_reason(source.geterror) or _NO_REASON})", _DAMAGED
-        )
+        reason = _reason(source.geterror) or _NO_REASON
+        raise ShotError(path, f"cannot be read to its end ({reason})", _DAMAGED)
     return {names[index]: _plane(source, part, index, pixels[..., index - begin]) for index in indices}
 
 
 def _plane(source: ImageInput, part: int, index: int, pixels: NDArray[Any]) -> Channel:
-    """One channel, of the type it has in the file; half values pass through float32 unharmed."""
+    """Return one channel with its type in the file; half values are exact in float32."""
     kind = str(source.spec().channelformat(index))
-    if kind == "uint":  # as float they would be fractions of 2^32
+    if kind == "uint":  # converted to float, they would be fractions of 2^32
         whole = source.read_image(part, 0, index, index + 1, "uint")
         if whole is not None:
             return whole[..., 0]
@@ -251,7 +239,7 @@ def _write(path: Path | str, spec: ImageSpec, pixels: NDArray[Any]) -> None:
         if target is None:
             raise ShotError(path, f"cannot be written ({_reason(geterror) or _NO_REASON})")
         done = target.open(str(partial), spec) and target.write_image(pixels)
-        message = _reason(target.geterror)  # the PNG writer says True on a full disk, and leaves a message
+        message = _reason(target.geterror)  # on a full disk the PNG writer returns True and leaves a message
         if not (target.close() and done) or message:
             reason = message or _reason(target.geterror) or _NO_REASON
             reason = reason.replace(partial.name, Path(path).name)
@@ -259,9 +247,9 @@ def _write(path: Path | str, spec: ImageSpec, pixels: NDArray[Any]) -> None:
 
 
 def _reason(last_error: Callable[[], str]) -> str:
-    """Return the first line of OpenImageIO's last message, which this takes away; "" where there is none."""
+    """Return the first line of OpenImageIO's last error message and clear it; "" where there is none."""
     try:
         message = last_error().strip()
-    except UnicodeDecodeError:  # it quotes bytes of the file
+    except UnicodeDecodeError:  # the message quotes bytes of the file
         return "it holds text that is not UTF-8"
     return message.splitlines()[0] if message else ""

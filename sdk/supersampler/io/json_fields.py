@@ -1,14 +1,16 @@
-"""A JSON file of a stranger, taken apart value by value: errors name file, place, value and expectation."""
+"""Checked access to the values of a JSON file; errors name the file, the place and the wanted value."""
 
 import json
 import math
 import reprlib
 from collections.abc import Callable, Collection, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 
 from supersampler.errors import ModelError, ShotError
 from supersampler.frame import Size
+from supersampler.io.atomic import check_is_file, os_errors_as_shot_error
 from supersampler.io.limits import IMAGE_PIXELS, IMAGE_SIDE, JSON_BYTES, image_size_problem
 
 _Value = TypeVar("_Value")
@@ -17,33 +19,34 @@ _MAX_FLOAT = 1e308
 
 
 class Field:
-    """A value of a JSON file, and where it is: `history[2].shape`.
+    """A value in a JSON file, with its place for messages, such as `history[2].shape`.
 
     Args:
         path: the file.
-        place: of the value; "the file" for all of it.
-        value: as JSON gives it.
-        error: makes the error to raise, of the file and the problem; a ShotError where None.
+        place: place of the value; "the file" for its whole content.
+        value: the parsed value.
+        error: makes the error to raise from the file and the problem; a ShotError where None.
     """
 
     def __init__(
         self, path: Path, place: str, value: Any, error: Callable[[Path, str], Exception] | None = None
     ) -> None:
-        self.path, self.place, self.value, self._error = path, place, value, error or _shot_error
+        self.path, self.place, self.value = path, place, value
+        self._error = error or partial(ShotError, hint="docs/shots.md lists the keys.")
 
     def refuse(self, want: str) -> NoReturn:
-        """Raise the error: the value is not what is wanted."""
+        """Raise the error that the value is not `want`."""
         raise self._error(self.path, f"{self.place} is {reprlib.repr(self.value)}; want {want}")
 
     def __getitem__(self, name: str) -> "Field":
-        """A member that must be there."""
+        """A required member of an object."""
         member = self.optional(name)
         if member is None:
             raise self._error(self.path, f"{self.place} has no {name!r}")
         return member
 
     def optional(self, name: str) -> "Field | None":
-        """A member; None where there is none, or null."""
+        """An optional member of an object; None where it is missing or null."""
         if not isinstance(self.value, dict):
             self.refuse("an object {...}")
         place = name if self.place == "the file" else f"{self.place}.{name}"
@@ -51,18 +54,18 @@ class Field:
         return None if value is None else Field(self.path, place, value, self._error)
 
     def read(self, name: str, read: "Callable[[Field], _Value]", default: _Default) -> _Value | _Default:
-        """What `read` makes of a member; `default` where there is none, or null."""
+        """The result of `read` on a member; `default` where it is missing or null."""
         member = self.optional(name)
         return default if member is None else read(member)
 
     def check_names(self, known: Collection[str]) -> None:
-        """Refuse other members than these: they are misspelt, or of a later version."""
+        """Refuse members with other names: they are misspelt, or of a later version."""
         for name in self.members():
             if name not in known:
                 raise self._error(self.path, f"{self.place} has the unknown key {reprlib.repr(name)}")
 
     def members(self, most: int | None = None) -> dict[str, "Field"]:
-        """Members of an object, at most so many; with a limit, by names in plain letters."""
+        """Members of an object, at most `most`; with a limit, names must be printable."""
         if not isinstance(self.value, dict) or (most is not None and len(self.value) > most):
             self.refuse("an object {...}" + ("" if most is None else f" of at most {most} members"))
         for name in self.value if most is not None else ():
@@ -71,39 +74,39 @@ class Field:
         return {n: Field(self.path, f"{place}{n}", v, self._error) for n, v in self.value.items()}
 
     def items(self, most: int) -> Iterator["Field"]:
-        """Items of a list, at most so many."""
+        """Items of a list, at most `most`."""
         if not isinstance(self.value, list) or len(self.value) > most:
             self.refuse(f"a list of at most {most} items")
         for index, item in enumerate(self.value):
             yield Field(self.path, f"{self.place}[{index}]", item, self._error)
 
     def of(self, kind: type[_Value]) -> _Value:
-        """A value of this very type: True is no int."""
+        """A value of exactly this type: True is not an int."""
         if not isinstance(self.value, kind) or type(self.value) is not kind:
             self.refuse(kind.__name__)
         return self.value
 
     def text(self, most: int = 4096) -> str:
-        """Printable text; at least a character."""
+        """Printable text of 1 to `most` characters."""
         text = self.value
         if not isinstance(text, str) or not 1 <= len(text) <= most or not text.isprintable():
             self.refuse(f"printable text of 1 to {most} characters")
         return text
 
     def whole(self, least: int, most: int) -> int:
-        """A whole number."""
+        """An integer from `least` to `most`."""
         if type(self.value) is not int or not least <= self.value <= most:
             self.refuse(f"a whole number from {least} to {most}")
         return self.value
 
     def number(self, least: float = -_MAX_FLOAT, most: float = _MAX_FLOAT) -> float:
-        """A number, as it was written: an int stays one."""
+        """A number from `least` to `most`; an int stays an int."""
         if type(self.value) not in (int, float) or not least <= self.value <= most:
             self.refuse("a number" if most == _MAX_FLOAT else f"a number from {least:g} to {most:g}")
         return self.value  # type: ignore[no-any-return]
 
     def rate(self) -> float:
-        """Frames a second."""
+        """A frame rate: frames a second, > 0."""
         rate = float(self.number())
         if rate <= 0:
             self.refuse("frames a second, > 0")
@@ -116,13 +119,13 @@ class Field:
         return self.value
 
     def one_of(self, *choices: str) -> str:
-        """One of a few words."""
+        """One of these words."""
         if self.value not in choices:
             self.refuse(f"one of {', '.join(choices)}")
         return str(self.value)
 
     def texts(self) -> tuple[str, ...]:
-        """A list of texts."""
+        """A list of strings."""
         if not isinstance(self.value, list) or not all(isinstance(text, str) for text in self.value):
             self.refuse("a list of texts")
         return tuple(self.value)
@@ -153,49 +156,35 @@ def read_json(path: Path, most: int | None = None) -> Any:  # JSON is anything
     """
     most = JSON_BYTES if most is None else most
     try:
-        if path.exists() and not path.is_file():  # a pipe, say, which never ends
-            raise ShotError(path, "is no regular file")
-        with path.open("rb") as file:
-            text = file.read(most + 1)
-        if len(text) > most:
-            raise ShotError(path, f"is larger than {most >> 20} MiB", "Is it the right file?")
+        with os_errors_as_shot_error(path):
+            check_is_file(path)
+            with path.open("rb") as file:
+                text = file.read(most + 1)
+            if len(text) > most:
+                raise ShotError(path, f"is larger than {most >> 20} MiB", "Is it the right file?")
         return parse_json(text)
-    except FileNotFoundError:
-        raise ShotError(path, "there is no such file", "Is the path right, is the drive connected?") from None
     except (ValueError, RecursionError) as error:
         raise ShotError(path, f"is not JSON ({error})", "Mend it there, or write it again.") from error
-    except OSError as error:
-        raise (
-            error if isinstance(error, ShotError) else ShotError(path, f"cannot be read ({error})")
-        ) from error
 
 
 def parse_json(text: bytes) -> Any:
-    """Return the content of a JSON text, whose numbers are finite.
+    """Return the content of a JSON text.
 
     Raises:
-        ValueError, RecursionError: it is none, or nested too deeply.
+        ValueError, RecursionError: it is not JSON, a number is not finite, or it is nested too deeply.
     """
     return json.loads(text, parse_constant=_finite, parse_float=_finite)
 
 
 def read_fields(path: Path, most: int) -> Field:
-    """Read a model's description, of at most so many bytes.
-
-    Raises:
-        ModelError: it is missing or larger, or not JSON.
-    """
+    """Read a model.json of at most `most` bytes; ModelError where it is missing, larger or not JSON."""
     try:
         value = read_json(path, most)
-        json.dumps(value, ensure_ascii=False).encode()  # halves of characters, which no text can be made of
+        json.dumps(value, ensure_ascii=False).encode()  # refuses lone surrogates
     except (ShotError, UnicodeEncodeError, RecursionError) as error:
-        problem = error.problem if isinstance(error, ShotError) else f"is not JSON ({error})"
+        problem = getattr(error, "problem", f"is not JSON ({error})")
         raise ModelError(f"{path}: {problem}. Copy the whole folder again.") from error
     return Field(path, "the file", value, _model_error)
-
-
-def _shot_error(path: Path, problem: str) -> ShotError:
-    return ShotError(path, problem, "docs/shots.md lists the keys.")
 
 
 def _model_error(path: Path, problem: str) -> ModelError:

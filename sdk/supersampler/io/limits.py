@@ -1,4 +1,4 @@
-"""How much a file may claim, checked before room is made for it. docs/security.md lists these for users."""
+"""Limits on what a file may declare, checked before memory is allocated. docs/security.md lists them."""
 
 from typing import Final
 
@@ -17,7 +17,7 @@ SHOT_FRAMES: Final = 1 << 20
 
 
 def image_size_problem(width: int, height: int) -> str | None:
-    """Return what is wrong with a size that a file claims; None where nothing is."""
+    """Return the problem with an image size that a file declares; None where there is none."""
     if not (1 <= width <= IMAGE_SIDE and 1 <= height <= IMAGE_SIDE and width * height <= IMAGE_PIXELS):
         return f"is {width}x{height}; want 1 to {IMAGE_SIDE} a side and at most {IMAGE_PIXELS} pixels"
     return None

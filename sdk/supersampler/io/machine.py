@@ -1,4 +1,4 @@
-"""The machine and the package versions that images and times depend on."""
+"""Description of the machine, and versions of installed packages."""
 
 import os
 import platform
@@ -10,23 +10,17 @@ from typing import Any
 
 def machine() -> dict[str, Any]:
     """Return the CPU's model, its logical cores and the operating system."""
-    return {"cpu": _cpu_model(), "cores": os.cpu_count(), "os": platform.platform()}
+    info = Path("/proc/cpuinfo")
+    lines = info.read_text("utf-8", errors="replace").splitlines() if info.is_file() else []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    cpu = names[0] if names else platform.processor() or platform.machine()
+    return {"cpu": cpu, "cores": os.cpu_count(), "os": platform.platform()}
 
 
 def installed_versions(*packages: str) -> dict[str, str]:
-    """Return the versions of those that are installed, by name."""
+    """Return the versions of the packages that are installed, by name."""
     found = {}
     for name in packages:
         with suppress(PackageNotFoundError):
             found[name] = version(name)
     return found
-
-
-def _cpu_model() -> str:
-    """Return the model's name where the system tells it, else the architecture."""
-    info = Path("/proc/cpuinfo")
-    if info.is_file():
-        for line in info.read_text(encoding="utf-8", errors="replace").splitlines():
-            if line.startswith("model name"):
-                return line.partition(":")[2].strip()
-    return platform.processor() or platform.machine()

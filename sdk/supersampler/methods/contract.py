@@ -1,5 +1,6 @@
-"""Check a model.json against the graph contract (docs/contract.md), tensor by tensor."""
+"""Check the tensors of a model.json against the graph contract (docs/contract.md)."""
 
+from collections import Counter
 from collections.abc import Iterable
 from typing import NoReturn
 
@@ -12,7 +13,7 @@ _MAPS = {"class_map", "weight", "count", "converged"}  # fields of StepResult
 
 
 def check_contract(info: ModelInfo) -> None:
-    """Raise ModelError where this runtime cannot drive a tensor or map."""
+    """Raise ModelError where a tensor or map is not one of the contract."""
     for tensor in info.inputs:
         if tensor.name not in INPUTS:
             _refuse(info, "inputs", repr(tensor.name), f"any of {', '.join(INPUTS)}")
@@ -21,14 +22,8 @@ def check_contract(info: ModelInfo) -> None:
             _refuse(info, f"input {tensor.name!r}", _text(tensor), f"{wanted[1]} {wanted[0]}")
     if (info.image.type, info.image.shape) not in [("float32", (1, 3, *s)) for s in (DISPLAY, RENDER)]:
         _refuse(info, "image", _text(info.image), f"{(1, 3, *DISPLAY)} or {(1, 3, *RENDER)} float32")
-    history = [h.input.name for h in info.history]
-    _check_unique(info, "inputs and history", [*(tensor.name for tensor in info.inputs), *history])
-    outputs = [
-        info.image.name,
-        *(h.output for h in info.history),
-        *(tensor.name for tensor in info.aux_outputs),
-    ]
-    _check_unique(info, "image, history's outputs and aux_outputs", outputs)
+    _check_unique(info, "inputs and history", info.takes)
+    _check_unique(info, "image, history's outputs and aux_outputs", info.gives)
     if info.extrapolates:
         _check_extrapolation(info)
     else:
@@ -37,7 +32,7 @@ def check_contract(info: ModelInfo) -> None:
 
 
 def check_extrapolated(outer: ModelInfo, inner: ModelInfo) -> None:
-    """Raise ModelError unless the inner model has the history, image and outputs of the outer one."""
+    """Raise ModelError unless the model for extrapolated frames, `inner`, has the tensors of `outer`."""
     tensors = [(m.history, m.image.shape, {t.name for t in m.aux_outputs}) for m in (outer, inner)]
     if not inner.only_extrapolated or tensors[0] != tensors[1]:
         want = f"true, with history, image and aux_outputs as in {outer.folder / 'model.json'}"
@@ -54,21 +49,19 @@ def _check_upscaling(info: ModelInfo) -> None:
 
 
 def _check_extrapolation(info: ModelInfo) -> None:
-    """Check that each history tensor is a frame's input by name, and `earlier_X` comes after `X`."""
+    """Check that each history tensor has the name of a frame's input, and `earlier_X` comes after `X`."""
     inputs = {tensor.name for tensor in info.inputs}
     if "color" in inputs or "step.onnx" not in info.files:
-        _refuse(
-            info, "inputs and files", "with 'color' or without 'step.onnx'", "neither: it computes the colour"
-        )
+        got, want = "with 'color' or without 'step.onnx'", "neither: it computes the colour"
+        _refuse(info, "inputs and files", got, want)
     before: set[str] = set()
     for tensor in (h.input for h in info.history):
         own = tensor.name.removeprefix("history.")
         later = own.removeprefix("earlier_")
         known = f"gbuffer_{own}" in inputs or own in _OF_FRAMES or (later != own and later in before)
         if tensor.name == own or not known or tensor.type != "float32" or tensor.shape[:1] != (1,):
-            want = (
-                f"float32, 'history.' and one of {', '.join(sorted(_OF_FRAMES))}, a G-buffer, 'earlier_' ..."
-            )
+            names = ", ".join(sorted(_OF_FRAMES))
+            want = f"float32, 'history.' and one of {names}, a G-buffer, 'earlier_' ..."
             _refuse(info, f"history {tensor.name!r}", _text(tensor), want)
         before.add(own)
 
@@ -77,12 +70,8 @@ def _check_aux_outputs(info: ModelInfo) -> None:
     for tensor in info.aux_outputs:
         named = tensor.shape[2:]
         if tensor.type != "float32" or tensor.shape[:1] != (1,) or named not in (DISPLAY, HALF):
-            _refuse(
-                info,
-                f"aux_outputs {tensor.name!r}",
-                _text(tensor),
-                f"(1, k, ...) float32 of {DISPLAY} or {HALF}",
-            )
+            want = f"(1, k, ...) float32 of {DISPLAY} or {HALF}"
+            _refuse(info, f"aux_outputs {tensor.name!r}", _text(tensor), want)
         if tensor.name == "weight" and tensor.shape != WEIGHT:
             _refuse(info, "aux_outputs 'weight'", _text(tensor), f"{WEIGHT} float32")
     shapes = {h.output: h.input.shape for h in info.history} | {t.name: t.shape for t in info.aux_outputs}
@@ -95,12 +84,10 @@ def _check_aux_outputs(info: ModelInfo) -> None:
             _refuse(info, f"map {name!r}", got, want)
 
 
-def _check_unique(info: ModelInfo, what: str, names: Iterable[str]) -> None:
-    seen: set[str] = set()
-    for name in names:
-        if name in seen:
+def _check_unique(info: ModelInfo, what: str, tensors: Iterable[TensorInfo]) -> None:
+    for name, count in Counter(tensor.name for tensor in tensors).items():
+        if count > 1:
             _refuse(info, what, f"{name!r} twice", "each name once")
-        seen.add(name)
 
 
 def _named(tensor: TensorInfo) -> set[str]:

@@ -54,7 +54,9 @@ def cpu_executor(info: ModelInfo, threads: int, *, required: bool = False) -> Ex
 def cpu_extrapolation(info: ModelInfo, threads: int, *, required: bool = False) -> GuidedWarpCpu | None:
     """Return the CPU backend of a model that extrapolates unshaded frames; see `cpu_executor`."""
     kernels = "guided-warp"
-    if info.method != kernels or not GuidedWarpCpu.draws(info.config) or not has_known_history(info, kernels):
+    if info.method != kernels or not has_known_history(info, kernels):
+        return None
+    if not GuidedWarpCpu.supports(info.config):
         return None
     check_constants(info, kernels)
     try:

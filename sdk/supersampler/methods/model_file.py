@@ -1,15 +1,15 @@
-"""Read model.json: the files of a model folder, the tensors of its graphs, its constants and tolerances."""
+"""Find model folders by name, and read and check their model.json."""
 
 import hashlib
 import json
 import math
 import re
 import reprlib
-from contextlib import suppress
 from importlib import resources
 from pathlib import Path
 
 from supersampler.errors import ModelError, did_you_mean, shown
+from supersampler.io.atomic import is_file
 from supersampler.io.json_fields import Field, read_fields
 from supersampler.methods.catalog import UNTRAINED
 from supersampler.methods.contract import check_contract, check_extrapolated
@@ -23,7 +23,7 @@ from supersampler.methods.model_info import (
 from supersampler.methods.spec import MapOf
 
 CONTRACT = 3
-"""Version of the graph contract (docs/contract.md). Raised when an engine's glue would have to change."""
+"""Version of the graph contract (docs/contract.md), raised when engines must change their integration."""
 MAX_FILE, MAX_DESCRIPTION = 256 << 20, 1 << 20
 """Maximum bytes of a model's file and of model.json."""
 _MANY, _CHANNELS = 100, 1024  # maximum items of a list or object; maximum numbers per pixel
@@ -47,7 +47,7 @@ def _names(*, extrapolate: bool) -> list[str]:
 
 
 def _described() -> dict[str, Path]:
-    """Path of each shipped model.json, by the model's name."""
+    """Return the path of each shipped model.json by the model's name."""
     return {path.parent.name: path for path in _shipped().glob("*/model.json")}
 
 
@@ -58,12 +58,12 @@ def find_model(name_or_path: str | Path) -> Path:
         ModelError: neither exists.
     """
     path = Path(name_or_path)
-    with suppress(OSError):  # of a name that no folder can have
-        if (path / "model.json").is_file():
-            return path
-    if str(name_or_path) in _described():
-        return shipped_model(str(name_or_path))
-    name, known = str(name_or_path), [*model_names(), *extrapolation_names()]
+    if is_file(path / "model.json"):
+        return path
+    name = str(name_or_path)
+    if name in _described():
+        return shipped_model(name)
+    known = [*model_names(), *extrapolation_names()]
     hint = f"No weights of it ship: `supersampler info {name}`." if name in UNTRAINED else ""
     raise ModelError(
         f"no model {shown(name)}: it is neither one of {', '.join(known)} "
@@ -78,15 +78,15 @@ def shipped_model(name: str) -> Path:
 
 
 def is_shipped(path: Path) -> bool:
-    """Whether a file is in this package; such files are trusted."""
+    """Whether a file is part of this package; such files are trusted."""
     return path.resolve().is_relative_to(_shipped().resolve())
 
 
 def read_model_info(folder: Path) -> ModelInfo:
-    """Read and check `folder`/model.json and the files it names, which lie in the folder.
+    """Read and check `folder`/model.json and the files in the folder that it names.
 
     Raises:
-        ModelError: it is damaged, or of a contract that this runtime does not drive.
+        ModelError: it is damaged, or of another version of the contract.
     """
     try:
         info = _described_in(folder)
@@ -94,7 +94,7 @@ def read_model_info(folder: Path) -> ModelInfo:
             _check_file(folder, name, digest)
         if info.extrapolated is not None:
             check_extrapolated(info, _described_in(info.extrapolated))
-    except (OSError, ValueError) as error:  # the latter of paths that no system has
+    except (OSError, ValueError) as error:  # ValueError: a path that no system has
         if isinstance(error, ModelError):
             raise
         raise ModelError(f"{folder}: cannot be read ({error}). Copy the whole folder again.") from error
@@ -102,10 +102,10 @@ def read_model_info(folder: Path) -> ModelInfo:
 
 
 def read_upscaling_info(name_or_path: str | Path) -> ModelInfo:
-    """Read the description of a model that upscales; see `find_model` and `read_model_info`.
+    """Read the model.json of a model that upscales; see `find_model` and `read_model_info`.
 
     Raises:
-        ModelError: as those; or it upscales nothing by itself.
+        ModelError: see there; or the model only extrapolates.
     """
     info = read_model_info(find_model(name_or_path))
     if info.extrapolates:
@@ -140,7 +140,7 @@ def _check_file(folder: Path, name: str, digest: str) -> None:
 
 
 def _described_in(folder: Path) -> ModelInfo:
-    """What model.json says, checked by itself."""
+    """Read and check model.json alone, without the files that it names."""
     path = folder / "model.json"
     data = read_fields(path, MAX_DESCRIPTION)
     contract = data["contract"].value
@@ -155,8 +155,6 @@ def _described_in(folder: Path) -> ModelInfo:
 
 
 def _parse(folder: Path, data: Field) -> ModelInfo:
-    network, only_extrapolated = data.optional("network"), data.optional("only_extrapolated")
-    products = None if network is None else network["multiply_adds"]
     return ModelInfo(
         folder=folder,
         contract=data["contract"].value,
@@ -171,13 +169,13 @@ def _parse(folder: Path, data: Field) -> ModelInfo:
         aux_outputs=tuple(_tensor(item) for item in data["aux_outputs"].items(_MANY)),
         maps={name: _map(item) for name, item in data["maps"].members(_MANY).items()},
         files={_file_name(item, name): _digest(item) for name, item in data["files"].members(_MANY).items()},
-        multiply_adds=0.0 if products is None else products.number(0.0, 1e12),
+        multiply_adds=data.read("network", lambda network: network["multiply_adds"].number(0.0, 1e12), 0.0),
         config={name: item.value for name, item in data["config"].members(_MANY).items()},
         parity={name: item.value for name, item in data["parity"].members(_MANY).items()},
         licence=data["licence"].text(),
         attributions=tuple(item.text() for item in data["attributions"].items(1000)),
         versions={name: item.text(200) for name, item in data["versions"].members(_MANY).items()},
-        only_extrapolated=only_extrapolated is not None and only_extrapolated.flag(),
+        only_extrapolated=data.read("only_extrapolated", Field.flag, default=False),
     )
 
 

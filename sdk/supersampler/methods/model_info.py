@@ -1,4 +1,4 @@
-"""What a model.json says of a model, parsed: tensors, history, files, and what follows from them."""
+"""`ModelInfo`: the parsed content of a model.json."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -12,9 +12,9 @@ from supersampler.methods.gbuffers import GBUFFERS
 from supersampler.methods.spec import DISPLAY, HALF, PREVIOUS, RENDER, MapOf, Shape, sized
 
 EXTRAPOLATED = "extrapolated"
-"""Folder in a model's folder: the model that steps on extrapolated frames."""
+"""Subfolder of a model's folder with the model for extrapolated frames."""
 EXTRAPOLATED_FILE = f"{EXTRAPOLATED}/model.json"
-"""Its name in `files`, the only name with a folder in it."""
+"""Entry of its model.json in `files`, the only one with a folder in its name."""
 
 
 @dataclass(frozen=True)
@@ -22,9 +22,9 @@ class TensorInfo:
     """One input, output or history tensor of a graph.
 
     Attributes:
-        name: in the graph.
+        name: name in the graph.
         type: numpy's name of its element type.
-        shape: numbers, and names of free extents: render_width, display_height, previous_width, ...
+        shape: numbers, and names of dynamic extents: render_width, display_height, previous_width, ...
     """
 
     name: str
@@ -36,18 +36,18 @@ class TensorInfo:
         return sized(self.shape, extents(render=render, display=display, previous=previous))
 
     def spec_for(self, *, render: Size, display: Size, previous: Size) -> ArraySpec:
-        """Return what an array of this history tensor must be, at the given (width, height) sizes."""
+        """Return the type, shape and range of this history tensor, at the given (width, height) sizes."""
         shape = self.shape_for(render=render, display=display, previous=previous)
         return ArraySpec(self.type, shape, values_of(self.name))
 
     def spec_of_frames(self) -> ArraySpec:
-        """Return what an array must be where the history is earlier frames: any size, any pixels."""
+        """Return the type and shape where the history is earlier frames: of any size, with any pixels."""
         return ArraySpec(self.type, self.shape, values_of(self.name) if "jitter" in self.name else None)
 
 
 @dataclass(frozen=True)
 class HistoryInfo:
-    """One history tensor: `input` takes what the previous step returned as `output`; zeros: no history."""
+    """One history tensor: `input` takes the previous step's `output`; zeros mean no history."""
 
     input: TensorInfo
     output: str
@@ -55,10 +55,10 @@ class HistoryInfo:
 
 @dataclass(frozen=True)
 class ModelInfo:
-    """The content of model.json, checked; `supersampler info MODEL` prints it.
+    """The checked content of a model.json; `supersampler info MODEL` prints it.
 
-    `multiply_adds` are those of the network, per display pixel. `only_extrapolated`: the model steps on
-    extrapolated frames alone, beside the model in the parent folder.
+    `multiply_adds` counts those of the network, per display pixel. `only_extrapolated`: the model handles
+    extrapolated frames only, for the model in the parent folder.
     """
 
     folder: Path
@@ -82,7 +82,7 @@ class ModelInfo:
 
     @property
     def extrapolated(self) -> Path | None:
-        """Folder of the model that steps on extrapolated frames; None where this one does."""
+        """Folder of the model for extrapolated frames; None where this model handles them."""
         return self.folder / EXTRAPOLATED if EXTRAPOLATED_FILE in self.files else None
 
     @property
@@ -98,7 +98,7 @@ class ModelInfo:
 
     @property
     def extrapolates(self) -> bool:
-        """Whether it extrapolates unshaded frames in place of upscaling: its image has render size."""
+        """Whether it extrapolates unshaded frames instead of upscaling: its image has render size."""
         return has_render_size(self.image.shape)
 
     @property
@@ -124,7 +124,7 @@ class ModelInfo:
 
 
 def extents(*, render: Size, display: Size, previous: Size) -> dict[str, int]:
-    """Return the free extents by name, at the given (width, height) sizes."""
+    """Return the dynamic extents by name, at the given (width, height) sizes."""
     half = (display[0] + 1) // 2, (display[1] + 1) // 2
     sizes = {RENDER: render, DISPLAY: display, HALF: half, PREVIOUS: previous}
     return {

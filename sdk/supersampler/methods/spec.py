@@ -1,7 +1,7 @@
-"""The facts of a method: names, shapes, ratios, outputs, constants. All other code reads them here.
+"""`MethodSpec`: a method's name, tensor shapes, ratios, outputs and constants, for all backends and training.
 
-Each method has a `spec.py` in its folder with a `MethodSpec` and, where it has constants, a frozen dataclass
-of them. A constant that kernels compute with is annotated by its range: `gamma: Number = 1.0`.
+Each method has a `spec.py` in its folder with a `MethodSpec` and a frozen dataclass of its constants.
+Constants that kernels use are annotated with their range: `gamma: Number = 1.0`.
 """
 
 from collections import namedtuple
@@ -24,35 +24,35 @@ SHADED = ("shaded_height", "shaded_width")
 EARLIER = ("earlier_height", "earlier_width")
 """Render size of the shaded frame before the last one."""
 BETWEEN = ("between_height", "between_width")
-"""Render size of the frame right before the last shaded one, shaded or not."""
+"""Render size of the frame before the last shaded one, shaded or not."""
 DISPLAY = ("display_height", "display_width")
 HALF = ("half_height", "half_width")
 """Half the display size, rounded up."""
 CHANNELS = "channels"
-"""Channels of a frame's AOVs."""
+"""Number of a frame's AOV channels."""
 
 INPUTS: Mapping[str, Shape] = {
     "color": (1, 3, *RENDER),
     "depth": (1, 1, *RENDER),
     "motion": (1, 2, *RENDER),
     "jitter": (1, 2),
-    "exposure": (1,),  # 0 asks the graph to measure it
+    "exposure": (1,),  # 0: the graph measures it
     "display_size": (2,),  # (width, height)
     **{
         name: (1, place.channels, *(DISPLAY if place.of_display else RENDER))
         for name, place in GBUFFERS.items()
     },
 }
-"""Inputs that a step may take, by tensor name."""
+"""Shapes of the inputs that a step may take, by tensor name."""
 WEIGHT: Shape = (1, 1, *DISPLAY)
-"""Of the auxiliary output "weight": weight of the history in the image."""
+"""Shape of the auxiliary output "weight": weight of the history in the image."""
 TENSORS: Mapping[str, Shape] = {
     **INPUTS,
     "aovs": (1, CHANNELS, *RENDER),
     "weight": WEIGHT,
     "converged": (1, 1, *DISPLAY),
 }
-"""Inputs of all graphs, that of AOVs among them, and auxiliary outputs."""
+"""Shapes of the inputs of all graphs and of auxiliary outputs."""
 
 
 def dtype_of(tensor: str) -> str:
@@ -70,13 +70,13 @@ class Range(NamedTuple):
 Sigma = Annotated[float, Range(1e-3, 1e3)]
 """Standard deviation of a Gaussian."""
 Number = Annotated[float, Range(0.0, 1e6)]
-"""A constant that is not negative."""
+"""A non-negative constant."""
 Share = Annotated[float, Range(0.0, 1.0)]
-"""A share or weight."""
+"""A fraction or weight."""
 
 
 class MapOf(NamedTuple):
-    """A map for debugging views: `channels` channels of the graph's output `output`, from `first` on."""
+    """A map for debug views: `channels` channels of the graph's output `output`, from `first` on."""
 
     output: str
     first: int
@@ -85,27 +85,26 @@ class MapOf(NamedTuple):
 
 @dataclass(frozen=True)
 class NoConstants:
-    """Of methods that have none."""
+    """Config of methods without constants."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class MethodSpec:
-    """The facts of one method.
+    """Description of one method.
 
     Attributes:
-        name: as in `Upscaler(name)`, and of its model folder.
+        name: name for `Upscaler(name)`, and of its model folder.
         source: the paper or definition that it follows.
-        inputs: those of INPUTS that the step takes, in the order of the graph.
-        history: shape of each history tensor, in the order of the graph: the input `history.NAME` takes what
-            the previous step returned as `next.NAME`. All of them start as zeros, which mean no history.
-        aux_outputs: of TENSORS, outputs that the next step does not need.
-        maps: debugging views, by name.
+        inputs: names in INPUTS that the step takes, in the order of the graph.
+        history: shape of each history tensor, in the order of the graph. The input `history.NAME` takes the
+            previous step's `next.NAME`; zeros mean no history.
+        aux_outputs: names in TENSORS of outputs that the next step does not need.
+        maps: debug views, by name.
         image: shape of the image.
         ratios: least and largest ratio of display to render size, per axis. Where both are equal, display
             sizes are exactly that many times the render size.
-        only_extrapolated: whether it steps on extrapolated frames alone, beside a method that steps on shaded
-            ones.
-        config: its constants, a frozen dataclass of which the defaults are the method's.
+        only_extrapolated: whether it handles extrapolated frames only, for a method of shaded frames.
+        config: frozen dataclass of its constants, with defaults.
     """
 
     name: str
@@ -126,12 +125,12 @@ class MethodSpec:
 
 
 def sized(shape: Shape, extents: Mapping[str, int]) -> tuple[int, ...]:
-    """Return a shape with numbers in place of the names of free extents."""
+    """Return a shape with numbers in place of the names of dynamic extents."""
     return tuple(extents[extent] if isinstance(extent, str) else extent for extent in shape)
 
 
 def constants_of(spec: MethodSpec) -> dict[str, Range]:
-    """Return the range of each constant that kernels compute with, in the order of `constants_array`."""
+    """Return the range of each constant that kernels use, in the order of `constants_array`."""
     hints = get_type_hints(spec.config, include_extras=True)
     return {
         name: part for name, hint in hints.items() for part in get_args(hint)[1:] if isinstance(part, Range)
@@ -139,11 +138,11 @@ def constants_of(spec: MethodSpec) -> dict[str, Range]:
 
 
 def constants_array(spec: MethodSpec, config: Mapping[str, Any]) -> Float32:
-    """Return constants of a model.json's `config` as kernels take them: (n,), in the order of the spec."""
+    """Return the constants in a model.json's `config` for kernels: (n,), in the order of the spec."""
     return np.array([config[name] for name in constants_of(spec)], np.float32)
 
 
 def constant_indices(spec: MethodSpec) -> Any:
-    """Return a named tuple of where each constant is in `constants_array`; a global that kernels may read."""
+    """Return a named tuple of each constant's index in `constants_array`; kernels may read it as a global."""
     names = list(constants_of(spec))
     return namedtuple("Indices", names)(*range(len(names)))

@@ -1,6 +1,6 @@
-"""Recordings: every call of an Upscaler in a shot folder, for `supersampler replay`; docs/replay.md.
+"""Recordings of all calls of an Upscaler, written by it and read for `supersampler replay`; docs/replay.md.
 
-Here live the writer, which `Upscaler` uses, and the reader; pixels are written and read by `io`.
+A recording is a shot folder with a call log.
 """
 
 from supersampler.recording.calls import Call, CloseCall, LoadStateCall, ResetCall, StepCall

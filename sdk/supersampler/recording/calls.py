@@ -1,4 +1,4 @@
-"""The calls of an Upscaler, as a recording holds them, and the state of a `load_state` as JSON and arrays."""
+"""The types of recorded calls, and `State` as JSON and arrays."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -6,13 +6,12 @@ from typing import Any, TypeAlias
 
 from numpy.typing import NDArray
 
-from supersampler.arguments import checked_size
-from supersampler.frame import Float32, Frame, Size
+from supersampler.frame import Float32, Frame
 from supersampler.io.json_fields import Field
 from supersampler.recording.outcome import Outcome
 from supersampler.state import State
 
-_SHADED = "shaded."  # before the names of `State.shaded`
+_SHADED = "shaded."  # prefix of the names of `State.shaded`
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,12 +19,12 @@ class StepCall:
     """`Upscaler.step`, `extrapolate` or `step_tensors`.
 
     Attributes:
-        index: how many steps were before it, refused ones included.
-        frame: as handed in, without G-buffers that the model does not read.
-        outputs: names of what was asked for beside the image.
+        index: number of steps before it, refused ones included.
+        frame: the frame, without G-buffers that the model does not read.
+        outputs: names of the requested auxiliary outputs.
         tensors: whether it was `step_tensors`, which checks no pixels.
         extrapolated: whether it was `extrapolate`.
-        outcome: what it returned or raised; None where the process ended within the step, or just after it.
+        outcome: what it returned or raised; None where the process ended during the step or right after it.
     """
 
     index: int
@@ -50,10 +49,10 @@ class LoadStateCall:
 
 @dataclass(frozen=True, eq=False)
 class CloseCall:
-    """`Upscaler.close`. A recording without it is of a process that ended before, or still runs.
+    """`Upscaler.close`. It is missing where the process ended before, or still runs.
 
     Attributes:
-        image: (H, W, 3) the last image, whole; None where there is none.
+        image: (H, W, 3) the last image; None where there is none.
     """
 
     image: Float32 | None
@@ -63,34 +62,26 @@ Call: TypeAlias = StepCall | ResetCall | LoadStateCall | CloseCall
 
 
 def state_json(state: State) -> dict[str, Any]:
-    """Return a state without its arrays as JSON values."""
+    """Return a state as JSON values; of `history` and `shaded` only whether they are there."""
     flags = {name: getattr(state, name) is not None for name in ("history", "shaded")}
     return {**vars(state), **flags}
 
 
 def state_arrays(state: State) -> dict[str, NDArray[Any]]:
-    """Return the arrays of a state by name, those of `State.shaded` as shaded.NAME."""
+    """Return the arrays of a state by name; those of `State.shaded` are shaded.NAME."""
     shaded = {f"{_SHADED}{name}": array for name, array in (state.shaded or {}).items()}
     return {**(state.history or {}), **shaded}
 
 
 def state_of(data: Field, arrays: Mapping[str, NDArray[Any]]) -> State:
-    """Undo `state_json` and `state_arrays`. `Upscaler.load_state` checks the arrays.
-
-    Raises:
-        ShotError, ArgumentError: a value is missing, or of a wrong type or range.
-    """
+    """Return the state of `state_json` and `state_arrays`, whose arrays `Upscaler.load_state` checks."""
     shaded = {n.removeprefix(_SHADED): array for n, array in arrays.items() if n.startswith(_SHADED)}
     history = {n: array for n, array in arrays.items() if not n.startswith(_SHADED)}
     return State(
         data["method"].of(str),
-        data.read("display_size", _size, None),
-        data.read("render_size", _size, None),
+        data.read("display_size", Field.size, None),
+        data.read("render_size", Field.size, None),
         history if data["history"].flag() else None,
         shaded if data["shaded"].flag() else None,
         data["version"].of(int),
     )
-
-
-def _size(data: Field) -> Size:
-    return checked_size(data.place, data.value)

@@ -1,4 +1,4 @@
-"""Names of the files in a recording's folder, and its removal."""
+"""File names in a recording's folder, and its safe removal."""
 
 import os
 import re
@@ -14,7 +14,7 @@ FRAME = "{:04d}.exr"
 DISPLAY = "display/{:04d}.exr"
 SAMPLED = "sampled/{:04d}.exr"
 STATE = "states/{:04d}.safetensors"
-"""Files of a step, by its number from 0, and of a load_state call."""
+"""Files of a step, by its index, and of a load_state call."""
 
 _FOLDERS = ("display", "sampled", "states")
 _FILES = re.compile(
@@ -24,12 +24,12 @@ _FILES = re.compile(
 
 
 def is_recording(path: Path) -> bool:
-    """Tell whether a folder holds a recording; other files may lie in it, too."""
+    """Tell whether a folder holds a recording, perhaps beside other files."""
     return is_regular(path / SETUP)
 
 
 def holds_only_a_recording(path: Path) -> bool:
-    """Tell whether this is the folder of a recording, no link to it, and no other file lies in it."""
+    """Tell whether a folder, which is not a link, holds a recording and no other file."""
     if not (is_own_folder(path) and is_recording(path)):
         return False
     log = (path / CALLS).read_bytes() if is_regular(path / CALLS) else b""
@@ -42,16 +42,16 @@ def holds_only_a_recording(path: Path) -> bool:
             if not is_folder and not (is_regular(path / relative) and _FILES.fullmatch(relative)):
                 return False
             stem, suffix = Path(name).stem, Path(name).suffix
-            if stem.isdigit() and int(stem) > counts[suffix]:  # a killed process may have written one more
+            if stem.isdigit() and int(stem) > counts[suffix]:  # a killed process may leave one more
                 return False
     return True
 
 
 def remove_recording(path: Path) -> None:
-    """Remove the folder of a recording, if there is one.
+    """Remove a recording's folder where it exists.
 
     Raises:
-        RecordingError: other files lie in it, or something else has its name; nothing is removed.
+        RecordingError: it is no recording, or holds other files; nothing is removed.
         ShotError: the disk refused.
     """
     if not is_there(path):

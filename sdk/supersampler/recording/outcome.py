@@ -1,4 +1,4 @@
-"""The outcome of a step: hashes and a few pixels of what it returned, or the error that it raised."""
+"""The outcome of a recorded step: hashes and some pixels of its result, or its error."""
 
 import math
 import zlib
@@ -14,20 +14,20 @@ from supersampler.frame import Array, Float32
 from supersampler.history import StepResult
 from supersampler.io.images import read_exr, write_exr
 from supersampler.io.json_fields import Field
-from supersampler.io.shot.frame_files import AOVS, COLOR, take, take_aovs
+from supersampler.io.shot.frame_files import COLOR, aov_channels, take, take_aovs
 
 SAMPLES = 4096
-"""Pixels of each image that are kept, about: few beside those of a frame."""
+"""About how many pixels of each image are kept."""
 
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What a step returned, or raised.
+    """Result or error of a step.
 
     Attributes:
-        digests: CRC-32 of the bytes of each array that was returned, by its name in `StepResult`.
+        digests: CRC-32 of the bytes of each returned array, by its name in `StepResult`.
         samples: pixels of "image" and "aovs"; see `sampled`.
-        error: name of the exception's class and its text; "" and "" where none was raised.
+        error: class name and text of the exception; ("", "") where none was raised.
     """
 
     digests: Mapping[str, int] = field(default_factory=dict)
@@ -36,7 +36,7 @@ class Outcome:
 
 
 def returned(index: int, result: StepResult) -> Outcome:
-    """Return the outcome of the step of this index, which returned `result`."""
+    """Return the outcome of step `index`, which returned `result`."""
     arrays = {name: array for name, array in vars(result).items() if array is not None}
     return Outcome(
         {name: _crc32(array) for name, array in arrays.items()},
@@ -50,10 +50,10 @@ def raised(error: Exception) -> Outcome:
 
 
 def sampled(index: int, image: Float32) -> Float32:
-    """Return every s-th pixel in x and y, from an offset that changes from step to step.
+    """Return every s-th pixel in x and y, at an offset that changes with the step.
 
     Args:
-        index: of the step.
+        index: index of the step.
         image: (H, W, k); s is ceil(sqrt(H W / SAMPLES)).
     """
     height, width = image.shape[:2]
@@ -63,18 +63,13 @@ def sampled(index: int, image: Float32) -> Float32:
 
 
 def outcome_json(outcome: Outcome) -> dict[str, Any]:
-    """Return the line of an outcome in the log; its pixels are in a file of their own."""
+    """Return an outcome's line in the log; its pixels are in a separate file."""
     return {"raised": outcome.error} if any(outcome.error) else {"returned": outcome.digests}
 
 
 def read_outcome(line: Field, samples: Callable[[], Path]) -> Outcome:
-    """Undo `outcome_json` and `write_samples`; `samples` gives the file of the pixels.
-
-    Raises:
-        ShotError: a value is of a wrong type or range, or the pixels cannot be read.
-    """
-    error = line.optional("raised")
-    if error is not None:
+    """Read the outcome in a log line; `samples` returns the file of its pixels. ShotError if damaged."""
+    if (error := line.optional("raised")) is not None:
         texts = error.texts()
         if len(texts) != 2:
             error.refuse("[class, text]")
@@ -88,13 +83,9 @@ def read_outcome(line: Field, samples: Callable[[], Path]) -> Outcome:
 
 
 def write_samples(path: Path, samples: Mapping[str, Array]) -> None:
-    """Write the pixels that are kept of a step's images.
-
-    Raises:
-        ShotError: the disk refused.
-    """
+    """Write the kept pixels of a step's images; ShotError where the disk refuses."""
     image, aovs = samples["image"], samples.get("aovs")
-    names = [*COLOR, *(f"{AOVS}{index}" for index in range(0 if aovs is None else aovs.shape[2]))]
+    names = [*COLOR, *aov_channels(0 if aovs is None else aovs.shape[2])]
     pixels = image if aovs is None else np.concatenate([image, aovs], axis=-1)
     write_exr(path, pixels, names, compression="none")
 

@@ -1,4 +1,4 @@
-"""`Recorder`: writes each call of an Upscaler, and its outcome, to a folder while it is made."""
+"""`Recorder`: writes each call of an Upscaler and its outcome to a folder."""
 
 import json
 import weakref
@@ -16,7 +16,7 @@ from supersampler.conventions import Conventions
 from supersampler.errors import ArgumentError, RecordingError, ShotError
 from supersampler.frame import Float32, Frame
 from supersampler.history import StepResult
-from supersampler.io.atomic import NO_ROOM, remove_files, replacing
+from supersampler.io.atomic import NO_ROOM, remove_files, write_text
 from supersampler.io.images import write_exr
 from supersampler.io.shot.format import FILE_NAME, FrameEntry, ShotInfo, entry_json, files_of, shot_json
 from supersampler.io.shot.frame_files import write_frame
@@ -35,13 +35,13 @@ _Made = TypeVar("_Made")
 class Recorder:
     """Appends each call to a log before it is made, and its outcome after it.
 
-    Where the disk refuses, the call raises before anything is done, and the recording ends with the call
-    before; later calls are made without being recorded.
+    Where the disk refuses, the call raises before it is made, and the recording ends with the previous call.
+    Later calls are not recorded.
 
     Args:
         path: the folder, which must not exist.
         setup: how the Upscaler was made.
-        inputs: names of the tensors that its models read; no other G-buffers are recorded.
+        inputs: names of the tensors that its models read; other G-buffers are not recorded.
 
     Raises:
         RecordingError: the folder exists, or cannot be written.
@@ -50,7 +50,7 @@ class Recorder:
     def __init__(self, path: Path | str, setup: Setup, inputs: Collection[str]) -> None:
         self.path, self._inputs = Path(path), inputs
         self._failure: OSError | None = None
-        self._entries: list[FrameEntry] = []  # of the frames in shot.json
+        self._entries: list[FrameEntry] = []  # entries in shot.json
         self._steps = self._states = 0
         self._last: Float32 | None = None
         self._log: FileIO | None = None
@@ -60,11 +60,9 @@ class Recorder:
             except FileExistsError:
                 hint = "Choose another name, or move it away."
                 raise RecordingError(path, "is there already", hint) from None
-            with replacing(self.path / SETUP) as partial:
-                content = {"format": FORMAT, **asdict(setup)}
-                partial.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8", newline="\n")
-            self._log = FileIO(self.path / CALLS, "x")  # unbuffered: each line stays at once
-            self._close_log = weakref.finalize(self, self._log.close)  # without a warning if it is dropped
+            write_text(self.path / SETUP, json.dumps({"format": FORMAT, **asdict(setup)}, indent=1) + "\n")
+            self._log = FileIO(self.path / CALLS, "x")  # unbuffered: each line is in the file at once
+            self._close_log = weakref.finalize(self, self._log.close)  # no ResourceWarning without `close`
 
     def step(
         self,
@@ -74,13 +72,13 @@ class Recorder:
         *,
         extrapolated: bool = False,
     ) -> Float32 | StepResult:
-        """Make a step, or an extrapolation, by `run`, and record it.
+        """Call `run`, which makes a step or an extrapolation, and record it.
 
-        The frame is written first, so that it is there if the process ends in the step. A call that is
-        refused for an argument, or stopped by Ctrl-C, changes nothing and is removed from the recording.
+        The frame is written before, so that the recording has it if the process ends in the step. A call that
+        raises ArgumentError or KeyboardInterrupt is removed from the recording.
 
         Raises:
-            RecordingError: the call, or the outcome of the one before, cannot be written; nothing was done.
+            RecordingError: the call, or the previous outcome, cannot be written; `run` was not called.
         """
         call = {"call": "extrapolate" if extrapolated else "step", "outputs": list(map(str, outputs))}
         return self._around(
@@ -98,10 +96,10 @@ class Recorder:
         reset: bool,
         run: Callable[[], Tensor],
     ) -> Tensor:
-        """Make a step with tensors by `run`, and record it as a frame, which is copied from the device.
+        """Call `run`, which makes a step with tensors, and record it as a frame copied from the device.
 
         Raises:
-            FrameError: the tensors make no frame; nothing was done.
+            FrameError: the tensors are not a valid frame; `run` was not called.
             RecordingError: see `step`.
         """
         return self._around(
@@ -112,13 +110,13 @@ class Recorder:
         )
 
     def reset(self) -> None:
-        """Record a reset that is about to be made."""
+        """Record a reset, before it is made."""
         if self._is_on():
             with self._or_end():
                 self._append({"call": "reset"})
 
     def load_state(self, state: State) -> None:
-        """Record a state that is about to be loaded."""
+        """Record a state, before it is loaded."""
         if self._is_on():
             name = STATE.format(self._states)
             with self._or_end():
@@ -164,7 +162,7 @@ class Recorder:
         with self._or_end(undo):
             write_frame(self.path, entry, Conventions().converter().from_frame(frame), "none")
             self._append({**call, "frame": entry_json(entry)}, files)
-        self._steps += 1  # whatever interrupts what follows, the next step has files of its own
+        self._steps += 1  # after any interruption the next step has its own files
         try:
             made = run()
         except BaseException as error:
@@ -187,17 +185,16 @@ class Recorder:
         return made
 
     def _list_in_shot(self, entry: FrameEntry, image: Float32) -> None:
-        """List a frame in shot.json: it has been stepped, and no check refused it."""
+        """List a frame in shot.json, after its step has accepted it."""
         entries = [*self._entries, entry]
         info = ShotInfo(
             name=self.path.name,
             render_size=entries[0].render_size or (0, 0),
             display_size=(image.shape[1], image.shape[0]),
-            frame_rate=None,  # no call tells it
+            frame_rate=None,  # unknown to an Upscaler
             conventions=Conventions(),
         )
-        with replacing(self.path / FILE_NAME) as partial:
-            partial.write_text(shot_json(info, entries), encoding="utf-8", newline="\n")
+        write_text(self.path / FILE_NAME, shot_json(info, entries))
         self._entries = entries
 
     def _append(self, line: Mapping[str, Any], files: Collection[str] = ()) -> None:
@@ -205,14 +202,14 @@ class Recorder:
         if files:
             line = {**line, "sha256": {name: sha256(self.path / name) for name in files}}
         data = memoryview(json.dumps(line, allow_nan=False).encode() + b"\n")
-        while data and self._log is not None:  # a file takes a part where the disk is nearly full
+        while data and self._log is not None:  # on a nearly full disk only a part is written
             data = data[self._log.write(data) :]
 
     def _end(self) -> int:
         return 0 if self._log is None else self._log.tell()
 
     def _cut(self, end: int) -> None:
-        """Let the log end there again, as far as the disk allows."""
+        """Truncate the log to its first `end` bytes, if the disk allows."""
         if self._log is not None:
             with suppress(OSError):
                 self._log.seek(end)
@@ -220,10 +217,10 @@ class Recorder:
 
     @contextmanager
     def _or_end(self, undo: Callable[[], None] = lambda: None, *, later: bool = False) -> Iterator[None]:
-        """Write a line and its files, or none: where the disk refuses, also `undo`, and end the recording.
+        """After an error, remove the block's lines from the log; after a disk error also `undo` and end it.
 
         Raises:
-            RecordingError: the disk refused; with `later`, the next call raises it.
+            RecordingError: the disk refused; with `later`, the next call raises it instead.
         """
         end = self._end()
         try:
@@ -242,7 +239,7 @@ class Recorder:
             self._failure = failure
 
     def _is_on(self) -> bool:
-        """Raise where the last outcome could not be written; tell whether calls are recorded."""
+        """Tell whether calls are recorded; raise where the previous outcome could not be written."""
         if self._failure is not None:
             failure, self._failure = self._failure, None
             raise failure

@@ -1,4 +1,4 @@
-"""A recording, read call by call."""
+"""`Recording`: reads the calls of a recording, one at a time."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,7 +10,7 @@ import numpy as np
 
 from supersampler.conventions import Conventions
 from supersampler.errors import RecordingError, ShotError, SupersamplerError
-from supersampler.io.atomic import check_inside
+from supersampler.io.atomic import check_inside, check_is_file
 from supersampler.io.json_fields import Field, parse_json
 from supersampler.io.shot.format import files_of, frame_entry
 from supersampler.io.shot.frame_files import read_frame, read_reference
@@ -22,18 +22,18 @@ from supersampler.recording.outcome import read_outcome
 from supersampler.recording.setup import Setup, read_setup
 
 MAX_LINE = 4 << 20
-"""Bytes of a line of the log, at most."""
+"""Maximum bytes of a line of the log."""
 
 _STEPS = ("step", "extrapolate", "step_tensors")
 _DAMAGED = "The recording is damaged; copy it again."
 
 
 class Recording:
-    """The calls of an Upscaler, in order. Each iteration reads the log anew, one frame at a time.
+    """The recorded calls of an Upscaler, in order; each iteration reads the log from its start.
 
     Attributes:
         path: the folder.
-        setup: how the Upscaler was made, and where.
+        setup: how and where the Upscaler was made.
     """
 
     def __init__(self, path: Path, setup: Setup) -> None:
@@ -43,11 +43,11 @@ class Recording:
         """Yield the calls up to the last complete line of the log.
 
         Raises:
-            RecordingError: a line or a file is damaged, or none that an Upscaler writes; after the calls
-                before it.
+            RecordingError: a line or a file is damaged, or not of an Upscaler. The calls before it are
+                yielded first.
         """
         steps = states = 0
-        step: StepCall | None = None  # waits for its outcome
+        step: StepCall | None = None  # its outcome is in the next line
         with _damage(self.path):
             for line in self._lines():
                 if step is not None:
@@ -69,24 +69,25 @@ class Recording:
                     yield LoadStateCall(state_of(line, {name: np.array(a) for name, a in arrays.items()}))
                     states += 1
                 else:
-                    there = line.optional("sha256") is not None
-                    yield CloseCall(read_reference(self._checked(line, LAST_IMAGE), None) if there else None)
+                    has_image = line.optional("sha256") is not None
+                    yield CloseCall(
+                        read_reference(self._checked(line, LAST_IMAGE), None) if has_image else None
+                    )
             if step is not None:
                 yield step
 
     def _lines(self) -> Iterator[Field]:
-        """Yield the log's lines; one that the file's end cuts off is left out."""
+        """Yield the log's lines without an incomplete last one."""
         path, number = self.path / CALLS, 1
         check_inside(self.path, [path])
-        if not path.is_file():  # a pipe, say, which never ends
-            raise ShotError(path, "is missing, or no regular file")
+        check_is_file(path)
         with path.open("rb") as file:
             while (text := file.readline(MAX_LINE)).endswith(b"\n"):
                 try:
                     line = Field(path, f"line {number}", parse_json(text))
                 except (ValueError, RecursionError) as error:
                     raise ShotError(path, f"line {number} is not JSON ({error})") from error
-                line.members()  # or it is no object
+                line.members()  # raises where it is no object
                 yield line
                 number += 1
         if len(text) == MAX_LINE:
@@ -95,7 +96,7 @@ class Recording:
     def _step(self, kind: str, line: Field, index: int) -> StepCall:
         entry = frame_entry(line["frame"])
         if entry.render_size is None:
-            line["frame"].refuse("one with a render_size")
+            line["frame"].refuse("an entry with a render_size")
         for name in files_of(entry):
             self._checked(line, name)
         raw = read_frame(self.path, entry, entry.render_size, None)
@@ -104,18 +105,17 @@ class Recording:
         return StepCall(index, frame, line["outputs"].texts(), tensors, extrapolated, None)
 
     def _checked(self, line: Field, name: str) -> Path:
-        """Return a file of a call, once it is known that it is in the folder and as it was recorded."""
+        """Return the path of a call's file, after a check of its place and SHA-256."""
         path, digest = self.path / name, line["sha256"][name].of(str)
         check_inside(self.path, [path])
-        if not path.is_file():
-            raise ShotError(path, "is missing, or no regular file")
+        check_is_file(path)
         if sha256(path) != digest:
             raise ShotError(path, "is not as it was recorded (sha256 differs)")
         return path
 
 
 def open_recording(path: Path | str) -> Recording:
-    """Open what `Upscaler(record=...)` wrote, or still writes.
+    """Open a recording of `Upscaler(record=...)`, which may still be written.
 
     >>> for call in open_recording("kitchen.recording"):
     ...     if isinstance(call, StepCall):
@@ -129,7 +129,7 @@ def open_recording(path: Path | str) -> Recording:
 
 @contextmanager
 def _damage(path: Path) -> Iterator[None]:
-    """Raise RecordingError where a recording cannot be read."""
+    """Turn errors about a recording's content into RecordingError."""
     try:
         yield
     except MemoryError as error:

@@ -1,4 +1,4 @@
-"""`Replay`: makes the calls of a recording again and compares the outcomes."""
+"""`Replay`: repeats the calls of a recording and compares the outcomes."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -29,12 +29,12 @@ from supersampler.upscaler import Upscaler
 
 @dataclass(frozen=True)
 class Difference:
-    """Differences between images as a screen shows them, in [0, 1], over all values.
+    """Absolute differences of images after the display transform, in [0, 1].
 
     Attributes:
-        mean: of the absolute differences.
-        most: their 99th percentile.
-        largest: of them.
+        mean: mean.
+        most: 99th percentile.
+        largest: maximum.
     """
 
     mean: float
@@ -42,27 +42,27 @@ class Difference:
     largest: float
 
     def is_within(self, tolerance: "Difference") -> bool:
-        """Tell whether mean and 99th percentile are; single values may differ more, where a class flips."""
+        """Tell whether mean and 99th percentile are within a tolerance; single values may differ more."""
         return self.mean <= tolerance.mean and self.most <= tolerance.most
 
 
-SINGLE, LESS = Difference(1e-5, 1e-3, 1.0), Difference(1.0 / 255.0, 0.03, 1.0)
-"""Tolerated between machines and executors: with fp32 networks; with fp16 or int8 ones."""
-_NOTHING, _ALL = Difference(0.0, 0.0, 0.0), Difference(1.0, 1.0, 1.0)
+FP32_TOLERANCE, REDUCED_TOLERANCE = Difference(1e-5, 1e-3, 1.0), Difference(1.0 / 255.0, 0.03, 1.0)
+"""Tolerances between machines and executors: for fp32 networks, and for fp16 or int8 networks."""
+_EQUAL, _DIFFERENT = Difference(0.0, 0.0, 0.0), Difference(1.0, 1.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
 class Replayed:
-    """A step that was replayed, beside the recorded one.
+    """A replayed step, compared with the recorded one.
 
     Attributes:
-        index: of the step.
-        result: what it returned; None where it raised.
-        exposure: with which images are compared.
-        exact: whether it returned the same bits, or raised the same; None where no outcome was recorded.
-        difference: of the recorded pixels; None where there is nothing to compare.
-        within: False where it is known to be beyond tolerance.
-        note: errors, of either run.
+        index: index of the step.
+        result: its result; None where it raised.
+        exposure: exposure at which the images are compared.
+        exact: whether results are bit-identical, or errors the same; None where no outcome was recorded.
+        difference: difference of the recorded pixels; None where there is nothing to compare.
+        within: False where the difference is beyond tolerance.
+        note: errors of either run.
     """
 
     index: int
@@ -75,28 +75,28 @@ class Replayed:
 
 
 class Replay:
-    """An Upscaler made as the recorded one, and its calls.
+    """An Upscaler like the recorded one, which repeats the recorded calls.
 
     >>> replay = Replay(open_recording("kitchen.recording"))
     >>> steps = [replay.call(call) for call in replay.recording]
 
     Args:
         recording: the recording.
-        model: a model's name or folder; None takes the recorded one, if it ships.
-        extrapolation: likewise, of the model that extrapolates unshaded frames.
+        model: a model's name or folder; None takes the recorded one, which must ship.
+        extrapolation: likewise, the model that extrapolates unshaded frames.
         executor: see `Model.load`. With the recorded model, and none of executor, precision and providers
-            given, the recorded ones are taken; otherwise "auto" stands in for what is not given.
-        precision: see `Model.load`.
-        providers: see `Model.load`; None takes the recorded ones where they are installed, else "auto".
+            given, the recorded values are used; otherwise None means "auto".
+        precision: likewise.
+        providers: see `Model.load`; None is the recorded providers where they are installed, else "auto".
 
     Attributes:
         recording: the recording.
-        model: in use.
+        model: the model in use.
         is_recorded_model: whether model and extrapolation are the recorded ones.
-        tolerance: for images that are not bit for bit the same.
+        tolerance: tolerance for images that are not bit-identical.
 
     Raises:
-        RecordingError: the recorded model does not ship, and none is given.
+        RecordingError: the recorded model does not ship, and no other is given.
         ModelError, ProviderError, ArgumentError: see `Model.load`.
     """
 
@@ -121,16 +121,18 @@ class Replay:
                 providers = resolve_providers(setup.providers)
             except ProviderError:
                 providers = "auto"
-        asked = not self.is_recorded_model or given != (None, None, None)
+        overridden = not self.is_recorded_model or given != (None, None, None)
         self.recording = recording
         self.model = Model.load(
             folder,
             providers=providers,
             threads=setup.threads,
-            executor=(executor or "auto") if asked else cast("ExecutorName", setup.executor),
-            precision=(precision or "auto") if asked else cast("Precision", setup.precision),
+            executor=(executor or "auto") if overridden else cast("ExecutorName", setup.executor),
+            precision=(precision or "auto") if overridden else cast("Precision", setup.precision),
         )
-        self.tolerance = SINGLE if setup.precision == self.model.precision == "fp32" else LESS
+        self.tolerance = (
+            FP32_TOLERANCE if setup.precision == self.model.precision == "fp32" else REDUCED_TOLERANCE
+        )
         self._upscaler = Upscaler(
             self.model,
             display_size=setup.display_size,
@@ -142,13 +144,13 @@ class Replay:
         self._meter = ExposureMeter()
 
     def call(self, call: Call) -> Replayed | None:
-        """Make a recorded call; return the outcome of a step.
+        """Repeat a recorded call; return the comparison where it is a step.
 
         Raises:
             ArgumentError: a recorded state does not fit this model.
 
         Warns:
-            FrameWarning: as the recorded Upscaler did.
+            FrameWarning: see `Upscaler.step`.
         """
         match call:
             case StepCall():
@@ -163,7 +165,7 @@ class Replay:
     def _step(self, call: StepCall) -> Replayed:
         try:
             result = self._made(call)
-        except Exception as error:  # of any type: the recorded step may have raised the same
+        except Exception as error:  # any type: the recorded step may have raised the same
             return _refused(call, raised(error))
         frame, recorded = call.frame, call.outcome
         exposure = self._meter.read(frame.color, given=frame.exposure, reset=frame.reset)
@@ -174,7 +176,7 @@ class Replay:
             return Replayed(call.index, result, exposure, exact=False, within=False, note=note)
         here = returned(call.index, result)
         exact = here.digests == recorded.digests
-        difference = _NOTHING if exact else _difference(here, recorded, exposure)
+        difference = _EQUAL if exact else _difference(here, recorded, exposure)
         within = exact or difference.is_within(self.tolerance)
         return Replayed(call.index, result, exposure, exact, difference, within)
 
@@ -192,12 +194,14 @@ class Replay:
 
 
 def _refused(call: StepCall, here: Outcome) -> Replayed:
-    """Return the comparison of a step that raised in the replay."""
+    """Return the comparison of a step that raises in the replay."""
     recorded, exact = call.outcome, None
     note = f"raises {_text(here)}"
     if recorded is not None:
         kind, text = recorded.error
-        exact = kind == here.error[0] and (kind != "FrameError" or text == here.error[1])  # ours say the same
+        exact = kind == here.error[0] and (
+            kind != "FrameError" or text == here.error[1]
+        )  # texts of other errors may vary
         note += ", as recorded" if exact else f"; recorded: {_text(recorded) if kind else 'nothing'}"
     return Replayed(call.index, exact=exact, within=exact is True, note=note)
 
@@ -208,10 +212,10 @@ def _text(outcome: Outcome) -> str:
 
 
 def _difference(here: Outcome, recorded: Outcome, exposure: float) -> Difference:
-    """Compare the pixels that were kept. AOVs are no light: their difference is relative above 1."""
+    """Compare the kept pixels; differences of AOVs are relative to values above 1, without tone curve."""
     shapes = [{name: pixels.shape for name, pixels in o.samples.items()} for o in (here, recorded)]
     if shapes[0] != shapes[1]:
-        return _ALL
+        return _DIFFERENT
     differences = []
     for name, pixels in here.samples.items():
         other = recorded.samples[name]
@@ -231,11 +235,7 @@ def _is_same(recorded: RecordedModel | None, used: str | Path | None) -> bool:
 
 
 def _recorded_model(recording: Recording, model: RecordedModel, option: str) -> Path:
-    """Return the folder of a recorded model among those that ship; `option` gives another.
-
-    Raises:
-        RecordingError: it is not among them.
-    """
+    """Return the shipped folder of a recorded model; RecordingError, with `option`, where none ships."""
     hint = f"Give the recorded one's folder: {option} FOLDER."
     if model.folder not in [*model_names(), *extrapolation_names()]:
         problem = f"was recorded with the model {model.folder!r} ({model.method}), which does not ship"

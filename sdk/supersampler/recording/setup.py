@@ -1,4 +1,4 @@
-"""recording.json: how the recorded Upscaler was made, of which model, and on which machine."""
+"""Read and write recording.json: the recorded Upscaler's model, settings and machine."""
 
 import platform
 from collections.abc import Mapping, Sequence
@@ -6,9 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from supersampler.arguments import Skip, checked_scale, checked_size, checked_skip, checked_threads
+from supersampler.arguments import Skip, checked_scale, checked_skip, checked_threads
 from supersampler.errors import RecordingError, ShotError, SupersamplerError
 from supersampler.frame import Size
+from supersampler.io.atomic import NOT_FOUND
 from supersampler.io.json_fields import Field, read_json
 from supersampler.io.machine import installed_versions, machine
 from supersampler.methods.model_file import CONTRACT
@@ -19,19 +20,19 @@ if TYPE_CHECKING:
     from supersampler.model import Model
 
 FORMAT = 3
-"""Version of a recording's files. A reader refuses others."""
+"""Version of a recording's files; other versions are refused."""
 
 _PACKAGES = ("numpy", "onnxruntime", "onnxruntime-gpu", "onnxruntime-directml", "numba", "llvmlite")
 
 
 @dataclass(frozen=True, kw_only=True)
 class RecordedModel:
-    """Which model it was.
+    """Identity of the recorded model.
 
     Attributes:
         folder: name of the model's folder, without its parents.
-        method: of the model.
-        files: sha256 of the model's files, by name.
+        method: name of its method.
+        files: SHA-256 of the model's files, by name.
         config: the method's constants.
     """
 
@@ -48,26 +49,26 @@ class RecordedModel:
         )
 
     def is_of(self, model: ModelInfo) -> bool:
-        """Tell whether it was this model, wherever its folder is."""
+        """Tell whether the recorded model is this one, in whatever folder."""
         other = RecordedModel.of(model)
         return (self.method, self.files, self.config) == (other.method, other.files, other.config)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Setup(RecordedModel):
-    """How an Upscaler was made, of which model, and where.
+    """Model, settings and machine of a recorded Upscaler.
 
     Attributes:
-        contract: version of the meaning of a frame's inputs (docs/contract.md).
-        extrapolation: the model that extrapolates unshaded frames; None where there was none.
+        contract: version of the graph contract (docs/contract.md).
+        extrapolation: the model that extrapolates unshaded frames, or None.
         executor: "onnx" or "cpu".
-        precision: of the network, "fp32", "fp16" or "int8".
-        providers: of ONNX Runtime.
-        threads: as asked for; 0 takes every core.
+        precision: precision of the network, "fp32", "fp16" or "int8".
+        providers: ONNX Runtime providers.
+        threads: requested CPU threads; 0 is every core.
         display_size: (width, height); None where `scale` and the first frame determine it.
-        scale: display over render size; unused beside a display size.
+        scale: display over render size; unused with a display size.
         skip, validate: see `Upscaler`.
-        versions: of this package, Python and the packages that images depend on.
+        versions: versions of this package, Python and the packages that images depend on.
         machine: see `supersampler.io.machine`.
     """
 
@@ -86,7 +87,7 @@ class Setup(RecordedModel):
 
 
 def setup_here(model: "Model", extrapolation: Sequence[ModelInfo], **arguments: Any) -> Setup:
-    """Return how an Upscaler of this model, and at most one extrapolation, is made here.
+    """Return the setup of an Upscaler with this model, and at most one extrapolation, on this machine.
 
     `arguments` are display_size, scale, skip and validate; see `Setup`.
     """
@@ -110,14 +111,10 @@ def versions() -> dict[str, str]:
 
 
 def read_setup(folder: Path) -> Setup:
-    """Read and check recording.json.
-
-    Raises:
-        RecordingError: it is missing, of another version, or a value is of a wrong type or range.
-    """
+    """Read recording.json; RecordingError where it is missing, damaged or of another version."""
     path = folder / SETUP
     if not folder.exists():
-        raise RecordingError(folder, "there is no such folder", "Is the path right, is the drive connected?")
+        raise RecordingError(folder, "there is no such folder", NOT_FOUND)
     if not is_recording(folder):
         raise RecordingError(folder, "is not a recording", "`supersampler upscale --record` writes them.")
     try:
@@ -143,7 +140,7 @@ def _setup(data: Field) -> Setup:
         precision=data["precision"].one_of("fp32", "fp16", "int8"),
         providers=data["providers"].texts(),
         threads=checked_threads(data["threads"].of(int)),
-        display_size=data.read("display_size", lambda size: checked_size("display_size", size.value), None),
+        display_size=data.read("display_size", Field.size, None),
         scale=checked_scale(data["scale"].number()),
         skip=checked_skip(data["skip"].value),
         validate=data["validate"].one_of("off", "warn", "strict"),

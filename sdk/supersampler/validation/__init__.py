@@ -1,6 +1,6 @@
-"""What is wrong with frames: pixel checks that guess the mistake, and the detector of conventions.
+"""Pixel checks that find likely mistakes in frames, and detection of conventions.
 
-Reads frames alone; knows no method, no history and no Upscaler. docs/checks.md, docs/conventions.md.
+They read frames only, independent of methods and Upscaler. See docs/checks.md and docs/conventions.md.
 """
 
 from supersampler.validation.checker import FrameChecker, Validate

@@ -1,4 +1,4 @@
-"""`FrameChecker`: decides which frames are read, and warns of mistakes or raises them."""
+"""`FrameChecker`: runs the pixel checks on selected frames, and warns of mistakes or raises them."""
 
 import warnings
 from collections.abc import Collection, Sequence
@@ -15,20 +15,20 @@ from supersampler.validation.temporal import FramesSeen, temporal_mistakes
 
 Validate = Literal["off", "warn", "strict"]
 
-_FRAMES = 3  # that "warn" reads after a start or cut: two pairs, and three jitters
+_WARN_FRAMES = 3  # number that "warn" checks after a start or cut: two pairs, and three jitters
 
 
 class FrameChecker:
-    """Reads the pixels of one sequence of frames, in order, and guesses which convention was missed.
+    """Checks the pixels of a frame sequence, in order, and infers which conventions are wrong.
 
-    It compares frames at some thousand places, so that its cost hardly grows with their size.
+    Frames are compared at a few thousand pixels, so that the cost hardly depends on their size.
 
     Args:
-        validate: "off" reads nothing; "warn" reads the first three frames after a start or cut and warns with
-            `FrameWarning`, once for each kind of mistake; "strict" reads every frame and raises.
+        validate: "off" checks nothing; "warn" checks the first three frames after a start or cut and emits a
+            `FrameWarning` once for each kind of mistake; "strict" checks every frame and raises.
 
     Raises:
-        ArgumentError: `validate` is something else.
+        ArgumentError: `validate` is another value.
     """
 
     def __init__(self, validate: Validate = "warn") -> None:
@@ -36,28 +36,28 @@ class FrameChecker:
         self.reset()
 
     def reset(self) -> None:
-        """Forget all frames, as after a cut."""
+        """Drop all earlier frames, as after a cut."""
         self._seen, self._read = FramesSeen(), 0
         self._reported: frozenset[str] = frozenset()
 
     def check(self, frame: Frame, display_size: Size, gbuffers: Collection[str] = ()) -> None:
-        """Check one frame by itself and against those before it.
+        """Check one frame alone and against the earlier ones.
 
         Args:
-            frame: the next frame; one with `reset` starts anew.
+            frame: the next frame; `reset` drops the earlier ones.
             display_size: (width, height) of the output.
-            gbuffers: names of those that are used, as `ModelInfo.gbuffers` has them; others are not read.
+            gbuffers: G-buffers to check, by their names in `ModelInfo.gbuffers`.
 
         Raises:
-            FrameError: a mistake was found and `validate` is "strict". The checker is then as it was before.
+            FrameError: a mistake was found and `validate` is "strict". The checker is then unchanged.
 
         Warns:
-            FrameWarning: a mistake was found and `validate` is "warn"; or something was seen that may be one.
+            FrameWarning: a mistake was found and `validate` is "warn"; or a possible mistake was found.
         """
         fresh = frame.reset
         seen = FramesSeen() if fresh else self._seen
         read, reported = (0, frozenset[str]()) if fresh else (self._read, self._reported)
-        if self.validate == "strict" or (self.validate == "warn" and read < _FRAMES):
+        if self.validate == "strict" or (self.validate == "warn" and read < _WARN_FRAMES):
             evidence = Evidence.of_frame(frame)
             seen = seen.after(evidence, display_size)
             found = [*single_frame_mistakes(frame, evidence.light), *gbuffer_mistakes(frame, gbuffers)]
@@ -66,7 +66,7 @@ class FrameChecker:
             reported = self._report(found, reported)
             read += 1
         elif self.validate == "warn":
-            seen = FramesSeen()  # no more is read until the next cut
+            seen = FramesSeen()  # nothing is checked until the next cut
         self._seen, self._read, self._reported = seen, read, reported
 
     def _report(self, found: Sequence[Mistake], reported: frozenset[str]) -> frozenset[str]:

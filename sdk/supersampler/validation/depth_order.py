@@ -1,4 +1,4 @@
-"""Which kind of depth a buffer holds, by its own shape and by which surfaces hide others."""
+"""Evidence for the kind of a depth buffer: planes, the sky's value, and disocclusions."""
 
 from typing import Any, Literal
 
@@ -12,39 +12,39 @@ DepthOrder = Literal["reversed", "forward", "linear"]
 ORDERS: tuple[DepthOrder, ...] = ("reversed", "forward", "linear")
 
 _SKY = {"reversed": 0.0, "forward": 1.0}
-_FAR_AWAY = 1e6  # linear depth marks the sky by inf or a large number
-_GAP = 1.05  # surfaces this much apart are two surfaces
-_PART = 400  # pixels of the square in the middle that `bend` looks at
-_BITS = 1e-6  # some ulps of a float32: what rounding bends
+_SKY_DISTANCE = 1e6  # from here on linear depth is sky
+_DISTANCE_RATIO = 1.05  # ratio of distances that separates two surfaces
+_CROP_SIDE = 400  # side in pixels of the square in the middle that `bend` reads
+_ROUNDING = 1e-6  # relative rounding error of float32 depth
 
 
 def inverse_distance(depth: Array, order: DepthOrder) -> NDArray[np.float64]:
-    """Return 1 / distance up to a factor, and for a finite far plane an addend; NaN at the sky."""
+    """Return 1 / distance up to a factor and, for a finite far plane, an offset; NaN at the sky."""
     values = depth.astype(np.float64)
     with np.errstate(divide="ignore", invalid="ignore"):
         if order == "linear":
-            inverse = np.where(values < _FAR_AWAY, 1 / values, np.nan)
+            inverse = np.where(values < _SKY_DISTANCE, 1 / values, np.nan)
         else:
             inverse = values if order == "reversed" else 1 - values
         return np.where((inverse > 0) & np.isfinite(inverse), inverse, np.nan)
 
 
 def bend(depth: Array, order: DepthOrder) -> float:
-    """Return how far surfaces are from planes: 1 / distance is linear on the screen along a plane.
+    """Return how curved 1 / distance is in screen space: it is linear along a plane.
 
-    The median second difference divided by the first, above what rounding explains, in the middle of the
-    image; NaN where no neighbours differ.
+    The median second difference divided by the first, beyond rounding errors, in the middle of the image; NaN
+    where no neighbours differ.
     """
     height, width = depth.shape
-    top, left = max(0, height // 2 - _PART // 2), max(0, width // 2 - _PART // 2)
-    inverse = inverse_distance(depth[top : top + _PART, left : left + _PART], order)
+    top, left = max(0, height // 2 - _CROP_SIDE // 2), max(0, width // 2 - _CROP_SIDE // 2)
+    inverse = inverse_distance(depth[top : top + _CROP_SIDE, left : left + _CROP_SIDE], order)
     scale = np.ones_like(inverse) if order == "forward" else inverse
     parts = []
     for axis in (0, 1):
         first = np.diff(inverse, axis=axis)
         before, after = (np.delete(first, end, axis=axis) for end in (-1, 0))
         slope = np.abs(before) + np.abs(after)
-        rounding = _BITS * np.take(scale, range(1, scale.shape[axis] - 1), axis=axis)
+        rounding = _ROUNDING * np.take(scale, range(1, scale.shape[axis] - 1), axis=axis)
         excess = np.abs(after - before) - rounding
         known = slope > 20 * rounding  # False where NaN
         parts.append(np.maximum(excess[known], 0) / slope[known])
@@ -53,23 +53,23 @@ def bend(depth: Array, order: DepthOrder) -> float:
 
 
 def sky_share(depth: Array, order: DepthOrder) -> float:
-    """Return the share of pixels that hold the value of the sky in this order."""
+    """Return the fraction of pixels with the sky's value in this order."""
     if order == "linear":
-        return float(np.mean(depth >= _FAR_AWAY))
+        return float(np.mean(depth >= _SKY_DISTANCE))
     return float(np.mean(depth == _SKY[order]))
 
 
-def uncovered(
+def disoccluded(
     now: Array, before: Array, order: DepthOrder, places: Places, offset: NDArray[np.floating[Any]]
 ) -> tuple[int, int]:
-    """Count places where the previous frame shows another surface: (closer, farther) than their own.
+    """Count disoccluded places whose occluder in the previous frame is (closer, farther) than themselves.
 
-    A closer surface hid what is visible now. With the right order there are no farther ones.
+    With the right depth order, occluders are closer.
 
     Args:
         now: (h, w) depth.
         before: (h, w) depth of the previous frame.
-        order: how to read both.
+        order: order of both.
         places: rows and columns (n,) of this frame.
         offset: (n, 2) pixels from each place to its place in the previous frame.
     """
@@ -84,15 +84,15 @@ def uncovered(
     lowest, highest = _range(now, order, rows, columns)
     previous_lowest, previous_highest = _range(before, order, previous_rows, previous_columns)
     with np.errstate(invalid="ignore"):
-        closer = inside & (previous_lowest > _GAP * highest)
-        farther = inside & (lowest > _GAP * previous_highest)
+        closer = inside & (previous_lowest > _DISTANCE_RATIO * highest)
+        farther = inside & (lowest > _DISTANCE_RATIO * previous_highest)
     return int(closer.sum()), int(farther.sum())
 
 
 def _range(
     depth: Array, order: DepthOrder, rows: NDArray[np.intp], columns: NDArray[np.intp]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Least and greatest 1 / distance of each place's 3 x 3 neighbourhood, NaN where it holds sky."""
+    """Return the minimum and maximum 1 / distance of each place's 3 x 3 pixels; NaN with sky in them."""
     height, width = depth.shape
     near = [
         depth[np.clip(rows + dy, 0, height - 1), np.clip(columns + dx, 0, width - 1)]

@@ -1,4 +1,4 @@
-"""`detect_conventions`: finds the conventions of a few frames."""
+"""`detect_conventions`: detects the conventions of a few frames."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -26,21 +26,22 @@ if TYPE_CHECKING:  # which loads OpenImageIO
 def detect_conventions(
     shot: "Shot | Sequence[RawFrame]", *, frames: int = 6, conventions: Conventions | None = None
 ) -> Detection:
-    """Find out which conventions some consecutive frames are in.
+    """Detect the conventions of some consecutive frames.
 
-    Tries every motion unit, direction and flip, with jitter in it and without, and every jitter unit, sign
-    and flip, and ranks them by how well each reprojects the previous image. Depth is found by which surfaces
-    hide others, by the sky and by planes. Where the frames cannot tell, the stated conventions are kept.
+    Tries every motion unit, direction and flip, with jitter in the vectors and without, and every jitter
+    unit, sign and flip, and ranks them by how well they reproject the previous image. The kind of depth
+    follows from disocclusions, the sky and planes. Where the evidence is uncertain, the stated conventions
+    are kept.
 
     Args:
-        shot: a `Shot`, of which the middle is read, or raw frames in order.
-        frames: how many to read, >= 2. Motion with jitter in it takes 3; more make it surer.
-        conventions: what is stated about them; by default what the shot says, or `Conventions()`. Rows, sRGB,
-            planes and motion scale are taken from it unchecked.
+        shot: a `Shot`, whose middle is read, or raw frames in order.
+        frames: number of frames to read, >= 2. Motion with jitter in it needs 3; more are more certain.
+        conventions: the stated conventions; by default the shot's, or `Conventions()`. Rows, sRGB, planes and
+            motion scale are taken from it unchecked.
 
     Raises:
-        ArgumentError: there are fewer than two frames, or an argument is of another kind.
-        FrameError: depth or motion is of a wrong shape, or not an array.
+        ArgumentError: there are fewer than two frames, or an argument has a wrong type.
+        FrameError: depth or motion has a wrong shape, or is no array.
     """
     stated = _stated(shot, conventions)
     seen = [Evidence.of_raw(raw, stated) for raw in _middle(shot, frames)]
@@ -73,8 +74,8 @@ def _stated(shot: "Shot | Sequence[RawFrame]", conventions: Conventions | None) 
 
 
 def _middle(shot: "Shot | Sequence[RawFrame]", frames: int) -> list[RawFrame]:
-    asked = as_index(frames)
-    count = None if asked is None else min(asked, len(shot))
+    requested = as_index(frames)
+    count = None if requested is None else min(requested, len(shot))
     if count is None or count < 2:
         got = shown(frames) if count is None else count
         raise ArgumentError("frames", got=got, want="at least 2 frames to compare")

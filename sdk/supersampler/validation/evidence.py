@@ -1,4 +1,4 @@
-"""What one frame shows, in one form for the checks (of a `Frame`) and the detector (of a `RawFrame`)."""
+"""`Evidence`: one frame's luminance, depth, motion and jitter for checks and detection, and sample grids."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -11,23 +11,22 @@ from supersampler.conventions.factors import jitter_factor, motion_factor
 from supersampler.conventions.srgb import srgb_decoded
 from supersampler.errors import FrameError
 from supersampler.frame import Array, Float32, Frame, Size, as_array
+from supersampler.io.display import BT709
 
 Places = tuple[NDArray[np.intp], NDArray[np.intp]]
 """Rows and columns (n,) of pixels."""
 PLACES = 12_000
 """About how many pixels a check reads."""
 
-_LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Evidence:
-    """One frame with row 0 on top and linear luminance; depth, motion and jitter are as they came.
+    """One frame with row 0 on top and linear luminance; depth, motion and jitter are not converted.
 
     Attributes:
         light: (h, w) luminance; None where the frame was not shaded.
         depth: (h, w).
-        motion: (h, w, 2), or at display size.
+        motion: (h, w, 2), or (H, W, 2) at display size.
         jitter: (x, y).
         reset: as in `Frame`.
     """
@@ -40,17 +39,13 @@ class Evidence:
 
     @classmethod
     def of_frame(cls, frame: Frame) -> "Evidence":
-        """Return a frame's own arrays; its colour becomes luminance."""
+        """Return the evidence of a `Frame`; its arrays are not copied."""
         light = None if frame.color is None else luminance(frame.color)
         return cls(light, frame.depth, frame.motion, frame.jitter, frame.reset)
 
     @classmethod
     def of_raw(cls, raw: RawFrame, stated: Conventions) -> "Evidence":
-        """Return a raw frame with rows and sRGB as stated.
-
-        Raises:
-            FrameError: depth or motion is of a wrong shape, or not an array.
-        """
+        """Return the evidence of a `RawFrame`, with rows and sRGB as stated; FrameError for wrong shapes."""
         depth, motion = _rows("depth", raw.depth, stated), _rows("motion", raw.motion, stated)
         if depth.ndim != 2 or motion.ndim != 3 or motion.shape[2] != 2:
             shapes = f"depth {depth.shape}, motion {motion.shape}"
@@ -67,20 +62,20 @@ class Evidence:
         return self.depth.shape[1], self.depth.shape[0]
 
     def copied(self) -> "Evidence":
-        """Return it in memory of its own, for the next frame: engines reuse their buffers."""
+        """Return a copy for the comparison with the next frame: engines reuse their buffers."""
         return replace(self, depth=self.depth.copy(), motion=self.motion.copy())
 
     def jitter_pixels(self, conventions: Conventions) -> NDArray[np.float64]:
-        """Return the jitter (x, y) in render pixels, read by these conventions."""
+        """Return the jitter (x, y) in render pixels, interpreted by these conventions."""
         return np.multiply(self.jitter, jitter_factor(conventions, self.size))
 
     def vectors(self, conventions: Conventions, places: Places, *, swapped: bool = False) -> Float32:
-        """Return (n, 2) motion in render pixels, read by these conventions, jitter left in.
+        """Return (n, 2) motion in render pixels, interpreted by these conventions, with its jitter.
 
         Args:
-            conventions: how to read it.
+            conventions: conventions of the motion.
             places: rows and columns of render pixels.
-            swapped: take y for x and x for y.
+            swapped: exchange x and y.
         """
         own_height, own_width = self.motion.shape[:2]
         rows = (places[0] * 2 + 1) * own_height // (2 * self.size[1])
@@ -97,14 +92,14 @@ def _rows(name: str, value: object, stated: Conventions) -> NDArray[Any]:
 
 
 def luminance(color: Array) -> Float32:
-    """Return (h, w) luminance of linear (h, w, 3) colour: a new array, which no caller overwrites."""
-    with np.errstate(invalid="ignore", over="ignore"):  # NaN and Inf stay; `Reprojection` leaves them out
-        values: Float32 = color.astype(np.float32, copy=False) @ _LUMINANCE
+    """Return (h, w) luminance of linear (h, w, 3) colour, as a new array."""
+    with np.errstate(invalid="ignore", over="ignore"):  # NaN and Inf stay; `FramePair` skips them
+        values: Float32 = color.astype(np.float32, copy=False) @ BT709
     return values
 
 
 def grid(size: tuple[int, int], places: int) -> Places:
-    """Return rows and columns (n,) of an even grid of at most about `places` pixels of a (width, height)."""
+    """Return rows and columns (n,) of an even grid of about `places` pixels at most in (width, height)."""
     step = max(1, int(np.ceil(np.sqrt(size[0] * size[1] / places))))
     rows, columns = np.meshgrid(
         np.arange(step // 2, size[1], step), np.arange(step // 2, size[0], step), indexing="ij"

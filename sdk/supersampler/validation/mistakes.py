@@ -1,6 +1,6 @@
-"""The one list of mistakes that pixels can show; the pixel checks and the detector report from it.
+"""The list of all mistakes that the pixel checks and `detect_conventions` report.
 
-An entry says what came, what was wanted and what to do. Names in braces are filled in by `Mistake.found`.
+`Mistake.found` fills in the names in braces.
 """
 
 from dataclasses import dataclass, replace
@@ -15,13 +15,13 @@ from supersampler.io.display import EXPOSURES
 
 @dataclass(frozen=True, slots=True)
 class Mistake:
-    """What is wrong with an input, in the parts of a `FrameError`.
+    """A mistake in one input, with the texts of its `FrameError`.
 
     Attributes:
-        kind: which mistake it is; each kind warns once until the next reset.
-        field: name of the `Frame`'s field.
-        got, want, hint: as in `FrameError`.
-        only_a_hint: True where a correct frame may look the same; then it never raises.
+        kind: identity of the mistake; each kind warns once until the next reset.
+        field: field of `Frame`.
+        got, want, hint: see `FrameError`.
+        only_a_hint: True where a correct frame may look the same; then it warns, but never raises.
     """
 
     kind: str
@@ -32,17 +32,17 @@ class Mistake:
     only_a_hint: bool = False
 
     def found(self, **facts: Any) -> "Mistake":
-        """Return it with the names in braces replaced by these facts."""
+        """Return the mistake with names in braces replaced by `facts`."""
         texts = ("kind", "field", "got", "want", "hint")
         return replace(self, **{name: getattr(self, name).format(**facts) for name in texts})
 
     def error(self) -> FrameError:
-        """Return it as an error, whose text also serves as a warning."""
+        """Return the error, whose text is also that of the warning."""
         return FrameError(self.field, got=self.got, want=self.want, hint=self.hint)
 
 
 def where(bad: NDArray[np.bool_]) -> str:
-    """Say how many pixels of a mask are True, at least one, and which is the first."""
+    """Return text with the number of True pixels in a mask, at least one, and the first."""
     row, column = np.argwhere(bad)[0]
     return f"in {int(bad.sum())} pixels, first at (x={column}, y={row})"
 
@@ -81,7 +81,7 @@ DEPTH_CONSTANT = Mistake(
     "near / distance of each pixel", "Is the depth buffer bound, and read before it is cleared?")
 MOTION_NOT_FINITE = Mistake(
     "motion not finite", "motion", "NaN or Inf {where}", "finite",
-    "Give 0, or the camera's motion, where nothing was rendered: at the sky, say.")
+    "Give 0, or the camera's motion, where nothing was rendered, such as the sky.")
 MOTION_TOO_LONG = Mistake(
     "motion too long", "motion", "longer than the whole image in {share:.0%} of the pixels", "render pixels",
     "Is it scaled twice? Vectors in pixels want no motion_scale but (1, 1).")

@@ -1,4 +1,4 @@
-"""Hypotheses about motion, jitter and depth, ranked by the error that each leaves."""
+"""Rank hypotheses about motion, jitter and depth by their errors."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -15,7 +15,7 @@ from supersampler.validation.mistakes import JITTER_SWAPPED, MOTION_SWAPPED, Mis
 from supersampler.validation.readings import JITTERS, MOTIONS, Overrides, reading_text
 from supersampler.validation.reprojection import MIN_PLACES, FramePair
 
-_BETTER = 0.8  # an error this much smaller is not chance
+_MAX_RATIO = 0.8  # maximum ratio of errors for a significant improvement
 _NO_TEXTURE = "no two neighbouring frames have texture to compare"
 _DEPTH_TEXT = {
     "reversed": "reversed (larger is closer)", "forward": "forward (0 is the near plane)",
@@ -24,7 +24,7 @@ _DEPTH_TEXT = {
 
 
 def jitters_in_the_pixel(frames: Sequence[Evidence], stated: Conventions) -> list[Overrides]:
-    """Return the ways to read the jitter that leave samples in their pixel; none where it never changes."""
+    """Return the readings of the jitter that keep samples inside their pixel; none for constant jitter."""
     if np.ptp([frame.jitter for frame in frames], axis=0).max() == 0:
         return []
 
@@ -38,7 +38,7 @@ def jitters_in_the_pixel(frames: Sequence[Evidence], stated: Conventions) -> lis
 def rank_motion(pairs: Sequence[FramePair], jitters: Sequence[Overrides], stated: Conventions) -> Verdict:
     """Rank unit, direction, flip and whether jitter is in the vectors, by reprojection error.
 
-    Each is taken with the jitter that suits it best, so that a wrong jitter does not spoil right motion.
+    Each reading is combined with its best reading of the jitter, so that wrong jitter does not affect it.
     """
     if not pairs:
         return Verdict("motion", (), _NO_TEXTURE)
@@ -69,21 +69,21 @@ def rank_motion(pairs: Sequence[FramePair], jitters: Sequence[Overrides], stated
         if readings:
             hypotheses.append(hypothesis({**overrides, "motion_jittered": True}, bare))
     verdict = ranked("motion", hypotheses, stated)
-    if verdict.ranked[0].error > _BETTER * min(map(error_of_no_motion, [with_jitter, *readings])):
+    if verdict.ranked[0].error > _MAX_RATIO * min(map(error_of_no_motion, [with_jitter, *readings])):
         return Verdict("motion", verdict.ranked, "no reading explains the image much better than no motion")
     return verdict
 
 
 def rank_jitter(pairs: Sequence[FramePair], jitters: Sequence[Overrides], found: Conventions) -> Verdict:
-    """Rank unit, sign and flip of the jitter, once motion is known.
+    """Rank unit, sign and flip of the jitter, for known motion.
 
-    Images decide, unless jitter is in the vectors: those lead to the right colour however the jitter is read.
-    Then the reading that leaves the smoothest motion from frame to frame wins.
+    The error is that of the reprojected image. Where jitter is in the vectors, that does not depend on the
+    jitter's conventions, and the error is the change of unjittered motion from frame to frame.
     """
     if not jitters:
         return Verdict("jitter", (), "it never changes, or no unit brings it into the pixel")
-    if found.motion_jittered and len(pairs) < 2:
-        return Verdict("jitter", (), "motion has jitter in it, which takes three frames in a row")
+    if found.motion_jittered and not _neighbours(pairs):
+        return Verdict("jitter", (), "motion has jitter in it, which takes three frames of one size in a row")
     if not pairs:
         return Verdict("jitter", (), _NO_TEXTURE)
     error = _roughness if found.motion_jittered else _error
@@ -97,7 +97,8 @@ def rank_jitter(pairs: Sequence[FramePair], jitters: Sequence[Overrides], found:
 def rank_depth(pairs: Sequence[FramePair], frames: Sequence[Evidence], found: Conventions) -> Verdict:
     """Rank reversed, forward and linear depth by the sum of three errors, each from 0 to 1.
 
-    A moving surface uncovers what is behind it; the sky has its value; 1 / distance is linear along a plane.
+    They are of disocclusions, whose occluders are closer; of the sky's value; and of planes, where 1 /
+    distance is linear.
     """
     bends = np.array([np.mean([bend(frame.depth, order) for frame in frames]) for order in ORDERS])
     skies = np.array([np.mean([sky_share(frame.depth, order) for frame in frames]) for order in ORDERS])
@@ -112,16 +113,16 @@ def rank_depth(pairs: Sequence[FramePair], frames: Sequence[Evidence], found: Co
 def swapped_axes(
     pairs: Sequence[FramePair], jitters: Sequence[Overrides], found: Conventions
 ) -> list[Mistake]:
-    """Return the mistakes where motion or jitter explains the image better with x and y exchanged."""
+    """Return the mistakes that x and y of motion or jitter are exchanged, by reprojection error."""
     mistakes: list[Mistake] = []
     if not pairs:
         return mistakes
-    as_found = _error(pairs, found)
-    if min(_error(pairs, replace(found, **o), motion_swapped=True) for o in MOTIONS) < _BETTER * as_found:
+    limit = _MAX_RATIO * _error(pairs, found)
+    if min(_error(pairs, replace(found, **o), motion_swapped=True) for o in MOTIONS) < limit:
         mistakes.append(MOTION_SWAPPED)
-    if jitters:  # exchanged jitter fits nothing, so that motion seems to have jitter in it
+    if jitters:  # with exchanged jitter, motion seems to have jitter in it
         bare = replace(found, motion_jittered=False)
-        if min(_error(pairs, replace(bare, **o), jitter_swapped=True) for o in jitters) < _BETTER * as_found:
+        if min(_error(pairs, replace(bare, **o), jitter_swapped=True) for o in jitters) < limit:
             mistakes.append(JITTER_SWAPPED)
     return mistakes
 
@@ -133,7 +134,7 @@ def _error(
     motion_swapped: bool = False,
     jitter_swapped: bool = False,
 ) -> float:
-    """Mean reprojection error over all places."""
+    """Return the mean reprojection error over all places."""
     offsets = [
         pair.offset(reading, motion_swapped=motion_swapped, jitter_swapped=jitter_swapped) for pair in pairs
     ]
@@ -141,14 +142,22 @@ def _error(
 
 
 def _roughness(pairs: Sequence[FramePair], reading: Conventions) -> float:
-    """Median change of motion from one frame to the next, in pixels, once the jitter is taken out."""
-    places = grid(pairs[0].now.size, 4000)
-    fields = [pair.now.vectors(reading, places) - pair.shift(reading) for pair in pairs]
-    return float(np.mean([np.median(np.abs(now - before)) for before, now in pairwise(fields)]))
+    """Return the median change of unjittered motion from frame to frame, in pixels."""
+
+    def motion(pair: FramePair) -> NDArray[np.float64]:
+        return pair.now.vectors(reading, grid(pair.now.size, 4000)) - pair.shift(reading)
+
+    changes = [np.abs(motion(now) - motion(before)) for before, now in _neighbours(pairs)]
+    return float(np.mean([np.median(change) for change in changes]))
+
+
+def _neighbours(pairs: Sequence[FramePair]) -> list[tuple[FramePair, FramePair]]:
+    """Return consecutive pairs of one size, whose motion can be compared pixel by pixel."""
+    return [(before, now) for before, now in pairwise(pairs) if now.now.size == before.now.size]
 
 
 def _depth_overrides(order: DepthOrder, frames: Sequence[Evidence], found: Conventions) -> Overrides:
-    """Keep what was stated where it is of this order: planes cannot be seen."""
+    """Return overrides for an order; near and far planes are kept as stated, as images do not show them."""
     if found.depth.startswith(order):
         return {"depth": found.depth, "far": found.far}
     if order != "linear":
@@ -158,8 +167,8 @@ def _depth_overrides(order: DepthOrder, frames: Sequence[Evidence], found: Conve
 
 
 def _wrongly_hidden(pairs: Sequence[FramePair], order: DepthOrder, found: Conventions) -> float:
-    """Share of uncovered places that a farther surface would have hidden; 0.5 where there are none."""
-    counts = [pair.uncovered(order, found, 60_000) for pair in pairs]
+    """Return the fraction of disoccluded places with a farther occluder; 0.5 without such places."""
+    counts = [pair.disoccluded(order, found, 60_000) for pair in pairs]
     closer, farther = sum(count[0] for count in counts), sum(count[1] for count in counts)
     return (farther + 1) / (closer + farther + 2)
 

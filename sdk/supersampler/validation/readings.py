@@ -1,4 +1,4 @@
-"""The ways to read motion and jitter that the checks and the detector try, and their names."""
+"""All readings of motion and jitter that the checks and the detector try: overrides of `Conventions`."""
 
 from itertools import product
 from typing import Any, Literal, get_args
@@ -19,7 +19,7 @@ JITTERS: tuple[Overrides, ...] = tuple(
 
 
 def reading_text(field: Literal["motion", "jitter"], reading: Conventions) -> str:
-    """Say how conventions read motion or jitter: "uv, current minus previous, y flipped"."""
+    """Return a reading of motion or jitter as text: "uv, current minus previous, y flipped"."""
     if field == "jitter":
         sign = "centre + jitter" if reading.jitter_sign == 1 else "centre - jitter"
         return f"{reading.jitter_unit}, {sign}{', y flipped' if reading.jitter_flip_y else ''}"

@@ -1,10 +1,9 @@
-"""How well motion explains an image by the previous one.
+"""Reprojection error between two frames, for given conventions of motion and jitter.
 
-The error is the mean squared difference of luminance, compressed to [0, 1], between a pixel and its place in
-the previous image. It is taken at some thousand places, so that the cost does not grow with the image. It is
-squared because a hard edge sampled once a pixel is often the same at the same pixel: a median or mean
-difference would find no motion there. Both images are read through the same small filter: an image read at
-whole pixels is sharper and noisier than one read between pixels, and wrong motion would win by blur.
+The error is the mean squared difference of tone-mapped luminance between a pixel and its place in the
+previous image, at a few thousand places. It is squared, as a median or mean absolute difference would hardly
+see motion at aliased edges, where most pixels stay equal. Both images are read through the same small filter,
+as otherwise wrong motion could win by its blur.
 """
 
 from collections.abc import Sequence
@@ -17,13 +16,13 @@ from numpy.typing import NDArray
 from supersampler.conventions import Conventions
 from supersampler.errors import FrameError
 from supersampler.frame import Float32
-from supersampler.validation.depth_order import DepthOrder, uncovered
+from supersampler.validation.depth_order import DepthOrder, disoccluded
 from supersampler.validation.evidence import PLACES, Evidence, Places, grid
 
 MIN_PLACES = 1000
-"""With fewer textured places, chance is larger than the differences looked for."""
+"""Minimum number of textured places for significant errors."""
 
-_TEXTURE = 0.01  # change of the compressed luminance from one pixel to the next
+_TEXTURE = 0.01  # minimum change of the tone-mapped luminance between neighbours
 
 
 class FramePair:
@@ -31,8 +30,8 @@ class FramePair:
 
     Attributes:
         before, now: the frames.
-        places: rows and columns (n,) of those places.
-        textured: whether enough of them differ from their neighbours.
+        places: rows and columns (n,) of the compared pixels.
+        textured: whether at least MIN_PLACES of them differ from their neighbours.
     """
 
     def __init__(self, before: Evidence, now: Evidence) -> None:
@@ -48,14 +47,14 @@ class FramePair:
         right, below = _read(tone, columns + 1, rows), _read(tone, columns, rows + 1)
         change = np.maximum(np.abs(right - here), np.abs(below - here))
         self._tone_now = here
-        self.textured = int((change > _TEXTURE).sum()) >= MIN_PLACES  # NaN is not
+        self.textured = int((change > _TEXTURE).sum()) >= MIN_PLACES  # NaN compares False
 
     def error(self, offset: NDArray[np.floating[Any]], where: NDArray[np.bool_] | None = None) -> float:
         """Return the mean squared difference, in [0, 1]; inf where less than half is on screen.
 
         Args:
             offset: (n, 2) or (2,) pixels from each place to its place in the previous frame.
-            where: (n,) which places to compare, all by default; at least one.
+            where: (n,) mask of the places to compare, at least one; by default all.
         """
         rows, columns = self.places
         offset = np.broadcast_to(offset, (len(rows), 2))
@@ -66,7 +65,7 @@ class FramePair:
         return float(np.mean(difference**2)) if 2 * len(difference) > len(before) else float("inf")
 
     def shift(self, conventions: Conventions) -> NDArray[np.float64]:
-        """Return what jitter adds to an unjittered vector that leads to the same colour: (x, y) pixels."""
+        """Return the change of the jitter, (x, y) pixels: the image offset beside unjittered motion."""
         return self.now.jitter_pixels(conventions) - self.before.jitter_pixels(conventions)
 
     def offset(
@@ -80,10 +79,10 @@ class FramePair:
         """Return (n, 2) pixels from each place to its place in the previous frame.
 
         Args:
-            conventions: how to read motion and jitter.
-            places: rows and columns; those compared where None.
-            motion_swapped: take y for x and x for y in motion.
-            jitter_swapped: likewise in jitter.
+            conventions: conventions of motion and jitter.
+            places: rows and columns; None: the compared ones.
+            motion_swapped: exchange x and y of motion.
+            jitter_swapped: exchange x and y of jitter.
         """
         places = self.places if places is None else places
         offset = self.now.vectors(conventions, places, swapped=motion_swapped).astype(np.float64)
@@ -93,21 +92,21 @@ class FramePair:
         return offset + (shift[::-1] if jitter_swapped else shift)
 
     def moving(self, conventions: Conventions) -> NDArray[np.bool_]:
-        """Return (n,) which places move: by a tenth of the longest vector, or more."""
+        """Return the (n,) mask of places that move by at least a tenth of the longest vectors."""
         length = np.abs(self.now.vectors(conventions, self.places)).max(axis=1)
         length = np.where(np.isfinite(length), length, 0)
         moves: NDArray[np.bool_] = (length > 0) & (length >= 0.1 * np.percentile(length, 99))
         return moves
 
-    def uncovered(self, order: DepthOrder, conventions: Conventions, places: int) -> tuple[int, int]:
-        """Count uncovered places that (closer, farther) surfaces hid before, of at most about `places`."""
-        looked_at = grid(self.now.size, places)
-        offset = self.offset(conventions, looked_at)
-        return uncovered(self.now.depth, self.before.depth, order, looked_at, offset)
+    def disoccluded(self, order: DepthOrder, conventions: Conventions, places: int) -> tuple[int, int]:
+        """Count disoccluded places with (closer, farther) occluders, on a grid of about `places` pixels."""
+        sampled = grid(self.now.size, places)
+        offset = self.offset(conventions, sampled)
+        return disoccluded(self.now.depth, self.before.depth, order, sampled, offset)
 
 
 def frame_pairs(frames: Sequence[Evidence]) -> list[FramePair]:
-    """Return the neighbours that can be compared: no cut between, both shaded, of one size."""
+    """Return the pairs of neighbours without a cut between, both shaded and of one size."""
     return [
         FramePair(before, now)
         for before, now in pairwise(frames)
@@ -116,15 +115,15 @@ def frame_pairs(frames: Sequence[Evidence]) -> list[FramePair]:
 
 
 def _tone(image: Float32, middle: float) -> Float32:
-    """Return luminance compressed to [0, 1], with one more pixel all round; NaN where it is not finite."""
+    """Return luminance tone-mapped to [0, 1], padded by one pixel; NaN where it is not finite."""
     tone = np.maximum(image, 0)
-    with np.errstate(invalid="ignore"):  # Inf / Inf is NaN, which is left out
+    with np.errstate(invalid="ignore"):  # Inf / Inf is NaN, which is skipped
         tone /= tone + np.float32(middle)
     return np.pad(tone, 1, mode="edge")
 
 
 def _read(padded: Float32, x: NDArray[Any], y: NDArray[Any]) -> NDArray[np.floating[Any]]:
-    """Return a `_tone` at (x, y) through a quadratic B-spline, 3 x 3 pixels; NaN outside."""
+    """Sample a result of `_tone` at (x, y) with a quadratic B-spline of 3 x 3 pixels; NaN outside."""
     height, width = padded.shape[0] - 2, padded.shape[1] - 2
     inside = (x > -0.5) & (x < width - 0.5) & (y > -0.5) & (y < height - 0.5)  # False where NaN
     x, y = np.where(inside, x, 0.0), np.where(inside, y, 0.0)

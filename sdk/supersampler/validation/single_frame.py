@@ -1,4 +1,4 @@
-"""Checks of one frame by itself."""
+"""Pixel checks of a single frame: colour, depth, motion, exposure."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -15,7 +15,7 @@ from supersampler.validation.mistakes import Mistake, where
 
 
 def single_frame_mistakes(frame: Frame, light: Float32 | None) -> Iterator[Mistake]:
-    """Yield the mistakes that one frame shows; `light` is the luminance of its colour."""
+    """Yield the mistakes in one frame; `light` is the luminance of its colour."""
     if frame.color is not None and light is not None:
         yield from _color(frame.color, light)
     yield from _depth(frame.depth)
@@ -34,7 +34,7 @@ def _color(color: Array, light: Float32) -> Iterator[Mistake]:
     negative = float(np.mean(values < -1e-6))
     if negative > 0.01:
         yield mistakes.COLOR_NEGATIVE.found(share=negative)
-    full = (values == 1.0).sum(axis=1)  # white may well be 1 1 1, but a light clipped at 1 is seldom white
+    full = (values == 1.0).sum(axis=1)  # clipped lights are seldom white
     if np.max(values, initial=0.0) <= 1.0 and np.mean((full == 1) | (full == 2)) > 0.005:
         yield mistakes.COLOR_CLIPPED
 
@@ -55,7 +55,7 @@ def _depth(depth: Float32) -> Iterator[Mistake]:
 
 
 def _other_kind(depth: Float32, least: float, greatest: float) -> str:
-    """Guess the kind of a depth that is not reversed; "" where it may be right."""
+    """Return the likely kind of depth that is not reversed; "" where it may be reversed."""
     if least == greatest:
         return ""
     if greatest >= 1e6:  # a sky of 1e10 or so; near / distance has no such values
@@ -64,7 +64,7 @@ def _other_kind(depth: Float32, least: float, greatest: float) -> str:
     values = depth[rows, columns]
     if greatest == 1 and sky_share(values, "forward") > 0.02 and sky_share(values, "reversed") == 0:
         return "forward_infinite"
-    # All within a tenth of the distance of the near plane, and yet one four times as near to it as another.
+    # Reversed depth would place all surfaces within 1.11 times the near plane's distance, unevenly.
     if least >= 0.9 and greatest <= 1 and 1 - least >= 4 * (1 - greatest) and np.median(values) > 0.95:
         return "forward_infinite"
     as_reversed, as_linear = bend(depth, "reversed"), bend(depth, "linear")
@@ -86,7 +86,7 @@ def _motion(frame: Frame) -> Iterator[Mistake]:
 
 
 def _not_a_plane(vectors: Float32, rows: NDArray[Any], columns: NDArray[Any]) -> bool:
-    """Whether motion differs by more than half a pixel from what a flat card before the camera does."""
+    """Tell whether motion differs by more than half a pixel from an affine function of the position."""
     if len(rows) < 8:
         return False
     basis = np.stack([np.ones(len(rows)), rows, columns], axis=1)
@@ -95,11 +95,11 @@ def _not_a_plane(vectors: Float32, rows: NDArray[Any], columns: NDArray[Any]) ->
 
 
 def _upside_down(depth: Float32, light: Float32) -> Iterator[Mistake]:
-    """Colour changes where depth does. If edges agree only upside down, one of the two is upside down."""
+    """Compare edges of colour and depth; if they agree only upside down, one of the two is flipped."""
     height, width = depth.shape
     rows, columns = grid((width, height - 1), 4 * PLACES)
     here, below = depth[rows, columns], depth[rows + 1, columns]
-    with np.errstate(invalid="ignore"):  # Inf - Inf; another check reports it
+    with np.errstate(invalid="ignore"):  # Inf - Inf, reported by `_depth`
         edge = np.abs(here - below) > 0.1 * np.maximum(here, below)
     if edge.sum() < 200:
         return
@@ -110,7 +110,7 @@ def _upside_down(depth: Float32, light: Float32) -> Iterator[Mistake]:
 
 
 def _change(light: Float32, rows: NDArray[Any], columns: NDArray[Any], edge: NDArray[np.bool_]) -> float:
-    """Mean change of brightness from row to row at edges, divided by that of all pixels."""
+    """Return the mean change of brightness from row to row at edges, divided by that of all pixels."""
     here, below = np.maximum(light[rows, columns], 0), np.maximum(light[rows + 1, columns], 0)
     known = np.isfinite(here) & np.isfinite(below)
     if not (edge & known).any():

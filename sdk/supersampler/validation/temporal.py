@@ -1,4 +1,4 @@
-"""Checks of a frame against those before: does another reading of motion, jitter or depth fit better?"""
+"""Pixel checks over several frames: whether another reading of motion, jitter or depth fits better."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -18,25 +18,24 @@ from supersampler.validation.reprojection import MIN_PLACES, FramePair, frame_pa
 
 Sums = Mapping[str, tuple[float, float]]
 
-_BETTER_ONCE = 0.65  # error of a reading divided by the frame's own, to be believed after one pair of frames
-_BETTER_LATER = 0.75  # and after more of them, errors added
-_VISIBLE = 1e-5  # errors below this are noise: squares of compressed luminance
-_SURFACES = 20  # so many places must be seen to be uncovered
-_REPEATS = 3  # frames with one jitter; fewer may be an accident
+_MAX_RATIO_FIRST = 0.65  # maximum ratio of a reading's error to the frame's own, after one pair of frames
+_MAX_RATIO_LATER = 0.75  # and after several pairs, with summed errors
+_NOISE = 1e-5  # squares of tone-mapped luminance; smaller errors are noise
+_MIN_DISOCCLUDED = 20  # minimum number of disoccluded places
+_MIN_REPEATS = 3  # minimum number of frames with one jitter
 _ORDERS: tuple[DepthOrder, ...] = ("reversed", "forward")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FramesSeen:
-    """What the checks keep of the frames since the last cut.
+    """State of the checks since the last cut.
 
     Attributes:
-        previous: the previous frame, copied; None where there is none, or it was not shaded: then motion
-            does not lead to the last shaded one.
-        pairs: how many pairs of frames were compared.
-        errors: for each reading, the sums over the pairs of (the frame's own error, that of the reading).
-        surfaces: for each depth order, how many uncovered places (closer, farther) surfaces hid.
-        jitters: of the frames, the last 64.
+        previous: copy of the previous frame; None where it is missing or was not shaded.
+        pairs: number of compared pairs of frames.
+        errors: for each reading, sums over the pairs of (the frame's own error, the reading's error).
+        surfaces: for each depth order, numbers of disoccluded places with (closer, farther) occluders.
+        jitters: jitter of the last 64 frames.
     """
 
     previous: Evidence | None = None
@@ -46,21 +45,21 @@ class FramesSeen:
     jitters: tuple[tuple[float, float], ...] = ()
 
     def after(self, frame: Evidence, display_size: Size) -> "FramesSeen":
-        """Return these and one more frame."""
+        """Return the state after one more frame."""
         if frame.light is None:
             return replace(self, previous=None)
         seen = self
         for pair in frame_pairs([frame] if self.previous is None else [self.previous, frame]):
             if pair.textured:
                 errors = _added(self.errors, _errors(pair, display_size))
-                counts = {order: pair.uncovered(order, Conventions(), 30_000) for order in _ORDERS}
+                counts = {order: pair.disoccluded(order, Conventions(), 30_000) for order in _ORDERS}
                 surfaces = _added(self.surfaces, counts)
                 seen = replace(self, pairs=self.pairs + 1, errors=errors, surfaces=surfaces)
         return replace(seen, previous=frame.copied(), jitters=(*self.jitters, frame.jitter)[-64:])
 
 
 def temporal_mistakes(seen: FramesSeen, size: Size, display_size: Size) -> Iterator[Mistake]:
-    """Yield the mistakes that the frames since the last cut show, this one included."""
+    """Yield the mistakes in the frames since the last cut."""
     yield from _jitter_values(seen.jitters, size)
     call = _better_reading(seen)
     if call:
@@ -69,15 +68,15 @@ def temporal_mistakes(seen: FramesSeen, size: Size, display_size: Size) -> Itera
         text = reading_text("jitter" if is_jitter else "motion", _readings(size, display_size)[call])
         mistake = mistakes.JITTER_MISREAD if is_jitter else mistakes.MOTION_MISREAD
         yield mistake.found(times=own / max(other, 1e-6), reading=text, call=call)
-        return  # with wrong motion, what hides what says nothing
+        return  # with wrong motion, disocclusions are no evidence
     kind = _other_order(seen.surfaces)
     if kind:
-        evidence = f"what moves hides what is closer, as if depth were {kind.replace('_', ', ')}"
+        evidence = f"moving surfaces hide closer ones, as if depth were {kind.replace('_', ', ')}"
         yield mistakes.DEPTH_NOT_REVERSED.found(evidence=evidence, kind=kind)
 
 
 def _readings(size: Size, display_size: Size) -> dict[str, Conventions]:
-    """Other ways to read a frame's motion or jitter, by the call that makes them."""
+    """Return other readings of a frame's motion or jitter, by their Python calls."""
     scale = (size[0] / display_size[0], size[1] / display_size[1])
     found = [
         Conventions(**motion, motion_jittered=jittered) for motion in MOTIONS for jittered in (False, True)
@@ -88,7 +87,7 @@ def _readings(size: Size, display_size: Size) -> dict[str, Conventions]:
 
 
 def _errors(pair: FramePair, display_size: Size) -> Sums:
-    """Errors of this frame (as it is, under each reading), where the reading makes a difference."""
+    """Return the errors of a pair (as stated, by the reading) for each reading, where they can differ."""
     size, as_stated = pair.now.size, Conventions()
     moves, error_of = pair.moving(as_stated), pair.error
     few = moves.sum() < MIN_PLACES / 4
@@ -103,32 +102,32 @@ def _errors(pair: FramePair, display_size: Size) -> Sums:
         if about_motion and few:
             continue
         error = error_of(pair.offset(reading), moves if about_motion else None)
-        if about_motion and error > _BETTER_LATER * still:
-            error = max(error, own[True])  # no better than no motion at all: a fluke
+        if about_motion and error > _MAX_RATIO_LATER * still:
+            error = max(error, own[True])  # not better than no motion: chance
         errors[call] = (min(own[about_motion], 1.0), min(error, 1.0))
     return errors
 
 
 def _better_reading(seen: FramesSeen) -> str:
-    """The reading with the smallest error relative to the frame's own, if it is clearly smaller; else ""."""
-    visible = _VISIBLE * seen.pairs
+    """Return the reading with the smallest error relative to the stated one, if clearly smaller; else ""."""
+    visible = _NOISE * seen.pairs
     parts = {call: other / own for call, (own, other) in seen.errors.items() if own > visible}
     best = min(parts, key=lambda call: parts[call], default="")
-    return best if best and parts[best] < (_BETTER_ONCE if seen.pairs == 1 else _BETTER_LATER) else ""
+    return best if best and parts[best] < (_MAX_RATIO_FIRST if seen.pairs == 1 else _MAX_RATIO_LATER) else ""
 
 
 def _other_order(surfaces: Mapping[DepthOrder, tuple[int, int]]) -> str:
     closer, farther = surfaces.get("reversed", (0, 0))
-    if farther >= _SURFACES and farther > 4 * closer:
+    if farther >= _MIN_DISOCCLUDED and farther > 4 * closer:
         return "linear"
     closer_if_forward, farther_if_forward = surfaces.get("forward", (0, 0))
-    if closer_if_forward >= _SURFACES and closer_if_forward > 4 * (farther_if_forward + closer):
+    if closer_if_forward >= _MIN_DISOCCLUDED and closer_if_forward > 4 * (farther_if_forward + closer):
         return "forward_infinite"
     return ""
 
 
 def _jitter_values(jitters: tuple[tuple[float, float], ...], size: Size) -> Iterator[Mistake]:
-    if len(jitters) < _REPEATS:
+    if len(jitters) < _MIN_REPEATS:
         return
     values = np.array(jitters)
     if np.ptp(values, axis=0).max() == 0:

@@ -1,4 +1,4 @@
-"""Counts of classes, by hand."""
+"""Class counts and overlaps equal values worked out by hand."""
 
 import numpy as np
 import pytest
@@ -15,8 +15,8 @@ SCORES = dict.fromkeys(("srred", "trred", *FRAME_METRICS), float("nan"))
 
 def class_map(ghost: list[list[int]], alias: list[list[int]]) -> Float32:
     """(h, w, 6) that says these classes of 2x2 pixels each, with a doubt."""
-    shares = np.concatenate([np.eye(3)[np.array(predicted)] for predicted in (ghost, alias)], axis=-1)
-    return (0.6 * shares + 0.1).astype(np.float32)
+    probabilities = np.concatenate([np.eye(3)[np.array(predicted)] for predicted in (ghost, alias)], axis=-1)
+    return (0.6 * probabilities + 0.1).astype(np.float32)
 
 
 def truth(ghost: list[list[int]], alias: list[list[int]]) -> ClassMaps:

@@ -1,4 +1,4 @@
-"""Which frames error maps are of."""
+"""Error maps leave out warm-up frames and show the frame of largest error."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""`bench extrapolation`: which frames are unshaded, what is shown of them, and what is counted."""
+"""`bench extrapolation`: which frames are unshaded, their images, and which frames each score counts."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -171,10 +171,10 @@ def test_an_extrapolated_frame_beats_a_warped_one_in_disocclusions(folder: Path)
     for scores in found.values():
         by_way = {s.method: s.summary(warm=False) for s in scores}
         assert list(by_way) == ["taau, shaded", "taau, warp", "taau, warp, filled", "taau, guided-warp"]
-        shaded, plain, filled, drawn = (summary["psnr_disoccluded"] for summary in by_way.values())
-        assert drawn > filled + 1.0
+        shaded, plain, filled, extrapolated = (summary["psnr_disoccluded"] for summary in by_way.values())
+        assert extrapolated > filled + 1.0
         assert filled > plain
-        assert abs(shaded - drawn) < 2.0
+        assert abs(shaded - extrapolated) < 2.0
         assert by_way["taau, guided-warp"]["psnr"] > by_way["taau, warp, filled"]["psnr"] + 1.0
 
 

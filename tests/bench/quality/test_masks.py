@@ -1,4 +1,4 @@
-"""Hard pixels, on scenes so small that they are counted by hand."""
+"""Masks of difficult pixels, on scenes small enough to count by hand."""
 
 import dataclasses
 

@@ -1,4 +1,4 @@
-"""Every metric against a value worked out by hand or a slow definition."""
+"""Each metric equals a value worked out by hand or a slow, direct implementation."""
 
 import math
 import sys

@@ -1,4 +1,4 @@
-"""What a measurement writes: JSON, a table on the terminal, a block of a Markdown file."""
+"""Output of a measurement: JSON record, table on the terminal, block of a Markdown file."""
 
 import json
 from dataclasses import replace
@@ -142,11 +142,11 @@ def test_the_command_renders_what_is_wrong_and_fills_every_page(tmp_path: Path) 
     filled = second.read_text(encoding="utf-8")
     assert filled.count("STRRED") == 2  # without and with warm-up and border
     assert filled.count("`classifier-small`") == 2
-    drawn = {
+    figures = {
         p.name: np.asarray(ImageBuf(str(p)).get_pixels("uint8")) for p in (tmp_path / "out" / "own").iterdir()
     }
-    assert set(drawn) == {"curves.png", "errors.png", "classes.png"}
-    assert all(image.std() > 10.0 for image in drawn.values())
+    assert set(figures) == {"curves.png", "errors.png", "classes.png"}
+    assert all(image.std() > 10.0 for image in figures.values())
 
 
 def test_a_page_without_a_block_for_the_shot_is_refused_before_anything_is_measured(tmp_path: Path) -> None:
@@ -158,11 +158,11 @@ def test_a_page_without_a_block_for_the_shot_is_refused_before_anything_is_measu
 
 
 def test_several_shots_have_tables_and_figures_of_their_mean(tmp_path: Path) -> None:
-    told = [
+    measured = [
         MethodScores(r.method, [replace(f, cropped_classes=np.ones((2, 3, 3), np.int64)) for f in r.frames])
         for r in RESULTS
     ]
-    shots = [shot_scores(Shot.open("plaza"), methods, {"ratio": 2.0}) for methods in (told, told)]
+    shots = [shot_scores(Shot.open("plaza"), methods, {"ratio": 2.0}) for methods in (measured, measured)]
     record = quality_record(shots)
     first, clip, classes = blocks(record, "quality shots").values()
     assert first.splitlines()[-1].startswith("Mean of the shots plaza, plaza at ratio 2 to 640x360")
@@ -177,11 +177,11 @@ def test_several_shots_have_tables_and_figures_of_their_mean(tmp_path: Path) -> 
 
 
 def test_the_tables_of_a_record_that_was_read_back_are_the_same(tmp_path: Path) -> None:
-    told = [
+    measured = [
         MethodScores(r.method, [replace(f, cropped_classes=np.ones((2, 3, 3), np.int64)) for f in r.frames])
         for r in RESULTS
     ]
-    record = quality_record([shot_scores(Shot.open("plaza"), told, {"ratio": 2.0}) for _ in range(2)])
+    record = quality_record([shot_scores(Shot.open("plaza"), measured, {"ratio": 2.0}) for _ in range(2)])
     write_json(record, tmp_path / "record.json")
     again = read_record(tmp_path / "record.json")
     assert blocks(again, "quality shots") == blocks(record, "quality shots")

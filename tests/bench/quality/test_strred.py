@@ -1,4 +1,4 @@
-"""STRRED against the values of published code on fixed clips, and what it sees and does not see."""
+"""STRRED equals values of published code on fixed clips; which errors it detects and which it misses."""
 
 from collections.abc import Callable
 

@@ -1,4 +1,4 @@
-"""All tables come from records; the page of all records needs nothing else."""
+"""Tables of the documentation equal their records; the HTML page needs no other file."""
 
 import json
 import re
@@ -13,8 +13,8 @@ from typer.testing import CliRunner
 
 from supersampler import ArgumentError
 from supersampler.io.shot import Shot, ShotWriter
-from supersampler_bench.agreement.parity import Agreement, parity_record
 from supersampler_bench.cli.app import app
+from supersampler_bench.parity import Agreement, parity_record
 from supersampler_bench.quality.score_table import CLIP_COLUMNS
 from supersampler_bench.record import Record, read_record, setting, write_json
 from supersampler_bench.report import image_comparison as images

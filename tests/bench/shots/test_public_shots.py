@@ -1,6 +1,7 @@
-"""The test shots: rendered once, opened only when they are whole, and known by their pixels."""
+"""Test shots are rendered once, opened only when complete, and identified by the hash of their pixels."""
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -70,7 +71,7 @@ def test_a_second_run_renders_nothing_and_another_driver_does_not_mix_in(
     render_test_shots(cache, TINY)
     assert {path: path.stat().st_mtime_ns for path in cache.rglob("*.exr")} == generations
     monkeypatch.setattr("supersampler_bench.shots.render_test_shots.driver_name", lambda _: "another")
-    with pytest.raises(ShotError, match=r"court: the shot that is there has the driver .*run's is another"):
+    with pytest.raises(ShotError, match=r"court: the existing shot has the driver .*run's is another"):
         render_test_shot(cache, TINY, "court")
 
 
@@ -115,6 +116,21 @@ def test_what_is_not_there_or_not_whole_is_answered_with_the_command(tmp_path: P
         open_test_shots(cache, [1.7], TINY, none)
     with pytest.raises(ShotError, match=r"is of another version of the test shots\. Delete"):
         open_test_shots(cache, [2.0], replace(TINY, frames=11), none)
+
+
+def test_a_shot_of_a_version_without_provenance_is_refused_when_it_is_opened_and_when_it_is_rendered(
+    cache: Path, tmp_path: Path
+) -> None:
+    shutil.copytree(cache, tmp_path / "old")
+    court = tmp_path / "old" / "test-shots" / "court"
+    (court / "provenance.json").rename(court / "drawn.json")
+    refused = pytest.raises(
+        ShotError, match=r"provenance\.json: is missing: .*earlier version\. Delete .*court"
+    )
+    with refused:
+        open_test_shots(tmp_path / "old", [2.0], TINY, tmp_path / "none.json")
+    with refused:
+        render_test_shot(tmp_path / "old", TINY, "court")
 
 
 def test_the_cache_is_where_the_platform_keeps_what_can_be_made_again(

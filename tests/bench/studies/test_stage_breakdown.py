@@ -1,4 +1,4 @@
-"""The stages of `gbuffer` add up to all of its work."""
+"""The counted work of the stages of `gbuffer` adds up to that of its network."""
 
 from collections.abc import Iterator
 

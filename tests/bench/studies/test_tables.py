@@ -1,11 +1,11 @@
-"""Tables that studies wrote say what their records say."""
+"""Tables that studies wrote into the documentation equal their records."""
 
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from studies import ablation, older_processors, oracle, stage_breakdown
+from studies import ablation, older_processors, oracle, precision, stage_breakdown
 from studies import extrapolated_colors as colors
 from supersampler_bench.markdown_blocks import find_block
 from supersampler_bench.record import Record, read_record
@@ -30,6 +30,7 @@ ROOT = Path(__file__).parents[3]
             colors.markdown_table,
         ),
         ("results/methods", "stage breakdown", "stage-breakdown", stage_breakdown.markdown_table),
+        ("results/backends", "precision", "precision", precision.markdown_table),
         ("results/backends", "speed avx-vnni", "speed-avx-vnni", older_processors.markdown_table),
         ("results/backends", "speed avx2", "speed-avx2", older_processors.markdown_table),
         ("quality", "oracle test-shots", "oracle", oracle.markdown_table),

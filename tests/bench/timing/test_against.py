@@ -1,7 +1,6 @@
-"""Two versions in turns: which goes first, what is counted, and what is wrong with the other one."""
+"""Two versions are timed in turns, and a wrong other one is named."""
 
 import json
-import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -15,7 +14,6 @@ from typer.testing import CliRunner
 from supersampler.cli import app as supersampler
 from supersampler.errors import ArgumentError
 from supersampler_bench.cli.app import app
-from supersampler_bench.timing import other_version as version
 from supersampler_bench.timing.against import (
     COVERAGE,
     FIRST,
@@ -24,10 +22,10 @@ from supersampler_bench.timing.against import (
     STEP_WALL,
     Rounds,
     _first_images,
-    _in_turns,
+    _in_rounds,
     interval,
 )
-from supersampler_bench.timing.other_version import Version
+from supersampler_bench.timing.child_process import FIRST_IMAGE, STEPS, Version
 
 SMALL = (32, 18)
 
@@ -42,17 +40,17 @@ class Measured(NamedTuple):
 
 @pytest.fixture(scope="module")
 def measured(tmp_path_factory: pytest.TempPathFactory) -> Measured:
-    folder, started, popen = tmp_path_factory.mktemp("against"), [], subprocess.Popen
+    folder, started, run = tmp_path_factory.mktemp("against"), [], subprocess.run
 
     def noted(command: list[str], **options: Any) -> Any:
         started.append(command)
-        return popen(command, **options)
+        return run(command, **options)
 
     (folder / "page.md").write_text("<!-- bench:against -->\n<!-- /bench -->\n")
     options = ["--methods", "bilinear", "--sizes", "32x18", "--threads", "1", "--steps", "1", "--starts", "0"]
     files = ["--json", str(folder / "against.json"), "--update", str(folder / "page.md")]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(subprocess, "Popen", noted)
+        patch.setattr(subprocess, "run", noted)
         result = CliRunner().invoke(app, ["speed", "--against", sys.executable, *options, *files])
     assert result.exit_code == 0, result.output
     record = json.loads((folder / "against.json").read_text())
@@ -72,8 +70,7 @@ def test_each_time_is_a_median_of_ratios_of_rounds(measured: Measured) -> None:
 
 
 def test_each_round_has_new_processes(measured: Measured) -> None:
-    served = [command for command in measured.started if version._SERVE in command]
-    assert len(served) == 2 + 2 * 10  # each side once to say what it is
+    assert sum(STEPS.strip() in command for command in measured.started) == 2 * 10
 
 
 def test_versions_take_turns_as_to_which_is_first() -> None:
@@ -83,9 +80,8 @@ def test_versions_take_turns_as_to_which_is_first() -> None:
         order.append(who)
         return who
 
-    pairs = [_in_turns(index, ("A", "B"), timed) for index in range(4)]
+    assert _in_rounds(4, ("A", "B"), timed, lambda: None) == [("A", "B")] * 4
     assert "".join(order) == "ABBAABBA"
-    assert pairs == [("A", "B")] * 4
 
 
 def test_the_interval_holds_the_median_as_often_as_it_says() -> None:
@@ -110,7 +106,7 @@ def test_first_images_are_of_programs_with_kernels_kept_and_without(
         (filled if (cache / "kernel").is_file() else empty).append(cache)
         cache.mkdir(exist_ok=True)
         (cache / "kernel").touch()
-        return subprocess.CompletedProcess(command, 0, stdout=b"0.25\n")
+        return subprocess.CompletedProcess(command, 0, stdout=b'{"seconds": 0.25}\n')
 
     monkeypatch.setattr(subprocess, "run", compiled)
     rounds = Rounds(rounds=0, starts=7, fresh=6)
@@ -122,11 +118,8 @@ def test_first_images_are_of_programs_with_kernels_kept_and_without(
 
 
 def test_a_program_says_how_long_its_first_image_took(tmp_path: Path) -> None:
-    assert (
-        0.0
-        < Version("other", sys.executable, tmp_path).first_image("bilinear", SMALL, 2.0, fresh=True)
-        < 60e3
-    )
+    version = Version("other", sys.executable, tmp_path)
+    assert 0.0 < version.run(FIRST_IMAGE, method="bilinear", render=SMALL, scale=2.0)["seconds"] < 60.0
 
 
 @pytest.mark.parametrize(
@@ -150,28 +143,18 @@ def test_an_interpreter_without_the_package_is_named(tmp_path: Path, monkeypatch
     monkeypatch.chdir(Path(__file__).parents[3] / "sdk")  # not to be found in the folder we are in either
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[3] / "sdk"))
     with pytest.raises(ArgumentError, match="No module named 'supersampler'"):
-        Version("other", str(tmp_path / "bin" / "python"), tmp_path / "cache")
+        Version("other", str(tmp_path / "bin" / "python"), tmp_path / "cache").about  # noqa: B018
 
 
-def test_a_method_that_the_other_version_lacks_and_one_that_dies_are_named(tmp_path: Path) -> None:
+def test_a_method_that_the_other_version_lacks_and_a_process_that_dies_are_named(tmp_path: Path) -> None:
     other = Version("other", sys.executable, tmp_path)
-    with other.process() as process, pytest.raises(ArgumentError, match=r"no-such.*want an interpreter"):
-        process.load("no-such", _frames(tmp_path), SMALL, 1)
-    with other.process() as process:
-        process._process.send_signal(signal.SIGKILL)
-        process._process.wait()
-        with pytest.raises(ArgumentError, match="ended by signal 9"):
-            process.load("bilinear", tmp_path / "frames.npz", SMALL, 1)
-    with pytest.raises(ArgumentError, match=r"ended with code 1: .*ModelError"):
-        other.first_image("no-such", SMALL, 2.0, fresh=False)
-
-
-def _frames(folder: Path) -> Path:
-    zeros = np.zeros((1, 9, 16, 3), np.float32)
-    images = {"color": zeros, "depth": zeros[..., 0], "motion": zeros[..., :2]}
-    arrays: dict[str, Any] = {**images, "jitter": np.zeros((1, 2)), "exposure": np.ones(1)}
-    np.savez(folder / "frames.npz", **arrays)
-    return folder / "frames.npz"
+    request: dict[str, Any] = {"method": "no-such", "render": SMALL, "scale": 2.0}
+    with pytest.raises(ArgumentError, match=r"ended with code 1: .*no-such.*want an interpreter"):
+        other.run(FIRST_IMAGE, **request)
+    with pytest.raises(ArgumentError, match="ended with signal 9"):
+        other.run("import os; os.kill(os.getpid(), 9)")
+    with pytest.raises(ArgumentError, match=r"--methods is .*want methods that run in this version"):
+        Version("this", sys.executable, tmp_path).run(FIRST_IMAGE, **request)
 
 
 def test_too_few_rounds_for_an_interval_and_options_without_effect_are_refused() -> None:

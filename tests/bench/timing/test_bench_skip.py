@@ -1,4 +1,4 @@
-"""The bench of skipping draws scenes that stand still, and says what was left out."""
+"""`bench skip` measures work, time and error of static scenes."""
 
 from supersampler_bench.record import setting
 from supersampler_bench.timing.skip import frame_count, markdown_table, measure_skipping, skip_record

@@ -1,4 +1,4 @@
-"""Timing of graphs where their tensors are: what is in the table, not how long it takes."""
+"""`bench device`: which settings are timed, and what its table shows."""
 
 import pytest
 from typer.testing import CliRunner

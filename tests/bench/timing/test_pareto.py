@@ -1,4 +1,4 @@
-"""Time against error: who leads, which presets follow, and what fits a budget of time."""
+"""Time against error: the frontier, the presets that follow, and the best setting within a time budget."""
 
 from pathlib import Path
 from typing import Any

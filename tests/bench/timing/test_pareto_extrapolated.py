@@ -1,4 +1,4 @@
-"""What frames that were not shaded cost, beside their error."""
+"""Time against error of unshaded frames."""
 
 from dataclasses import asdict
 from typing import Any

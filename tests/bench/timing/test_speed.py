@@ -1,4 +1,4 @@
-"""Timing: what is compared is comparable, and nothing that a method does not have is listed."""
+"""`bench speed` times settings in turns beside `taa`, and lists only those that a method has."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""The first image is timed where kernels are compiled, and where they are kept."""
+"""First-frame time with an empty and with a full kernel cache."""
 
 from supersampler_bench.timing.startup import FirstFrame, markdown_table, measure_startup, startup_record
 

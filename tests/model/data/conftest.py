@@ -1,4 +1,4 @@
-"""One renderer for the tests of this folder: without OpenGL they fail with the line that mends it."""
+"""A renderer for the tests of this folder; without OpenGL they fail and name the package to install."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""The analytic scenes keep their word: sampling, jitter, motion, depth and truth agree with one another."""
+"""Analytic scenes: sampling, jitter, motion, depth and reference are consistent."""
 
 import numpy as np
 import pytest

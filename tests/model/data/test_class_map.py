@@ -1,4 +1,4 @@
-"""Class maps: every class has its colour, the image stays readable, the legend gives the fractions."""
+"""Class maps: each class has its colour, the image stays visible, the legend gives the fractions."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""A training set is rendered once, survives any stop, and gives back what was drawn."""
+"""Training sets: rendering resumes after any interruption, and files return what was rendered."""
 
 import json
 from dataclasses import replace
@@ -266,7 +266,7 @@ def files(tmp_path: Path) -> Path:
 
 
 def test_a_share_of_the_sequences_is_composed_of_files_and_recorded(files: Path) -> None:
-    plan = RenderPlan(sequences=30, gltf=files, gltf_share=0.4)
+    plan = RenderPlan(sequences=30, gltf=files, gltf_fraction=0.4)
     drawn = plan_sequences(plan)
     assert drawn == plan_sequences(plan) == Description.from_json(json.loads(json.dumps(drawn.to_json())))
     composed = [e for e in drawn.sequences if e.spec.family == "gltf"]
@@ -282,14 +282,14 @@ def test_a_share_of_the_sequences_is_composed_of_files_and_recorded(files: Path)
 
 
 def test_a_set_of_files_alone_is_possible(files: Path) -> None:
-    drawn = plan_sequences(RenderPlan(sequences=5, gltf=files, gltf_share=1.0))
+    drawn = plan_sequences(RenderPlan(sequences=5, gltf=files, gltf_fraction=1.0))
     assert {e.spec.family for e in drawn.sequences} == {"gltf"}
-    with pytest.raises(ArgumentError, match="gltf_share is 0"):
-        plan_sequences(RenderPlan(gltf=files, gltf_share=0.0))
+    with pytest.raises(ArgumentError, match="gltf_fraction is 0"):
+        plan_sequences(RenderPlan(gltf=files, gltf_fraction=0.0))
 
 
 def test_files_that_have_changed_since_the_set_was_begun_are_named(files: Path, tmp_path: Path) -> None:
-    plan = RenderPlan(sequences=8, gltf=files, gltf_share=1.0)
+    plan = RenderPlan(sequences=8, gltf=files, gltf_fraction=1.0)
     create_dataset(tmp_path / "set", plan_sequences(plan))
     create_dataset(tmp_path / "set", plan_sequences(plan))
     cube(emissiveFactor=[9.0, 0.0, 0.0]).save(files / "cube2.glb")

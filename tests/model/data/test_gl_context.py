@@ -1,4 +1,4 @@
-"""Where OpenGL comes from, and what is said where it is missing."""
+"""OpenGL contexts: which backend is opened, and the error message where none is available."""
 
 import importlib.util
 import re

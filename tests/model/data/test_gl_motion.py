@@ -1,4 +1,4 @@
-"""Motion, jitter and previous depth, against pictures by the same renderer that do not depend on them."""
+"""Motion, jitter and previous depth of the renderer, compared with images that do not depend on them."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""What the renderer draws, against what is known of light, surfaces and samples."""
+"""The renderer, compared with analytic results for light, surfaces and sampling."""
 
 from dataclasses import replace
 from typing import Any
@@ -29,11 +29,7 @@ def uniform(radiance: float) -> Environment:
 
 def seen_from(camera: Camera, *instances: Instance, radiance: float = 0.0, **lights: Any) -> Scene:
     return Scene(
-        camera=camera,
-        camera_before=camera,
-        environment=uniform(radiance),
-        instances=instances,
-        **lights,
+        camera=camera, camera_before=camera, environment=uniform(radiance), instances=instances, **lights
     )
 
 

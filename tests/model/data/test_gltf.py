@@ -1,4 +1,4 @@
-"""glTF files come out as they were written, wherever the format leaves a choice."""
+"""glTF files are read as they were written, in all encodings that the format allows."""
 
 from pathlib import Path
 from typing import Any, Literal

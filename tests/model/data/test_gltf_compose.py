@@ -1,4 +1,4 @@
-"""Sequences made of a folder's files: reproducible, exact in what was before, and where there is room."""
+"""Sequences composed of a folder's files: reproducible, with exact previous states, objects on free floor."""
 
 import json
 from dataclasses import asdict
@@ -223,7 +223,7 @@ def test_a_spec_from_json_is_the_same_sequence(folder: Path) -> None:
 
 
 def test_a_file_that_is_not_the_one_it_was_rendered_with_is_named(folder: Path) -> None:
-    spec = read_folder(folder).spec(0, FRAMES, 30.0)
+    spec = read_folder(folder).spec(0, FRAMES)
     name = next(name for name, _ in spec.files if name.startswith("props"))
     cube(emissiveFactor=[1.0, 0.0, 0.0]).save(folder / name)
     with pytest.raises(GltfError, match=rf"{name}: is not the file that this sequence was made with; put"):
@@ -253,10 +253,7 @@ def test_files_for_validation_are_used_in_no_other_sequence(folder: Path) -> Non
     assert validation is not None
     assert len(training.props) == len(validation.props) == 1
     assert set(training.props) | set(validation.props) == {
-        file
-        for seed in range(8)
-        for file in read_folder(folder).spec(seed, 1, 30.0).files
-        if "props" in file[0]
+        file for seed in range(8) for file in read_folder(folder).spec(seed, 1).files if "props" in file[0]
     }
     assert [name for name, _ in training.stages] == ["room.glb"]  # there is one only, to learn from
     assert not validation.stages

@@ -1,4 +1,4 @@
-"""glTF files in pictures: which way up their textures are, and exact motion."""
+"""Rendered glTF files: orientation of textures, and exact motion."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""A glTF file that is broken or not supported is named, with the place in it and the reason."""
+"""Errors of broken or unsupported glTF files name the file, the place in it and the reason."""
 
 import json
 import os

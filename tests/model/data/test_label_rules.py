@@ -1,4 +1,4 @@
-"""Each rule of the labels does what its equation says, pixel by pixel, and takes any size."""
+"""Each label rule computes its equation, per pixel and at any image size."""
 
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Labels equal the closed form on scenes whose truth is exact."""
+"""Labels of analytic scenes equal their closed form."""
 
 from dataclasses import replace
 from typing import Any
@@ -8,15 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from more_scenes import Floor, ShadingStep, dots, ripples, thin_lines
-from supersampler_model.data.labels import (
-    Alias,
-    Ghost,
-    Labels,
-    LabelThresholds,
-    Sample,
-    label,
-    statistics_of,
-)
+from supersampler_model.data.labels import Alias, Ghost, Labels, LabelThresholds, Sample, label, statistics_of
 from supersampler_model.data.labels.rules import aliasing
 from supersampler_model.data.scenes.analytic import (
     EXTENT,

@@ -1,4 +1,4 @@
-"""Each family draws, is neither black nor blown out, moves, and is lit by lights that change."""
+"""Procedural families: exposure is usable, objects move, and lights change."""
 
 from collections.abc import Callable
 from functools import cache, partial

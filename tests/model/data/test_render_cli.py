@@ -1,4 +1,4 @@
-"""`supersampler render` as a person meets it: files, stops, full disks and mistakes."""
+"""`supersampler render`: its files, interruptions, full disks and invalid options."""
 
 import json
 import os
@@ -31,7 +31,7 @@ def files(tmp_path: Path) -> Path:
 
 
 def test_sequences_of_files_are_rendered_beside_procedural_ones(files: Path, tmp_path: Path) -> None:
-    options = ("--scenes", "floors", "--gltf", files, "--gltf-share", "0.5", "--sequences", "2", *SMALL)
+    options = ("--scenes", "floors", "--gltf", files, "--gltf-fraction", "0.5", "--sequences", "2", *SMALL)
     answer = render(tmp_path / "set", *options)
     assert answer.exit_code == 0, answer.output
     assert "4 frames of 64x36" in answer.output
@@ -114,7 +114,7 @@ def test_a_broken_file_is_named_before_anything_is_written(files: Path, tmp_path
 
 def test_a_file_that_has_changed_stops_the_run(files: Path, tmp_path: Path) -> None:
     out = tmp_path / "set"
-    options = ("--gltf", files, "--gltf-share", "1", "--sequences", "1", *SMALL)
+    options = ("--gltf", files, "--gltf-fraction", "1", "--sequences", "1", *SMALL)
     assert render(out, *options).exit_code == 0
     cube(emissiveFactor=[1.0, 0.0, 0.0]).save(files / "cube.glb")
     answer = render(out, *options)
@@ -128,7 +128,7 @@ def test_a_file_that_has_changed_stops_the_run(files: Path, tmp_path: Path) -> N
     [
         (("--scenes", "wires"), "error: families is 'wires'; want some of fences, "),
         (("--gltf", "nowhere"), "error: folder is nowhere, which is none; want a folder"),
-        (("--gltf-share", "1.5"), "error: gltf_share is 1.5; want a share"),
+        (("--gltf-fraction", "1.5"), "error: gltf_fraction is 1.5; want a fraction"),
         (("--ratios", "2;3"), "error: --ratios is '2;3'; want numbers"),
     ],
 )

@@ -1,4 +1,4 @@
-"""A scene that cannot be drawn says which part of it is at fault."""
+"""Errors of invalid scenes name the field that is wrong."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -68,14 +68,8 @@ BAD: list[tuple[Callable[[], object], str]] = [
     (lambda: Sun(direction=(0, 0, 0), color=(1, 1, 1)), r"sun\.direction is \(0, 0, 0\); want a direction"),
     (lambda: Spot(position=(0, 0, 0), target=(1, 0, 0), color=(1, 1, 1), outer=95.0), r"spot\.outer is 95"),
     (lambda: Point(position=(0, 0, 0), color=(1, -1, 1)), r"point\.color is -1"),
-    (
-        lambda: scene(points=(LAMP,) * 17),
-        r"scene\.points is 17 lights; .* 16",
-    ),
-    (
-        lambda: scene(camera_before=WIDER),
-        r"camera_before\.near",
-    ),
+    (lambda: scene(points=(LAMP,) * 17), r"scene\.points is 17 lights; .* 16"),
+    (lambda: scene(camera_before=WIDER), r"camera_before\.near"),
     (
         lambda: Particles(
             centers=np.zeros((2, 3), np.float32),

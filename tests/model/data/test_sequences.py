@@ -1,4 +1,4 @@
-"""A sequence is a pure function of its spec, and what a frame says of the one before is true."""
+"""Sequences are pure functions of their spec, and previous states are those of the previous frame."""
 
 import json
 from collections.abc import Iterator

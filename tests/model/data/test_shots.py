@@ -1,4 +1,4 @@
-"""A sequence becomes shots at several ratios over one set of references, and survives any stop."""
+"""Rendered shots: several ratios share references, and rendering resumes after any interruption."""
 
 from pathlib import Path
 
@@ -11,6 +11,7 @@ from supersampler.io.shot import Shot, ShotWriter
 from supersampler_model.data.labels import Alias, Ghost, label
 from supersampler_model.data.product_shot import Plaza
 from supersampler_model.data.renderer.renderer import Renderer
+from supersampler_model.data.scenes.camera import Camera
 from supersampler_model.data.scenes.scene import Scene
 from supersampler_model.data.sequences import Sequence, SequenceSpec
 from supersampler_model.data.shots import ShotForm, render_shot, variant_name
@@ -25,12 +26,13 @@ class YardSequence(Sequence):
 
     def __init__(self) -> None:
         self.spec, self.yard = SequenceSpec(family="yard", seed=1, frames=3), Yard(1)
+        self.starts = (0, 2)
 
     def scene(self, index: int) -> Scene:
         return self.yard.scene(index)
 
-    def cut(self, index: int) -> bool:
-        return index in (0, 2)
+    def camera(self, index: int) -> Camera:
+        return self.scene(index).camera
 
     def exposure(self, index: int) -> float | None:
         return None if index == 1 else 1.5

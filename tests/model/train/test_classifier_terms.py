@@ -1,4 +1,4 @@
-"""What training the classifier makes of labels: what weighs more, and which classes are learned."""
+"""Training terms of the classifier: weights of invalid history, and the classification loss."""
 
 from dataclasses import replace
 

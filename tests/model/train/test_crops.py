@@ -1,4 +1,4 @@
-"""A crop is a part of the whole frame, exactly: at any ratio, flipped, turned, relit."""
+"""Crops give the same samples as the whole frame, at any ratio and with any augmentation."""
 
 import dataclasses
 
@@ -12,7 +12,7 @@ from supersampler_model.data.scenes.analytic import DiscOverPlane
 from supersampler_model.methods.base import Size
 from supersampler_model.methods.classifier.model import Classifier
 from supersampler_model.training.classifier_task import ClassifierTask
-from supersampler_model.training.crops import FIREFLIES, CropRegion, with_fireflies
+from supersampler_model.training.crops import FIREFLY_CHANCE, CropRegion, with_fireflies
 from supersampler_model.training.frame_inputs import frame_inputs
 
 DISPLAY = (96, 64)
@@ -49,8 +49,8 @@ def whole(sequence: list[TrainingFrame]) -> torch.Tensor:
     for frame in sequence:
         with torch.no_grad():
             image, history, _ = method.step(*frame_inputs(frame, method.inputs()), *history)
-    picture: torch.Tensor = image
-    return picture
+    shown: torch.Tensor = image
+    return shown
 
 
 def cropped(sequence: list[TrainingFrame], cut: CropRegion) -> torch.Tensor:
@@ -83,7 +83,7 @@ def test_a_crop_renders_the_part_of_the_whole_image(
     part = part.flip(3) if flip[0] else part
     part = part.flip(2) if flip[1] else part
     part = part.transpose(2, 3) if turned else part
-    inside = np.s_[:, :, 12:-12, 12:-12]  # what has its past within the crop
+    inside = np.s_[:, :, 12:-12, 12:-12]  # pixels whose history lies within the crop
     assert torch.allclose(cropped(sequence, cut)[inside], part[inside], atol=1e-3)
 
 
@@ -99,7 +99,7 @@ def test_fireflies_strike_a_few_frames_in_colour_alone_and_stay_in_range() -> No
     sample = CropRegion(left=31, top=9, size=40, ratio=(2.0, 2.0)).sample(frame, reset=True)
     made = [with_fireflies(sample, np.random.default_rng(seed)) for seed in range(400)]
     struck = [other for other in made if not torch.equal(other.color, sample.color)]
-    assert 0.5 * FIREFLIES < len(struck) / len(made) < 2.0 * FIREFLIES
+    assert 0.5 * FIREFLY_CHANCE < len(struck) / len(made) < 2.0 * FIREFLY_CHANCE
     for other in struck:
         bright = other.color > sample.color
         assert bright.all(dim=1).sum() == bright.any(dim=1).sum(), "of all channels"

@@ -1,4 +1,4 @@
-"""`extrapolate` learns from shaded and from hidden frames of crops, as an engine will alternate them."""
+"""Training of `extrapolate` on alternating shaded and unshaded frames."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, replace
@@ -50,11 +50,11 @@ def frames(dataset: Dataset) -> list[TrainingFrame]:
     return list(dataset.frames(dataset.entries("train")[0]))
 
 
-def samples(data: Dataset, hidden: int) -> list[Sample]:
-    """A crop of which so many frames are hidden after each shaded one."""
+def samples(data: Dataset, unshaded: int) -> list[Sample]:
+    """Return a crop with so many unshaded frames after each shaded one."""
     cut = GBufferRegion(left=9, top=3, size=SIZE, ratio=(2.0, 2.0))
     every = [cut.sample(f, reset=i == 0) for i, f in enumerate(frames(unshaded_set(data, (1.0, 3.0))))]
-    return [sample._replace(unshaded=i % (hidden + 1) > 0) for i, sample in enumerate(every)]
+    return [sample._replace(unshaded=i % (unshaded + 1) > 0) for i, sample in enumerate(every)]
 
 
 def stepped(task: ExtrapolateTask, sequence: Sequence[Sample]) -> list[Stepped]:
@@ -88,16 +88,16 @@ def test_what_is_hidden_is_not_seen(data: Dataset, task: ExtrapolateTask) -> Non
 def test_the_middle_of_a_crop_is_rendered_as_the_whole_frame_is(data: Dataset) -> None:
     method = Extrapolate(SMALL).eval()
     task, dataset = ExtrapolateTask(method), unshaded_set(data, (1.0, 3.0))
-    runner, hidden = task.runner(method, Size(*DISPLAY)), list[bool]()
+    runner, unshaded = task.runner(method, Size(*DISPLAY)), list[bool]()
     sequence = frames(dataset)[:4]
     for frame in sequence:
         image = runner.step(frame)
-        hidden.append(runner.unshaded)
-    assert hidden == [False, True, False, True]
+        unshaded.append(runner.unshaded)
+    assert unshaded == [False, True, False, True]
     cut = GBufferRegion(0, 0, 36, (2.0, 2.0))
     crop = [
-        cut.sample(f, reset=i == 0)._replace(unshaded=hides)
-        for i, (f, hides) in enumerate(zip(sequence, hidden, strict=True))
+        cut.sample(f, reset=i == 0)._replace(unshaded=is_unshaded)
+        for i, (f, is_unshaded) in enumerate(zip(sequence, unshaded, strict=True))
     ]
     with torch.no_grad():
         made = stepped(task, crop)
@@ -110,11 +110,11 @@ def test_errors_weigh_more_where_the_history_of_an_extrapolated_frame_was_occlud
     data: Dataset, task: ExtrapolateTask
 ) -> None:
     revealed = [s._replace(ghost=torch.full_like(s.ghost, Ghost.VISIBILITY)) for s in samples(data, 1)[:2]]
-    shaded, hidden = (done.weight for done in stepped(task, revealed))
+    shaded, unshaded = (done.weight for done in stepped(task, revealed))
     assert isinstance(shaded, torch.Tensor)
-    assert isinstance(hidden, torch.Tensor)
+    assert isinstance(unshaded, torch.Tensor)
     assert (shaded == 1.5).all()
-    assert (hidden == 2.0).all()
+    assert (unshaded == 2.0).all()
 
 
 def test_features_of_both_encoders_are_compared_on_shaded_frames_that_could_be_extrapolated(
@@ -122,7 +122,7 @@ def test_features_of_both_encoders_are_compared_on_shaded_frames_that_could_be_e
 ) -> None:
     crop = samples(data, 1)[:3]
     made = [done.terms["features"].item() for done in stepped(task, crop)]
-    assert made[:2] == [0.0, 0.0]  # nothing to draw from; hidden
+    assert made[:2] == [0.0, 0.0]  # no history; unshaded
     task.method.net.copy_shaded_encoder()
     alike = stepped(task, crop)[2].terms["features"].item()
     assert 0.0 < alike < made[2]  # the colours differ

@@ -1,4 +1,4 @@
-"""A studio's own shots, with references on some frames and no classes, are something to learn from."""
+"""Fine-tuning on a user's shots, with references for some frames and without classes."""
 
 from pathlib import Path
 

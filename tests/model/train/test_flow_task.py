@@ -1,4 +1,4 @@
-"""`guided-flow` learns from frames that are hidden from it, found once and kept."""
+"""Training of `guided-flow` on unshaded frames, whose light is computed once and cached."""
 
 import csv
 from collections.abc import Iterator, Sequence
@@ -25,10 +25,10 @@ from supersampler_model.methods.base import Size
 from supersampler_model.methods.extrapolation.guided_flow import GuidedFlow
 from supersampler_model.methods.weights_file import load_trained
 from supersampler_model.training.flow_crops import (
-    HALVED,
-    WHOLE,
-    Found,
-    Lights,
+    FULL_CHANNELS,
+    HALF_CHANNELS,
+    LightCache,
+    LightFrames,
     LightSample,
     LightStream,
     changing_light,
@@ -73,9 +73,9 @@ class Shown:
         return iter(self._frames)
 
 
-def found_of(method: GuidedFlow, frames: Sequence[TrainingFrame]) -> Found:
+def found_of(method: GuidedFlow, frames: Sequence[TrainingFrame]) -> LightFrames:
     entry = cast(SequenceEntry, frames[0].color.shape)  # any key
-    return Lights(method).of(cast(Dataset, Shown(frames)), entry)
+    return LightCache(method).of(cast(Dataset, Shown(frames)), entry)
 
 
 def shadow(count: int, speed: float = 3.0, edge: float = 24.0) -> list[TrainingFrame]:
@@ -83,11 +83,11 @@ def shadow(count: int, speed: float = 3.0, edge: float = 24.0) -> list[TrainingF
     return [training_frame(scene.frame(i), reset=i == 0) for i in range(count)]
 
 
-def whole(found: Found, index: int) -> LightSample:
+def whole(found: LightFrames, index: int) -> LightSample:
     """A found frame, neither cut nor turned."""
-    later, earlier = torch.split(found.halved[index : index + 1].float(), HALVED, dim=1)
+    later, earlier = torch.split(found.half[index : index + 1].float(), HALF_CHANNELS, dim=1)
     light, guides, reflects, color, changed = torch.split(
-        found.whole[index : index + 1].float(), WHOLE, dim=1
+        found.full[index : index + 1].float(), FULL_CHANNELS, dim=1
     )
     earlier = torch.cat([earlier, later[:, 3:]], dim=1)
     return LightSample(later, earlier, light, guides, reflects, color, changed, torch.ones(1))
@@ -100,18 +100,18 @@ def test_each_frame_is_found_in_every_way_that_it_may_be_unshaded() -> None:
     method = random_flow()
     with pytest.raises(ArgumentError, match="4 frames without a cut"):
         found_of(method, shadow(3))
-    assert len(found_of(method, shadow(4)).whole) == 1  # s u s [u]
+    assert len(found_of(method, shadow(4)).full) == 1  # s u s [u]
     # s u s [u] s [u] s; from the second on: s u s [u] s [u]; s u u s [u] [u] s
     found = found_of(method, shadow(7))
-    assert found.whole.shape == (6, sum(WHOLE), 36, 64)
-    assert found.halved.shape == (6, sum(HALVED), 18, 32)
+    assert found.full.shape == (6, sum(FULL_CHANNELS), 36, 64)
+    assert found.half.shape == (6, sum(HALF_CHANNELS), 18, 32)
 
 
 def test_nothing_is_found_across_a_cut() -> None:
     frames = shadow(8)
     frames[4] = replace(frames[4], reset=True)
     found = found_of(random_flow(), frames)
-    assert len(found.whole) == 3  # s u s [u] | s u s [u]; from the second on: s u s | s u s [u]
+    assert len(found.full) == 3  # s u s [u] | s u s [u]; from the second on: s u s | s u s [u]
 
 
 def test_unshaded_frames_are_extrapolated_as_the_method_does() -> None:
@@ -160,7 +160,7 @@ def test_in_a_crop_half_size_pixels_are_the_first_of_each_two_however_it_is_turn
 
 
 def test_a_restarted_stream_goes_on_where_it_was(dataset: Dataset) -> None:
-    lights = Lights(random_flow())
+    lights = LightCache(random_flow())
     stream = LightStream([dataset], lights, ratio=2, size=SIZE, seed=[4])
     for sample in islice(stream, 5):
         again = LightStream([dataset], lights, ratio=2, size=SIZE, seed=[4])
@@ -170,7 +170,7 @@ def test_a_restarted_stream_goes_on_where_it_was(dataset: Dataset) -> None:
 
 def test_a_crop_as_large_as_a_frame_or_too_small_for_the_network_is_refused(dataset: Dataset) -> None:
     with pytest.raises(ArgumentError, match="at most 16"):
-        LightStream([dataset], Lights(random_flow()), ratio=2, size=18, seed=[0])
+        LightStream([dataset], LightCache(random_flow()), ratio=2, size=18, seed=[0])
     with pytest.raises(ArgumentError, match="more than 32"):
         FlowTask(GuidedFlow()).stream([dataset], size=32, seed=[0])
 
@@ -210,9 +210,9 @@ def test_validation_hides_every_second_frame(dataset: Dataset) -> None:
     task = FlowTask(random_flow())
     entries = validation_entries([dataset], task.ratios)
     frames, runner = list(dataset.frames(entries[0][1])), task.runner(task.baseline.eval(), Size(64, 36))
-    drawn = [runner.step(frame) for frame in frames]
-    assert [i for i, image in enumerate(drawn) if image is not None] == [1, 3, 5, 7, 9]
-    for frame, image in zip(frames, drawn, strict=True):
+    results = [runner.step(frame) for frame in frames]
+    assert [i for i, image in enumerate(results) if image is not None] == [1, 3, 5, 7, 9]
+    for frame, image in zip(frames, results, strict=True):
         assert image is None or image.shape[2:] == runner.truth(frame).shape[:2] == (18, 32)
     found = validate(task.baseline.eval(), entries, task.runner)
     assert list(found.scores) == ["psnr"]

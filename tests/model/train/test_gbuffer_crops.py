@@ -1,4 +1,4 @@
-"""A crop with G-buffers is a small frame: all its buffers, however turned, are still of one scene."""
+"""Crops with G-buffers: all buffers stay consistent under every augmentation."""
 
 import itertools
 from dataclasses import asdict

@@ -1,4 +1,4 @@
-"""`gbuffer` learns from crops with G-buffers, more where surfaces shine."""
+"""Training of `gbuffer` on crops with G-buffers, with larger weights on reflective surfaces."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -8,7 +8,7 @@ import torch
 
 from gbuffer_sets import gbuffer_data
 from supersampler.methods.gbuffer.spec import SMALL_NETWORK, GBufferConfig
-from supersampler_model.methods.gbuffer.small import SmallGBuffer
+from supersampler_model.methods.gbuffer.model import SmallGBuffer
 from supersampler_model.training.crops import Sample
 from supersampler_model.training.gbuffer_task import GBufferTask, reflective_of
 from supersampler_model.training.tasks import TASKS

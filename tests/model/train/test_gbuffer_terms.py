@@ -1,4 +1,4 @@
-"""What training `gbuffer` asks for beside small errors: structure, and more of it where surfaces shine."""
+"""Loss terms of `gbuffer`: structural dissimilarity, and larger weights on reflective surfaces."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -11,7 +11,7 @@ from torch import Tensor
 from supersampler.methods.gbuffer.spec import SMALL_NETWORK, GBufferConfig
 from supersampler_model.methods.base import Size
 from supersampler_model.methods.gbuffer.buffers import Gathered, Surfaces
-from supersampler_model.methods.gbuffer.small import SmallGBuffer
+from supersampler_model.methods.gbuffer.model import SmallGBuffer
 from supersampler_model.ops.sampling import View
 from supersampler_model.training.crops import Sample
 from supersampler_model.training.gbuffer_task import GBufferTask, GBufferWeights, reflective_of
@@ -110,12 +110,11 @@ def test_each_weight_changes_its_own_term(task: GBufferTask) -> None:
 
 def gathered(now: Tensor, before: Tensor) -> Gathered:
     """What is looked at of a frame: normals, (3,) each, of surfaces that reflect little."""
-    normal, past = (n.reshape(1, 3, 1, 1) for n in (now, before))
+    normal, previous = (n.reshape(1, 3, 1, 1) for n in (now, before))
     display = surfaces(4, normal=normal.expand(1, 3, 4, 4))
     render = SimpleNamespace(shape=(1, 11, 2, 2))
-    made = SimpleNamespace(
-        current=SimpleNamespace(display=display), previous_normal=past.expand(1, 3, 2, 2), frame=render
-    )
+    current = SimpleNamespace(inputs=SimpleNamespace(display=display))
+    made = SimpleNamespace(current=current, previous_normal=previous.expand(1, 3, 2, 2), frame=render)
     return cast(Gathered, cast(Any, made))
 
 
@@ -144,6 +143,6 @@ def test_what_was_not_seen_before_has_not_turned_and_the_sky_never_shines() -> N
 def test_metal_and_mirrors_are_reflective(metallic: float, roughness: float, found: int) -> None:
     here = gathered(at(0), at(0))
     one = torch.ones(1, 1, 4, 4)
-    display = here.current.display._replace(metallic=metallic * one, roughness=roughness * one)
-    here.current.display = display  # type: ignore[misc]
+    display = here.current.inputs.display._replace(metallic=metallic * one, roughness=roughness * one)
+    here.current.inputs.display = display  # type: ignore[misc]
     assert (reflective_of(here) == found).all()

@@ -1,4 +1,4 @@
-"""What each term of the losses costs, by numbers worked out by hand."""
+"""Values of each loss term, compared with numbers computed by hand."""
 
 import math
 

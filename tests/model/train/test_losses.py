@@ -1,4 +1,4 @@
-"""What the loss asks of a picture."""
+"""Properties of the image loss."""
 
 import pytest
 import torch

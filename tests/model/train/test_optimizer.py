@@ -1,4 +1,4 @@
-"""Muon steps along orthogonal matrices, Adam along what remains, and both go downhill."""
+"""The optimizer: Muon steps are orthogonal, other weights take Adam steps, and both reduce a loss."""
 
 import pytest
 import torch

@@ -1,4 +1,4 @@
-"""The log of a run goes on after a stop, and forgets what a killed run had written ahead."""
+"""Run logs continue after a stop and drop rows beyond the checkpoint."""
 
 import csv
 from pathlib import Path
@@ -47,5 +47,5 @@ def test_a_run_does_not_begin_over_files_of_others(tmp_path: Path, name: str) ->
     assert [path.name for path in tmp_path.iterdir()] == [name]
 
 
-def width(picture: Path) -> int:
-    return int.from_bytes(picture.read_bytes()[16:20], "big")
+def width(image: Path) -> int:
+    return int.from_bytes(image.read_bytes()[16:20], "big")

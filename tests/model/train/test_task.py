@@ -1,4 +1,4 @@
-"""Training serves any recurrent method: one that reads G-buffers, without classes, with its own loss."""
+"""The trainer works with any recurrent method: here one with G-buffers, its own loss and no classes."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -26,7 +26,7 @@ PLAN = Plan(steps=24, batch=2, frames=2, size=24, rate=8e-2, average=4)
 
 
 class Mixture(Method):
-    """A learned mean of base colour, this frame's nearest samples and the last picture."""
+    """A learned mean of base colour, this frame's nearest samples and the previous image."""
 
     spec: ClassVar = MethodSpec(
         name="mixture",
@@ -46,8 +46,8 @@ class Mixture(Method):
         image = self.mixed(self.seen(color * exposure, gbuffer_display_base_color, history_color))
         return image / exposure, image
 
-    def seen(self, color: Tensor, base_color: Tensor, past: Tensor) -> Tensor:
-        return torch.cat([F.interpolate(color, scale_factor=2.0), base_color, past], dim=1)
+    def seen(self, color: Tensor, base_color: Tensor, previous: Tensor) -> Tensor:
+        return torch.cat([F.interpolate(color, scale_factor=2.0), base_color, previous], dim=1)
 
     def mixed(self, seen: Tensor) -> Tensor:
         return F.softplus(self.net(seen))
@@ -75,8 +75,8 @@ class MixtureTask(Task[Sample]):
 
     def step(self, samples: list[Sample], states: list[State]) -> Stepped:
         seen = [
-            self.method.seen(s.color * s.exposure, s.gbuffer["gbuffer_display_base_color"], past)
-            for s, (past,) in zip(samples, states, strict=True)
+            self.method.seen(s.color * s.exposure, s.gbuffer["gbuffer_display_base_color"], previous)
+            for s, (previous,) in zip(samples, states, strict=True)
         ]
         images = self.method.mixed(torch.cat(seen))
         exposed = torch.cat([s.exposure for s in samples]).reshape(-1, 1, 1, 1)

@@ -1,4 +1,4 @@
-"""Training learns, stops and goes on exactly, and refuses what it cannot use."""
+"""The trainer: the loss falls, runs resume exactly, and unusable data is refused."""
 
 import dataclasses
 from functools import partial

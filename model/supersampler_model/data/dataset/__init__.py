@@ -1,6 +1,6 @@
-"""Training sets on disk: rendered sequences with references and labels, resumable, read by memory map.
+"""Training sets on disk: rendered sequences with references and labels, resumable, memory-mapped.
 
-Described by a file of scene specs; crops are taken by `training`.
+`dataset.json` lists the sequences. Crops are cut by `training.crops`.
 """
 
 from supersampler_model.data.dataset.description import (

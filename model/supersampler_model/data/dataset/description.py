@@ -55,7 +55,7 @@ class Description:
         samples: per pixel of the reference.
         gbuffers: whether display-size G-buffers are kept.
         seed: of the random plan.
-        sequences: all of them.
+        sequences: of all splits.
     """
 
     display_size: tuple[int, int]

@@ -1,4 +1,4 @@
-"""One frame of a training set in one safetensors file, memory-mapped so that reading a crop reads no more."""
+"""Files of training frames: safetensors, memory-mapped, so that only the pixels of a crop are read."""
 
 import json
 from collections.abc import Mapping
@@ -15,17 +15,12 @@ from supersampler.errors import ShotError
 from supersampler.io.atomic import replacing
 from supersampler.io.shot.safetensors import open_safetensors
 from supersampler_model.data.errors import DatasetError
+from supersampler_model.data.rendered import UNIT_BUFFERS
 
 _AGAIN = "Delete it and render again: what is complete is kept."
 _TYPES = {"F16": np.float16, "F32": np.float32, "U8": np.uint8}
 _STORED = {"color": "F16", "depth": "F32", "motion": "F16", "reference": "F16", "ghost": "U8", "alias": "U8"}
 _DISPLAY, _RENDER = "display.", "render."
-_BYTES = (
-    "base_color",
-    "roughness",
-    "metallic",
-    "specular",
-)  # in [0, 1]; stored with eight bits, as in engines
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -78,7 +73,7 @@ def unit_range(buffers: dict[str, NDArray[Any]] | None) -> dict[str, NDArray[Any
     """Convert uint8 buffers to [0, 1]."""
     if buffers is None:
         return None
-    return {n: a.astype(np.float32) / 255.0 if n in _BYTES else a for n, a in buffers.items()}
+    return {n: a.astype(np.float32) / 255.0 if n in UNIT_BUFFERS else a for n, a in buffers.items()}
 
 
 def write_training_frame(path: Path, frame: TrainingFrame) -> None:
@@ -196,8 +191,10 @@ def _damaged(path: Path, error: Exception) -> DatasetError:
 
 
 def _rounded(prefix: str, buffers: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-    """G-buffers as they are stored, [0, 1] as 0..255."""
-    return {prefix + name: _bytes(array) if name in _BYTES else array for name, array in buffers.items()}
+    """Return G-buffers as they are stored: [0, 1] as 0 to 255."""
+    return {
+        prefix + name: _bytes(array) if name in UNIT_BUFFERS else array for name, array in buffers.items()
+    }
 
 
 def _bytes(values: NDArray[Any]) -> NDArray[np.uint8]:

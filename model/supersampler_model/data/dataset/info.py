@@ -74,4 +74,4 @@ def _classes(dataset: Dataset) -> Iterator[str]:
 
 
 def _fractions(dataset: Dataset, entries: list[SequenceEntry]) -> str:
-    return ", ".join(f"{name} {share:.2%}" for name, share in class_fractions(dataset, entries).items())
+    return ", ".join(f"{name} {fraction:.2%}" for name, fraction in class_fractions(dataset, entries).items())

@@ -1,4 +1,4 @@
-"""The plan of a data set: families in turn; files, ratios and seeds sampled from one seed."""
+"""The plan of a training set: its families take turns; glTF files, ratios and seeds follow from one seed."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,20 +23,19 @@ class RenderPlan:
 
     Attributes:
         gltf: folder of files to compose sequences of; None is procedural families alone.
-        gltf_share: of the sequences, how many are composed of them, in (0, 1]; the others are of `families`.
+        gltf_fraction: of the sequences that are composed of them, (0, 1]; the others are of `families`.
     """
 
     families: Sequence[str] = TRAIN_FAMILIES
     sequences: int = 60
     frames: int = 25
-    frame_rate: float = 30.0
     display_size: tuple[int, int] = (640, 360)
     ratios: Sequence[float] = RATIOS
     samples: int = 64
     gbuffers: bool = False
     seed: int = 0
     gltf: Path | None = None
-    gltf_share: float = 0.3
+    gltf_fraction: float = 0.3
 
 
 def plan_sequences(plan: RenderPlan) -> Description:
@@ -83,12 +82,12 @@ def _check(plan: RenderPlan) -> None:
             raise ArgumentError(name, got=getattr(plan, name), want=f"at least {least}")
     if not plan.families or not plan.ratios or min(plan.ratios) < 1.0:
         raise ArgumentError("ratios", got=list(plan.ratios), want="some of at least 1.0")
-    if not 0.0 < plan.gltf_share <= 1.0:
-        raise ArgumentError("gltf_share", got=plan.gltf_share, want="a share > 0 and <= 1")
+    if not 0.0 < plan.gltf_fraction <= 1.0:
+        raise ArgumentError("gltf_fraction", got=plan.gltf_fraction, want="a fraction > 0 and <= 1")
 
 
 class _RatioTurns:
-    """Gives each family its ratios with fixed frequencies, evenly even for few sequences."""
+    """Deals ratios to the sequences of each family: fixed frequencies, also over few sequences."""
 
     def __init__(self, ratios: Sequence[float], random: np.random.Generator) -> None:
         fractions = dict(zip(RATIOS, _RATIO_SHARES, strict=True))
@@ -100,14 +99,13 @@ class _RatioTurns:
     def next(self, family: str) -> float:
         turn = self._turns.get(family, self._random.random())
         self._turns[family] = (turn + _GOLDEN) % 1.0
-        return float(
-            self._ratios[min(int(np.searchsorted(self._ends, turn, side="right")), len(self._ends) - 1)]
-        )
+        index = int(np.searchsorted(self._ends, turn, side="right"))
+        return float(self._ratios[min(index, len(self._ends) - 1)])
 
 
 def _composed(plan: RenderPlan, index: int) -> tuple[bool, int]:
     """Return whether sequence `index` is composed of files, and how many before it are: spread evenly."""
-    fraction = 0.0 if plan.gltf is None else plan.gltf_share
+    fraction = 0.0 if plan.gltf is None else plan.gltf_fraction
     before, after = int(fraction * index + 0.5), int(fraction * (index + 1) + 0.5)
     return after > before, before
 
@@ -115,7 +113,7 @@ def _composed(plan: RenderPlan, index: int) -> tuple[bool, int]:
 def _staged(plan: RenderPlan, index: int, seed: int) -> tuple[SequenceSpec, Split]:
     """Return procedural sequence `index`, and its split."""
     family = plan.families[index % len(plan.families)]
-    spec = SequenceSpec(family=family, seed=seed, frames=plan.frames, frame_rate=plan.frame_rate)
+    spec = SequenceSpec(family=family, seed=seed, frames=plan.frames)
     if family in TEST_FAMILIES:
         return spec, "test"
     return spec, _split(index // len(plan.families))
@@ -127,8 +125,8 @@ def _composition(
     """Return glTF sequence `index`, and its split."""
     training, validation = folders
     if _split(index) == "validation" and validation is not None:
-        return validation.spec(seed, plan.frames, plan.frame_rate), "validation"
-    return training.spec(seed, plan.frames, plan.frame_rate), "train"
+        return validation.spec(seed, plan.frames), "validation"
+    return training.spec(seed, plan.frames), "train"
 
 
 def _split(turn: int) -> Split:

@@ -13,13 +13,12 @@ from supersampler_model.data.dataset.frame_file import (
     write_training_frame,
 )
 from supersampler_model.data.errors import DatasetError
-from supersampler_model.data.labels import LabelThresholds, label
-from supersampler_model.data.rendered import Rendered
+from supersampler_model.data.rendered import Rendered, labels_of
 from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.sequences import Sequence, make_sequence
 
-SAME = 0.01
-"""Maximum mean difference, relative to the mean, between two drivers' images of one frame."""
+MAX_DIFFERENCE = 0.01
+"""Of the mean of two images of one frame by different drivers, relative."""
 
 
 def render_sequence(
@@ -27,7 +26,6 @@ def render_sequence(
     entry: SequenceEntry,
     renderer: Renderer,
     *,
-    thresholds: LabelThresholds | None = None,
     on_frame: Callable[[], None] = lambda: None,
 ) -> None:
     """Render the missing frames of `entry`.
@@ -38,7 +36,6 @@ def render_sequence(
         dataset: the data set.
         entry: the sequence.
         renderer: of the set's display size and samples.
-        thresholds: of the labels.
         on_frame: called after each written frame.
 
     Raises:
@@ -52,14 +49,10 @@ def render_sequence(
         _rerender(dataset, entry, renderer, on_frame)
         return
     sequence = make_sequence(entry.spec)
-    before = _rendered(
-        dataset, entry, sequence, renderer, max(first - 1, 0)
-    )  # rendered again if an earlier run stopped
+    before = _rendered(dataset, entry, sequence, renderer, max(first - 1, 0))
     for index in range(first, entry.spec.frames):
         rendered = before if index == 0 else _rendered(dataset, entry, sequence, renderer, index)
-        exposure = rendered.exposure  # of both frames: a change of exposure is no change of lighting
-        evidence = rendered.evidence(exposure), before.evidence(exposure)
-        labels = label(*evidence, thresholds or LabelThresholds())
+        labels = labels_of(rendered, before)
         frame = TrainingFrame(
             color=rendered.color,
             depth=rendered.render.depth,
@@ -70,7 +63,7 @@ def render_sequence(
             reference=rendered.reference.color.astype(np.float16),
             ghost=labels.ghost,
             alias=labels.alias,
-            gbuffer_display=_gbuffers(rendered) if dataset.description.gbuffers else None,
+            gbuffer_display=rendered.display.gbuffer(depth=True) if dataset.description.gbuffers else None,
         )
         write_training_frame(dataset.path(entry, index), frame)
         before = rendered
@@ -102,8 +95,8 @@ def _check_same_images(
     size = own.render_size(dataset.description.display_size)
     there = dataset.own.read(own, 0).color.astype(np.float32)
     now, _ = renderer.frame(sequence.scene(0), size, jitter=halton_jitter(0, own.ratio))
-    if float(np.abs(now - there).mean()) > SAME * float(there.mean()):
-        hint = "Render a new set: scenes, or what draws them, have changed since this one was rendered."
+    if float(np.abs(now - there).mean()) > MAX_DIFFERENCE * float(there.mean()):
+        hint = "Render a new set: the scenes or the renderer have changed since this one was rendered."
         raise DatasetError(dataset.path(own, 0), "shows something else than is rendered now", hint)
 
 
@@ -116,7 +109,3 @@ def _rendered(
         jitter=halton_jitter(index, entry.ratio),
         reset=sequence.cut(index),
     )
-
-
-def _gbuffers(rendered: Rendered) -> dict[str, "np.ndarray[tuple[int, ...], np.dtype[np.floating]]"]:
-    return {**rendered.display.gbuffer(), "depth": rendered.display.depth}

@@ -23,7 +23,7 @@ def write_sheet(dataset: Dataset, folder: Path) -> None:
         if complete:
             frame = dataset.read(entry, complete // 2)
             labels = Labels(ghost=np.array(frame.ghost), alias=np.array(frame.alias))
-            image = overlay(labels, _shown(frame.reference, frame.exposure))
+            image = overlay(labels, _displayed(frame.reference, frame.exposure))
             name = f"{entry.spec.family}-{entry.spec.seed}.png"
             write_png(folder / name, with_legend(image, labels))
 
@@ -48,8 +48,8 @@ def _small(dataset: Dataset, entry: SequenceEntry) -> Image:
     height, width = (n // step * step for n in frame.reference.shape[:2])
     blocks = np.asarray(frame.reference[:height, :width], np.float32)
     mean = blocks.reshape(height // step, step, width // step, step, 3).mean(axis=(1, 3))
-    return _shown(mean, frame.exposure)
+    return _displayed(mean, frame.exposure)
 
 
-def _shown(color: NDArray[Any], exposure: float) -> Image:
+def _displayed(color: NDArray[Any], exposure: float) -> Image:
     return to_uint8(display_transform(color, exposure))

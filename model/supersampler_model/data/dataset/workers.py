@@ -38,7 +38,7 @@ def render_dataset(
     at = dataset if ratio is None else dataset.at(ratio)
     todo = [index for index, entry in enumerate(at.entries()) if at.complete(entry) < entry.spec.frames]
     indices = [todo[k::workers] for k in range(min(workers, len(todo)))]
-    run_parts([partial(_render, dataset.folder, ratio, share) for share in indices], on_frame=on_frame)
+    run_parts([partial(_render, dataset.folder, ratio, part) for part in indices], on_frame=on_frame)
 
 
 def _render(folder: Path, ratio: float | None, indices: Sequence[int], on_frame: OnFrame) -> None:

@@ -2,11 +2,11 @@
 
 Choices where the supplement is silent or contradicts itself:
 
-- Equation 1 as printed uses the depth at the same screen position; the text uses the point's own depth. Here
-it
-  is the reversed depth that the point had one frame ago.
-- Velocity is motion in display pixels a frame.
-- Equations 5 and 9 hold for any channel. Equation 5 is taken absolute: shadows arrive as well as leave.
+- Equation 1 as printed uses the depth at the same screen position, the text the depth of the point itself.
+  Here it is the reversed depth that the point had one frame ago.
+- Velocity is motion in display pixels per frame.
+- Equations 5 and 9 hold if they hold for any channel. Equation 5 takes the absolute change: shadows may come
+  or go.
 - Opening is idempotent, so "twice" is read as two erosions, then two dilations.
 - Off-screen pixels have no valid history and count as occluded.
 """
@@ -117,11 +117,9 @@ def label(now: Evidence, before: Evidence | None, thresholds: LabelThresholds = 
 def visibility_ghosting(now: Evidence, before: Evidence, thresholds: LabelThresholds = DEFAULTS) -> Mask:
     """R_G, (H, W): the surface was occluded by a closer one of another velocity, or off screen."""
     previous, on_screen = reprojected(now.motion)
-    there = before.pixels.depth_max[previous]
-    slope = _allowance(before.pixels, thresholds)[
-        previous
-    ]  # half for the samples' spread, half for the rounding
-    occluded = _closer(there, now.depth_before, slope, thresholds.depth_ghost)  # (1)
+    closest = before.pixels.depth_max[previous]
+    slope = _allowance(before.pixels, thresholds)[previous]  # for the samples' spread and for the rounding
+    occluded = _closer(closest, now.depth_before, slope, thresholds.depth_ghost)  # (1)
     occluded &= _differs(now.motion, before.motion[previous], thresholds.velocity)  # (2)
     return _dilated(occluded | ~on_screen, now, thresholds)
 
@@ -165,7 +163,7 @@ def color_varies(pixels: PixelStatistics, thresholds: LabelThresholds = DEFAULTS
     With toned t = c / (1 + c), (c_max - c_min) / c_max is (t_max - t_min) / (t_max (1 - t_min)).
     """
     low, high = pixels.color_min, pixels.color_max
-    varies = high - low > thresholds.color_range * high * (1.0 - low)  # (9), nothing divided
+    varies = high - low > thresholds.color_range * high * (1.0 - low)  # (9), without a division
     return _any_channel(varies & (high > thresholds.darkest))
 
 
@@ -211,7 +209,7 @@ def box_overlap(low: Float32, high: Float32, low2: Float32, high2: Float32, padd
 
 
 def opened(mask: Mask, times: int) -> Mask:
-    """Erode `times` times by 3x3, then dilate as often: removes what is narrower than 2 `times` + 1 pixels.
+    """Erode `times` times by 3x3, then dilate as often: removes regions narrower than 2 `times` + 1 pixels.
 
     Pixels beyond the border neither erode nor dilate.
     """
@@ -248,8 +246,8 @@ def _closer(front: Float32, back: Float32, slope: Float32, threshold: float) -> 
 
 def _differs(velocity: Float32, other: Float32, threshold: float) -> Mask:
     """(..., 2) each to (...): where the velocities' squared distance is above `threshold`."""
-    apart = np.square(velocity - other)
-    return np.asarray(apart[..., 0] + apart[..., 1] > threshold)
+    squared = np.square(velocity - other)
+    return np.asarray(squared[..., 0] + squared[..., 1] > threshold)
 
 
 # Written out: numpy is slow to reduce a last axis of two or three elements.

@@ -15,7 +15,7 @@ _SRGB8_ALPHA8 = 0x8C43
 _MAPS = ("base_color", "normal", "orm", "emissive")
 _PLAIN = ("3f4 3f4 4f4 2f4", "position", "normal", "tangent", "uv")
 _SKINNED = ("4u2 4f4", "joints", "weights")
-COVERAGE_ERROR = 0.15  # relative, of what passes the alpha test in a mip
+COVERAGE_ERROR = 0.15  # relative error of the fraction of a mip that passes the alpha test
 
 
 class Assets:
@@ -116,10 +116,9 @@ def _once(made: Any, source: Any, make: Callable[[Any], Any]) -> Any:
 
 
 def _keep_coverage(texture: Any, pixels: NDArray[np.uint8], cutoff: float) -> None:
-    """Scale the opacity of each mip so that as much passes the test as in `pixels`; otherwise far fences
-    vanish.
+    """Scale the opacity of each mip so that the same fraction passes the alpha test as in `pixels`.
 
-    Mips too small for that are dropped: there holes alias, as in a game.
+    Without that, distant fences vanish. Mips too small for it are dropped: there holes alias, as in games.
     """
     threshold = 255.0 * cutoff
     covered = float((pixels[..., 3] >= threshold).mean())
@@ -127,7 +126,7 @@ def _keep_coverage(texture: Any, pixels: NDArray[np.uint8], cutoff: float) -> No
     mips = []
     for level in range(1, max(width, height).bit_length()):
         mip = np.frombuffer(texture.read(level=level), np.uint8).reshape(-1, 4).copy()
-        passes = float(np.quantile(mip[:, 3], 1.0 - covered))  # were it the cutoff, as much would pass
+        passes = float(np.quantile(mip[:, 3], 1.0 - covered))  # the cutoff that passes the same fraction
         mip[:, 3] = np.clip(np.ceil(mip[:, 3] * (threshold / max(passes, 1.0))), 0.0, 255.0)
         if abs(float((mip[:, 3] >= threshold).mean()) - covered) > COVERAGE_ERROR * covered:
             break

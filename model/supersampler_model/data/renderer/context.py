@@ -1,4 +1,4 @@
-"""An OpenGL context without a window: EGL's (a GPU, or Mesa in software), else OSMesa's from a pip wheel."""
+"""OpenGL contexts without a window: EGL (a GPU, or Mesa in software), else OSMesa from a pip wheel."""
 
 import ctypes
 import importlib.util
@@ -22,11 +22,11 @@ Backend = Literal["auto", "egl", "osmesa"]
 
 
 class Graphics(NamedTuple):
-    """A context, and what moderngl does not offer.
+    """A context, with GL functions that moderngl lacks.
 
     Attributes:
         gl: the moderngl context; enter it to make it current.
-        address: finds a GL function by name.
+        address: returns the address of a GL function by name.
     """
 
     gl: Any

@@ -1,4 +1,4 @@
-"""The instances of one scene on the GPU, and the passes that draw them."""
+"""The draw calls of one scene: its instances on the GPU, and the surface and shadow passes."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -25,7 +25,7 @@ class Draws:
     def surfaces(self, rigid: Any, skinned: Any) -> None:
         """Draw all, with the program for rigid and for skinned meshes."""
         for instance in self._bound():
-            # The projection turns y around: what is counter-clockwise in the world is clockwise here.
+            # The projection flips y: counter-clockwise triangles of the world are clockwise on the screen.
             self._gl.front_face = "ccw" if _mirrors(instance) else "cw"
             if instance.material.double_sided:
                 self._gl.disable(self._gl.CULL_FACE)
@@ -52,7 +52,7 @@ class Draws:
 
 
 def _order(instance: Instance, scene: Scene) -> tuple[bool, float]:
-    """Holes last, as they delay the depth test; else front to back, to skip shading of occluded surfaces."""
+    """Sort key: alpha-tested surfaces last, as they delay the depth test; the others front to back."""
     center = instance.model @ np.append(instance.mesh.center(), 1.0)
     distance = float(np.linalg.norm(center[:3] - scene.camera.position))
     return instance.material.alpha_cutoff is not None, distance

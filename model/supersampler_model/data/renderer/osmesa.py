@@ -11,19 +11,15 @@ _UNSIGNED_BYTE = 0x1401
 
 
 class OsMesa:
-    """A context in the form that moderngl takes one: `load` by name, and entering makes it current."""
+    """An OpenGL context with the interface that moderngl expects: `load`, `release`, and `with` to use it."""
 
     def __init__(self, library: ctypes.CDLL) -> None:
         self._library = library
         library.OSMesaGetProcAddress.restype = ctypes.c_void_p
         library.OSMesaGetProcAddress.argtypes = [ctypes.c_char_p]
         library.OSMesaCreateContextAttribs.restype = ctypes.c_void_p
-        library.OSMesaMakeCurrent.argtypes = [
-            ctypes.c_void_p,
-            ctypes.c_void_p,
-            ctypes.c_uint,
-            *[ctypes.c_int] * 2,
-        ]
+        pointer, integer = ctypes.c_void_p, ctypes.c_int
+        library.OSMesaMakeCurrent.argtypes = [pointer, pointer, ctypes.c_uint, integer, integer]
         library.OSMesaDestroyContext.argtypes = [ctypes.c_void_p]
         attributes = [_FORMAT, _RGBA, _PROFILE, _CORE, _MAJOR, 4, _MINOR, 5, 0]
         self._context = library.OSMesaCreateContextAttribs(
@@ -43,28 +39,28 @@ class OsMesa:
         if main is None:
             raise GraphicsError(f"{folder} holds no libOSMesa")
         problem: OSError | None = None
-        while waiting:  # they need one another: load those that can be, until all are
-            left = []
+        while waiting:  # the libraries depend on each other: retry those that failed, until none loads
+            failed = []
             for file in waiting:
                 try:
                     ctypes.CDLL(str(file), mode=ctypes.RTLD_GLOBAL)
                 except OSError as error:
                     problem = error
-                    left.append(file)
-            if main not in left:
+                    failed.append(file)
+            if main not in failed:
                 break
-            if len(left) == len(waiting):
+            if len(failed) == len(waiting):
                 raise GraphicsError(f"{main.name} cannot be loaded: {problem}")
-            waiting = left
+            waiting = failed
         return cls(ctypes.CDLL(str(main)))
 
     def address(self, name: bytes) -> int | None:
-        """Return where a GL function is."""
+        """Return the address of a GL function; None: there is none."""
         address: int | None = self._library.OSMesaGetProcAddress(name)
         return address
 
     def load(self, name: str) -> int:
-        """Return where a GL function is, 0 if nowhere."""
+        """Return the address of a GL function, 0 if there is none."""
         return self.address(name.encode()) or 0
 
     def __enter__(self) -> "OsMesa":
@@ -73,7 +69,7 @@ class OsMesa:
         return self
 
     def __exit__(self, *_: Any) -> None:
-        """Leave it current, as EGL's are: entering another one changes that."""
+        """Leave it current, as EGL contexts are; entering another context replaces it."""
 
     def release(self) -> None:
         """Free the context."""

@@ -163,7 +163,7 @@ class Renderer:
                 yield (slice(top, top + h), slice(left, left + w)), raster
 
     def _draw(self, scene: Scene, kind: str, role: str, raster: Raster) -> Target:
-        """Draw into the target of `role`, all of the passes."""
+        """Draw all passes into the target of `role`."""
         self._prepare(scene)
         gl, target = self._gl, self._target(role, raster.size, _FORMATS[kind], depth=True)
         self._view.write(view_block(scene, self.display_size[0] / self.display_size[1], raster))
@@ -177,7 +177,7 @@ class Renderer:
         target.framebuffer.use()
         target.framebuffer.clear(depth=0.0)
         gl.enable_only(gl.DEPTH_TEST)
-        gl.depth_func = ">="  # reversed; the sky, at 0, passes where nothing is
+        gl.depth_func = ">="  # reversed depth; the sky has depth 0, as the cleared target
         self._draws.surfaces(programs.rigid, programs.skinned)
         gl.enable_only(gl.DEPTH_TEST)
         self._screen(programs.sky)
@@ -219,11 +219,11 @@ class Renderer:
         return target
 
     def _prepare(self, scene: Scene) -> None:
-        """Upload what is new in `scene`, and draw its shadows."""
+        """Upload the new assets of `scene`, and draw its shadow maps."""
         if scene is self._scene:
             return
-        self._scene = None  # until all of the new one is there
-        self._gl.gc()  # what belonged to scenes that are gone
+        self._scene = None  # until all of the new scene is uploaded
+        self._gl.gc()  # frees the objects of earlier scenes
         self._draws = Draws(self._gl, self._assets, scene)
         self._panorama, irradiance = self._assets.environment(scene.environment)
         height = scene.environment.pixels.shape[0]
@@ -257,7 +257,7 @@ class Renderer:
 
 
 def _even_step(extent: int, most: int) -> int:
-    """Return the size of parts of `extent`, no larger than `most`, that are alike where they can be."""
+    """Return the size of the fewest equal parts of `extent` that are no larger than `most`."""
     return ceil(extent / ceil(extent / max(most, 1)))
 
 
@@ -275,6 +275,7 @@ def _programs(gl: Any, kind: str, *lights: str) -> Programs:
     lighting = () if kind == "SURFACES" else ("lighting",)
     fragment = ("blocks", "material", "outputs", *lighting, "surface_frag")
     vertex = ("blocks", "skin", "surface_vert")
+    sky = ("blocks", "material", "outputs", *lighting, "sky_frag")
     particle = None
     if kind in _COLOR_AT:
         defines = (f"COLOR {_COLOR_AT[kind]}",)
@@ -282,9 +283,7 @@ def _programs(gl: Any, kind: str, *lights: str) -> Programs:
     return Programs(
         rigid=build(gl, vertex, fragment, (kind, *lights)),
         skinned=build(gl, vertex, fragment, (kind, *lights, "SKINNED")),
-        sky=build(
-            gl, ("blocks", "screen_vert"), ("blocks", "material", "outputs", *lighting, "sky_frag"), (kind,)
-        ),
+        sky=build(gl, ("blocks", "screen_vert"), sky, (kind,)),
         particle=particle,
     )
 

@@ -11,7 +11,7 @@ from supersampler_model.data.scenes.scene import MAX_JOINTS, Instance, Scene
 
 Values = NDArray[np.float64]
 Size = tuple[int, int]
-DRAW_BYTES = 256  # of one instance; every GL accepts this alignment
+DRAW_BYTES = 256  # per instance; a multiple of every GL's offset alignment
 PALETTES_BYTES = 2 * MAX_JOINTS * 64
 SHADOW_SIZE = 2048  # texels a side, of the sun's map; the spot's has half as many
 
@@ -24,7 +24,7 @@ class Raster:
         size: samples (x, y).
         corner, extent: the part, in units of the image: (0, 0) is its top left corner, (1, 1) the other.
         pixels: size of the image in which motion is counted.
-        filter_width: of textures, in samples of this grid: as wide as a display pixel.
+        filter_width: width of the texture filter in samples of this grid: a display pixel's.
     """
 
     size: Size

@@ -1,4 +1,4 @@
 """Scenes to render: procedural families, glTF assets, and analytic ones without a renderer.
 
-Geometry, materials, lights and motion; pixels are `data.renderer`'s.
+They hold geometry, materials, lights and motion; `data.renderer` renders them.
 """

@@ -1,9 +1,8 @@
 """Analytic scenes in numpy: exact references at any resolution and exact motion, without a renderer.
 
-A scene is a function of a frame's index and of places on a screen of 64 x 36 units (16:9). A frame samples it
-at pixel centre + jitter; the truth averages it over each pixel's area; the evidence for labels gathers ranges
-over that area. The size of an image is chosen when it is rendered: 1 unit is 1 pixel at 64 x 36
-and 2 pixels at 128 x 72.
+A scene is a function of the frame index and of positions on a screen of 64 x 36 units (16:9). `frame`
+samples it at pixel centre + jitter, `truth` averages it over each pixel's area, and `evidence` collects the
+ranges over that area for the labels. The image size is an argument: 1 unit is 2 pixels at 128 x 72.
 
 >>> scene = Plane(zone_plate)
 >>> frames = [scene.frame(i, (64, 36), jitter) for i, jitter in enumerate(jitters)]
@@ -29,7 +28,7 @@ Pattern = Callable[[Values, Values], Values]
 """(x, y), (...) units each, to (..., 3): linear RGB in [0, 1], or unit normals."""
 
 EXTENT = (64.0, 36.0)
-FAR, NEAR = 0.01, 0.1  # reversed depth of the background and of what is before it
+FAR, NEAR = 0.01, 0.1  # reversed depth of background and foreground
 
 
 class Surface(NamedTuple):
@@ -118,7 +117,7 @@ def grids(size: Size, samples: int) -> Iterator[tuple[Values, Values]]:
             yield places(size, (dx, dy))
 
 
-# --- patterns: colours, hard to sample but for the plain one, and normals ---
+# --- patterns: colours that are hard to sample (except `plain`), and normals ---
 
 
 def plain(x: Values, y: Values) -> Values:

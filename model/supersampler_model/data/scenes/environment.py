@@ -1,15 +1,13 @@
-"""Light from all around: a panorama, its diffuse part as spherical harmonics, its glossy parts as mips."""
+"""Environment lighting: a panorama, its irradiance as spherical harmonics, its glossy reflections as mips."""
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from supersampler_model.data.checks import check_array
 from supersampler_model.data.errors import SceneError
-from supersampler_model.data.values import Points
+from supersampler_model.data.values import Points, Values
 
-Values = NDArray[np.float64]
 CONVOLVED = 64  # width from which on mips are true GGX convolutions; above, their lobes are a texel wide
 
 

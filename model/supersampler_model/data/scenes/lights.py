@@ -1,4 +1,4 @@
-"""Lights. Their colour is linear RGB in the environment's unit of radiance, times steradian."""
+"""Sun, spot and point lights; colours are linear RGB in the environment's radiance unit times steradian."""
 
 from dataclasses import dataclass
 
@@ -19,7 +19,7 @@ class Sun:
     Attributes:
         direction: from the light to the scene; its length does not matter.
         color: irradiance on a surface that faces it.
-        center, radius: what the shadow map covers, metres; outside nothing is in shadow.
+        center, radius: of the sphere that the shadow map covers, metres; there is no shadow outside.
     """
 
     direction: Vector
@@ -48,7 +48,7 @@ class Spot:
     Attributes:
         color: radiant intensity on the axis: irradiance at 1 m.
         inner, outer: half angles, degrees, between which it fades.
-        reach: metres, > 0.1: where it has faded to nothing.
+        reach: distance at which it has faded to 0, metres, > 0.1.
     """
 
     position: Vector
@@ -83,7 +83,7 @@ class Point:
 
     Attributes:
         color: radiant intensity: irradiance at 1 m.
-        reach: metres: where it has faded to nothing.
+        reach: distance at which it has faded to 0, metres.
     """
 
     position: Vector

@@ -1,4 +1,4 @@
-"""Triangles, with what shading, normal maps and skinning need at each vertex."""
+"""Triangle meshes with normals, tangents, texture coordinates and skins."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ from supersampler_model.data.values import Indices, Joints, Points
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Skin:
-    """By which joints each vertex is moved.
+    """The joints that move each vertex.
 
     Attributes:
         joints: (n, 4) uint16, indices into the instance's palette.
@@ -75,7 +75,7 @@ def tangents_of(positions: Points, normals: Points, uv: Points, indices: Indices
     edge, other = positions[b] - positions[a], positions[c] - positions[a]
     along, beside = uv[b] - uv[a], uv[c] - uv[a]
     area = along[:, :1] * beside[:, 1:] - along[:, 1:] * beside[:, :1]
-    flip = np.where(area < 0.0, -1.0, 1.0)  # weighted by size in the texture: no division by nothing
+    flip = np.where(area < 0.0, -1.0, 1.0)  # weighted by area in the texture, which may be 0: no division
     of_u = flip * (edge * beside[:, 1:] - other * along[:, 1:])
     of_v = flip * (other * along[:, :1] - edge * beside[:, :1])
     u, v = np.zeros((2, *positions.shape), np.float64)

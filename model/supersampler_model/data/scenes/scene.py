@@ -1,4 +1,4 @@
-"""One moment of a scene, with the state one frame ago that motion vectors need.
+"""The scene of one frame, with its state in the previous frame, from which motion vectors are computed.
 
 Plain arrays, no file, no GL. Space is right-handed with y up, in metres. Matrices are (4, 4), row-major,
 acting on column vectors: world = model @ local. Colours are linear RGB; lights and the environment are in the
@@ -143,9 +143,9 @@ class Instance:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Particles:
-    """Soft round sprites that face the camera. As in an engine they are in the colour and nowhere else.
+    """Soft round sprites that face the camera.
 
-    They are rendered after all opaque surfaces, depth-tested, and write neither depth nor motion.
+    As in engines, they are rendered after all opaque surfaces, depth-tested, and write only colour.
 
     Attributes:
         centers: (n, 3) world.

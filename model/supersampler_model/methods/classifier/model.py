@@ -58,6 +58,7 @@ from supersampler_model.ops.motion import (
     morphological_opening,
     read,
     read_cubic,
+    relative_depth_change,
     reproject,
     usable_depth,
     usable_motion,
@@ -213,9 +214,7 @@ class Classifier(LearnedMethod):
         x, y = before.to_render(front.x, front.y)
         occluded = disocclusion(depth, history.depth[:, 1:2], x, y, c.depth_margin, c.depth_ramp)
         depth_before = on * read(history.depth[:, :1], (x + 0.5).floor(), (y + 0.5).floor(), mode="nearest")
-        difference = (depth_before - depth) / torch.maximum(depth_before, depth).clamp(
-            min=1e-12
-        )  # equation 10
+        difference = relative_depth_change(depth_before, depth)  # equation 10
         state = on * read(history.state, front.x, front.y)
         most, glare = without_glare(state[:, 2:3])
         linear = self.toned(sanitize(read(history.color, front.x, front.y), 0.0) * exposure) * on

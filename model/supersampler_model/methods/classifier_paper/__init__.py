@@ -1,4 +1,4 @@
-"""`classifier-paper`: Guo et al. 2022 to the letter, to compare with.
+"""`classifier-paper`: Guo et al. 2022 as published, for comparison with `classifier`.
 
-No weights ship for it.
+No weights are released for it.
 """

@@ -21,11 +21,11 @@ from supersampler_model.methods.classifier.network import (
     pack,
 )
 from supersampler_model.ops.color import TONES, bounded, sanitize
-from supersampler_model.ops.motion import Reprojection, read, read_cubic
+from supersampler_model.ops.motion import Reprojection, read, read_cubic, relative_depth_change
 from supersampler_model.ops.sampling import View, linear, positions, resample, taps
 
-PLANES = 20  # section 3: colour 3, depth 1, motion 2, counter 1, range 6, difference 1, classes 6
-PIXEL = 14  # compositor inputs: colour 3, history 3, classes 6, counter 1, difference 1
+PLANES = 20  # section 3: colour 3, depth 1, motion 2, count 1, range 6, depth change 1, classes 6
+COMPOSITOR_INPUTS = 14  # colour 3, history 3, classes 6, count 1, depth change 1
 
 
 class PaperNetwork(nn.Module):
@@ -37,9 +37,8 @@ class PaperNetwork(nn.Module):
         widths = [self.encoder.out_channels, *[config.decoder] * config.decoder_layers]
         self.decoder = nn.Sequential(*(Pointwise(a, b) for a, b in itertools.pairwise(widths)))
         self.classes = Pointwise(config.decoder, CLASSES, rectified=False)
-        self.compositor = nn.Sequential(
-            nn.Conv2d(PIXEL, config.hidden, 1), nn.ReLU(), nn.Conv2d(config.hidden, 1, 1), nn.Sigmoid()
-        )
+        hidden = nn.Conv2d(COMPOSITOR_INPUTS, config.hidden, 1)
+        self.compositor = nn.Sequential(hidden, nn.ReLU(), nn.Conv2d(config.hidden, 1, 1), nn.Sigmoid())
 
     def forward(self, packed: Tensor, half_inputs: Tensor) -> tuple[Tensor, Tensor]:
         """Return the logits (n, 6, h, w) twice: the compositor runs at display size, in `finish`."""
@@ -49,7 +48,7 @@ class PaperNetwork(nn.Module):
 
 
 class PaperClassifier(Classifier):
-    """Classify at half size, upsample the logits, blend by one weight a pixel."""
+    """Classify at half size, upsample the logits, blend history and frame by one weight per pixel."""
 
     spec: ClassVar = CLASSIFIER_PAPER
 
@@ -58,7 +57,7 @@ class PaperClassifier(Classifier):
         return PaperNetwork(self.config.network)
 
     def fused(self) -> Fused | None:
-        """None: between classifier and compositor the logits are upsampled."""
+        """Return None: the upsampling between classifier and compositor is part of `finish`."""
         return None
 
     def gather_history(
@@ -70,13 +69,11 @@ class PaperClassifier(Classifier):
         before: View,
         exposure: Tensor,
     ) -> WarpedHistory:
-        """Warp the history: counter, range and depth by nearest samples, classes bilinear (section 3)."""
+        """Warp the history: count, range and depth by nearest samples, classes bilinearly (section 3)."""
         del own
         x, y = before.to_render(front.x, front.y)
         depth_before = read(history.depth[:, :1], (x + 0.5).floor(), (y + 0.5).floor(), mode="nearest")
-        difference = (depth_before - depth) / torch.maximum(depth_before, depth).clamp(
-            min=1e-12
-        )  # equation 10
+        difference = relative_depth_change(depth_before, depth)  # equation 10
         state = read(history.state, (front.x + 0.5).floor(), (front.y + 0.5).floor(), mode="nearest")
         color = read_cubic(history.color, front.x, front.y)  # "similar to TAA"
         toned = self.toned(sanitize(color, 0.0) * exposure)
@@ -107,13 +104,13 @@ class PaperClassifier(Classifier):
         return pack(torch.cat(planes, dim=1)), warped.classes[:, :0, ::2, ::2]
 
     def finish(self, gathered: Gathered, logits: Tensor, blend: Tensor) -> Finished:
-        """Upsample the logits, compute the weight, blend; update counter and range."""
+        """Upsample the logits, compute the weight, blend; update sample count and range."""
         del blend
         current, warped = gathered.current, gathered.warped
         height, width = current.frame.shape[2], current.frame.shape[3]
-        none = torch.zeros(1, device=logits.device)
-        x = taps(positions(width, logits.shape[3], none), logits.shape[3], linear, reach=1)
-        y = taps(positions(height, logits.shape[2], none), logits.shape[2], linear, reach=1)
+        no_jitter = torch.zeros(1, device=logits.device)
+        x = taps(positions(width, logits.shape[3], no_jitter), logits.shape[3], linear, reach=1)
+        y = taps(positions(height, logits.shape[2], no_jitter), logits.shape[2], linear, reach=1)
         upsampled = resample(logits, x, y)
         classes = torch.cat(
             [class_probabilities(upsampled[:, :3]), class_probabilities(upsampled[:, 3:])], dim=1
@@ -130,12 +127,12 @@ class PaperClassifier(Classifier):
 
         occluded = (classes[:, 1:2] > torch.maximum(classes[:, :1], classes[:, 2:3])).float()
         kept = known * (1.0 - occluded)
-        counter = warped.samples * kept + 1.0  # 0: no history
+        next_count = warped.samples * kept + 1.0  # 0: no history
         now = current.frame
         low, high = warped.range[:, :3], warped.range[:, 3:]
-        share = self.config.contraction  # without it the range would only grow
-        low = torch.minimum(low, now) + share * (now - low).clamp(min=0.0)
-        high = torch.maximum(high, now) - share * (high - now).clamp(min=0.0)
-        both = torch.cat([now, now], dim=1)
-        range_ = both + kept * (torch.cat([low, high], dim=1) - both)
-        return Finished(image, torch.cat([counter, range_], dim=1), classes, weight)
+        rate = self.config.contraction  # without it the range would only grow
+        low = torch.minimum(low, now) + rate * (now - low).clamp(min=0.0)
+        high = torch.maximum(high, now) - rate * (high - now).clamp(min=0.0)
+        point = torch.cat([now, now], dim=1)  # the range of this frame alone
+        range_ = point + kept * (torch.cat([low, high], dim=1) - point)
+        return Finished(image, torch.cat([next_count, range_], dim=1), classes, weight)

@@ -1,4 +1,4 @@
-"""Unshaded frames: `guided-warp`, `guided-flow` and `extrapolate`, after ExtraSS (Wu et al. 2023).
+"""Frame extrapolation after ExtraSS (Wu et al. 2023): `guided-warp`, `guided-flow` and `extrapolate`.
 
-They compute a frame's colour, or supersample frames whose colour was computed so.
+The first two compute the colour of unshaded frames; `extrapolate` upscales shaded and such frames.
 """

@@ -1,8 +1,8 @@
 """`guided-warp`: the colour of an unshaded frame, from the last shaded one.
 
-The surfaces of this frame are known from its G-buffers; only the light is not. It is taken from similar
-surfaces of the last shaded frame (`guided.py`) and multiplied by each pixel's own base colour. The image has
-this frame's samples and jitter: an upscaler steps on it as on a shaded frame.
+The G-buffers of an unshaded frame give its surfaces; only the light is missing. It is taken from similar
+surfaces of the last shaded frame (`guided.py`) and multiplied by each pixel's own reflectance. The image has
+the samples and the jitter of the unshaded frame: an upscaler steps on it as on a shaded frame.
 """
 
 from typing import ClassVar
@@ -49,10 +49,10 @@ class GuidedWarp(Method):
         history_motion_jitter: Tensor,  # (1, 2)
     ) -> tuple[Tensor, ...]:
         """Return the image (1, 3, h, w), linear RGB >= 0, and the next history."""
-        now = surface_of(gbuffer_base_color, gbuffer_normal, depth)
-        then = shaded_of(history_color, history_base_color, history_normal, history_depth, history_jitter)
-        total = back_to_shaded(motion, jitter, history_motion, history_motion_jitter)
-        x, y = samples_at(total, jitter, render_size_of(then.color), then.jitter)
-        light = guided_light(now, then, x, y, self.config)
-        image = bounded(light * reflectance(now, self.config))
-        return (image, then.color, *then.surface, then.jitter * 1.0, total, jitter * 1.0)
+        surface = surface_of(gbuffer_base_color, gbuffer_normal, depth)
+        shaded = shaded_of(history_color, history_base_color, history_normal, history_depth, history_jitter)
+        to_shaded = back_to_shaded(motion, jitter, history_motion, history_motion_jitter)
+        x, y = samples_at(to_shaded, jitter, render_size_of(shaded.color), shaded.jitter)
+        light = guided_light(surface, shaded, x, y, self.config)
+        image = bounded(light * reflectance(surface, self.config))
+        return (image, shaded.color, *shaded.surface, shaded.jitter * 1.0, to_shaded, jitter * 1.0)

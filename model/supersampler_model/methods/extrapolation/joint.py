@@ -1,9 +1,9 @@
 """`extrapolate`: upscales shaded and extrapolated frames on one history (Wu et al. 2023).
 
-Everything but the network is that of `classifier`. The network has two encoders: one for shaded frames, one
-for extrapolated frames, which also reads their base colour. Extrapolated samples lie where shaded ones would,
-but have other errors; their own encoder learns how far to trust them (section 4.4). The paper's second
-encoder reads the warped and the refined colour; ours reads the combination of both by equation 5.
+All stages but the network are those of `classifier`. The network has two encoders: one for shaded frames, one
+for extrapolated frames, which also reads their base colour. Extrapolated colours have other errors than
+shaded ones; their own encoder learns how far to trust them (section 4.4). The paper's second encoder reads
+the warped and the refined colour; ours reads their combination by equation 5.
 """
 
 from typing import ClassVar, Self
@@ -11,7 +11,6 @@ from typing import ClassVar, Self
 from torch import Tensor, nn
 
 from supersampler.errors import ArgumentError
-from supersampler.methods.classifier.spec import CLASSES
 from supersampler.methods.extrapolation.spec import EXTRAPOLATE, EXTRAPOLATE_UNSHADED
 from supersampler.methods.spec import HALF
 from supersampler_model.methods.base import Fused, render_size_of
@@ -28,7 +27,7 @@ SURFACE = 3
 
 
 class TwoEncoders(Classifier):
-    """The network and weights of both kinds of frames."""
+    """`Classifier` with a network for both kinds of frames."""
 
     net: ExtraSSNetwork
 
@@ -51,7 +50,7 @@ class Extrapolate(TwoEncoders):
 
     @classmethod
     def from_classifier(cls, trained: Trained) -> Self:
-        """Return the method before its training: both encoders compute what the classifier's does.
+        """Return the method before its training: both encoders have the classifier's weights.
 
         Args:
             trained: weights of `classifier` or `classifier-small`, whose widths the method takes.
@@ -81,19 +80,10 @@ class UnshadedExtrapolate(TwoEncoders):
 
     spec: ClassVar = EXTRAPOLATE_UNSHADED
 
-    def fused(self) -> Fused:
+    def fused(self) -> Fused | None:
         """See `Classifier`; the third input is packed base colour."""
-        c = self.config
-        inputs = {
-            "packed": (1, 4 * c.planes, *HALF),
-            "half_inputs": (1, c.half_inputs, *HALF),
-            "surface": (1, 4 * SURFACE, *HALF),
-        }
-        return Fused(
-            self.net,
-            inputs,
-            {"logits": (1, CLASSES, *HALF), "blend_parameters": (1, 4 * c.blend_parameters, *HALF)},
-        )
+        fused = super().fused()
+        return fused and fused._replace(inputs={**fused.inputs, "surface": (1, 4 * SURFACE, *HALF)})
 
     def forward(  # type: ignore[override]  # one more input
         self,
@@ -114,7 +104,7 @@ class UnshadedExtrapolate(TwoEncoders):
 
 
 def packed_base_color(base_color: Tensor, view: View) -> Tensor:
-    """(1, 4 SURFACE, H / 2, W / 2) square root of the nearest sample's base colour, packed.
+    """Return the square root of the nearest sample's base colour, packed: (1, 4 SURFACE, H / 2, W / 2).
 
     Args:
         base_color: (1, 3, h, w); NaN and Inf count as black.

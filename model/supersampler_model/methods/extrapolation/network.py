@@ -1,4 +1,4 @@
-"""ExtraSSNet (Wu et al. 2023, section 4.4) on the network of Guo et al. 2022: two encoders, shared decoder.
+"""The network of `extrapolate`: that of Guo et al. 2022 with two encoders (Wu et al. 2023, section 4.4).
 
 One encoder reads shaded frames (E0 of the paper), the other extrapolated frames (E1) with their base colour.
 """
@@ -47,8 +47,8 @@ class ExtraSSNetwork(ClassifierNetwork):
 
     def copy_shaded_encoder(self) -> None:
         """Copy the encoder of shaded frames to that of extrapolated ones, with zero weights for surfaces."""
-        begun = self.encoder.state_dict()
-        first = next(iter(begun))  # the first 1x1 convolution; its last inputs are the surfaces
+        shaded = self.encoder.state_dict()
+        first = next(iter(shaded))  # the first 1x1 convolution; its last inputs are the surfaces
         own = self.extrapolated_encoder.state_dict()[first]
-        more = own.new_zeros(own.shape[0], own.shape[1] - begun[first].shape[1], 1, 1)
-        self.extrapolated_encoder.load_state_dict({**begun, first: torch.cat([begun[first], more], dim=1)})
+        zeros = own.new_zeros(own.shape[0], own.shape[1] - shaded[first].shape[1], 1, 1)
+        self.extrapolated_encoder.load_state_dict({**shaded, first: torch.cat([shaded[first], zeros], dim=1)})

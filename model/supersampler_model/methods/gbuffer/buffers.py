@@ -7,7 +7,8 @@ from torch import Tensor
 from supersampler_model.methods.gbuffer.network import NetworkInputs
 from supersampler_model.ops.sampling import View
 
-PREVIOUS_NORMAL = slice(13, 16)  # channels of `NetworkInputs.refiner_inputs`
+PREVIOUS_NORMAL = slice(13, 16)
+"""Channels of `NetworkInputs.refiner_inputs` with the normals of the previous frame."""
 
 
 class Surfaces(NamedTuple):
@@ -21,40 +22,47 @@ class Surfaces(NamedTuple):
     depth: Tensor  # (1, 1, h, w) reversed
 
 
+class FrameInputs(NamedTuple):
+    """The inputs of one frame."""
+
+    color: Tensor  # (1, 3, h, w) linear RGB
+    motion: Tensor  # (1, 2, h, w) render pixels, previous minus current
+    exposure: Tensor  # (1,) 0: measure
+    render: Surfaces
+    display: Surfaces
+    view: View
+
+
 class Samples(NamedTuple):
-    """This frame's samples around each display pixel: nine, row by row."""
+    """The 3x3 samples of this frame around each display pixel, row by row."""
 
     colors: list[Tensor]  # of (1, 3, H, W), colour over reflectance, toned
     weights: list[Tensor]  # of (1, 1, H, W), by distance and similarity of the surfaces
-    likeness: Tensor  # (1, 1, H, W) sum of the weights, about 1 where a similar surface was sampled
+    similarity: Tensor  # (1, 1, H, W) sum of the weights, about 1 where a similar surface was sampled
 
 
 class CurrentFrame(NamedTuple):
-    """This frame."""
+    """This frame, sanitized and resampled at the display pixels."""
 
-    toned: Tensor  # (1, 3, h, w) exposed colour; 0 where it is not usable
-    usable: Tensor  # (1, 1, h, w)
-    motion: Tensor  # (1, 2, h, w)
-    render: Surfaces
-    display: Surfaces
+    toned: Tensor  # (1, 3, h, w) exposed colour after the tone curve; 0 where it is not usable
+    usable: Tensor  # (1, 1, h, w) 1 where the colour is valid, else 0
+    inputs: FrameInputs  # sanitized, with the exposure to use
     reflectance: Tensor  # (1, 3, H, W) of the display pixels' surfaces
     samples: Samples
-    guided: Tensor  # (1, 3, H, W) their mean times the pixel's reflectance, toned
-    smooth: Tensor  # (1, 3, H, W) mean colour by distance alone, toned
-    near: Tensor  # (1, 3, H, W) mean of the samples near the pixel, toned: accumulated, it gives the edges
-    confidence: Tensor  # (1, 1, H, W) sum of their Gaussian weights, [0, 1]
-    view: View
-    exposure: Tensor  # (1,) > 0
+    guided: Tensor  # (1, 3, H, W) weighted mean of `samples` times the pixel's reflectance, toned
+    smooth: Tensor  # (1, 3, H, W) mean colour under a wide Gaussian, toned
+    near: Tensor  # (1, 3, H, W) mean colour under a narrow Gaussian, toned; its average over frames is sharp
+    confidence: Tensor  # (1, 1, H, W) sum of the weights of `near`, [0, 1]
     followed: Tensor  # (1,) signed exposure for the history, see `exposure_for`
 
 
 class WarpedHistory(NamedTuple):
-    """The warped history at display size, toned RGB."""
+    """The warped history at display size; colours are toned RGB."""
 
-    color: Tensor  # (1, 3, H, W) by the dilated motion
-    own: Tensor  # (1, 3, H, W) by the pixel's own motion
-    relit: Tensor  # (1, 3, H, W) the same, divided by the old and multiplied by the new reflectance
-    counted: Tensor  # (1, 1, H, W) number of accumulated samples; 0 without history
+    color: Tensor  # (1, 3, H, W) warped by the dilated motion
+    own: Tensor  # (1, 3, H, W) warped by the pixel's own motion
+    relit: Tensor  # (1, 3, H, W) `own`, divided by the previous reflectance and multiplied by the current one
+    sample_count: Tensor  # (1, 1, H, W) number of accumulated samples; 0 without history
     surface: Tensor  # (1, 1, H, W) 0 where the surface was occluded, 1 where it was visible
 
 
@@ -63,7 +71,7 @@ class History(NamedTuple):
 
     color: Tensor
     reflectance: Tensor
-    counted: Tensor
+    sample_count: Tensor
     frame: Tensor
     frame_before: Tensor
     motion: Tensor
@@ -78,11 +86,11 @@ class Gathered(NamedTuple):
     inputs: NetworkInputs
     current: CurrentFrame
     warped: WarpedHistory
-    frame: Tensor  # (1, FRAME, h, w) this frame, for the history
+    frame: Tensor  # (1, FRAME, h, w) the channels of this frame that the history stores
 
     @property
     def previous_normal(self) -> Tensor:
-        """(1, 3, h, w) normals of the previous frame, warped; 0 where they are masked."""
+        """(1, 3, h, w) warped normals of the previous frame; 0 where they are masked."""
         return self.inputs.refiner_inputs[:, PREVIOUS_NORMAL]
 
 

@@ -1,10 +1,10 @@
 """`gbuffer`: supersampling with G-buffers of display size (Wang et al. 2025).
 
-The reflectance of every display pixel is known from the G-buffers; the light is known at a few samples.
-Samples are divided by the reflectance of their own surface, resampled at display pixels with similar
-surfaces, and multiplied by the reflectance there: textures and edges are complete in the first frame. The
-paper's network reads the G-buffers, this frame and two previous frames, and infers how to blend that with its
-neighbours and with the previous image, which reduces the noise of one sample per pixel.
+The G-buffers give the reflectance of every display pixel; light is sampled once per render pixel. Each sample
+is divided by the reflectance of its own surface, resampled at display pixels with similar surfaces, and
+multiplied by their reflectance. Textures and edges are therefore complete in the first frame. The paper's
+network reads the G-buffers, this frame and two previous frames. It infers the weights that blend the result
+with its neighbours and with the previous image, which reduces the noise of one sample per pixel.
 """
 
 from collections.abc import Mapping
@@ -13,42 +13,39 @@ from typing import ClassVar
 import torch
 from torch import Tensor
 
-from supersampler.methods.gbuffer.spec import FRAME, GBUFFER, GBUFFER_4X, GBufferConfig
-from supersampler.methods.spec import DISPLAY, RENDER, Shape
-from supersampler_model.methods.base import (
-    Fused,
-    display_size_of,
-    render_size_of,
+from supersampler.methods.gbuffer.spec import (
+    FRAME,
+    GBUFFER,
+    GBUFFER_4X,
+    GBUFFER_DEPTH,
+    GBUFFER_SMALL,
+    GBUFFER_SMALL_4X,
+    GBufferConfig,
 )
+from supersampler.methods.spec import DISPLAY, RENDER, Shape
+from supersampler_model.methods.base import Fused, display_size_of, render_size_of
+from supersampler_model.methods.gbuffer import network
 from supersampler_model.methods.gbuffer.buffers import (
     CurrentFrame,
     Finished,
+    FrameInputs,
     Gathered,
     History,
     Surfaces,
     WarpedHistory,
 )
-from supersampler_model.methods.gbuffer.network import (
-    COLORS,
-    CURRENT,
-    GRADIENTS,
-    REFINER_INPUTS,
-    SAMPLES,
-    SURFACES,
-    GBufferNetwork,
-    NetworkInputs,
-)
 from supersampler_model.methods.gbuffer.network_inputs import network_inputs
 from supersampler_model.methods.gbuffer.surfaces import (
-    LEAST,
-    Nearest,
+    MIN_REFLECTANCE,
+    NearestSamples,
     changed_light,
     motion_of_surface,
+    neutral_surfaces,
     read_nearest,
     reflectance,
     samples_of,
     usable_surfaces,
-    weighed_mean,
+    weighted_mean,
 )
 from supersampler_model.methods.learned import LearnedMethod
 from supersampler_model.ops.color import bounded, exposure_for, inverse_tone, sanitize, tone, valid
@@ -75,17 +72,8 @@ from supersampler_model.ops.sampling import (
 )
 
 TONED = 1.0 - 1e-4  # maximum of a toned colour
-AROUND = (
-    0.03,
-    0.12,
-    0.03,
-    0.12,
-    1.0,
-    0.12,
-    0.03,
-    0.12,
-    0.03,
-)  # initial weights of a pixel and its neighbours
+NEIGHBOUR_WEIGHTS = (0.03, 0.12, 0.03, 0.12, 1.0, 0.12, 0.03, 0.12, 0.03)
+"""Initial weights of a pixel and its eight neighbours in the learned kernel, row by row."""
 
 
 class GBuffer(LearnedMethod):
@@ -93,26 +81,19 @@ class GBuffer(LearnedMethod):
 
     spec: ClassVar = GBUFFER
     config: GBufferConfig
-    net: GBufferNetwork
+    net: network.GBufferNetwork
 
-    def make_network(self) -> GBufferNetwork:
+    def make_network(self) -> network.GBufferNetwork:
         """Return the network of figure 2."""
         c = self.config
-        return GBufferNetwork(c.network, ratio=c.ratio, blend_parameters=sum(c.parts))
+        return network.GBufferNetwork(c.network, ratio=c.ratio, blend_parameters=sum(c.parts))
 
     def fused(self) -> Fused | None:
-        """All of figure 2; tensor names are those of released graphs."""
-        of_display = {"surfaces": SURFACES, "gradients": GRADIENTS, "colors": COLORS}
-        of_render = {
-            "samples": SAMPLES,
-            "refiner_inputs": REFINER_INPUTS,
-            "earlier_refiner_inputs": REFINER_INPUTS,
-        }
+        """Return the whole network; tensor names are those of released graphs."""
+        channels = network.INPUT_CHANNELS
         inputs: dict[str, Shape] = {
-            name: (1, of_display[name], *DISPLAY)
-            if name in of_display
-            else (1, of_render.get(name, CURRENT), *RENDER)
-            for name in NetworkInputs._fields
+            name: (1, count, *(DISPLAY if name in network.DISPLAY_INPUTS else RENDER))
+            for name, count in channels.items()
         }
         outputs = {"blend_parameters": (1, sum(self.config.parts), *DISPLAY)}
         return Fused(self.net, inputs, outputs, self.config.ratio)
@@ -125,158 +106,118 @@ class GBuffer(LearnedMethod):
         jitter: Tensor,  # (1, 2) render pixels
         exposure: Tensor,  # (1,) 0: measure
         display_size: Tensor,  # (2,) int64
-        gbuffer_base_color: Tensor,  # (1, 3, h, w)
-        gbuffer_normal: Tensor,  # (1, 3, h, w)
-        gbuffer_roughness: Tensor,  # (1, 1, h, w)
-        gbuffer_metallic: Tensor,
-        gbuffer_specular: Tensor,
-        gbuffer_display_base_color: Tensor,  # (1, 3, H, W)
-        gbuffer_display_normal: Tensor,  # (1, 3, H, W)
-        gbuffer_display_roughness: Tensor,  # (1, 1, H, W)
-        gbuffer_display_metallic: Tensor,
-        gbuffer_display_specular: Tensor,
-        gbuffer_display_depth: Tensor,
-        *history: Tensor,  # as in `GBuffer.history`
+        *others: Tensor,  # G-buffers in the order of `inputs`, then the history in the order of `history`
     ) -> tuple[Tensor, ...]:
         """Return the image (1, 3, H, W), linear RGB >= 0, the next history and the weight of the history."""
-        render = Surfaces(
-            gbuffer_base_color, gbuffer_normal, gbuffer_roughness, gbuffer_metallic, gbuffer_specular, depth
-        )
-        display = Surfaces(
-            gbuffer_display_base_color,
-            gbuffer_display_normal,
-            gbuffer_display_roughness,
-            gbuffer_display_metallic,
-            gbuffer_display_specular,
-            gbuffer_display_depth,
-        )
+        names = [name for name in self.inputs() if name.startswith("gbuffer_")]
+        render, display = self.surfaces_of(dict(zip(names, others, strict=False)), depth)
+        history = History(*others[len(names) :])
         view = View(display_size_of(display_size), render_size_of(color), jitter)
-        return self.step_outputs(color, motion, exposure, render, display, History(*history), view)
-
-    def step_outputs(
-        self,
-        color: Tensor,
-        motion: Tensor,
-        exposure: Tensor,
-        render: Surfaces,
-        display: Surfaces,
-        history: History,
-        view: View,
-    ) -> tuple[Tensor, ...]:
-        """Return the results of `forward`; the parameters are those of `gather`."""
-        gathered = self.gather(color, motion, exposure, render, display, history, view)
+        gathered = self.gather(FrameInputs(color, motion, exposure, render, display, view), history)
         (blend,) = self.net(*gathered.inputs)
         done = self.finish(gathered, blend, history)
         return (done.image, *done.history, done.weight)
 
     @staticmethod
-    def surfaces_of(gbuffer: Mapping[str, Tensor], depth: Tensor) -> tuple[Surfaces, Surfaces]:
-        """Return the surfaces at render and at display size, from inputs by name."""
-        of_display = {name: gbuffer[f"gbuffer_display_{name}"] for name in Surfaces._fields}
-        of_render = {name: gbuffer[f"gbuffer_{name}"] for name in Surfaces._fields if name != "depth"}
+    def surfaces_of(gbuffers: Mapping[str, Tensor], depth: Tensor) -> tuple[Surfaces, Surfaces]:
+        """Return the surfaces at render and at display size, from G-buffers by input name."""
+        of_display = {name: gbuffers[f"gbuffer_display_{name}"] for name in Surfaces._fields}
+        of_render = {name: gbuffers[f"gbuffer_{name}"] for name in Surfaces._fields if name != "depth"}
         return Surfaces(**of_render, depth=depth), Surfaces(**of_display)
 
-    def gather(
-        self,
-        color: Tensor,
-        motion: Tensor,
-        exposure: Tensor,
-        render: Surfaces,
-        display: Surfaces,
-        history: History,
-        view: View,
-    ) -> Gathered:
+    def gather(self, frame: FrameInputs, history: History) -> Gathered:
         """Resample this frame and the history for the network and the blend."""
-        usable, color = valid(color), sanitize(color, 0.0)
-        followed = exposure_for(color, usable, exposure, history.exposure)
-        render, display, motion = usable_surfaces(render), usable_surfaces(display), usable_motion(motion)
-        current = self.gather_current(color, usable, motion, render, display, view, followed)
-        before = read_nearest(history.frame, motion, view.jitter - history.jitter)
-        warped = self.gather_history(current, history, self.gather_change(current, color, before))
-        frame = torch.cat([color, render.depth, render.base_color, render.normal, usable], dim=1)
+        usable, color = valid(frame.color), sanitize(frame.color, 0.0)
+        followed = exposure_for(color, usable, frame.exposure, history.exposure)
+        frame = frame._replace(
+            color=color,
+            motion=usable_motion(frame.motion),
+            exposure=followed.abs(),
+            render=usable_surfaces(frame.render),
+            display=usable_surfaces(frame.display),
+        )
+        current = self.gather_current(frame, usable, followed)
+        before = read_nearest(history.frame, frame.motion, frame.view.jitter - history.jitter)
+        warped = self.gather_history(current, history, self.gather_change(current, before))
+        render = frame.render
+        stored = torch.cat([color, render.depth, render.base_color, render.normal, usable], dim=1)
         inputs = network_inputs(current, warped, before, history, masked=self.config.masked)
-        return Gathered(inputs, current, warped, frame)
+        return Gathered(inputs, current, warped, stored)
 
-    def gather_current(
-        self,
-        color: Tensor,
-        usable: Tensor,
-        motion: Tensor,
-        render: Surfaces,
-        display: Surfaces,
-        view: View,
-        followed: Tensor,
-    ) -> CurrentFrame:
-        """Resample this frame at display pixels by surface similarity."""
-        c, grid, exposure = self.config, view.grid(render_size_of(color)), followed.abs()
-        toned, reflected = tone(color * exposure) * usable, reflectance(display)
-        light = tone(color * exposure / reflectance(render))
-        samples = samples_of(light, usable, render, display, grid)
-        marked = torch.cat([toned, usable], dim=1)
-        near = upsample(marked, grid, gaussian(c.sample_sigma), (float(c.ratio), float(c.ratio)))
-        smooth = normalised(upsample(marked, grid, gaussian(c.smooth_sigma))).clamp(0.0, TONED)
+    def gather_current(self, frame: FrameInputs, usable: Tensor, followed: Tensor) -> CurrentFrame:
+        """Resample this frame at the display pixels, weighted by surface similarity.
+
+        Args:
+            frame: sanitized, with the exposure to use.
+            usable: (1, 1, h, w) 1 where the colour was valid, else 0.
+            followed: (1,) see `CurrentFrame`.
+        """
+        c, exposed = self.config, frame.color * frame.exposure
+        grid = frame.view.grid(render_size_of(exposed))
+        toned, reflected = tone(exposed) * usable, reflectance(frame.display)
+        light = tone(exposed / reflectance(frame.render))
+        samples = samples_of(light, usable, frame.render, frame.display, grid)
+        colors = torch.cat([toned, usable], dim=1)
+        near = upsample(colors, grid, gaussian(c.sample_sigma), (float(c.ratio), float(c.ratio)))
+        smooth = normalised(upsample(colors, grid, gaussian(c.smooth_sigma))).clamp(0.0, TONED)
         return CurrentFrame(
             toned=toned,
             usable=usable,
-            motion=motion,
-            render=render,
-            display=display,
+            inputs=frame,
             reflectance=reflected,
             samples=samples,
-            guided=_lit(weighed_mean(samples), reflected),
+            guided=_lit(weighted_mean(samples), reflected),
             smooth=smooth,
             near=(near[:, :3] + 1e-3 * smooth) / (near[:, 3:] + 1e-3),
             confidence=near[:, 3:].clamp(max=1.0),
-            view=view,
-            exposure=exposure,
             followed=followed,
         )
 
-    def gather_change(self, current: CurrentFrame, color: Tensor, before: Nearest) -> Tensor:
-        """(1, 1, H, W) 1 where the lighting changed so much that the history is invalid, else 0."""
-        known = current.usable * before.found[:, FRAME - 1 :] * before.on_screen
-        color_before = sanitize(before.found[:, :3], 0.0)
-        changed = changed_light(color * current.exposure, color_before * current.exposure, known)
-        return pick(changed, current.view.grid(render_size_of(color)))
+    def gather_change(self, current: CurrentFrame, before: NearestSamples) -> Tensor:
+        """Return (1, 1, H, W) 1 where the light changed so much that the history is invalid, else 0."""
+        inputs = current.inputs
+        known = current.usable * before.values[:, FRAME - 1 :] * before.on_screen
+        color_before = sanitize(before.values[:, :3], 0.0)
+        changed = changed_light(inputs.color * inputs.exposure, color_before * inputs.exposure, known)
+        return pick(changed, inputs.view.grid(render_size_of(inputs.color)))
 
     def gather_history(self, current: CurrentFrame, history: History, changed: Tensor) -> WarpedHistory:
-        """Warp the previous image; its count is 0 where the light has `changed`."""
-        c, view, depth, motion = self.config, current.view, current.render.depth, current.motion
+        """Warp the previous image; its sample count is 0 where the light has `changed`."""
+        c, inputs, view = self.config, current.inputs, current.inputs.view
+        depth, motion, exposure = inputs.render.depth, inputs.motion, inputs.exposure
         render = render_size_of(depth)
         grid = view.grid(render)
-        moved = motion_of_surface(depth, motion, current.display.depth, grid)
-        own = reproject(moved, view.display, render)
-        front = pick_first(torch.cat(dilate_motion_2x2(depth, motion), dim=1), grid)
-        front_place = reproject(front[:, 1:], view.display, render)
+        own_motion = motion_of_surface(depth, motion, inputs.display.depth, grid)
+        own = reproject(own_motion, view.display, render)
+        dilated = pick_first(torch.cat(dilate_motion_2x2(depth, motion), dim=1), grid)
+        front = reproject(dilated[:, 1:], view.display, render)
         x, y = View(view.display, render, history.jitter).to_render(own.x, own.y)
         occluded = disocclusion(
-            current.display.depth, history.frame[:, 3:4], x, y, c.depth_margin, c.depth_ramp
+            inputs.display.depth, history.frame[:, 3:4], x, y, c.depth_margin, c.depth_ramp
         )
-        reflectance_before = read(history.reflectance, own.x, own.y).clamp(min=0.5 * LEAST)
-        plain = sanitize(read(history.color, own.x, own.y), 0.0)
-        relit = self._warped(history.color, own) / reflectance_before * current.reflectance
+        reflectance_before = read(history.reflectance, own.x, own.y).clamp(min=0.5 * MIN_REFLECTANCE)
+        bilinear = sanitize(read(history.color, own.x, own.y), 0.0)
+        relit = self._cubic(history.color, own) / reflectance_before * current.reflectance
+        count = read(history.sample_count, front.x, front.y)
         warped = WarpedHistory(
-            color=_shown(self._warped(history.color, front_place) * current.exposure, front_place),
-            own=_shown(plain * current.exposure, own),
-            relit=_shown(relit * current.exposure, own),
-            counted=read(history.counted, front_place.x, front_place.y)
-            * front_place.on_screen
-            * (1.0 - changed),
+            color=_toned(self._cubic(history.color, front) * exposure, front),
+            own=_toned(bilinear * exposure, own),
+            relit=_toned(relit * exposure, own),
+            sample_count=count * front.on_screen * (1.0 - changed),
             surface=own.on_screen * (1.0 - 2.0 * occluded).clamp(min=0.0),
         )
         return warped if c.blended else WarpedHistory(*map(torch.zeros_like, warped))
 
-    def _warped(self, image: Tensor, place: Reprojection) -> Tensor:
-        sharp = read_cubic(image, place.x, place.y, self.config.history_sharpness)
-        return sanitize(sharp, 0.0)
+    def _cubic(self, image: Tensor, place: Reprojection) -> Tensor:
+        return sanitize(read_cubic(image, place.x, place.y, self.config.history_sharpness), 0.0)
 
     def finish(self, gathered: Gathered, blend: Tensor, history: History) -> Finished:
-        """Blend, update the count, and return to linear RGB."""
+        """Blend, update the sample count, and return to linear RGB."""
         warped, current, c = gathered.warped, gathered.current, self.config
         factors, around, kernel = blend.clamp(-12.0, 12.0).split_with_sizes(c.parts, dim=1)
-        known = (warped.counted > 0.0).float()
-        kept = warped.counted * warped.surface
-        relit = _lit(weighed_mean(current.samples, kernel), current.reflectance)
+        known = (warped.sample_count > 0.0).float()
+        kept = warped.sample_count * warped.surface
+        guided = _lit(weighted_mean(current.samples, kernel), current.reflectance)
         confidence = current.confidence
         history_colors = [
             (warped.color, known * (kept + 1e-3)),
@@ -286,39 +227,43 @@ class GBuffer(LearnedMethod):
         current_colors = [
             (_smoothed(current.guided, around), confidence + 0.3),
             (current.smooth, 0.1 * confidence + 0.01),
-            (relit, 0.2 * confidence + 0.05),
+            (guided, 0.2 * confidence + 0.05),
             (current.near, 0.2 * confidence + 1e-3),
         ]
         color, weight, odds = composite(history_colors, current_colors, factors)
-        image = bounded(inverse_tone(color) / current.exposure)
-        count = torch.minimum(odds, warped.counted).clamp(max=c.samples) + confidence
+        image = bounded(inverse_tone(color) / current.inputs.exposure)
         next_history = History(
-            image,
-            current.reflectance,
-            count,
-            gathered.frame,
-            history.frame * 1.0,
-            current.motion,
-            current.view.jitter * 1.0,
-            history.jitter * 1.0,
-            current.followed,
+            color=image,
+            reflectance=current.reflectance,
+            sample_count=torch.minimum(odds, warped.sample_count).clamp(max=c.samples) + confidence,
+            frame=gathered.frame,
+            frame_before=history.frame * 1.0,
+            motion=current.inputs.motion,
+            jitter=current.inputs.view.jitter * 1.0,
+            jitter_before=history.jitter * 1.0,
+            exposure=current.followed,
         )
         return Finished(image, next_history, weight)
 
 
 def _lit(light: Tensor, reflected: Tensor) -> Tensor:
-    """Toned light times reflectance, toned."""
+    """Multiply toned light by the reflectance; the result is toned."""
     return tone(inverse_tone(light) * reflected).clamp(0.0, TONED)
 
 
-def _shown(color: Tensor, place: Reprojection) -> Tensor:
-    """Tone; 0 off screen."""
+def _toned(color: Tensor, place: Reprojection) -> Tensor:
+    """Apply the tone curve; 0 off screen."""
     return (tone(color) * place.on_screen).clamp(0.0, TONED)
 
 
 def _smoothed(image: Tensor, kernel: Tensor) -> Tensor:
-    """Mean of each pixel and its neighbours; `kernel` is (1, 9, H, W) logarithms of factors to AROUND."""
-    weights = [w * factor for w, factor in zip(AROUND, channels_of(kernel.exp()), strict=True)]
+    """Average each pixel and its neighbours.
+
+    Args:
+        image: (1, 3, H, W).
+        kernel: (1, 9, H, W) logarithms of factors to NEIGHBOUR_WEIGHTS.
+    """
+    weights = [w * factor for w, factor in zip(NEIGHBOUR_WEIGHTS, channels_of(kernel.exp()), strict=True)]
     total = sum_of(weights)
     return sum_of([w * pixel for w, pixel in zip(weights, neighbours_3x3(image), strict=True)]) / total
 
@@ -327,3 +272,26 @@ class GBuffer4(GBuffer):
     """`GBuffer` at a ratio of 4."""
 
     spec: ClassVar = GBUFFER_4X
+
+
+class SmallGBuffer(GBuffer):
+    """`gbuffer-small`: narrow separable convolutions, for CPUs and small GPUs."""
+
+    spec: ClassVar = GBUFFER_SMALL
+
+
+class SmallGBuffer4(GBuffer):
+    """`SmallGBuffer` at a ratio of 4."""
+
+    spec: ClassVar = GBUFFER_SMALL_4X
+
+
+class DepthGBuffer(GBuffer):
+    """`gbuffer-depth`: `SmallGBuffer` for forward renderers; display-size depth is the only G-buffer."""
+
+    spec: ClassVar = GBUFFER_DEPTH
+
+    @staticmethod
+    def surfaces_of(gbuffers: Mapping[str, Tensor], depth: Tensor) -> tuple[Surfaces, Surfaces]:
+        """Return surfaces of which only the depth is known."""
+        return neutral_surfaces(depth), neutral_surfaces(gbuffers["gbuffer_display_depth"])

@@ -21,7 +21,7 @@ GRADIENTS = 2  # of base colour and of normals
 CURRENT = 6  # of a frame: toned colour, relative depth, jitter
 REFINER_INPUTS = 18  # inputs of the refiner, besides the features of a previous frame
 SAMPLES = 6  # of the frame's samples: motion, jitter, 1 where usable, relative depth
-COLORS = 15  # toned colours at display size, count, visibility, likeness
+COLORS = 15  # toned colours at display size, sample count, visibility, similarity
 
 
 class NetworkInputs(NamedTuple):
@@ -38,8 +38,19 @@ class NetworkInputs(NamedTuple):
     colors: Tensor  # (n, COLORS, H, W)
 
 
+INPUT_CHANNELS = dict(
+    zip(
+        NetworkInputs._fields,
+        (SURFACES, GRADIENTS, CURRENT, CURRENT, REFINER_INPUTS, CURRENT, REFINER_INPUTS, SAMPLES, COLORS),
+        strict=True,
+    )
+)
+DISPLAY_INPUTS = ("surfaces", "gradients", "colors")
+"""Inputs of display size; the others are of render size."""
+
+
 class GatedEncoder(nn.Module):
-    """Features of the G-buffers: of all, and of base colour and depth times a learned gate (III.A)."""
+    """Encodes all G-buffers, and adds features of base colour and depth times a learned gate (III.A)."""
 
     def __init__(self, config: GBufferNetworkConfig, ratio: int) -> None:
         super().__init__()
@@ -55,13 +66,13 @@ class GatedEncoder(nn.Module):
         features: Tensor = self.all(F.pixel_unshuffle(surfaces, self.ratio))
         if self.gate is None:
             return features
-        few = torch.cat([surfaces[:, :3], surfaces[:, -1:]], dim=1)
-        detailed: Tensor = self.detailed(F.pixel_unshuffle(few, self.ratio))
+        color_and_depth = torch.cat([surfaces[:, :3], surfaces[:, -1:]], dim=1)
+        detailed: Tensor = self.detailed(F.pixel_unshuffle(color_and_depth, self.ratio))
         return features + self.gate * detailed
 
 
 class FrameEncoder(nn.Module):
-    """Four convolutions; the first's output skips to the end of the network (III.B)."""
+    """Four convolutions; the output of the first is also an input of the network's last layer (III.B)."""
 
     def __init__(self, width: int, *, separable: bool) -> None:
         super().__init__()
@@ -82,8 +93,8 @@ class Enhancer(nn.Module):
         super().__init__()
         self.ratio, self.attention = ratio, attention
         self.embed = Pointwise(GRADIENTS * ratio**2, width)
-        ways = {"both": 2, "one": 1, "none": 0}[attention]
-        self.projections = nn.ModuleList(nn.Conv2d(width, width, 1) for _ in range(3 * ways))
+        directions = {"both": 2, "one": 1, "none": 0}[attention]
+        self.projections = nn.ModuleList(nn.Conv2d(width, width, 1) for _ in range(3 * directions))
 
     def forward(self, frame: Tensor, gradients: Tensor) -> Tensor:
         """(n, width, h, w) and (n, GRADIENTS, H, W) to (n, width, h, w)."""
@@ -91,8 +102,9 @@ class Enhancer(nn.Module):
             return frame
         edges = self.embed(F.pixel_unshuffle(gradients, self.ratio))
         enhanced = frame
-        turns = [(frame, edges), (edges, frame)]  # (query, key and value)
-        for (asking, asked), (query, key, value) in zip(turns, _threes(self.projections), strict=False):
+        pairs = [(frame, edges), (edges, frame)]  # source of the query, source of key and value
+        layers = iter(self.projections)  # three for each pair
+        for (asking, asked), query, key, value in zip(pairs, layers, layers, layers, strict=False):
             enhanced = enhanced + torch.sigmoid(query(asking) * key(asked)) * value(asked)
         return enhanced
 
@@ -108,21 +120,21 @@ class Refiner(nn.Module):
 
     def forward(self, features: Tensor, refiner_inputs: Tensor) -> Tensor:
         """(n, width, h, w) and (n, REFINER_INPUTS, h, w) to (n, width, h, w)."""
-        here = self.down(padded(torch.cat([features, refiner_inputs], dim=1)))
-        below = doubled(self.below(F.max_pool2d(here, 2)))
-        return cut_to(self.up(torch.cat([here, below], dim=1)), features)
+        fine = self.down(padded(torch.cat([features, refiner_inputs], dim=1)))
+        coarse = doubled(self.below(F.max_pool2d(fine, 2)))
+        return cut_to(self.up(torch.cat([fine, coarse], dim=1)), features)
 
 
 class FusionNetwork(nn.Module):
-    """A UNet of as many blocks down as up, of which the first and last alone are at render size (III.D)."""
+    """A UNet with a block per level and direction; only the first and the last are at render size (III.D)."""
 
     def __init__(self, channels: int, levels: Sequence[int], *, separable: bool) -> None:
         super().__init__()
         block = partial(_block, separable=separable)
         self.down = nn.ModuleList(block(a, b) for a, b in itertools.pairwise([channels, *levels]))
         self.deepest = block(levels[-1], levels[-1])
-        climbs = zip(reversed(levels[1:]), reversed(levels[:-1]), strict=True)
-        self.up = nn.ModuleList(block(below + here, here) for below, here in climbs)
+        widths = zip(reversed(levels[1:]), reversed(levels[:-1]), strict=True)
+        self.up = nn.ModuleList(block(coarse + fine, fine) for coarse, fine in widths)
 
     def forward(self, features: Tensor) -> Tensor:
         """(n, channels, h, w) to (n, levels[0], h, w)."""
@@ -149,7 +161,7 @@ class GBufferNetwork(nn.Module):
     def __init__(self, config: GBufferNetworkConfig, *, ratio: int, blend_parameters: int) -> None:
         super().__init__()
         self.config, self.ratio = config, ratio
-        surfaces, frame, fused = config.surfaces[-1], config.frame, config.levels[0]
+        surfaces, frame, fusion = config.surfaces[-1], config.frame, config.levels[0]
         self.surfaces = GatedEncoder(config, ratio)
         self.frame = FrameEncoder(frame, separable=config.separable)
         self.enhancer = Enhancer(ratio, frame, config.attention)
@@ -159,7 +171,7 @@ class GBufferNetwork(nn.Module):
         self.colors = Pointwise(COLORS * ratio**2 + SAMPLES, surfaces)
         channels = 2 * surfaces + 3 * frame
         self.fusion = FusionNetwork(channels, config.levels, separable=config.separable)
-        self.blend = nn.Conv2d(fused + frame + surfaces, blend_parameters * ratio**2, 1)
+        self.blend = nn.Conv2d(fusion + frame + surfaces, blend_parameters * ratio**2, 1)
         for parameter in self.blend.parameters():
             nn.init.zeros_(parameter)  # zeros: the blend then has its initial weights
 
@@ -178,8 +190,8 @@ class GBufferNetwork(nn.Module):
         """Return the blend parameters (n, blend_parameters, H, W); inputs are those of `NetworkInputs`."""
         n = current.shape[0]
         features, shallow = self.frame(torch.cat([current, previous, earlier]))  # in one pass
-        now, history_colors = features[:n], features[n:]
-        refined = self._refined(history_colors, torch.cat([refiner_inputs, earlier_refiner_inputs]))
+        now, previous_features = features[:n], features[n:]
+        refined = self._refined(previous_features, torch.cat([refiner_inputs, earlier_refiner_inputs]))
         known = self.colors(torch.cat([F.pixel_unshuffle(colors, self.ratio), samples], dim=1))
         parts = [self.surfaces(surfaces), self.enhancer(now, gradients), refined[:n], refined[n:], known]
         fused = self.fusion(torch.cat(parts, dim=1))
@@ -218,10 +230,6 @@ def _encoder(channels: int, widths: Sequence[int], *, separable: bool) -> nn.Seq
     if not separable:
         return nn.Sequential(*(Convolved(a, b) for a, b in pairs))
     return nn.Sequential(Pointwise(*pairs[0]), *(Block(a, b) for a, b in pairs[1:]))
-
-
-def _threes(modules: nn.ModuleList) -> list[tuple[nn.Module, ...]]:
-    return [tuple(modules[i : i + 3]) for i in range(0, len(modules), 3)]
 
 
 def doubled(image: Tensor) -> Tensor:

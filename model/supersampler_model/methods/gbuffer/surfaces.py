@@ -1,4 +1,4 @@
-"""G-buffer operations of `gbuffer`: reflectance, surface similarity, masks, reads of previous frames."""
+"""G-buffer operations of `gbuffer`: reflectance, surface similarity, validity of the history."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -13,49 +13,46 @@ from supersampler_model.ops.color import luminance
 from supersampler_model.ops.motion import read, usable_depth
 from supersampler_model.ops.sampling import Grid, channels_of, gaussian, sum_of
 
-LEAST = 0.04  # reflectance added everywhere, about that of a dielectric
-SIGMA = 0.5  # of the samples' weights, render pixels
-DEPTH_MARGIN = 0.03  # standard deviation of relative depth differences
-ALIKE = (4.0, 8.0, 8.0)  # falloff with squared differences of normal, base colour, roughness and metallic
-FARTHER, COLOR_APART = 0.1, 0.5  # alpha and eta_B (Wang et al. 2025, section IV.B)
-AROUND_BASE, AROUND_COLOR = 3, 5  # k_b and k_i
-NEIGHBOURHOOD = 9  # pixels a side: depth is relative to the closest in it
-CHANGED, AROUND_LIGHT = 6.0, 5  # least change of light in stops, averaged over so many pixels a side
+MIN_REFLECTANCE = 0.04
+"""Added to every reflectance; about that of a dielectric."""
+SAMPLE_SIGMA = 0.5  # Gaussian weight of a sample by distance, render pixels
+DEPTH_SIGMA = 0.03  # Gaussian weight of a sample by relative depth difference
+NORMAL_FALLOFF, BASE_COLOR_FALLOFF, FINISH_FALLOFF = 4.0, 8.0, 8.0
+"""A sample's weight is exp(-falloff * squared difference), for each of these; finish: roughness, metallic."""
+MAX_DISTANCE_CHANGE, MAX_COLOR_CHANGE = 0.1, 0.5
+"""Larger changes invalidate the history: alpha and eta_B of Wang et al. 2025, section IV.B."""
+BASE_COLOR_WINDOW, COLOR_WINDOW = 3, 5
+"""Pixels a side in which colours are compared: k_b and k_i of the paper."""
+DEPTH_WINDOW = 9  # pixels a side: depth is relative to the closest in it
+LIGHT_CHANGE, LIGHT_WINDOW = 6.0, 5
+"""Stops, averaged over so many pixels a side, by which light must change to invalidate the history."""
+MIN_LUMINANCE = 1.0 / 64.0  # exposed; darker light is compared as this
 LOG2_E = 1.0 / math.log(2.0)
-FAINTEST = 1.0 / 64.0  # minimum exposed luminance in comparisons of light
 
 
 def usable_surfaces(surfaces: Surfaces) -> Surfaces:
-    """Replace NaN and values out of range by 0, and depth by UNKNOWN_DEPTH."""
-    *parameters, depth = surfaces
-    known = [torch.where((s >= -1.0) & (s <= 1.0), s, torch.zeros_like(s)) for s in parameters]
-    base, normal, roughness, metallic, specular = known
-    return Surfaces(
-        base.clamp(min=0.0),
-        normal,
-        roughness.clamp(min=0.0),
-        metallic.clamp(min=0.0),
-        specular.clamp(min=0.0),
-        usable_depth(depth),
-    )
+    """Sanitize: NaN and values out of range become 0, invalid depth UNKNOWN_DEPTH."""
+    *buffers, depth = surfaces
+    known = [torch.where((b >= -1.0) & (b <= 1.0), b, torch.zeros_like(b)) for b in buffers]
+    base, roughness, metallic, specular = (b.clamp(min=0.0) for b in (known[0], *known[2:]))
+    return Surfaces(base, known[1], roughness, metallic, specular, usable_depth(depth))
 
 
-def matte(depth: Tensor) -> Surfaces:
-    """Return grey, half rough dielectrics with one normal: the surfaces where only depth is known."""
+def neutral_surfaces(depth: Tensor) -> Surfaces:
+    """Return grey dielectrics of roughness 0.5 that face one way, where only the depth is known."""
     one = torch.ones_like(depth)
-    grey, toward = 0.5 * one.expand(-1, 3, -1, -1), torch.cat([0.0 * one, 0.0 * one, one], dim=1)
-    return Surfaces(grey, toward, 0.5 * one, 0.0 * one, 0.5 * one, depth)
+    grey, normal = 0.5 * one.expand(-1, 3, -1, -1), torch.cat([0.0 * one, 0.0 * one, one], dim=1)
+    return Surfaces(grey, normal, 0.5 * one, 0.0 * one, 0.5 * one, depth)
 
 
 def reflectance(surfaces: Surfaces) -> Tensor:
-    """(1, 3, h, w) reflectance towards the camera: diffuse, plus specular at normal incidence.
+    """Return the reflectance (1, 3, h, w): diffuse, plus specular at normal incidence; 1 at the sky.
 
-    Colour over reflectance is light, which is smooth where textures are not (FuseSR, Zhong et al. 2023). The
-    sky counts as white.
+    Colour over reflectance is light, which varies less than textures do (FuseSR, Zhong et al. 2023).
     """
     base, metal = surfaces.base_color, surfaces.metallic
     dielectric = 1.0 - metal
-    reflected = base * dielectric + 0.08 * surfaces.specular * dielectric + base * metal + LEAST
+    reflected = base * dielectric + 0.08 * surfaces.specular * dielectric + base * metal + MIN_REFLECTANCE
     sky = (_squared_length(surfaces.normal) < 0.1).float()
     return reflected + sky * (1.0 - reflected)
 
@@ -65,27 +62,28 @@ def samples_of(light: Tensor, usable: Tensor, render: Surfaces, display: Surface
 
     Args:
         light: (1, 3, h, w) colour over reflectance, toned.
-        usable: (1, 1, h, w).
+        usable: (1, 1, h, w) 1 where the colour is valid, else 0.
         render: surfaces of the samples.
         display: surfaces of the display pixels.
         grid: of the display.
     """
-    colors, weights, likely, there = [], [], [], _features(display)
-    for down, across, sample in _around(torch.cat([light, usable, render.depth, _features(render)], 1), grid):
-        color, use, depth, features = sample.split_with_sizes([3, 1, 1, 8], dim=1)
-        vertical = gaussian(SIGMA)(grid.row + down - grid.y)[:, None]
-        near = (vertical * gaussian(SIGMA)(grid.column + across - grid.x) + 1e-4) * use
-        apart = depth_difference(depth, display.depth) / DEPTH_MARGIN
-        cost = 0.5 * (apart * apart).clamp(max=20.0) + _squared_length(features - there)
-        alike = (-cost).exp()
+    colors, weights, similar, target = [], [], [], _features(display)
+    planes = torch.cat([light, usable, render.depth, _features(render)], 1)
+    for down, across, sample in _samples_3x3(planes, grid):
+        color, valid, depth, features = sample.split_with_sizes([3, 1, 1, 8], dim=1)
+        vertical = gaussian(SAMPLE_SIGMA)(grid.row + down - grid.y)[:, None]
+        near = (vertical * gaussian(SAMPLE_SIGMA)(grid.column + across - grid.x) + 1e-4) * valid
+        deviation = depth_difference(depth, display.depth) / DEPTH_SIGMA
+        cost = 0.5 * (deviation * deviation).clamp(max=20.0) + _squared_length(features - target)
+        similarity = (-cost).exp()
         colors.append(color)
-        weights.append(near * (alike + 1e-4))
-        likely.append(near * alike)
-    return Samples(colors, weights, sum_of(likely))
+        weights.append(near * (similarity + 1e-4))
+        similar.append(near * similarity)
+    return Samples(colors, weights, sum_of(similar))
 
 
-def _around(image: Tensor, grid: Grid) -> Iterator[tuple[int, int, Tensor]]:
-    """Yield rows down, columns across and the sample there, (1, c, H, W), of the nine around each pixel."""
+def _samples_3x3(image: Tensor, grid: Grid) -> Iterator[tuple[int, int, Tensor]]:
+    """Yield the 3x3 samples around each display pixel: offset down, offset across, sample (1, c, H, W)."""
     h, w = image.shape[2], image.shape[3]
     for down in (-1, 0, 1):
         rows = image.index_select(2, (grid.row + down).clamp(0, h - 1))
@@ -94,14 +92,23 @@ def _around(image: Tensor, grid: Grid) -> Iterator[tuple[int, int, Tensor]]:
 
 
 def _features(surfaces: Surfaces) -> Tensor:
-    """(1, 8, h, w) features whose squared distance is the dissimilarity of surfaces, except for depth."""
-    by_normal, by_base, by_finish = (weight**0.5 for weight in ALIKE)
+    """Return features (1, 8, h, w) whose squared distance is the dissimilarity of surfaces, without depth."""
     finish = torch.cat([surfaces.roughness, surfaces.metallic], dim=1)
-    return torch.cat([by_normal * surfaces.normal, by_base * surfaces.base_color, by_finish * finish], dim=1)
+    scaled = [
+        NORMAL_FALLOFF**0.5 * surfaces.normal,
+        BASE_COLOR_FALLOFF**0.5 * surfaces.base_color,
+        FINISH_FALLOFF**0.5 * finish,
+    ]
+    return torch.cat(scaled, dim=1)
 
 
-def weighed_mean(samples: Samples, kernel: Tensor | None = None) -> Tensor:
-    """(1, 3, H, W) mean of the samples; `kernel` is (1, 9, H, W), logarithms of factors to their weights."""
+def weighted_mean(samples: Samples, kernel: Tensor | None = None) -> Tensor:
+    """Return the mean (1, 3, H, W) of the samples.
+
+    Args:
+        samples: with their weights.
+        kernel: (1, 9, H, W) logarithms of factors to the weights; None: all factors are 1.
+    """
     weights = samples.weights
     if kernel is not None:
         weights = [weight * factor for weight, factor in zip(weights, channels_of(kernel.exp()), strict=True)]
@@ -110,63 +117,67 @@ def weighed_mean(samples: Samples, kernel: Tensor | None = None) -> Tensor:
 
 
 def relative_depth(depth: Tensor, closest: Tensor) -> Tensor:
-    """Depth over the closest around, in [0, 1]: free of the unit of depth."""
+    """Return depth over the closest depth around, in [0, 1], which does not depend on the unit of depth."""
     return (depth.clamp(min=0.0) / closest.clamp(min=1e-12)).clamp(max=1.0)
 
 
 def closest_around(depth: Tensor) -> Tensor:
-    """Closest depth within NEIGHBOURHOOD pixels each way."""
-    return F.max_pool2d(depth.clamp(min=0.0), NEIGHBOURHOOD, 1, NEIGHBOURHOOD // 2)
+    """Return the closest depth in each window of DEPTH_WINDOW pixels a side."""
+    return F.max_pool2d(depth.clamp(min=0.0), DEPTH_WINDOW, 1, DEPTH_WINDOW // 2)
 
 
 def gradients(surfaces: Surfaces) -> Tensor:
-    """(1, 2, h, w) differences of base colour and of normal to the right and lower neighbours (III.B)."""
+    """Return L1 differences (1, 2, h, w) of base colour and normal to the right and lower pixel (III.B)."""
     both = torch.cat([surfaces.base_color, surfaces.normal], dim=1)
     across = (both[..., 1:] - both[..., :-1]).abs()
     down = (both[:, :, 1:] - both[:, :, :-1]).abs()
     across = torch.cat([across, torch.zeros_like(both[..., :1])], dim=3)
     down = torch.cat([down, torch.zeros_like(both[:, :, :1])], dim=2)
-    steps = across + down
-    return torch.cat([steps[:, :3].sum(dim=1, keepdim=True), steps[:, 3:].sum(dim=1, keepdim=True)], dim=1)
+    sums = across + down
+    return torch.cat([sums[:, :3].sum(dim=1, keepdim=True), sums[:, 3:].sum(dim=1, keepdim=True)], dim=1)
 
 
 def occluded(now: Sequence[Tensor], previous: Sequence[Tensor]) -> Tensor:
-    """(1, 1, h, w) 1 where a warped previous frame is invalid: equations 1 and 2.
+    """Return (1, 1, h, w) 1 where a warped previous frame is invalid, else 0 (equations 1 and 2).
 
     Args:
         now: toned colour, base colour and depth of this frame.
         previous: the same of the warped frame.
     """
     (color, base, depth), (previous_color, previous_base, previous_depth) = now, previous
-    view, previous_view = (1.0 / d.clamp(min=1e-9) for d in (depth, previous_depth))  # distances
-    behind = ((view - previous_view).abs() > FARTHER * view).float()
-    other = _unlike(previous_base, base, AROUND_BASE)
-    return torch.maximum(behind, torch.maximum(other, _unlike(previous_color, color, AROUND_COLOR)))
+    distance, previous_distance = (1.0 / d.clamp(min=1e-9) for d in (depth, previous_depth))
+    moved = ((distance - previous_distance).abs() > MAX_DISTANCE_CHANGE * distance).float()
+    other_base = _differs(previous_base, base, BASE_COLOR_WINDOW)
+    return torch.maximum(moved, torch.maximum(other_base, _differs(previous_color, color, COLOR_WINDOW)))
 
 
 def changed_light(now: Tensor, previous: Tensor, known: Tensor) -> Tensor:
-    """(1, 1, h, w) 1 where the light changed abruptly since the previous frame, else 0.
+    """Return (1, 1, h, w) 1 where the light changed abruptly since the previous frame, else 0.
 
-    That is where it changed by more than CHANGED stops on average over the known pixels around. Lamps and
-    shadows rarely change that much from one frame to the next, and single fireflies never do.
+    That is where it changed by more than LIGHT_CHANGE stops on average over the known pixels in a window of
+    LIGHT_WINDOW pixels a side. Lamps and shadows rarely change that much in one frame; a firefly covers too
+    few pixels.
 
     Args:
         now: (1, 3, h, w) exposed colour.
         previous: (1, 3, h, w) of the previous frame, warped, at the same exposure.
         known: (1, 1, h, w) 1 where both are usable, else 0.
     """
-    apart = (_stops(now) - _stops(previous)) * known
-    window = torch.ones(1, 1, AROUND_LIGHT, AROUND_LIGHT, device=now.device)
-    sums = F.conv2d(torch.cat([apart, known]), window, padding=AROUND_LIGHT // 2)
-    return (sums[:1].abs() > CHANGED * sums[1:]).float()
+    change = (_stops(now) - _stops(previous)) * known
+    window = torch.ones(1, 1, LIGHT_WINDOW, LIGHT_WINDOW, device=now.device)
+    sums = F.conv2d(torch.cat([change, known]), window, padding=LIGHT_WINDOW // 2)
+    return (sums[:1].abs() > LIGHT_CHANGE * sums[1:]).float()
 
 
 def _stops(exposed: Tensor) -> Tensor:
-    return luminance(exposed).clamp(min=FAINTEST).log() * LOG2_E
+    return luminance(exposed).clamp(min=MIN_LUMINANCE).log() * LOG2_E
 
 
-def _unlike(warped: Tensor, image: Tensor, size: int) -> Tensor:
-    """1 where more than half of the pixels around differ by more than COLOR_APART in some channel."""
+def _differs(warped: Tensor, image: Tensor, size: int) -> Tensor:
+    """Return 1 where a warped pixel differs from more than half of the image's pixels in a window, else 0.
+
+    Pixels differ by more than MAX_COLOR_CHANGE in some channel; the window is `size` pixels a side.
+    """
     reach = size // 2
     h, w = image.shape[2], image.shape[3]
     rows = torch.arange(-reach, h + reach, device=image.device).clamp(0, h - 1)
@@ -174,23 +185,23 @@ def _unlike(warped: Tensor, image: Tensor, size: int) -> Tensor:
     wide = image.index_select(2, rows).index_select(3, columns)
     parts = [wide[:, :, y : y + h, x : x + w] for y in range(size) for x in range(size)]
     red, green, blue = channels_of((torch.cat(parts) - warped).abs())
-    far = torch.maximum(torch.maximum(red, green), blue) > COLOR_APART
+    far = torch.maximum(torch.maximum(red, green), blue) > MAX_COLOR_CHANGE
     return (far.float().sum(dim=0, keepdim=True) > 0.5 * size * size).float()
 
 
 def motion_of_surface(depth: Tensor, motion: Tensor, display_depth: Tensor, grid: Grid) -> Tensor:
-    """(1, 2, H, W) motion of that sample of the 3x3 around whose depth is most similar to the pixel's."""
+    """Return the motion (1, 2, H, W) of the 3x3 sample whose depth is most similar to the display pixel's."""
     least = torch.full_like(display_depth, torch.inf)
     chosen = torch.zeros_like(display_depth).expand(-1, 2, -1, -1)
-    for down, across, sample in _around(torch.cat([depth, motion], dim=1), grid):
+    for down, across, sample in _samples_3x3(torch.cat([depth, motion], dim=1), grid):
         cost = depth_difference(sample[:, :1], display_depth) + 0.002 * (down * down + across * across)
-        closer = cost < least
-        least, chosen = torch.where(closer, cost, least), torch.where(closer, sample[:, 1:], chosen)
+        better = cost < least
+        least, chosen = torch.where(better, cost, least), torch.where(better, sample[:, 1:], chosen)
     return chosen
 
 
 def depth_difference(a: Tensor, b: Tensor) -> Tensor:
-    """Difference of depths, relative to the closer one."""
+    """Return the absolute difference of two depths, relative to the closer one."""
     return (a - b).abs() / torch.maximum(a, b).clamp(min=1e-12)
 
 
@@ -199,38 +210,39 @@ def _squared_length(vectors: Tensor) -> Tensor:
     return (vectors * vectors).sum(dim=1, keepdim=True)
 
 
-class Nearest(NamedTuple):
-    """Samples of a previous frame, nearest to where the motion points."""
+class NearestSamples(NamedTuple):
+    """For each pixel, the sample of a previous frame nearest to where its motion points."""
 
-    found: Tensor  # (1, c, h, w) unfiltered
-    offset: Tensor  # (1, 2, h, w) from there to the sample, render pixels
+    values: Tensor  # (1, c, h, w) unfiltered
+    offset: Tensor  # (1, 2, h, w) from that point to the sample, render pixels
     on_screen: Tensor  # (1, 1, h, w) 1 where the motion points inside the screen
 
 
-def read_nearest(image: Tensor, motion: Tensor, offset: Tensor) -> Nearest:
+def read_nearest(image: Tensor, motion: Tensor, offset: Tensor) -> NearestSamples:
     """Read the nearest samples of a previous frame where `motion` points.
 
     Args:
         image: (1, c, h, w).
         motion: (1, 2, h, w) render pixels.
-        offset: (1, 2) this frame's jitter less that of the history one.
+        offset: (1, 2) this frame's jitter minus the jitter of that frame, render pixels.
     """
     h, w = image.shape[2], image.shape[3]
-    x, y = _led(motion, offset)
+    x, y = _targets(motion, offset)
     on_screen = (x > -0.5) & (x < w - 0.5) & (y > -0.5) & (y < h - 0.5)
     x, y = x.clamp(-2.0, w + 1.0), y.clamp(-2.0, h + 1.0)
     column, row = (x + 0.5).floor(), (y + 0.5).floor()
-    found = read(image, column, row, mode="nearest")
-    return Nearest(found, torch.cat([column - x, row - y], dim=1), on_screen.float())
+    values = read(image, column, row, mode="nearest")
+    return NearestSamples(values, torch.cat([column - x, row - y], dim=1), on_screen.float())
 
 
 def read_bilinear(image: Tensor, motion: Tensor, offset: Tensor) -> Tensor:
     """Read a previous frame bilinearly where `motion` points; arguments as of `read_nearest`."""
-    x, y = _led(motion, offset)
+    x, y = _targets(motion, offset)
     return read(image, x.clamp(-2.0, image.shape[3] + 1.0), y.clamp(-2.0, image.shape[2] + 1.0))
 
 
-def _led(motion: Tensor, offset: Tensor) -> tuple[Tensor, Tensor]:
+def _targets(motion: Tensor, offset: Tensor) -> tuple[Tensor, Tensor]:
+    """Return the positions, (1, 1, h, w) each, that the motion of each pixel points to."""
     h, w = motion.shape[2], motion.shape[3]
     x = torch.arange(w, device=motion.device) + motion[:, :1] + offset[0, 0]
     y = torch.arange(h, device=motion.device)[:, None] + motion[:, 1:2] + offset[0, 1]

@@ -1,4 +1,4 @@
 """`bilinear` and `bicubic`: the baselines without history.
 
-Nothing is learned.
+They have no network.
 """

@@ -1,4 +1,4 @@
 """`taa`: Salvi 2016, variance clipping.
 
-Nothing is learned; its CPU kernels are supersampler.methods.taa.
+It has no network; its CPU kernels are in `supersampler.methods.taa`.
 """

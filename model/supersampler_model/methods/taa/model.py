@@ -1,4 +1,4 @@
-"""`taa`: Salvi, "An Excursion in Temporal Supersampling" (GDC 2016), to the letter.
+"""`taa`: Salvi, "An Excursion in Temporal Supersampling" (GDC 2016), as published.
 
 An exponential moving average of 10 % new and 90 % old colour. The old colour is reprojected by the longest
 motion vector of the 3x3 neighbourhood and rectified: the segment from the old colour to the new sample is
@@ -26,12 +26,7 @@ from supersampler_model.ops.color import (
     valid,
     ycocg,
 )
-from supersampler_model.ops.motion import (
-    longest,
-    read_cubic,
-    reproject,
-    usable_motion,
-)
+from supersampler_model.ops.motion import longest, read_cubic, reproject, usable_motion
 from supersampler_model.ops.rectification import (
     Rect,
     clamp_to,

@@ -1,4 +1,4 @@
-"""The CPU backend: kernel loader, threads, tiles, and the kernels and stages that methods share.
+"""The CPU backend: kernel loader, threads, tiles, and the kernels that several methods use.
 
-A stage of one method lives in `methods/<name>/cpu.py`, its kernels beside it.
+Stages and kernels of one method are in `methods/<name>/`.
 """

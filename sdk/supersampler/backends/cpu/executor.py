@@ -1,4 +1,4 @@
-"""Base of the CPU executors: history and step, which are the same for all methods but for the stages."""
+"""`CpuExecutor`: base class of the CPU backends of all methods."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping
@@ -26,7 +26,7 @@ from supersampler.frame import Float32, Frame, Size
 
 
 class WorkBuffers(Protocol):
-    """Buffers that a step works in."""
+    """Work buffers of a step."""
 
     tables: ResampleTableCache
 
@@ -39,11 +39,11 @@ class Step(NamedTuple):
 
     Attributes:
         frame: the frame.
-        inputs: its arrays and its exposure.
-        history: after the previous frame; not changed.
-        next_history: written to, except for the pixels of tiles that are not computed.
-        output: pixels of `next_history`, the image, and the weight of the history.
-        tiles: to compute.
+        inputs: arrays and exposure of the frame.
+        history: history after the previous frame; not changed.
+        next_history: written to, except for the pixels of reused tiles.
+        output: the other outputs.
+        tiles: the tiles to compute.
     """
 
     frame: Frame
@@ -63,12 +63,13 @@ class CpuExecutor(ABC, Generic[Space]):
     """Base of the CPU executors; see `Executor`.
 
     Args:
-        layout: of the method's history.
-        pool: threads that compute.
+        layout: layout of the method's history.
+        pool: the threads that run the kernels.
         kernels: names of the method's kernels; those that take longest to compile are first and last.
 
     Attributes:
-        kernels: all that were named, by name.
+        kernels: all kernels by name.
+        pool: as given.
     """
 
     name = "cpu"
@@ -83,11 +84,11 @@ class CpuExecutor(ABC, Generic[Space]):
 
     @abstractmethod
     def _space(self, render: Size, display: Size) -> Space:
-        """Allocate the buffers that steps of these sizes work in."""
+        """Allocate the work buffers for these sizes."""
 
     @abstractmethod
     def _compute_tiles(self, step: Step, space: Space) -> None:
-        """Run the stages of the method on the tiles of a step."""
+        """Compute the tiles of a step."""
 
     def zeros(self, display: Size, render: Size) -> CpuHistory:
         """See `Executor`."""
@@ -129,19 +130,19 @@ class CpuExecutor(ABC, Generic[Space]):
         return weight.aux_outputs()
 
     def _resample(self, step: Step, view: ResampledFrame) -> None:
-        """Read the frame of a step into `view`, and find out whether it or its history has glare."""
+        """Preprocess the frame of a step into `view`; note whether it or its history has glare."""
         view.set_jitter(step.frame.jitter)
         self._preprocess.read(step.inputs, view.samples)
         kept = step.history.glares and not step.tiles.all
         step.next_history.glares = bool(view.samples.glares.any()) or kept
 
-    def needs(self, display: Size, render: Size) -> tuple[int, int | None]:
+    def required_bytes(self, display: Size, render: Size) -> tuple[int, int | None]:
         """See `Executor`."""
         working = self._working_bytes(display, render) + self._tile_reuse.most_bytes(display, render)
         return held_bytes(self.zeros(display, render)), working
 
     def _working_bytes(self, display: Size, render: Size) -> int:
-        """Return the bytes that a step works in."""
+        """Return the bytes of the work buffers."""
         space = self._space(render, display)
         return held_bytes(space) + space.tables.most_bytes()
 
@@ -162,6 +163,6 @@ class CpuExecutor(ABC, Generic[Space]):
         """See `Executor`."""
         return buffers.tile_state.arrays()
 
-    def work(self, buffers: CpuHistory, display: Size) -> Float32:  # noqa: ARG002  # known
+    def work(self, buffers: CpuHistory, display: Size) -> Float32:  # noqa: ARG002  # not needed
         """See `Executor`."""
         return buffers.tile_state.work

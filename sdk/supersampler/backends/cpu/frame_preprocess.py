@@ -1,4 +1,4 @@
-"""Frame preprocessing on the CPU: exposure, toned samples, usable depth and motion, resampling tables."""
+"""Frame preprocessing: exposure, toned samples, sanitized depth and motion, resampling tables."""
 
 import math
 from collections.abc import Collection, Mapping, Sequence
@@ -15,11 +15,7 @@ from supersampler.frame import Float32, Frame, Size
 from supersampler.io.display import EXPOSURE_KEY, followed_exposure, usable_exposure
 
 _KERNELS = "backends.cpu.kernels.frame"
-PREPROCESS_KERNELS = (
-    f"{_KERNELS}.measure",
-    f"{_KERNELS}.prepare",
-    f"{_KERNELS}.dilate",
-)
+PREPROCESS_KERNELS = (f"{_KERNELS}.measure", f"{_KERNELS}.prepare", f"{_KERNELS}.dilate")
 
 
 def frame_inputs(frame: Frame) -> FrameInputs:
@@ -31,30 +27,30 @@ def frame_inputs(frame: Frame) -> FrameInputs:
 
 
 def empty_samples(render: Size) -> FrameSamples:
-    """Return buffers for the samples of frames of this size."""
+    """Allocate buffers for the samples of a frame."""
     w, h = render
     stride = up_to(w, LANES)
-    wide = stride + 2 * PAD
-    depth, motion_x, motion_y, eroded_depth = aligned((4, h, wide))
+    padded_width = stride + 2 * PAD
+    depth, motion_x, motion_y, eroded_depth = aligned((4, h, padded_width))
     dilated, own = aligned((2, h, stride, 4))
-    color, glares = aligned((h, SAMPLE_PLANES, wide)), aligned((h,))
+    color, glares = aligned((h, SAMPLE_PLANES, padded_width)), aligned((h,))
     return FrameSamples(color, depth, motion_x, motion_y, eroded_depth, dilated, own, glares, w, h, stride)
 
 
 class ResampledFrame:
-    """The samples of a frame, and the tables by which the display resamples them.
+    """The samples of a frame, and the tables for resampling them.
 
     Args:
         render, display: sizes.
-        filters, windows: of samples; see `Axis`.
-        threads: number of threads that filter.
+        filters, windows: see `Axis`.
+        threads: number of threads.
 
     Attributes:
-        tables: of every jitter.
-        x, y: of columns and rows, for the current jitter.
-        samples: of the current frame.
-        wide: samples of a row with its padding.
-        lines: (threads, ...) rows that each thread filters in, FILTER_LINES and four more.
+        tables: tables of all jitters.
+        x, y: tables of columns and rows for the current jitter.
+        samples: samples of the current frame.
+        padded_width: samples of a row, its padding included.
+        lines: (threads, ...) FILTER_LINES + 4 lines of filtered samples per thread.
     """
 
     def __init__(
@@ -68,8 +64,8 @@ class ResampledFrame:
         self.tables = ResampleTableCache(render, display, filters, windows)
         self.set_jitter((0.0, 0.0))
         self.samples = empty_samples(render)
-        self.wide = self.samples.stride + 2 * PAD
-        self.lines = aligned((threads, (FILTER_LINES + 4) * self.wide + LANES))
+        self.padded_width = self.samples.stride + 2 * PAD
+        self.lines = aligned((threads, (FILTER_LINES + 4) * self.padded_width + LANES))
 
     def set_jitter(self, jitter: tuple[float, float]) -> None:
         """Set the jitter of the current frame."""
@@ -84,36 +80,36 @@ class ResampledFrame:
 
 
 class Weight:
-    """The weight of the history, where the caller asks for it; 1 in tiles that are reused.
+    """The auxiliary output "weight": the weight of the history, which is 1 in reused tiles.
 
     Args:
-        aux_outputs: names of the outputs that the caller asks for.
-        display: size.
+        aux_outputs: names of the requested outputs.
+        display: size of the image.
     """
 
     def __init__(self, aux_outputs: Collection[str], display: Size) -> None:
-        self._width, asked = display[0], "weight" in aux_outputs
+        self._width = display[0]
         shape = (1, 1, display[1], up_to(display[0], LANES))
-        self._rows = np.ones(shape, np.float32) if asked else None
+        self._rows = np.ones(shape, np.float32) if "weight" in aux_outputs else None
 
     def output(self, next_history: Float32, image: Float32) -> Output:
-        """Return where a step writes."""
+        """Return the outputs of a step."""
         height, width = image.shape[:2]
         rows = np.zeros(1, np.float32) if self._rows is None else self._rows
-        asked = int(self._rows is not None)
-        return Output(next_history, image, rows, asked, width, height, up_to(width, LANES))
+        has_weight = int(self._rows is not None)
+        return Output(next_history, image, rows, has_weight, width, height, up_to(width, LANES))
 
     def aux_outputs(self) -> dict[str, Float32]:
-        """Return {"weight": (1, 1, H, W)} where the caller asked for it, else nothing."""
+        """Return {"weight": (1, 1, H, W)} if it is requested, else {}."""
         return {} if self._rows is None else {"weight": self._rows[..., : self._width]}
 
 
 class FramePreprocess:
-    """The first stage of every method.
+    """The first stage of all methods except `taa`, which uses only its exposure.
 
     Args:
-        kernels: PREPROCESS_KERNELS, among others.
-        pool: threads that compute.
+        kernels: kernels by name, PREPROCESS_KERNELS among them.
+        pool: the threads that run them.
     """
 
     def __init__(self, kernels: Mapping[str, Call], pool: ThreadPool) -> None:
@@ -121,13 +117,13 @@ class FramePreprocess:
         self._measure, self._prepare, self._dilate = (kernels[name] for name in PREPROCESS_KERNELS)
 
     def exposure(self, frame: Frame, color: Float32, before: float) -> float:
-        """Return the frame's exposure, else 0.18 over its log-average luminance; see `followed_exposure`."""
+        """Return the frame's exposure, given or measured; see `followed_exposure`."""
         given = usable_exposure(frame.exposure)
         target = self._measured(color) if given is None else None
         return float(np.float32(followed_exposure(given, target, before)))
 
     def _measured(self, color: Float32) -> float | None:
-        """None where no pixel is usable."""
+        """Return EXPOSURE_KEY over the log-average luminance; None if no pixel is usable."""
         h, w = color.shape[:2]
         rows = np.zeros((h, 2), np.float32)
         self._pool.run_rows(
@@ -138,11 +134,11 @@ class FramePreprocess:
 
     def read(self, frame: FrameInputs, samples: FrameSamples) -> None:
         """Fill `samples` from a frame."""
-        inputs, to = pack(frame), pack(samples)
+        inputs, output = pack(frame), pack(samples)
 
         def read(y0: int, y1: int, _: int) -> None:
-            # a row more on either side: what two threads both write is the same
-            self._prepare(inputs, to, max(y0 - 1, 0), min(y1 + 1, samples.height))
-            self._dilate(to, y0, y1)
+            # one more row on either side instead of waiting; two threads write the same values there
+            self._prepare(inputs, output, max(y0 - 1, 0), min(y1 + 1, samples.height))
+            self._dilate(output, y0, y1)
 
         self._pool.run_rows("preprocess", samples.height, read)

@@ -1,4 +1,4 @@
-"""The history of a method on the CPU: its tensors as kernels lay them out, and numbers of its frame."""
+"""`CpuHistory`: the history tensors of a method in the memory layout of its kernels."""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -17,12 +17,12 @@ _UINT8_ONE = np.float32(255.0)
 
 
 class Plane(NamedTuple):
-    """An array of interleaved channels, in which history tensors of one size follow each other.
+    """An array of interleaved channels that holds one or more history tensors of one size.
 
     Attributes:
-        tensors: names of the tensors.
-        channels: number of channels; those after the tensors' belong to the kernels.
-        dtype: float32; or uint8, in which 255 is 1.
+        tensors: names of the tensors, in the order of their channels.
+        channels: number of channels, which may be more than those of the tensors.
+        dtype: float32, or uint8 with 255 for 1.
     """
 
     tensors: tuple[str, ...]
@@ -31,16 +31,17 @@ class Plane(NamedTuple):
 
 
 class HistoryLayout:
-    """Which arrays hold the history tensors of a method. Its jitter and exposure are kept as numbers.
+    """The arrays that hold the history tensors of a method. Jitter and exposure are Python numbers.
 
     Args:
         spec: the method.
-        planes: the arrays by name; the first begins with linear RGB of display size.
-        glare: tensor of which the last channel, in [0, 1], has GLARE times the number of glaring frames
-            added; None for a method that counts none.
+        planes: the arrays by name; the first one starts with linear RGB at display size.
+        glare: name of the tensor whose last channel, in [0, 1], is increased by GLARE times the number of
+            glaring frames; None for a method that does not count them.
 
     Attributes:
-        values: lengths of the other tensors of shape (1, n), by name.
+        planes, glare: as given.
+        values: number of values of each other tensor of shape (1, n), by name.
     """
 
     def __init__(self, spec: MethodSpec, planes: Mapping[str, Plane], glare: str | None = None) -> None:
@@ -52,11 +53,11 @@ class HistoryLayout:
         }
 
     def size(self, plane: Plane) -> Shape:
-        """Return the names of a plane's height and width: DISPLAY, HALF or PREVIOUS."""
+        """Return the size of a plane: DISPLAY, HALF or PREVIOUS."""
         return self._spec.history[plane.tensors[0]][2:]
 
     def shape(self, plane: Plane, display: Size, render: Size) -> tuple[int, int, int]:
-        """Return a plane's shape: (height, width, channels); rows of PREVIOUS size are PAD, stride, PAD."""
+        """Return (height, width, channels) of a plane; rows of PREVIOUS size are padded at both ends."""
         size = self.size(plane)
         if size == PREVIOUS:
             return render[1], up_to(render[0], LANES) + 2 * PAD, plane.channels
@@ -64,7 +65,7 @@ class HistoryLayout:
         return -(-display[1] // part), -(-display[0] // part), plane.channels
 
     def channels(self, plane: Plane) -> dict[str, slice]:
-        """Return where in a plane's channels each tensor is."""
+        """Return the channels of each tensor in a plane."""
         found, first = {}, 0
         for name in plane.tensors:
             count = int(self._spec.history[name][1])
@@ -74,20 +75,20 @@ class HistoryLayout:
 
 
 class CpuHistory:
-    """The history that one frame hands to the next; empty at first.
+    """The history after a frame; empty at first.
 
     Args:
-        layout: of the method.
+        layout: layout of the method's history.
         display: size of the image.
         render: size of the frame.
 
     Attributes:
         render: size of the frame.
-        arrays: by plane; the padding of those of PREVIOUS size repeats the border.
-        values: other tensors of the frame, (n,) each, by name.
-        tile_state: for static-tile reuse.
-        jitter: of the frame.
-        exposure: of the frame, as `followed_exposure` returns it; 0 where there is none.
+        arrays: planes by name; the padding of those of PREVIOUS size repeats the border.
+        values: other tensors, (n,) each, by name.
+        tile_state: state of static-tile reuse.
+        jitter: jitter of the frame.
+        exposure: exposure of the frame by `followed_exposure`; 0 before the first frame.
         glares: whether pixels may hold counts of glaring frames.
     """
 
@@ -102,12 +103,12 @@ class CpuHistory:
         self.jitter, self.exposure, self.glares = (0.0, 0.0), 0.0, False
 
     def fits(self, display: Size, render: Size) -> bool:
-        """Whether these arrays can hold the history after a frame of this size."""
+        """Return whether these arrays can hold the history after a frame of this size."""
         free = PREVIOUS not in map(self._layout.size, self._layout.planes.values())
         return self._display == display and (free or self.render == render)
 
     def keep_frame(self, previous: "CpuHistory") -> None:
-        """Take over what describes the previous frame, but no tiles: none of this frame is computed."""
+        """Copy everything except tiles from the previous history: no tile of this frame is computed."""
         self.jitter, self.exposure, self.glares = previous.jitter, previous.exposure, previous.glares
         for name, values in previous.values.items():
             self.values[name][:] = values
@@ -116,7 +117,7 @@ class CpuHistory:
                 self.arrays[name][:] = previous.arrays[name]
 
     def tiled(self) -> list[tuple[int, NDArray[Any]]]:
-        """Return the arrays that tiles divide, each after the pixels of a tile's side."""
+        """Return the planes that consist of tiles, each with the side of a tile in its pixels."""
         sizes = ((name, self._layout.size(plane)) for name, plane in self._layout.planes.items())
         return [
             (TILE // 2 if size == HALF else TILE, self.arrays[name])
@@ -142,7 +143,7 @@ class CpuHistory:
         return np.ascontiguousarray(pixels.transpose(2, 0, 1)[None])
 
     def load(self, tensors: Mapping[str, NDArray[Any]]) -> None:
-        """Fill from all history tensors, NCHW, and from arrays by `TileState.arrays` where they are there."""
+        """Fill from all history tensors, NCHW, and from arrays of `TileState.arrays`, if present."""
         self.tile_state.load(tensors)
         for key, plane in self._layout.planes.items():
             array = self.arrays[key]

@@ -1,4 +1,4 @@
-"""Compiled kernels on disk. An entry that is not, byte for byte, what was written is treated as missing."""
+"""The cache of compiled kernels on disk. A checksum protects each entry; a damaged one counts as missing."""
 
 import hashlib
 import os
@@ -12,15 +12,15 @@ from typing import NamedTuple
 from supersampler.errors import KernelError, ShotError
 from supersampler.io.atomic import replacing
 
-CALLED = ("memset", "memcpy", "memmove")  # by loops that only set or copy bytes
-NEVER_CALLED = (  # where Python's exceptions would be raised; kernels raise none
+CALLED = ("memset", "memcpy", "memmove")  # LLVM generates these calls for loops that set or copy bytes
+NEVER_CALLED = (  # numba refers to these where Python code could raise; kernels never do
     "NRT_Free", "PyBytes_FromStringAndSize", "PyErr_Clear", "PyErr_SetNone", "PyErr_SetString",
     "PyErr_WriteUnraisable", "PyExc_RuntimeError", "PyExc_StopIteration", "PyExc_SystemError",
     "PyUnicode_FromString", "Py_DecRef", "numba_do_raise", "numba_gil_ensure", "numba_gil_release",
     "numba_runtime_build_excinfo_struct", "numba_unpickle",
 )  # fmt: skip
 SYMBOLS = (*CALLED, *NEVER_CALLED)
-"""All that an object of a kernel may refer to."""
+"""All external symbols that a kernel may refer to."""
 _MAGIC = b"supersampler kernel 2\n"
 _DIGEST = 32  # bytes of a SHA-256
 
@@ -29,9 +29,9 @@ class Kernel(NamedTuple):
     """One compiled kernel.
 
     Attributes:
-        name: as `load_kernels` takes it.
-        symbol: of the function in the object file.
-        slots: how many its arguments fill; see `structs`.
+        name: see `load_kernels`.
+        symbol: name of the function in the object file.
+        slots: number of slots of its arguments; see `structs`.
         code: the object file.
     """
 
@@ -42,7 +42,7 @@ class Kernel(NamedTuple):
 
 
 def cache_folder() -> Path:
-    """Return the folder of kernels compiled from these sources for this processor.
+    """Return the folder of kernels that were compiled from the current sources for this processor.
 
     Raises:
         KernelError: numba or llvmlite is not installed.
@@ -51,15 +51,15 @@ def cache_folder() -> Path:
     return root / "supersampler" / "kernels" / _key()
 
 
-def keeps_kernels(folder: Path) -> bool:
-    """Make the folder where it is missing, and say whether it can be written."""
+def make_writable(folder: Path) -> bool:
+    """Make the folder if it is missing; return whether files can be written to it."""
     with suppress(OSError):
         folder.mkdir(parents=True, exist_ok=True)
     return folder.is_dir() and os.access(folder, os.W_OK)
 
 
 def read_kernel(folder: Path, name: str) -> Kernel | None:
-    """Return the kernel cached in `cache_folder`; None where there is none, or a damaged or another one."""
+    """Return a kernel from `cache_folder`; None if it is missing, damaged or has another name."""
     try:
         content = _path(folder, name).read_bytes()
     except OSError:
@@ -68,17 +68,17 @@ def read_kernel(folder: Path, name: str) -> Kernel | None:
     if head != _MAGIC + hashlib.sha256(payload).digest():
         return None
     header, _, code = payload.partition(b"\n")
-    written_as, symbol, slots = header.decode().split(" ")
-    return Kernel(name, symbol, int(slots), code) if written_as == name else None
+    own_name, symbol, slots = header.decode().split(" ")
+    return Kernel(name, symbol, int(slots), code) if own_name == name else None
 
 
 def write_kernel(folder: Path, kernel: Kernel) -> None:
-    """Keep a kernel for later processes, where the folder can be written."""
+    """Write a kernel to the cache; do nothing if the folder is not writable."""
     payload = f"{kernel.name} {kernel.symbol} {kernel.slots}\n".encode() + kernel.code
     with suppress(ShotError), replacing(_path(folder, kernel.name)) as partial, partial.open("wb") as file:
         file.write(_MAGIC + hashlib.sha256(payload).digest() + payload)
         file.flush()
-        os.fsync(file.fileno())  # before the rename: a power cut must not leave the name without the bytes
+        os.fsync(file.fileno())  # before the rename, in case of a power cut
 
 
 def _path(folder: Path, name: str) -> Path:
@@ -87,7 +87,7 @@ def _path(folder: Path, name: str) -> Path:
 
 @cache
 def _key() -> str:
-    """Hash of all that the machine code depends on: sources, compiler, processor."""
+    """Return a hash of everything that the machine code depends on: sources, compiler, processor."""
     try:
         import llvmlite.binding as llvm
 

@@ -1,9 +1,9 @@
-"""Compiles kernels, by numba's and llvmlite's public interfaces alone. Imported only where none is cached.
+"""Compiles kernels with the public interfaces of numba and llvmlite. Imported only if one is not cached.
 
-    python -P -m supersampler.backends.cpu.kernel_compiler FOLDER NAME...    compiles what is not cached there
+    python -P -m supersampler.backends.cpu.kernel_compiler FOLDER NAME...    compiles what is not in FOLDER
 
-numba gives LLVM's intermediate code of a kernel, llvmlite an object file of that, which holds no address of
-this process. An object needs few symbols, of which `kernel_loader` has its own definitions.
+numba translates a kernel to LLVM's intermediate code, which llvmlite compiles to an object file. The file has
+no addresses of this process, and refers to few symbols, which `kernel_loader` defines.
 """
 
 import gc
@@ -13,7 +13,7 @@ import itertools
 import os
 import platform
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -34,27 +34,34 @@ _FIELDS: dict[Any, tuple[types.Type, ir.Type]] = {
     float: (types.float32, ir.FloatType()),
 }
 _ENTRY = "call_kernel"
-_OPTIMIZATION = 1  # of LLVM's code generator; higher takes longer and makes no kernel faster
+_OPTIMIZATION = 1  # of LLVM's code generator; higher levels compile longer and make no kernel faster
 
 
 def compile_kernel(name: str) -> Kernel:
-    """Compile one kernel; see `load_kernels` for its name and its arguments.
+    """Compile a kernel; see `load_kernels` for its name.
 
     Raises:
-        NotImplementedError: it calls what `kernel_loader` does not define.
+        NotImplementedError: the kernel refers to a symbol that `kernel_loader` does not define.
     """
-    function = _function(name)
+    path, *parts = name.split("+")
+    module_name, _, function_name = path.rpartition(".")
+    function = getattr(importlib.import_module(f"supersampler.{module_name}"), function_name)
+    if parts:
+        function = function(*parts)
     parameters = [_type_of(p.annotation) for p in inspect.signature(function).parameters.values()]
     compiled = cfunc(types.void(*parameters), error_model="numpy")(function)
     module = llvm.parse_assembly(compiled.inspect_llvm())
-    _check_symbols(module, name)
+    declared = {v.name for v in (*module.functions, *module.global_variables) if v.is_declaration}
+    unknown = {symbol for symbol in declared if not symbol.startswith("llvm.")} - {*SYMBOLS}
+    if unknown:
+        raise NotImplementedError(f"kernel {name} calls {', '.join(sorted(unknown))}")
     module.link_in(llvm.parse_assembly(str(_entry(compiled.native_name, parameters))))
     slots = sum(_slots(kind) for kind in parameters)
     return Kernel(name, _ENTRY, slots, _target_machine().emit_object(module))
 
 
 def _type_of(annotation: Any) -> types.Type:
-    """Return numba's type of a kernel's parameter, or of a field of one."""
+    """Return numba's type for the annotation of a parameter or a field."""
     if annotation in _FIELDS:
         return _FIELDS[annotation][0]
     return types.NamedTuple([_type_of(field) for field in annotation.__annotations__.values()], annotation)
@@ -71,9 +78,9 @@ def _llvm_type(kind: types.Type) -> ir.Type:
 
 
 def _entry(symbol: str, parameters: Sequence[types.Type]) -> ir.Module:
-    """Return a function that loads the kernel's arguments from a record of slots and calls the kernel.
+    """Return a module with a function that loads the kernel's arguments from a record of slots and calls it.
 
-    It is LLVM's, so that numba compiles each kernel once. Structs are values: their use costs no loads.
+    It is written in LLVM's code, so that numba compiles each kernel once. Structs are passed as values.
     """
     kinds = [_llvm_type(kind) for kind in parameters]
     module = ir.Module()
@@ -85,8 +92,8 @@ def _entry(symbol: str, parameters: Sequence[types.Type]) -> ir.Module:
     def load(kind: ir.Type) -> ir.Value:
         if not isinstance(kind, ir.LiteralStructType):
             offset = ir.Constant(ir.IntType(64), next(offsets))
-            place = builder.gep(entry.args[0], [offset], source_etype=ir.IntType(8))
-            return builder.load(place, typ=kind)
+            slot = builder.gep(entry.args[0], [offset], source_etype=ir.IntType(8))
+            return builder.load(slot, typ=kind)
         value = ir.Constant(kind, ir.Undefined)
         for index, field in enumerate(kind.elements):
             value = builder.insert_value(value, load(field), index)
@@ -97,16 +104,8 @@ def _entry(symbol: str, parameters: Sequence[types.Type]) -> ir.Module:
     return module
 
 
-def _function(name: str) -> Callable[..., None]:
-    path, *parts = name.split("+")
-    module, _, function = path.rpartition(".")
-    found = getattr(importlib.import_module(f"supersampler.{module}"), function)
-    made: Callable[..., None] = found(*parts) if parts else found
-    return made
-
-
 def _target_machine() -> llvm.TargetMachine:
-    """As numba makes code for this processor, so that both agree on its instructions."""
+    """Return the target that numba assumes, so that both generate the same instructions."""
     target = llvm.Target.from_default_triple()
     features = config.CPU_FEATURES
     return target.create_target_machine(
@@ -119,18 +118,11 @@ def _target_machine() -> llvm.TargetMachine:
     )
 
 
-def _check_symbols(module: llvm.ModuleRef, name: str) -> None:
-    outside = {v.name for v in (*module.functions, *module.global_variables) if v.is_declaration}
-    unknown = {symbol for symbol in outside if not symbol.startswith("llvm.")} - {*SYMBOLS}
-    if unknown:
-        raise NotImplementedError(f"kernel {name} calls {', '.join(sorted(unknown))}")
-
-
 if __name__ == "__main__":
-    gc.disable()  # the process ends soon
-    sys.modules["scipy"] = None  # type: ignore[assignment]  # numba would import it, and no kernel needs it
+    gc.disable()  # the process is short
+    sys.modules["scipy"] = None  # type: ignore[assignment]  # no kernel needs it; importing it takes long
     _folder = Path(sys.argv[1])
     for _name in sys.argv[2:]:
         if read_kernel(_folder, _name) is None:
             write_kernel(_folder, compile_kernel(_name))
-    os._exit(0)  # at once: a process waits for this one
+    os._exit(0)  # skips the clean-up of the interpreter: another process waits for this one

@@ -1,8 +1,8 @@
-"""Kernels as functions: read from the cache or compiled, linked once in a process, called by ctypes.
+"""Loads kernels from the cache, compiles those that are missing, links each once per process.
 
-numba's own cache would bring numba and its dispatcher into every process; an object file is linked in
-milliseconds, and a call lets other threads run. Each kernel is a library of its own in an LLJIT of ours, with
-symbols that no other code of the process sees: the process stays as it was for everybody else's numba.
+numba's own cache would need numba in every process; an object file is linked within milliseconds. Kernels are
+called by ctypes, which releases Python's lock. Each kernel is a library of its own in a private LLJIT, whose
+symbols no other code in the process sees, such as other users of numba.
 """
 
 import ctypes
@@ -22,7 +22,7 @@ from supersampler.backends.cpu.kernel_cache import (
     NEVER_CALLED,
     Kernel,
     cache_folder,
-    keeps_kernels,
+    make_writable,
     read_kernel,
     write_kernel,
 )
@@ -37,76 +37,61 @@ Call = Callable[..., None]
 
 _PROTOTYPE = ctypes.CFUNCTYPE(None, ctypes.c_char_p)
 _INTEGER = struct.Struct("=q")
-_COMPILE_SECONDS = 300.0  # that processes may take, before this one compiles by itself
+_COMPILE_SECONDS = 300.0  # limit for the compiling processes
 
 
-class _Linked:
-    """Kernels that this process has linked: each once, and never unlinked, as it may run until the end."""
-
-    def __init__(self) -> None:
-        self.calls: dict[tuple[Path, str], Call] = {}
-        self.trackers: list[llvm.ResourceTracker] = []  # each keeps its library in memory
-        self.library_names = (
-            f"supersampler {index}" for index in itertools.count()
-        )  # none may be used twice
-        self.guard = ForkSafeLock()
-
-
-_LINKED = _Linked()
+_linked: dict[tuple[Path, str], Call] = {}  # never unlinked, because a kernel may run until the end
+_trackers: "list[llvm.ResourceTracker]" = []  # each keeps its library in memory
+_library_numbers = itertools.count()  # a name must not be used twice
+_guard = ForkSafeLock()
 
 
 def load_kernels(*names: str) -> dict[str, Call]:
-    """Return kernels by name, compiled where none are cached.
+    """Return kernels by name; compile those that are not cached.
 
     Args:
-        names: "module.function", where `supersampler.module` has it; "module.function+part+part" is what the
-            function makes for these parts, "module.function+" for none. Those that take longest to
-            compile belong at both ends.
+        names: "module.function" is that function of `supersampler.module`; "module.function+part+part" is the
+            result of calling it with these parts, "module.function+" without parts. The kernels that take
+            longest to compile should be first and last.
 
     Returns:
-        Functions of the kernel's arguments in order: a struct as `structs.pack` returns it, an array as
-        `memory.address` returns it, an integer as it is.
+        Functions that take the kernel's arguments in order: structs by `structs.pack`, arrays by
+        `memory.address`, and integers.
 
     Raises:
         KernelError: there is no compiler, or it fails.
     """
     folder = cache_folder()
-    with _LINKED.guard.lock:
-        missing = [name for name in names if (folder, name) not in _LINKED.calls]
-        cached = {name: read_kernel(folder, name) for name in missing}
-        wanted = [name for name in missing if cached[name] is None]
-        if wanted and keeps_kernels(folder):
-            _compile_apart(folder, wanted)
-        for name in missing:
-            _LINKED.calls[folder, name] = _linked(folder, name, cached[name] or read_kernel(folder, name))
-        return {name: _LINKED.calls[folder, name] for name in names}
+    with _guard.lock:
+        unlinked = [name for name in names if (folder, name) not in _linked]
+        cached = {name: read_kernel(folder, name) for name in unlinked}
+        missing = [name for name in unlinked if cached[name] is None]
+        if missing and make_writable(folder):
+            _compile_in_processes(folder, missing)
+        for name in unlinked:
+            kernel = cached[name] or read_kernel(folder, name)
+            _linked[folder, name] = _link_or_compile(folder, name, kernel)
+        return {name: _linked[folder, name] for name in names}
 
 
-def _compile_apart(folder: Path, names: Sequence[str]) -> None:
-    """Compile and cache in two processes, one from each end of the list; either ends when all are cached.
+def _compile_in_processes(folder: Path, names: Sequence[str]) -> None:
+    """Compile kernels to the cache in two processes, one from each end of the list, until one has ended.
 
-    What they could not cache is compiled by this process. numba's highest level takes longer and makes no
-    kernel faster: kernels say themselves what is to be a vector.
+    It has ended when all kernels are cached, or after an error: this process then compiles those missing.
     """
     if not Path(sys.executable or "").stem.startswith("python"):  # a program that embeds Python
         return
     no_bytecode = ["-B"] if sys.dont_write_bytecode else []
-    command = [
-        sys.executable,
-        "-P",
-        *no_bytecode,
-        "-m",
-        "supersampler.backends.cpu.kernel_compiler",
-        str(folder),
-    ]
-    passed_on = ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES")  # others would make other code of the same kernels
+    module = "supersampler.backends.cpu.kernel_compiler"
+    command = [sys.executable, "-P", *no_bytecode, "-m", module, str(folder)]
+    passed_on = ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES")  # other variables could change the code
     environment = {key: v for key, v in os.environ.items() if key in passed_on or key[:6] != "NUMBA_"}
-    environment["NUMBA_OPT"] = "1"
-    helpers: list[subprocess.Popen[bytes]] = []
+    environment["NUMBA_OPT"] = "1"  # higher levels compile longer and make no kernel faster
+    processes: list[subprocess.Popen[bytes]] = []
     try:
         for order in (names, list(reversed(names)))[: len(names)]:
-            helpers.append(
-                subprocess.Popen(  # noqa: S603  # ourselves
+            processes.append(
+                subprocess.Popen(  # noqa: S603  # this package
                     [*command, *order],
                     stdin=subprocess.DEVNULL,
                     stdout=subprocess.DEVNULL,
@@ -116,52 +101,48 @@ def _compile_apart(folder: Path, names: Sequence[str]) -> None:
                 )
             )
         latest = time.monotonic() + _COMPILE_SECONDS
-        while all(helper.poll() is None for helper in helpers) and time.monotonic() < latest:
+        while all(process.poll() is None for process in processes) and time.monotonic() < latest:
             time.sleep(0.01)
     except OSError:  # no process can be started
         pass
     finally:
-        for helper in helpers:
-            helper.kill()
-            helper.wait()
+        for process in processes:
+            process.kill()
+            process.wait()
 
 
-def _linked(folder: Path, name: str, kernel: Kernel | None) -> Call:
-    """Link a cached kernel; compile it here where there is none, or where it cannot be linked."""
+def _link_or_compile(folder: Path, name: str, kernel: Kernel | None) -> Call:
+    """Link a cached kernel; compile it in this process if it is None or cannot be linked."""
     if kernel is not None:
         try:
             return _link(kernel)
-        except RuntimeError:  # an object of another LLVM, say
+        except RuntimeError:  # for example, an object file of another LLVM
             pass
     try:
         from supersampler.backends.cpu.kernel_compiler import compile_kernel
 
         kernel = compile_kernel(name)
         call = _link(kernel)
-    except Exception as error:  # numba's and LLVM's errors share no other base
+    except Exception as error:  # errors of numba and LLVM have no other common base
         raise KernelError(f"kernel {name} cannot be compiled ({type(error).__name__}: {error})") from error
     write_kernel(folder, kernel)
     return call
 
 
 def _link(kernel: Kernel) -> Call:
-    """Put an object file into memory.
-
-    Raises:
-        RuntimeError: LLVM cannot.
-    """
+    """Load an object file into memory; raise RuntimeError if LLVM cannot."""
     import llvmlite.binding as llvm
 
     builder = llvm.JITLibraryBuilder().add_object_img(kernel.code).export_symbol(kernel.symbol)
-    for symbol, place in _symbol_addresses().items():
-        builder.import_symbol(symbol, place)
-    tracker = builder.link(_jit(), next(_LINKED.library_names))
-    _LINKED.trackers.append(tracker)
+    for symbol, location in _symbol_addresses().items():
+        builder.import_symbol(symbol, location)
+    tracker = builder.link(_jit(), f"supersampler {next(_library_numbers)}")
+    _trackers.append(tracker)
     function, size = _PROTOTYPE(tracker[kernel.symbol]), SLOT * kernel.slots
 
     def call(*arguments: bytes | int) -> None:
         record = b"".join([a if isinstance(a, bytes) else _INTEGER.pack(a) for a in arguments])
-        if len(record) != size:  # it would read beyond the record
+        if len(record) != size:  # the kernel would read beyond the record
             raise TypeError(f"kernel {kernel.name} takes {size} bytes of arguments, not {len(record)}")
         function(record)
 
@@ -180,6 +161,9 @@ def _jit() -> "llvm.LLJIT":
 @cache
 def _symbol_addresses() -> dict[str, int]:
     library = ctypes.CDLL("msvcrt" if sys.platform == "win32" else None)
-    defined = {name: name for name in CALLED} | dict.fromkeys(NEVER_CALLED, "abort")
-    found = {name: ctypes.cast(getattr(library, by), ctypes.c_void_p).value for name, by in defined.items()}
-    return {name: place for name, place in found.items() if place is not None}
+    definitions = {name: name for name in CALLED} | dict.fromkeys(NEVER_CALLED, "abort")
+    addresses = {
+        name: ctypes.cast(getattr(library, definition), ctypes.c_void_p).value
+        for name, definition in definitions.items()
+    }
+    return {name: address for name, address in addresses.items() if address is not None}

@@ -1,9 +1,9 @@
-"""Memory layout of arrays, shared by kernels and their callers. Imports nothing."""
+"""Memory layout of the arrays that kernels share with Python."""
 
 LANES = 16
-"""Values of a vector. Rows of pixels are padded to whole vectors."""
+"""Lanes of a vector. Rows of pixels are padded to a multiple of it."""
 PAD = 16
-"""Columns of padding before and after each row of a plane, for neighbourhoods that cross its ends."""
+"""Columns of padding before and after each row of samples, so that neighbourhoods need no bounds checks."""
 TILE = 32
 """Side of a display tile, display pixels: a step computes or reuses whole tiles."""
 RENDER_TILE = 16
@@ -26,7 +26,7 @@ TAAU_PIXEL = 5
 """Values of a history pixel: linear RGB, samples, power."""
 
 GUIDE_PLANES, SHADED_PLANES = 7, 10
-"""Planes of a shaded frame's samples: guides, by which surfaces are compared; guides, then light."""
+"""Planes of a shaded frame: guides, by which surfaces are compared; guides and light."""
 
 CLASSIFIER_PIXEL = 8
 """Values of a history pixel: linear RGB, count, luma range, two unused."""
@@ -34,5 +34,7 @@ INPUT_PLANES = 16
 """Network inputs of a pixel, one byte each: see methods.classifier.kernels.network_inputs."""
 RECORD_WORDS = 18
 """Words of a packed pixel (2x2 display pixels): INPUT_PLANES, then two of inputs at half display size."""
+PIXELS_AT_ONCE = 6
+"""Pixels whose sums of products a layer of the network computes together, in registers."""
 HISTORY_PLANES = 3
 """float32 planes of the warped history between gather and finish: RGB. Rounding to fp16 would accumulate."""

@@ -1,6 +1,6 @@
-"""Which samples the rows and columns of a display resample, and with what weights: one axis at a time.
+"""Resampling tables: the samples that each row and column of the display reads, and their filter weights.
 
-Twins of `supersampler_model.ops.sampling.positions`, `nearest` and `taps`, in the same single precision.
+Twins of `supersampler_model.ops.sampling.positions`, `nearest` and `taps`, with the same float32 arithmetic.
 """
 
 from collections.abc import Callable, Sequence
@@ -18,33 +18,33 @@ from supersampler.frame import Float32, Size
 
 Kernel = Callable[[Float32], Float32]
 
-MOST_PHASES = 128
-"""Of a jitter sequence, of which tables are kept."""
+MAX_PHASES = 128
+"""Largest number of jitter phases of which tables are kept."""
 
 
 class Filter(NamedTuple):
-    """A separable filter of samples: its kernel, and whether distances are in display pixels."""
+    """A separable filter: its kernel, and whether distances are in display pixels instead of samples."""
 
     kernel: Kernel
     scaled: bool
 
 
 class Axis:
-    """Tables of one axis, pixel by pixel: the layout of rows.
+    """The tables of one axis with n display pixels, in the layout of rows.
 
     Args:
-        display, render: pixels and samples.
-        filters: of the four samples around a pixel.
-        windows: kernels of the three around the nearest, as if there were samples beyond the border.
-        jitter: of the frame on this axis, in samples.
+        display, render: number of pixels and of samples.
+        filters: filters of the four samples around a pixel.
+        windows: kernels for the three samples around the nearest, as if samples continued beyond the border.
+        jitter: jitter of the frame on this axis, in samples.
 
     Attributes:
-        near: nearest sample of each pixel; like `start` and `first` in whole LANES.
-        start: the one at or before where it looks, -1 at first where that is before the first.
-        first: the same, or the first.
-        samples: (1, n, 4) the four around.
-        weights: (filters, n, 4) of these.
-        windows: (windows, n, 3) likewise.
+        near: (n,) the nearest sample of each pixel. This and the next two are padded to whole vectors.
+        start: (n,) the sample at or before the pixel's position, -1 before the first sample.
+        first: (n,) the same, clamped to the first sample.
+        samples: (1, n, 4) the four samples around the position, clamped to the border.
+        weights: (filters, n, 4) their weights.
+        windows: (windows, n, 3) weights of the three samples around the nearest.
     """
 
     def __init__(
@@ -65,26 +65,26 @@ class Axis:
         self.near[:display], self.start[:display] = near, first
         self.first[:display] = np.clip(first, 0, render - 1)
         samples = first[:, None] + np.arange(-1.0, 3.0, dtype=np.float32)
-        self.samples = self._laid(np.clip(samples, 0, render - 1).astype(np.int32)[None])
+        self.samples = self._layout(np.clip(samples, 0, render - 1).astype(np.int32)[None])
         distance = samples - position[:, None]
         scales = [np.float32(display / render if scaled else 1.0) for _, scaled in filters]
         weights = [kernel(distance * scale) for (kernel, _), scale in zip(filters, scales, strict=True)]
-        self.weights = self._laid(np.array(weights, np.float32).reshape(-1, display, 4))
+        self.weights = self._layout(np.array(weights, np.float32).reshape(-1, display, 4))
         beside = near[:, None] + np.arange(-1.0, 2.0, dtype=np.float32) - position[:, None]
         around = np.array([kernel(beside) for kernel in windows], np.float32)
-        self.windows = self._laid(around.reshape(-1, display, 3))
+        self.windows = self._layout(around.reshape(-1, display, 3))
 
     @staticmethod
-    def _laid(tables: NDArray[Any]) -> NDArray[Any]:
-        """Return (m, n, k) tables of n pixels in the layout of this axis."""
+    def _layout(tables: NDArray[Any]) -> NDArray[Any]:
+        """Return (m, n, k) tables of n pixels in the layout of this class."""
         return tables
 
 
 class Columns(Axis):
-    """The layout of columns: samples (4, n), weights (4 * filters, n), windows (3 * windows, n)."""
+    """Tables in the layout of columns: samples (4, n), weights (4 * filters, n), windows (3 * windows, n)."""
 
     @staticmethod
-    def _laid(tables: NDArray[Any]) -> NDArray[Any]:
+    def _layout(tables: NDArray[Any]) -> NDArray[Any]:
         m, n, k = tables.shape
         rows = aligned((m * k, up_to(n, LANES)), tables.dtype.type)
         rows[:, :n] = tables.transpose(0, 2, 1).reshape(m * k, n)
@@ -92,12 +92,12 @@ class Columns(Axis):
 
 
 class ResampleTableCache:
-    """Tables for frames of one size. Jitter repeats, so the tables of one period are kept.
+    """A cache of the tables for frames of one size, for one period of the jitter.
 
     Args:
         render, display: sizes.
         filters, windows: see `Axis`.
-        rows: layout of the tables of rows.
+        rows: class, and so layout, of the tables of rows.
     """
 
     def __init__(
@@ -108,7 +108,7 @@ class ResampleTableCache:
         windows: Sequence[Kernel] = (),
         rows: type[Axis] = Axis,
     ) -> None:
-        self._phases = min(jitter_phase_count(display[0] / render[0]), MOST_PHASES)
+        self._phases = min(jitter_phase_count(display[0] / render[0]), MAX_PHASES)
         keep = lru_cache(self._phases)
         self._x = keep(partial(Columns, display[0], render[0], filters, windows))
         self._y = keep(partial(rows, display[1], render[1], filters, windows))
@@ -118,15 +118,15 @@ class ResampleTableCache:
         return self._x(jitter[0]), self._y(jitter[1])
 
     def most_bytes(self) -> int:
-        """Return the bytes that it comes to hold."""
+        """Return the bytes of a full cache."""
         return self._phases * held_bytes(self.at((0.0, 0.0)))
 
 
 def _within_vectors(index: NDArray[Any]) -> NDArray[Any]:
-    """Samples that pixels look at, none farther from that of the first of eight or sixteen than the pixel is.
+    """Limit the sample of each pixel so that eight neighbouring pixels read from eight neighbouring samples.
 
-    So kernels find it (`vector.picked`). At a ratio of one a pixel between two samples may be rounded to the
-    later, and the first to the earlier: either has what the pixel looks at beside it.
+    `vector.gather_nearby` requires that. Only rounding at a ratio of one can violate it, and then either of
+    two samples is right.
     """
     lanes = np.arange(len(index))
     for count in (LANES, LANES // 2):
@@ -136,13 +136,13 @@ def _within_vectors(index: NDArray[Any]) -> NDArray[Any]:
 
 
 def gaussian(sigma: float) -> Kernel:
-    """Gaussian of height one."""
+    """Return a Gaussian with maximum 1."""
     scale = np.float32(-0.5 / (sigma * sigma))
     return lambda distance: np.exp(distance * distance * scale)
 
 
 def catmull_rom(distance: Float32) -> Float32:
-    """Catmull-Rom cubic of support 2."""
+    """Catmull-Rom cubic, with support [-2, 2]."""
     d = np.abs(distance)
     near = (np.float32(1.5) * d - np.float32(2.5)) * d * d + np.float32(1.0)
     far = ((np.float32(-0.5) * d + np.float32(2.5)) * d - np.float32(4.0)) * d + np.float32(2.0)
@@ -151,10 +151,10 @@ def catmull_rom(distance: Float32) -> Float32:
 
 
 def linear(distance: Float32) -> Float32:
-    """Tent."""
+    """Tent, with support [-1, 1]."""
     return np.maximum(np.float32(1.0) - np.abs(distance), np.float32(0.0))
 
 
 def up_to(count: int, multiple: int) -> int:
-    """The next multiple."""
+    """Round a count up to a multiple."""
     return -(-count // multiple) * multiple

@@ -1,8 +1,7 @@
-"""Structs that kernels take: NamedTuples of arrays and numbers, packed into slots of eight bytes.
+"""Structs that are arguments of kernels: NamedTuples, packed into slots of eight bytes.
 
-A field is a C-contiguous array (Floats, Halves, Bytes, Words), of which kernels see a pointer, int (64 bits),
-float (32 bits), or a struct.
-Imports no numba: the executors make structs, and most processes never compile a kernel.
+A field is a C-contiguous array (Floats, Halves, Bytes, Words), which kernels get as a pointer; an int (64
+bits); a float (32 bits); or a struct. Executors create structs, so this module does not import numba.
 """
 
 import struct
@@ -15,10 +14,10 @@ from supersampler.backends.cpu.memory import address
 
 Floats = NDArray[np.float32]
 Halves = NDArray[np.uint16]
-"""Half floats, as their bits."""
+"""The bits of half floats."""
 Bytes = NDArray[np.uint8]
 Words = NDArray[np.int32]
-"""int32, or four bytes each."""
+"""int32, or words of four bytes."""
 
 SLOT = 8
 """Bytes of a field."""
@@ -26,14 +25,9 @@ _INT, _FLOAT = struct.Struct("=q"), struct.Struct("=f4x")
 
 
 def pack(values: tuple[Any, ...]) -> bytes:
-    """Return a struct as kernels take it. Keep its arrays while kernels use it.
-
-    Args:
-        values: a NamedTuple of arrays and numbers.
-    """
-    return b"".join(
-        _packed(v, kind) for v, kind in zip(values, type(values).__annotations__.values(), strict=True)
-    )
+    """Return a struct, a NamedTuple, in the format of kernels. The caller keeps its arrays alive."""
+    kinds = type(values).__annotations__.values()
+    return b"".join(_packed(value, kind) for value, kind in zip(values, kinds, strict=True))
 
 
 def _packed(value: Any, kind: Any) -> bytes:
@@ -51,7 +45,7 @@ class FrameInputs(NamedTuple):
         color: (height, width, 3) linear RGB.
         depth: (height, width) reversed depth; see `Frame`.
         motion: (height, width, 2) render pixels.
-        exposure: multiplies the color before the tone curve; 0 until it is known.
+        exposure: multiplies the color before the tone curve; 0 before it is known.
     """
 
     color: Floats
@@ -61,20 +55,20 @@ class FrameInputs(NamedTuple):
 
 
 class FrameSamples(NamedTuple):
-    """The samples of a frame, ready to be resampled.
+    """The preprocessed samples of a frame.
 
-    Rows of `wide` samples are PAD, stride, PAD; the padding repeats the border.
+    Rows of `padded_width` = PAD + stride + PAD samples; the padding repeats the border.
 
     Attributes:
-        color: (height, SAMPLE_PLANES, wide) toned RGB, whether usable, YCoCg and its squares.
-        depth, motion_x, motion_y: (height, wide); depth is -1 where it is unusable.
-        eroded_depth: (height, wide) the farthest of 3x3.
+        color: (height, SAMPLE_PLANES, padded_width) toned RGB, 1 where usable, YCoCg, squares of YCoCg.
+        depth, motion_x, motion_y: (height, padded_width); depth is -1 where it is unusable.
+        eroded_depth: (height, padded_width) the farthest of 3x3.
         dilated: (height, stride, 4) depth and motion of the closest of 2x2 samples.
-        own: (height, stride, 4) motion of the sample itself, range of depth in 3x3, 1 where one of these is
-            over GLARING.
+        own: (height, stride, 4) motion of the sample itself, range of depth in 3x3 samples, 1 where one of
+            these is over GLARING.
         glares: (height,) 1 where a sample of the row is over GLARING, else 0.
-        width, height: of the frame.
-        stride: width up to whole vectors.
+        width, height: size of the frame.
+        stride: width, rounded up to whole vectors.
     """
 
     color: Floats
@@ -91,16 +85,16 @@ class FrameSamples(NamedTuple):
 
 
 class ResampleTables(NamedTuple):
-    """Which samples display pixels look at, and with what weights; see `resample_tables.Axis`.
+    """The samples that display pixels read, and their weights; see `resample_tables.Axis`.
 
     Attributes:
-        row_samples: (height, 4) the rows of samples around.
-        row_weights: (filters, height, 4) of these.
-        row_windows: (windows, height, 3) weights of the rows around the nearest.
+        row_samples: (height, 4) the four rows of samples around a pixel.
+        row_weights: (filters, height, 4) weights of these.
+        row_windows: (windows, height, 3) weights of the three rows around the nearest.
         first_row, nearest_row: (height,).
         column_start: (width,) the sample at or before a pixel; -1 before the first.
-        column_weights: (4 * filters, width) of the four samples around it.
-        column_windows: (3 * windows, width) weights of the columns around the nearest.
+        column_weights: (4 * filters, width) weights of the four columns around a pixel.
+        column_windows: (3 * windows, width) weights of the three columns around the nearest.
         first_column, nearest_column: (width,).
     """
 
@@ -117,15 +111,15 @@ class ResampleTables(NamedTuple):
 
 
 class TileComparison(NamedTuple):
-    """Tiles of an image beside the same tiles one jitter period before.
+    """The tiles of an image, and the same tiles one jitter period before.
 
     Attributes:
-        pixels: (height, width, channels) linear RGB first.
-        reference: (height, width, 3) what they were.
-        changes: (rows, columns) of tiles, written to.
-        channels, width, height: of `pixels`.
-        columns: of tiles.
-        exposure: of the frame.
+        pixels: (height, width, channels); the first three channels are linear RGB.
+        reference: (height, width, 3) linear RGB one jitter period before.
+        changes: (rows, columns) change of each tile, written to.
+        channels, width, height: shape of `pixels`.
+        columns: columns of tiles.
+        exposure: exposure of the frame.
     """
 
     pixels: Floats
@@ -139,15 +133,15 @@ class TileComparison(NamedTuple):
 
 
 class Output(NamedTuple):
-    """What a step writes.
+    """The outputs of a step.
 
     Attributes:
-        next_history: (height, width, values of a pixel).
+        next_history: (height, width, values per pixel).
         image: (height, width, 3) linear RGB.
-        weight: (height, pitch) weight of the history, in [0, 1]; written where `has_weight`.
-        has_weight: 1 where the caller asked for the weight, else 0.
-        width, height: of the display.
-        pitch: width up to whole vectors.
+        weight: (height, pitch) weight of the history, in [0, 1].
+        has_weight: 1 if `weight` is to be written, else 0.
+        width, height: size of the image.
+        pitch: width, rounded up to whole vectors.
     """
 
     next_history: Floats

@@ -1,4 +1,4 @@
-"""Tiles of an image, and rectangles that cover them."""
+"""The tiles of an image that a step computes, and rectangles that cover them."""
 
 from collections.abc import Sequence
 
@@ -12,28 +12,28 @@ from supersampler.frame import Float32, Size
 Bool = NDArray[np.bool_]
 
 FILTER_REACH = 4
-"""Distance of the samples that a display pixel reads from its position, in samples."""
+"""Largest distance between a display pixel and the samples that it reads, in samples."""
 HALO = 2
-"""Tiles around computed ones that are gathered, too: the network reads 36 pixels around a pixel."""
+"""Tiles around computed ones that are gathered, too: the receptive field of the network is 36 pixels."""
 MIN_GAP = 3
-"""Least number of tiles between two boxes of a row.
+"""Smallest number of tiles between two rectangles of a row.
 
-Kernels may write 5 pixels beyond a box, which are 80 display pixels at the last level of the network.
+Kernels may write 5 pixels beyond a rectangle: 80 display pixels at the last level of the network.
 """
 GATHER_WORK = 0.5
-"""Share of a full step's work in a tile that is only gathered, as input of the network for its neighbours."""
+"""Fraction of a full step's work in a tile that is only gathered, as network input for its neighbours."""
 
 
 class Tiles:
     """The tiles that a step computes.
 
     Args:
-        required: (rows, columns) tiles that it must compute.
+        required: (rows, columns) tiles that must be computed.
 
     Attributes:
-        computed: (rows, columns) tiles that it computes: the required ones, and gaps in rows below MIN_GAP.
-        any, all: whether any, all tiles are computed.
-        gathered: (rows, columns) computed tiles, and tiles that the network reads around them.
+        computed: (rows, columns) the required tiles, and those in gaps below MIN_GAP between them.
+        any, all: whether any or all tiles are computed.
+        gathered: (rows, columns) the computed tiles, and those that the network reads around them.
     """
 
     def __init__(self, required: Bool) -> None:
@@ -48,28 +48,27 @@ class Tiles:
         """Return rectangles of pixels that cover the computed tiles.
 
         Args:
-            unit: side of a tile, in pixels of an image of `size`.
-            size: (width, height); the last tiles end there.
+            unit: side of a tile in pixels.
+            size: (width, height) of the image, at which the last tiles end.
             halo: cover the gathered tiles instead.
         """
         return scaled(self._runs[halo], unit, size)
 
     def work(self) -> Float32:
-        """Return the share of a full step's work in each tile, (rows, columns) in [0, 1]."""
+        """Return the fraction of a full step's work done in each tile, (rows, columns) in [0, 1]."""
         return np.where(self.computed, 1.0, np.where(self.gathered, GATHER_WORK, 0.0)).astype(np.float32)
 
 
 def dilated(mask: Bool, tiles: int) -> Bool:
-    """Add all tiles within `tiles` rows and columns of the mask."""
-    wide = np.pad(mask, tiles)
+    """Return the mask with all tiles within `tiles` rows and columns added."""
+    padded = np.pad(mask, tiles)
     for axis in (0, 1):
-        shifted = [np.roll(wide, step, axis) for step in range(-tiles, tiles + 1)]
-        wide = np.logical_or.reduce(shifted)
-    return np.asarray(wide[tiles:-tiles, tiles:-tiles])
+        padded = np.logical_or.reduce([np.roll(padded, step, axis) for step in range(-tiles, tiles + 1)])
+    return np.asarray(padded[tiles:-tiles, tiles:-tiles])
 
 
 def scaled(runs: Sequence[Rect], unit: int, size: Size) -> list[Rect]:
-    """Return rectangles of tiles as rectangles of pixels, cut at the image; empty ones are left out."""
+    """Return rectangles of tiles as rectangles of pixels, clipped to the image, without empty ones."""
     width, height = size
     boxes = [
         Rect(y0 * unit, min(y1 * unit, height), x0 * unit, min(x1 * unit, width)) for y0, y1, x0, x1 in runs
@@ -80,14 +79,14 @@ def scaled(runs: Sequence[Rect], unit: int, size: Size) -> list[Rect]:
 def runs_of(mask: Bool, gap: int = 1) -> list[Rect]:
     """Return rectangles of tiles that cover a mask.
 
-    Tiles of a row less than `gap` apart share a rectangle; consecutive equal rows do, too.
+    A rectangle joins tiles of a row that are less than `gap` apart, and consecutive equal rows.
     """
-    if mask.all():  # mostly
+    if mask.all():  # the most frequent case
         return [Rect(0, mask.shape[0], 0, mask.shape[1])]
     runs: list[Rect] = []
     above: list[Rect] = []
     for y, row in enumerate(mask):
-        if y and np.array_equal(row, mask[y - 1]):  # mostly
+        if y and np.array_equal(row, mask[y - 1]):  # the most frequent case
             above = [box._replace(y1=y + 1) for box in above]
             continue
         spans: list[tuple[int, int]] = []

@@ -1,7 +1,7 @@
-"""Worker threads that take work items from a queue. Locks, not futures: a future costs more than a stage.
+"""Worker threads that take work items from a queue. They use locks, as futures are slower than some stages.
 
-The thread that waits for an item runs it where no worker has begun it. So a forked child, a process that
-cannot start threads, and a closed pool go on with the threads that they have, at least the caller's.
+A thread that waits for an item runs it itself if no worker has started it. Work therefore completes even in a
+forked child, in a process that cannot start threads, and in a closed pool.
 """
 
 import os
@@ -23,33 +23,33 @@ class WorkItem:
 
     Attributes:
         ended: whether a worker has run it.
-        error: exception that it raised there; None where there was none.
+        error: the exception that it raised in the worker, or None.
     """
 
     __slots__ = ("_end", "_owner", "_work", "ended", "error")
 
     def __init__(self, work: Callable[[], None]) -> None:
         self._work = work
-        self._owner: dict[None, str] = {}  # `setdefault` is atomic and can be repeated
-        self._end = allocate_lock()  # held until a worker has ended
+        self._owner: dict[None, str] = {}  # `setdefault` is atomic, and may be repeated after an interrupt
+        self._end = allocate_lock()  # held until a worker has run the work
         self._end.acquire()
         self.ended = False
         self.error: BaseException | None = None
 
     def run(self) -> None:
-        """Run the work as a worker, unless the waiting thread has begun; exceptions are kept in `error`."""
+        """Run the work as a worker, unless the waiting thread has started it; keep its exception."""
         if self._owner.setdefault(None, _WORKER) is not _WORKER:
             return
         try:
             self._work()
-        except BaseException as error:  # raised again by the waiting thread
+        except BaseException as error:  # `finish` raises it in the waiting thread
             self.error = error
-        del self._work  # frees what the work holds before the waiting thread continues
+        del self._work  # frees its references before the waiting thread continues
         self.ended = True
         self._end.release()
 
     def finish(self) -> None:
-        """Run the work where no worker has begun it, else wait for its end; raises its exception."""
+        """Run the work if no worker has started it, else wait until it has ended; raise its exception."""
         if self._owner.setdefault(None, _WAITER) is _WAITER:
             self._work()
             return
@@ -58,18 +58,18 @@ class WorkItem:
             raise self.error
 
     def settle(self) -> None:
-        """Return once no worker runs the work or ever will. Suppresses exceptions of signal handlers."""
+        """Wait until no worker runs the work or can start it; suppress exceptions of signal handlers."""
         while not (self._owner.setdefault(None, _WAITER) is _WAITER or self.ended):
             with suppress(BaseException):
                 self._wait()
 
     def _wait(self) -> None:
-        if not self.ended:  # an interrupted wait may have taken the lock already
+        if not self.ended:  # an interrupted wait may already have acquired the lock
             self._end.acquire()
 
 
 class WorkerThreads:
-    """Worker threads, started with the first work, stopped by `close` or with this object.
+    """Worker threads, started on the first `run`, stopped by `close` or when this object is deleted.
 
     Args:
         count: number of threads.
@@ -84,11 +84,11 @@ class WorkerThreads:
     def run(self, works: Sequence[Callable[[], None]]) -> None:
         """Run all functions, the first in this thread; when this returns or raises, none is running.
 
-        This holds where a signal handler raises (Ctrl-C), which Python runs between any two operations of the
-        main thread. Functions that no thread has begun are then left out.
+        A signal handler (Ctrl-C) may raise between any two operations of the main thread: functions that have
+        not started are then skipped, and the others are waited for.
 
         Raises:
-            BaseException: what a function or a signal handler raises.
+            BaseException: an exception of a function or of a signal handler.
         """
         items = [WorkItem(work) for work in works[1:]]
         try:
@@ -99,7 +99,7 @@ class WorkerThreads:
                     item.finish()
             finally:
                 _settle(items)
-        finally:  # a second signal may have interrupted the first call
+        finally:  # in case another signal interrupted the first `_settle`
             _settle(items)
 
     def _submit(self, items: Sequence[WorkItem]) -> None:
@@ -115,46 +115,46 @@ def _settle(items: Sequence[WorkItem]) -> None:
 
 
 class _Crew:
-    """Queue and threads of one `WorkerThreads`. A forked child starts its own: threads are not copied."""
+    """The queue and threads of a `WorkerThreads`. A forked child has none of the threads, and starts anew."""
 
     def __init__(self) -> None:
-        self.begin()
+        self.forget()
 
-    def begin(self) -> None:
-        """Start with no threads."""
+    def forget(self) -> None:
+        """Forget all threads and queued items."""
         self.queue: SimpleQueue[WorkItem | None] = SimpleQueue()
         self._started = 0
         self._lock = allocate_lock()
 
     def start(self, count: int) -> None:
-        """Start threads up to this many; fewer where the system refuses."""
+        """Start threads until there are `count`; fewer if the system refuses."""
         if self._started < count:
             with self._lock, suppress(RuntimeError):
                 while self._started < count:
-                    threading.Thread(
-                        target=_take, args=(self.queue,), name="supersampler", daemon=True
-                    ).start()
+                    thread = threading.Thread(target=_run_items, args=(self.queue,), daemon=True)
+                    thread.name = "supersampler"
+                    thread.start()
                     self._started += 1
 
     def stop(self) -> None:
-        """Stop the threads, each after its current item."""
+        """Stop each thread after its current item."""
         self.queue.put(None)
 
 
 _CREWS: "weakref.WeakSet[_Crew]" = weakref.WeakSet()
 
 
-def _begin_all() -> None:
+def _forget_threads() -> None:
     for crew in _CREWS:
-        crew.begin()
+        crew.forget()
 
 
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_begin_all)
+    os.register_at_fork(after_in_child=_forget_threads)
 
 
-def _take(queue: "SimpleQueue[WorkItem | None]") -> None:
+def _run_items(queue: "SimpleQueue[WorkItem | None]") -> None:
     while (item := queue.get()) is not None:
         item.run()
-        del item  # frees what the item holds before the next one
-    queue.put(None)  # for the next thread: an interrupted start may not have been counted
+        del item  # frees its references while the thread waits for the next one
+    queue.put(None)  # stops the next thread; an interrupted `start` may not have counted all threads

@@ -1,4 +1,4 @@
-"""Buffers for frames of one size, lent to one step at a time."""
+"""`Workspaces`: a pool of work buffers by size, from which each step borrows a set."""
 
 from collections import OrderedDict
 from collections.abc import Callable, Iterator
@@ -9,14 +9,14 @@ from supersampler.backends.locks import ForkSafeLock
 from supersampler.frame import Size
 
 Space = TypeVar("Space")
-KEPT = 4  # sizes: what a dynamic resolution goes back and forth between
+KEPT = 4  # sizes with free buffers, for dynamic resolution
 
 
 class Workspaces(Generic[Space]):
-    """Makes buffers where none are free; several threads may borrow.
+    """A pool of buffers by size, for several threads.
 
     Args:
-        make: of the sizes that `borrow` is called with.
+        make: allocates buffers for the sizes that are passed to `borrow`.
     """
 
     def __init__(self, make: Callable[..., Space]) -> None:
@@ -26,7 +26,7 @@ class Workspaces(Generic[Space]):
 
     @contextmanager
     def borrow(self, *sizes: Size) -> Iterator[Space]:
-        """Lend buffers; those of sizes that have not been asked for in a while are given up."""
+        """Lend free buffers, or new ones; free those of the least recently used size beyond KEPT sizes."""
         with self._lock.lock:
             free = self._free.get(sizes)
             space = free.pop() if free else None

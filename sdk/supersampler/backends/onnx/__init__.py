@@ -1,4 +1,4 @@
 """The ONNX backend: sessions, IO binding, tensors on a device, CUDA graphs.
 
-The only modules that import onnxruntime; nothing here reads the pixels of a frame.
+No other modules import onnxruntime.
 """

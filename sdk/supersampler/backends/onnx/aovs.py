@@ -1,4 +1,4 @@
-"""AOVs (alpha, any channels) blended by the weight of the colour: `aovs.onnx`."""
+"""`AovBlender`: blends AOVs (alpha, other channels) with the weights of the colour (`aovs.onnx`)."""
 
 import numpy as np
 
@@ -11,15 +11,15 @@ from supersampler.methods.aovs.spec import AOVS
 from supersampler.methods.model_info import ModelInfo, TensorInfo
 from supersampler.methods.spec import TENSORS, dtype_of
 
-_TAKES = [
+_INPUTS = [
     *(TensorInfo(name, dtype_of(name), TENSORS[name]) for name in AOVS.inputs),
     *(TensorInfo(name, "float32", shape) for name, shape in AOVS.graph_history.items()),
 ]
-_GIVES = [TensorInfo("image", "float32", AOVS.image)]
+_OUTPUTS = [TensorInfo("image", "float32", AOVS.image)]
 
 
 def check_aovs(frame: Frame, history: Float32 | None) -> None:
-    """Raise FrameError where the frame has no AOVs, or other channels than `history` (1, k, H, W)."""
+    """Raise FrameError unless the frame has AOVs, with as many channels as `history` (1, k, H, W)."""
     if frame.aovs is None:
         raise FrameError("aovs", got=None, want="(h, w, k), as it is asked for")
     channels = frame.aovs.shape[2]
@@ -29,7 +29,7 @@ def check_aovs(frame: Frame, history: Float32 | None) -> None:
 
 
 class AovBlender:
-    """The graph beside a model's step, loaded for the first frame with AOVs; safe to share."""
+    """Runs a model's graph for AOVs, loaded on first use; threads may share it."""
 
     def __init__(self, info: ModelInfo, options: ort.SessionOptions) -> None:
         self._path, self._options = info.aovs_path, options
@@ -44,7 +44,7 @@ class AovBlender:
         Args:
             frame: with `aovs` (h, w, k); see `check_aovs`.
             weight: (1, 1, H, W) weight of the history; None for a method without one.
-            history: (1, k, H, W) of the frame before; None where it had no AOVs.
+            history: (1, k, H, W) blended AOVs of the previous frame; None without them.
             display_size: (W, H).
 
         Returns:
@@ -69,6 +69,6 @@ class AovBlender:
         with self._lock.lock:
             if self._session is None:
                 self._session = open_session(
-                    self._path, self._options, ["CPUExecutionProvider"], takes=_TAKES, gives=_GIVES
+                    self._path, self._options, ["CPUExecutionProvider"], takes=_INPUTS, gives=_OUTPUTS
                 )
             return self._session

@@ -1,4 +1,4 @@
-"""The whole step as one graph in ONNX Runtime; the history stays on its device."""
+"""`OnnxExecutor`: runs a step as one graph in ONNX Runtime; the history stays on the device."""
 
 import math
 from collections.abc import Collection, Mapping, Sequence
@@ -15,7 +15,7 @@ from supersampler.backends.onnx.runtime import ort
 from supersampler.backends.onnx.session import frame_inputs, open_session, running, session_options
 from supersampler.backends.onnx.tensors import check_tensor, render_size_of
 from supersampler.frame import Float32, Frame, Size
-from supersampler.methods.model_info import ModelInfo, TensorInfo
+from supersampler.methods.model_info import ModelInfo
 
 Tensors = dict[str, ort.OrtValue]
 
@@ -25,15 +25,15 @@ class OnnxExecutor:
 
     Args:
         info: the model.
-        threads: on the CPU; 0 takes every core.
-        providers: execution providers, in order.
-        precision: one of the model's `steps`.
+        threads: number of CPU threads; 0 uses every core.
+        providers: execution providers, in order of preference.
+        precision: key of the graph in `ModelInfo.steps`.
         capture: see `Model.load`.
 
     Attributes:
         capture: see `Model.load`.
-        providers: those in use.
-        device: that buffers lie on, as ONNX Runtime calls it.
+        providers: the providers in use.
+        device: device of the buffers; see `device_of`.
     """
 
     name = "onnx"
@@ -42,7 +42,7 @@ class OnnxExecutor:
         self, info: ModelInfo, threads: int, providers: Sequence[str], precision: str, *, capture: bool
     ) -> None:
         if capture:
-            capturing(providers)  # refuses those that cannot, before a graph is loaded
+            capturing(providers)  # raises before a graph is loaded
         self._info, self._threads, self.precision, self.capture = info, threads, precision, capture
         self._path, options = info.steps[precision], session_options(threads)
         self._session = open_session(self._path, options, providers, takes=info.takes, gives=info.gives)
@@ -50,18 +50,19 @@ class OnnxExecutor:
         check_provider_in_use(providers[0], self.providers)
         self.device = device_of(self.providers[0])
         self._fixed: FixedStep | None = None
-        self._lock = ForkSafeLock()  # of that
+        self._lock = ForkSafeLock()  # of `_fixed`
 
     def zeros(self, display: Size, render: Size) -> Tensors:
         """See `Executor`."""
-        return {h.input.name: self._zeros(h.input, display, render) for h in self._info.history}
+        return {
+            name: ort.OrtValue.ortvalue_from_numpy(np.zeros(shape, np.float32), self.device, 0)
+            for name, shape in self._history_shapes(display, render).items()
+        }
 
     def fits(self, buffers: Tensors, display: Size, render: Size) -> bool:
         """See `Executor`."""
-        shapes = [
-            h.input.shape_for(render=render, display=display, previous=render) for h in self._info.history
-        ]
-        return [list(t.shape()) for t in buffers.values()] == [list(shape) for shape in shapes]
+        shapes = {name: tuple(tensor.shape()) for name, tensor in buffers.items()}
+        return shapes == self._history_shapes(display, render)
 
     def step(
         self,
@@ -82,12 +83,8 @@ class OnnxExecutor:
             if t.name in aux_outputs
         }
         given = frame_inputs(frame, display, [t.name for t in self._info.inputs])
-        self._run(
-            _values(given),
-            history,
-            next_history,
-            {**_values(outputs), **_values({self._info.image.name: planes})},
-        )
+        results = _values({**outputs, self._info.image.name: planes})
+        self._run(_values(given), history, next_history, results)
         np.copyto(image, planes[0].transpose(1, 2, 0))
         return outputs
 
@@ -99,31 +96,29 @@ class OnnxExecutor:
         next_history: Tensors,
         image: ort.OrtValue | None,
     ) -> ort.OrtValue:
-        """Upscale a frame that is on the device, to an image that stays there.
+        """Upscale a frame on the device to an image on the device.
 
         Args:
-            given: the graph's inputs.
+            given: inputs of the graph.
             display: (W, H).
-            history: after the previous frame; not changed.
+            history: history after the previous frame; not changed.
             next_history: written to; not `history`.
-            image: (1, 3, H, W), written to; a new one where None.
+            image: (1, 3, H, W), written to; None allocates it.
 
         Raises:
-            FrameError: an input or `image` is of another type or shape, or on another device.
+            FrameError: an input or `image` has a wrong type or shape, or is on another device.
         """
         info = self._info
         render = render_size_of(given["color"])
         sizes = {"render": render, "display": display, "previous": render}
         if image is None:
-            shape = info.image.shape_for(**sizes)  # ONNX Runtime's own memory: who takes it may keep it alone
+            shape = info.image.shape_for(**sizes)
             image = ort.OrtValue.ortvalue_from_shape_and_type(list(shape), np.float32, self.device, 0)
-        vectors = ("jitter", "exposure", "display_size")  # which come from CPU memory, and are small
+        vectors = ("jitter", "exposure", "display_size")  # small, and in CPU memory
         for tensor in (*(t for t in info.inputs if t.name not in vectors), info.image):
             value = image if tensor is info.image else given[tensor.name]
             check_tensor(value, tensor, tensor.shape_for(**sizes), self.device)
-        if self.capture and self.fits(
-            history, display, render
-        ):  # the first of another size is run as it comes
+        if self.capture and self.fits(history, display, render):  # else the render size has changed
             with self._lock.lock:
                 fixed = self._fixed_step(display, render)
                 fixed.run({**given, **history}, {**next_history, info.image.name: image})
@@ -133,38 +128,28 @@ class OnnxExecutor:
 
     def _fixed_step(self, display: Size, render: Size) -> FixedStep:
         if self._fixed is None or self._fixed.sizes != (display, render):
-            self._fixed = None  # whose memory is free before more is taken
-            path = self._info.steps[self.precision]
-            self._fixed = FixedStep(
-                self._info,
-                path,
-                self.providers,
-                self._threads,
-                self.device,
-                display=display,
-                render=render,
-            )
+            self._fixed = None  # frees its memory first
+            setup = self._info, self._path, self.providers, self._threads, self.device
+            self._fixed = FixedStep(*setup, display=display, render=render)
         return self._fixed
 
-    def _run(self, given: Tensors, history: Tensors, next_history: Tensors, made: Tensors) -> None:
+    def _run(self, given: Tensors, history: Tensors, next_history: Tensors, results: Tensors) -> None:
         binding = self._session.io_binding()
         for name, value in given.items():
             binding.bind_ortvalue_input(name, value)
         for h in self._info.history:
             binding.bind_ortvalue_input(h.input.name, history[h.input.name])
             binding.bind_ortvalue_output(h.output, next_history[h.input.name])
-        for name, value in made.items():
+        for name, value in results.items():
             binding.bind_ortvalue_output(name, value)
         with running(self._path):
-            binding.synchronize_inputs()  # others have written on streams of their own
+            binding.synchronize_inputs()  # other libraries may have written on their own streams
             self._session.run_with_iobinding(binding)
             binding.synchronize_outputs()
 
-    def needs(self, display: Size, render: Size) -> tuple[int, int | None]:
+    def required_bytes(self, display: Size, render: Size) -> tuple[int, int | None]:
         """See `Executor`."""
-        shapes = (
-            h.input.shape_for(render=render, display=display, previous=render) for h in self._info.history
-        )
+        shapes = self._history_shapes(display, render).values()
         return sum(math.prod(shape) * np.float32().itemsize for shape in shapes), None
 
     def note_stages(self) -> Mapping[str, float]:
@@ -175,11 +160,11 @@ class OnnxExecutor:
         """See `Executor`."""
         return np.asarray(buffers[name].numpy())
 
-    def memory(self, buffers: Tensors) -> Mapping[str, NDArray[Any]]:  # noqa: ARG002  # nothing
+    def memory(self, buffers: Tensors) -> Mapping[str, NDArray[Any]]:  # noqa: ARG002  # has none
         """See `Executor`."""
         return {}
 
-    def work(self, buffers: Tensors, display: Size) -> Float32:  # noqa: ARG002  # all of it
+    def work(self, buffers: Tensors, display: Size) -> Float32:  # noqa: ARG002  # constant
         """See `Executor`."""
         return np.ones([-(-extent // TILE) for extent in display[::-1]], np.float32)
 
@@ -188,11 +173,11 @@ class OnnxExecutor:
         for name, tensor in buffers.items():
             tensor.update_inplace(np.ascontiguousarray(tensors[name], np.float32))
 
-    def _zeros(self, tensor: TensorInfo, display: Size, render: Size) -> ort.OrtValue:
-        shape = tensor.shape_for(render=render, display=display, previous=render)
-        return ort.OrtValue.ortvalue_from_numpy(np.zeros(shape, np.float32), self.device, 0)
+    def _history_shapes(self, display: Size, render: Size) -> dict[str, tuple[int, ...]]:
+        sizes = {"render": render, "display": display, "previous": render}
+        return {h.input.name: h.input.shape_for(**sizes) for h in self._info.history}
 
 
 def _values(arrays: Mapping[str, np.ndarray[Any, Any]]) -> Tensors:
-    """The same memory, as ONNX Runtime has it."""
+    """Return arrays as values of ONNX Runtime, which share their memory."""
     return {name: ort.OrtValue.ortvalue_from_numpy(array) for name, array in arrays.items()}

@@ -14,34 +14,35 @@ from supersampler.methods.model_info import ModelInfo
 
 
 class ExtrapolationExecutor(Protocol):
-    """Runs a model that extrapolates; remembers nothing between calls.
+    """Runs a model that extrapolates; keeps no state between calls.
 
     Attributes:
-        name: "onnx" or "cpu", as executors' are.
+        name: "onnx" or "cpu".
     """
 
     name: str
 
-    def placed(self, array: NDArray[Any]) -> Any:
-        """Return an array, which no one else writes to, as a tensor of a history."""
+    def upload(self, array: NDArray[Any]) -> Any:
+        """Return a history tensor made from an array, which may share its memory."""
 
-    def copied(self, tensor: Any) -> NDArray[Any]:
-        """Return a copy of such a tensor."""
+    def download(self, tensor: Any) -> NDArray[Any]:
+        """Return a copy of a history tensor as an array."""
 
-    def draw(self, frame: Frame, history: Mapping[str, Any]) -> tuple[Float32, Mapping[str, Any]]:
-        """Extrapolate the colour of a checked frame; return it, (h, w, 3), and the next history."""
+    def extrapolate(self, frame: Frame, history: Mapping[str, Any]) -> tuple[Float32, Mapping[str, Any]]:
+        """Return the colour of a checked unshaded frame, (h, w, 3), and the next history."""
 
 
 class OnnxExtrapolation:
-    """Runs the graph; see `ExtrapolationExecutor`.
+    """Extrapolates with ONNX Runtime; see `ExtrapolationExecutor`.
 
     Args:
         info: the model.
-        providers: names of execution providers of ONNX Runtime, in order.
-        threads: on the CPU; 0 takes every core.
+        providers: execution providers, in order of preference.
+        threads: number of CPU threads; 0 uses every core.
 
     Raises:
-        ProviderError: a provider could not start.
+        ModelError: ONNX Runtime cannot load the graph.
+        ProviderError: a provider cannot start.
     """
 
     name = "onnx"
@@ -54,15 +55,15 @@ class OnnxExtrapolation:
         check_provider_in_use(providers[0], used)
         self._device = device_of(used[0])
 
-    def placed(self, array: NDArray[Any]) -> ort.OrtValue:
+    def upload(self, array: NDArray[Any]) -> ort.OrtValue:
         """See `ExtrapolationExecutor`."""
         return ort.OrtValue.ortvalue_from_numpy(array, self._device, 0)
 
-    def copied(self, tensor: ort.OrtValue) -> NDArray[Any]:
+    def download(self, tensor: ort.OrtValue) -> NDArray[Any]:
         """See `ExtrapolationExecutor`."""
         return np.array(tensor.numpy())
 
-    def draw(
+    def extrapolate(
         self, frame: Frame, history: Mapping[str, ort.OrtValue]
     ) -> tuple[Float32, Mapping[str, ort.OrtValue]]:
         """See `ExtrapolationExecutor`."""

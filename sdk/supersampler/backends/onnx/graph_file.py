@@ -1,17 +1,16 @@
-"""Reads an .onnx file (protobuf's wire format) as far as it takes to see that it holds a plain graph.
+"""Checks that an .onnx file holds a plain graph, before ONNX Runtime loads a file from an unknown source.
 
-ONNX Runtime would follow external data to any file, and look for custom operators; neither is for a model
-that somebody mails. Field numbers are those of onnx.proto (onnx 1.23, IR version 14); others are passed over,
-as all readers of protobuf do.
+ONNX Runtime would read external data from any file, and load custom operators. This module reads protobuf's
+wire format; the field numbers are those of onnx.proto (onnx 1.23, IR version 14). Other fields are skipped.
 """
 
 from collections.abc import Iterator, Mapping
 
 DOMAINS = {"", "ai.onnx"}
-"""Of operators that ONNX itself defines."""
-_DEPTH = 32  # of graphs in nodes in graphs; each level takes three
-_FIELDS = 4_000_000  # of all messages; the largest graph that ships has 40,000
-_VARINT, _BYTES, _FIXED = 0, 2, {1: 8, 5: 4}  # wire types; bytes of those of a fixed size
+"""Domains of ONNX's own operators."""
+_MAX_DEPTH = 32  # of nested graphs, each of which takes three messages: graph, node, attribute
+_MAX_FIELDS = 4_000_000  # the largest shipped graph has 40,000
+_VARINT, _BYTES, _FIXED = 0, 2, {1: 8, 5: 4}  # wire types; sizes of those with a fixed size
 
 _DOMAIN, _REFUSED = "domain", "refused"
 _MESSAGES: Mapping[str, Mapping[int, str]] = {
@@ -26,33 +25,29 @@ _MESSAGES: Mapping[str, Mapping[int, str]] = {
     "tensor": {13: _REFUSED, 14: _REFUSED},
     "sparse tensor": {1: "tensor", 2: "tensor"},
 }  # fmt: skip
-"""What there is to look at in a message, by the field's number: messages, domains' names, and what is not to
-be: training_info of a model, external_data and data_location of a tensor."""
+"""Fields of each message that are read: messages, domains, and refused ones (training_info of a model,
+external_data and data_location of a tensor)."""
 
 
 def refusal_of(content: bytes) -> str | None:
-    """Say why a file is none that ONNX Runtime is to see; None where it may.
-
-    Args:
-        content: of the file.
-    """
+    """Return why ONNX Runtime must not load a file with this content; None if it may."""
     if content[4:8] == b"ORTM":
         return "is in ONNX Runtime's own format; want ONNX's"
-    left, graphs = _FIELDS, 0
+    fields, graphs = 0, 0
     waiting = [("model", 0, len(content), 0)]
     try:
         while waiting:
             message, start, end, depth = waiting.pop()
             kinds = _MESSAGES[message]
             for number, at, stop in _fields(content, start, end):
-                left -= 1
-                if left < 0 or depth > 3 * _DEPTH:
-                    return f"holds more than {_FIELDS} fields, or graphs in graphs {_DEPTH} deep"
+                fields += 1
+                if fields > _MAX_FIELDS or depth > 3 * _MAX_DEPTH:
+                    return f"holds more than {_MAX_FIELDS} fields, or graphs in graphs {_MAX_DEPTH} deep"
                 kind = kinds.get(number)
                 if kind is None:
                     continue
                 if kind == _REFUSED:
-                    if at == stop == 0:  # a number that is zero: data is here
+                    if at == stop == 0:  # the number 0: the data is in this file
                         continue
                     what = {"model": "training information", "tensor": "data in other files"}[message]
                     return f"has {what}, which is not read"
@@ -71,12 +66,12 @@ def refusal_of(content: bytes) -> str | None:
 
 
 def _fields(content: bytes, at: int, end: int) -> Iterator[tuple[int, int, int]]:
-    """Yield the fields of a message that lies from `at` to `end`: number, and where its bytes begin and end.
+    """Yield the fields of a message from `at` to `end`: number, first byte, and one past the last byte.
 
-    Of a number 0 and 0 where it is zero, else 0 and -1.
+    For a field that is a number, the bytes are (0, 0) if it is zero, else (0, -1).
 
     Raises:
-        IndexError, ValueError: it is damaged.
+        IndexError, ValueError: the message is damaged.
     """
     while at < end:
         tag, at = _varint(content, at)
@@ -100,16 +95,11 @@ def _fields(content: bytes, at: int, end: int) -> Iterator[tuple[int, int, int]]
 
 
 def _varint(content: bytes, at: int) -> tuple[int, int]:
-    """A number of seven bits a byte, and where it ends."""
-    byte = content[at]
-    if byte < 128:
-        return byte, at + 1
-    value, shift = byte & 127, 7
-    while shift < 70:
-        at += 1
-        byte = content[at]
-        value |= (byte & 127) << shift
+    """Return a number, which has seven bits per byte, and one past its last byte."""
+    value = 0
+    for i in range(10):
+        byte = content[at + i]
+        value |= (byte & 127) << 7 * i
         if byte < 128:
-            return value, at + 1
-        shift += 7
+            return value, at + i + 1
     raise ValueError("a number of more than ten bytes")

@@ -1,4 +1,4 @@
-"""Which ONNX Runtime execution provider runs a graph; asked for by name, never replaced in silence."""
+"""Execution providers of ONNX Runtime, requested by name. A provider that cannot run is an error."""
 
 from collections.abc import Sequence
 from importlib import metadata
@@ -18,46 +18,34 @@ NAMES = {
     "coreml": "CoreMLExecutionProvider",
     "webgpu": "WebGpuExecutionProvider",
 }
-"""Short names; ONNX Runtime's own are taken too."""
-
+"""Short names; ONNX Runtime's own names are accepted, too."""
 CPU = NAMES["cpu"]
 
-AUTOMATIC = ("cuda", "directml", "cpu")
-"""What "auto" looks for, in this order: the providers that run every operator of our graphs at once."""
-
-_CAPTURE = {
+_AUTOMATIC = ("cuda", "directml", "cpu")  # providers that support every operator of our graphs
+_CAPTURE = {  # options that capture a session as a CUDA graph; on the CPU there is nothing to capture
     NAMES["cuda"]: {"enable_cuda_graph": "1"},
     NAMES["tensorrt"]: {"trt_cuda_graph_enable": "1"},
-    CPU: {},  # has no launches to save: to try all but the capture itself
+    CPU: {},
 }
-
 _DEVICES = {NAMES["cuda"]: "cuda", NAMES["tensorrt"]: "cuda", NAMES["directml"]: "dml"}
-
-_DISTRIBUTIONS = (
-    "onnxruntime",
-    "onnxruntime-gpu",
-    "onnxruntime-directml",
-    "onnxruntime-rocm",
-    "onnxruntime-openvino",
-)
+_DISTRIBUTIONS = ("onnxruntime", *(f"onnxruntime-{kind}" for kind in ("gpu", "directml", "rocm", "openvino")))
 
 
 def resolve_providers(providers: str | Sequence[str]) -> list[str]:
     """Return ONNX Runtime's names for `providers`: "auto", one name, or several in order of preference.
 
     Raises:
-        ArgumentError: it is neither a name nor a list of some.
-        ProviderError: no provider has one of the names, or it is not in this installation; lists those that
-            there are.
+        ArgumentError: `providers` is neither a name nor a list of names.
+        ProviderError: a name is unknown, or its provider is not installed; the message lists those that are.
     """
     wanted = [providers] if isinstance(providers, str) else providers
     if not is_row(wanted) or not all(isinstance(name, str) for name in wanted) or not len(wanted):
         want = "'auto', a provider's name, or several in a list"
         raise ArgumentError("providers", got=shown(providers), want=want)
-    check_one_distribution()
+    _check_one_distribution()
     available = ort.get_available_providers()
     if isinstance(providers, str) and providers == "auto":
-        return [NAMES[name] for name in AUTOMATIC if NAMES[name] in available][:1]
+        return [NAMES[name] for name in _AUTOMATIC if NAMES[name] in available][:1]
     names = [NAMES.get(name.lower(), name) for name in wanted]
     for asked, name in zip(wanted, names, strict=True):
         if name not in (*NAMES.values(), *available, *ort.get_all_providers()):
@@ -76,15 +64,15 @@ def resolve_providers(providers: str | Sequence[str]) -> list[str]:
 
 
 def device_of(provider: str) -> str:
-    """Where tensors of a provider lie, as ONNX Runtime calls it: "cpu", "cuda", "dml"."""
+    """Return the device of a provider's tensors, as ONNX Runtime names it: "cpu", "cuda", "dml"."""
     return _DEVICES.get(provider, "cpu")
 
 
 def capturing(providers: Sequence[str]) -> list[tuple[str, dict[str, str]]]:
-    """Return these providers, each with options: the first is to capture what a session runs.
+    """Return providers with options, of which the first captures the runs of a session.
 
     Raises:
-        ProviderError: it cannot.
+        ProviderError: the first provider cannot capture.
     """
     if providers[0] not in _CAPTURE:
         raise ProviderError(
@@ -95,7 +83,7 @@ def capturing(providers: Sequence[str]) -> list[tuple[str, dict[str, str]]]:
 
 
 def check_provider_in_use(wanted: str, used: Sequence[str]) -> None:
-    """Raise ProviderError if ONNX Runtime fell back to another provider, as it does when libraries lack."""
+    """Raise ProviderError if ONNX Runtime uses another provider, as it does when libraries are missing."""
     if wanted not in used:
         raise ProviderError(
             f"{wanted} is installed but could not start; ONNX Runtime fell back to {', '.join(used)}. "
@@ -103,15 +91,9 @@ def check_provider_in_use(wanted: str, used: Sequence[str]) -> None:
         )
 
 
-def check_one_distribution() -> None:
+def _check_one_distribution() -> None:
     """Raise ProviderError if two distributions of ONNX Runtime overwrite each other's files."""
-    found = []
-    for name in _DISTRIBUTIONS:
-        try:
-            metadata.distribution(name)
-        except metadata.PackageNotFoundError:
-            continue
-        found.append(name)
+    found = [name for name in _DISTRIBUTIONS if any(metadata.distributions(name=name))]
     if len(found) > 1:
         raise ProviderError(
             f"{' and '.join(found)} are installed at once and overwrite each other's files. "

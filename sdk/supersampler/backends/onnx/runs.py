@@ -1,6 +1,6 @@
-"""Runs of ONNX Runtime, which the end of the interpreter waits for.
+"""Lets the interpreter wait at its end for runs of ONNX Runtime in daemon threads.
 
-A daemon thread's run that is under way when the process tears ONNX Runtime down ends the process by abort.
+Otherwise a run that is in progress while the process unloads ONNX Runtime aborts the process.
 """
 
 import atexit
@@ -10,19 +10,19 @@ from _thread import get_ident
 from threading import Event
 from types import TracebackType
 
-_PATIENCE = 30.0  # seconds that the end of the interpreter waits at most
-_running: set[int] = set()  # threads that are within a run
+_MAX_SECONDS = 30.0  # that the interpreter waits
+_running: set[int] = set()  # threads that are in a run
 _ended = Event()
 
 
 class OnnxRun:
-    """Context of one run: `with OnnxRun(): session.run(...)`. Once the interpreter ends, no run begins."""
+    """Context of a run: `with OnnxRun(): session.run(...)`. No run starts once the interpreter ends."""
 
     def __enter__(self) -> None:
         _running.add(get_ident())
         if _ended.is_set():
             _running.discard(get_ident())
-            Event().wait()  # for good: this is a daemon thread of a process that ends
+            Event().wait()  # forever, as this is a daemon thread of a process that ends
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
@@ -33,7 +33,7 @@ class OnnxRun:
 @atexit.register
 def _wait_for_runs() -> None:
     _ended.set()
-    latest = time.monotonic() + _PATIENCE
+    latest = time.monotonic() + _MAX_SECONDS
     while _running - {get_ident()} and time.monotonic() < latest:
         time.sleep(0.002)
 

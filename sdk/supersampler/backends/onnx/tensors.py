@@ -1,4 +1,4 @@
-"""Tensors of other libraries (torch, CuPy, JAX), handed to a graph and back where they lie, by DLPack."""
+"""Tensors of other libraries (torch, CuPy, JAX), shared with a graph by DLPack without copies."""
 
 from collections.abc import Collection, Iterable, Mapping
 from typing import Any, Protocol
@@ -18,31 +18,27 @@ _IMAGES = ("color", "depth", "motion")
 
 
 class Tensor(Protocol):
-    """What speaks DLPack: `torch.from_dlpack` and its like in other libraries take it without a copy."""
+    """A tensor with DLPack, which `torch.from_dlpack` and its equivalents accept without a copy."""
 
     def __dlpack__(self, *, stream: Any = None) -> Any:
-        """A capsule with the tensor."""
+        """Return a capsule with the tensor."""
 
     def __dlpack_device__(self) -> tuple[int, int]:
-        """Kind and number of the device that it is on."""
+        """Return the kind and the number of its device."""
 
 
 def checked_tensors(tensors: Mapping[str, Tensor]) -> Mapping[str, Tensor]:
-    """Return tensors by name.
-
-    Raises:
-        ArgumentError: it is no mapping.
-    """
+    """Return `tensors`; raise ArgumentError if it is not a mapping."""
     if not isinstance(tensors, Mapping):
         raise ArgumentError("tensors", got=shown(tensors), want="a mapping of names to tensors")
     return tensors
 
 
 def taken(tensor: Tensor, name: str) -> ort.OrtValue:
-    """Return a value of ONNX Runtime that shares the tensor's memory.
+    """Return a value of ONNX Runtime that shares a tensor's memory.
 
     Raises:
-        FrameError: it is no tensor that can be shared.
+        FrameError: the tensor cannot be shared.
         ArgumentError: this version of ONNX Runtime cannot share tensors.
     """
     if not hasattr(ort.OrtValue, "from_dlpack"):
@@ -50,7 +46,7 @@ def taken(tensor: Tensor, name: str) -> ort.OrtValue:
         raise ArgumentError("onnxruntime", got=ort.__version__, want=want, hint="Install a newer one.")
     try:
         return ort.OrtValue.from_dlpack(tensor)
-    except Exception as error:  # of the library that the tensor is of, or of ONNX Runtime
+    except Exception as error:  # each library raises its own types
         want = "a contiguous tensor that speaks DLPack (detached, if of torch)"
         got = f"{type(tensor).__name__} ({' '.join(str(error).split())})"
         raise FrameError(name, got=got, want=want) from error
@@ -59,10 +55,10 @@ def taken(tensor: Tensor, name: str) -> ort.OrtValue:
 def graph_inputs(
     infos: Iterable[TensorInfo], tensors: Mapping[str, Tensor], vectors: Mapping[str, NDArray[Any]]
 ) -> dict[str, ort.OrtValue]:
-    """Return what a graph takes, by name: a frame's tensors, and the `vectors` beside them.
+    """Return the inputs of a graph, by name: a frame's tensors, and `vectors`.
 
     Raises:
-        FrameError: a tensor is missing, or cannot be shared.
+        FrameError: a tensor is missing or cannot be shared.
     """
     values = {}
     for info in infos:
@@ -76,10 +72,10 @@ def graph_inputs(
 
 
 def render_size_of(color: ort.OrtValue) -> Size:
-    """(width, height) of a frame whose colour this is.
+    """Return (width, height) of a frame's colour, (1, 3, h, w).
 
     Raises:
-        FrameError: it has not four axes, or is empty or too large.
+        FrameError: the tensor does not have four axes, or is empty or too large.
     """
     shape = color.shape()
     if len(shape) != 4 or not is_image_size(shape[3], shape[2]):
@@ -88,10 +84,10 @@ def render_size_of(color: ort.OrtValue) -> Size:
 
 
 def size_of_tensors(tensors: Mapping[str, Tensor]) -> Size:
-    """(width, height) of a frame that lies in tensors, by name.
+    """Return (width, height) of a frame whose inputs are tensors.
 
     Raises:
-        FrameError: its colour is missing, or no tensor of four axes.
+        FrameError: "color" is missing; or see `render_size_of`.
     """
     if "color" not in tensors:
         raise FrameError("color", got=None, want="a tensor (1, 3, h, w)")
@@ -99,12 +95,12 @@ def size_of_tensors(tensors: Mapping[str, Tensor]) -> Size:
 
 
 def check_tensor(value: ort.OrtValue, info: TensorInfo, shape: tuple[int, ...], device: str) -> None:
-    """Raise FrameError unless a value is what the graph takes, on its device."""
+    """Raise FrameError unless a value has the type, shape and device that the graph needs."""
     got = value.data_type(), tuple(value.shape()), value.device_name().lower()
     wanted = ORT_TYPES[info.type], shape, device
     if got != wanted:
-        said = [f"{kind} {extents} on {place}" for kind, extents, place in (got, wanted)]
-        raise FrameError(info.name, got=said[0], want=said[1])
+        texts = [f"{kind} {extents} on {place}" for kind, extents, place in (got, wanted)]
+        raise FrameError(info.name, got=texts[0], want=texts[1])
 
 
 def frame_of_tensors(
@@ -115,18 +111,18 @@ def frame_of_tensors(
     reset: bool,
     inputs: Collection[str],
 ) -> Frame:
-    """Return tensors as a frame, copied from the device.
+    """Return a frame with copies of tensors in CPU memory.
 
     Args:
-        tensors: by name.
+        tensors: tensors by name.
         jitter: see `Frame`.
         exposure: see `Frame`.
         reset: see `Frame`.
-        inputs: names of the tensors that the method reads. Depth and motion may be missing if it does not
-            read them, and are 0 in the frame; other G-buffers are left out.
+        inputs: names of the tensors that the method reads. Depth and motion that it does not read may be
+            missing, and are then 0; other G-buffers are ignored.
 
     Raises:
-        FrameError: a tensor is missing, or of a wrong type, shape or range.
+        FrameError: a tensor is missing, or has a wrong type, shape or range.
     """
     images: dict[str, Any] = {}
     gbuffers = [name for name in inputs if name in GBUFFERS]
@@ -142,21 +138,17 @@ def frame_of_tensors(
         images[name] = pixels_of(planes)
     gbuffer, gbuffer_display = grouped({name: images.pop(name) for name in gbuffers})
     return Frame(
-        **images,
-        jitter=jitter,
-        exposure=exposure,
-        reset=reset,
-        gbuffer=gbuffer,
-        gbuffer_display=gbuffer_display,
-    )
+        **images, jitter=jitter, exposure=exposure, reset=reset,
+        gbuffer=gbuffer, gbuffer_display=gbuffer_display,
+    )  # fmt: skip
 
 
 def tensors_of_frame(frame: Frame, device: str) -> dict[str, Tensor]:
-    """Undo `frame_of_tensors`, on a device as `Model.device` names it."""
+    """Return copies of a frame's images as tensors on a device; see `Model.device`."""
     images = {name: planes_of(image_of(frame, name)) for name in (*_IMAGES, *names_of(frame))}
     return {name: ort.OrtValue.ortvalue_from_numpy(planes, device, 0) for name, planes in images.items()}
 
 
 def image_of_tensor(image: Tensor) -> Float32:
-    """Return (H, W, 3) of (1, 3, H, W), copied from the device."""
+    """Return a copy of an image (1, 3, H, W) as an array (H, W, 3)."""
     return pixels_of(taken(image, "image").numpy())

@@ -1,6 +1,6 @@
-"""Shots on disk: sequences of rendered frames, read lazily, written whole; docs/shots.md is the format.
+"""Shots: folders of rendered frames, read one at a time and written atomically; docs/shots.md.
 
-Importers of other programs' files live here, too; conventions are applied by `conventions`.
+The importers of other programs' files are here, too.
 """
 
 from supersampler.io.shot.arm import import_arm

@@ -1,4 +1,4 @@
-"""Read Arm's neural-graphics sequences: one `.safetensors` file, its tensors stacked by frame."""
+"""Import Arm's neural-graphics sequences: one `.safetensors` file with tensors of all frames."""
 
 import math
 from collections.abc import Collection
@@ -29,14 +29,14 @@ def import_arm(path: Path | str, *, name: str | None = None) -> Shot:
 
     The layout: `colour_linear` (T, 3, h, w), `motion_lr` (T, 2, h, w; v before u, pixels, current minus
     previous), `depth` (T, 1, h, w; 0 near, 1 far) with `depth_params` (T, 4; FSR2's device to view depth),
-    `jitter` (T, 2, 1, 1; y before x, pixels); where they are there `ground_truth_linear` (T, 3, H, W),
-    `exposure` (T, 1; natural logarithm), `camera_cut` (T, 1), `seq` (T, 1), `EmulatedFramerate` (T, 1).
-    Vectors are turned to x first and depth to near / view distance; the motion's direction is left to
-    `Conventions.arm_gym()`.
+    `jitter` (T, 2, 1, 1; y before x, pixels). Optional: `ground_truth_linear` (T, 3, H, W), `exposure` (T, 1;
+    natural logarithm), `camera_cut` (T, 1), `seq` (T, 1), `EmulatedFramerate` (T, 1). Vectors are reordered
+    to x before y, and depth is converted to near / view distance. `Conventions.arm_gym()` states the motion's
+    direction.
 
     Args:
-        path: the file; pixels are read when their frame is reached.
-        name: for people; by default the file's.
+        path: the file; the pixels of a frame are read when it is reached.
+        name: name of the shot; by default the file's.
 
     Raises:
         ShotError: the file is missing or damaged, or a tensor is missing or of another shape.
@@ -74,7 +74,7 @@ def import_arm(path: Path | str, *, name: str | None = None) -> Shot:
 
 
 def _check_shapes(path: Path, tensors: dict[str, NDArray[Any]]) -> None:
-    """Check the tensors that must be there; colour says how many frames there are and of what size."""
+    """Check the shapes of the tensors; number and size of the frames are those of the colour."""
     for name, rest in _SHAPES.items():
         if name not in tensors:
             found = ", ".join(sorted(tensors)) or "nothing"
@@ -98,7 +98,7 @@ def _check_shapes(path: Path, tensors: dict[str, NDArray[Any]]) -> None:
 
 
 def _check_values(path: Path, tensors: dict[str, NDArray[Any]]) -> None:
-    """Check sizes and types of images, and the numbers that are computed with before pixels are read."""
+    """Check image sizes, element types, and the values of small tensors."""
     for name in {*_SHAPES, _TRUTH} & tensors.keys():
         if tensors[name].dtype.kind != "f":
             raise ShotError(path, f"tensor {name} is {tensors[name].dtype}; want floating point")
@@ -132,12 +132,12 @@ def _entry(path: Path, tensors: dict[str, NDArray[Any]], index: int) -> FrameEnt
 
 
 def _image(tensor: NDArray[Any], index: int) -> Array:
-    """One frame as (h, w, k), copied out of the file."""
+    """Return a copy of one frame as (h, w, k)."""
     return np.ascontiguousarray(tensor[index].transpose(1, 2, 0))
 
 
 def _reversed_depth(tensors: dict[str, NDArray[Any]], index: int) -> Float32:
-    """Near / view distance, with the first frame's near plane; 0 at the far plane, as at the sky.
+    """Return near / view distance, with the first frame's near plane; 0 at the far plane.
 
     The view distance is p1 / (device - p0), as in FSR2; the near plane is where device depth is 0.
     """

@@ -1,4 +1,4 @@
-"""Read Blender's multilayer EXR frames: Combined, Depth and Vector passes; Normal and diffuse colour too."""
+"""Import Blender's multilayer EXR frames: the passes Combined, Depth, Vector, Normal and diffuse colour."""
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -12,7 +12,6 @@ from supersampler.io.shot.numbered import Jitter, numbered_files
 from supersampler.io.shot.shot import Shot
 
 _DEPTH = ("Depth.Z", "Z.Z", "Z")
-_DIFFUSE = ("DiffCol", "Diffuse Color")
 _NEEDED = "Turn on the passes Combined, Z and Vector, and save as OpenEXR MultiLayer."
 
 
@@ -30,22 +29,20 @@ def import_blender(
 ) -> Shot:
     """Open a folder of Blender's OpenEXR MultiLayer frames as a Shot.
 
-    Colour is the Combined pass, its alpha becomes an AOV; depth is Depth (or Z), motion is Vector X and Y;
-    Normal and DiffCol become G-buffers where they are there. Jitter the camera by
-    `shift_x = x / max(w, h)`, `shift_y = -y / max(w, h)`, and render with a box filter 0.01 pixels wide, so
-    that each pixel is one sample at that place.
+    Colour is the Combined pass, and its alpha an AOV; depth is Depth (or Z), motion is Vector X and Y; Normal
+    and DiffCol are G-buffers, where they exist. Jitter the camera by `shift_x = x / max(w, h)`,
+    `shift_y = -y / max(w, h)`, and render with a box filter 0.01 pixels wide: one sample at that point.
 
     Args:
-        folder: where the frames are.
-        layer: the view layer's name; needed where several have all passes.
+        folder: folder of the frames.
+        layer: name of the view layer; required where several have all passes.
+        reference: pattern of the references' files in the folder, such as `reference/*.exr`.
+        conventions: by default `Conventions.blender()`; jitter in pixels, y down, pixel centre + jitter.
         display_size: (width, height) of the references; by default the first reference's.
         frame_rate: frames a second.
-        jitter: (x, y) of each frame, pixels, y down, pixel centre + jitter; or a JSON file [[x, y], ...]; by
-            default jitter.json in the folder where it exists, otherwise no jitter.
+        jitter: see `import_channels`.
         cuts: indices of the first frames after cuts; frame 0 is always one.
-        reference: pattern of the references' files in the folder, `reference/*.exr`, say.
-        conventions: by default `Conventions.blender()`.
-        name: for people; by default the folder's.
+        name: name of the shot; by default the folder's.
 
     Raises:
         ShotError: files or passes are missing, or differ in size.
@@ -71,7 +68,7 @@ def import_blender(
 
 
 def is_blender(channels: Iterable[str]) -> bool:
-    """Tell whether these are the channels of a multilayer file with the passes that are needed."""
+    """Tell whether a file with these channels has a layer with all required passes."""
     return bool(_complete_layers(list(channels)))
 
 
@@ -80,49 +77,40 @@ def _layer_map(path: Path, channels: list[str], layer: str | None) -> ChannelMap
     if not layers:
         raise ShotError(path, f"has no layer with all passes; it has {', '.join(channels)}", _NEEDED)
     if layer is None and len(layers) > 1:
-        raise ArgumentError(
-            "layer", got=None, want=f"one of {', '.join(layers)}", hint="Several have all passes."
-        )
-    if layer is not None and layer not in layers:
+        hint = "Several have all passes."
+        raise ArgumentError("layer", got=None, want=f"one of {', '.join(layers)}", hint=hint)
+    layer = layers[0] if layer is None else layer
+    if layer not in layers:
         raise ArgumentError("layer", got=repr(layer), want=f"one of {', '.join(layers)}", hint=_NEEDED)
-    return _channel_map(channels, layers[0] if layer is None else layer)
-
-
-def _complete_layers(channels: Sequence[str]) -> list[str]:
-    """Names of the layers that have colour, depth and motion, in the file's order."""
-    found = dict.fromkeys(
-        name.removesuffix(".Combined.R") for name in channels if name.endswith(".Combined.R")
-    )
-    return [
-        layer
-        for layer in found
-        if f"{layer}.Vector.X" in channels and any(f"{layer}.{depth}" in channels for depth in _DEPTH)
-    ]
-
-
-def _channel_map(channels: Sequence[str], layer: str) -> ChannelMap:
     depth = next(name for name in _DEPTH if f"{layer}.{name}" in channels)
     found: dict[str, list[str]] = {
         "color": [f"{layer}.Combined.{axis}" for axis in "RGB"],
         "depth": [f"{layer}.{depth}"],
         "motion": [f"{layer}.Vector.{axis}" for axis in "XY"],
+        "aovs": [f"{layer}.Combined.A"],
+        "normal": [f"{layer}.Normal.{axis}" for axis in "XYZ"],
+        "base_color": [f"{layer}.DiffCol.{axis}" for axis in "RGB"],
     }
-    if f"{layer}.Combined.A" in channels:
-        found["aovs"] = [f"{layer}.Combined.A"]
-    if f"{layer}.Normal.X" in channels:
-        found["normal"] = [f"{layer}.Normal.{axis}" for axis in "XYZ"]
-    for diffuse in _DIFFUSE:  # the second is Blender 5's
-        if f"{layer}.{diffuse}.R" in channels:
-            found["base_color"] = [f"{layer}.{diffuse}.{axis}" for axis in "RGB"]
-    return found
+    if f"{layer}.Diffuse Color.R" in channels:  # of Blender 5
+        found["base_color"] = [f"{layer}.Diffuse Color.{axis}" for axis in "RGB"]
+    return {name: names for name, names in found.items() if names[0] in channels}
+
+
+def _complete_layers(channels: Sequence[str]) -> list[str]:
+    """Return the names of the layers that have colour, depth and motion, in the file's order."""
+    layers = [name.removesuffix(".Combined.R") for name in channels if name.endswith(".Combined.R")]
+    return [
+        layer
+        for layer in layers
+        if f"{layer}.Vector.X" in channels and any(f"{layer}.{depth}" in channels for depth in _DEPTH)
+    ]
 
 
 def _reference_channels(path: Path) -> list[str]:
-    """Channels of the image: a layer's Combined pass, or plain R, G, B."""
+    """Return the colour channels of a reference: a layer's Combined pass, or plain R, G, B."""
     channels = read_exr_channels(path)
     for name in channels:
         if name == "R" or name.endswith(".Combined.R"):
             return [f"{name.removesuffix('R')}{axis}" for axis in "RGB"]
-    raise ShotError(
-        path, f"has no colour; it has {', '.join(channels)}", "A reference has R, G, B or Combined."
-    )
+    hint = "A reference has R, G, B or Combined."
+    raise ShotError(path, f"has no colour; it has {', '.join(channels)}", hint)

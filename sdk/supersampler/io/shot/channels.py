@@ -1,4 +1,4 @@
-"""Read other people's EXR sequences: a map from our names to their channels, and their conventions."""
+"""Import EXR sequences in any layout, by a map from our names to their channels."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -33,28 +33,28 @@ def import_channels(
     cuts: Sequence[int] = (),
     name: str | None = None,
 ) -> Shot:
-    """Open a folder of EXR frames in somebody's own layout as a Shot.
+    """Open a folder of EXR frames with other channel names and conventions as a Shot.
 
     >>> import_channels("renders", {
     ...     "color": ["R", "G", "B"], "depth": "Z", "motion": ["motion/*.exr:R", "motion/*.exr:G"],
     ... }, conventions=Conventions.unreal())
 
-    The frames are the files in the order of the numbers in their names; a gap is an error, since motion leads
-    from each frame to the one before it.
+    Frames are ordered by the numbers in their file names. A gap is an error, as motion leads from each frame
+    to the previous one.
 
     Args:
-        folder: where the files are.
-        channel_map: our name to EXR channel names: depth (1), motion (2, x first), color (3); as wanted
+        folder: folder of the files.
+        channel_map: our name to EXR channel names: depth (1), motion (2, x first), color (3); optional
             base_color, normal (3 each), roughness, metallic, specular (1 each), aovs (any number), reference
             (3). `motion/*.exr:R` is channel R of the files of that pattern; without a pattern it is `*.exr`.
-            References are matched by frame number, and may be there for some frames only.
-        conventions: how these channels are to be read.
+            References are matched by frame number; frames without one are allowed.
+        conventions: conventions of these channels and of the jitter.
         display_size: (width, height) of references and display-size motion; by default the first reference's.
         frame_rate: frames a second.
-        jitter: (x, y) of each frame in `conventions`, or a JSON file [[x, y], ...]; by default jitter.json in
-            the folder where it exists, otherwise no jitter.
+        jitter: (x, y) of each frame, or a JSON file [[x, y], ...]; by default jitter.json in the folder where
+            it exists, otherwise no jitter.
         cuts: indices of the first frames after cuts; frame 0 is always one.
-        name: for people; by default the folder's.
+        name: name of the shot; by default the folder's.
 
     Raises:
         ShotError: files or channels are missing, or differ in number or size.
@@ -90,12 +90,12 @@ def import_channels(
 
 
 def import_described_channels(folder: Path | str) -> Shot:
-    """Open a folder of EXR frames by the channels.json in it, which holds the arguments of `import_channels`.
+    """Open a folder of EXR frames by its channels.json, which holds the arguments of `import_channels`.
 
-    Its keys: channels, conventions, and as wanted display_size, frame_rate, cuts, name.
+    Its keys: channels, conventions; optional display_size, frame_rate, cuts, name.
 
     Raises:
-        ShotError: as `import_channels`; or channels.json is missing or wrong.
+        ShotError: see `import_channels`; or channels.json is missing or wrong.
     """
     folder = Path(folder)
     data = Field(folder / MAP_FILE_NAME, "the file", read_json(folder / MAP_FILE_NAME))
@@ -111,19 +111,19 @@ def import_described_channels(folder: Path | str) -> Shot:
             name=data.read("name", lambda name: name.of(str), None),
         )
     except ArgumentError as error:
-        raise ShotError(data.path, f"will not do: {error}") from error
+        raise ShotError(data.path, f"is not valid: {error}") from error
 
 
 @dataclass(frozen=True, slots=True)
 class _Source:
-    """Where one array comes from: channels of the files of a pattern, one file a frame."""
+    """The source of one array: channels of the files of a pattern, one file a frame."""
 
     pattern: str
     channels: tuple[str, ...]
 
 
 class _MappedFiles:
-    """The files of a sequence, and what to take from them."""
+    """The files of a sequence, and the arrays to read from them."""
 
     def __init__(self, folder: Path, channel_map: ChannelMap) -> None:
         self.folder = folder
@@ -164,8 +164,13 @@ class _MappedFiles:
         arrays: dict[str, Array] = {}
         for pattern, files in self.files.items():
             sources = {name: source for name, source in wanted.items() if source.pattern == pattern}
-            if sources:
-                arrays.update(_read_file(files[self.numbers[index]], sources, render_size))
+            if not sources:
+                continue
+            path, names = files[self.numbers[index]], [n for s in sources.values() for n in s.channels]
+            channels = read_exr(path, only=names)
+            if set(sources) != {"motion"}:  # motion vectors in a file of their own may have display size
+                check_size(path, channels, render_size)
+            arrays |= {name: take(path, channels, source.channels) for name, source in sources.items()}
         aovs = arrays.get("aovs")
         return RawFrame(
             color=arrays.get("color"),
@@ -182,13 +187,6 @@ class _MappedFiles:
         return read_reference(path, display_size, self._reference_channels)
 
 
-def _read_file(path: Path, sources: Mapping[str, _Source], render_size: Size | None) -> dict[str, Array]:
-    channels = read_exr(path, only=[name for source in sources.values() for name in source.channels])
-    if set(sources) != {"motion"}:  # motion vectors of their own file may be of display size
-        check_size(path, channels, render_size)
-    return {name: take(path, channels, source.channels) for name, source in sources.items()}
-
-
 def _parsed(channel_map: ChannelMap) -> dict[str, _Source]:
     sources = {}
     for name, value in channel_map.items():
@@ -202,14 +200,13 @@ def _parsed(channel_map: ChannelMap) -> dict[str, _Source]:
         sources[name] = _source(name, texts)
     for name in ("depth", "motion"):
         if name not in sources:
-            raise ArgumentError(
-                "channel_map", got=f"a map without {name!r}", want="depth and motion at least"
-            )
+            got = f"a map without {name!r}"
+            raise ArgumentError("channel_map", got=got, want="depth and motion at least")
     return sources
 
 
 def _source(name: str, texts: Sequence[str]) -> _Source:
-    """Take `pattern:channel` apart; a channel's own name may hold colons, a pattern ends in .exr."""
+    """Split `pattern:channel`; a channel's name may contain colons, a pattern ends in .exr."""
     parts = [text.rpartition(".exr:") for text in texts]
     patterns = {f"{pattern}.exr" if separator else "*.exr" for pattern, separator, _ in parts}
     if len(patterns) != 1:
@@ -219,15 +216,14 @@ def _source(name: str, texts: Sequence[str]) -> _Source:
 
 
 def _common_numbers(folder: Path, files: Mapping[str, dict[int, Path]]) -> list[int]:
-    """Return the frame numbers, which must be the same for every pattern, without a gap."""
+    """Return the frame numbers; they must be the same for every pattern and have no gap."""
     (pattern, leader), *others = files.items()
     check_no_gap(folder, leader)
     for other, found in others:
         for number in leader.keys() ^ found.keys():
             have, lack = (pattern, other) if number in leader else (other, pattern)
-            raise ShotError(
-                folder, f"frame {number} is among {have} and not among {lack}", "Render it again."
-            )
+            problem = f"frame {number} is among {have} and not among {lack}"
+            raise ShotError(folder, problem, "Render it again.")
     return list(leader)
 
 

@@ -1,4 +1,4 @@
-"""shot.json: what a shot's folder says about its frames. docs/shots.md shows one and explains each key."""
+"""Read and write shot.json, the description of a shot's frames. docs/shots.md explains each key."""
 
 import json
 import re
@@ -20,16 +20,16 @@ _FORBIDDEN = re.compile(r"[\\:\x00-\x1f\ud800-\udfff]")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ShotInfo:
-    """What holds for all frames of a shot.
+    """Properties of all frames of a shot.
 
     Attributes:
-        name: for people.
-        render_size: (width, height) of the frames, unless a frame says otherwise.
+        name: name of the shot.
+        render_size: (width, height) of the frames that have no size of their own.
         display_size: (width, height) of the references and display-size buffers; None where there are none.
-        frame_rate: frames a second, > 0; None where the source does not state it.
-        conventions: how the stored colour, depth, motion and jitter are to be read.
-        license: of the images; "" is unknown.
-        attribution: whom to name where the images are shown, one line each.
+        frame_rate: frames a second, > 0; None where it is unknown.
+        conventions: conventions of the stored colour, depth, motion and jitter.
+        license: licence of the images; "" is unknown.
+        attribution: names to credit where the images are shown, one line each.
     """
 
     name: str
@@ -43,16 +43,16 @@ class ShotInfo:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameEntry:
-    """What shot.json says about one frame.
+    """One frame in shot.json.
 
     Attributes:
         file: EXR file of the render-size channels, relative to the folder, with forward slashes.
         jitter: (x, y) in the shot's conventions.
         reset: True on the first frame after a cut.
-        exposure: > 0, multiplies colour before the tone curve; None is measured.
+        exposure: > 0, multiplies colour before the tone curve; None: it is measured.
         display_file: EXR file of the display-size channels, or None.
-        reference: EXR file of the image that a perfect upscaler would return, or None.
-        render_size: (width, height), where it is not the shot's.
+        reference: EXR file of the ideal output, or None.
+        render_size: (width, height) where it differs from the shot's.
         shaded: False where the frame has no colour (extrapolation).
     """
 
@@ -83,7 +83,19 @@ def load_shot_json(path: Path) -> tuple[ShotInfo, list[FrameEntry]]:
         hint = "Write it again, or update supersampler."
         raise ShotError(path, f"is of version {version}; this package reads {FORMAT_VERSION}", hint)
     header.check_names({"version", "frames", *(field.name for field in fields(ShotInfo))})
-    info = _info(header)
+    try:
+        conventions = Conventions.from_json(header["conventions"].of(dict))
+    except ArgumentError as error:
+        raise ShotError(path, f'"conventions" is not valid: {error}') from error
+    info = ShotInfo(
+        name=header["name"].of(str),
+        render_size=header["render_size"].size(),
+        display_size=header.read("display_size", Field.size, None),
+        frame_rate=header.read("frame_rate", Field.rate, None),
+        conventions=conventions,
+        license=header.read("license", lambda text: text.of(str), ""),
+        attribution=header.read("attribution", Field.texts, ()),
+    )
     entries = [frame_entry(item) for item in header["frames"].items(SHOT_FRAMES)]
     if not entries:
         raise ShotError(path, f"lists no frames; want 1 to {SHOT_FRAMES}")
@@ -92,24 +104,16 @@ def load_shot_json(path: Path) -> tuple[ShotInfo, list[FrameEntry]]:
 
 
 def shot_json(info: ShotInfo, entries: Sequence[FrameEntry]) -> str:
-    """Return the text of a shot.json: one line a key, one line a frame."""
-    header = {
-        "version": FORMAT_VERSION,
-        "name": info.name,
-        "render_size": info.render_size,
-        "display_size": info.display_size,
-        "frame_rate": info.frame_rate,
-        "license": info.license,
-        "attribution": info.attribution,
-        "conventions": info.conventions.to_json(),
-    }
+    """Return the text of a shot.json, with one line for each key and for each frame."""
+    header = {"version": FORMAT_VERSION, **{field.name: getattr(info, field.name) for field in fields(info)}}
+    header["conventions"] = info.conventions.to_json()
     head = "".join(f'  "{key}": {json.dumps(value, ensure_ascii=False)},\n' for key, value in header.items())
     frames = ",\n".join("    " + json.dumps(entry_json(entry)) for entry in entries)
     return f'{{\n{head}  "frames": [\n{frames}\n  ]\n}}\n'
 
 
 def entry_json(entry: FrameEntry) -> dict[str, object]:
-    """Return a frame's entry as JSON values, without its defaults: a long shot's file stays readable."""
+    """Return a frame's entry as JSON values, without most defaults, so that long files stay readable."""
     item: dict[str, object] = {
         "file": entry.file, "jitter": entry.jitter, "reset": entry.reset, "exposure": entry.exposure,
     }  # fmt: skip
@@ -121,28 +125,8 @@ def entry_json(entry: FrameEntry) -> dict[str, object]:
     return item
 
 
-def _info(header: Field) -> ShotInfo:
-    try:
-        conventions = Conventions.from_json(header["conventions"].of(dict))
-    except ArgumentError as error:
-        raise ShotError(header.path, f'"conventions" will not do: {error}') from error
-    return ShotInfo(
-        name=header["name"].of(str),
-        render_size=header["render_size"].size(),
-        display_size=header.read("display_size", Field.size, None),
-        frame_rate=header.read("frame_rate", Field.rate, None),
-        conventions=conventions,
-        license=header.read("license", lambda text: text.of(str), ""),
-        attribution=header.read("attribution", Field.texts, ()),
-    )
-
-
 def frame_entry(data: Field) -> FrameEntry:
-    """Undo `entry_json`.
-
-    Raises:
-        ShotError: a key is missing, wrong or unknown.
-    """
+    """Read a frame's entry, the inverse of `entry_json`; ShotError for a missing or wrong key."""
     data.check_names([field.name for field in fields(FrameEntry)])
     return FrameEntry(
         file=_file(data["file"]),
@@ -157,7 +141,7 @@ def frame_entry(data: Field) -> FrameEntry:
 
 
 def _file(data: Field) -> str:
-    """A name inside the shot's folder: a shot that came by mail must not reach for other files."""
+    """Read a file name, which must be inside the shot's folder: a shot must not reach other files."""
     name = data.of(str)
     path = PurePosixPath(name)
     if not path.name or path.is_absolute() or ".." in path.parts or _FORBIDDEN.search(name):

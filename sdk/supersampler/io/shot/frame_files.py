@@ -1,4 +1,4 @@
-"""The EXR files of one frame: which array lies in which channels, and back."""
+"""Read and write the EXR files of one frame: the channels of each array."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -25,18 +25,17 @@ GBUFFER: Mapping[str, Sequence[str]] = {
 }
 _GBUFFER_DISPLAY: Mapping[str, Sequence[str]] = {**GBUFFER, "depth": DEPTH}
 CLASSES = ("class.ghost", "class.alias")
-AOVS = "aovs."
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ClassMaps:
-    """What makes each pixel of a reference hard, by the classes of Guo et al. 2022.
+    """Why pixels of a reference are hard to upscale, by the classes of Guo et al. 2022.
 
     Attributes:
-        ghost: (H, W) uint8, why the history is of no use: 0 it is of use, 1 the surface was
-            hidden or off screen, 2 its light has changed.
-        alias: (H, W) uint8, why one sample does not tell the colour: 0 it does, 1 an edge of a surface, 2
-            detail on a surface.
+        ghost: (H, W) uint8, why the history is not usable: 0 it is usable, 1 the surface was occluded or off
+            screen, 2 its lighting has changed.
+        alias: (H, W) uint8, why one sample aliases: 0 it does not, 1 an edge of a surface, 2 detail on a
+            surface.
     """
 
     ghost: NDArray[np.uint8]
@@ -53,11 +52,11 @@ def read_frame(
     """Read one frame as it was stored.
 
     Args:
-        folder: the shot's.
-        entry: what shot.json says about the frame.
-        render_size: (width, height) that the files must have.
-        display_size: the same of the display-size files; None takes any.
-        gbuffers: names of those to read, as `ModelInfo.gbuffers` has them; None reads all.
+        folder: folder of the shot.
+        entry: the frame's entry in shot.json.
+        render_size: required (width, height) of the render-size file.
+        display_size: required (width, height) of the display-size file; None accepts any.
+        gbuffers: G-buffers to read, by their names in `ModelInfo.gbuffers`; None reads all.
 
     Raises:
         ShotError: a file is missing, damaged, of another size, or lacks a channel.
@@ -91,7 +90,7 @@ def read_reference(path: Path, display_size: Size | None, names: Sequence[str] =
 
 
 def read_classes(path: Path, display_size: Size | None) -> ClassMaps | None:
-    """Read the class maps beside a reference image; None where the file has none."""
+    """Read the class maps in a reference's file; None where it has none."""
     channels = read_exr(path, only=CLASSES)
     check_size(path, channels, display_size)
     if not channels:
@@ -105,21 +104,15 @@ def read_classes(path: Path, display_size: Size | None) -> ClassMaps | None:
 
 
 def write_reference(path: Path, reference: Array, classes: ClassMaps | None, compression: str) -> None:
-    """Write a reference image, (H, W, 3), and the class maps where there are any.
-
-    Raises:
-        ShotError: an array is of a type that EXR does not have, or the disk refused.
-    """
-    channels: dict[str, Channel] = {}
-    _put(channels, COLOR, reference)
+    """Write a reference image, (H, W, 3), and its class maps; ShotError where that fails."""
+    channels = _named(COLOR, reference)
     if classes is not None:
-        maps = zip(CLASSES, (classes.ghost, classes.alias), strict=True)
-        channels.update((name, classes_.astype(np.float16)) for name, classes_ in maps)
+        channels |= _named(CLASSES, np.stack([classes.ghost, classes.alias], -1).astype(np.float16))
     write_exr(path, channels, compression=compression)
 
 
 def has_display_file(raw: RawFrame) -> bool:
-    """Tell whether the frame has anything of display size: G-buffers, or motion vectors."""
+    """Tell whether the frame has display-size G-buffers or motion vectors."""
     return bool(raw.gbuffer_display) or raw.motion.shape[:2] != raw.depth.shape
 
 
@@ -129,30 +122,30 @@ def write_frame(
     """Write the render-size file, and the display-size file where `entry` names one and `display` is True.
 
     Raises:
-        ShotError: an array is of a type that EXR does not have, or the disk refused.
+        ShotError: EXR cannot store an array's type, or the disk refused.
     """
-    render: dict[str, Channel] = {}
-    large: dict[str, Channel] = {}
-    if raw.color is not None:
-        _put(render, COLOR, raw.color)
-    _put(render, DEPTH, raw.depth)
-    _put(render if raw.motion.shape[:2] == raw.depth.shape else large, MOTION, raw.motion)
+    render = {} if raw.color is None else _named(COLOR, raw.color)
+    render |= _named(DEPTH, raw.depth)
+    motion = _named(MOTION, raw.motion)
+    if raw.motion.shape[:2] == raw.depth.shape:
+        render, motion = render | motion, {}
     for name, array in (raw.gbuffer or {}).items():
-        _put(render, GBUFFER[name], array)
-    for name, array in (raw.gbuffer_display or {}).items():
-        _put(large, _GBUFFER_DISPLAY[name], array)
+        render |= _named(GBUFFER[name], array)
     if raw.aovs is not None:
-        _put(render, [f"{AOVS}{index}" for index in range(raw.aovs.shape[2])], raw.aovs)
+        render |= _named(aov_channels(raw.aovs.shape[2]), raw.aovs)
+    large = motion
+    for name, array in (raw.gbuffer_display or {}).items():
+        large |= _named(_GBUFFER_DISPLAY[name], array)
     write_exr(folder / entry.file, render, compression=compression)
     if display and entry.display_file is not None:
         write_exr(folder / entry.display_file, large, compression=compression)
 
 
 def take(path: Path, channels: Mapping[str, Channel], names: Sequence[str]) -> Array:
-    """Return the channels of these names as one array: (h, w) for one name, (h, w, k) for k.
+    """Return channels as one array: (h, w) for one name, (h, w, k) for k names.
 
     Raises:
-        ShotError: one is missing, or holds whole numbers.
+        ShotError: one is missing, or holds integers.
     """
     for name in names:
         if name not in channels:
@@ -165,28 +158,26 @@ def take(path: Path, channels: Mapping[str, Channel], names: Sequence[str]) -> A
 
 
 def check_size(path: Path, channels: Mapping[str, Channel], size: Size | None) -> None:
-    """Raise where the file's images are not of this (width, height)."""
-    for array in channels.values():  # one is enough: read_exr has compared them
+    """Raise ShotError where the channels are not of this (width, height)."""
+    for array in channels.values():
         height, width = array.shape
         if size is not None and (width, height) != size:
             hint = "Render it again at that size, or mend the size."
             raise ShotError(path, f"is {width}x{height}; the shot says {size[0]}x{size[1]}", hint)
-        return
 
 
-def _put(channels: dict[str, Channel], names: Sequence[str], array: Array) -> None:
+def _named(names: Sequence[str], array: Array) -> dict[str, Channel]:
+    """Return the channels of an array, (h, w) or (h, w, k), by name; the inverse of `take`."""
     planes = [array] if array.ndim == 2 else [array[..., index] for index in range(len(names))]
-    channels.update(zip(names, planes, strict=True))
+    return dict(zip(names, planes, strict=True))
 
 
 def _take_gbuffer(
     path: Path, channels: Mapping[str, Channel], layout: Mapping[str, Sequence[str]]
 ) -> dict[str, Array] | None:
-    """Take each buffer of which any channel is there, so that one with a part missing is an error."""
+    """Take each buffer of which any channel exists, so that a missing channel is an error."""
     found = {
-        name: take(path, channels, names)
-        for name, names in layout.items()
-        if any(channel in channels for channel in names)
+        n: take(path, channels, names) for n, names in layout.items() if not channels.keys().isdisjoint(names)
     }
     return found or None
 
@@ -194,7 +185,7 @@ def _take_gbuffer(
 def _unwanted(
     group: str, layout: Mapping[str, Sequence[str]], gbuffers: Collection[str] | None
 ) -> Iterator[str]:
-    """Yield the channels of the G-buffers that are not to be read."""
+    """Yield the channels of the G-buffers that are not in `gbuffers`; None includes all."""
     for name, channels in layout.items():
         if gbuffers is not None and f"{group}_{name}" not in gbuffers:
             yield from channels
@@ -202,8 +193,13 @@ def _unwanted(
 
 def take_aovs(path: Path, channels: Mapping[str, Channel]) -> Array | None:
     """Return the AOVs, (h, w, k); None where the file has none."""
-    count = sum(name.startswith(AOVS) for name in channels)
+    count = sum(name.startswith("aovs.") for name in channels)
     if count == 0:
         return None
-    array = take(path, channels, [f"{AOVS}{index}" for index in range(count)])
+    array = take(path, channels, aov_channels(count))
     return array if array.ndim == 3 else array[..., None]
+
+
+def aov_channels(count: int) -> list[str]:
+    """Return the channel names of so many AOVs."""
+    return [f"aovs.{index}" for index in range(count)]

@@ -1,5 +1,6 @@
-"""Files that belong to numbered frames, and the jitter that comes beside them."""
+"""Find the numbered files of a frame sequence, and read its jitter."""
 
+import os
 import re
 from collections.abc import Sequence
 from itertools import pairwise
@@ -7,7 +8,7 @@ from pathlib import Path, PurePath, PurePosixPath
 from typing import TypeAlias
 
 from supersampler.errors import ArgumentError, ShotError
-from supersampler.io.atomic import check_inside
+from supersampler.io.atomic import NOT_FOUND, check_inside
 from supersampler.io.json_fields import read_json
 from supersampler.io.limits import SHOT_FRAMES
 
@@ -22,10 +23,18 @@ def numbered_files(folder: Path, pattern: str) -> dict[int, Path]:
     Raises:
         ShotError: none matches, a name has no number, two have the same, or one lies outside of the folder.
     """
-    if not is_folder(folder):
-        raise ShotError(folder, "there is no such folder", "Is the path right, is the drive connected?")
+    if not os.path.isdir(folder):  # noqa: PTH112  # Path.is_dir raises for names that are too long
+        raise ShotError(folder, "there is no such folder", NOT_FOUND)
     files: dict[int, Path] = {}
-    for path in _matching(folder, pattern):
+    parts = PurePosixPath(pattern).parts
+    if not parts or PurePath(pattern).is_absolute() or ".." in parts:
+        hint = "Copy the files into the folder; names that leave it are not followed."
+        raise ShotError(folder, f"the pattern {pattern!r} matches no files in it", hint)
+    try:
+        paths = sorted(folder.glob(pattern))
+    except (ValueError, NotImplementedError, OSError) as error:
+        raise ShotError(folder, f"has no files {pattern!r} ({error})") from error
+    for path in paths:
         if path.name.startswith("."):  # being written
             continue
         digits = re.findall(r"\d+", path.stem)
@@ -33,7 +42,7 @@ def numbered_files(folder: Path, pattern: str) -> dict[int, Path]:
             raise ShotError(path, "has no frame number in its name", "Name frames like beauty_0001.exr.")
         number = int(digits[-1])
         if number in files:
-            hint = f"Choose one sequence by a pattern: {path.stem.rstrip('0123456789')}*.exr, say."
+            hint = f"Choose one sequence by a pattern such as {path.stem.rstrip('0123456789')}*.exr."
             raise ShotError(path, f"has the same frame number as {files[number].name}", hint)
         files[number] = path
     if not files:
@@ -44,27 +53,8 @@ def numbered_files(folder: Path, pattern: str) -> dict[int, Path]:
     return dict(sorted(files.items()))
 
 
-def is_folder(path: Path) -> bool:
-    """Tell whether a folder is there; False for a path that is too long for any to be."""
-    try:
-        return path.is_dir()
-    except OSError:
-        return False
-
-
-def _matching(folder: Path, pattern: str) -> list[Path]:
-    parts = PurePosixPath(pattern).parts
-    if not parts or PurePath(pattern).is_absolute() or ".." in parts:
-        hint = "Copy the files into the folder; names that leave it are not followed."
-        raise ShotError(folder, f"the pattern {pattern!r} is of no files in it", hint)
-    try:
-        return sorted(folder.glob(pattern))
-    except (ValueError, NotImplementedError, OSError) as error:
-        raise ShotError(folder, f"has no files {pattern!r} ({error})") from error
-
-
 def check_no_gap(folder: Path, files: dict[int, Path]) -> None:
-    """Raise where a frame is missing between two others: motion leads from each frame to the one before."""
+    """Raise ShotError where a frame number is missing: motion leads from each frame to the previous one."""
     numbers = list(files)
     for before, after in pairwise(numbers):
         if after != before + 1:
@@ -74,11 +64,11 @@ def check_no_gap(folder: Path, files: dict[int, Path]) -> None:
 
 
 def read_jitter(folder: Path, jitter: Jitter | None, count: int) -> list[tuple[float, float]]:
-    """Return the jitter of each of `count` frames: as given, or from `jitter.json` in the folder, or zero.
+    """Return the jitter of `count` frames: as given, or from `jitter.json` in the folder, or zero.
 
     Raises:
         ShotError: the file is missing, or does not hold [x, y] for each frame.
-        ArgumentError: the sequence given does not.
+        ArgumentError: the given sequence does not hold (x, y) for each frame.
     """
     if jitter is None:
         if not (folder / JITTER_FILE_NAME).exists():

@@ -1,4 +1,4 @@
-"""The safetensors file format: a length, a JSON header, then the tensors' bytes. Read by memory map."""
+"""Read safetensors files by memory map, and write them: a length, a JSON header, the tensors' bytes."""
 
 import json
 import math
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.errors import ShotError
-from supersampler.io.atomic import replacing
+from supersampler.io.atomic import check_is_file, os_errors_as_shot_error, replacing
 from supersampler.io.limits import JSON_BYTES
 
 _TYPES = {
@@ -24,22 +24,17 @@ _HINT = "The file is damaged or cut off; copy it again."
 def open_safetensors(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     """Return tensor name to memory-mapped array, and the file's metadata.
 
-    Values are read when they are touched, and only those; the arrays are not to be written to.
+    Values are read from the disk when they are accessed. The arrays are read-only.
 
     Raises:
-        ShotError: the file is missing, cut off, or not of this format.
+        ShotError: the file is missing, truncated, or not of this format.
     """
-    try:
-        if not path.is_file():
-            raise ShotError(path, "there is no such file", "Is the path right, is the drive connected?")
+    with os_errors_as_shot_error(path, hint=_HINT):
+        check_is_file(path)
         size = path.stat().st_size
         if size < 8:
             raise ShotError(path, "is not a safetensors file", _HINT)
         content = np.asarray(np.memmap(path, np.uint8, mode="r"))
-    except ShotError:
-        raise
-    except (OSError, ValueError) as error:
-        raise ShotError(path, f"cannot be read ({error})", _HINT) from error
     start = 8 + int(content[:8].view("<u8")[0])
     if start > size:
         raise ShotError(path, "is not a safetensors file, or ends in its header", _HINT)
@@ -54,13 +49,9 @@ def open_safetensors(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any
 
 
 def write_safetensors(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
-    """Write arrays of plain numbers by name, in one piece or not at all.
-
-    Raises:
-        ShotError: an array's type is none of the format's, or the disk refused.
-    """
+    """Write arrays by name, atomically; ShotError for a type that the format lacks."""
     header, parts, end = dict[str, Any](), list[bytes](), 0
-    for name, array in sorted(arrays.items(), key=lambda item: -item[1].itemsize):  # so that all are aligned
+    for name, array in sorted(arrays.items(), key=lambda item: -item[1].itemsize):  # keeps all aligned
         if array.dtype not in _NAMES:
             raise ShotError(path, f"cannot hold {name}, of type {array.dtype}")
         parts.append(array.tobytes())

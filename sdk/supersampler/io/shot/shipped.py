@@ -1,4 +1,4 @@
-"""Names of the shots inside this package."""
+"""Find the shots that ship with this package by name."""
 
 import os
 from pathlib import Path
@@ -11,11 +11,11 @@ SHIPPED = Path(__file__).parents[2] / "shots"
 
 
 def path_or_shipped(path: str | Path) -> Path:
-    """Return a path; where nothing lies there, the folder of the shipped shot of that name.
+    """Return a path, or the folder of a shipped shot for a bare name that is no path here.
 
     Raises:
         ArgumentError: it is neither text nor a path.
-        ShotError: it is a name without a folder, nothing lies there, and no shot of that name ships.
+        ShotError: it is a bare name that neither exists nor ships.
     """
     path = Path(checked_path("path", path))
     if path.name != str(path) or os.path.lexists(path):

@@ -1,4 +1,4 @@
-"""A shot: frames in order, read lazily, one at a time, a few ahead."""
+"""`Shot`: a frame sequence on disk, read one frame at a time."""
 
 from collections import deque
 from collections.abc import Callable, Collection, Iterator, Sequence
@@ -9,12 +9,12 @@ from pathlib import Path
 from supersampler.conventions import Conventions, Converter, RawFrame
 from supersampler.errors import FrameError, ShotError
 from supersampler.frame import Float32, Frame, Size
-from supersampler.io.atomic import check_inside
+from supersampler.io.atomic import check_inside, is_file
 from supersampler.io.shot.format import FILE_NAME, FrameEntry, ShotInfo, files_of, load_shot_json
 from supersampler.io.shot.frame_files import ClassMaps, read_classes, read_frame, read_reference
 from supersampler.io.shot.shipped import path_or_shipped
 
-_AHEAD = 2  # frames held ready; more would cost memory and hide no more of the disk
+_AHEAD = 2  # frames that are read in advance
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -22,10 +22,10 @@ class ShotFrame:
     """One frame of a shot.
 
     Attributes:
-        index: its place in the shot, from 0.
-        frame: in this package's conventions, ready for `Upscaler.step`.
-        raw: as stored, in the shot's conventions.
-        reference: (H, W, 3) float32, display size, linear RGB: what a perfect upscaler would return. Or None.
+        index: index in the shot, from 0.
+        frame: the frame in this package's conventions, for `Upscaler.step`.
+        raw: the stored frame, in the shot's conventions.
+        reference: (H, W, 3) float32, display size, linear RGB: the ideal output; or None.
     """
 
     index: int
@@ -41,9 +41,9 @@ class Shot:
     >>> for item in shot:  # read by one thread, two frames ahead
     ...     image = upscaler.step(item.frame)
 
-    Frames are read when they are reached, so that memory does not grow with the shot. `Shot.open` reads this
-    package's own folders; `open_source`, `import_blender`, `import_channels` and `import_arm` give Shots over
-    other people's files, and `copy_shot` writes any Shot in the package's own format.
+    Memory does not grow with the number of frames. `Shot.open` reads this package's own folders;
+    `open_source`, `import_blender`, `import_channels` and `import_arm` open other formats; `copy_shot` writes
+    any Shot in this package's format.
     """
 
     def __init__(
@@ -61,15 +61,15 @@ class Shot:
 
     @classmethod
     def open(cls, path: Path | str) -> "Shot":
-        """Open a folder with a shot.json; images are read later, one by one.
+        """Open a folder with a shot.json; images are read later.
 
         Args:
-            path: the folder; or a JSON file in it, of the several that may share its images; or the name of
-                a shot that ships with this package, "plaza", where nothing of that name lies here.
+            path: the folder; or one of several JSON files in it that share its images; or the name of a shot
+                that ships with this package, such as "plaza".
 
         Raises:
-            ShotError: nothing lies there; or shot.json is missing or wrong, or names a file that is not there
-                or that a link has outside of the folder. The folder itself may be a link.
+            ShotError: the path does not exist; shot.json is missing or wrong, or names a file that is missing
+                or that a link leads outside of the folder. The folder itself may be a link.
         """
         path = path_or_shipped(path)
         description = path if path.suffix == ".json" else path / FILE_NAME
@@ -101,7 +101,7 @@ class Shot:
 
     @property
     def render_size(self) -> Size:
-        """(width, height) of the frames; a frame of another size says so itself."""
+        """(width, height) of the frames that have no size of their own."""
         return self.info.render_size
 
     @property
@@ -111,12 +111,12 @@ class Shot:
 
     @property
     def frame_rate(self) -> float | None:
-        """Frames a second; None where the source does not state it."""
+        """Frames a second; None where it is unknown."""
         return self.info.frame_rate
 
     @property
     def conventions(self) -> Conventions:
-        """How the stored frames are to be read."""
+        """Conventions of the stored frames."""
         return self.info.conventions
 
     @property
@@ -126,12 +126,12 @@ class Shot:
 
     @property
     def attribution(self) -> list[str]:
-        """Whom to name where the images are shown."""
+        """Names to credit where the images are shown."""
         return list(self.info.attribution)
 
     @property
     def reference_indices(self) -> list[int]:
-        """The frames that have a reference."""
+        """Indices of the frames that have a reference."""
         return [index for index, entry in enumerate(self._entries) if entry.reference is not None]
 
     def __len__(self) -> int:
@@ -143,13 +143,11 @@ class Shot:
     def frames(self, start: int = 0, *, gbuffers: Collection[str] | None = None) -> Iterator[ShotFrame]:
         """Iterate over the frames from `start` on, in order; one thread reads two frames ahead.
 
-        An error of the thread is raised where its frame is reached. The thread ends when the iterator does:
-        at the last frame, at an error, or when it is dropped.
+        An error is raised when its frame is reached. The thread ends with the iterator.
 
         Args:
-            start: index of the first one.
-            gbuffers: names of the G-buffers to read, as `Model.info.gbuffers` has them, as others cost time
-                for nothing; None reads all that are there.
+            start: index of the first frame.
+            gbuffers: G-buffers to read, by their names in `Model.info.gbuffers`; None reads all.
         """
         converter = converter_at(self.info, self._entries, start)
         waiting: deque[Future[ShotFrame]] = deque()
@@ -165,10 +163,10 @@ class Shot:
             pool.shutdown(cancel_futures=True)
 
     def read(self, index: int) -> ShotFrame:
-        """Read one frame, wherever it is.
+        """Read one frame by its index.
 
         Raises:
-            IndexError: there is no frame of that index.
+            IndexError: there is no such frame.
             ShotError: a file is missing, damaged, of another size, or lacks a channel.
         """
         if not 0 <= index < len(self):
@@ -176,7 +174,7 @@ class Shot:
         return self._load(index, converter_at(self.info, self._entries, index))
 
     def read_raw(self, index: int, *, gbuffers: Collection[str] | None = None) -> RawFrame:
-        """Read one frame as stored, without its reference; `gbuffers` as of `frames`."""
+        """Read one frame as stored, without its reference; for `gbuffers` see `frames`."""
         return self._raw(index, gbuffers)
 
     def read_reference(self, index: int) -> Float32 | None:
@@ -199,9 +197,9 @@ class Shot:
 
 
 def converter_at(info: ShotInfo, entries: Sequence[FrameEntry], index: int) -> Converter:
-    """Return a converter that stands where it would after all frames before `index`.
+    """Return a converter in the state that it has after all frames before `index`.
 
-    All that it remembers is the jitter of the frame before, which shot.json has.
+    Its only state is the previous frame's jitter, which shot.json has.
     """
     converter = info.conventions.converter(display_size=info.display_size)
     if index > 0 and info.conventions.motion_jittered:
@@ -214,15 +212,7 @@ def _check_files(description: Path, entries: Sequence[FrameEntry]) -> None:
     folder = description.parent
     for index, entry in enumerate(entries):
         for name in files_of(entry):
-            if not _is_file(folder / name):
+            if not is_file(folder / name):
                 hint = f"{description.name} lists it; copy or render it again."
                 raise ShotError(folder / name, f"the file of frame {index} is missing", hint)
     check_inside(folder, (folder / name for entry in entries for name in files_of(entry)))
-
-
-def _is_file(path: Path) -> bool:
-    """Tell whether a file is there; False for a path that is too long for any to be."""
-    try:
-        return path.is_file()
-    except OSError:
-        return False

@@ -1,11 +1,13 @@
-"""Open a shot whatever its layout is."""
+"""`open_source`: opens a shot of any known file layout."""
 
 from collections.abc import Callable, Mapping, Sequence
+from inspect import signature
 from pathlib import Path
 from typing import Literal, TypeAlias, get_args
 
 from supersampler.arguments import checked_choice
-from supersampler.errors import ShotError
+from supersampler.errors import ArgumentError, ShotError
+from supersampler.io.atomic import os_errors_as_shot_error
 from supersampler.io.images import read_exr_channels
 from supersampler.io.shot.arm import import_arm
 from supersampler.io.shot.blender import import_blender, is_blender
@@ -22,39 +24,40 @@ _KNOWN = (
 
 
 def open_source(path: Path | str, *, layout: Layout = "auto", **options: object) -> Shot:
-    """Open a shot of this package, a folder of Blender's or anybody's EXR frames, or an Arm sequence.
+    """Open a shot of this package, a folder of Blender's or other EXR frames, or an Arm sequence.
 
     Args:
         path: the folder, its shot.json or another JSON file of that format, or the .safetensors file; or the
-            name of a shot that ships, as of `Shot.open`.
-        layout: "auto" looks at what is there; else "shot", "blender", "channels" or "arm".
-        options: for `import_blender`, `import_channels` or `import_arm`, as the layout asks. Without a
-            channel_map the layout "channels" reads the channels.json in the folder.
+            name of a shot that ships.
+        layout: "auto" detects it from the files; else "shot", "blender", "channels" or "arm".
+        options: arguments of the layout's importer: `import_blender`, `import_channels` or `import_arm`.
+            Without a channel_map the layout "channels" reads the channels.json in the folder.
 
     Raises:
-        ShotError: nothing that is known lies there; the message says what was found.
-        ArgumentError: the layout is unknown.
+        ShotError: the layout is not known; the message says what was found.
+        ArgumentError: there is no such layout, or it does not take an option.
     """
     path = path_or_shipped(path)
     if path.name == FILE_NAME:
         path = path.parent
-    checked_choice("layout", layout, get_args(Layout))
+    if checked_choice("layout", layout, get_args(Layout)) == "auto":
+        layout = guess_layout(path)
     openers: Mapping[str, Callable[..., Shot]] = {
         "shot": Shot.open,
         "blender": import_blender,
         "channels": import_channels if "channel_map" in options else import_described_channels,
         "arm": import_arm,
     }
-    return openers[guess_layout(path) if layout == "auto" else layout](path, **options)
+    takes = signature(openers[layout]).parameters
+    for name in options:
+        if name not in takes:
+            raise ArgumentError(name, got="given", want=f"left out: the layout {layout!r} does not use it")
+    return openers[layout](path, **options)
 
 
 def guess_layout(path: Path) -> Literal["shot", "blender", "channels", "arm"]:
-    """Tell the layout from the names in a folder and the channels of its first frame.
-
-    Raises:
-        ShotError: it is none that is known; the message says what was found.
-    """
-    try:
+    """Return the layout by file and channel names; ShotError, with what was found, where it is unknown."""
+    with os_errors_as_shot_error(path, hint=_KNOWN):
         if path.is_file() and path.suffix in (".safetensors", ".json"):
             return "arm" if path.suffix == ".safetensors" else "shot"
         if not path.exists():
@@ -66,10 +69,6 @@ def guess_layout(path: Path) -> Literal["shot", "blender", "channels", "arm"]:
         if (path / MAP_FILE_NAME).exists():
             return "channels"
         names = sorted(item.name for item in path.iterdir())
-    except OSError as error:
-        if isinstance(error, ShotError):
-            raise
-        raise ShotError(path, f"cannot be read ({error})", _KNOWN) from error
     frames = [path / name for name in names if name.endswith(".exr") and not name.startswith(".")]
     if not frames:
         raise ShotError(path, f"holds {_listed(names) or 'nothing'}", _KNOWN)
@@ -83,6 +82,6 @@ def guess_layout(path: Path) -> Literal["shot", "blender", "channels", "arm"]:
 
 
 def _listed(names: Sequence[str]) -> str:
-    """At most eight names, and how many more there are."""
+    """Return at most eight names, and the number of the others."""
     more = f" and {len(names) - 8} more" if len(names) > 8 else ""
     return ", ".join(names[:8]) + more

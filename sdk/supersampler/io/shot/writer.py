@@ -1,9 +1,9 @@
-"""Write a shot frame by frame. A run that is killed leaves whole frames only, and can be resumed."""
+"""`ShotWriter`: writes a shot frame by frame; a run that is killed can be resumed. `copy_shot` uses it."""
 
 import json
 import re
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
@@ -20,9 +20,10 @@ from supersampler.io.atomic import (
     check_inside,
     is_regular,
     is_there,
+    os_errors_as_shot_error,
     remove_files,
     remove_partial_files,
-    replacing,
+    write_text,
 )
 from supersampler.io.json_fields import read_json
 from supersampler.io.shot.format import FILE_NAME, FrameEntry, ShotInfo, files_of, load_shot_json, shot_json
@@ -34,33 +35,28 @@ _FOREIGN = "Move it away, or write the shot to another folder."
 
 
 class ShotWriter:
-    """Write frames into a shot's folder, in order.
+    """Writes frames into a shot's folder, in order.
 
     >>> with ShotWriter("shots/mine", name="mine", display_size=(1920, 1080), frame_rate=30) as writer:
     ...     for frame in render():
     ...         writer.write(frame)
 
-    Each file appears under its name only when it is complete, a frame's files before shot.json lists it. So
-    the folder is a whole shot at any moment, of as many frames as were finished; with `resume=True` the next
-    run goes on after them: `len(writer)` is the index of the frame to write next. Files that no run wrote are
-    never replaced: one in the way is an error.
+    Files are written atomically, and a frame's files before shot.json lists it, so that the folder is a valid
+    shot of the finished frames at any moment. With `resume=True` the next run continues after them:
+    `len(writer)` is the index of the next frame. A file that was not written by `ShotWriter` is never
+    replaced: it is an error.
 
     Args:
-        path: the folder; made where it is missing.
-        name: for people.
-        display_size: (width, height) of references and display-size buffers; None where there are none.
-        frame_rate: frames a second; None where it is not known.
-        conventions: of the RawFrames that are written.
-        license: of the images.
-        attribution: whom to name where the images are shown.
-        resume: go on after the frames that are there already.
-        variant: name of one of several shots in the folder that share their display-size files, "2x" say: it
-            is described by 2x.json, and its frames are 2x/0000.exr and so on.
-        compression: of the frames, lossless: "zip", or "zip:9", which is slower and a little smaller.
-        reference_compression: of the references; "dwab:45" is lossy and much smaller.
+        path: the folder; created where it is missing.
+        name, display_size, frame_rate, conventions, license, attribution: see `ShotInfo`.
+        resume: continue after the frames that exist.
+        variant: name of one of several shots in the folder that share their display-size files, such as "2x":
+            it is described by 2x.json, and its frames are 2x/0000.exr and so on.
+        compression: compression of the frames, lossless: "zip", or "zip:9", slower and a little smaller.
+        reference_compression: compression of the references; "dwab:45" is lossy and much smaller.
 
     Raises:
-        ShotError: the folder holds a shot already; with `resume`, one of other properties.
+        ShotError: the folder holds a shot already; with `resume`, a shot with other properties.
     """
 
     def __init__(
@@ -84,7 +80,7 @@ class ShotWriter:
         self._compression, self._reference_compression = compression, reference_compression
         self._info = ShotInfo(
             name=name,
-            render_size=(0, 0),  # of the first frame
+            render_size=(0, 0),  # set by the first frame
             display_size=None if display_size is None else (display_size[0], display_size[1]),
             frame_rate=None if frame_rate is None else float(frame_rate),
             conventions=Conventions() if conventions is None else conventions,
@@ -100,7 +96,7 @@ class ShotWriter:
         remove_partial_files(self.path, names, (self._frames_below.rstrip("/"), _DISPLAY, _REFERENCE))
 
     def __len__(self) -> int:
-        """Return how many frames are complete."""
+        """Return the number of complete frames."""
         return len(self._entries)
 
     def __enter__(self) -> "ShotWriter":
@@ -109,7 +105,7 @@ class ShotWriter:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Nothing is left to do: each frame was finished by `write`."""
+        """Do nothing: `write` completes each frame."""
 
     def write(
         self,
@@ -123,17 +119,22 @@ class ShotWriter:
 
         Args:
             frame: a RawFrame in the shot's conventions, or a Frame, which is converted to them.
-            reference: (H, W, 3) display size, linear RGB: what a perfect upscaler would return.
-            classes: of the reference's pixels.
-            shared: the display-size file and the reference are there, written by another variant.
+            reference: (H, W, 3) display size, linear RGB: the ideal output.
+            classes: class maps of the reference.
+            shared: the display-size file and the reference exist, written by another variant.
 
         Raises:
-            ShotError: the disk refused, or an array is float64. After any error the shot is as it was.
+            ShotError: the disk refused, or an array is float64. After any error the shot is unchanged.
             FrameError: the frame breaks the contract.
-            ArgumentError: a display-size array is not of the shot's display size, or `classes` come without
-                a reference.
+            ArgumentError: a display-size array has another size than the shot's, or `classes` are given
+                without a reference.
         """
-        raw = self._checked(frame)
+        converter = converter_at(self._info, self._entries, len(self._entries))
+        if isinstance(frame, Frame):
+            raw = converter.from_frame(frame)
+        else:
+            raw = frame
+            converter.to_frame(raw)  # raises where it could not be read again
         height, width = raw.depth.shape
         info = self._info if self._entries else replace(self._info, render_size=(width, height))
         self._check_display(raw, reference, classes)
@@ -156,19 +157,18 @@ class ShotWriter:
             self._publish(info, [*self._entries, entry])
 
     def _publish(self, info: ShotInfo, entries: list[FrameEntry]) -> None:
-        """List the frames in shot.json: from here on they count as written."""
-        with replacing(self._description) as partial:
-            partial.write_text(shot_json(info, entries), encoding="utf-8", newline="\n")
+        """List the frames in shot.json: they are then part of the shot."""
+        write_text(self._description, shot_json(info, entries))
         self._info, self._entries = info, entries
 
     @contextmanager
     def _writing(self, names: list[str]) -> Iterator[None]:
-        """Note in a file which files are about to be written; refuse names that other programs have written.
+        """Keep the names of the files that are being written in a note file until shot.json lists them.
 
-        A run that is killed before shot.json lists them leaves that note, by which the next one knows them.
+        After a kill, the note tells the next run that these files are the writer's own.
 
         Raises:
-            ShotError: a file that no run wrote has one of these names.
+            ShotError: a file of another program has one of these names.
         """
         paths = [self.path / name for name in names]
         check_inside(self.path, paths)
@@ -176,11 +176,9 @@ class ShotWriter:
             if is_there(path) and not (is_regular(path) and (name in self._begun or self._is_listed(name))):
                 problem = f"is there already, and {self._description.name} does not list it"
                 raise ShotError(path, problem, _FOREIGN)
-        try:
+        with os_errors_as_shot_error(self._note, "written", NO_ROOM):
             self.path.mkdir(parents=True, exist_ok=True)
             self._note.write_text(json.dumps(names), encoding="utf-8")
-        except OSError as error:
-            raise ShotError(self._note, f"cannot be written ({error})", NO_ROOM) from error
         self._begun, before = frozenset(names), len(self._entries)
         try:
             yield
@@ -189,48 +187,41 @@ class ShotWriter:
                 remove_files([self._note])
 
     def _read_note(self) -> frozenset[str]:
-        """Names of the files that a killed run was about to write."""
+        """Return the names of the files that a killed run was writing."""
         if not is_there(self._note):
             return frozenset()
         if not is_regular(self._note):
             raise ShotError(self._note, "is no regular file", _FOREIGN)
         try:
             names = read_json(self._note)
-        except ShotError:  # killed while it was written, before any of the files
+        except ShotError:  # the run was killed while it wrote the note, before any of the files
             return frozenset()
-        return frozenset(filter(lambda name: isinstance(name, str), names if isinstance(names, list) else ()))
+        return (
+            frozenset(name for name in names if isinstance(name, str))
+            if isinstance(names, list)
+            else frozenset()
+        )
 
     def _is_listed(self, name: str) -> bool:
-        """Tell whether another shot in the folder, which shares files with this one, lists a file."""
+        """Tell whether any shot.json or variant in the folder lists a file."""
         for path in self.path.glob("[!.]*.json"):
-            try:
-                _, entries = load_shot_json(path)
-            except ShotError:
-                continue
-            if any(name in files_of(entry) for entry in entries):
-                return True
+            with suppress(ShotError):
+                if any(name in files_of(entry) for entry in load_shot_json(path)[1]):
+                    return True
         return False
 
-    def _checked(self, frame: RawFrame | Frame) -> RawFrame:
-        """Return the frame in the shot's conventions, once it is known that it can be read again."""
-        converter = converter_at(self._info, self._entries, len(self._entries))
-        if isinstance(frame, Frame):
-            return converter.from_frame(frame)
-        converter.to_frame(frame)
-        return frame
-
     def _continue(self, resume: bool) -> None:
-        """Take over the frames that are there."""
+        """Continue after the frames that exist."""
         path = self._description
         info, entries = load_shot_json(path)
         if not resume:
             hint = "Resume it (resume=True), delete the folder, or choose another."
             raise ShotError(path, f"a shot of {len(entries)} frames is there already", hint)
         for field in ("name", "display_size", "frame_rate", "conventions"):
-            there, wanted = getattr(info, field), getattr(self._info, field)
-            if there != wanted:
+            existing, requested = getattr(info, field), getattr(self._info, field)
+            if existing != requested:
                 hint = "Resume with what the shot was begun with, or write to another folder."
-                raise ShotError(path, f"its {field} is {there}; this run's is {wanted}", hint)
+                raise ShotError(path, f"its {field} is {existing}; this run's is {requested}", hint)
         self._info, self._entries = info, entries
 
     def _check_display(self, frame: RawFrame, reference: Array | None, classes: ClassMaps | None) -> None:
@@ -250,34 +241,24 @@ class ShotWriter:
 
 
 def copy_shot(shot: Shot, path: Path | str, *, resume: bool = False) -> Shot:
-    """Copy a shot of any origin into the package's own format, one frame at a time.
+    """Copy any shot into this package's format, one frame at a time.
 
     >>> copy_shot(import_blender("renders/kitchen"), "shots/kitchen")
 
     Args:
-        shot: what to copy; its conventions are kept, pixels are not converted.
+        shot: the source; conventions and pixels are kept as they are.
         path: the folder to write.
-        resume: go on after the frames that an earlier run wrote.
+        resume: continue after the frames that an earlier run wrote.
 
     Returns:
-        The shot that was written.
+        The written shot.
 
     Raises:
-        ShotError: the folder is, holds or lies in the source, or a file of others is in the way; see also
-            `ShotWriter` and `Shot.read`.
+        ShotError: the folder is, contains or lies in the source; see also `ShotWriter` and `Shot.read`.
     """
     check_apart(Path(path), shot.source)
-    info = shot.info
-    writer = ShotWriter(
-        path,
-        name=info.name,
-        display_size=info.display_size,
-        frame_rate=info.frame_rate,
-        conventions=info.conventions,
-        license=info.license,
-        attribution=info.attribution,
-        resume=resume,
-    )
+    info = {name: getattr(shot.info, name) for name in ShotInfo.__slots__ if name != "render_size"}
+    writer = ShotWriter(path, **info, resume=resume)
     for index in range(len(writer), len(shot)):
         reference, classes = shot.read_reference(index), shot.read_classes(index)
         writer.write(shot.read_raw(index), reference=reference, classes=classes)

@@ -14,7 +14,7 @@ from supersampler.backends.cpu.workspaces import Workspaces
 from supersampler.backends.plan import held_bytes
 from supersampler.frame import Size
 from supersampler.io.display import is_flash, usable_exposure
-from supersampler.methods.classifier.int8_network import LEVEL, ByteNetwork, Encoder
+from supersampler.methods.classifier.int8_network import LEVEL, Encoder, Int8Network
 from supersampler.methods.classifier.spec import CLASSIFIER
 from supersampler.methods.classifier.structs import (
     ClassifierHistoryInput,
@@ -99,7 +99,7 @@ class ClassifierCpu(CpuExecutor[ResampledFrame]):
         names = self.variant.kernel(GATHER), KEEP_DEPTH, LEVEL, self.variant.kernel(FINISH)
         super().__init__(LAYOUT, pool, *names)
         self._gather, self._keep_depth, level, self._finish = (self.kernels[name] for name in names)
-        self.network = ByteNetwork(info, self.variant.outputs, level)
+        self.network = Int8Network(info, self.variant.outputs, level)
         self._config = c = info.config
         self._constants = constants_array(CLASSIFIER, c)
         self._filters = [

@@ -1,4 +1,4 @@
-"""The int8 network of `classifier`: weights, and the encoder, level by level."""
+"""The int8 network of `classifier`: its weights, and the encoder, which runs level by level."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.backends.cpu.kernel_loader import Call
-from supersampler.backends.cpu.layout import LANES, PAD, RECORD_WORDS, TILE
+from supersampler.backends.cpu.layout import LANES, PAD, PIXELS_AT_ONCE, RECORD_WORDS, TILE
 from supersampler.backends.cpu.memory import aligned
 from supersampler.backends.cpu.resample_tables import up_to
 from supersampler.backends.cpu.structs import pack
@@ -28,11 +28,8 @@ from supersampler.methods.model_info import ModelInfo
 
 Bytes = NDArray[np.uint8]
 LevelWork = Callable[[int, int, Rect, int], None]
-ALIGNED = 8  # the deepest level is at 1/8 of the packed size; rows beyond that are not cut from its last ones
-ROOM = 16  # pixels after a row: kernels do several at once
-SIX = 6  # so many; they write nothing beyond a row that is at least as long
-
-
+ALIGNED = 8  # sizes are multiples of it: the deepest level has 1/8 of the packed size
+ROOM = 16  # spare pixels after a row, because kernels compute several pixels at once
 LEVEL = "methods.classifier.kernels.encode.level"
 
 
@@ -41,16 +38,16 @@ def _layer(arrays: Mapping[str, NDArray[Any]], name: str) -> LayerWeights:
     return LayerWeights(weights, scale, bias, *weights.shape[:2])
 
 
-class ByteNetwork:
-    """Weights of all layers.
+class Int8Network:
+    """The weights of all layers.
 
     Args:
         info: the model, whose folder has a network.npz.
-        outputs: of the last layer.
+        outputs: channels of the last layer.
         level: the kernel LEVEL.
 
     Raises:
-        ModelError: network.npz is damaged, or not what the model's config and the kernels make it.
+        ModelError: network.npz is damaged, or does not match the model's config.
     """
 
     def __init__(self, info: ModelInfo, outputs: int, level: Call) -> None:
@@ -65,34 +62,29 @@ class ByteNetwork:
 
 
 class _Level:
-    """Buffers of a level: x within a border of one pixel, and what it gives; rows at which it may be cut."""
+    """Buffers of a level: `x`, with a border of one pixel, and `out`. Threads split it at `multiple` rows."""
 
     def __init__(self, layers: tuple[LayerWeights, ...], width: int, height: int, multiple: int) -> None:
         self.first, self.spatial, self.last = layers
         self.width, self.height, self.multiple = width, height, multiple
-        self.given = -(-4 * self.first.words // ROOM) * ROOM  # channels of the level above, pooled
+        self.inputs = up_to(4 * self.first.words, LANES)  # channels, pooled from the level above
         self.x: Bytes = aligned((height + 2, width + ROOM, self.first.outputs), np.uint8)
         self.out: Bytes = aligned((height, width + ROOM, self.last.outputs), np.uint8)
         self.buffers = LevelBuffers(
-            self.x, self.first.outputs, _row_of(self.x), self.spatial.outputs, self.out, self.last.outputs,
-            _row_of(self.out), width,
+            self.x, self.first.outputs, self.x.strides[0], self.spatial.outputs,
+            self.out, self.last.outputs, self.out.strides[0], width,
         )  # fmt: skip
-
-
-def _row_of(image: Bytes) -> int:
-    """Bytes from row to row."""
-    return int(image.shape[1] * image.shape[2])
 
 
 class Encoder:
     """The encoder at one size.
 
     Attributes:
-        inputs: what it reads.
-        levels: what it gives.
+        inputs: its inputs.
+        levels: its outputs.
     """
 
-    def __init__(self, network: ByteNetwork, half: Size, pool: ThreadPool) -> None:
+    def __init__(self, network: Int8Network, half: Size, pool: ThreadPool) -> None:
         self._pool = pool
         width, height = (-(-extent // ALIGNED) * ALIGNED for extent in half)
         row, stride = width + ROOM, up_to(half[0], LANES) + 2 * PAD
@@ -103,66 +95,65 @@ class Encoder:
             for level, layers in enumerate(network.levels)
         ]
         self._scratch = aligned((pool.threads, 4, stride))
-        most = max((level.width + ROOM) * max(level.given, level.spatial.outputs) for level in self._levels)
+        most = max((level.width + ROOM) * max(level.inputs, level.spatial.outputs) for level in self._levels)
         self._lines = aligned((pool.threads, most), np.uint8)
         scratch = [
             pack(LevelScratch(signed, absolute, tent, codes.view(np.int32), line, line.view(np.int32)))
             for (signed, absolute, tent, codes), line in zip(self._scratch, self._lines, strict=True)
         ]
         inputs = pack(self.inputs)
-        self._work = [_work_of(network, self._levels, depth, inputs, scratch) for depth in range(len(KEPT))]
+        self._work = [
+            _level_work(network, self._levels, depth, inputs, scratch) for depth in range(len(KEPT))
+        ]
         pitches = [level.buffers.out_pitch for level in self._levels]
         rows = [level.buffers.out_row for level in self._levels]
         first, second, third, fourth = (level.out for level in self._levels)
         self.levels = EncodedLevels(first, second, third, fourth, np.array([*pitches, *rows], np.int32))
 
     def run(self, tiles: Tiles) -> None:
-        """All of it, of tiles."""
+        """Compute all levels of the gathered tiles."""
         for depth, (level, work) in enumerate(zip(self._levels, self._work, strict=True)):
             boxes = tiles.boxes(TILE // 2 >> depth, (level.width, level.height), halo=True)
-            if len(boxes) > 1 or level.width < SIX:
-                self._run_apart(level, boxes, work)
+            if len(boxes) > 1 or level.width < PIXELS_AT_ONCE:
+                self._run_in_two_passes(level, boxes, work)
             else:
-                self._run_whole(level, boxes, work)
+                self._run_in_one_pass(level, boxes[0], work)
 
-    def _run_whole(self, level: _Level, boxes: Sequence[Rect], work: LevelWork) -> None:
-        """All layers of a level at once, of one box."""
-        (whole,) = boxes
-
-        def do(box: Rect, worker: int) -> None:
-            # a row more on either side, in place of a wait: what two threads both write is the same
+    def _run_in_one_pass(self, level: _Level, whole: Rect, work: LevelWork) -> None:
+        def run_layers(box: Rect, worker: int) -> None:
+            # one more row on either side instead of waiting; two threads write the same values there
             work(max(box.y0 - 1, whole.y0), min(box.y1 + 1, whole.y1), box, worker)
 
-        self._pool.run_rects("encode", boxes, do, multiple=level.multiple)
+        self._pool.run_rects("encode", [whole], run_layers, multiple=level.multiple)
 
-    def _run_apart(self, level: _Level, boxes: Sequence[Rect], work: LevelWork) -> None:
-        """The first layer, then those that see one pixel around them, which another box may have done."""
+    def _run_in_two_passes(self, level: _Level, boxes: Sequence[Rect], work: LevelWork) -> None:
+        """Run the first layer on all boxes, then the others, which read its pixels in neighbouring boxes."""
 
-        def first(box: Rect, worker: int) -> None:
+        def run_first_layer(box: Rect, worker: int) -> None:
             work(box.y0, box.y1, box._replace(y1=box.y0), worker)
 
-        def others(box: Rect, worker: int) -> None:
+        def run_other_layers(box: Rect, worker: int) -> None:
             work(box.y0, box.y0, box, worker)
 
-        for do in (first, others):
-            self._pool.run_rects("encode", boxes, do, multiple=level.multiple)
+        for function in (run_first_layer, run_other_layers):
+            self._pool.run_rects("encode", boxes, function, multiple=level.multiple)
 
 
-def _work_of(
-    network: ByteNetwork,
+def _level_work(
+    network: Int8Network,
     levels: Sequence[_Level],
     depth: int,
     inputs: bytes,
     scratch: Sequence[bytes],
 ) -> LevelWork:
-    """Does a level: its first layer in rows from the first number to before the second, others in a box."""
+    """Return a function that runs a level: the first layer on rows y0 to y1 - 1, the others on a box."""
     above, level = levels[max(depth - 1, 0)], levels[depth]
     skipped = KEPT[depth - 1] * 4 ** (depth - 1) if depth else 0
     pooled = LevelAbove(
         above.out.reshape(-1)[skipped:],
         above.buffers.out_pitch,
         above.buffers.out_row,
-        level.given if depth else 0,
+        level.inputs if depth else 0,
     )
     arguments = inputs, *(pack(s) for s in (pooled, level.first, level.spatial, level.last, level.buffers))
     return lambda y0, y1, box, worker: network.level(*arguments, scratch[worker], y0, y1, *box)

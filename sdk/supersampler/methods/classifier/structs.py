@@ -1,4 +1,4 @@
-"""Structs that the kernels of `classifier` take. Packed pixels are 2x2 display pixels."""
+"""Structs: arguments of the kernels of `classifier`. A packed pixel is 2x2 display pixels."""
 
 from typing import NamedTuple
 

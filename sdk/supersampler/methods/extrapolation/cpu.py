@@ -1,4 +1,4 @@
-"""CPU backend of `guided-warp`: reads the last shaded frame, then computes each pixel of this one."""
+"""CPU backend of `guided-warp`: one pass reads the last shaded frame, another computes the unshaded one."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -22,11 +22,11 @@ from supersampler.methods.model_info import ModelInfo
 from supersampler.methods.spec import constants_array
 
 KERNELS = "methods.extrapolation.kernels"
-_AROUND = ((0, -1), (-1, 0), (1, 0), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1))
+_NEIGHBORS = ((0, -1), (-1, 0), (1, 0), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1))
 
 
 class _Space:
-    """Buffers for shaded frames of one size; `scratch`: what one thread works on."""
+    """Buffers for shaded frames of one size; `scratch` has sample offsets and output lines per thread."""
 
     def __init__(self, shaded: Size, threads: int) -> None:
         self.stride = up_to(shaded[0], LANES)
@@ -39,7 +39,7 @@ class GuidedWarpCpu:
 
     Args:
         info: the model.
-        pool: threads that compute.
+        pool: the threads that run the kernels.
     """
 
     name = "cpu"
@@ -48,62 +48,60 @@ class GuidedWarpCpu:
         names = f"{KERNELS}.extrapolate_rows", f"{KERNELS}.read_shaded"
         self._extrapolate_rows, self._read_shaded = load_kernels(*names).values()
         self._pool = pool
-        config = info.config
-        self._constants = constants_array(GUIDED_WARP, config)
-        places = [(0, 0), *((s * x, s * y) for s in config["strides"] for x, y in _AROUND)]
-        x, y = np.array(places, np.float32).T.copy()
-        self._rings = Rings(x, y, np.array(config["strides"], np.int32), len(config["strides"]))
+        self._constants, strides = constants_array(GUIDED_WARP, info.config), info.config["strides"]
+        offsets = [(0, 0), *((s * x, s * y) for s in strides for x, y in _NEIGHBORS)]
+        x, y = np.array(offsets, np.float32).T.copy()
+        self._rings = Rings(x, y, np.array(strides, np.int32), len(strides))
         self._spaces = Workspaces(lambda shaded: _Space(shaded, pool.threads))
 
     @staticmethod
-    def draws(config: Mapping[str, Any]) -> bool:
-        """Whether the kernels draw with this GuidedWarpConfig: rings from near to far, four samples kept."""
+    def supports(config: Mapping[str, Any]) -> bool:
+        """Return whether the kernels support a GuidedWarpConfig: rings in ascending order, four taps."""
         return config.get("taps") == 4 and are_rings(config.get("strides"))
 
-    def placed(self, array: NDArray[Any]) -> NDArray[Any]:
+    def upload(self, array: NDArray[Any]) -> NDArray[Any]:
         """See `ExtrapolationExecutor`."""
         return array
 
-    def copied(self, tensor: NDArray[Any]) -> NDArray[Any]:
+    def download(self, tensor: NDArray[Any]) -> NDArray[Any]:
         """See `ExtrapolationExecutor`."""
         return tensor.copy()
 
-    def draw(
-        self, frame: Frame, past: Mapping[str, NDArray[Any]]
+    def extrapolate(
+        self, frame: Frame, history: Mapping[str, NDArray[Any]]
     ) -> tuple[Float32, Mapping[str, NDArray[Any]]]:
         """See `ExtrapolationExecutor`."""
-        color, before = past["history.color"], past["history.motion"]
-        (h, w), (then_h, then_w) = frame.depth.shape, color.shape[2:]
-        image, total = np.empty((h, w, 3), np.float32), np.empty((1, 2, h, w), np.float32)
-        jitters = (frame.jitter, past["history.jitter"][0], past["history.motion_jitter"][0])
-        sizes = (then_w, then_h, *before.shape[:1:-1])
-        offsets = [offset for jitter in jitters for offset in jitter]
-        numbers = np.array([*self._constants, *sizes, *offsets, before.any(), _has_depth(past)], np.float32)
+        color, previous_motion = history["history.color"], history["history.motion"]
+        (h, w), (shaded_h, shaded_w) = frame.depth.shape, color.shape[2:]
+        image, next_motion = np.empty((h, w, 3), np.float32), np.empty((1, 2, h, w), np.float32)
+        jitters = (frame.jitter, history["history.jitter"][0], history["history.motion_jitter"][0])
+        has_depth = any(((row >= 0.0) & (row <= 1e30)).any() for row in history["history.depth"][0, 0])
+        numbers = np.array(
+            [
+                *self._constants, shaded_w, shaded_h, *previous_motion.shape[:1:-1],
+                *(offset for jitter in jitters for offset in jitter), previous_motion.any(), has_depth,
+            ],
+            np.float32,
+        )  # fmt: skip
         base_color, normal, depth, motion = (
             np.ascontiguousarray(image_of(frame, name), np.float32)
             for name in ("gbuffer_base_color", "gbuffer_normal", "depth", "motion")
         )
-        with self._spaces.borrow((then_w, then_h)) as space:
+        shaded = [address(history[f"history.{name}"]) for name in ("color", "base_color", "normal", "depth")]
+        with self._spaces.borrow((shaded_w, shaded_h)) as space:
             stride, samples = space.stride, address(space.samples)
-            shaded = [address(past[f"history.{name}"]) for name in ("color", "base_color", "normal", "depth")]
-
             unshaded = pack(UnshadedFrame(base_color, normal, depth, motion, w, h, stride))
-            inputs = unshaded, address(before), samples, address(numbers), pack(self._rings)
-            output = pack(ExtrapolationOutput(total, image))
-            scratch = [(address(room), address(line)) for room, line in space.scratch]
+            inputs = unshaded, address(previous_motion), samples, address(numbers), pack(self._rings)
+            output = pack(ExtrapolationOutput(next_motion, image))
+            scratch = [(address(offsets), address(line)) for offsets, line in space.scratch]
 
             def read(y0: int, y1: int, _: int) -> None:
-                self._read_shaded(*shaded, address(numbers), then_w, then_h, stride, y0, y1, samples)
+                self._read_shaded(*shaded, address(numbers), shaded_w, shaded_h, stride, y0, y1, samples)
 
             def extrapolate(y0: int, y1: int, worker: int) -> None:
                 self._extrapolate_rows(*inputs, *scratch[worker], output, y0, y1)
 
-            self._pool.run_rows("preprocess", then_h, read)
+            self._pool.run_rows("preprocess", shaded_h, read)
             self._pool.run_rows("compute", h, extrapolate)
-        left = {"history.motion": total, "history.motion_jitter": np.array([frame.jitter], np.float32)}
-        return image, {**past, **left}
-
-
-def _has_depth(past: Mapping[str, NDArray[Any]]) -> bool:
-    """Whether the shaded frame has usable depth anywhere."""
-    return any(((row >= 0.0) & (row <= 1e30)).any() for row in past["history.depth"][0, 0])
+        motion_jitter = np.array([frame.jitter], np.float32)
+        return image, {**history, "history.motion": next_motion, "history.motion_jitter": motion_jitter}

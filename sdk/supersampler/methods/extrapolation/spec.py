@@ -1,4 +1,4 @@
-"""What the methods are that extrapolate unshaded frames, and the upscaler that steps on such frames."""
+"""Definitions of the methods that extrapolate unshaded frames, and of the upscaler for such frames."""
 
 from dataclasses import dataclass, field, replace
 
@@ -11,7 +11,7 @@ class GuidedWarpConfig:
     """Constants; docs/methods.md gives their origin."""
 
     strides: tuple[int, ...] = (1, 3, 5, 9)
-    """Of the rings of eight samples around the middle one, pixels (equation 1)."""
+    """Distances of the rings of eight samples around the nearest one, in pixels (equation 1)."""
     taps: int = 4
     """Number of samples that are averaged."""
     surface_sigma: Sigma = 0.03
@@ -26,11 +26,11 @@ class GuidedWarpConfig:
 
 @dataclass(frozen=True)
 class FlowNetworkConfig:
-    """Widths."""
+    """Widths of the network of `guided-flow`."""
 
     levels: tuple[int, ...] = (32, 48, 64, 96)
-    """Channels of the pyramid's levels; each is half as large as the one before, the first half as large as
-    the inputs."""
+    """Channels of the levels of the pyramid. The first level has half the size of the inputs, each other one
+    half the size of the level before."""
 
 
 @dataclass(frozen=True)

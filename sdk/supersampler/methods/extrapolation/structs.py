@@ -1,4 +1,4 @@
-"""Structs that the kernels of `guided-warp` take."""
+"""Structs: arguments of the kernels of `guided-warp`."""
 
 from typing import NamedTuple
 
@@ -12,7 +12,7 @@ class UnshadedFrame(NamedTuple):
         base_color, normal: (height, width, 3).
         depth: (height, width).
         motion: (height, width, 2) render pixels.
-        width, height: of these.
+        width, height: size of the frame.
         samples_stride: samples from row to row of the shaded frame.
     """
 
@@ -26,12 +26,12 @@ class UnshadedFrame(NamedTuple):
 
 
 class Rings(NamedTuple):
-    """The samples that each pixel chooses from: the nearest, then rings of eight.
+    """The samples among which each pixel chooses: the nearest one, then rings of eight.
 
     Attributes:
         x, y: (1 + 8 * rings,) offsets in samples.
         strides: (rings,) distance of each ring, in samples.
-        rings: how many.
+        rings: number of rings.
     """
 
     x: Floats
@@ -41,7 +41,7 @@ class Rings(NamedTuple):
 
 
 class ExtrapolationOutput(NamedTuple):
-    """What is written: motion (2, height, width) back to the shaded frame, image (height, width, 3)."""
+    """Outputs: motion to the shaded frame (2, height, width), and image (height, width, 3)."""
 
     motion: Floats
     image: Floats

@@ -1,4 +1,4 @@
-"""`taa`: Salvi 2016, variance clipping.
+"""`taa`: temporal anti-aliasing with variance clipping (Salvi 2016).
 
-What it is (`spec`), its CPU backend (`cpu`) and kernels; the torch definition is supersampler_model.methods.
+Its definition (`spec`), CPU backend (`cpu`) and kernels; the torch twin is in supersampler_model.methods.
 """

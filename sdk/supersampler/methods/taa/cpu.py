@@ -1,4 +1,4 @@
-"""CPU backend of `taa` (Salvi 2016, his defaults)."""
+"""CPU backend of `taa` (Salvi 2016), for its default options."""
 
 import numpy as np
 
@@ -21,7 +21,7 @@ SHARPNESS = 0.5  # Catmull-Rom
 
 
 class _Space:
-    """Buffers for frames of one size; `scratch`: what one thread works in."""
+    """Buffers for frames of one size; `scratch` has one entry per thread."""
 
     def __init__(self, render: Size, display: Size, gamma: float, threads: int) -> None:
         w, h = render
@@ -34,7 +34,7 @@ class _Space:
                 aligned((10, LANES), np.int32),
                 aligned((10, LANES)),
                 aligned((LANES, 4)),
-                aligned((LANES, LANES)),
+                aligned((LANES, 16)),
             )
             for _ in range(threads)
         ]
@@ -45,7 +45,7 @@ class TaaCpu(CpuExecutor[_Space]):
 
     Args:
         info: the model.
-        pool: threads that compute.
+        pool: the threads that run the kernels.
     """
 
     precision = "fp32"
@@ -62,12 +62,12 @@ class TaaCpu(CpuExecutor[_Space]):
         self._blend(step, space)
 
     def _read(self, step: Step, space: _Space) -> None:
-        """Tone the samples, and fill the box around each."""
+        """Tone the samples, and compute the variance box around each."""
         inputs, samples, h = pack(step.inputs), pack(space.samples), space.samples.height
         read_samples, fill_boxes = self.kernels[READ], self.kernels[FILL]
 
         def read(y0: int, y1: int, _: int) -> None:
-            # a row more on either side: what two threads both write is the same
+            # one more row on either side instead of waiting; two threads write the same values there
             read_samples(inputs, samples, max(y0 - 1, 0), min(y1 + 1, h))
             fill_boxes(samples, y0, y1)
 
@@ -75,18 +75,17 @@ class TaaCpu(CpuExecutor[_Space]):
 
     def _blend(self, step: Step, space: _Space) -> None:
         """Compute the image, which is the next history."""
-        history, frame, display = step.history, step.frame, step.display
+        history = step.history
         alpha = self._alpha if abs(history.exposure) > 0.0 else 1.0
-        numbers = [step.inputs.exposure, *frame.size, *display, alpha, self._gamma, SHARPNESS]
-        given = np.array(numbers, np.float32)
-        columns, rows = (  # of the four samples around a pixel, a tent weighs the inner two
+        numbers = np.array([step.inputs.exposure, alpha, SHARPNESS], np.float32)
+        columns, rows = (  # a tent has weight only at the inner two of the four samples around a pixel
             pack(LinearAxis(axis.samples[1], axis.samples[2], axis.weights[1], axis.weights[2], axis.near))
-            for axis in space.tables.at(frame.jitter)
+            for axis in space.tables.at(step.frame.jitter)
         )
-        inputs = pack(space.samples), address(history.arrays["pixels"]), columns, rows, address(given)
+        inputs = pack(space.samples), address(history.arrays["pixels"]), columns, rows, address(numbers)
         kernel, output, scratch = self.kernels[STEP], pack(step.output), [pack(s) for s in space.scratch]
 
         def compute(box: Rect, worker: int) -> None:
             kernel(*inputs, scratch[worker], output, *box)
 
-        self.pool.run_rects("compute", step.tiles.boxes(TILE, display), compute)
+        self.pool.run_rects("compute", step.tiles.boxes(TILE, step.display), compute)

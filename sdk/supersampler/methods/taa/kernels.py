@@ -1,12 +1,22 @@
-"""Kernels of `taa` (Salvi 2016, his defaults); supersampler_model.methods.taa defines them.
+"""Kernels of `taa` (Salvi 2016, with his defaults): twins of `supersampler_model.methods.taa`.
 
-A step reads the samples, fills a box of allowed colors for each, then computes the display in one pass.
+They tone the samples, compute a variance box around each, then compute the image in one pass.
 """
 
 import numpy as np
 
-from supersampler.backends.cpu.kernels.colors import from_ycocg, linear_of, sanitize, toned, ycocg
-from supersampler.backends.cpu.kernels.frame import color_at, motion_at, places_of, repeat_ends
+from supersampler.backends.cpu.kernels.colors import (
+    from_ycocg,
+    largest,
+    lerp3,
+    linear_of,
+    sanitize,
+    scaled3,
+    select3,
+    toned,
+    ycocg,
+)
+from supersampler.backends.cpu.kernels.frame import color_at, motion_at, repeat_ends, sample_indices
 from supersampler.backends.cpu.kernels.warp import cubic4, on_screen, prepare_warp, previous_position
 from supersampler.backends.cpu.layout import PAD, TAA_BOX, TAA_PIXEL
 from supersampler.backends.cpu.simd.device_function import device_function
@@ -26,64 +36,55 @@ from supersampler.backends.cpu.simd.vector import (
 from supersampler.backends.cpu.structs import Floats, FrameInputs, Output
 from supersampler.methods.taa.structs import LinearAxis, TaaSamples, TaaScratch
 
-(EXPOSURE, W, H, BIG_W, BIG_H, ALPHA, GAMMA, SHARPNESS) = range(8)
+EXPOSURE, ALPHA, SHARPNESS = range(3)
 """Indices into `numbers`; ALPHA is 1 where there is no history."""
 
 
 def read_samples(frame: FrameInputs, samples: TaaSamples, y0: int, y1: int):
     """Fill rows y0 to y1 of `samples.planes` with toned YCoCg and motion; the padding repeats the border."""
-    color, motion, exposure, planes, w = (
-        frame.color,
-        frame.motion,
-        frame.exposure,
-        samples.planes,
-        samples.width,
-    )
-    wide = samples.stride + 2 * PAD
+    color, motion, exposure = frame.color, frame.motion, frame.exposure
+    planes, w = samples.planes, samples.width
+    padded_width = samples.stride + 2 * PAD
     for y in range(y0, y1):
         for x in range(0, w, 16):
-            at = places_of(x, y, w)
-            r, g, b = color_at(color, at)
+            index = sample_indices(x, y, w)
+            r, g, b = color_at(color, index)
             r, g, b = toned(sanitize(r) * exposure, sanitize(g) * exposure, sanitize(b) * exposure)
             luma, co, cg = ycocg(r, g, b)
-            mx, my = motion_at(motion, at)
+            mx, my = motion_at(motion, index)
             for c, value in enumerate((luma, co, cg, mx, my)):
-                store(planes, (5 * y + c) * wide + PAD + x, value)
+                store(planes, (5 * y + c) * padded_width + PAD + x, value)
         for c in range(5):
-            repeat_ends(planes, (5 * y + c) * wide + PAD, w)
+            repeat_ends(planes, (5 * y + c) * padded_width + PAD, w)
 
 
 def fill_boxes(samples: TaaSamples, y0: int, y1: int):
-    """Fill rows y0 to y1 of `samples.boxes` from the 3x3 samples around each."""
+    """Fill rows y0 to y1 of `samples.boxes` with the variance box and the longest motion of 3x3 samples."""
     planes, boxes, gamma, stride = samples.planes, samples.boxes, samples.gamma, samples.stride
-    w, h, wide = samples.width, samples.height, stride + 2 * PAD
+    w, h, padded_width = samples.width, samples.height, stride + 2 * PAD
     for y in range(y0, y1):
-        above, here, below = (
-            5 * max(y - 1, 0) * wide + PAD,
-            5 * y * wide + PAD,
-            5 * min(y + 1, h - 1) * wide + PAD,
-        )
+        row_pitch = 5 * padded_width
+        above, below = max(y - 1, 0) * row_pitch + PAD, min(y + 1, h - 1) * row_pitch + PAD
+        here = y * row_pitch + PAD
         for x in range(0, w, 16):
             for c in range(3):
-                low = high = load16(planes, here + c * wide + x)
+                low = high = load16(planes, here + c * padded_width + x)
                 first = second = low * 0.0
                 for row in (above, here, below):
                     for column in range(-1, 2):
-                        v = load16(planes, row + c * wide + x + column)
+                        v = load16(planes, row + c * padded_width + x + column)
                         low, high = minimum(v, low), maximum(v, high)
                         first, second = first + v, second + v * v
                 mean = first * (1.0 / 9.0)
                 extent = square_root(maximum(second * (1.0 / 9.0) - mean * mean, 0.0)) * gamma
                 store(boxes, (TAA_BOX * y + c) * stride + x, maximum(mean - extent, low))
                 store(boxes, (TAA_BOX * y + 3 + c) * stride + x, minimum(mean + extent, high))
-            mx, my = load16(planes, here + 3 * wide + x), load16(planes, here + 4 * wide + x)
+            mx, my = load16(planes, here + 3 * padded_width + x), load16(planes, here + 4 * padded_width + x)
             length = mx * mx + my * my
             for row in (above, here, below):
                 for column in range(-1, 2):
-                    u, v = (
-                        load16(planes, row + 3 * wide + x + column),
-                        load16(planes, row + 4 * wide + x + column),
-                    )
+                    index = row + 3 * padded_width + x + column
+                    u, v = load16(planes, index), load16(planes, index + padded_width)
                     other = u * u + v * v
                     longer = other > length
                     length = select(longer, other, length)
@@ -93,9 +94,9 @@ def fill_boxes(samples: TaaSamples, y0: int, y1: int):
 
 
 @device_function
-def upsampled(planes, c, wide, column, row, across, down):
+def upsampled(planes, c, padded_width, column, row, across, down):
     """Interpolate a plane linearly between two columns and two rows."""
-    a, b = row[0] + np.int32(c * wide), row[1] + np.int32(c * wide)
+    a, b = row[0] + np.int32(c * padded_width), row[1] + np.int32(c * padded_width)
     upper = gather(planes, a + column[0]) * across[0] + gather(planes, a + column[1]) * across[1]
     lower = gather(planes, b + column[0]) * across[0] + gather(planes, b + column[1]) * across[1]
     return upper * down[0] + lower * down[1]
@@ -112,42 +113,26 @@ def segment_in_slab(color, sample, low, high):
 
 @device_function
 def clip_to_sample(history, sample, low, high):
-    """Clip the history where the segment to the sample enters the box; see `ops.rectification`."""
+    """Clip the history to the point where the segment to the sample enters the box.
+
+    Without an intersection, clip it towards the box's centre; see `supersampler_model.ops.rectification`.
+    """
     a, b = segment_in_slab(history[0], sample[0], low[0], high[0])
     c, d = segment_in_slab(history[1], sample[1], low[1], high[1])
     e, f = segment_in_slab(history[2], sample[2], low[2], high[2])
     first, last = maximum(maximum(a, c), e), minimum(minimum(b, d), f)
     intersects = (first <= last) & (first <= 1.0) & (last >= 0.0)
-    share = minimum(maximum(first, 0.0), 1.0)
-    center_y, center_co, center_cg = (
-        (low[0] + high[0]) * 0.5,
-        (low[1] + high[1]) * 0.5,
-        (low[2] + high[2]) * 0.5,
+    entry = minimum(maximum(first, 0.0), 1.0)
+    center = (low[0] + high[0]) * 0.5, (low[1] + high[1]) * 0.5, (low[2] + high[2]) * 0.5
+    overshoot = largest(
+        overshoot_of(history[0], center[0], low[0], high[0]),
+        overshoot_of(history[1], center[1], low[1], high[1]),
+        overshoot_of(history[2], center[2], low[2], high[2]),
     )
-    overshoot = maximum(
-        maximum(
-            overshoot_of(history[0], center_y, low[0], high[0]),
-            overshoot_of(history[1], center_co, low[1], high[1]),
-        ),
-        overshoot_of(history[2], center_cg, low[2], high[2]),
-    )
-    scale = 1.0 / maximum(overshoot, 1.0)
-    return (
-        select(
-            intersects,
-            history[0] + share * (sample[0] - history[0]),
-            center_y + (history[0] - center_y) * scale,
-        ),
-        select(
-            intersects,
-            history[1] + share * (sample[1] - history[1]),
-            center_co + (history[1] - center_co) * scale,
-        ),
-        select(
-            intersects,
-            history[2] + share * (sample[2] - history[2]),
-            center_cg + (history[2] - center_cg) * scale,
-        ),
+    return select3(
+        intersects,
+        lerp3(history, sample, entry),
+        lerp3(center, history, 1.0 / maximum(overshoot, 1.0)),
     )
 
 
@@ -164,45 +149,44 @@ def step_rows(
     """Compute rows y0 to y1, columns x0 to x1 of the image; history: (height, width, TAA_PIXEL)."""
     planes, box, stride = samples.planes, samples.boxes, samples.stride
     slots, weights, warped, out = scratch.slots, scratch.weights, scratch.warped, scratch.out
-    next_history, image, big_w, big_h = output.next_history, output.image, output.width, output.height
-    w_big, h_big, e = numbers[BIG_W], numbers[BIG_H], numbers[EXPOSURE]
-    scale_x, scale_y = w_big / numbers[W], h_big / numbers[H]
-    wide = stride + 2 * PAD
+    next_history, image = output.next_history, output.image
+    display_w, display_h, exposure = output.width, output.height, numbers[EXPOSURE]
+    float_w, float_h = np.float32(display_w), np.float32(display_h)
+    scale_x, scale_y = float_w / np.float32(samples.width), float_h / np.float32(samples.height)
+    padded_width = stride + 2 * PAD
     for y in range(y0, y1):
-        row = np.int32(rows.first[y] * 5 * wide + PAD), np.int32(rows.second[y] * 5 * wide + PAD)
+        row = (
+            np.int32(rows.first[y] * 5 * padded_width + PAD),
+            np.int32(rows.second[y] * 5 * padded_width + PAD),
+        )
         down = rows.first_weight[y], rows.second_weight[y]
         for x in range(x0, x1, 16):
             lane = to_float(ramp16() + np.int32(x))
-            at = load16(columns.nearest, x) + np.int32(rows.nearest[y] * TAA_BOX * stride)
-            mx = gather(box, at + np.int32(6 * stride)) * scale_x
-            my = gather(box, at + np.int32(7 * stride)) * scale_y
-            px, py = previous_position(lane, y, mx, my, w_big, h_big)
-            on = on_screen(px, py, w_big, h_big)
-            prepare_warp(px, py, big_w, big_h, TAA_PIXEL, numbers[SHARPNESS], slots, weights)
+            index = load16(columns.nearest, x) + np.int32(rows.nearest[y] * TAA_BOX * stride)
+            mx = gather(box, index + np.int32(6 * stride)) * scale_x
+            my = gather(box, index + np.int32(7 * stride)) * scale_y
+            px, py = previous_position(lane, y, mx, my, float_w, float_h)
+            on = on_screen(px, py, float_w, float_h)
+            prepare_warp(px, py, display_w, display_h, TAA_PIXEL, numbers[SHARPNESS], slots, weights)
             for i in range(16):
                 store(warped, 4 * i, cubic4(history, slots, weights, i))
             q = load_columns4(warped, 0)
-            r, g, b = toned(sanitize(q[0]) * e, sanitize(q[1]) * e, sanitize(q[2]) * e)
-            warped_color = ycocg(r, g, b)
+            warped_color = ycocg(*toned(*scaled3((sanitize(q[0]), sanitize(q[1]), sanitize(q[2])), exposure)))
             column = load16(columns.first, x), load16(columns.second, x)
             across = load16(columns.first_weight, x), load16(columns.second_weight, x)
             sample = (
-                upsampled(planes, 0, wide, column, row, across, down),
-                upsampled(planes, 1, wide, column, row, across, down),
-                upsampled(planes, 2, wide, column, row, across, down),
+                upsampled(planes, 0, padded_width, column, row, across, down),
+                upsampled(planes, 1, padded_width, column, row, across, down),
+                upsampled(planes, 2, padded_width, column, row, across, down),
             )
             s = np.int32(stride)
-            low = gather(box, at), gather(box, at + s), gather(box, at + s * np.int32(2))
-            at = at + s * np.int32(3)
-            high = gather(box, at), gather(box, at + s), gather(box, at + s * np.int32(2))
+            low = gather(box, index), gather(box, index + s), gather(box, index + s * np.int32(2))
+            index = index + s * np.int32(3)
+            high = gather(box, index), gather(box, index + s), gather(box, index + s * np.int32(2))
             warped_color = clip_to_sample(warped_color, sample, low, high)
             weight = select(on, numbers[ALPHA], lane * 0.0 + 1.0)
-            r, g, b = from_ycocg(
-                warped_color[0] + weight * (sample[0] - warped_color[0]),
-                warped_color[1] + weight * (sample[1] - warped_color[1]),
-                warped_color[2] + weight * (sample[2] - warped_color[2]),
-            )
-            r, g, b = linear_of(maximum(r, 0.0), maximum(g, 0.0), maximum(b, 0.0), e)
+            r, g, b = from_ycocg(*lerp3(warped_color, sample, weight))
+            r, g, b = linear_of(maximum(r, 0.0), maximum(g, 0.0), maximum(b, 0.0), exposure)
             if output.has_weight:
                 store(output.weight, y * output.pitch + x, 1.0 - weight)
             zero = lane * 0.0
@@ -212,6 +196,6 @@ def step_rows(
             for i in range(16):
                 store(out, 16 * i, pixels[i])
             for i in range(min(16, x1 - x)):
-                pixel = 3 * (y * big_w + x + i)
+                pixel = 3 * (y * display_w + x + i)
                 for c in range(3):
                     next_history[pixel + c] = image[pixel + c] = out[16 * i + c]

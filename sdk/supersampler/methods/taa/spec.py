@@ -1,4 +1,4 @@
-"""What `taa` is: variance clipping as Salvi presented it."""
+"""Definition of `taa`: variance clipping as Salvi presented it."""
 
 from dataclasses import dataclass
 from typing import Annotated, Literal

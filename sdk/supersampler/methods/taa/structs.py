@@ -1,4 +1,4 @@
-"""Structs that the kernels of `taa` take."""
+"""Structs: arguments of the kernels of `taa`."""
 
 from typing import NamedTuple
 
@@ -6,14 +6,14 @@ from supersampler.backends.cpu.structs import Floats, Words
 
 
 class TaaSamples(NamedTuple):
-    """The samples of a frame, and the colour box of the 3x3 samples around each.
+    """The samples of a frame, and the variance box of the 3x3 samples around each.
 
     Attributes:
         planes: (height, TAA_PLANES, PAD + stride + PAD) toned YCoCg, motion in render pixels.
-        boxes: (height, TAA_BOX, stride) least and greatest YCoCg, the longest motion.
+        boxes: (height, TAA_BOX, stride) minimum and maximum YCoCg of the box, the longest motion.
         gamma: half extent of the box, in standard deviations.
-        width, height: of the frame.
-        stride: width up to whole vectors.
+        width, height: size of the frame.
+        stride: width, rounded up to whole vectors.
     """
 
     planes: Floats
@@ -25,10 +25,10 @@ class TaaSamples(NamedTuple):
 
 
 class LinearAxis(NamedTuple):
-    """How the display pixels of one axis interpolate the samples linearly; each (pixels,).
+    """Linear interpolation of samples at the display pixels of one axis; arrays are (pixels,).
 
     Attributes:
-        first, second: the samples before and after each pixel.
+        first, second: the samples before and after the pixel.
         first_weight, second_weight: their weights.
         nearest: the nearest sample.
     """

@@ -1,4 +1,4 @@
-"""`taau`: temporal upsampling by formula alone.
+"""`taau`: temporal upsampling without a network.
 
-What it is (`spec`), its CPU backend (`cpu`) and kernels; the torch definition is supersampler_model.methods.
+Its definition (`spec`), CPU backend (`cpu`) and kernels; the torch twin is in supersampler_model.methods.
 """

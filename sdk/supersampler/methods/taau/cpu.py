@@ -1,4 +1,4 @@
-"""CPU backend of `taau`."""
+"""CPU backend of `taau`, temporal upsampling without a network."""
 
 from collections.abc import Sequence
 
@@ -28,20 +28,14 @@ LAYOUT = HistoryLayout(
 
 
 class _Space(ResampledFrame):
-    """Buffers for frames of one size; `scratch`, `shade_lines`: what one thread works in."""
+    """Buffers for frames of one size; `scratch` and `shade_lines` have one entry per thread."""
 
     def __init__(self, render: Size, display: Size, filters: Sequence[Filter], threads: int) -> None:
         super().__init__(render, display, filters, threads)
-        self.shade_lines = aligned((threads, 3, self.wide))
+        self.shade_lines = aligned((threads, 3, self.padded_width))
         self.sums = aligned((render[1], 2))
         self.scratch = [
-            TaauScratch(
-                line,
-                aligned((10, LANES), np.int32),
-                aligned((10, LANES)),
-                aligned((LANES, 8)),
-                aligned((LANES, 8)),
-            )
+            TaauScratch(line, aligned((10, LANES), np.int32), aligned((10, LANES)), *aligned((2, LANES, 8)))
             for line in self.lines
         ]
 
@@ -51,7 +45,7 @@ class TaauCpu(CpuExecutor[_Space]):
 
     Args:
         info: the model.
-        pool: threads that compute.
+        pool: the threads that run the kernels.
     """
 
     precision = "fp32"
@@ -78,7 +72,7 @@ class TaauCpu(CpuExecutor[_Space]):
         self._blend(step, space, change)
 
     def _write_surface(self, step: Step, space: _Space) -> None:
-        """Write the surface that the next frame compares with."""
+        """Write the surface, for disocclusion and lighting tests of the next frame."""
         samples, surface = pack(space.samples), address(step.next_history.arrays["surface"])
         sums = address(space.sums)
         shade, lines = self.kernels[SHADE], [address(line) for line in space.shade_lines]
@@ -102,14 +96,11 @@ class TaauCpu(CpuExecutor[_Space]):
     def _blend(self, step: Step, space: _Space, change: float) -> None:
         """Compute the image and the pixels of the next history."""
         history, flash = step.history, step.next_history.values["light"][3]
+        glares = flash > 0.0 or step.next_history.glares or history.glares
         numbers = np.array(
-            [
-                *self._constants, step.inputs.exposure, *step.frame.size, *step.display, *history.render,
-                *history.jitter,
-                change, flash > 0.0 or step.next_history.glares or history.glares, flash,
-            ],
+            [*self._constants, step.inputs.exposure, *history.render, *history.jitter, change, glares, flash],
             np.float32,
-        )  # fmt: skip
+        )
         pixels, surface = history.arrays["pixels"], history.arrays["surface"]
         inputs = (
             pack(space.samples), address(step.next_history.arrays["surface"]),

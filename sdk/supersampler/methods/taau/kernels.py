@@ -1,6 +1,6 @@
-"""Kernels of `taau`: twins of `supersampler_model.methods.taau`, in one pass over the display.
+"""Kernels of `taau`: twins of `supersampler_model.methods.taau`, in one pass over the image.
 
-Device functions compute sixteen pixels at once, a vector per channel.
+Device functions compute sixteen pixels at once, with a vector per channel.
 """
 
 import numpy as np
@@ -12,8 +12,11 @@ from supersampler.backends.cpu.kernels.colors import (
     clamped,
     from_ycocg,
     largest,
+    lerp3,
     linear_of,
     sanitize,
+    scaled3,
+    select3,
     toned,
     without_glare,
     ycocg,
@@ -68,25 +71,25 @@ from supersampler.methods.taau.structs import TaauHistoryInput, TaauScratch
 MIN_CHANGE, MIN_SAMPLES, MIN_WEIGHT, MIN_BOX_WEIGHT = 0.004, 1e-3, 1e-3, 0.5
 """As in the torch method and in `supersampler_model.ops.sampling`."""
 C = constant_indices(TAAU)
-(
-    EXPOSURE, W, H, BIG_W, BIG_H, OLD_W, OLD_H, JITTER_X, JITTER_Y, CHANGE, GLARES, UNCONFIRMED,
-) = range(len(C), len(C) + 12)  # fmt: skip
+EXPOSURE, PREVIOUS_W, PREVIOUS_H, JITTER_X, JITTER_Y, CHANGE, GLARES, UNCONFIRMED = range(len(C), len(C) + 8)
 """Indices into `numbers`, after the constants of `taau`.
 
-Sizes: W, H of this frame, BIG of the display, OLD of the previous frame. JITTER: of the previous frame.
-CHANGE: exposure over the previous exposure. GLARES: 1 where any light may be unconfirmed, else 0.
-UNCONFIRMED: 1 where light of this frame that raises the contrast is unconfirmed, 2 where all of it is.
+PREVIOUS_W, PREVIOUS_H, JITTER: render size and jitter of the previous frame. CHANGE: exposure over the
+previous exposure. GLARES: 1 where any light may be unconfirmed, else 0. UNCONFIRMED: 1 where light of this
+frame that raises the contrast is unconfirmed, 2 where all of it is.
 """
 
 
 @device_function
-def sum3(line, at):
+def sum3(line, index):
     """Return the sums of three neighbours in a row."""
-    return load16(line, at - 1) + load16(line, at) + load16(line, at + 1)
+    return load16(line, index - 1) + load16(line, index) + load16(line, index + 1)
 
 
 def shade(samples: FrameSamples, line: Floats, surface: Floats, sums: Floats, y0: int, y1: int):
-    """Write the surface of rows y0 to y1, which the next frame compares with; twin of `shade_of`.
+    """Write rows y0 to y1 of the surface, for disocclusion and lighting tests of the next frame.
+
+    Twin of `shade_of`.
 
     Args:
         samples: the frame.
@@ -99,33 +102,36 @@ def shade(samples: FrameSamples, line: Floats, surface: Floats, sums: Floats, y0
     """
     colors, own, glares, eroded = samples.color, samples.own, samples.glares, samples.eroded_depth
     w, h, stride = samples.width, samples.height, samples.stride
-    wide = stride + 2 * PAD
+    padded_width = stride + 2 * PAD
     for y in range(y0, y1):
         above, below = max(y - 1, 0), min(y + 1, h - 1)
         for x in range(0, w, 16):
             luma = square = usable = load16(eroded, 0) * 0.0
             for row in (above, y, below):
-                at = SAMPLE_PLANES * row * wide + PAD + x
-                luma, square = luma + load16(colors, at + 4 * wide), square + load16(colors, at + 7 * wide)
-                usable = usable + load16(colors, at + 3 * wide)
+                index = SAMPLE_PLANES * row * padded_width + PAD + x
+                luma, square = (
+                    luma + load16(colors, index + 4 * padded_width),
+                    square + load16(colors, index + 7 * padded_width),
+                )
+                usable = usable + load16(colors, index + 3 * padded_width)
             store(line, PAD + x, luma)
-            store(line, wide + PAD + x, square)
-            store(line, 2 * wide + PAD + x, usable)
+            store(line, padded_width + PAD + x, square)
+            store(line, 2 * padded_width + PAD + x, usable)
         for c in range(3):
-            first = c * wide + PAD
+            first = c * padded_width + PAD
             line[first - 1], line[first + w] = line[first], line[first + w - 1]
-        here = y * wide + PAD
+        here = y * padded_width + PAD
         glares_near = glares[above] + glares[y] + glares[below] > 0.0
         mean_sum = square_sum = load16(eroded, 0) * 0.0
         for x in range(0, w, 16):
-            usable = sum3(line, 2 * wide + PAD + x)
+            usable = sum3(line, 2 * padded_width + PAD + x)
             scale = 1.0 / maximum(usable, 9e-6)
             mean = sum3(line, PAD + x) * scale
-            deviation = square_root(maximum(sum3(line, wide + PAD + x) * scale - mean * mean, 0.0))
+            deviation = square_root(maximum(sum3(line, padded_width + PAD + x) * scale - mean * mean, 0.0))
             glare = usable * 0.0
             if glares_near:
                 glare = gather(own, (ramp16() + np.int32(y * stride + x)) * 4 + 3)
-            opened = opened_at(eroded, above * wide + PAD, here, below * wide + PAD, x)
+            opened = opened_at(eroded, above * padded_width + PAD, here, below * padded_width + PAD, x)
             deviation = select(usable > 9.0 * MIN_WEIGHT, deviation, 1.0)
             store4(surface, 4 * (here + x), opened, mean, deviation, glare)
             inside = ramp16() + np.int32(x) < np.int32(w)
@@ -143,20 +149,16 @@ def current_frame(sums, near, sharpness):
     """
     scale, sharp_scale = 1.0 / maximum(sums[3], 1e-6), 1.0 / maximum(sums[7], 1e-6)
     sharp = select(sums[7] > 0.9, sharpness, sums[3] * 0.0)
-    r, g, b = sums[0] * scale, sums[1] * scale, sums[2] * scale
-    frame = ycocg(
-        r + sharp * (sums[4] * sharp_scale - r),
-        g + sharp * (sums[5] * sharp_scale - g),
-        b + sharp * (sums[6] * sharp_scale - b),
-    )
-    scale = 1.0 / maximum(near[3], 1e-6)
-    sample = ycocg(near[0] * scale, near[1] * scale, near[2] * scale)
+    smooth = scaled3((sums[0], sums[1], sums[2]), scale)
+    frame = ycocg(*lerp3(smooth, scaled3((sums[4], sums[5], sums[6]), sharp_scale), sharp))
+    sample = ycocg(*scaled3((near[0], near[1], near[2]), 1.0 / maximum(near[3], 1e-6)))
     scale, known = 1.0 / maximum(sums[14], 1e-6), sums[14] > MIN_BOX_WEIGHT
-    mean = sums[8] * scale, sums[9] * scale, sums[10] * scale
+    mean = scaled3((sums[8], sums[9], sums[10]), scale)
+    squares = scaled3((sums[11], sums[12], sums[13]), scale)
     deviations = (
-        deviation_of(select(known, sums[11] * scale, 1.0), mean[0]),
-        deviation_of(select(known, sums[12] * scale, 1.0), mean[1]),
-        deviation_of(select(known, sums[13] * scale, 1.0), mean[2]),
+        deviation_of(select(known, squares[0], 1.0), mean[0]),
+        deviation_of(select(known, squares[1], 1.0), mean[1]),
+        deviation_of(select(known, squares[2], 1.0), mean[2]),
     )
     return frame, sample, minimum(near[3], 1.0), mean, deviations
 
@@ -179,14 +181,12 @@ def change_of_light(numbers, mean, deviation, mean_before, deviation_before):
 @device_function
 def clip_to_center(color, mean, deviations, gamma, box_floor):
     """Clip a colour towards the centre of its variance box; also return its distance, in half extents."""
-    y, co, cg = color[0] - mean[0], color[1] - mean[1], color[2] - mean[2]
     overshoot = largest(
-        absolute(y) / maximum(deviations[0] * gamma + box_floor, 1e-5),
-        absolute(co) / maximum(deviations[1] * gamma + box_floor, 1e-5),
-        absolute(cg) / maximum(deviations[2] * gamma + box_floor, 1e-5),
+        absolute(color[0] - mean[0]) / maximum(deviations[0] * gamma + box_floor, 1e-5),
+        absolute(color[1] - mean[1]) / maximum(deviations[1] * gamma + box_floor, 1e-5),
+        absolute(color[2] - mean[2]) / maximum(deviations[2] * gamma + box_floor, 1e-5),
     )
-    scale = 1.0 / maximum(overshoot, 1.0)
-    return (mean[0] + y * scale, mean[1] + co * scale, mean[2] + cg * scale), overshoot
+    return lerp3(mean, color, 1.0 / maximum(overshoot, 1.0)), overshoot
 
 
 @device_function
@@ -230,11 +230,9 @@ def blend(
     samples = minimum(warped_samples * holds * inside, limit)
     weight = confidence / maximum(samples + confidence, 1e-6)
     known, settled = samples > MIN_SAMPLES, minimum(samples / n[C.settled], 1.0)
-    y = select(known, lerp(rectified[0], lerp(frame[0], sample[0], settled), weight), frame[0])
-    co = select(known, lerp(rectified[1], lerp(frame[1], sample[1], settled), weight), frame[1])
-    cg = select(known, lerp(rectified[2], lerp(frame[2], sample[2], settled), weight), frame[2])
-    r, e, b = from_ycocg(y, co, cg)
-    color = linear_of(maximum(r, 0.0), maximum(e, 0.0), maximum(b, 0.0), n[EXPOSURE])
+    blended = lerp3(rectified, lerp3(frame, sample, settled), weight)
+    r, g, b = from_ycocg(*select3(known, blended, frame))
+    color = linear_of(maximum(r, 0.0), maximum(g, 0.0), maximum(b, 0.0), n[EXPOSURE])
 
     error = minimum(absolute(sample[0] - warped_color[0]), warped_spread + n[C.spread_step])
     rate = confidence / maximum(minimum(samples, n[C.spread_samples]) + confidence, 1e-6)
@@ -246,11 +244,7 @@ def blend(
         trusted = select(glares > 0.0, surface, holds)
         kept = minimum(warped_samples * trusted, limit)
         adds_sample = select(maximum(glares, flash) > 0.0, kept, 0.0) <= MIN_SAMPLES
-        next_color = (
-            select(adds_sample, color[0], warped_light[0]),
-            select(adds_sample, color[1], warped_light[1]),
-            select(adds_sample, color[2], warped_light[2]),
-        )
+        next_color = select3(adds_sample, color, warped_light)
         next_power = select(
             adds_sample,
             next_power + glare * (GLARE * CONFIRMED),
@@ -258,12 +252,6 @@ def blend(
         )
         next_samples = select(adds_sample, next_samples, kept)
     return color, next_color, next_samples, next_power, select(known, 1.0 - weight, 0.0)
-
-
-@device_function
-def lerp(a, b, share):
-    """Return `a` where share is 0, `b` where it is 1."""
-    return a + share * (b - a)
 
 
 def step_rows(
@@ -280,35 +268,37 @@ def step_rows(
     line, slots, weights = scratch.line, scratch.slots, scratch.weights
     warped, out = scratch.warped, scratch.out
     next_history, image = output.next_history, output.image
-    big_w, big_h, width = output.width, output.height, output.pitch
-    old_w, old_h = np.int64(numbers[OLD_W]), np.int64(numbers[OLD_H])
-    w_big, h_big, exposure_change = numbers[BIG_W], numbers[BIG_H], numbers[CHANGE]
-    scale_x, scale_y = w_big / numbers[W], h_big / numbers[H]
-    wide = stride + 2 * PAD
+    display_w, display_h, width = output.width, output.height, output.pitch
+    float_w, float_h = np.float32(display_w), np.float32(display_h)
+    previous_w, previous_h = np.int64(numbers[PREVIOUS_W]), np.int64(numbers[PREVIOUS_H])
+    scale_x, scale_y = float_w / np.float32(samples.width), float_h / np.float32(samples.height)
+    exposure, exposure_change = numbers[EXPOSURE], numbers[CHANGE]
+    padded_width = stride + 2 * PAD
     for y in range(y0, y1):
-        filter_all_down(colors, rows, down, big_h, y, starts, x0, x1, wide, line)
-        near, (first, last) = 4 * (3 * big_h + y), span(starts, x0, x1)
-        filter_down(colors, 0, 4, rows, down, y, near, wide, first, last, line, FILTER_LINES * wide)
+        filter_all_down(colors, rows, down, display_h, y, starts, x0, x1, padded_width, line)
+        near, (first, last) = 4 * (3 * display_h + y), span(starts, x0, x1)
+        filter_down(
+            colors, 0, 4, rows, down, y, near, padded_width, first, last, line, FILTER_LINES * padded_width
+        )
         for x in range(x0, x1, 16):
             lane = to_float(ramp16() + np.int32(x))
             depth, mx, my, _ = gather4(
                 samples.dilated, tables.first_column, x, 4, 4 * tables.first_row[y] * stride
             )
             mx, my = mx * scale_x, my * scale_y
-            px, py = previous_position(lane, y, mx, my, w_big, h_big)
-            on = on_screen(px, py, w_big, h_big)
-            prepare_warp(px, py, big_w, big_h, TAAU_PIXEL, numbers[C.history_sharpness], slots, weights)
+            px, py = previous_position(lane, y, mx, my, float_w, float_h)
+            on = on_screen(px, py, float_w, float_h)
+            prepare_warp(
+                px, py, display_w, display_h, TAAU_PIXEL, numbers[C.history_sharpness], slots, weights
+            )
             warp5(history.pixels, slots, weights, warped)
             q = load_columns8(warped, 0)
-            exposure = numbers[EXPOSURE]
             warped_light = sanitize(q[0]), sanitize(q[1]), sanitize(q[2])
-            warped_color = ycocg(
-                *toned(warped_light[0] * exposure, warped_light[1] * exposure, warped_light[2] * exposure)
-            )
-            # visibility and shade of the surface in the previous frame
-            sx = (px + 0.5) * numbers[OLD_W] / w_big - 0.5 - numbers[JITTER_X]
-            sy = (py + 0.5) * numbers[OLD_H] / h_big - 0.5 - numbers[JITTER_Y]
-            tap_weights = linear_taps(sx, sy, old_w, old_h, history.pitch, slots)
+            warped_color = ycocg(*toned(*scaled3(warped_light, exposure)))
+            # visibility and light of the surface in the previous frame
+            sx = (px + 0.5) * numbers[PREVIOUS_W] / float_w - 0.5 - numbers[JITTER_X]
+            sy = (py + 0.5) * numbers[PREVIOUS_H] / float_h - 0.5 - numbers[JITTER_Y]
+            tap_weights = linear_taps(sx, sy, previous_w, previous_h, history.pitch, slots)
             a, b = gather4(history_surface, slots, 0, 4, 0), gather4(history_surface, slots, 0, 4, 4)
             c, d = gather4(history_surface, slots, 16, 4, 0), gather4(history_surface, slots, 16, 4, 4)
             depths_before = a[0], b[0], c[0], d[0]
@@ -320,20 +310,20 @@ def step_rows(
             deviation_before = mean_of((a[2], b[2], c[2], d[2]), tap_weights)
             dim = 1.0 / (mean_before * (exposure_change - np.float32(1.0)) + 1.0)
             _, mean, deviation, glare = gather4(
-                surface, tables.nearest_column, x, 4, 4 * (tables.nearest_row[y] * wide + PAD)
+                surface, tables.nearest_column, x, 4, 4 * (tables.nearest_row[y] * padded_width + PAD)
             )
-            mean_before, deviation_before = (
-                mean_before * exposure_change * dim,
-                deviation_before * exposure_change * dim * dim,
-            )
+            mean_before = mean_before * exposure_change * dim
+            deviation_before = deviation_before * exposure_change * dim * dim
             changed = change_of_light(numbers, mean, deviation, mean_before, deviation_before)
             flash = depth * 0.0 + numbers[UNCONFIRMED]
             if numbers[UNCONFIRMED] == 1.0:
                 risen = deviation * deviation > deviation_before * deviation_before * FLASH + LEAST_FLASH
                 flash = select(risen, 1.0, depth * 0.0)
             tx, ty = px - floor(px), py - floor(py)
-            sums = filter_all_across(line, wide, starts, across, width, x)
-            sample = filter_across(line, FILTER_LINES * wide, wide, starts, across, 12, width, x)
+            sums = filter_all_across(line, padded_width, starts, across, width, x)
+            sample = filter_across(
+                line, FILTER_LINES * padded_width, padded_width, starts, across, 12, width, x
+            )
             current = current_frame(sums, sample, numbers[C.frame_sharpness])
             color, next_color, next_samples, next_power, weight = blend(
                 numbers, current, warped_color, warped_light, q[6], q[7], same, 1.0 - changed,
@@ -346,7 +336,7 @@ def step_rows(
             pairs = rows8((*next_color, next_samples, next_power, r, g, b))
             for i in range(8):
                 store(out, 16 * i, pairs[i])
-            pixel = y * big_w + x
+            pixel = y * display_w + x
             for i in range(min(16, x1 - x)):
                 store(next_history, TAAU_PIXEL * (pixel + i), load4(out, 8 * i))
                 next_history[TAAU_PIXEL * (pixel + i) + 4] = out[8 * i + 4]

@@ -1,4 +1,4 @@
-"""What `taau` is: the strongest temporal upscaler without a network."""
+"""Definition of `taau`: temporal upsampling without a network."""
 
 from dataclasses import dataclass
 
@@ -13,7 +13,7 @@ smoother than the shaded ones that they alternate with."""
 
 @dataclass(frozen=True)
 class TaauConfig:
-    """Constants; `supersampler bench quality` and the analytic scenes of the tests measure what they give."""
+    """Constants, tuned with `supersampler bench quality` and the analytic scenes of the tests."""
 
     frame_sigma: Sigma = 0.365
     """Gaussian that upsamples this frame alone, render pixels."""
@@ -28,9 +28,9 @@ class TaauConfig:
     gamma_still: Number = 1.3
     """Half size of the box in standard deviations, at rest."""
     gamma_moving: Number = 0.8
-    """The same, from `gamma_speed` on."""
+    """The same at speeds of `gamma_speed` and above."""
     gamma_speed: Number = 10.0
-    """Display pixels a frame."""
+    """Speed in display pixels per frame."""
     gamma_time: Number = 1.6
     """Half size of the box in standard deviations over time."""
     spread_samples: Number = 14.0

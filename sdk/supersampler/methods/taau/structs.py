@@ -1,4 +1,4 @@
-"""Structs that the kernels of `taau` take."""
+"""Structs: arguments of the kernels of `taau`."""
 
 from typing import NamedTuple
 
@@ -6,12 +6,12 @@ from supersampler.backends.cpu.structs import Floats, Words
 
 
 class TaauHistoryInput(NamedTuple):
-    """History as the kernels read it.
+    """The history that the kernels read.
 
     Attributes:
         pixels: (display height, display width, TAAU_PIXEL).
-        surface: (height, pitch, 4) as the kernel `shade` writes it.
-        pitch: PAD + stride + PAD of the previous frame.
+        surface: (height, pitch, 4) of the previous frame, see the kernel `shade`.
+        pitch: samples from row to row: PAD + stride + PAD.
     """
 
     pixels: Floats

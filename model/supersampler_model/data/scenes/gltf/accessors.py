@@ -1,4 +1,4 @@
-"""Arrays of a glTF file: strided, normalised, sparse."""
+"""Reads arrays (accessors) of a glTF file: strided, normalised or sparse."""
 
 from typing import Any, TypeAlias
 
@@ -7,13 +7,13 @@ from numpy.typing import NDArray
 
 from supersampler_model.data.scenes.gltf.document import Document, Json
 from supersampler_model.data.scenes.gltf.errors import MalformedError, at
+from supersampler_model.data.values import Values
 
-Values: TypeAlias = NDArray[np.float64]
 Integers: TypeAlias = NDArray[np.int64]
 
 _TYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
-MOST = 1 << 26  # elements; more is a damaged count, not a mesh
+MAX_COUNT = 1 << 26  # elements; more is a damaged count, not a mesh
 
 
 def floats(document: Document, index: Any, kind: str) -> Values:
@@ -42,8 +42,8 @@ def _read(document: Document, accessor: Json, kind: str) -> NDArray[Any]:
     if accessor["type"] != kind:
         raise MalformedError(f"it holds {accessor['type']}; want {kind}")
     count, dtype, width = accessor["count"], _dtype(accessor), _WIDTHS[kind]
-    if type(count) is not int or not 0 < count <= MOST:
-        raise MalformedError(f"its count is {count!r}; want 1 to {MOST}")
+    if type(count) is not int or not 0 < count <= MAX_COUNT:
+        raise MalformedError(f"its count is {count!r}; want 1 to {MAX_COUNT}")
     document.claim("arrays", count * width)
     if "bufferView" in accessor:
         raw = _elements(document, accessor, dtype, count, width)

@@ -5,9 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from supersampler_model.data.scenes.gltf.accessors import Values, floats
+from supersampler_model.data.scenes.gltf.accessors import floats
 from supersampler_model.data.scenes.gltf.document import Document, Json
 from supersampler_model.data.scenes.gltf.errors import MalformedError, at
+from supersampler_model.data.values import Values
 
 _WIDTHS = {"translation": 3, "rotation": 4, "scale": 3}
 _INTERPOLATIONS = ("LINEAR", "STEP", "CUBICSPLINE")
@@ -32,21 +33,21 @@ class Channel:
     values: Values
 
     def at(self, time: float) -> Values:
-        """Return the property (width,), before the first and after the last keyframe theirs."""
+        """Return the property (width,); outside of the keyframes that of the nearest."""
         before = int(np.searchsorted(self.times, time, side="right")) - 1
         if before < 0 or before + 1 == len(self.times):
             return self._finished(self.values[max(before, 0), 1])
         start, end = self.values[before, 1], self.values[before + 1, 1]
         span = self.times[before + 1] - self.times[before]
-        share = (time - self.times[before]) / span
+        fraction = (time - self.times[before]) / span
         if self.interpolation == "STEP":
             return self._finished(start)
         if self.interpolation == "CUBICSPLINE":
             leaving, arriving = span * self.values[before, 2], span * self.values[before + 1, 0]
-            return self._finished(_hermite(start, leaving, arriving, end, share))
+            return self._finished(_hermite(start, leaving, arriving, end, fraction))
         if self.path == "rotation":
-            return _slerp(start, end, share)
-        return np.asarray((1.0 - share) * start + share * end)
+            return _slerp(start, end, fraction)
+        return np.asarray((1.0 - fraction) * start + fraction * end)
 
     def _finished(self, value: Values) -> Values:
         return value / np.linalg.norm(value) if self.path == "rotation" else value
@@ -122,14 +123,16 @@ def _hermite(start: Values, leaving: Values, arriving: Values, end: Values, s: f
     return np.asarray(a * start + b * leaving + c * arriving + d * end)
 
 
-def _slerp(start: Values, end: Values, share: float) -> Values:
-    """Turn evenly from one rotation to the other, the short way."""
+def _slerp(start: Values, end: Values, fraction: float) -> Values:
+    """Interpolate two rotations spherically, along the shorter arc."""
     start, end = start / np.linalg.norm(start), end / np.linalg.norm(end)
     cosine = float(start @ end)
     if cosine < 0.0:
         end, cosine = -end, -cosine
     if cosine > 0.9999:  # the angle is too small to divide by; linear interpolation is exact enough
-        mixed = (1.0 - share) * start + share * end
+        mixed = (1.0 - fraction) * start + fraction * end
         return np.asarray(mixed / np.linalg.norm(mixed))
     angle = np.arccos(cosine)
-    return np.asarray((np.sin((1.0 - share) * angle) * start + np.sin(share * angle) * end) / np.sin(angle))
+    return np.asarray(
+        (np.sin((1.0 - fraction) * angle) * start + np.sin(fraction * angle) * end) / np.sin(angle)
+    )

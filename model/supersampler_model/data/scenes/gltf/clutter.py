@@ -1,11 +1,10 @@
-"""Procedural objects beside a folder's props: thin ones, leaves, mirrors, fast movers, lights, particles."""
+"""Procedural objects for compositions: thin ones, leaves, mirrors, fast movers, lights, particles."""
 
 from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
-from supersampler_model.data.scenes.gltf.accessors import Values
 from supersampler_model.data.scenes.gltf.ground import Ground
 from supersampler_model.data.scenes.mesh import Mesh
 from supersampler_model.data.scenes.procedural import lighting, materials, particles, paths, shapes
@@ -14,19 +13,18 @@ from supersampler_model.data.scenes.procedural.foliage import bush
 from supersampler_model.data.scenes.procedural.stage import Stage
 from supersampler_model.data.scenes.procedural.transforms import placed
 from supersampler_model.data.scenes.scene import Material
-from supersampler_model.data.values import Color, Matrix
+from supersampler_model.data.values import Color, Matrix, Rng, Values
 
-_ROOM = 0.5  # metres around a thing that are left to it
-Rng = np.random.Generator
+_CLEARANCE = 0.5  # metres around an object that are kept free
 Kind = Callable[[Rng, Stage, Ground, Values], list[Values]]
-"""Adds a thing to the stage, near a place (3,), and returns places (3,) that it takes up for good."""
+"""Adds an object to the stage near a position (3,), and returns the positions (3,) that it occupies."""
 
 
 def add_clutter(rng: Rng, stage: Stage, ground: Ground, focus: Values) -> list[Values]:
-    """Add thin things, a mover, perhaps more and particles around a place (3,).
+    """Add thin and moving objects around a position (3,), and perhaps others and particles.
 
     Returns:
-        places (3,) that a camera should keep away from.
+        positions (3,) that a camera should keep away from.
     """
     kinds: list[Kind] = []
     for choices, most in ((_THIN, 2), (_MOVING, 2), (_OTHER, 1)):
@@ -35,13 +33,13 @@ def add_clutter(rng: Rng, stage: Stage, ground: Ground, focus: Values) -> list[V
         kinds += [choices[int(index)] for index in order]
     if rng.random() < 0.6:
         _particles(rng, stage, focus)
-    taken = []
+    occupied = []
     for kind in kinds:
         places = kind(rng, stage, ground, focus)
         for place in places:
-            ground.take(place, _ROOM)
-        taken += places
-    return taken
+            ground.take(place, _CLEARANCE)
+        occupied += places
+    return occupied
 
 
 def _cables(rng: Rng, stage: Stage, ground: Ground, focus: Values) -> list[Values]:
@@ -99,7 +97,7 @@ def _bush(rng: Rng, stage: Stage, ground: Ground, focus: Values) -> list[Values]
 
 
 def _balls(rng: Rng, stage: Stage, ground: Ground, focus: Values) -> list[Values]:
-    """Add glossy balls, of which some bounce along a way."""
+    """Add glossy balls; some of them bounce along a path."""
     for _ in range(int(rng.integers(2, 5))):
         radius, surface = rng.uniform(0.08, 0.24), _shiny(rng)
         if rng.random() < 0.4:
@@ -114,7 +112,7 @@ def _balls(rng: Rng, stage: Stage, ground: Ground, focus: Values) -> list[Values
 
 
 def _runner(rng: Rng, stage: Stage, ground: Ground, focus: Values) -> list[Values]:
-    """Add something that runs to and fro and uncovers what is behind it."""
+    """Add an object that moves to and fro and disoccludes the background."""
     start, end = ground.stretch(rng, focus, 2.0, 1.5, 5.0)
     path = paths.swing(rng, paths.vector(start), paths.vector(end), rng.uniform(1.0, 7.0))
     size = rng.uniform(0.25, 0.6)

@@ -1,8 +1,8 @@
 """Sequences composed at random from the glTF files in a folder, with procedural objects added.
 
-A file of a room's size is the static stage. Smaller files are props on it, each with its own motion; some
-sequences have a bare floor as stage. Wires, fences, leaves, mirrors, movers and particles are added. Camera,
-lights, exposure and a cut are random too. Files and seed determine the sequence.
+A file of a room's size is the static stage; some sequences have a bare floor instead. Smaller files are
+props on it, each with its own motion. Wires, fences, leaves, mirrors, moving objects and particles are added.
+Camera, lights, exposure and a cut are random too. Files and seed determine the sequence.
 """
 
 from dataclasses import replace
@@ -14,7 +14,6 @@ import numpy as np
 
 from supersampler_model.data.scenes.camera import Camera
 from supersampler_model.data.scenes.environment import Environment
-from supersampler_model.data.scenes.gltf.accessors import Values
 from supersampler_model.data.scenes.gltf.clutter import add_clutter
 from supersampler_model.data.scenes.gltf.errors import GltfError
 from supersampler_model.data.scenes.gltf.folder import (
@@ -23,11 +22,11 @@ from supersampler_model.data.scenes.gltf.folder import (
     ground_of,
     is_stage,
     read_folder,
-    standing,
+    stage_instances,
 )
 from supersampler_model.data.scenes.gltf.ground import Ground, triangles_of
-from supersampler_model.data.scenes.gltf.lighting import Lighting, panorama
-from supersampler_model.data.scenes.gltf.motions import Course, Flicker, Prop, Walk
+from supersampler_model.data.scenes.gltf.lighting import lit_stage, panorama
+from supersampler_model.data.scenes.gltf.motions import Course, Prop, Walk, wave
 from supersampler_model.data.scenes.gltf.scene import GltfScene
 from supersampler_model.data.scenes.procedural import materials, shapes
 from supersampler_model.data.scenes.procedural.fixtures import hills, skyline
@@ -35,16 +34,17 @@ from supersampler_model.data.scenes.procedural.paths import vector
 from supersampler_model.data.scenes.procedural.stage import Stage
 from supersampler_model.data.scenes.scene import Instance, Scene
 from supersampler_model.data.specs import Sequence, SequenceSpec
+from supersampler_model.data.values import Values
 
-PROPS = 6  # from files, in one sequence, at most
-_KEPT = 0.3, 1.9  # metres: heights of props that are not resized
-_ROOM = 0.3, 0.9  # metres that are left to a prop, at least and at most
-_APART = 1.0  # metres that a camera keeps from things, if possible
-_TRIES = 16
-_BARE = 12.0  # metres along a side of the part of a bare floor on which things stand
+MAX_PROPS = 6  # props in one sequence; a file may be used several times
+_PROP_HEIGHTS = 0.3, 1.9  # metres; props of other heights are resized
+_PROP_RADII = 0.3, 0.9  # metres: least and greatest radius of the floor that a prop occupies
+_CAMERA_CLEARANCE = 1.0  # metres between cameras and props, where there is room
+_TRIES = 16  # of camera paths
+_FLOOR_SIZE = 12.0  # metres a side: the part of a bare floor on which objects are placed
 
 
-class Rerendered(NamedTuple):
+class LoadedFiles(NamedTuple):
     """The loaded files of a sequence."""
 
     stage: GltfScene | None
@@ -53,10 +53,7 @@ class Rerendered(NamedTuple):
 
 
 class Composition(Sequence):
-    """A sequence of a folder's files.
-
-    Everything else, as a bare floor, is built as in the procedural families.
-    """
+    """A sequence of a folder's files; lights and added objects are procedural."""
 
     def __init__(self, spec: SequenceSpec) -> None:
         """Read the files of a spec whose family is GLTF.
@@ -70,82 +67,60 @@ class Composition(Sequence):
         ground = None if files.stage is None else ground_of(files.stage)
         self._ground = ground or Ground(triangles_of((_floor(),)))
         self._focus = self._ground.spot(rng)
-        self._lighting = Lighting(rng, self._focus, files.surroundings)
-        self._made = Stage(environment=self._lighting.environment)
-        self._stage = () if files.stage is None else standing(files.stage)
+        self.stage = lit_stage(rng, self._focus, files.surroundings)
+        self._room = () if files.stage is None else stage_instances(files.stage)
         if files.stage is None:
-            _add_floor(rng, self._made)
-        count = int(rng.integers(2, PROPS + 1)) if files.props else 0
+            _add_floor(rng, self.stage)
+        count = int(rng.integers(2, MAX_PROPS + 1)) if files.props else 0
         self._props = [self._prop(files.props[index % len(files.props)], rng) for index in range(count)]
-        taken = add_clutter(rng, self._made, self._ground, self._focus)
-        taken += [prop.course.at_share(share) for prop in self._props for share in (0.0, 0.5, 1.0)]
-        self._walks = [self._walk(rng, np.array([self._focus, *taken])) for _ in range(2)]
+        occupied = add_clutter(rng, self.stage, self._ground, self._focus)
+        occupied += [prop.course.between(fraction) for prop in self._props for fraction in (0.0, 0.5, 1.0)]
+        self._walks = [self._walk(rng, np.array([self._focus, *occupied])) for _ in range(2)]
         cuts = spec.frames > 5 and rng.random() < 0.5
-        self._cut = int(rng.integers(spec.frames // 3, spec.frames)) if cuts else 0
-        self._exposure = Flicker(rng.uniform(0.0, 0.4), rng.uniform(0.05, 0.5), rng.random())
+        self.starts = (0, int(rng.integers(spec.frames // 3, spec.frames)) if cuts else 0)
+        self._exposure = wave(rng.uniform(0.0, 0.4), rng.uniform(0.05, 0.5), rng.random())
 
     def scene(self, index: int) -> Scene:
         """See `Sequence.scene`."""
-        self.check_index(index)
-        now, before = index / self.spec.frame_rate, (index - 1) / self.spec.frame_rate
-        camera, lights = self._camera(index, index), self._lighting.at(now)
-        camera_before = camera if self.cut(index) else self._camera(index, index - 1)
-        made = self._made.scene(now, before, camera, camera_before)
-        of_files = (instance for prop in self._props for instance in prop.instances(now, before))
-        return replace(
-            made,
-            instances=(*self._stage, *of_files, *made.instances),
-            sun=lights.sun,
-            spot=lights.spot,
-            points=(*lights.points, *made.points),
-        )
+        scene, now, before = super().scene(index), self.time(index), self.time(index - 1)
+        prop_instances = (instance for prop in self._props for instance in prop.instances(now, before))
+        return replace(scene, instances=(*self._room, *prop_instances, *scene.instances))
 
-    def cut(self, index: int) -> bool:
-        """See `Sequence.cut`."""
-        return index in (0, self._cut)
-
-    def exposure(self, index: int) -> float:
-        """See `Sequence.exposure`; it is always given."""
-        return self._lighting.exposure * self._exposure.at(index / self.spec.frame_rate)
-
-    def _camera(self, shot: int, index: int) -> Camera:
-        """Return the camera of frame `index` in the shot that frame `shot` belongs to."""
-        walk = self._walks[int(0 < self._cut <= shot)]
-        eye, target = walk.at(index / self.spec.frame_rate)
-        return Camera(
-            position=vector(eye), target=vector(target), fov_y=walk.fov_y, exposure=self.exposure(index)
-        )
+    def camera(self, index: int) -> Camera:
+        """See `Sequence.camera`."""
+        walk = self._walks[int(0 < self.starts[1] <= index)]
+        eye, target = walk.at(self.time(index))
+        exposure = self.stage.exposure * self._exposure(self.time(index))
+        return Camera(position=vector(eye), target=vector(target), fov_y=walk.fov_y, exposure=exposure)
 
     def _prop(self, model: GltfScene, rng: np.random.Generator) -> Prop:
         low, high = model.bounds
         height = float(high[1] - low[1])
         size = 1.0
-        if not _KEPT[0] <= height <= _KEPT[1]:
+        if not _PROP_HEIGHTS[0] <= height <= _PROP_HEIGHTS[1]:
             size = rng.uniform(0.5, 1.2) / max(float((high - low).max()), 1e-6)
         start = self._ground.near(rng, self._focus, 0.0, 2.0)
         self._ground.take(
-            start, float(np.clip(0.6 * size * np.ptp(model.bounds, axis=0)[[0, 2]].max(), *_ROOM))
+            start, float(np.clip(0.6 * size * np.ptp(model.bounds, axis=0)[[0, 2]].max(), *_PROP_RADII))
         )
         end = self._ground.near(rng, start, 1.0, 5.0)
         kind = rng.integers(4)  # still, spinning, sliding, hopping along
         slides = kind >= 2 and self._ground.clear(start, end)
-        return Prop(
-            model=model,
-            size=size,
-            course=Course(start, end if slides else start, rng.uniform(0.5, 6.0), rng.uniform(0.0, 2.0)),
-            yaw=rng.uniform(0.0, 2.0 * np.pi),
-            spin=rng.choice([-1.0, 1.0]) * rng.uniform(0.3, 5.0) if kind in (1, 3) else 0.0,
-            hop=rng.uniform(0.2, 0.8) if kind == 3 else 0.0,
-            clip=int(rng.integers(max(1, len(model.clips)))),
-            glow=Flicker(rng.uniform(0.0, 0.9), rng.uniform(1.0, 12.0), rng.random(), bool(rng.integers(2))),
-        )
+        course = Course(start, end if slides else start, rng.uniform(0.5, 6.0), rng.uniform(0.0, 2.0))
+        yaw = rng.uniform(0.0, 2.0 * np.pi)
+        spin = rng.choice([-1.0, 1.0]) * rng.uniform(0.3, 5.0) if kind in (1, 3) else 0.0
+        hop = rng.uniform(0.2, 0.8) if kind == 3 else 0.0
+        clip = int(rng.integers(max(1, len(model.clips))))
+        depth, hertz, phase = rng.uniform(0.0, 0.9), rng.uniform(1.0, 12.0), rng.random()
+        glow = wave(depth, hertz, phase, square=bool(rng.integers(2)))
+        return Prop(model, size, course, yaw, spin, hop, clip, glow)
 
-    def _path(self, rng: np.random.Generator, taken: Values) -> tuple[Values, Values]:
-        """Return start and end of a camera walk: in sight of the props, and not through them.
+    def _path(self, rng: np.random.Generator, occupied: Values) -> tuple[Values, Values]:
+        """Return start and end of a camera path that has the props in view and does not cross them.
 
         Args:
             rng: generator.
-            taken: (n, 3) places to keep away from, as far as there is room.
+            occupied: (n, 3) positions to keep away from, where there is room.
         """
         best, found = -np.inf, (self._focus, self._focus)
         for _ in range(_TRIES):
@@ -154,15 +129,15 @@ class Composition(Sequence):
             if not self._ground.clear(start, end):
                 end = start
             line = start + np.linspace(0.0, 1.0, 9)[:, None] * (end - start)
-            apart = float(np.hypot(*(line[:, None] - taken)[..., [0, 2]].T).min())
-            if apart > best and (self._ground.clear(start, self._focus) or not np.isfinite(best)):
-                best, found = apart, (start, end)
-            if best > _APART:
+            clearance = float(np.hypot(*(line[:, None] - occupied)[..., [0, 2]].T).min())
+            if clearance > best and (self._ground.clear(start, self._focus) or not np.isfinite(best)):
+                best, found = clearance, (start, end)
+            if best > _CAMERA_CLEARANCE:
                 break
         return found
 
-    def _walk(self, rng: np.random.Generator, taken: Values) -> Walk:
-        start, end = self._path(rng, taken)
+    def _walk(self, rng: np.random.Generator, occupied: Values) -> Walk:
+        start, end = self._path(rng, occupied)
         eyes = np.array([0.0, rng.uniform(0.5, 1.8), 0.0])
         target = self._focus + np.array([0.0, rng.uniform(0.3, 1.0), 0.0])
         pan = (rng.uniform(0.2, 0.8), rng.uniform(0.1, 0.6)) if rng.random() < 0.5 else (0.0, 0.0)
@@ -170,23 +145,19 @@ class Composition(Sequence):
         return Walk(course, target, pan, rng.uniform(0.0, 0.03), rng.uniform(40.0, 75.0))
 
 
-def compose(folder: Path | str, seed: int, frames: int = 32, frame_rate: float = 30.0) -> Composition:
-    """Draw a sequence from the files (.glb, .gltf) in a folder and below, with its panoramas (.hdr) if any.
+def compose(folder: Path | str, seed: int, frames: int = 32) -> Composition:
+    """Draw a sequence from the files (.glb, .gltf) and panoramas (.hdr) in a folder and below.
 
-    Args:
-        folder: with files in metres, y up.
-        seed: the same files and seed are the same sequence.
-        frames: how many, 1 or more.
-        frame_rate: frames a second.
+    Files are in metres, y up; the same files and seed give the same sequence.
 
     Raises:
         SceneError: there is no file in the folder.
         GltfError: one of the files is broken or not supported.
     """
-    return Composition(read_folder(Path(folder)).spec(seed, frames, frame_rate))
+    return Composition(read_folder(Path(folder)).spec(seed, frames))
 
 
-def _read(spec: SequenceSpec) -> Rerendered:
+def _read(spec: SequenceSpec) -> LoadedFiles:
     stage, props, surroundings = None, [], None
     for name, digest in spec.files:
         path = Path(spec.folder or "", name)
@@ -200,7 +171,7 @@ def _read(spec: SequenceSpec) -> Rerendered:
             stage = model
         else:
             props.append(model)
-    return Rerendered(stage, props, surroundings)
+    return LoadedFiles(stage, props, surroundings)
 
 
 def _expect(path: Path, wanted: str, found: str) -> None:
@@ -210,8 +181,10 @@ def _expect(path: Path, wanted: str, found: str) -> None:
 
 
 def _floor() -> Instance:
-    """Return the part of a bare floor on which things stand."""
-    return Instance(mesh=shapes.plane(_BARE, _BARE), material=materials.glow((0, 0, 0), 0), model=np.eye(4))
+    """Return the part of a bare floor on which objects are placed."""
+    return Instance(
+        mesh=shapes.plane(_FLOOR_SIZE, _FLOOR_SIZE), material=materials.glow((0, 0, 0), 0), model=np.eye(4)
+    )
 
 
 def _add_floor(rng: np.random.Generator, stage: Stage) -> None:

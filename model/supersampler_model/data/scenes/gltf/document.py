@@ -1,4 +1,4 @@
-"""A glTF file: its JSON, and the bytes that it refers to."""
+"""A glTF file: its JSON, and the buffers and images that it refers to."""
 
 import base64
 import binascii
@@ -29,7 +29,7 @@ _JSON, _BINARY = b"JSON", b"BIN\0"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Document:
-    """A file that has been read; buffers are read when something refers to them.
+    """A file that has been read; its buffers are read when they are first used.
 
     Attributes:
         content: the JSON.

@@ -1,4 +1,4 @@
-"""Errors of glTF files: the reason, and the place in the file.
+"""Errors of glTF files, with the reason and the place in the file.
 
 GltfError       a DataError: names the file, the place in it and the reason
   MalformedError  used inside this package: the reason; each enclosing `at` adds a place
@@ -37,7 +37,7 @@ class MalformedError(Exception):
 
 @contextmanager
 def at(place: str) -> Iterator[None]:
-    """Add `place` to what is raised inside, where JSON of any shape may be met."""
+    """Add `place` to errors that are raised inside, also to those of unexpected JSON."""
     try:
         yield
     except MalformedError as error:
@@ -53,7 +53,7 @@ def at(place: str) -> Iterator[None]:
 
 @contextmanager
 def reading(path: Path) -> Iterator[None]:
-    """Turn what is raised inside into a GltfError about `path`."""
+    """Convert errors that are raised inside to a GltfError of `path`."""
     try:
         with at(""), np.errstate(all="ignore"):  # damaged numbers are found by checks, and named
             yield

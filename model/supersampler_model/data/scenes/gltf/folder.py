@@ -1,4 +1,4 @@
-"""The glTF files of a folder: read once, sorted by use, chosen by seeds."""
+"""The glTF files of a folder, sorted into stages, props and panoramas, and drawn from by seeds."""
 
 import hashlib
 from dataclasses import dataclass
@@ -16,11 +16,11 @@ from supersampler_model.data.scenes.scene import Instance
 from supersampler_model.data.specs import GLTF, SequenceSpec
 from supersampler_model.data.values import Matrix
 
-STAGE = 8.0  # metres along the ground from which on a file is a stage
-PROPS = 3  # files of props in one composition, at most
+MIN_STAGE_SIZE = 8.0  # metres: files of this width or depth are stages, smaller ones props
+MAX_PROP_FILES = 3  # in one sequence
 PANORAMA = ".hdr"
-_BARE = 0.15  # probability of a bare floor as stage, if there are others
-_HELD_OUT = 4  # one file in so many of each kind is kept for validation
+_BARE_FLOOR_CHANCE = 0.15  # probability of a bare floor in place of a stage
+_VALIDATION_EVERY = 4  # one of so many files of each kind is kept for validation
 _STILL: Matrix = np.eye(4)
 
 File = tuple[str, str]
@@ -43,18 +43,16 @@ class Folder:
     props: tuple[File, ...]
     panoramas: tuple[File, ...]
 
-    def spec(self, seed: int, frames: int, frame_rate: float) -> SequenceSpec:
+    def spec(self, seed: int, frames: int) -> SequenceSpec:
         """Choose the files of a sequence: a stage or a bare floor, props, a panorama or a procedural sky."""
         random = np.random.default_rng([seed, crc32(b"files")])
-        bare = len(self.props) > 0 and random.random() < _BARE
+        bare = len(self.props) > 0 and random.random() < _BARE_FLOOR_CHANCE
         stages = [] if bare or not self.stages else [self.stages[int(random.integers(len(self.stages)))]]
-        count = min(int(random.integers(1, PROPS + 1)), len(self.props))
+        count = min(int(random.integers(1, MAX_PROP_FILES + 1)), len(self.props))
         props = [self.props[int(index)] for index in random.permutation(len(self.props))[:count]]
         sky = int(random.integers(len(self.panoramas) + 1))
         files = (*stages, *props, *self.panoramas[sky : sky + 1])
-        return SequenceSpec(
-            family=GLTF, seed=seed, frames=frames, frame_rate=frame_rate, folder=self.path, files=files
-        )
+        return SequenceSpec(family=GLTF, seed=seed, frames=frames, folder=self.path, files=files)
 
     def split(self, seed: int) -> tuple["Folder", "Folder | None"]:
         """Return the files for training and those kept for validation, which have none in common.
@@ -62,13 +60,13 @@ class Folder:
         A single file of a kind is used for training. None: there is nothing to compose for validation.
         """
         random = np.random.default_rng([seed, crc32(b"split")])
-        kept: list[dict[str, tuple[File, ...]]] = [{}, {}]
+        parts: list[dict[str, tuple[File, ...]]] = [{}, {}]
         for kind in ("stages", "props", "panoramas"):
             files: tuple[File, ...] = getattr(self, kind)
-            count = max(len(files) // _HELD_OUT, int(len(files) > 1))
+            count = max(len(files) // _VALIDATION_EVERY, int(len(files) > 1))
             mixed = [files[int(index)] for index in random.permutation(len(files))]
-            kept[0][kind], kept[1][kind] = tuple(mixed[count:]), tuple(mixed[:count])
-        training, validation = (Folder(path=self.path, **files) for files in kept)
+            parts[0][kind], parts[1][kind] = tuple(mixed[count:]), tuple(mixed[:count])
+        training, validation = (Folder(path=self.path, **files) for files in parts)
         return training, validation if validation.stages or validation.props else None
 
 
@@ -76,7 +74,7 @@ def read_folder(path: Path) -> Folder:
     """Read all files (.glb, .gltf, .hdr) in a folder and below, so that errors occur before rendering.
 
     Raises:
-        SceneError: there is no such folder, or nothing in it to compose a sequence of.
+        SceneError: there is no such folder, or no file in it to compose a sequence of.
         GltfError: one of the files is broken or not supported; names it, the primitive and the reason.
     """
     if not path.is_dir():
@@ -97,7 +95,7 @@ def read_folder(path: Path) -> Folder:
         elif ground_of(model) is not None:
             stages.append((name, model.digest))
     if not stages and not props:
-        want = f"at least one .glb or .gltf smaller than {STAGE:g} m, or with room to stand in"
+        want = f"at least one .glb or .gltf smaller than {MIN_STAGE_SIZE:g} m, or with room to stand in"
         raise SceneError("folder", got=f"{path}, without any", want=want)
     return Folder(
         path=str(path.resolve()), stages=tuple(stages), props=tuple(props), panoramas=tuple(panoramas)
@@ -105,18 +103,18 @@ def read_folder(path: Path) -> Folder:
 
 
 def is_stage(model: GltfScene) -> bool:
-    """Return whether a file is so large that others stand on it."""
-    return float(np.ptp(model.bounds, axis=0)[[0, 2]].max()) >= STAGE
+    """Return whether a file is a stage: MIN_STAGE_SIZE or more along the ground."""
+    return float(np.ptp(model.bounds, axis=0)[[0, 2]].max()) >= MIN_STAGE_SIZE
 
 
-def standing(model: GltfScene) -> tuple[Instance, ...]:
-    """Return a stage, which does not move."""
+def stage_instances(model: GltfScene) -> tuple[Instance, ...]:
+    """Return the instances of a stage, which does not move."""
     return model.instances(0.0, 0.0, _STILL)
 
 
 def ground_of(model: GltfScene) -> Ground | None:
-    """Return where there is room on a stage; None if there is no floor."""
-    triangles = triangles_of(standing(model))
+    """Return the free floor of a stage; None if there is none."""
+    triangles = triangles_of(stage_instances(model))
     ground = Ground(triangles) if len(triangles) else None
     return ground if ground is not None and ground.free.any() else None
 

@@ -1,15 +1,16 @@
-"""Free floor space on a stage, found from its triangles, so that any file can be a stage."""
+"""Free floor space on a stage, computed from its triangles, so that any file can be a stage."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler_model.data.scenes.gltf.accessors import Integers, Values
+from supersampler_model.data.scenes.gltf.accessors import Integers
 from supersampler_model.data.scenes.scene import Instance
+from supersampler_model.data.values import Values
 
-CELLS = 160  # along the longer side
-STEP, HEADROOM = 0.25, 2.0  # metres: of levels, and above one that somebody stands on
-_SAMPLES = 2_000_000
-_TRIES = 64
+CELLS = 160  # along the longer side of a stage
+STEP, HEADROOM = 0.25, 2.0  # metres: height of a level, and free height above a floor
+_SAMPLES = 2_000_000  # of the triangles
+_TRIES = 64  # of positions near another
 
 
 class Ground:
@@ -17,7 +18,7 @@ class Ground:
 
     Attributes:
         cell: its cells' side, metres.
-        free: (nx, nz) True where there is a floor, headroom, and the same in the cells around.
+        free: (nx, nz) True where a cell and those around it have a floor and headroom.
     """
 
     def __init__(self, triangles: Values) -> None:
@@ -43,18 +44,18 @@ class Ground:
         self._cells_free = np.argwhere(self.free)
 
     def take(self, place: Values, radius: float) -> None:
-        """Keep `spot` and `near` away from a place where something stands, while there is room elsewhere."""
+        """Exclude the surroundings of an object from `spot` and `near`, while other cells are free."""
         away = np.hypot(*(self._centers() - place[[0, 2]]).T)
         if (away > radius).any():
             self._cells_free = self._cells_free[away > radius]
 
     def spot(self, rng: np.random.Generator) -> Values:
-        """Return a place (3,) on the ground."""
+        """Return a random position (3,) on the free floor."""
         cells = self._cells_free
         return self._place(cells[rng.integers(len(cells))] + rng.uniform(0.0, 1.0, 2))
 
     def near(self, rng: np.random.Generator, place: Values, least: float, most: float) -> Values:
-        """Return a place between these distances from another, with nothing between them if there is one."""
+        """Return a position at a distance in [least, most] from another, in a free line if possible."""
         off = np.abs(_outside(np.hypot(*(self._centers() - place[[0, 2]]).T), least, most))
         close = self._cells_free[off <= max(float(off.min()), 0.5 * self.cell)]
         candidates = close[rng.integers(len(close), size=_TRIES)] + rng.random((_TRIES, 2))
@@ -63,7 +64,7 @@ class Ground:
         return next((other for other in found if self.clear(other, place)), found[0])
 
     def clear(self, a: Values, b: Values) -> bool:
-        """Return whether one can walk straight from one place to another."""
+        """Return whether the straight line between two positions runs over free floor without steps."""
         steps = int(np.ceil(2.0 * np.hypot(*(b - a)[[0, 2]]) / self.cell)) + 1
         line = a + np.linspace(0.0, 1.0, steps)[:, None] * (b - a)
         x, z = self._cells(line[:, [0, 2]])
@@ -73,7 +74,7 @@ class Ground:
     def stretch(
         self, rng: np.random.Generator, place: Values, away: float, least: float, most: float
     ) -> tuple[Values, Values]:
-        """Return two places up to `away` from another, between these distances apart, or less in a nook."""
+        """Return two positions near another, [least, most] metres apart, or closer in a nook."""
         start = self.near(rng, place, 0.0, away)
         end = self.near(rng, start, least, most)
         if not self.clear(start, end) or np.hypot(*(end - start)[[0, 2]]) < 0.1:
@@ -114,7 +115,7 @@ class Ground:
 
 
 def _outside(values: Values, least: float, most: float) -> Values:
-    """Return by how much values miss a range, 0 within."""
+    """Return by how much values are outside of a range; 0 inside."""
     return np.asarray(np.clip(values, least, most) - values)
 
 
@@ -166,7 +167,7 @@ def _standing(filled: NDArray[np.bool_], level: NDArray[np.bool_]) -> Integers:
 
 
 def _large(free: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return the connected regions, without those of less than a tenth of the largest: hollow things."""
+    """Return the connected regions of at least a tenth of the largest; others are inside of objects."""
     left, regions = set(map(tuple, np.argwhere(free).tolist())), []
     while left:
         region, waiting = [], [left.pop()]

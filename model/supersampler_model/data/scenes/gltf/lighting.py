@@ -1,93 +1,73 @@
 """The lights of a composition: a sky or a panorama, a sun, a moving spot, flickering points."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from OpenImageIO import ImageInput, geterror
 
 from supersampler.io.limits import image_size_problem
 from supersampler_model.data.scenes.environment import Environment, directions
-from supersampler_model.data.scenes.gltf.accessors import Values
 from supersampler_model.data.scenes.gltf.errors import MalformedError, reading
-from supersampler_model.data.scenes.gltf.motions import Course, Flicker
-from supersampler_model.data.scenes.lights import Point, Spot, Sun
-from supersampler_model.data.values import Color, Vector
+from supersampler_model.data.scenes.gltf.motions import Course, wave
+from supersampler_model.data.scenes.lights import Sun
+from supersampler_model.data.scenes.procedural import lighting
+from supersampler_model.data.scenes.procedural.lighting import Pulse
+from supersampler_model.data.scenes.procedural.paths import Place, vector
+from supersampler_model.data.scenes.procedural.stage import Stage
+from supersampler_model.data.values import Color, Rng, Values
 
 _SKY = 64  # rows of a procedural sky
-_DIMMEST = 0.12  # of what a sky or a panorama is multiplied by
-_BRIGHTEST = 50.0  # of a panorama; a sun of its own would sparkle in every reflection
+_DIMMEST = 0.12  # least factor of a sky or a panorama
+_BRIGHTEST = 50.0  # panoramas are clamped to this: their suns would sparkle in every reflection
 
 
-class Lights(NamedTuple):
-    """The lights of a moment."""
-
-    sun: Sun | None
-    spot: Spot | None
-    points: tuple[Point, ...]
+Lamp = tuple[Place, Color, Pulse]
+"""Path, colour and flicker of a light."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Lamp:
-    """A light that moves and flickers."""
+def lit_stage(rng: Rng, focus: Values, panorama: Environment | None) -> Stage:
+    """Return an empty stage with random lights around `focus` (3,), and the exposure that suits them.
 
-    course: Course
-    color: Values
-    flicker: Flicker
-
-    def at(self, time: float) -> tuple[Vector, Color]:
-        """Return its place and colour."""
-        return _triple(self.course.at(time)), _triple(self.color * self.flicker.at(time))
-
-
-class Lighting:
-    """All lights of a composition, random, around the camera's target.
-
-    Attributes:
-        environment: shared by all frames.
-        exposure: that suits it.
+    Without a panorama of the surroundings it has a random sky.
     """
-
-    def __init__(self, rng: np.random.Generator, focus: Values, environment: Environment | None) -> None:
-        """Draw the lights around a place (3,); None draws a sky too."""
-        self._focus = focus
-        around_it = sky(rng) if environment is None else environment
-        dim = float(np.exp(rng.uniform(np.log(_DIMMEST), 0.0)))  # the darker it is, the more the lamps matter
-        self.environment = Environment(pixels=(around_it.pixels * dim).astype(np.float32))
-        self.exposure = float(dim**-0.6)
-        height, around = rng.uniform(0.3, 1.3), rng.uniform(0.0, 2.0 * np.pi)
-        toward = np.array([np.cos(height) * np.cos(around), np.sin(height), np.cos(height) * np.sin(around)])
-        strength = rng.uniform(0.5, 4.0) if rng.random() < 0.7 else 0.0
-        color = _triple(strength * _tint(rng))
-        self._sun = Sun(direction=_triple(-toward), color=color, center=_triple(focus), radius=12.0)
-        self._sun_flicker = Flicker(rng.uniform(0.0, 0.8) * (rng.random() < 0.3), rng.uniform(0.2, 3.0))
-        self._spot = self._lamp(rng, 2.5, 14.0, 0.7) if rng.random() < 0.7 else None
-        self._points = [self._lamp(rng, 0.8, 1.5, 0.9) for _ in range(int(rng.integers(4)))]
-
-    def at(self, time: float) -> Lights:
-        """Return the lights of a moment."""
-        color = _triple(np.array(self._sun.color) * self._sun_flicker.at(time))
-        sun = replace(self._sun, color=color) if max(color) > 0.0 else None
-        spot = None
-        if self._spot is not None:
-            position, color = self._spot.at(time)
-            spot = Spot(position=position, target=_triple(self._focus), color=color, inner=20.0, outer=32.0)
-        points = tuple(
-            Point(position=p, color=c, reach=6.0) for p, c in (lamp.at(time) for lamp in self._points)
-        )
-        return Lights(sun, spot, points)
-
-    def _lamp(self, rng: np.random.Generator, height: float, strength: float, depth: float) -> Lamp:
-        low, high = (-2.0, 0.8 * height, -2.0), (2.0, 1.2 * height, 2.0)
-        course = Course(
-            self._focus + rng.uniform(low, high), self._focus + rng.uniform(low, high), rng.uniform(0.3, 4.0)
-        )
-        flicker = Flicker(rng.uniform(0.0, depth), rng.uniform(0.5, 8.0), rng.random(), rng.random() < 0.3)
-        return Lamp(course, rng.uniform(0.5, 1.5) * strength * _tint(rng), flicker)
+    surroundings = sky(rng) if panorama is None else panorama
+    dim = float(np.exp(rng.uniform(np.log(_DIMMEST), 0.0)))  # in the dark the lamps matter more
+    environment = Environment(pixels=(surroundings.pixels * dim).astype(np.float32))
+    stage = Stage(environment=environment, exposure=float(dim**-0.6))
+    stage.sun = _sun(rng, focus)
+    if rng.random() < 0.7:
+        place, color, flicker = _lamp(rng, focus, 2.5, 14.0, 0.7)
+        stage.spot = lighting.spotlight(place, focus, color, inner=20.0, outer=32.0, pulsing=flicker)
+    for _ in range(int(rng.integers(4))):
+        place, color, flicker = _lamp(rng, focus, 0.8, 1.5, 0.9)
+        stage.points.append(lighting.lamp(place, color, reach=6.0, pulsing=flicker))
+    return stage
 
 
-def sky(rng: np.random.Generator) -> Environment:
+def _sun(rng: Rng, focus: Values) -> Callable[[float], Sun] | None:
+    """Return a sun, mostly steady; None: there is none."""
+    height, around = rng.uniform(0.3, 1.3), rng.uniform(0.0, 2.0 * np.pi)
+    toward = np.array([np.cos(height) * np.cos(around), np.sin(height), np.cos(height) * np.sin(around)])
+    strength = rng.uniform(0.5, 4.0) if rng.random() < 0.7 else 0.0
+    color, direction, center = strength * _tint(rng), vector(-toward), vector(focus)
+    flicker = wave(rng.uniform(0.0, 0.8) * (rng.random() < 0.3), rng.uniform(0.2, 3.0))
+    if strength == 0.0:
+        return None
+    return lambda t: Sun(direction=direction, color=vector(color * flicker(t)), center=center, radius=12.0)
+
+
+def _lamp(rng: Rng, focus: Values, height: float, strength: float, flickering: float) -> Lamp:
+    """Return a light that moves at about `height` metres above the focus; `flickering` is at most 1."""
+    low, high = (-2.0, 0.8 * height, -2.0), (2.0, 1.2 * height, 2.0)
+    course = Course(focus + rng.uniform(low, high), focus + rng.uniform(low, high), rng.uniform(0.3, 4.0))
+    flicker = wave(
+        rng.uniform(0.0, flickering), rng.uniform(0.5, 8.0), rng.random(), square=rng.random() < 0.3
+    )
+    return course.at, vector(rng.uniform(0.5, 1.5) * strength * _tint(rng)), flicker
+
+
+def sky(rng: Rng) -> Environment:
     """Return a sky above a ground, with a bright side."""
     up = directions(_SKY)
     above, below, side = (rng.uniform(0.3, 1.0) * _tint(rng) for _ in range(3))
@@ -120,13 +100,8 @@ def panorama(path: Path) -> Environment:
         return Environment(pixels=np.ascontiguousarray(np.clip(pixels, 0.0, _BRIGHTEST), np.float32))
 
 
-def _tint(rng: np.random.Generator) -> Values:
-    """Return a colour about white, from candle light to a clear sky, of brightness 1."""
+def _tint(rng: Rng) -> Values:
+    """Return a colour of mean 1 between candle light and a clear sky."""
     warmth = rng.uniform(-1.0, 1.0)
     color = np.array([1.0 + 0.5 * warmth, 1.0, 1.0 - 0.5 * warmth])
     return np.asarray(color / color.mean())
-
-
-def _triple(values: Values) -> tuple[float, float, float]:
-    x, y, z = (float(value) for value in values)
-    return x, y, z

@@ -15,7 +15,7 @@ _TRANSFORM = "KHR_texture_transform"
 
 
 class Coordinates(NamedTuple):
-    """How a vertex's place in a texture is found: uv = scale * TEXCOORD_<of> + offset."""
+    """Texture coordinates of a vertex: uv = scale * TEXCOORD_<of> + offset."""
 
     of: int = 0
     offset: tuple[float, float] = (0.0, 0.0)
@@ -48,7 +48,7 @@ class Materials:
         self._textures: dict[tuple[Any, ...], Texture] = {}
 
     def surface(self, index: int | None) -> Surface:
-        """Return material `index`, or what glTF has where a primitive names none."""
+        """Return material `index`; None is the default material of glTF."""
         if index not in self._surfaces:
             if index is None:
                 self._surfaces[index] = self._made({})
@@ -70,7 +70,7 @@ class Materials:
         if occlusion is not None:
             coordinates = coordinates or _coordinates(occlusion)
             if _coordinates(occlusion) != coordinates:
-                occlusion = None  # a light map of its own; the renderer reads it from the ORM texture
+                occlusion = None  # with coordinates of its own it does not fit into the ORM texture
         color = self._plain(base, srgb=True) if base else None
         factor = [float(value) for value in pbr.get("baseColorFactor", (1.0, 1.0, 1.0, 1.0))]
         cutoff, visible = _cutoff(content, factor[3], color)
@@ -150,7 +150,7 @@ class Materials:
 
 
 def _cutoff(content: Json, opacity: float, color: Texture | None) -> tuple[float | None, bool]:
-    """Return where the texture's opacity begins to count, None if it does not, and whether any of it does."""
+    """Return the alpha cutoff of the texture, None without one, and whether any of the surface is visible."""
     mode = content.get("alphaMode", "OPAQUE")
     if mode not in ("OPAQUE", "MASK", "BLEND"):
         raise MalformedError(f"its alphaMode is {mode!r}; want OPAQUE, MASK or BLEND")

@@ -4,11 +4,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from supersampler_model.data.scenes.gltf.accessors import Integers, Values, floats, integers
+from supersampler_model.data.scenes.gltf.accessors import Integers, floats, integers
 from supersampler_model.data.scenes.gltf.document import Document, Json
 from supersampler_model.data.scenes.gltf.errors import MalformedError
 from supersampler_model.data.scenes.gltf.materials import Coordinates
 from supersampler_model.data.scenes.mesh import Mesh, Skin, tangents_of
+from supersampler_model.data.values import Values
 
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 _MODES = {0: "points", 1: "lines", 2: "a line loop", 3: "a line strip"}
@@ -102,7 +103,7 @@ def _uv(document: Document, attributes: Json, coordinates: Coordinates | None, c
 
 
 def _skin(document: Document, attributes: Json, joints: int) -> tuple[Integers, Integers, Values]:
-    """Return the skin's joints in use, which of those move each vertex (n, 4), and by how much (n, 4)."""
+    """Return the skin's joints in use, and for each vertex four indices into these with their weights."""
     moved_by = integers(document, attributes["JOINTS_0"], "VEC4")
     weights = floats(document, attributes["WEIGHTS_0"], "VEC4")
     if len(weights) != len(moved_by):

@@ -4,14 +4,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from supersampler_model.data.scenes.gltf.accessors import Values
 from supersampler_model.data.scenes.gltf.scene import GltfScene
+from supersampler_model.data.scenes.procedural.lighting import Pulse
+from supersampler_model.data.scenes.procedural.transforms import placed
 from supersampler_model.data.scenes.scene import Instance
-from supersampler_model.data.values import Matrix
+from supersampler_model.data.values import Matrix, Values
 
 
 def to_and_fro(time: float, duration: float) -> float:
-    """Return a time in [0, duration] that runs forwards and backwards in turn, without a jump."""
+    """Return a time in [0, duration] that runs forwards and backwards in turn."""
     if duration <= 0.0:
         return 0.0
     phase = time / duration % 2.0
@@ -20,7 +21,7 @@ def to_and_fro(time: float, duration: float) -> float:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Course:
-    """There and back between two places (3,), slowing down at both, `speed` metres a second on average."""
+    """A path to and fro between two positions (3,), slow at both, of `speed` metres a second on average."""
 
     start: Values
     end: Values
@@ -28,39 +29,34 @@ class Course:
     phase: float = 0.0
 
     def at(self, time: float) -> Values:
-        """Return the place (3,)."""
+        """Return the position (3,)."""
         length = max(float(np.linalg.norm(self.end - self.start)), 1e-3)
-        return self.at_share(0.5 - 0.5 * np.cos(np.pi * (self.speed * time / length + self.phase)))
+        return self.between(0.5 - 0.5 * np.cos(np.pi * (self.speed * time / length + self.phase)))
 
-    def at_share(self, share: float) -> Values:
-        """Return the place (3,) at a share of the way."""
-        return np.asarray(self.start + share * (self.end - self.start))
+    def between(self, fraction: float) -> Values:
+        """Return the position (3,) at a fraction of the path, 0 at `start` and 1 at `end`."""
+        return np.asarray(self.start + fraction * (self.end - self.start))
 
 
-@dataclass(frozen=True, slots=True)
-class Flicker:
-    """A factor about 1: `depth` 0 is steady, 1 goes out; smooth, or on and off if `hard`."""
+def wave(depth: float, hertz: float, phase: float = 0.0, *, square: bool = False) -> Pulse:
+    """Return a sine or square wave in [1 - depth, 1 + depth]; `phase` is in periods."""
 
-    depth: float
-    rate: float  # a second
-    phase: float = 0.0
-    hard: bool = False
+    def factor(time: float) -> float:
+        sine = float(np.sin(2.0 * np.pi * (hertz * time + phase)))
+        return 1.0 + depth * (float(np.sign(sine)) if square else sine)
 
-    def at(self, time: float) -> float:
-        """Return the factor, > 0 unless `depth` is 1."""
-        wave = float(np.sin(2.0 * np.pi * (self.rate * time + self.phase)))
-        return 1.0 + self.depth * (float(np.sign(wave)) if self.hard else wave)
+    return factor
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Walk:
-    """A hand-held camera that walks and looks at something.
+    """A hand-held camera that walks and looks at a target.
 
     Attributes:
         course: of the eye.
-        target: (3,) metres, looked at.
-        pan: by how far, in radians, it turns away to both sides, and how often a second.
-        sway: metres, of the hand.
+        target: (3,) metres.
+        pan: angle of its turns to both sides, radians, and their frequency, hertz.
+        sway: of the hand, metres.
         fov_y: degrees.
     """
 
@@ -82,14 +78,15 @@ class Walk:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Prop:
-    """A file's content that stands on the ground and moves over it.
+    """A prop: the content of a glTF file, with its motion over the ground.
 
     Attributes:
         size: scale factor.
         course: of the middle of its lower side.
-        spin: radians a second about the vertical, from `yaw` on.
-        hop: metres; how high it jumps, once a second.
-        clip: of the file, run to and fro.
+        yaw: about the vertical at time 0, radians.
+        spin: of the yaw, radians a second.
+        hop: height of its jumps, one a second, metres.
+        clip: index of the animation, which runs to and fro.
         glow: factor of its emission.
     """
 
@@ -100,25 +97,22 @@ class Prop:
     spin: float
     hop: float
     clip: int
-    glow: Flicker
+    glow: Pulse
 
     def instances(self, now: float, before: float) -> tuple[Instance, ...]:
-        """Return the instances at a time, with their placement at another."""
+        """Return the instances `now`, with their previous state, both in seconds."""
         clips = self.model.clips
         duration = clips[self.clip].duration if clips else 0.0
         return self.model.instances(
             to_and_fro(now, duration), to_and_fro(before, duration), self.placed(now), self.placed(before),
-            clip=self.clip, emission=self.glow.at(now),
+            clip=self.clip, emission=self.glow(now),
         )  # fmt: skip
 
     def placed(self, time: float) -> Matrix:
-        """Return the file's space to the world."""
+        """Return the matrix from the file's space to the world."""
         low, high = self.model.bounds
         angle = self.yaw + self.spin * time
-        matrix = np.eye(4)
-        matrix[[0, 2], [0, 2]] = np.cos(angle)
-        matrix[0, 2], matrix[2, 0] = np.sin(angle), -np.sin(angle)
-        matrix[:3, :3] *= self.size
+        matrix = placed(yaw=angle, size=self.size)
         foot = np.array([(low[0] + high[0]) / 2.0, low[1], (low[2] + high[2]) / 2.0])
         hop = self.hop * abs(np.sin(np.pi * time))
         matrix[:3, 3] = self.course.at(time) + np.array([0.0, hop, 0.0]) - matrix[:3, :3] @ foot

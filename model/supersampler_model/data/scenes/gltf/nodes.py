@@ -5,11 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from supersampler_model.data.scenes.gltf.accessors import Values
 from supersampler_model.data.scenes.gltf.animation import Clip
 from supersampler_model.data.scenes.gltf.document import Document, Json
 from supersampler_model.data.scenes.gltf.errors import MalformedError, at
-from supersampler_model.data.values import Matrix
+from supersampler_model.data.values import Matrix, Values
 
 _REST = {"translation": (0.0, 0.0, 0.0), "rotation": (0.0, 0.0, 0.0, 1.0), "scale": (1.0, 1.0, 1.0)}
 

@@ -1,4 +1,4 @@
-"""A glTF file as a part of scenes."""
+"""Loads a glTF file as instances for scenes."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ import numpy as np
 
 from supersampler_model.data.checks import check_matrices
 from supersampler_model.data.errors import SceneError
-from supersampler_model.data.scenes.gltf.accessors import Integers, Values, floats
+from supersampler_model.data.scenes.gltf.accessors import Integers, floats
 from supersampler_model.data.scenes.gltf.animation import clips_of
 from supersampler_model.data.scenes.gltf.document import Document, open_document
 from supersampler_model.data.scenes.gltf.errors import MalformedError, at, reading
@@ -19,9 +19,9 @@ from supersampler_model.data.scenes.gltf.meshes import Primitive, primitive_of
 from supersampler_model.data.scenes.gltf.nodes import Node, nodes_of, places
 from supersampler_model.data.scenes.mesh import Mesh
 from supersampler_model.data.scenes.scene import MAX_JOINTS, Instance, Material
-from supersampler_model.data.values import Matrices, Matrix
+from supersampler_model.data.values import Matrices, Matrix, Values
 
-MOST_PARTS = 1 << 16  # primitives on nodes
+MAX_PARTS = 1 << 16  # primitives on nodes
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,9 +73,9 @@ class GltfScene:
         with reading(self.path):
             document = open_document(self.path)
             self._nodes = nodes_of(document)
-            self._parts = tuple(islice(_parts(document, self._nodes), MOST_PARTS + 1))
-            if len(self._parts) > MOST_PARTS:
-                raise MalformedError(f"its nodes show more than {MOST_PARTS} primitives")
+            self._parts = tuple(islice(_parts(document, self._nodes), MAX_PARTS + 1))
+            if len(self._parts) > MAX_PARTS:
+                raise MalformedError(f"its nodes show more than {MAX_PARTS} primitives")
             if not self._parts:
                 raise MalformedError("nothing in it is to be seen")
             self.clips = clips_of(document)
@@ -117,7 +117,7 @@ class GltfScene:
 
     def _bounds(self) -> Values:
         found = places(self._nodes, None, 0.0)
-        points = np.concatenate([_posed(part, found) for part in self._parts])
+        points = np.concatenate([_vertices(part, found) for part in self._parts])
         return np.stack([points.min(axis=0), points.max(axis=0)])
 
 
@@ -141,7 +141,7 @@ def _instance(
     )
 
 
-def _posed(part: Part, found: dict[int, Matrix]) -> Values:
+def _vertices(part: Part, found: dict[int, Matrix]) -> Values:
     """Return (n, 3) vertices in the scene's space."""
     local = np.concatenate([part.mesh.positions, np.ones((len(part.mesh.positions), 1))], axis=1)
     palette, skin = part.palette(found), part.mesh.skin

@@ -1,6 +1,6 @@
-"""Scenes made in code: each family builds a stage from a generator of random numbers.
+"""Procedural scenes: each family is a function that builds a random stage.
 
-`FAMILIES` finds them by name.
+`TRAIN` and `TEST` find them by name.
 """
 
 from collections.abc import Callable

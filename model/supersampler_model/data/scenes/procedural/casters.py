@@ -1,4 +1,4 @@
-"""Shadow casters between the sun and a scene: outside the view, their shadows move over the image."""
+"""Moving shadow casters between the sun and a scene; only their shadows are in view."""
 
 from collections.abc import Callable
 
@@ -10,9 +10,8 @@ from supersampler_model.data.scenes.procedural import materials, shapes
 from supersampler_model.data.scenes.procedural.paths import Place, Pose, swing
 from supersampler_model.data.scenes.procedural.stage import Stage
 from supersampler_model.data.scenes.procedural.transforms import placed, turned_by
-from supersampler_model.data.values import Matrix
+from supersampler_model.data.values import Matrix, Rng
 
-Rng = np.random.Generator
 CASTERS = ("mill", "train", "clouds", "boughs")
 
 
@@ -58,9 +57,9 @@ def _mill(rng: Rng, radius: float, frame: Matrix) -> tuple[Mesh, Pose]:
 
 def _train(rng: Rng, radius: float, frame: Matrix) -> tuple[Mesh, Pose]:
     """Wagons of an elevated railway with gaps between them, without an end."""
-    period, share = rng.uniform(2.5, 6.0), rng.uniform(0.4, 0.75)
+    period, fraction = rng.uniform(2.5, 6.0), rng.uniform(0.4, 0.75)
     tall, y = radius * rng.uniform(0.2, 0.6), radius * rng.uniform(-0.5, 0.1)
-    wagon = shapes.wall(share * period, tall)
+    wagon = shapes.wall(fraction * period, tall)
     count = int(np.ceil(radius / period)) + 1
     mesh = shapes.merged((wagon, placed(k * period, y)) for k in range(-count, count + 1))
     speed = float(rng.uniform(5.0, 15.0) * rng.choice([-1.0, 1.0]))

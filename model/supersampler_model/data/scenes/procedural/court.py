@@ -1,4 +1,4 @@
-"""Test shots: a sports court with nets, fast balls, players' dummies and floodlights."""
+"""Family of the test shots: a sports court with nets, fast balls, players' dummies and floodlights."""
 
 import numpy as np
 
@@ -7,8 +7,7 @@ from supersampler_model.data.scenes.procedural.fixtures import bulb, skyline
 from supersampler_model.data.scenes.procedural.particles import dust
 from supersampler_model.data.scenes.procedural.stage import Stage
 from supersampler_model.data.scenes.procedural.transforms import placed
-
-Rng = np.random.Generator
+from supersampler_model.data.values import Rng
 
 
 def court(rng: Rng) -> Stage:
@@ -20,7 +19,7 @@ def court(rng: Rng) -> Stage:
         sky = lighting.outdoors(rng, (0.14, 0.3, 0.7), (0.5, 0.62, 0.8), (0.12, 0.13, 0.12), clouds=1.1)
     stage = Stage(environment=sky, exposure=1.5 if night else 0.7)
     if not night:
-        clouds = lighting.pulse(rng, "fade") if rng.random() < 0.5 else lighting.steady
+        clouds = lighting.maybe(rng, 0.5, lighting.pulse, "fade")
         stage.sun = lighting.sunlight(rng, 5.2, 12.0, elevation=(30, 60), pulsing=clouds, center=(0, 0, -3))
     skyline(rng, stage)
     _ground(rng, stage)
@@ -82,7 +81,7 @@ def _stands(rng: Rng, stage: Stage) -> None:
         stage.put([(seat, at) for at in places], cover)
     for z in (-8.0, -4.8, -1.6, 1.4):
         board = materials.poster(rng, 0.9 if rng.random() < 0.4 else 0.0)
-        pulsing = lighting.pulse(rng) if rng.random() < 0.4 else lighting.steady
+        pulsing = lighting.maybe(rng, 0.4, lighting.pulse)
         stage.put(shapes.panel(3.0, 0.8), board, placed(-6.2, 0, z, yaw=np.pi / 2.0), emission=pulsing)
     tops = np.stack([np.full(6, -6.4), np.full(6, 3.2), np.linspace(-8, 2, 6)], axis=1)
     groups, middle = np.repeat(np.arange(6), 2), np.array([-20.0, 3.0, -3.0])
@@ -122,7 +121,7 @@ def _lights(rng: Rng, stage: Stage, night: bool) -> None:
     strength = 60.0 if night else 12.0
     for x, z in ((-5.5, -9.0), (5.5, -9.0), (-5.5, 2.0), (5.5, 2.0)):
         stage.put(shapes.cylinder(0.08, 5.6, 10), steel, placed(x, 0, z))
-        pulsing = lighting.pulse(rng, "flicker", "throb") if rng.random() < 0.5 else lighting.steady
+        pulsing = lighting.maybe(rng, 0.5, lighting.pulse, "flicker", "throb")
         color = lighting.tint(rng, strength, 0.0)
         bulb(stage, (x, 5.7, z), color, size=0.2, glow=9.0, reach=16.0, pulsing=pulsing)
     chase = paths.swing(rng, (-3.0, 0.0, -6.0), (3.0, 0.0, 0.0), rng.uniform(3.0, 7.0))

@@ -1,4 +1,4 @@
-"""Thin wires, poles and chain-link before brick, with a cart and headlights behind the fence."""
+"""Training family: thin wires, poles and chain-link before brick, with a moving cart behind the fence."""
 
 import numpy as np
 
@@ -9,8 +9,8 @@ from supersampler_model.data.scenes.procedural.particles import dust
 from supersampler_model.data.scenes.procedural.stage import Stage
 from supersampler_model.data.scenes.procedural.transforms import placed
 from supersampler_model.data.scenes.scene import Material
+from supersampler_model.data.values import Rng
 
-Rng = np.random.Generator
 FENCE_HEIGHT = 2.2
 
 
@@ -123,12 +123,12 @@ def _lights(rng: Rng, stage: Stage, dark: bool) -> None:
     strength = 9.0 if dark else 20.0
     for x, z in ((rng.uniform(-6, 6), 0.0), (-3.0, -5.6), (3.6, -5.6)):
         at = (x, 2.9, z)
-        pulsing = lighting.nervous(rng) if rng.random() < 0.7 else lighting.steady
+        pulsing = lighting.maybe(rng, 0.7, lighting.nervous)
         color = lighting.tint(rng, strength * rng.uniform(0.6, 1.5), rng.uniform(-0.3, 0.7))
         bulb(stage, at, color, size=0.1, reach=10.0, pulsing=pulsing)
     if rng.random() < 0.5:
         pivot = (rng.uniform(-2.5, 2.5), 5.0, rng.uniform(-4.5, -3.2))
         color = lighting.tint(rng, strength * 9.0, 0.4)
-        pulsing = lighting.nervous(rng) if rng.random() < 0.4 else lighting.steady
+        pulsing = lighting.maybe(rng, 0.4, lighting.nervous)
         place, stage.spot = lighting.hanging(rng, pivot, 1.6, rng.uniform(0.3, 0.9), color, pulsing=pulsing)
         glowing_ball(stage, place, 0.14, (1.0, 0.85, 0.6), 12.0)

@@ -1,15 +1,22 @@
-"""Parts shared by families: bulbs that light their surroundings, skylines and hills."""
+"""Objects that several families share: light bulbs, fans, bunting, skylines, hills."""
 
 import numpy as np
 
 from supersampler_model.data.scenes.procedural import lighting, materials, shapes
 from supersampler_model.data.scenes.procedural.lighting import Pulse, steady
-from supersampler_model.data.scenes.procedural.paths import Place, Point3, place_of, spinning, upright, vector
+from supersampler_model.data.scenes.procedural.paths import (
+    Place,
+    Point3,
+    place_of,
+    spinning,
+    upright,
+    vector,
+    wind,
+)
 from supersampler_model.data.scenes.procedural.stage import Stage
 from supersampler_model.data.scenes.procedural.transforms import placed
-from supersampler_model.data.values import Color, Vector
+from supersampler_model.data.values import Color, Rng, Vector
 
-Rng = np.random.Generator
 WHEEL = np.eye(4)[[1, 0, 2, 3]] * np.array([1.0, 1.0, -1.0, 1.0])
 """Turns y to x: a level ring becomes a wheel that rolls along z."""
 
@@ -26,13 +33,13 @@ def bulb(
 def glowing_ball(
     stage: Stage, path: Place | Point3, size: float, color: Color, glow: float, pulsing: Pulse = steady
 ) -> None:
-    """Add a ball that shines but lights nothing, at a point or moving along a path."""
+    """Add a glowing ball without a light source, at a point or moving along a path."""
     shine, pose = materials.glow(color, glow), upright(place_of(path))
     stage.put(shapes.ball(size, 8), shine, pose, emission=pulsing, shadow=False)
 
 
 def fan(rng: Rng, stage: Stage, at: Vector, length: float, depth: float, speeds: tuple[float, float]) -> None:
-    """Add four level blades that turn, so that their shadows do."""
+    """Add a fan of four horizontal blades, whose shadows turn."""
     blade, turns = shapes.box(length, 0.02, depth), [k * np.pi / 2.0 for k in range(4)]
     blades = [(blade, placed(yaw=turn) @ placed(0.5 * length + 0.05)) for turn in turns]
     turning = spinning(placed(*at), (0, 1, 0), rng.uniform(*speeds))
@@ -47,6 +54,23 @@ def skyline(rng: Rng, stage: Stage) -> None:
         block = shapes.box(width, float(rng.gamma(5.0, 1.3)), width, 0.07)
         blocks.append((block, placed(away * np.sin(angle), 0, away * np.cos(angle), yaw=angle)))
     stage.put(blocks, materials.facade(rng), shadow=False)
+
+
+def bunting(
+    rng: Rng, stage: Stage, left: Point3, right: Point3, *, sag: float, cord: tuple[float, float], flags: int,
+    margin: float, gap: float,
+) -> None:  # fmt: skip
+    """Add flags in the wind on a cord that hangs through by `sag` metres.
+
+    `cord` is its radius in metres and its grey, `margin` the fraction without flags at each end, and `gap` is
+    the distance from the cord to the middle of a flag, metres.
+    """
+    stage.put(shapes.wire(left, right, sag, cord[0]), materials.paint(rng, (cord[1],) * 3))
+    t = np.linspace(margin, 1.0 - margin, flags)[:, None]
+    middles = (1.0 - t) * np.array(left) + t * np.array(right)
+    middles[:, 1] -= (4.0 * sag * t * (1.0 - t))[:, 0] + gap
+    mesh = shapes.cards(rng, middles, np.arange(flags), 0.24, np.array([0.0, 30.0, float(left[2])]))
+    stage.put(mesh, materials.striped(rng, 3), palette=wind(rng, middles, 0.09))
 
 
 def hills(rng: Rng, stage: Stage, hue: Color) -> None:

@@ -1,4 +1,4 @@
-"""A cellar corridor under a swinging lamp, a fan and failing tubes: light changes, and shadows run."""
+"""Training family: a cellar corridor with a swinging lamp, a fan and flickering tubes; shadows move."""
 
 import numpy as np
 
@@ -6,15 +6,14 @@ from supersampler_model.data.scenes.procedural import lighting, materials, paths
 from supersampler_model.data.scenes.procedural.fixtures import bulb, fan, glowing_ball
 from supersampler_model.data.scenes.procedural.particles import dust, sparks
 from supersampler_model.data.scenes.procedural.stage import Stage
-from supersampler_model.data.scenes.procedural.textures import Values
 from supersampler_model.data.scenes.procedural.transforms import placed, turned_by
+from supersampler_model.data.values import Rng, Values
 
-Rng = np.random.Generator
 HEIGHT = 3.0
 
 
 def flicker(rng: Rng) -> Stage:
-    """Build the corridor with its lights: dimly lit, or with nothing but them."""
+    """Build the corridor: with dim ambient light, or lit by its lamps alone."""
     ambient = 0.035 if rng.random() < 0.65 else 0.004
     stage = Stage(
         environment=lighting.indoors(rng, (ambient, 1.15 * ambient, 1.4 * ambient), 3, 11.0 * ambient),

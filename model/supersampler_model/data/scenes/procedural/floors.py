@@ -1,4 +1,4 @@
-"""A hall whose finely patterned, polished floor runs to the horizon, seen from low above it."""
+"""Training family: a hall with a finely patterned, polished floor, seen at grazing angles."""
 
 import numpy as np
 
@@ -9,8 +9,7 @@ from supersampler_model.data.scenes.procedural.particles import dust
 from supersampler_model.data.scenes.procedural.stage import Stage
 from supersampler_model.data.scenes.procedural.transforms import placed
 from supersampler_model.data.scenes.scene import Material
-
-Rng = np.random.Generator
+from supersampler_model.data.values import Rng
 
 
 def floors(rng: Rng) -> Stage:
@@ -97,7 +96,7 @@ def _lights(rng: Rng, stage: Stage, dark: bool) -> None:
     """Add a light with shadows, the sun through the open roof by day, and lamps that drift and flicker."""
     _ceiling_light(rng, stage, (1.1 if dark else 1.2) * rng.uniform(0.8, 1.3))
     if not dark and rng.random() < 0.65:
-        pulsing = lighting.clouds(rng) if rng.random() < 0.6 else lighting.steady
+        pulsing = lighting.maybe(rng, 0.6, lighting.clouds)
         stage.sun = lighting.sunlight(
             rng, 6.0, 13.0, elevation=(35.0, 60.0), center=(0, 0, -4), pulsing=pulsing
         )
@@ -106,7 +105,7 @@ def _lights(rng: Rng, stage: Stage, dark: bool) -> None:
     for x, z in rng.uniform((-3.5, -9.0), (3.5, 1.0), (6, 2)):
         path = paths.together((x, rng.uniform(0.6, 2.2), z), paths.drift(rng, 1.2, rng.uniform(0.4, 1.0)))
         color = lighting.tint(rng, rng.uniform(6, 16) * (1.0 if dark else 1.5))
-        pulsing = lighting.nervous(rng) if rng.random() < 0.6 else lighting.steady
+        pulsing = lighting.maybe(rng, 0.6, lighting.nervous)
         bulb(stage, path, color, size=0.07, reach=7.0, pulsing=pulsing)
 
 
@@ -114,7 +113,7 @@ def _ceiling_light(rng: Rng, stage: Stage, strength: float) -> None:
     """Add a spot that wanders over the floor, a lamp that swings, or one behind the blades of a fan."""
     x, kind = rng.uniform(-2, 2), int(rng.integers(3))
     color, top = lighting.tint(rng, 130.0 * strength, 0.2), (x, 4.3, -2.5)
-    pulsing = lighting.nervous(rng) if rng.random() < 0.4 else lighting.steady
+    pulsing = lighting.maybe(rng, 0.4, lighting.nervous)
     if kind == 0:
         sweep = paths.swing(rng, (-3.5, 0.0, -6.0), (3.5, 0.0, 0.5), rng.uniform(3.0, 14.0))
         outer = rng.uniform(22, 40)

@@ -1,4 +1,4 @@
-"""A meadow with trees and bushes in the wind: thousands of thin blades and cut-out leaves, all moving."""
+"""Training family: a meadow with trees and bushes in the wind: thin blades and cut-out leaves that move."""
 
 import numpy as np
 
@@ -7,12 +7,10 @@ from supersampler_model.data.scenes.procedural.casters import CASTERS, caster
 from supersampler_model.data.scenes.procedural.fixtures import bulb, hills
 from supersampler_model.data.scenes.procedural.particles import dust, fireflies
 from supersampler_model.data.scenes.procedural.stage import Stage
-from supersampler_model.data.scenes.procedural.textures import Values
 from supersampler_model.data.scenes.procedural.transforms import placed, turned_by
 from supersampler_model.data.scenes.scene import Material
-from supersampler_model.data.values import Color
+from supersampler_model.data.values import Color, Rng, Values
 
-Rng = np.random.Generator
 GREENS: tuple[Color, ...] = ((0.3, 0.45, 0.13), (0.42, 0.45, 0.14), (0.2, 0.38, 0.16), (0.55, 0.45, 0.16))
 
 
@@ -157,7 +155,7 @@ def _lights(rng: Rng, stage: Stage, dark: bool) -> None:
         home = (rng.uniform(-4, 4), rng.uniform(0.9, 1.9), rng.uniform(-6.5, 0))
         lantern = paths.together(home, paths.drift(rng, 1.2, 0.9))
         color = lighting.tint(rng, 6.0 if dark else 20.0, 0.7)
-        pulsing = lighting.nervous(rng) if rng.random() < 0.85 else lighting.steady
+        pulsing = lighting.maybe(rng, 0.85, lighting.nervous)
         bulb(stage, lantern, color, size=0.08, reach=8.0, pulsing=pulsing)
     if dark:
         car = paths.swing(rng, (-6.0, 1.2, 6.5), (6.0, 1.2, 7.0), rng.uniform(3.0, 9.0))

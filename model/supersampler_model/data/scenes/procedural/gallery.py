@@ -1,4 +1,4 @@
-"""Test shots: a gallery with a polished floor, sculptures, paintings and mobiles that turn."""
+"""Family of the test shots: a gallery with a polished floor, sculptures, paintings and mobiles that turn."""
 
 from itertools import pairwise
 
@@ -8,11 +8,9 @@ from supersampler_model.data.scenes.procedural import lighting, materials, paths
 from supersampler_model.data.scenes.procedural.fixtures import bulb
 from supersampler_model.data.scenes.procedural.particles import dust
 from supersampler_model.data.scenes.procedural.stage import Stage
-from supersampler_model.data.scenes.procedural.textures import Values
 from supersampler_model.data.scenes.procedural.transforms import placed, turned_by
 from supersampler_model.data.scenes.scene import Material
-
-Rng = np.random.Generator
+from supersampler_model.data.values import Rng
 
 
 def gallery(rng: Rng) -> Stage:
@@ -69,7 +67,8 @@ def _sculpture(rng: Rng, stage: Stage, x: float, z: float) -> None:
     turn = rng.normal(0.0, 1.5)
     if kind == 0:
         form = paths.spinning(place @ placed(0, 0.42, 0), (0, 1, 0), turn)
-        stage.put(shapes.tube(_knot(), 0.06, 12), cover, paths.attached(form, placed(size=0.85)))
+        knot = shapes.tube(shapes.knot(97, 0.28, 0.11, 0.16), 0.06, 12)
+        stage.put(knot, cover, paths.attached(form, placed(size=0.85)))
     elif kind == 1:
         turns = [turned_by(0, 0.5 * k) @ turned_by(2, 0.4 * k) for k in range(4)]
         rings = [(shapes.torus(0.16 + 0.07 * k, 0.018, 40), at) for k, at in enumerate(turns)]
@@ -95,12 +94,6 @@ def _stuff(rng: Rng) -> Material:
     if kind < 0.8:
         return materials.plaster(rng, (0.88, 0.86, 0.82))  # marble
     return materials.paint(rng, gloss=1.0)
-
-
-def _knot() -> Values:
-    a = np.linspace(0.0, 2.0 * np.pi, 97)
-    swell = 0.28 + 0.11 * np.cos(3.0 * a)
-    return np.stack([swell * np.cos(2.0 * a), 0.16 * np.sin(3.0 * a), swell * np.sin(2.0 * a)], axis=1)
 
 
 def _mobile(rng: Rng, stage: Stage) -> None:
@@ -131,7 +124,7 @@ def _lights(rng: Rng, stage: Stage) -> None:
     head, pulsing = (rng.uniform(-2, 2), 4.0, 0.5), lighting.pulse(rng, "throb", "fade")
     stage.spot = lighting.spotlight(head, sweep, lighting.tint(rng, 85.0, 0.25), outer=28.0, pulsing=pulsing)
     for x, z in ((-3.4, -1.0), (3.4, -2.0), (0.0, -4.5), (-3.4, -6.0), (3.4, -6.5)):
-        pulsing = lighting.pulse(rng) if rng.random() < 0.5 else lighting.steady
+        pulsing = lighting.maybe(rng, 0.5, lighting.pulse)
         bulb(stage, (x, 3.95, z), lighting.tint(rng, 9.0, 0.3), reach=7.0, pulsing=pulsing)
     orb = paths.circuit(rng, (0, 1.3, -3.0), (1.6, 2.0), rng.uniform(1.5, 5.0))
     bulb(stage, orb, lighting.tint(rng, 4.0), size=0.09, pulsing=lighting.pulse(rng))

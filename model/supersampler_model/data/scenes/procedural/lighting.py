@@ -1,18 +1,15 @@
-"""Lights that move and pulse, and panoramas; all of time in seconds and a generator."""
+"""Random lights as functions of time in seconds, and random panoramas."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from supersampler_model.data.scenes.environment import Environment, directions
 from supersampler_model.data.scenes.lights import Point, Spot, Sun
 from supersampler_model.data.scenes.procedural.paths import Place, Point3, pendulum, place_of, vector
-from supersampler_model.data.values import Color, Vector
+from supersampler_model.data.values import Color, Rng, Vector
 
-Values = NDArray[np.float64]
-Rng = np.random.Generator
 Pulse = Callable[[float], float]
 """Seconds to a factor >= 0, about 1 on average."""
 PULSES = ("throb", "flicker", "strobe", "fade")
@@ -44,6 +41,11 @@ def nervous(rng: Rng) -> Pulse:
     return pulse(rng, str(rng.choice(("throb", "flicker", "strobe"), p=(0.5, 0.35, 0.15))))
 
 
+def maybe(rng: Rng, chance: float, make: Callable[..., Pulse], *kinds: str) -> Pulse:
+    """Return a pulse `make(rng, *kinds)` with this probability, otherwise a steady light."""
+    return make(rng, *kinds) if rng.random() < chance else steady
+
+
 def clouds(rng: Rng) -> Pulse:
     """Return the factor of a sun behind broken clouds: one or two edges a second, soft or abrupt."""
     rates, phases = 2.0 * np.pi * rng.uniform((0.4, 0.9), (0.7, 1.4)), rng.uniform(0.0, 6.3, 2)
@@ -68,10 +70,7 @@ def lightning(rng: Rng) -> Pulse:
 def tint(rng: Rng, strength: float, warmth: float | None = None) -> Color:
     """Return a light's colour, `strength` at its brightest channel.
 
-    Args:
-        rng: of the colour.
-        strength: of the brightest channel.
-        warmth: from -1 (blue sky) over 0 (white) to 1 (candle); None is any hue.
+    `warmth` is -1 for blue sky, 0 for white, 1 for a candle; None is any hue.
     """
     if warmth is None:
         hue = rng.uniform(0.0, 2.0 * np.pi)
@@ -87,17 +86,10 @@ def sunlight(
     pulsing: Pulse = steady, warmth: float | None = 0.3, center: Vector = (0.0, 0.0, 0.0),
     azimuth: tuple[float, float] = (0.0, 6.3),
 ) -> Callable[[float], Sun]:  # fmt: skip
-    """Return a sun whose shadows creep.
+    """Return a sun of irradiance `strength` whose shadows move slowly.
 
-    Args:
-        rng: of colour, direction and creeping.
-        strength: irradiance.
-        radius: what the shadow map covers about `center`, metres.
-        elevation: range, degrees.
-        pulsing: what clouds do to it.
-        warmth: see `tint`.
-        center: of the shadow map.
-        azimuth: range of where its light goes, radians: 0 is +x, pi / 2 is +z.
+    Its shadow map covers `radius` metres around `center`. `elevation` is a range in degrees; `azimuth` is a
+    range of the direction of its light in radians: 0 is +x, pi / 2 is +z. See `tint` for `warmth`.
     """
     color, turn = tint(rng, strength, warmth), rng.uniform(*azimuth)
     height, creep = np.radians(rng.uniform(*elevation)), rng.normal(0.0, 0.08)
@@ -117,8 +109,8 @@ def sunlight(
 
 
 def spotlight(
-    place: Place | Point3, target: Place | Point3, color: Color, *, outer: float = 32.0,
-    reach: float = 20.0, pulsing: Pulse = steady,
+    place: Place | Point3, target: Place | Point3, color: Color, *, inner: float | None = None,
+    outer: float = 32.0, reach: float = 20.0, pulsing: Pulse = steady,
 ) -> Callable[[float], Spot]:  # fmt: skip
     """Return a spot light that looks from one place, fixed or moving, to another."""
     eye, aim = place_of(place), place_of(target)
@@ -126,19 +118,18 @@ def spotlight(
         position=vector(eye(t)),
         target=vector(aim(t)),
         color=vector(np.multiply(color, pulsing(t))),
-        inner=0.55 * outer,
+        inner=0.55 * outer if inner is None else inner,
         outer=outer,
         reach=reach,
     )
 
 
 def hanging(
-    rng: Rng, pivot: Sequence[float], length: float, extent: float, color: Color, *, outer: float = 57.0,
-    pulsing: Pulse = steady,
-) -> tuple[Place, Callable[[float], Spot]]:  # fmt: skip
-    """Return where a lamp is that swings on a cable, see `pendulum`, and its cone of light."""
+    rng: Rng, pivot: Sequence[float], length: float, extent: float, color: Color, *, pulsing: Pulse = steady
+) -> tuple[Place, Callable[[float], Spot]]:
+    """Return the path of a lamp that swings on a cable, see `pendulum`, and its cone of light."""
     place, top = pendulum(rng, pivot, length, extent), np.asarray(pivot, np.float64)
-    return place, spotlight(place, lambda t: 3.0 * place(t) - 2.0 * top, color, outer=outer, pulsing=pulsing)
+    return place, spotlight(place, lambda t: 3.0 * place(t) - 2.0 * top, color, outer=57.0, pulsing=pulsing)
 
 
 def lamp(
@@ -177,8 +168,8 @@ def indoors(rng: Rng, ambient: Color, panels: int, strength: float) -> Environme
     for _ in range(panels):
         middle, height = rng.uniform(-np.pi, np.pi), rng.uniform(0.15, 0.85)
         wide, tall = rng.uniform(0.08, 0.5), rng.uniform(0.04, 0.18)
-        apart = np.abs((azimuth - middle + np.pi) % (2.0 * np.pi) - np.pi)
-        inside = (apart < wide) & (np.abs(up - height) < tall)
+        distance = np.abs((azimuth - middle + np.pi) % (2.0 * np.pi) - np.pi)
+        inside = (distance < wide) & (np.abs(up - height) < tall)
         image = image + inside[..., None] * np.array(tint(rng, strength, rng.uniform(-0.5, 0.5)))
     return Environment(pixels=image.astype(np.float32))
 
@@ -216,17 +207,11 @@ _SUNS = {  # strength, warmth, range of elevation, exposure
 def weather(rng: Rng, radius: float, center: Vector = (0.0, 0.0, 0.0)) -> Weather:
     """Return one of the HOURS: dull or bright days, hard sun, dusk or night.
 
-    Args:
-        rng: of hour, clouds and colours.
-        radius: of what the sun's shadow map covers, metres.
-        center: of that.
+    The shadow map of the sun covers `radius` metres around `center`.
     """
     hour = str(rng.choice(HOURS, p=(0.42, 0.28, 0.12, 0.18)))
     strength, warmth, elevation, exposure = _SUNS[hour]
-    if hour == "night":
-        pulsing = lightning(rng) if rng.random() < 0.3 else steady
-    else:
-        pulsing = clouds(rng) if rng.random() < 0.85 else steady
+    pulsing = maybe(rng, 0.3, lightning) if hour == "night" else maybe(rng, 0.85, clouds)
     zenith, horizon, ground = _SKIES[hour]
     return Weather(
         environment=outdoors(rng, zenith, horizon, ground, clouds=rng.uniform(0.5, 1.1)),

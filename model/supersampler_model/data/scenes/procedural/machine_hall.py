@@ -1,4 +1,4 @@
-"""Test shots: a machine hall of pipes, grilles, pistons and beacons, in steam."""
+"""Family of the test shots: a machine hall of pipes, grilles, pistons and beacons, in steam."""
 
 import numpy as np
 
@@ -7,8 +7,7 @@ from supersampler_model.data.scenes.procedural.fixtures import bulb
 from supersampler_model.data.scenes.procedural.particles import smoke, sparks
 from supersampler_model.data.scenes.procedural.stage import Stage
 from supersampler_model.data.scenes.procedural.transforms import placed, turned_by
-
-Rng = np.random.Generator
+from supersampler_model.data.values import Rng
 
 
 def machine_hall(rng: Rng) -> Stage:

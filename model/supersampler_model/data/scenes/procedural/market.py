@@ -1,24 +1,22 @@
-"""Test shots: a market street with awnings, fruit, bunting, lanterns and people who walk past."""
+"""Family of the test shots: a market street with awnings, fruit, bunting, lanterns and walking people."""
 
 import numpy as np
 
 from supersampler_model.data.scenes.procedural import lighting, materials, paths, shapes
-from supersampler_model.data.scenes.procedural.fixtures import bulb, skyline
+from supersampler_model.data.scenes.procedural.fixtures import bulb, bunting, skyline
 from supersampler_model.data.scenes.procedural.particles import dust, smoke
 from supersampler_model.data.scenes.procedural.stage import Stage
 from supersampler_model.data.scenes.procedural.textures import color
 from supersampler_model.data.scenes.procedural.transforms import placed, turned_by
 from supersampler_model.data.scenes.scene import Material
-from supersampler_model.data.values import Matrix
-
-Rng = np.random.Generator
+from supersampler_model.data.values import Matrix, Rng
 
 
 def market(rng: Rng) -> Stage:
     """Build the street on a dusty afternoon."""
     sky = lighting.outdoors(rng, (0.18, 0.3, 0.55), (0.75, 0.62, 0.45), (0.2, 0.16, 0.11), clouds=0.7)
     stage = Stage(environment=sky, exposure=0.7)
-    clouds = lighting.pulse(rng, "fade") if rng.random() < 0.5 else lighting.steady
+    clouds = lighting.maybe(rng, 0.5, lighting.pulse, "fade")
     stage.sun = lighting.sunlight(
         rng, 5.5, 11.0, elevation=(35, 60), pulsing=clouds, warmth=0.45, center=(0, 0, -3)
     )
@@ -29,7 +27,9 @@ def market(rng: Rng) -> Stage:
     for side in (-1.0, 1.0):
         for z in (-8.0, -5.0, -2.0, 1.0):
             _stall(rng, stage, side, z, woods[int(rng.integers(3))])
-    _bunting(rng, stage)
+    for z in (-6.0, -3.0, 0.5):
+        left, right = (-3.4, rng.uniform(3.6, 4.6), z), (3.4, rng.uniform(3.6, 4.6), z)
+        bunting(rng, stage, left, right, sag=0.5, cord=(0.008, 0.1), flags=18, margin=0.05, gap=0.11)
     for _ in range(int(rng.integers(5, 8))):
         _walker(rng, stage)
     _lanterns(rng, stage)
@@ -94,18 +94,6 @@ def _heap(rng: Rng, stage: Stage, x: float, z: float) -> None:
     parts = [(fruit, placed(x + a, 1.1 - 0.25 * a * np.sign(x), z + b)) for a, b in spots]
     hue = ((0.8, 0.25, 0.1), (0.85, 0.6, 0.1), (0.35, 0.6, 0.15), (0.6, 0.1, 0.2))[int(kind * 4)]
     stage.put(parts, materials.ground(rng, hue, 0.8, 0.5))
-
-
-def _bunting(rng: Rng, stage: Stage) -> None:
-    for z in (-6.0, -3.0, 0.5):
-        left, right = (-3.4, rng.uniform(3.6, 4.6), z), (3.4, rng.uniform(3.6, 4.6), z)
-        stage.put(shapes.wire(left, right, 0.5, 0.008), materials.paint(rng, (0.1, 0.1, 0.1)))
-        t = np.linspace(0.05, 0.95, 18)[:, None]
-        tops = (1.0 - t) * np.array(left) + t * np.array(right)
-        tops[:, 1] -= (2.0 * t * (1.0 - t))[:, 0] + 0.11
-        groups = np.arange(len(tops))
-        flags = shapes.cards(rng, tops, groups, 0.24, np.array([0.0, 30.0, z]))
-        stage.put(flags, materials.striped(rng, 3), palette=paths.wind(rng, tops, 0.09))
 
 
 def _walker(rng: Rng, stage: Stage) -> None:

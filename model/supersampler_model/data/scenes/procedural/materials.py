@@ -1,13 +1,13 @@
-"""Materials: combinations of textures, with random colours, wear and grain."""
+"""Random materials: bricks, tiles, wood, metals, cloth, leaves and others, with their textures."""
 
 from dataclasses import replace
 
 import numpy as np
 
 from supersampler_model.data.scenes.procedural import textures
-from supersampler_model.data.scenes.procedural.textures import Rng, Values, shade
+from supersampler_model.data.scenes.procedural.textures import shade
 from supersampler_model.data.scenes.scene import Material, Texture
-from supersampler_model.data.values import Color
+from supersampler_model.data.values import Color, Rng, Values
 
 
 def brick(rng: Rng, rows: int = 12) -> Material:
@@ -25,11 +25,7 @@ def brick(rng: Rng, rows: int = 12) -> Material:
 def tiles(rng: Rng, count: int, glossy: float, contrast: float = 0.7) -> Material:
     """Return `count` x `count` floor tiles, an even number, checkered or of mixed tones.
 
-    Args:
-        rng: of colours and pattern.
-        count: an even number.
-        glossy: 0 is stoneware, 1 polished.
-        contrast: of the tiles' tones, in [0, 1].
+    `glossy` is 0 for stoneware and 1 for polished tiles; `contrast`, in [0, 1], is that of the tones.
     """
     height, tone = textures.courses(rng, count, count, joint=0.03, shift=0.0)
     if rng.random() < 0.6:
@@ -75,7 +71,7 @@ def plaster(rng: Rng, hue: Color) -> Material:
 
 
 def facade(rng: Rng) -> Material:
-    """Return a house front with 8 x 8 windows on one texture, some of them dark, some that mirror the sky."""
+    """Return a house front with 8 x 8 windows per texture; some are dark, some reflect the sky."""
     wall, tone = textures.courses(rng, 8, 8, joint=0.3, shift=0.0)
     window = wall > 0.45
     stone = np.array(textures.color(rng, 0.25, 0.5))
@@ -101,7 +97,7 @@ def metal(rng: Rng, hue: Color, roughness: float, worn: float = 0.15) -> Materia
 
 
 def any_metal(rng: Rng, roughness: float) -> Material:
-    """Return gold, copper, steel, brass or something blue."""
+    """Return gold, copper, steel, brass or a blue metal."""
     kinds = ((1.0, 0.72, 0.3), (0.9, 0.55, 0.42), (0.62, 0.6, 0.58), (0.85, 0.75, 0.45), (0.4, 0.5, 0.7))
     return metal(rng, _any(rng, kinds), roughness)
 
@@ -138,10 +134,10 @@ def plates(rng: Rng, hue: Color) -> Material:
     )  # fmt: skip
 
 
-def striped(rng: Rng, count: int, one: Color | None = None, other: Color = (0.92, 0.9, 0.85)) -> Material:
-    """Return striped cloth, seen from both sides."""
+def striped(rng: Rng, count: int, hue: Color | None = None) -> Material:
+    """Return striped cloth, visible from both sides; `hue` is sRGB."""
     weave = 0.12 * (textures.fractal(rng, 0.5) - 0.5)
-    texture = shade(textures.stripes(count) + weave, one or textures.color(rng, 0.8, 0.7), other)
+    texture = shade(textures.stripes(count) + weave, hue or textures.color(rng, 0.8, 0.7), (0.92, 0.9, 0.85))
     return Material(base_color_texture=texture, roughness=0.9, specular=0.2, double_sided=True)
 
 
@@ -194,7 +190,7 @@ def grass(rng: Rng, hue: Color) -> Material:
 
 
 def glow(color: Color, strength: float) -> Material:
-    """Return a thing that shines: a tube, a bulb, a sign."""
+    """Return an emissive material for tubes, bulbs and signs."""
     red, green, blue = (strength * channel for channel in color)
     return Material(base_color=(0.05, 0.05, 0.05), emissive=(red, green, blue))
 

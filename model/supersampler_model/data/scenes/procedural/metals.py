@@ -1,4 +1,4 @@
-"""A workshop table of mirrors, gold and brushed steel under coloured lights that circle and pulse."""
+"""Training family: mirrors, gold and brushed steel under coloured lights that circle and pulse."""
 
 import numpy as np
 
@@ -9,8 +9,8 @@ from supersampler_model.data.scenes.procedural.particles import sparks
 from supersampler_model.data.scenes.procedural.stage import Stage
 from supersampler_model.data.scenes.procedural.transforms import placed, turned_by
 from supersampler_model.data.scenes.scene import Material
+from supersampler_model.data.values import Rng
 
-Rng = np.random.Generator
 TABLE = 0.85  # metres high
 
 
@@ -146,7 +146,7 @@ def _engine(rng: Rng, stage: Stage) -> None:
 
 def _lights(rng: Rng, stage: Stage, strength: float) -> None:
     """Add a lamp with shadows that hangs still or swings, and coloured ones that circle and flicker."""
-    pulsing = lighting.nervous(rng) if rng.random() < 0.3 else lighting.steady
+    pulsing = lighting.maybe(rng, 0.3, lighting.nervous)
     color = lighting.tint(rng, 45.0 * strength, 0.25)
     if rng.random() < 0.5:
         pivot = (rng.uniform(-0.8, 0.8), 3.6, rng.uniform(-0.3, 0.6))
@@ -162,5 +162,5 @@ def _lights(rng: Rng, stage: Stage, strength: float) -> None:
         axes = (rng.uniform(0.8, 1.8), rng.uniform(0.5, 1.0))
         path = paths.circuit(rng, middle, axes, rng.uniform(1.5, 7.0))
         lamp = lighting.tint(rng, strength * rng.uniform(1.5, 5.0))
-        flickers = lighting.nervous(rng) if rng.random() < 0.6 else lighting.steady
+        flickers = lighting.maybe(rng, 0.6, lighting.nervous)
         bulb(stage, path, lamp, size=0.035, glow=6.0, reach=5.0, pulsing=flickers)

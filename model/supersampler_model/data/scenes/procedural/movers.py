@@ -1,4 +1,4 @@
-"""A street where vans, drones and signs rush past close to the camera and disocclude the background."""
+"""Training family: a street where vans and drones rush past the camera and disocclude the background."""
 
 import numpy as np
 
@@ -10,8 +10,7 @@ from supersampler_model.data.scenes.procedural.particles import dust, smoke
 from supersampler_model.data.scenes.procedural.stage import Stage
 from supersampler_model.data.scenes.procedural.transforms import placed
 from supersampler_model.data.scenes.scene import Material
-
-Rng = np.random.Generator
+from supersampler_model.data.values import Rng
 
 
 def movers(rng: Rng) -> Stage:
@@ -79,7 +78,7 @@ def _front(rng: Rng, stage: Stage, x: float, width: float, height: float, shine:
         stage.put(panes, materials.metal(rng, (0.25, 0.28, 0.32), 0.08))
     if rng.random() < 0.6:
         sign = materials.poster(rng, shine if rng.random() < 0.6 else 0.0)
-        pulsing = lighting.pulse(rng) if rng.random() < 0.4 else lighting.steady
+        pulsing = lighting.maybe(rng, 0.4, lighting.pulse)
         stage.put(shapes.panel(1.6, 0.8), sign, placed(x, rng.uniform(1.9, 2.6), -7.42), emission=pulsing)
 
 
@@ -129,7 +128,7 @@ def _drone(rng: Rng, stage: Stage, dark: bool) -> None:
 def _lights(rng: Rng, stage: Stage, dark: bool) -> None:
     """Add a light that sweeps over the street or drives along it, and street lamps."""
     color = lighting.tint(rng, rng.uniform(140.0, 260.0) * (1.0 if dark else 2.2), 0.2)
-    pulsing = lighting.nervous(rng) if rng.random() < 0.6 else lighting.steady
+    pulsing = lighting.maybe(rng, 0.6, lighting.nervous)
     if rng.random() < 0.5:
         sweep = paths.swing(rng, (-5.0, 0.0, -4.0), (5.0, 1.5, -6.0), rng.uniform(4.0, 16.0))
         mast = (rng.uniform(-3, 3), 6.0, 2.5)
@@ -139,7 +138,7 @@ def _lights(rng: Rng, stage: Stage, dark: bool) -> None:
         ahead = paths.swing(rng, (-4.0, 1.0, -6.0), (4.0, 1.0, -6.0), rng.uniform(2.0, 8.0))
         stage.spot = lighting.spotlight(place, ahead, color, outer=30.0, reach=28.0, pulsing=pulsing)
     for x in (-6.0, 0.0, 6.0):
-        flickers = lighting.pulse(rng, "flicker") if rng.random() < 0.5 else lighting.steady
+        flickers = lighting.maybe(rng, 0.5, lighting.pulse, "flicker")
         head, glow = (x, 3.7, -5.0), lighting.tint(rng, 10.0 if dark else 16.0, 0.6)
         bulb(stage, head, glow, size=0.14, reach=9.0, pulsing=flickers)
         stage.put(shapes.cylinder(0.05, 3.6, 8), materials.paint(rng, (0.15, 0.15, 0.16)), placed(x, 0, -5.0))

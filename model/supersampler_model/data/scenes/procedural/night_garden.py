@@ -1,4 +1,4 @@
-"""Test shots: a garden at night: hedges, a pond, lanterns in the wind and fireflies."""
+"""Family of the test shots: a garden at night with hedges, a pond, lanterns in the wind and fireflies."""
 
 import numpy as np
 
@@ -8,8 +8,7 @@ from supersampler_model.data.scenes.procedural.foliage import bush, meadow, tree
 from supersampler_model.data.scenes.procedural.particles import fireflies, smoke
 from supersampler_model.data.scenes.procedural.stage import Stage
 from supersampler_model.data.scenes.procedural.transforms import placed
-
-Rng = np.random.Generator
+from supersampler_model.data.values import Rng
 
 
 def night_garden(rng: Rng) -> Stage:

@@ -1,19 +1,16 @@
-"""Particles as functions of time, which engines draw without motion vectors."""
+"""Particle systems as functions of time; like in engines, particles have no motion vectors."""
 
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from supersampler_model.data.scenes.scene import Particles
-from supersampler_model.data.values import Color
+from supersampler_model.data.values import Color, Rng, Values
 
-Values = NDArray[np.float64]
-Rng = np.random.Generator
 Cloud = Callable[[float], Particles]
 
 
-def sparks(rng: Rng, origin: Sequence[float], count: int = 60, strength: float = 6.0) -> Cloud:
+def sparks(rng: Rng, origin: Sequence[float], count: int = 60) -> Cloud:
     """Return sparks that fly from a point, fall and die, again and again."""
     speed = rng.normal((0.0, 2.2, 0.0), 1.3, (count, 3))
     start, life = rng.random(count), rng.uniform(0.5, 1.1, count)
@@ -21,7 +18,7 @@ def sparks(rng: Rng, origin: Sequence[float], count: int = 60, strength: float =
     def at(t: float) -> Particles:
         age = (t / life + start) % 1.0 * life
         centers = np.asarray(origin) + speed * age[:, None] - (0.0, 4.9, 0.0) * age[:, None] ** 2
-        fading = strength * (1.0 - age / life)
+        fading = 6.0 * (1.0 - age / life)
         return _sprites(centers, np.full(count, 0.018), fading[:, None] * (1.0, 0.55, 0.15), 0.0 * age)
 
     return at
@@ -34,11 +31,12 @@ def dust(
     """Return motes that drift in a box and come in again on the other side; opacity 0 makes them glow."""
     least, extent = np.asarray(low, np.float64), np.subtract(high, low)
     start, drift = rng.random((count, 3)), rng.normal((0.25, 0.05, 0.0), 0.35, (count, 3))
-    radii, share = size * rng.uniform(0.5, 1.6, count), np.full(count, opacity)
+    radii = size * rng.uniform(0.5, 1.6, count)
 
     def at(t: float) -> Particles:
         centers = least + extent * ((start + drift * t / extent) % 1.0)
-        return _sprites(centers, radii, np.tile(color, (count, 1)) * (opacity or 1.0), share)
+        light = np.tile(color, (count, 1)) * (opacity or 1.0)
+        return _sprites(centers, radii, light, np.full(count, opacity))
 
     return at
 
@@ -53,9 +51,9 @@ def smoke(
     def at(t: float) -> Particles:
         age = (t / life + start) % 1.0
         way = (age * life)[:, None] * lean
-        share = 0.35 * np.sin(np.pi * age)
+        opacity = 0.35 * np.sin(np.pi * age)
         return _sprites(
-            np.asarray(origin) + way, 0.08 + 0.35 * age, grey * share[:, None] * np.ones(3), share
+            np.asarray(origin) + way, 0.08 + 0.35 * age, grey * opacity[:, None] * np.ones(3), opacity
         )
 
     return at
@@ -74,8 +72,8 @@ def fireflies(rng: Rng, low: Sequence[float], high: Sequence[float], count: int 
     return at
 
 
-def _sprites(centers: Values, radii: Values, light: Values, share: Values) -> Particles:
-    colors = np.concatenate([light, share[:, None]], axis=1)
+def _sprites(centers: Values, radii: Values, light: Values, opacity: Values) -> Particles:
+    colors = np.concatenate([light, opacity[:, None]], axis=1)
     return Particles(
         centers=centers.astype(np.float32), radii=radii.astype(np.float32), colors=colors.astype(np.float32)
     )

@@ -1,16 +1,15 @@
-"""Motions as smooth functions of time in seconds, with random rates and phases."""
+"""Random motions of objects and cameras, as smooth functions of time in seconds."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from supersampler_model.data.scenes.camera import Camera
-from supersampler_model.data.values import Matrices, Matrix, Vector
+from supersampler_model.data.scenes.procedural.transforms import facing
+from supersampler_model.data.values import Matrices, Matrix, Rng, Values, Vector
 
-Values = NDArray[np.float64]
-Rng = np.random.Generator
 Pose = Callable[[float], Matrix]
 Place = Callable[[float], Values]
 """Seconds to (x, y, z), metres."""
@@ -36,14 +35,14 @@ def place_of(place: Place | Point3) -> Place:
 
 
 def drift(rng: Rng, amount: float, rate: float) -> Place:
-    """Return an aimless wandering about the origin: about `amount` metres at about `rate` hertz."""
+    """Return a random wandering around the origin: about `amount` metres at about `rate` hertz."""
     waves = rng.normal(0.0, amount / 2.0, (4, 3))
     rates, phases = 2.0 * np.pi * rate * rng.uniform(0.4, 1.6, (4, 3)), rng.uniform(0.0, 6.3, (4, 3))
     return lambda t: np.asarray((waves * np.sin(rates * t + phases)).sum(axis=0))
 
 
 def swing(rng: Rng, start: Sequence[float], end: Sequence[float], speed: float) -> Place:
-    """Return a way to and fro between two points, at most `speed` metres a second."""
+    """Return a motion to and fro between two points, at most `speed` metres a second."""
     a, b = np.asarray(start, np.float64), np.asarray(end, np.float64)
     rate = 2.0 * speed / max(float(np.linalg.norm(b - a)), 1e-6)
     phase = float(rng.uniform(-1.2, 1.2) + rng.choice([0.0, np.pi]))  # often in the fast middle at first
@@ -112,24 +111,14 @@ def attached(parent: Pose, local: Matrix | Pose) -> Pose:
 
 
 def point_of(pose: Pose, local: Sequence[float]) -> Place:
-    """Return where a local point of something that moves is."""
+    """Return the world position of a local point of a moving object."""
     at = np.array([*local, 1.0])
     return lambda t: np.asarray((pose(t) @ at)[:3])
 
 
 def headed(path: Place) -> Pose:
     """Return a pose on the path with local +z ahead, upright."""
-
-    def pose(t: float) -> Matrix:
-        ahead = path(t + 1e-3) - path(t - 1e-3)
-        matrix = np.eye(4)
-        yaw = float(np.arctan2(ahead[0], ahead[2]))
-        matrix[0, [0, 2]] = np.cos(yaw), np.sin(yaw)
-        matrix[2, [0, 2]] = -np.sin(yaw), np.cos(yaw)
-        matrix[:3, 3] = path(t)
-        return matrix
-
-    return pose
+    return lambda t: facing(path(t), path(t + 1e-3) - path(t - 1e-3))
 
 
 def spinning(place: Place | Matrix, axis: Values | Sequence[float], rate: float, phase: float = 0.0) -> Pose:
@@ -150,12 +139,9 @@ def spinning(place: Place | Matrix, axis: Values | Sequence[float], rate: float,
 
 
 def wind(rng: Rng, anchors: Values, strength: float) -> Callable[[float], Matrices]:
-    """Return the palette of plants in gusts: joint 0 stands still, joint 1 + i is that of anchor i.
+    """Return the palette of plants in gusts that move tips by about `strength` metres.
 
-    Args:
-        rng: of direction, speed and flutter.
-        anchors: (n, 3), at most 127.
-        strength: how far tips move, metres.
+    Joint 0 stands still; joint 1 + i is that of anchor i, of at most 127 anchors (n, 3).
     """
     angle = rng.uniform(0.0, 6.3)
     ahead = np.array([np.cos(angle), 0.0, np.sin(angle)])
@@ -188,7 +174,7 @@ class Vantage:
 
 
 def camera_path(rng: Rng, vantage: Vantage, exposure: Callable[[float], float]) -> Callable[[float], Camera]:
-    """Return one of the MOTIONS about a vantage point, half of them with a shaking hand."""
+    """Return one of the MOTIONS around a vantage, half of the time with a shaking hand."""
     kind = str(rng.choice(MOTIONS, p=_BRISK_SHARES if vantage.brisk else _SHARES))
     eye, target = np.asarray(vantage.position), np.asarray(vantage.target)
     back = (eye - target) / np.linalg.norm(eye - target)
@@ -199,10 +185,9 @@ def camera_path(rng: Rng, vantage: Vantage, exposure: Callable[[float], float]) 
     speed = float(np.exp(rng.uniform(-0.4 if vantage.brisk else -1.0, 1.2)))
     rate, phase = speed / room, float(rng.uniform(-0.9, 0.4) + rng.choice([0.0, np.pi]))
     sweep, sweep_rate = (rng.uniform(0.15, 0.5), rng.uniform(1.5, 5.0))  # radians, radians a second
+    turn = Pan(sweep, lambda t: float(np.sin(sweep_rate * t + phase)))
     if vantage.brisk:
-        sweep, wave = _steady_turn(rng)
-    else:
-        wave = _sine(sweep_rate, phase)
+        turn = _even_pan(rng)
     shaky = float(rng.random() < 0.5 and kind != "still")
     hand, gaze = drift(rng, 0.02 * shaky, 1.2), drift(rng, 0.03 * shaky, 1.5)
     fov = rng.uniform(*vantage.fov_y)
@@ -211,7 +196,7 @@ def camera_path(rng: Rng, vantage: Vantage, exposure: Callable[[float], float]) 
         offset = 0.0 if way is None else way * room * np.sin(rate * t + phase)
         aim = target + (offset if kind == "truck" else 0.0)
         if kind == "pan":
-            aim = target + right * np.linalg.norm(eye - target) * sweep * wave(t)
+            aim = target + right * np.linalg.norm(eye - target) * turn.extent * turn.at(t)
         return Camera(
             position=vector(eye + offset + hand(t)),
             target=vector(aim + gaze(t)),
@@ -222,12 +207,15 @@ def camera_path(rng: Rng, vantage: Vantage, exposure: Callable[[float], float]) 
     return camera
 
 
-def _steady_turn(rng: Rng) -> tuple[float, Callable[[float], float]]:
-    """Return how far a camera turns, and its way to and fro in [-1, 1], at an even speed but for the ends."""
+class Pan(NamedTuple):
+    """How a camera turns to and fro."""
+
+    extent: float  # radians to each side
+    at: Callable[[float], float]  # seconds to a fraction of that, in [-1, 1]
+
+
+def _even_pan(rng: Rng) -> Pan:
+    """Return a pan at constant speed, except for its ends."""
     extent, speed = rng.uniform(0.3, 0.55), float(np.exp(rng.uniform(-1.0, 0.6)))  # radians a second
     rate, phase = 0.5 * np.pi * speed / extent, float(rng.uniform(-1.3, 0.2) + rng.choice([0.0, np.pi]))
-    return extent, lambda t: float(np.arcsin(0.97 * np.sin(rate * t + phase)) / np.arcsin(0.97))
-
-
-def _sine(rate: float, phase: float) -> Callable[[float], float]:
-    return lambda t: float(np.sin(rate * t + phase))
+    return Pan(extent, lambda t: float(np.arcsin(0.97 * np.sin(rate * t + phase)) / np.arcsin(0.97)))

@@ -1,18 +1,16 @@
-"""The product scene: a small square in the late afternoon, with an example of every hard case."""
+"""The scene of the shipped shot: a small square in the late afternoon, with an example of every hard case."""
 
 import numpy as np
 
 from supersampler_model.data.scenes.lights import Sun
 from supersampler_model.data.scenes.procedural import lighting, materials, paths, shapes
-from supersampler_model.data.scenes.procedural.fixtures import bulb, skyline
+from supersampler_model.data.scenes.procedural.fixtures import bulb, bunting, skyline
 from supersampler_model.data.scenes.procedural.foliage import bush, tree
 from supersampler_model.data.scenes.procedural.particles import dust, smoke
 from supersampler_model.data.scenes.procedural.stage import Stage
-from supersampler_model.data.scenes.procedural.textures import Values
 from supersampler_model.data.scenes.procedural.transforms import placed, turned_by
-from supersampler_model.data.values import Color
+from supersampler_model.data.values import Color, Rng
 
-Rng = np.random.Generator
 _CLOUD = 0.8  # seconds: when a cloud is halfway over the sun
 
 
@@ -27,7 +25,9 @@ def plaza(rng: Rng) -> Stage:
     _fence(rng, stage)
     _fountain(rng, stage)
     _garden(rng, stage)
-    _bunting(rng, stage)
+    for z, *heights in ((-1.6, 3.3, 3.0), (-4.2, 3.9, 3.6), (-6.6, 4.2, 4.4)):
+        left, right = (-5.6, heights[0], z), (5.8, heights[1], z - 0.8)
+        bunting(rng, stage, left, right, sag=0.55, cord=(0.009, 0.08), flags=22, margin=0.04, gap=0.12)
     _cart(rng, stage)
     _balls(rng, stage)
     _lights(rng, stage)
@@ -89,15 +89,10 @@ def _fountain(rng: Rng, stage: Stage) -> None:
     stage.put(shapes.lathe([(1.1, 0.34), (0.0, 0.341)], 40), water, placed(0.3, 0, -3.6))
     stage.put(shapes.box(0.42, 1.05, 0.42, 0.8), stone, placed(0.3, 0, -3.6))
     gold = materials.metal(rng, (1.0, 0.74, 0.34), 0.12)
-    stage.put(shapes.tube(_knot(), 0.085, 14), gold, paths.spinning(placed(0.3, 1.58, -3.6), (0, 1, 0), 1.6))
+    knot = shapes.tube(shapes.knot(121, 0.36, 0.15, 0.3), 0.085, 14)
+    stage.put(knot, gold, paths.spinning(placed(0.3, 1.58, -3.6), (0, 1, 0), 1.6))
     chrome = materials.metal(rng, (0.93, 0.93, 0.94), 0.05, 0.03)
     stage.put(shapes.ball(0.34, 24), chrome, placed(-1.75, 0.34, -2.5))
-
-
-def _knot() -> Values:
-    a = np.linspace(0.0, 2.0 * np.pi, 121)
-    swell = 0.36 + 0.15 * np.cos(3.0 * a)
-    return np.stack([swell * np.cos(2.0 * a), 0.3 * np.sin(3.0 * a), swell * np.sin(2.0 * a)], axis=1)
 
 
 def _garden(rng: Rng, stage: Stage) -> None:
@@ -108,18 +103,6 @@ def _garden(rng: Rng, stage: Stage) -> None:
         tree(rng, stage, (x, z), (0.32, 0.44, 0.14), 0.1)
     for x, z in ((4.3, -1.3), (3.9, -3.6), (-2.9, -5.2)):
         bush(rng, stage, (x, z), 0.08)
-
-
-def _bunting(rng: Rng, stage: Stage) -> None:
-    """Thin cords across the square with flags in the wind."""
-    for z, left, right in ((-1.6, 3.3, 3.0), (-4.2, 3.9, 3.6), (-6.6, 4.2, 4.4)):
-        ends = np.array([(-5.6, left, z), (5.8, right, z - 0.8)])
-        stage.put(shapes.wire(ends[0], ends[1], 0.55, 0.009), materials.paint(rng, (0.08, 0.08, 0.08)))
-        t = np.linspace(0.04, 0.96, 22)[:, None]
-        tops = (1.0 - t) * ends[0] + t * ends[1]
-        tops[:, 1] -= (2.2 * t * (1.0 - t))[:, 0] + 0.12
-        flags = shapes.cards(rng, tops, np.arange(len(tops)), 0.24, np.array([0.0, 30.0, z]))
-        stage.put(flags, materials.striped(rng, 3), palette=paths.wind(rng, tops, 0.09))
 
 
 def _cart(rng: Rng, stage: Stage) -> None:

@@ -1,23 +1,25 @@
-"""Meshes in metres. Texture coordinates are metres times `repeat`, unless a docstring differs."""
+"""Procedural meshes, in metres. Texture coordinates are metres times `repeat`, unless a docstring differs."""
 
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from supersampler_model.data.scenes.mesh import Mesh, Skin, tangents_of
-from supersampler_model.data.values import Matrix
+from supersampler_model.data.values import Matrix, Rng, Values
 
-Values = NDArray[np.float64]
-Rng = np.random.Generator
+Floats = NDArray[np.floating[Any]]
+Point = Sequence[float] | Values
 Part = Mesh | tuple[Mesh, Matrix]
 """A mesh as it is, or moved by a matrix."""
 
 
 def mesh_of(
-    positions: Values, normals: Values, uv: Values, faces: NDArray[np.int64], skin: Skin | None = None
+    positions: Floats, normals: Floats, uv: Floats, faces: NDArray[np.integer[Any]], skin: Skin | None = None
 ) -> Mesh:
     """Return a mesh whose triangles (m, 3) are turned to face along their vertices' normals."""
+    positions, normals = positions.astype(np.float64), normals.astype(np.float64)
     a, b, c = (positions[faces[:, corner]] for corner in range(3))
     toward = (np.cross(b - a, c - a) * normals[faces].sum(axis=1)).sum(axis=1)
     faces = np.where((toward < 0.0)[:, None], faces[:, [0, 2, 1]], faces)
@@ -60,42 +62,31 @@ def wall(width: float, height: float, repeat: float = 1.0) -> Mesh:
 def panel(width: float, height: float) -> Mesh:
     """Return a `wall` that shows its texture exactly once."""
     mesh = wall(width, height)
-    return mesh_of(
-        mesh.positions.astype(np.float64),
-        mesh.normals.astype(np.float64),
-        mesh.uv / np.array([width, height]),
-        mesh.indices.astype(np.int64),
-    )
+    return mesh_of(mesh.positions, mesh.normals, mesh.uv / np.array([width, height]), mesh.indices)
 
 
 def box(width: float, height: float, depth: float, repeat: float = 1.0) -> Mesh:
     """Return a box that stands on the origin."""
     extent = np.array([width, height, depth])
     square = np.array([(-1, -1), (1, -1), (-1, 1), (1, 1)]) / 2.0
-    positions: list[Values] = []
-    normals: list[Values] = []
-    uv: list[Values] = []
-    faces = []
-    for axis in range(3):
-        across, up = ((2, 1), (0, 2), (0, 1))[axis]
+    sides = []  # positions, normals and texture coordinates of each
+    for axis, (across, up) in enumerate(((2, 1), (0, 2), (0, 1))):
         for side in (-0.5, 0.5):
             corners = np.zeros((4, 3))
             corners[:, axis], corners[:, across], corners[:, up] = side, square[:, 0], square[:, 1]
-            faces.append(_grid_faces(2, 2) + 4 * len(positions))
-            positions.append(corners * extent + (0.0, height / 2.0, 0.0))
-            normals.append(np.tile(np.eye(3)[axis] * np.sign(side), (4, 1)))
-            uv.append((square + 0.5) * (extent[across], -extent[up]) * repeat)
-    p, n, t = (np.concatenate(arrays) for arrays in (positions, normals, uv))
-    return mesh_of(p, n, t, np.concatenate(faces))
+            positions = corners * extent + (0.0, height / 2.0, 0.0)
+            uv = (square + 0.5) * (extent[across], -extent[up]) * repeat
+            sides.append((positions, np.tile(np.eye(3)[axis] * np.sign(side), (4, 1)), uv))
+    faces = np.concatenate([_grid_faces(2, 2) + 4 * index for index in range(6)])
+    p, n, t = (np.concatenate(arrays) for arrays in zip(*sides, strict=True))
+    return mesh_of(p, n, t, faces)
 
 
 def lathe(profile: Sequence[tuple[float, float]], sides: int = 24, *, smooth: bool = False) -> Mesh:
     """Return a surface of revolution about y.
 
-    Args:
-        profile: (radius, height) from below, outer side to the right as one walks up.
-        sides: around.
-        smooth: shade the profile as one curve instead of straight pieces with edges.
+    `profile` has (radius, height) from below, with the outer side on the right as one walks up. If `smooth`,
+    it is shaded as one curve, otherwise as straight pieces with edges.
     """
     points = np.asarray(profile, np.float64)
     steps = np.diff(points, axis=0)
@@ -156,11 +147,16 @@ def tube(path: Values | Sequence[Sequence[float]], radius: float, sides: int = 8
     return mesh_of(positions.reshape(-1, 3), normals.reshape(-1, 3), uv.reshape(-1, 2), faces)
 
 
-def wire(
-    start: Sequence[float], end: Sequence[float], sag: float, radius: float, *, pieces: int = 12
-) -> Mesh:
+def knot(points: int, radius: float, swelling: float, height: float) -> Values:
+    """Return points (n, 3) along a trefoil knot about y, for a `tube`; `radius` varies by `swelling`."""
+    a = np.linspace(0.0, 2.0 * np.pi, points)
+    swell = radius + swelling * np.cos(3.0 * a)
+    return np.stack([swell * np.cos(2.0 * a), height * np.sin(3.0 * a), swell * np.sin(2.0 * a)], axis=1)
+
+
+def wire(start: Point, end: Point, sag: float, radius: float) -> Mesh:
     """Return a thin `tube` that hangs through by `sag` between two points."""
-    t = np.linspace(0.0, 1.0, pieces + 1)[:, None]
+    t = np.linspace(0.0, 1.0, 13)[:, None]
     path = (1.0 - t) * np.asarray(start, np.float64) + t * np.asarray(end, np.float64)
     path[:, 1:2] -= 4.0 * sag * t * (1.0 - t)
     return tube(path, radius, 5)
@@ -172,23 +168,14 @@ def rock(rng: Rng, radius: float, rings: int = 10) -> Mesh:
     directions = mesh.positions.astype(np.float64)
     waves, phases = rng.normal(0.0, 2.0, (6, 3)), rng.uniform(0.0, 6.3, 6)
     size = radius * (1.0 + 0.08 * np.sin(directions @ waves.T + phases).sum(axis=1, keepdims=True))
-    return mesh_of(
-        directions * size * (1.0, 0.75, 1.0),
-        directions,
-        mesh.uv.astype(np.float64) * radius,
-        mesh.indices.astype(np.int64),
-    )
+    uv = mesh.uv.astype(np.float64) * radius
+    return mesh_of(directions * size * (1.0, 0.75, 1.0), directions, uv, mesh.indices)
 
 
 def blades(rng: Rng, roots: Values, groups: NDArray[np.int64], height: float, width: float) -> Mesh:
-    """Return grass, skinned so that a blade follows joint 1 + its group's, by the square of the height.
+    """Return grass at roots (n, 3), about `height` metres tall and `width` wide at the root.
 
-    Args:
-        rng: of sizes, leans and directions.
-        roots: (n, 3).
-        groups: (n,) of each blade, from 0.
-        height: of a blade, on average, metres.
-        width: at its root, metres.
+    A blade follows joint 1 + its group (n,), by the square of the height.
     """
     count, levels = len(roots), np.array([0.0, 0.35, 0.7, 1.0])
     yaw = rng.uniform(0.0, 2.0 * np.pi, count)
@@ -203,21 +190,17 @@ def blades(rng: Rng, roots: Values, groups: NDArray[np.int64], height: float, wi
     normals = np.broadcast_to(np.array([0.0, 0.9, 0.0]) + 0.44 * front[:, None, None], positions.shape)
     uv = np.stack(np.broadcast_arrays([0.0, 1.0], (1.0 - levels)[:, None]), axis=-1)
     faces = (_grid_faces(4, 2) + 8 * np.arange(count)[:, None, None]).reshape(-1, 3)
-    share = np.broadcast_to((levels**2)[:, None], positions.shape[:3]).reshape(-1)
-    skin = _swayed(np.repeat(groups, 8), share)
+    following = np.broadcast_to((levels**2)[:, None], positions.shape[:3]).reshape(-1)
+    skin = _swayed(np.repeat(groups, 8), following)
     normals = normals.reshape(-1, 3) / np.linalg.norm(normals.reshape(-1, 3), axis=1, keepdims=True)
     return mesh_of(positions.reshape(-1, 3), normals, np.tile(uv.reshape(-1, 2), (count, 1)), faces, skin)
 
 
 def cards(rng: Rng, centers: Values, groups: NDArray[np.int64], size: float, middle: Values) -> Mesh:
-    """Return square leaf cards turned at random, each with its group's joint (1 + group).
+    """Return square leaf cards of about `size` metres at centers (n, 3), turned at random.
 
-    Args:
-        rng: of directions and sizes.
-        centers: (n, 3).
-        groups: (n,) of each card, from 0.
-        size: of a card, metres.
-        middle: (3,) of the crown; normals point away from it, so that it is lit as a whole.
+    Each follows joint 1 + its group (n,). Normals point away from the `middle` (3,) of the crown, so that it
+    is lit as a whole.
     """
     count = len(centers)
     u = rng.normal(0.0, 1.0, (count, 3))
@@ -235,10 +218,10 @@ def cards(rng: Rng, centers: Values, groups: NDArray[np.int64], size: float, mid
     return mesh_of(positions.reshape(-1, 3), normals, np.tile((square + 1.0) / 2.0, (count, 1)), faces, skin)
 
 
-def _swayed(groups: NDArray[np.int64], share: Values) -> Skin:
-    """Bind to joint 1 + group by `share`, to the unmoved joint 0 by the rest."""
+def _swayed(groups: NDArray[np.int64], following: Values) -> Skin:
+    """Bind to joint 1 + group by `following`, to the unmoved joint 0 by the rest."""
     joints, weights = np.zeros((len(groups), 4), np.uint16), np.zeros((len(groups), 4), np.float32)
-    joints[:, 1], weights[:, 1], weights[:, 0] = groups + 1, share, 1.0 - share
+    joints[:, 1], weights[:, 1], weights[:, 0] = groups + 1, following, 1.0 - following
     return Skin(joints=joints, weights=weights)
 
 

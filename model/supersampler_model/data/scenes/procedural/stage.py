@@ -1,4 +1,4 @@
-"""The stage that a family builds: all content of a scene as functions of time in seconds."""
+"""The stage of a family: all objects and lights of a scene as functions of time in seconds."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
@@ -18,7 +18,7 @@ from supersampler_model.data.values import Matrices, Matrix
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Prop:
-    """A thing that may move, bend and flicker."""
+    """An object that may move, bend and flicker."""
 
     mesh: Mesh
     material: Material
@@ -28,7 +28,7 @@ class Prop:
     casts_shadow: bool
 
     def instance(self, now: float, before: float) -> Instance:
-        """Return it as it is `now`, with how it was `before`, both in seconds."""
+        """Return the object at the time `now`, with its state at the time `before`, both in seconds."""
         return Instance(
             mesh=self.mesh,
             material=self.material,
@@ -43,12 +43,12 @@ class Prop:
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class Stage:
-    """A set with its lights, and places for a camera.
+    """Objects, lights and camera positions of a scene.
 
     Attributes:
         environment: the panorama around it.
-        vantages: at least one; shots between cuts take one each.
         exposure: that suits its light.
+        vantages: camera positions; each shot takes one.
     """
 
     environment: Environment
@@ -64,7 +64,7 @@ class Stage:
         self, mesh: Mesh | Iterable[Part], material: Material, at: Matrix | Pose | None = None, *,
         palette: Callable[[float], Matrices] | None = None, emission: Pulse = steady, shadow: bool = True,
     ) -> None:  # fmt: skip
-        """Add a thing, at the origin by default; several parts become one mesh."""
+        """Add an object, at the origin by default; several parts are merged into one mesh."""
         fixed = np.eye(4) if at is None else at
         pose = fixed if callable(fixed) else _at(fixed)
         self.props.append(
@@ -79,7 +79,7 @@ class Stage:
         )
 
     def scene(self, now: float, before: float, camera: Camera, camera_before: Camera) -> Scene:
-        """Return the stage as it is `now`, with how it was `before`, both in seconds."""
+        """Return the stage at the time `now`, with its state at the time `before`, both in seconds."""
         return Scene(
             camera=camera,
             camera_before=camera_before,

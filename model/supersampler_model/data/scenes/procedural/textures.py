@@ -1,15 +1,12 @@
-"""Repeating textures, computed in numpy. Fields are (size, size) in [0, 1]; colours are sRGB in [0, 1]."""
+"""Procedural textures, which repeat. Fields are (size, size) in [0, 1]; colours are sRGB in [0, 1]."""
 
 import colorsys
 
 import numpy as np
-from numpy.typing import NDArray
 
 from supersampler_model.data.scenes.scene import Texture
-from supersampler_model.data.values import Color
+from supersampler_model.data.values import Color, Rng, Values
 
-Values = NDArray[np.float64]
-Rng = np.random.Generator
 SIZE = 256
 
 
@@ -24,19 +21,13 @@ def fractal(rng: Rng, slope: float = 1.2, size: int = SIZE) -> Values:
 
 
 def courses(
-    rng: Rng, rows: int, columns: int, *, joint: float = 0.06, shift: float = 0.5, size: int = SIZE
+    rng: Rng, rows: int, columns: int, *, joint: float = 0.06, shift: float = 0.5
 ) -> tuple[Values, Values]:
-    """Return bricks, tiles or planks: their height, 0 in the joints, and a tone of each.
+    """Return bricks, tiles or planks: their height in [0, 1], 0 in the joints, and random tones.
 
-    Args:
-        rng: of the tones.
-        rows: how many; an even number where they are shifted.
-        columns: how many.
-        joint: width of the joints, in rows.
-        shift: of every other row, in columns.
-        size: of the image.
+    Joints are `joint` rows wide; every other row is shifted by `shift` columns, for an even number of rows.
     """
-    y, x = (np.mgrid[:size, :size] + 0.5) / size
+    y, x = (np.mgrid[:SIZE, :SIZE] + 0.5) / SIZE
     row = np.floor(y * rows).astype(int)
     along = x * columns + shift * (row % 2)
     column = np.floor(along).astype(int) % columns
@@ -46,15 +37,15 @@ def courses(
     return np.clip(rim / joint - 0.5, 0.0, 1.0), rng.uniform(0.0, 1.0, (rows, columns))[row, column]
 
 
-def checker(cells: int, size: int = SIZE) -> Values:
+def checker(cells: int) -> Values:
     """Return 0 and 1 in `cells` x `cells` squares, an even number."""
-    cell = np.arange(size) * cells // size
+    cell = np.arange(SIZE) * cells // SIZE
     return ((cell[:, None] + cell) % 2).astype(np.float64)
 
 
-def stripes(count: int, size: int = SIZE) -> Values:
+def stripes(count: int) -> Values:
     """Return `count` stripes of 1 along v, on 0."""
-    return np.tile((np.arange(size) * 2 * count // size % 2).astype(np.float64), (size, 1))
+    return np.tile((np.arange(SIZE) * 2 * count // SIZE % 2).astype(np.float64), (SIZE, 1))
 
 
 def shade(field: Values, dark: Color, bright: Color, opacity: Values | None = None) -> Texture:
@@ -82,53 +73,53 @@ def orm(roughness: Values, metallic: float | Values = 1.0, occlusion: float | Va
     return Texture(pixels=pixels.astype(np.uint8), srgb=False)
 
 
-def chain_link(meshes: int, wire: float, size: int = SIZE) -> Values:
+def chain_link(meshes: int, wire: float) -> Values:
     """Return the opacity of `meshes` x `meshes` diamonds of wire, `wire` of a diamond thick."""
-    y, x = (np.mgrid[:size, :size] + 0.5) / size * meshes
+    y, x = (np.mgrid[:SIZE, :SIZE] + 0.5) / SIZE * meshes
     near = np.minimum(np.abs((x + y) % 1.0 - 0.5), np.abs((x - y) % 1.0 - 0.5))
-    return np.asarray(np.clip(0.5 + (wire / 2.0 - near) * size / meshes / 2.0, 0.0, 1.0))
+    return np.asarray(np.clip(0.5 + (wire / 2.0 - near) * SIZE / meshes / 2.0, 0.0, 1.0))
 
 
-def bars(across: int, down: int, width: float, size: int = SIZE) -> Values:
+def bars(across: int, down: int, width: float) -> Values:
     """Return the opacity of a grille of crossing bars, each `width` of its cell."""
-    y, x = (np.mgrid[:size, :size] + 0.5) / size
+    y, x = (np.mgrid[:SIZE, :SIZE] + 0.5) / SIZE
     fields = [
-        np.clip(0.5 + (width / 2.0 - np.abs(axis * count % 1.0 - 0.5)) * size / count, 0.0, 1.0)
+        np.clip(0.5 + (width / 2.0 - np.abs(axis * count % 1.0 - 0.5)) * SIZE / count, 0.0, 1.0)
         for axis, count in ((x, across), (y, down))
         if count
     ]
     return np.asarray(np.max(fields, axis=0))
 
 
-def leaves(rng: Rng, count: int, slim: float, size: int = SIZE) -> tuple[Values, Values]:
+def leaves(rng: Rng, count: int, slim: float) -> tuple[Values, Values]:
     """Return opacity and tone of `count` leaves around the middle, `slim` times as long as wide."""
-    y, x = (np.mgrid[:size, :size] + 0.5) / size - 0.5
-    opacity, tone = np.zeros((size, size)), np.zeros((size, size))
+    y, x = (np.mgrid[:SIZE, :SIZE] + 0.5) / SIZE - 0.5
+    opacity, tone = np.zeros((SIZE, SIZE)), np.zeros((SIZE, SIZE))
     for index in range(count):
         angle = 2.0 * np.pi * (index + rng.uniform(-0.3, 0.3)) / count
         along = x * np.cos(angle) + y * np.sin(angle)
         across = np.abs(y * np.cos(angle) - x * np.sin(angle))
         t = np.clip((along - 0.04) / rng.uniform(0.32, 0.44), 0.0, 1.0)
         width = np.sin(np.pi * np.sqrt(t)) * 0.4 / slim
-        inside = np.clip(0.5 + (width - across) * size / 2.0, 0.0, 1.0) * (t > 0.0)
+        inside = np.clip(0.5 + (width - across) * SIZE / 2.0, 0.0, 1.0) * (t > 0.0)
         vein = 0.25 * (across < 0.006)
         tone = np.where(inside > 0.5, rng.uniform(0.3, 1.0) - vein, tone)
         opacity = np.maximum(opacity, inside)
     return opacity, tone
 
 
-def poster_image(rng: Rng, size: int = SIZE) -> Texture:
+def poster_image(rng: Rng) -> Texture:
     """Return a poster: a ground, bold shapes, and lines of fine marks like print."""
-    y, x = (np.mgrid[:size, :size] + 0.5) / size
-    image = np.broadcast_to(np.array(color(rng, 0.5, 0.8)), (size, size, 3)).copy()
+    y, x = (np.mgrid[:SIZE, :SIZE] + 0.5) / SIZE
+    image = np.broadcast_to(np.array(color(rng, 0.5, 0.8)), (SIZE, SIZE, 3)).copy()
     for _ in range(int(rng.integers(3, 7))):
         cx, cy, extent = rng.uniform(0.1, 0.9), rng.uniform(0.1, 0.9), rng.uniform(0.08, 0.35)
         round_one = np.hypot(x - cx, y - cy) < extent
         square = np.maximum(np.abs(x - cx), 2.0 * np.abs(y - cy)) < extent
         image[round_one if rng.random() < 0.5 else square] = color(rng, 0.8, rng.uniform(0.2, 1.0))
     ink = color(rng, 0.3, 0.15 if image.mean() > 0.4 else 0.95)
-    letters = rng.random((size // 8, size // 4)).repeat(8, 0).repeat(4, 1) < 0.6
-    lines = (y * size % 16 > 5) & (y > 0.72) & (y < 0.94) & (x > 0.1) & (x < 0.9)
+    letters = rng.random((SIZE // 8, SIZE // 4)).repeat(8, 0).repeat(4, 1) < 0.6
+    lines = (y * SIZE % 16 > 5) & (y > 0.72) & (y < 0.94) & (x > 0.1) & (x < 0.9)
     image[letters & lines] = ink
     return Texture(pixels=(255.0 * image + 0.5).astype(np.uint8))
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from supersampler_model.data.values import Matrix
+from supersampler_model.data.values import Matrix, Values
 
 
 def placed(
@@ -26,7 +26,7 @@ def turned_by(axis: int, angle: float) -> Matrix:
     return matrix
 
 
-def facing(position: Sequence[float], heading: Sequence[float]) -> Matrix:
+def facing(position: Sequence[float] | Values, heading: Sequence[float] | Values) -> Matrix:
     """Return the pose at `position` with its local +z along the level part of `heading`."""
     yaw = float(np.arctan2(heading[0], heading[2]))
     return placed(float(position[0]), float(position[1]), float(position[2]), yaw=yaw)

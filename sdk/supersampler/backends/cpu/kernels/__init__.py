@@ -1,4 +1,4 @@
-"""Kernels and device functions that several methods share, in the part of Python that numba compiles.
+"""Kernels and device functions that several methods use, in the subset of Python that numba compiles.
 
-No function here is called from Python: `kernel_loader` compiles and calls them.
+`kernel_loader` compiles them; Python never calls them directly.
 """

@@ -1,4 +1,4 @@
-"""Device functions for colours, one vector per channel; twins of `supersampler_model.ops.color`."""
+"""Device functions for colours, a vector per channel; twins of `supersampler_model.ops.color`."""
 
 from typing import Any
 
@@ -20,13 +20,13 @@ from supersampler.backends.cpu.simd.vector import (
 MAX_HALF = 65504.0
 DARKNESS = 1e-12
 GLARING = 1024.0 / 1025.0
-"""Least toned value that counts as glare; see `supersampler_model.ops.color`, also for the next two."""
+"""Smallest toned value that counts as glare; `supersampler_model.ops.color` explains all three."""
 GLARE, CONFIRMED = 4.0, 3.0
 
 
 @device_function
 def usable(r: Any, g: Any, b: Any) -> Any:
-    """Return where every channel is a number in [0, 65504]."""
+    """Return where every channel is in [0, MAX_HALF]."""
     low = (r >= 0.0) & (g >= 0.0) & (b >= 0.0)
     return low & (r <= MAX_HALF) & (g <= MAX_HALF) & (b <= MAX_HALF)
 
@@ -40,7 +40,7 @@ def without_glare(values: Any) -> Any:
 
 @device_function
 def sanitize(c: Any) -> Any:
-    """Replace what is not a number in [0, 65504] by 0."""
+    """Replace values outside [0, MAX_HALF], and NaN, by 0."""
     return select((c >= 0.0) & (c <= MAX_HALF), c, 0.0)
 
 
@@ -78,7 +78,7 @@ def luminance(r: Any, g: Any, b: Any) -> Any:
 
 @device_function
 def root(c: Any) -> Any:
-    """Return the square root with bounded slope."""
+    """Return the square root, with a bounded slope at 0."""
     return square_root(maximum(c, 1e-6))
 
 
@@ -86,6 +86,31 @@ def root(c: Any) -> Any:
 def clamped(c: Any, low: float, high: float) -> Any:
     """Clamp to [low, high]."""
     return minimum(maximum(c, low), high)
+
+
+@device_function
+def scaled3(color: Any, scale: Any) -> Any:
+    """Multiply three channels by a scale."""
+    return color[0] * scale, color[1] * scale, color[2] * scale
+
+
+@device_function
+def select3(mask: Any, first: Any, second: Any) -> Any:
+    """Return three channels of `first` where the mask is set, else of `second`."""
+    a, b = first, second
+    return select(mask, a[0], b[0]), select(mask, a[1], b[1]), select(mask, a[2], b[2])
+
+
+@device_function
+def lerp(a: Any, b: Any, weight: Any) -> Any:
+    """Return `a` where the weight is 0, `b` where it is 1."""
+    return a + weight * (b - a)
+
+
+@device_function
+def lerp3(a: Any, b: Any, weight: Any) -> Any:
+    """Interpolate three channels; see `lerp`."""
+    return lerp(a[0], b[0], weight), lerp(a[1], b[1], weight), lerp(a[2], b[2], weight)
 
 
 @device_function

@@ -1,4 +1,4 @@
-"""Reprojection: device functions that resample the history at previous positions."""
+"""Device functions that reproject: they resample the history at the previous positions of pixels."""
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from supersampler.backends.cpu.simd.vector import (
 
 @device_function
 def cubic(t, sharpness):
-    """Return the weights of four samples around a position; t: from the second sample, [0, 1)."""
+    """Return the weights of four samples of a cubic; t: distance from the second sample, [0, 1)."""
     s = 1.0 - t
     before, after = t * s * s * -sharpness, s * t * t * -sharpness
     second = ((t * (sharpness - 2.0) + (3.0 - 2.0 * sharpness)) * t + sharpness) * t
@@ -30,9 +30,10 @@ def cubic(t, sharpness):
 
 @device_function
 def store_offsets(position, first, last, count, pitch, offsets, slot):
-    """Store the offsets of the samples floor(position) + first to + last, clamped; return the fraction.
+    """Store the offsets of samples floor(position) + first to floor(position) + last; return the fraction.
 
-    count: samples of the axis; pitch: values from sample to sample; slot: the first of sixteen offsets.
+    count: samples of the axis, which bound the offsets; pitch: values from sample to sample; slot: index of
+    the first sixteen offsets.
     """
     whole = floor(position)
     i = to_int(whole)
@@ -44,11 +45,10 @@ def store_offsets(position, first, last, count, pitch, offsets, slot):
 
 @device_function
 def prepare_warp(px, py, width, height, pitch, sharpness, offsets, weights):
-    """Write the offsets and weights of sixteen pixels' warps, in slots of sixteen.
+    """Store the offsets and weights with which sixteen pixels resample the history.
 
-    px, py: previous positions; pitch: values per pixel; offsets (8, 16): of four columns,
-    then four rows; weights (10, 16): of a bicubic filter without corners, columns then rows; then the
-    fractions for a linear one.
+    px, py: previous positions; pitch: values per pixel; offsets (8, 16): four columns, then four rows;
+    weights (10, 16): of a bicubic filter without corners, columns then rows; then fractions for a linear one.
     """
     tx = store_offsets(px, -1, 2, width, pitch, offsets, 0)
     ty = store_offsets(py, -1, 2, height, pitch * width, offsets, 4)
@@ -62,14 +62,14 @@ def prepare_warp(px, py, width, height, pitch, sharpness, offsets, weights):
 
 @device_function
 def prepare_own_warp(px, py, width, height, pitch, offsets, weights):
-    """Write the same for linear warps by the pixels' own motion, after the slots of `prepare_warp`."""
+    """Store the same for linear filters at the positions of the pixels' own motion, after `prepare_warp`."""
     store(weights, 160, store_offsets(px, 0, 1, width, pitch, offsets, 8))
     store(weights, 176, store_offsets(py, 0, 1, height, pitch * width, offsets, 10))
 
 
 @device_function
 def cubic4(h, offsets, weights, i):
-    """Return four values of the pixel `i`, bicubic without corners."""
+    """Resample four values for pixel `i` with the bicubic filter."""
     a, b, c, d = offsets[i], offsets[16 + i], offsets[32 + i], offsets[48 + i]
     j, k, m, n = offsets[64 + i], offsets[80 + i], offsets[96 + i], offsets[112 + i]
     x0, x1, x2, x3 = weights[i], weights[16 + i], weights[32 + i], weights[48 + i]
@@ -83,7 +83,7 @@ def cubic4(h, offsets, weights, i):
 
 @device_function
 def linear4(h, a, b, c, d, t, u):
-    """Interpolate four values between four offsets: upper left and right, lower left and right."""
+    """Interpolate four values linearly between offsets: upper left and right, lower left and right."""
     one = np.float32(1.0)
     upper = load4(h, a) * (one - t) + load4(h, b) * t
     lower = load4(h, c) * (one - t) + load4(h, d) * t
@@ -92,13 +92,13 @@ def linear4(h, a, b, c, d, t, u):
 
 @device_function
 def warp(history, offsets, weights, same_motion, out):
-    """Resample sixteen pixels to (16, 16): eight values linear; color bicubic; color by own motion.
+    """Resample sixteen pixels to (16, 16): eight values linear; four bicubic; four by their own motion.
 
-    history (H, W, 8). same_motion: the own motion is the dilated motion; the last four are then bicubic, too.
+    history (H, W, 8). The last four are linear, or bicubic where `same_motion`: own equals dilated motion.
     """
     h = history
     one = np.float32(1.0)
-    after = offsets[63] + offsets[127] + 8 * 16  # lower right of the sixteen pixels after the next
+    after = offsets[63] + offsets[127] + 8 * 16  # lower right samples of the pixels that follow in two steps
     for i in range(16):
         prefetch(h, after + 8 * i)
         a, b, c, d = offsets[i], offsets[16 + i], offsets[32 + i], offsets[48 + i]
@@ -136,7 +136,7 @@ def warp5(history, offsets, weights, out):
 
 @device_function
 def on_screen(px, py, width, height):
-    """Return whether a previous position is on screen."""
+    """Return where previous positions are on screen."""
     return (px > -0.5) & (px < width - 0.5) & (py > -0.5) & (py < height - 0.5)
 
 
@@ -147,18 +147,17 @@ def previous_position(lane, y, mx, my, width, height):
 
 
 @device_function
-def linear_taps(x, y, w, h, wide, places):
-    """Store the offsets of the four samples around positions of the previous frame; return their weights.
+def linear_taps(x, y, w, h, padded_width, places):
+    """Store the offsets of samples around positions in the previous frame; return the weights of all four.
 
-    places (2, 16): offsets of the upper and the lower left sample, in a plane of rows of PAD, w and at least
-    PAD samples, `wide` from row to row; the padding repeats the border.
+    places (2, 16): the upper left and the lower left sample in a plane with rows of `padded_width` samples.
     """
     fx, fy = floor(x), floor(y)
     tx, ty = x - fx, y - fy
     left = minimum(maximum(to_int(fx), np.int32(1 - PAD)), np.int32(w + PAD - 2)) + np.int32(PAD)
     top = to_int(fy)
-    upper = minimum(maximum(top, np.int32(0)), np.int32(h - 1)) * np.int32(wide)
-    lower = minimum(maximum(top + np.int32(1), np.int32(0)), np.int32(h - 1)) * np.int32(wide)
+    upper = minimum(maximum(top, np.int32(0)), np.int32(h - 1)) * np.int32(padded_width)
+    lower = minimum(maximum(top + np.int32(1), np.int32(0)), np.int32(h - 1)) * np.int32(padded_width)
     store(places, 0, upper + left)
     store(places, 16, lower + left)
     sx, sy = 1.0 - tx, 1.0 - ty
@@ -167,7 +166,7 @@ def linear_taps(x, y, w, h, wide, places):
 
 @device_function
 def disocclusion(depth, weights, depths_before, margin, ramp):
-    """Return the weight of those of four previous samples that were closer than `depth`, [0, 1]."""
+    """Return the weight, [0, 1], of the previous samples that were closer than `depth`."""
     occluded = depth * 0.0
     for depth_before, weight in zip(depths_before, weights):  # noqa: B905  # numba has no strict
         closer = (depth_before - depth) / maximum(maximum(depth_before, depth), 1e-12)

@@ -1,4 +1,4 @@
-"""Vectors of sixteen lanes as numba intrinsics: LLVM vector types and the instructions of each processor.
+"""SIMD vectors for kernels, as numba intrinsics on LLVM's vector types.
 
-Only kernels and device functions use them.
+Kernels and device functions use them; Python never calls them.
 """

@@ -3,4 +3,4 @@
 from numba import njit
 
 device_function = njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, no_rewrites=True)
-"""Leaves out the wrappers and passes that only Python needs: a third of the compile time."""
+"""Without the wrappers and passes that only calls from Python need: a third of the compile time."""

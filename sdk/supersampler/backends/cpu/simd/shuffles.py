@@ -1,7 +1,7 @@
-"""Lanes in other places: vectors of pixels to vectors of channels and back, by perfect shuffles.
+"""Shuffles of lanes, which transpose interleaved pixels to a vector per channel and back.
 
-A round of `low_zip` and `high_zip` over the halves of n vectors moves the highest bit of a value's place, the
-one that tells vectors apart, to the lowest; a few rounds turn rows into columns.
+They use perfect shuffles: a round of `low_zip` and `high_zip` on the two halves of n vectors rotates the bits
+of each value's position (vector number, then lane) by one; several rounds transpose.
 """
 
 from collections.abc import Callable
@@ -10,10 +10,9 @@ from typing import Any
 from llvmlite import ir
 from numba.extending import intrinsic
 
+from supersampler.backends.cpu.isa import lane_indices
 from supersampler.backends.cpu.simd.device_function import device_function
 from supersampler.backends.cpu.simd.vector import Vector, load4, load16
-
-_I32 = ir.IntType(32)
 
 
 def _shuffler(order: Callable[[int], list[int]]) -> Callable[..., Any]:
@@ -22,39 +21,39 @@ def _shuffler(order: Callable[[int], list[int]]) -> Callable[..., Any]:
         vector = Vector(first.kind, len(lanes))
 
         def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
-            return builder.shuffle_vector(*args, ir.Constant(ir.VectorType(_I32, len(lanes)), lanes))
+            return builder.shuffle_vector(*args, lane_indices(lanes))
 
         return vector(first, second), make
 
     return intrinsic(shuffle)
 
 
-def _halver() -> Callable[..., Any]:
-    def low_half(_: Any, whole: Any) -> Any:
-        """The first half of the lanes."""
-        vector = Vector(whole.kind, whole.lanes // 2)
+@intrinsic
+def low_half(_: Any, whole: Any) -> Any:
+    """Return the first half of the lanes."""
+    vector = Vector(whole.kind, whole.lanes // 2)
 
-        def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
-            lanes = ir.Constant(ir.VectorType(_I32, vector.lanes), list(range(vector.lanes)))
-            return builder.shuffle_vector(args[0], ir.Constant(whole.llvm, ir.Undefined), lanes)
+    def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
+        undefined = ir.Constant(whole.llvm, ir.Undefined)
+        return builder.shuffle_vector(args[0], undefined, lane_indices(range(vector.lanes)))
 
-        return vector(whole), make
-
-    return intrinsic(low_half)
+    return vector(whole), make
 
 
-joined = _shuffler(lambda n: list(range(2 * n)))  # the lanes of both, one after the other
-low_half = _halver()
-zipped = _shuffler(lambda n: [i // 2 + n * (i % 2) for i in range(2 * n)])  # in turns
-evens = _shuffler(lambda n: list(range(0, 2 * n, 2)))  # of both
+joined = _shuffler(lambda n: list(range(2 * n)))  # concatenates two vectors
+zipped = _shuffler(
+    lambda n: [i // 2 + n * (i % 2) for i in range(2 * n)]
+)  # alternates the lanes of two vectors
+evens = _shuffler(lambda n: list(range(0, 2 * n, 2)))  # even lanes of both vectors
 odds = _shuffler(lambda n: list(range(1, 2 * n, 2)))
-low_zip = _shuffler(lambda n: [i // 2 + n * (i % 2) for i in range(n)])  # halves of `zipped`
+low_zip = _shuffler(lambda n: [i // 2 + n * (i % 2) for i in range(n)])  # first half of `zipped`
 high_zip = _shuffler(lambda n: [n // 2 + i // 2 + n * (i % 2) for i in range(n)])
 shifted_in = _shuffler(
     lambda n: list(range(n - 1, 2 * n - 1))
-)  # the last lane of one, then all but the other's last
-shifted_out = _shuffler(lambda n: list(range(1, n + 1)))  # all but the first of one, then the other's first
-_fours = _shuffler(lambda n: [0] * n + [1] * n + [2] * (2 * n))  # the first lanes of one, several times each
+)  # last lane of one, then the other's without its last
+shifted_out = _shuffler(
+    lambda n: list(range(1, n + 1))
+)  # one's lanes without its first, then the other's first
 
 
 def _thirds(part: int) -> Callable[..., Any]:
@@ -63,7 +62,7 @@ def _thirds(part: int) -> Callable[..., Any]:
 
         def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
             def mixed(one: ir.Value, other: ir.Value, lanes: list[int]) -> ir.Value:
-                return builder.shuffle_vector(one, other, ir.Constant(ir.VectorType(_I32, len(lanes)), lanes))
+                return builder.shuffle_vector(one, other, lane_indices(lanes))
 
             lanes = [divmod(i, 3) for i in range(part * n, part * n + n)]  # lane, and of which vector
             pairs = mixed(args[0], args[1], [lane + n * (which == 1) for lane, which in lanes])
@@ -76,12 +75,12 @@ def _thirds(part: int) -> Callable[..., Any]:
 
 
 first_third, second_third, last_third = _thirds(0), _thirds(1), _thirds(2)
-"""Parts of three vectors in turns: a lane of each, then the next."""
+"""Thirds of three interleaved vectors: lane 0 of each, then lane 1 of each, ..."""
 
 
 @device_function
 def transposed(rows: Any) -> Any:
-    """Sixteen vectors of sixteen lanes, rows to columns; four rounds of a perfect shuffle."""
+    """Transpose sixteen vectors of sixteen lanes."""
     for _ in range(4):
         a, b, c, d, e, f, g, h, i, j, k, z, m, n, o, p = rows
         rows = (
@@ -95,7 +94,7 @@ def transposed(rows: Any) -> Any:
 
 @device_function
 def load_columns(pointer: Any, index: int) -> Any:
-    """Sixteen pixels of sixteen channels each, as sixteen vectors of a channel each."""
+    """Load sixteen pixels of sixteen channels as a vector per channel."""
     p = pointer
     return transposed((
         load16(p, index), load16(p, index + 16), load16(p, index + 32), load16(p, index + 48),
@@ -107,7 +106,7 @@ def load_columns(pointer: Any, index: int) -> Any:
 
 @device_function
 def shuffled8(rows: Any, rounds: int) -> Any:
-    """Eight vectors, some rounds on."""
+    """Apply rounds of the perfect shuffle to eight vectors."""
     for _ in range(rounds):
         a, b, c, d, e, f, g, h = rows
         rows = (
@@ -119,7 +118,7 @@ def shuffled8(rows: Any, rounds: int) -> Any:
 
 @device_function
 def shuffled4(rows: Any, rounds: int) -> Any:
-    """Four vectors, some rounds on."""
+    """Apply rounds of the perfect shuffle to four vectors."""
     for _ in range(rounds):
         a, b, c, d = rows
         rows = low_zip(a, c), high_zip(a, c), low_zip(b, d), high_zip(b, d)
@@ -128,7 +127,7 @@ def shuffled4(rows: Any, rounds: int) -> Any:
 
 @device_function
 def load_columns8(pointer: Any, index: int) -> Any:
-    """Sixteen pixels of eight channels each, as eight vectors of a channel each."""
+    """Load sixteen pixels of eight channels as a vector per channel."""
     p = pointer
     rows = (
         load16(p, index), load16(p, index + 16), load16(p, index + 32), load16(p, index + 48),
@@ -139,20 +138,20 @@ def load_columns8(pointer: Any, index: int) -> Any:
 
 @device_function
 def columns4(rows: Any) -> Any:
-    """Four vectors of four pixels of four channels each, as four vectors of a channel each."""
+    """Convert four vectors of four pixels to a vector per channel."""
     return shuffled4(rows, 4)
 
 
 @device_function
 def load_columns4(pointer: Any, index: int) -> Any:
-    """Sixteen pixels of four channels each, as four vectors of a channel each."""
+    """Load sixteen pixels of four channels as a vector per channel."""
     p = pointer
     return columns4((load16(p, index), load16(p, index + 16), load16(p, index + 32), load16(p, index + 48)))
 
 
 @device_function
 def four_places(pointer: Any, places: Any, first: int, pitch: int, offset: int) -> Any:
-    """Four values each of four places."""
+    """Load four values at each of four places; see `gather4`."""
     p, i, o = pointer, first, offset
     upper = joined(load4(p, pitch * places[i] + o), load4(p, pitch * places[i + 1] + o))
     return joined(upper, joined(load4(p, pitch * places[i + 2] + o), load4(p, pitch * places[i + 3] + o)))
@@ -160,7 +159,7 @@ def four_places(pointer: Any, places: Any, first: int, pitch: int, offset: int) 
 
 @device_function
 def gather4(pointer: Any, places: Any, first: int, pitch: int, offset: int) -> Any:
-    """Four values each of sixteen places, from pitch * place + offset on, as four vectors."""
+    """Load four values from pitch * place + offset on, for sixteen places, as four vectors."""
     a = four_places(pointer, places, first, pitch, offset)
     b = four_places(pointer, places, first + 4, pitch, offset)
     c = four_places(pointer, places, first + 8, pitch, offset)
@@ -169,11 +168,11 @@ def gather4(pointer: Any, places: Any, first: int, pitch: int, offset: int) -> A
 
 @device_function
 def rows4(columns: Any) -> Any:
-    """Four vectors of a channel each as four vectors of four pixels each."""
+    """Convert a vector per channel to four vectors of four interleaved pixels."""
     return shuffled4(columns, 2)
 
 
 @device_function
 def rows8(columns: Any) -> Any:
-    """Eight vectors of a channel each as sixteen pixels of eight channels each."""
+    """Convert a vector per channel to sixteen interleaved pixels of eight channels."""
     return shuffled8(columns, 3)

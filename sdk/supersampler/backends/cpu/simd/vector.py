@@ -1,15 +1,14 @@
-"""Vectors of several lanes for kernels that numba compiles.
+"""The type `Vector` for kernels: its operators, loads, stores and lane-wise functions.
 
-numba has scalars and arrays, and LLVM does not find the vectors of a warp by itself: reading a pixel's eight
-channels at once makes one three times as fast. Here a vector is a value like a float: operators act on all
-lanes, a float beside one is spread over them. LLVM splits what is wider than the machine's registers.
+numba has only scalars and arrays, and LLVM does not vectorize loops such as a warp's by itself: loading a
+pixel's eight channels at once makes it three times as fast. A vector is a value like a float. Operators act
+on all lanes, and a scalar operand is broadcast. LLVM splits vectors that are wider than the registers.
 
-Kernels read and write through pointers (`load`, `store`); nothing is checked there. None of it is called from
-Python: each function exists in compiled code alone.
+Loads and stores take pointers and do not check bounds. The functions exist only in compiled code.
 """
 
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from llvmlite import ir
@@ -18,28 +17,33 @@ from numba.core.errors import RequireLiteralValue
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, models, register_model
 
-from supersampler.backends.cpu.isa import add_products, pick
+from supersampler.backends.cpu import isa
 
-_FAST = ("contract", "nsz")  # a * b + c may be one operation; nothing else is reordered
+_FAST = ("contract", "nsz")  # a * b + c may become one instruction; no other reordering
 _I32, _I1, _F32 = ir.IntType(32), ir.IntType(1), ir.FloatType()
 _KINDS = {"f32": _F32, "i32": _I32, "mask": _I1}
 
 
-class Vector(types.Type):  # numba has no types
-    """`lanes` values of a kind: f32, i32, or mask, which comparisons give."""
+class Vector(types.Type):  # numba is not typed
+    """A vector of f32, i32, or mask lanes; comparisons return masks."""
 
     def __init__(self, kind: str, lanes: int) -> None:
         self.kind, self.lanes = kind, lanes
         super().__init__(f"{kind}x{lanes}")
 
     def of(self, kind: str) -> "Vector":
-        """The same lanes of another kind."""
+        """Return the type with as many lanes of another kind."""
         return Vector(kind, self.lanes)
 
     @property
     def llvm(self) -> ir.VectorType:
         """The type in LLVM."""
         return ir.VectorType(_KINDS[self.kind], self.lanes)
+
+    def operands(self, *operands: types.Type) -> list[types.Type]:
+        """Return the types of operands, of which scalars are converted to the type of a lane."""
+        scalar = types.float32 if self.kind == "f32" else types.int32
+        return [t if isinstance(t, Vector) else scalar for t in operands]
 
 
 @register_model(Vector)
@@ -48,21 +52,29 @@ class _VectorModel(models.PrimitiveModel):
         super().__init__(manager, vector, vector.llvm)
 
 
-def _spread(builder: ir.IRBuilder, scalar: ir.Value, vector: ir.VectorType) -> ir.Value:
+def _broadcast(builder: ir.IRBuilder, scalar: ir.Value, vector: ir.VectorType) -> ir.Value:
     undefined = ir.Constant(vector, ir.Undefined)
     first = builder.insert_element(undefined, scalar, ir.Constant(_I32, 0))
-    lanes = ir.Constant(ir.VectorType(_I32, vector.count), [0] * vector.count)
-    return builder.shuffle_vector(first, undefined, lanes)
+    return builder.shuffle_vector(first, undefined, isa.lane_indices([0] * vector.count))
+
+
+def _broadcast_scalars(
+    builder: ir.IRBuilder, values: Sequence[ir.Value], operands: Sequence[types.Type], vector: Vector
+) -> list[ir.Value]:
+    return [
+        value if isinstance(operand, Vector) else _broadcast(builder, value, vector.llvm)
+        for value, operand in zip(values, operands, strict=True)
+    ]
 
 
 # Operators
 
 
 def _operator(symbol: Callable[..., Any], instructions: dict[str, str], *, compares: bool = False) -> None:
-    """Define `symbol` on vectors: `instructions` names LLVM's for each kind."""
+    """Define an operator on vectors by LLVM's instruction for each kind."""
 
     @infer_global(symbol)
-    class _Typing(AbstractTemplate):  # numba finds it by its decorator
+    class _Typing(AbstractTemplate):  # registered by the decorator
         def generic(self, args: tuple[types.Type, ...], kws: dict[str, Any]) -> Any:
             vectors = [a for a in args if isinstance(a, Vector)]
             if kws or not vectors or any(v != vectors[0] for v in vectors):
@@ -70,14 +82,11 @@ def _operator(symbol: Callable[..., Any], instructions: dict[str, str], *, compa
             vector = vectors[0]
             if vector.kind not in instructions:
                 return None
-            scalar = types.float32 if vector.kind == "f32" else types.int32
-            found = [a if isinstance(a, Vector) else scalar for a in args]
-            return signature(vector.of("mask") if compares else vector, *found)
+            return signature(vector.of("mask") if compares else vector, *vector.operands(*args))
 
     def lower(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
         vector = next(a for a in sig.args if isinstance(a, Vector))
-        pairs = zip(args, sig.args, strict=True)
-        values = [a if isinstance(t, Vector) else _spread(builder, a, vector.llvm) for a, t in pairs]
+        values = _broadcast_scalars(builder, args, sig.args, vector)
         instruction = instructions[vector.kind]
         if compares:
             ordered = builder.fcmp_ordered if vector.kind == "f32" else builder.icmp_signed
@@ -111,7 +120,7 @@ def _place(builder: ir.IRBuilder, pointer: ir.Value, index: ir.Value, kind: ir.T
 
 def _loader(lanes: int) -> Callable[..., Any]:
     def load(_: Any, pointer: Any, index: Any) -> Any:
-        """Read `lanes` values from `index` on: int32 and bytes as i32, float32 and half floats as f32."""
+        """Load consecutive values from `index` on: int32 and bytes as i32, float32 and half floats as f32."""
         element = pointer.dtype
         vector = Vector("i32" if element in (types.int32, types.uint8) else "f32", lanes)
 
@@ -134,7 +143,7 @@ load16, load8, load4 = _loader(16), _loader(8), _loader(4)
 
 @intrinsic
 def store(_: Any, pointer: Any, index: Any, vector: Any) -> Any:
-    """Write all lanes from `index` on, as what the pointer points to; i32 must fit into bytes."""
+    """Store all lanes from `index` on, converted to the pointer's type; i32 must fit into bytes."""
     element = pointer.dtype
 
     def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
@@ -151,9 +160,9 @@ def store(_: Any, pointer: Any, index: Any, vector: Any) -> Any:
 
 @intrinsic
 def stream(_: Any, pointer: Any, index: Any, vector: Any) -> Any:
-    """Like `store`, past the caches: for what is not read again soon, at multiples of the vector's bytes.
+    """Store past the caches, for values that are not read again soon; aligned to the size of the vector.
 
-    Other threads see it once a lock was taken, as when a band of rows is reported done.
+    Other threads see the values after a lock operation, such as those of `ThreadPool`.
     """
     element = pointer.dtype
 
@@ -171,7 +180,7 @@ def stream(_: Any, pointer: Any, index: Any, vector: Any) -> Any:
 
 @intrinsic
 def prefetch(_: Any, pointer: Any, index: Any) -> Any:
-    """Have the line at `index` come to the nearest cache; what is not there does no harm."""
+    """Prefetch the cache line at `index`; invalid addresses are ignored."""
 
     def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
         place = builder.bitcast(builder.gep(args[0], [args[1]]), ir.IntType(8).as_pointer())
@@ -185,7 +194,7 @@ def prefetch(_: Any, pointer: Any, index: Any) -> Any:
 
 @intrinsic
 def gather(_: Any, pointer: Any, index: Any) -> Any:
-    """Read one float32 or int32 for each lane, where the i32 lanes of `index` say; a load for each."""
+    """Load a float32 or int32 for each lane from the i32 lanes of `index`."""
     vector = index.of("i32" if pointer.dtype == types.int32 else "f32")
 
     def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
@@ -199,15 +208,15 @@ def gather(_: Any, pointer: Any, index: Any) -> Any:
     return vector(pointer, index), make
 
 
-# Functions of lanes
+# Lane-wise functions
 
 
 def _elementwise(name: str) -> Callable[..., Any]:
     def apply(_: Any, value: Any) -> Any:
         def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
             kind = ir.FunctionType(value.llvm, [value.llvm])
-            name_of_all = f"llvm.{name}.v{value.lanes}f32"
-            function = cgutils.get_or_insert_function(builder.module, kind, name_of_all)
+            full_name = f"llvm.{name}.v{value.lanes}f32"
+            function = cgutils.get_or_insert_function(builder.module, kind, full_name)
             return builder.call(function, args)
 
         return value(value), make
@@ -220,17 +229,15 @@ square_root, floor, absolute = (_elementwise(name) for name in ("sqrt", "floor",
 
 def _chooser(sign: str) -> Callable[..., Any]:
     def choose(_: Any, first: Any, second: Any) -> Any:
-        """The second where either is NaN."""
+        """Return the minimum or maximum of two vectors; the second where either is NaN."""
         vector = first if isinstance(first, Vector) else second
 
         def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
-            pairs = zip(args, sig.args, strict=True)
-            a, b = (v if isinstance(t, Vector) else _spread(builder, v, vector.llvm) for v, t in pairs)
+            a, b = _broadcast_scalars(builder, args, sig.args, vector)
             ordered = builder.fcmp_ordered if vector.kind == "f32" else builder.icmp_signed
             return builder.select(ordered(sign, a, b), a, b)
 
-        scalar = types.float32 if vector.kind == "f32" else types.int32
-        return vector(*(t if isinstance(t, Vector) else scalar for t in (first, second))), make
+        return vector(*vector.operands(first, second)), make
 
     return intrinsic(choose)
 
@@ -240,17 +247,13 @@ minimum, maximum = _chooser("<"), _chooser(">")
 
 @intrinsic
 def select(_: Any, mask: Any, first: Any, second: Any) -> Any:
-    """`first` where the mask is set, else `second`."""
+    """Return `first` where the mask is set, else `second`."""
     vector = first if isinstance(first, Vector) else second
 
     def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
-        pairs = zip(args[1:], sig.args[1:], strict=True)
-        a, b = (v if isinstance(t, Vector) else _spread(builder, v, vector.llvm) for v, t in pairs)
-        return builder.select(args[0], a, b)
+        return builder.select(args[0], *_broadcast_scalars(builder, args[1:], sig.args[1:], vector))
 
-    scalar = types.float32 if vector.kind == "f32" else types.int32
-    found = [t if isinstance(t, Vector) else scalar for t in (first, second)]
-    return vector(mask, *found), make
+    return vector(mask, *vector.operands(first, second)), make
 
 
 def _converter(kind: str, instruction: str) -> Callable[..., Any]:
@@ -265,7 +268,7 @@ def _converter(kind: str, instruction: str) -> Callable[..., Any]:
     return intrinsic(convert)
 
 
-to_int = _converter("i32", "fptosi")  # towards zero; of what fits
+to_int = _converter("i32", "fptosi")  # towards zero; values must fit
 to_float = _converter("f32", "sitofp")
 bits_of = _converter("i32", "bitcast")
 float_of = _converter("f32", "bitcast")
@@ -273,48 +276,45 @@ float_of = _converter("f32", "bitcast")
 
 @intrinsic
 def dot4(_: Any, total: Any, bytes_: Any, signed: Any) -> Any:
-    """Add to each of sixteen i32 lanes four products of unsigned with signed bytes, exactly."""
+    """Add the four products of unsigned and signed bytes in each of sixteen i32 lanes, exactly."""
 
     def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
-        return add_products(builder, *args)
+        return isa.add_products(builder, *args)
 
     return total(total, bytes_, signed), make
 
 
 @intrinsic
-def picked(_: Any, pointer: Any, at: Any, step: Any, index: Any) -> Any:
-    """Read sixteen float32: the first eight where their `index`, i32 lanes of 0 to 7, says, from `at` on.
-
-    The others from `at + step` on; `step` is at most 8.
-    """
+def gather_nearby(_: Any, pointer: Any, at: Any, step: Any, index: Any) -> Any:
+    """Load sixteen float32 from two runs of eight; see `isa.gather_nearby`."""
 
     def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
-        return pick(builder, *args)
+        return isa.gather_nearby(builder, *args)
 
     return index.of("f32")(pointer, types.intp, types.intp, index), make
 
 
 @intrinsic(prefer_literal=True)
 def packed(_: Any, value: Any, first: Any) -> Any:
-    """The bytes of four i32 lanes, from the constant `first` on, as one word."""
+    """Pack four i32 lanes, from the constant `first` on, as the bytes of a word."""
     if not isinstance(first, types.IntegerLiteral):
         raise RequireLiteralValue("first")
-    lanes = [first.literal_value + i for i in range(4)]
+    lanes = range(first.literal_value, first.literal_value + 4)
 
     def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
-        order = ir.Constant(ir.VectorType(_I32, 4), lanes)
-        four = builder.shuffle_vector(args[0], ir.Constant(value.llvm, ir.Undefined), order)
+        undefined = ir.Constant(value.llvm, ir.Undefined)
+        four = builder.shuffle_vector(args[0], undefined, isa.lane_indices(lanes))
         return builder.bitcast(builder.trunc(four, ir.VectorType(ir.IntType(8), 4)), _I32)
 
     return types.int32(value, first), make
 
 
-# Lanes
+# Horizontal operations
 
 
 @intrinsic
 def sum_of_lanes(_: Any, value: Any) -> Any:
-    """The lanes of f32 added up, halves by halves."""
+    """Return the sum of f32 lanes, added pairwise by halves."""
 
     def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
         total, lanes = args[0], value.lanes
@@ -322,8 +322,8 @@ def sum_of_lanes(_: Any, value: Any) -> Any:
             lanes //= 2
             undefined = ir.Constant(total.type, ir.Undefined)
             low, high = (
-                builder.shuffle_vector(total, undefined, ir.Constant(ir.VectorType(_I32, lanes), list(order)))
-                for order in (range(lanes), range(lanes, 2 * lanes))
+                builder.shuffle_vector(total, undefined, isa.lane_indices(half))
+                for half in (range(lanes), range(lanes, 2 * lanes))
             )
             total = builder.fadd(low, high)
         return builder.extract_element(total, ir.Constant(_I32, 0))
@@ -333,7 +333,7 @@ def sum_of_lanes(_: Any, value: Any) -> Any:
 
 @intrinsic
 def all_lanes(_: Any, mask: Any) -> Any:
-    """Whether all lanes of a mask are set, as a bool."""
+    """Return whether all lanes of a mask are set."""
 
     def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
         word = ir.IntType(mask.lanes)
@@ -344,7 +344,7 @@ def all_lanes(_: Any, mask: Any) -> Any:
 
 @intrinsic
 def ramp16(_: Any) -> Any:
-    """0, 1, ... 15 as i32."""
+    """Return 0, 1, ... 15 as i32."""
     vector = Vector("i32", 16)
 
     def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
@@ -355,11 +355,10 @@ def ramp16(_: Any) -> Any:
 
 @intrinsic
 def spread16(_: Any, value: Any) -> Any:
-    """A scalar in all of sixteen lanes."""
+    """Broadcast a scalar to sixteen lanes."""
     vector = Vector("f32" if isinstance(value, types.Float) else "i32", 16)
-    scalar = types.float32 if vector.kind == "f32" else types.int32
 
     def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
-        return _spread(builder, args[0], vector.llvm)
+        return _broadcast(builder, args[0], vector.llvm)
 
-    return vector(scalar), make
+    return vector(*vector.operands(value)), make

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from supersampler.backends.cpu.layout import RECORD_WORDS
+from supersampler.backends.cpu.layout import PIXELS_AT_ONCE, RECORD_WORDS
 from supersampler.backends.cpu.simd.device_function import device_function
-from supersampler.methods.classifier.kernels.network import SIX, clear, depthwise_row, pointwise_row, pool_row
+from supersampler.methods.classifier.kernels.network import clear, depthwise_row, pointwise_row, pool_row
 from supersampler.methods.classifier.kernels.network_inputs import mean_difference_row
 from supersampler.methods.classifier.structs import (
     LayerWeights,
@@ -17,8 +17,8 @@ from supersampler.methods.classifier.structs import (
 
 @device_function
 def repeat_last(records, at, half_width, width):
-    """Repeat the last column of a row of records up to SIX pixels after the row, as far as it is read."""
-    for p in range(half_width, width + SIX):
+    """Repeat the last record of a row PIXELS_AT_ONCE times after the row, as far as it is read."""
+    for p in range(half_width, width + PIXELS_AT_ONCE):
         for k in range(RECORD_WORDS):
             records[at + p * RECORD_WORDS + k] = records[at + (half_width - 1) * RECORD_WORDS + k]
 

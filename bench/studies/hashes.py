@@ -1,9 +1,14 @@
-"""Hashes of images and histories, which show whether two versions compute the same, bit for bit.
+"""Check whether two versions compute the same images and histories, bit for bit, by their hashes.
 
-Hashes depend on the processor's instructions, on ONNX Runtime and on numba, so records are compared on the
-machine that wrote them. Where hashes differ, sketches show by how much: a sketch is the sum of an image's
-values with random signs, so the squared difference of two sketches is on average the squared difference of
-the images, and no image has to be kept.
+    python bench/studies/hashes.py --check bench/results/today/hashes.json     # also: make hashes
+    python bench/studies/hashes.py --json hashes.json
+
+Every shipped model steps through 24 frames at five sizes, in every way that it runs on a CPU. Hashes depend
+on the processor's instructions, on ONNX Runtime and on numba, so compare records of one machine.
+
+A record also has sketches, which estimate how far images are apart although no image is kept. A sketch is the
+sum of an image's values with random signs: the squared difference of two sketches is on average the squared
+difference of the images.
 """
 
 import hashlib
@@ -11,20 +16,24 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from itertools import product
-from typing import Any, cast
+from pathlib import Path
+from typing import Annotated, Any, cast
 
 import numpy as np
+import typer
 from numpy.typing import NDArray
+from rich.console import Console
 
 from supersampler import ArgumentError, Frame, Model, Upscaler
 from supersampler.frame import Float32, Size
 from supersampler.methods.model_file import model_names
 from supersampler.model import ExecutorName, Precision, Skip
-from supersampler_bench.record import Record, machine_name
+from supersampler_bench.cli.options import JSON, counted, listed, publish, say, warn
+from supersampler_bench.record import Record, machine_name, read_record, setting
 from supersampler_bench.timing.speed import frames_of
 
 FRAMES = 24
-"""Of a run."""
+"""Frames of a run."""
 SIZES: tuple[tuple[Size, Size], ...] = (
     ((64, 36), (128, 72)),
     ((53, 31), (106, 62)),
@@ -33,10 +42,10 @@ SIZES: tuple[tuple[Size, Size], ...] = (
     ((123, 67), (187, 103)),
 )
 """Render and display sizes; methods of one ratio have that multiple of the render size instead."""
-MEASURED = (53, 31)
-"""Render size of the frames without exposure: the method measures it."""
+MEASURED_EXPOSURE = (53, 31)
+"""Render size at which frames have no exposure, so that the method measures it."""
 EXTRAPOLATED = tuple(product(("classifier", "extrapolate"), ("guided-warp", "guided-flow")))
-"""Upscalers and the models that extrapolate every second frame for them."""
+"""Pairs of an upscaler and the model that extrapolates every second frame for it."""
 RUNS: tuple[tuple[ExecutorName, Precision, Skip], ...] = (
     ("onnx", "fp32", "exact"),
     ("onnx", "fp16", "exact"),
@@ -44,7 +53,7 @@ RUNS: tuple[tuple[ExecutorName, Precision, Skip], ...] = (
     ("cpu", "auto", "auto"),
 )
 THREADS = 2
-_SIGNS = 8  # sketches of a run
+_SKETCHES = 8  # sketches of a run
 
 
 @dataclass(frozen=True)
@@ -71,8 +80,9 @@ class Hashed:
         render: (width, height) of the frames.
         display: of the images.
         frames: SHA-256 of each image.
-        history: of the tensors that the last frame left, by name.
-        sketches: of all images as one vector, values c / (1 + c), divided by the root of their number.
+        history: SHA-256 of each history tensor after the last frame, by name.
+        sketches: sketches of all images as one vector of values c / (1 + c), divided by the square root of
+            the number of values.
     """
 
     subject: Subject
@@ -84,7 +94,7 @@ class Hashed:
 
     @property
     def name(self) -> str:
-        """Subject and sizes, in words."""
+        """Subject and sizes as text, to find the same run in another record."""
         return f"{self.subject}, {_sizes(self.render, self.display)}"
 
 
@@ -96,7 +106,7 @@ def subjects(methods: Sequence[str] | None = None) -> list[Subject]:
     """Return every way in which the shipped models run on a CPU.
 
     Args:
-        methods: names of models, those with what extrapolates for them included; all where None.
+        methods: names of models; their pairs of `EXTRAPOLATED` are included. None: all shipped models.
 
     Raises:
         ModelError: there is no such model.
@@ -108,7 +118,7 @@ def subjects(methods: Sequence[str] | None = None) -> list[Subject]:
     for (name, extrapolation), (executor, precision, skip) in product(pairs, RUNS):
         try:
             model = _model(name, executor, precision)
-        except ArgumentError:  # the model does not run so
+        except ArgumentError:  # the model has no such executor or precision
             continue
         precision = cast("Precision", model.precision)
         found.append(Subject(name, extrapolation, executor, precision, skip))
@@ -140,13 +150,13 @@ def measure_hashes(
 
 def _hashed(subject: Subject, render: Size, display: Size) -> Hashed:
     upscaler = _upscaler(subject, display)
-    frames, sketches = [], np.zeros(_SIGNS)
+    frames, sketches = [], np.zeros(_SKETCHES)
     for index, frame in enumerate(scene(render, display, subject.skip)):
         unshaded = subject.extrapolation is not None and index % 2 == 1
         image = upscaler.extrapolate(replace(frame, color=None)) if unshaded else upscaler.step(frame)
         frames.append(_sha256(image))
         values = image.ravel().astype(np.float64)
-        sketches += _signs_of_frames()[:, index] * (_signs(values.size) @ (values / (1.0 + values)))
+        sketches += _signs(FRAMES)[:, index] * (_signs(values.size) @ (values / (1.0 + values)))
     sketches /= np.sqrt(FRAMES * values.size)
     history = upscaler.save_state().history or {}
     tensors = {name: _sha256(history[name]) for name in sorted(history) if name.startswith("history.")}
@@ -168,14 +178,15 @@ def _model(method: str, executor: ExecutorName, precision: Precision) -> Model:
 
 @lru_cache(maxsize=8)
 def scene(render: Size, display: Size, skip: Skip = "exact") -> list[Frame]:
-    """Return `FRAMES` frames with all G-buffers: the shipped shot, or what `skip` leaves partly as it is.
+    """Return `FRAMES` frames with all G-buffers: of the shipped shot, or for static-tile reuse.
 
-    That is two frames in turn, of little contrast so that images soon settle, but for a corner that rolls.
+    For static-tile reuse (`skip` other than "exact") two frames alternate, with little contrast so that
+    images soon converge; only one corner changes from frame to frame.
     """
     shot = frames_of(render, 0, FRAMES)
     if skip != "exact":
         shot = [_still(shot[index % 2], index) for index in range(FRAMES)]
-    exposures = (None if render == MEASURED else frame.exposure for frame in shot)
+    exposures = (None if render == MEASURED_EXPOSURE else frame.exposure for frame in shot)
     shaded = (replace(frame, exposure=exposure) for frame, exposure in zip(shot, exposures, strict=True))
     return [_with_gbuffers(frame, display) for frame in shaded]
 
@@ -220,19 +231,15 @@ def _sha256(array: NDArray[Any]) -> str:
 
 @lru_cache(maxsize=4)
 def _signs(count: int) -> NDArray[np.float64]:
-    """(sketches, count) of 1 and -1, the same with every version of numpy."""
-    bits = np.random.PCG64(count).random_raw(_SIGNS * (-(-count // 64))).view(np.uint8)
-    return np.unpackbits(bits).reshape(_SIGNS, -1)[:, :count].astype(np.float64) * 2.0 - 1.0
-
-
-def _signs_of_frames() -> NDArray[np.float64]:
-    return _signs(FRAMES)
+    """Return (_SKETCHES, count) random signs, 1 or -1, the same with every version of numpy."""
+    bits = np.random.PCG64(count).random_raw(_SKETCHES * (-(-count // 64))).view(np.uint8)
+    return np.unpackbits(bits).reshape(_SKETCHES, -1)[:, :count].astype(np.float64) * 2.0 - 1.0
 
 
 def hashes_record(results: Sequence[Hashed]) -> dict[str, Any]:
-    """Return all values, ready for JSON, with hashes of the frames that went in."""
+    """Return all values, ready for JSON, with hashes of the input frames."""
     kinds = sorted({(r.render, r.display, r.subject.skip) for r in results})
-    inputs = {f"{_sizes(*kind[:2])}, skip {kind[2]}": _of_scene(*kind) for kind in kinds}
+    inputs = {f"{_sizes(*kind[:2])}, skip {kind[2]}": _hash_of_scene(*kind) for kind in kinds}
     return {
         "bench": "hashes",
         "frames": FRAMES,
@@ -242,7 +249,7 @@ def hashes_record(results: Sequence[Hashed]) -> dict[str, Any]:
     }
 
 
-def _of_scene(render: Size, display: Size, skip: Skip) -> str:
+def _hash_of_scene(render: Size, display: Size, skip: Skip) -> str:
     whole = hashlib.sha256()
     for frame in scene(render, display, skip):
         arrays = [frame.color, frame.depth, frame.motion]
@@ -254,7 +261,7 @@ def _of_scene(render: Size, display: Size, skip: Skip) -> str:
 
 
 def hashed_of(record: Record) -> list[Hashed]:
-    """Return what `hashes_record` was made of."""
+    """Return the results in a record by `hashes_record`."""
     return [
         Hashed(
             **{
@@ -269,17 +276,17 @@ def hashed_of(record: Record) -> list[Hashed]:
 
 
 def differences(before: Record, after: Record, *, partly: bool = False) -> Iterator[str]:
-    """Say what of `before` is another in `after`, a line for each subject and size.
+    """Yield a line for each subject and size whose images or history differ between two records.
 
     Args:
         before: an earlier record.
         after: a later one.
-        partly: whether subjects may be missing in `after`.
+        partly: whether runs may be missing in `after`.
     """
     new = {result.name: result for result in hashed_of(after)}
     for kind, digest in before["inputs"].items():
         if after["inputs"].get(kind, digest) != digest:
-            yield f"{kind}: the frames that go in are others, so images cannot be the same"
+            yield f"{kind}: the input frames differ, so images cannot be the same"
     for old in hashed_of(before):
         if old.name in new:
             yield from _difference(old, new[old.name])
@@ -297,20 +304,20 @@ def _difference(old: Hashed, new: Hashed) -> Iterator[str]:
             f"root mean square of c / (1 + c) over all images: about {off:.1g}"
         )
     elif tensors:
-        yield f"{old.name}: images are the same, but of the history {', '.join(tensors)}"
+        yield f"{old.name}: images are the same, but these history tensors differ: {', '.join(tensors)}"
 
 
 def other_setting(before: Record, after: Record) -> str:
-    """Say in which ways records are of unlike machines or versions; "" where they are not."""
+    """Return by what machines and versions of two records differ, as a sentence; "" where they do not."""
     pairs = [("machine", machine_name(before), machine_name(after))]
     versions, others = before["versions"], after["versions"]
     pairs += [(name, versions.get(name), others.get(name)) for name in versions if name != "supersampler"]
     unlike = [f"{name} {old}, here {new}" for name, old, new in pairs if old != new]
-    return f"recorded with {'; '.join(unlike)}: hashes may differ for that alone" if unlike else ""
+    return f"recorded with {'; '.join(unlike)}: hashes may differ for that reason alone" if unlike else ""
 
 
 def markdown_table(record: Record) -> str:
-    """Return a table with one hash of all images and histories for each subject."""
+    """Return a table as Markdown, with one hash of all images and histories for each subject."""
     digests: dict[Subject, Any] = {}
     for result in hashed_of(record):
         digest = digests.setdefault(result.subject, hashlib.sha256())
@@ -318,3 +325,42 @@ def markdown_table(record: Record) -> str:
     rows = [f"| {subject} | {digest.hexdigest()[:16]} |" for subject, digest in digests.items()]
     caption = f"{record['frames']} frames at {len(SIZES)} sizes. {machine_name(record)}."
     return "\n".join(["| method | images and history (SHA-256) |", "| --- | --- |", *rows, "", caption])
+
+
+def main(
+    methods: Annotated[
+        str | None, typer.Option(help="Names of shipped models, with commas between.", show_default="all")
+    ] = None,
+    json: JSON = None,
+    check: Annotated[
+        Path | None,
+        typer.Option(metavar="RECORD", help="Compare with this earlier record; fail where anything differs."),
+    ] = None,
+) -> None:
+    """Hash every image and the last history of the shipped models, in every way that they run on a CPU."""
+    before = None if check is None else read_record(check)
+    if before is not None and before["bench"] != "hashes":
+        raise ArgumentError(
+            "--check", got=f"{check}, of `{before['bench']}`", want="a record of this program"
+        )
+    chosen = None if methods is None else listed(methods)
+    hashed = subjects(chosen)
+    with counted("runs", len(SIZES) * len(hashed)) as advance:
+        results = measure_hashes(hashed, SIZES, on_run=advance)
+    record = hashes_record(results)
+    publish(record, {"hashes": markdown_table}, json, None)
+    if before is None:
+        return
+    here = {**record, **setting()}
+    found = list(differences(before, here, partly=chosen is not None))
+    for text in found:
+        Console().print(text, markup=False, soft_wrap=True)
+    say(f"{len(results)} runs: {len(found)} differ from {check}")
+    if found:
+        if unlike := other_setting(before, here):
+            warn(unlike)
+        raise typer.Exit(1)
+
+
+if __name__ == "__main__":
+    typer.run(main)

@@ -1,12 +1,22 @@
-"""Values that got worse from one record of a bench to a later one."""
+"""Show which values got worse from one record of a bench to a later one, worst first.
+
+    python bench/studies/compare_records.py bench/results/quality-plaza.json mine.json --above 0.05
+
+Fails where something got worse.
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
 
 from supersampler.errors import ArgumentError
+from supersampler_bench.cli.options import say
 from supersampler_bench.markdown_table import table
-from supersampler_bench.record import Record
+from supersampler_bench.record import Record, read_record
 
 HIGHER, LOWER = 1.0, -1.0
 OF_BOUND, BROKEN = "share of the bound", "out of bounds"
@@ -19,11 +29,11 @@ DIRECTIONS: Mapping[str, float] = {
     **dict.fromkeys(("multiply_adds", "parameters", "operators"), LOWER),
     **dict.fromkeys((OF_BOUND, BROKEN), LOWER),
 }
-"""By the name of a value, or the first part of it ("psnr" of "psnr_moving"): which way is better."""
+"""Which way is better, by the name of a value or its first part ("psnr" of "psnr_moving")."""
 DECIBELS = ("psnr", "tpsnr")
 IGNORED = ("frames", "all_cropped", "all_full", "warm_full", "classes", "machine", "limits", "stages")
-"""Parts of records that are not compared: single frames, the other three summaries, and no scores."""
-_NO_NAMES = ("moved", "shot_json_sha256", "pixels_sha256", "passed", "error", "bound")
+"""Parts of records that are not compared: single frames, the other three summaries, what is not a score."""
+_NOT_IDENTIFYING = ("moved", "shot_json_sha256", "pixels_sha256", "passed", "error", "bound")
 """Keys that do not identify a row, because their values change from run to run."""
 CONTAINERS = (
     *("shots", "means", "alternations", "methods", "summary", "warm_cropped", "timed", "first_frames"),
@@ -40,8 +50,8 @@ class Change:
         what: its name.
         before: its value in the first record.
         after: its value in the second.
-        worse: by how much it is worse, dB where that is its unit, else relative to `before`, or to a figure's
-            bound; below 0: better.
+        worse: by how much it got worse: dB for PSNR, a fraction of the bound for stress figures, else a
+            fraction of `before`. Negative: it got better.
     """
 
     what: str
@@ -83,12 +93,12 @@ def _values(node: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, 
 
 
 def _identity(item: Mapping[str, Any]) -> str:
-    """Return the identity of a row: all of its values that are no scores."""
+    """Return what identifies a row: all of its values that are not scores, as text."""
     words = []
     for name, value in item.items():
         if isinstance(value, dict) and name == "setting":
             words.append(_identity(value))
-        elif _direction((name,)) or name in _NO_NAMES:
+        elif _direction((name,)) or name in _NOT_IDENTIFYING:
             continue
         elif isinstance(value, (str, int)) or (name == "ratio" and isinstance(value, float)):
             words.append(str(value))
@@ -119,3 +129,27 @@ def markdown_table(found: Sequence[Change]) -> str:
         worse = f"{change.worse:+.3f} dB" if "psnr" in change.what else f"{change.worse:+.1%}"
         rows.append([change.what, f"{change.before:.5g}", f"{change.after:.5g}", worse])
     return table(["what", "before:", "after:", "worse by:"], rows)
+
+
+def main(
+    before: Annotated[Path, typer.Argument(help="A file of `bench ... --json`.")],
+    after: Annotated[Path, typer.Argument(help="A later one of the same bench.")],
+    above: Annotated[
+        float, typer.Option(min=0.0, help="Leave out what got worse by less: dB, or a fraction.")
+    ] = 0.01,
+) -> None:
+    """Show which values got worse from one record to the next, worst first; fail where any did."""
+    found = changes(read_record(before), read_record(after))
+    if not found:
+        want = "values that both have"
+        raise ArgumentError("records", got="none in common", want=want, hint="Run the same command twice.")
+    worse = [change for change in found if change.worse > above]
+    Console().print(markdown_table(worse) if worse else "Nothing is worse.", markup=False, soft_wrap=True)
+    better = sum(change.worse < -above for change in found)
+    say(f"{len(found)} values: {len(worse)} worse, {better} better, by more than {above:g}")
+    if worse:
+        raise typer.Exit(1)
+
+
+if __name__ == "__main__":
+    typer.run(main)

@@ -30,7 +30,7 @@ SIZES: Sequence[tuple[Size, Size]] = (((160, 90), (320, 180)), ((107, 61), (160,
 RENDERS: Sequence[Size] = ((80, 45), (53, 31))
 """Render sizes of methods of one ratio."""
 FAMILY = "market"
-"""Of the test shot, made longer."""
+"""Family of the test shot, which is made longer."""
 RUNS: Sequence[tuple[ExecutorName, Precision]] = (("onnx", "fp32"), ("onnx", "fp16"), ("cpu", "auto"))
 """Executors and precisions that are compared with torch."""
 Step = Callable[[Frame], Float32]

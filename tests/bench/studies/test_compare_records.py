@@ -1,4 +1,4 @@
-"""What got worse between two records is named, with the right sign."""
+"""Comparing two records lists what got worse, with the right sign."""
 
 import copy
 import json
@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from typer import Typer
 from typer.testing import CliRunner
 
+from studies.compare_records import changes, main
 from supersampler import ArgumentError
-from supersampler_bench.agreement.record_changes import changes
-from supersampler_bench.cli.app import app
 from supersampler_bench.record import read_record
 
 RESULTS = Path(__file__).parents[3] / "bench" / "results"
@@ -101,8 +101,10 @@ def test_the_command_fails_where_something_got_worse(tmp_path: Path) -> None:
     worse["results"][2]["psnr"] -= 3.0
     path = tmp_path / "worse.json"
     path.write_text(json.dumps(worse))
-    same = CliRunner().invoke(app, ["compare", str(before), str(before)])
+    app = Typer()
+    app.command()(main)
+    same = CliRunner().invoke(app, [str(before), str(before)])
     assert (same.exit_code, "Nothing is worse" in same.output) == (0, True)
-    fails = CliRunner().invoke(app, ["compare", str(before), str(path)])
+    fails = CliRunner().invoke(app, [str(before), str(path)])
     assert fails.exit_code == 1
     assert "+3.000 dB" in fails.output

@@ -1,11 +1,11 @@
-"""Torch, the ONNX and CPU backends draw the same, for as long as they run."""
+"""The ONNX and CPU backends compute the same images as torch, over many frames."""
 
 from collections.abc import Iterator
 
 import pytest
 import torch
 
-from supersampler_bench.agreement.parity import markdown_table, measure_parity, parity_record
+from supersampler_bench.parity import markdown_table, measure_parity, parity_record
 
 
 @pytest.fixture(autouse=True)

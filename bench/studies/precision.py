@@ -1,18 +1,37 @@
-"""PSNR lost by fp16 and int8 networks at the end of long sequences, against references."""
+"""Loss of PSNR by fp16 and int8 networks at the end of long sequences, against references.
+
+Sequences are rendered here, with OpenGL.
+    python bench/studies/precision.py --scenes court --methods classifier --update docs/results/backends.md
+"""
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from itertools import product
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+import typer
 
 from supersampler import Model, Upscaler
+from supersampler.cli.arguments import parse_size
 from supersampler.errors import ArgumentError
 from supersampler.frame import Float32, Frame, Size
 from supersampler.io.display import display_transform
 from supersampler.model import Precision
+from supersampler_bench.cli.options import (
+    DISPLAY_SIZE,
+    JSON,
+    METHODS,
+    ONE_RATIO,
+    SAMPLES,
+    SCENES,
+    UPDATE,
+    check_page,
+    counted,
+    listed,
+    publish,
+)
 from supersampler_bench.compatibility import gbuffers_of
 from supersampler_bench.markdown_table import size_text, table
 from supersampler_bench.quality.metrics import psnr, tpsnr
@@ -22,7 +41,7 @@ from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.shots import render_size
 
 PRECISIONS: tuple[Precision, ...] = ("fp32", "fp16", "int8")
-"""The first is the baseline of the others."""
+"""The others are compared with the first."""
 SCORED = 24  # frames at the end that have references
 
 
@@ -46,7 +65,7 @@ class Scored:
 
 
 class _Runner:
-    """One method in one precision."""
+    """Steps one method in one precision and scores its images."""
 
     def __init__(self, method: str, precision: Precision, display: Size) -> None:
         model = Model.load(method, providers="cpu", precision=precision)
@@ -56,7 +75,7 @@ class _Runner:
         self.tpsnr: list[float] = []
 
     def step(self, frame: Frame, truth: Float32 | None, before: Float32 | None) -> None:
-        """Step; the frame counts where its reference is known."""
+        """Step, and score the image where `truth`, the reference after the display transform, is given."""
         shown = display_transform(self._upscaler.step(frame), frame.exposure or 1.0)
         if truth is not None:
             self.psnr.append(psnr(shown, truth))
@@ -78,12 +97,12 @@ def measure_precision(
     """Step through each sequence in all precisions, each with its own history.
 
     Args:
-        families: of the test shots, made longer.
+        families: names of families of test shots, which are made longer.
         methods: names of models that are learned.
         display: (width, height) of the images.
-        frames: of each sequence; the last `SCORED` count.
+        frames: number in each sequence; the last `SCORED` are scored.
         ratio: display over render size.
-        samples: a pixel of the references.
+        samples: samples per pixel of the references.
         on_frame: called after each frame of a scene.
     """
     renderer, size = Renderer(display, samples=samples), render_size(display, ratio)
@@ -132,3 +151,28 @@ def markdown_table(record: Record) -> str:
     differences = [f"{precision}:" for precision in others]
     headings = ["scene", "method", f"PSNR dB, {first}:", *differences, f"tPSNR dB, {first}:", *differences]
     return table(headings, rows, caption)
+
+
+def main(
+    scenes: SCENES = "machine_hall,market,night_garden,gallery,court",
+    methods: METHODS = "classifier,classifier-small",
+    display_size: DISPLAY_SIZE = "320x180",
+    frames: Annotated[int, typer.Option(min=30, help="Frames of each sequence.")] = 300,
+    ratio: ONE_RATIO = 2.0,
+    samples: SAMPLES = 64,
+    json: JSON = None,
+    update: UPDATE = None,
+) -> None:
+    """Measure what lower precisions cost at the end of long sequences."""
+    tables = {"study precision": markdown_table}
+    check_page(update, tables)
+    families, size = listed(scenes), parse_size(display_size)
+    with counted("frames", len(families) * frames) as advance:
+        results = measure_precision(
+            families, listed(methods), size, frames, ratio=ratio, samples=samples, on_frame=advance
+        )
+    publish(precision_record(results, size, frames, ratio), tables, json, update)
+
+
+if __name__ == "__main__":
+    typer.run(main)

@@ -1,4 +1,4 @@
-"""Hashes of images: the same from run to run, other ones where an image or a history is another."""
+"""Hashes are equal from run to run, and differ where an image or a history differs."""
 
 import copy
 import json
@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from typer import Typer
 from typer.testing import CliRunner
 
-from supersampler_bench.agreement import hashes
-from supersampler_bench.agreement.hashes import (
+from studies import hashes
+from studies.hashes import (
     FRAMES,
     SIZES,
     Subject,
@@ -21,7 +22,6 @@ from supersampler_bench.agreement.hashes import (
     scene,
     subjects,
 )
-from supersampler_bench.cli.app import app
 from supersampler_bench.record import setting
 
 TODAY = Path(__file__).parents[3] / "bench" / "results" / "today" / "hashes.json"
@@ -30,8 +30,8 @@ SMALL = ((32, 18), (48, 27))
 
 @pytest.fixture(scope="module")
 def record() -> dict[str, Any]:
-    drawn = measure_hashes(subjects(["taa"]), [SMALL])
-    return {**hashes_record(drawn), **setting()}
+    results = measure_hashes(subjects(["taa"]), [SMALL])
+    return {**hashes_record(results), **setting()}
 
 
 def test_a_method_is_hashed_in_every_way_that_it_runs() -> None:
@@ -67,8 +67,8 @@ def test_a_history_that_differs_a_run_that_is_missing_and_other_frames_are_named
     other["inputs"][next(iter(other["inputs"]))] = "0"
     del other["hashed"][2]
     frames, history, missing = differences(record, other)
-    assert "frames that go in are others" in frames
-    assert history.endswith("of the history history.color")
+    assert "input frames differ" in frames
+    assert history.endswith("these history tensors differ: history.color")
     assert missing == "taa, cpu fp32, skip auto, 32x18 to 48x27: missing"
     assert list(differences(record, {**record, "hashed": record["hashed"][:2]}, partly=True)) == []
 
@@ -98,7 +98,8 @@ def test_tiles_rest_in_the_scene_for_skip_auto(method: str) -> None:
 def test_the_command_compares_with_a_record(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(hashes, "SIZES", (SMALL,))
     run, file = CliRunner().invoke, tmp_path / "hashes.json"
-    arguments = ["hashes", "--methods", "bilinear"]
+    app, arguments = Typer(), ["--methods", "bilinear"]
+    app.command()(hashes.main)
     assert run(app, [*arguments, "--json", str(file)]).exit_code == 0
     assert run(app, [*arguments, "--check", str(file)]).exit_code == 0
     record = json.loads(file.read_text())
