@@ -8,8 +8,9 @@ upsampled, and this frame under a learned kernel. With a network output of zeros
 mean of all samples.
 
 Light ten stops over white (GLARING) that was not there before is shown, but not accumulated: the running mean
-restarts after it, until such light is there for a third frame in a row. So does it after a frame whose
-measured exposure is an outlier (`is_flash`).
+restarts after it, until such light is there for a third frame in a row. The same holds for light over white
+where it rises over all that the history has seen in one pixel of 64 (`unexplained_light`). The mean of all
+pixels restarts after a frame whose measured exposure is an outlier (`is_flash`).
 """
 
 from collections.abc import Sequence
@@ -18,7 +19,15 @@ from typing import ClassVar
 import torch
 from torch import Tensor, nn
 
-from supersampler.methods.classifier.spec import CLASSES, CLASSIFIER, ClassifierConfig
+from supersampler.methods.classifier.spec import (
+    CLASSES,
+    CLASSIFIER,
+    CONTRAST,
+    FLASH_SHARE,
+    RISE,
+    WHITE,
+    ClassifierConfig,
+)
 from supersampler.methods.spec import HALF
 from supersampler_model.methods.base import (
     Fused,
@@ -292,9 +301,25 @@ class Classifier(LearnedMethod):
         low = torch.minimum(low, luma) + rate * (luma - low).clamp(min=0.0)
         high = torch.maximum(high, luma) - rate * (high - luma).clamp(min=0.0)
         range_ = luma + trust * (torch.cat([low, high], dim=1) - luma)
-        unconfirmed = (current.glare > 0.0) & (warped.glare < CONFIRMED - 1.0)
-        unconfirmed = unconfirmed & ((warped.samples > 0.0) | (warped.glare > 0.0))
+        glares = (current.glare > 0.0) & ((warped.samples > 0.0) | (warped.glare > 0.0))
+        still_bright = (luma > WHITE) & (warped.glare > 0.0)
+        unconfirmed = glares | still_bright | unexplained_light(luma, current.first[:, :1], warped)
+        unconfirmed = unconfirmed & (warped.glare < CONFIRMED - 1.0)
         count = torch.where(unconfirmed | gathered.flash, torch.zeros_like(count), count)
         glared = torch.where(unconfirmed, warped.glare + 1.0, CONFIRMED * current.glare)
         state = torch.cat([count, range_[:, :1], range_[:, 1:2] + GLARE * glared], dim=1)
         return Finished(image, state, classes, weight)
+
+
+def unexplained_light(luma: Tensor, around: Tensor, warped: WarpedHistory) -> Tensor:
+    """(1, 1, H, W) bool: where light rises over all samples of the history, in a frame that is a flash.
+
+    Args:
+        luma: (1, 1, H, W) of the samples near each pixel, toned.
+        around: (1, 1, H, W) mean luma of a neighbourhood, toned.
+        warped: the history.
+    """
+    known = warped.samples * warped.surface > 0.0
+    rises = (luma > WHITE) & (luma > warped.range[:, 1:2] + RISE) & known
+    sparse = (rises & (luma > around + CONTRAST)).float().sum(dim=(2, 3), keepdim=True)
+    return rises & (sparse / (luma.shape[2] * luma.shape[3]) > FLASH_SHARE)
