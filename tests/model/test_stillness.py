@@ -13,7 +13,7 @@ from supersampler.conventions import jitter_phase_count
 from supersampler.frame import Float32, Size
 from supersampler.io.display import decibels, display_transform
 from supersampler.methods.stillness import PERIOD, STILL_MOTION
-from supersampler_export.cli import made_method
+from supersampler_export.cli import load_method
 from supersampler_model.data.scenes.analytic import Plane, Scene
 from supersampler_model.data.scenes.still_life import still_life, still_scene, still_scene_with_mover
 from supersampler_model.methods.base import Method
@@ -24,7 +24,7 @@ METHODS = ["taau"]
 HALTON = jitter_phase_count(2.0)
 BLOCK = (slice(80, 96), slice(40, 56))  # 16x16 display pixels among the waves
 
-method_of = cache(made_method)
+method_of = cache(load_method)
 
 
 class Steps:

@@ -31,12 +31,12 @@ from supersampler.methods.stillness import (
     STILL_MOTION,
 )
 from supersampler_model.methods.base import Size, render_size_of
-from supersampler_model.ops.color import bounded, glaring, luminance
-from supersampler_model.ops.motion import squared_length
+from supersampler_model.ops.color import bounded, glaring, luminance, sanitize, valid
+from supersampler_model.ops.motion import squared_length, usable_motion
 from supersampler_model.ops.sampling import (
-    Grid,
     extreme,
     gaussian,
+    grid_of,
     linear,
     nearest,
     neighbours_2x2,
@@ -51,11 +51,10 @@ DARK = 0.002  # luma below which `shown_luma` is less steep: a screen is, too
 COVERED = 0.999  # of four bilinear weights
 
 
-class CurrentSamples(NamedTuple):
+class FrameSamples(NamedTuple):
     """This frame, at render size."""
 
-    color: Tensor  # (1, 3, h, w) linear RGB >= 0
-    usable: Tensor  # (1, 1, h, w) 0 or 1
+    color: Tensor  # (1, 3, h, w) linear RGB as given: any value
     motion: Tensor  # (1, 2, h, w) render pixels
     jitter: Tensor  # (1, 2) render pixels
     previous_jitter: Tensor  # (1, 2) of the previous frame
@@ -71,26 +70,22 @@ class Settled(NamedTuple):
     converged: Tensor  # (1, 1, H, W) fraction of the mean in the image
 
 
-def settle(
-    image: Tensor,
-    samples: CurrentSamples,
-    grid: Grid,
-    history_still: Tensor,
-    history_opening: Tensor,
-) -> Settled:
+def settle(image: Tensor, frame: FrameSamples, history_still: Tensor, history_opening: Tensor) -> Settled:
     """Add this frame's samples to the mean where pixels stand still, and fade the image to it.
 
     Args:
         image: (1, 3, H, W) the method's, linear RGB.
-        samples: this frame.
-        grid: of the display pixels in this frame.
+        frame: this frame.
         history_still: (1, 4, H, W) `Settled.still` of the previous frame; zeros without one.
         history_opening: (1, 3, h', w') `Settled.opening` of the previous frame.
     """
-    display, render = render_size_of(image), render_size_of(samples.color)
-    usable = samples.usable * (1.0 - glaring(samples.color * samples.exposure, samples.usable))
-    moving = (squared_length(samples.motion) > STILL_MOTION * STILL_MOTION).float()
-    opening, opens = measure_residuals(samples, usable, moving, history_still, history_opening)
+    display, render = render_size_of(image), render_size_of(frame.color)
+    grid = grid_of(display, render, frame.jitter)
+    color = sanitize(frame.color, 0.0)
+    usable = valid(frame.color)
+    usable = usable * (1.0 - glaring(color * frame.exposure, usable))
+    moving = (squared_length(usable_motion(frame.motion)) > STILL_MOTION * STILL_MOTION).float()
+    opening, opens = measure_residuals(frame, color, usable, moving, history_still, history_opening)
 
     quad = neighbours_2x2(moving)
     moves = torch.maximum(torch.maximum(quad[0], quad[1]), torch.maximum(quad[2], quad[3]))
@@ -104,8 +99,8 @@ def settle(
     ratio = display.width / render.width, display.height / render.height
     x = taps(grid.x, render.width, tent_gaussian, reach=1, scale=ratio[0])
     y = taps(grid.y, render.height, tent_gaussian, reach=1, scale=ratio[1])
-    near = resample(torch.cat([samples.color * usable, usable], dim=1), x, y)
-    jittered = (samples.jitter - samples.previous_jitter).abs().sum() > 0.0
+    near = resample(torch.cat([color * usable, usable], dim=1), x, y)
+    jittered = (frame.jitter - frame.previous_jitter).abs().sum() > 0.0
     added = near[:, 3:4] * stands * (1.0 - left_out) * jittered
     total = weight + added
     share = added / (total + (total - PERIOD).clamp(0.0, PERIOD)).clamp(min=1e-6)
@@ -121,7 +116,8 @@ def settle(
 
 
 def measure_residuals(
-    samples: CurrentSamples,
+    frame: FrameSamples,
+    color: Tensor,
     usable: Tensor,
     moving: Tensor,
     history_still: Tensor,
@@ -131,10 +127,10 @@ def measure_residuals(
     render, display = render_size_of(usable), render_size_of(history_still)
     weight = history_still[:, 3:4]
     ready, doubted = (weight.abs() > READY).float(), (weight < 0.0).float()
-    there = at_samples(torch.cat([history_still[:, :3], ready, doubted], dim=1), render, samples.jitter)
+    there = at_samples(torch.cat([history_still[:, :3], ready, doubted], dim=1), render, frame.jitter)
     known = (there[:, 3:4] > COVERED) * (1.0 - moving)
     counted = known * usable
-    exposed, mean = samples.color * samples.exposure, there[:, :3] * samples.exposure
+    exposed, mean = color * frame.exposure, there[:, :3] * frame.exposure
     difference = (shown_luma(exposed) - shown_luma(mean)) * counted
     sums = sum_5x5(torch.cat([difference, difference * difference, counted], dim=1))
     count = sums[:, 2:3].clamp(min=1e-6)
@@ -143,8 +139,8 @@ def measure_residuals(
 
     previous = render_size_of(history_opening)
     before = of_size(history_opening, render)
-    same = (one_like(samples.jitter, previous.width) == render.width) & (
-        one_like(samples.jitter, previous.height) == render.height
+    same = (one_like(frame.jitter, previous.width) == render.width) & (
+        one_like(frame.jitter, previous.height) == render.height
     )
     before = before * same.float()
     low, high, learned = before[:, :1], before[:, 1:2], before[:, 2:3]
@@ -154,7 +150,7 @@ def measure_residuals(
     learns = learning & (opens < 1.0)
     low = torch.where(learns, torch.minimum(low, residual), low)
     high = torch.where(learns, torch.maximum(high, residual), high)
-    new = one_like(samples.jitter, render.width * render.height) / (display.width * display.height)
+    new = one_like(frame.jitter, render.width * render.height) / (display.width * display.height)
     learned = (learned + learns * new).clamp(max=LEARNED)
     keeps = known * (there[:, 4:5] <= 0.0)
     return keeps * torch.cat([low, high, learned], dim=1), opens
