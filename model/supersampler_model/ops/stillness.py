@@ -16,12 +16,14 @@ method's and no sample is added there. If the next frame confirms it, the mean r
 firefly: the colour is kept with at most the weight of one period, and the range is learned again.
 """
 
+from functools import reduce
 from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
 from supersampler.methods.stillness import (
+    FIREFLY,
     LEARNED,
     MARGIN,
     MARGIN_LEARNING,
@@ -31,7 +33,7 @@ from supersampler.methods.stillness import (
     STILL_MOTION,
 )
 from supersampler_model.methods.base import Size, render_size_of
-from supersampler_model.ops.color import bounded, glaring, luminance, sanitize, valid
+from supersampler_model.ops.color import bounded, glaring, largest, luminance, sanitize, valid
 from supersampler_model.ops.motion import squared_length, usable_motion
 from supersampler_model.ops.sampling import (
     extreme,
@@ -40,6 +42,7 @@ from supersampler_model.ops.sampling import (
     linear,
     nearest,
     neighbours_2x2,
+    neighbours_3x3,
     pick,
     pick_first,
     resample,
@@ -81,9 +84,9 @@ def settle(image: Tensor, frame: FrameSamples, history_still: Tensor, history_op
     """
     display, render = render_size_of(image), render_size_of(frame.color)
     grid = grid_of(display, render, frame.jitter)
-    color = sanitize(frame.color, 0.0)
-    usable = valid(frame.color)
+    color, usable = sanitize(frame.color, 0.0), valid(frame.color)
     usable = usable * (1.0 - glaring(color * frame.exposure, usable))
+    color = without_fireflies(color * usable, frame.exposure)
     moving = (squared_length(usable_motion(frame.motion)) > STILL_MOTION * STILL_MOTION).float()
     opening, opens = measure_residuals(frame, color, usable, moving, history_still, history_opening)
 
@@ -99,7 +102,7 @@ def settle(image: Tensor, frame: FrameSamples, history_still: Tensor, history_op
     ratio = display.width / render.width, display.height / render.height
     x = taps(grid.x, render.width, tent_gaussian, reach=1, scale=ratio[0])
     y = taps(grid.y, render.height, tent_gaussian, reach=1, scale=ratio[1])
-    near = resample(torch.cat([color * usable, usable], dim=1), x, y)
+    near = resample(torch.cat([color, usable], dim=1), x, y)
     jittered = (frame.jitter - frame.previous_jitter).abs().sum() > 0.0
     added = near[:, 3:4] * stands * (1.0 - left_out) * jittered
     total = weight + added
@@ -113,6 +116,17 @@ def settle(image: Tensor, frame: FrameSamples, history_still: Tensor, history_op
         opening,
         converged,
     )
+
+
+def without_fireflies(color: Tensor, exposure: Tensor) -> Tensor:
+    """Darken samples that are alone far brighter than white and their neighbours.
+
+    In a linear mean of few samples one of them would stay visible for many periods.
+    """
+    peak = largest(color * exposure)
+    around = neighbours_3x3(peak)
+    most = FIREFLY * (1.0 + reduce(torch.maximum, [*around[:4], *around[5:]]))
+    return color * (most / torch.maximum(peak, most))
 
 
 def measure_residuals(

@@ -21,6 +21,8 @@ CONVERGED: Mapping[str, MapOf] = {"converged": MapOf("converged", 0, 1)}
 """The fraction of the mean in the image, an auxiliary output of shape (1, 1, *DISPLAY)."""
 SIGMA = 0.35
 """Gaussian of a sample's weight in the mean, display pixels; a tent of one pixel cuts it off."""
+FIREFLY = 2.0
+"""Largest ratio of an exposed sample to its brightest neighbour plus white."""
 STILL_MOTION = 1.0 / 256.0
 """Render pixels; longer motion moves."""
 PERIOD = 3.2
