@@ -1,6 +1,6 @@
 """What stands still converges to the mean of its samples, and what changes is shown at once."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import cache
 
 import numpy as np
@@ -19,10 +19,11 @@ from supersampler_model.data.scenes.still_life import still_life, still_scene, s
 from supersampler_model.methods.base import Method
 from supersampler_model.methods.base import Size as TorchSize
 
-DISPLAY: Size = (320, 180)
-METHODS = ["taau"]
+DISPLAY: Size = (160, 90)
+LARGE: Size = (320, 180)
+METHODS = ["taau", "classifier", "classifier-small"]
 HALTON = jitter_phase_count(2.0)
-BLOCK = (slice(80, 96), slice(40, 56))  # 16x16 display pixels among the waves
+BLOCK = (slice(40, 56), slice(20, 36))  # 16x16 display pixels among the waves
 
 method_of = cache(load_method)
 
@@ -30,16 +31,23 @@ method_of = cache(load_method)
 class Steps:
     """Steps a torch method frame by frame."""
 
-    def __init__(self, method: Method) -> None:
-        self._method = method
+    def __init__(self, method: Method, display: Size = DISPLAY) -> None:
+        self._method, self._display = method, display
         self._history: list[torch.Tensor] = []
+        self._aux: list[torch.Tensor] = []
+
+    def copy(self) -> "Steps":
+        """Return one that goes on from here."""
+        other = Steps(self._method, self._display)
+        other._history = self._history
+        return other
 
     def step(self, frame: Frame) -> Float32:
         """Return the image, (H, W, 3)."""
         assert frame.color is not None
         method = self._method
         if frame.reset or not self._history:
-            self._history = method.first_history(TorchSize(*DISPLAY), TorchSize(*frame.size))
+            self._history = method.first_history(TorchSize(*self._display), TorchSize(*frame.size))
         planes = {
             "color": np.asarray(frame.color, np.float32).transpose(2, 0, 1),
             "depth": frame.depth[None],
@@ -49,7 +57,7 @@ class Steps:
         tensors |= {
             "jitter": torch.tensor([frame.jitter]),
             "exposure": torch.tensor([frame.exposure or 0.0]),
-            "display_size": torch.tensor(DISPLAY),
+            "display_size": torch.tensor(self._display),
         }
         with torch.no_grad():
             done = method.step(*(tensors[name] for name in method.inputs()), *self._history)
@@ -73,17 +81,12 @@ class Steps:
         return self._aux[index][0, 0].numpy()
 
 
-def sampled(ratio: float = 2.0, scene: Scene | None = None) -> Iterator[Frame]:
-    """Yield frames of a scene without end."""
-    scene, size = scene or still_scene(), (round(DISPLAY[0] / ratio), round(DISPLAY[1] / ratio))
-    index = 0
-    while True:
-        yield scene.frame(index, size, halton_jitter(index, ratio))
-        index += 1
-
-
-def frames(count: int, ratio: float = 2.0, scene: Scene | None = None) -> list[Frame]:
-    return [frame for frame, _ in zip(sampled(ratio, scene), range(count), strict=False)]
+def frames(
+    count: int, ratio: float = 2.0, scene: Scene | None = None, display: Size = DISPLAY
+) -> list[Frame]:
+    """Return the first frames of a scene."""
+    scene, size = scene or still_scene(), (round(display[0] / ratio), round(display[1] / ratio))
+    return [scene.frame(index, size, halton_jitter(index, ratio)) for index in range(count)]
 
 
 def changed(frame: Frame, change: Callable[[Float32], None]) -> Frame:
@@ -112,27 +115,30 @@ def psnr(image: Float32, truth: Float32, where: NDArray[np.bool_] | None = None)
 
 
 @cache
-def truth() -> Float32:
-    return still_scene().truth(0, DISPLAY)
+def truth(display: Size = DISPLAY) -> Float32:
+    return still_scene().truth(0, display)
 
 
-def settled(name: str, count: int, ratio: float = 2.0) -> Steps:
-    """Return a method after frames of the still scene."""
+@cache
+def _settled(name: str, count: int) -> Steps:
     steps = Steps(method_of(name))
-    for frame in frames(count, ratio):
+    for frame in frames(count):
         steps.step(frame)
     return steps
+
+
+def settled(name: str, count: int) -> Steps:
+    """Return a method after frames of the still scene."""
+    return _settled(name, count).copy()
 
 
 @pytest.mark.parametrize("ratio", [1.0, 1.5, 2.0, 3.0])
 @pytest.mark.parametrize("name", METHODS)
 def test_two_periods_reach_42_db_and_no_frame_is_worse_than_the_method_alone(name: str, ratio: float) -> None:
-    steps, period = Steps(method_of(name)), jitter_phase_count(ratio)
-    scores = []
-    for frame in frames(2 * period, ratio):
-        image = steps.step(frame)
-        scores.append(psnr(image, truth()))
-        assert scores[-1] > psnr(steps.own, truth()) - 0.1
+    steps, period, scores = Steps(method_of(name), LARGE), jitter_phase_count(ratio), []
+    for frame in frames(2 * period, ratio, display=LARGE):
+        scores.append(psnr(steps.step(frame), truth(LARGE)))
+        assert scores[-1] > psnr(steps.own, truth(LARGE)) - 0.1
     assert np.mean(scores[-period // 4 :]) > 42.0
 
 
@@ -189,7 +195,7 @@ def test_a_change_of_8_of_255_opens_in_its_first_frame_and_restarts_in_its_secon
     image = steps.step(first)
     assert (steps.converged[BLOCK] == 0.0).mean() > 0.9
     np.testing.assert_array_equal(image[BLOCK][4:-4, 4:-4], steps.own[BLOCK][4:-4, 4:-4])
-    assert steps.converged[120:].min() == 1.0  # nothing else opened
+    assert steps.converged[65:].min() == 1.0  # nothing else opened
     steps.step(second)
     assert (np.abs(steps.history("still")[BLOCK][..., 3]) < 1.5).mean() > 0.9
 
@@ -212,28 +218,25 @@ def test_a_change_of_3_of_255_opens_within_a_period(name: str) -> None:
 def test_missing_samples_of_a_resting_region_cost_it_nothing(name: str) -> None:
     steps, plain = settled(name, 2 * HALTON), settled(name, 2 * HALTON)
     for index, frame in enumerate(frames(2 * HALTON + 4)[2 * HALTON :]):
-        bad = changed(frame, lambda color: color[20:36, 30:46].fill(np.nan)) if index < 2 else frame
+        bad = changed(frame, lambda color: color[10:18, 15:23].fill(np.nan)) if index < 2 else frame
         image, expected = steps.step(bad), plain.step(frame)
     assert np.abs(display_transform(image) - display_transform(expected)).max() < 0.02
     assert steps.converged.min() == 1.0
 
 
-@pytest.mark.parametrize("light", [5.0, 100.0, 60000.0])
-@pytest.mark.parametrize("at", [4, 10, 20, 3 * HALTON])
+@pytest.mark.parametrize("light", [20.0, 60000.0])
+@pytest.mark.parametrize("at", [6, 2 * HALTON + 7])
 @pytest.mark.parametrize("name", METHODS)
-def test_a_firefly_leaves_the_mean(name: str, at: int, light: float) -> None:
-    steps, plain = Steps(method_of(name)), Steps(method_of(name))
-    for index, frame in enumerate(frames(at + HALTON)):
-        expected = plain.step(frame)
-        shown = changed(frame, lambda color: color[24, 80].fill(light)) if index == at else frame
-        image = steps.step(shown)
-        if index == at + 1:
-            next_frame = np.abs(display_transform(image) - display_transform(expected)).max()
-    difference = np.abs(display_transform(image) - display_transform(expected))
-    print(name, at, light, difference.max(), next_frame)
-    assert difference.max() < 0.1
-    if at > 2 * HALTON:
-        assert next_frame < 0.05
+def test_one_firefly_hardly_shows_in_the_mean(name: str, at: int, light: float) -> None:
+    steps, plain = settled(name, at), settled(name, at)
+    first, *later = frames(at + HALTON)[at:]
+    plain.step(first)
+    steps.step(changed(first, lambda color: color[22, 15].fill(light)))
+    differences = [display_transform(steps.step(f)) - display_transform(plain.step(f)) for f in later]
+    assert np.abs(differences[-1]).max() < 0.1
+    if at > HALTON:
+        assert np.abs(differences[0]).max() < 0.05
+        assert steps.history("still")[..., 3].min() > PERIOD  # nothing restarted
 
 
 @pytest.mark.parametrize("name", METHODS)
@@ -260,7 +263,7 @@ def test_jitter_that_never_repeats_converges(name: str) -> None:
     steps = Steps(method_of(name))
     for index in range(3 * HALTON):
         jitter = tuple(random.uniform(-0.5, 0.5, 2))
-        image = steps.step(scene.frame(index, (160, 90), jitter))
+        image = steps.step(scene.frame(index, (80, 45), jitter))
     assert psnr(image, truth()) > psnr(steps.own, truth()) + 3.0
 
 
@@ -268,7 +271,7 @@ def test_jitter_that_never_repeats_converges(name: str) -> None:
 def test_without_jitter_the_image_is_the_methods_own(name: str) -> None:
     steps, scene = Steps(method_of(name)), still_scene()
     for index in range(40):
-        np.testing.assert_array_equal(steps.step(scene.frame(index, (160, 90))), steps.own)
+        np.testing.assert_array_equal(steps.step(scene.frame(index, (80, 45))), steps.own)
 
 
 @pytest.mark.parametrize("name", METHODS)
