@@ -30,8 +30,8 @@ PRODUCTS = {
 }  # fmt: skip
 """Multiply-adds a display pixel."""
 OPERATORS = {
-    "bilinear": 90, "bicubic": 260, "taa": 600, "taau": 1250, "classifier": 1850, "classifier-small": 1750,
-    "gbuffer-small": 2150, "gbuffer-small-4x": 2150, "extrapolate": 1850, "guided-warp": 1250,
+    "bilinear": 90, "bicubic": 260, "taa": 620, "taau": 1250, "classifier": 1860, "classifier-small": 1750,
+    "gbuffer-small": 2150, "gbuffer-small-4x": 2150, "extrapolate": 1860, "guided-warp": 1250,
     "guided-flow": 2900,
 }  # fmt: skip
 READS = {

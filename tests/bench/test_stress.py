@@ -1,6 +1,6 @@
 """Scenarios of stress: what is sound passes, what is broken does not, and errors that grow are measured."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,9 +14,10 @@ from supersampler.state import State
 from supersampler_bench.cli.app import app
 from supersampler_bench.stress.compare import Difference, recovery
 from supersampler_bench.stress.contraction import contraction
+from supersampler_bench.stress.recovery import SEEN, hostile_bound
 from supersampler_bench.stress.report import draw_sheets, markdown_table, stress_record
 from supersampler_bench.stress.runner import FAMILIES, Outcome, chosen, measure, run
-from supersampler_bench.stress.scenario import Figure, Scenario, Session, Subject
+from supersampler_bench.stress.scenario import ROUNDING, Figure, Scenario, Session, Subject
 from supersampler_bench.stress.scenes import LAP, LOOP, Orbit, moving, still
 from supersampler_bench.stress.steady import passed_by_average
 from supersampler_bench.stress.subjects import subjects
@@ -166,6 +167,20 @@ def test_a_disturbance_is_over_after_the_last_frame_that_shows_it() -> None:
     assert recovery([mean, clean, spot, clean, clean]) == 3
     assert recovery([clean, clean]) == 0
     assert recovery([clean, mean]) == 2
+
+
+def test_the_worst_cut_is_the_bound_and_no_more_are_drawn_than_needed() -> None:
+    drawn = []
+
+    def cuts() -> Iterator[Difference]:
+        for most in (0.02, 0.05, 0.03, 0.09):
+            drawn.append(most)
+            yield Difference(0.0, most)
+
+    assert hostile_bound(Difference(0.0, 0.04), cuts()) == Difference(SEEN.mean, 0.05 + ROUNDING)
+    assert drawn == [0.02, 0.05]
+    assert hostile_bound(Difference(0.0, 0.5), cuts()).most == 0.09 + ROUNDING
+    assert hostile_bound(Difference(0.0, 0.0), cuts()).most == 0.02 + ROUNDING
 
 
 def test_a_nan_is_within_no_bound() -> None:

@@ -19,7 +19,7 @@ def plane(value: float, channels: int = 3) -> Tensor:
 
 def gathered(box: Rect, has_history: float = 1.0) -> Gathered:
     """A sample of 0.2 and a history of 0.6, toned RGB."""
-    return Gathered(plane(0.2), plane(0.6), plane(has_history, 1), box)
+    return Gathered(plane(0.2), plane(0.6), plane(has_history, 1), plane(1.0, 1), box)
 
 
 def test_a_frame_is_a_tenth_of_the_image_and_the_history_the_rest() -> None:

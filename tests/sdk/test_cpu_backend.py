@@ -111,6 +111,45 @@ def test_a_frame_that_is_a_flash_does_the_same_on_both(models: dict[tuple[str, s
     assert flashes == [0, 0, 0, 0, 1, 2, 0, 0]
 
 
+def test_taa_keeps_its_history_where_a_sample_is_not_usable(models: dict[tuple[str, str], Model]) -> None:
+    frames = list(still((32, 18))[:8])
+    rows = np.zeros((18, 32), bool)
+    rows[9] = True
+    bad = replace(frames[6], color=spoilt(frames[6].color, rows, np.nan))
+    for name in EXECUTORS:
+        upscaler = Upscaler(models["taa", name], display_size=(64, 36), validate="off")
+        for frame in frames[:6]:
+            before = upscaler.step(frame)
+        kept = np.abs(upscaler.step(bad) - before).max(axis=(1, 2)) < 1e-5
+        assert kept[18:20].all(), "the row itself"
+        assert not kept[:14].any()
+        assert not kept[24:].any()
+        assert upscaler.step(replace(bad, reset=True))[18:20].min() < 0.01, "it is black without a history"
+
+
+@pytest.mark.parametrize("method", ["classifier", "classifier-small"])
+def test_sudden_sparse_light_is_not_accumulated_for_two_frames(
+    models: dict[tuple[str, str], Model], method: str
+) -> None:
+    frames = [replace(frame, exposure=1.0) for frame in still((32, 18))[:10]]
+    spots = np.random.default_rng(0).random((18, 32)) < 0.1
+    for index in (6, 7):
+        frames[index] = replace(frames[index], color=spoilt(frames[index].color, spots, 10.0))
+    restarted = []
+    for name in EXECUTORS:
+        upscaler = Upscaler(models[method, name], display_size=(64, 36), validate="off")
+        counts = []
+        for frame in frames:
+            upscaler.step(frame)
+            counts.append(history_of(upscaler)["history.state"][0, 0] == 0.0)
+        restarted.append(np.stack(counts))
+    one, other = restarted
+    assert (one == other).mean() > 0.995
+    assert (one[6:8].mean(axis=(1, 2)) > 0.05).all()
+    assert not one[:6].any()
+    assert not one[8:].any()
+
+
 def test_a_frame_whose_exposure_is_an_outlier_is_not_accumulated(
     models: dict[tuple[str, str], Model],
 ) -> None:

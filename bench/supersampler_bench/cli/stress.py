@@ -38,7 +38,8 @@ def stress(
 ) -> None:
     """Run methods for long and on hostile input, and compare each figure with its bound.
 
-    With a folder, the same command continues a stopped run.
+    With a folder, the same command continues a stopped run. The bound after one hostile frame is the larger
+    of an invisible difference and what the worst of five cuts around that frame leaves.
 
     \b
     Examples:

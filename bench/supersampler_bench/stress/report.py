@@ -103,7 +103,12 @@ def _bad_values(outcomes: Sequence[Outcome], subjects: Sequence[tuple[str, str]]
 def _caption(outcomes: Sequence[Outcome]) -> str:
     figures = [f for o in outcomes for f in o.figures]
     within = sum(f.passed for f in figures)
-    return f"{within} of {len(figures)} figures are within their bounds; those that are not are bold."
+    text = f"{within} of {len(figures)} figures are within their bounds; those that are not are bold."
+    if {o.scenario for o in outcomes} & {s.name for s in FAMILIES["recovery"]}:
+        text += (
+            " After one hostile frame, the bound is the most that five cuts around it leave, if that is more."
+        )
+    return text
 
 
 def _broken(outcomes: Sequence[Outcome]) -> list[str]:

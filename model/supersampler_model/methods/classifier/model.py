@@ -23,7 +23,7 @@ from supersampler.methods.classifier.spec import (
     CLASSES,
     CLASSIFIER,
     CONTRAST,
-    FLASH_SHARE,
+    FLASH_FRACTION,
     RISE,
     WHITE,
     ClassifierConfig,
@@ -329,4 +329,4 @@ def unexplained_light(luma: Tensor, around: Tensor, warped: WarpedHistory) -> Te
     known = warped.samples * warped.surface > 0.0
     rises = (luma > WHITE) & (luma > warped.range[:, 1:2] + RISE) & known
     sparse = (rises & (luma > around + CONTRAST)).float().sum(dim=(2, 3), keepdim=True)
-    return rises & (sparse / (luma.shape[2] * luma.shape[3]) > FLASH_SHARE)
+    return rises & (sparse / (luma.shape[2] * luma.shape[3]) > FLASH_FRACTION)

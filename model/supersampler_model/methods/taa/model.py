@@ -7,11 +7,12 @@ moments, mu +- gamma sigma, and intersects it with their minimum and maximum.
 
 Salvi works at one resolution. At other ratios the new sample is the bilinear upsampling of this frame, and
 the boxes are those of the render-size neighbourhood. Colours are compared in YCoCg after exposure and tone
-curve.
+curve. Where a sample of the neighbourhood is not usable, the history is kept as it is.
 """
 
 from typing import ClassVar, NamedTuple
 
+import torch
 from torch import Tensor
 
 from supersampler.methods.taa.spec import TAA, TaaConfig
@@ -37,7 +38,7 @@ from supersampler_model.ops.rectification import (
     moments,
     variance_box,
 )
-from supersampler_model.ops.sampling import blurred, grid_of, linear, pick, resample, taps
+from supersampler_model.ops.sampling import blurred, extreme, grid_of, linear, pick, resample, taps
 
 
 class Gathered(NamedTuple):
@@ -46,6 +47,7 @@ class Gathered(NamedTuple):
     sample: Tensor  # (1, 3, H, W)
     history: Tensor  # (1, 3, H, W)
     has_history: Tensor  # (1, 1, H, W) 0 or 1
+    usable: Tensor  # (1, 1, H, W) 1 where all samples of the neighbourhood are usable, else 0
     box: Rect
 
 
@@ -69,7 +71,7 @@ class Taa(Method):
         usable, color = valid(color), sanitize(color, 0.0)
         followed = exposure_for(color, usable, exposure, history_exposure)
         exposure = followed.abs()
-        gathered = self.gather(color, motion, jitter, exposure, display_size, history_color)
+        gathered = self.gather(color, usable, motion, jitter, exposure, display_size, history_color)
         weight = self.network(gathered, history_exposure)
         image = self.finish(gathered, weight, exposure)
         return image, image, followed, 1.0 - weight
@@ -77,6 +79,7 @@ class Taa(Method):
     def gather(
         self,
         color: Tensor,
+        usable: Tensor,
         motion: Tensor,
         jitter: Tensor,
         exposure: Tensor,
@@ -93,12 +96,14 @@ class Taa(Method):
         box = Rect(*(pick(corner, grid) for corner in self.neighbourhood_box(toned)))
         reprojection = reproject(pick(longest(usable_motion(motion)), grid), display, render)
         warped = read_cubic(history_color, reprojection.x, reprojection.y)
-        return Gathered(sample, self.to_space(sanitize(warped, 0.0) * exposure), reprojection.on_screen, box)
+        history = self.to_space(sanitize(warped, 0.0) * exposure)
+        usable = pick(extreme(usable, torch.minimum), grid)
+        return Gathered(sample, history, reprojection.on_screen, usable, box)
 
     def network(self, gathered: Gathered, history_exposure: Tensor) -> Tensor:
-        """Weight of the new sample (1, 1, H, W): alpha, or 1 without history."""
+        """Weight of the new sample (1, 1, H, W): alpha, 0 where it is not usable, 1 without history."""
         has_history = gathered.has_history * (history_exposure.abs() > 0.0)
-        return 1.0 - has_history * (1.0 - self.config.alpha)
+        return 1.0 - has_history * (1.0 - self.config.alpha * gathered.usable)
 
     def finish(self, gathered: Gathered, weight: Tensor, exposure: Tensor) -> Tensor:
         """Clip the history, blend, and return to linear RGB."""
@@ -108,6 +113,7 @@ class Taa(Method):
             history = (clip_to_center if self.config.clip == "center" else clamp_to)(
                 gathered.history, gathered.box
             )
+        history = torch.where(gathered.usable > 0.0, history, gathered.history)
         blend = history + weight * (gathered.sample - history)
         return bounded(inverse_tone(self.from_space(blend).clamp(min=0.0)) / exposure)
 

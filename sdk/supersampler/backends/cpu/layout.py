@@ -17,8 +17,8 @@ and usable by the third; one unused."""
 
 TAA_PIXEL = 3
 """Values of a history pixel: linear RGB."""
-TAA_PLANES = 5
-"""Planes of a row of samples: YCoCg, motion."""
+TAA_PLANES = 6
+"""Planes of a row of samples: YCoCg, motion, 1 where usable."""
 TAA_BOX = 8
 """Planes of a row of colour boxes: low corner, high corner, longest motion."""
 

@@ -15,7 +15,7 @@ from supersampler.backends.plan import held_bytes
 from supersampler.frame import Size
 from supersampler.io.display import is_flash, usable_exposure
 from supersampler.methods.classifier.int8_network import LEVEL, Encoder, Int8Network
-from supersampler.methods.classifier.spec import CLASSIFIER
+from supersampler.methods.classifier.spec import CLASSIFIER, FLASH_FRACTION
 from supersampler.methods.classifier.structs import (
     ClassifierHistoryInput,
     FinishConstants,
@@ -50,7 +50,8 @@ class _Space:
         width = self.width = up_to(big_w, LANES)
         history = aligned((big_h * width + LANES, HISTORY_PLANES))
         rest = aligned((big_h * width, executor.variant.rest), np.uint16)
-        self.gathered = Gathered(history, rest, big_w, big_h, width)
+        rising = aligned((big_h, width // LANES))
+        self.gathered = Gathered(history, rest, rising, big_w, big_h, width)
         self.encoder = Encoder(executor.network, half, executor.pool)
         self.scratch = [_Scratch(self, executor.variant) for _ in range(executor.pool.threads)]
 
@@ -146,6 +147,7 @@ class ClassifierCpu(CpuExecutor[ResampledFrame]):
         def write_depth(box: Rect, _: int) -> None:
             self._keep_depth(samples, next_depth, box.y0, box.y1)
 
+        space.gathered.rising.fill(0.0)  # tiles that are not computed have no such light
         boxes = step.tiles.boxes(TILE, (space.width, step.display[1]), halo=True)
         self.pool.run_tasks("gather", RectTask(boxes, gather, 2), RectTask([Rect(0, h, 0, 1)], write_depth))
 
@@ -153,11 +155,13 @@ class ClassifierCpu(CpuExecutor[ResampledFrame]):
         """Run the last layers; compose the image and the next history from what was gathered."""
         given, before = usable_exposure(step.frame.exposure), step.history.exposure
         flash = is_flash(given, step.next_history.exposure, before)
-        n, c, encoder, big_w = self.network, self._config, space.encoder, step.display[0]
+        n, c, encoder, (big_w, big_h) = self.network, self._config, space.encoder, step.display
+        rises = bool(space.gathered.rising.sum() > FLASH_FRACTION * big_w * big_h)
+        step.next_history.glares |= rises
         streams = (big_w % 2 == 0) + 2 * (big_w % LANES == 0 and address(step.output.image) % LINE == 0)
         constants = FinishConstants(
             n.logits, n.logits_scale, step.inputs.exposure, c["samples"], c["contraction"],
-            step.next_history.glares or step.history.glares, flash, streams,
+            step.next_history.glares or step.history.glares, rises, flash, streams,
         )  # fmt: skip
         structs = (
             encoder.levels, n.layers, encoder.inputs, space.gathered, view.samples, view.current_tables(),

@@ -42,10 +42,10 @@ NEIGHBOURHOOD_INPUTS = (
 CountCode = Literal["saturating", "logarithm"]
 ToneSpace = Literal["largest", "channels", "logarithm"]
 
-WHITE, RISE, CONTRAST, FLASH_SHARE = 0.5, 0.2, 0.1, 1.0 / 64.0
+WHITE, RISE, CONTRAST, FLASH_FRACTION = 0.5, 0.2, 0.1, 1.0 / 64.0
 """The light of a frame is unconfirmed where its toned luma is over WHITE, and more than RISE over all samples
-of the history; but only if more than FLASH_SHARE of the image are such pixels, and brighter by CONTRAST than
-their neighbourhoods: an area that a moving object uncovers is not."""
+of the history. More than FLASH_FRACTION of the image must be such pixels, brighter by CONTRAST than their
+neighbourhoods: an area that a moving object disoccludes is not."""
 
 
 @dataclass(frozen=True)

@@ -27,12 +27,14 @@ class Gathered(NamedTuple):
     Attributes:
         history: (height, pitch / 16, HISTORY_PLANES, 16) toned RGB of the reprojected history.
         rest: (height, pitch / 16, Variant.rest, 16) the other planes, see `Variant`.
+        rising: (height, pitch / 16) number of pixels that count towards FLASH_FRACTION.
         width, height: of the display.
         pitch: width up to whole vectors.
     """
 
     history: Floats
     rest: Halves
+    rising: Floats
     width: int
     height: int
     pitch: int
@@ -175,7 +177,8 @@ class FinishConstants(NamedTuple):
         exposure: of the frame.
         most_samples, contraction: see ClassifierConfig.
         glares: 1 where the frame or the history may have light over GLARING, else 0.
-        flash: 1 where the light of the whole frame is unconfirmed, see `is_flash`, else 0.
+        rises: 1 where light that rises over the history is unconfirmed, see FLASH_FRACTION, else 0.
+        flash: 1 where all light of the frame is unconfirmed, see `is_flash`, else 0.
         streams: which outputs are written past the caches; see `compose`.
     """
 
@@ -185,6 +188,7 @@ class FinishConstants(NamedTuple):
     most_samples: float
     contraction: float
     glares: int
+    rises: int
     flash: int
     streams: int
 

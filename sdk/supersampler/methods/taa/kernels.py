@@ -14,11 +14,12 @@ from supersampler.backends.cpu.kernels.colors import (
     scaled3,
     select3,
     toned,
+    usable,
     ycocg,
 )
 from supersampler.backends.cpu.kernels.frame import color_at, motion_at, repeat_ends, sample_indices
 from supersampler.backends.cpu.kernels.warp import cubic4, on_screen, prepare_warp, previous_position
-from supersampler.backends.cpu.layout import PAD, TAA_BOX, TAA_PIXEL
+from supersampler.backends.cpu.layout import PAD, TAA_BOX, TAA_PIXEL, TAA_PLANES
 from supersampler.backends.cpu.simd.device_function import device_function
 from supersampler.backends.cpu.simd.shuffles import load_columns4, transposed
 from supersampler.backends.cpu.simd.vector import (
@@ -38,10 +39,12 @@ from supersampler.methods.taa.structs import LinearAxis, TaaSamples, TaaScratch
 
 EXPOSURE, ALPHA, SHARPNESS = range(3)
 """Indices into `numbers`; ALPHA is 1 where there is no history."""
+UNUSABLE = 2.0
+"""Low luma of a box, in place of one up to 1, where a sample around is not usable."""
 
 
 def read_samples(frame: FrameInputs, samples: TaaSamples, y0: int, y1: int):
-    """Fill rows y0 to y1 of `samples.planes` with toned YCoCg and motion; the padding repeats the border."""
+    """Fill rows y0 to y1 of `samples.planes`, see TAA_PLANES; the padding repeats the border."""
     color, motion, exposure = frame.color, frame.motion, frame.exposure
     planes, w = samples.planes, samples.width
     padded_width = samples.stride + 2 * PAD
@@ -49,13 +52,14 @@ def read_samples(frame: FrameInputs, samples: TaaSamples, y0: int, y1: int):
         for x in range(0, w, 16):
             index = sample_indices(x, y, w)
             r, g, b = color_at(color, index)
+            good = usable(r, g, b)
             r, g, b = toned(sanitize(r) * exposure, sanitize(g) * exposure, sanitize(b) * exposure)
             luma, co, cg = ycocg(r, g, b)
             mx, my = motion_at(motion, index)
-            for c, value in enumerate((luma, co, cg, mx, my)):
-                store(planes, (5 * y + c) * padded_width + PAD + x, value)
-        for c in range(5):
-            repeat_ends(planes, (5 * y + c) * padded_width + PAD, w)
+            for c, value in enumerate((luma, co, cg, mx, my, select(good, 1.0, luma * 0.0))):
+                store(planes, (TAA_PLANES * y + c) * padded_width + PAD + x, value)
+        for c in range(TAA_PLANES):
+            repeat_ends(planes, (TAA_PLANES * y + c) * padded_width + PAD, w)
 
 
 def fill_boxes(samples: TaaSamples, y0: int, y1: int):
@@ -63,7 +67,7 @@ def fill_boxes(samples: TaaSamples, y0: int, y1: int):
     planes, boxes, gamma, stride = samples.planes, samples.boxes, samples.gamma, samples.stride
     w, h, padded_width = samples.width, samples.height, stride + 2 * PAD
     for y in range(y0, y1):
-        row_pitch = 5 * padded_width
+        row_pitch = TAA_PLANES * padded_width
         above, below = max(y - 1, 0) * row_pitch + PAD, min(y + 1, h - 1) * row_pitch + PAD
         here = y * row_pitch + PAD
         for x in range(0, w, 16):
@@ -80,7 +84,7 @@ def fill_boxes(samples: TaaSamples, y0: int, y1: int):
                 store(boxes, (TAA_BOX * y + c) * stride + x, maximum(mean - extent, low))
                 store(boxes, (TAA_BOX * y + 3 + c) * stride + x, minimum(mean + extent, high))
             mx, my = load16(planes, here + 3 * padded_width + x), load16(planes, here + 4 * padded_width + x)
-            length = mx * mx + my * my
+            length, good = mx * mx + my * my, load16(planes, here + 5 * padded_width + x)
             for row in (above, here, below):
                 for column in range(-1, 2):
                     index = row + 3 * padded_width + x + column
@@ -89,6 +93,9 @@ def fill_boxes(samples: TaaSamples, y0: int, y1: int):
                     longer = other > length
                     length = select(longer, other, length)
                     mx, my = select(longer, u, mx), select(longer, v, my)
+                    good = minimum(load16(planes, row + 5 * padded_width + x + column), good)
+            low = load16(boxes, TAA_BOX * y * stride + x)
+            store(boxes, TAA_BOX * y * stride + x, select(good > 0.0, low, UNUSABLE))
             store(boxes, (TAA_BOX * y + 6) * stride + x, mx)
             store(boxes, (TAA_BOX * y + 7) * stride + x, my)
 
@@ -153,11 +160,12 @@ def step_rows(
     display_w, display_h, exposure = output.width, output.height, numbers[EXPOSURE]
     float_w, float_h = np.float32(display_w), np.float32(display_h)
     scale_x, scale_y = float_w / np.float32(samples.width), float_h / np.float32(samples.height)
-    padded_width = stride + 2 * PAD
+    padded_width, alpha = stride + 2 * PAD, numbers[ALPHA]
+    kept = np.float32(0.0) if alpha < 1.0 else np.float32(1.0)
     for y in range(y0, y1):
         row = (
-            np.int32(rows.first[y] * 5 * padded_width + PAD),
-            np.int32(rows.second[y] * 5 * padded_width + PAD),
+            np.int32(rows.first[y] * TAA_PLANES * padded_width + PAD),
+            np.int32(rows.second[y] * TAA_PLANES * padded_width + PAD),
         )
         down = rows.first_weight[y], rows.second_weight[y]
         for x in range(x0, x1, 16):
@@ -183,8 +191,9 @@ def step_rows(
             low = gather(box, index), gather(box, index + s), gather(box, index + s * np.int32(2))
             index = index + s * np.int32(3)
             high = gather(box, index), gather(box, index + s), gather(box, index + s * np.int32(2))
-            warped_color = clip_to_sample(warped_color, sample, low, high)
-            weight = select(on, numbers[ALPHA], lane * 0.0 + 1.0)
+            good = low[0] < UNUSABLE
+            warped_color = select3(good, clip_to_sample(warped_color, sample, low, high), warped_color)
+            weight = select(on, select(good, alpha, lane * 0.0 + kept), 1.0)
             r, g, b = from_ycocg(*lerp3(warped_color, sample, weight))
             r, g, b = linear_of(maximum(r, 0.0), maximum(g, 0.0), maximum(b, 0.0), exposure)
             if output.has_weight:

@@ -50,6 +50,7 @@ from supersampler.methods.classifier.kernels.gather import (
     SAMPLE,
     SURFACE,
     TONED,
+    light_rises,
 )
 from supersampler.methods.classifier.variant import Variant
 
@@ -132,7 +133,7 @@ def make_compose_row(variant: Variant):
     def compose_row(y, blend, blend_pitch, gathered, samples, tables, constants, output, out, x0, x1):
         """Compute the image, linear RGB, and the next history of columns x0 to x1 of row y."""
         warped_planes, rest, width = gathered.history, gathered.rest, gathered.pitch
-        colors, wide, h = samples.color, samples.stride + 2 * PAD, samples.height
+        colors, padded_width, h = samples.color, samples.stride + 2 * PAD, samples.height
         columns_near, row_near = tables.nearest_column, tables.nearest_row[y]
         across, down = tables.column_windows, tables.row_windows
         exposure, glares, streams = constants.exposure, constants.glares, constants.streams
@@ -212,8 +213,8 @@ def make_compose_row(variant: Variant):
                     blend_parameters(blend, blend_pitch, number, parameters, pixels)
                 )
                 row = min(max(row_near + k // 3 - 1, 0), h - 1)
-                at_row = SAMPLE_PLANES * row * wide + PAD + first
-                sums = tap(colors, at_row + k % 3 - 1, wide, step, index, tap_weight, sums)
+                at_row = SAMPLE_PLANES * row * padded_width + PAD + first
+                sums = tap(colors, at_row + k % 3 - 1, padded_width, step, index, tap_weight, sums)
             frame = three(rest, rest_at + 16 * FRAME)
             any_usable, scale = sums[3] > 1e-9, 1.0 / maximum(sums[3], 1e-12)
             filtered = (
@@ -261,6 +262,10 @@ def make_compose_row(variant: Variant):
             warped_glare = high * 0.0
             if glares:
                 high, warped_glare = without_glare(high)
+                if constants.rises:
+                    surface = load16(rest, rest_at + 16 * SURFACE)
+                    rises = light_rises(luma, high, count, surface)
+                    warped_glare = maximum(warped_glare, select(rises, 1.0, zero))
                 next_count = select((warped_glare > 0.0) & (warped_glare < CONFIRMED), 0.0, next_count)
             if flash:
                 next_count = zero

@@ -43,12 +43,13 @@ from supersampler.backends.cpu.simd.vector import (
     square_root,
     store,
     stream,
+    sum_of_lanes,
     to_float,
 )
 from supersampler.backends.cpu.structs import Floats, FrameSamples, ResampleTables
 from supersampler.methods.classifier.kernels import network_inputs as words
 from supersampler.methods.classifier.kernels.network_inputs import complete_row, store_input, warp_classes
-from supersampler.methods.classifier.spec import CLASSIFIER
+from supersampler.methods.classifier.spec import CLASSIFIER, CONTRAST, RISE, WHITE
 from supersampler.methods.classifier.structs import (
     ClassifierHistoryInput,
     Gathered,
@@ -91,16 +92,16 @@ def store_planes(planes, at, values):
 
 
 @device_function
-def gather_surface(depth, px, py, on, depths, wide, places, numbers):
+def gather_surface(depth, px, py, on, depths, padded_width, places, numbers):
     """Return the surface's previous visibility, [0, 1], and the depth difference, [-1, 1] (equation 10).
 
-    px, py: previous position, display pixels; on: whether it is on screen; depths (h', wide, 2): of the
-    history, as `keep_depth` writes it; places: scratch.
+    px, py: previous position, display pixels; on: whether it is on screen; depths (h', padded_width, 2): of
+    the history, as `keep_depth` writes it; places: scratch.
     """
     old_w, old_h = np.int64(numbers[OLD_W]), np.int64(numbers[OLD_H])
     x = (px + 0.5) * numbers[OLD_W] / numbers[BIG_W] - 0.5 - numbers[JITTER_X]
     y = (py + 0.5) * numbers[OLD_H] / numbers[BIG_H] - 0.5 - numbers[JITTER_Y]
-    weights = linear_taps(x, y, old_w, old_h, wide, places)
+    weights = linear_taps(x, y, old_w, old_h, padded_width, places)
     a, b, c, d = gather4(depths, places, 0, 2, 0)
     e, f, g, h = gather4(depths, places, 16, 2, 0)
     occluded = disocclusion(depth, weights, (b, d, f, h), numbers[C.depth_margin], numbers[C.depth_ramp])
@@ -149,10 +150,20 @@ def current_frame(sums, gamma):
 
 
 @device_function
-def confirmed_glare(glare, warped_glare, count):
-    """Return consecutive frames with glare nearby, this one included; CONFIRMED at once without history."""
+def confirmed_glare(glare, warped_glare, count, luma):
+    """Return consecutive frames with glare nearby, this one included; CONFIRMED at once without history.
+
+    luma: of the sample; over WHITE it counts as glare in the frame after a first glaring one.
+    """
+    still_bright = (luma > WHITE) & (warped_glare > 0.0) & (warped_glare < CONFIRMED - 1.0)
     counts = select((count > 0.0) | (warped_glare > 0.0), warped_glare, CONFIRMED)
-    return glare * minimum(counts + 1.0, CONFIRMED)
+    return select(still_bright, 1.0, glare) * minimum(counts + 1.0, CONFIRMED)
+
+
+@device_function
+def light_rises(luma, high, count, surface):
+    """Return where light over white rises over all samples of the history; twin of `unexplained_light`."""
+    return (luma > WHITE) & (luma > high + RISE) & (count * surface > 0.0)
 
 
 @device_function
@@ -196,7 +207,7 @@ def make_gather_rows(*parts: str):
         big_w, big_h, width = gathered.width, gathered.height, gathered.pitch
         w_big, h_big = numbers[BIG_W], numbers[BIG_H]
         scale_x, scale_y = w_big / numbers[W], h_big / numbers[H]
-        wide, x_end = width + 2 * PAD, min(x1, big_w)
+        padded_width, x_end = width + 2 * PAD, min(x1, big_w)
         for y in range(max(y0 - 1, 0), min(y1 + 1, big_h)):
             inside = y0 <= y < y1
             ring_row = (y % 4) * INPUT_PLANES * width
@@ -227,25 +238,28 @@ def make_gather_rows(*parts: str):
                 color = select3(on, toned_at(numbers, q[8], q[9], q[10]))
                 color_root = roots(color)
                 luma = luma_of(color_root)
-                store(ring, (y % 3) * wide + PAD + x, luma)
+                store(ring, (y % 3) * padded_width + PAD + x, luma)
                 if not inside:
                     continue
                 linear = select3(on, toned_at(numbers, q[0], q[1], q[2]))
                 detail = color[0] - linear[0], color[1] - linear[1], color[2] - linear[2]
                 count, low, high = select3(on, (q[3], q[4], q[5]))
-                if numbers[GLARES] > 0.0:
-                    high, warped_glare = without_glare(high)
-                    warped_glare = confirmed_glare(glare, warped_glare, count) * GLARE
-                else:
-                    warped_glare = high * 0.0
                 store_planes(warped_planes, (y * width + x) * HISTORY_PLANES, color)
                 surface, difference = gather_surface(
                     depth, px, py, on, history.depth, history.pitch, slots, numbers
                 )
                 sums = filter_all_across(line, stride + 2 * PAD, starts, across, width, x)
                 frame, sample, confidence, mean, extents, variance = current_frame(sums, numbers[C.gamma])
+                sample_luma = luma_of(sample)
+                glares = high * 0.0
+                if numbers[GLARES] > 0.0:
+                    high, warped_glare = without_glare(high)
+                    glares = confirmed_glare(glare, warped_glare, count, sample_luma) * GLARE
+                sparse = (sample_luma > mean[0] + CONTRAST) & (lane < w_big)
+                sparse = sparse & light_rises(sample_luma, high, count, surface)
+                gathered.rising[(y * width + x) // 16] = sum_of_lanes(select(sparse, 1.0, lane * 0.0))
                 to = (y * width + x) * planes
-                range_ = low, high + warped_glare
+                range_ = low, high + glares
                 store_planes(rest, to, (*frame, *sample, confidence, *detail, surface, count, *range_))
                 if rectified:
                     store_planes(rest, to + 16 * mean_plane, (*mean, *extents))
@@ -283,7 +297,7 @@ def make_gather_rows(*parts: str):
                     history.classes, places, slots, weights, width, big_w, big_h, x0 // 2, (x_end + 1) // 2,
                     network.records, to,
                 )  # fmt: skip
-            repeat_ends(ring, (y % 3) * wide + PAD + x0, x_end - x0)
+            repeat_ends(ring, (y % 3) * padded_width + PAD + x0, x_end - x0)
             if y - 1 >= y0:
                 complete_row(scratch, gathered, network, y - 1, y, x0, x1)
         if y1 == big_h:

@@ -43,17 +43,17 @@ def store_input(inputs, at, value):
 
 
 @device_function
-def contrast_row(ring, above, here, below, wide, inputs, first, width, x0, x1):
+def contrast_row(ring, above, here, below, padded_width, inputs, first, width, x0, x1):
     """Write `history_contrast` and `beyond_range` of a row.
 
-    ring (3, wide): luma of the warped history in three rows; above, here, below: their indices; first: of the
-    row in `inputs`.
+    ring (3, padded_width): luma of the warped history in three rows; above, here, below: their indices;
+    first: of the row in `inputs`.
     """
     for x in range(x0, x1, 16):
-        low = high = load16(ring, here * wide + PAD + x)
+        low = high = load16(ring, here * padded_width + PAD + x)
         for line in (above, here, below):
             for column in range(-1, 2):
-                other = load16(ring, line * wide + PAD + x + column)
+                other = load16(ring, line * padded_width + PAD + x + column)
                 low, high = minimum(other, low), maximum(other, high)
         luma = to_float(load16(inputs, SAMPLE * width + first + x)) * (1.0 / 255.0)
         store_input(inputs, HISTORY_CONTRAST * width + first + x, high - low)
@@ -192,9 +192,9 @@ def complete_row(scratch, gathered, network, y, below, x0, x1):
     """Complete the inputs of columns x0 to x1 of row y once its neighbour rows exist; pack pairs of rows."""
     ring, inputs, differences = scratch.ring, scratch.inputs, scratch.differences
     big_w, big_h, width = gathered.width, gathered.height, gathered.pitch
-    wide = width + 2 * PAD
+    padded_width = width + 2 * PAD
     row = (y % 4) * INPUT_PLANES * width
-    contrast_row(ring, max(y - 1, 0) % 3, y % 3, below % 3, wide, inputs, row, width, x0, x1)
+    contrast_row(ring, max(y - 1, 0) % 3, y % 3, below % 3, padded_width, inputs, row, width, x0, x1)
     if big_w % 2:
         for c in range(INPUT_PLANES):
             inputs[row + c * width + big_w] = inputs[row + c * width + big_w - 1]
