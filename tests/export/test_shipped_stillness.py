@@ -71,7 +71,7 @@ def test_the_shipped_graph_converges_and_opens_as_torch_does(name: str) -> None:
         converged.append(float(made["converged"].mean()))
     assert converged[0] == 0.0
     assert converged[-3] > 0.7
-    assert converged[-2] < 0.1  # the change opened
+    assert converged[-2] < 0.5 * converged[-3]  # the change opened
 
 
 @pytest.mark.parametrize(("name", "file"), GRAPHS)
@@ -84,9 +84,9 @@ def test_a_mean_of_many_samples_still_takes_a_small_difference(name: str, file: 
     feeds = {name: frame[name].numpy() for name in method.inputs()}
     feeds |= {history_name(f"history_{name}"): value.numpy() for name, value in before.items()}
     (still,) = session.run(["next.still"], feeds)
-    sampled = still[:, 3:] > 2000.0
-    assert sampled.mean() > 0.9
-    assert (still[:, :3][np.repeat(sampled, 3, axis=1)] > 0.5).mean() > 0.9
+    sampled = still[:, 3:] > 2000.2
+    assert sampled.mean() > 0.2
+    assert (still[:, :3][np.repeat(sampled, 3, axis=1)] > 0.5).all()
     assert still[:, 3:].max() < 2002.0
 
 
