@@ -30,7 +30,7 @@ PRODUCTS = {
 }  # fmt: skip
 """Multiply-adds a display pixel."""
 OPERATORS = {
-    "bilinear": 90, "bicubic": 260, "taa": 620, "taau": 1250, "classifier": 1860, "classifier-small": 1750,
+    "bilinear": 90, "bicubic": 260, "taa": 620, "taau": 1700, "classifier": 1860, "classifier-small": 1750,
     "gbuffer-small": 2150, "gbuffer-small-4x": 2150, "extrapolate": 1860, "guided-warp": 1250,
     "guided-flow": 2900,
 }  # fmt: skip

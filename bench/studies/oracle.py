@@ -62,7 +62,9 @@ class Oracle:
         frame, render = item.frame, method.Size(*item.frame.size)
         now = View(self._display, render, torch.tensor([frame.jitter], dtype=torch.float32))
         if frame.reset or self._previous is None:
-            image, state, classes, surface, _, exposure = self._method.first_history(self._display, render)
+            image, state, classes, surface, _, exposure = self._method.first_history(self._display, render)[
+                :6
+            ]
             self._previous = History(image, state, classes, surface, exposure), now
         inputs = frame_inputs(frame, self._display, ("color", "depth", "motion"))
         color, depth, motion = (torch.from_numpy(planes) for planes in inputs.values())

@@ -71,6 +71,8 @@ class StepResult:
             detail.
         weight: (H, W) float32 weight of the history in the image, [0, 1].
         count: (H, W) float32 number of samples that each pixel has accumulated.
+        converged: (H, W) float32 fraction of the mean of all samples since the pixel stands still, [0, 1]: 1
+            after about one period of the jitter, 0 where something moves or changed.
         work: (H / 32, W / 32) float32, sizes rounded up: fraction of a full step's work done in each tile of
             32x32 pixels, [0, 1].
     """
@@ -80,6 +82,7 @@ class StepResult:
     class_map: Float32 | None = None
     weight: Float32 | None = None
     count: Float32 | None = None
+    converged: Float32 | None = None
     work: Float32 | None = None
 
 

@@ -152,9 +152,9 @@ class Upscaler:
         Args:
             frame: see `Frame`. Its render size may differ from that of the previous frame; the history stays.
             out: (H, W, 3) float32 to write the image to.
-            outputs: names of further outputs: "aovs", "class_map", "weight", "count", "work"; see
-                `StepResult`. A method may lack some. Others than those named cost nothing. "aovs" disables
-                static-tile reuse, and starts without AOV history after a frame without "aovs".
+            outputs: names of further outputs: "aovs", "class_map", "weight", "count", "converged",
+                "work"; see `StepResult`. A method may lack some. Others than those named cost nothing. "aovs"
+                disables static-tile reuse, and starts without AOV history after a frame without "aovs".
 
         Returns:
             (H, W, 3) float32 linear RGB, finite and >= 0, in the units of `frame.color`; `out` if given.

@@ -3,10 +3,11 @@
 A method keeps its own history and image. Where a display pixel stands still, `settle` adds the samples near
 it to a mean in linear RGB without exposure, with weights W of a Gaussian within a tent of one pixel:
 
-    N' = N + W,  c' = c + W / (N' + E) (u - c),  E = clamp(N' - EARLY, 0, EXTRA)
+    N' = N + W,  c' = c + W / (N' + E) (u - c),  E = clamp(N' - PERIOD, 0, PERIOD)
 
-u is the weighted mean of this frame's samples. E gives the first jitter period more weight: later partial
-periods then change the mean less. The image fades from the method's to the mean as N' grows.
+u is the weighted mean of this frame's samples. With E the second jitter period changes the mean half as much,
+and parts of later periods do. The image fades from the method's to the mean as N' grows from READY to PERIOD.
+A frame with the jitter of the previous one adds nothing: without jitter the method's image is the better one.
 
 A pixel opens where samples differ from the mean in another way than before. The residual of a sample is its
 shown luma less that of the mean there, averaged over 5x5 samples. Its range over the learning time is kept;
@@ -15,33 +16,33 @@ method's and no sample is added there. If the next frame confirms it, the mean r
 firefly: the colour is kept with at most the weight of one period, and the range is learned again.
 """
 
+from functools import reduce
 from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
 from supersampler.methods.stillness import (
-    ALL_MEAN,
-    EARLY,
-    EXTRA,
-    KEPT,
+    FIREFLY,
     LEARNED,
     MARGIN,
     MARGIN_LEARNING,
+    PERIOD,
+    READY,
     SIGMA,
-    SOME_MEAN,
     STILL_MOTION,
 )
 from supersampler_model.methods.base import Size, render_size_of
-from supersampler_model.ops.color import bounded, glaring, luminance
-from supersampler_model.ops.motion import squared_length
+from supersampler_model.ops.color import bounded, glaring, largest, luminance, sanitize, valid
+from supersampler_model.ops.motion import squared_length, usable_motion
 from supersampler_model.ops.sampling import (
-    Grid,
     extreme,
     gaussian,
+    grid_of,
     linear,
     nearest,
     neighbours_2x2,
+    neighbours_3x3,
     pick,
     pick_first,
     resample,
@@ -53,13 +54,13 @@ DARK = 0.002  # luma below which `shown_luma` is less steep: a screen is, too
 COVERED = 0.999  # of four bilinear weights
 
 
-class CurrentSamples(NamedTuple):
+class FrameSamples(NamedTuple):
     """This frame, at render size."""
 
-    color: Tensor  # (1, 3, h, w) linear RGB >= 0
-    usable: Tensor  # (1, 1, h, w) 0 or 1
+    color: Tensor  # (1, 3, h, w) linear RGB as given: any value
     motion: Tensor  # (1, 2, h, w) render pixels
     jitter: Tensor  # (1, 2) render pixels
+    previous_jitter: Tensor  # (1, 2) of the previous frame
     exposure: Tensor  # (1,) > 0
 
 
@@ -72,26 +73,22 @@ class Settled(NamedTuple):
     converged: Tensor  # (1, 1, H, W) fraction of the mean in the image
 
 
-def settle(
-    image: Tensor,
-    samples: CurrentSamples,
-    grid: Grid,
-    history_still: Tensor,
-    history_opening: Tensor,
-) -> Settled:
+def settle(image: Tensor, frame: FrameSamples, history_still: Tensor, history_opening: Tensor) -> Settled:
     """Add this frame's samples to the mean where pixels stand still, and fade the image to it.
 
     Args:
         image: (1, 3, H, W) the method's, linear RGB.
-        samples: this frame.
-        grid: of the display pixels in this frame.
+        frame: this frame.
         history_still: (1, 4, H, W) `Settled.still` of the previous frame; zeros without one.
         history_opening: (1, 3, h', w') `Settled.opening` of the previous frame.
     """
-    display, render = render_size_of(image), render_size_of(samples.color)
-    usable = samples.usable * (1.0 - glaring(samples.color * samples.exposure, samples.usable))
-    moving = (squared_length(samples.motion) > STILL_MOTION * STILL_MOTION).float()
-    opening, opens = measure_residuals(samples, usable, moving, history_still, history_opening)
+    display, render = render_size_of(image), render_size_of(frame.color)
+    grid = grid_of(display, render, frame.jitter)
+    color, usable = sanitize(frame.color, 0.0), valid(frame.color)
+    usable = usable * (1.0 - glaring(color * frame.exposure, usable))
+    color = without_fireflies(color * usable, frame.exposure)
+    moving = (squared_length(usable_motion(frame.motion)) > STILL_MOTION * STILL_MOTION).float()
+    opening, opens = measure_residuals(frame, color, usable, moving, history_still, history_opening)
 
     quad = neighbours_2x2(moving)
     moves = torch.maximum(torch.maximum(quad[0], quad[1]), torch.maximum(quad[2], quad[3]))
@@ -105,14 +102,14 @@ def settle(
     ratio = display.width / render.width, display.height / render.height
     x = taps(grid.x, render.width, tent_gaussian, reach=1, scale=ratio[0])
     y = taps(grid.y, render.height, tent_gaussian, reach=1, scale=ratio[1])
-    near = resample(torch.cat([samples.color * usable, usable], dim=1), x, y)
-    added = near[:, 3:4] * stands * (1.0 - left_out)
+    near = resample(torch.cat([color, usable], dim=1), x, y)
+    jittered = (frame.jitter - frame.previous_jitter).abs().sum() > 0.0
+    added = near[:, 3:4] * stands * (1.0 - left_out) * jittered
     total = weight + added
-    share = added / (total + (total - EARLY).clamp(0.0, EXTRA)).clamp(min=1e-6)
+    share = added / (total + (total - PERIOD).clamp(0.0, PERIOD)).clamp(min=1e-6)
     mean = mean + share * (near[:, :3] / near[:, 3:4].clamp(min=1e-6) - mean)
-    mean = mean * (total > 0.0)  # a state does not keep what it does not use
-    converged = ((total - SOME_MEAN) / (ALL_MEAN - SOME_MEAN)).clamp(0.0, 1.0) * (1.0 - opened)
-    next_weight = torch.where(left_out > 0.0, -total.clamp(max=KEPT), total)
+    converged = ((total - READY) / (PERIOD - READY)).clamp(0.0, 1.0) * (1.0 - opened)
+    next_weight = torch.where(left_out > 0.0, -total.clamp(max=PERIOD), total)
     return Settled(
         bounded(image + converged * (mean - image)),
         torch.cat([mean, next_weight], dim=1),
@@ -121,8 +118,20 @@ def settle(
     )
 
 
+def without_fireflies(color: Tensor, exposure: Tensor) -> Tensor:
+    """Darken samples that are alone far brighter than white and their neighbours.
+
+    In a linear mean of few samples one of them would stay visible for many periods.
+    """
+    peak = largest(color * exposure)
+    around = neighbours_3x3(peak)
+    most = FIREFLY * (1.0 + reduce(torch.maximum, [*around[:4], *around[5:]]))
+    return color * (most / torch.maximum(peak, most))
+
+
 def measure_residuals(
-    samples: CurrentSamples,
+    frame: FrameSamples,
+    color: Tensor,
     usable: Tensor,
     moving: Tensor,
     history_still: Tensor,
@@ -131,11 +140,11 @@ def measure_residuals(
     """Compare the samples with the mean; return the next `Settled.opening` and (1, 1, h, w) what opens."""
     render, display = render_size_of(usable), render_size_of(history_still)
     weight = history_still[:, 3:4]
-    ready, doubted = (weight.abs() > SOME_MEAN).float(), (weight < 0.0).float()
-    there = at_samples(torch.cat([history_still[:, :3], ready, doubted], dim=1), render, samples.jitter)
+    ready, doubted = (weight.abs() > READY).float(), (weight < 0.0).float()
+    there = at_samples(torch.cat([history_still[:, :3], ready, doubted], dim=1), render, frame.jitter)
     known = (there[:, 3:4] > COVERED) * (1.0 - moving)
     counted = known * usable
-    exposed, mean = samples.color * samples.exposure, there[:, :3] * samples.exposure
+    exposed, mean = color * frame.exposure, there[:, :3] * frame.exposure
     difference = (shown_luma(exposed) - shown_luma(mean)) * counted
     sums = sum_5x5(torch.cat([difference, difference * difference, counted], dim=1))
     count = sums[:, 2:3].clamp(min=1e-6)
@@ -144,8 +153,8 @@ def measure_residuals(
 
     previous = render_size_of(history_opening)
     before = of_size(history_opening, render)
-    same = (one_like(samples.jitter, previous.width) == render.width) & (
-        one_like(samples.jitter, previous.height) == render.height
+    same = (one_like(frame.jitter, previous.width) == render.width) & (
+        one_like(frame.jitter, previous.height) == render.height
     )
     before = before * same.float()
     low, high, learned = before[:, :1], before[:, 1:2], before[:, 2:3]
@@ -155,7 +164,7 @@ def measure_residuals(
     learns = learning & (opens < 1.0)
     low = torch.where(learns, torch.minimum(low, residual), low)
     high = torch.where(learns, torch.maximum(high, residual), high)
-    new = one_like(samples.jitter, render.width * render.height) / (display.width * display.height)
+    new = one_like(frame.jitter, render.width * render.height) / (display.width * display.height)
     learned = (learned + learns * new).clamp(max=LEARNED)
     keeps = known * (there[:, 4:5] <= 0.0)
     return keeps * torch.cat([low, high, learned], dim=1), opens

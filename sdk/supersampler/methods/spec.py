@@ -45,12 +45,13 @@ INPUTS: Mapping[str, Shape] = {
 }
 """Shapes of the inputs that a step may take, by tensor name."""
 WEIGHT: Shape = (1, 1, *DISPLAY)
-"""Shape of the auxiliary output "weight": weight of the history in the image."""
+"""Shape of the auxiliary outputs "weight" and "converged": weight of the history, or of the mean of what
+stands still, in the image."""
 TENSORS: Mapping[str, Shape] = {
     **INPUTS,
     "aovs": (1, CHANNELS, *RENDER),
     "weight": WEIGHT,
-    "converged": (1, 1, *DISPLAY),
+    "converged": WEIGHT,
 }
 """Shapes of the inputs of all graphs and of auxiliary outputs."""
 

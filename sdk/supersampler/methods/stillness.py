@@ -21,14 +21,16 @@ CONVERGED: Mapping[str, MapOf] = {"converged": MapOf("converged", 0, 1)}
 """The fraction of the mean in the image, an auxiliary output of shape (1, 1, *DISPLAY)."""
 SIGMA = 0.35
 """Gaussian of a sample's weight in the mean, display pixels; a tent of one pixel cuts it off."""
+FIREFLY = 2.0
+"""Largest ratio of an exposed sample to its brightest neighbour plus white."""
 STILL_MOTION = 1.0 / 256.0
 """Render pixels; longer motion moves."""
-SOME_MEAN, ALL_MEAN = 1.2, 3.2
-"""Weights between which the image fades from the method's to the mean."""
-EARLY, EXTRA = 1.6, 3.2
-"""The weight after EARLY counts double until EXTRA has been added."""
-KEPT = 3.2
-"""Largest weight of a mean that is kept after a frame that opened it."""
+PERIOD = 3.2
+"""Weight of a jitter period in the mean. The second period counts double, so that later parts of a period
+change the mean less; after a frame that opened a pixel, the mean keeps at most the weight of one period."""
+READY = 1.2
+"""Weight from which on residuals are measured, and the image fades from the method's to the mean. The fade
+ends at PERIOD."""
 LEARNED = 12.0
 """Samples per display pixel, of which the range of the residuals is learned."""
 MARGIN = 1.5 / 255.0

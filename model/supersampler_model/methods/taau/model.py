@@ -75,7 +75,7 @@ from supersampler_model.ops.sampling import (
     pick_first,
     upsample,
 )
-from supersampler_model.ops.stillness import CurrentSamples, settle
+from supersampler_model.ops.stillness import FrameSamples, settle
 
 MIN_CHANGE = 0.004  # of toned luma: one step of an 8-bit image
 MIN_SAMPLES = 1e-3  # with fewer samples the history is not used
@@ -162,7 +162,7 @@ class Taau(Method):
         """Return the image (1, 3, H, W), linear RGB >= 0, the next history and the weight of the history."""
         display, render = display_size_of(display_size), render_size_of(color)
         grid = grid_of(display, render, jitter)
-        usable, color = valid(color), sanitize(color, 0.0)
+        given_color, usable, color = color, valid(color), sanitize(color, 0.0)
         followed = exposure_for(color, usable, exposure, history_exposure)
         exposure = followed.abs()
         exposed = color * exposure
@@ -184,13 +184,8 @@ class Taau(Method):
         image, samples = self.finish(current, warped, blend, exposure)
         next_color = torch.where(blend.unconfirmed, warped.light, image)
         weight = (1.0 - blend.weight) * (blend.samples > MIN_SAMPLES)
-        settled = settle(
-            image,
-            CurrentSamples(color, usable, motion, jitter, exposure),
-            grid,
-            history_still,
-            history_opening,
-        )
+        frame = FrameSamples(given_color, motion, jitter, history_jitter, exposure)
+        settled = settle(image, frame, history_still, history_opening)
         return Step(
             settled.image,
             next_color,
