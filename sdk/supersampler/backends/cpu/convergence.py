@@ -70,12 +70,12 @@ class ConvergingFrame(ResampledFrame):
         self.still_tiles = np.zeros((-(-h // RENDER_TILE), -(-w // RENDER_TILE)), np.uint8)
         self.sample_tables = lru_cache(MAX_PHASES)(partial(_sample_tables, render, display))
 
-    def still_samples(self, exposure: float) -> StillSamples:
+    def still_samples(self, step: Step) -> StillSamples:
         """Return the buffers in the form that kernels take."""
         (w, h), (moving, moving_2x2, opens, opened) = self._size, self._planes
         return StillSamples(
             self._color, moving, moving_2x2, opens, opened, self.rows_opened, w, h, self.padded_width,
-            exposure, self._learned_step,
+            step.inputs.exposure, self._learned_step, float(step.frame.jitter != step.history.jitter),
         )  # fmt: skip
 
 
@@ -144,14 +144,14 @@ class Convergence:
         inputs = (
             address(step.inputs.color),
             pack(view.samples),
-            pack(view.still_samples(step.inputs.exposure)),
+            pack(view.still_samples(step)),
         )
         self._pool.run_rects("converge", boxes, lambda box, _: self._prepare(*inputs, *box))
 
     def _compare(self, step: Step, view: ConvergingFrame, boxes: list[Rect]) -> None:
         """Compare the samples with the mean; see `measure_residuals`."""
         still, tables = (
-            pack(view.still_samples(step.inputs.exposure)),
+            pack(view.still_samples(step)),
             pack(view.sample_tables(step.frame.jitter)),
         )
         history, opening = pack(self._history(step)), address(step.next_history.arrays["opening"])
@@ -169,7 +169,7 @@ class Convergence:
     def _add_samples(self, step: Step, view: ConvergingFrame, boxes: list[Rect]) -> None:
         """Add the samples to the mean, and fade the image; see `add_samples`."""
         height, width = step.output.image.shape[:2]
-        still = pack(view.still_samples(step.inputs.exposure))
+        still = pack(view.still_samples(step))
         converged = np.zeros(1, np.float32) if step.converged is None else step.converged
         output = pack(
             ConvergedOutput(

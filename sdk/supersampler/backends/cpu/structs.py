@@ -157,7 +157,7 @@ class StillSamples(NamedTuple):
     """The samples of a frame for the mean where nothing moves; rows of `padded_width` as of `FrameSamples`.
 
     Attributes:
-        color: (height, 4, padded_width) linear RGB of samples that are usable and do not glare, and 1 for these.
+        color: (height, 4, padded_width) linear RGB of samples that are usable and do not glare; 1 for these.
         moving: (height, padded_width) 1 where the sample moves, else 0.
         moving_2x2: the same of any of it, its right, lower and lower right neighbour.
         opens: 1 where the sample contradicts the mean.
@@ -167,6 +167,7 @@ class StillSamples(NamedTuple):
         padded_width: of a row.
         exposure: of the frame.
         learned_step: samples per display pixel.
+        counts: 1, or 0 where the jitter is that of the previous frame: then no sample is added.
     """
 
     color: Floats
@@ -180,6 +181,7 @@ class StillSamples(NamedTuple):
     padded_width: int
     exposure: float
     learned_step: float
+    counts: float
 
 
 class MeanHistory(NamedTuple):

@@ -14,6 +14,7 @@ from supersampler.backends.cpu.kernels.colors import (
     lerp,
     luminance,
     sanitize,
+    scaled3,
 )
 from supersampler.backends.cpu.kernels.filters import places_in, span
 from supersampler.backends.cpu.kernels.frame import color_at, sample_indices, store4
@@ -50,14 +51,12 @@ from supersampler.backends.cpu.structs import (
     StillSamples,
 )
 from supersampler.methods.stillness import (
-    ALL_MEAN,
-    EARLY,
-    EXTRA,
-    KEPT,
+    FIREFLY,
     LEARNED,
     MARGIN,
     MARGIN_LEARNING,
-    SOME_MEAN,
+    PERIOD,
+    READY,
     STILL_MOTION,
 )
 
@@ -107,10 +106,16 @@ def prepare_still(
                 load16(colors, at), load16(colors, at + padded_width), load16(colors, at + 2 * padded_width)
             )
             usable = select(brightest > GLARING, zero, load16(colors, at + 3 * padded_width))
-            to = linear + x
-            store(still.color, to, sanitize(r) * usable)
-            store(still.color, to + padded_width, sanitize(g) * usable)
-            store(still.color, to + 2 * padded_width, sanitize(b) * usable)
+            r, g, b = sanitize(r) * usable, sanitize(g) * usable, sanitize(b) * usable
+            peak, to = largest(r, g, b) * still.exposure, linear + x
+            if not all_lanes(peak <= FIREFLY):
+                above = SAMPLE_PLANES * max(y - 1, 0) * padded_width + PAD + x
+                under = SAMPLE_PLANES * min(y + 1, h - 1) * padded_width + PAD + x
+                most = (brightest_around(colors, above, at, under, padded_width) + 1.0) * FIREFLY
+                r, g, b = scaled3((r, g, b), most / maximum(peak, most))
+            store(still.color, to, r)
+            store(still.color, to + padded_width, g)
+            store(still.color, to + 2 * padded_width, b)
             store(still.color, to + 3 * padded_width, usable)
             here = y * padded_width + PAD + x
             own = squared_motion(samples, here)
@@ -128,6 +133,24 @@ def prepare_still(
 
 
 @device_function
+def brightest_around(colors, above, here, below, padded_width):
+    """Return the largest exposed channel of the eight neighbours of sixteen samples, without those that glare.
+
+    colors: toned, as of `FrameSamples`; above, here, below: the sample in the first plane of the three rows.
+    """
+    brightest = load16(colors, here) * 0.0
+    for row in (above, here, below):
+        for column in range(-1, 2):
+            if row != here or column != 0:
+                toned = largest(
+                    load16(colors, row + column), load16(colors, row + column + padded_width),
+                    load16(colors, row + column + 2 * padded_width),
+                )  # fmt: skip
+                brightest = maximum(brightest, select(toned > GLARING, 0.0, toned))
+    return brightest / (1.0 - brightest)
+
+
+@device_function
 def shown_luma(r, g, b, exposure):
     """Return luma nearly as a screen shows it."""
     luma = luminance(r, g, b) * exposure
@@ -137,7 +160,7 @@ def shown_luma(r, g, b, exposure):
 @device_function
 def add_pixel(total, pixel, weight):
     """Add a pixel of the history of the mean to the bilinear total: RGB, whether it is ready, is doubted."""
-    ready = select(absolute(pixel[3]) > SOME_MEAN, weight, weight * 0.0)
+    ready = select(absolute(pixel[3]) > READY, weight, weight * 0.0)
     doubted = select(pixel[3] < 0.0, weight, weight * 0.0)
     r, g, b = total[0] + pixel[0] * weight, total[1] + pixel[1] * weight, total[2] + pixel[2] * weight
     return r, g, b, total[3] + ready, total[4] + doubted
@@ -321,16 +344,15 @@ def add_samples(
                 mean_r, mean_g, mean_b, weight = gather4(history.pixels, output.columns, x, 4, 4 * y * width)
             left_out = (opened > 0.0) & (weight > 0.0)
             kept = select((opened > 0.0) & (weight < 0.0), zero, absolute(weight) * stands)
-            added = select(left_out, zero, added * stands)
+            added = select(left_out, zero, added * stands * still.counts)
             total = kept + added
-            part = added / maximum(total + clamped(total - EARLY, 0.0, EXTRA), 1e-6)
-            known = total > 0.0
-            mean_r = select(known, lerp(mean_r, r * scale, part), zero)
-            mean_g = select(known, lerp(mean_g, g * scale, part), zero)
-            mean_b = select(known, lerp(mean_b, b * scale, part), zero)
-            converged = clamped((total - SOME_MEAN) / (ALL_MEAN - SOME_MEAN), 0.0, 1.0)
+            part = added / maximum(total + clamped(total - PERIOD, 0.0, PERIOD), 1e-6)
+            mean_r = lerp(mean_r, r * scale, part)
+            mean_g = lerp(mean_g, g * scale, part)
+            mean_b = lerp(mean_b, b * scale, part)
+            converged = clamped((total - READY) / (PERIOD - READY), 0.0, 1.0)
             converged = select(opened > 0.0, zero, converged)
-            weight = select(left_out, minimum(total, KEPT) * -1.0, total)
+            weight = select(left_out, minimum(total, PERIOD) * -1.0, total)
             index = minimum(ramp16() + np.int32(x), np.int32(width - 1)) + np.int32(y * width)
             r, g, b = color_at(image, index)
             r = bounded(lerp(r, mean_r, converged))
