@@ -360,6 +360,7 @@ class Upscaler:
         stats = memory.stats.after_step(
             fresh=kept is None,
             work=float(model.work(next_history).mean()),
+            converged=model.converged(next_history),
             seconds=time.perf_counter() - started,
             extrapolation_seconds=extrapolation_seconds,
         )
@@ -384,7 +385,9 @@ class Upscaler:
         image, next_history = self.model.run_tensors(
             tensors, history, jitter=jitter, exposure=exposure, out=out, history_out=memory.spare
         )
-        stats = memory.stats.after_step(fresh=kept is None, work=1.0, seconds=time.perf_counter() - started)
+        stats = memory.stats.after_step(
+            fresh=kept is None, work=1.0, converged=0.0, seconds=time.perf_counter() - started
+        )
         self._memory = Memory(display, next_history, history, None, stats)
         return image
 

@@ -70,6 +70,9 @@ class Executor(Protocol):
     def work(self, buffers: Buffers, display: Size) -> Float32:
         """Work of the step that wrote these buffers as a share of a full step, by tile: (rows, columns)."""
 
+    def converged(self, buffers: Buffers) -> float:
+        """Share of the image that no longer changes while the scene stands still."""
+
     def load(self, buffers: Buffers, tensors: Mapping[str, NDArray[Any]]) -> None:
         """Fill buffers with all history tensors of the contract, whose shapes have been checked.
 

@@ -8,6 +8,8 @@ TILE = 32
 """Side of a display tile, display pixels: a step computes or reuses whole tiles."""
 RENDER_TILE = 16
 """Side of a tile of the frame, samples: static-tile reuse compares whole tiles."""
+SUM_VALUES = 5
+"""Values of a pixel's sum of samples: weighted linear RGB, weights, squares."""
 
 SAMPLE_PLANES = 10
 """Planes of a row of samples: toned RGB, 1 where usable, YCoCg, squares of YCoCg."""

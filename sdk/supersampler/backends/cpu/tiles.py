@@ -13,6 +13,8 @@ Bool = NDArray[np.bool_]
 
 FILTER_REACH = 4
 """Distance of the samples that a display pixel reads from its position, in samples."""
+SAMPLE_REACH = 1
+"""Likewise of the samples that lie in it: jitter moves them by half a sample."""
 HALO = 2
 """Tiles around computed ones that are gathered, too: the network reads 36 pixels around a pixel."""
 MIN_GAP = 3
@@ -111,26 +113,29 @@ def _covered(runs: Sequence[Rect], shape: tuple[int, ...]) -> Bool:
     return mask
 
 
-def tiles_reading(changed: Bool, display: Size, render: Size) -> Bool:
+def tiles_reading(changed: Bool, display: Size, render: Size, reach: int) -> Bool:
     """Return the display tiles that read changed tiles of the frame.
 
     Args:
         changed: (rows, columns) of tiles of RENDER_TILE samples.
         display: (width, height).
         render: (width, height).
+        reach: samples around a tile that it reads.
     """
     sums = np.pad(np.cumsum(np.cumsum(changed, axis=0), axis=1), ((1, 0), (1, 0)))
     (top, bottom), (left, right) = (
-        _read_tiles(-(-display[axis] // TILE), display[axis], render[axis]) for axis in (1, 0)
+        _read_tiles(-(-display[axis] // TILE), display[axis], render[axis], reach) for axis in (1, 0)
     )
     inside: NDArray[np.int64] = sums[np.ix_(bottom, right)] - sums[np.ix_(top, right)]
     inside += sums[np.ix_(top, left)] - sums[np.ix_(bottom, left)]
     return np.asarray(inside > 0)
 
 
-def _read_tiles(tiles: int, display: int, render: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _read_tiles(
+    tiles: int, display: int, render: int, reach: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return the first and one past the last tile of the frame that each display tile reads on an axis."""
     edges = np.minimum(np.arange(tiles + 1) * TILE, display) * (render / display)
-    first = np.clip(np.floor(edges[:-1]) - FILTER_REACH, 0, None) // RENDER_TILE
-    last = np.clip(np.ceil(edges[1:]) + FILTER_REACH, None, render) / RENDER_TILE
+    first = np.clip(np.floor(edges[:-1]) - reach, 0, None) // RENDER_TILE
+    last = np.clip(np.ceil(edges[1:]) + reach, None, render) / RENDER_TILE
     return first.astype(np.int64), np.ceil(last).astype(np.int64)

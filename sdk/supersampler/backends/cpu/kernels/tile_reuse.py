@@ -1,9 +1,9 @@
-"""Kernels of static-tile reuse: fingerprints of a frame's tiles, and how much tiles of the image changed."""
+"""Kernels of static-tile reuse: fingerprints of a frame's tiles, and copies of an image's."""
 
 import numpy as np
 
 from supersampler.backends.cpu.kernels.frame import MAX_MOTION
-from supersampler.backends.cpu.layout import RENDER_TILE, TILE
+from supersampler.backends.cpu.layout import RENDER_TILE
 from supersampler.backends.cpu.simd.device_function import device_function
 from supersampler.backends.cpu.simd.vector import (
     absolute,
@@ -16,22 +16,20 @@ from supersampler.backends.cpu.simd.vector import (
     spread16,
     store,
 )
-from supersampler.backends.cpu.structs import Floats, TileComparison, Words
+from supersampler.backends.cpu.structs import Bytes, Floats, Words
 
 MIN_MOTION = 1e-3  # samples: shorter motion is rounding of camera matrices
 FACTOR = np.int32(0x2C1B3C6D)  # odd: multiplication is invertible, so a change of one word changes the sum
 
 
 @device_function
-def has_motion(motion, at, row, count, height):
-    """Return whether a tile has motion; unusable motion counts as none, as in `frame.motion_at`."""
+def has_motion(motion, at, count):
+    """Return whether a row of a tile has motion; unusable motion counts as none, as in `frame.motion_at`."""
     longest = spread16(np.float32(0.0))
-    last = np.int32(2 * count - 1)
-    for y in range(height):
-        for half in range(2):
-            index = minimum(ramp16() + np.int32(16 * half), last) + np.int32(at + y * row)
-            length = absolute(gather(motion, index))
-            longest = select((length > longest) & (length <= MAX_MOTION), length, longest)
+    for half in range(2):
+        index = minimum(ramp16() + np.int32(16 * half), np.int32(2 * count - 1)) + np.int32(at)
+        length = absolute(gather(motion, index))
+        longest = select((length > longest) & (length <= MAX_MOTION), length, longest)
     return not all_lanes(longest <= MIN_MOTION)
 
 
@@ -48,25 +46,30 @@ def hash_row(total, words, at, count):
 
 
 def fingerprints(
-    color: Words, depth: Words, motion: Words, moved: Floats, w: int, h: int, y0: int, y1: int, out: Words
-):
+    color: Words, depth: Words, motion: Words, moved: Floats, w: int, h: int, wanted: Bytes, step: int,
+    y0: int, y1: int, out: Words,
+):  # fmt: skip
     """Write sixteen words per tile of tile rows y0 to y1, (tile rows, tiles, 16); 0 where a tile has motion.
 
-    motion and moved: the same array, as words and as floats.
+    motion and moved: the same array, as words and as floats. wanted: tiles; others are left as they are.
+    step: one row of samples in so many is read.
     """
     tiles = (w + RENDER_TILE - 1) // RENDER_TILE
     for ty in range(y0, y1):
+        height = min(RENDER_TILE, h - RENDER_TILE * ty)
         for tx in range(tiles):
+            if wanted[ty * tiles + tx] == 0:
+                continue
             first, count = RENDER_TILE * ty * w + RENDER_TILE * tx, min(RENDER_TILE, w - RENDER_TILE * tx)
-            height = min(RENDER_TILE, h - RENDER_TILE * ty)
-            total = spread16(np.int32(0))
-            if not has_motion(moved, 2 * first, 2 * w, count, height):
-                total = total + np.int32(1)
-                for y in range(height):
-                    at = first + y * w
-                    total = hash_row(total, color, 3 * at, 3 * count)
-                    total = hash_row(total, depth, at, count)
-                    total = hash_row(total, motion, 2 * at, 2 * count)
+            total = spread16(np.int32(1))
+            for y in range(step // 2, height, step):
+                at = first + y * w
+                if has_motion(moved, 2 * at, count):
+                    total = spread16(np.int32(0))
+                    break
+                total = hash_row(total, color, 3 * at, 3 * count)
+                total = hash_row(total, depth, at, count)
+                total = hash_row(total, motion, 2 * at, 2 * count)
             store(out, 16 * (ty * tiles + tx), total)
 
 
@@ -78,28 +81,3 @@ def copy_colors(pixels: Floats, channels: int, big_w: int, y0: int, y1: int, x0:
             image[to] = pixels[at]
             image[to + 1] = pixels[at + 1]
             image[to + 2] = pixels[at + 2]
-
-
-def compare_tiles(tiles: TileComparison, y0: int, y1: int, x0: int, x1: int):
-    """Write the mean square change of toned colours of tiles, rows y0 to y1 and columns x0 to x1.
-
-    The change of a pixel is the largest of its three channels.
-    """
-    pixels, reference, channels, exposure = tiles.pixels, tiles.reference, tiles.channels, tiles.exposure
-    big_w, big_h = tiles.width, tiles.height
-    for ty in range(y0, y1):
-        for tx in range(x0, x1):
-            total = np.float32(0.0)
-            bottom, right = min(ty * TILE + TILE, big_h), min(tx * TILE + TILE, big_w)
-            for y in range(ty * TILE, bottom):
-                for x in range(tx * TILE, right):
-                    at, to = (y * big_w + x) * channels, (y * big_w + x) * 3
-                    change = brightest = np.float32(0.0)
-                    for c in range(3):
-                        value, value_before = pixels[at + c], reference[to + c]
-                        change = max(change, abs(value - value_before))
-                        brightest = max(brightest, max(value, value_before))
-                    change = change * exposure / (np.float32(1.0) + brightest * exposure)
-                    total += change * change
-            count = np.float32((bottom - ty * TILE) * (right - tx * TILE))
-            tiles.changes[ty * tiles.columns + tx] = total / count
