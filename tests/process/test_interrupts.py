@@ -81,7 +81,7 @@ def shake(method):
         while shaken.stats.frames <= index:
             raised = True
             try:
-                delay, later = random.uniform(1e-6, 1.3 * typical), random.uniform(1e-5, typical)
+                delay, later = random.uniform(1e-6, 3.0 * typical), random.uniform(1e-5, typical)
                 armed = 4 if again else 1
                 signal.setitimer(signal.ITIMER_REAL, delay, later if again else 0.0)
                 step(shaken, frame, out)

@@ -149,7 +149,7 @@ def weights_after(
 
 
 def _usual_ratio(display: Size, render: Size) -> float:
-    """Return the vendors' ratio that a render size may have been rounded from, else the ratio of the sizes."""
+    """Return the vendors' ratio that a render size may be rounded from, else the ratio of the sizes."""
     for ratio in RATIOS.values():
         if all(abs(full / ratio - size) < 1.0 for full, size in zip(display, render, strict=True)):
             return ratio
