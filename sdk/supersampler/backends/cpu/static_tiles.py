@@ -99,14 +99,21 @@ class StaticTiles:
         unknown = np.zeros(self.same.shape, np.uint64)
         before = self.phases.get(jitter, Phase(self.frames, unknown, unknown))
         period = self.frames - before.frame
-        rows = read(np.ones(self.same.shape, bool), ROW_STEP)
+        as_before = self.same & (before.tiles != MOVING)  # likely: read at once as a whole
+        if as_before.any():
+            as_before &= read(as_before, 1) == before.tiles
+        rows = (
+            before.rows if as_before.all() else np.where(as_before, before.rows, read(~as_before, ROW_STEP))
+        )
         agree = (rows == before.rows) & (rows != MOVING)
         unseen = (before.rows == MOVING) & (period > 0 or len(self.phases) < PHASES)
         patient = self.changes < (2 * period or _PATIENCE)
         whole = (rows != MOVING) & (agree | unseen | (patient & (before.rows != MOVING)))
-        tiles = read(whole, 1) if whole.any() else unknown
+        left = whole & ~as_before
+        tiles = np.where(as_before, before.tiles, np.uint64(MOVING))
+        if left.any():
+            tiles = np.where(left, read(left, 1), tiles)
         moving = (rows == MOVING) | (whole & (tiles == MOVING))
-        tiles = np.where(whole, tiles, np.uint64(MOVING))
         same = ~moving & (tiles == before.tiles) & (tiles != MOVING)
         differs = ~moving & (before.rows != MOVING) & ~same & ((before.tiles != MOVING) | ~agree)
         changes = np.where(differs, self.changes + 1, np.where(same | moving, 0, self.changes))

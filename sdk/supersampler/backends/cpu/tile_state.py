@@ -108,6 +108,11 @@ class TileState:
         if weights is not previous.weights:
             records["state"], records["count"], records["phases"] = MOVING, 0, 0
         self.records = records
+        moving, hopeless = tiles.moving.all(), tiles.changed.all() and records["failed"].all()
+        if (moving or hopeless) and not records["count"].any():  # mostly
+            records[:] = 0
+            records["failed"] = records["motionless"] = hopeless
+            return
         self._choose_samples(tiles, jitter, tiles.confirmed if before is None else before.confirmed)
         same = ~self._reading(tiles, ~tiles.same, FILTER_REACH)
         records["matched"] = np.where(same, records["matched"] + 1, 0)

@@ -6,13 +6,23 @@ Sums are those of West (1979): weight times color, weight, and weight times squa
 import numpy as np
 
 from supersampler.backends.cpu.kernels.colors import MAX_HALF
-from supersampler.backends.cpu.layout import SUM_VALUES, TILE
+from supersampler.backends.cpu.layout import LANES, SUM_VALUES, TILE
 from supersampler.backends.cpu.simd.device_function import device_function
+from supersampler.backends.cpu.simd.vector import load16, spread16, store
 from supersampler.backends.cpu.structs import AddedSamples, Floats, MeanErrors
 
 KEEP, ADD = 1, 2
 """Modes of a tile: its sums go on from those before, not from 0; the frame's samples are added."""
 LEAST_WEIGHT = np.float32(1e-6)
+
+
+@device_function
+def begin_with(sums, sums_before, begin, count, keep):
+    """Copy the sums of a row of a tile, or write 0."""
+    for at in range(begin, begin + count - LANES + 1, LANES):
+        store(sums, at, load16(sums_before, at) if keep else spread16(np.float32(0.0)))
+    for at in range(begin + count - count % LANES, begin + count):
+        sums[at] = sums_before[at] if keep else np.float32(0.0)
 
 
 @device_function
@@ -48,9 +58,9 @@ def add_samples(tiles: AddedSamples, y0: int, y1: int, x0: int, x1: int):
                 mode = tiles.modes[ty * across + tx]
                 if mode == 0:
                     continue
-                first, last = y * width + tx * TILE, y * width + min(tx * TILE + TILE, width)
-                for at in range(first * SUM_VALUES, last * SUM_VALUES):
-                    sums[at] = sums_before[at] if mode & KEEP else np.float32(0.0)
+                begin = (y * width + tx * TILE) * SUM_VALUES
+                count = min(TILE, width - tx * TILE) * SUM_VALUES
+                begin_with(sums, sums_before, begin, count, mode & KEEP)
                 if mode & ADD == 0 or row < 0:
                     continue
                 for x in range(tx * TILE, min(tx * TILE + TILE, width)):
