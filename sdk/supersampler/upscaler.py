@@ -43,12 +43,12 @@ class Upscaler:
         providers: see `Model.load`; not with a `Model`.
         threads, precision, capture: see `Model.load`; not with a `Model`.
         executor: see `Model.load`; "auto" with a `Model`. "onnx" runs extrapolation in ONNX Runtime, too.
-        skip: the tolerance of static-tile reuse. A tile keeps its pixels where nothing moves, each frame is,
-            bit for bit, what it was one period of the jitter before, and the tile's pixels have changed by no
-            more than this in that period: root mean square of display values, in [0, 1]. The tolerance grows
-            to 4x in the next period and 8x in later ones, because the remaining change is periodic. A frame
-            without other tiles is a copy. "auto" is half a step of an 8-bit image; "exact" computes every
-            pixel, as the ONNX backend always does.
+        skip: the tolerance of static-tile reuse. Where nothing moves and each frame is, bit for bit, what it
+            was one period of the jitter before, a tile is not computed: its image fades to the mean of the
+            samples of a period, and then is a copy. With a number, tiles settle before their period is whole
+            once the estimated error of the mean is at most this: root mean square of display values, in
+            [0, 1]. "auto" is half a step of an 8-bit image; "exact" computes every pixel by the method, as
+            the ONNX backend always does.
         preset: "fast", "balanced" or "high" in place of `model`, `precision` and `skip`: settings that no
             other beats in both time and error (docs/pareto.md).
         extrapolation: a model that computes the colour of frames that were not shaded, for `extrapolate`:

@@ -48,8 +48,9 @@ class Executor(Protocol):
             next_history: written to; not `history`.
             image: (H, W, 3), written to.
             aux_outputs: names of auxiliary outputs to return.
-            tolerance: of static-tile reuse: a tile of a still scene is reused where its change over one
-                jitter period is at most this, root mean square of display values. None: no tile is reused.
+            tolerance: of static-tile reuse: a tile of a still scene settles on the mean of its samples before
+                a period is whole where the mean's estimated error is at most this, root mean square of display
+                values. None: no tile is reused.
 
         Returns:
             The auxiliary outputs, NCHW, by name.

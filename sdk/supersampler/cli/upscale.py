@@ -66,7 +66,7 @@ def upscale(
     skip: Annotated[
         str,
         typer.Option(
-            help="exact: compute every pixel. auto, or how far a tile may be off: keep what stands still."
+            help="exact: compute every pixel. auto, or the error to settle with: converge where nothing moves."
         ),
     ] = "auto",
     preset: Annotated[
