@@ -49,7 +49,7 @@ class Executor(Protocol):
             image: (H, W, 3), written to.
             aux_outputs: names of auxiliary outputs to return.
             tolerance: of static-tile reuse: a tile of a still scene settles on the mean of its samples before
-                a period is whole where the mean's estimated error is at most this, root mean square of display
+                a period is whole where its estimated error is at most this, root mean square of display
                 values. None: no tile is reused.
 
         Returns:

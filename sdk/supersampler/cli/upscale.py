@@ -66,7 +66,7 @@ def upscale(
     skip: Annotated[
         str,
         typer.Option(
-            help="exact: compute every pixel. auto, or the error to settle with: converge where nothing moves."
+            help="exact: compute every pixel. auto, or the error to settle at: converge where nothing moves."
         ),
     ] = "auto",
     preset: Annotated[

@@ -6,7 +6,9 @@ PAD = 16
 """Columns of padding before and after each row of a plane, for neighbourhoods that cross its ends."""
 TILE = 32
 """Side of a display tile, display pixels: a step computes or reuses whole tiles."""
-RENDER_TILE = 16
+STATIC_TILE = 8
+"""Side of a static tile, display pixels: static-tile reuse copies whole ones, also within computed tiles."""
+RENDER_TILE = 4
 """Side of a tile of the frame, samples: static-tile reuse compares whole tiles."""
 SUM_VALUES = 5
 """Values of a pixel's sum of samples: weighted linear RGB, weights, squares."""

@@ -24,7 +24,7 @@ MOVING = 0
 """Fingerprint of a tile with motion; in a `Phase`: no fingerprint yet."""
 PHASES = 256
 """Longest jitter sequence; with a longer one, or one that never repeats, no tile counts as static."""
-ROW_STEP = 8
+ROW_STEP = 4
 """Every tile is first compared by one row of samples in so many, and as a whole only if these agree."""
 HOLD_FRAMES = 2
 """Frames for which a tile that stood still for a whole period may change, and be taken as undisturbed if it

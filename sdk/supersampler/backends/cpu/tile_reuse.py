@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.backends.cpu.kernel_loader import Call
-from supersampler.backends.cpu.layout import RENDER_TILE, SUM_VALUES, TILE
+from supersampler.backends.cpu.layout import LANES, RENDER_TILE, STATIC_TILE, SUM_VALUES, TILE
 from supersampler.backends.cpu.memory import address
 from supersampler.backends.cpu.static_tiles import Jitter, StaticTiles, Sums
 from supersampler.backends.cpu.static_weights import LEAST_SAMPLES, StaticAxis, StaticWeights
 from supersampler.backends.cpu.structs import AddedSamples, AxisSamples, FrameInputs, MeanErrors, pack
 from supersampler.backends.cpu.threads import Rect, ThreadPool
 from supersampler.backends.cpu.tile_state import MOVING, RESTING, SETTLING, TileState, next_generation
-from supersampler.backends.cpu.tiles import Bool, Tiles, runs_of, scaled
+from supersampler.backends.cpu.tiles import Bool, Tiles, runs_of, scaled, static_tiles_in, tiles_with
 from supersampler.conventions.jitter import jitter_phase_count
 from supersampler.frame import Float32, Size
 
@@ -29,7 +29,9 @@ TILE_REUSE_KERNELS = (
 )
 _KEEP, _ADD = 1, 2  # as in `kernels.sample_sums`
 
-_FACTORS = np.array([pow(0x9E3779B97F4A7C15, k, 2**64) for k in range(1, 9)], np.uint64)
+_FACTORS = np.uint64(0x9E3779B97F4A7C15), np.uint64(0xC2B2AE3D27D4EB4F)
+LEAST_SHARE = 0.1
+"""Share of tiles that need not be computed, below which leaving them out saves no time."""
 
 
 class TileReuse:
@@ -80,8 +82,12 @@ class TileReuse:
             if before is None or before.render != render:
                 before = StaticTiles.empty(render)
             current.follow(previous, before.after(jitter, partial(self._fingerprints, planes)), jitter)
-        tiles = Tiles(current.records["state"] == MOVING)
-        current.generations[tiles.computed] = next_generation()
+        required = tiles_with(current.records["state"] == MOVING, current.display)
+        if required.mean() > 1.0 - LEAST_SHARE:
+            required[:] = True
+        tiles = Tiles(required)
+        computed = static_tiles_in(tiles.computed, current.generations.shape)
+        current.generations[computed] = next_generation()
         current.work = tiles.work()
         return tiles
 
@@ -131,7 +137,7 @@ class TileReuse:
         stale = reused & (current.generations != previous.generations)
         runs = runs_of(stale) if stale.any() else []
         for (unit, source), (_, target) in zip(before, after, strict=True):
-            boxes = scaled(runs, unit, (source.shape[1], source.shape[0]))
+            boxes = scaled(runs, unit * STATIC_TILE // TILE, (source.shape[1], source.shape[0]))
             self._pool.run_rects("skip", boxes, partial(_copy, source, target))
         current.generations[reused] = previous.generations[reused]
 
@@ -144,7 +150,7 @@ class TileReuse:
         resting, settling = state == RESTING, state == SETTLING
         if resting.any():
             arguments = address(pixels), channels, width
-            boxes = scaled(runs_of(resting), TILE, size)
+            boxes = scaled(runs_of(resting), STATIC_TILE, size)
             self._pool.run_rects(
                 "skip", boxes, lambda box, _: self._copy_colors(*arguments, *box, address(image))
             )
@@ -201,13 +207,21 @@ class TileReuse:
     def _fingerprints(self, planes: FrameInputs, wanted: Bool, step: int) -> Sums:
         """See `static_tiles.ReadFingerprints`."""
         h, w = planes.depth.shape
-        words = np.empty((*wanted.shape, 8), np.uint64)
+        rows, columns = wanted.shape
+        blocks = -(-w // LANES)
+        padded = np.zeros((rows, blocks, LANES // RENDER_TILE), bool)
+        padded.reshape(rows, -1)[:, :columns] = wanted
+        words = np.zeros((rows, blocks * LANES), np.int32)
         color, depth, motion = address(planes.color), address(planes.depth), address(planes.motion)
-        inputs = color, depth, motion, motion, w, h, address(np.ascontiguousarray(wanted)), step
+        asked: Bool = np.asarray(padded.any(2))
+        inputs = color, depth, motion, w, h, address(asked), step
         self._pool.run_rows(
-            "skip", wanted.shape[0], lambda y0, y1, _: self._fingerprint(*inputs, y0, y1, address(words))
+            "skip", rows, lambda y0, y1, _: self._fingerprint(*inputs, y0, y1, address(words))
         )
-        return np.asarray(words @ _FACTORS)
+        lanes = words.reshape(rows, -1, RENDER_TILE)[:, :columns]
+        halves = np.ascontiguousarray(lanes).view(np.uint64)
+        sums = halves[..., 0] * _FACTORS[0] + halves[..., 1] * _FACTORS[1]
+        return np.where((lanes == 0).any(-1), np.uint64(0), sums)
 
 
 def _added_samples(

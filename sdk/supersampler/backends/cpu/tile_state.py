@@ -1,4 +1,4 @@
-"""What static-tile reuse keeps of each tile of the display from frame to frame."""
+"""What static-tile reuse keeps of each static tile of the display from frame to frame."""
 
 import itertools
 from collections.abc import Collection, Mapping
@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.backends.cpu.layout import SUM_VALUES, TILE
+from supersampler.backends.cpu.layout import STATIC_TILE, SUM_VALUES
 from supersampler.backends.cpu.memory import aligned
 from supersampler.backends.cpu.static_tiles import PHASES, Jitter, StaticTiles, static_tile_specs
 from supersampler.backends.cpu.static_weights import StaticWeights, weights_after
-from supersampler.backends.cpu.tiles import FILTER_REACH, SAMPLE_REACH, Bool, tiles_reading
+from supersampler.backends.cpu.tiles import FILTER_REACH, SAMPLE_REACH, Bool, Tiles, tiles_reading, tiles_with
 from supersampler.frame import Float32, Size
 from supersampler.methods.array_spec import ArraySpec, values_of
 
@@ -28,8 +28,6 @@ TILE_RECORD = np.dtype(
         ("motionless", np.bool_),
     ]
 )
-LEAST_SHARE = 0.1
-"""Share of reusable tiles below which reuse saves no time."""
 FADE_FRAMES = 16
 """Frames in which a tile fades to a mean of samples that a whole period has confirmed; else the fade takes a
 period, in which each frame confirms one phase."""
@@ -45,14 +43,14 @@ def next_generation() -> int:
 
 
 class TileState:
-    """The tiles of one history's image. Arrays are (rows, columns) of tiles, but for `sums`.
+    """The static tiles of one history's image. Arrays are (rows, columns) of them, but `sums` and `work`.
 
     Args:
         display: size of the image.
 
     Attributes:
         generations: equal generations in two histories mean equal pixels; 0 is no content.
-        work: share of a full step's work that was done for each tile, in [0, 1].
+        work: share of a full step's work that was done for each tile of TILE pixels, in [0, 1].
         static_tiles: which tiles of the frame were the same; None before the first frame.
         weights: of the samples in `sums`; None where there are none.
         records: of TILE_RECORD:
@@ -69,10 +67,10 @@ class TileState:
     """
 
     def __init__(self, display: Size) -> None:
-        self._display = display
-        shape = -(-display[1] // TILE), -(-display[0] // TILE)
+        self.display = display
+        shape = -(-display[1] // STATIC_TILE), -(-display[0] // STATIC_TILE)
         self.generations, self.sum_generations = np.zeros((2, *shape), np.int64)
-        self.work = np.ones(shape, np.float32)
+        self.work = Tiles(tiles_with(np.ones(shape, bool), display)).work()
         self.records, self.added = np.zeros(shape, TILE_RECORD), np.zeros(shape, bool)
         self.sums: Float32 | None = None
         self.static_tiles: StaticTiles | None = None
@@ -91,7 +89,7 @@ class TileState:
     def allocated_sums(self) -> Float32:
         """Return `sums`, allocated if need be."""
         if self.sums is None:
-            self.sums = aligned((self._display[1], self._display[0], SUM_VALUES))
+            self.sums = aligned((self.display[1], self.display[0], SUM_VALUES))
         return self.sums
 
     def follow(self, previous: "TileState", tiles: StaticTiles, jitter: Jitter) -> None:
@@ -103,7 +101,7 @@ class TileState:
             jitter: of this frame.
         """
         before, self.static_tiles = previous.static_tiles, tiles
-        weights = weights_after(previous.weights, jitter, tiles, self._display, tiles.render)
+        weights = weights_after(previous.weights, jitter, tiles, self.display, tiles.render)
         records, self.weights = previous.records.copy(), weights
         if weights is not previous.weights:
             records["state"], records["count"], records["phases"] = MOVING, 0, 0
@@ -118,8 +116,6 @@ class TileState:
         records["matched"] = np.where(same, records["matched"] + 1, 0)
         state, fade = records["state"], records["fade"]
         state[~same] = MOVING
-        if (state != MOVING).mean() < LEAST_SHARE:
-            state[:] = MOVING
         if weights is not None:
             state[(state == SETTLING) & (fade == 1.0) & (previous.records["count"] == weights.frames)] = (
                 RESTING
@@ -158,7 +154,9 @@ class TileState:
 
     def _reading(self, tiles: StaticTiles, mask: Bool, reach: int = SAMPLE_REACH) -> Bool:
         """Return the tiles that read one of these tiles of the frame."""
-        return tiles_reading(mask, self._display, tiles.render, reach)
+        if not mask.any():
+            return np.zeros(self.records.shape, bool)
+        return tiles_reading(mask, self.display, tiles.render, reach)
 
     def fade_parts(self, previous: "TileState") -> Float32:
         """Return the part of the way from the previous image to the mean that this frame goes.
@@ -217,7 +215,7 @@ class TileState:
             self.records["state"][self.records["state"] == SETTLING] = MOVING
         else:
             sequence = [(float(x), float(y)) for x, y in arrays["static.sequence"][:PHASES]]
-            self.weights = StaticWeights(self._display, render, sequence)
+            self.weights = StaticWeights(self.display, render, sequence)
             self.allocated_sums()[:] = arrays["static.sums"]
             phases &= np.packbits(np.arange(PHASES) < len(sequence), bitorder="little").view(np.uint64)
         self.records["count"] = np.unpackbits(phases.view(np.uint8), axis=-1).sum(axis=-1)
@@ -244,7 +242,7 @@ def tile_state_specs(names: Collection[str], display: Size, render: Size) -> dic
     """
     if not any(name.startswith("static.") for name in names):
         return {}
-    tiles = tuple(-(-extent // TILE) for extent in display[::-1])
+    tiles = tuple(-(-extent // STATIC_TILE) for extent in display[::-1])
     specs = static_tile_specs(render)
     specs |= {
         "static.states": ArraySpec("int8", tiles, (MOVING, RESTING)),

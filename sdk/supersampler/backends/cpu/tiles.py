@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.backends.cpu.layout import RENDER_TILE, TILE
+from supersampler.backends.cpu.layout import RENDER_TILE, STATIC_TILE, TILE
 from supersampler.backends.cpu.threads import Rect
 from supersampler.frame import Float32, Size
 
@@ -61,6 +61,21 @@ class Tiles:
         return np.where(self.computed, 1.0, np.where(self.gathered, GATHER_WORK, 0.0)).astype(np.float32)
 
 
+def tiles_with(mask: Bool, display: Size) -> Bool:
+    """Return the tiles that hold one of these static tiles of the display."""
+    side = TILE // STATIC_TILE
+    rows, columns = (-(-extent // TILE) for extent in display[::-1])
+    whole = np.zeros((rows * side, columns * side), bool)
+    whole[: mask.shape[0], : mask.shape[1]] = mask
+    return np.asarray(whole.reshape(rows, side, columns, side).any((1, 3)))
+
+
+def static_tiles_in(mask: Bool, shape: tuple[int, ...]) -> Bool:
+    """Return the static tiles, of this shape, that lie in these tiles."""
+    side = TILE // STATIC_TILE
+    return mask.repeat(side, 0).repeat(side, 1)[: shape[0], : shape[1]]
+
+
 def dilated(mask: Bool, tiles: int) -> Bool:
     """Add all tiles within `tiles` rows and columns of the mask."""
     wide = np.pad(mask, tiles)
@@ -114,7 +129,7 @@ def _covered(runs: Sequence[Rect], shape: tuple[int, ...]) -> Bool:
 
 
 def tiles_reading(changed: Bool, display: Size, render: Size, reach: int) -> Bool:
-    """Return the display tiles that read changed tiles of the frame.
+    """Return the static tiles of the display that read changed tiles of the frame.
 
     Args:
         changed: (rows, columns) of tiles of RENDER_TILE samples.
@@ -124,7 +139,7 @@ def tiles_reading(changed: Bool, display: Size, render: Size, reach: int) -> Boo
     """
     sums = np.pad(np.cumsum(np.cumsum(changed, axis=0), axis=1), ((1, 0), (1, 0)))
     (top, bottom), (left, right) = (
-        _read_tiles(-(-display[axis] // TILE), display[axis], render[axis], reach) for axis in (1, 0)
+        _read_tiles(-(-display[axis] // STATIC_TILE), display[axis], render[axis], reach) for axis in (1, 0)
     )
     inside: NDArray[np.int64] = sums[np.ix_(bottom, right)] - sums[np.ix_(top, right)]
     inside += sums[np.ix_(top, left)] - sums[np.ix_(bottom, left)]
@@ -134,8 +149,8 @@ def tiles_reading(changed: Bool, display: Size, render: Size, reach: int) -> Boo
 def _read_tiles(
     tiles: int, display: int, render: int, reach: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the first and one past the last tile of the frame that each display tile reads on an axis."""
-    edges = np.minimum(np.arange(tiles + 1) * TILE, display) * (render / display)
+    """Return the first and one past the last tile of the frame that each static tile reads on an axis."""
+    edges = np.minimum(np.arange(tiles + 1) * STATIC_TILE, display) * (render / display)
     first = np.clip(np.floor(edges[:-1]) - reach, 0, None) // RENDER_TILE
     last = np.clip(np.ceil(edges[1:]) + reach, None, render) / RENDER_TILE
     return first.astype(np.int64), np.ceil(last).astype(np.int64)

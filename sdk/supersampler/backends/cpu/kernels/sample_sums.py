@@ -6,7 +6,7 @@ Sums are those of West (1979): weight times color, weight, and weight times squa
 import numpy as np
 
 from supersampler.backends.cpu.kernels.colors import MAX_HALF
-from supersampler.backends.cpu.layout import LANES, SUM_VALUES, TILE
+from supersampler.backends.cpu.layout import LANES, STATIC_TILE, SUM_VALUES
 from supersampler.backends.cpu.simd.device_function import device_function
 from supersampler.backends.cpu.simd.vector import load16, spread16, store
 from supersampler.backends.cpu.structs import AddedSamples, Floats, MeanErrors
@@ -46,24 +46,24 @@ def add_sample(sums, at, color, sample, weight):
 
 
 def add_samples(tiles: AddedSamples, y0: int, y1: int, x0: int, x1: int):
-    """Add the frame's samples to the sums of tiles, tile rows y0 to y1 and tile columns x0 to x1."""
+    """Add the frame's samples to the sums of static tiles, rows y0 to y1 and columns x0 to x1 of these."""
     rows, columns, table = tiles.rows, tiles.columns, tiles.coefficients
     sums, sums_before, width = tiles.sums, tiles.sums_before, tiles.width
     of_kind = tiles.row_kinds * tiles.column_kinds
-    across = (width + TILE - 1) // TILE
+    across = (width + STATIC_TILE - 1) // STATIC_TILE
     for ty in range(y0, y1):
-        for y in range(ty * TILE, min(ty * TILE + TILE, tiles.height)):
+        for y in range(ty * STATIC_TILE, min(ty * STATIC_TILE + STATIC_TILE, tiles.height)):
             row, row_offset, row_kind = rows.sample[y], rows.offset[y], rows.kind[y] * tiles.column_kinds
             for tx in range(x0, x1):
                 mode = tiles.modes[ty * across + tx]
                 if mode == 0:
                     continue
-                begin = (y * width + tx * TILE) * SUM_VALUES
-                count = min(TILE, width - tx * TILE) * SUM_VALUES
+                begin = (y * width + tx * STATIC_TILE) * SUM_VALUES
+                count = min(STATIC_TILE, width - tx * STATIC_TILE) * SUM_VALUES
                 begin_with(sums, sums_before, begin, count, mode & KEEP)
                 if mode & ADD == 0 or row < 0:
                     continue
-                for x in range(tx * TILE, min(tx * TILE + TILE, width)):
+                for x in range(tx * STATIC_TILE, min(tx * STATIC_TILE + STATIC_TILE, width)):
                     column = columns.sample[x]
                     if column < 0:
                         continue
@@ -77,18 +77,21 @@ def add_samples(tiles: AddedSamples, y0: int, y1: int, x0: int, x1: int):
 
 
 def mean_errors(means: MeanErrors, y0: int, y1: int, x0: int, x1: int):
-    """Write the mean square error of toned means of tiles, tile rows y0 to y1 and tile columns x0 to x1.
+    """Write the mean square error of toned means of static tiles, rows y0 to y1 and columns x0 to x1.
 
     A pixel without samples has an error of 1.
     """
     sums, width, height, exposure = means.sums, means.width, means.height, means.exposure
-    across = (width + TILE - 1) // TILE
+    across = (width + STATIC_TILE - 1) // STATIC_TILE
     for ty in range(y0, y1):
         for tx in range(x0, x1):
             total = np.float32(0.0)
-            bottom, right = min(ty * TILE + TILE, height), min(tx * TILE + TILE, width)
-            for y in range(ty * TILE, bottom):
-                for x in range(tx * TILE, right):
+            bottom, right = (
+                min(ty * STATIC_TILE + STATIC_TILE, height),
+                min(tx * STATIC_TILE + STATIC_TILE, width),
+            )
+            for y in range(ty * STATIC_TILE, bottom):
+                for x in range(tx * STATIC_TILE, right):
                     at = (y * width + x) * SUM_VALUES
                     weight = sums[at + 3]
                     if weight > LEAST_WEIGHT:
@@ -97,24 +100,26 @@ def mean_errors(means: MeanErrors, y0: int, y1: int, x0: int, x1: int):
                         total += min(sums[at + 4] / weight * means.share * slope * slope, np.float32(1.0))
                     else:
                         total += np.float32(1.0)
-            means.errors[ty * across + tx] = total / np.float32((bottom - ty * TILE) * (right - tx * TILE))
+            means.errors[ty * across + tx] = total / np.float32(
+                (bottom - ty * STATIC_TILE) * (right - tx * STATIC_TILE)
+            )
 
 
 def fade_to_means(
     sums: Floats, parts: Floats, width: int, height: int, channels: int,
     y0: int, y1: int, x0: int, x1: int, pixels: Floats, image: Floats,
 ):  # fmt: skip
-    """Move the colors of tiles towards the means, tile rows y0 to y1 and tile columns x0 to x1.
+    """Move the colors of tiles towards the means, rows y0 to y1 and columns x0 to x1 of these.
 
     parts: (rows, columns) of tiles: 1 writes the mean. pixels: (height, width, channels), RGB first; image:
     (height, width, 3). A pixel without samples stays as it is.
     """
-    across = (width + TILE - 1) // TILE
+    across = (width + STATIC_TILE - 1) // STATIC_TILE
     for ty in range(y0, y1):
-        for y in range(ty * TILE, min(ty * TILE + TILE, height)):
+        for y in range(ty * STATIC_TILE, min(ty * STATIC_TILE + STATIC_TILE, height)):
             for tx in range(x0, x1):
                 part = parts[ty * across + tx]
-                for x in range(tx * TILE, min(tx * TILE + TILE, width)):
+                for x in range(tx * STATIC_TILE, min(tx * STATIC_TILE + STATIC_TILE, width)):
                     pixel = y * width + x
                     weight = sums[pixel * SUM_VALUES + 3]
                     scale = part / weight if weight > LEAST_WEIGHT else np.float32(0.0)

@@ -3,13 +3,12 @@
 import numpy as np
 
 from supersampler.backends.cpu.kernels.frame import MAX_MOTION
-from supersampler.backends.cpu.layout import RENDER_TILE
-from supersampler.backends.cpu.simd.device_function import device_function
+from supersampler.backends.cpu.layout import LANES, RENDER_TILE
 from supersampler.backends.cpu.simd.vector import (
     absolute,
     all_lanes,
+    bits_of,
     gather,
-    load16,
     minimum,
     ramp16,
     select,
@@ -22,55 +21,39 @@ MIN_MOTION = 1e-3  # samples: shorter motion is rounding of camera matrices
 FACTOR = np.int32(0x2C1B3C6D)  # odd: multiplication is invertible, so a change of one word changes the sum
 
 
-@device_function
-def has_motion(motion, at, count):
-    """Return whether a row of a tile has motion; unusable motion counts as none, as in `frame.motion_at`."""
-    longest = spread16(np.float32(0.0))
-    for half in range(2):
-        index = minimum(ramp16() + np.int32(16 * half), np.int32(2 * count - 1)) + np.int32(at)
-        length = absolute(gather(motion, index))
-        longest = select((length > longest) & (length <= MAX_MOTION), length, longest)
-    return not all_lanes(longest <= MIN_MOTION)
-
-
-@device_function
-def hash_row(total, words, at, count):
-    """Hash `count` words of a row into `total`, sixteen at a time; the last word is repeated as padding."""
-    for k in range(0, count, 16):
-        if k + 16 <= count:
-            word = load16(words, at + k)
-        else:
-            word = gather(words, minimum(ramp16() + np.int32(k), np.int32(count - 1)) + np.int32(at))
-        total = (total + word) * FACTOR
-    return total
-
-
 def fingerprints(
-    color: Words, depth: Words, motion: Words, moved: Floats, w: int, h: int, wanted: Bytes, step: int,
-    y0: int, y1: int, out: Words,
+    color: Words, depth: Words, motion: Floats, w: int, h: int, wanted: Bytes, step: int, y0: int, y1: int,
+    out: Words,
 ):  # fmt: skip
-    """Write sixteen words per tile of tile rows y0 to y1, (tile rows, tiles, 16); 0 where a tile has motion.
+    """Write a word per column of samples in tile rows y0 to y1: (tile rows, blocks, LANES); 0 where it moves.
 
-    motion and moved: the same array, as words and as floats. wanted: tiles; others are left as they are.
-    step: one row of samples in so many is read.
+    A block is LANES samples wide. wanted: (tile rows, blocks); others are left as they are. step: one row of
+    samples in so many is read. Unusable motion counts as none, as in `frame.motion_at`.
     """
-    tiles = (w + RENDER_TILE - 1) // RENDER_TILE
+    blocks = (w + LANES - 1) // LANES
     for ty in range(y0, y1):
-        height = min(RENDER_TILE, h - RENDER_TILE * ty)
-        for tx in range(tiles):
-            if wanted[ty * tiles + tx] == 0:
+        for block in range(blocks):
+            if wanted[ty * blocks + block] == 0:
                 continue
-            first, count = RENDER_TILE * ty * w + RENDER_TILE * tx, min(RENDER_TILE, w - RENDER_TILE * tx)
-            total = spread16(np.int32(1))
-            for y in range(step // 2, height, step):
-                at = first + y * w
-                if has_motion(moved, 2 * at, count):
-                    total = spread16(np.int32(0))
+            column = minimum(ramp16() + np.int32(LANES * block), np.int32(w - 1))
+            total, longest = spread16(np.int32(1)), spread16(np.float32(0.0))
+            for y in range(RENDER_TILE * ty + step // 2, min(RENDER_TILE * ty + RENDER_TILE, h), step):
+                at = column + np.int32(y * w)
+                x, y2 = gather(motion, at + at), gather(motion, at + at + np.int32(1))
+                length = absolute(x)
+                longest = select((length > longest) & (length <= MAX_MOTION), length, longest)
+                length = absolute(y2)
+                longest = select((length > longest) & (length <= MAX_MOTION), length, longest)
+                if all_lanes(longest > MIN_MOTION):
                     break
-                total = hash_row(total, color, 3 * at, 3 * count)
-                total = hash_row(total, depth, at, count)
-                total = hash_row(total, motion, 2 * at, 2 * count)
-            store(out, 16 * (ty * tiles + tx), total)
+                total = (total + bits_of(x)) * FACTOR
+                total = (total + bits_of(y2)) * FACTOR
+                total = (total + gather(depth, at)) * FACTOR
+                at = at * np.int32(3)
+                total = (total + gather(color, at)) * FACTOR
+                total = (total + gather(color, at + np.int32(1))) * FACTOR
+                total = (total + gather(color, at + np.int32(2))) * FACTOR
+            store(out, LANES * (ty * blocks + block), select(longest <= MIN_MOTION, total, np.int32(0)))
 
 
 def copy_colors(pixels: Floats, channels: int, big_w: int, y0: int, y1: int, x0: int, x1: int, image: Floats):
