@@ -8,6 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from supersampler import Frame, Model, Upscaler, halton_jitter
+from supersampler.backends.cpu.layout import RENDER_TILE
 from supersampler.backends.cpu.static_tiles import HOLD_FRAMES, MOVING, PHASES, Bool, StaticTiles, Sums
 from supersampler.backends.cpu.tile_state import FADE_FRAMES, SPARSE_FRAMES, TileState
 from supersampler.conventions import jitter_phase_count
@@ -254,7 +255,7 @@ def reader(sums: NDArray[np.int64]) -> Callable[[Bool, int], Sums]:
 
 
 def test_tiles_are_held_after_a_confirmed_period_and_else_changed() -> None:
-    tiles, still = StaticTiles.empty((32, 16)), np.array([[7, 9]])
+    tiles, still = StaticTiles.empty((2 * RENDER_TILE, RENDER_TILE)), np.array([[7, 9]])
     for k in range(2 * 4):
         tiles = tiles.after((k % 4 / 8.0, 0.0), reader(still))
     assert tiles.confirmed.all()
@@ -269,7 +270,7 @@ def test_tiles_are_held_after_a_confirmed_period_and_else_changed() -> None:
 
 
 def test_a_tile_that_moved_is_compared_with_its_last_frame_without_motion() -> None:
-    tiles, still = StaticTiles.empty((32, 16)), np.array([[7, 9]])
+    tiles, still = StaticTiles.empty((2 * RENDER_TILE, RENDER_TILE)), np.array([[7, 9]])
     for sums in (still, np.array([[7, MOVING]]), still):
         tiles = tiles.after((0.0, 0.0), reader(sums))
     assert tiles.same.all()

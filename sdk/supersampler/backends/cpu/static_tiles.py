@@ -1,7 +1,7 @@
 """Which tiles of a frame equal those of the last frame with the same jitter."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,6 +26,8 @@ PHASES = 256
 """Longest jitter sequence; with a longer one, or one that never repeats, no tile counts as static."""
 ROW_STEP = 4
 """Every tile is first compared by one row of samples in so many, and as a whole only if these agree."""
+SAMPLED_ROWS = 16
+"""After a frame in which every tile moved, one row of tiles in so many tells whether all do again."""
 HOLD_FRAMES = 2
 """Frames for which a tile that stood still for a whole period may change, and be taken as undisturbed if it
 then is as before: fireflies, NaN."""
@@ -99,6 +101,9 @@ class StaticTiles:
         unknown = np.zeros(self.same.shape, np.uint64)
         before = self.phases.get(jitter, Phase(self.frames, unknown, unknown))
         period = self.frames - before.frame
+        if self.moving.all() and self._likely_moves(read):
+            phases = self._phases_with(jitter, before._replace(frame=self.frames))
+            return replace(self, frames=self.frames + 1, phases=phases, period=period)
         as_before = self.same & (before.tiles != MOVING)  # likely: read at once as a whole
         if as_before.any():
             as_before &= read(as_before, 1) == before.tiles
@@ -121,16 +126,25 @@ class StaticTiles:
         matched = np.where(same, self.matched + 1, 0)
         confirmed = (same & (matched >= len(self.phases))) | (self.confirmed & (~differs | held))
         keep = moving | held
-        phases = {key: phase for key, phase in self.phases.items() if key != jitter}
-        while len(phases) >= PHASES:
-            del phases[next(iter(phases))]
-        phases[jitter] = Phase(
-            self.frames, np.where(keep, before.rows, rows), np.where(keep, before.tiles, tiles)
-        )
+        stored = np.where(keep, before.rows, rows), np.where(keep, before.tiles, tiles)
+        phases = self._phases_with(jitter, Phase(self.frames, *stored))
         return StaticTiles(
             self.render, self.frames + 1, phases, period, moving, same, held, differs & ~held,
             changes.astype(np.int32), matched.astype(np.int32), confirmed,
         )  # fmt: skip
+
+    def _likely_moves(self, read: ReadFingerprints) -> bool:
+        """Whether all tiles of some rows move, others in each frame."""
+        step = min(SAMPLED_ROWS, len(self.moving))
+        sampled = np.zeros(self.moving.shape, bool)
+        sampled[self.frames % step :: step] = True
+        return bool((read(sampled, ROW_STEP)[sampled] == MOVING).all())
+
+    def _phases_with(self, jitter: Jitter, last: Phase) -> dict[Jitter, Phase]:
+        phases = {key: phase for key, phase in self.phases.items() if key != jitter}
+        while len(phases) >= PHASES:
+            del phases[next(iter(phases))]
+        return {**phases, jitter: last}
 
     def latest_jitters(self, frames: int) -> list[Jitter]:
         """Return the different jitters of the last `frames` frames."""

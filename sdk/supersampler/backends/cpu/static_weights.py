@@ -32,7 +32,7 @@ _SINGULAR = 1e-3
 """Least variance of offsets along any direction, square display pixels, for a correction along it."""
 MOST = 4.0
 """Largest weight of a sample, in units of an equal weight."""
-MOST_KINDS = 256
+MOST_KINDS = 512
 """Most different columns or rows with weights of their own, besides the first and the last."""
 LEAST_SAMPLES = 4
 """Least number of samples a pixel, on average, of a period whose mean is better than a method's image."""
@@ -231,13 +231,16 @@ def _part_within_bounds(
     rows: _Places, columns: _Places, mean: tuple[Float64, Float64], slope: tuple[Float64, Float64]
 ) -> Float64:
     """Return the largest part of the slopes, in [0, 1], with which all weights are in [0, MOST] / count."""
-    least, most = np.zeros_like(mean[0]), np.zeros_like(mean[0])
-    for y, x, there_y, there_x in zip(
+    reach = np.abs(slope[0]) * (0.5 + np.abs(mean[0])) + np.abs(slope[1]) * (0.5 + np.abs(mean[1]))
+    y, x = np.nonzero(reach > 1.0)  # no offset is above 0.5, so elsewhere no weight can be out of bounds
+    mean_x, mean_y, slope_x, slope_y = (values[y, x] for values in (*mean, *slope))
+    least, most = np.zeros((2, len(y)))
+    for row, column, there_y, there_x in zip(
         rows.offset, columns.offset, rows.present, columns.present, strict=True
     ):
-        change = slope[0] * (x - mean[0]) + slope[1] * (y[:, None] - mean[1])
-        change *= there_y[:, None] * there_x
+        change = slope_x * (column[x] - mean_x) + slope_y * (row[y] - mean_y)
+        change *= there_y[y] * there_x[x]
         least, most = np.minimum(least, change), np.maximum(most, change)
-    parts = np.minimum(1.0 / np.maximum(-least, 1.0), (MOST - 1.0) / np.maximum(most, MOST - 1.0))
-    found: Float64 = parts
-    return found
+    parts = np.ones_like(mean[0])
+    parts[y, x] = np.minimum(1.0 / np.maximum(-least, 1.0), (MOST - 1.0) / np.maximum(most, MOST - 1.0))
+    return parts

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from supersampler.backends.cpu.kernel_loader import Call
 from supersampler.backends.cpu.layout import LANES, RENDER_TILE, STATIC_TILE, SUM_VALUES, TILE
-from supersampler.backends.cpu.memory import address
+from supersampler.backends.cpu.memory import address, aligned
 from supersampler.backends.cpu.static_tiles import Jitter, StaticTiles, Sums
 from supersampler.backends.cpu.static_weights import LEAST_SAMPLES, StaticAxis, StaticWeights
 from supersampler.backends.cpu.structs import AddedSamples, AxisSamples, FrameInputs, MeanErrors, pack
@@ -29,7 +29,6 @@ TILE_REUSE_KERNELS = (
 )
 _KEEP, _ADD = 1, 2  # as in `kernels.sample_sums`
 
-_FACTORS = np.uint64(0x9E3779B97F4A7C15), np.uint64(0xC2B2AE3D27D4EB4F)
 LEAST_SHARE = 0.1
 """Share of tiles that need not be computed, below which leaving them out saves no time."""
 
@@ -82,9 +81,11 @@ class TileReuse:
             if before is None or before.render != render:
                 before = StaticTiles.empty(render)
             current.follow(previous, before.after(jitter, partial(self._fingerprints, planes)), jitter)
-        required = tiles_with(current.records["state"] == MOVING, current.display)
-        if required.mean() > 1.0 - LEAST_SHARE:
-            required[:] = True
+        required = np.ones(current.work.shape, bool)
+        if current.active:
+            required = tiles_with(current.records["state"] == MOVING, current.display)
+            if required.mean() > 1.0 - LEAST_SHARE:
+                required[:] = True
         tiles = Tiles(required)
         computed = static_tiles_in(tiles.computed, current.generations.shape)
         current.generations[computed] = next_generation()
@@ -117,7 +118,7 @@ class TileReuse:
             tolerance: estimated root mean square error of a mean, of toned colors, up to which a tile settles
                 before its period is whole. None: no tile is reused.
         """
-        if tolerance is None:
+        if tolerance is None or not current.active:
             return
         self._add_samples(planes.color, jitter, previous, current)
         state = current.records["state"]
@@ -207,21 +208,16 @@ class TileReuse:
     def _fingerprints(self, planes: FrameInputs, wanted: Bool, step: int) -> Sums:
         """See `static_tiles.ReadFingerprints`."""
         h, w = planes.depth.shape
-        rows, columns = wanted.shape
-        blocks = -(-w // LANES)
-        padded = np.zeros((rows, blocks, LANES // RENDER_TILE), bool)
-        padded.reshape(rows, -1)[:, :columns] = wanted
-        words = np.zeros((rows, blocks * LANES), np.int32)
+        sums = np.zeros(wanted.shape, np.uint64)
         color, depth, motion = address(planes.color), address(planes.depth), address(planes.motion)
-        asked: Bool = np.asarray(padded.any(2))
-        inputs = color, depth, motion, w, h, address(asked), step
-        self._pool.run_rows(
-            "skip", rows, lambda y0, y1, _: self._fingerprint(*inputs, y0, y1, address(words))
-        )
-        lanes = words.reshape(rows, -1, RENDER_TILE)[:, :columns]
-        halves = np.ascontiguousarray(lanes).view(np.uint64)
-        sums = halves[..., 0] * _FACTORS[0] + halves[..., 1] * _FACTORS[1]
-        return np.where((lanes == 0).any(-1), np.uint64(0), sums)
+        scratch = aligned((self._pool.threads, LANES), np.int32)
+        inputs = color, depth, motion, w, h, address(wanted), step
+
+        def read(y0: int, y1: int, worker: int) -> None:
+            self._fingerprint(*inputs, address(scratch[worker]), y0, y1, address(sums))
+
+        self._pool.run_rows("skip", wanted.shape[0], read)
+        return sums
 
 
 def _added_samples(

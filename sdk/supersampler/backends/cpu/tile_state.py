@@ -64,6 +64,7 @@ class TileState:
             weight times squared distance from the mean; None before the first.
         sum_generations: like `generations`, for `sums`.
         added: tiles whose samples of this frame belong into `sums`.
+        active: whether any tile is reused, has samples or may settle.
     """
 
     def __init__(self, display: Size) -> None:
@@ -75,6 +76,7 @@ class TileState:
         self.sums: Float32 | None = None
         self.static_tiles: StaticTiles | None = None
         self.weights: StaticWeights | None = None
+        self.active = False
 
     @property
     def converged(self) -> float:
@@ -83,8 +85,8 @@ class TileState:
 
     def forget(self) -> None:
         """Drop all that was kept, as after a reset."""
-        self.static_tiles = self.weights = None
-        self.records[:], self.added[:] = 0, False
+        self.static_tiles, self.weights, self.active = None, None, False
+        self.records, self.added = np.zeros_like(self.records), np.zeros_like(self.added)
 
     def allocated_sums(self) -> Float32:
         """Return `sums`, allocated if need be."""
@@ -102,15 +104,15 @@ class TileState:
         """
         before, self.static_tiles = previous.static_tiles, tiles
         weights = weights_after(previous.weights, jitter, tiles, self.display, tiles.render)
-        records, self.weights = previous.records.copy(), weights
+        self.weights = weights
+        hopeless = tiles.changed.all() and previous.records["failed"].all()
+        if (hopeless or tiles.moving.all()) and not previous.records["count"].any():  # mostly
+            self.records["failed"] = self.records["motionless"] = hopeless
+            return
+        self.active, records = True, previous.records.copy()
         if weights is not previous.weights:
             records["state"], records["count"], records["phases"] = MOVING, 0, 0
         self.records = records
-        moving, hopeless = tiles.moving.all(), tiles.changed.all() and records["failed"].all()
-        if (moving or hopeless) and not records["count"].any():  # mostly
-            records[:] = 0
-            records["failed"] = records["motionless"] = hopeless
-            return
         self._choose_samples(tiles, jitter, tiles.confirmed if before is None else before.confirmed)
         same = ~self._reading(tiles, ~tiles.same, FILTER_REACH)
         records["matched"] = np.where(same, records["matched"] + 1, 0)
