@@ -307,6 +307,10 @@ class Model:
         """Return `StepResult.work` for the step that returned this history."""
         return self._executor.work(history.buffers, history.display_size)
 
+    def converged(self, history: History) -> float:
+        """Return `Stats.converged` of the step that returned this history."""
+        return self._executor.converged(history.buffers)
+
     def load_history(
         self, display_size: Size, render_size: Size, arrays: Mapping[str, NDArray[Any]]
     ) -> History:

@@ -49,12 +49,12 @@ class Upscaler:
         providers: see `Model.load`; not with a `Model`.
         threads, precision, capture: see `Model.load`; not with a `Model`.
         executor: see `Model.load`; "auto" with a `Model`. "onnx" runs extrapolation in ONNX Runtime, too.
-        skip: tolerance of static-tile reuse. A tile keeps its pixels if it has no motion, each frame equals,
-            bit for bit, the frame one jitter period earlier, and its pixels changed by at most this tolerance
-            in that period: root mean square of display values, in [0, 1]. The tolerance grows to 4x in the
-            next period and 8x in later ones, because the remaining change is periodic. A frame of which all
-            tiles are reused is a copy. "auto" is half a step of an 8-bit image; "exact" computes every pixel,
-            as the ONNX backend always does.
+        skip: the tolerance of static-tile reuse. Where nothing moves and each frame is, bit for bit, what it
+            was one period of the jitter before, a tile is not computed: its image fades to the mean of the
+            samples of a period, and then is a copy. With a number, tiles settle before their period is whole
+            once the estimated error of the mean is at most this: root mean square of display values, in
+            [0, 1]. "auto" is half a step of an 8-bit image; "exact" computes every pixel by the method, as
+            the ONNX backend always does.
         preset: "fast", "balanced" or "high" in place of `model`, `precision` and `skip`: Pareto-optimal
             settings of time and error (docs/pareto.md).
         extrapolation: model for `extrapolate`, which computes the colour of unshaded frames: "guided-warp",
@@ -358,6 +358,7 @@ class Upscaler:
         stats = memory.stats.after_step(
             fresh=kept is None,
             work=float(model.work(next_history).mean()),
+            converged=model.converged(next_history),
             seconds=time.perf_counter() - started,
             extrapolation_seconds=extrapolation_seconds,
         )
@@ -382,7 +383,9 @@ class Upscaler:
         image, next_history = self.model.run_tensors(
             tensors, history, jitter=jitter, exposure=exposure, out=out, history_out=memory.spare
         )
-        stats = memory.stats.after_step(fresh=kept is None, work=1.0, seconds=time.perf_counter() - started)
+        stats = memory.stats.after_step(
+            fresh=kept is None, work=1.0, converged=0.0, seconds=time.perf_counter() - started
+        )
         self._memory = Memory(display, next_history, history, None, stats)
         return image
 

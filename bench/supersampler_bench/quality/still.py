@@ -110,11 +110,13 @@ def offline_mean(frames: Sequence[Frame], display: Size) -> Float32:
         display: (width, height).
     """
     weights = StaticWeights(display, frames[0].size, [frame.jitter for frame in frames])
-    total = np.zeros((*display[::-1], 3))
+    total, mass = np.zeros((*display[::-1], 3)), np.zeros(display[::-1])
     for index, frame in enumerate(frames):
         rows, columns = (np.maximum(axis.sample[index], 0) for axis in (weights.rows, weights.columns))
-        total += weights.of_frame(index)[..., None] * np.asarray(frame.color)[rows][:, columns]
-    return np.maximum(total, 0.0).astype(np.float32)
+        used = weights.of_frame(index)
+        mass += used
+        total += used[..., None] * np.asarray(frame.color)[rows][:, columns]
+    return np.maximum(total / np.maximum(mass, 1e-6)[..., None], 0.0).astype(np.float32)
 
 
 class _Run:

@@ -48,7 +48,9 @@ class Executor(Protocol):
             next_history: written to; not `history`.
             image: (H, W, 3), written to.
             aux_outputs: names of auxiliary outputs to return.
-            tolerance: tolerance of static-tile reuse, see `Upscaler`; None disables it.
+            tolerance: of static-tile reuse: a tile of a static scene settles on the mean of its samples
+                before a period is whole if its estimated error is at most this, root mean square of display
+                values. None: no tile is reused.
 
         Returns:
             The auxiliary outputs, NCHW, by name.
@@ -68,6 +70,9 @@ class Executor(Protocol):
 
     def work(self, buffers: Buffers, display: Size) -> Float32:
         """Return the work that the step on these buffers did in each tile; see `StepResult.work`."""
+
+    def converged(self, buffers: Buffers) -> float:
+        """Share of the image that no longer changes while the scene stands still."""
 
     def load(self, buffers: Buffers, tensors: Mapping[str, NDArray[Any]]) -> None:
         """Fill buffers from all history tensors, already checked, and optionally arrays of `memory`."""

@@ -15,7 +15,7 @@ def test_a_scene_in_which_nothing_moves_is_left_alone_and_looks_as_good() -> Non
     still, moving = results
     assert (still.all_static, moving.all_static) == (True, False)
     assert still.work < moving.work <= 1.0
-    assert abs(still.psnr["auto"] - still.psnr["exact"]) < 0.3
+    assert still.psnr["auto"] > still.psnr["exact"] - 0.1
     record = {**skip_record(results, (96, 64), RATIO), **setting()}
     assert record["scenes"][0]["work"] == still.work
     table = markdown_table(record)

@@ -115,7 +115,7 @@ class CpuExecutor(ABC, Generic[Space]):
         inputs, aux = frame_inputs(frame), AuxOutputs(aux_outputs, display)
         states = history.tile_state, next_history.tile_state
         images = history.tiled(), next_history.tiled()
-        tiles = self._tile_reuse.begin(inputs, frame.jitter, display, *states, skips=tolerance is not None)
+        tiles = self._tile_reuse.begin(inputs, frame.jitter, *states, skips=tolerance is not None)
         if tiles.any:
             next_history.jitter = frame.jitter
             next_history.exposure = self._preprocess.exposure(frame, inputs.color, history.exposure)
@@ -127,10 +127,8 @@ class CpuExecutor(ABC, Generic[Space]):
                 )
         else:
             next_history.keep_frame(history)
-        self._tile_reuse.end(
-            tiles, *states, *images, image,
-            exposure=abs(next_history.exposure), tolerance=tolerance or 0.0,
-        )  # fmt: skip
+        inputs = inputs._replace(exposure=abs(next_history.exposure))
+        self._tile_reuse.end(inputs, frame.jitter, *states, *images, image, tolerance=tolerance)
         return aux.results()
 
     def _resample(self, step: Step, view: ResampledFrame) -> None:
@@ -170,3 +168,7 @@ class CpuExecutor(ABC, Generic[Space]):
     def work(self, buffers: CpuHistory, display: Size) -> Float32:  # noqa: ARG002  # not needed
         """See `Executor`."""
         return buffers.tile_state.work
+
+    def converged(self, buffers: CpuHistory) -> float:
+        """See `Executor`."""
+        return buffers.tile_state.converged

@@ -151,7 +151,7 @@ class CpuHistory:
 
     def load(self, tensors: Mapping[str, NDArray[Any]]) -> None:
         """Fill from all history tensors, NCHW, and from arrays of `TileState.arrays`, if present."""
-        self.tile_state.load(tensors)
+        self.tile_state.load(tensors, self.render)
         for key, plane in self._layout.planes.items():
             array = self.arrays[key]
             for name, channels in self._layout.channels(plane).items():

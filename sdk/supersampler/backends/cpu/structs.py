@@ -110,25 +110,65 @@ class ResampleTables(NamedTuple):
     nearest_column: Words
 
 
-class TileComparison(NamedTuple):
-    """The tiles of an image, and the same tiles one jitter period before.
+class AxisSamples(NamedTuple):
+    """Samples of a frame in the columns or rows of the display; see `static_weights.StaticAxis`.
 
     Attributes:
-        pixels: (height, width, channels); the first three channels are linear RGB.
-        reference: (height, width, 3) linear RGB one jitter period before.
-        changes: (rows, columns) change of each tile, written to.
-        channels, width, height: shape of `pixels`.
-        columns: columns of tiles.
-        exposure: exposure of the frame.
+        sample: (n,) index of the sample in each, or -1.
+        offset: (n,) its place, display pixels from the centre.
+        kind: (n,) index of the weights.
     """
 
-    pixels: Floats
-    reference: Floats
-    changes: Floats
-    channels: int
+    sample: Words
+    offset: Floats
+    kind: Words
+
+
+class AddedSamples(NamedTuple):
+    """Samples of a frame that are added to the sums of tiles.
+
+    Attributes:
+        modes: (rows, columns) of tiles: 0 or a sum of KEEP and ADD.
+        sums_before: (height, width, SUM_VALUES) of the previous frame.
+        sums: likewise, written to.
+        color: (samples down, samples across, 3) linear RGB.
+        rows, columns: samples in these.
+        coefficients: (3, row kinds, column kinds) of the weights.
+        row_kinds, column_kinds: numbers of different ones.
+        samples_across: of the frame.
+        width, height: of the display.
+    """
+
+    modes: Bytes
+    sums_before: Floats
+    sums: Floats
+    color: Floats
+    rows: AxisSamples
+    columns: AxisSamples
+    coefficients: Floats
+    row_kinds: int
+    column_kinds: int
+    samples_across: int
     width: int
     height: int
-    columns: int
+
+
+class MeanErrors(NamedTuple):
+    """Errors of the means of tiles.
+
+    Attributes:
+        sums: (height, width, SUM_VALUES).
+        errors: (rows, columns) of tiles, mean square errors, written to.
+        width, height: of the display.
+        share: variance of a mean as a part of that of its samples.
+        exposure: of the frame.
+    """
+
+    sums: Floats
+    errors: Floats
+    width: int
+    height: int
+    share: float
     exposure: float
 
 

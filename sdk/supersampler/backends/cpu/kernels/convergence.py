@@ -133,20 +133,25 @@ def prepare_still(
 
 
 @device_function
+def largest_toned(colors, index, padded_width):
+    """Return the largest toned channel of sixteen samples, 0 where they glare."""
+    toned = largest(
+        load16(colors, index), load16(colors, index + padded_width), load16(colors, index + 2 * padded_width)
+    )
+    return select(toned > GLARING, 0.0, toned)
+
+
+@device_function
 def brightest_around(colors, above, here, below, padded_width):
-    """Return the largest exposed channel of the eight neighbours of sixteen samples, without those that glare.
+    """Return the largest exposed channel of the eight neighbours of sixteen samples, without glare.
 
     colors: toned, as of `FrameSamples`; above, here, below: the sample in the first plane of the three rows.
     """
-    brightest = load16(colors, here) * 0.0
-    for row in (above, here, below):
-        for column in range(-1, 2):
-            if row != here or column != 0:
-                toned = largest(
-                    load16(colors, row + column), load16(colors, row + column + padded_width),
-                    load16(colors, row + column + 2 * padded_width),
-                )  # fmt: skip
-                brightest = maximum(brightest, select(toned > GLARING, 0.0, toned))
+    pitch = padded_width
+    brightest = maximum(largest_toned(colors, here - 1, pitch), largest_toned(colors, here + 1, pitch))
+    for column in range(-1, 2):
+        brightest = maximum(brightest, largest_toned(colors, above + column, pitch))
+        brightest = maximum(brightest, largest_toned(colors, below + column, pitch))
     return brightest / (1.0 - brightest)
 
 
