@@ -85,7 +85,7 @@ class AuxOutputs:
     """The auxiliary outputs: weight of the history, fraction of the mean; both are 1 in reused tiles.
 
     Args:
-        names: the requested ones, of "weight" and "converged".
+        names: of the requested outputs; others than these two are ignored.
         display: size of the image.
 
     Attributes:
@@ -95,7 +95,8 @@ class AuxOutputs:
     def __init__(self, names: Collection[str], display: Size) -> None:
         self._width = display[0]
         shape = (1, 1, display[1], up_to(display[0], LANES))
-        self.planes = {name: np.ones(shape, np.float32) for name in names}
+        own = [name for name in ("weight", "converged") if name in names]
+        self.planes = {name: np.ones(shape, np.float32) for name in own}
 
     def output(self, next_history: Float32, image: Float32) -> Output:
         """Return the outputs of a step."""

@@ -125,7 +125,15 @@ class TileReuse:
         if (state != MOVING).any():
             self._copy_history(state != MOVING, previous, current, before, after)
             self._write_image(previous, current, after[0][1], image)
+        moved = state == MOVING
         current.settle(self._mean_errors(current, planes.exposure), tolerance)
+        self._keep_shown(moved & (current.records["state"] == SETTLING), after[0][1], image)
+
+    def _keep_shown(self, tiles: Bool, pixels: NDArray[Any], image: Float32) -> None:
+        """Let tiles that begin to settle fade from the image, which may be the method's own mean."""
+        if tiles.any():
+            boxes = scaled(runs_of(tiles), STATIC_TILE, (image.shape[1], image.shape[0]))
+            self._pool.run_rects("skip", boxes, partial(_copy, image, pixels[..., :3]))
 
     def _copy_history(
         self,
