@@ -14,7 +14,7 @@ from supersampler.state import State
 from supersampler_bench.cli.app import app
 from supersampler_bench.stress.compare import Difference, recovery
 from supersampler_bench.stress.contraction import contraction
-from supersampler_bench.stress.recovery import SEEN, hostile_bound
+from supersampler_bench.stress.recovery import INVISIBLE, hostile_bound
 from supersampler_bench.stress.report import draw_sheets, markdown_table, stress_record
 from supersampler_bench.stress.runner import FAMILIES, Outcome, chosen, measure, run
 from supersampler_bench.stress.scenario import ROUNDING, Figure, Scenario, Session, Subject
@@ -169,18 +169,18 @@ def test_a_disturbance_is_over_after_the_last_frame_that_shows_it() -> None:
     assert recovery([clean, mean]) == 2
 
 
-def test_the_worst_cut_is_the_bound_and_no_more_are_drawn_than_needed() -> None:
-    drawn = []
+def test_the_largest_error_after_a_reset_is_the_bound_and_measuring_stops_once_it_is_reached() -> None:
+    measured = []
 
-    def cuts() -> Iterator[Difference]:
+    def after_resets() -> Iterator[Difference]:
         for most in (0.02, 0.05, 0.03, 0.09):
-            drawn.append(most)
+            measured.append(most)
             yield Difference(0.0, most)
 
-    assert hostile_bound(Difference(0.0, 0.04), cuts()) == Difference(SEEN.mean, 0.05 + ROUNDING)
-    assert drawn == [0.02, 0.05]
-    assert hostile_bound(Difference(0.0, 0.5), cuts()).most == 0.09 + ROUNDING
-    assert hostile_bound(Difference(0.0, 0.0), cuts()).most == 0.02 + ROUNDING
+    assert hostile_bound(Difference(0.0, 0.04), after_resets()) == Difference(INVISIBLE.mean, 0.05 + ROUNDING)
+    assert measured == [0.02, 0.05]
+    assert hostile_bound(Difference(0.0, 0.5), after_resets()).most == 0.09 + ROUNDING
+    assert hostile_bound(Difference(0.0, 0.0), after_resets()).most == 0.02 + ROUNDING
 
 
 def test_a_nan_is_within_no_bound() -> None:

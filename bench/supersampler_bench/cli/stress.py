@@ -38,8 +38,8 @@ def stress(
 ) -> None:
     """Run methods for long and on hostile input, and compare each figure with its bound.
 
-    With a folder, the same command continues a stopped run. The bound after one hostile frame is the larger
-    of an invisible difference and what the worst of five cuts around that frame leaves.
+    With a folder, the same command continues a stopped run. After one hostile frame, the bound is the largest
+    difference after a reset at one of five frames around it, or an invisible difference if that is larger.
 
     \b
     Examples:

@@ -1,4 +1,4 @@
-"""The tables of README.md and docs/**/*.md, each made of a record in bench/results."""
+"""Write the tables of README.md and docs/**/*.md from the records in bench/results."""
 
 import re
 from collections.abc import Callable, Iterator, Mapping

@@ -23,11 +23,11 @@ from supersampler_bench.stress.scenes import PERIOD, still
 
 CLEAN = 30
 """Frames that follow the hostile one."""
-SEEN = Difference(mean=0.1 / 255.0, most=4.0 / 255.0)
-"""What the last of them may differ by: no one sees it."""
-CUTS = (0, -2, 2, -4, 4)
-"""Frames after the hostile one at which cuts are drawn: what a cut leaves depends on the jitter that it meets
-and on chance. All are even, as every second frame may be extrapolated."""
+INVISIBLE = Difference(mean=0.1 / 255.0, most=4.0 / 255.0)
+"""Largest difference of the last clean frame that nobody sees."""
+RESETS = (0, -2, 2, -4, 4)
+"""Frames, relative to the hostile one, at which a reset is measured for the bound. The error after a reset
+varies with the jitter phase. All are even, because every second frame may be extrapolated."""
 EXPOSURES = (1e30, 1e-40, 1e-3, 1e4)
 HOSTILE: Mapping[str, Sequence[float]] = {
     field: [values[i] for values in VALUES.values()] for i, field in enumerate(("color", "depth", "motion"))
@@ -37,10 +37,10 @@ BRIGHT = (10.0, 100.0, 1500.0)
 
 
 class _OneFrame:
-    """One hostile frame, then 30 clean ones: worst difference from a session without it, exposure measured.
+    """One hostile frame, then 30 clean ones: largest difference from an undisturbed session.
 
-    What a cut leaves is allowed, too: the most of five draws, at that frame and at the second and the fourth
-    before and after it.
+    The exposure is measured. The bound is the largest difference after a reset at that frame, or at the
+    second or fourth frame before or after it.
     """
 
     def __init__(self, hostile: Callable[[Frame], Iterable[Frame]]) -> None:
@@ -49,38 +49,36 @@ class _OneFrame:
     def __call__(self, trial: Trial) -> Measured:
         session = trial.begin()
         frames = [replace(frame, exposure=None) for frame in still(trial.render)]
-        places = {}
-        for index in range(PERIOD + max(CUTS) + 1):
-            if index - PERIOD in CUTS:
+        starts = {}
+        for index in range(PERIOD + max(RESETS) + 1):
+            if index - PERIOD in RESETS:
                 following = [frames[(index + later) % PERIOD] for later in range(CLEAN + 1)]
-                places[index - PERIOD] = _Place(session, session.save_state(), following)
+                starts[index - PERIOD] = _Start(session, session.save_state(), following)
             session.step(frames[index % PERIOD])
-        cuts = {
-            at: [replace(bad, reset=True) for bad in self._hostile(place.frames[0])]
-            for at, place in places.items()
+        resets = {
+            offset: [replace(bad, reset=True) for bad in self._hostile(start.frames[0])]
+            for offset, start in starts.items()
         }
-        tried = []
-        for case, bad in enumerate(self._hostile(places[0].frames[0])):
-            left = places[0].left_by(bad)
-            tried.append(
-                (left, hostile_bound(left[-1], (places[at].left_by(cuts[at][case])[-1] for at in CUTS)))
-            )
-        figures = [_worst(tried, name) for name in ("mean", "most")]
-        return Measured(
-            tuple(figures), [o.mean for o in max((o for o, _ in tried), key=lambda o: o[-1].mean)]
-        )
+        curves, results = [], []
+        for case, bad in enumerate(self._hostile(starts[0].frames[0])):
+            errors = starts[0].errors_after(bad)
+            after_resets = (starts[offset].errors_after(resets[offset][case])[-1] for offset in RESETS)
+            curves.append([error.mean for error in errors])
+            results.append((errors[-1], hostile_bound(errors[-1], after_resets)))
+        figures = [_worst(results, name) for name in ("mean", "most")]
+        return Measured(tuple(figures), max(curves, key=lambda curve: curve[-1]))
 
 
 @dataclass(frozen=True)
-class _Place:
-    """A place in the run: the session, its state there, and the frames from there on."""
+class _Start:
+    """A frame of the run: the session, its state before that frame, and the frames from that one on."""
 
     session: Watched
     state: State
     frames: Sequence[Frame]
 
-    def left_by(self, first: Frame) -> list[Difference]:
-        """Return how images of the clean frames differ if the first frame is replaced."""
+    def errors_after(self, first: Frame) -> list[Difference]:
+        """Return the differences of the clean frames' images when `first` replaces the first frame."""
         images = zip(self._images(first), self._baseline, strict=True)
         return [difference(one, other) for one, other in images]
 
@@ -94,19 +92,22 @@ class _Place:
         return [self.session.step(later) for later in self.frames[1:]]
 
 
-def hostile_bound(left: Difference, cuts: Iterable[Difference]) -> Difference:
-    """Return SEEN, or the most of what cuts leave; cuts are drawn until one leaves more than `left`."""
-    bound = SEEN
-    for cut in cuts:
-        bound = Difference(max(bound.mean, cut.mean + ROUNDING), max(bound.most, cut.most + ROUNDING))
-        if left.mean <= bound.mean and left.most <= bound.most:
+def hostile_bound(error: Difference, after_resets: Iterable[Difference]) -> Difference:
+    """Return the bound of an error: INVISIBLE, or the largest error after a reset if that is larger.
+
+    Resets are measured only until the bound reaches `error`: further ones would not change the verdict.
+    """
+    bound = INVISIBLE
+    for other in after_resets:
+        bound = Difference(max(bound.mean, other.mean + ROUNDING), max(bound.most, other.most + ROUNDING))
+        if error.mean <= bound.mean and error.most <= bound.most:
             break
     return bound
 
 
-def _worst(tried: Sequence[tuple[Sequence[Difference], Difference]], name: str) -> Figure:
-    """What is farthest beyond its bound, or nearest to it."""
-    found = [(getattr(left[-1], name), getattr(bound, name)) for left, bound in tried]
+def _worst(results: Sequence[tuple[Difference, Difference]], name: str) -> Figure:
+    """Return the figure with the largest ratio of error to bound, of (error, bound) pairs."""
+    found = [(getattr(error, name), getattr(bound, name)) for error, bound in results]
     value, bound = max(found, key=lambda pair: pair[0] / pair[1])
     return Figure({"mean": "difference", "most": "difference at 99.9 %"}[name], value, bound)
 

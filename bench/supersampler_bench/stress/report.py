@@ -105,9 +105,8 @@ def _caption(outcomes: Sequence[Outcome]) -> str:
     within = sum(f.passed for f in figures)
     text = f"{within} of {len(figures)} figures are within their bounds; those that are not are bold."
     if {o.scenario for o in outcomes} & {s.name for s in FAMILIES["recovery"]}:
-        text += (
-            " After one hostile frame, the bound is the most that five cuts around it leave, if that is more."
-        )
+        text += " After one hostile frame, the bound is the largest difference after a reset at one of five "
+        text += "frames, if that is larger."
     return text
 
 

@@ -23,7 +23,9 @@ def render(
     sequences: Annotated[int, typer.Option(help="How many.")] = 60,
     frames: Annotated[int, typer.Option(help="Frames of each.")] = 25,
     size: Annotated[str, typer.Option(help="Display size, WxH.")] = "640x360",
-    ratios: Annotated[str, typer.Option(help="Display over render size, drawn from these.")] = "1,1.5,2,3,4",
+    ratios: Annotated[
+        str, typer.Option(help="Display over render size, chosen at random from these.")
+    ] = "1,1.5,2,3,4",
     also: Annotated[
         str, typer.Option(help="Render every sequence at these ratios too; references are shared.")
     ] = "",

@@ -25,7 +25,7 @@ from supersampler_model.ops.sampling import Extent, View
 from supersampler_model.training.frame_inputs import planes
 
 MARGIN = 3  # render pixels around the region that a crop reads
-CANDIDATES = 3  # regions drawn per crop; the one with most aliased pixels is used
+CANDIDATES = 3  # random regions per crop, of which the one with the most aliased pixels is used
 FIREFLY_CHANCE = 0.03  # fraction of the frames with fireflies
 MAX_EXPOSURE_CHANGE = 1.0  # in augmentation, stops
 
@@ -198,8 +198,8 @@ class Stream:
         datasets: sets as `supersampler render` makes them.
         ratios: minimum and maximum ratio.
         size: of the crops, display pixels.
-        seed: of the draws; two streams of the same seed and place are the same.
-        draw: draws the CANDIDATES candidates of each crop.
+        seed: of the random choices; two streams of the same seed and place are the same.
+        draw: returns one random region; called CANDIDATES times per crop.
 
     Raises:
         ArgumentError: no sequence can be trained on, or crops are larger than a display.

@@ -94,5 +94,5 @@ def _checked(
 
 
 def values_of(name: str) -> tuple[float, float]:
-    """Return the range of a history tensor of this name: finite, and jitter as frames have it."""
+    """Return the allowed values of a history tensor: [-0.5, 0.5] for jitter, else all finite numbers."""
     return (-0.5, 0.5) if "jitter" in name else (-LARGEST, LARGEST)

@@ -158,8 +158,9 @@ def aliasing(pixels: PixelStatistics, thresholds: LabelThresholds = DEFAULTS) ->
 
 
 def color_varies(pixels: PixelStatistics, thresholds: LabelThresholds = DEFAULTS) -> Mask:
-    """Equation 9, (H, W), of linear colour, so that no exposure changes it above the darkest.
+    """Return where equation 9 holds, (H, W), for linear colour: exposure does not change the result.
 
+    Pixels darker than `thresholds.darkest` never vary.
     With toned t = c / (1 + c), (c_max - c_min) / c_max is (t_max - t_min) / (t_max (1 - t_min)).
     """
     low, high = pixels.color_min, pixels.color_max

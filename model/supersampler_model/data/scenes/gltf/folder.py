@@ -1,4 +1,4 @@
-"""The glTF files of a folder, sorted into stages, props and panoramas, and drawn from by seeds."""
+"""The glTF files of a folder, sorted into stages, props and panoramas; a seed chooses among them."""
 
 import hashlib
 from dataclasses import dataclass

@@ -83,7 +83,7 @@ class Ground:
         return start, end
 
     def _centers(self) -> Values:
-        """Return the middles (n, 2) in x and z of the cells to draw from."""
+        """Return the middles (n, 2) in x and z of the cells to choose from."""
         return np.asarray(self._origin[[0, 2]] + (self._cells_free + 0.5) * self.cell)
 
     def _cells(self, places: Values) -> tuple[Integers, Integers]:

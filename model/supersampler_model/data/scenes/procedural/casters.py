@@ -34,7 +34,10 @@ def caster(rng: Rng, stage: Stage, sun: Callable[[float], Sun], kind: str | None
 
 
 def _frame(sun: Sun) -> Matrix:
-    """Return local to world: x level, y up and z to the sun, well inside its shadow map."""
+    """Return the matrix from a frame with z towards the sun and x level to the world, (4, 4).
+
+    The origin lies between the scene and the sun, inside its shadow map.
+    """
     to_sun = -np.asarray(sun.direction) / np.linalg.norm(sun.direction)
     across = np.cross((0.0, 1.0, 0.0), to_sun)
     across /= np.linalg.norm(across)

@@ -15,7 +15,7 @@ _CLOUD = 0.8  # seconds: when a cloud is halfway over the sun
 
 
 def plaza(rng: Rng) -> Stage:
-    """Build the square; `rng` draws textures and small irregularities, the layout is fixed."""
+    """Build the square; `rng` varies textures and small irregularities; the layout is fixed."""
     sky = lighting.outdoors(rng, (0.2, 0.42, 0.95), (0.85, 0.74, 0.66), (0.16, 0.14, 0.12), clouds=1.3)
     stage = Stage(environment=sky, exposure=0.95)
     stage.sun = _sun
