@@ -13,8 +13,8 @@ from supersampler.methods.model_file import find_model
 from supersampler_export.cli import load_method
 from supersampler_export.graph import history_name
 from supersampler_model.data.scenes.still_life import still_scene
-from supersampler_model.methods.base import Size
 from supersampler_model.ops.color import tone
+from supersampler_model.ops.size import Size
 
 METHODS = ["taau", "classifier", "classifier-small"]
 RENDER, DISPLAY = Size(40, 22), Size(80, 44)

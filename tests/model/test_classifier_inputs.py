@@ -6,11 +6,11 @@ import torch
 
 from noise import noise
 from supersampler.methods.classifier.spec import CLASSES, DEFAULT_INPUTS, NEIGHBOURHOOD_INPUTS, CountCode
-from supersampler_model.methods.base import Size
 from supersampler_model.methods.classifier.buffers import Gathered, History
 from supersampler_model.methods.classifier.model import Classifier
 from supersampler_model.methods.classifier.network_inputs import COUNTS, neighbourhood_inputs, pixel_inputs
 from supersampler_model.ops.sampling import View
+from supersampler_model.ops.size import Size
 
 DISPLAY = Size(47, 27)
 

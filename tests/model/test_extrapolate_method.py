@@ -13,12 +13,13 @@ from supersampler.backends.onnx.session import frame_inputs
 from supersampler.errors import ArgumentError
 from supersampler.frame import Float32
 from supersampler_model.methods import LEARNED
-from supersampler_model.methods.base import Method, Size
+from supersampler_model.methods.base import Method
 from supersampler_model.methods.classifier.model import Classifier
 from supersampler_model.methods.extrapolation.guided_warp import GuidedWarp
 from supersampler_model.methods.extrapolation.joint import Extrapolate, UnshadedExtrapolate, packed_base_color
 from supersampler_model.methods.weights_file import Trained, load_trained, shipped_weights
 from supersampler_model.ops.sampling import View
+from supersampler_model.ops.size import Size
 
 RENDER, DISPLAY = (40, 23), (80, 46)
 SCENE = LitScene(velocity=(1.3, -0.6), radius=7.0, disc_velocity=(2.5, 0.5), sky=5.0)

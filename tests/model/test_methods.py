@@ -17,8 +17,9 @@ from supersampler.methods.model_file import model_names
 from supersampler.methods.taa.spec import TaaConfig
 from supersampler_model.data.scenes.analytic import DiscOverPlane, Plane, Scene, checker, zone_plate
 from supersampler_model.methods import LEARNED
-from supersampler_model.methods.base import Method, Size
+from supersampler_model.methods.base import Method
 from supersampler_model.methods.taa.model import Taa
+from supersampler_model.ops.size import Size
 
 RENDER, DISPLAY = (64, 36), (128, 72)
 PATTERNS = [zone_plate, thin_lines, dots]

@@ -18,7 +18,7 @@ from supersampler_export.cli import load_method
 from supersampler_model.data.scenes.analytic import DiscOverPlane, Plane, Scene
 from supersampler_model.data.scenes.still_life import still_life, still_scene
 from supersampler_model.methods.base import Method
-from supersampler_model.methods.base import Size as TorchSize
+from supersampler_model.ops.size import Size as TorchSize
 
 DISPLAY: Size = (160, 90)
 LARGE: Size = (320, 180)

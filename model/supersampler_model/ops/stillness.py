@@ -32,7 +32,6 @@ from supersampler.methods.stillness import (
     SIGMA,
     STILL_MOTION,
 )
-from supersampler_model.methods.base import Size, render_size_of
 from supersampler_model.ops.color import bounded, glaring, largest, luminance, sanitize, valid
 from supersampler_model.ops.motion import squared_length, usable_motion
 from supersampler_model.ops.sampling import (
@@ -49,6 +48,7 @@ from supersampler_model.ops.sampling import (
     sum_of,
     taps,
 )
+from supersampler_model.ops.size import Size, render_size_of
 
 DARK = 0.002  # luma below which `shown_luma` is less steep: a screen is, too
 COVERED = 0.999  # of four bilinear weights

@@ -7,9 +7,9 @@ from torch import Tensor
 
 from supersampler_model.data.dataset import Dataset
 from supersampler_model.data.labels import Ghost
-from supersampler_model.methods.base import render_size_of
 from supersampler_model.methods.classifier.buffers import Gathered, History
 from supersampler_model.methods.classifier.model import Classifier
+from supersampler_model.ops.size import render_size_of
 from supersampler_model.training.class_loss import ClassifierWeights, class_loss
 from supersampler_model.training.crops import Sample, Stream
 from supersampler_model.training.shots import UNKNOWN

@@ -8,9 +8,9 @@ from torch import Tensor
 
 from supersampler.methods.classifier.spec import ClassifierConfig, NetworkConfig
 from supersampler_model.data.labels import Alias, Ghost
-from supersampler_model.methods.base import Size
 from supersampler_model.methods.classifier.model import Classifier
 from supersampler_model.ops.sampling import View
+from supersampler_model.ops.size import Size
 from supersampler_model.training.class_loss import class_loss
 from supersampler_model.training.classifier_task import ClassifierTask
 from supersampler_model.training.crops import Sample

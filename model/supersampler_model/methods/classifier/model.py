@@ -29,11 +29,7 @@ from supersampler.methods.classifier.spec import (
     ClassifierConfig,
 )
 from supersampler.methods.spec import HALF
-from supersampler_model.methods.base import (
-    Fused,
-    display_size_of,
-    render_size_of,
-)
+from supersampler_model.methods.base import Fused
 from supersampler_model.methods.classifier.buffers import (
     CurrentFrame,
     Finished,
@@ -89,6 +85,7 @@ from supersampler_model.ops.sampling import (
     upsample,
     weighed,
 )
+from supersampler_model.ops.size import display_size_of, render_size_of
 from supersampler_model.ops.stillness import FrameSamples, settle
 
 TONED = 1.0 - 1e-4  # maximum of a toned colour

@@ -26,12 +26,7 @@ import torch
 from torch import Tensor
 
 from supersampler.methods.taau.spec import FLASH, FLASH_MEMORY, LEAST_FLASH, TAAU, TaauConfig
-from supersampler_model.methods.base import (
-    Method,
-    Size,
-    display_size_of,
-    render_size_of,
-)
+from supersampler_model.methods.base import Method
 from supersampler_model.ops.color import (
     CONFIRMED,
     DARKNESS,
@@ -75,6 +70,7 @@ from supersampler_model.ops.sampling import (
     pick_first,
     upsample,
 )
+from supersampler_model.ops.size import Size, display_size_of, render_size_of
 from supersampler_model.ops.stillness import FrameSamples, settle
 
 MIN_CHANGE = 0.004  # of toned luma: one step of an 8-bit image
