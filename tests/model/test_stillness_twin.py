@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 import pytest
@@ -18,7 +18,8 @@ from supersampler_model.ops.stillness import FrameSamples, Settled, settle
 Edit = Callable[[int, Frame], Frame]
 FRAMES = 36
 DISPLAY = (63, 35)
-CLOSE = {"rtol": 1e-5, "atol": 1e-5}
+
+assert_close = partial(np.testing.assert_allclose, rtol=1e-5, atol=1e-5)
 
 
 @cache
@@ -69,12 +70,12 @@ def compare(frames: list[Frame], *, confirmed: bool = True) -> NDArray[np.float3
         after = {name: np.array(array) for name, array in state.items()}
         exposure = abs(float(after["history.exposure"][0]))
         settled = torch_step(frame, after["history.color"], before, exposure)
-        np.testing.assert_allclose(after["history.still"], settled.still, **CLOSE, err_msg=f"{index}")
-        np.testing.assert_allclose(after["history.opening"], settled.opening, **CLOSE, err_msg=f"{index}")
-        np.testing.assert_allclose(result.converged, settled.converged[0, 0], rtol=0, atol=1e-6)
+        assert_close(after["history.still"], settled.still, err_msg=f"{index}")
+        assert_close(after["history.opening"], settled.opening, err_msg=f"{index}")
+        assert_close(result.converged, settled.converged[0, 0], rtol=0, atol=1e-6, err_msg=f"{index}")
         if confirmed:
             image = settled.image[0].numpy().transpose(1, 2, 0)
-            np.testing.assert_allclose(result.image, image, **CLOSE, err_msg=f"{index}")
+            assert_close(result.image, image, err_msg=f"{index}")
         before = after
         maps.append(np.array(result.converged))
     return np.stack(maps)
