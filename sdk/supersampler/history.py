@@ -121,8 +121,9 @@ class Stats:
         work: work done, in full steps; static-tile reuse saved `frames - work`.
         full_frames: number of frames of which every pixel was computed.
         full_seconds: wall time of the steps on those frames.
-        converged: fraction of the image, in [0, 1], that no longer changes while the scene stands still, as
-            of the last frame. At 1 a viewer may stop rendering. Of static-tile reuse: else 0.
+        converged: fraction of the image, in [0, 1], that hardly changes while the scene stands still, as of
+            the last frame. At 1 a viewer may stop rendering. With static-tile reuse the share of tiles that
+            rest; else the mean of `StepResult.converged`, or None where the method has no such map.
     """
 
     frames: int = 0
@@ -133,14 +134,13 @@ class Stats:
     work: float = 0.0
     full_frames: int = 0
     full_seconds: float = 0.0
-    converged: float = 0.0
+    converged: float | None = 0.0
 
     def after_step(
         self,
         *,
         fresh: bool,
         work: float,
-        converged: float,
         seconds: float,
         extrapolation_seconds: float | None = None,
     ) -> "Stats":
@@ -149,7 +149,6 @@ class Stats:
         Args:
             fresh: whether the step had no history.
             work: fraction of a full step's work that was done.
-            converged: see `Stats`.
             seconds: wall time of the step.
             extrapolation_seconds: wall time of extrapolating the frame's colour; None for a shaded frame.
         """
@@ -164,7 +163,6 @@ class Stats:
             work=self.work + work,
             full_frames=self.full_frames + full,
             full_seconds=self.full_seconds + (seconds if full else 0.0),
-            converged=converged,
         )
 
     @property

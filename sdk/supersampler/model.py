@@ -44,6 +44,7 @@ from supersampler.methods.cpu_backends import cpu_executor
 from supersampler.methods.gbuffers import check_gbuffers
 from supersampler.methods.model_file import read_model_info, read_upscaling_info
 from supersampler.methods.model_info import ModelInfo
+from supersampler.methods.stillness import converged_of
 
 __all__ = ["TOLERANCE", "ExecutorName", "Model", "Precision", "Skip"]
 
@@ -307,9 +308,14 @@ class Model:
         """Return `StepResult.work` for the step that returned this history."""
         return self._executor.work(history.buffers, history.display_size)
 
-    def converged(self, history: History) -> float:
-        """Return `Stats.converged` of the step that returned this history."""
-        return self._executor.converged(history.buffers)
+    def converged(self, history: History | None) -> float | None:
+        """Return `Stats.converged` of the step that returned this history; None before the first frame."""
+        resting = None if history is None else self._executor.resting(history.buffers)
+        if resting is not None or not self.info.converges:
+            return resting
+        if history is None:
+            return 0.0
+        return float(converged_of(self._executor.tensor(history.buffers, "history.still")).mean())
 
     def load_history(
         self, display_size: Size, render_size: Size, arrays: Mapping[str, NDArray[Any]]

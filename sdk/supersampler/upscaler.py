@@ -135,7 +135,8 @@ class Upscaler:
     @property
     def stats(self) -> Stats:
         """Counts and times of all steps so far."""
-        return self._memory.stats
+        stats = self._memory.stats
+        return stats if self._closed else replace(stats, converged=self.model.converged(self._memory.history))
 
     @overload
     def step(self, frame: Frame, *, out: Float32 | None = ..., outputs: tuple[()] = ()) -> Float32: ...
@@ -358,7 +359,6 @@ class Upscaler:
         stats = memory.stats.after_step(
             fresh=kept is None,
             work=float(model.work(next_history).mean()),
-            converged=model.converged(next_history),
             seconds=time.perf_counter() - started,
             extrapolation_seconds=extrapolation_seconds,
         )
@@ -383,9 +383,7 @@ class Upscaler:
         image, next_history = self.model.run_tensors(
             tensors, history, jitter=jitter, exposure=exposure, out=out, history_out=memory.spare
         )
-        stats = memory.stats.after_step(
-            fresh=kept is None, work=1.0, converged=0.0, seconds=time.perf_counter() - started
-        )
+        stats = memory.stats.after_step(fresh=kept is None, work=1.0, seconds=time.perf_counter() - started)
         self._memory = Memory(display, next_history, history, None, stats)
         return image
 

@@ -71,8 +71,8 @@ class Executor(Protocol):
     def work(self, buffers: Buffers, display: Size) -> Float32:
         """Return the work that the step on these buffers did in each tile; see `StepResult.work`."""
 
-    def converged(self, buffers: Buffers) -> float:
-        """Share of the image that no longer changes while the scene stands still."""
+    def resting(self, buffers: Buffers) -> float | None:
+        """Return the share of tiles that static-tile reuse copies; None where the step reused no tiles."""
 
     def load(self, buffers: Buffers, tensors: Mapping[str, NDArray[Any]]) -> None:
         """Fill buffers from all history tensors, already checked, and optionally arrays of `memory`."""

@@ -6,6 +6,9 @@ any ratio, eight samples per display pixel.
 
 from collections.abc import Mapping
 
+import numpy as np
+
+from supersampler.frame import Float32
 from supersampler.methods.spec import DISPLAY, PREVIOUS, MapOf, Shape
 
 STILLNESS: Mapping[str, Shape] = {
@@ -37,3 +40,9 @@ MARGIN = 1.5 / 255.0
 """Of the shown luma: distance to the range that opens."""
 MARGIN_LEARNING = 8.0 / 255.0
 """The same while it is learned, beside the deviation of the residuals around."""
+
+
+def converged_of(still: Float32) -> Float32:
+    """Return the map `converged`, (H, W), of the step that wrote the history tensor `still`."""
+    converged: Float32 = np.clip((still[0, 3] - READY) / (PERIOD - READY), 0.0, 1.0)
+    return converged

@@ -169,6 +169,7 @@ class CpuExecutor(ABC, Generic[Space]):
         """See `Executor`."""
         return buffers.tile_state.work
 
-    def converged(self, buffers: CpuHistory) -> float:
+    def resting(self, buffers: CpuHistory) -> float | None:
         """See `Executor`."""
-        return buffers.tile_state.converged
+        state = buffers.tile_state
+        return None if state.static_tiles is None else state.converged

@@ -168,9 +168,8 @@ class OnnxExecutor:
         """See `Executor`."""
         return np.ones([-(-extent // TILE) for extent in display[::-1]], np.float32)
 
-    def converged(self, buffers: Tensors) -> float:  # noqa: ARG002  # unknown
+    def resting(self, buffers: Tensors) -> None:  # a graph computes every pixel
         """See `Executor`."""
-        return 0.0
 
     def load(self, buffers: Tensors, tensors: Mapping[str, NDArray[Any]]) -> None:
         """See `Executor`."""
