@@ -100,13 +100,13 @@ class Upscaler:
         display_size = None if display_size is None else checked_size("display_size", display_size)
         self._scale = 1.0 if scale is None else checked_scale(scale)
         self._render_size = None if render_size is None else checked_size("render_size", render_size)
-        self._checker = FrameChecker(validate)
         record = None if record is None else checked_path("record", record)
         model, precision, self.skip = chosen(preset, model, precision, skip)
         self.model = loaded_model(model, providers, threads, executor, precision, capture=capture)
         if self._render_size is not None and display_size is None:
             display_size = display_size_of(self._render_size, self._scale)
         self._memory = Memory(display_size)
+        self._checker = FrameChecker(validate, converges=self.model.info.converges)
         self._extrapolator, self._on_extrapolated, infos = None, self.model, []
         if extrapolation is not None:
             device = self.model.providers, self.model.threads
