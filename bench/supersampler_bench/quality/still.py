@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from statistics import median
 
 import numpy as np
+from numpy.typing import NDArray
 
 from supersampler import Model, Upscaler, halton_jitter
 from supersampler.backends.cpu.static_weights import StaticWeights
@@ -30,6 +31,7 @@ SCENES = tuple(f"{name}{end}" for name in ("analytic", *TEST_SHOTS.seeds) for en
 """The analytic scene, and test shots with a fixed camera; objects move in those that end with MOVER."""
 HELD_FRAME = 12  # frame of the test shot whose camera is kept
 _REACH = 4  # display pixels around what changes that are not scored
+_SIGMA = 0.5  # display pixels
 _UNCHANGED = 1.0 / 255.0  # of samples, as a screen shows them
 
 
@@ -110,10 +112,12 @@ def measure_still(
         samples: per pixel of the test shots' references.
         on_frame: called after each frame of a scene.
     """
+    kinds = [(method, executor) for method in methods for executor in executors]
+    models = {kind: Model.load(kind[0], providers="cpu", executor=kind[1]) for kind in kinds}
     results = []
     for name, ratio in scenes:
         scene = make_scene(name, display, ratio, samples)
-        runs = [_Run(method, executor, scene) for method in methods for executor in executors]
+        runs = [_Run(*kind, model, scene) for kind, model in models.items()]
         for frame in scene.frames:
             for run in runs:
                 run.step(frame)
@@ -125,9 +129,8 @@ def measure_still(
 class _Run:
     """One method's way through a scene."""
 
-    def __init__(self, method: str, executor: ExecutorName, scene: StillScene) -> None:
+    def __init__(self, method: str, executor: ExecutorName, model: Model, scene: StillScene) -> None:
         self._method, self._executor, self._scene = method, executor, scene
-        model = Model.load(method, providers="cpu", executor=executor)
         height, width, _ = scene.truth.shape
         # only the CPU backend reuses tiles
         skips: tuple[Skip, ...] = ("auto", "exact") if executor == "cpu" else ("auto",)
@@ -200,20 +203,34 @@ def make_scene(name: str, display: Size, ratio: float, samples: int) -> StillSce
 
 
 def offline_mean(frames: Sequence[Frame], display: Size) -> Float32:
-    """Return the best weighted mean of the samples of one jitter period: (H, W, 3) linear RGB.
+    """Return the best weighted mean of the samples of one jitter period that we found: (H, W, 3) linear RGB.
+
+    One half has the weights of static tiles, the other a Gaussian of `_SIGMA` within a tent.
 
     Args:
         frames: of one period, of one size.
         display: (width, height).
     """
     weights = StaticWeights(display, frames[0].size, [frame.jitter for frame in frames])
-    total, mass = np.zeros((*display[::-1], 3)), np.zeros(display[::-1])
+    inside, near = np.zeros((2, *display[::-1], 4))  # sums of weight times RGB, and of weights
     for index, frame in enumerate(frames):
+        color = np.insert(np.asarray(frame.color, np.float64), 3, 1.0, axis=-1)
         rows, columns = (np.maximum(axis.sample[index], 0) for axis in (weights.rows, weights.columns))
-        used = weights.of_frame(index)
-        mass += used
-        total += used[..., None] * np.asarray(frame.color)[rows][:, columns]
-    return np.maximum(total / np.maximum(mass, 1e-6)[..., None], 0.0).astype(np.float32)
+        inside += weights.of_frame(index)[..., None] * color[rows][:, columns]
+        y, x = (_near(display[axis], frame.size[axis], frame.jitter[axis]) for axis in (1, 0))
+        near += np.einsum("yi,ijc,xj->yxc", y, color, x, optimize=True)
+    means = [total[..., :3] / np.maximum(total[..., 3:], 1e-6) for total in (inside, near)]
+    return np.maximum(0.5 * (means[0] + means[1]), 0.0).astype(np.float32)
+
+
+def _near(pixels: int, samples: int, jitter: float) -> NDArray[np.float64]:
+    """(pixels, samples) weights along an axis, by distance in display pixels."""
+    places = (np.arange(samples) + 0.5 + jitter) * pixels / samples
+    distance = np.arange(pixels)[:, None] + 0.5 - places
+    weights: NDArray[np.float64] = np.exp(-0.5 * (distance / _SIGMA) ** 2) * np.maximum(
+        1.0 - np.abs(distance), 0.0
+    )
+    return weights
 
 
 def _still(frames: Sequence[Frame], display: Size) -> Bool:

@@ -73,7 +73,7 @@ class _Runner:
         began = time.perf_counter()
         self._upscaler.step(frame, out=self._image)
         self.milliseconds.append(1e3 * (time.perf_counter() - began))
-        self.converged.append(self._upscaler.stats.converged)
+        self.converged.append(self._upscaler.stats.converged or 0.0)
         if truth is not None:
             exposure = frame.exposure or 1.0
             shown = display_transform(self._image, exposure)
