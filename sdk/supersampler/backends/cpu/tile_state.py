@@ -31,6 +31,9 @@ TILE_RECORD = np.dtype(
 FADE_FRAMES = 16
 """Frames in which a tile fades to a mean of samples that a whole period has confirmed; else the fade takes a
 period, in which each frame confirms one phase."""
+FADE_POWER = 8
+"""Shape of the fade. A method that converges goes on doing so; with a slower first frame than this the fade
+would fall behind it."""
 SPARSE_FRAMES = 64
 """Frames after which a tile rests on the method's image, where a jitter sequence is too short for means."""
 
@@ -163,10 +166,10 @@ class TileState:
     def fade_parts(self, previous: "TileState") -> Float32:
         """Return the part of the way from the previous image to the mean that this frame goes.
 
-        What is left of the method's image falls with the square of the time that is left.
+        The method's fraction of the image is the FADE_POWER-th power of the remaining fraction of the fade.
         """
-        left, left_before = ((1.0 - state.records["fade"]) ** 2 for state in (self, previous))
-        return (1.0 - left / np.maximum(left_before, 1e-12)).astype(np.float32)
+        method, before = ((1.0 - state.records["fade"]) ** FADE_POWER for state in (self, previous))
+        return (1.0 - method / np.maximum(before, 1e-12)).astype(np.float32)
 
     def settle(self, errors: Float32, tolerance: float) -> None:
         """Let tiles that were computed settle.
