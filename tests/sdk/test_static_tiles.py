@@ -8,9 +8,9 @@ import pytest
 from numpy.typing import NDArray
 
 from supersampler import Frame, Model, Upscaler, halton_jitter
-from supersampler.backends.cpu.layout import RENDER_TILE
+from supersampler.backends.cpu.layout import RENDER_TILE, STATIC_TILE
 from supersampler.backends.cpu.static_tiles import HOLD_FRAMES, MOVING, PHASES, Bool, StaticTiles, Sums
-from supersampler.backends.cpu.tile_state import FADE_FRAMES, SPARSE_FRAMES, TileState
+from supersampler.backends.cpu.tile_state import FADE_FRAMES, RESTING, SPARSE_FRAMES, TileState
 from supersampler.conventions import jitter_phase_count
 from supersampler.frame import Float32, Size
 from supersampler.history import StepResult
@@ -139,6 +139,25 @@ def test_one_bad_sample_in_a_resting_tile_costs_what_it_reaches_and_no_sums(mode
         assert np.isfinite(result.image).all()
         assert resumes_after(upscaler, index + 1) <= FADE_FRAMES + 3
         assert np.array_equal(upscaler.step(scene(index + 100)), image)
+
+
+@pytest.mark.parametrize("skipped", [2, 5])
+def test_the_method_goes_on_from_the_mean_where_only_a_neighbour_of_a_tile_changed(
+    model: Model, skipped: int
+) -> None:
+    upscaler, index, image = rested(model)
+    run(upscaler, map(scene, range(index, index + skipped)))
+    result = upscaler.step(disturbed(scene(index + skipped), 900.0), outputs=("work",))
+    assert isinstance(result, StepResult)
+    states = state_of(upscaler).records["state"]
+    y, x = (np.abs(np.arange(n) - at * RATIO) for n, at in zip(DISPLAY[::-1], CENTER[::-1], strict=True))
+    near = np.maximum(y[:, None], x) < 9.0  # what the firefly itself opens
+    again = np.kron(states != RESTING, np.ones((STATIC_TILE, STATIC_TILE), bool)) & ~near
+    assert again.sum() > 100
+    change = np.abs(display_transform(result.image, 1.0) - display_transform(image, 1.0))[again]
+    assert change.mean() < 0.3 / 255.0
+    assert change.max() < 3.0 / 255.0
+    assert psnr(result.image) > psnr(image) - 0.5
 
 
 def test_a_firefly_while_tiles_settle_restarts_only_the_tiles_that_it_reaches(model: Model) -> None:

@@ -100,6 +100,7 @@ class TileReuse:
         current: TileState,
         before: Sequence[tuple[int, NDArray[Any]]],
         after: Sequence[tuple[int, NDArray[Any]]],
+        still: Float32 | None,
         image: Float32,
         *,
         tolerance: float | None,
@@ -114,6 +115,7 @@ class TileReuse:
             before: arrays of the history that tiles divide: pixels of a tile's side, and (H, W, ...); the
                 first array has linear RGB in its first channels.
             after: likewise of the next history.
+            still: the method's mean in the next history, (H, W, 4); None for a method without one.
             image: (H, W, 3), written to.
             tolerance: estimated root mean square error of a mean, of toned colors, up to which a tile settles
                 before its period is whole. None: no tile is reused.
@@ -124,7 +126,7 @@ class TileReuse:
         state = current.records["state"]
         if (state != MOVING).any():
             self._copy_history(state != MOVING, previous, current, before, after)
-            self._write_image(previous, current, after[0][1], image)
+            self._write_image(previous, current, after[0][1], still, image)
         moved = state == MOVING
         current.settle(self._mean_errors(current, planes.exposure), tolerance)
         self._keep_shown(moved & (current.records["state"] == SETTLING), after[0][1], image)
@@ -151,7 +153,12 @@ class TileReuse:
         current.generations[reused] = previous.generations[reused]
 
     def _write_image(
-        self, previous: TileState, current: TileState, pixels: NDArray[Any], image: Float32
+        self,
+        previous: TileState,
+        current: TileState,
+        pixels: NDArray[Any],
+        still: Float32 | None,
+        image: Float32,
     ) -> None:
         """Copy resting tiles to the image; fade settling ones, in the next history, too."""
         height, width, channels = pixels.shape
@@ -167,7 +174,8 @@ class TileReuse:
             current.generations[settling] = next_generation()
             parts = np.where(settling, current.fade_parts(previous), np.float32(0.0))
             inputs = address(current.allocated_sums()), address(parts), *size, channels
-            outputs = address(pixels), address(image)
+            means = image if still is None else still
+            outputs = address(pixels), address(image), address(means), int(still is not None)
             self._pool.run_rects(
                 "skip", runs_of(settling), lambda box, _: self._fade(*inputs, *box, *outputs)
             )
@@ -201,7 +209,7 @@ class TileReuse:
         enough = (counts * weights.per_pixel >= LEAST_SAMPLES) & (counts < weights.frames)
         known = enough & (records["state"] == MOVING) & (records["matched"] > 0)
         for count in np.unique(counts[known]).tolist():
-            # samples of a period are drawn without replacement
+            # no sample of a period is chosen twice
             share = (1.0 - count / weights.frames) / (count * weights.per_pixel - 1.0)
             sums = current.allocated_sums()
             inputs = pack(MeanErrors(sums, errors, sums.shape[1], sums.shape[0], share, exposure))

@@ -108,9 +108,9 @@ class TileState:
         before, self.static_tiles = previous.static_tiles, tiles
         weights = weights_after(previous.weights, jitter, tiles, self.display, tiles.render)
         self.weights = weights
-        hopeless = tiles.changed.all() and previous.records["failed"].all()
-        if (hopeless or tiles.moving.all()) and not previous.records["count"].any():  # mostly
-            self.records["failed"] = self.records["motionless"] = hopeless
+        noisy_everywhere = tiles.changed.all() and previous.records["failed"].all()
+        if (noisy_everywhere or tiles.moving.all()) and not previous.records["count"].any():  # mostly
+            self.records["failed"] = self.records["motionless"] = noisy_everywhere
             return
         self.active, records = True, previous.records.copy()
         if weights is not previous.weights:
