@@ -280,6 +280,29 @@ def reader(sums: NDArray[np.int64]) -> Callable[[Bool, int], Sums]:
     return lambda _, __: sums.astype(np.uint64)
 
 
+def test_noise_everywhere_is_looked_at_once_in_eight_frames_until_it_ends() -> None:
+    period, reads = 16, 0
+    tiles = StaticTiles.empty((2 * RENDER_TILE, RENDER_TILE))
+
+    def after(index: int, sums: NDArray[np.int64]) -> StaticTiles:
+        def read(_: Bool, __: int) -> Sums:
+            nonlocal reads
+            reads += 1
+            return sums.astype(np.uint64)
+
+        return tiles.after((index % period / 32.0, 0.0), read)
+
+    for k in range(3 * period):
+        if k == 2 * period:
+            reads = 0
+        tiles = after(k, np.array([[2 * k + 1, 2 * k + 2]]))
+    assert reads <= 2 * period // 8
+    assert tiles.changed.all()
+    for k in range(3 * period):
+        tiles = after(k, np.array([[500 + k % period, 9]]))
+    assert tiles.same.all()
+
+
 def test_tiles_are_held_after_a_confirmed_period_and_else_changed() -> None:
     tiles, still = StaticTiles.empty((2 * RENDER_TILE, RENDER_TILE)), np.array([[7, 9]])
     for k in range(2 * 4):

@@ -87,8 +87,11 @@ class TileReuse:
             if required.mean() > 1.0 - LEAST_SHARE:
                 required[:] = True
         tiles = Tiles(required)
-        computed = static_tiles_in(tiles.computed, current.generations.shape)
-        current.generations[computed] = next_generation()
+        if tiles.all:  # mostly
+            current.generations[:] = next_generation()
+        else:
+            computed = static_tiles_in(tiles.computed, current.generations.shape)
+            current.generations[computed] = next_generation()
         current.work = tiles.work()
         return tiles
 

@@ -88,8 +88,12 @@ class TileState:
 
     def forget(self) -> None:
         """Drop all that was kept, as after a reset."""
-        self.static_tiles, self.weights, self.active = None, None, False
-        self.records, self.added = np.zeros_like(self.records), np.zeros_like(self.added)
+        self.static_tiles, self.weights = None, None
+        if self.active:
+            self.records, self.added = np.zeros_like(self.records), np.zeros_like(self.added)
+        elif self.records["failed"].flat[0]:  # all of them
+            self.records["failed"] = self.records["motionless"] = False
+        self.active = False
 
     def allocated_sums(self) -> Float32:
         """Return `sums`, allocated if need be."""
@@ -110,7 +114,8 @@ class TileState:
         self.weights = weights
         noisy_everywhere = tiles.changed.all() and previous.records["failed"].all()
         if (noisy_everywhere or tiles.moving.all()) and not previous.records["count"].any():  # mostly
-            self.records["failed"] = self.records["motionless"] = noisy_everywhere
+            if noisy_everywhere:
+                self.records["failed"] = self.records["motionless"] = True
             return
         self.active, records = True, previous.records.copy()
         if weights is not previous.weights:
@@ -224,6 +229,7 @@ class TileState:
             self.allocated_sums()[:] = arrays["static.sums"]
             phases &= np.packbits(np.arange(PHASES) < len(sequence), bitorder="little").view(np.uint64)
         self.records["count"] = np.unpackbits(phases.view(np.uint8), axis=-1).sum(axis=-1)
+        self.active = True
 
 
 _SAVED = {
