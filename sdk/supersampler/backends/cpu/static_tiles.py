@@ -123,7 +123,7 @@ class StaticTiles:
         moving = (rows == MOVING) | (whole & (tiles == MOVING))
         same = ~moving & (tiles == before.tiles) & (tiles != MOVING)
         differs = ~moving & (before.rows != MOVING) & ~same & ((before.tiles != MOVING) | ~agree)
-        changes = np.where(differs, self.changes + 1, np.where(same | moving, 0, self.changes))
+        changes = np.where(differs, self.changes + 1, np.where(agree | moving, 0, self.changes))
         held = differs & self.confirmed & (changes <= HOLD_FRAMES)
         matched = np.where(same, self.matched + 1, 0)
         confirmed = (same & (matched >= len(self.phases))) | (self.confirmed & (~differs | held))
@@ -136,13 +136,13 @@ class StaticTiles:
         )  # fmt: skip
 
     def _likely_changes(self, period: int) -> bool:
-        """Whether all tiles have changed for a period, and this frame is none of those looked at.
+        """Whether all tiles have changed for two periods, and this frame is none of those looked at.
 
         These have the same jitter in each period, so that they can be compared.
         """
         if not period or self.frames % period % LOOK_FRAMES == 0 or not self.changed.all():
             return False
-        return bool(self.changes.min() >= period)
+        return bool(self.changes.min() >= 2 * period)
 
     def _likely_moves(self, read: ReadFingerprints) -> bool:
         """Whether all tiles of some rows move, others in each frame."""

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.backends.cpu.kernel_loader import Call
-from supersampler.backends.cpu.layout import LANES, RENDER_TILE, STATIC_TILE, SUM_VALUES, TILE
+from supersampler.backends.cpu.layout import LANES, PAD, RENDER_TILE, STATIC_TILE, SUM_VALUES, TILE
 from supersampler.backends.cpu.memory import address, aligned
 from supersampler.backends.cpu.static_tiles import Jitter, StaticTiles, Sums
 from supersampler.backends.cpu.static_weights import LEAST_SAMPLES, StaticAxis, StaticWeights
@@ -18,6 +18,7 @@ from supersampler.backends.cpu.tile_state import MOVING, RESTING, SETTLING, Tile
 from supersampler.backends.cpu.tiles import Bool, Tiles, runs_of, scaled, static_tiles_in, tiles_with
 from supersampler.conventions.jitter import jitter_phase_count
 from supersampler.frame import Float32, Size
+from supersampler.methods.stillness import LEARNED, MARGIN
 
 _KERNELS = "backends.cpu.kernels"
 TILE_REUSE_KERNELS = (
@@ -31,6 +32,9 @@ _KEEP, _ADD = 1, 2  # as in `kernels.sample_sums`
 
 LEAST_SHARE = 0.1
 """Share of tiles that need not be computed, below which leaving them out saves no time."""
+
+UNSEEN_RESIDUALS = np.float32(0.25)
+"""Widening of the range of a method's residuals, as a part of it, when a tile begins to settle."""
 
 
 class TileReuse:
@@ -103,7 +107,7 @@ class TileReuse:
         current: TileState,
         before: Sequence[tuple[int, NDArray[Any]]],
         after: Sequence[tuple[int, NDArray[Any]]],
-        still: Float32 | None,
+        mean: tuple[Float32 | None, Float32 | None],
         image: Float32,
         *,
         tolerance: float | None,
@@ -118,13 +122,15 @@ class TileReuse:
             before: arrays of the history that tiles divide: pixels of a tile's side, and (H, W, ...); the
                 first array has linear RGB in its first channels.
             after: likewise of the next history.
-            still: the method's mean in the next history, (H, W, 4); None for a method without one.
+            mean: of the method in the next history: "still", (H, W, 4), and "opening", (h, PAD + w + PAD, 4);
+                None for a method without a mean.
             image: (H, W, 3), written to.
             tolerance: estimated root mean square error of a mean, of toned colors, up to which a tile settles
                 before its period is whole. None: no tile is reused.
         """
         if tolerance is None or not current.active:
             return
+        still, opening = mean
         self._add_samples(planes.color, jitter, previous, current)
         state = current.records["state"]
         if (state != MOVING).any():
@@ -132,7 +138,10 @@ class TileReuse:
             self._write_image(previous, current, after[0][1], still, image)
         moved = state == MOVING
         current.settle(self._mean_errors(current, planes.exposure), tolerance)
-        self._keep_shown(moved & (current.records["state"] == SETTLING), after[0][1], image)
+        begins = moved & (current.records["state"] == SETTLING)
+        self._keep_shown(begins, after[0][1], image)
+        if opening is not None:
+            _end_learning(begins, opening, planes.depth.shape, current.display)
 
     def _keep_shown(self, tiles: Bool, pixels: NDArray[Any], image: Float32) -> None:
         """Let tiles that begin to settle fade from the image, which may be the method's own mean."""
@@ -257,6 +266,23 @@ def _added_samples(
         modes, sums_before, sums, color, of_frame(weights.rows), of_frame(weights.columns),
         table, table.shape[1], table.shape[2], color.shape[1], sums.shape[1], sums.shape[0],
     )  # fmt: skip
+
+
+def _end_learning(tiles: Bool, opening: Float32, frame: tuple[int, ...], display: Size) -> None:
+    """Let the method compare with a whole range of residuals once these tiles move again.
+
+    It has learned them for less than a period, so that samples may differ a little more.
+    """
+    for y0, y1, x0, x1 in scaled(runs_of(tiles), STATIC_TILE, display) if tiles.any() else ():
+        (top, bottom), (left, right) = (
+            (first * size // full, -(-last * size // full))
+            for first, last, size, full in ((y0, y1, frame[0], display[1]), (x0, x1, frame[1], display[0]))
+        )
+        low, high, learned = np.moveaxis(opening[top:bottom, PAD + left : PAD + right], -1, 0)[:3]
+        more = np.where(learned > 0.0, UNSEEN_RESIDUALS * (high - low) + MARGIN, np.float32(0.0))
+        low -= more
+        high += more
+        learned[learned > 0.0] = LEARNED
 
 
 def _copy(source: NDArray[Any], target: NDArray[Any], box: Rect, worker: int) -> None:  # noqa: ARG001  # any

@@ -16,7 +16,7 @@ KEEP, ADD = 1, 2
 """Modes of a tile: its sums go on from those before, not from 0; the frame's samples are added."""
 LEAST_WEIGHT = np.float32(1e-6)
 STILL_WEIGHT = np.float32(2.0 * PERIOD)
-"""Weight of a tile's mean as the method's own: single samples then change it as little as after two periods."""
+"""Weight of a tile's mean in the method's own: samples then change it as little as after two periods."""
 
 
 @device_function
