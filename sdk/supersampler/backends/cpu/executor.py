@@ -128,7 +128,8 @@ class CpuExecutor(ABC, Generic[Space]):
         else:
             next_history.keep_frame(history)
         inputs = inputs._replace(exposure=abs(next_history.exposure))
-        self._tile_reuse.end(inputs, frame.jitter, *states, *images, image, tolerance=tolerance)
+        mean = next_history.arrays.get("still"), next_history.arrays.get("opening")
+        self._tile_reuse.end(inputs, frame.jitter, *states, *images, mean, image, tolerance=tolerance)
         return aux.results()
 
     def _resample(self, step: Step, view: ResampledFrame) -> None:

@@ -28,6 +28,8 @@ ROW_STEP = 4
 """Every tile is first compared by one row of samples in so many, and as a whole only if these agree."""
 SAMPLED_ROWS = 16
 """After a frame in which every tile moved, one row of tiles in so many tells whether all do again."""
+LOOK_FRAMES = 8
+"""Where all tiles change, whatever the frame, only one frame in so many of a period is looked at."""
 HOLD_FRAMES = 2
 """Frames for which a tile that stood still for a whole period may change, and be taken as undisturbed if it
 then is as before: fireflies, NaN."""
@@ -101,7 +103,7 @@ class StaticTiles:
         unknown = np.zeros(self.same.shape, np.uint64)
         before = self.phases.get(jitter, Phase(self.frames, unknown, unknown))
         period = self.frames - before.frame
-        if self.moving.all() and self._likely_moves(read):
+        if self._likely_changes(period) or (self.moving.all() and self._likely_moves(read)):
             phases = self._phases_with(jitter, before._replace(frame=self.frames))
             return replace(self, frames=self.frames + 1, phases=phases, period=period)
         as_before = self.same & (before.tiles != MOVING)  # likely: read at once as a whole
@@ -121,7 +123,7 @@ class StaticTiles:
         moving = (rows == MOVING) | (whole & (tiles == MOVING))
         same = ~moving & (tiles == before.tiles) & (tiles != MOVING)
         differs = ~moving & (before.rows != MOVING) & ~same & ((before.tiles != MOVING) | ~agree)
-        changes = np.where(differs, self.changes + 1, np.where(same | moving, 0, self.changes))
+        changes = np.where(differs, self.changes + 1, np.where(agree | moving, 0, self.changes))
         held = differs & self.confirmed & (changes <= HOLD_FRAMES)
         matched = np.where(same, self.matched + 1, 0)
         confirmed = (same & (matched >= len(self.phases))) | (self.confirmed & (~differs | held))
@@ -132,6 +134,15 @@ class StaticTiles:
             self.render, self.frames + 1, phases, period, moving, same, held, differs & ~held,
             changes.astype(np.int32), matched.astype(np.int32), confirmed,
         )  # fmt: skip
+
+    def _likely_changes(self, period: int) -> bool:
+        """Whether all tiles have changed for two periods, and this frame is none of those looked at.
+
+        These have the same jitter in each period, so that they can be compared.
+        """
+        if not period or self.frames % period % LOOK_FRAMES == 0 or not self.changed.all():
+            return False
+        return bool(self.changes.min() >= 2 * period)
 
     def _likely_moves(self, read: ReadFingerprints) -> bool:
         """Whether all tiles of some rows move, others in each frame."""

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.backends.cpu.kernel_loader import Call
-from supersampler.backends.cpu.layout import LANES, RENDER_TILE, STATIC_TILE, SUM_VALUES, TILE
+from supersampler.backends.cpu.layout import LANES, PAD, RENDER_TILE, STATIC_TILE, SUM_VALUES, TILE
 from supersampler.backends.cpu.memory import address, aligned
 from supersampler.backends.cpu.static_tiles import Jitter, StaticTiles, Sums
 from supersampler.backends.cpu.static_weights import LEAST_SAMPLES, StaticAxis, StaticWeights
@@ -18,6 +18,7 @@ from supersampler.backends.cpu.tile_state import MOVING, RESTING, SETTLING, Tile
 from supersampler.backends.cpu.tiles import Bool, Tiles, runs_of, scaled, static_tiles_in, tiles_with
 from supersampler.conventions.jitter import jitter_phase_count
 from supersampler.frame import Float32, Size
+from supersampler.methods.stillness import LEARNED, MARGIN
 
 _KERNELS = "backends.cpu.kernels"
 TILE_REUSE_KERNELS = (
@@ -31,6 +32,9 @@ _KEEP, _ADD = 1, 2  # as in `kernels.sample_sums`
 
 LEAST_SHARE = 0.1
 """Share of tiles that need not be computed, below which leaving them out saves no time."""
+
+UNSEEN_RESIDUALS = np.float32(0.25)
+"""Widening of the range of a method's residuals, as a part of it, when a tile begins to settle."""
 
 
 class TileReuse:
@@ -87,8 +91,11 @@ class TileReuse:
             if required.mean() > 1.0 - LEAST_SHARE:
                 required[:] = True
         tiles = Tiles(required)
-        computed = static_tiles_in(tiles.computed, current.generations.shape)
-        current.generations[computed] = next_generation()
+        if tiles.all:  # mostly
+            current.generations[:] = next_generation()
+        else:
+            computed = static_tiles_in(tiles.computed, current.generations.shape)
+            current.generations[computed] = next_generation()
         current.work = tiles.work()
         return tiles
 
@@ -100,6 +107,7 @@ class TileReuse:
         current: TileState,
         before: Sequence[tuple[int, NDArray[Any]]],
         after: Sequence[tuple[int, NDArray[Any]]],
+        mean: tuple[Float32 | None, Float32 | None],
         image: Float32,
         *,
         tolerance: float | None,
@@ -114,20 +122,26 @@ class TileReuse:
             before: arrays of the history that tiles divide: pixels of a tile's side, and (H, W, ...); the
                 first array has linear RGB in its first channels.
             after: likewise of the next history.
+            mean: of the method in the next history: "still", (H, W, 4), and "opening", (h, PAD + w + PAD, 4);
+                None for a method without a mean.
             image: (H, W, 3), written to.
             tolerance: estimated root mean square error of a mean, of toned colors, up to which a tile settles
                 before its period is whole. None: no tile is reused.
         """
         if tolerance is None or not current.active:
             return
+        still, opening = mean
         self._add_samples(planes.color, jitter, previous, current)
         state = current.records["state"]
         if (state != MOVING).any():
             self._copy_history(state != MOVING, previous, current, before, after)
-            self._write_image(previous, current, after[0][1], image)
+            self._write_image(previous, current, after[0][1], still, image)
         moved = state == MOVING
         current.settle(self._mean_errors(current, planes.exposure), tolerance)
-        self._keep_shown(moved & (current.records["state"] == SETTLING), after[0][1], image)
+        begins = moved & (current.records["state"] == SETTLING)
+        self._keep_shown(begins, after[0][1], image)
+        if opening is not None:
+            _end_learning(begins, opening, planes.depth.shape, current.display)
 
     def _keep_shown(self, tiles: Bool, pixels: NDArray[Any], image: Float32) -> None:
         """Let tiles that begin to settle fade from the image, which may be the method's own mean."""
@@ -151,7 +165,12 @@ class TileReuse:
         current.generations[reused] = previous.generations[reused]
 
     def _write_image(
-        self, previous: TileState, current: TileState, pixels: NDArray[Any], image: Float32
+        self,
+        previous: TileState,
+        current: TileState,
+        pixels: NDArray[Any],
+        still: Float32 | None,
+        image: Float32,
     ) -> None:
         """Copy resting tiles to the image; fade settling ones, in the next history, too."""
         height, width, channels = pixels.shape
@@ -167,7 +186,8 @@ class TileReuse:
             current.generations[settling] = next_generation()
             parts = np.where(settling, current.fade_parts(previous), np.float32(0.0))
             inputs = address(current.allocated_sums()), address(parts), *size, channels
-            outputs = address(pixels), address(image)
+            means = image if still is None else still
+            outputs = address(pixels), address(image), address(means), int(still is not None)
             self._pool.run_rects(
                 "skip", runs_of(settling), lambda box, _: self._fade(*inputs, *box, *outputs)
             )
@@ -201,7 +221,7 @@ class TileReuse:
         enough = (counts * weights.per_pixel >= LEAST_SAMPLES) & (counts < weights.frames)
         known = enough & (records["state"] == MOVING) & (records["matched"] > 0)
         for count in np.unique(counts[known]).tolist():
-            # samples of a period are drawn without replacement
+            # no sample of a period is chosen twice
             share = (1.0 - count / weights.frames) / (count * weights.per_pixel - 1.0)
             sums = current.allocated_sums()
             inputs = pack(MeanErrors(sums, errors, sums.shape[1], sums.shape[0], share, exposure))
@@ -246,6 +266,23 @@ def _added_samples(
         modes, sums_before, sums, color, of_frame(weights.rows), of_frame(weights.columns),
         table, table.shape[1], table.shape[2], color.shape[1], sums.shape[1], sums.shape[0],
     )  # fmt: skip
+
+
+def _end_learning(tiles: Bool, opening: Float32, frame: tuple[int, ...], display: Size) -> None:
+    """Let the method compare with a whole range of residuals once these tiles move again.
+
+    It has learned them for less than a period, so that samples may differ a little more.
+    """
+    for y0, y1, x0, x1 in scaled(runs_of(tiles), STATIC_TILE, display) if tiles.any() else ():
+        (top, bottom), (left, right) = (
+            (first * size // full, -(-last * size // full))
+            for first, last, size, full in ((y0, y1, frame[0], display[1]), (x0, x1, frame[1], display[0]))
+        )
+        low, high, learned = np.moveaxis(opening[top:bottom, PAD + left : PAD + right], -1, 0)[:3]
+        more = np.where(learned > 0.0, UNSEEN_RESIDUALS * (high - low) + MARGIN, np.float32(0.0))
+        low -= more
+        high += more
+        learned[learned > 0.0] = LEARNED
 
 
 def _copy(source: NDArray[Any], target: NDArray[Any], box: Rect, worker: int) -> None:  # noqa: ARG001  # any

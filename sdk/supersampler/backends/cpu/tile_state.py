@@ -31,6 +31,9 @@ TILE_RECORD = np.dtype(
 FADE_FRAMES = 16
 """Frames in which a tile fades to a mean of samples that a whole period has confirmed; else the fade takes a
 period, in which each frame confirms one phase."""
+FADE_POWER = 8
+"""Shape of the fade. A method that converges goes on doing so; with a slower first frame than this the fade
+would fall behind it."""
 SPARSE_FRAMES = 64
 """Frames after which a tile rests on the method's image, where a jitter sequence is too short for means."""
 
@@ -85,8 +88,12 @@ class TileState:
 
     def forget(self) -> None:
         """Drop all that was kept, as after a reset."""
-        self.static_tiles, self.weights, self.active = None, None, False
-        self.records, self.added = np.zeros_like(self.records), np.zeros_like(self.added)
+        self.static_tiles, self.weights = None, None
+        if self.active:
+            self.records, self.added = np.zeros_like(self.records), np.zeros_like(self.added)
+        elif self.records["failed"].flat[0]:  # all of them
+            self.records["failed"] = self.records["motionless"] = False
+        self.active = False
 
     def allocated_sums(self) -> Float32:
         """Return `sums`, allocated if need be."""
@@ -105,9 +112,10 @@ class TileState:
         before, self.static_tiles = previous.static_tiles, tiles
         weights = weights_after(previous.weights, jitter, tiles, self.display, tiles.render)
         self.weights = weights
-        hopeless = tiles.changed.all() and previous.records["failed"].all()
-        if (hopeless or tiles.moving.all()) and not previous.records["count"].any():  # mostly
-            self.records["failed"] = self.records["motionless"] = hopeless
+        noisy_everywhere = tiles.changed.all() and previous.records["failed"].all()
+        if (noisy_everywhere or tiles.moving.all()) and not previous.records["count"].any():  # mostly
+            if noisy_everywhere:
+                self.records["failed"] = self.records["motionless"] = True
             return
         self.active, records = True, previous.records.copy()
         if weights is not previous.weights:
@@ -163,10 +171,10 @@ class TileState:
     def fade_parts(self, previous: "TileState") -> Float32:
         """Return the part of the way from the previous image to the mean that this frame goes.
 
-        What is left of the method's image falls with the square of the time that is left.
+        The method's fraction of the image is the FADE_POWER-th power of the remaining fraction of the fade.
         """
-        left, left_before = ((1.0 - state.records["fade"]) ** 2 for state in (self, previous))
-        return (1.0 - left / np.maximum(left_before, 1e-12)).astype(np.float32)
+        method, before = ((1.0 - state.records["fade"]) ** FADE_POWER for state in (self, previous))
+        return (1.0 - method / np.maximum(before, 1e-12)).astype(np.float32)
 
     def settle(self, errors: Float32, tolerance: float) -> None:
         """Let tiles that were computed settle.
@@ -221,6 +229,7 @@ class TileState:
             self.allocated_sums()[:] = arrays["static.sums"]
             phases &= np.packbits(np.arange(PHASES) < len(sequence), bitorder="little").view(np.uint64)
         self.records["count"] = np.unpackbits(phases.view(np.uint8), axis=-1).sum(axis=-1)
+        self.active = True
 
 
 _SAVED = {

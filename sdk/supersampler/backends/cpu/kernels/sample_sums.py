@@ -10,10 +10,13 @@ from supersampler.backends.cpu.layout import LANES, STATIC_TILE, SUM_VALUES
 from supersampler.backends.cpu.simd.device_function import device_function
 from supersampler.backends.cpu.simd.vector import load16, spread16, store
 from supersampler.backends.cpu.structs import AddedSamples, Floats, MeanErrors
+from supersampler.methods.stillness import PERIOD
 
 KEEP, ADD = 1, 2
 """Modes of a tile: its sums go on from those before, not from 0; the frame's samples are added."""
 LEAST_WEIGHT = np.float32(1e-6)
+STILL_WEIGHT = np.float32(2.0 * PERIOD)
+"""Weight of a tile's mean in the method's own: samples then change it as little as after two periods."""
 
 
 @device_function
@@ -107,12 +110,14 @@ def mean_errors(means: MeanErrors, y0: int, y1: int, x0: int, x1: int):
 
 def fade_to_means(
     sums: Floats, parts: Floats, width: int, height: int, channels: int,
-    y0: int, y1: int, x0: int, x1: int, pixels: Floats, image: Floats,
+    y0: int, y1: int, x0: int, x1: int, pixels: Floats, image: Floats, still: Floats, has_still: int,
 ):  # fmt: skip
     """Move the colors of tiles towards the means, rows y0 to y1 and columns x0 to x1 of these.
 
     parts: (rows, columns) of tiles: 1 writes the mean. pixels: (height, width, channels), RGB first; image:
-    (height, width, 3). A pixel without samples stays as it is.
+    (height, width, 3). still: (height, width, 4) the method's own mean and its weight, if has_still is 1: it
+    becomes the color that is written, so that the method can go on from there. A pixel without samples stays
+    as it is.
     """
     across = (width + STATIC_TILE - 1) // STATIC_TILE
     for ty in range(y0, y1):
@@ -132,3 +137,8 @@ def fade_to_means(
                         value = rest * pixels[at] + mean
                         pixels[at] = value
                         image[pixel * 3 + c] = value
+                        if has_still > 0 and weight > LEAST_WEIGHT:
+                            still[pixel * 4 + c] = value
+                    if has_still > 0 and weight > LEAST_WEIGHT:
+                        own = abs(still[pixel * 4 + 3])
+                        still[pixel * 4 + 3] = rest * own + part * STILL_WEIGHT
