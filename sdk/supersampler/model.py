@@ -226,8 +226,12 @@ class Model:
         out: Float32 | None,
         history_out: History | None,
         skip: Skip,
+        shaded: bool = True,
     ) -> tuple[StepResult, History]:
-        """Run `run_outputs` without its checks of frame, outputs and histories; see `check`."""
+        """Run `run_outputs` without its checks of frame, outputs and histories; see `check`.
+
+        `shaded` is False if the frame's colour is extrapolated.
+        """
         tolerance, display_size = tolerance_of(checked_skip(skip), outputs), history.display_size
         image = aligned((*display_size[::-1], 3)) if out is None else out
         next_history = self._prepared(history_out, display_size, frame.size)
@@ -235,7 +239,14 @@ class Model:
         needed |= {"weight"} if "aovs" in outputs else set()
         computed = image if image.flags.c_contiguous else aligned(image.shape)
         aux_outputs = self._executor.step(
-            frame, display_size, history.buffers, next_history.buffers, computed, needed, tolerance=tolerance
+            frame,
+            display_size,
+            history.buffers,
+            next_history.buffers,
+            computed,
+            needed,
+            tolerance=tolerance,
+            shaded=shaded,
         )
         if computed is not image:
             np.copyto(image, computed)

@@ -354,8 +354,9 @@ class Upscaler:
         self._checker.check(given, display, self.gbuffers)
         history = model.first_history(display, frame.size) if kept is None else kept
         result, next_history = model.run_checked(
-            frame, history, outputs, out=out, history_out=memory.spare, skip=self.skip
-        )
+            frame, history, outputs, out=out, history_out=memory.spare, skip=self.skip,
+            shaded=given.color is not None,
+        )  # fmt: skip
         stats = memory.stats.after_step(
             fresh=kept is None,
             work=float(model.work(next_history).mean()),

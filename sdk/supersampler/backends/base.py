@@ -38,6 +38,7 @@ class Executor(Protocol):
         aux_outputs: Collection[str],
         *,
         tolerance: float | None,
+        shaded: bool,
     ) -> Mapping[str, Float32]:
         """Upscale a frame that has been checked.
 
@@ -51,6 +52,8 @@ class Executor(Protocol):
             tolerance: of static-tile reuse: a tile of a static scene settles on the mean of its samples
                 before a period is whole if its estimated error is at most this, root mean square of display
                 values. None: no tile is reused.
+            shaded: False if the frame's colour is extrapolated: then it adds no samples to the mean of what
+                stands still.
 
         Returns:
             The auxiliary outputs, NCHW, by name.

@@ -39,10 +39,27 @@ LEARNED = 12.0
 MARGIN = 1.5 / 255.0
 """Of the shown luma: distance to the range that opens."""
 MARGIN_LEARNING = 8.0 / 255.0
-"""The same while it is learned, beside the deviation of the residuals around."""
+"""The same while it is learned, beside SPREADS times the deviation of the differences in the 5x5 samples."""
+SPREADS = 3.0
+"""Where patterns are finer than a sample, differences deviate most, and their means vary most with jitter."""
+MOST_LEARNING = 48.0 / 255.0
+"""Upper limit of the sum: on such patterns, too, a change of light opens while the range is learned."""
 
 
 def converged_of(still: Float32) -> Float32:
     """Return the map `converged`, (H, W), of the step that wrote the history tensor `still`."""
     converged: Float32 = np.clip((still[0, 3] - READY) / (PERIOD - READY), 0.0, 1.0)
     return converged
+
+
+def without_samples(still: Float32, before: Float32) -> Float32:
+    """Return the history tensor `still`, (1, 4, H, W), as if its step had added no sample to the mean.
+
+    Args:
+        still: as the step wrote it.
+        before: as the step read it.
+    """
+    weight, kept = still[:, 3:], np.abs(before[:, 3:])
+    restarted = weight < kept  # or moved
+    kept = np.where(weight < 0.0, -np.minimum(kept, PERIOD), np.where(restarted, 0.0, kept))
+    return np.concatenate([before[:, :3], kept], axis=1)

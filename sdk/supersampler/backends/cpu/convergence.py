@@ -73,17 +73,18 @@ class ConvergingFrame(ResampledFrame):
     def still_samples(self, step: Step) -> StillSamples:
         """Return the buffers in the form that kernels take."""
         (w, h), (moving, moving_2x2, opens, opened) = self._size, self._planes
+        counts = float(step.shaded and step.frame.jitter != step.history.jitter)
         return StillSamples(
             self._color, moving, moving_2x2, opens, opened, self.rows_opened, w, h, self.padded_width,
-            step.inputs.exposure, self._learned_step, float(step.frame.jitter != step.history.jitter),
+            step.inputs.exposure, self._learned_step, counts,
         )  # fmt: skip
 
 
 class Convergence:
     """Adds a frame's samples to the mean where nothing moves, and fades the image to it.
 
-    Tiles without a mean, or without a range of residuals, hold zeros in the history. `CpuHistory.means` and
-    `CpuHistory.ranges` say which tiles do not, so that a frame that moves touches none.
+    `CpuHistory.means` and `CpuHistory.ranges` mark the tiles that have a mean, and a range of residuals. All
+    others hold zeros in the history already, so that a frame in which all moves writes nothing.
 
     Args:
         kernels: CONVERGENCE_KERNELS, among others.
@@ -104,7 +105,7 @@ class Convergence:
         means = tiles_reading(still, display, render) & step.tiles.computed
         read = tiles_read_by(means, display, render)
         ranges = still if step.tiles.all else still & read
-        self._leave(step, means, still, ranges)
+        self._keep_unwritten(step, means, still, ranges)
         if step.converged is not None:
             for y0, y1, x0, x1 in scaled(runs_of(step.tiles.computed & ~means), TILE, display):
                 step.converged[..., y0:y1, x0:x1] = 0.0
@@ -119,10 +120,10 @@ class Convergence:
         self._pool.run_rows("converge", rows, lambda y0, y1, _: self._find(samples, found, y0, y1))
         return view.still_tiles > 0
 
-    def _leave(self, step: Step, means: Bool, still: Bool, ranges: Bool) -> None:
-        """Make the next history of tiles that are not written here: zeros, or that of reused tiles.
+    def _keep_unwritten(self, step: Step, means: Bool, still: Bool, ranges: Bool) -> None:
+        """Write the next history of tiles that later passes do not write: zeros, or a copy of the history.
 
-        Tiles that will be written count as not zero from here on, should the step be interrupted.
+        Tiles that later passes write are marked here already, in case the step is interrupted.
         """
         history, following, computed = step.history, step.next_history, step.tiles.computed
         _clear(following.arrays["still"], following.means & computed & ~means, TILE)

@@ -45,6 +45,7 @@ class Step(NamedTuple):
         output: the other outputs.
         converged: (1, 1, H, pitch) to write the fraction of the mean to, if requested.
         tiles: the tiles to compute.
+        shaded: see `Executor.step`.
     """
 
     frame: Frame
@@ -54,6 +55,7 @@ class Step(NamedTuple):
     output: Output
     converged: Float32 | None
     tiles: Tiles
+    shaded: bool
 
     @property
     def display(self) -> Size:
@@ -110,6 +112,7 @@ class CpuExecutor(ABC, Generic[Space]):
         aux_outputs: Collection[str],
         *,
         tolerance: float | None,
+        shaded: bool,
     ) -> Mapping[str, Float32]:
         """See `Executor`."""
         inputs, aux = frame_inputs(frame), AuxOutputs(aux_outputs, display)
@@ -123,7 +126,7 @@ class CpuExecutor(ABC, Generic[Space]):
             output, converged = aux.output(images[1][0][1], image), aux.planes.get("converged")
             with self._spaces.borrow(frame.size, display) as space:
                 self._compute_tiles(
-                    Step(frame, inputs, history, next_history, output, converged, tiles), space
+                    Step(frame, inputs, history, next_history, output, converged, tiles, shaded), space
                 )
         else:
             next_history.keep_frame(history)

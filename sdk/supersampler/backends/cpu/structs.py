@@ -207,7 +207,7 @@ class StillSamples(NamedTuple):
         padded_width: of a row.
         exposure: of the frame.
         learned_step: samples per display pixel.
-        counts: 1, or 0 where the jitter is that of the previous frame: then no sample is added.
+        counts: 1, or 0 if no sample is added: the frame was not shaded, or has the previous one's jitter.
     """
 
     color: Floats
