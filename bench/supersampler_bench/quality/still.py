@@ -234,12 +234,10 @@ def _near(pixels: int, samples: int, jitter: float) -> NDArray[np.float64]:
 
 
 def _still(frames: Sequence[Frame], display: Size) -> Bool:
-    """(H, W) pixels in whose neighbourhood nothing moves and samples are those of a period before."""
+    """(H, W) pixels near which every sample is that of one jitter period before."""
     period = len(frames) // PERIODS[-1]
     colors = [display_transform(np.asarray(frame.color), frame.exposure or 1.0) for frame in frames]
     changes = np.zeros(colors[0].shape[:2], bool)
-    for frame in frames:
-        changes |= np.abs(np.asarray(frame.motion, np.float32)).max(-1) > 1e-4
     for color, before in zip(colors[period:], colors, strict=False):
         changes |= np.abs(color - before).max(-1) > _UNCHANGED
     rows, columns = (np.arange(display[i]) * changes.shape[1 - i] // display[i] for i in (1, 0))

@@ -37,7 +37,7 @@ def test_pixels_near_what_moves_or_changes_are_not_scored() -> None:
     assert not mover.still[round(8 * scale), : round(10 * scale)].any()
     assert mover.still[round(20 * scale) :].all()
     objects = make_scene("court-mover", DISPLAY, 1.0, 4)
-    assert 0.0 < objects.still.mean() < 0.5  # its lights change, too, where nothing moves
+    assert 0.0 < objects.still.mean() < 0.25  # its lights change, too, where nothing moves
 
 
 def test_quick_measures_every_scene_and_backend_and_writes_record_table_and_figure(tmp_path: Path) -> None:
