@@ -118,7 +118,8 @@ class CpuExecutor(ABC, Generic[Space]):
         inputs, aux = frame_inputs(frame), AuxOutputs(aux_outputs, display)
         states = history.tile_state, next_history.tile_state
         images = history.tiled(), next_history.tiled()
-        tiles = self._tile_reuse.begin(inputs, frame.jitter, *states, skips=tolerance is not None)
+        inputs = inputs._replace(exposure=abs(history.exposure))
+        tiles = self._tile_reuse.begin(inputs, frame.jitter, *states, tolerance=tolerance)
         if tiles.any:
             next_history.jitter = frame.jitter
             next_history.exposure = self._preprocess.exposure(frame, inputs.color, history.exposure)

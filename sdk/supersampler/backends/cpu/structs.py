@@ -153,6 +153,21 @@ class AddedSamples(NamedTuple):
     height: int
 
 
+class NoisyFrame(NamedTuple):
+    """The samples of a frame that tiles with noise are measured by.
+
+    Attributes:
+        samples: color, and the places of the samples; see `AddedSamples`.
+        depth, motion: see `FrameInputs`.
+        exposure: of the statistics.
+    """
+
+    samples: AddedSamples
+    depth: Floats
+    motion: Floats
+    exposure: float
+
+
 class MeanErrors(NamedTuple):
     """Errors of the means of tiles.
 

@@ -7,9 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from supersampler.arguments import ACCUMULATE
 from supersampler.backends.cpu.kernel_loader import Call
 from supersampler.backends.cpu.layout import LANES, PAD, RENDER_TILE, STATIC_TILE, SUM_VALUES, TILE
 from supersampler.backends.cpu.memory import address, aligned
+from supersampler.backends.cpu.noisy_tile_reuse import NoisyTileReuse
 from supersampler.backends.cpu.static_tiles import Jitter, StaticTiles, Sums
 from supersampler.backends.cpu.static_weights import LEAST_SAMPLES, StaticAxis, StaticWeights
 from supersampler.backends.cpu.structs import AddedSamples, AxisSamples, FrameInputs, MeanErrors, pack
@@ -47,6 +49,7 @@ class TileReuse:
 
     def __init__(self, kernels: Mapping[str, Call], pool: ThreadPool) -> None:
         self._pool = pool
+        self._noisy = NoisyTileReuse(pool)
         self._fingerprint, self._copy_colors, self._add, self._errors, self._fade = (
             kernels[name] for name in TILE_REUSE_KERNELS
         )
@@ -67,19 +70,23 @@ class TileReuse:
         previous: TileState,
         current: TileState,
         *,
-        skips: bool,
+        tolerance: float | None,
     ) -> Tiles:
         """Choose the tiles to compute, and mark them as not yet valid in `current`.
 
         Args:
-            planes: the frame.
+            planes: the frame, with the exposure of the previous one; 0 without one.
             jitter: of the frame.
             previous: state of the history.
             current: state of the next history.
-            skips: whether tiles may be reused; else all are computed.
+            tolerance: see `end`.
         """
         current.forget()
-        if skips:
+        if tolerance == ACCUMULATE:
+            self._noisy.follow(planes, jitter, previous, current)
+        else:
+            current.noise = None
+        if tolerance is not None and tolerance != ACCUMULATE:
             render = planes.depth.shape[1], planes.depth.shape[0]
             before = previous.static_tiles
             if before is None or before.render != render:
@@ -126,16 +133,22 @@ class TileReuse:
                 None for a method without a mean.
             image: (H, W, 3), written to.
             tolerance: estimated root mean square error of a mean, of toned colors, up to which a tile settles
-                before its period is whole. None: no tile is reused.
+                before its period is whole. ACCUMULATE: noise does not matter. None: no tile is reused.
         """
         if tolerance is None or not current.active:
             return
         still, opening = mean
-        self._add_samples(planes.color, jitter, previous, current)
+        accumulates = tolerance == ACCUMULATE
+        if accumulates:
+            self._noisy.add(planes, jitter, previous, current)
+        else:
+            self._add_samples(planes.color, jitter, previous, current)
         state = current.records["state"]
         if (state != MOVING).any():
             self._copy_history(state != MOVING, previous, current, before, after)
             self._write_image(previous, current, after[0][1], still, image)
+        if accumulates:
+            return
         moved = state == MOVING
         current.settle(self._mean_errors(current, planes.exposure), tolerance)
         begins = moved & (current.records["state"] == SETTLING)
@@ -185,7 +198,8 @@ class TileReuse:
         if settling.any():
             current.generations[settling] = next_generation()
             parts = np.where(settling, current.fade_parts(previous), np.float32(0.0))
-            inputs = address(current.allocated_sums()), address(parts), *size, channels
+            sums = current.allocated_sums() if current.noise is None else current.noise.sums
+            inputs = address(sums), address(parts), *size, channels
             means = image if still is None else still
             outputs = address(pixels), address(image), address(means), int(still is not None)
             self._pool.run_rects(

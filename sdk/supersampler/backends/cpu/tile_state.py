@@ -7,10 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from supersampler.arguments import TOLERANCE
 from supersampler.backends.cpu.layout import STATIC_TILE, SUM_VALUES
 from supersampler.backends.cpu.memory import aligned
+from supersampler.backends.cpu.noisy_tiles import NoisyTiles, noisy_tile_specs
 from supersampler.backends.cpu.static_tiles import PHASES, Jitter, StaticTiles, static_tile_specs
-from supersampler.backends.cpu.static_weights import StaticWeights, weights_after
+from supersampler.backends.cpu.static_weights import StaticWeights, samples_per_pixel, weights_after
 from supersampler.backends.cpu.tiles import FILTER_REACH, SAMPLE_REACH, Bool, Tiles, tiles_reading, tiles_with
 from supersampler.frame import Float32, Size
 from supersampler.methods.array_spec import ArraySpec, values_of
@@ -67,6 +69,7 @@ class TileState:
             weight times squared distance from the mean; None before the first.
         sum_generations: like `generations`, for `sums`.
         added: tiles whose samples of this frame belong into `sums`.
+        noise: what is accumulated where only noise changes; None unless skip="accumulate" asked for it.
         active: whether any tile is reused, has samples or may settle.
     """
 
@@ -79,11 +82,15 @@ class TileState:
         self.sums: Float32 | None = None
         self.static_tiles: StaticTiles | None = None
         self.weights: StaticWeights | None = None
+        self.noise: NoisyTiles | None = None
         self.active = False
 
     @property
     def converged(self) -> float:
-        """Share of the tiles that rest."""
+        """Share of the tiles that rest, or whose mean has an error below that of skip="auto"."""
+        if self.noise is not None and self.static_tiles is not None:
+            per_pixel = samples_per_pixel(self.display, self.static_tiles.render)
+            return float((self.noise.errors(per_pixel) <= TOLERANCE).mean())
         return float((self.records["state"] == RESTING).mean())
 
     def forget(self) -> None:
@@ -100,6 +107,12 @@ class TileState:
         if self.sums is None:
             self.sums = aligned((self.display[1], self.display[0], SUM_VALUES))
         return self.sums
+
+    def allocated_noise(self) -> NoisyTiles:
+        """Return `noise`, allocated if need be."""
+        if self.noise is None:
+            self.noise = NoisyTiles(self.display)
+        return self.noise
 
     def follow(self, previous: "TileState", tiles: StaticTiles, jitter: Jitter) -> None:
         """Continue from the previous state: which tiles are reused, and whose samples are added.
@@ -200,7 +213,7 @@ class TileState:
         if self.weights is not None and self.sums is not None:
             arrays["static.sequence"] = np.array(self.weights.jitter, np.float64)
             arrays["static.sums"] = self.sums.copy()
-        return arrays
+        return arrays if self.noise is None else arrays | self.noise.arrays()
 
     def load(self, arrays: Mapping[str, NDArray[Any]], render: Size) -> None:
         """Continue from arrays by `arrays`, of the shapes of `tile_state_specs`; the image is loaded apart.
@@ -230,6 +243,9 @@ class TileState:
             phases &= np.packbits(np.arange(PHASES) < len(sequence), bitorder="little").view(np.uint64)
         self.records["count"] = np.unpackbits(phases.view(np.uint8), axis=-1).sum(axis=-1)
         self.active = True
+        self.noise = None
+        if "static.noisy_sums" in arrays:
+            self.allocated_noise().load(arrays)
 
 
 _SAVED = {
@@ -266,4 +282,4 @@ def tile_state_specs(names: Collection[str], display: Size, render: Size) -> dic
     if {"static.sequence", "static.sums"} & {*names}:
         specs["static.sequence"] = ArraySpec("float64", ("sequence", 2), (-0.5, 0.5))
         specs["static.sums"] = ArraySpec("float32", (*display[::-1], SUM_VALUES), values_of("static.sums"))
-    return specs
+    return specs | noisy_tile_specs(names, display)
