@@ -5,8 +5,8 @@ it to a mean in linear RGB without exposure, with weights W of a Gaussian within
 
     N' = N + W,  c' = c + W / (N' + E) (u - c),  E = clamp(N' - PERIOD, 0, PERIOD)
 
-u is the weighted mean of this frame's samples. With E the second jitter period changes the mean half as much,
-and parts of later periods do. The image fades from the method's to the mean as N' grows from READY to PERIOD.
+u is the weighted mean of this frame's samples. With E, samples of later periods change the mean less, and so
+do parts of a period. The image fades from the method's to the mean as N' grows from READY to PERIOD.
 A frame with the jitter of the previous one adds nothing: without jitter the method's image is the better one.
 A jitter of few phases is averaged as it is: at ratio 1 that is nearer to the truth, at others about as near.
 
