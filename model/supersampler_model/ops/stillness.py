@@ -5,15 +5,18 @@ it to a mean in linear RGB without exposure, with weights W of a Gaussian within
 
     N' = N + W,  c' = c + W / (N' + E) (u - c),  E = clamp(N' - PERIOD, 0, PERIOD)
 
-u is the weighted mean of this frame's samples. With E the second jitter period changes the mean half as much,
-and parts of later periods do. The image fades from the method's to the mean as N' grows from READY to PERIOD.
+u is the weighted mean of this frame's samples. With E, samples of later periods change the mean less, and so
+do parts of a period. The image fades from the method's to the mean as N' grows from READY to PERIOD.
 A frame with the jitter of the previous one adds nothing: without jitter the method's image is the better one.
+A jitter of few phases is averaged as it is: at ratio 1 that is nearer to the truth, at others about as near.
 
 A pixel opens where samples differ from the mean in another way than before. The residual of a sample is its
 shown luma less that of the mean there, averaged over 5x5 samples. Its range over the learning time is kept;
-then a residual out of that range by more than MARGIN opens the 5x5 samples. In that frame the image is the
-method's and no sample is added there. If the next frame confirms it, the mean restarts. Otherwise it was a
-firefly: the colour is kept with at most the weight of one period, and the range is learned again.
+then a residual out of that range by more than MARGIN opens the 5x5 samples. While the range is learned, the
+distance is larger: where patterns are finer than a sample, residuals differ much from phase to phase. In a
+frame that opens a pixel, the image is the method's and no sample is added there. If the next frame confirms
+it, the mean restarts. Otherwise it was a firefly: the colour is kept with at most the weight of one period,
+and the range is learned again.
 """
 
 from functools import reduce
@@ -27,9 +30,11 @@ from supersampler.methods.stillness import (
     LEARNED,
     MARGIN,
     MARGIN_LEARNING,
+    MOST_LEARNING,
     PERIOD,
     READY,
     SIGMA,
+    SPREADS,
     STILL_MOTION,
 )
 from supersampler_model.ops.color import bounded, glaring, largest, luminance, sanitize, valid
@@ -98,18 +103,18 @@ def settle(image: Tensor, frame: FrameSamples, history_still: Tensor, history_op
     mean, weight = history_still[:, :3], history_still[:, 3:4]
     confirmed = opened * (weight < 0.0)
     weight = weight.abs() * stands * (1.0 - confirmed)
-    left_out = opened * (weight > 0.0)
+    rejected = opened * (weight > 0.0)
     ratio = display.width / render.width, display.height / render.height
     x = taps(grid.x, render.width, tent_gaussian, reach=1, scale=ratio[0])
     y = taps(grid.y, render.height, tent_gaussian, reach=1, scale=ratio[1])
     near = resample(torch.cat([color, usable], dim=1), x, y)
     jittered = (frame.jitter - frame.previous_jitter).abs().sum() > 0.0
-    added = near[:, 3:4] * stands * (1.0 - left_out) * jittered
+    added = near[:, 3:4] * stands * (1.0 - rejected) * jittered
     total = weight + added
     share = added / (total + (total - PERIOD).clamp(0.0, PERIOD)).clamp(min=1e-6)
     mean = mean + share * (near[:, :3] / near[:, 3:4].clamp(min=1e-6) - mean)
     converged = ((total - READY) / (PERIOD - READY)).clamp(0.0, 1.0) * (1.0 - opened)
-    next_weight = torch.where(left_out > 0.0, -total.clamp(max=PERIOD), total)
+    next_weight = torch.where(rejected > 0.0, -total.clamp(max=PERIOD), total)
     return Settled(
         bounded(image + converged * (mean - image)),
         torch.cat([mean, next_weight], dim=1),
@@ -159,7 +164,8 @@ def measure_residuals(
     before = before * same.float()
     low, high, learned = before[:, :1], before[:, 1:2], before[:, 2:3]
     learning = learned < LEARNED
-    margin = torch.where(learning, MARGIN_LEARNING + spread, torch.full_like(spread, MARGIN))
+    learning_margin = (MARGIN_LEARNING + SPREADS * spread).clamp(max=MOST_LEARNING)
+    margin = torch.where(learning, learning_margin, torch.full_like(spread, MARGIN))
     opens = known * ((residual < low - margin) | (residual > high + margin))
     learns = learning & (opens < 1.0)
     low = torch.where(learns, torch.minimum(low, residual), low)

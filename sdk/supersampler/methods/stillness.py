@@ -1,6 +1,6 @@
 """Facts of the convergence of what stands still, in all methods that have it (ops/stillness.py of the model).
 
-Weights are sums of those of samples in the mean: one period of `jitter_phase_count` frames adds about 3.2 at
+Weights are sums of those of samples in the mean: one period of `jitter_phase_count` frames adds about 3.75 at
 any ratio, eight samples per display pixel.
 """
 
@@ -22,16 +22,17 @@ STILLNESS: Mapping[str, Shape] = {
 """History tensors."""
 CONVERGED: Mapping[str, MapOf] = {"converged": MapOf("converged", 0, 1)}
 """The fraction of the mean in the image, an auxiliary output of shape (1, 1, *DISPLAY)."""
-SIGMA = 0.35
+SIGMA = 0.4
 """Gaussian of a sample's weight in the mean, display pixels; a tent of one pixel cuts it off."""
 FIREFLY = 2.0
 """Largest ratio of an exposed sample to its brightest neighbour plus white."""
 STILL_MOTION = 1.0 / 256.0
 """Render pixels; longer motion moves."""
-PERIOD = 3.2
-"""Weight of a jitter period in the mean. The second period counts double, so that later parts of a period
-change the mean less; after a frame that opened a pixel, the mean keeps at most the weight of one period."""
-READY = 1.2
+PERIOD = 3.75
+"""Weight of a jitter period in the mean. After two periods the first makes up 58 % of the mean, 1 / sqrt(3),
+and the second 42 %, so that parts of a later period change it less. After a frame that opened a pixel, the
+mean keeps at most the weight of one period."""
+READY = 1.4
 """Weight from which on residuals are measured, and the image fades from the method's to the mean. The fade
 ends at PERIOD."""
 LEARNED = 12.0

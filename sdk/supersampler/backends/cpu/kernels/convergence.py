@@ -55,8 +55,10 @@ from supersampler.methods.stillness import (
     LEARNED,
     MARGIN,
     MARGIN_LEARNING,
+    MOST_LEARNING,
     PERIOD,
     READY,
+    SPREADS,
     STILL_MOTION,
 )
 
@@ -252,7 +254,8 @@ def measure_residuals(
             if history.has_opening > 0:
                 low, high, learned, _ = load_columns4(history.opening, 4 * (y * pitch + here))
             learning = learned < LEARNED
-            margin = select(learning, spread + MARGIN_LEARNING, MARGIN)
+            margin = minimum(spread * SPREADS + MARGIN_LEARNING, MOST_LEARNING)
+            margin = select(learning, margin, MARGIN)
             opens = (known > 0.0) & ((residual < low - margin) | (residual > high + margin))
             opens = select(opens, 1.0, zero)
             learns = learning & (opens < 1.0)
@@ -347,9 +350,9 @@ def add_samples(
                 mean_r, mean_g, mean_b, weight = load_columns4(history.pixels, 4 * at)
             else:
                 mean_r, mean_g, mean_b, weight = gather4(history.pixels, output.columns, x, 4, 4 * y * width)
-            left_out = (opened > 0.0) & (weight > 0.0)
+            rejected = (opened > 0.0) & (weight > 0.0)
             kept = select((opened > 0.0) & (weight < 0.0), zero, absolute(weight) * stands)
-            added = select(left_out, zero, added * stands * still.counts)
+            added = select(rejected, zero, added * stands * still.counts)
             total = kept + added
             part = added / maximum(total + clamped(total - PERIOD, 0.0, PERIOD), 1e-6)
             mean_r = lerp(mean_r, r * scale, part)
@@ -357,7 +360,7 @@ def add_samples(
             mean_b = lerp(mean_b, b * scale, part)
             converged = clamped((total - READY) / (PERIOD - READY), 0.0, 1.0)
             converged = select(opened > 0.0, zero, converged)
-            weight = select(left_out, minimum(total, PERIOD) * -1.0, total)
+            weight = select(rejected, minimum(total, PERIOD) * -1.0, total)
             index = minimum(ramp16() + np.int32(x), np.int32(width - 1)) + np.int32(y * width)
             r, g, b = color_at(image, index)
             r = bounded(lerp(r, mean_r, converged))
