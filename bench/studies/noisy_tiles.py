@@ -74,7 +74,8 @@ def main(seeds: int) -> None:
     model = Model.load("taau", executor="cpu")
 
     def over_seeds(light: Light, frames: int) -> Float32:
-        return np.mean([means(model, light, frames, seed) for seed in range(seeds)], axis=0)
+        total: Float32 = np.mean([means(model, light, frames, seed) for seed in range(seeds)], axis=0)
+        return total
 
     behind = np.abs(over_seeds(fade, 600) - true_means(fade, 600)).max()
     print(f"fade: at most {behind * 255.0:.2f}/255 behind")

@@ -54,7 +54,8 @@ class Upscaler:
             samples of a period, and then is a copy. With a number, tiles settle before their period is whole
             once the estimated error of the mean is at most this: root mean square of display values, in
             [0, 1]. "auto" is half a step of an 8-bit image; "exact" computes every pixel by the method, as
-            the ONNX backend always does.
+            the ONNX backend always does. "accumulate" is for path tracers: where nothing but noise changes,
+            the image becomes the mean of all samples since, without end.
         preset: "fast", "balanced" or "high" in place of `model`, `precision` and `skip`: Pareto-optimal
             settings of time and error (docs/pareto.md).
         extrapolation: model for `extrapolate`, which computes the colour of unshaded frames: "guided-warp",

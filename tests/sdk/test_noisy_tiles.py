@@ -32,7 +32,8 @@ def model() -> Model:
 
 def light(x: NDArray[np.floating], y: NDArray[np.floating]) -> NDArray[np.floating]:
     """Smooth, so that a pixel's mean is the light at its centre."""
-    return 0.5 + 0.2 * np.sin(x / 9.0) * np.cos(y / 7.0)
+    shade: NDArray[np.floating] = 0.5 + 0.2 * np.sin(x / 9.0) * np.cos(y / 7.0)
+    return shade
 
 
 def truth() -> Float32:
@@ -154,9 +155,9 @@ def test_motion_and_depth_restart_the_tiles_in_which_they_change(model: Model) -
         upscaler, scene = accumulated(model)
         for k in range(2):
             frame = scene.frame(2 * SHOWN + k)
-            changed = np.array(getattr(frame, field))
-            changed[4:8, 4:8] += 0.25
-            upscaler.step(replace(frame, **{field: changed}))
+            depth, motion = np.array(frame.depth), np.array(frame.motion)
+            (motion if field == "motion" else depth)[4:8, 4:8] += 0.25
+            upscaler.step(replace(frame, depth=depth, motion=motion))
         counts = noise_of(upscaler).counts
         assert counts[1, 1] <= 1.0
         assert (counts[:, 3:] == 2 * SHOWN + 1).all()

@@ -160,6 +160,22 @@ def test_the_method_goes_on_from_the_mean_where_only_a_neighbour_of_a_tile_chang
     assert psnr(result.image) > psnr(image) - 0.5
 
 
+def test_nothing_pops_beside_what_moves_past_a_resting_tile(model: Model) -> None:
+    upscaler, index, image = rested(model)
+    before = display_transform(image, 1.0)
+    for k in range(2, 8):
+        frame = scene(index + k)
+        motion, color = np.array(frame.motion), np.array(frame.color)
+        motion[16:32, 24 + k : 40 + k], color[16:32, 24 + k : 40 + k] = 0.5, 3.0
+        after = display_transform(upscaler.step(replace(frame, motion=motion, color=color)), 1.0)
+    again = np.kron(state_of(upscaler).records["state"] != RESTING, np.ones((STATIC_TILE, STATIC_TILE), bool))
+    again[22:50, 30:74] = False  # what the mover reaches
+    assert again.sum() > 50
+    change = np.abs(after - before)[again]
+    assert change.mean() < 0.5 / 255.0
+    assert change.max() < 4.0 / 255.0
+
+
 def test_a_firefly_while_tiles_settle_restarts_only_the_tiles_that_it_reaches(model: Model) -> None:
     upscaler = made(model)
     run(upscaler, map(scene, range(PERIOD + 6)))

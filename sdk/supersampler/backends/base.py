@@ -51,7 +51,7 @@ class Executor(Protocol):
             aux_outputs: names of auxiliary outputs to return.
             tolerance: of static-tile reuse: a tile of a static scene settles on the mean of its samples
                 before a period is whole if its estimated error is at most this, root mean square of display
-                values. None: no tile is reused.
+                values. ACCUMULATE: see `skip` of `Upscaler`. None: no tile is reused.
             shaded: False if the frame's colour is extrapolated: then it adds no samples to the mean of what
                 stands still.
 
