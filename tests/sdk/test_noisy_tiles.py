@@ -203,15 +203,11 @@ def test_a_state_continues_bit_for_bit(model: Model) -> None:
 def test_thousands_of_samples_lose_nothing_to_rounding() -> None:
     count, value = 20_000, np.float32(0.1)
     weights = StaticWeights((8, 8), (8, 8), [(0.0, 0.0)])
-    rows, columns = (
-        AxisSamples(axis.sample[0], axis.offset[0], axis.kind) for axis in (weights.rows, weights.columns)
-    )
-    color, modes, table = aligned((8, 8, 3)), np.full((1, 1), 3, np.uint8), weights.coefficients
+    rows, columns = (AxisSamples(axis.sample[0], axis.kind) for axis in (weights.rows, weights.columns))
+    color, modes, table = aligned((8, 8, 3)), np.full((1, 1), 3, np.uint8), weights.table[0]
     color[:] = value
     sums, compensation = aligned((8, 8, SUM_VALUES)), aligned((8, 8, 4))
-    inputs = pack(
-        AddedSamples(modes, sums, sums, color, rows, columns, table, table.shape[1], table.shape[2], 8, 8, 8)
-    )
+    inputs = pack(AddedSamples(modes, sums, sums, color, rows, columns, table, table.shape[1], 8, 8, 8))
     add = load_kernels(NOISY_TILE_KERNELS[1])[NOISY_TILE_KERNELS[1]]
     for _ in range(count):
         add(inputs, address(compensation), 0, 1, 0, 1, address(compensation))

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from statistics import median
 
 import numpy as np
-from numpy.typing import NDArray
 
 from supersampler import Model, Upscaler, halton_jitter
 from supersampler.backends.cpu.static_weights import StaticWeights
@@ -31,7 +30,6 @@ SCENES = tuple(f"{name}{end}" for name in ("analytic", *TEST_SHOTS.seeds) for en
 """The analytic scene, and test shots with a fixed camera; objects move in those that end with MOVER."""
 HELD_FRAME = 12  # frame of the test shot whose camera is kept
 _REACH = 4  # display pixels around what changes that are not scored
-_SIGMA = 0.5  # display pixels
 _UNCHANGED = 1.0 / 255.0  # of samples, as a screen shows them
 
 
@@ -205,32 +203,17 @@ def make_scene(name: str, display: Size, ratio: float, samples: int) -> StillSce
 def offline_mean(frames: Sequence[Frame], display: Size) -> Float32:
     """Return the best weighted mean of the samples of one jitter period that we found: (H, W, 3) linear RGB.
 
-    One half has the weights of static tiles, the other a Gaussian of `_SIGMA` within a tent.
-
     Args:
         frames: of one period, of one size.
         display: (width, height).
     """
     weights = StaticWeights(display, frames[0].size, [frame.jitter for frame in frames])
-    inside, near = np.zeros((2, *display[::-1], 4))  # sums of weight times RGB, and of weights
+    total = np.zeros((*display[::-1], 4))  # sums of weight times RGB, and of weights
     for index, frame in enumerate(frames):
         color = np.insert(np.asarray(frame.color, np.float64), 3, 1.0, axis=-1)
         rows, columns = (np.maximum(axis.sample[index], 0) for axis in (weights.rows, weights.columns))
-        inside += weights.of_frame(index)[..., None] * color[rows][:, columns]
-        y, x = (_near(display[axis], frame.size[axis], frame.jitter[axis]) for axis in (1, 0))
-        near += np.einsum("yi,ijc,xj->yxc", y, color, x, optimize=True)
-    means = [total[..., :3] / np.maximum(total[..., 3:], 1e-6) for total in (inside, near)]
-    return np.maximum(0.5 * (means[0] + means[1]), 0.0).astype(np.float32)
-
-
-def _near(pixels: int, samples: int, jitter: float) -> NDArray[np.float64]:
-    """(pixels, samples) weights along an axis, by distance in display pixels."""
-    places = (np.arange(samples) + 0.5 + jitter) * pixels / samples
-    distance = np.arange(pixels)[:, None] + 0.5 - places
-    weights: NDArray[np.float64] = np.exp(-0.5 * (distance / _SIGMA) ** 2) * np.maximum(
-        1.0 - np.abs(distance), 0.0
-    )
-    return weights
+        total += weights.of_frame(index)[..., None] * color[rows][:, columns]
+    return (total[..., :3] / np.maximum(total[..., 3:], 1e-6)).astype(np.float32)
 
 
 def _still(frames: Sequence[Frame], display: Size) -> Bool:

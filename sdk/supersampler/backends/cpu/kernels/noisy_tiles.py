@@ -75,9 +75,8 @@ def add_noisy_samples(
 
     compensation: (height, width, 4).
     """
-    rows, columns, table = tiles.rows, tiles.columns, tiles.coefficients
+    rows, columns = tiles.rows, tiles.columns
     sums, width, color = tiles.sums, tiles.width, tiles.color
-    of_kind = tiles.row_kinds * tiles.column_kinds
     across = (width + STATIC_TILE - 1) // STATIC_TILE
     for ty in range(y0, y1):
         for y in range(ty * STATIC_TILE, min(ty * STATIC_TILE + STATIC_TILE, tiles.height)):
@@ -95,9 +94,7 @@ def add_noisy_samples(
                     column = columns.sample[x]
                     if column < 0:
                         continue
-                    kind = row_kind + columns.kind[x]
-                    weight = table[kind] + table[of_kind + kind] * columns.offset[x]
-                    weight = max(weight + table[2 * of_kind + kind] * rows.offset[y], np.float32(0.0))
+                    weight = tiles.weights[row_kind + columns.kind[x]]
                     sample = (row * tiles.samples_across + column) * 3
                     r, g, b = color[sample], color[sample + 1], color[sample + 2]
                     if min(r, min(g, b)) >= np.float32(0.0) and max(r, max(g, b)) <= np.float32(MAX_HALF):

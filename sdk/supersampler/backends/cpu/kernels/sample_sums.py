@@ -50,13 +50,12 @@ def add_sample(sums, at, color, sample, weight):
 
 def add_samples(tiles: AddedSamples, y0: int, y1: int, x0: int, x1: int):
     """Add the frame's samples to the sums of static tiles, rows y0 to y1 and columns x0 to x1 of these."""
-    rows, columns, table = tiles.rows, tiles.columns, tiles.coefficients
+    rows, columns = tiles.rows, tiles.columns
     sums, sums_before, width = tiles.sums, tiles.sums_before, tiles.width
-    of_kind = tiles.row_kinds * tiles.column_kinds
     across = (width + STATIC_TILE - 1) // STATIC_TILE
     for ty in range(y0, y1):
         for y in range(ty * STATIC_TILE, min(ty * STATIC_TILE + STATIC_TILE, tiles.height)):
-            row, row_offset, row_kind = rows.sample[y], rows.offset[y], rows.kind[y] * tiles.column_kinds
+            row, row_kind = rows.sample[y], rows.kind[y] * tiles.column_kinds
             for tx in range(x0, x1):
                 mode = tiles.modes[ty * across + tx]
                 if mode == 0:
@@ -70,13 +69,10 @@ def add_samples(tiles: AddedSamples, y0: int, y1: int, x0: int, x1: int):
                     column = columns.sample[x]
                     if column < 0:
                         continue
-                    kind = row_kind + columns.kind[x]
-                    weight = table[kind] + table[of_kind + kind] * columns.offset[x]
-                    weight += table[2 * of_kind + kind] * row_offset
-                    sample = (row * tiles.samples_across + column) * 3
-                    add_sample(
-                        sums, (y * width + x) * SUM_VALUES, tiles.color, sample, max(weight, np.float32(0.0))
-                    )
+                    weight = tiles.weights[row_kind + columns.kind[x]]
+                    if weight > np.float32(0.0):
+                        sample = (row * tiles.samples_across + column) * 3
+                        add_sample(sums, (y * width + x) * SUM_VALUES, tiles.color, sample, weight)
 
 
 def mean_errors(means: MeanErrors, y0: int, y1: int, x0: int, x1: int):
