@@ -15,8 +15,8 @@ shown luma less that of the mean there, averaged over 5x5 samples. Its range ove
 then a residual out of that range by more than MARGIN opens the 5x5 samples. While the range is learned, the
 distance is larger: where patterns are finer than a sample, residuals differ much from phase to phase. In a
 frame that opens a pixel, the image is the method's and no sample is added there. If the next frame confirms
-it, the mean restarts. Otherwise it was a firefly: the colour is kept with at most the weight of one period,
-and the range is learned again.
+it on the same side, the mean restarts. Otherwise it was a firefly: the colour is kept with at most the weight
+of one period, and the range is learned again.
 """
 
 from functools import reduce
@@ -36,6 +36,7 @@ from supersampler.methods.stillness import (
     SIGMA,
     SPREADS,
     STILL_MOTION,
+    UNBOUNDED,
 )
 from supersampler_model.ops.color import bounded, glaring, largest, luminance, sanitize, valid
 from supersampler_model.ops.motion import squared_length, usable_motion
@@ -166,10 +167,12 @@ def measure_residuals(
     learning = learned < LEARNED
     learning_margin = (MARGIN_LEARNING + SPREADS * spread).clamp(max=MOST_LEARNING)
     margin = torch.where(learning, learning_margin, torch.full_like(spread, MARGIN))
-    opens = known * ((residual < low - margin) | (residual > high + margin))
+    below, above = residual < low - margin, residual > high + margin
+    opens = known * (below | above)
     learns = learning & (opens < 1.0)
     low = torch.where(learns, torch.minimum(low, residual), low)
     high = torch.where(learns, torch.maximum(high, residual), high)
+    low, high = torch.where(above, -UNBOUNDED, low), torch.where(below, UNBOUNDED, high)
     new = one_like(frame.jitter, render.width * render.height) / (display.width * display.height)
     learned = (learned + learns * new).clamp(max=LEARNED)
     keeps = known * (there[:, 4:5] <= 0.0)

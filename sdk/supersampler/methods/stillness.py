@@ -41,10 +41,12 @@ MARGIN = 1.5 / 255.0
 """Of the shown luma: distance to the range that opens."""
 MARGIN_LEARNING = 8.0 / 255.0
 """The same while it is learned, beside SPREADS times the deviation of the differences in the 5x5 samples."""
-SPREADS = 3.0
+SPREADS = 1.5
 """Where patterns are finer than a sample, differences deviate most, and their means vary most with jitter."""
 MOST_LEARNING = 48.0 / 255.0
 """Upper limit of the sum: on such patterns, too, a change of light opens while the range is learned."""
+UNBOUNDED = 4.0
+"""Limit of the range that no residual passes: the frame after one that opened opens on the same side only."""
 
 
 def converged_of(still: Float32) -> Float32:

@@ -20,7 +20,7 @@ from supersampler.backends.cpu.tile_state import MOVING, RESTING, SETTLING, Tile
 from supersampler.backends.cpu.tiles import Bool, Tiles, runs_of, scaled, static_tiles_in, tiles_with
 from supersampler.conventions.jitter import jitter_phase_count
 from supersampler.frame import Float32, Size
-from supersampler.methods.stillness import LEARNED, MARGIN
+from supersampler.methods.stillness import LEARNED, MARGIN, UNBOUNDED
 
 _KERNELS = "backends.cpu.kernels"
 TILE_REUSE_KERNELS = (
@@ -293,10 +293,10 @@ def _end_learning(tiles: Bool, opening: Float32, frame: tuple[int, ...], display
             for first, last, size, full in ((y0, y1, frame[0], display[1]), (x0, x1, frame[1], display[0]))
         )
         low, high, learned = np.moveaxis(opening[top:bottom, PAD + left : PAD + right], -1, 0)[:3]
-        more = np.where(learned > 0.0, UNSEEN_RESIDUALS * (high - low) + MARGIN, np.float32(0.0))
-        low -= more
-        high += more
-        learned[learned > 0.0] = LEARNED
+        known = (learned > 0.0) & (high - low < UNBOUNDED)
+        more = UNSEEN_RESIDUALS * (high - low) + MARGIN
+        low[:], high[:] = np.where(known, low - more, 0.0), np.where(known, high + more, 0.0)
+        learned[:] = np.where(known, LEARNED, 0.0)
 
 
 def _copy(source: NDArray[Any], target: NDArray[Any], box: Rect, worker: int) -> None:  # noqa: ARG001  # any

@@ -60,6 +60,7 @@ from supersampler.methods.stillness import (
     READY,
     SPREADS,
     STILL_MOTION,
+    UNBOUNDED,
 )
 
 COVERED, DARK = 0.999, 0.002
@@ -256,11 +257,12 @@ def measure_residuals(
             learning = learned < LEARNED
             margin = minimum(spread * SPREADS + MARGIN_LEARNING, MOST_LEARNING)
             margin = select(learning, margin, MARGIN)
-            opens = (known > 0.0) & ((residual < low - margin) | (residual > high + margin))
-            opens = select(opens, 1.0, zero)
+            below, above = residual < low - margin, residual > high + margin
+            opens = select((known > 0.0) & (below | above), 1.0, zero)
             learns = learning & (opens < 1.0)
             low = select(learns, minimum(low, residual), low)
             high = select(learns, maximum(high, residual), high)
+            low, high = select(above, -UNBOUNDED, low), select(below, UNBOUNDED, high)
             learned = minimum(select(learns, learned + still.learned_step, learned), LEARNED)
             store4(
                 next_opening, 4 * (y * pitch + here), low * certain, high * certain, learned * certain, zero
