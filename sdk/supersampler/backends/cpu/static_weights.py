@@ -258,11 +258,14 @@ def solve_weights(places: Float64, present: Bool) -> Float64:
     weights = _kriged(places, used, unbiased=True)
     for _ in range(_ROUNDS):
         again = np.flatnonzero((weights < 0.0).any(axis=1))
+        if not again.size:
+            break
         used[again] &= weights[again] >= 0.0
         weights[again] = _kriged(places[again], used[again], unbiased=True)
     bias = np.abs(np.einsum("pn,pnk->pk", weights, places)).max(axis=1, initial=0.0)
     wrong = np.flatnonzero((weights.min(axis=1, initial=0.0) < 0.0) | (bias > _BIAS))
-    weights[wrong] = np.maximum(_kriged(places[wrong], present[wrong], unbiased=False), 0.0)
+    if wrong.size:
+        weights[wrong] = np.maximum(_kriged(places[wrong], present[wrong], unbiased=False), 0.0)
     total: Float64 = weights / np.maximum(weights.sum(axis=1, keepdims=True), _SOFT)
     return total
 
@@ -271,7 +274,8 @@ def _kriged(places: Float64, present: Bool, *, unbiased: bool) -> Float64:
     """Solve the equations of this module, with vanishing first moments or without: (pixels, n)."""
     count, n = present.shape
     both = present[:, :, None] & present[:, None]
-    apart = np.linalg.norm(places[:, :, None] - places[:, None], axis=-1)
+    x, y = np.moveaxis(places[:, :, None] - places[:, None], -1, 0)
+    apart = np.hypot(x, y)  # not linalg.norm, which turns what a signal handler raises into a TypeError
     system = np.zeros((count, n + 3, n + 3))
     system[:, :n, :n] = np.where(both, np.maximum(apart, _NUGGET), 0.0)
     each = np.arange(n)
