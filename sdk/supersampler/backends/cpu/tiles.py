@@ -1,6 +1,7 @@
 """The tiles of an image that a step computes, and rectangles that cover them."""
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -104,22 +105,27 @@ def runs_of(mask: Bool, gap: int = 1) -> list[Rect]:
         return []
     runs: list[Rect] = []
     above: list[Rect] = []
-    for y, row in enumerate(mask):
-        if y and np.array_equal(row, mask[y - 1]):  # the most frequent case
-            above = [box._replace(y1=y + 1) for box in above]
-            continue
-        spans: list[tuple[int, int]] = []
-        for x in np.flatnonzero(row).tolist():
-            if spans and x - spans[-1][1] < gap:
-                spans[-1] = spans[-1][0], x + 1
-            else:
-                spans.append((x, x + 1))
+    others = np.flatnonzero((mask[1:] != mask[:-1]).any(axis=1)) + 1
+    for y0, y1 in pairwise([0, *others.tolist(), len(mask)]):
+        spans = _spans_of(mask[y0], gap)
         if [(box.x0, box.x1) for box in above] == spans:
-            above = [box._replace(y1=y + 1) for box in above]
+            above = [box._replace(y1=y1) for box in above]
         else:
             runs += above
-            above = [Rect(y, y + 1, *span) for span in spans]
+            above = [Rect(y0, y1, *span) for span in spans]
     return runs + above
+
+
+def _spans_of(row: Bool, gap: int) -> list[tuple[int, int]]:
+    """Return the first and the end of each span of a row; spans less than `gap` apart are joined."""
+    edges = np.flatnonzero(np.diff(row, prepend=False, append=False)).tolist()
+    spans: list[tuple[int, int]] = []
+    for first, end in zip(edges[::2], edges[1::2], strict=True):
+        if spans and first - spans[-1][1] < gap:
+            spans[-1] = spans[-1][0], end
+        else:
+            spans.append((first, end))
+    return spans
 
 
 def _covered(runs: Sequence[Rect], shape: tuple[int, ...]) -> Bool:
