@@ -1,7 +1,7 @@
 """The tiles of an image that a step computes, and rectangles that cover them."""
 
 from collections.abc import Sequence
-from itertools import pairwise
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -103,28 +103,26 @@ def runs_of(mask: Bool, gap: int = 1) -> list[Rect]:
         return [Rect(0, mask.shape[0], 0, mask.shape[1])]
     if not mask.any():
         return []
+    spans = _spans_of_rows(mask, gap)
     runs: list[Rect] = []
-    above: list[Rect] = []
-    others = np.flatnonzero((mask[1:] != mask[:-1]).any(axis=1)) + 1
-    for y0, y1 in pairwise([0, *others.tolist(), len(mask)]):
-        spans = _spans_of(mask[y0], gap)
-        if [(box.x0, box.x1) for box in above] == spans:
-            above = [box._replace(y1=y1) for box in above]
-        else:
-            runs += above
-            above = [Rect(y0, y1, *span) for span in spans]
-    return runs + above
+    first = 0
+    for y in range(1, len(spans) + 1):
+        if y == len(spans) or spans[y] != spans[first]:
+            runs += [Rect(first, y, *span) for span in spans[first]]
+            first = y
+    return runs
 
 
-def _spans_of(row: Bool, gap: int) -> list[tuple[int, int]]:
-    """Return the first and the end of each span of a row; spans less than `gap` apart are joined."""
-    edges = np.flatnonzero(np.diff(row, prepend=False, append=False)).tolist()
-    spans: list[tuple[int, int]] = []
-    for first, end in zip(edges[::2], edges[1::2], strict=True):
-        if spans and first - spans[-1][1] < gap:
-            spans[-1] = spans[-1][0], end
+def _spans_of_rows(mask: Bool, gap: int) -> list[list[tuple[int, int]]]:
+    """Return the first and the end of each span of each row; spans less than `gap` apart are joined."""
+    rows, edges = np.nonzero(np.diff(mask, prepend=False, append=False))
+    spans: list[list[tuple[int, int]]] = [[] for _ in mask]
+    for y, first, end in zip(rows[::2].tolist(), edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+        row = spans[y]
+        if row and first - row[-1][1] < gap:
+            row[-1] = row[-1][0], end
         else:
-            spans.append((first, end))
+            row.append((first, end))
     return spans
 
 
@@ -147,7 +145,8 @@ def tiles_reading(
         reach: samples around a tile that it reads.
         side: of a tile, pixels: TILE or STATIC_TILE.
     """
-    sums = np.pad(np.cumsum(np.cumsum(changed, axis=0), axis=1), ((1, 0), (1, 0)))
+    sums = np.zeros((changed.shape[0] + 1, changed.shape[1] + 1), np.int64)
+    np.cumsum(np.cumsum(changed, axis=0), axis=1, out=sums[1:, 1:])
     (top, bottom), (left, right) = (_read_tiles(display[axis], render[axis], side, reach) for axis in (1, 0))
     inside: NDArray[np.int64] = sums[np.ix_(bottom, right)] - sums[np.ix_(top, right)]
     inside += sums[np.ix_(top, left)] - sums[np.ix_(bottom, left)]
@@ -165,6 +164,7 @@ def tiles_read_by(tiles: Bool, display: Size, render: Size) -> Bool:
     return read
 
 
+@lru_cache
 def _read_tiles(
     display: int, render: int, side: int, reach: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
