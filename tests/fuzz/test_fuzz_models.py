@@ -61,7 +61,7 @@ def prepare_descriptions() -> Callable[[int], object]:
         method: folder_of(method, Path(method)) for method in ("taau", "classifier-small", "guided-warp")
     }
     texts = {method: described(folder) for method, folder in folders.items()}
-    texts["classifier-small"]["parity"] = {}  # which nobody reads
+    texts["classifier-small"]["parity"] = {}  # not read by a session
     for method in folders:
         load(method, folders)
 

@@ -33,7 +33,7 @@ def check_all(frames: list[Frame]) -> None:
 
 
 def misread(frames: list[Frame], **overrides: Any) -> list[Frame]:
-    """What comes of frames in some conventions that nobody converts."""
+    """Return frames as they are read when their conventions are taken for the SDK's own."""
     there, taken_as_ours = Conventions(**overrides).converter(), Conventions().converter()
     return [taken_as_ours.to_frame(there.from_frame(frame)) for frame in frames]
 

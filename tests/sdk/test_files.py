@@ -21,7 +21,7 @@ def made(*paths: Path) -> None:
 def test_only_leftovers_of_the_files_that_were_being_written_are_removed(tmp_path: Path) -> None:
     ours = [".0003.01234567.partial.exr", "below/.shot.89abcdef.partial.json"]
     kept = [
-        ".a.01234567.partial.exr",  # of a file that nobody was writing
+        ".a.01234567.partial.exr",  # not one of NAMES
         ".0003.partial.exr", ".0003.0123456g.partial.exr",  # not called as we call them
         "below/deep/.0003.01234567.partial.exr", "other/.0003.01234567.partial.exr", "0003.exr",
     ]  # fmt: skip

@@ -125,7 +125,7 @@ def test_a_reading_must_fit_clearly_better_and_more_so_after_one_pair_of_frames(
     assert _better_reading(seen) == ("best" if found else "")
 
 
-def test_errors_that_nobody_sees_and_frames_that_tell_nothing_accuse_nobody() -> None:
+def test_small_errors_and_frames_without_evidence_give_no_finding() -> None:
     assert _better_reading(FramesSeen(pairs=2, errors={"best": (1.9e-5, 0.0)})) == ""
     assert _better_reading(FramesSeen(pairs=2, errors={"best": (2.1e-5, 0.0)})) == "best"
     assert _better_reading(FramesSeen()) == ""

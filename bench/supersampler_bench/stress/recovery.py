@@ -22,9 +22,10 @@ from supersampler_bench.stress.scenario import (
 from supersampler_bench.stress.scenes import PERIOD, still
 
 CLEAN = 30
-"""Frames that follow the hostile one."""
-INVISIBLE = Difference(mean=0.1 / 255.0, most=4.0 / 255.0)
-"""Largest difference of the last clean frame that nobody sees."""
+"""Number of clean frames after the hostile one."""
+LEAST_BOUND = Difference(mean=0.1 / 255.0, most=4.0 / 255.0)
+"""Smallest bound of the difference in the last clean frame: 0.1 steps of an 8-bit image in the mean, and 4 at
+99.9 % of the values."""
 RESETS = (0, -2, 2, -4, 4)
 """Frames, relative to the hostile one, at which a reset is measured for the bound. The error after a reset
 varies with the jitter phase. All are even, because every second frame may be extrapolated."""
@@ -33,7 +34,7 @@ HOSTILE: Mapping[str, Sequence[float]] = {
     field: [values[i] for values in VALUES.values()] for i, field in enumerate(("color", "depth", "motion"))
 }
 BRIGHT = (10.0, 100.0, 1500.0)
-"""Light that scenes hold, too: of the sun on metal, a lamp, a spark."""
+"""Linear colour of a lamp, a spark and the sun on metal: clean frames contain such values, too."""
 
 
 class _OneFrame:
@@ -93,11 +94,11 @@ class _Start:
 
 
 def hostile_bound(error: Difference, after_resets: Iterable[Difference]) -> Difference:
-    """Return the bound of an error: INVISIBLE, or the largest error after a reset if that is larger.
+    """Return the bound of an error: LEAST_BOUND, or the largest error after a reset if that is larger.
 
     Resets are measured only until the bound reaches `error`: further ones would not change the verdict.
     """
-    bound = INVISIBLE
+    bound = LEAST_BOUND
     for other in after_resets:
         bound = Difference(max(bound.mean, other.mean + ROUNDING), max(bound.most, other.most + ROUNDING))
         if error.mean <= bound.mean and error.most <= bound.most:

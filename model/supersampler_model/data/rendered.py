@@ -132,7 +132,7 @@ class Rendered:
 
 
 def labels_of(now: Rendered, before: Rendered | None, thresholds: LabelThresholds = DEFAULTS) -> Labels:
-    """Label a frame; both frames are compared at its exposure, as a change of exposure changes no light."""
+    """Return a frame's labels. Both frames are compared at its exposure, which does not change the light."""
     previous = None if before is None else before.evidence(now.exposure)
     return label(now.evidence(now.exposure), previous, thresholds)
 

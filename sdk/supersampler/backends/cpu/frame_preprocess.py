@@ -119,9 +119,8 @@ class FramePreprocess:
     """
 
     def __init__(self, kernels: Mapping[str, Call], pool: ThreadPool) -> None:
-        self._pool = pool
+        self._pool, self._kernels = pool, kernels
         self._measure = kernels[MEASURE]
-        self._read = [kernels[name] for name in READ_KERNELS if name in kernels]
 
     def exposure(self, frame: Frame, color: Float32, before: float) -> float:
         """Return the frame's exposure, given or measured; see `followed_exposure`."""
@@ -141,7 +140,8 @@ class FramePreprocess:
 
     def read(self, frame: FrameInputs, samples: FrameSamples) -> None:
         """Fill `samples` from a frame."""
-        inputs, output, (prepare, dilate) = pack(frame), pack(samples), self._read
+        inputs, output = pack(frame), pack(samples)
+        prepare, dilate = (self._kernels[name] for name in READ_KERNELS)
 
         def read(y0: int, y1: int, _: int) -> None:
             # one more row on either side instead of waiting; two threads write the same values there
