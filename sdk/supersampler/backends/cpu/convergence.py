@@ -101,11 +101,11 @@ class Convergence:
         """Write the image and the next history of the mean."""
         height, width = step.output.image.shape[:2]
         display, render = (width, height), step.frame.size
-        still = self._find_still(view)
-        means = tiles_reading(still, display, render) & step.tiles.computed
+        still, still_2x2 = self._find_still(view)
+        means = tiles_reading(still_2x2, display, render) & step.tiles.computed
         read = tiles_read_by(means, display, render)
-        ranges = still if step.tiles.all else still & read
-        self._keep_unwritten(step, means, still, ranges)
+        ranges = still & read
+        self._keep_unwritten(step, means, ranges, still)
         if step.converged is not None:
             for y0, y1, x0, x1 in scaled(runs_of(step.tiles.computed & ~means), TILE, display):
                 step.converged[..., y0:y1, x0:x1] = 0.0
@@ -114,13 +114,16 @@ class Convergence:
             self._compare(step, view, scaled(runs_of(ranges), RENDER_TILE, render))
             self._add_samples(step, view, scaled(runs_of(means), TILE, display))
 
-    def _find_still(self, view: ConvergingFrame) -> Bool:
-        samples, found = pack(view.samples), address(view.still_tiles)
-        rows = view.still_tiles.shape[0]
-        self._pool.run_rows("converge", rows, lambda y0, y1, _: self._find(samples, found, y0, y1))
-        return view.still_tiles > 0
+    def _find_still(self, view: ConvergingFrame) -> tuple[Bool, Bool]:
+        """Return the tiles of the frame with samples that do not move, and those with 2x2 of them."""
+        found = view.still_tiles
+        if view.samples.still_rows.any():  # one thread: a tile is found in its first row, mostly
+            self._find(pack(view.samples), address(found))
+        else:
+            found[:] = 0
+        return found > 0, found > 1
 
-    def _keep_unwritten(self, step: Step, means: Bool, still: Bool, ranges: Bool) -> None:
+    def _keep_unwritten(self, step: Step, means: Bool, ranges: Bool, still: Bool) -> None:
         """Write the next history of tiles that later passes do not write: zeros, or a copy of the history.
 
         Tiles that later passes write are marked here already, in case the step is interrupted.
@@ -129,7 +132,10 @@ class Convergence:
         _clear(following.arrays["still"], following.means & computed & ~means, TILE)
         following.means = np.where(computed, means, history.means | following.means)
         before, after = history.arrays["opening"], following.arrays["opening"]
-        kept = still & ~ranges & history.ranges if _same_size(step) else np.zeros_like(still)
+        kept = np.zeros_like(still)
+        if _same_size(step) and not step.tiles.all:
+            size = (step.output.image.shape[1], step.output.image.shape[0]), step.frame.size
+            kept = still & history.ranges & ~tiles_read_by(computed, *size)
         _clear(after, following.ranges & ~ranges & ~kept, RENDER_TILE)
         following.ranges = ranges | kept
 

@@ -35,8 +35,10 @@ def empty_samples(render: Size) -> FrameSamples:
     padded_width = stride + 2 * PAD
     depth, motion_x, motion_y, eroded_depth = aligned((4, h, padded_width))
     dilated, own = aligned((2, h, stride, 4))
-    color, glares = aligned((h, SAMPLE_PLANES, padded_width)), aligned((h,))
-    return FrameSamples(color, depth, motion_x, motion_y, eroded_depth, dilated, own, glares, w, h, stride)
+    color, glares, still_rows = aligned((h, SAMPLE_PLANES, padded_width)), aligned((h,)), aligned((h,))
+    return FrameSamples(
+        color, depth, motion_x, motion_y, eroded_depth, dilated, own, glares, still_rows, w, h, stride
+    )
 
 
 class ResampledFrame:

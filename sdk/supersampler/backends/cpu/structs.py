@@ -67,6 +67,7 @@ class FrameSamples(NamedTuple):
         own: (height, stride, 4) motion of the sample itself, range of depth in 3x3 samples, 1 where one of
             these is over GLARING.
         glares: (height,) 1 where a sample of the row is over GLARING, else 0.
+        still_rows: (height,) 1 where a sample of the row does not move, else 0.
         width, height: size of the frame.
         stride: width, rounded up to whole vectors.
     """
@@ -79,6 +80,7 @@ class FrameSamples(NamedTuple):
     dilated: Floats
     own: Floats
     glares: Floats
+    still_rows: Floats
     width: int
     height: int
     stride: int

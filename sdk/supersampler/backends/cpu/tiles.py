@@ -145,6 +145,8 @@ def tiles_reading(
         reach: samples around a tile that it reads.
         side: of a tile, pixels: TILE or STATIC_TILE.
     """
+    if not changed.any():
+        return np.zeros((-(-display[1] // side), -(-display[0] // side)), bool)
     sums = np.zeros((changed.shape[0] + 1, changed.shape[1] + 1), np.int64)
     np.cumsum(np.cumsum(changed, axis=0), axis=1, out=sums[1:, 1:])
     (top, bottom), (left, right) = (_read_tiles(display[axis], render[axis], side, reach) for axis in (1, 0))

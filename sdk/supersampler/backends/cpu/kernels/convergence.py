@@ -79,18 +79,35 @@ def squared_motion(samples, at):
     return mx * mx + my * my
 
 
-def find_still(samples: FrameSamples, found: Bytes, y0: int, y1: int):
-    """Write 1 where any sample of a tile does not move, else 0; tile rows y0 to y1 of `found`."""
-    h, tiles = samples.height, (samples.width + RENDER_TILE - 1) // RENDER_TILE
-    padded_width, limit = samples.stride + 2 * PAD, STILL_MOTION * STILL_MOTION
-    for ty in range(y0, y1):
+def find_still(samples: FrameSamples, found: Bytes):
+    """Write to the tiles of `found` what does not move: 2: 2x2 samples, 1: a sample, 0: nothing.
+
+    The first of the 2x2 samples lies in the tile; a frame repeats its border.
+    """
+    w, h = samples.width, samples.height
+    tiles, padded_width = (w + RENDER_TILE - 1) // RENDER_TILE, samples.stride + 2 * PAD
+    limit, outside = STILL_MOTION * STILL_MOTION, ramp16() >= np.int32(RENDER_TILE)
+    for y in range(h):
+        tile = y // RENDER_TILE * tiles
+        if y % RENDER_TILE == 0:
+            for tx in range(tiles):
+                found[tile + tx] = 0
+        if samples.still_rows[y] == 0.0:
+            continue
         for tx in range(tiles):
-            found[ty * tiles + tx] = 0
-            for y in range(RENDER_TILE * ty, min(RENDER_TILE * (ty + 1), h)):
-                # past the row's end there are copies of its last sample
-                if not all_lanes(squared_motion(samples, y * padded_width + PAD + RENDER_TILE * tx) > limit):
-                    found[ty * tiles + tx] = 1
-                    break
+            here = y * padded_width + PAD + RENDER_TILE * tx
+            if found[tile + tx] == 2 or all_lanes(outside | (squared_motion(samples, here) > limit)):
+                continue
+            below = min(y + 1, h - 1) * padded_width + PAD + RENDER_TILE * tx
+            moves = squared_motion_2x2(samples, here, below) > limit
+            found[tile + tx] = 1 if all_lanes(outside | moves) else 2
+
+
+@device_function
+def squared_motion_2x2(samples, here, below):
+    """Return the largest squared motion of 2x2 samples; here, below: sixteen samples of the two rows."""
+    upper = maximum(squared_motion(samples, here), squared_motion(samples, here + 1))
+    return maximum(upper, maximum(squared_motion(samples, below), squared_motion(samples, below + 1)))
 
 
 def prepare_still(
@@ -121,11 +138,9 @@ def prepare_still(
             store(still.color, to + 2 * padded_width, b)
             store(still.color, to + 3 * padded_width, usable)
             here = y * padded_width + PAD + x
-            own = squared_motion(samples, here)
-            upper = maximum(own, squared_motion(samples, here + 1))
-            lower = maximum(squared_motion(samples, below + x), squared_motion(samples, below + x + 1))
-            store(still.moving, here, select(own > limit, 1.0, zero))
-            store(still.moving_2x2, here, select(maximum(upper, lower) > limit, 1.0, zero))
+            moves_2x2 = squared_motion_2x2(samples, here, below + x) > limit
+            store(still.moving, here, select(squared_motion(samples, here) > limit, 1.0, zero))
+            store(still.moving_2x2, here, select(moves_2x2, 1.0, zero))
             store(still.opens, here, zero)
         for c in range(4):  # what lies beside the frame repeats its border
             first = linear + c * padded_width
