@@ -70,7 +70,9 @@ def compare(frames: list[Frame], *, confirmed: bool = True) -> NDArray[np.float3
         after = {name: np.array(array) for name, array in state.items()}
         exposure = abs(float(after["history.exposure"][0]))
         settled = torch_step(frame, after["history.color"], before, exposure)
-        assert_close(after["history.still"], settled.still, err_msg=f"{index}")
+        weighted = (settled.still[:, 3:] != 0.0).float()  # a color without weight has no effect
+        assert_close(after["history.still"] * weighted.numpy(), settled.still * weighted, err_msg=f"{index}")
+        assert_close(after["history.still"][:, 3:], settled.still[:, 3:], err_msg=f"{index}")
         assert_close(after["history.opening"], settled.opening, err_msg=f"{index}")
         assert_close(result.converged, settled.converged[0, 0], rtol=0, atol=1e-6, err_msg=f"{index}")
         if confirmed:
@@ -108,6 +110,18 @@ def test_another_render_size_forgets_the_same_ranges() -> None:
     small, large = frames_of(2.0), frames_of(1.5)
     frames = [b if i >= 18 and i % 5 == 0 else a for i, (a, b) in enumerate(zip(small, large, strict=True))]
     assert compare(frames)[-1].mean() > 0.5
+
+
+@pytest.mark.parametrize("share", [0.05, 0.3, 0.9])
+def test_single_samples_that_stand_among_moving_ones_are_compared_alike(share: float) -> None:
+    """From frame 18 on only a random part of the samples stands, in frames 27 and 28 all of them do."""
+    random = np.random.default_rng(5)
+
+    def edit(index: int, frame: Frame) -> Frame:
+        moves = (random.random((18, 32)) > share) & (index >= 18) & (index not in (27, 28))
+        return replace(frame, motion=np.where(moves[..., None], 0.75, frame.motion).astype(np.float32))
+
+    compare(frames_of(2.0, edit))
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -1.0, 1e30, 60000.0])

@@ -103,13 +103,14 @@ class Convergence:
         display, render = (width, height), step.frame.size
         still, still_2x2 = self._find_still(view)
         means = tiles_reading(still_2x2, display, render) & step.tiles.computed
-        read = tiles_read_by(means, display, render)
+        # where a mean ends in this frame, samples are compared once more
+        read = tiles_read_by(means | (step.history.means & step.tiles.computed), display, render)
         ranges = still & read
         self._keep_unwritten(step, means, ranges, still)
         if step.converged is not None:
             for y0, y1, x0, x1 in scaled(runs_of(step.tiles.computed & ~means), TILE, display):
                 step.converged[..., y0:y1, x0:x1] = 0.0
-        if means.any():
+        if ranges.any():
             self._prepare_samples(step, view, scaled(runs_of(read | dilated(ranges, 1)), RENDER_TILE, render))
             self._compare(step, view, scaled(runs_of(ranges), RENDER_TILE, render))
             self._add_samples(step, view, scaled(runs_of(means), TILE, display))
