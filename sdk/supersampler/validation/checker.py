@@ -20,7 +20,7 @@ from supersampler.validation.temporal import FramesSeen, temporal_mistakes
 Validate = Literal["off", "warn", "strict"]
 
 _WARN_FRAMES = 3  # number that "warn" checks after a start or cut: two pairs, and three jitters
-_HELD_FRAMES = 8  # number with one jitter and nothing that moves, after which "warn" tells
+_HELD_FRAMES = 8  # number with one jitter and nothing that moves, after which "warn" reports it
 _STRIDE = 8  # pixels between those whose motion is read for that
 
 

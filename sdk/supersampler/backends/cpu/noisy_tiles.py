@@ -1,7 +1,7 @@
-"""Tiles that stand still but for noise: their samples add up without end until more than noise changes.
+"""Tiles in which nothing but noise changes: their samples add up until more than noise changes.
 
 A tile is compared with its mean by what its samples average to in each frame, as a screen shows it and in
-depth. That mean of few samples varies; how much, its own past tells. A frame far off this variation is
+depth. The standard deviation of these means is estimated from earlier frames. A frame far outside of it is
 doubted, and the next one that is far off on the same side confirms it. Less is noticed when it adds up: the
 cumulative sum of deviations (CUSUM, Page 1954) on either side passes a limit.
 """

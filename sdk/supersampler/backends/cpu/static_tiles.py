@@ -27,7 +27,7 @@ PHASES = 256
 ROW_STEP = 4
 """Every tile is first compared by one row of samples in so many, and as a whole only if these agree."""
 SAMPLED_ROWS = 16
-"""After a frame in which every tile moved, one row of tiles in so many tells whether all do again."""
+"""After a frame in which every tile moved, one row of tiles in so many shows whether all move again."""
 LOOK_FRAMES = 8
 """Where all tiles change, whatever the frame, only one frame in so many of a period is looked at."""
 HOLD_FRAMES = 2
@@ -116,10 +116,10 @@ class StaticTiles:
         unseen = (before.rows == MOVING) & (period > 0 or len(self.phases) < PHASES)
         patient = self.changes < (2 * period or _PATIENCE)
         whole = (rows != MOVING) & (agree | unseen | (patient & (before.rows != MOVING)))
-        left = whole & ~as_before
+        unread = whole & ~as_before
         tiles = np.where(as_before, before.tiles, np.uint64(MOVING))
-        if left.any():
-            tiles = np.where(left, read(left, 1), tiles)
+        if unread.any():
+            tiles = np.where(unread, read(unread, 1), tiles)
         moving = (rows == MOVING) | (whole & (tiles == MOVING))
         same = ~moving & (tiles == before.tiles) & (tiles != MOVING)
         differs = ~moving & (before.rows != MOVING) & ~same & ((before.tiles != MOVING) | ~agree)
@@ -134,6 +134,11 @@ class StaticTiles:
             self.render, self.frames + 1, phases, period, moving, same, held, differs & ~held,
             changes.astype(np.int32), matched.astype(np.int32), confirmed,
         )  # fmt: skip
+
+    @property
+    def undisturbed(self) -> float:
+        """Fraction of the tiles that neither moved nor changed in this frame."""
+        return 1.0 - np.count_nonzero(self.moving | self.changed) / self.moving.size
 
     def _likely_changes(self, period: int) -> bool:
         """Whether all tiles have changed for two periods, and this frame is none of those looked at.

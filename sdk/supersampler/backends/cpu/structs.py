@@ -245,7 +245,7 @@ class MeanHistory(NamedTuple):
         pixels: (display height, width, 4) linear RGB, and the weight.
         opening: (height, padded_width, 4) of the frame's size: range of the residuals, samples learned of.
         width: of the display.
-        has_opening: 0 where the previous frame was of another size, so that `opening` tells nothing.
+        has_opening: 0 where the previous frame was of another size, so that `opening` does not apply.
     """
 
     pixels: Floats

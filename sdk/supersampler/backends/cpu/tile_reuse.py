@@ -16,7 +16,14 @@ from supersampler.backends.cpu.static_tiles import Jitter, StaticTiles, Sums
 from supersampler.backends.cpu.static_weights import LEAST_SAMPLES, StaticAxis, StaticWeights
 from supersampler.backends.cpu.structs import AddedSamples, AxisSamples, FrameInputs, MeanErrors, pack
 from supersampler.backends.cpu.threads import Rect, ThreadPool
-from supersampler.backends.cpu.tile_state import MOVING, RESTING, SETTLING, TileState, next_generation
+from supersampler.backends.cpu.tile_state import (
+    LEAST_SHARE,
+    MOVING,
+    RESTING,
+    SETTLING,
+    TileState,
+    next_generation,
+)
 from supersampler.backends.cpu.tiles import Bool, Tiles, runs_of, scaled, static_tiles_in, tiles_with
 from supersampler.conventions.jitter import jitter_phase_count
 from supersampler.frame import Float32, Size
@@ -31,9 +38,6 @@ TILE_REUSE_KERNELS = (
     f"{_KERNELS}.sample_sums.fade_to_means",
 )
 _KEEP, _ADD = 1, 2  # as in `kernels.sample_sums`
-
-LEAST_SHARE = 0.1
-"""Share of tiles that need not be computed, below which leaving them out saves no time."""
 
 UNSEEN_RESIDUALS = np.float32(0.25)
 """Widening of the range of a method's residuals, as a part of it, when a tile begins to settle."""

@@ -30,6 +30,9 @@ TILE_RECORD = np.dtype(
         ("motionless", np.bool_),
     ]
 )
+LEAST_SHARE = 1.0 / 3.0
+"""Share of tiles that need not be computed, below which leaving them out saves no time. Nothing is kept where
+fewer tiles of two frames stand still."""
 FADE_FRAMES = 16
 """Frames in which a tile fades to a mean of samples that a whole period has confirmed; else the fade takes a
 period, in which each frame confirms one phase."""
@@ -98,8 +101,8 @@ class TileState:
         self.static_tiles, self.weights = None, None
         if self.active:
             self.records, self.added = np.zeros_like(self.records), np.zeros_like(self.added)
-        elif self.records["failed"].flat[0]:  # all of them
-            self.records["failed"] = self.records["motionless"] = False
+        elif self.records["failed"].any():
+            self.records["failed"] = False
         self.active = False
 
     def allocated_sums(self) -> Float32:
@@ -125,10 +128,8 @@ class TileState:
         before, self.static_tiles = previous.static_tiles, tiles
         weights = weights_after(previous.weights, jitter, tiles, self.display, tiles.render)
         self.weights = weights
-        noisy_everywhere = tiles.changed.all() and previous.records["failed"].all()
-        if (noisy_everywhere or tiles.moving.all()) and not previous.records["count"].any():  # mostly
-            if noisy_everywhere:
-                self.records["failed"] = self.records["motionless"] = True
+        if max(tiles.undisturbed, 1.0 if before is None else before.undisturbed) < LEAST_SHARE:
+            self.records["failed"] = self._reading(tiles, tiles.changed)
             return
         self.active, records = True, previous.records.copy()
         if weights is not previous.weights:

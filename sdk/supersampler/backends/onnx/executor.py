@@ -87,7 +87,7 @@ class OnnxExecutor:
         given = frame_inputs(frame, display, [t.name for t in self._info.inputs])
         results = _values({**outputs, self._info.image.name: planes})
         self._run(_values(given), history, next_history, results)
-        if not shaded and self._info.converges:  # the graph is not told
+        if not shaded and self._info.converges:  # the graph has no input for it
             before, after = (np.asarray(h["history.still"].numpy()) for h in (history, next_history))
             next_history["history.still"].update_inplace(without_samples(after, before))
         np.copyto(image, planes[0].transpose(1, 2, 0))
