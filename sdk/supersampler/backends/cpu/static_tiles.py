@@ -137,8 +137,12 @@ class StaticTiles:
 
     @property
     def undisturbed(self) -> float:
-        """Fraction of the tiles that neither moved nor changed in this frame."""
-        return 1.0 - np.count_nonzero(self.moving | self.changed) / self.moving.size
+        """Fraction of the tiles that do not move, and have not changed in each frame for over a period.
+
+        A change of light, too, makes frames differ from those before for a period.
+        """
+        disturbed = self.moving | (self.changed & (self.changes > self.period + HOLD_FRAMES))
+        return 1.0 - np.count_nonzero(disturbed) / disturbed.size
 
     def _likely_changes(self, period: int) -> bool:
         """Whether all tiles have changed for two periods, and this frame is none of those looked at.
