@@ -26,6 +26,7 @@ from supersampler_bench.cli.options import (
 from supersampler_bench.markdown_blocks import find_blocks
 
 QUICK_DISPLAY: Size = (96, 54)
+TIMED_DISPLAY: Size = (960, 540)
 QUICK_RATIO = 1.0  # of the shortest jitter period
 
 
@@ -56,25 +57,22 @@ def still(
       supersampler bench still --scenes analytic:2 --methods taau
       supersampler bench still -o docs/images --json still.json --update README.md
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
-    from supersampler_bench.quality.still import frame_count, measure_still
+    from supersampler_bench.quality.still import TIMED_RATIO, frame_count, measure_still, measure_times
     from supersampler_bench.quality.still_table import markdown_table, still_record, summary_table
 
     tables: Tables = {"still": markdown_table, "still summary": summary_table}
     if update is not None:
         find_blocks(update, list(tables))
-    chosen, display = _scenes_of(scenes), parse_size(display_size)
+    chosen, display, timed_display = _scenes_of(scenes), parse_size(display_size), TIMED_DISPLAY
     if quick:
-        chosen, display = [(name, QUICK_RATIO) for name in dict(chosen)], QUICK_DISPLAY
-    with counted("frames", sum(frame_count(ratio) for _, ratio in chosen)) as advance:
-        results = measure_still(
-            chosen,
-            listed(methods),
-            display,
-            executors=executors_of(executors),
-            samples=samples,
-            on_frame=advance,
-        )
-    record = still_record(results, display, quick=quick)
+        chosen = [(name, QUICK_RATIO) for name in dict(chosen)]
+        display = timed_display = QUICK_DISPLAY
+    names, kinds = listed(methods), executors_of(executors)
+    ratios = [*(ratio for _, ratio in chosen), TIMED_RATIO]
+    with counted("frames", sum(map(frame_count, ratios))) as advance:
+        times = measure_times(names if "cpu" in kinds else [], timed_display, on_frame=advance)
+        results = measure_still(chosen, names, display, executors=kinds, samples=samples, on_frame=advance)
+    record = still_record(results, display, times, timed_display, quick=quick)
     if output is not None:
         from supersampler_bench.report.figures import draw_still  # needs matplotlib
 

@@ -28,6 +28,7 @@ PERIODS = (1, 2, 4)
 MOVER = "-mover"
 SCENES = tuple(f"{name}{end}" for name in ("analytic", *TEST_SHOTS.seeds) for end in ("", MOVER))
 """The analytic scene, and test shots with a fixed camera; objects move in those that end with MOVER."""
+TIMED_SCENE, TIMED_RATIO = "analytic", 2.0
 HELD_FRAME = 12  # frame of the test shot whose camera is kept
 _REACH = 4  # display pixels around what changes that are not scored
 _UNCHANGED = 1.0 / 255.0  # of samples, as a screen shows them
@@ -46,9 +47,6 @@ class StillScores:
         psnr: dB of each frame.
         best: dB of the best weighted mean of the last period's samples.
         flicker: mean over pixels of the standard deviation of display values in the last period, [0, 1].
-        milliseconds: median time of a full step, with `skip="exact"`, in the last period.
-        settling: time of a frame in the second period over that of a full step on the same frame: medians.
-        rest: likewise in the last period.
     """
 
     scene: str
@@ -59,14 +57,28 @@ class StillScores:
     psnr: list[float]
     best: float
     flicker: float
-    milliseconds: float
-    settling: float
-    rest: float
 
     def after(self, periods: int) -> float:
         """Return the mean PSNR of the last quarter of so many jitter periods, dB."""
         count = jitter_phase_count(self.ratio)
         return float(np.mean(self.psnr[periods * count - max(count // 4, 1) : periods * count]))
+
+
+@dataclass(frozen=True)
+class StillTimes:
+    """Times of one method on the CPU backend in TIMED_SCENE, medians.
+
+    Attributes:
+        method: the model's name.
+        milliseconds: of a full step, with `skip="exact"`, in the last period.
+        settling: of a frame in the second period, over that of a full step on the same frames.
+        rest: likewise in the last period.
+    """
+
+    method: str
+    milliseconds: float
+    settling: float
+    rest: float
 
 
 @dataclass(frozen=True)
@@ -100,7 +112,7 @@ def measure_still(
     samples: int = 64,
     on_frame: Callable[[], None] = lambda: None,
 ) -> list[StillScores]:
-    """Step methods through scenes for four jitter periods, in turns.
+    """Step methods through scenes for four jitter periods.
 
     Args:
         scenes: of SCENES, each with a ratio.
@@ -110,8 +122,7 @@ def measure_still(
         samples: per pixel of the test shots' references.
         on_frame: called after each frame of a scene.
     """
-    kinds = [(method, executor) for method in methods for executor in executors]
-    models = {kind: Model.load(kind[0], providers="cpu", executor=kind[1]) for kind in kinds}
+    models = _models(methods, executors)
     results = []
     for name, ratio in scenes:
         scene = make_scene(name, display, ratio, samples)
@@ -124,28 +135,62 @@ def measure_still(
     return results
 
 
+def measure_times(
+    methods: Sequence[str], display: Size, *, on_frame: Callable[[], None] = lambda: None
+) -> list[StillTimes]:
+    """Step methods through TIMED_SCENE on the CPU backend for four jitter periods, in turns, twice.
+
+    Args:
+        methods: names of models.
+        display: (width, height) of the images.
+        on_frame: called after each frame of the scene.
+    """
+    skips: tuple[Skip, ...] = ("auto", "exact")
+    image = np.empty((*display[::-1], 3), np.float32)
+    upscalers = {
+        (name, skip): Upscaler(model, display_size=display, skip=skip, validate="off")
+        for (name, _), model in _models(methods, ["cpu"]).items()
+        for skip in skips
+    }
+    times: dict[tuple[str, Skip], list[float]] = {key: [] for key in upscalers}
+    size, scene, period = render_size(display, TIMED_RATIO), still_scene(), jitter_phase_count(TIMED_RATIO)
+    for index in range(frame_count(TIMED_RATIO)):
+        frame = scene.frame(index, size, halton_jitter(index, TIMED_RATIO))
+        for key, upscaler in upscalers.items():
+            began = time.perf_counter()
+            upscaler.step(frame, out=image)
+            times[key].append(1e3 * (time.perf_counter() - began))
+        on_frame()
+    second, last = slice(period, 2 * period), slice(-period, None)
+    results = []
+    for method in methods:
+        reused, full = (times[method, skip] for skip in skips)
+        shares = [median(reused[part]) / median(full[part]) for part in (second, last)]
+        results.append(StillTimes(method, median(full[last]), *shares))
+    return results
+
+
+def _models(
+    methods: Sequence[str], executors: Sequence[ExecutorName]
+) -> dict[tuple[str, ExecutorName], Model]:
+    kinds = [(method, executor) for method in methods for executor in executors]
+    return {kind: Model.load(kind[0], providers="cpu", executor=kind[1]) for kind in kinds}
+
+
 class _Run:
     """One method's way through a scene."""
 
     def __init__(self, method: str, executor: ExecutorName, model: Model, scene: StillScene) -> None:
         self._method, self._executor, self._scene = method, executor, scene
         height, width, _ = scene.truth.shape
-        # only the CPU backend reuses tiles
-        skips: tuple[Skip, ...] = ("auto", "exact") if executor == "cpu" else ("auto",)
-        self._upscalers = [
-            Upscaler(model, display_size=(width, height), skip=skip, validate="off") for skip in skips
-        ]
-        self._images = [np.empty_like(scene.truth) for _ in skips]
-        self._times: list[list[float]] = [[] for _ in skips]
+        self._upscaler = Upscaler(model, display_size=(width, height), validate="off")
+        self._image = np.empty_like(scene.truth)
         self._psnr: list[float] = []
         self._sums = np.zeros((2, *scene.truth.shape))  # of display values and their squares, last period
 
     def step(self, frame: Frame) -> None:
-        for upscaler, image, times in zip(self._upscalers, self._images, self._times, strict=True):
-            began = time.perf_counter()
-            upscaler.step(frame, out=image)
-            times.append(1e3 * (time.perf_counter() - began))
-        shown = display_transform(self._images[0], frame.exposure or 1.0)
+        self._upscaler.step(frame, out=self._image)
+        shown = display_transform(self._image, frame.exposure or 1.0)
         self._psnr.append(psnr(shown, self._scene.truth, self._scene.still))
         if len(self._psnr) > len(self._scene.frames) * (PERIODS[-1] - 1) // PERIODS[-1]:
             self._sums += shown, np.square(shown, dtype=np.float64)
@@ -154,8 +199,6 @@ class _Run:
         period = jitter_phase_count(ratio)
         mean, square = self._sums / period
         deviation = np.sqrt(np.maximum(square - mean * mean, 0.0))
-        reused, full = self._times[0], self._times[-1]
-        second, last = slice(period, 2 * period), slice(-period, None)
         return StillScores(
             scene=scene,
             ratio=ratio,
@@ -165,9 +208,6 @@ class _Run:
             psnr=[round(value, 2) for value in self._psnr],
             best=self._scene.best,
             flicker=float(deviation[self._scene.still].mean()),
-            milliseconds=median(full[last]),
-            settling=median(reused[second]) / median(full[second]),
-            rest=median(reused[last]) / median(full[last]),
         )
 
 
