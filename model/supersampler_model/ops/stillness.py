@@ -7,6 +7,8 @@ it to a mean in linear RGB without exposure, with weights W of a Gaussian within
 
 u is the weighted mean of this frame's samples. With E, samples of later periods change the mean less, and so
 do parts of a period. The image fades from the method's to the mean as N' grows from READY to PERIOD.
+Exposed samples are limited to white plus FIREFLY times the mean, and the mean of few samples to white plus
+FIREFLY times those of the frame.
 A frame with the jitter of the previous one adds nothing: without jitter the method's image is the better one.
 A jitter of few phases is averaged as it is: at ratio 1 that is nearer to the truth, at others about as near.
 
@@ -113,7 +115,12 @@ def settle(image: Tensor, frame: FrameSamples, history_still: Tensor, history_op
     added = near[:, 3:4] * stands * (1.0 - rejected) * jittered
     total = weight + added
     share = added / (total + (total - PERIOD).clamp(0.0, PERIOD)).clamp(min=1e-6)
-    mean = mean + share * (near[:, :3] / near[:, 3:4].clamp(min=1e-6) - mean)
+    samples = near[:, :3] / near[:, 3:4].clamp(min=1e-6)
+    sample_peak, mean_peak = largest(samples * frame.exposure), largest(mean * frame.exposure)
+    early = (weight < READY) & (added > 0.0)
+    mean = mean * darkening(mean_peak, torch.where(early, sample_peak, mean_peak))
+    samples = samples * darkening(sample_peak, torch.where(weight > 0.0, mean_peak, sample_peak))
+    mean = mean + share * (samples - mean)
     converged = ((total - READY) / (PERIOD - READY)).clamp(0.0, 1.0) * (1.0 - opened)
     next_weight = torch.where(rejected > 0.0, -total.clamp(max=PERIOD), total)
     return Settled(
@@ -133,6 +140,15 @@ def without_fireflies(color: Tensor, exposure: Tensor) -> Tensor:
     around = neighbours_3x3(peak)
     most = FIREFLY * (1.0 + reduce(torch.maximum, [*around[:4], *around[5:]]))
     return color * (most / torch.maximum(peak, most))
+
+
+def darkening(peak: Tensor, other: Tensor) -> Tensor:
+    """Factor that limits an exposed peak to white plus FIREFLY times another.
+
+    In a linear mean the light of one frame would stay visible for many periods.
+    """
+    most = 1.0 + FIREFLY * other
+    return most / torch.maximum(peak, most)
 
 
 def measure_residuals(

@@ -372,9 +372,16 @@ def add_samples(
             added = select(rejected, zero, added * stands * still.counts)
             total = kept + added
             part = added / maximum(total + clamped(total - PERIOD, 0.0, PERIOD), 1e-6)
-            mean_r = lerp(mean_r, r * scale, part)
-            mean_g = lerp(mean_g, g * scale, part)
-            mean_b = lerp(mean_b, b * scale, part)
+            r, g, b = r * scale, g * scale, b * scale
+            sample_peak = largest(r, g, b) * still.exposure
+            mean_peak = largest(mean_r, mean_g, mean_b) * still.exposure
+            early = (kept < READY) & (added > 0.0)
+            dimmed = darkening(mean_peak, select(early, sample_peak, mean_peak))
+            mean_r, mean_g, mean_b = mean_r * dimmed, mean_g * dimmed, mean_b * dimmed
+            dimmed = darkening(sample_peak, select(kept > 0.0, mean_peak, sample_peak))
+            mean_r = lerp(mean_r, r * dimmed, part)
+            mean_g = lerp(mean_g, g * dimmed, part)
+            mean_b = lerp(mean_b, b * dimmed, part)
             converged = clamped((total - READY) / (PERIOD - READY), 0.0, 1.0)
             converged = select(opened > 0.0, zero, converged)
             weight = select(rejected, minimum(total, PERIOD) * -1.0, total)
@@ -399,6 +406,13 @@ def add_samples(
                     output.next_pixels[4 * at + i] = line[4 * pitch + i]
                 for i in range(3 * (x1 - x)):
                     image[3 * at + i] = line[4 * pitch + 64 + i]
+
+
+@device_function
+def darkening(peak, other):
+    """Return the factor that limits an exposed peak to white plus FIREFLY times another."""
+    most = other * FIREFLY + 1.0
+    return most / maximum(peak, most)
 
 
 @device_function
