@@ -7,8 +7,8 @@ it to a mean in linear RGB without exposure, with weights W of a Gaussian within
 
 u is the weighted mean of this frame's samples. With E, samples of later periods change the mean less, and so
 do parts of a period. The image fades from the method's to the mean as N' grows from READY to PERIOD.
-Exposed samples are limited to white plus FIREFLY times the mean, and the mean of few samples to white plus
-FIREFLY times those of the frame.
+Exposed samples are limited to white plus BRIGHTENING times the mean, and the mean of few samples to
+white plus BRIGHTENING times those of the frame.
 A frame with the jitter of the previous one adds nothing: without jitter the method's image is the better one.
 A jitter of few phases is averaged as it is: at ratio 1 that is nearer to the truth, at others about as near.
 
@@ -28,6 +28,7 @@ import torch
 from torch import Tensor
 
 from supersampler.methods.stillness import (
+    BRIGHTENING,
     FIREFLY,
     LEARNED,
     MARGIN,
@@ -143,11 +144,11 @@ def without_fireflies(color: Tensor, exposure: Tensor) -> Tensor:
 
 
 def darkening(peak: Tensor, other: Tensor) -> Tensor:
-    """Factor that limits an exposed peak to white plus FIREFLY times another.
+    """Factor that limits an exposed peak to white plus BRIGHTENING times another.
 
     In a linear mean the light of one frame would stay visible for many periods.
     """
-    most = 1.0 + FIREFLY * other
+    most = 1.0 + BRIGHTENING * other
     return most / torch.maximum(peak, most)
 
 

@@ -25,8 +25,9 @@ CONVERGED: Mapping[str, MapOf] = {"converged": MapOf("converged", 0, 1)}
 SIGMA = 0.4
 """Gaussian of a sample's weight in the mean, display pixels; a tent of one pixel cuts it off."""
 FIREFLY = 2.0
-"""Largest ratio of an exposed sample to its brightest neighbour plus white. Exposed samples in a mean are at
-most white plus FIREFLY times the mean."""
+"""Largest ratio of an exposed sample to its brightest neighbour plus white."""
+BRIGHTENING = 8.0
+"""Exposed samples in a mean are at most white plus BRIGHTENING times the mean."""
 STILL_MOTION = 1.0 / 256.0
 """Render pixels; longer motion moves."""
 PERIOD = 3.75

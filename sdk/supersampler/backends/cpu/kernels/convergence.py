@@ -51,6 +51,7 @@ from supersampler.backends.cpu.structs import (
     StillSamples,
 )
 from supersampler.methods.stillness import (
+    BRIGHTENING,
     FIREFLY,
     LEARNED,
     MARGIN,
@@ -410,8 +411,8 @@ def add_samples(
 
 @device_function
 def darkening(peak, other):
-    """Return the factor that limits an exposed peak to white plus FIREFLY times another."""
-    most = other * FIREFLY + 1.0
+    """Return the factor that limits an exposed peak to white plus BRIGHTENING times another."""
+    most = other * BRIGHTENING + 1.0
     return most / maximum(peak, most)
 
 
