@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from supersampler import Frame, Model, Upscaler, halton_jitter
 from supersampler.frame import Float32
+from supersampler.io.display import display_transform
 from supersampler_model.data.scenes.still_life import still_scene, still_scene_with_mover
 from supersampler_model.ops.motion import usable_motion
 from supersampler_model.ops.stillness import FrameSamples, Settled, settle
@@ -144,6 +145,24 @@ def test_fireflies_are_darkened_alike() -> None:
         return with_color(frame, place, (20.0, 3.0, 400.0))
 
     compare(frames_of(2.0, edit))
+
+
+@pytest.mark.parametrize("bright", [0, 3, 20])
+def test_light_of_one_frame_is_limited_alike_and_soon_invisible(bright: int) -> None:
+    spots = np.random.default_rng(4).random((18, 32)) < 0.1
+
+    def edit(index: int, frame: Frame) -> Frame:
+        if index != bright:
+            return frame
+        return replace(frame, color=np.where(spots[..., None], np.float32(100.0), frame.color))
+
+    compare(frames_of(2.0, edit), confirmed=False)
+    images = []
+    for frames in (frames_of(2.0, edit), frames_of(2.0)):
+        upscaler = Upscaler(taau(), display_size=DISPLAY, validate="off", skip="exact")
+        shown = [display_transform(upscaler.step(frame), 1.0) for frame in frames]
+        images.append(shown[-1])
+    assert np.abs(images[0] - images[1]).mean() < 0.006
 
 
 def test_a_change_opens_alike_and_restarts_alike() -> None:
