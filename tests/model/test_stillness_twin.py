@@ -154,7 +154,9 @@ def test_light_of_one_frame_is_limited_alike_and_soon_invisible(bright: int) -> 
     def edit(index: int, frame: Frame) -> Frame:
         if index != bright:
             return frame
-        return replace(frame, color=np.where(spots[..., None], np.float32(100.0), frame.color))
+        color = np.array(frame.color)
+        color[spots] = 100.0
+        return replace(frame, color=color)
 
     compare(frames_of(2.0, edit), confirmed=False)
     images = []
