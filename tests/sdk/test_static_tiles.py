@@ -342,3 +342,28 @@ def test_a_tile_that_moved_is_compared_with_its_last_frame_without_motion() -> N
     for sums in (still, np.array([[7, MOVING]]), still):
         tiles = tiles.after((0.0, 0.0), reader(sums))
     assert tiles.same.all()
+
+
+def test_where_few_tiles_are_the_same_reuse_is_given_up_after_two_periods_until_many_are() -> None:
+    """One tile of four is the same in each period, the others change; then three are the same."""
+    tiles, period, worthwhile = StaticTiles.empty((4 * RENDER_TILE, RENDER_TILE)), 5, []
+    for k in range(8 * period):
+        sums = np.full((1, 4), 1 + k % period)
+        sums[0, 1 if k < 5 * period else 3 :] = 1000 + k
+        tiles = tiles.after((0.01 * (k % period), 0.0), reader(sums))
+        worthwhile.append(tiles.worthwhile)
+    given_up, resumed = (
+        worthwhile.index(False),
+        7 * period,
+    )  # what changed for long is compared a period later
+    assert 2 * period <= given_up <= 2 * period + HOLD_FRAMES + 1
+    assert not any(worthwhile[given_up:resumed])
+    assert all(worthwhile[resumed:])
+
+
+def test_a_camera_that_stops_is_worth_looking_at_in_its_first_frame() -> None:
+    tiles, moving = StaticTiles.empty((4 * RENDER_TILE, RENDER_TILE)), np.full((1, 4), MOVING, np.uint64)
+    for k in range(200):
+        tiles = tiles.after((0.01 * (k % 5), 0.0), lambda _, __: moving)
+    assert not tiles.worthwhile
+    assert tiles.after((0.0, 0.0), lambda wanted, _: wanted + np.uint64(7)).worthwhile

@@ -33,6 +33,8 @@ LOOK_FRAMES = 8
 HOLD_FRAMES = 2
 """Frames for which a tile that stood still for a whole period may change, and be taken as undisturbed if it
 then is as before: fireflies, NaN."""
+LEAST_SHARE = 1.0 / 3.0
+"""Share of tiles that need not be computed, below which leaving them out saves no time."""
 _PATIENCE = 2 * PHASES
 """Frames with changes after which a tile is compared as a whole only where its rows agree."""
 _MAX_FRAMES = 1 << 53
@@ -72,6 +74,7 @@ class StaticTiles:
         matched: consecutive frames in which it was the same.
         confirmed: tiles that were the same for as many frames as there are phases, and since then have only
             moved, been held or been the same.
+        rarely_same: consecutive frames in which tiles stood still, but fewer than LEAST_SHARE were the same.
     """
 
     render: Size
@@ -85,6 +88,7 @@ class StaticTiles:
     changes: Int32
     matched: Int32
     confirmed: Bool
+    rarely_same: int = 0
 
     @classmethod
     def empty(cls, render: Size) -> "StaticTiles":
@@ -105,7 +109,8 @@ class StaticTiles:
         period = self.frames - before.frame
         if self._likely_changes(period) or (self.moving.all() and self._likely_moves(read)):
             phases = self._phases_with(jitter, before._replace(frame=self.frames))
-            return replace(self, frames=self.frames + 1, phases=phases, period=period)
+            rarely = 0 if _mostly(self.moving) else self.rarely_same + 1
+            return replace(self, frames=self.frames + 1, phases=phases, period=period, rarely_same=rarely)
         as_before = self.same & (before.tiles != MOVING)  # likely: read at once as a whole
         if as_before.any():
             as_before &= read(as_before, 1) == before.tiles
@@ -133,16 +138,18 @@ class StaticTiles:
         return StaticTiles(
             self.render, self.frames + 1, phases, period, moving, same, held, differs & ~held,
             changes.astype(np.int32), matched.astype(np.int32), confirmed,
+            0 if same.mean() >= LEAST_SHARE or _mostly(moving) else self.rarely_same + 1,
         )  # fmt: skip
 
     @property
-    def undisturbed(self) -> float:
-        """Fraction of the tiles that do not move, and have not changed in each frame for over a period.
+    def worthwhile(self) -> bool:
+        """Whether enough tiles may be static to save time: few move, and many were the same in two periods.
 
-        A change of light, too, makes frames differ from those before for a period.
+        A scene that has just come to rest, or changed its light, is compared for one period until it is.
         """
-        disturbed = self.moving | (self.changed & (self.changes > self.period + HOLD_FRAMES))
-        return 1.0 - np.count_nonzero(disturbed) / disturbed.size
+        if _mostly(self.moving):
+            return False
+        return self.rarely_same <= (2 * self.period + HOLD_FRAMES if self.period else _PATIENCE)
 
     def _likely_changes(self, period: int) -> bool:
         """Whether all tiles have changed for two periods, and this frame is none of those looked at.
@@ -210,11 +217,28 @@ class StaticTiles:
         jitters = [(float(x), float(y)) for x, y in arrays["static.jitter"]]
         sums = zip(numbers, arrays["static.phase_rows"], arrays["static.phase_tiles"], strict=True)
         phases = [Phase(int(number), rows.copy(), tiles.copy()) for number, rows, tiles in sums]
-        counts = (arrays[f"static.{name}"].copy() for name in ("changes", "matched", "confirmed"))
+        changes, matched, confirmed = (
+            arrays[f"static.{name}"].copy() for name in ("changes", "matched", "confirmed")
+        )
         none = empty.same
         return cls(
-            render, frames, dict(zip(jitters, phases, strict=True)), 0, none, none, none, none, *counts
+            render,
+            frames,
+            dict(zip(jitters, phases, strict=True)),
+            0,
+            none,
+            none,
+            none,
+            none,
+            changes,
+            matched,
+            confirmed,
         )
+
+
+def _mostly(mask: Bool) -> bool:
+    """Whether all but less than LEAST_SHARE of the tiles are in a mask."""
+    return bool(np.count_nonzero(mask) > (1.0 - LEAST_SHARE) * mask.size)
 
 
 def static_tile_specs(render: Size) -> dict[str, ArraySpec]:

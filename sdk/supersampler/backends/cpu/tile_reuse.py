@@ -12,12 +12,11 @@ from supersampler.backends.cpu.kernel_loader import Call
 from supersampler.backends.cpu.layout import LANES, PAD, RENDER_TILE, STATIC_TILE, SUM_VALUES, TILE
 from supersampler.backends.cpu.memory import address, aligned
 from supersampler.backends.cpu.noisy_tile_reuse import NoisyTileReuse
-from supersampler.backends.cpu.static_tiles import Jitter, StaticTiles, Sums
+from supersampler.backends.cpu.static_tiles import LEAST_SHARE, Jitter, StaticTiles, Sums
 from supersampler.backends.cpu.static_weights import LEAST_SAMPLES, StaticAxis, StaticWeights
 from supersampler.backends.cpu.structs import AddedSamples, AxisSamples, FrameInputs, MeanErrors, pack
 from supersampler.backends.cpu.threads import Rect, ThreadPool
 from supersampler.backends.cpu.tile_state import (
-    LEAST_SHARE,
     MOVING,
     RESTING,
     SETTLING,

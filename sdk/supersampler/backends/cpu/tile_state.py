@@ -30,9 +30,6 @@ TILE_RECORD = np.dtype(
         ("motionless", np.bool_),
     ]
 )
-LEAST_SHARE = 1.0 / 3.0
-"""Share of tiles that need not be computed, below which leaving them out saves no time. Nothing is kept where
-fewer tiles of two frames stand still."""
 FADE_FRAMES = 16
 """Frames in which a tile fades to a mean of samples that a whole period has confirmed; else the fade takes a
 period, in which each frame confirms one phase."""
@@ -128,7 +125,7 @@ class TileState:
         before, self.static_tiles = previous.static_tiles, tiles
         weights = weights_after(previous.weights, jitter, tiles, self.display, tiles.render)
         self.weights = weights
-        if max(tiles.undisturbed, 1.0 if before is None else before.undisturbed) < LEAST_SHARE:
+        if not (tiles.worthwhile or before is None or before.worthwhile):
             self.records["failed"] = self._reading(tiles, tiles.changed)
             return
         self.active, records = True, previous.records.copy()
