@@ -14,7 +14,8 @@ from supersampler.backends.cpu.static_tiles import PHASES
 from supersampler.state import STATE_VERSION, State
 
 STILL = (
-    "static.frames", "static.jitter", "static.phase_frames", "static.phase_rows", "static.phase_tiles",
+    "static.frames", "static.rarely_same", "static.jitter", "static.phase_frames", "static.phase_rows",
+    "static.phase_tiles",
     "static.changes", "static.matched", "static.confirmed", "static.states", "static.fades",
     "static.matched_reads", "static.phases", "static.failed", "static.motionless", "static.sequence",
     "static.sums",

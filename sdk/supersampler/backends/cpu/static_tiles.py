@@ -184,6 +184,7 @@ class StaticTiles:
         phases = self.phases.values()
         return {
             "static.frames": np.array(self.frames, np.int64),
+            "static.rarely_same": np.array(self.rarely_same, np.int64),
             "static.jitter": np.array(list(self.phases), np.float64),
             "static.phase_frames": np.array([phase.frame for phase in phases], np.int64),
             "static.phase_rows": np.stack([phase.rows for phase in phases]),
@@ -222,18 +223,9 @@ class StaticTiles:
         )
         none = empty.same
         return cls(
-            render,
-            frames,
-            dict(zip(jitters, phases, strict=True)),
-            0,
-            none,
-            none,
-            none,
-            none,
-            changes,
-            matched,
-            confirmed,
-        )
+            render, frames, dict(zip(jitters, phases, strict=True)), 0, none, none, none, none, changes,
+            matched, confirmed, int(arrays["static.rarely_same"]),
+        )  # fmt: skip
 
 
 def _mostly(mask: Bool) -> bool:
@@ -247,6 +239,7 @@ def static_tile_specs(render: Size) -> dict[str, ArraySpec]:
     count = 0, 1 << 30
     return {
         "static.frames": ArraySpec("int64", (), (1, _MAX_FRAMES)),
+        "static.rarely_same": ArraySpec("int64", (), (0, _MAX_FRAMES)),
         "static.jitter": ArraySpec("float64", ("phases", 2), (-0.5, 0.5)),
         "static.phase_frames": ArraySpec("int64", ("phases",), (0, _MAX_FRAMES)),
         "static.phase_rows": ArraySpec("uint64", ("phases", *tiles)),
