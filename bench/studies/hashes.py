@@ -1,6 +1,6 @@
 """Check whether two versions compute the same images and histories, bit for bit, by their hashes.
 
-    python bench/studies/hashes.py --check bench/results/hashes.json     # also: make hashes
+    python bench/studies/hashes.py --check bench/results/studies/hashes.json     # also: make hashes
     python bench/studies/hashes.py --json hashes.json
 
 Every shipped model steps through 24 frames at five sizes, or 48 where tiles are reused, in every way that it
