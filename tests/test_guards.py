@@ -30,7 +30,7 @@ PRODUCTS = {
 }  # fmt: skip
 """Multiply-adds a display pixel."""
 OPERATORS = {
-    "bilinear": 90, "bicubic": 260, "taa": 620, "taau": 1700, "classifier": 2330, "classifier-small": 2200,
+    "bilinear": 90, "bicubic": 260, "taa": 620, "taau": 1730, "classifier": 2355, "classifier-small": 2225,
     "gbuffer-small": 2150, "gbuffer-small-4x": 2150, "extrapolate": 1860, "guided-warp": 1250,
     "guided-flow": 2900,
 }  # fmt: skip
