@@ -40,11 +40,11 @@ from supersampler.frame import (
     checked_jitter,
 )
 from supersampler.history import AOVS, WORK, History, StepResult, check_histories, checked_history
+from supersampler.methods.convergence import converged_of
 from supersampler.methods.cpu_backends import cpu_executor
 from supersampler.methods.gbuffers import check_gbuffers
 from supersampler.methods.model_file import read_model_info, read_upscaling_info
 from supersampler.methods.model_info import ModelInfo
-from supersampler.methods.stillness import converged_of
 
 __all__ = ["TOLERANCE", "ExecutorName", "Model", "Precision", "Skip"]
 

@@ -12,7 +12,7 @@ from supersampler import Model, Upscaler, halton_jitter
 from supersampler.backends.onnx.session import frame_inputs
 from supersampler.errors import ArgumentError
 from supersampler.frame import Float32
-from supersampler.methods.stillness import STILLNESS
+from supersampler.methods.convergence import CONVERGENCE_HISTORY
 from supersampler_model.methods import LEARNED
 from supersampler_model.methods.base import Method
 from supersampler_model.methods.classifier.model import Classifier
@@ -121,7 +121,7 @@ def test_once_trained_extrapolated_frames_depend_on_base_colour(from_classifier:
 
 def test_the_method_on_extrapolated_frames_has_the_same_history_and_asks_for_one_input_more() -> None:
     assert UnshadedExtrapolate.history == Extrapolate.history
-    assert {**Extrapolate.history, **STILLNESS} == Classifier.history
+    assert {**Extrapolate.history, **CONVERGENCE_HISTORY} == Classifier.history
     assert set(UnshadedExtrapolate.inputs()) - set(Extrapolate.inputs()) == {"gbuffer_base_color"}
     assert UnshadedExtrapolate.spec.only_extrapolated
     assert UnshadedExtrapolate.name not in LEARNED

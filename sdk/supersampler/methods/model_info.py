@@ -8,9 +8,9 @@ from typing import Any
 from supersampler.conventions.ratios import only_ratio
 from supersampler.frame import Size
 from supersampler.methods.array_spec import ArraySpec, values_of
+from supersampler.methods.convergence import CONVERGENCE_HISTORY
 from supersampler.methods.gbuffers import GBUFFERS
 from supersampler.methods.spec import DISPLAY, HALF, PREVIOUS, RENDER, MapOf, Shape, sized
-from supersampler.methods.stillness import STILLNESS
 
 EXTRAPOLATED = "extrapolated"
 """Subfolder of a model's folder with the model for extrapolated frames."""
@@ -104,9 +104,9 @@ class ModelInfo:
 
     @property
     def converges(self) -> bool:
-        """Whether the image becomes the mean of its samples where nothing moves (`methods.stillness`)."""
+        """Whether the image becomes the mean of its samples where nothing moves (`methods.convergence`)."""
         tensors = {h.input.name: h.input.shape for h in self.history}
-        return all(tensors.get(f"history.{name}") == shape for name, shape in STILLNESS.items())
+        return all(tensors.get(f"history.{name}") == shape for name, shape in CONVERGENCE_HISTORY.items())
 
     @property
     def takes(self) -> list[TensorInfo]:

@@ -9,7 +9,7 @@ import numpy as np
 from supersampler.arguments import checked_choice
 from supersampler.errors import FrameWarning
 from supersampler.frame import Frame, Size
-from supersampler.methods.stillness import STILL_MOTION
+from supersampler.methods.convergence import MAX_STATIC_MOTION
 from supersampler.validation import mistakes
 from supersampler.validation.evidence import Evidence
 from supersampler.validation.gbuffers import gbuffer_mistakes
@@ -88,7 +88,7 @@ class FrameChecker:
         """Return the number of frames in a row, this one too, with one jitter in which nothing moved."""
         if self.validate != "warn" or not self._converges or frame.jitter != self._jitter:
             return 1
-        moves = np.abs(frame.motion[::_STRIDE, ::_STRIDE]) > STILL_MOTION
+        moves = np.abs(frame.motion[::_STRIDE, ::_STRIDE]) > MAX_STATIC_MOTION
         return 1 if moves.any() else self._held + 1
 
     def _report(self, found: Sequence[Mistake], reported: frozenset[str]) -> frozenset[str]:

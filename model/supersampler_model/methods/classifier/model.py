@@ -56,6 +56,7 @@ from supersampler_model.ops.color import (
     ycocg,
 )
 from supersampler_model.ops.compositing import composite
+from supersampler_model.ops.convergence import FrameSamples, settle
 from supersampler_model.ops.motion import (
     Reprojection,
     dilate_motion_2x2,
@@ -86,7 +87,6 @@ from supersampler_model.ops.sampling import (
     weighed,
 )
 from supersampler_model.ops.size import display_size_of, render_size_of
-from supersampler_model.ops.stillness import FrameSamples, settle
 
 TONED = 1.0 - 1e-4  # maximum of a toned colour
 SHARPEST = 2.0  # maximum factor of the detail that is added

@@ -42,6 +42,7 @@ from supersampler_model.ops.color import (
     without_glare,
     ycocg,
 )
+from supersampler_model.ops.convergence import FrameSamples, settle
 from supersampler_model.ops.motion import (
     Reprojection,
     dilate_motion_2x2,
@@ -71,7 +72,6 @@ from supersampler_model.ops.sampling import (
     upsample,
 )
 from supersampler_model.ops.size import Size, display_size_of, render_size_of
-from supersampler_model.ops.stillness import FrameSamples, settle
 
 MIN_CHANGE = 0.004  # of toned luma: one step of an 8-bit image
 MIN_SAMPLES = 1e-3  # with fewer samples the history is not used

@@ -30,21 +30,21 @@ from supersampler.backends.cpu.tiles import (
     tiles_reading,
 )
 from supersampler.frame import Float32, Size
-from supersampler.methods.stillness import SIGMA
+from supersampler.methods.convergence import SIGMA
 
-_KERNELS = "backends.cpu.kernels.convergence"
+_KERNELS = "backends.cpu.kernels"
 CONVERGENCE_KERNELS = (
-    f"{_KERNELS}.find_still",
-    f"{_KERNELS}.prepare_still",
-    f"{_KERNELS}.measure_residuals",
-    f"{_KERNELS}.widen_openings",
-    f"{_KERNELS}.add_samples",
+    f"{_KERNELS}.convergence.find_still",
+    f"{_KERNELS}.convergence.prepare_still",
+    f"{_KERNELS}.residuals.measure_residuals",
+    f"{_KERNELS}.residuals.widen_openings",
+    f"{_KERNELS}.convergence.add_samples",
 )
 CONVERGENCE_PLANES = {"still": Plane(("still",), 4), "opening": Plane(("opening",), 4)}
 """The history of the mean, for a `HistoryLayout`."""
 MEAN_FILTER = Filter(lambda distance: gaussian(SIGMA)(distance) * linear(distance), True)
 """Weight of a sample in the mean, of which all but the two samples around a pixel are 0."""
-_RING = 28  # lines of scratch: see `kernels.convergence.measure_residuals`
+_RING = 28  # lines of scratch: see `kernels.residuals.measure_residuals`
 
 
 class ConvergingFrame(ResampledFrame):

@@ -26,7 +26,7 @@ from supersampler.backends.cpu.tile_state import (
 from supersampler.backends.cpu.tiles import Bool, Tiles, runs_of, scaled, static_tiles_in, tiles_with
 from supersampler.conventions.jitter import jitter_phase_count
 from supersampler.frame import Float32, Size
-from supersampler.methods.stillness import LEARNED, MARGIN, UNBOUNDED
+from supersampler.methods.convergence import LEARNED, MARGIN, UNBOUNDED
 
 _KERNELS = "backends.cpu.kernels"
 TILE_REUSE_KERNELS = (

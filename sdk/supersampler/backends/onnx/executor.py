@@ -15,8 +15,8 @@ from supersampler.backends.onnx.runtime import ort
 from supersampler.backends.onnx.session import frame_inputs, open_session, running, session_options
 from supersampler.backends.onnx.tensors import check_tensor, render_size_of
 from supersampler.frame import Float32, Frame, Size
+from supersampler.methods.convergence import without_samples
 from supersampler.methods.model_info import ModelInfo
-from supersampler.methods.stillness import without_samples
 
 Tensors = dict[str, ort.OrtValue]
 

@@ -3,8 +3,8 @@
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
+from supersampler.methods.convergence import CONVERGED, CONVERGENCE_HISTORY
 from supersampler.methods.spec import DISPLAY, HALF, PREVIOUS, MapOf, MethodSpec, Number, Sigma
-from supersampler.methods.stillness import CONVERGED, STILLNESS
 
 CLASSES = 6
 """Of a pixel. Ghosting: none, visibility, shading; aliasing: none, geometry, texture."""
@@ -174,7 +174,7 @@ BASE = MethodSpec(
 """What all methods with a classifier have."""
 CLASSIFIER = replace(
     BASE,
-    history={**BASE.history, **STILLNESS},
+    history={**BASE.history, **CONVERGENCE_HISTORY},
     aux_outputs=(*BASE.aux_outputs, "converged"),
     maps={**BASE.maps, **CONVERGED},
 )

@@ -30,7 +30,7 @@ from supersampler.backends.cpu.simd.vector import (
     sum_of_lanes,
 )
 from supersampler.backends.cpu.structs import Floats, FrameInputs, FrameSamples
-from supersampler.methods.stillness import STILL_MOTION
+from supersampler.methods.convergence import MAX_STATIC_MOTION
 
 DARKEST = 1e-4
 MAX_MOTION, FARTHEST_MOTION = 3e38, 1e6
@@ -98,7 +98,7 @@ def prepare(frame: FrameInputs, samples: FrameSamples, y0: int, y1: int):
             store(samples.motion_y, to, my)
             slowest = minimum(slowest, mx * mx + my * my)
         samples.glares[y] = 0.0 if all_lanes(brightest <= GLARING) else 1.0
-        samples.still_rows[y] = 0.0 if all_lanes(slowest > STILL_MOTION * STILL_MOTION) else 1.0
+        samples.still_rows[y] = 0.0 if all_lanes(slowest > MAX_STATIC_MOTION * MAX_STATIC_MOTION) else 1.0
         for c in range(SAMPLE_PLANES):
             repeat_ends(colors, (SAMPLE_PLANES * y + c) * padded_width + PAD, w)
         for plane in (samples.depth, samples.motion_x, samples.motion_y):

@@ -10,7 +10,7 @@ from supersampler.backends.cpu.layout import LANES, STATIC_TILE, SUM_VALUES
 from supersampler.backends.cpu.simd.device_function import device_function
 from supersampler.backends.cpu.simd.vector import load16, spread16, store
 from supersampler.backends.cpu.structs import AddedSamples, Floats, MeanErrors
-from supersampler.methods.stillness import PERIOD
+from supersampler.methods.convergence import PERIOD
 
 KEEP, ADD = 1, 2
 """Modes of a tile: its sums go on from those before, not from 0; the frame's samples are added."""

@@ -1,4 +1,4 @@
-"""Facts of the convergence of what stands still, in all methods that have it (ops/stillness.py of the model).
+"""History tensors and constants of the convergence of static pixels (ops/convergence.py of the model).
 
 Weights are sums of those of samples in the mean: one period of `jitter_phase_count` frames adds about 3.75 at
 any ratio, eight samples per display pixel.
@@ -11,15 +11,13 @@ import numpy as np
 from supersampler.frame import Float32
 from supersampler.methods.spec import DISPLAY, PREVIOUS, MapOf, Shape
 
-STILLNESS: Mapping[str, Shape] = {
-    "still": (1, 4, *DISPLAY),  # mean linear RGB; sum of its weights, negative after a frame that opened it
-    "opening": (
-        1,
-        3,
-        *PREVIOUS,
-    ),  # least and largest residual; samples per display pixel they were learned of
+CONVERGENCE_HISTORY: Mapping[str, Shape] = {
+    "still": (1, 4, *DISPLAY),
+    "opening": (1, 3, *PREVIOUS),
 }
-"""History tensors."""
+"""`still`: mean of the samples, linear RGB, and the sum of their weights, negative after a frame that opened
+the pixel. `opening`: least and largest residual, and the samples per display pixel from which they were
+learned."""
 CONVERGED: Mapping[str, MapOf] = {"converged": MapOf("converged", 0, 1)}
 """The fraction of the mean in the image, an auxiliary output of shape (1, 1, *DISPLAY)."""
 SIGMA = 0.4
@@ -28,8 +26,8 @@ FIREFLY = 2.0
 """Largest ratio of an exposed sample to its brightest neighbour plus white."""
 BRIGHTENING = 8.0
 """Exposed samples in a mean are at most white plus BRIGHTENING times the mean."""
-STILL_MOTION = 1.0 / 256.0
-"""Render pixels; longer motion moves."""
+MAX_STATIC_MOTION = 1.0 / 256.0
+"""Longest motion of a static sample, render pixels."""
 PERIOD = 3.75
 """Weight of a jitter period in the mean. After two periods the first makes up 58 % of the mean, 1 / sqrt(3),
 and the second 42 %, so that parts of a later period change it less. After a frame that opened a pixel, the

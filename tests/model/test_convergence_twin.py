@@ -1,4 +1,4 @@
-"""The CPU kernels of convergence compute what `supersampler_model.ops.stillness` computes."""
+"""The CPU kernels of convergence compute what `supersampler_model.ops.convergence` computes."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -13,8 +13,8 @@ from supersampler import Frame, Model, Upscaler, halton_jitter
 from supersampler.frame import Float32
 from supersampler.io.display import display_transform
 from supersampler_model.data.scenes.still_life import still_scene, still_scene_with_mover
+from supersampler_model.ops.convergence import FrameSamples, Settled, settle
 from supersampler_model.ops.motion import usable_motion
-from supersampler_model.ops.stillness import FrameSamples, Settled, settle
 
 Edit = Callable[[int, Frame], Frame]
 FRAMES = 36

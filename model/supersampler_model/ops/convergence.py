@@ -27,18 +27,18 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from supersampler.methods.stillness import (
+from supersampler.methods.convergence import (
     BRIGHTENING,
     FIREFLY,
     LEARNED,
     MARGIN,
     MARGIN_LEARNING,
+    MAX_STATIC_MOTION,
     MOST_LEARNING,
     PERIOD,
     READY,
     SIGMA,
     SPREADS,
-    STILL_MOTION,
     UNBOUNDED,
 )
 from supersampler_model.ops.color import bounded, glaring, largest, luminance, sanitize, valid
@@ -96,7 +96,7 @@ def settle(image: Tensor, frame: FrameSamples, history_still: Tensor, history_op
     color, usable = sanitize(frame.color, 0.0), valid(frame.color)
     usable = usable * (1.0 - glaring(color * frame.exposure, usable))
     color = without_fireflies(color * usable, frame.exposure)
-    moving = (squared_length(usable_motion(frame.motion)) > STILL_MOTION * STILL_MOTION).float()
+    moving = (squared_length(usable_motion(frame.motion)) > MAX_STATIC_MOTION * MAX_STATIC_MOTION).float()
     opening, opens = measure_residuals(frame, color, usable, moving, history_still, history_opening)
 
     quad = neighbours_2x2(moving)

@@ -13,7 +13,7 @@ from supersampler import Frame, halton_jitter
 from supersampler.conventions import jitter_phase_count
 from supersampler.frame import Float32, Size
 from supersampler.io.display import decibels, display_transform
-from supersampler.methods.stillness import PERIOD, STILL_MOTION
+from supersampler.methods.convergence import MAX_STATIC_MOTION, PERIOD
 from supersampler_export.cli import load_method
 from supersampler_model.data.scenes.analytic import DiscOverPlane, Plane, Scene
 from supersampler_model.data.scenes.still_life import still_life, still_scene
@@ -181,7 +181,7 @@ def test_the_still_part_beside_a_mover_converges_as_well(name: str) -> None:
 @pytest.mark.parametrize("name", METHODS)
 def test_what_moves_is_the_methods_own_image_bit_for_bit(name: str) -> None:
     steps = Steps(method_of(name))
-    for frame in frames(6, scene=Plane(magnified, (2.0 * STILL_MOTION, 0.0))):
+    for frame in frames(6, scene=Plane(magnified, (2.0 * MAX_STATIC_MOTION, 0.0))):
         np.testing.assert_array_equal(steps.step(frame), steps.own)
         assert not steps.converged.any()
 
