@@ -2,7 +2,7 @@
 # make test   all tests
 # make check  style and types
 # make docs   the documentation as a site, out/site; a broken link or an undocumented public name fails
-# make hashes compare every image of every method with bench/results/today/hashes.json, bit for bit
+# make hashes compare every image of every method with bench/results/studies/hashes.json, bit for bit
 # make fuzz   what is tested by chance, at length: SUPERSAMPLER_FUZZ cases of each kind of file and argument
 # make mutation   changes of one place that no test notices: MUTATIONS=300 of them, MINUTES=60 at most, SEED=0
 # make test-integrations   `supersampler blender` with a real Blender, PyVista, Panda3D, Mitsuba: each where it can be had
@@ -65,7 +65,7 @@ mitsuba: $(DEVELOPMENT)
 	.venv-mitsuba/bin/pytest -q -rs tests/integrations/test_mitsuba.py
 
 hashes: $(DEVELOPMENT)
-	.venv-dev/bin/python bench/studies/hashes.py --check bench/results/today/hashes.json
+	.venv-dev/bin/python bench/studies/hashes.py --check bench/results/studies/hashes.json
 
 fuzz: $(DEVELOPMENT)
 	SUPERSAMPLER_FUZZ=$${SUPERSAMPLER_FUZZ:-2000} SUPERSAMPLER_INTERRUPTS=1500 SUPERSAMPLER_MODELS=3000 \

@@ -16,10 +16,11 @@ from supersampler.methods.gbuffers import GBUFFERS, grouped
 from supersampler.methods.model_file import find_model
 from supersampler.methods.spec import DISPLAY, MethodSpec
 from supersampler_export.folder import write_model_folder
-from supersampler_model.methods.base import Method, render_size_of
-from supersampler_model.methods.base import Size as Extent
+from supersampler_model.methods.base import Method
 from supersampler_model.ops.color import bounded, sanitize
 from supersampler_model.ops.sampling import grid_of, linear, resample, taps
+from supersampler_model.ops.size import Size as Extent
+from supersampler_model.ops.size import render_size_of
 
 RATIO = 2
 WANTED = ("gbuffer_base_color", "gbuffer_display_base_color", "gbuffer_display_normal")

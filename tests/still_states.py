@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 
 from noise import noise
-from supersampler import Frame, Model, Upscaler
+from supersampler import Frame, Model, Upscaler, halton_jitter
 from supersampler.state import State
 
 RENDER, DISPLAY = (40, 24), (80, 48)
-FRAMES = 35  # enough for a second look at tiles that have not changed
+FRAMES = 40  # a period of jitter, and some in which tiles settle
 
 
 @lru_cache
@@ -24,11 +24,11 @@ def upscaler(method: str = "taau", executor: str = "cpu") -> Upscaler:
 
 
 def frame(index: int, **overrides: Any) -> Frame:
-    """A frame of a scene that stands still, with a jitter of period one; beyond FRAMES it moves."""
+    """A frame of a scene that stands still; beyond FRAMES it moves."""
     w, h = RENDER
     gbuffer = {"base_color": np.full((h, w, 3), 0.5, np.float32), "normal": np.zeros((h, w, 3), np.float32)}
     fields: dict[str, Any] = {
-        "jitter": (0.25, -0.25),
+        "jitter": halton_jitter(index, 2.0),
         "exposure": 1.0,
         "reset": index == 0,
         "gbuffer": gbuffer,
@@ -40,7 +40,7 @@ def frame(index: int, **overrides: Any) -> Frame:
 
 @lru_cache
 def still_state(method: str = "taau", executor: str = "cpu") -> State:
-    """The state after FRAMES frames; with `still.looks` where kernels ran."""
+    """The state after FRAMES frames; with `static.sums` where kernels ran."""
     made = upscaler(method, executor)
     for index in range(FRAMES):
         made.step(frame(index))

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from OpenImageIO import ImageBuf
 
 from supersampler import Shot, Upscaler, halton_jitter
+from supersampler.conventions import jitter_phase_count
 from supersampler.io.display import display_transform
 from supersampler.io.shot import ShotWriter
 from supersampler_model.data.dataset import Description, SequenceEntry, create_dataset, render_sequence
@@ -50,6 +51,18 @@ def test_bare_onnx_runtime_computes_the_images_of_upscaler(tmp_path: Path) -> No
     for item in shot:
         image = np.load(out / f"{item.index:04d}.npy")
         np.testing.assert_array_equal(image, upscaler.step(item.frame))
+
+
+def test_the_viewer_stops_rendering_once_the_image_has_converged(tmp_path: Path) -> None:
+    image = tmp_path / "at_rest.png"
+    command = [sys.executable, str(EXAMPLES / "viewer_at_rest.py"), "--model", "taau", "-o", str(image)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
+    found = re.search(r"converged, (\d+) frames after .*\nrendered (\d+) of 208 frames", done.stdout)
+    assert found is not None, done.stdout
+    standing, rendered = map(int, found.groups())
+    assert standing <= 3 * jitter_phase_count(2.0)
+    assert rendered == 24 + standing + 24  # it pans, stands still, pans again
+    assert read_png(image).shape == (180, 320, 3)
 
 
 def live(*arguments: str, **environment: str) -> "subprocess.CompletedProcess[str]":

@@ -5,11 +5,11 @@ from dataclasses import replace
 from typing import Any
 
 from supersampler.methods.gbuffer.spec import SMALL_NETWORK, GBufferConfig
-from supersampler_model.methods.base import render_size_of
 from supersampler_model.methods.gbuffer.buffers import FrameInputs, Gathered, History, Surfaces
 from supersampler_model.methods.gbuffer.model import SmallGBuffer4
 from supersampler_model.methods.gbuffer.surfaces import neutral_surfaces
 from supersampler_model.ops.sampling import pick
+from supersampler_model.ops.size import render_size_of
 from supersampler_model.training.gbuffer_task import GBufferTask, GBufferWeights
 from supersampler_model.training.task import Task
 

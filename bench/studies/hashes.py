@@ -1,10 +1,11 @@
 """Check whether two versions compute the same images and histories, bit for bit, by their hashes.
 
-    python bench/studies/hashes.py --check bench/results/today/hashes.json     # also: make hashes
+    python bench/studies/hashes.py --check bench/results/studies/hashes.json     # also: make hashes
     python bench/studies/hashes.py --json hashes.json
 
-Every shipped model steps through 24 frames at five sizes, in every way that it runs on a CPU. Hashes depend
-on the processor's instructions, on ONNX Runtime and on numba, so compare records of one machine.
+Every shipped model steps through 24 frames at five sizes, or 48 where tiles are reused, in every way that it
+runs on a CPU. Hashes depend on the processor's instructions, on ONNX Runtime and on numba, so compare records of
+one machine.
 
 A record also has sketches, which estimate how far images are apart although no image is kept. A sketch is the
 sum of an image's values with random signs: the squared difference of two sketches is on average the squared
@@ -32,8 +33,8 @@ from supersampler_bench.cli.options import JSON, counted, listed, publish, say, 
 from supersampler_bench.record import Record, machine_name, read_record, setting
 from supersampler_bench.timing.speed import frames_of
 
-FRAMES = 24
-"""Frames of a run."""
+FRAMES, STILL_FRAMES = 24, 48
+"""Frames of a run; of one with static-tile reuse."""
 SIZES: tuple[tuple[Size, Size], ...] = (
     ((64, 36), (128, 72)),
     ((53, 31), (106, 62)),
@@ -52,6 +53,8 @@ RUNS: tuple[tuple[ExecutorName, Precision, Skip], ...] = (
     ("cpu", "auto", "exact"),
     ("cpu", "auto", "auto"),
 )
+PHASES = 16
+"""Frames of the scene for static-tile reuse, which repeat: enough samples for tiles to settle."""
 THREADS = 2
 _SKETCHES = 8  # sketches of a run
 
@@ -131,7 +134,7 @@ def measure_hashes(
     *,
     on_run: Callable[[], None] = lambda: None,
 ) -> list[Hashed]:
-    """Step each subject through `FRAMES` frames at each size.
+    """Step each subject through the frames of `scene` at each size.
 
     Args:
         measured: models and how they run.
@@ -151,13 +154,14 @@ def measure_hashes(
 def _hashed(subject: Subject, render: Size, display: Size) -> Hashed:
     upscaler = _upscaler(subject, display)
     frames, sketches = [], np.zeros(_SKETCHES)
-    for index, frame in enumerate(scene(render, display, subject.skip)):
+    run = scene(render, display, subject.skip)
+    for index, frame in enumerate(run):
         unshaded = subject.extrapolation is not None and index % 2 == 1
         image = upscaler.extrapolate(replace(frame, color=None)) if unshaded else upscaler.step(frame)
         frames.append(_sha256(image))
         values = image.ravel().astype(np.float64)
-        sketches += _signs(FRAMES)[:, index] * (_signs(values.size) @ (values / (1.0 + values)))
-    sketches /= np.sqrt(FRAMES * values.size)
+        sketches += _signs(len(run))[:, index] * (_signs(values.size) @ (values / (1.0 + values)))
+    sketches /= np.sqrt(len(run) * values.size)
     history = upscaler.save_state().history or {}
     tensors = {name: _sha256(history[name]) for name in sorted(history) if name.startswith("history.")}
     return Hashed(subject, render, display, frames, tensors, [float(f"{s:.12g}") for s in sketches])
@@ -178,14 +182,14 @@ def _model(method: str, executor: ExecutorName, precision: Precision) -> Model:
 
 @lru_cache(maxsize=8)
 def scene(render: Size, display: Size, skip: Skip = "exact") -> list[Frame]:
-    """Return `FRAMES` frames with all G-buffers: of the shipped shot, or for static-tile reuse.
+    """Return `FRAMES` frames of the shipped shot with all G-buffers; `STILL_FRAMES` for static-tile reuse.
 
-    For static-tile reuse (`skip` other than "exact") two frames alternate, with little contrast so that
-    images soon converge; only one corner changes from frame to frame.
+    For static-tile reuse (`skip` other than "exact") PHASES frames of it repeat, with little contrast so that
+    tiles soon settle; only one corner changes from frame to frame.
     """
     shot = frames_of(render, 0, FRAMES)
     if skip != "exact":
-        shot = [_still(shot[index % 2], index) for index in range(FRAMES)]
+        shot = [_still(shot[index % PHASES], index) for index in range(STILL_FRAMES)]
     exposures = (None if render == MEASURED_EXPOSURE else frame.exposure for frame in shot)
     shaded = (replace(frame, exposure=exposure) for frame, exposure in zip(shot, exposures, strict=True))
     return [_with_gbuffers(frame, display) for frame in shaded]
@@ -284,10 +288,12 @@ def differences(before: Record, after: Record, *, partly: bool = False) -> Itera
         partly: whether runs may be missing in `after`.
     """
     new = {result.name: result for result in hashed_of(after)}
-    for kind, digest in before["inputs"].items():
-        if after["inputs"].get(kind, digest) != digest:
-            yield f"{kind}: the input frames differ, so images cannot be the same"
+    inputs = before["inputs"]
+    changed = [kind for kind, digest in inputs.items() if after["inputs"].get(kind, digest) != digest]
+    yield from (f"{kind}: the input frames differ, so images are not compared" for kind in changed)
     for old in hashed_of(before):
+        if f"{_sizes(old.render, old.display)}, skip {old.subject.skip}" in changed:
+            continue
         if old.name in new:
             yield from _difference(old, new[old.name])
         elif not partly:

@@ -38,11 +38,11 @@ from supersampler_bench.quality.score_record import quality_record, shot_scores
 from supersampler_bench.quality.score_table import Rows, tables_of
 from supersampler_bench.quality.score_table import markdown_table as score_table
 from supersampler_bench.record import Record
-from supersampler_model.methods import base as method
 from supersampler_model.methods.classifier.buffers import History
 from supersampler_model.methods.classifier.model import Classifier
 from supersampler_model.ops.color import bounded, inverse_tone, tone
 from supersampler_model.ops.sampling import View
+from supersampler_model.ops.size import Size as Extent
 
 
 class Oracle:
@@ -53,16 +53,18 @@ class Oracle:
     """
 
     def __init__(self, display_size: Size) -> None:
-        self._display = method.Size(*display_size)
+        self._display = Extent(*display_size)
         self._method = Classifier().eval()  # for its gather stage; nothing learned is asked
         self._previous: tuple[History, View] | None = None
 
     def step(self, item: ShotFrame) -> Float32:
         """Return the best image (H, W, 3), linear RGB; where there is no reference, the warped history."""
-        frame, render = item.frame, method.Size(*item.frame.size)
+        frame, render = item.frame, Extent(*item.frame.size)
         now = View(self._display, render, torch.tensor([frame.jitter], dtype=torch.float32))
         if frame.reset or self._previous is None:
-            image, state, classes, surface, _, exposure = self._method.first_history(self._display, render)
+            image, state, classes, surface, _, exposure = self._method.first_history(self._display, render)[
+                :6
+            ]
             self._previous = History(image, state, classes, surface, exposure), now
         inputs = frame_inputs(frame, self._display, ("color", "depth", "motion"))
         color, depth, motion = (torch.from_numpy(planes) for planes in inputs.values())

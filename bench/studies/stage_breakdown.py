@@ -23,8 +23,8 @@ from supersampler_bench.cli.options import ERRORS, JSON, UPDATE, check_page, lis
 from supersampler_bench.record import Record, machine_name
 from supersampler_export.graph import example_arguments
 from supersampler_model.methods import LEARNED
-from supersampler_model.methods.base import Size as Extent
 from supersampler_model.methods.gbuffer.model import GBuffer
+from supersampler_model.ops.size import Size as Extent
 
 STAGES = {
     "gather": "samples, warps, masks",

@@ -22,8 +22,8 @@ from supersampler_bench.shots.rendered_frame import rendered_sequence
 from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.methods import LEARNED, METHODS
 from supersampler_model.methods.base import Method
-from supersampler_model.methods.base import Size as Extent
 from supersampler_model.methods.weights_file import load_trained, shipped_weights
+from supersampler_model.ops.size import Size as Extent
 
 SIZES: Sequence[tuple[Size, Size]] = (((160, 90), (320, 180)), ((107, 61), (160, 91)))
 """(render, display); the second is odd, at a ratio of 1.5."""

@@ -9,8 +9,8 @@ from torch import Tensor, nn
 
 from supersampler.backends.onnx.session import frame_inputs
 from supersampler.io.shot import Shot
-from supersampler_model.methods.base import Size
 from supersampler_model.methods.classifier.model import Classifier
+from supersampler_model.ops.size import Size
 
 SCALES, FRAMES = (1.5, 2.5), 10  # ratios that the shipped shot is stepped at, frames of each
 SHARE = 0.9999

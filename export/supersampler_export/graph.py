@@ -28,7 +28,8 @@ from supersampler.methods.spec import (
     Shape,
     sized,
 )
-from supersampler_model.methods.base import Fused, Method, Size
+from supersampler_model.methods.base import Fused, Method
+from supersampler_model.ops.size import Size
 
 OPSET = 17
 """Last opset in which every provider implements GridSample alike (docs/contract.md)."""

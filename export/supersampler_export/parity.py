@@ -11,8 +11,9 @@ from supersampler.backends.onnx.runtime import ort
 from supersampler.conventions.ratios import only_ratio, scaled
 from supersampler.methods.gbuffers import GBUFFERS
 from supersampler_export.graph import ExportError, example_inputs, history_name, traced_sizes
-from supersampler_model.methods.base import Fused, Method, Size
+from supersampler_model.methods.base import Fused, Method
 from supersampler_model.ops.color import tone
+from supersampler_model.ops.size import Size
 
 Sizes = Sequence[tuple[Size, Size]]
 """Pairs of (render, display)."""

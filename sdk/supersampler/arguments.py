@@ -4,6 +4,7 @@
 `checked_...` return the value, converted, or raise ArgumentError.
 """
 
+import math
 import operator
 import os
 from collections.abc import Collection, Sequence
@@ -25,7 +26,10 @@ MAX_THREADS = 256
 TOLERANCE = 0.5 / 255.0
 """Tolerance of skip="auto": half a step of an 8-bit screen."""
 
-SkipName = Literal["auto", "exact"]
+ACCUMULATE = math.inf
+"""Tolerance of skip="accumulate": frames may differ as far as noise explains it."""
+
+SkipName = Literal["auto", "exact", "accumulate"]
 Skip = SkipName | float
 _Choice = TypeVar("_Choice")
 
@@ -146,7 +150,7 @@ def checked_path(name: str, path: str | Path) -> str | Path:
 
 
 def checked_skip(skip: Skip) -> Skip:
-    """Return "auto", "exact", or a tolerance in [0, 1]."""
+    """Return a SkipName, or a tolerance in [0, 1]."""
     words = get_args(SkipName)
     if isinstance(skip, str) and skip in words:
         return skip
@@ -161,7 +165,8 @@ def tolerance_of(skip: Skip, outputs: Collection[str]) -> float | None:
     """Return the tolerance of static-tile reuse; None where every pixel is to be computed."""
     if skip == "exact" or "aovs" in outputs:  # AOVs may change where no other input does
         return None
-    return TOLERANCE if skip == "auto" else float(skip)
+    named = {"auto": TOLERANCE, "accumulate": ACCUMULATE}
+    return named[skip] if isinstance(skip, str) else float(skip)
 
 
 def check_out(out: NDArray[np.float32], shape: tuple[int, ...], inputs: Collection[NDArray[Any]]) -> None:

@@ -28,6 +28,7 @@ LEGENDS: Mapping[str, Legend] = {
     "classes": Legend(colors=[f"rgb{color}" for color in CLASS_COLORS.values()], names=tuple(CLASS_COLORS)),
     "weight": false_color_legend("this frame", "history"),
     "count": false_color_legend("no sample", f"{MOST_SAMPLES:.0f}, by logarithm"),
+    "converged": false_color_legend("the method's image", "mean of the samples"),
     "work": false_color_legend("reused", "computed"),
 }
 """Legend of each layer, for `compare.About`."""
@@ -45,6 +46,8 @@ def aux_output_layers(result: StepResult) -> dict[str, Bytes]:
         layers["weight"] = false_color(result.weight)
     if result.count is not None:
         layers["count"] = false_color(np.log1p(result.count) / np.log1p(MOST_SAMPLES))
+    if result.converged is not None:
+        layers["converged"] = false_color(result.converged)
     if result.work is not None:
         height, width = result.image.shape[:2]
         pixels = np.kron(result.work, np.ones((TILE, TILE), np.float32))[:height, :width]

@@ -71,6 +71,8 @@ class StepResult:
             detail.
         weight: (H, W) float32 weight of the history in the image, [0, 1].
         count: (H, W) float32 number of samples that each pixel has accumulated.
+        converged: (H, W) float32 fraction of the mean of all samples since the pixel stands still, [0, 1]: 1
+            after about one period of the jitter, 0 where something moves or changed.
         work: (H / 32, W / 32) float32, sizes rounded up: fraction of a full step's work done in each tile of
             32x32 pixels, [0, 1].
     """
@@ -80,6 +82,7 @@ class StepResult:
     class_map: Float32 | None = None
     weight: Float32 | None = None
     count: Float32 | None = None
+    converged: Float32 | None = None
     work: Float32 | None = None
 
 
@@ -118,6 +121,9 @@ class Stats:
         work: work done, in full steps; static-tile reuse saved `frames - work`.
         full_frames: number of frames of which every pixel was computed.
         full_seconds: wall time of the steps on those frames.
+        converged: fraction of the image, in [0, 1], that hardly changes while the scene stands still, as of
+            the last frame. At 1 a viewer may stop rendering. With static-tile reuse the share of tiles that
+            rest; else the mean of `StepResult.converged`, or None where the method has no such map.
     """
 
     frames: int = 0
@@ -128,9 +134,15 @@ class Stats:
     work: float = 0.0
     full_frames: int = 0
     full_seconds: float = 0.0
+    converged: float | None = 0.0
 
     def after_step(
-        self, *, fresh: bool, work: float, seconds: float, extrapolation_seconds: float | None = None
+        self,
+        *,
+        fresh: bool,
+        work: float,
+        seconds: float,
+        extrapolation_seconds: float | None = None,
     ) -> "Stats":
         """Return the stats after one more step.
 

@@ -40,6 +40,7 @@ from supersampler.frame import (
     checked_jitter,
 )
 from supersampler.history import AOVS, WORK, History, StepResult, check_histories, checked_history
+from supersampler.methods.convergence import converged_of
 from supersampler.methods.cpu_backends import cpu_executor
 from supersampler.methods.gbuffers import check_gbuffers
 from supersampler.methods.model_file import read_model_info, read_upscaling_info
@@ -225,8 +226,12 @@ class Model:
         out: Float32 | None,
         history_out: History | None,
         skip: Skip,
+        shaded: bool = True,
     ) -> tuple[StepResult, History]:
-        """Run `run_outputs` without its checks of frame, outputs and histories; see `check`."""
+        """Run `run_outputs` without its checks of frame, outputs and histories; see `check`.
+
+        `shaded` is False if the frame's colour is extrapolated.
+        """
         tolerance, display_size = tolerance_of(checked_skip(skip), outputs), history.display_size
         image = aligned((*display_size[::-1], 3)) if out is None else out
         next_history = self._prepared(history_out, display_size, frame.size)
@@ -234,7 +239,14 @@ class Model:
         needed |= {"weight"} if "aovs" in outputs else set()
         computed = image if image.flags.c_contiguous else aligned(image.shape)
         aux_outputs = self._executor.step(
-            frame, display_size, history.buffers, next_history.buffers, computed, needed, tolerance=tolerance
+            frame,
+            display_size,
+            history.buffers,
+            next_history.buffers,
+            computed,
+            needed,
+            tolerance=tolerance,
+            shaded=shaded,
         )
         if computed is not image:
             np.copyto(image, computed)
@@ -306,6 +318,15 @@ class Model:
     def work(self, history: History) -> Float32:
         """Return `StepResult.work` for the step that returned this history."""
         return self._executor.work(history.buffers, history.display_size)
+
+    def converged(self, history: History | None) -> float | None:
+        """Return `Stats.converged` of the step that returned this history; None before the first frame."""
+        resting = None if history is None else self._executor.resting(history.buffers)
+        if resting is not None or not self.info.converges:
+            return resting
+        if history is None:
+            return 0.0
+        return float(converged_of(self._executor.tensor(history.buffers, "history.still")).mean())
 
     def load_history(
         self, display_size: Size, render_size: Size, arrays: Mapping[str, NDArray[Any]]

@@ -49,12 +49,13 @@ class Upscaler:
         providers: see `Model.load`; not with a `Model`.
         threads, precision, capture: see `Model.load`; not with a `Model`.
         executor: see `Model.load`; "auto" with a `Model`. "onnx" runs extrapolation in ONNX Runtime, too.
-        skip: tolerance of static-tile reuse. A tile keeps its pixels if it has no motion, each frame equals,
-            bit for bit, the frame one jitter period earlier, and its pixels changed by at most this tolerance
-            in that period: root mean square of display values, in [0, 1]. The tolerance grows to 4x in the
-            next period and 8x in later ones, because the remaining change is periodic. A frame of which all
-            tiles are reused is a copy. "auto" is half a step of an 8-bit image; "exact" computes every pixel,
-            as the ONNX backend always does.
+        skip: the tolerance of static-tile reuse. Where nothing moves and each frame is, bit for bit, what it
+            was one period of the jitter before, a tile is not computed: its image fades to the mean of the
+            samples of a period, and then is a copy. With a number, tiles settle before their period is whole
+            once the estimated error of the mean is at most this: root mean square of display values, in
+            [0, 1]. "auto" is half a step of an 8-bit image; "exact" computes every pixel by the method, as
+            the ONNX backend always does. "accumulate" is for path tracers: where nothing but noise changes,
+            the image becomes the mean of all samples since, without end.
         preset: "fast", "balanced" or "high" in place of `model`, `precision` and `skip`: Pareto-optimal
             settings of time and error (docs/pareto.md).
         extrapolation: model for `extrapolate`, which computes the colour of unshaded frames: "guided-warp",
@@ -100,13 +101,13 @@ class Upscaler:
         display_size = None if display_size is None else checked_size("display_size", display_size)
         self._scale = 1.0 if scale is None else checked_scale(scale)
         self._render_size = None if render_size is None else checked_size("render_size", render_size)
-        self._checker = FrameChecker(validate)
         record = None if record is None else checked_path("record", record)
         model, precision, self.skip = chosen(preset, model, precision, skip)
         self.model = loaded_model(model, providers, threads, executor, precision, capture=capture)
         if self._render_size is not None and display_size is None:
             display_size = display_size_of(self._render_size, self._scale)
         self._memory = Memory(display_size)
+        self._checker = FrameChecker(validate, converges=self.model.info.converges)
         self._extrapolator, self._on_extrapolated, infos = None, self.model, []
         if extrapolation is not None:
             device = self.model.providers, self.model.threads
@@ -135,7 +136,8 @@ class Upscaler:
     @property
     def stats(self) -> Stats:
         """Counts and times of all steps so far."""
-        return self._memory.stats
+        stats = self._memory.stats
+        return stats if self._closed else replace(stats, converged=self.model.converged(self._memory.history))
 
     @overload
     def step(self, frame: Frame, *, out: Float32 | None = ..., outputs: tuple[()] = ()) -> Float32: ...
@@ -152,9 +154,9 @@ class Upscaler:
         Args:
             frame: see `Frame`. Its render size may differ from that of the previous frame; the history stays.
             out: (H, W, 3) float32 to write the image to.
-            outputs: names of further outputs: "aovs", "class_map", "weight", "count", "work"; see
-                `StepResult`. A method may lack some. Others than those named cost nothing. "aovs" disables
-                static-tile reuse, and starts without AOV history after a frame without "aovs".
+            outputs: names of further outputs: "aovs", "class_map", "weight", "count", "converged",
+                "work"; see `StepResult`. A method may lack some. Others than those named cost nothing. "aovs"
+                disables static-tile reuse, and starts without AOV history after a frame without "aovs".
 
         Returns:
             (H, W, 3) float32 linear RGB, finite and >= 0, in the units of `frame.color`; `out` if given.
@@ -353,8 +355,9 @@ class Upscaler:
         self._checker.check(given, display, self.gbuffers)
         history = model.first_history(display, frame.size) if kept is None else kept
         result, next_history = model.run_checked(
-            frame, history, outputs, out=out, history_out=memory.spare, skip=self.skip
-        )
+            frame, history, outputs, out=out, history_out=memory.spare, skip=self.skip,
+            shaded=given.color is not None,
+        )  # fmt: skip
         stats = memory.stats.after_step(
             fresh=kept is None,
             work=float(model.work(next_history).mean()),

@@ -20,8 +20,8 @@ from supersampler.methods.classifier.variant import Variant
 from supersampler.methods.model_file import find_model
 from supersampler_export import calibrate
 from supersampler_export.cpu_network import cpu_network
-from supersampler_model.methods.base import Size as ModelSize
 from supersampler_model.methods.classifier.model import Classifier
+from supersampler_model.ops.size import Size as ModelSize
 
 VARIANTS = [
     Variant(corrected=False, rectified=False, own_motion=False),

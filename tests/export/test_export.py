@@ -37,10 +37,11 @@ from supersampler_export.parity import (
     sizes_of,
 )
 from supersampler_model.methods import LEARNED
-from supersampler_model.methods.base import Method, Size
+from supersampler_model.methods.base import Method
 from supersampler_model.methods.classifier_paper.model import PaperClassifier
 from supersampler_model.methods.spatial.model import Bilinear
 from supersampler_model.methods.weights_file import Trained, save_trained
+from supersampler_model.ops.size import Size
 
 
 @pytest.fixture(autouse=True)

@@ -23,7 +23,8 @@ from supersampler_export.graph import (
     traced_sizes,
 )
 from supersampler_export.parity import check_fused
-from supersampler_model.methods.base import Fused, Method, Size
+from supersampler_model.methods.base import Fused, Method
+from supersampler_model.ops.size import Size
 
 
 class Kept(Method):

@@ -18,7 +18,8 @@ from supersampler_export.cli import load_method, shipped_methods
 from supersampler_export.graph import history_name
 from supersampler_export.parity import noise
 from supersampler_model.methods.aovs import BlendAovs
-from supersampler_model.methods.base import Method, Size
+from supersampler_model.methods.base import Method
+from supersampler_model.ops.size import Size
 
 RENDER = Size(37, 22)
 EXPOSURES = (0.0, 1.7, 0.0, 900.0, 900.0, 2.0, 0.0)

@@ -6,11 +6,11 @@ import torch
 
 from noise import noise
 from supersampler.methods.classifier.spec import CLASSES, DEFAULT_INPUTS, NEIGHBOURHOOD_INPUTS, CountCode
-from supersampler_model.methods.base import Size
 from supersampler_model.methods.classifier.buffers import Gathered, History
 from supersampler_model.methods.classifier.model import Classifier
 from supersampler_model.methods.classifier.network_inputs import COUNTS, neighbourhood_inputs, pixel_inputs
 from supersampler_model.ops.sampling import View
+from supersampler_model.ops.size import Size
 
 DISPLAY = Size(47, 27)
 
@@ -24,7 +24,7 @@ def gathered(value: float | None = None) -> Gathered:
         torch.from_numpy(np.ascontiguousarray(a, np.float32))[None]
         for a in (frame.color.transpose(2, 0, 1), frame.depth[None], frame.motion.transpose(2, 0, 1))
     ]
-    history_color, state, classes, depth, _, _ = method.first_history(DISPLAY, Size(32, 18))
+    history_color, state, classes, depth, *_ = method.first_history(DISPLAY, Size(32, 18))
     history_color = torch.from_numpy(random.gamma(0.5, 2.0, history_color.shape).astype(np.float32))
     state = torch.from_numpy(random.uniform(0.0, 1.0, state.shape).astype(np.float32))
     if value is not None:

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from supersampler.methods.gbuffer.spec import SMALL_NETWORK, GBufferNetworkConfig
 from supersampler_bench.quality import metrics
-from supersampler_model.methods.base import Method, Size
+from supersampler_model.methods.base import Method
 from supersampler_model.methods.gbuffer.buffers import Surfaces
 from supersampler_model.methods.gbuffer.model import DepthGBuffer, GBuffer, SmallGBuffer, SmallGBuffer4
 from supersampler_model.methods.gbuffer.network import GBufferNetwork
@@ -26,6 +26,7 @@ from supersampler_model.methods.gbuffer.surfaces import (
     usable_surfaces,
 )
 from supersampler_model.ops.color import tone
+from supersampler_model.ops.size import Size
 from supersampler_model.training.structure import dissimilarity
 
 BOTH = [SmallGBuffer, SmallGBuffer4]

@@ -9,7 +9,6 @@ from torch import Tensor
 
 from supersampler.methods.gbuffer.spec import SMALL_NETWORK, GBufferNetworkConfig
 from supersampler_model.methods import LEARNED
-from supersampler_model.methods.base import Size
 from supersampler_model.methods.gbuffer.buffers import Surfaces
 from supersampler_model.methods.gbuffer.model import GBuffer, SmallGBuffer
 from supersampler_model.methods.gbuffer.network import (
@@ -33,6 +32,7 @@ from supersampler_model.methods.gbuffer.surfaces import (
     weighted_mean,
 )
 from supersampler_model.ops.sampling import grid_of
+from supersampler_model.ops.size import Size
 
 GREY, SIDE = 0.2, 15
 

@@ -16,7 +16,6 @@ from supersampler.methods.extrapolation.spec import GuidedFlowConfig
 from supersampler_export.half import HalfNetwork
 from supersampler_model.data.scenes.analytic import EXTENT, places
 from supersampler_model.methods.base import Method
-from supersampler_model.methods.base import Size as Extent
 from supersampler_model.methods.extrapolation.flow_network import moved
 from supersampler_model.methods.extrapolation.guided import surface_of
 from supersampler_model.methods.extrapolation.guided_flow import (
@@ -28,6 +27,7 @@ from supersampler_model.methods.extrapolation.guided_flow import (
     motions_of,
 )
 from supersampler_model.methods.extrapolation.guided_warp import GuidedWarp
+from supersampler_model.ops.size import Size as Extent
 
 SIZE = (64, 36)
 INPUTS = ["color", *GuidedFlow.inputs()]

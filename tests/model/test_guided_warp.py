@@ -13,9 +13,9 @@ from supersampler import Frame, halton_jitter
 from supersampler.backends.onnx.session import frame_inputs
 from supersampler.frame import Float32, Size
 from supersampler_model.data.scenes.analytic import EXTENT, places
-from supersampler_model.methods.base import Size as Extent
 from supersampler_model.methods.extrapolation.guided import back_to_shaded, indices_of_least, samples_at
 from supersampler_model.methods.extrapolation.guided_warp import GuidedWarp
+from supersampler_model.ops.size import Size as Extent
 
 SIZE = (64, 36)
 INPUTS = ["color", *GuidedWarp.inputs()]

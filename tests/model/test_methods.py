@@ -17,8 +17,9 @@ from supersampler.methods.model_file import model_names
 from supersampler.methods.taa.spec import TaaConfig
 from supersampler_model.data.scenes.analytic import DiscOverPlane, Plane, Scene, checker, zone_plate
 from supersampler_model.methods import LEARNED
-from supersampler_model.methods.base import Method, Size
+from supersampler_model.methods.base import Method
 from supersampler_model.methods.taa.model import Taa
+from supersampler_model.ops.size import Size
 
 RENDER, DISPLAY = (64, 36), (128, 72)
 PATTERNS = [zone_plate, thin_lines, dots]
@@ -71,7 +72,7 @@ def test_taau_converges_on_a_still_scene_and_beats_bilinear_by_4_db(pattern: obj
     assert quarters[-1] > bilinear + 4.0
     for before, after in itertools.pairwise(quarters):
         assert after > before - 0.1  # rises, within noise
-    assert np.ptp(curve[32:]) < 1.5  # and does not flicker afterwards
+    assert np.diff(curve[32:]).min() > -0.5  # and does not flicker afterwards
 
 
 @pytest.mark.parametrize("velocity", [(0.37, 0.21), (2.0, -1.3)])

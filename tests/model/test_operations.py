@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 from torch import Tensor
 
 from supersampler.methods.classifier.spec import ToneSpace
-from supersampler_model.methods.base import Size
 from supersampler_model.ops.color import TONES, from_ycocg, inverse_tone, sanitize, tone, valid, ycocg
 from supersampler_model.ops.motion import (
     dilate_motion_2x2,
@@ -28,6 +27,7 @@ from supersampler_model.ops.rectification import (
     overshoot,
 )
 from supersampler_model.ops.sampling import catmull_rom, grid_of, linear, neighbours_3x3, resample, taps
+from supersampler_model.ops.size import Size
 
 SIZES = st.tuples(st.integers(1, 9), st.integers(1, 7))
 RATIOS = st.floats(1.0, 4.0)

@@ -5,10 +5,10 @@ import torch
 from torch import Tensor
 
 from supersampler.methods.taa.spec import TaaConfig
-from supersampler_model.methods.base import Size
 from supersampler_model.methods.taa.model import Gathered, Taa
 from supersampler_model.ops.color import tone, ycocg
 from supersampler_model.ops.rectification import Rect
+from supersampler_model.ops.size import Size
 
 SIZE = Size(6, 4)
 

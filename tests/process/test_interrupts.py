@@ -36,14 +36,14 @@ STILL = [noise(phase, SHAPE[::-1], jitter=JITTER[phase], exposure=1.0, reset=Fal
 STILL = [replace(f, motion=np.zeros_like(f.motion), depth=STILL[0].depth) for f in STILL]
 
 def frame_at(method, index):
-    # half of the time all stands still, so that tiles come to rest and are looked at
-    frame = STILL[index % 4] if index // 40 % 2 else noise(index, SHAPE[::-1], exposure=1.0, reset=False)
+    # at first all stands still, so that tiles settle and come to rest; so it does in half of the time
+    frame = STILL[index % 4] if index // 40 % 2 == 0 else noise(index, SHAPE[::-1], exposure=1.0, reset=False)
     if method == "guided-warp":
         frame = replace(frame, gbuffer=gbuffer(frame), color=None if index % 3 == 2 else frame.color)
     return frame
 
 def made(method):
-    options = {"display_size": (2 * SHAPE[1], 2 * SHAPE[0]), "threads": threads, "validate": "off"}
+    options = {"display_size": SHAPE[::-1], "threads": threads, "validate": "off"}
     if method == "guided-warp":
         return Upscaler("taau", extrapolation="guided-warp", **options)
     return Upscaler(method, **options)
@@ -67,7 +67,7 @@ random.seed(threads)
 def shake(method):
     global armed
     calm, shaken = made(method), made(method)
-    out = np.empty((2 * SHAPE[0], 2 * SHAPE[1], 3), np.float32)
+    out = np.empty((*SHAPE, 3), np.float32)
     for index in range(3):
         step(calm, frame_at(method, index)), step(shaken, frame_at(method, index), out)
     began = time.perf_counter()
@@ -81,7 +81,7 @@ def shake(method):
         while shaken.stats.frames <= index:
             raised = True
             try:
-                delay, later = random.uniform(1e-6, 1.3 * typical), random.uniform(1e-5, typical)
+                delay, later = random.uniform(1e-6, 3.0 * typical), random.uniform(1e-5, typical)
                 armed = 4 if again else 1
                 signal.setitimer(signal.ITIMER_REAL, delay, later if again else 0.0)
                 step(shaken, frame, out)

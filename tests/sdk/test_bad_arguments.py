@@ -27,7 +27,10 @@ WORDS: dict[str, tuple[Callable[[Any], object], str]] = {
     "precision": (lambda word: Model.load("bilinear", precision=word), "'auto', 'fp32', 'fp16' or 'int8'"),
     "validate": (lambda word: Upscaler(scale=2, validate=word), "'off', 'warn' or 'strict'"),
     "preset": (lambda word: Upscaler(scale=2, preset=word), "'fast', 'balanced' or 'high'"),
-    "skip": (lambda word: Upscaler("bilinear", scale=2, skip=word), "'auto', 'exact' or a number in [0, 1]"),
+    "skip": (
+        lambda word: Upscaler("bilinear", scale=2, skip=word),
+        "'auto', 'exact', 'accumulate' or a number in [0, 1]",
+    ),
     "style": (lambda word: mip_bias(2.0, word), "'fsr' or 'log2'"),
     "mode": (lambda word: render_size_for(DISPLAY, word), "'fsr_native_aa', .*'xess_ultra_performance'"),
     "depth": (lambda word: Conventions(depth=word), "'reversed_infinite', .* or 'linear'"),

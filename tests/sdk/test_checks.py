@@ -1,5 +1,6 @@
 """Tests of `FrameChecker`: no warning for correct frames, the right message for each mistake."""
 
+import warnings
 from dataclasses import replace
 from typing import Any
 
@@ -7,6 +8,7 @@ import numpy as np
 import pytest
 
 from noise import noise
+from supersampler import Upscaler
 from supersampler.conventions import Conventions
 from supersampler.conventions.jitter import halton_jitter
 from supersampler.errors import ArgumentError, FrameError, FrameWarning
@@ -149,6 +151,53 @@ def test_jitter_that_never_changes_is_found_at_its_third_frame(frames: list[Fram
     check_all(still[:2])
     with pytest.raises(FrameError, match=r"jitter is .* in 3 frames on end.*halton_jitter"):
         check_all(still)
+
+
+def rest(count: int, **overrides: Any) -> list[Frame]:
+    """Frames whose jitter changes in the first four and then stays; nothing moves."""
+    still = np.zeros((18, 32, 2), np.float32)
+    jitters = [halton_jitter(index, 2.0) for index in range(4)] + [(0.0, 0.0)] * count
+    return [noise(1, jitter=jitter, motion=still, **overrides) for jitter in jitters]
+
+
+def told(frames: list[Frame], display: tuple[int, int] = (64, 36), *, converges: bool = True) -> list[str]:
+    checker = FrameChecker("warn", converges=converges)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        for frame in frames:
+            checker.check(frame, display)
+    return [str(warning.message) for warning in caught]
+
+
+def test_jitter_that_stops_while_nothing_moves_is_told_once() -> None:
+    (message,) = told(rest(40))
+    assert "frame.jitter is (0.0, 0.0) in 8 frames in which nothing moved" in message
+    assert "halton_jitter" in message
+    assert told(rest(7)) == []
+
+
+def test_jitter_that_stops_is_told_only_where_a_still_image_would_converge() -> None:
+    assert told(rest(40), converges=False) == []
+    assert told(rest(40), (32, 18)) == [], "frames of ratio 1 may be anti-aliased already"
+    moving = np.full((18, 32, 2), 0.1, np.float32)
+    assert told([replace(frame, motion=moving) for frame in rest(40)]) == []
+
+
+def test_jitter_that_never_changes_is_told_once_in_all() -> None:
+    (message,) = told(rest(40)[4:])
+    assert "in 3 frames on end" in message
+
+
+def test_an_upscaler_tells_of_jitter_that_stops_if_its_method_converges() -> None:
+    for method, tells in (("taau", True), ("taa", False)):
+        with (
+            Upscaler(method, display_size=(64, 36)) as upscaler,
+            warnings.catch_warnings(record=True) as caught,
+        ):
+            warnings.simplefilter("always")
+            for frame in rest(10):
+                upscaler.step(frame)
+        assert any("nothing moved" in str(warning.message) for warning in caught) == tells
 
 
 def test_clipped_colour_is_a_hint_that_never_raises(frames: list[Frame]) -> None:

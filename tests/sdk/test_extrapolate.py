@@ -24,6 +24,7 @@ from supersampler import (
 )
 from supersampler.frame import Float32
 from supersampler.methods.model_file import extrapolation_names, model_names
+from supersampler.model import ExecutorName
 from supersampler.recording import StepCall, open_recording
 from supersampler.recording.replay import Replay
 from supersampler_model.methods.extrapolation.guided_warp import GuidedWarp
@@ -293,6 +294,43 @@ def test_checks_read_the_buffers_that_extrapolation_reads(taau: Model) -> None:
         upscaler.extrapolate(unshaded(1, gbuffer=wrong))
 
 
+# --- the mean of what stands still ---
+
+
+STILL_BUT_A_DISC = LitScene(radius=7.0, disc_velocity=(0.5, 0.0))
+
+
+def at_rest(index: int) -> Frame:
+    return STILL_BUT_A_DISC.frame(index, SIZE, halton_jitter(index, 2.0))
+
+
+def mean_of(upscaler: Upscaler) -> Float32:
+    history = upscaler.save_state().history
+    assert history is not None
+    return np.array(history["history.still"][0])
+
+
+@pytest.mark.parametrize("executor", ["onnx", "cpu"])
+@pytest.mark.parametrize("method", ["taau", "classifier-small"])
+def test_unshaded_frames_add_no_samples_to_the_mean_of_what_stands_still(
+    method: str, executor: ExecutorName
+) -> None:
+    upscaler = make(Model.load(method, threads=1, executor=executor), skip="exact")
+    alternate(upscaler, at_rest, "s" * 24)
+    for index, kind in enumerate("uusu", 24):
+        before = mean_of(upscaler)
+        alternate(upscaler, at_rest, kind, index)
+        after = mean_of(upscaler)
+        kept = after[3] > 0.0
+        assert kept.mean() > 0.8
+        if kind == "u":
+            np.testing.assert_array_equal(after[:3, kept], before[:3, kept])
+            np.testing.assert_array_equal(after[3, kept], np.abs(before[3, kept]))
+            assert (after[3] == 0.0).any(), "where the disc moves, the mean ends"
+        else:
+            assert (after[3] > before[3] + 0.01).mean() > 0.3
+
+
 # --- recordings ---
 
 
@@ -326,6 +364,15 @@ def test_a_replay_of_both_kinds_of_frames_is_bit_for_bit_what_was_recorded(
     calls = [call for call in replay.recording if isinstance(call, StepCall)]
     assert [call.extrapolated for call in calls][:6] == [False, True, True, False, True, True]
     assert all(set(call.frame.gbuffer or {}) <= {"base_color", "normal"} for call in calls)
+
+
+def test_a_replay_adds_no_samples_of_unshaded_frames_either(taau: Model, tmp_path: Path) -> None:
+    file = tmp_path / "a.recording"
+    with make(taau, record=file) as upscaler:
+        made = alternate(upscaler, at_rest, "sssuusus")
+    _, steps = replayed(file)
+    for image, step in zip(made, steps, strict=True):
+        np.testing.assert_equal(image, None if step.result is None else step.result.image)
 
 
 def test_a_replay_with_another_extrapolation_says_so(taau: Model, tmp_path: Path) -> None:

@@ -8,14 +8,16 @@ import pytest
 from typer.testing import CliRunner
 
 from noise import noise
-from supersampler import ArgumentError, Frame, FrameError, Model, StepResult, Upscaler
+from supersampler import ArgumentError, Frame, FrameError, Model, StepResult, Upscaler, halton_jitter
 from supersampler.aux_outputs import CLASS_COLORS, aux_output_layers, class_colors
 from supersampler.cli import app
 from supersampler.io.images import read_exr
 from supersampler.io.shot import ShotWriter
+from supersampler.model import ExecutorName
 from supersampler.validation import FrameChecker
 
 DISPLAY = (64, 36)
+STILL = np.zeros((18, 32, 2), np.float32)
 TEMPORAL = ["taa", "taau", "classifier", "classifier-small"]
 
 
@@ -60,13 +62,44 @@ def test_the_first_frame_takes_nothing_from_the_history_and_the_next_ones_do(mod
 
 def test_the_count_of_a_still_scene_grows() -> None:
     upscaler = make("taau")
-    still = np.zeros((18, 32, 2), np.float32)
     counts = []
     for index in range(6):
-        count = stepped(upscaler, noise(1, motion=still, reset=index == 0), "count").count
+        count = stepped(upscaler, noise(1, motion=STILL, reset=index == 0), "count").count
         assert count is not None
         counts.append(float(count.mean()))
     assert (np.diff(counts) > 0.0).all()
+
+
+@pytest.mark.parametrize("executor", ["cpu", "onnx"])
+@pytest.mark.parametrize("method", ["taau", "classifier", "classifier-small"])
+def test_stats_hold_the_mean_of_the_map_of_what_has_converged(method: str, executor: ExecutorName) -> None:
+    model = Model.load(method, executor=executor, threads=2)
+    upscaler = Upscaler(model, display_size=DISPLAY, skip="exact", validate="off")
+    assert upscaler.stats.converged == 0.0
+    means = []
+    for index in range(34):
+        frame = noise(1, motion=STILL, jitter=halton_jitter(index, 2.0), reset=index == 0)
+        converged = stepped(upscaler, frame, "converged").converged
+        assert converged is not None
+        assert upscaler.stats.converged == pytest.approx(converged.mean(), abs=1e-5)
+        means.append(upscaler.stats.converged)
+    assert means[0] == 0.0
+    assert means[-1] > 0.8
+    brighter = replace(frame, color=4.0 * np.asarray(frame.color), jitter=halton_jitter(34, 2.0))
+    converged = stepped(upscaler, brighter, "converged").converged
+    assert converged is not None
+    assert upscaler.stats.converged == pytest.approx(converged.mean(), abs=1e-5)
+    assert converged.mean() < 0.1, "the change opened"
+    upscaler.reset()
+    assert upscaler.stats.converged == 0.0
+
+
+def test_a_method_that_does_not_converge_has_no_such_map_and_no_such_number() -> None:
+    upscaler = Upscaler(Model.load("taa", executor="onnx"), display_size=DISPLAY, validate="off")
+    with pytest.raises(ArgumentError, match="converged"):
+        upscaler.step(noise(0), outputs=("converged",))
+    upscaler.step(noise(0))
+    assert upscaler.stats.converged is None
 
 
 def test_a_flat_channel_stays_flat_and_a_cut_forgets_it(model: Model) -> None:
@@ -81,8 +114,7 @@ def test_a_channel_is_blended_by_the_weight_of_the_colour(model: Model) -> None:
     upscaler = make(model)
     zeros = np.zeros((18, 32, 1), np.float32)
     stepped(upscaler, noise(0, aovs=zeros), "aovs")
-    still = np.zeros((18, 32, 2), np.float32)
-    result = stepped(upscaler, noise(1, aovs=zeros + 1.0, motion=still), "aovs", "weight")
+    result = stepped(upscaler, noise(1, aovs=zeros + 1.0, motion=STILL), "aovs", "weight")
     assert result.aovs is not None
     assert result.weight is not None
     np.testing.assert_allclose(result.aovs[..., 0], 1.0 - result.weight, atol=1e-5)

@@ -11,6 +11,7 @@ import pytest
 from noise import noise
 from recorded_files import DISPLAY, recorded, replayed
 from supersampler import ArgumentError, Frame, FrameError, Model, Upscaler
+from supersampler.backends.cpu.tile_state import SPARSE_FRAMES
 from supersampler.backends.onnx.session import planes_of
 from supersampler.errors import RecordingError
 from supersampler.frame import Float32
@@ -77,7 +78,8 @@ def test_a_replay_is_bit_for_bit_what_was_recorded(models: dict[str, Model], nam
 def test_what_rested_rests_again(models: dict[str, Model], file: Path) -> None:
     """Static tiles are part of a state, in numbers of other types than images."""
     still = noise(0, motion=np.zeros((18, 32, 2), np.float32), exposure=1.0)
-    frames = [replace(still, jitter=(0.25 * (index % 2), 0.0), reset=index == 0) for index in range(60)]
+    jitter = [(0.25 * (index % 2), 0.0) for index in range(SPARSE_FRAMES + 6)]
+    frames = [replace(still, jitter=place, reset=index == 0) for index, place in enumerate(jitter)]
     with recorded(models["taau"], file, skip=0.1) as upscaler:
         for frame in frames:
             upscaler.step(frame, outputs=("work",))

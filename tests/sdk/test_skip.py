@@ -10,7 +10,6 @@ import pytest
 from noise import Size
 from supersampler import ArgumentError, Frame, Model, Upscaler, halton_jitter
 from supersampler.backends.cpu.layout import TILE
-from supersampler.backends.cpu.tile_reuse import allowed_change
 from supersampler.backends.cpu.tiles import Tiles
 from supersampler.conventions import jitter_phase_count
 from supersampler.frame import Float32
@@ -22,8 +21,8 @@ RENDER: Size = (160, 112)
 DISPLAY: Size = (320, 224)
 SCALE = 1.5
 PERIOD = jitter_phase_count(SCALE)
-MOST = 14 * PERIOD
-"""After so many frames this scene needs no computation."""
+MOST = 4 * PERIOD
+"""Frames in which this scene comes to rest: this sequence is not the usual one of ratio 2."""
 
 
 @pytest.fixture(scope="module")
@@ -53,12 +52,11 @@ def scene(
 
 
 def settled(model: Model) -> tuple[Upscaler, int]:
-    """Return an upscaler that computes no tile of a still scene any more, and the next frame's index."""
+    """Return an upscaler in which a whole still scene rests, and the next frame's index."""
     upscaler = Upscaler(model, display_size=DISPLAY, validate="off")
     for index in range(MOST):
-        done = upscaler.stats.work
         upscaler.step(scene(index))
-        if upscaler.stats.work == done:
+        if upscaler.stats.converged == 1.0:
             return upscaler, index + 1
     raise AssertionError("never settled")
 
@@ -110,10 +108,11 @@ def test_where_something_changes_all_that_it_reaches_is_computed_as_without_reus
     image, work = work_of(upscaler, frame)
     computed = np.kron(work == 1.0, np.ones((TILE, TILE)))[: DISPLAY[1], : DISPLAY[0]] > 0
     assert 0.0 < computed.mean() < 0.9
+    as_full, as_before = ((image == other).all(-1) for other in (full, before))
     for x, y in spots:
-        assert computed[2 * y - 4 : 2 * y + 10, 2 * x - 4 : 2 * x + 10].all()
-    assert np.array_equal(image[computed], full[computed])
-    assert np.array_equal(image[~computed], before[~computed])
+        assert as_full[2 * y - 4 : 2 * y + 10, 2 * x - 4 : 2 * x + 10].all()
+    assert (as_full | as_before)[computed].all()
+    assert as_before[~computed].all()
 
 
 @pytest.mark.parametrize("change", [{"motion": 0.25}, {"light": 1.01}])
@@ -190,20 +189,14 @@ def test_the_number_of_threads_changes_no_bit_of_what_is_skipped() -> None:
         assert all(np.array_equal(a, b) for a, b in zip(images[0], other, strict=True))
 
 
-def test_a_larger_tolerance_settles_sooner(models: dict[str, Model]) -> None:
+def test_with_a_larger_tolerance_tiles_settle_before_their_period_is_whole(models: dict[str, Model]) -> None:
     works = []
-    for skip in (0.0, 2e-4, 0.05):
+    for skip in (0.0, 0.05):
         upscaler = Upscaler(models["taau"], display_size=DISPLAY, validate="off", skip=skip)
         for index in range(5 * PERIOD):
             upscaler.step(scene(index))
         works.append(upscaler.stats.work)
-    assert works[0] == 5 * PERIOD > works[1] > works[2]
-
-
-def test_the_allowed_change_of_a_static_tile_grows_with_its_age_up_to_a_bound() -> None:
-    allowed = allowed_change(0.01, np.arange(1, 8, dtype=np.int32))
-    np.testing.assert_allclose(allowed, [0.01, 0.04, 0.08, 0.08, 0.08, 0.08, 0.08])
-    assert not allowed_change(0.0, np.arange(1, 8, dtype=np.int32)).any()
+    assert 2 * PERIOD == works[0] > works[1] > 2 * PERIOD - 4
 
 
 def test_aovs_are_blended_in_every_frame(models: dict[str, Model]) -> None:
@@ -231,5 +224,5 @@ def test_boxes_cover_every_tile_once() -> None:
 
 def test_an_unknown_value_of_skip_is_an_error() -> None:
     for skip in ("always", -0.1, 1.5, float("nan")):
-        with pytest.raises(ArgumentError, match="'auto', 'exact' or a number"):
+        with pytest.raises(ArgumentError, match="'auto', 'exact', 'accumulate' or a number"):
             Upscaler("taa", display_size=DISPLAY, skip=skip)  # type: ignore[arg-type]

@@ -14,8 +14,11 @@ from supersampler.backends.cpu.static_tiles import PHASES
 from supersampler.state import STATE_VERSION, State
 
 STILL = (
-    "still.frames", "still.jitter", "still.when", "still.sums", "still.same", "still.matched", "still.tiles",
-    "still.looks", "still.looked",
+    "static.frames", "static.rarely_same", "static.jitter", "static.phase_frames", "static.phase_rows",
+    "static.phase_tiles",
+    "static.changes", "static.matched", "static.confirmed", "static.states", "static.fades",
+    "static.matched_reads", "static.phases", "static.failed", "static.motionless", "static.sequence",
+    "static.sums",
 )  # fmt: skip
 CUTS: dict[str, Callable[[Any], Any]] = {
     "gone": lambda _: None,
@@ -56,7 +59,7 @@ def test_the_state_of_these_tests_holds_all_that_there_is() -> None:
     state = still_state()
     assert state.version == STATE_VERSION
     assert {*STILL, "history.color", "history.aovs"} <= set(state.history or ())
-    assert (state.history or {})["still.looked"].any()
+    assert (state.history or {})["static.states"].any()
 
 
 @pytest.mark.parametrize("cut", CUTS)
@@ -89,13 +92,16 @@ def test_an_array_to_extrapolate_from_is_refused_likewise(name: str, cut: str) -
         ("history.surface", -np.inf),
         ("history.aovs", np.nan),
         ("history.jitter", 0.51),
-        ("still.looks", np.nan),
-        ("still.frames", 0),
-        ("still.frames", 2**62),
-        ("still.jitter", np.nan),
-        ("still.when", -1),
-        ("still.when", FRAMES),
-        ("still.matched", -1),
+        ("static.sums", np.nan),
+        ("static.frames", 0),
+        ("static.frames", 2**62),
+        ("static.jitter", np.nan),
+        ("static.phase_frames", -1),
+        ("static.phase_frames", FRAMES),
+        ("static.matched", -1),
+        ("static.states", 3),
+        ("static.fades", 1.5),
+        ("static.sequence", 0.6),
     ],
 )
 def test_a_value_that_no_frame_leaves_is_refused(name: str, value: Any) -> None:
@@ -103,9 +109,9 @@ def test_a_value_that_no_frame_leaves_is_refused(name: str, value: Any) -> None:
 
 
 def test_a_truth_value_of_another_byte_is_refused() -> None:
-    tiles = (still_state().history or {})["still.tiles"]
+    tiles = (still_state().history or {})["static.confirmed"]
     strange = np.full(tiles.shape, 7, np.uint8).view(bool)
-    assert_refused(with_array(still_state(), "still.tiles", strange), "still.tiles.*bytes")
+    assert_refused(with_array(still_state(), "static.confirmed", strange), "static.confirmed.*bytes")
 
 
 def test_pixels_of_a_shaded_frame_that_are_none_are_taken_as_a_frames_are() -> None:
@@ -123,9 +129,9 @@ def test_pixels_of_a_shaded_frame_that_are_none_are_taken_as_a_frames_are() -> N
 @pytest.mark.parametrize(
     ("changes", "match"),
     [
-        ({"version": 0}, "state is of version 0; want 1"),
+        ({"version": 1}, "state is of version 1; want 2"),
         ({"version": True}, "version True"),
-        ({"version": "1"}, "version '1'"),
+        ({"version": "2"}, "version '2'"),
         ({"method": "taa"}, "of 'taa'"),
         ({"method": None}, "of None"),
         ({"method": []}, r"of \[\]"),
@@ -151,7 +157,7 @@ def test_a_field_that_is_not_a_states_is_refused(changes: dict[str, Any], match:
 def test_an_array_of_no_known_name_is_refused() -> None:
     state = still_state()
     assert_refused(
-        with_array(state, "still.speed", np.zeros(1)), "with 'still.speed'; want only history.color"
+        with_array(state, "static.speed", np.zeros(1)), "with 'static.speed'; want only history.color"
     )
     assert_refused(with_array(state, "history.more", np.zeros(1), "shaded"), "with 'history.more'")
 
@@ -159,7 +165,7 @@ def test_an_array_of_no_known_name_is_refused() -> None:
 def test_a_state_that_was_pickled_before_states_had_a_version_is_refused() -> None:
     old = pickle.loads(pickle.dumps(still_state()))  # noqa: S301  # of our own
     del vars(old)["version"]
-    assert_refused(pickle.loads(pickle.dumps(old)), "of version None; want 1")  # noqa: S301
+    assert_refused(pickle.loads(pickle.dumps(old)), "of version None; want 2")  # noqa: S301
 
 
 def test_sizes_that_arrays_claim_without_memory_are_refused() -> None:
@@ -198,10 +204,12 @@ def test_a_state_shares_no_memory_with_whoever_loads_it() -> None:
 def test_phases_of_a_stranger_are_bounded() -> None:
     state, count = still_state(), PHASES + 50
     history = dict(state.history or {})
-    history["still.jitter"] = np.linspace(-0.5, 0.5, 2 * count).reshape(count, 2)
-    history["still.when"] = np.zeros(count, np.int64)
-    history["still.sums"] = np.repeat(history["still.sums"][:1], count, axis=0)
+    history["static.jitter"] = np.linspace(-0.5, 0.5, 2 * count).reshape(count, 2)
+    history["static.sequence"] = history["static.jitter"]
+    history["static.phase_frames"] = np.zeros(count, np.int64)
+    for name in ("static.phase_rows", "static.phase_tiles"):
+        history[name] = np.repeat(history[name][:1], count, axis=0)
     one = upscaler()
     one.load_state(replace(state, history=history))
     one.step(frame(1))
-    assert len((one.save_state().history or {})["still.when"]) <= PHASES
+    assert len((one.save_state().history or {})["static.phase_frames"]) <= PHASES

@@ -233,9 +233,11 @@ def skip(
     json: JSON = None,
     update: UPDATE = None,
 ) -> None:
-    """Measure the time that static-tile reuse saves and its error, in test shots with a fixed camera.
+    """Measure the time that static-tile reuse saves, what looking for static tiles costs, and the error.
 
-    Methods need kernels. Frames are rendered here, with OpenGL. Nothing else should run on the machine.
+    In test shots with a fixed camera, static and with moving objects, and with a moving camera, where there
+    is nothing to save. Methods need kernels. Frames are rendered here, with OpenGL. Nothing else should run
+    on the machine.
 
     Example:
       supersampler bench skip --scenes court --methods classifier --update docs/results/backends.md
@@ -245,7 +247,7 @@ def skip(
     tables = {"skip": bench.markdown_table}
     check_page(update, tables)
     families, names, size = listed(scenes), listed(methods), parse_size(display_size)
-    with counted("frames", 2 * len(families) * bench.frame_count(ratio)) as advance:
+    with counted("frames", len(bench.MOVES) * len(families) * bench.frame_count(ratio)) as advance:
         results = bench.measure_skipping(
             families, names, size, ratio=ratio, samples=samples, on_frame=advance
         )

@@ -1,22 +1,19 @@
-"""Scenes before a camera that stands: how near methods come to what the samples hold, and in what time."""
+"""Scenes before a fixed camera: how near methods come to what the samples hold, and in what time."""
 
 import time
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from statistics import median
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from supersampler import Model, Upscaler, halton_jitter
 from supersampler.backends.cpu.static_weights import StaticWeights
 from supersampler.conventions import jitter_phase_count
 from supersampler.frame import Float32, Frame, Size
-from supersampler.io.display import decibels, display_transform
+from supersampler.io.display import display_transform
 from supersampler.model import ExecutorName, Skip
-from supersampler_bench.markdown_table import figure, size_text, table
-from supersampler_bench.record import Record, machine_name
+from supersampler_bench.quality.metrics import Bool, psnr
 from supersampler_bench.shots.public_shots import TEST_SHOTS
 from supersampler_bench.shots.rendered_frame import rendered_frame
 from supersampler_model.data.renderer.renderer import Renderer
@@ -27,230 +24,247 @@ from supersampler_model.data.shots import render_size
 from supersampler_model.data.specs import SequenceSpec
 
 PERIODS = (1, 2, 4)
-"""Jitter periods after which images are scored."""
-SCENES = ("analytic", "analytic-mover", "court", "gallery-mover")
-"""The analytic scene and test shots with a fixed camera; objects move in those that end with MOVER."""
+"""Jitter periods after which images are scored; a scene ends with the last."""
 MOVER = "-mover"
+SCENES = tuple(f"{name}{end}" for name in ("analytic", *TEST_SHOTS.seeds) for end in ("", MOVER))
+"""The analytic scene, and test shots with a fixed camera; objects move in those that end with MOVER."""
+TIMED_SCENE, TIMED_RATIO = "analytic", 2.0
 HELD_FRAME = 12  # frame of the test shot whose camera is kept
-TIMED = 8  # frames of the first period that are timed as full steps, after as many that are not
-_REACH = 8  # display pixels around what moved that are not scored
-_UNCHANGED = 1.0 / 255.0  # of references, as a screen shows them
-
-Source = tuple[Callable[[int], Frame], Callable[[int], Float32]]
-"""Frames and references by index."""
+_REACH = 4  # display pixels around what changes that are not scored
+_UNCHANGED = 1.0 / 255.0  # of samples, as a screen shows them
 
 
 @dataclass(frozen=True)
 class StillScores:
-    """One method in one scene at one ratio; pixels that never moved.
+    """One method in one scene; of pixels that never change.
 
     Attributes:
         scene: of SCENES.
         ratio: display over render size.
         method: the model's name.
-        psnr: dB after PERIODS: mean over the last quarter of the period before.
-        best: dB of the weighted mean of the last period's samples (`StaticWeights`).
+        executor: "cpu" or "onnx".
+        scored: fraction of the pixels that never change.
+        psnr: dB of each frame.
+        best: dB of the best weighted mean of the last period's samples.
         flicker: mean over pixels of the standard deviation of display values in the last period, [0, 1].
-        share: time of a frame in the last period over that of a full step.
-        milliseconds: median time of a full step.
     """
 
     scene: str
     ratio: float
     method: str
+    executor: str
+    scored: float
     psnr: list[float]
     best: float
     flicker: float
-    share: float
-    milliseconds: float
+
+    def after(self, periods: int) -> float:
+        """Return the mean PSNR of the last quarter of so many jitter periods, dB."""
+        count = jitter_phase_count(self.ratio)
+        return float(np.mean(self.psnr[periods * count - max(count // 4, 1) : periods * count]))
 
 
-def measure_still(
-    scenes: Sequence[str],
-    methods: Sequence[str],
-    display: Size,
-    *,
-    ratios: Sequence[float] = (1.0, 1.5, 2.0, 3.0),
-    executor: ExecutorName = "cpu",
-    skip: Skip = "auto",
-    samples: int = 64,
-    on_frame: Callable[[], None] = lambda: None,
-) -> list[StillScores]:
-    """Step methods through scenes for four jitter periods at each ratio.
+@dataclass(frozen=True)
+class StillTimes:
+    """Times of one method on the CPU backend in TIMED_SCENE, medians.
 
-    Args:
-        scenes: of SCENES.
-        methods: names of models.
-        display: (width, height) of the images.
-        ratios: display over render size.
-        executor: see `Model.load`.
-        skip: see `Upscaler`.
-        samples: a pixel of the test shots' references.
-        on_frame: called after each frame of a scene.
+    Attributes:
+        method: the model's name.
+        milliseconds: of a full step, with `skip="exact"`, in the last period.
+        settling: of a frame in the second period, over that of a full step on the same frames.
+        rest: likewise in the last period.
     """
-    results: list[StillScores] = []
-    for scene in scenes:
-        for ratio in ratios:
-            frames, truth = _source(scene, display, ratio, samples)
-            runs = {name: _Run(Model.load(name, executor=executor), display, skip) for name in methods}
-            results += _scores(scene, ratio, display, frames, truth, runs, on_frame)
-    return results
+
+    method: str
+    milliseconds: float
+    settling: float
+    rest: float
+
+
+@dataclass(frozen=True)
+class StillScene:
+    """Frames before a fixed camera.
+
+    Attributes:
+        frames: of PERIODS[-1] jitter periods.
+        truth: (H, W, 3) reference of the last frame, as a screen shows it.
+        still: (H, W) pixels that never change.
+        best: dB of the best weighted mean of the last period's samples.
+    """
+
+    frames: list[Frame]
+    truth: Float32
+    still: Bool
+    best: float
 
 
 def frame_count(ratio: float) -> int:
-    """Frames of a scene."""
+    """Return the number of frames of a scene."""
     return PERIODS[-1] * jitter_phase_count(ratio)
 
 
+def measure_still(
+    scenes: Sequence[tuple[str, float]],
+    methods: Sequence[str],
+    display: Size,
+    *,
+    executors: Sequence[ExecutorName] = ("cpu", "onnx"),
+    samples: int = 64,
+    on_frame: Callable[[], None] = lambda: None,
+) -> list[StillScores]:
+    """Step methods through scenes for four jitter periods.
+
+    Args:
+        scenes: of SCENES, each with a ratio.
+        methods: names of models.
+        display: (width, height) of the images.
+        executors: that run each method.
+        samples: per pixel of the test shots' references.
+        on_frame: called after each frame of a scene.
+    """
+    models = _models(methods, executors)
+    results = []
+    for name, ratio in scenes:
+        scene = make_scene(name, display, ratio, samples)
+        runs = [_Run(*kind, model, scene) for kind, model in models.items()]
+        for frame in scene.frames:
+            for run in runs:
+                run.step(frame)
+            on_frame()
+        results += [run.scores(name, ratio) for run in runs]
+    return results
+
+
+def measure_times(
+    methods: Sequence[str], display: Size, *, on_frame: Callable[[], None] = lambda: None
+) -> list[StillTimes]:
+    """Step methods through TIMED_SCENE on the CPU backend for four jitter periods, in turns, twice.
+
+    Args:
+        methods: names of models.
+        display: (width, height) of the images.
+        on_frame: called after each frame of the scene.
+    """
+    skips: tuple[Skip, ...] = ("auto", "exact")
+    image = np.empty((*display[::-1], 3), np.float32)
+    upscalers = {
+        (name, skip): Upscaler(model, display_size=display, skip=skip, validate="off")
+        for (name, _), model in _models(methods, ["cpu"]).items()
+        for skip in skips
+    }
+    times: dict[tuple[str, Skip], list[float]] = {key: [] for key in upscalers}
+    size, scene, period = render_size(display, TIMED_RATIO), still_scene(), jitter_phase_count(TIMED_RATIO)
+    for index in range(frame_count(TIMED_RATIO)):
+        frame = scene.frame(index, size, halton_jitter(index, TIMED_RATIO))
+        for key, upscaler in upscalers.items():
+            began = time.perf_counter()
+            upscaler.step(frame, out=image)
+            times[key].append(1e3 * (time.perf_counter() - began))
+        on_frame()
+    second, last = slice(period, 2 * period), slice(-period, None)
+    results = []
+    for method in methods:
+        reused, full = (times[method, skip] for skip in skips)
+        shares = [median(reused[part]) / median(full[part]) for part in (second, last)]
+        results.append(StillTimes(method, median(full[last]), *shares))
+    return results
+
+
+def _models(
+    methods: Sequence[str], executors: Sequence[ExecutorName]
+) -> dict[tuple[str, ExecutorName], Model]:
+    kinds = [(method, executor) for method in methods for executor in executors]
+    return {kind: Model.load(kind[0], providers="cpu", executor=kind[1]) for kind in kinds}
+
+
+class _Run:
+    """One method's way through a scene."""
+
+    def __init__(self, method: str, executor: ExecutorName, model: Model, scene: StillScene) -> None:
+        self._method, self._executor, self._scene = method, executor, scene
+        height, width, _ = scene.truth.shape
+        self._upscaler = Upscaler(model, display_size=(width, height), validate="off")
+        self._image = np.empty_like(scene.truth)
+        self._psnr: list[float] = []
+        self._sums = np.zeros((2, *scene.truth.shape))  # of display values and their squares, last period
+
+    def step(self, frame: Frame) -> None:
+        self._upscaler.step(frame, out=self._image)
+        shown = display_transform(self._image, frame.exposure or 1.0)
+        self._psnr.append(psnr(shown, self._scene.truth, self._scene.still))
+        if len(self._psnr) > len(self._scene.frames) * (PERIODS[-1] - 1) // PERIODS[-1]:
+            self._sums += shown, np.square(shown, dtype=np.float64)
+
+    def scores(self, scene: str, ratio: float) -> StillScores:
+        period = jitter_phase_count(ratio)
+        mean, square = self._sums / period
+        deviation = np.sqrt(np.maximum(square - mean * mean, 0.0))
+        return StillScores(
+            scene=scene,
+            ratio=ratio,
+            method=self._method,
+            executor=self._executor,
+            scored=float(self._scene.still.mean()),
+            psnr=[round(value, 2) for value in self._psnr],
+            best=self._scene.best,
+            flicker=float(deviation[self._scene.still].mean()),
+        )
+
+
+def make_scene(name: str, display: Size, ratio: float, samples: int) -> StillScene:
+    """Render a scene.
+
+    Args:
+        name: of SCENES.
+        display: (width, height) of the images.
+        ratio: display over render size.
+        samples: per pixel of the test shots' references.
+    """
+    size, moves, count = render_size(display, ratio), name.endswith(MOVER), frame_count(ratio)
+    jitter = [halton_jitter(index, ratio) for index in range(count)]
+    if name.startswith("analytic"):
+        analytic: Scene = still_scene_with_mover() if moves else still_scene()
+        frames = [analytic.frame(index, size, jitter[index]) for index in range(count)]
+        truth = analytic.truth(count - 1, display)
+    else:
+        renderer, family = Renderer(display, samples=samples), name.removesuffix(MOVER)
+        spec = SequenceSpec(family=family, seed=TEST_SHOTS.seeds[family], frames=count)
+        sequence = HeldSequence(spec, HELD_FRAME, time_stands=not moves)
+        frames = [
+            rendered_frame(renderer, sequence.scene(index), size, jitter[index]) for index in range(count)
+        ]
+        truth = renderer.reference(sequence.scene(count - 1)).color
+    period, exposure, still = jitter_phase_count(ratio), frames[-1].exposure or 1.0, _still(frames, display)
+    shown = display_transform(truth, exposure)
+    best = display_transform(offline_mean(frames[-period:], display), exposure)
+    return StillScene(frames, shown, still, psnr(best, shown, still))
+
+
 def offline_mean(frames: Sequence[Frame], display: Size) -> Float32:
-    """Return the best weighted mean of the samples of one jitter period: (H, W, 3) linear RGB.
+    """Return the best weighted mean of the samples of one jitter period that we found: (H, W, 3) linear RGB.
 
     Args:
         frames: of one period, of one size.
         display: (width, height).
     """
     weights = StaticWeights(display, frames[0].size, [frame.jitter for frame in frames])
-    total = np.zeros((*display[::-1], 3))
+    total = np.zeros((*display[::-1], 4))  # sums of weight times RGB, and of weights
     for index, frame in enumerate(frames):
+        color = np.insert(np.asarray(frame.color, np.float64), 3, 1.0, axis=-1)
         rows, columns = (np.maximum(axis.sample[index], 0) for axis in (weights.rows, weights.columns))
-        total += weights.of_frame(index)[..., None] * np.asarray(frame.color)[rows][:, columns]
-    return np.maximum(total, 0.0).astype(np.float32)
+        total += weights.of_frame(index)[..., None] * color[rows][:, columns]
+    return (total[..., :3] / np.maximum(total[..., 3:], 1e-6)).astype(np.float32)
 
 
-class _Run:
-    """One method's way through a scene."""
-
-    def __init__(self, model: Model, display: Size, skip: Skip) -> None:
-        self._upscaler = Upscaler(model, display_size=display, skip=skip, validate="off")
-        self._image = np.empty((*display[::-1], 3), np.float32)
-        self.milliseconds: list[float] = []
-
-    def step(self, frame: Frame) -> Float32:
-        """Step; return what a screen shows."""
-        began = time.perf_counter()
-        self._upscaler.step(frame, out=self._image)
-        self.milliseconds.append(1e3 * (time.perf_counter() - began))
-        return display_transform(self._image, frame.exposure or 1.0)
-
-
-def _scores(
-    scene: str,
-    ratio: float,
-    display: Size,
-    frames: Callable[[int], Frame],
-    truth: Callable[[int], Float32],
-    runs: dict[str, _Run],
-    on_frame: Callable[[], None],
-) -> Iterator[StillScores]:
-    period = jitter_phase_count(ratio)
-    quarter = max(period // 4, 1)
-    ends = [count * period for count in PERIODS]
-    scored = {end: range(end - quarter, end) for end in ends}
-    images: dict[str, dict[int, Float32]] = {name: {} for name in runs}
-    truths, moved, last = {}, np.zeros(display[::-1], bool), []
-    for index in range(ends[-1]):
-        frame = frames(index)
-        moved |= _moving(frame, display)
-        late = index >= ends[-1] - period
-        if late:
-            last.append(frame)
-        for name, run in runs.items():
-            image = run.step(frame)
-            if late or any(index in part for part in scored.values()):
-                images[name][index] = image
-        if index + 1 in ends:
-            truths[index + 1] = display_transform(truth(index), frame.exposure or 1.0)
-        on_frame()
-    changed = np.ptp(np.stack(list(truths.values())), axis=0).max(-1) > _UNCHANGED
-    still = ~(moved | changed)
-    best = display_transform(offline_mean(last, display), last[0].exposure or 1.0)
-    for name, run in runs.items():
-        shown = np.stack([images[name][index][still] for index in range(ends[-1] - period, ends[-1])])
-        full = median(run.milliseconds[TIMED // 2 : TIMED // 2 + TIMED])
-        psnr = [
-            float(np.mean([_psnr(images[name][i], truths[end], still) for i in scored[end]])) for end in ends
-        ]
-        yield StillScores(
-            scene=scene,
-            ratio=ratio,
-            method=name,
-            psnr=psnr,
-            best=_psnr(best, truths[ends[-1]], still),
-            flicker=float(shown.std(axis=0).mean()),
-            share=median(run.milliseconds[-period:]) / full,
-            milliseconds=full,
-        )
-
-
-def _psnr(image: Float32, truth: Float32, where: NDArray[np.bool_]) -> float:
-    return decibels(float(np.mean((image[where] - truth[where]) ** 2)))
-
-
-def _moving(frame: Frame, display: Size) -> NDArray[np.bool_]:
-    """(H, W) what moves in a frame, and pixels around it."""
-    moves = np.abs(np.asarray(frame.motion, np.float32)).max(-1) > 1e-4
-    if not moves.any():
-        return np.zeros(display[::-1], bool)
-    rows, columns = (np.arange(display[axis]) * frame.size[axis] // display[axis] for axis in (1, 0))
-    wide = np.pad(moves[rows][:, columns], _REACH).astype(np.int32).cumsum(0).cumsum(1)
-    sums = np.pad(wide, ((1, 0), (1, 0)))
+def _still(frames: Sequence[Frame], display: Size) -> Bool:
+    """(H, W) pixels near which every sample is that of one jitter period before."""
+    period = len(frames) // PERIODS[-1]
+    colors = [display_transform(np.asarray(frame.color), frame.exposure or 1.0) for frame in frames]
+    changes = np.zeros(colors[0].shape[:2], bool)
+    for color, before in zip(colors[period:], colors, strict=False):
+        changes |= np.abs(color - before).max(-1) > _UNCHANGED
+    rows, columns = (np.arange(display[i]) * changes.shape[1 - i] // display[i] for i in (1, 0))
+    wide = np.pad(changes[rows][:, columns], _REACH)
     side = 2 * _REACH + 1
-    found: NDArray[np.bool_] = (
-        sums[side:, side:] - sums[:-side, side:] - sums[side:, :-side] + sums[:-side, :-side] > 0
-    )
-    return found
-
-
-def _source(scene: str, display: Size, ratio: float, samples: int) -> Source:
-    size, moves = render_size(display, ratio), scene.endswith(MOVER)
-    if scene.startswith("analytic"):
-        analytic: Scene = still_scene_with_mover() if moves else still_scene()
-        return (
-            lambda index: analytic.frame(index, size, halton_jitter(index, ratio)),
-            lambda index: analytic.truth(index, display),
-        )
-    renderer, family = Renderer(display, samples=samples), scene.removesuffix(MOVER)
-    spec = SequenceSpec(family=family, seed=TEST_SHOTS.seeds[family], frames=frame_count(ratio))
-    sequence = HeldSequence(spec, HELD_FRAME, time_stands=not moves)
-    return (
-        lambda index: rendered_frame(renderer, sequence.scene(index), size, halton_jitter(index, ratio)),
-        lambda index: renderer.reference(sequence.scene(index)).color,
-    )
-
-
-def still_record(results: Sequence[StillScores], display: Size, executor: str, skip: Skip) -> dict[str, Any]:
-    """Return all values, ready for JSON."""
-    return {
-        "bench": "still",
-        "display": list(display),
-        "executor": executor,
-        "skip": skip,
-        "periods": list(PERIODS),
-        "scores": [asdict(r) for r in results],
-    }
-
-
-def markdown_table(record: Record) -> str:
-    """Return the table of a record as Markdown, with its caption."""
-    after = [f"after {n}:" for n in record["periods"]]
-    rows = [
-        [
-            r.scene,
-            f"{r.ratio:g}",
-            r.method,
-            *(figure(value, 1) for value in r.psnr),
-            figure(r.best, 1),
-            figure(r.best - r.psnr[-1], 1),
-            figure(r.flicker, 4),
-            figure(r.share, 2),
-        ]
-        for r in (StillScores(**row) for row in record["scores"])
-    ]
-    caption = (
-        f"PSNR, dB, of {size_text(record['display'])} after jitter periods in front of a fixed camera, "
-        f"`{record['executor']}`, skip {record['skip']}: where nothing moved. "
-        "Best mean: of the same samples, offline. "
-        f"{machine_name(record)}."
-    )
-    headings = ["scene", "ratio:", "method", *after, "best mean:", "to it:", "flicker:", "share of a step:"]
-    return table(headings, rows, caption)
+    near = np.lib.stride_tricks.sliding_window_view(wide, (side, side)).any(axis=(-2, -1))
+    return np.asarray(~near)

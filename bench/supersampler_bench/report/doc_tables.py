@@ -9,7 +9,7 @@ from pathlib import Path
 from supersampler.errors import ArgumentError
 from supersampler_bench import parity
 from supersampler_bench.markdown_blocks import find_block, update_block
-from supersampler_bench.quality import extrapolation, still
+from supersampler_bench.quality import extrapolation, still_table
 from supersampler_bench.quality.score_table import block_names, blocks
 from supersampler_bench.record import SHIPPED_PARETO, Record, read_record
 from supersampler_bench.stress import report as stress
@@ -33,7 +33,6 @@ _TABLES: Mapping[str, Callable[[Record], str]] = {
     "skip": skip.markdown_table,
     "speed": speed.markdown_table,
     "startup": startup.markdown_table,
-    "still": still.markdown_table,
 }
 """Functions that make the table of a record, by the record's bench."""
 
@@ -57,6 +56,11 @@ def blocks_of(name: str, record: Record) -> Blocks:
     if bench == "stress":
         whole = {} if record["quick"] else {f"{block} scenarios": stress.scenario_list}
         return {block: partial(stress.markdown_table, record), **whole}
+    if bench == "still":
+        return {
+            block: partial(still_table.markdown_table, record),
+            f"{block} summary": partial(still_table.summary_table, record),
+        }
     return {block: partial(_TABLES[bench], record)} if bench in _TABLES else {}
 
 

@@ -7,9 +7,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
+from supersampler.conventions import jitter_phase_count
 from supersampler.io.atomic import replacing
 from supersampler_bench.quality.figures import draw_curves
 from supersampler_bench.quality.score_table import CLIP_COLUMNS, Column, sizes
+from supersampler_bench.quality.still import StillScores
+from supersampler_bench.quality.still_table import scores_at_one_ratio
 from supersampler_bench.record import Record
 from supersampler_bench.timing.pareto import Point, by_ratio, frontier, points_of
 from supersampler_bench.timing.speed import Timed, timed_of
@@ -34,6 +37,9 @@ def draw_record(record: Record, folder: Path) -> list[tuple[str, Path]]:
         return _speed(record, folder)
     if record["bench"] == "quality":
         return _curves(record, folder)
+    if record["bench"] == "still":
+        draw_still(record, folder / "still.png")
+        return [("PSNR in front of a fixed camera, over the frames", folder / "still.png")]
     return []
 
 
@@ -105,6 +111,48 @@ def _draw_group(axes: Axes, results: Sequence[Timed], stages: Sequence[str]) -> 
     axes.margins(x=0.12)
     axes.set_xlabel("milliseconds, means by stage; the number is the median of whole steps")
     axes.grid(alpha=0.3, axis="x")
+
+
+def draw_still(record: Record, path: Path) -> None:
+    """Draw a panel for each scene at one ratio: PSNR of each method over the frames.
+
+    Args:
+        record: of `bench still`.
+        path: of the PNG.
+    """
+    scenes: dict[str, list[StillScores]] = {}
+    for score in scores_at_one_ratio(record):
+        scenes.setdefault(score.scene, []).append(score)
+    columns = min(len(scenes), 2)
+    rows = -(-len(scenes) // columns)
+    figure = Figure(figsize=(7.0 * columns, 3.3 * rows + 0.7), dpi=100, layout="constrained")
+    panels = figure.subplots(rows, columns, squeeze=False).ravel()
+    for axes, (scene, scores) in zip(panels, scenes.items(), strict=False):
+        _draw_scene(axes, scores)
+        axes.set_title(f"{scene}, ratio {scores[0].ratio:g}", fontsize="medium")
+    for axes in panels[len(scenes) :]:
+        axes.remove()
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=4)
+    with replacing(path) as partial:
+        figure.savefig(partial, format="png")
+
+
+def _draw_scene(axes: Axes, scores: Sequence[StillScores]) -> None:
+    colors = {method: f"C{number}" for number, method in enumerate(dict.fromkeys(s.method for s in scores))}
+    period = jitter_phase_count(scores[0].ratio)
+    for score in scores:
+        axes.plot(
+            [frame / period for frame in range(1, len(score.psnr) + 1)],
+            score.psnr,
+            color=colors[score.method],
+            linestyle="-" if score.executor == "cpu" else ":",
+            linewidth=1.4,
+            label=f"{score.method}, {score.executor}",
+        )
+    axes.axhline(scores[0].best, color=_GREY, linestyle="--", label="best mean of the samples")
+    axes.set(xlabel="jitter periods", ylabel="PSNR, dB")
+    axes.grid(alpha=0.3)
 
 
 def draw_pareto(points: Sequence[Point], title: str, folder: Path) -> list[Path]:

@@ -44,12 +44,13 @@ SECTIONS = (
     Section("speed", "Speed", "A step on the CPU, beside variance clipping (`taa`) in the same run."),
     Section("startup", "First-frame time", "From the start of a process, with cold and warm kernel cache."),
     Section("device", "Devices", "A step of the ONNX backend, with frame and image in device memory."),
+    Section("still", "Still scenes", "Convergence before a fixed camera, and the time of a frame."),
     Section("skip", "Static tiles", "Static-tile reuse: time saved, and error."),
     Section("stress", "Stress", "Long runs and hostile input; figures out of bounds are bold."),
     Section("parity", "Parity", "Difference of both backends from torch, over long sequences."),
     Section("cost", "Networks", "Multiply-adds and parameters, counted in the graphs."),
 )
-_OPENED = ("pareto", "speed")
+_OPENED = ("pareto", "speed", "still")
 """Benches whose first figure is shown unfolded."""
 _COLUMNS = ("record", "date, UTC", "machine", "versions", "command")
 

@@ -1,7 +1,7 @@
 """Static-tile reuse: time saved and error in partly static scenes, measured with and without it."""
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from statistics import median
 from typing import Any, Literal
@@ -17,35 +17,43 @@ from supersampler_bench.markdown_table import size_text, table
 from supersampler_bench.quality.metrics import psnr
 from supersampler_bench.record import Record, machine_name
 from supersampler_bench.shots.public_shots import TEST_SHOTS
-from supersampler_bench.shots.rendered_frame import rendered_frame
+from supersampler_bench.shots.rendered_frame import rendered_frame, rendered_sequence
 from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.sequences import HeldSequence
 from supersampler_model.data.shots import render_size
 from supersampler_model.data.specs import SequenceSpec
 
 SKIPS: tuple[Literal["exact", "auto"], ...] = ("exact", "auto")
+MOVES: tuple[Literal["nothing", "objects", "camera"], ...] = ("nothing", "objects", "camera")
+"""What moves in a scene. With the camera, objects move, too, and no tile is static."""
 HELD_FRAME = 12  # frame of the test shot whose camera is kept
+WARM_UP = 4  # first frames, which are not timed
 SCORED = 16  # frames at the end, after four periods of the jitter
 
 
 @dataclass(frozen=True)
 class StaticTileTimes:
-    """One scene and method, over the last frames.
+    """One scene and method, over the last frames if nothing else is said.
 
     Attributes:
-        scene: family of the test shot whose camera is fixed.
-        all_static: whether objects stand still, too.
+        scene: family of the test shot.
+        moves: of MOVES.
         method: the model's name.
-        work: share of a full step that was computed.
-        milliseconds: median of a step, by `SKIPS`.
+        converged: fraction of the tiles that rest.
+        milliseconds: median of a step with `skip="exact"`.
+        first, second, last: median time of a step with `skip="auto"` over that with "exact", in the first
+            jitter period, in the second and in the last frames.
         psnr: against the reference, by `SKIPS`.
     """
 
     scene: str
-    all_static: bool
+    moves: str
     method: str
-    work: float
-    milliseconds: dict[str, float]
+    converged: float
+    milliseconds: float
+    first: float
+    second: float
+    last: float
     psnr: dict[str, float]
 
 
@@ -57,17 +65,16 @@ class _Runner:
         self._upscaler = Upscaler(model, display_size=display, skip=skip, validate="off")
         self._image = np.empty((*display[::-1], 3), np.float32)
         self.milliseconds: list[float] = []
-        self.work: list[float] = []
+        self.converged: list[float] = []
         self.psnr: list[float] = []
 
     def step(self, frame: Frame, truth: Float32 | None) -> None:
-        """Step; the frame counts where its reference is known."""
-        done = self._upscaler.stats.work
+        """Step; the frame is scored where its reference is known."""
         began = time.perf_counter()
         self._upscaler.step(frame, out=self._image)
+        self.milliseconds.append(1e3 * (time.perf_counter() - began))
+        self.converged.append(self._upscaler.stats.converged or 0.0)
         if truth is not None:
-            self.milliseconds.append(1e3 * (time.perf_counter() - began))
-            self.work.append(self._upscaler.stats.work - done)
             exposure = frame.exposure or 1.0
             shown = display_transform(self._image, exposure)
             self.psnr.append(psnr(shown, display_transform(truth, exposure)))
@@ -82,7 +89,7 @@ def measure_skipping(
     samples: int = 64,
     on_frame: Callable[[], None] = lambda: None,
 ) -> list[StaticTileTimes]:
-    """Step through each scene, static and with moving objects, with and without reuse, in turns.
+    """Step through each scene with and without reuse, in turns: static, with moving objects, and as it is.
 
     Args:
         families: of the test shots.
@@ -95,18 +102,37 @@ def measure_skipping(
     renderer = Renderer(display, samples=samples)
     results = []
     for family in families:
-        for all_static in (True, False):
+        for moves in MOVES:
             runners = {(m, skip): _Runner(m, display, skip) for m in methods for skip in SKIPS}
-            for frame, truth in _frames(renderer, family, ratio, all_static=all_static):
+            for frame, truth in _frames(renderer, family, ratio, moves):
                 for runner in runners.values():
                     runner.step(frame, truth)
                 on_frame()
-            for method in methods:
-                milliseconds: dict[str, float] = {s: median(runners[method, s].milliseconds) for s in SKIPS}
-                scores: dict[str, float] = {s: float(np.mean(runners[method, s].psnr)) for s in SKIPS}
-                work = float(np.mean(runners[method, "auto"].work))
-                results.append(StaticTileTimes(family, all_static, method, work, milliseconds, scores))
+            results += [
+                _times(family, moves, method, {skip: runners[method, skip] for skip in SKIPS}, ratio)
+                for method in methods
+            ]
     return results
+
+
+def _times(
+    family: str, moves: str, method: str, runners: Mapping[str, _Runner], ratio: float
+) -> StaticTileTimes:
+    period = jitter_phase_count(ratio)
+    exact, auto = (runners[skip].milliseconds for skip in SKIPS)
+    parts = slice(WARM_UP, period), slice(period, 2 * period), slice(-SCORED, None)
+    first, second, last = (median(auto[part]) / median(exact[part]) for part in parts)
+    return StaticTileTimes(
+        scene=family,
+        moves=moves,
+        method=method,
+        converged=float(np.mean(runners["auto"].converged[-SCORED:])),
+        milliseconds=median(exact[-SCORED:]),
+        first=first,
+        second=second,
+        last=last,
+        psnr={skip: float(np.mean(runner.psnr)) for skip, runner in runners.items()},
+    )
 
 
 def frame_count(ratio: float) -> int:
@@ -115,19 +141,22 @@ def frame_count(ratio: float) -> int:
 
 
 def _frames(
-    renderer: Renderer, family: str, ratio: float, *, all_static: bool
+    renderer: Renderer, family: str, ratio: float, moves: str
 ) -> Iterator[tuple[Frame, Float32 | None]]:
-    count = frame_count(ratio)
+    count, size = frame_count(ratio), render_size(renderer.display_size, ratio)
+    if moves == "camera":
+        sequence = rendered_sequence(renderer, family, count, size, references=SCORED)
+        yield from ((frame, truth) for frame, truth, _ in sequence)
+        return
     spec = SequenceSpec(family=family, seed=TEST_SHOTS.seeds[family], frames=count)
-    sequence = HeldSequence(spec, HELD_FRAME, time_stands=all_static)
-    size = render_size(renderer.display_size, ratio)
+    held = HeldSequence(spec, HELD_FRAME, time_stands=moves == "nothing")
     truth: Float32 | None = None
     rendered: dict[tuple[float, float], Frame] = {}  # by jitter: static frames repeat
     for index in range(count):
-        scene, jitter = sequence.scene(index), halton_jitter(index, ratio)
-        if index >= count - SCORED and (truth is None or not all_static):
+        scene, jitter = held.scene(index), halton_jitter(index, ratio)
+        if index >= count - SCORED and (truth is None or moves != "nothing"):
             truth = renderer.reference(scene).color
-        if not all_static or jitter not in rendered:
+        if moves != "nothing" or jitter not in rendered:
             rendered[jitter] = rendered_frame(renderer, scene, size, jitter)
         yield rendered[jitter], truth
 
@@ -149,14 +178,18 @@ def markdown_table(record: Record) -> str:
     """Return the table of a record as Markdown, with its caption."""
     rows = []
     for r in (StaticTileTimes(**row) for row in record["scenes"]):
-        (exact, auto), scores = (r.milliseconds[s] for s in SKIPS), (r.psnr[s] for s in SKIPS)
-        what = [r.scene, "nothing" if r.all_static else "objects", r.method, f"{100 * r.work:.0f} %"]
-        times = [f"{exact:.1f}", f"{auto:.1f}", f"{auto / exact:.2f}"]
-        rows.append([*what, *times, *(f"{score:.2f}" for score in scores)])
+        shares = [f"{share:.2f}" for share in (r.first, r.second, r.last)]
+        scores = [f"{r.psnr[skip]:.2f}" for skip in SKIPS]
+        resting = f"{100 * r.converged:.0f} %"
+        rows.append([r.scene, r.moves, r.method, f"{r.milliseconds:.1f}", *shares, resting, *scores])
     caption = (
-        f"Images of {size_text(record['display'])} at ratio {record['ratio']:g}, the last "
-        f"{record['scored']} of {record['frames']} frames: test shots with a fixed camera. "
-        f"{machine_name(record)}."
+        f"Images of {size_text(record['display'])} at ratio {record['ratio']:g}; {record['frames']} frames "
+        "of test shots, the camera fixed unless it moves. First, second period, at rest: time of a step as a "
+        'share of that with skip="exact", in the first and second jitter period and in the last '
+        f"{record['scored']} frames, of which all other columns are. {machine_name(record)}."
     )
-    headings = ["scene", "moves", "method", "work:", "ms, exact:", "ms:", "share:"]
-    return table([*headings, "PSNR dB, exact:", "PSNR dB:"], rows, caption)
+    headings = [
+        "scene", "moves", "method", "ms, exact:", "first period:", "second period:", "at rest:",
+        "tiles that rest:", "PSNR dB, exact:", "PSNR dB:",
+    ]  # fmt: skip
+    return table(headings, rows, caption)

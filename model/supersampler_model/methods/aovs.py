@@ -10,10 +10,11 @@ import torch
 from torch import Tensor
 
 from supersampler.methods.aovs.spec import AOVS
-from supersampler_model.methods.base import Method, display_size_of, render_size_of
+from supersampler_model.methods.base import Method
 from supersampler_model.ops.color import finite
 from supersampler_model.ops.motion import dilate_motion_2x2, read, reproject, usable_depth, usable_motion
 from supersampler_model.ops.sampling import gaussian, grid_of, normalised, pick_first, upsample
+from supersampler_model.ops.size import display_size_of, render_size_of
 
 SIGMA = 0.4  # Gaussian that upsamples this frame, render pixels
 

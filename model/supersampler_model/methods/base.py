@@ -14,13 +14,7 @@ from torch import Tensor, nn
 
 from supersampler.methods.model_info import extents
 from supersampler.methods.spec import BETWEEN, CHANNELS, EARLIER, RENDER, SHADED, MethodSpec, Shape, sized
-
-
-class Size(NamedTuple):
-    """Width and height of an image; symbolic while a graph is exported."""
-
-    width: int
-    height: int
+from supersampler_model.ops.size import Size
 
 
 class Outputs(NamedTuple):
@@ -123,16 +117,3 @@ class Method(nn.Module):
         for pair in (SHADED, EARLIER, BETWEEN):
             sizes |= dict(zip(pair, render[::-1], strict=True))
         return [torch.zeros(sized(shape, sizes)) for shape in self.history.values()]
-
-
-def render_size_of(image: Tensor) -> Size:
-    """Size of an NCHW tensor."""
-    return Size(image.shape[3], image.shape[2])
-
-
-def display_size_of(display_size: Tensor) -> Size:
-    """Read (width, height) from the int64 input as sizes that the exporter can trace."""
-    width, height = int(display_size[0].item()), int(display_size[1].item())
-    torch._check(width >= 1)  # type: ignore[no-untyped-call]
-    torch._check(height >= 1)  # type: ignore[no-untyped-call]
-    return Size(width, height)

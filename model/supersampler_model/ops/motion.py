@@ -1,16 +1,14 @@
 """Motion vectors: sanitizing, dilation, reprojection into the previous frame, resampling of the history."""
 
 import itertools
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
 from torch.nn import functional as F
 
 from supersampler_model.ops.sampling import Extent, extreme, neighbours_2x2, neighbours_3x3, sum_of
-
-if TYPE_CHECKING:  # methods import this module
-    from supersampler_model.methods.base import Size
+from supersampler_model.ops.size import Size
 
 LONGEST, FAR = 3e38, 1e6  # pixels: larger motion is not finite; finite motion is clamped to FAR
 UNKNOWN_DEPTH = -1.0  # below the sky's 0: never the closest, never disoccluded
@@ -96,7 +94,7 @@ class Reprojection(NamedTuple):
     motion: Tensor  # (1, 2, H, W) display pixels
 
 
-def reproject(motion: Tensor, display: "Size", render: "Size | Extent") -> Reprojection:
+def reproject(motion: Tensor, display: Size, render: Size | Extent) -> Reprojection:
     """Reproject display pixels by `motion`, (1, 2, H, W) in render pixels, previous minus current."""
     across = motion[:, :1] * display.width / render.width
     down = motion[:, 1:2] * display.height / render.height

@@ -7,13 +7,12 @@ position is p + r * motion in display pixels. align_corners is False everywhere.
 
 from collections.abc import Callable
 from functools import reduce
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
-if TYPE_CHECKING:  # methods import this module
-    from supersampler_model.methods.base import Size
+from supersampler_model.ops.size import Size
 
 Kernel = Callable[[Tensor], Tensor]
 """Weight of a sample at a distance, elementwise."""
@@ -44,8 +43,8 @@ class Extent(NamedTuple):
 class View(NamedTuple):
     """Mapping from a display, or a crop of one in training, to render-size inputs."""
 
-    display: "Size"
-    extent: "Extent | Size"
+    display: Size
+    extent: Extent | Size
     jitter: Tensor  # (1, 2) render pixels
 
     def to_render(self, x: Tensor, y: Tensor) -> tuple[Tensor, Tensor]:
@@ -55,7 +54,7 @@ class View(NamedTuple):
             (y + 0.5) * self.extent.height / self.display.height - 0.5 - self.jitter[0, 1],
         )
 
-    def grid(self, render: "Size") -> Grid:
+    def grid(self, render: Size) -> Grid:
         """Grid of the display pixels in an input of size `render`."""
         x = positions(self.display.width, self.extent.width, self.jitter[0, :1])
         y = positions(self.display.height, self.extent.height, self.jitter[0, 1:])
@@ -63,7 +62,7 @@ class View(NamedTuple):
         return Grid(x, y, column, row, nearest(x.floor(), render.width), nearest(y.floor(), render.height))
 
 
-def grid_of(display: "Size", render: "Size", jitter: Tensor) -> Grid:
+def grid_of(display: Size, render: Size, jitter: Tensor) -> Grid:
     """Grid of one whole frame; `jitter` is (1, 2) render pixels."""
     return View(display, render, jitter).grid(render)
 

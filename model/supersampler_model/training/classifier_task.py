@@ -7,9 +7,9 @@ from torch import Tensor
 
 from supersampler_model.data.dataset import Dataset
 from supersampler_model.data.labels import Ghost
-from supersampler_model.methods.base import render_size_of
 from supersampler_model.methods.classifier.buffers import Gathered, History
 from supersampler_model.methods.classifier.model import Classifier
+from supersampler_model.ops.size import render_size_of
 from supersampler_model.training.class_loss import ClassifierWeights, class_loss
 from supersampler_model.training.crops import Sample, Stream
 from supersampler_model.training.shots import UNKNOWN
@@ -17,7 +17,7 @@ from supersampler_model.training.task import State, Stepped, Task
 
 
 class ClassifierTask(Task[Sample]):
-    """Image and classification losses; states are in the order of `Classifier.history`."""
+    """Image and classification losses; states are in the order of `Classifier.history`, without a mean."""
 
     def __init__(self, method: Classifier, losses: ClassifierWeights | None = None) -> None:
         self.method: Classifier = method
@@ -30,7 +30,7 @@ class ClassifierTask(Task[Sample]):
     def first_state(self, sample: Sample) -> State:
         """Zeros, with the jitter of the crop's view."""
         empty = self.method.first_history(sample.view.display, render_size_of(sample.color))
-        color, state, classes, depth, _, exposure = (t.to(sample.color.device) for t in empty)
+        color, state, classes, depth, _, exposure = (t.to(sample.color.device) for t in empty[:6])
         return [color, state, classes, depth, sample.view.jitter, exposure]
 
     def step(self, samples: list[Sample], states: list[State]) -> Stepped:

@@ -19,9 +19,9 @@ from supersampler.errors import ArgumentError
 from supersampler_model.data.dataset import Dataset, TrainingFrame
 from supersampler_model.data.dataset.description import SequenceEntry
 from supersampler_model.data.labels import Alias
-from supersampler_model.methods.base import Size
 from supersampler_model.ops.color import MAX_HALF
 from supersampler_model.ops.sampling import Extent, View
+from supersampler_model.ops.size import Size
 from supersampler_model.training.frame_inputs import planes
 
 MARGIN = 3  # render pixels around the region that a crop reads

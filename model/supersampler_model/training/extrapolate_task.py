@@ -14,11 +14,12 @@ from torch import Tensor
 from supersampler.errors import ArgumentError
 from supersampler_model.data.dataset import Dataset
 from supersampler_model.methods import LEARNED, METHODS
-from supersampler_model.methods.base import Method, Size
+from supersampler_model.methods.base import Method
 from supersampler_model.methods.extrapolation.guided_warp import GuidedWarp
 from supersampler_model.methods.extrapolation.joint import Extrapolate, packed_base_color
 from supersampler_model.methods.weights_file import load_trained, shipped_weights
 from supersampler_model.ops.sampling import sum_of
+from supersampler_model.ops.size import Size
 from supersampler_model.training.class_loss import ClassifierWeights
 from supersampler_model.training.classifier_task import ClassifierTask
 from supersampler_model.training.crops import Sample, Stream

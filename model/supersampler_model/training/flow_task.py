@@ -11,9 +11,10 @@ import torch
 
 from supersampler.errors import ArgumentError
 from supersampler_model.data.dataset import Dataset
-from supersampler_model.methods.base import Method, Size
+from supersampler_model.methods.base import Method
 from supersampler_model.methods.extrapolation.guided_flow import GuidedFlow
 from supersampler_model.methods.extrapolation.guided_warp import GuidedWarp
+from supersampler_model.ops.size import Size
 from supersampler_model.training.flow_crops import LightCache, LightSample, LightStream
 from supersampler_model.training.gbuffer_crops import gbuffer_set
 from supersampler_model.training.losses import ImageWeights

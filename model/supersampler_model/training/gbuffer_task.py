@@ -8,9 +8,9 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from supersampler_model.data.dataset import Dataset
-from supersampler_model.methods.base import render_size_of
 from supersampler_model.methods.gbuffer.buffers import FrameInputs, Gathered, History
 from supersampler_model.methods.gbuffer.model import GBuffer
+from supersampler_model.ops.size import render_size_of
 from supersampler_model.training.crops import Sample, Stream
 from supersampler_model.training.gbuffer_crops import gbuffer_set, gbuffer_stream
 from supersampler_model.training.losses import ImageWeights, shown

@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from supersampler_model.data.dataset import TrainingFrame
-from supersampler_model.methods.base import Method, Size
+from supersampler_model.methods.base import Method
+from supersampler_model.ops.size import Size
 from supersampler_model.training.frame_inputs import frame_inputs, gbuffers
 
 

@@ -10,8 +10,9 @@ import torch
 from torch import Tensor
 
 from supersampler_model.data.dataset import Dataset
-from supersampler_model.methods.base import Method, Size
+from supersampler_model.methods.base import Method
 from supersampler_model.methods.taau.model import Taau
+from supersampler_model.ops.size import Size
 from supersampler_model.training.crops import Place
 from supersampler_model.training.losses import ImageWeights
 from supersampler_model.training.sequence_runner import SequenceRunner

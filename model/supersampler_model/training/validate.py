@@ -10,7 +10,8 @@ from supersampler.frame import Float32
 from supersampler.io.display import decibels, display_transform
 from supersampler_model.data.dataset import Dataset, TrainingFrame
 from supersampler_model.data.dataset.description import SequenceEntry
-from supersampler_model.methods.base import Method, Size
+from supersampler_model.methods.base import Method
+from supersampler_model.ops.size import Size
 from supersampler_model.training.sequence_runner import SequenceRunner
 
 WARM_UP = 8

@@ -38,6 +38,7 @@ class Executor(Protocol):
         aux_outputs: Collection[str],
         *,
         tolerance: float | None,
+        shaded: bool,
     ) -> Mapping[str, Float32]:
         """Upscale a frame that has been checked.
 
@@ -48,7 +49,11 @@ class Executor(Protocol):
             next_history: written to; not `history`.
             image: (H, W, 3), written to.
             aux_outputs: names of auxiliary outputs to return.
-            tolerance: tolerance of static-tile reuse, see `Upscaler`; None disables it.
+            tolerance: of static-tile reuse: a tile of a static scene settles on the mean of its samples
+                before a period is whole if its estimated error is at most this, root mean square of display
+                values. ACCUMULATE: see `skip` of `Upscaler`. None: no tile is reused.
+            shaded: False if the frame's colour is extrapolated: then it adds no samples to the mean of what
+                stands still.
 
         Returns:
             The auxiliary outputs, NCHW, by name.
@@ -68,6 +73,9 @@ class Executor(Protocol):
 
     def work(self, buffers: Buffers, display: Size) -> Float32:
         """Return the work that the step on these buffers did in each tile; see `StepResult.work`."""
+
+    def resting(self, buffers: Buffers) -> float | None:
+        """Return the share of tiles that static-tile reuse copies; None where the step reused no tiles."""
 
     def load(self, buffers: Buffers, tensors: Mapping[str, NDArray[Any]]) -> None:
         """Fill buffers from all history tensors, already checked, and optionally arrays of `memory`."""

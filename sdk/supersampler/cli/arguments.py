@@ -2,12 +2,12 @@
 
 import re
 from enum import StrEnum
-from typing import TYPE_CHECKING, Annotated, Literal, cast
+from typing import TYPE_CHECKING, Annotated, Literal, cast, get_args
 
 import typer
 
-from supersampler.arguments import Skip
-from supersampler.errors import ArgumentError
+from supersampler.arguments import Skip, SkipName
+from supersampler.errors import ArgumentError, did_you_mean
 from supersampler.frame import Size
 
 if TYPE_CHECKING:
@@ -54,13 +54,15 @@ def parse_providers(text: str) -> str | list[str]:
 
 
 def parse_skip(text: str) -> Skip:
-    """Parse "auto", "exact" or a number; `Upscaler` checks its range."""
-    if text in ("auto", "exact"):
+    """Parse a SkipName or a number; `Upscaler` checks its range."""
+    words = get_args(SkipName)
+    if text in words:
         return cast("Skip", text)
     try:
         return float(text)
     except ValueError:
-        raise ArgumentError("--skip", got=repr(text), want="auto, exact or a number in [0, 1]") from None
+        want, hint = f"{', '.join(words)} or a number in [0, 1]", did_you_mean(text, words)
+        raise ArgumentError("--skip", got=repr(text), want=want, hint=hint) from None
 
 
 def printable(text: str) -> str:

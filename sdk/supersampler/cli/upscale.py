@@ -62,7 +62,8 @@ def upscale(
     skip: Annotated[
         str,
         typer.Option(
-            help="exact: compute every pixel. auto, or the tolerance in [0, 1]: reuse static tiles."
+            help="exact: compute every pixel. auto, or the error to settle at: converge where nothing moves. "
+            "accumulate: also where noise does."
         ),
     ] = "auto",
     preset: Annotated[

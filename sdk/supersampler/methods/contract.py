@@ -9,7 +9,7 @@ from supersampler.methods.model_info import ModelInfo, TensorInfo
 from supersampler.methods.spec import DISPLAY, HALF, INPUTS, PREVIOUS, RENDER, WEIGHT, dtype_of
 
 _OF_FRAMES = {"color", "depth", "jitter", "motion", "motion_jitter", "shaded_motion"}
-_MAPS = {"class_map", "weight", "count"}  # fields of StepResult
+_MAPS = {"class_map", "weight", "count", "converged"}  # fields of StepResult
 
 
 def check_contract(info: ModelInfo) -> None:
@@ -72,8 +72,8 @@ def _check_aux_outputs(info: ModelInfo) -> None:
         if tensor.type != "float32" or tensor.shape[:1] != (1,) or named not in (DISPLAY, HALF):
             want = f"(1, k, ...) float32 of {DISPLAY} or {HALF}"
             _refuse(info, f"aux_outputs {tensor.name!r}", _text(tensor), want)
-        if tensor.name == "weight" and tensor.shape != WEIGHT:
-            _refuse(info, "aux_outputs 'weight'", _text(tensor), f"{WEIGHT} float32")
+        if tensor.name in ("weight", "converged") and tensor.shape != WEIGHT:
+            _refuse(info, f"aux_outputs {tensor.name!r}", _text(tensor), f"{WEIGHT} float32")
     shapes = {h.output: h.input.shape for h in info.history} | {t.name: t.shape for t in info.aux_outputs}
     for name, where in info.maps.items():
         shape = shapes.get(where.output, ())

@@ -8,6 +8,7 @@ from typing import Any
 from supersampler.conventions.ratios import only_ratio
 from supersampler.frame import Size
 from supersampler.methods.array_spec import ArraySpec, values_of
+from supersampler.methods.convergence import CONVERGENCE_HISTORY
 from supersampler.methods.gbuffers import GBUFFERS
 from supersampler.methods.spec import DISPLAY, HALF, PREVIOUS, RENDER, MapOf, Shape, sized
 
@@ -100,6 +101,12 @@ class ModelInfo:
     def extrapolates(self) -> bool:
         """Whether it extrapolates unshaded frames instead of upscaling: its image has render size."""
         return has_render_size(self.image.shape)
+
+    @property
+    def converges(self) -> bool:
+        """Whether the image becomes the mean of its samples where nothing moves (`methods.convergence`)."""
+        tensors = {h.input.name: h.input.shape for h in self.history}
+        return all(tensors.get(f"history.{name}") == shape for name, shape in CONVERGENCE_HISTORY.items())
 
     @property
     def takes(self) -> list[TensorInfo]:

@@ -45,8 +45,14 @@ INPUTS: Mapping[str, Shape] = {
 }
 """Shapes of the inputs that a step may take, by tensor name."""
 WEIGHT: Shape = (1, 1, *DISPLAY)
-"""Shape of the auxiliary output "weight": weight of the history in the image."""
-TENSORS: Mapping[str, Shape] = {**INPUTS, "aovs": (1, CHANNELS, *RENDER), "weight": WEIGHT}
+"""Shape of the auxiliary outputs "weight" and "converged": weight of the history, or of the mean of what
+stands still, in the image."""
+TENSORS: Mapping[str, Shape] = {
+    **INPUTS,
+    "aovs": (1, CHANNELS, *RENDER),
+    "weight": WEIGHT,
+    "converged": WEIGHT,
+}
 """Shapes of the inputs of all graphs and of auxiliary outputs."""
 
 

@@ -5,12 +5,15 @@ from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import Literal, get_args
 
+import numpy as np
+
 from supersampler.arguments import checked_choice
 from supersampler.errors import FrameWarning
 from supersampler.frame import Frame, Size
+from supersampler.methods.convergence import MAX_STATIC_MOTION
 from supersampler.validation.evidence import Evidence
 from supersampler.validation.gbuffers import gbuffer_mistakes
-from supersampler.validation.mistakes import COLOR_UPSIDE_DOWN, RESET_ALWAYS, Mistake
+from supersampler.validation.mistakes import COLOR_UPSIDE_DOWN, JITTER_HELD, RESET_ALWAYS, Mistake
 from supersampler.validation.reprojection import frame_pairs
 from supersampler.validation.single_frame import single_frame_mistakes
 from supersampler.validation.temporal import FramesSeen, temporal_mistakes
@@ -19,6 +22,8 @@ Validate = Literal["off", "warn", "strict"]
 
 _WARN_FRAMES = 3  # number that "warn" checks after a start or cut: two pairs, and three jitters
 _MAX_RESETS = 4  # number of frames in a row with `reset` that continue each other
+_HELD_FRAMES = 8  # number with one jitter and nothing that moves, after which "warn" reports it
+_STRIDE = 8  # pixels between those whose motion is read for that
 
 
 class FrameChecker:
@@ -29,13 +34,16 @@ class FrameChecker:
     Args:
         validate: "off" checks nothing; "warn" checks the first three frames after a start or cut and emits a
             `FrameWarning` once for each kind of mistake; "strict" checks every frame and raises.
+        converges: whether the method's image converges where nothing moves (`ModelInfo.converges`). "warn"
+            then also reports, in any frame, a jitter that stays the same while nothing moves.
 
     Raises:
         ArgumentError: `validate` is another value.
     """
 
-    def __init__(self, validate: Validate = "warn") -> None:
+    def __init__(self, validate: Validate = "warn", *, converges: bool = False) -> None:
         self.validate = checked_choice("validate", validate, get_args(Validate))
+        self._converges = converges
         self.reset()
 
     def reset(self) -> None:
@@ -43,6 +51,8 @@ class FrameChecker:
         self._seen, self._read = FramesSeen(), 0
         self._reported: frozenset[str] = frozenset()
         self._resets = 0  # in a row
+        self._jitter: tuple[float, float] | None = None
+        self._held = 0  # frames in a row with `_jitter` in which nothing moved
 
     def check(self, frame: Frame, display_size: Size, gbuffers: Collection[str] = ()) -> None:
         """Check one frame alone and against the earlier ones.
@@ -62,6 +72,7 @@ class FrameChecker:
         seen = FramesSeen() if fresh else self._seen
         read, reported = (0, frozenset[str]()) if fresh else (self._read, self._reported)
         resets = self._resets
+        found: list[Mistake] = []
         if self.validate == "strict" or (self.validate == "warn" and read < _WARN_FRAMES):
             evidence = Evidence.of_frame(frame)
             resets = self._resets_with(evidence)
@@ -70,11 +81,15 @@ class FrameChecker:
             found += gbuffer_mistakes(frame, gbuffers)
             if resets == _MAX_RESETS:
                 found.append(RESET_ALWAYS.found(frames=resets))
-            reported = self._report(found, reported)
             read += 1
         elif self.validate == "warn":
             seen, resets = FramesSeen(), 0  # nothing is checked until the next cut
-        self._seen, self._read, self._reported, self._resets = seen, read, reported, resets
+        held = 1 if fresh else self._held_after(frame)
+        if held == _HELD_FRAMES and frame.size != display_size:  # at ratio 1 frames may be anti-aliased
+            found.append(JITTER_HELD.found(jitter=frame.jitter, frames=held))
+        self._reported = self._report(found, reported)
+        self._seen, self._read, self._resets = seen, read, resets
+        self._jitter, self._held = frame.jitter, held
 
     def _resets_with(self, frame: Evidence) -> int:
         """Return how many frames in a row, up to this one, have `reset` and continue the one before."""
@@ -86,6 +101,13 @@ class FrameChecker:
             else frame_pairs([self._seen.previous, replace(frame, reset=False)])
         )
         return self._resets + 1 if pairs and pairs[0].continues else 1
+
+    def _held_after(self, frame: Frame) -> int:
+        """Return the number of frames in a row, this one too, with one jitter in which nothing moved."""
+        if self.validate != "warn" or not self._converges or frame.jitter != self._jitter:
+            return 1
+        moves = np.abs(frame.motion[::_STRIDE, ::_STRIDE]) > MAX_STATIC_MOTION
+        return 1 if moves.any() else self._held + 1
 
     def _report(self, found: Sequence[Mistake], reported: frozenset[str]) -> frozenset[str]:
         """Raise the first certain mistake, or warn of each kind once; return the kinds reported so far."""

@@ -124,6 +124,9 @@ JITTER_CONSTANT = Mistake(
     "jitter constant", "jitter", "{jitter} in {frames} frames on end",
     "a new place in the pixel each frame, in render pixels",
     "halton_jitter and jittered_projection make one; without it no detail can be gained.")
+JITTER_HELD = replace(
+    JITTER_CONSTANT, got="{jitter} in {frames} frames in which nothing moved", only_a_hint=True,
+    hint="A still image converges by samples at new places: go on with halton_jitter, or stop stepping.")
 JITTER_TOO_SMALL = Mistake(
     "jitter too small", "jitter", "never more than {most:.2g}", JITTER_CONSTANT.want,
     "Try Conventions(jitter_unit='ndc') or 'uv'.")

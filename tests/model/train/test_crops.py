@@ -9,8 +9,8 @@ import torch
 from supersampler import halton_jitter
 from supersampler_model.data.dataset import TrainingFrame
 from supersampler_model.data.scenes.analytic import DiscOverPlane
-from supersampler_model.methods.base import Size
 from supersampler_model.methods.classifier.model import Classifier
+from supersampler_model.ops.size import Size
 from supersampler_model.training.classifier_task import ClassifierTask
 from supersampler_model.training.crops import FIREFLY_CHANCE, CropRegion, with_fireflies
 from supersampler_model.training.frame_inputs import frame_inputs

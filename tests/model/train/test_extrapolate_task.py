@@ -18,10 +18,10 @@ from supersampler.errors import ArgumentError
 from supersampler.methods.classifier.spec import ClassifierConfig, NetworkConfig
 from supersampler_model.data.dataset import Dataset, TrainingFrame
 from supersampler_model.data.labels import Ghost
-from supersampler_model.methods.base import Size
 from supersampler_model.methods.classifier.model import Classifier
 from supersampler_model.methods.extrapolation.joint import Extrapolate
 from supersampler_model.methods.weights_file import Trained, load_trained, shipped_weights
+from supersampler_model.ops.size import Size
 from supersampler_model.training.crops import Place, Sample
 from supersampler_model.training.extrapolate_task import ExtrapolateTask
 from supersampler_model.training.gbuffer_crops import GBufferRegion, unshaded_set

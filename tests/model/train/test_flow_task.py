@@ -21,9 +21,9 @@ from supersampler.errors import ArgumentError
 from supersampler_model.data.dataset import Dataset, TrainingFrame
 from supersampler_model.data.dataset.description import SequenceEntry
 from supersampler_model.data.labels import Ghost
-from supersampler_model.methods.base import Size
 from supersampler_model.methods.extrapolation.guided_flow import GuidedFlow
 from supersampler_model.methods.weights_file import load_trained
+from supersampler_model.ops.size import Size
 from supersampler_model.training.flow_crops import (
     FULL_CHANNELS,
     HALF_CHANNELS,

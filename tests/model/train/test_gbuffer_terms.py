@@ -9,10 +9,10 @@ import torch
 from torch import Tensor
 
 from supersampler.methods.gbuffer.spec import SMALL_NETWORK, GBufferConfig
-from supersampler_model.methods.base import Size
 from supersampler_model.methods.gbuffer.buffers import Gathered, Surfaces
 from supersampler_model.methods.gbuffer.model import SmallGBuffer
 from supersampler_model.ops.sampling import View
+from supersampler_model.ops.size import Size
 from supersampler_model.training.crops import Sample
 from supersampler_model.training.gbuffer_task import GBufferTask, GBufferWeights, reflective_of
 from supersampler_model.training.losses import shown

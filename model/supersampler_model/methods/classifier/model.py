@@ -29,11 +29,7 @@ from supersampler.methods.classifier.spec import (
     ClassifierConfig,
 )
 from supersampler.methods.spec import HALF
-from supersampler_model.methods.base import (
-    Fused,
-    display_size_of,
-    render_size_of,
-)
+from supersampler_model.methods.base import Fused
 from supersampler_model.methods.classifier.buffers import (
     CurrentFrame,
     Finished,
@@ -60,6 +56,7 @@ from supersampler_model.ops.color import (
     ycocg,
 )
 from supersampler_model.ops.compositing import composite
+from supersampler_model.ops.convergence import FrameSamples, settle
 from supersampler_model.ops.motion import (
     Reprojection,
     dilate_motion_2x2,
@@ -89,6 +86,7 @@ from supersampler_model.ops.sampling import (
     upsample,
     weighed,
 )
+from supersampler_model.ops.size import display_size_of, render_size_of
 
 TONED = 1.0 - 1e-4  # maximum of a toned colour
 SHARPEST = 2.0  # maximum factor of the detail that is added
@@ -128,18 +126,24 @@ class Classifier(LearnedMethod):
         display_size: Tensor,  # (2,) int64
         *history: Tensor,  # as in `Classifier.history`
     ) -> tuple[Tensor, ...]:
-        """Return the image (1, 3, H, W), linear RGB >= 0, the next history and the weight of the history."""
+        """Return the image (1, 3, H, W), linear RGB >= 0, the next history and the auxiliary outputs."""
         history_tensors, now, before = self.group_history(history, color, jitter, display_size)
         gathered = self.gather(color, depth, motion, exposure, history_tensors, now, before)
         logits, blend = self.net(*self.network_inputs(gathered))
-        return self.step_outputs(gathered, logits, blend, jitter)
+        outputs = self.step_outputs(gathered, logits, blend, jitter)
+        if "still" not in self.history:
+            return outputs
+        image, *next_history, weight = outputs
+        frame = FrameSamples(color, motion, jitter, before.jitter, gathered.exposure)
+        settled = settle(image, frame, *history[-2:])
+        return (settled.image, *next_history, settled.still, settled.opening, weight, settled.converged)
 
     @staticmethod
     def group_history(
         history: Sequence[Tensor], color: Tensor, jitter: Tensor, display_size: Tensor
     ) -> tuple[History, View, View]:
         """Return the history tensors by name, and the views of this frame and of the previous one."""
-        history_color, state, classes, depth, history_jitter, exposure = history
+        history_color, state, classes, depth, history_jitter, exposure = history[:6]
         display = display_size_of(display_size)
         now = View(display, render_size_of(color), jitter)
         before = View(display, render_size_of(depth), history_jitter)
@@ -148,7 +152,7 @@ class Classifier(LearnedMethod):
     def step_outputs(
         self, gathered: Gathered, logits: Tensor, blend: Tensor, jitter: Tensor
     ) -> tuple[Tensor, ...]:
-        """Finish the step and return the results of `forward`."""
+        """Return the method's own image, the next history without a mean, and the weight of the history."""
         done = self.finish(gathered, logits, blend)
         history = (done.image, done.state, done.classes, gathered.surfaces, jitter * 1.0, gathered.followed)
         return (done.image, *history, done.weight)

@@ -14,10 +14,10 @@ import torch
 from torch import Tensor
 
 from supersampler.methods.extrapolation.spec import GuidedWarpConfig
-from supersampler_model.methods.base import Size, render_size_of
 from supersampler_model.ops.color import MAX_HALF, finite, sanitize, valid
 from supersampler_model.ops.motion import FAR, UNKNOWN_DEPTH, read, usable_depth, usable_motion
 from supersampler_model.ops.sampling import sum_of
+from supersampler_model.ops.size import Size, render_size_of
 
 NEIGHBOURS = ((0, -1), (-1, 0), (1, 0), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1))
 """Offsets (x, y) of the eight neighbours of a pixel, nearest first."""

@@ -14,7 +14,7 @@ from torch import Tensor
 
 from supersampler.methods.extrapolation.spec import GUIDED_FLOW, GuidedFlowConfig
 from supersampler.methods.spec import HALF
-from supersampler_model.methods.base import Fused, Size, render_size_of
+from supersampler_model.methods.base import Fused
 from supersampler_model.methods.extrapolation.flow_network import LIGHT, OUTPUTS, FlowNetwork, moved
 from supersampler_model.methods.extrapolation.guided import (
     SKY_DEPTH,
@@ -31,6 +31,7 @@ from supersampler_model.methods.learned import LearnedMethod
 from supersampler_model.ops.color import bounded, finite, measured_exposure, tone
 from supersampler_model.ops.motion import read, usable_motion
 from supersampler_model.ops.sampling import sum_of
+from supersampler_model.ops.size import Size, render_size_of
 
 TONED = 1.0 - 1e-4  # maximum of a toned colour
 

@@ -10,7 +10,7 @@ from typing import ClassVar
 from torch import Tensor
 
 from supersampler.methods.extrapolation.spec import GUIDED_WARP, GuidedWarpConfig
-from supersampler_model.methods.base import Method, render_size_of
+from supersampler_model.methods.base import Method
 from supersampler_model.methods.extrapolation.guided import (
     back_to_shaded,
     guided_light,
@@ -20,6 +20,7 @@ from supersampler_model.methods.extrapolation.guided import (
     surface_of,
 )
 from supersampler_model.ops.color import bounded
+from supersampler_model.ops.size import render_size_of
 
 
 class GuidedWarp(Method):

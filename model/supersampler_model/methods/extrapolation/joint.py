@@ -13,7 +13,7 @@ from torch import Tensor, nn
 from supersampler.errors import ArgumentError
 from supersampler.methods.extrapolation.spec import EXTRAPOLATE, EXTRAPOLATE_UNSHADED
 from supersampler.methods.spec import HALF
-from supersampler_model.methods.base import Fused, render_size_of
+from supersampler_model.methods.base import Fused
 from supersampler_model.methods.classifier.model import Classifier
 from supersampler_model.methods.classifier.network import pack
 from supersampler_model.methods.classifier.small import SmallClassifier
@@ -21,6 +21,7 @@ from supersampler_model.methods.extrapolation.network import ExtraSSNetwork
 from supersampler_model.methods.weights_file import Trained
 from supersampler_model.ops.color import finite
 from supersampler_model.ops.sampling import View, pick
+from supersampler_model.ops.size import render_size_of
 
 SURFACE = 3
 """Channels of an extrapolated pixel's surface in the network inputs: base colour."""

@@ -23,7 +23,7 @@ from supersampler.methods.gbuffer.spec import (
     GBufferConfig,
 )
 from supersampler.methods.spec import DISPLAY, RENDER, Shape
-from supersampler_model.methods.base import Fused, display_size_of, render_size_of
+from supersampler_model.methods.base import Fused
 from supersampler_model.methods.gbuffer import network
 from supersampler_model.methods.gbuffer.buffers import (
     CurrentFrame,
@@ -70,6 +70,7 @@ from supersampler_model.ops.sampling import (
     sum_of,
     upsample,
 )
+from supersampler_model.ops.size import display_size_of, render_size_of
 
 TONED = 1.0 - 1e-4  # maximum of a toned colour
 NEIGHBOUR_WEIGHTS = (0.03, 0.12, 0.03, 0.12, 1.0, 0.12, 0.03, 0.12, 0.03)

@@ -5,9 +5,10 @@ from typing import ClassVar
 from torch import Tensor
 
 from supersampler.methods.spatial.spec import BICUBIC, BILINEAR
-from supersampler_model.methods.base import Method, display_size_of, render_size_of
+from supersampler_model.methods.base import Method
 from supersampler_model.ops.color import bounded, sanitize
 from supersampler_model.ops.sampling import catmull_rom, grid_of, linear, resample, taps
+from supersampler_model.ops.size import display_size_of, render_size_of
 
 
 class Spatial(Method):

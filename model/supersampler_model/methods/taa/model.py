@@ -16,7 +16,7 @@ import torch
 from torch import Tensor
 
 from supersampler.methods.taa.spec import TAA, TaaConfig
-from supersampler_model.methods.base import Method, display_size_of, render_size_of
+from supersampler_model.methods.base import Method
 from supersampler_model.ops.color import (
     bounded,
     exposure_for,
@@ -39,6 +39,7 @@ from supersampler_model.ops.rectification import (
     variance_box,
 )
 from supersampler_model.ops.sampling import blurred, extreme, grid_of, linear, pick, resample, taps
+from supersampler_model.ops.size import display_size_of, render_size_of
 
 
 class Gathered(NamedTuple):

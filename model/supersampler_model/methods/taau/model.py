@@ -26,12 +26,7 @@ import torch
 from torch import Tensor
 
 from supersampler.methods.taau.spec import FLASH, FLASH_MEMORY, LEAST_FLASH, TAAU, TaauConfig
-from supersampler_model.methods.base import (
-    Method,
-    Size,
-    display_size_of,
-    render_size_of,
-)
+from supersampler_model.methods.base import Method
 from supersampler_model.ops.color import (
     CONFIRMED,
     DARKNESS,
@@ -47,6 +42,7 @@ from supersampler_model.ops.color import (
     without_glare,
     ycocg,
 )
+from supersampler_model.ops.convergence import FrameSamples, settle
 from supersampler_model.ops.motion import (
     Reprojection,
     dilate_motion_2x2,
@@ -75,6 +71,7 @@ from supersampler_model.ops.sampling import (
     pick_first,
     upsample,
 )
+from supersampler_model.ops.size import Size, display_size_of, render_size_of
 
 MIN_CHANGE = 0.004  # of toned luma: one step of an 8-bit image
 MIN_SAMPLES = 1e-3  # with fewer samples the history is not used
@@ -129,7 +126,10 @@ class Step(NamedTuple):
     history_jitter: Tensor
     history_exposure: Tensor
     history_light: Tensor
+    history_still: Tensor
+    history_opening: Tensor
     weight: Tensor
+    converged: Tensor
 
 
 class Taau(Method):
@@ -152,11 +152,13 @@ class Taau(Method):
         history_jitter: Tensor,  # (1, 2)
         history_exposure: Tensor,  # (1,)
         history_light: Tensor,  # (1, 4)
+        history_still: Tensor,  # (1, 4, H, W)
+        history_opening: Tensor,  # (1, 3, h', w')
     ) -> Step:
         """Return the image (1, 3, H, W), linear RGB >= 0, the next history and the weight of the history."""
         display, render = display_size_of(display_size), render_size_of(color)
         grid = grid_of(display, render, jitter)
-        usable, color = valid(color), sanitize(color, 0.0)
+        given_color, usable, color = color, valid(color), sanitize(color, 0.0)
         followed = exposure_for(color, usable, exposure, history_exposure)
         exposure = followed.abs()
         exposed = color * exposure
@@ -178,7 +180,21 @@ class Taau(Method):
         image, samples = self.finish(current, warped, blend, exposure)
         next_color = torch.where(blend.unconfirmed, warped.light, image)
         weight = (1.0 - blend.weight) * (blend.samples > MIN_SAMPLES)
-        return Step(image, next_color, samples, surface, jitter * 1.0, followed, next_light, weight)
+        frame = FrameSamples(given_color, motion, jitter, history_jitter, exposure)
+        settled = settle(image, frame, history_still, history_opening)
+        return Step(
+            settled.image,
+            next_color,
+            samples,
+            surface,
+            jitter * 1.0,
+            followed,
+            next_light,
+            settled.still,
+            settled.opening,
+            weight,
+            settled.converged,
+        )
 
     def gather_current(
         self,

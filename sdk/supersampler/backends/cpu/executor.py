@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from supersampler.backends.cpu.frame_preprocess import (
     MEASURE,
+    AuxOutputs,
     FramePreprocess,
     ResampledFrame,
-    Weight,
     frame_inputs,
 )
 from supersampler.backends.cpu.history import CpuHistory, HistoryLayout
@@ -43,7 +43,9 @@ class Step(NamedTuple):
         history: history after the previous frame; not changed.
         next_history: written to, except for the pixels of reused tiles.
         output: the other outputs.
+        converged: (1, 1, H, pitch) to write the fraction of the mean to, if requested.
         tiles: the tiles to compute.
+        shaded: see `Executor.step`.
     """
 
     frame: Frame
@@ -51,7 +53,9 @@ class Step(NamedTuple):
     history: CpuHistory
     next_history: CpuHistory
     output: Output
+    converged: Float32 | None
     tiles: Tiles
+    shaded: bool
 
     @property
     def display(self) -> Size:
@@ -108,26 +112,29 @@ class CpuExecutor(ABC, Generic[Space]):
         aux_outputs: Collection[str],
         *,
         tolerance: float | None,
+        shaded: bool,
     ) -> Mapping[str, Float32]:
         """See `Executor`."""
-        inputs, weight = frame_inputs(frame), Weight(aux_outputs, display)
+        inputs, aux = frame_inputs(frame), AuxOutputs(aux_outputs, display)
         states = history.tile_state, next_history.tile_state
         images = history.tiled(), next_history.tiled()
-        tiles = self._tile_reuse.begin(inputs, frame.jitter, display, *states, skips=tolerance is not None)
+        inputs = inputs._replace(exposure=abs(history.exposure))
+        tiles = self._tile_reuse.begin(inputs, frame.jitter, *states, tolerance=tolerance)
         if tiles.any:
             next_history.jitter = frame.jitter
             next_history.exposure = self._preprocess.exposure(frame, inputs.color, history.exposure)
             inputs = inputs._replace(exposure=abs(next_history.exposure))
-            output = weight.output(images[1][0][1], image)
+            output, converged = aux.output(images[1][0][1], image), aux.planes.get("converged")
             with self._spaces.borrow(frame.size, display) as space:
-                self._compute_tiles(Step(frame, inputs, history, next_history, output, tiles), space)
+                self._compute_tiles(
+                    Step(frame, inputs, history, next_history, output, converged, tiles, shaded), space
+                )
         else:
             next_history.keep_frame(history)
-        self._tile_reuse.end(
-            tiles, *states, *images, image,
-            exposure=abs(next_history.exposure), tolerance=tolerance or 0.0,
-        )  # fmt: skip
-        return weight.aux_outputs()
+        inputs = inputs._replace(exposure=abs(next_history.exposure))
+        mean = next_history.arrays.get("still"), next_history.arrays.get("opening")
+        self._tile_reuse.end(inputs, frame.jitter, *states, *images, mean, image, tolerance=tolerance)
+        return aux.results()
 
     def _resample(self, step: Step, view: ResampledFrame) -> None:
         """Preprocess the frame of a step into `view`; note whether it or its history has glare."""
@@ -166,3 +173,8 @@ class CpuExecutor(ABC, Generic[Space]):
     def work(self, buffers: CpuHistory, display: Size) -> Float32:  # noqa: ARG002  # not needed
         """See `Executor`."""
         return buffers.tile_state.work
+
+    def resting(self, buffers: CpuHistory) -> float | None:
+        """See `Executor`."""
+        state = buffers.tile_state
+        return None if state.static_tiles is None else state.converged

@@ -35,8 +35,10 @@ def empty_samples(render: Size) -> FrameSamples:
     padded_width = stride + 2 * PAD
     depth, motion_x, motion_y, eroded_depth = aligned((4, h, padded_width))
     dilated, own = aligned((2, h, stride, 4))
-    color, glares = aligned((h, SAMPLE_PLANES, padded_width)), aligned((h,))
-    return FrameSamples(color, depth, motion_x, motion_y, eroded_depth, dilated, own, glares, w, h, stride)
+    color, glares, still_rows = aligned((h, SAMPLE_PLANES, padded_width)), aligned((h,)), aligned((h,))
+    return FrameSamples(
+        color, depth, motion_x, motion_y, eroded_depth, dilated, own, glares, still_rows, w, h, stride
+    )
 
 
 class ResampledFrame:
@@ -81,29 +83,33 @@ class ResampledFrame:
         )
 
 
-class Weight:
-    """The auxiliary output "weight": the weight of the history, which is 1 in reused tiles.
+class AuxOutputs:
+    """The auxiliary outputs: weight of the history, fraction of the mean; both are 1 in reused tiles.
 
     Args:
-        aux_outputs: names of the requested outputs.
+        names: of the requested outputs; others than these two are ignored.
         display: size of the image.
+
+    Attributes:
+        planes: (1, 1, H, pitch) each, by name; rows are padded to whole vectors.
     """
 
-    def __init__(self, aux_outputs: Collection[str], display: Size) -> None:
+    def __init__(self, names: Collection[str], display: Size) -> None:
         self._width = display[0]
         shape = (1, 1, display[1], up_to(display[0], LANES))
-        self._rows = np.ones(shape, np.float32) if "weight" in aux_outputs else None
+        own = [name for name in ("weight", "converged") if name in names]
+        self.planes = {name: np.ones(shape, np.float32) for name in own}
 
     def output(self, next_history: Float32, image: Float32) -> Output:
         """Return the outputs of a step."""
         height, width = image.shape[:2]
-        rows = np.zeros(1, np.float32) if self._rows is None else self._rows
-        has_weight = int(self._rows is not None)
+        rows = self.planes.get("weight", np.zeros(1, np.float32))
+        has_weight = int("weight" in self.planes)
         return Output(next_history, image, rows, has_weight, width, height, up_to(width, LANES))
 
-    def aux_outputs(self) -> dict[str, Float32]:
-        """Return {"weight": (1, 1, H, W)} if it is requested, else {}."""
-        return {} if self._rows is None else {"weight": self._rows[..., : self._width]}
+    def results(self) -> dict[str, Float32]:
+        """Return the requested outputs, (1, 1, H, W) each."""
+        return {name: plane[..., : self._width] for name, plane in self.planes.items()}
 
 
 class FramePreprocess:

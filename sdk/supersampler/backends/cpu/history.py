@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.backends.cpu.layout import LANES, PAD, TILE
+from supersampler.backends.cpu.layout import LANES, PAD, RENDER_TILE, TILE
 from supersampler.backends.cpu.memory import aligned
 from supersampler.backends.cpu.resample_tables import up_to
 from supersampler.backends.cpu.tile_state import TileState
@@ -90,6 +90,8 @@ class CpuHistory:
         jitter: jitter of the frame.
         exposure: exposure of the frame by `followed_exposure`; 0 before the first frame.
         glares: whether pixels may hold counts of glaring frames.
+        means: (rows, columns) of display tiles, of which the plane "still" may not be zero.
+        ranges: (rows, columns) of tiles of the frame, of which the plane "opening" may not be zero.
     """
 
     def __init__(self, layout: HistoryLayout, display: Size, render: Size) -> None:
@@ -101,6 +103,10 @@ class CpuHistory:
         self.values = {name: np.zeros(count, np.float32) for name, count in layout.values.items()}
         self.tile_state = TileState(display)
         self.jitter, self.exposure, self.glares = (0.0, 0.0), 0.0, False
+        self.means, self.ranges = (
+            np.zeros((-(-size[1] // side), -(-size[0] // side)), bool)
+            for size, side in ((display, TILE), (render, RENDER_TILE))
+        )
 
     def fits(self, display: Size, render: Size) -> bool:
         """Return whether these arrays can hold the history after a frame of this size."""
@@ -110,6 +116,7 @@ class CpuHistory:
     def keep_frame(self, previous: "CpuHistory") -> None:
         """Copy everything except tiles from the previous history: no tile of this frame is computed."""
         self.jitter, self.exposure, self.glares = previous.jitter, previous.exposure, previous.glares
+        self.means, self.ranges = previous.means.copy(), previous.ranges.copy()
         for name, values in previous.values.items():
             self.values[name][:] = values
         for name, plane in self._layout.planes.items():
@@ -144,7 +151,7 @@ class CpuHistory:
 
     def load(self, tensors: Mapping[str, NDArray[Any]]) -> None:
         """Fill from all history tensors, NCHW, and from arrays of `TileState.arrays`, if present."""
-        self.tile_state.load(tensors)
+        self.tile_state.load(tensors, self.render)
         for key, plane in self._layout.planes.items():
             array = self.arrays[key]
             for name, channels in self._layout.channels(plane).items():
@@ -157,6 +164,7 @@ class CpuHistory:
                 array[..., channels] = pixels
         for name, values in self.values.items():
             values[:] = tensors[f"history.{name}"][0]
+        self.means[:] = self.ranges[:] = True
         self.exposure = float(tensors["history.exposure"][0])
         if "history.jitter" in tensors:
             x, y = (float(j) for j in tensors["history.jitter"][0])

@@ -1,8 +1,8 @@
-"""Which tiles of a frame equal those of the frame one jitter period before."""
+"""Which tiles of a frame equal those of the last frame with the same jitter."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,97 +12,239 @@ from supersampler.errors import ArgumentError
 from supersampler.frame import Size
 from supersampler.methods.array_spec import ArraySpec
 
+Bool = NDArray[np.bool_]
+Int32 = NDArray[np.int32]
 Sums = NDArray[np.uint64]
 Jitter = tuple[float, float]
+ReadFingerprints = Callable[[Bool, int], Sums]
+"""Fingerprints of tiles, (rows, columns), from every n-th row of samples; MOVING where a tile has motion, any
+number outside of the mask."""
 
 MOVING = 0
-"""Fingerprint of a tile with motion; such a tile is never static."""
+"""Fingerprint of a tile with motion; in a `Phase`: no fingerprint yet."""
 PHASES = 256
 """Longest jitter sequence; with a longer one, or one that never repeats, no tile counts as static."""
+ROW_STEP = 4
+"""Every tile is first compared by one row of samples in so many, and as a whole only if these agree."""
+SAMPLED_ROWS = 16
+"""After a frame in which every tile moved, one row of tiles in so many shows whether all move again."""
+LOOK_FRAMES = 8
+"""Where all tiles change, whatever the frame, only one frame in so many of a period is looked at."""
+HOLD_FRAMES = 2
+"""Frames for which a tile that stood still for a whole period may change, and be taken as undisturbed if it
+then is as before: fireflies, NaN."""
+LEAST_SHARE = 1.0 / 3.0
+"""Share of tiles that need not be computed, below which leaving them out saves no time."""
+_PATIENCE = 2 * PHASES
+"""Frames with changes after which a tile is compared as a whole only where its rows agree."""
 _MAX_FRAMES = 1 << 53
+
+
+class Phase(NamedTuple):
+    """The last frame with some jitter.
+
+    Attributes:
+        frame: its number.
+        rows: (tile rows, tile columns) fingerprints of the compared rows of tiles. Tiles that moved or are
+            `StaticTiles.held` have that of the frame before with this jitter.
+        tiles: likewise of whole tiles.
+    """
+
+    frame: int
+    rows: Sums
+    tiles: Sums
 
 
 @dataclass(frozen=True, eq=False)
 class StaticTiles:
     """Fingerprints of the frames so far; immutable, so histories share it.
 
+    Arrays are (rows, columns) of tiles of the frame.
+
     Attributes:
+        render: (width, height) of the frames.
         frames: number of frames so far.
-        phases: by jitter: number of the last frame with it, fingerprints of its tiles; oldest first.
+        phases: last frame with each jitter; oldest first.
         period: frames since the last frame with this frame's jitter; 0 where there was none.
-        same: (rows, columns) tiles that equal those of that frame and do not move; None before the first
-            frame.
+        moving: tiles with motion in this frame.
+        same: tiles without motion that equal those of the last frame with this jitter.
+        held: tiles that differ, but are taken as undisturbed if they are as before within HOLD_FRAMES.
+        changed: all other tiles that differ.
+        changes: consecutive frames in which a tile differed.
+        matched: consecutive frames in which it was the same.
+        confirmed: tiles that were the same for as many frames as there are phases, and since then have only
+            moved, been held or been the same.
+        rarely_same: consecutive frames in which tiles stood still, but fewer than LEAST_SHARE were the same.
     """
 
-    frames: int = 0
-    phases: Mapping[Jitter, tuple[int, Sums]] = field(default_factory=dict)
-    period: int = 0
-    same: NDArray[np.bool_] | None = None
+    render: Size
+    frames: int
+    phases: Mapping[Jitter, Phase]
+    period: int
+    moving: Bool
+    same: Bool
+    held: Bool
+    changed: Bool
+    changes: Int32
+    matched: Int32
+    confirmed: Bool
+    rarely_same: int = 0
 
-    def after(self, jitter: Jitter, sums: Sums) -> "StaticTiles":
-        """Return the state after one more frame.
+    @classmethod
+    def empty(cls, render: Size) -> "StaticTiles":
+        """Return the state before the first frame."""
+        shape = tuple(-(-extent // RENDER_TILE) for extent in render[::-1])
+        none, zero = np.zeros(shape, bool), np.zeros(shape, np.int32)
+        return cls(render, 0, {}, 0, none, none, none, none, zero, zero, none)
+
+    def after(self, jitter: Jitter, read: ReadFingerprints) -> "StaticTiles":
+        """Return the state after one more frame of the same size.
 
         Args:
             jitter: of the frame.
-            sums: (rows, columns) fingerprints of its tiles.
+            read: its fingerprints.
         """
-        base = self if self.same is not None and self.same.shape == sums.shape else StaticTiles()
-        last_frame, sums_before = base.phases.get(jitter, (base.frames, None))
-        same = (
-            (sums == sums_before) & (sums != MOVING)
-            if sums_before is not None
-            else np.zeros(sums.shape, bool)
+        unknown = np.zeros(self.same.shape, np.uint64)
+        before = self.phases.get(jitter, Phase(self.frames, unknown, unknown))
+        period = self.frames - before.frame
+        if self._likely_changes(period) or (self.moving.all() and self._likely_moves(read)):
+            phases = self._phases_with(jitter, before._replace(frame=self.frames))
+            rarely = 0 if _mostly(self.moving) else self.rarely_same + 1
+            return replace(self, frames=self.frames + 1, phases=phases, period=period, rarely_same=rarely)
+        as_before = self.same & (before.tiles != MOVING)  # likely: read at once as a whole
+        if as_before.any():
+            as_before &= read(as_before, 1) == before.tiles
+        rows = (
+            before.rows if as_before.all() else np.where(as_before, before.rows, read(~as_before, ROW_STEP))
         )
-        phases = {key: phase for key, phase in base.phases.items() if key != jitter}
+        agree = (rows == before.rows) & (rows != MOVING)
+        unseen = (before.rows == MOVING) & (period > 0 or len(self.phases) < PHASES)
+        patient = self.changes < (2 * period or _PATIENCE)
+        whole = (rows != MOVING) & (agree | unseen | (patient & (before.rows != MOVING)))
+        unread = whole & ~as_before
+        tiles = np.where(as_before, before.tiles, np.uint64(MOVING))
+        if unread.any():
+            tiles = np.where(unread, read(unread, 1), tiles)
+        moving = (rows == MOVING) | (whole & (tiles == MOVING))
+        same = ~moving & (tiles == before.tiles) & (tiles != MOVING)
+        differs = ~moving & (before.rows != MOVING) & ~same & ((before.tiles != MOVING) | ~agree)
+        changes = np.where(differs, self.changes + 1, np.where(agree | moving, 0, self.changes))
+        held = differs & self.confirmed & (changes <= HOLD_FRAMES)
+        matched = np.where(same, self.matched + 1, 0)
+        confirmed = (same & (matched >= len(self.phases))) | (self.confirmed & (~differs | held))
+        keep = moving | held
+        stored = np.where(keep, before.rows, rows), np.where(keep, before.tiles, tiles)
+        phases = self._phases_with(jitter, Phase(self.frames, *stored))
+        return StaticTiles(
+            self.render, self.frames + 1, phases, period, moving, same, held, differs & ~held,
+            changes.astype(np.int32), matched.astype(np.int32), confirmed,
+            0 if same.mean() >= LEAST_SHARE or _mostly(moving) else self.rarely_same + 1,
+        )  # fmt: skip
+
+    @property
+    def worthwhile(self) -> bool:
+        """Whether enough tiles may be static to save time: few move, and many were the same in two periods.
+
+        A scene that has just come to rest, or changed its light, is compared for one period until it is.
+        """
+        if _mostly(self.moving):
+            return False
+        return self.rarely_same <= (2 * self.period + HOLD_FRAMES if self.period else _PATIENCE)
+
+    def _likely_changes(self, period: int) -> bool:
+        """Whether all tiles have changed for two periods, and this frame is none of those looked at.
+
+        These have the same jitter in each period, so that they can be compared.
+        """
+        if not period or self.frames % period % LOOK_FRAMES == 0 or not self.changed.all():
+            return False
+        return bool(self.changes.min() >= 2 * period)
+
+    def _likely_moves(self, read: ReadFingerprints) -> bool:
+        """Whether all tiles of some rows move, others in each frame."""
+        step = min(SAMPLED_ROWS, len(self.moving))
+        sampled = np.zeros(self.moving.shape, bool)
+        sampled[self.frames % step :: step] = True
+        return bool((read(sampled, ROW_STEP)[sampled] == MOVING).all())
+
+    def _phases_with(self, jitter: Jitter, last: Phase) -> dict[Jitter, Phase]:
+        phases = {key: phase for key, phase in self.phases.items() if key != jitter}
         while len(phases) >= PHASES:
             del phases[next(iter(phases))]
-        phases[jitter] = base.frames, sums
-        return StaticTiles(base.frames + 1, phases, base.frames - last_frame, same)
+        return {**phases, jitter: last}
+
+    def latest_jitters(self, frames: int) -> list[Jitter]:
+        """Return the different jitters of the last `frames` frames."""
+        return [jitter for jitter, phase in self.phases.items() if phase.frame >= self.frames - frames]
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Return copies for `of_arrays`; none before the first frame."""
-        if self.same is None:
+        if not self.frames:
             return {}
+        phases = self.phases.values()
         return {
-            "still.frames": np.array(self.frames, np.int64),
-            "still.jitter": np.array(list(self.phases), np.float64),
-            "still.when": np.array([when for when, _ in self.phases.values()], np.int64),
-            "still.sums": np.stack([sums for _, sums in self.phases.values()]),
-            "still.same": self.same.copy(),
+            "static.frames": np.array(self.frames, np.int64),
+            "static.rarely_same": np.array(self.rarely_same, np.int64),
+            "static.jitter": np.array(list(self.phases), np.float64),
+            "static.phase_frames": np.array([phase.frame for phase in phases], np.int64),
+            "static.phase_rows": np.stack([phase.rows for phase in phases]),
+            "static.phase_tiles": np.stack([phase.tiles for phase in phases]),
+            "static.changes": self.changes.copy(),
+            "static.matched": self.matched.copy(),
+            "static.confirmed": self.confirmed.copy(),
         }
 
     @classmethod
-    def of_arrays(cls, arrays: Mapping[str, NDArray[Any]]) -> "StaticTiles":
+    def of_arrays(cls, arrays: Mapping[str, NDArray[Any]], render: Size) -> "StaticTiles":
         """Continue from arrays by `arrays`, other arrays among them; begin anew where there are none.
 
         Args:
             arrays: as `static_tile_specs` says.
+            render: size of the last frame.
 
         Raises:
             ArgumentError: a jitter was seen after the last frame.
         """
-        if "still.frames" not in arrays:
-            return cls()
-        jitter, when, sums = (arrays[f"still.{name}"] for name in ("jitter", "when", "sums"))
-        frames = int(arrays["still.frames"])
-        if when.max() >= frames:
+        empty = cls.empty(render)
+        if "static.frames" not in arrays:
+            return empty
+        frames, numbers = int(arrays["static.frames"]), arrays["static.phase_frames"]
+        if numbers.max() >= frames:
             raise ArgumentError(
                 "state",
-                got=f"with 'still.when' up to {when.max()}",
-                want=f"less than 'still.frames', {frames}",
+                got=f"with 'static.phase_frames' up to {numbers.max()}",
+                want=f"less than 'static.frames', {frames}",
             )
-        keys = [(float(x), float(y)) for x, y in jitter]
-        phases = {key: (int(frame), seen.copy()) for key, frame, seen in zip(keys, when, sums, strict=True)}
-        return cls(frames, phases, same=arrays["still.same"].copy())
+        jitters = [(float(x), float(y)) for x, y in arrays["static.jitter"]]
+        sums = zip(numbers, arrays["static.phase_rows"], arrays["static.phase_tiles"], strict=True)
+        phases = [Phase(int(number), rows.copy(), tiles.copy()) for number, rows, tiles in sums]
+        changes, matched, confirmed = (
+            arrays[f"static.{name}"].copy() for name in ("changes", "matched", "confirmed")
+        )
+        none = empty.same
+        return cls(
+            render, frames, dict(zip(jitters, phases, strict=True)), 0, none, none, none, none, changes,
+            matched, confirmed, int(arrays["static.rarely_same"]),
+        )  # fmt: skip
+
+
+def _mostly(mask: Bool) -> bool:
+    """Whether all but less than LEAST_SHARE of the tiles are in a mask."""
+    return bool(np.count_nonzero(mask) > (1.0 - LEAST_SHARE) * mask.size)
 
 
 def static_tile_specs(render: Size) -> dict[str, ArraySpec]:
     """Return the shapes and values of `StaticTiles.arrays` after a frame of this size."""
     tiles = tuple(-(-extent // RENDER_TILE) for extent in render[::-1])
+    count = 0, 1 << 30
     return {
-        "still.frames": ArraySpec("int64", (), (1, _MAX_FRAMES)),
-        "still.jitter": ArraySpec("float64", ("phases", 2), (-0.5, 0.5)),
-        "still.when": ArraySpec("int64", ("phases",), (0, _MAX_FRAMES)),
-        "still.sums": ArraySpec("uint64", ("phases", *tiles)),
-        "still.same": ArraySpec("bool", tiles),
+        "static.frames": ArraySpec("int64", (), (1, _MAX_FRAMES)),
+        "static.rarely_same": ArraySpec("int64", (), (0, _MAX_FRAMES)),
+        "static.jitter": ArraySpec("float64", ("phases", 2), (-0.5, 0.5)),
+        "static.phase_frames": ArraySpec("int64", ("phases",), (0, _MAX_FRAMES)),
+        "static.phase_rows": ArraySpec("uint64", ("phases", *tiles)),
+        "static.phase_tiles": ArraySpec("uint64", ("phases", *tiles)),
+        "static.changes": ArraySpec("int32", tiles, count),
+        "static.matched": ArraySpec("int32", tiles, count),
+        "static.confirmed": ArraySpec("bool", tiles),
     }

@@ -67,6 +67,7 @@ class FrameSamples(NamedTuple):
         own: (height, stride, 4) motion of the sample itself, range of depth in 3x3 samples, 1 where one of
             these is over GLARING.
         glares: (height,) 1 where a sample of the row is over GLARING, else 0.
+        still_rows: (height,) 1 where a sample of the row does not move, else 0.
         width, height: size of the frame.
         stride: width, rounded up to whole vectors.
     """
@@ -79,6 +80,7 @@ class FrameSamples(NamedTuple):
     dilated: Floats
     own: Floats
     glares: Floats
+    still_rows: Floats
     width: int
     height: int
     stride: int
@@ -110,25 +112,77 @@ class ResampleTables(NamedTuple):
     nearest_column: Words
 
 
-class TileComparison(NamedTuple):
-    """The tiles of an image, and the same tiles one jitter period before.
+class AxisSamples(NamedTuple):
+    """Samples of a frame in the columns or rows of the display; see `static_weights.StaticAxis`.
 
     Attributes:
-        pixels: (height, width, channels); the first three channels are linear RGB.
-        reference: (height, width, 3) linear RGB one jitter period before.
-        changes: (rows, columns) change of each tile, written to.
-        channels, width, height: shape of `pixels`.
-        columns: columns of tiles.
-        exposure: exposure of the frame.
+        sample: (n,) index of the sample near each, or -1.
+        kind: (n,) index of the weights.
     """
 
-    pixels: Floats
-    reference: Floats
-    changes: Floats
-    channels: int
+    sample: Words
+    kind: Words
+
+
+class AddedSamples(NamedTuple):
+    """Samples of a frame that are added to the sums of tiles.
+
+    Attributes:
+        modes: (rows, columns) of tiles: 0 or a sum of KEEP and ADD.
+        sums_before: (height, width, SUM_VALUES) of the previous frame.
+        sums: likewise, written to.
+        color: (samples down, samples across, 3) linear RGB.
+        rows, columns: samples in these.
+        weights: (row kinds, column kinds) of the frame's samples.
+        column_kinds: number of different ones.
+        samples_across: of the frame.
+        width, height: of the display.
+    """
+
+    modes: Bytes
+    sums_before: Floats
+    sums: Floats
+    color: Floats
+    rows: AxisSamples
+    columns: AxisSamples
+    weights: Floats
+    column_kinds: int
+    samples_across: int
     width: int
     height: int
-    columns: int
+
+
+class NoisyFrame(NamedTuple):
+    """The samples of a frame that tiles with noise are measured by.
+
+    Attributes:
+        samples: color, and the places of the samples; see `AddedSamples`.
+        depth, motion: see `FrameInputs`.
+        exposure: of the statistics.
+    """
+
+    samples: AddedSamples
+    depth: Floats
+    motion: Floats
+    exposure: float
+
+
+class MeanErrors(NamedTuple):
+    """Errors of the means of tiles.
+
+    Attributes:
+        sums: (height, width, SUM_VALUES).
+        errors: (rows, columns) of tiles, mean square errors, written to.
+        width, height: of the display.
+        share: variance of a mean as a part of that of its samples.
+        exposure: of the frame.
+    """
+
+    sums: Floats
+    errors: Floats
+    width: int
+    height: int
+    share: float
     exposure: float
 
 
@@ -148,6 +202,98 @@ class Output(NamedTuple):
     image: Floats
     weight: Floats
     has_weight: int
+    width: int
+    height: int
+    pitch: int
+
+
+class StillSamples(NamedTuple):
+    """The samples of a frame for the mean where nothing moves; rows of `padded_width` as of `FrameSamples`.
+
+    Attributes:
+        color: (height, 4, padded_width) linear RGB of samples that are usable and do not glare; 1 for these.
+        moving: (height, padded_width) 1 where the sample moves, else 0.
+        moving_2x2: the same of any of it, its right, lower and lower right neighbour.
+        opens: 1 where the sample contradicts the mean.
+        opened: 1 where any of 5x5 samples does.
+        rows_opened: (height,) 1 where any of a row does.
+        width, height: of the frame.
+        padded_width: of a row.
+        exposure: of the frame.
+        learned_step: samples per display pixel.
+        counts: 1, or 0 if no sample is added: the frame was not shaded, or has the previous one's jitter.
+    """
+
+    color: Floats
+    moving: Floats
+    moving_2x2: Floats
+    opens: Floats
+    opened: Floats
+    rows_opened: Floats
+    width: int
+    height: int
+    padded_width: int
+    exposure: float
+    learned_step: float
+    counts: float
+
+
+class MeanHistory(NamedTuple):
+    """The mean of the previous frames where nothing moves.
+
+    Attributes:
+        pixels: (display height, width, 4) linear RGB, and the weight.
+        opening: (height, padded_width, 4) of the frame's size: range of the residuals, samples learned of.
+        width: of the display.
+        has_opening: 0 where the previous frame was of another size, so that `opening` does not apply.
+    """
+
+    pixels: Floats
+    opening: Floats
+    width: int
+    has_opening: int
+
+
+class SampleTables(NamedTuple):
+    """The display pixels around each sample, and their bilinear weights.
+
+    Attributes:
+        columns: (2, columns_pitch) of the pixels to the left and right.
+        column_weights: (2, columns_pitch).
+        rows: (height, 2) of the pixels above and below.
+        row_weights: (height, 2).
+        columns_pitch: samples of a row, rounded up to whole vectors.
+    """
+
+    columns: Words
+    column_weights: Floats
+    rows: Words
+    row_weights: Floats
+    columns_pitch: int
+
+
+class ConvergedOutput(NamedTuple):
+    """What the mean is written to.
+
+    Attributes:
+        next_pixels: see `MeanHistory.pixels`.
+        image: (height, width, 3) linear RGB, changed in place.
+        converged: (height, pitch) fraction of the mean in the image.
+        has_converged: 1 if `converged` is wanted, else 0.
+        any_opened: 1 if any sample contradicts the mean.
+        columns: (pitch,) of the pixels of a row; the last one is repeated.
+        filter: index of the filter of the samples among those of `ResampleTables`.
+        width, height: of the display.
+        pitch: width, rounded up to whole vectors.
+    """
+
+    next_pixels: Floats
+    image: Floats
+    converged: Floats
+    has_converged: int
+    any_opened: int
+    columns: Words
+    filter: int
     width: int
     height: int
     pitch: int

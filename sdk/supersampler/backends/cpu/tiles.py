@@ -1,11 +1,12 @@
 """The tiles of an image that a step computes, and rectangles that cover them."""
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.backends.cpu.layout import RENDER_TILE, TILE
+from supersampler.backends.cpu.layout import RENDER_TILE, STATIC_TILE, TILE
 from supersampler.backends.cpu.threads import Rect
 from supersampler.frame import Float32, Size
 
@@ -13,6 +14,8 @@ Bool = NDArray[np.bool_]
 
 FILTER_REACH = 4
 """Largest distance between a display pixel and the samples that it reads, in samples."""
+SAMPLE_REACH = 1
+"""The same for the samples that lie in it: jitter moves them by half a sample."""
 HALO = 2
 """Tiles around computed ones that are gathered, too: the receptive field of the network is 36 pixels."""
 MIN_GAP = 3
@@ -59,6 +62,21 @@ class Tiles:
         return np.where(self.computed, 1.0, np.where(self.gathered, GATHER_WORK, 0.0)).astype(np.float32)
 
 
+def tiles_with(mask: Bool, display: Size) -> Bool:
+    """Return the tiles that hold one of these static tiles of the display."""
+    side = TILE // STATIC_TILE
+    rows, columns = (-(-extent // TILE) for extent in display[::-1])
+    whole = np.zeros((rows * side, columns * side), bool)
+    whole[: mask.shape[0], : mask.shape[1]] = mask
+    return np.asarray(whole.reshape(rows, side, columns, side).any((1, 3)))
+
+
+def static_tiles_in(mask: Bool, shape: tuple[int, ...]) -> Bool:
+    """Return the static tiles, of this shape, that lie in these tiles."""
+    side = TILE // STATIC_TILE
+    return mask.repeat(side, 0).repeat(side, 1)[: shape[0], : shape[1]]
+
+
 def dilated(mask: Bool, tiles: int) -> Bool:
     """Return the mask with all tiles within `tiles` rows and columns added."""
     padded = np.pad(mask, tiles)
@@ -83,24 +101,29 @@ def runs_of(mask: Bool, gap: int = 1) -> list[Rect]:
     """
     if mask.all():  # the most frequent case
         return [Rect(0, mask.shape[0], 0, mask.shape[1])]
+    if not mask.any():
+        return []
+    spans = _spans_of_rows(mask, gap)
     runs: list[Rect] = []
-    above: list[Rect] = []
-    for y, row in enumerate(mask):
-        if y and np.array_equal(row, mask[y - 1]):  # the most frequent case
-            above = [box._replace(y1=y + 1) for box in above]
-            continue
-        spans: list[tuple[int, int]] = []
-        for x in np.flatnonzero(row).tolist():
-            if spans and x - spans[-1][1] < gap:
-                spans[-1] = spans[-1][0], x + 1
-            else:
-                spans.append((x, x + 1))
-        if [(box.x0, box.x1) for box in above] == spans:
-            above = [box._replace(y1=y + 1) for box in above]
+    first = 0
+    for y in range(1, len(spans) + 1):
+        if y == len(spans) or spans[y] != spans[first]:
+            runs += [Rect(first, y, *span) for span in spans[first]]
+            first = y
+    return runs
+
+
+def _spans_of_rows(mask: Bool, gap: int) -> list[list[tuple[int, int]]]:
+    """Return the first and the end of each span of each row; spans less than `gap` apart are joined."""
+    rows, edges = np.nonzero(np.diff(mask, prepend=False, append=False))
+    spans: list[list[tuple[int, int]]] = [[] for _ in mask]
+    for y, first, end in zip(rows[::2].tolist(), edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+        row = spans[y]
+        if row and first - row[-1][1] < gap:
+            row[-1] = row[-1][0], end
         else:
-            runs += above
-            above = [Rect(y, y + 1, *span) for span in spans]
-    return runs + above
+            row.append((first, end))
+    return spans
 
 
 def _covered(runs: Sequence[Rect], shape: tuple[int, ...]) -> Bool:
@@ -110,26 +133,45 @@ def _covered(runs: Sequence[Rect], shape: tuple[int, ...]) -> Bool:
     return mask
 
 
-def tiles_reading(changed: Bool, display: Size, render: Size) -> Bool:
-    """Return the display tiles that read changed tiles of the frame.
+def tiles_reading(
+    changed: Bool, display: Size, render: Size, reach: int = FILTER_REACH, side: int = TILE
+) -> Bool:
+    """Return the tiles of the display that read changed tiles of the frame.
 
     Args:
         changed: (rows, columns) of tiles of RENDER_TILE samples.
         display: (width, height).
         render: (width, height).
+        reach: samples around a tile that it reads.
+        side: of a tile, pixels: TILE or STATIC_TILE.
     """
-    sums = np.pad(np.cumsum(np.cumsum(changed, axis=0), axis=1), ((1, 0), (1, 0)))
-    (top, bottom), (left, right) = (
-        _read_tiles(-(-display[axis] // TILE), display[axis], render[axis]) for axis in (1, 0)
-    )
+    if not changed.any():
+        return np.zeros((-(-display[1] // side), -(-display[0] // side)), bool)
+    sums = np.zeros((changed.shape[0] + 1, changed.shape[1] + 1), np.int64)
+    np.cumsum(np.cumsum(changed, axis=0), axis=1, out=sums[1:, 1:])
+    (top, bottom), (left, right) = (_read_tiles(display[axis], render[axis], side, reach) for axis in (1, 0))
     inside: NDArray[np.int64] = sums[np.ix_(bottom, right)] - sums[np.ix_(top, right)]
     inside += sums[np.ix_(top, left)] - sums[np.ix_(bottom, left)]
     return np.asarray(inside > 0)
 
 
-def _read_tiles(tiles: int, display: int, render: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the first and one past the last tile of the frame that each display tile reads on an axis."""
-    edges = np.minimum(np.arange(tiles + 1) * TILE, display) * (render / display)
-    first = np.clip(np.floor(edges[:-1]) - FILTER_REACH, 0, None) // RENDER_TILE
-    last = np.clip(np.ceil(edges[1:]) + FILTER_REACH, None, render) / RENDER_TILE
+def tiles_read_by(tiles: Bool, display: Size, render: Size) -> Bool:
+    """Return the tiles of the frame that display tiles read; see `tiles_reading`."""
+    (top, bottom), (left, right) = (
+        _read_tiles(display[axis], render[axis], TILE, FILTER_REACH) for axis in (1, 0)
+    )
+    read = np.zeros((int(bottom[-1]), int(right[-1])), bool)
+    for y0, y1, x0, x1 in runs_of(tiles):
+        read[top[y0] : bottom[y1 - 1], left[x0] : right[x1 - 1]] = True
+    return read
+
+
+@lru_cache
+def _read_tiles(
+    display: int, render: int, side: int, reach: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the first and one past the last tile of the frame that each tile reads on an axis."""
+    edges = np.minimum(np.arange(-(-display // side) + 1) * side, display) * (render / display)
+    first = np.clip(np.floor(edges[:-1]) - reach, 0, None) // RENDER_TILE
+    last = np.clip(np.ceil(edges[1:]) + reach, None, render) / RENDER_TILE
     return first.astype(np.int64), np.ceil(last).astype(np.int64)

@@ -15,6 +15,7 @@ from supersampler.backends.onnx.runtime import ort
 from supersampler.backends.onnx.session import frame_inputs, open_session, running, session_options
 from supersampler.backends.onnx.tensors import check_tensor, render_size_of
 from supersampler.frame import Float32, Frame, Size
+from supersampler.methods.convergence import without_samples
 from supersampler.methods.model_info import ModelInfo
 
 Tensors = dict[str, ort.OrtValue]
@@ -74,6 +75,7 @@ class OnnxExecutor:
         aux_outputs: Collection[str],
         *,
         tolerance: float | None,  # noqa: ARG002  # a graph computes every pixel
+        shaded: bool,
     ) -> Mapping[str, Float32]:
         """See `Executor`."""
         planes = np.empty((1, 3, *display[::-1]), np.float32)
@@ -85,6 +87,9 @@ class OnnxExecutor:
         given = frame_inputs(frame, display, [t.name for t in self._info.inputs])
         results = _values({**outputs, self._info.image.name: planes})
         self._run(_values(given), history, next_history, results)
+        if not shaded and self._info.converges:  # the graph has no input for it
+            before, after = (np.asarray(h["history.still"].numpy()) for h in (history, next_history))
+            next_history["history.still"].update_inplace(without_samples(after, before))
         np.copyto(image, planes[0].transpose(1, 2, 0))
         return outputs
 
@@ -167,6 +172,9 @@ class OnnxExecutor:
     def work(self, buffers: Tensors, display: Size) -> Float32:  # noqa: ARG002  # constant
         """See `Executor`."""
         return np.ones([-(-extent // TILE) for extent in display[::-1]], np.float32)
+
+    def resting(self, buffers: Tensors) -> None:  # a graph computes every pixel
+        """See `Executor`."""
 
     def load(self, buffers: Tensors, tensors: Mapping[str, NDArray[Any]]) -> None:
         """See `Executor`."""

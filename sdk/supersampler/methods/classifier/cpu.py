@@ -2,8 +2,14 @@
 
 import numpy as np
 
+from supersampler.backends.cpu.convergence import (
+    CONVERGENCE_KERNELS,
+    CONVERGENCE_PLANES,
+    Convergence,
+    ConvergingFrame,
+)
 from supersampler.backends.cpu.executor import CpuExecutor, Step
-from supersampler.backends.cpu.frame_preprocess import READ_KERNELS, ResampledFrame
+from supersampler.backends.cpu.frame_preprocess import READ_KERNELS
 from supersampler.backends.cpu.history import HistoryLayout, Plane
 from supersampler.backends.cpu.layout import CLASSIFIER_PIXEL, HISTORY_PLANES, INPUT_PLANES, LANES, PAD, TILE
 from supersampler.backends.cpu.memory import LINE, address, aligned
@@ -36,6 +42,7 @@ LAYOUT = HistoryLayout(
         "pixels": Plane(("color", "state"), CLASSIFIER_PIXEL),
         "classes": Plane(("classes",), 8, np.uint8),
         "depth": Plane(("depth",), 2),
+        **CONVERGENCE_PLANES,
     },
     glare="state",
 )
@@ -85,7 +92,7 @@ class _Scratch:
         )
 
 
-class ClassifierCpu(CpuExecutor[ResampledFrame]):
+class ClassifierCpu(CpuExecutor[ConvergingFrame]):
     """Runs `classifier` and its relatives; see `Executor`.
 
     Args:
@@ -98,7 +105,9 @@ class ClassifierCpu(CpuExecutor[ResampledFrame]):
     def __init__(self, info: ModelInfo, pool: ThreadPool) -> None:
         self.variant = Variant.of(info.config)
         names = self.variant.kernel(GATHER), KEEP_DEPTH, LEVEL, self.variant.kernel(FINISH)
-        super().__init__(LAYOUT, pool, *names[:1], *READ_KERNELS, *names[1:])
+        others = *READ_KERNELS, *names[1:-1], *CONVERGENCE_KERNELS
+        super().__init__(LAYOUT, pool, names[0], *others, names[-1])
+        self._convergence = Convergence(self.kernels, pool)
         self._gather, self._keep_depth, level, self._finish = (self.kernels[name] for name in names)
         self.network = Int8Network(info, self.variant.outputs, level)
         self._config = c = info.config
@@ -111,20 +120,21 @@ class ClassifierCpu(CpuExecutor[ResampledFrame]):
         self._windows = [gaussian(c["kernel_sigma"])]
         self._display_spaces = Workspaces(lambda display: _Space(self, display))
 
-    def _space(self, render: Size, display: Size) -> ResampledFrame:
-        return ResampledFrame(render, display, self._filters, self.pool.threads, self._windows)
+    def _space(self, render: Size, display: Size) -> ConvergingFrame:
+        return ConvergingFrame(render, display, self._filters, self.pool.threads, self._windows)
 
     def _working_bytes(self, display: Size, render: Size) -> int:
         return super()._working_bytes(display, render) + held_bytes(_Space(self, display))
 
-    def _compute_tiles(self, step: Step, space: ResampledFrame) -> None:
+    def _compute_tiles(self, step: Step, space: ConvergingFrame) -> None:
         self._resample(step, space)
         with self._display_spaces.borrow(step.display) as buffers:
             self._gather_all(step, space, buffers)
             buffers.encoder.run(step.tiles)
             self._compose(step, space, buffers)
+        self._convergence.run(step, space)
 
-    def _gather_all(self, step: Step, view: ResampledFrame, space: _Space) -> None:
+    def _gather_all(self, step: Step, view: ConvergingFrame, space: _Space) -> None:
         """Compute the network inputs and all that finish needs, and the depth for the next frame."""
         history, (w, h) = step.history, step.frame.size
         numbers = np.array(
@@ -134,7 +144,7 @@ class ClassifierCpu(CpuExecutor[ResampledFrame]):
             ],
             np.float32,
         )  # fmt: skip
-        pixels, classes, depth = history.arrays.values()
+        pixels, classes, depth = (history.arrays[name] for name in ("pixels", "classes", "depth"))
         previous = ClassifierHistoryInput(pixels, classes, depth, depth.shape[1])
         samples, next_depth = pack(view.samples), address(step.next_history.arrays["depth"])
         inputs = samples, pack(previous), pack(view.current_tables()), address(numbers)
@@ -151,7 +161,7 @@ class ClassifierCpu(CpuExecutor[ResampledFrame]):
         boxes = step.tiles.boxes(TILE, (space.width, step.display[1]), halo=True)
         self.pool.run_tasks("gather", RectTask(boxes, gather, 2), RectTask([Rect(0, h, 0, 1)], write_depth))
 
-    def _compose(self, step: Step, view: ResampledFrame, space: _Space) -> None:
+    def _compose(self, step: Step, view: ConvergingFrame, space: _Space) -> None:
         """Run the last layers; compose the image and the next history from what was gathered."""
         given, before = usable_exposure(step.frame.exposure), step.history.exposure
         flash = is_flash(given, step.next_history.exposure, before)

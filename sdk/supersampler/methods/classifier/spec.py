@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
+from supersampler.methods.convergence import CONVERGED, CONVERGENCE_HISTORY
 from supersampler.methods.spec import DISPLAY, HALF, PREVIOUS, MapOf, MethodSpec, Number, Sigma
 
 CLASSES = 6
@@ -149,7 +150,7 @@ class PaperConfig(ClassifierConfig):
     )
 
 
-CLASSIFIER = MethodSpec(
+BASE = MethodSpec(
     name="classifier",
     source="Guo, Chen, Dong and Tong 2022 (docs/methods.md)",
     inputs=("color", "depth", "motion", "jitter", "exposure", "display_size"),
@@ -170,13 +171,20 @@ CLASSIFIER = MethodSpec(
     ratios=(1.0, 3.0),
     config=ClassifierConfig,
 )
+"""What all methods with a classifier have."""
+CLASSIFIER = replace(
+    BASE,
+    history={**BASE.history, **CONVERGENCE_HISTORY},
+    aux_outputs=(*BASE.aux_outputs, "converged"),
+    maps={**BASE.maps, **CONVERGED},
+)
 CLASSIFIER_SMALL = replace(CLASSIFIER, name="classifier-small", config=SmallConfig)
 CLASSIFIER_PAPER = replace(
-    CLASSIFIER,
+    BASE,
     name="classifier-paper",
     source="Guo, Chen, Dong and Tong 2022, supplement",
     history={
-        **CLASSIFIER.history,
+        **BASE.history,
         "state": (1, 7, *DISPLAY),  # counter, least and most colour
         "classes": (1, CLASSES, *DISPLAY),
     },

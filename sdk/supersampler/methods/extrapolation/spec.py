@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field, replace
 
-from supersampler.methods.classifier.spec import CLASSIFIER
+from supersampler.methods.classifier.spec import BASE
 from supersampler.methods.spec import BETWEEN, EARLIER, PREVIOUS, RENDER, SHADED, MethodSpec, Number, Sigma
 
 
@@ -87,7 +87,7 @@ GUIDED_FLOW = replace(
     config=GuidedFlowConfig,
 )
 EXTRAPOLATE = replace(
-    CLASSIFIER,
+    BASE,
     name="extrapolate",
     source="Wu et al. 2023, section 4.4, on Guo, Chen, Dong and Tong 2022 (docs/methods.md)",
 )

@@ -30,6 +30,7 @@ from supersampler.backends.cpu.simd.vector import (
     sum_of_lanes,
 )
 from supersampler.backends.cpu.structs import Floats, FrameInputs, FrameSamples
+from supersampler.methods.convergence import MAX_STATIC_MOTION
 
 DARKEST = 1e-4
 MAX_MOTION, FARTHEST_MOTION = 3e38, 1e6
@@ -72,12 +73,12 @@ def measure(color: Floats, w: int, y0: int, y1: int, rows: Floats):
 
 
 def prepare(frame: FrameInputs, samples: FrameSamples, y0: int, y1: int):
-    """Write color, depth, motion and glares of rows y0 to y1 of `samples`."""
+    """Write color, depth, motion, glares and still rows y0 to y1 of `samples`."""
     color, exposure, colors, w = frame.color, frame.exposure, samples.color, samples.width
     zero = spread16(np.float32(0.0))
     padded_width = samples.stride + 2 * PAD
     for y in range(y0, y1):
-        brightest = zero
+        brightest, slowest = zero, zero + np.float32(1.0)
         for x in range(0, w, 16):
             index = sample_indices(x, y, w)
             r, g, b = color_at(color, index)
@@ -95,7 +96,9 @@ def prepare(frame: FrameInputs, samples: FrameSamples, y0: int, y1: int):
             store(samples.depth, to, select((d >= 0.0) & (d <= 1e30), d, -1.0))
             store(samples.motion_x, to, mx)
             store(samples.motion_y, to, my)
+            slowest = minimum(slowest, mx * mx + my * my)
         samples.glares[y] = 0.0 if all_lanes(brightest <= GLARING) else 1.0
+        samples.still_rows[y] = 0.0 if all_lanes(slowest > MAX_STATIC_MOTION * MAX_STATIC_MOTION) else 1.0
         for c in range(SAMPLE_PLANES):
             repeat_ends(colors, (SAMPLE_PLANES * y + c) * padded_width + PAD, w)
         for plane in (samples.depth, samples.motion_x, samples.motion_y):

@@ -1,73 +1,79 @@
-"""Kernels of static-tile reuse: fingerprints of a frame's tiles, and how much tiles of the image changed."""
+"""Kernels of static-tile reuse: fingerprints of a frame's tiles, and copies of an image's."""
 
 import numpy as np
 
 from supersampler.backends.cpu.kernels.frame import MAX_MOTION
-from supersampler.backends.cpu.layout import RENDER_TILE, TILE
+from supersampler.backends.cpu.layout import LANES, RENDER_TILE
 from supersampler.backends.cpu.simd.device_function import device_function
 from supersampler.backends.cpu.simd.vector import (
     absolute,
     all_lanes,
+    bits_of,
     gather,
-    load16,
     minimum,
     ramp16,
     select,
     spread16,
     store,
 )
-from supersampler.backends.cpu.structs import Floats, TileComparison, Words
+from supersampler.backends.cpu.structs import Bytes, Floats, Words
 
 MIN_MOTION = 1e-3  # samples: shorter motion is rounding of camera matrices
 FACTOR = np.int32(0x2C1B3C6D)  # odd: multiplication is invertible, so a change of one word changes the sum
 
 
 @device_function
-def has_motion(motion, at, row, count, height):
-    """Return whether a tile has motion; unusable motion counts as none, as in `frame.motion_at`."""
-    longest = spread16(np.float32(0.0))
-    last = np.int32(2 * count - 1)
-    for y in range(height):
-        for half in range(2):
-            index = minimum(ramp16() + np.int32(16 * half), last) + np.int32(at + y * row)
-            length = absolute(gather(motion, index))
-            longest = select((length > longest) & (length <= MAX_MOTION), length, longest)
-    return not all_lanes(longest <= MIN_MOTION)
-
-
-@device_function
-def hash_row(total, words, at, count):
-    """Hash `count` words of a row into `total`, sixteen at a time; the last word is repeated as padding."""
-    for k in range(0, count, 16):
-        if k + 16 <= count:
-            word = load16(words, at + k)
-        else:
-            word = gather(words, minimum(ramp16() + np.int32(k), np.int32(count - 1)) + np.int32(at))
-        total = (total + word) * FACTOR
-    return total
+def write_fingerprint(words, at, out, to):
+    """Write the fingerprint of a tile, two words, from one word per column of samples; 0 where one is 0."""
+    moves, first, second = False, np.int32(0), np.int32(0)
+    for column in range(0, RENDER_TILE, 2):
+        even, odd = words[at + column], words[at + column + 1]
+        moves = moves or even == 0 or odd == 0
+        first, second = (first + even) * FACTOR, (second + odd) * FACTOR
+    out[to] = np.int32(0) if moves else first | np.int32(1)
+    out[to + 1] = np.int32(0) if moves else second
 
 
 def fingerprints(
-    color: Words, depth: Words, motion: Words, moved: Floats, w: int, h: int, y0: int, y1: int, out: Words
-):
-    """Write sixteen words per tile of tile rows y0 to y1, (tile rows, tiles, 16); 0 where a tile has motion.
+    color: Words, depth: Words, motion: Floats, w: int, h: int, wanted: Bytes, step: int, scratch: Words,
+    y0: int, y1: int, out: Words,
+):  # fmt: skip
+    """Write the fingerprints of tiles, (rows, columns, 2), of tile rows y0 to y1; 0 where a tile moves.
 
-    motion and moved: the same array, as words and as floats.
+    wanted: tiles; others may be left as they are. step: one row of samples in so many is read. scratch:
+    LANES. Unusable motion counts as none, as in `frame.motion_at`.
     """
     tiles = (w + RENDER_TILE - 1) // RENDER_TILE
     for ty in range(y0, y1):
-        for tx in range(tiles):
-            first, count = RENDER_TILE * ty * w + RENDER_TILE * tx, min(RENDER_TILE, w - RENDER_TILE * tx)
-            height = min(RENDER_TILE, h - RENDER_TILE * ty)
-            total = spread16(np.int32(0))
-            if not has_motion(moved, 2 * first, 2 * w, count, height):
-                total = total + np.int32(1)
-                for y in range(height):
-                    at = first + y * w
-                    total = hash_row(total, color, 3 * at, 3 * count)
-                    total = hash_row(total, depth, at, count)
-                    total = hash_row(total, motion, 2 * at, 2 * count)
-            store(out, 16 * (ty * tiles + tx), total)
+        for block in range((w + LANES - 1) // LANES):
+            first = ty * tiles + block * (LANES // RENDER_TILE)
+            last = min(first + LANES // RENDER_TILE, ty * tiles + tiles)
+            asked = False
+            for tile in range(first, last):
+                asked = asked or wanted[tile] != 0
+            if not asked:
+                continue
+            column = minimum(ramp16() + np.int32(LANES * block), np.int32(w - 1))
+            total, longest = spread16(np.int32(1)), spread16(np.float32(0.0))
+            for y in range(RENDER_TILE * ty + step // 2, min(RENDER_TILE * ty + RENDER_TILE, h), step):
+                at = column + np.int32(y * w)
+                x, y2 = gather(motion, at + at), gather(motion, at + at + np.int32(1))
+                length = absolute(x)
+                longest = select((length > longest) & (length <= MAX_MOTION), length, longest)
+                length = absolute(y2)
+                longest = select((length > longest) & (length <= MAX_MOTION), length, longest)
+                if all_lanes(longest > MIN_MOTION):
+                    break
+                total = (total + bits_of(x)) * FACTOR
+                total = (total + bits_of(y2)) * FACTOR
+                total = (total + gather(depth, at)) * FACTOR
+                at = at * np.int32(3)
+                total = (total + gather(color, at)) * FACTOR
+                total = (total + gather(color, at + np.int32(1))) * FACTOR
+                total = (total + gather(color, at + np.int32(2))) * FACTOR
+            store(scratch, 0, select(longest <= MIN_MOTION, total, np.int32(0)))
+            for tile in range(first, last):
+                write_fingerprint(scratch, (tile - first) * RENDER_TILE, out, 2 * tile)
 
 
 def copy_colors(pixels: Floats, channels: int, big_w: int, y0: int, y1: int, x0: int, x1: int, image: Floats):
@@ -78,28 +84,3 @@ def copy_colors(pixels: Floats, channels: int, big_w: int, y0: int, y1: int, x0:
             image[to] = pixels[at]
             image[to + 1] = pixels[at + 1]
             image[to + 2] = pixels[at + 2]
-
-
-def compare_tiles(tiles: TileComparison, y0: int, y1: int, x0: int, x1: int):
-    """Write the mean square change of toned colours of tiles, rows y0 to y1 and columns x0 to x1.
-
-    The change of a pixel is the largest of its three channels.
-    """
-    pixels, reference, channels, exposure = tiles.pixels, tiles.reference, tiles.channels, tiles.exposure
-    big_w, big_h = tiles.width, tiles.height
-    for ty in range(y0, y1):
-        for tx in range(x0, x1):
-            total = np.float32(0.0)
-            bottom, right = min(ty * TILE + TILE, big_h), min(tx * TILE + TILE, big_w)
-            for y in range(ty * TILE, bottom):
-                for x in range(tx * TILE, right):
-                    at, to = (y * big_w + x) * channels, (y * big_w + x) * 3
-                    change = brightest = np.float32(0.0)
-                    for c in range(3):
-                        value, value_before = pixels[at + c], reference[to + c]
-                        change = max(change, abs(value - value_before))
-                        brightest = max(brightest, max(value, value_before))
-                    change = change * exposure / (np.float32(1.0) + brightest * exposure)
-                    total += change * change
-            count = np.float32((bottom - ty * TILE) * (right - tx * TILE))
-            tiles.changes[ty * tiles.columns + tx] = total / count

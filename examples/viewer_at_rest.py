@@ -1,0 +1,86 @@
+"""A viewer renders while its image gets better, and stops when the image has converged.
+
+    python examples/viewer_at_rest.py -o out/at_rest.png
+
+The camera pans over a poster, stands still, and pans on. A viewer copies `is_final` and the loop in `main`.
+The renderer is a few lines of numpy; no display is needed.
+"""
+
+import sys
+from argparse import ArgumentDefaultsHelpFormatter, ArgumentParser, Namespace
+from pathlib import Path
+
+import numpy as np
+
+from supersampler import Frame, SupersamplerError, Upscaler, halton_jitter
+from supersampler.io.display import display_transform, to_uint8
+from supersampler.io.images import write_png
+
+RENDER, RATIO = (160, 90), 2.0
+DISPLAY = (320, 180)
+SPEED = 0.7  # render pixels that the camera moves in a frame, while it moves
+PAN, STAND = 24, 160  # frames of the program: the camera pans, stands still, and pans again
+
+
+def main(options: Namespace) -> None:
+    upscaler = Upscaler(options.model, display_size=DISPLAY, executor=options.executor)
+    camera, rendered = 0.0, 0
+    for index in range(PAN + STAND + PAN):
+        speed = 0.0 if PAN <= index < PAN + STAND else SPEED
+        if speed == 0.0 and is_final(upscaler):
+            continue  # the image on screen is as good as it gets: sleep until something changes
+        camera += speed
+        image = upscaler.step(render(camera, speed, rendered))
+        rendered += 1
+        if speed == 0.0 and is_final(upscaler):
+            print(f"frame {index}: converged, {index - PAN + 1} frames after the camera stopped")
+            write_png(options.output, to_uint8(display_transform(image)))
+    print(f"rendered {rendered} of {PAN + STAND + PAN} frames; the final image: {options.output}")
+
+
+def is_final(upscaler: Upscaler) -> bool:
+    """Whether another frame of the same scene would hardly change the image."""
+    return (upscaler.stats.converged or 0.0) >= 0.999  # 1, but for pixels that never come to rest
+
+
+def render(camera: float, speed: float, index: int) -> Frame:
+    """Sample a poster of rings and stripes once per pixel.
+
+    Args:
+        camera: render pixels that it has moved to the right.
+        speed: the same since the previous frame.
+        index: number of the frame among those that were rendered: the jitter must go on while nothing moves.
+    """
+    width, height = RENDER
+    jitter = halton_jitter(index, RATIO)
+    x = np.arange(width) + 0.5 + jitter[0] + camera
+    y = (np.arange(height) + 0.5 + jitter[1])[:, None]
+    rings = 0.5 + 0.4 * np.cos(0.02 * ((x - 90.0) ** 2 + (y - 45.0) ** 2))
+    stripes = (np.floor(0.55 * x + 0.31 * y) % 2) * 0.8
+    level = np.where(y < 60.0, rings, stripes).astype(np.float32)
+    motion = np.zeros((height, width, 2), np.float32)
+    motion[..., 0] = speed  # previous minus current: the poster moved to the left. Exact zeros at rest
+    return Frame(
+        color=level[..., None] * np.array([1.0, 0.9, 0.7], np.float32),
+        depth=np.full((height, width), 0.1, np.float32),
+        motion=motion,
+        jitter=jitter,
+        reset=index == 0,
+        exposure=1.0,
+    )
+
+
+def parse_arguments() -> Namespace:
+    parser = ArgumentParser(formatter_class=ArgumentDefaultsHelpFormatter)
+    add = parser.add_argument
+    add("--model", default="classifier", help="name of a model, or its folder")
+    add("--executor", default="auto", choices=("auto", "cpu", "onnx"), help="backend")
+    add("-o", "--output", type=Path, default=Path("out/at_rest.png"), help="the converged image")
+    return parser.parse_args()
+
+
+if __name__ == "__main__":
+    try:
+        main(parse_arguments())
+    except SupersamplerError as error:
+        sys.exit(str(error))

@@ -1,0 +1,247 @@
+"""Convergence of what stands still: the running mean of its samples, faded in beside a method's own image.
+
+A method keeps its own history and image. Where a display pixel stands still, `settle` adds the samples near
+it to a mean in linear RGB without exposure, with weights W of a Gaussian within a tent of one pixel:
+
+    N' = N + W,  c' = c + W / (N' + E) (u - c),  E = clamp(N' - PERIOD, 0, PERIOD)
+
+u is the weighted mean of this frame's samples. With E, samples of later periods change the mean less, and so
+do parts of a period. The image fades from the method's to the mean as N' grows from READY to PERIOD.
+Exposed samples are limited to white plus BRIGHTENING times the mean, and the mean of few samples to
+white plus BRIGHTENING times those of the frame.
+A frame with the jitter of the previous one adds nothing: without jitter the method's image is the better one.
+A jitter of few phases is averaged as it is: at ratio 1 that is nearer to the truth, at others about as near.
+
+A pixel opens where samples differ from the mean in another way than before. The residual of a sample is its
+shown luma less that of the mean there, averaged over 5x5 samples. Its range over the learning time is kept;
+then a residual out of that range by more than MARGIN opens the 5x5 samples. While the range is learned, the
+distance is larger: where patterns are finer than a sample, residuals differ much from phase to phase. In a
+frame that opens a pixel, the image is the method's and no sample is added there. If the next frame confirms
+it on the same side, the mean restarts. Otherwise it was a firefly: the colour is kept with at most the weight
+of one period, and the range is learned again.
+"""
+
+from functools import reduce
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from supersampler.methods.convergence import (
+    BRIGHTENING,
+    FIREFLY,
+    LEARNED,
+    MARGIN,
+    MARGIN_LEARNING,
+    MAX_STATIC_MOTION,
+    MOST_LEARNING,
+    PERIOD,
+    READY,
+    SIGMA,
+    SPREADS,
+    UNBOUNDED,
+)
+from supersampler_model.ops.color import bounded, glaring, largest, luminance, sanitize, valid
+from supersampler_model.ops.motion import squared_length, usable_motion
+from supersampler_model.ops.sampling import (
+    extreme,
+    gaussian,
+    grid_of,
+    linear,
+    nearest,
+    neighbours_2x2,
+    neighbours_3x3,
+    pick,
+    pick_first,
+    resample,
+    sum_of,
+    taps,
+)
+from supersampler_model.ops.size import Size, render_size_of
+
+DARK = 0.002  # luma below which `shown_luma` is less steep: a screen is, too
+COVERED = 0.999  # of four bilinear weights
+
+
+class FrameSamples(NamedTuple):
+    """This frame, at render size."""
+
+    color: Tensor  # (1, 3, h, w) linear RGB as given: any value
+    motion: Tensor  # (1, 2, h, w) render pixels
+    jitter: Tensor  # (1, 2) render pixels
+    previous_jitter: Tensor  # (1, 2) of the previous frame
+    exposure: Tensor  # (1,) > 0
+
+
+class Settled(NamedTuple):
+    """The image and the next history."""
+
+    image: Tensor  # (1, 3, H, W) linear RGB
+    still: Tensor  # (1, 4, H, W) mean, and the sum of its weights: negative after a frame that opened it
+    opening: Tensor  # (1, 3, h, w) least and largest residual, and the number of samples they were learned of
+    converged: Tensor  # (1, 1, H, W) fraction of the mean in the image
+
+
+def settle(image: Tensor, frame: FrameSamples, history_still: Tensor, history_opening: Tensor) -> Settled:
+    """Add this frame's samples to the mean where pixels stand still, and fade the image to it.
+
+    Args:
+        image: (1, 3, H, W) the method's, linear RGB.
+        frame: this frame.
+        history_still: (1, 4, H, W) `Settled.still` of the previous frame; zeros without one.
+        history_opening: (1, 3, h', w') `Settled.opening` of the previous frame.
+    """
+    display, render = render_size_of(image), render_size_of(frame.color)
+    grid = grid_of(display, render, frame.jitter)
+    color, usable = sanitize(frame.color, 0.0), valid(frame.color)
+    usable = usable * (1.0 - glaring(color * frame.exposure, usable))
+    color = without_fireflies(color * usable, frame.exposure)
+    moving = (squared_length(usable_motion(frame.motion)) > MAX_STATIC_MOTION * MAX_STATIC_MOTION).float()
+    opening, opens = measure_residuals(frame, color, usable, moving, history_still, history_opening)
+
+    quad = neighbours_2x2(moving)
+    moves = torch.maximum(torch.maximum(quad[0], quad[1]), torch.maximum(quad[2], quad[3]))
+    stands = 1.0 - pick_first(moves, grid)
+    opened = pick(extreme(extreme(opens, torch.maximum), torch.maximum), grid)
+
+    mean, weight = history_still[:, :3], history_still[:, 3:4]
+    confirmed = opened * (weight < 0.0)
+    weight = weight.abs() * stands * (1.0 - confirmed)
+    rejected = opened * (weight > 0.0)
+    ratio = display.width / render.width, display.height / render.height
+    x = taps(grid.x, render.width, tent_gaussian, reach=1, scale=ratio[0])
+    y = taps(grid.y, render.height, tent_gaussian, reach=1, scale=ratio[1])
+    near = resample(torch.cat([color, usable], dim=1), x, y)
+    jittered = (frame.jitter - frame.previous_jitter).abs().sum() > 0.0
+    added = near[:, 3:4] * stands * (1.0 - rejected) * jittered
+    total = weight + added
+    share = added / (total + (total - PERIOD).clamp(0.0, PERIOD)).clamp(min=1e-6)
+    samples = near[:, :3] / near[:, 3:4].clamp(min=1e-6)
+    sample_peak, mean_peak = largest(samples * frame.exposure), largest(mean * frame.exposure)
+    early = (weight < READY) & (added > 0.0)
+    mean = mean * darkening(mean_peak, torch.where(early, sample_peak, mean_peak))
+    samples = samples * darkening(sample_peak, torch.where(weight > 0.0, mean_peak, sample_peak))
+    mean = mean + share * (samples - mean)
+    converged = ((total - READY) / (PERIOD - READY)).clamp(0.0, 1.0) * (1.0 - opened)
+    next_weight = torch.where(rejected > 0.0, -total.clamp(max=PERIOD), total)
+    return Settled(
+        bounded(image + converged * (mean - image)),
+        torch.cat([mean, next_weight], dim=1),
+        opening,
+        converged,
+    )
+
+
+def without_fireflies(color: Tensor, exposure: Tensor) -> Tensor:
+    """Darken samples that are alone far brighter than white and their neighbours.
+
+    In a linear mean of few samples one of them would stay visible for many periods.
+    """
+    peak = largest(color * exposure)
+    around = neighbours_3x3(peak)
+    most = FIREFLY * (1.0 + reduce(torch.maximum, [*around[:4], *around[5:]]))
+    return color * (most / torch.maximum(peak, most))
+
+
+def darkening(peak: Tensor, other: Tensor) -> Tensor:
+    """Factor that limits an exposed peak to white plus BRIGHTENING times another.
+
+    In a linear mean the light of one frame would stay visible for many periods.
+    """
+    most = 1.0 + BRIGHTENING * other
+    return most / torch.maximum(peak, most)
+
+
+def measure_residuals(
+    frame: FrameSamples,
+    color: Tensor,
+    usable: Tensor,
+    moving: Tensor,
+    history_still: Tensor,
+    history_opening: Tensor,
+) -> tuple[Tensor, Tensor]:
+    """Compare the samples with the mean; return the next `Settled.opening` and (1, 1, h, w) what opens."""
+    render, display = render_size_of(usable), render_size_of(history_still)
+    weight = history_still[:, 3:4]
+    ready, doubted = (weight.abs() > READY).float(), (weight < 0.0).float()
+    there = at_samples(torch.cat([history_still[:, :3], ready, doubted], dim=1), render, frame.jitter)
+    known = (there[:, 3:4] > COVERED) * (1.0 - moving)
+    counted = known * usable
+    exposed, mean = color * frame.exposure, there[:, :3] * frame.exposure
+    difference = (shown_luma(exposed) - shown_luma(mean)) * counted
+    sums = sum_5x5(torch.cat([difference, difference * difference, counted], dim=1))
+    count = sums[:, 2:3].clamp(min=1e-6)
+    residual, square = sums[:, :1] / count, sums[:, 1:2] / count
+    spread = (square - residual * residual).clamp(min=0.0).sqrt()
+
+    previous = render_size_of(history_opening)
+    before = of_size(history_opening, render)
+    same = (one_like(frame.jitter, previous.width) == render.width) & (
+        one_like(frame.jitter, previous.height) == render.height
+    )
+    before = before * same.float()
+    low, high, learned = before[:, :1], before[:, 1:2], before[:, 2:3]
+    learning = learned < LEARNED
+    learning_margin = (MARGIN_LEARNING + SPREADS * spread).clamp(max=MOST_LEARNING)
+    margin = torch.where(learning, learning_margin, torch.full_like(spread, MARGIN))
+    below, above = residual < low - margin, residual > high + margin
+    opens = known * (below | above)
+    learns = learning & (opens < 1.0)
+    low = torch.where(learns, torch.minimum(low, residual), low)
+    high = torch.where(learns, torch.maximum(high, residual), high)
+    low, high = torch.where(above, -UNBOUNDED, low), torch.where(below, UNBOUNDED, high)
+    new = one_like(frame.jitter, render.width * render.height) / (display.width * display.height)
+    learned = (learned + learns * new).clamp(max=LEARNED)
+    keeps = known * (there[:, 4:5] <= 0.0)
+    return keeps * torch.cat([low, high, learned], dim=1), opens
+
+
+def tent_gaussian(distance: Tensor) -> Tensor:
+    """Weight of a sample in the mean, by its distance in display pixels along one axis."""
+    return gaussian(SIGMA)(distance) * linear(distance)
+
+
+def shown_luma(exposed: Tensor) -> Tensor:
+    """(1, 1, h, w) luma nearly as a screen shows it, in [0, 1): 1 / 255 is a visible difference."""
+    luma = luminance(exposed)
+    return (luma / (1.0 + luma) + DARK).sqrt()
+
+
+def at_samples(image: Tensor, render: Size, jitter: Tensor) -> Tensor:
+    """Read an image of the display bilinearly where the samples are: (1, c, H, W) -> (1, c, h, w)."""
+    display = render_size_of(image)
+    x = sample_positions(render.width, display.width, jitter[0, :1])
+    y = sample_positions(render.height, display.height, jitter[0, 1:])
+    return resample(image, taps(x, display.width, linear, reach=1), taps(y, display.height, linear, reach=1))
+
+
+def sample_positions(render: int, display: int, jitter: Tensor) -> Tensor:
+    """(render,) positions of the samples of one axis in display pixels, 0 is a pixel's centre."""
+    sample = torch.arange(render, dtype=torch.float32, device=jitter.device)
+    return (sample + 0.5 + jitter) * display / render - 0.5
+
+
+def of_size(image: Tensor, size: Size) -> Tensor:
+    """Nearest resampling to a size: identity where it is the image's own."""
+    own = render_size_of(image)
+    x = torch.arange(size.width, device=image.device)
+    y = torch.arange(size.height, device=image.device)
+    columns = nearest((x + 0.5) * own.width / size.width - 0.5, own.width)
+    return image.index_select(3, columns).index_select(
+        2, nearest((y + 0.5) * own.height / size.height - 0.5, own.height)
+    )
+
+
+def one_like(tensor: Tensor, value: float) -> Tensor:
+    """(1,) the value, which may be symbolic while a graph is exported."""
+    return tensor.new_ones(1) * value
+
+
+def sum_5x5(image: Tensor) -> Tensor:
+    """Sum over 5x5; outside of the image there is nothing."""
+    none = image[..., :1] * 0.0
+    wide = torch.cat([none, none, image, none, none], dim=3)
+    rows = sum_of([wide[..., i : i + image.shape[3]] for i in range(5)])
+    none = rows[:, :, :1] * 0.0
+    tall = torch.cat([none, none, rows, none, none], dim=2)
+    return sum_of([tall[:, :, i : i + image.shape[2]] for i in range(5)])

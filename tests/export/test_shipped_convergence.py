@@ -1,0 +1,103 @@
+"""Shipped graphs converge where nothing moves as torch does, with sums in float32."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from supersampler import Model, Upscaler, halton_jitter
+from supersampler.backends.onnx.runtime import ort
+from supersampler.conventions import jitter_phase_count
+from supersampler.methods.model_file import find_model
+from supersampler_export.cli import load_method
+from supersampler_export.graph import history_name
+from supersampler_model.data.scenes.still_life import still_scene
+from supersampler_model.ops.color import tone
+from supersampler_model.ops.size import Size
+
+METHODS = ["taau", "classifier", "classifier-small"]
+RENDER, DISPLAY = Size(40, 22), Size(80, 44)
+GRAPHS = [
+    (name, file)
+    for name in METHODS
+    for file in ("step.onnx", "step.fp16.onnx")
+    if (find_model(name) / file).exists()
+]
+
+
+def inputs_of(index: int) -> dict[str, torch.Tensor]:
+    """Frame `index` of a still scene."""
+    frame = still_scene().frame(index, RENDER, halton_jitter(index, 2.0))
+    assert frame.color is not None
+    planes = {
+        "color": np.asarray(frame.color).transpose(2, 0, 1),
+        "depth": np.asarray(frame.depth)[None],
+        "motion": np.asarray(frame.motion).transpose(2, 0, 1),
+    }
+    tensors = {
+        name: torch.from_numpy(np.ascontiguousarray(a, dtype=np.float32))[None] for name, a in planes.items()
+    }
+    return tensors | {
+        "jitter": torch.tensor([frame.jitter]),
+        "exposure": torch.ones(1),
+        "display_size": torch.tensor(DISPLAY),
+    }
+
+
+def session_of(path: Path) -> ort.InferenceSession:
+    return ort.InferenceSession(path, providers=["CPUExecutionProvider"])
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_the_shipped_graph_converges_and_opens_as_torch_does(name: str) -> None:
+    method, session = load_method(name), session_of(find_model(name) / "step.onnx")
+    ours = theirs = method.first_history(DISPLAY, RENDER)
+    outputs = [output.name for output in session.get_outputs()]
+    converged = []
+    for index in range(jitter_phase_count(2.0) + 2):
+        frame = inputs_of(index)
+        if index == jitter_phase_count(2.0):
+            frame["color"] = 4.0 * frame["color"]  # opens, at so small a size
+        arguments = [frame[name] for name in method.inputs()]
+        with torch.no_grad():
+            image, ours, _ = method.step(*arguments, *ours)
+        names = [*method.inputs(), *(history_name(f"history_{name}") for name in method.history)]
+        feeds = {name: value.numpy() for name, value in zip(names, [*arguments, *theirs], strict=True)}
+        made = dict(zip(outputs, map(torch.from_numpy, session.run(None, feeds)), strict=True))
+        theirs = [made[f"next.{name}"] for name in method.history]
+        difference = (tone(image) - tone(made["image"])).abs()
+        assert torch.quantile(difference, 0.99) < 1e-4, index
+        converged.append(float(made["converged"].mean()))
+    assert converged[0] == 0.0
+    assert converged[-3] > 0.7
+    assert converged[-2] < 0.5 * converged[-3]  # the change opened
+
+
+@pytest.mark.parametrize(("name", "file"), GRAPHS)
+def test_a_mean_of_many_samples_still_takes_a_small_difference(name: str, file: str) -> None:
+    """W / N' is below 1 / 1024: in half floats the mean would not change, nor its weight."""
+    method, session = load_method(name), session_of(find_model(name) / file)
+    frame = inputs_of(1) | {"color": torch.full((1, 3, RENDER.height, RENDER.width), 0.52)}
+    before = dict(zip(method.history, method.first_history(DISPLAY, RENDER), strict=True))
+    before["still"][:, :3], before["still"][:, 3:] = 0.5, 2000.0
+    feeds = {name: frame[name].numpy() for name in method.inputs()}
+    feeds |= {history_name(f"history_{name}"): value.numpy() for name, value in before.items()}
+    (still,) = session.run(["next.still"], feeds)
+    sampled = still[:, 3:] > 2000.2
+    assert sampled.mean() > 0.2
+    assert (still[:, :3][np.repeat(sampled, 3, axis=1)] > 0.5).all()
+    assert still[:, 3:].max() < 2002.0
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_the_map_converged_is_returned_where_it_is_asked_for(name: str) -> None:
+    upscaler = Upscaler(Model.load(name, executor="onnx"), display_size=DISPLAY, validate="off")
+    for index in range(jitter_phase_count(2.0)):
+        result = upscaler.step(
+            still_scene().frame(index, RENDER, halton_jitter(index, 2.0)), outputs=("converged",)
+        )
+    assert result.converged is not None
+    assert result.converged.shape == DISPLAY[::-1]
+    assert result.converged.mean() > 0.7
+    assert result.converged.max() <= 1.0
