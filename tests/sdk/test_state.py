@@ -14,7 +14,7 @@ from supersampler.backends.cpu.static_tiles import PHASES
 from supersampler.state import STATE_VERSION, State
 
 STILL = (
-    "static.frames", "static.rarely_same", "static.jitter", "static.phase_frames", "static.phase_rows",
+    "static.frames", "static.unsteady", "static.jitter", "static.phase_frames", "static.phase_rows",
     "static.phase_tiles",
     "static.changes", "static.matched", "static.confirmed", "static.states", "static.fades",
     "static.matched_reads", "static.phases", "static.failed", "static.motionless", "static.sequence",

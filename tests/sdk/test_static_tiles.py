@@ -1,6 +1,6 @@
 """Still tiles come to rest on the mean of their samples, and forget only what a disturbance disproves."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -8,9 +8,16 @@ import pytest
 from numpy.typing import NDArray
 
 from supersampler import Frame, Model, Upscaler, halton_jitter
-from supersampler.backends.cpu.layout import RENDER_TILE, STATIC_TILE
-from supersampler.backends.cpu.static_tiles import HOLD_FRAMES, MOVING, PHASES, Bool, StaticTiles, Sums
-from supersampler.backends.cpu.tile_state import FADE_FRAMES, RESTING, SPARSE_FRAMES, TileState
+from supersampler.backends.cpu.layout import STATIC_TILE
+from supersampler.backends.cpu.static_tiles import (
+    PHASES,
+)
+from supersampler.backends.cpu.tile_state import (
+    FADE_FRAMES,
+    RESTING,
+    SPARSE_FRAMES,
+    TileState,
+)
 from supersampler.conventions import jitter_phase_count
 from supersampler.frame import Float32, Size
 from supersampler.history import StepResult
@@ -293,77 +300,3 @@ def test_the_order_of_phases_and_repeated_frames_do_not_matter(model: Model) -> 
     order = [*range(PERIOD), *rng.permutation(PERIOD).tolist(), *([5] * 4)]
     images = run(upscaler, map(scene, [*order, *range(2 * PERIOD)]))
     assert psnr(images[-1]) > psnr(rested(model)[2]) - 0.1
-
-
-def reader(sums: NDArray[np.int64]) -> Callable[[Bool, int], Sums]:
-    return lambda _, __: sums.astype(np.uint64)
-
-
-def test_noise_everywhere_is_looked_at_once_in_eight_frames_until_it_ends() -> None:
-    period, reads = 16, 0
-    tiles = StaticTiles.empty((2 * RENDER_TILE, RENDER_TILE))
-
-    def after(index: int, sums: NDArray[np.int64]) -> StaticTiles:
-        def read(_: Bool, __: int) -> Sums:
-            nonlocal reads
-            reads += 1
-            return sums.astype(np.uint64)
-
-        return tiles.after((index % period / 32.0, 0.0), read)
-
-    for k in range(4 * period):
-        if k == 3 * period:
-            reads = 0
-        tiles = after(k, np.array([[2 * k + 1, 2 * k + 2]]))
-    assert reads <= 2 * period // 8
-    assert tiles.changed.all()
-    for k in range(3 * period):
-        tiles = after(k, np.array([[500 + k % period, 9]]))
-    assert tiles.same.all()
-
-
-def test_tiles_are_held_after_a_confirmed_period_and_else_changed() -> None:
-    tiles, still = StaticTiles.empty((2 * RENDER_TILE, RENDER_TILE)), np.array([[7, 9]])
-    for k in range(2 * 4):
-        tiles = tiles.after((k % 4 / 8.0, 0.0), reader(still))
-    assert tiles.confirmed.all()
-    other = np.array([[7, 10]])
-    for k in range(HOLD_FRAMES):
-        tiles = tiles.after((k / 8.0, 0.0), reader(other))
-        assert tiles.held.tolist() == [[False, True]]
-        assert tiles.same.tolist() == [[True, False]]
-    tiles = tiles.after((HOLD_FRAMES / 8.0, 0.0), reader(other))
-    assert tiles.changed.tolist() == [[False, True]]
-    assert tiles.confirmed.tolist() == [[True, False]]
-
-
-def test_a_tile_that_moved_is_compared_with_its_last_frame_without_motion() -> None:
-    tiles, still = StaticTiles.empty((2 * RENDER_TILE, RENDER_TILE)), np.array([[7, 9]])
-    for sums in (still, np.array([[7, MOVING]]), still):
-        tiles = tiles.after((0.0, 0.0), reader(sums))
-    assert tiles.same.all()
-
-
-def test_where_few_tiles_are_the_same_reuse_is_given_up_after_two_periods_until_many_are() -> None:
-    """One tile of four is the same in each period, the others change; then three are the same."""
-    tiles, period, worthwhile = StaticTiles.empty((4 * RENDER_TILE, RENDER_TILE)), 5, []
-    for k in range(8 * period):
-        sums = np.full((1, 4), 1 + k % period)
-        sums[0, 1 if k < 5 * period else 3 :] = 1000 + k
-        tiles = tiles.after((0.01 * (k % period), 0.0), reader(sums))
-        worthwhile.append(tiles.worthwhile)
-    given_up, resumed = (
-        worthwhile.index(False),
-        7 * period,
-    )  # what changed for long is compared a period later
-    assert 2 * period <= given_up <= 2 * period + HOLD_FRAMES + 1
-    assert not any(worthwhile[given_up:resumed])
-    assert all(worthwhile[resumed:])
-
-
-def test_a_camera_that_stops_is_worth_looking_at_in_its_first_frame() -> None:
-    tiles, moving = StaticTiles.empty((4 * RENDER_TILE, RENDER_TILE)), np.full((1, 4), MOVING, np.uint64)
-    for k in range(200):
-        tiles = tiles.after((0.01 * (k % 5), 0.0), lambda _, __: moving)
-    assert not tiles.worthwhile
-    assert tiles.after((0.0, 0.0), lambda wanted, _: wanted + np.uint64(7)).worthwhile

@@ -29,7 +29,7 @@ ROW_STEP = 4
 SAMPLED_ROWS = 16
 """After a frame in which every tile moved, one row of tiles in so many shows whether all move again."""
 LOOK_FRAMES = 8
-"""Where all tiles change, whatever the frame, only one frame in so many of a period is looked at."""
+"""Where most tiles change in each frame, only one frame in so many of a period is looked at."""
 HOLD_FRAMES = 2
 """Frames for which a tile that stood still for a whole period may change, and be taken as undisturbed if it
 then is as before: fireflies, NaN."""
@@ -55,6 +55,11 @@ class Phase(NamedTuple):
     tiles: Sums
 
 
+def mostly(mask: Bool) -> bool:
+    """Whether all but less than LEAST_SHARE of the tiles are in a mask."""
+    return bool(np.count_nonzero(mask) > (1.0 - LEAST_SHARE) * mask.size)
+
+
 @dataclass(frozen=True, eq=False)
 class StaticTiles:
     """Fingerprints of the frames so far; immutable, so histories share it.
@@ -74,7 +79,7 @@ class StaticTiles:
         matched: consecutive frames in which it was the same.
         confirmed: tiles that were the same for as many frames as there are phases, and since then have only
             moved, been held or been the same.
-        rarely_same: consecutive frames in which tiles stood still, but fewer than LEAST_SHARE were the same.
+        unsteady: consecutive frames in which most tiles changed, or moved where others changed.
     """
 
     render: Size
@@ -88,7 +93,7 @@ class StaticTiles:
     changes: Int32
     matched: Int32
     confirmed: Bool
-    rarely_same: int = 0
+    unsteady: int = 0
 
     @classmethod
     def empty(cls, render: Size) -> "StaticTiles":
@@ -109,8 +114,8 @@ class StaticTiles:
         period = self.frames - before.frame
         if self._likely_changes(period) or (self.moving.all() and self._likely_moves(read)):
             phases = self._phases_with(jitter, before._replace(frame=self.frames))
-            rarely = 0 if _mostly(self.moving) else self.rarely_same + 1
-            return replace(self, frames=self.frames + 1, phases=phases, period=period, rarely_same=rarely)
+            unsteady = 0 if mostly(self.moving) else self.unsteady + 1
+            return replace(self, frames=self.frames + 1, phases=phases, period=period, unsteady=unsteady)
         as_before = self.same & (before.tiles != MOVING)  # likely: read at once as a whole
         if as_before.any():
             as_before &= read(as_before, 1) == before.tiles
@@ -134,31 +139,19 @@ class StaticTiles:
         confirmed = (same & (matched >= len(self.phases))) | (self.confirmed & (~differs | held))
         keep = moving | held
         stored = np.where(keep, before.rows, rows), np.where(keep, before.tiles, tiles)
-        phases = self._phases_with(jitter, Phase(self.frames, *stored))
+        phases, changed = self._phases_with(jitter, Phase(self.frames, *stored)), differs & ~held
+        unsteady = self.unsteady + 1 if mostly(moving | changed) and not mostly(moving) else 0
         return StaticTiles(
-            self.render, self.frames + 1, phases, period, moving, same, held, differs & ~held,
-            changes.astype(np.int32), matched.astype(np.int32), confirmed,
-            0 if same.mean() >= LEAST_SHARE or _mostly(moving) else self.rarely_same + 1,
+            self.render, self.frames + 1, phases, period, moving, same, held, changed,
+            changes.astype(np.int32), matched.astype(np.int32), confirmed, unsteady,
         )  # fmt: skip
 
-    @property
-    def worthwhile(self) -> bool:
-        """Whether enough tiles may be static to save time: few move, and many were the same in two periods.
-
-        A scene that has just come to rest, or changed its light, is compared for one period until it is.
-        """
-        if _mostly(self.moving):
-            return False
-        return self.rarely_same <= (2 * self.period + HOLD_FRAMES if self.period else _PATIENCE)
-
     def _likely_changes(self, period: int) -> bool:
-        """Whether all tiles have changed for two periods, and this frame is none of those looked at.
+        """Whether most tiles changed for more than a period, and this frame is none of those looked at.
 
         These have the same jitter in each period, so that they can be compared.
         """
-        if not period or self.frames % period % LOOK_FRAMES == 0 or not self.changed.all():
-            return False
-        return bool(self.changes.min() >= 2 * period)
+        return period > 0 and self.frames % period % LOOK_FRAMES != 0 and self.unsteady > period
 
     def _likely_moves(self, read: ReadFingerprints) -> bool:
         """Whether all tiles of some rows move, others in each frame."""
@@ -184,7 +177,7 @@ class StaticTiles:
         phases = self.phases.values()
         return {
             "static.frames": np.array(self.frames, np.int64),
-            "static.rarely_same": np.array(self.rarely_same, np.int64),
+            "static.unsteady": np.array(self.unsteady, np.int64),
             "static.jitter": np.array(list(self.phases), np.float64),
             "static.phase_frames": np.array([phase.frame for phase in phases], np.int64),
             "static.phase_rows": np.stack([phase.rows for phase in phases]),
@@ -224,13 +217,8 @@ class StaticTiles:
         none = empty.same
         return cls(
             render, frames, dict(zip(jitters, phases, strict=True)), 0, none, none, none, none, changes,
-            matched, confirmed, int(arrays["static.rarely_same"]),
+            matched, confirmed, int(arrays["static.unsteady"]),
         )  # fmt: skip
-
-
-def _mostly(mask: Bool) -> bool:
-    """Whether all but less than LEAST_SHARE of the tiles are in a mask."""
-    return bool(np.count_nonzero(mask) > (1.0 - LEAST_SHARE) * mask.size)
 
 
 def static_tile_specs(render: Size) -> dict[str, ArraySpec]:
@@ -239,7 +227,7 @@ def static_tile_specs(render: Size) -> dict[str, ArraySpec]:
     count = 0, 1 << 30
     return {
         "static.frames": ArraySpec("int64", (), (1, _MAX_FRAMES)),
-        "static.rarely_same": ArraySpec("int64", (), (0, _MAX_FRAMES)),
+        "static.unsteady": ArraySpec("int64", (), (0, _MAX_FRAMES)),
         "static.jitter": ArraySpec("float64", ("phases", 2), (-0.5, 0.5)),
         "static.phase_frames": ArraySpec("int64", ("phases",), (0, _MAX_FRAMES)),
         "static.phase_rows": ArraySpec("uint64", ("phases", *tiles)),

@@ -12,7 +12,7 @@ from supersampler.backends.cpu.kernel_loader import Call
 from supersampler.backends.cpu.layout import LANES, PAD, RENDER_TILE, STATIC_TILE, SUM_VALUES, TILE
 from supersampler.backends.cpu.memory import address, aligned
 from supersampler.backends.cpu.noisy_tile_reuse import NoisyTileReuse
-from supersampler.backends.cpu.static_tiles import LEAST_SHARE, Jitter, StaticTiles, Sums
+from supersampler.backends.cpu.static_tiles import Jitter, StaticTiles, Sums, mostly
 from supersampler.backends.cpu.static_weights import LEAST_SAMPLES, StaticAxis, StaticWeights
 from supersampler.backends.cpu.structs import AddedSamples, AxisSamples, FrameInputs, MeanErrors, pack
 from supersampler.backends.cpu.threads import Rect, ThreadPool
@@ -98,7 +98,7 @@ class TileReuse:
         required = np.ones(current.work.shape, bool)
         if current.active:
             required = tiles_with(current.records["state"] == MOVING, current.display)
-            if required.mean() > 1.0 - LEAST_SHARE:
+            if mostly(required):
                 required[:] = True
         tiles = Tiles(required)
         if tiles.all:  # mostly

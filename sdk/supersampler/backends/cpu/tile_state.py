@@ -11,7 +11,7 @@ from supersampler.arguments import TOLERANCE
 from supersampler.backends.cpu.layout import STATIC_TILE, SUM_VALUES
 from supersampler.backends.cpu.memory import aligned
 from supersampler.backends.cpu.noisy_tiles import NoisyTiles, noisy_tile_specs
-from supersampler.backends.cpu.static_tiles import PHASES, Jitter, StaticTiles, static_tile_specs
+from supersampler.backends.cpu.static_tiles import PHASES, Jitter, StaticTiles, mostly, static_tile_specs
 from supersampler.backends.cpu.static_weights import StaticWeights, samples_per_pixel, weights_after
 from supersampler.backends.cpu.tiles import FILTER_REACH, SAMPLE_REACH, Bool, Tiles, tiles_reading, tiles_with
 from supersampler.frame import Float32, Size
@@ -36,6 +36,8 @@ period, in which each frame confirms one phase."""
 FADE_POWER = 8
 """Shape of the fade. A method that converges goes on doing so; with a slower first frame than this the fade
 would fall behind it."""
+UNSTEADY_FRAMES = 8
+"""Consecutive frames in which most tiles changed, after which none settles until fewer do."""
 SPARSE_FRAMES = 64
 """Frames after which a tile rests on the method's image, where a jitter sequence is too short for means."""
 
@@ -125,7 +127,7 @@ class TileState:
         before, self.static_tiles = previous.static_tiles, tiles
         weights = weights_after(previous.weights, jitter, tiles, self.display, tiles.render)
         self.weights = weights
-        if not (tiles.worthwhile or before is None or before.worthwhile):
+        if before is not None and self._moves_or_fails(before, tiles, previous.records["failed"]):
             self.records["failed"] = self._reading(tiles, tiles.changed)
             return
         self.active, records = True, previous.records.copy()
@@ -145,6 +147,18 @@ class TileState:
             frames = np.where(confirmed, FADE_FRAMES, max(weights.frames, FADE_FRAMES))
             fade[state == SETTLING] = np.minimum(fade + 1.0 / frames, 1.0)[state == SETTLING]
         fade[state == MOVING] = 0.0
+
+    def _moves_or_fails(self, before: StaticTiles, tiles: StaticTiles, failed: Bool) -> bool:
+        """Whether so few tiles can settle that samples are not worth their time.
+
+        Either most tiles of the frame moved twice, or most go on changing and half of the image failed or
+        moves: after a single change of the light none fails, and samples are added anew.
+        """
+        if mostly(before.moving) and mostly(tiles.moving):
+            return True
+        if tiles.unsteady <= UNSTEADY_FRAMES:
+            return False
+        return bool((failed | self._reading(tiles, tiles.moving)).mean() > 0.5)
 
     def _choose_samples(self, tiles: StaticTiles, jitter: Jitter, was_confirmed: Bool) -> None:
         """Choose the tiles whose samples are added to the sums, and those whose sums are dropped.
