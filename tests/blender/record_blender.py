@@ -1,22 +1,26 @@
-"""Record what Blender renders of `make_scene.py`, as small shots: python record_blender.py BLENDER FOLDER.
+"""Record what Blender renders of `make_scene.py`: python record_blender.py BLENDER tests/blender.
 
-right: as `supersampler blender` renders. half, fixed: with half of the jitter that the frames state, and with
-none. filtered: with Blender's own pixel filter, denoised.
+recorded: the folder `render` of `supersampler blender`.
+checked: shots, with rounded values. right: as that command renders. half, fixed: with half of the jitter that
+the frames state, and with none. filtered: with Blender's own pixel filter, denoised.
 """
 
 import json
 import re
+import shutil
 import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 from compact_frames import compact, cropped
 from supersampler.cli import app
 from supersampler.conventions import halton_jitter
 from supersampler.integrations.blender import process, render
 from supersampler.io.shot import ShotWriter, open_source
+from supersampler.io.shot.render_record import read_render_record
 
 HERE = Path(__file__).parent
 NARROW, WIDE = '"BLACKMAN_HARRIS", 0.01', '"BLACKMAN_HARRIS", 1.5'  # Cycles takes a box to be 1 pixel wide
@@ -28,6 +32,16 @@ SHOTS = {  # fraction of the jitter, pixel filter, number of frames
 }
 
 
+def record_render(blender: str, folder: Path, work: Path) -> None:
+    make_scene(blender, work, {"properties": {"scene.frame_end": 8}})
+    run_command(blender, work, "recorded", "--samples", "1", "--no-denoise")
+    record = read_render_record(work / "recorded" / "render")
+    assert record.scene is not None
+    replace(record, scene=replace(record.scene, ocio="/blender/config.ocio")).write(folder)
+    for path in (work / "recorded" / "render").glob("*.exr"):
+        shutil.copy(path, folder / path.name)
+
+
 def record_shot(blender: str, folder: Path, name: str, work: Path) -> None:
     part, pixel_filter, count = SHOTS[name]
     script = work / "render_frames.py"
@@ -37,33 +51,33 @@ def record_shot(blender: str, folder: Path, name: str, work: Path) -> None:
     script.write_text(text)
     process._SCRIPT = script
     vars(render)["halton_jitter"] = lambda index, scale: tuple(part * x for x in halton_jitter(index, scale))
-    quality = ["256", "--denoise"] if name == "filtered" else ["64"]
-    options = [
-        "--samples",
-        *quality,
-        "--frames",
-        f"6-{5 + count}",
-        "--method",
-        "bilinear",
-        "--blender",
-        blender,
-    ]
-    app(["blender", str(work / "scene.blend"), "-o", str(work / name), *options], standalone_mode=False)
+    quality = ["256", "--denoise"] if name == "filtered" else ["64", "--no-denoise"]
+    run_command(blender, work, name, "--frames", f"6-{5 + count}", "--samples", *quality)
     writer = ShotWriter(folder / name, name=name, display_size=None, frame_rate=24, compression="zip:9")
     for index, item in enumerate(open_source(work / name / "render")):
         frame = replace(item.frame, jitter=halton_jitter(index, 2.0), gbuffer=None, aovs=None)
         writer.write(compact(cropped(frame, 120, 80)))
 
 
+def make_scene(blender: str, work: Path, options: dict[str, Any]) -> None:
+    words = [blender, str(HERE / "make_scene.py"), f"{work}/scene.blend", json.dumps(options)]
+    subprocess.run(words, check=True)
+
+
+def run_command(blender: str, work: Path, name: str, *options: str) -> None:
+    words = ["blender", f"{work}/scene.blend", "-o", f"{work}/{name}", "--blender", blender, *options]
+    app([*words, "--method", "bilinear"], standalone_mode=False)
+
+
 def main(blender: str, folder: str) -> None:
     with TemporaryDirectory() as work:
+        record_render(blender, Path(folder, "recorded"), Path(work))
         original = process._SCRIPT
         for name in SHOTS:
             size = [448, 294] if name == "filtered" else [192, 128]  # enough edges in a part of it
-            make = [blender, str(HERE / "make_scene.py"), f"{work}/scene.blend", json.dumps({"size": size})]
-            subprocess.run(make, check=True)
+            make_scene(blender, Path(work), {"size": size})
             process._SCRIPT = original
-            record_shot(blender, Path(folder), name, Path(work))
+            record_shot(blender, Path(folder, "checked"), name, Path(work))
 
 
 main(*sys.argv[1:])
