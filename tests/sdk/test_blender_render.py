@@ -59,6 +59,8 @@ def test_jitter_numbers_size_and_buffers_are_as_rendered() -> None:
 def test_the_checks_find_the_frames_as_stated() -> None:
     detection = detect_conventions(open_source(RECORDED))
     assert detection.agrees, detection.summary()
+    assert detection.jitter.margin > 1.2  # and sure of it
+    assert detection.depth.margin > 4
 
 
 def with_engine(folder: Path, engine: str) -> None:
