@@ -22,7 +22,7 @@ from supersampler.integrations.blender.render import RenderRequest, rendering
 DISPLAY: Size = (640, 360)
 SCALE = 2.0
 FRAMES = (1, 24)
-COMPARED = (24,)
+COMPARED = (24, 16)
 """Numbers of the frames that have references."""
 BUDGETS = (1, 2, 4, 8)
 REFERENCE = 1024

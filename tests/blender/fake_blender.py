@@ -24,7 +24,7 @@ def tell(**content: object) -> None:
 
 def stop(error: str) -> None:
     tell(error=error)
-    sys.exit(1)
+    time.sleep(600)  # as bpy hangs at its end, where the scene has Python drivers
 
 
 def main() -> None:

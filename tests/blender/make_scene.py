@@ -22,6 +22,7 @@ DEFAULTS: dict[str, Any] = {
     "markers": [],  # [frame, camera]; another camera is there besides, "Other"
     "still": False,  # nothing moves, not even the camera
     "properties": {},
+    "script": "",  # Python that Blender is to run when it opens the file
 }
 FIRST, LAST = 5, 10
 OBJECTS = 14
@@ -57,6 +58,10 @@ def build(options: dict[str, Any]) -> None:
         add_markers(scene, options["markers"])
     if not options["still"]:
         move(bpy.data.objects["Cube.003"], "location", [(1.0, -2.0, 0.3), (2.0, -1.5, 0.5)])
+    if options["script"]:
+        text = bpy.data.texts.new("startup.py")
+        text.write(options["script"])
+        text.use_module = True
     for name, value in options["properties"].items():
         holder, _, attribute = name.rpartition(".")
         target = scene

@@ -240,6 +240,14 @@ def test_a_scene_that_will_not_do_is_one_line(
     assert done.stderr.count("\n") == 1
 
 
+def test_python_in_the_file_is_not_run_and_the_command_says_so(tmp_path: Path) -> None:
+    ran = tmp_path / "ran"
+    done = render(tmp_path, "--samples", 1, "--method", "bilinear", script=f"open({str(ran)!r}, 'w')")
+    assert done.exit_code == 0, done.output
+    assert not ran.exists()
+    assert "Python in the file is not run (Text 'startup.py')" in done.stderr
+
+
 def test_the_camera_that_is_named_is_rendered_whatever_the_markers_say(tmp_path: Path) -> None:
     for name in ("marked", "plain"):
         (tmp_path / name).mkdir()

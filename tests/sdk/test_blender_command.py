@@ -110,6 +110,12 @@ def test_more_frames_may_follow_and_a_complete_render_needs_no_blender(tmp_path:
     assert list(images(tmp_path)) == IMAGES
 
 
+def test_a_render_that_has_completed_no_frame_is_in_the_way_of_no_other(tmp_path: Path) -> None:
+    assert "no camera" in one_line(blender(tmp_path, "--camera", "Other", error="no camera is named 'Other'"))
+    assert blender(tmp_path, "--camera", "Camera").exit_code == 0
+    assert list(images(tmp_path)) == IMAGES
+
+
 def test_frames_of_another_request_are_refused_until_overwritten(tmp_path: Path) -> None:
     blender(tmp_path)
     before = images(tmp_path)

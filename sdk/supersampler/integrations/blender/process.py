@@ -168,6 +168,7 @@ class BlenderRender:
                 content = Field(self._blend, "Blender's answer", json.loads(text))
                 if "error" in content.value:
                     self._error = content["error"].of(str)
+                    self._process.terminate()  # a bpy whose scene has Python drivers hangs at its end
                     return False
                 if "scene" in content.value:
                     self._target.describe(RenderedScene.of(content["scene"]))

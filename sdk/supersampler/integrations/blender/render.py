@@ -151,7 +151,7 @@ class _RenderFolder:
         if overwrite:
             remove_files([*own, self.path / RENDER_FILE])
             return
-        if earlier is None:
+        if earlier is None or not earlier.cameras:
             return
         self._check_same(earlier)
         missing = (i for i, name in enumerate(_files(earlier)) if not is_regular(self.path / name))
@@ -215,7 +215,7 @@ class _RenderFolder:
             )
             raise ShotError(self.path, f"frames of another render are there: {what}", hint)
         wanted = self.request.frames or (earlier.scene.numbers if earlier.scene is not None else None)
-        if earlier.cameras and wanted is not None and wanted[0] != earlier.first:
+        if wanted is not None and wanted[0] != earlier.first:
             problem = f"frames from {earlier.first} on are there; this render begins with {wanted[0]}"
             raise ShotError(self.path, problem, hint)
 

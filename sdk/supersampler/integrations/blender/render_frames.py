@@ -51,6 +51,9 @@ def main(settings: dict[str, Any]) -> None:
     if bpy.app.version < OLDEST:
         raise SceneError(f"Blender {bpy.app.version_string} is too old: 3.6 and later will do")
     bpy.ops.wm.open_mainfile(filepath=settings["blend"], load_ui=False)
+    if bpy.app.autoexec_fail:
+        what = f"Python in the file is not run ({bpy.app.autoexec_fail_message})"
+        report(note=f"{what}: Auto Run Python Scripts is off in Blender's preferences")
     scene = chosen_scene(settings["scene"])
     choose_camera(scene, settings["camera"])
     set_engine(scene, settings["engine"], settings["samples"], settings["denoise"])
