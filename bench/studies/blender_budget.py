@@ -245,14 +245,15 @@ def markdown_table(record: Record) -> str:
         "over full size, OIDN:",
     ]
     size, scale, last = size_text(record["display_size"]), record["scale"], record["frames"][1]
+    numbers = " and ".join(map(str, record["compared"]))
     caption = (
         f"PSNR in dB / CPU seconds of a frame (user and system, all threads), rendering and upscaling; "
         f"Cycles of Blender {record['blender']}, {size}. A budget is a number of samples of a full-size "
         f"pixel; small frames (scale {scale:g}) have {scale**2:g} times as many. Against references of "
-        f"{record['reference_samples']} samples in a part of frame {record['compared'][0]} of {last}. The "
-        f"last three columns: the best upscaled image above the best bicubic one of its budget, and above "
-        f"full-size ones of the same cost (between budgets: interpolated; – where no budget is as cheap, or "
-        f"as dear)."
+        f"{record['reference_samples']} samples in a part of frames {numbers} of {last}; PSNR is the mean. "
+        f"The last three columns: the best upscaled image above the best bicubic one of its budget, and "
+        f"above full-size ones of the same cost (between budgets: interpolated; – where no budget is as "
+        f"cheap, or as dear)."
     )
     return table(headings, lines, caption)
 

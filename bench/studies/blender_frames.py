@@ -4,6 +4,7 @@ $SUPERSAMPLER_STUDY is JSON:
     "script": render_frames.py;
     "costs": file that gets a line of JSON per frame, with its number and the CPU seconds of its render;
     "filter": kind and width in pixels, null for the command's own;
+    "prefilter": of OIDN's guides, null for the command's own;
     "jitter": whether there is any;
     "seed": added to the scene's;
     "region": part of the frame to render, [left, right, bottom, top] from 0 to 1, or null;
@@ -30,6 +31,7 @@ def main(settings: dict[str, Any], wanted: dict[str, Any]) -> None:
 
     def set_more(scene: Any) -> None:
         set_output(scene)
+        scene.cycles.denoising_prefilter = wanted["prefilter"] or scene.cycles.denoising_prefilter
         scene.cycles.seed += wanted["seed"]
         for layer in scene.view_layers:
             layer.cycles.denoising_store_passes = wanted["noisy"]

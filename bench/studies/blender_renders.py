@@ -38,13 +38,17 @@ _HERE = Path(__file__).resolve().parent
 
 @dataclass(frozen=True, kw_only=True)
 class Job:
-    """Frames of one scene that are rendered alike."""
+    """Frames of one scene that are rendered alike; OIDN gets guides (albedo, normal) as Cycles filters them.
+
+    With `exact_guides` it gets them as they are, as in the frames of `supersampler blender`.
+    """
 
     scene: str
     frames: tuple[int, int]
     samples: int
     denoise: bool = False
     small: bool = False
+    exact_guides: bool = False
     reference: bool = False
 
     @property
@@ -52,7 +56,8 @@ class Job:
         """Of the job's folder; the frames are in its folder `frames`."""
         kind = "reference" if self.reference else "small" if self.small else "full"
         suffix = f"-{self.frames[0]}" if self.frames[0] == self.frames[1] else ""
-        return f"{self.scene}-{kind}-{self.samples}{'-oidn' if self.denoise else ''}{suffix}"
+        oidn = "-oidn-exact" if self.exact_guides else "-oidn" if self.denoise else ""
+        return f"{self.scene}-{kind}-{self.samples}{oidn}{suffix}"
 
     def orders(self, folder: Path) -> dict[str, Any]:
         """Return what blender_frames.py wants in $SUPERSAMPLER_STUDY."""
@@ -60,6 +65,7 @@ class Job:
             "script": str(Path(process.__file__).with_name("render_frames.py")),
             "costs": str((folder / "costs.jsonl").resolve()),
             "filter": None if self.small else ("BOX", 1.0),
+            "prefilter": None if self.exact_guides else "ACCURATE",
             "jitter": self.small,
             "seed": 1000 if self.reference else 0,
             "region": REGIONS[self.scene] if self.reference else None,
@@ -77,6 +83,9 @@ def jobs() -> Iterator[Job]:
         for scene in sorted(REGIONS, key="courtyard shelf room".index):  # the dearest one comes last
             small = round(budget * SCALE**2)
             yield Job(scene=scene, frames=FRAMES, samples=small, denoise=True, small=True)
+            yield Job(
+                scene=scene, frames=FRAMES, samples=small, denoise=True, small=True, exact_guides=True
+            )
             yield Job(scene=scene, frames=(1, 2), samples=small, small=True)
             for number in COMPARED:
                 yield Job(scene=scene, frames=(number, number), samples=budget, denoise=True)
