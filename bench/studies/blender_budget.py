@@ -85,19 +85,23 @@ def measure_budget(
     work: Path, here: list[Job], numbers: list[int], blender: str
 ) -> dict[str, tuple[Images, float]]:
     """Return images and cost of each way, of the jobs of one scene and one budget."""
-    small = next(job for job in here if job.small and job.denoise)
+    small = {job.exact_guides: work / job.name for job in here if job.small and job.denoise}
     plain = {job.small: cost(work / job.name) for job in here if not job.denoise}
     full = [job for job in here if job.denoise and not job.small and job.frames[0] in numbers]
     denoised = float(np.mean([cost(work / job.name) for job in full]))
-    shot = import_render(work / small.name / "frames")
     ways = {}
     for way, kind in (("native", "Noisy Image"), ("native + OIDN", "Combined")):
         images = {job.frames[0]: colors(work / job.name, job.frames[0], kind) for job in full}
         ways[way] = images, denoised if kind == "Combined" else plain[False]
-    for method, names in (("bicubic", ("bicubic", "bicubic, OIDN")), ("classifier", OURS[:2])):
-        for is_denoised, way in enumerate(names):
-            images, step = upscaled(shot, method, numbers, noisy=not is_denoised)
-            ways[way] = images, step + (cost(work / small.name) if is_denoised else plain[True])
+    for way, method, is_exact in (
+        ("bicubic", "bicubic", False),
+        ("bicubic, OIDN", "bicubic", False),
+        ("upscaled", "classifier", True),
+        ("OIDN before", "classifier", True),
+    ):
+        shot, noisy = import_render(small[is_exact] / "frames"), "OIDN" not in way
+        images, step = upscaled(shot, method, numbers, noisy=noisy)
+        ways[way] = images, step + (plain[True] if noisy else cost(small[is_exact]))
     images, step, filtering = denoised_after(shot, numbers, blender)
     return {**ways, "OIDN after": (images, step + filtering + plain[True])}
 
@@ -251,6 +255,8 @@ def markdown_table(record: Record) -> str:
         f"Cycles of Blender {record['blender']}, {size}. A budget is a number of samples of a full-size "
         f"pixel; small frames (scale {scale:g}) have {scale**2:g} times as many. Against references of "
         f"{record['reference_samples']} samples in a part of frames {numbers} of {last}; PSNR is the mean. "
+        f"OIDN before upscaling gets albedo and normals as they are; for full-size and bicubic images Cycles "
+        f"filters them first, which is better there. "
         f"The last three columns: the best upscaled image above the best bicubic one of its budget, and "
         f"above full-size ones of the same cost (between budgets: interpolated; – where no budget is as "
         f"cheap, or as dear)."

@@ -83,9 +83,7 @@ def jobs() -> Iterator[Job]:
         for scene in sorted(REGIONS, key="courtyard shelf room".index):  # the dearest one comes last
             small = round(budget * SCALE**2)
             yield Job(scene=scene, frames=FRAMES, samples=small, denoise=True, small=True)
-            yield Job(
-                scene=scene, frames=FRAMES, samples=small, denoise=True, small=True, exact_guides=True
-            )
+            yield Job(scene=scene, frames=FRAMES, samples=small, denoise=True, small=True, exact_guides=True)
             yield Job(scene=scene, frames=(1, 2), samples=small, small=True)
             for number in COMPARED:
                 yield Job(scene=scene, frames=(number, number), samples=budget, denoise=True)

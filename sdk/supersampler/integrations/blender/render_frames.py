@@ -121,6 +121,7 @@ def set_engine(scene: Any, engine: str | None, samples: int | None, denoise: boo
         scene.cycles.use_adaptive_sampling = False
         scene.cycles.samples = SAMPLES if samples is None else samples
         scene.cycles.use_denoising = denoise is None or denoise
+        scene.cycles.denoising_prefilter = "NONE"  # one place a pixel: OIDN's guides have no noise
         if samples is None or denoise is None:
             what = f"{scene.cycles.samples} samples, {'' if scene.cycles.use_denoising else 'not '}denoised"
             report(note=f"Cycles renders {what}; --samples and --no-denoise change it")
