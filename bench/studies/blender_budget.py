@@ -19,7 +19,16 @@ import typer
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-from studies.blender_renders import BUDGETS, COMPARED, DISPLAY, REFERENCE, REGIONS, SCALE, Job, jobs
+from studies.blender_renders import (
+    BUDGETS,
+    COMPARED,
+    DISPLAY,
+    REFERENCE,
+    REGIONS,
+    SCALE,
+    FrameSet,
+    frame_sets,
+)
 from supersampler.errors import ArgumentError
 from supersampler.frame import Float32, Frame
 from supersampler.io.atomic import replacing
@@ -53,19 +62,20 @@ Images = dict[int, Float32]
 
 def measure_budgets(work: Path, blender: str) -> list[dict[str, Any]]:
     """Return PSNR (dB) and cost (CPU seconds of a frame) of each way at each budget of each scene."""
-    found = {job.name for job in jobs() if is_complete(work, job)}
+    found = {each.name for each in frame_sets() if is_complete(work, each)}
     rows = []
     with counted("budgets", len(REGIONS) * len(BUDGETS)) as advance:
         for scene in REGIONS:
             truth = {
-                number: colors(work / job.name, number)
-                for job in jobs()
-                if job.reference and job.scene == scene and job.name in found
-                for number in [job.frames[0]]
+                number: colors(work / each.name, number)
+                for each in frame_sets()
+                if each.reference and each.scene == scene and each.name in found
+                for number in [each.frames[0]]
             }
             for budget in BUDGETS:
-                here = [j for j in jobs() if j.scene == scene and not j.reference and samples_of(j) == budget]
-                if truth and found.issuperset(job.name for job in here):
+                of_scene = [each for each in frame_sets() if each.scene == scene and not each.reference]
+                here = [each for each in of_scene if samples_of(each) == budget]
+                if truth and found.issuperset(each.name for each in here):
                     ways = measure_budget(work, here, list(truth), blender)
                     rows += [
                         {
@@ -82,16 +92,16 @@ def measure_budgets(work: Path, blender: str) -> list[dict[str, Any]]:
 
 
 def measure_budget(
-    work: Path, here: list[Job], numbers: list[int], blender: str
+    work: Path, here: list[FrameSet], numbers: list[int], blender: str
 ) -> dict[str, tuple[Images, float]]:
-    """Return images and cost of each way, of the jobs of one scene and one budget."""
-    small = {job.exact_guides: work / job.name for job in here if job.small and job.denoise}
-    plain = {job.small: cost(work / job.name) for job in here if not job.denoise}
-    full = [job for job in here if job.denoise and not job.small and job.frames[0] in numbers]
-    denoised = float(np.mean([cost(work / job.name) for job in full]))
+    """Return images and cost of each way, of the sets of one scene and one budget."""
+    small = {each.exact_guides: work / each.name for each in here if each.small and each.denoise}
+    plain = {each.small: cost(work / each.name) for each in here if not each.denoise}
+    full = [each for each in here if each.denoise and not each.small and each.frames[0] in numbers]
+    denoised = float(np.mean([cost(work / each.name) for each in full]))
     ways = {}
     for way, kind in (("native", "Noisy Image"), ("native + OIDN", "Combined")):
-        images = {job.frames[0]: colors(work / job.name, job.frames[0], kind) for job in full}
+        images = {each.frames[0]: colors(work / each.name, each.frames[0], kind) for each in full}
         ways[way] = images, denoised if kind == "Combined" else plain[False]
     for way, method, is_exact in (
         ("bicubic", "bicubic", False),
@@ -145,8 +155,8 @@ def denoised_after(shot: Shot, numbers: list[int], blender: str) -> tuple[Images
         pairs = [[f"{folder}/{number}-{{}}.exr", f"{folder}/{number}.exr"] for number in numbers]
         script = Path(__file__).resolve().with_name("blender_denoise.py")
         command = [blender, str(script), json.dumps(pairs)]
-        said = subprocess.run(command, check=True, capture_output=True, text=True)  # noqa: S603  # by the user
-        seconds = [float(line.split()[1]) for line in said.stdout.splitlines() if line.startswith("seconds ")]
+        done = subprocess.run(command, check=True, capture_output=True, text=True)  # noqa: S603  # by the user
+        seconds = [float(line.split()[1]) for line in done.stdout.splitlines() if line.startswith("seconds ")]
         images = {}
         for number in numbers:
             channels = read_exr(Path(folder) / f"{number}.exr", only="RGB")
@@ -165,19 +175,19 @@ def frames(shot: Shot, *, noisy: bool) -> list[tuple[int, Frame]]:
     return found
 
 
-def samples_of(job: Job) -> int:
-    """Return the budget of a job: samples of a full-size pixel."""
-    return int(job.samples / SCALE**2) if job.small else job.samples
+def samples_of(frame_set: FrameSet) -> int:
+    """Return the budget of a set: samples of a full-size pixel."""
+    return int(frame_set.samples / SCALE**2) if frame_set.small else frame_set.samples
 
 
-def is_complete(work: Path, job: Job) -> bool:
-    """Tell whether all frames of a job are there."""
-    numbers = range(job.frames[0], job.frames[1] + 1)
-    return all((work / job.name / "frames" / f"{number:04d}.exr").exists() for number in numbers)
+def is_complete(work: Path, frame_set: FrameSet) -> bool:
+    """Tell whether all frames of a set are there."""
+    numbers = range(frame_set.frames[0], frame_set.frames[1] + 1)
+    return all((work / frame_set.name / "frames" / f"{number:04d}.exr").exists() for number in numbers)
 
 
 def cost(folder: Path) -> float:
-    """Return CPU seconds of rendering a frame of a job."""
+    """Return CPU seconds of rendering a frame of a set."""
     lines = (folder / "costs.jsonl").read_text(encoding="utf-8").splitlines()
     return float(np.mean([json.loads(line)["seconds"] for line in lines]))
 
@@ -264,8 +274,8 @@ def markdown_table(record: Record) -> str:
     return table(headings, lines, caption)
 
 
-def draw(record: Record, path: Path) -> None:
-    """Draw error over cost, one panel a scene."""
+def write_figure(record: Record, path: Path) -> None:
+    """Write error over cost as a PNG file, one panel a scene."""
     scenes = list(dict.fromkeys(row["scene"] for row in record["rows"]))
     sheet = Figure(figsize=(4.2 * len(scenes), 3.8), layout="constrained")
     for axes, scene in zip(np.atleast_1d(sheet.subplots(1, len(scenes))), scenes, strict=True):
@@ -291,14 +301,14 @@ def draw(record: Record, path: Path) -> None:
 def main(
     work: Annotated[Path, typer.Argument(help="Folder of blender_renders.py.")],
     blender: Annotated[str, typer.Option(help="A Python that has bpy.")],
-    picture: Annotated[Path | None, typer.Option("--figure", help="PNG file of the curves.")] = None,
+    figure_file: Annotated[Path | None, typer.Option("--figure", help="PNG file of the curves.")] = None,
     json: JSON = None,
     update: UPDATE = None,
 ) -> None:
     """Measure error and cost of what is rendered, and write table and figure."""
     tables = {BLOCK: markdown_table}
     check_page(update, tables)
-    first = work / next(job.name for job in jobs() if job.small) / "frames"
+    first = work / next(each.name for each in frame_sets() if each.small) / "frames"
     scene = read_render_record(first).scene
     if scene is None:
         raise ArgumentError("work", got=f"{first} without frames", want="a folder of blender_renders.py")
@@ -314,8 +324,8 @@ def main(
         "rows": measure_budgets(work, blender),
     }
     publish(record, tables, json, update)
-    if picture is not None:
-        draw(record, picture)
+    if figure_file is not None:
+        write_figure(record, figure_file)
 
 
 if __name__ == "__main__":

@@ -37,7 +37,7 @@ _HERE = Path(__file__).resolve().parent
 
 
 @dataclass(frozen=True, kw_only=True)
-class Job:
+class FrameSet:
     """Frames of one scene that are rendered alike; OIDN gets guides (albedo, normal) as Cycles filters them.
 
     With `exact_guides` it gets them as they are, as in the frames of `supersampler blender`.
@@ -53,14 +53,14 @@ class Job:
 
     @property
     def name(self) -> str:
-        """Of the job's folder; the frames are in its folder `frames`."""
+        """Of the folder; the frames are in its folder `frames`."""
         kind = "reference" if self.reference else "small" if self.small else "full"
         suffix = f"-{self.frames[0]}" if self.frames[0] == self.frames[1] else ""
         oidn = "-oidn-exact" if self.exact_guides else "-oidn" if self.denoise else ""
         return f"{self.scene}-{kind}-{self.samples}{oidn}{suffix}"
 
-    def orders(self, folder: Path) -> dict[str, Any]:
-        """Return what blender_frames.py wants in $SUPERSAMPLER_STUDY."""
+    def study_settings(self, folder: Path) -> dict[str, Any]:
+        """Return the content of $SUPERSAMPLER_STUDY for blender_frames.py."""
         return {
             "script": str(Path(process.__file__).with_name("render_frames.py")),
             "costs": str((folder / "costs.jsonl").resolve()),
@@ -73,8 +73,8 @@ class Job:
         }
 
 
-def jobs() -> Iterator[Job]:
-    """Yield all jobs, those first without which there is nothing to compare.
+def frame_sets() -> Iterator[FrameSet]:
+    """Yield all sets, those first without which there is nothing to compare.
 
     The image before OIDN is a pass of the render with OIDN; renders without OIDN are for their cost alone.
     """
@@ -82,19 +82,21 @@ def jobs() -> Iterator[Job]:
     for budget in (4, 1, 2, 8):
         for scene in sorted(REGIONS, key="courtyard shelf room".index):  # the dearest one comes last
             small = round(budget * SCALE**2)
-            yield Job(scene=scene, frames=FRAMES, samples=small, denoise=True, small=True)
-            yield Job(scene=scene, frames=FRAMES, samples=small, denoise=True, small=True, exact_guides=True)
-            yield Job(scene=scene, frames=(1, 2), samples=small, small=True)
+            yield FrameSet(scene=scene, frames=FRAMES, samples=small, denoise=True, small=True)
+            yield FrameSet(
+                scene=scene, frames=FRAMES, samples=small, denoise=True, small=True, exact_guides=True
+            )
+            yield FrameSet(scene=scene, frames=(1, 2), samples=small, small=True)
             for number in COMPARED:
-                yield Job(scene=scene, frames=(number, number), samples=budget, denoise=True)
-            yield Job(scene=scene, frames=(1, 2), samples=budget)
+                yield FrameSet(scene=scene, frames=(number, number), samples=budget, denoise=True)
+            yield FrameSet(scene=scene, frames=(1, 2), samples=budget)
     for number in COMPARED[1:]:
         yield from _references(number)
 
 
-def _references(number: int) -> Iterator[Job]:
+def _references(number: int) -> Iterator[FrameSet]:
     for scene in REGIONS:
-        yield Job(scene=scene, frames=(number, number), samples=REFERENCE, reference=True)
+        yield FrameSet(scene=scene, frames=(number, number), samples=REFERENCE, reference=True)
 
 
 def main(
@@ -109,22 +111,22 @@ def main(
             words = [blender, str(_HERE / "blender_scenes.py"), scene, str(work / f"{scene}.blend")]
             size = "x".join(map(str, DISPLAY))
             subprocess.run([*words, size], check=True, capture_output=True)  # noqa: S603  # the user names it
-    for job in jobs():
-        folder = work / job.name
+    for frame_set in frame_sets():
+        folder = work / frame_set.name
         folder.mkdir(exist_ok=True)
-        os.environ["SUPERSAMPLER_STUDY"] = json.dumps(job.orders(folder))
+        os.environ["SUPERSAMPLER_STUDY"] = json.dumps(frame_set.study_settings(folder))
         request = RenderRequest(
-            blend=work / f"{job.scene}.blend",
-            frames=job.frames,
+            blend=work / f"{frame_set.scene}.blend",
+            frames=frame_set.frames,
             display_size=DISPLAY,
-            scale=SCALE if job.small else 1.0,
-            samples=job.samples,
-            denoise=job.denoise,
+            scale=SCALE if frame_set.small else 1.0,
+            samples=frame_set.samples,
+            denoise=frame_set.denoise,
             program=blender,
         )
         with rendering(request, folder / "frames", note=print) as render:
             render.shot.read(len(render.shot) - 1)  # waits for the last frame
-        print(job.name, flush=True)
+        print(frame_set.name, flush=True)
 
 
 if __name__ == "__main__":
