@@ -9,7 +9,7 @@ import json
 import subprocess
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -53,7 +53,7 @@ WAYS = {
     "OIDN after": "upscaled, OIDN after",
 }
 """Headings by name of what is compared."""
-OURS, NATIVE = ("upscaled", "OIDN before", "OIDN after"), ("native", "native + OIDN")
+DEFAULT, NATIVE = "OIDN before", ("native", "native + OIDN")
 NEAR = 0.1
 """Costs that differ by less are equal."""
 Images = dict[int, Float32]
@@ -230,12 +230,6 @@ def gain(record: Record, row: Mapping[str, Any], way: str) -> float:
     return float(row["psnr"] - np.interp(np.log(row["seconds"]), np.log(costs), values))
 
 
-def best_text(gains: Sequence[float]) -> str:
-    """Return the largest of some gains in dB; a dash where none is known."""
-    known = [gain for gain in gains if not np.isnan(gain)]
-    return f"{max(known):+.1f}" if known else "–"
-
-
 def markdown_table(record: Record) -> str:
     """Return the table: PSNR and cost of each way at each budget of each scene."""
     found = {(row["scene"], row["budget"], row["way"]): row for row in record["rows"]}
@@ -246,10 +240,9 @@ def markdown_table(record: Record) -> str:
         texts = [f"{figure(row['psnr'], 1)} / {figure(row['seconds'], 1)}" for row in cells]
         marked = [f"**{t}**" if row["psnr"] == best else t for t, row in zip(texts, cells, strict=True)]
         bicubic = max(found[scene, budget, way]["psnr"] for way in ("bicubic", "bicubic, OIDN"))
-        ours = [found[scene, budget, way] for way in OURS]
-        gains = [[row["psnr"] - bicubic for row in ours]]
-        gains += [[gain(record, row, way) for row in ours] for way in NATIVE]
-        lines.append([scene, budget, *marked, *map(best_text, gains)])
+        ours = found[scene, budget, DEFAULT]
+        gains = [ours["psnr"] - bicubic, *(gain(record, ours, way) for way in NATIVE)]
+        lines.append([scene, budget, *marked, *("–" if np.isnan(g) else f"{g:+.1f}" for g in gains)])
     headings = [
         "scene",
         "budget:",
@@ -267,9 +260,9 @@ def markdown_table(record: Record) -> str:
         f"{record['reference_samples']} samples in a part of frames {numbers} of {last}; PSNR is the mean. "
         f"OIDN before upscaling gets albedo and normals as they are; for full-size and bicubic images Cycles "
         f"filters them first, which is better there. "
-        f"The last three columns: the best upscaled image above the best bicubic one of its budget, and "
-        f"above full-size ones of the same cost (between budgets: interpolated; – where no budget is as "
-        f"cheap, or as dear)."
+        f"The last three columns: upscaled frames with OIDN before, the command's default, above the best "
+        f"bicubic ones of their budget, and above full-size ones of the same cost (between budgets: "
+        f"interpolated; – where no budget is as cheap)."
     )
     return table(headings, lines, caption)
 
@@ -277,7 +270,7 @@ def markdown_table(record: Record) -> str:
 def write_figure(record: Record, path: Path) -> None:
     """Write error over cost as a PNG file, one panel a scene."""
     scenes = list(dict.fromkeys(row["scene"] for row in record["rows"]))
-    sheet = Figure(figsize=(4.2 * len(scenes), 3.8), layout="constrained")
+    sheet = Figure(figsize=(4.2 * len(scenes), 4.0), layout="constrained")
     for axes, scene in zip(np.atleast_1d(sheet.subplots(1, len(scenes))), scenes, strict=True):
         for index, (way, heading) in enumerate(WAYS.items()):
             points = sorted(
@@ -293,7 +286,7 @@ def write_figure(record: Record, path: Path) -> None:
         axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
         axes.xaxis.set_minor_formatter(NullFormatter())
         axes.grid(alpha=0.3, which="both")
-    axes.legend(fontsize=7)
+    sheet.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=len(WAYS), fontsize=8)
     with replacing(path) as partial:
         sheet.savefig(partial, format="png", dpi=110)
 

@@ -1,4 +1,4 @@
-"""Render in Blender what blender_renders.py asks for, as `supersampler blender` does; write what it cost.
+"""Render frames for blender_renders.py inside Blender, as `supersampler blender` does; write their cost.
 
 $SUPERSAMPLER_STUDY is JSON:
     "script": render_frames.py;
@@ -20,35 +20,35 @@ from pathlib import Path
 from typing import Any
 
 
-def main(settings: dict[str, Any], wanted: dict[str, Any]) -> None:
-    """Render the frames of `settings`, with `wanted`, the environment's, besides."""
-    spec = importlib.util.spec_from_file_location("render_frames", wanted["script"])
-    assert spec is not None and spec.loader is not None  # noqa: S101, PT018  # for the checker of types
+def main(settings: dict[str, Any], study: dict[str, Any]) -> None:
+    """Render the frames of `settings`, changed as `study`, the environment's, says."""
+    spec = importlib.util.spec_from_file_location("render_frames", study["script"])
+    assert spec is not None and spec.loader is not None  # noqa: S101, PT018  # for mypy
     script: Any = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(script)
     set_output, render = script.set_output, script.render
-    script.EXACT_FILTER = wanted["filter"] or script.EXACT_FILTER
+    script.EXACT_FILTER = study["filter"] or script.EXACT_FILTER
 
     def set_more(scene: Any) -> None:
         set_output(scene)
-        scene.cycles.denoising_prefilter = wanted["prefilter"] or scene.cycles.denoising_prefilter
-        scene.cycles.seed += wanted["seed"]
+        scene.cycles.denoising_prefilter = study["prefilter"] or scene.cycles.denoising_prefilter
+        scene.cycles.seed += study["seed"]
         for layer in scene.view_layers:
-            layer.cycles.denoising_store_passes = wanted["noisy"]
-        if wanted["region"]:
+            layer.cycles.denoising_store_passes = study["noisy"]
+        if study["region"]:
             area = scene.render
             area.use_border, area.use_crop_to_border = True, False
-            area.border_min_x, area.border_max_x, area.border_min_y, area.border_max_y = wanted["region"]
+            area.border_min_x, area.border_max_x, area.border_min_y, area.border_max_y = study["region"]
 
     def timed_render(scene: Any, folder: Path, number: int) -> str:
         before = time.process_time()  # of all threads
         path: str = render(scene, folder, number)
-        with Path(wanted["costs"]).open("a", encoding="utf-8") as file:
+        with Path(study["costs"]).open("a", encoding="utf-8") as file:
             file.write(json.dumps({"frame": number, "seconds": time.process_time() - before}) + "\n")
         return path
 
     script.set_output, script.render = set_more, timed_render
-    script.main(settings if wanted["jitter"] else {**settings, "jitter": [[0.0, 0.0]]})
+    script.main(settings if study["jitter"] else {**settings, "jitter": [[0.0, 0.0]]})
 
 
 if __name__ == "__main__":
