@@ -9,6 +9,7 @@ never saved.
 """
 
 import json
+import os
 import secrets
 import sys
 from collections.abc import Iterator
@@ -317,6 +318,7 @@ def camera_matrix(scene: Any) -> list[list[float]]:
 def facts(scene: Any, layer: str, display_size: tuple[int, int]) -> dict[str, object]:
     """Return what the reader of the frames needs to know of the scene."""
     render, view = scene.render, scene.view_settings
+    own = Path(bpy.utils.system_resource("DATAFILES"))
     return {
         "name": scene.name,
         "blender": bpy.app.version_string,
@@ -330,7 +332,7 @@ def facts(scene: Any, layer: str, display_size: tuple[int, int]) -> dict[str, ob
             "display": scene.display_settings.display_device, "view": view.view_transform, "look": view.look,
             "exposure": view.exposure, "gamma": view.gamma,
         },
-        "ocio": str(Path(bpy.utils.system_resource("DATAFILES")) / "colormanagement" / "config.ocio"),
+        "ocio": os.environ.get("OCIO") or str(own / "colormanagement" / "config.ocio"),
     }  # fmt: skip
 
 
