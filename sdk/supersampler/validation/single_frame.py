@@ -16,7 +16,7 @@ from supersampler.validation.mistakes import Mistake, where
 from supersampler.validation.pixel_filter import mixed_edges
 from supersampler.validation.steps import depth_values, motion_step
 
-_MAX_MIXED = 0.55  # fraction of mixed edges; frames of point samples had 0.3 at most, filtered ones 0.65
+_MAX_MIXED = 0.55  # fraction of mixed edges: point samples have fewer, filtered ones more
 _MIN_LEVELS = 16  # distinct values that make whole numbers no accident
 
 
