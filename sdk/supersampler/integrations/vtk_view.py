@@ -16,7 +16,8 @@ Matrix = NDArray[np.float64]
 
 _JUMP = 0.5  # of the image: a median motion beyond it is another view
 _TURN = np.cos(np.radians(30.0))  # as is a camera that turns by more between two frames
-_PROBED = 8  # one pixel in so many, in either direction, tells
+_TILE = 16  # pixels, side of the squares in which the background moves with a surface
+_PROBED = 16  # one pixel in so many, in either direction, is looked at for that
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,6 +95,27 @@ class View:
         return camera_motion(
             buffer, self.view_projection, previous, jitter=self.jitter, clip="minus_one_to_one"
         )
+
+
+def near_surfaces(vectors: NDArray[np.uint64], buffer: Float32) -> NDArray[np.uint64]:
+    """Return (h, w) vectors: in each tile that of its closest surface, 0 where the tile has no surface.
+
+    Args:
+        vectors: (h, w) motion, whose two floats are one word.
+        buffer: (h, w) depth buffer, 1 at the background.
+    """
+    height, width = buffer.shape
+    rows, columns = -(-height // _TILE), -(-width // _TILE)
+    beyond = (0, rows * _TILE - height), (0, columns * _TILE - width)
+    padded = np.pad(buffer, beyond, constant_values=1.0).reshape(rows, _TILE, columns, _TILE)
+    closest = padded.swapaxes(1, 2).reshape(rows, columns, _TILE * _TILE).argmin(axis=2)
+    tile_rows, tile_columns = np.indices((rows, columns)) * _TILE
+    at = (
+        tile_rows + closest // _TILE,
+        tile_columns + closest % _TILE,
+    )  # of tiles without a surface, the corner
+    found = np.where(buffer[at] < 1.0, vectors[at], np.uint64(0))
+    return found.repeat(_TILE, axis=0)[:height].repeat(_TILE, axis=1)[:, :width]
 
 
 def _array(matrix: Any) -> Matrix:
