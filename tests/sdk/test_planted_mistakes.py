@@ -124,7 +124,7 @@ PLANTED: dict[str, tuple[Callable[[Frame], Frame], str]] = {
     "sRGB": (lambda f: colored(f, image_file), "frame.color is in steps of 1/255"),
     "bottom-up": (lambda f: misread(f, bottom_up=True), "frame.color is bottom-up with depth and motion"),
     "coarse depth": (lambda f: replace(f, depth=in_steps(f.depth, 255)), "evenly spaced values"),
-    "reset": (lambda f: replace(f, reset=True), "frame.reset is True in 4 frames on end"),
+    "reset": (lambda f: replace(f, reset=True), "frame.reset is True in 4 frames in a row"),
 }  # fmt: skip
 
 

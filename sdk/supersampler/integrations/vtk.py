@@ -84,7 +84,7 @@ class SupersampledWindow:
         self._window.SetMultiSamples(self._samples)
 
     def _before_render(self) -> None:
-        """Make the window render this frame small, jittered, and without what comes on top."""
+        """Make the window render this frame small and jittered, without 2D props and other renderers."""
         if self._nested:
             return
         self._window.SetMultiSamples(0)  # whoever has turned it on again

@@ -1,4 +1,4 @@
-"""Camera and props of a VTK renderer at one frame: what depth and motion follow from."""
+"""Camera and props of a VTK renderer at one frame, and depth and motion computed from them."""
 
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
@@ -15,9 +15,9 @@ from supersampler.frame import Float32, Size
 Matrix = NDArray[np.float64]
 
 _JUMP = 0.5  # of the image: a median motion beyond it is another view
-_TURN = np.cos(np.radians(30.0))  # as is a camera that turns by more between two frames
-_TILE = 16  # pixels, side of the squares in which the background moves with a surface
-_PROBED = 16  # one pixel in so many, in either direction, is looked at for that
+_TURN = np.cos(np.radians(30.0))  # of the angle between two frames' view directions, likewise
+_TILE = 16  # pixels; side of the tiles in which the background moves with a surface
+_PROBED = 16  # pixels between those whose motion is read for it
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,13 +64,13 @@ class View:
         return depth
 
     def motion(self, buffer: Float32, previous: "View") -> Float32:
-        """Return `Frame.motion` of what does not move itself."""
+        """Return `Frame.motion` of props that do not move: that of the camera."""
         return self._motion(buffer, previous.view_projection)
 
     def moved_props(
         self, buffer: Float32, previous: "View"
     ) -> Iterator[tuple[Collection[vtkProp3D], Float32]]:
-        """Yield props that moved alike, with the motion that every pixel has if it shows one of them."""
+        """Yield props with a common movement, and the motion of each pixel if it shows one of them."""
         moves: dict[bytes, list[vtkProp3D]] = {}
         for prop, matrix in self.matrices.items():
             before = previous.matrices.get(prop)
@@ -82,7 +82,7 @@ class View:
             yield props, self._motion(buffer, previous.view_projection @ move)
 
     def is_jump(self, motion: Float32, previous: "View") -> bool:
-        """Tell whether this is another view, not the previous one moved."""
+        """Return whether the camera jumped, so that the previous image is of no use."""
         if self.parallel != previous.parallel or self.size != previous.size:
             return True
         ahead, before = (view.view_projection[2, :3] for view in (self, previous))  # the view directions
