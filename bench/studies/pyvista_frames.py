@@ -36,8 +36,9 @@ ZOOM, CROP, GAP = 2, (240, 200), 8  # of the figure: width and height of a crop,
 class Viewer:
     """A plotter that renders in one way; `seconds` and `glue` are of its frames.
 
-    Glue is what the frame takes beside the small render and the step of the method: the camera's jitter,
-    reading colour and depth, motion, showing the image and what comes on top.
+    Glue is the time of a frame without VTK's renders (the small one; of what moved, for its motion; of text
+    and other renderers on top) and without the step of the method: jitter, reading colour and depth, motion,
+    showing the image.
     """
 
     def __init__(self, size: Size, way: str, scale: float) -> None:
@@ -49,6 +50,7 @@ class Viewer:
         self.steps: list[float] = []
         self._pixel = vtkUnsignedCharArray()
         self._nested = 0
+        self._nested_began = self._nested_seconds = 0.0
         self._window = None
         if way == "msaa":
             self.plotter.enable_anti_aliasing("msaa")
@@ -64,10 +66,15 @@ class Viewer:
         self._stamps: dict[str, float] = {}
 
     def _stamp(self, name: str, depth: int) -> None:
-        """Note when a frame's own render, not one nested in it, gets to an event."""
+        """Note the times of a frame's own render, and the sum of those nested in it."""
         if name == "before" and self._nested == 0:
-            self._stamps = {}
+            self._stamps, self._nested_seconds = {}, 0.0
+        elif name == "before":
+            self._nested_began = perf_counter()
         self._nested += depth
+        if name == "end" and self._nested == 1:
+            self.finish()
+            self._nested_seconds += perf_counter() - self._nested_began
         if name == "after" and name not in self._stamps:
             self.finish()
         self._stamps.setdefault(name, perf_counter())
@@ -86,7 +93,7 @@ class Viewer:
         self.seconds.append(perf_counter() - began)
         if self._window is not None:
             self.steps.append(self._step_seconds() - before)
-            rendering = self._stamps["after"] - self._stamps["render"]
+            rendering = self._stamps["after"] - self._stamps["render"] + self._nested_seconds
             self.glue.append(self.seconds[-1] - rendering - self.steps[-1])
 
     def _step_seconds(self) -> float:

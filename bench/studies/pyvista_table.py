@@ -32,7 +32,8 @@ def markdown_table(record: Record) -> str:
         f"ring moves; {size_text(record['display_size'])}. Medians of {record['frames'] - record['warm_up']} "
         f"frames, with the least and the most; all ways take turns. MSAA of {record['msaa_samples']} "
         f"samples. PSNR of the last {record['compared']} frames against 64 samples a pixel, of display "
-        f"values; at rest after {record['rest']} more of the last view. Glue is what is neither the small "
-        f"render nor the method's step. {record['opengl']}; VTK {record['vtk']}; {machine_name(record)}."
+        f"values; at rest after {record['rest']} more of the last view. Glue is the time of a frame without "
+        f"VTK's renders and the method's step. {record['opengl']}; VTK {record['vtk']}; "
+        f"{machine_name(record)}."
     )
     return table(headings, cells, caption)

@@ -98,8 +98,27 @@ def test_motion_of_the_camera_is_that_of_a_point_on_the_screen(plotter: Any) -> 
         column, row = np.floor(now).astype(int)
         np.testing.assert_allclose(frame.motion[row, column], was - now, atol=0.12)  # its centre's
     assert np.abs(was - now).max() > 0.5
-    assert (frame.motion[frame.depth == 0] == 0).all()  # the background belongs to the window
-    assert (frame.depth == 0).any()
+
+
+def test_the_background_moves_with_the_closest_surface_of_its_tile_and_rests_without(plotter: Any) -> None:
+    plotter.camera.zoom(0.4)
+    window = enable_supersampling(plotter, scale=2)
+    plotter.render()
+    plotter.camera.Azimuth(3.0)
+    frame = stepped(window, plotter)
+    outlines = []
+    for row in range(0, SMALL[1], 16):
+        for column in range(0, SMALL[0], 16):
+            tile = slice(row, row + 16), slice(column, column + 16)
+            depth, motion = frame.depth[tile], frame.motion[tile]
+            closest = np.unravel_index(depth.argmax(), depth.shape)
+            expected = motion[closest] if depth.any() else np.zeros(2)
+            np.testing.assert_array_equal(
+                motion[depth == 0], np.broadcast_to(expected, ((depth == 0).sum(), 2))
+            )
+            outlines.append(depth.any() and (depth == 0).any())
+    assert 4 < np.sum(outlines) < 30
+    assert (np.abs(frame.motion).max(axis=-1)[frame.depth == 0] > 0.1).any()
 
 
 def test_an_actor_that_moves_has_its_own_motion_and_nothing_else_has(plotter: Any) -> None:
@@ -114,7 +133,7 @@ def test_an_actor_that_moves_has_its_own_motion_and_nothing_else_has(plotter: An
     now = place(plotter, (front[0], front[1], front[2]))
     column, row = np.floor(now).astype(int)
     np.testing.assert_allclose(frame.motion[row, column], before - now, atol=0.2)
-    moved = np.abs(frame.motion).max(axis=-1) > 1e-3
+    moved = (np.abs(frame.motion).max(axis=-1) > 1e-3) & (frame.depth > 0)
     assert 100 < moved.sum() < 0.3 * moved.size
     assert frame.color is not None
     reddish = frame.color[..., 0] > 1.5 * frame.color[..., 2] + 0.1

@@ -149,7 +149,7 @@ def test_colour_upside_down_against_depth_is_found(frames: list[Frame]) -> None:
 def test_jitter_that_never_changes_is_found_at_its_third_frame(frames: list[Frame]) -> None:
     still = [replace(frames[0], motion=frames[0].motion * 0, reset=False)] * 3
     check_all(still[:2])
-    with pytest.raises(FrameError, match=r"jitter is .* in 3 frames on end.*halton_jitter"):
+    with pytest.raises(FrameError, match=r"jitter is .* in 3 frames in a row.*halton_jitter"):
         check_all(still)
 
 
@@ -185,7 +185,7 @@ def test_jitter_that_stops_is_told_only_where_a_still_image_would_converge() -> 
 
 def test_jitter_that_never_changes_is_told_once_in_all() -> None:
     (message,) = told(rest(40)[4:])
-    assert "in 3 frames on end" in message
+    assert "in 3 frames in a row" in message
 
 
 def test_an_upscaler_tells_of_jitter_that_stops_if_its_method_converges() -> None:

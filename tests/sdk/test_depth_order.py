@@ -75,3 +75,15 @@ def test_a_surface_in_the_3x3_pixels_around_a_place_is_one_of_its_own(row: int, 
     middle = np.array([4])
     found = disoccluded(now, before, "reversed", (middle, middle), np.zeros((1, 2)))
     assert found == ((0, 0) if max(abs(row), abs(column)) < 2 else (1, 0))
+
+
+def test_a_surface_that_comes_a_little_closer_is_its_own() -> None:
+    """An object that approaches, by 9 % of its distance in a frame, is no surface before a farther one."""
+    middle, now = np.array([4]), np.full((9, 9), 0.2, np.float32)
+
+    def found(before: float) -> tuple[int, int]:
+        earlier = np.full((9, 9), before, np.float32)
+        return disoccluded(now, earlier, "reversed", (middle, middle), np.zeros((1, 2)))
+
+    assert found(0.2 / 1.09) == (0, 0)
+    assert found(0.2 / 1.11) == (0, 1)

@@ -124,7 +124,7 @@ PLANTED: dict[str, tuple[Callable[[Frame], Frame], str]] = {
     "sRGB": (lambda f: colored(f, image_file), "frame.color is in steps of 1/255"),
     "bottom-up": (lambda f: misread(f, bottom_up=True), "frame.color is bottom-up with depth and motion"),
     "coarse depth": (lambda f: replace(f, depth=in_steps(f.depth, 255)), "evenly spaced values"),
-    "reset": (lambda f: replace(f, reset=True), "frame.reset is True in 4 frames on end"),
+    "reset": (lambda f: replace(f, reset=True), "frame.reset is True in 4 frames in a row"),
 }  # fmt: skip
 
 
@@ -163,11 +163,22 @@ def test_check_notes_a_planted_mistake(shots: Shots, name: str) -> None:
     assert message in notes([change(frame) for frame in shots.right])
 
 
-def test_check_blames_the_rows_where_all_is_bottom_up(shots: Shots) -> None:
-    raws = [Conventions(bottom_up=True).converter().from_frame(frame) for frame in shots.right]
-    detection = detect_conventions(raws)
-    assert detection.conventions == Conventions(bottom_up=True)
+@pytest.mark.parametrize("preset", [Conventions(), Conventions.vtk()])
+def test_check_blames_the_rows_where_all_is_bottom_up(shots: Shots, preset: Conventions) -> None:
+    turned, upright = replace(preset, bottom_up=True), replace(preset, bottom_up=False)
+    raws = [turned.converter().from_frame(frame) for frame in shots.right]
+    detection = detect_conventions(raws, conventions=upright)
+    assert detection.conventions == turned
     assert "Rows seem to be bottom-up" in detection.summary()
+
+
+def test_check_blames_the_rows_of_vtk_where_nothing_is_stated(shots: Shots) -> None:
+    raws = [Conventions.vtk().converter().from_frame(frame) for frame in shots.right]
+    found = detect_conventions(raws).conventions
+    assert found.bottom_up
+    assert not found.motion_flip_y
+    assert not found.jitter_flip_y
+    assert found.depth == "forward_infinite"
 
 
 def test_jitter_that_is_not_in_the_image_is_said(shots: Shots) -> None:

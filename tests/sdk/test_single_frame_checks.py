@@ -12,6 +12,7 @@ from supersampler.conventions.jitter import halton_jitter
 from supersampler.errors import FrameError, FrameWarning
 from supersampler.frame import Float32, Frame
 from supersampler.validation import FrameChecker
+from supersampler.validation.pixel_filter import mixed_edges
 
 SIZE = (80, 60)  # all of its 4800 pixels are looked at
 PIXELS = SIZE[0] * SIZE[1]
@@ -209,3 +210,11 @@ def test_what_is_kept_of_frames_goes_once_no_more_are_read() -> None:
         assert checker._seen.previous is not None
     checker.check(frame(jitter=halton_jitter(3, 2.0)), (160, 120))
     assert checker._seen.previous is None
+
+
+@pytest.mark.parametrize(("edges", "mixed"), [(59, 0.0), (60, 1.0)])
+def test_mixed_edges_are_judged_from_sixty_on(edges: int, mixed: float) -> None:
+    height = edges + 2  # the first and the last row have no neighbours to compare
+    light = np.tile(np.array([0.1, 0.1, 0.1, 0.4, 1.0, 1.0, 1.0], np.float32), (height, 1))
+    depth = np.tile(np.array([0.1, 0.1, 0.1, 0.5, 0.5, 0.5, 0.5], np.float32), (height, 1))
+    assert mixed_edges(light, depth) == mixed

@@ -15,8 +15,8 @@ from supersampler.validation import FrameChecker
 from supersampler.validation.detection import SURE, Detection, Hypothesis, Verdict, ranked
 from supersampler.validation.evidence import Evidence
 from supersampler.validation.readings import reading_text
-from supersampler.validation.reprojection import frame_pairs
-from supersampler.validation.temporal import FramesSeen, _better_reading, _other_order, _readings
+from supersampler.validation.reprojection import FramePair, frame_pairs
+from supersampler.validation.temporal import FramesSeen, _better_reading, _other_order, _readings, _surfaces
 from supersampler_model.data.scenes.analytic import Plane, checker
 
 
@@ -45,7 +45,7 @@ def complaint(*jitters: tuple[float, float], size: tuple[int, int] = (80, 70)) -
 
 def test_one_jitter_in_three_frames_on_end_is_no_accident() -> None:
     assert complaint((0.1, 0.2), (0.1, 0.2)) == ""
-    assert "in 3 frames on end" in complaint((0.1, 0.2), (0.1, 0.2), (0.1, 0.2))
+    assert "in 3 frames in a row" in complaint((0.1, 0.2), (0.1, 0.2), (0.1, 0.2))
     assert complaint((0.1, 0.2), (0.1, 0.2), (0.1, 0.3)) == ""
     assert complaint((0.1, 0.2), (0.1, 0.2), (0.2, 0.2)) == ""
 
@@ -204,18 +204,29 @@ def test_uncovered_places_are_looked_for_where_motion_and_both_jitters_lead(
     axis: int, sign: float, found: tuple[int, int]
 ) -> None:
     """Neighbourhoods of 3x3 on both sides of an edge are three pixels apart: motion 2.3, jitters 0.6."""
+    assert moved_edge(axis, sign, -0.3).disoccluded("reversed", Conventions(), 30_000) == found
+    assert moved_edge(axis, sign, 0.3).disoccluded("reversed", Conventions(), 30_000) == (0, 0)
+
+
+def moved_edge(axis: int, sign: float, jitter_before: float) -> FramePair:
+    """Two surfaces that move together; the edge between them stays in place, and so hides or uncovers."""
     depth = np.full((40, 40), 0.1, np.float32)
     depth[:20] = 0.3
     unit = np.array([0.0, sign])
     if axis == 0:
         depth, unit = np.ascontiguousarray(depth.T), unit[::-1]
-    x, y = (0.3 * unit).tolist()
+    (x, y), (x_before, y_before) = (0.3 * unit).tolist(), (jitter_before * unit).tolist()
     motion = np.broadcast_to((2.3 * unit).astype(np.float32), (40, 40, 2))
     frame = replace(even((x, y), (40, 40)), depth=depth, motion=motion)
+    before = replace(frame, jitter=(x_before, y_before))
+    [pair] = frame_pairs([Evidence.of_frame(before), Evidence.of_frame(frame)])
+    return pair
 
-    def hidden_by(before: tuple[float, float]) -> tuple[int, int]:
-        [pair] = frame_pairs([Evidence.of_frame(replace(frame, jitter=before)), Evidence.of_frame(frame)])
-        return pair.disoccluded("reversed", Conventions(), 30_000)
 
-    assert hidden_by((-x, -y)) == found
-    assert hidden_by((x, y)) == (0, 0)
+def test_one_pair_of_frames_alone_doubts_no_order_of_depth() -> None:
+    once = _surfaces(moved_edge(1, 1.0, -0.3))
+    assert _other_order(once) == ""
+    assert (
+        _other_order({order: (2 * closer, 2 * farther) for order, (closer, farther) in once.items()})
+        == "linear"
+    )

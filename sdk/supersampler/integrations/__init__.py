@@ -1,4 +1,4 @@
-"""Doors into other people's programs, one module each; nothing but cli imports them.
+"""Integrations with other programs: Blender, PyVista and VTK. Inside the SDK, only `cli` imports them.
 
 Each imports the program's own package, which the SDK does not depend on.
 """

@@ -22,8 +22,8 @@ def enable_supersampling(
     """Let a plotter render at its window's size / `scale`, and show what an `Upscaler` makes of it.
 
     Whatever renders the plotter then shows upscaled images: `show`, `screenshot`, interaction, movies,
-    Trame's and Jupyter's server side. `SupersampledWindow` says what moves and what comes on top.
-    The plotter's own anti-aliasing is turned off.
+    Trame's and Jupyter's server side. `SupersampledWindow` says which motion it computes and what is
+    rendered on top. The plotter's own anti-aliasing is turned off.
 
     Args:
         plotter: a `pyvista.Plotter` without subplots.

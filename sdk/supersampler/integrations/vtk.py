@@ -13,7 +13,7 @@ from supersampler.conventions import halton_jitter
 from supersampler.frame import Float32, Frame
 from supersampler.integrations.vtk_lines import LineWidths, changed
 from supersampler.integrations.vtk_pixels import WindowPixels
-from supersampler.integrations.vtk_view import View
+from supersampler.integrations.vtk_view import View, near_surfaces
 from supersampler.model import Model
 from supersampler.upscaler import Upscaler
 
@@ -23,9 +23,10 @@ class SupersampledWindow:
 
     Each `Render` of the window, whoever calls it, is one frame. While nothing moves, each adds samples to
     the image. Motion comes from the camera and the matrices of the props; a mesh whose points change has
-    none, and blurs for a few frames. Lines and points stay as wide as they are. 2D props (text, scalar bars)
-    and other renderers (axes, overlays) are rendered at full size on top. A view that jumps starts anew, as
-    does one of another window size.
+    none, and blurs for a few frames. The background moves with the closest surface of each 16x16 pixels, so
+    that the history serves outlines, too; without a surface it rests. Lines and points stay as wide as they
+    are. 2D props (text, scalar bars) and other renderers (axes, overlays) are rendered at full size on top.
+    A view that jumps starts anew, as does one of another window size.
 
     Colour is taken as VTK blends and resolves it: display values, of which the image is a mean.
 
@@ -83,7 +84,7 @@ class SupersampledWindow:
         self._window.SetMultiSamples(self._samples)
 
     def _before_render(self) -> None:
-        """Make the window render this frame small, jittered, and without what comes on top."""
+        """Make the window render this frame small and jittered, without 2D props and other renderers."""
         if self._nested:
             return
         self._window.SetMultiSamples(0)  # whoever has turned it on again
@@ -143,7 +144,7 @@ class SupersampledWindow:
                 self._window.Render()
                 mine = self._pixels.read_depth(view.size) == buffer
             np.copyto(vectors, of_these.view(np.uint64)[..., 0], where=mine)
-        np.copyto(vectors, 0, where=buffer == 1.0)  # the background belongs to the window
+        np.copyto(vectors, near_surfaces(vectors, buffer), where=buffer == 1.0)
         return motion
 
     def _show(self, image: Float32) -> None:

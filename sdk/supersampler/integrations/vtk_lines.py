@@ -1,7 +1,7 @@
 """Lines and points of VTK props, as wide in the upscaled image as without supersampling.
 
-OpenGL renders no line below one pixel. Where a line is to be thinner than a render pixel, the shader discards
-what is beside it: over the jitter of several frames the rest is as wide as the line.
+OpenGL renders no line narrower than one pixel. For a narrower line, the shader discards the pixels whose
+centres are beside it. Averaged over the jitter of several frames, the line then has its width.
 """
 
 from collections.abc import Iterable, Iterator
@@ -17,7 +17,7 @@ _DECLARED, _DONE = "//VTK::PositionVC::Dec", "//VTK::PositionVC::Impl"
 _VERTEX = {_DECLARED: "out vec4 onLine;", _DONE: "onLine = gl_Position;"}
 _FRAGMENT = {
     _DECLARED: "in vec4 onLine;",
-    # The interpolated position lies on the line, where a perpendicular from the pixel's centre meets it.
+    # The interpolated position is the foot of the perpendicular from the pixel's centre to the line.
     _DONE: """
         vec2 offLine = abs((onLine.xy / onLine.w * 0.5 + 0.5) * viewSize - gl_FragCoord.xy);
         if (dot(offLine, offLine) > 0.5 * lineShare * max(offLine.x, offLine.y)) discard;

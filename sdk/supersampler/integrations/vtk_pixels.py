@@ -51,7 +51,7 @@ class WindowPixels:
         self._buffer.SetContext(self._window)
         state = self._window.GetState()
         state.PushFramebufferBindings()
-        try:  # a copy: `SetPixelData` draws a rectangle, which takes twenty times as long in software
+        try:  # a copy: `SetPixelData` renders a rectangle, which takes much longer in software
             pixels = self._encoded.view(np.uint8)
             self._texture.Create2DFromRaw(width, height, 4, VTK_UNSIGNED_CHAR, pixels)
             self._buffer.Bind(_READ_FRAMEBUFFER)

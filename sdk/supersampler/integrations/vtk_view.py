@@ -1,4 +1,4 @@
-"""Camera and props of a VTK renderer at one frame: what depth and motion follow from."""
+"""Camera and props of a VTK renderer at one frame, and depth and motion computed from them."""
 
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
@@ -15,8 +15,9 @@ from supersampler.frame import Float32, Size
 Matrix = NDArray[np.float64]
 
 _JUMP = 0.5  # of the image: a median motion beyond it is another view
-_TURN = np.cos(np.radians(30.0))  # as is a camera that turns by more between two frames
-_PROBED = 8  # one pixel in so many, in either direction, tells
+_TURN = np.cos(np.radians(30.0))  # of the angle between two frames' view directions, likewise
+_TILE = 16  # pixels; side of the tiles in which the background moves with a surface
+_PROBED = 16  # pixels between those whose motion is read for it
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,13 +64,13 @@ class View:
         return depth
 
     def motion(self, buffer: Float32, previous: "View") -> Float32:
-        """Return `Frame.motion` of what does not move itself."""
+        """Return `Frame.motion` of props that do not move: that of the camera."""
         return self._motion(buffer, previous.view_projection)
 
     def moved_props(
         self, buffer: Float32, previous: "View"
     ) -> Iterator[tuple[Collection[vtkProp3D], Float32]]:
-        """Yield props that moved alike, with the motion that every pixel has if it shows one of them."""
+        """Yield props with a common movement, and the motion of each pixel if it shows one of them."""
         moves: dict[bytes, list[vtkProp3D]] = {}
         for prop, matrix in self.matrices.items():
             before = previous.matrices.get(prop)
@@ -81,7 +82,7 @@ class View:
             yield props, self._motion(buffer, previous.view_projection @ move)
 
     def is_jump(self, motion: Float32, previous: "View") -> bool:
-        """Tell whether this is another view, not the previous one moved."""
+        """Return whether the camera jumped, so that the previous image is of no use."""
         if self.parallel != previous.parallel or self.size != previous.size:
             return True
         ahead, before = (view.view_projection[2, :3] for view in (self, previous))  # the view directions
@@ -94,6 +95,27 @@ class View:
         return camera_motion(
             buffer, self.view_projection, previous, jitter=self.jitter, clip="minus_one_to_one"
         )
+
+
+def near_surfaces(vectors: NDArray[np.uint64], buffer: Float32) -> NDArray[np.uint64]:
+    """Return (h, w) vectors: in each tile that of its closest surface, 0 where the tile has no surface.
+
+    Args:
+        vectors: (h, w) motion, whose two floats are one word.
+        buffer: (h, w) depth buffer, 1 at the background.
+    """
+    height, width = buffer.shape
+    rows, columns = -(-height // _TILE), -(-width // _TILE)
+    beyond = (0, rows * _TILE - height), (0, columns * _TILE - width)
+    padded = np.pad(buffer, beyond, constant_values=1.0).reshape(rows, _TILE, columns, _TILE)
+    closest = padded.swapaxes(1, 2).reshape(rows, columns, _TILE * _TILE).argmin(axis=2)
+    tile_rows, tile_columns = np.indices((rows, columns)) * _TILE
+    at = (
+        tile_rows + closest // _TILE,
+        tile_columns + closest % _TILE,
+    )  # of tiles without a surface, the corner
+    found = np.where(buffer[at] < 1.0, vectors[at], np.uint64(0))
+    return found.repeat(_TILE, axis=0)[:height].repeat(_TILE, axis=1)[:, :width]
 
 
 def _array(matrix: Any) -> Matrix:

@@ -1,4 +1,4 @@
-"""How much of the stated jitter an image has: none, a fraction, or all of it."""
+"""Estimate the jitter in the images, as a fraction of the stated one."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

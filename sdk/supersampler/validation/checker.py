@@ -121,7 +121,7 @@ class FrameChecker:
 
 
 def frame_mistakes(frame: Frame, evidence: Evidence, seen: FramesSeen, display_size: Size) -> list[Mistake]:
-    """Return the mistakes of a frame alone, and those that it completes together with the earlier ones.
+    """Return the mistakes of a frame alone, and those of it and the earlier frames together.
 
     Args:
         frame: the frame.
@@ -130,7 +130,7 @@ def frame_mistakes(frame: Frame, evidence: Evidence, seen: FramesSeen, display_s
         display_size: (width, height) of the output.
     """
     found = list(single_frame_mistakes(frame, evidence.light))
-    upside_down = any(mistake.kind == COLOR_UPSIDE_DOWN.kind for mistake in found)  # then nothing fits
+    upside_down = any(mistake.kind == COLOR_UPSIDE_DOWN.kind for mistake in found)  # then no reading fits
     if evidence.light is not None and not upside_down:
         found += temporal_mistakes(seen, frame.size, display_size)
     return found

@@ -79,7 +79,9 @@ def detect_conventions(
     notes = [str(mistake.error()) for mistake in swapped_axes(textured, jitters, found)]
     if found.depth != stated.depth and found.depth.endswith("infinite"):
         kind = found.depth.removesuffix("_infinite")
-        notes.append(f"A far plane cannot be seen; where there is one, depth='{kind}' with near and far.")
+        notes.append(
+            f"Images do not show a far plane; if there is one, write depth='{kind}' with near and far."
+        )
     flips = "motion_flip_y", "jitter_flip_y"
     likely = replace(found, **jitter.ranked[0].overrides) if jitter.ranked else found
     if all(getattr(likely, name) != getattr(stated, name) for name in flips):
@@ -94,12 +96,12 @@ def detect_conventions(
 
 
 def _turned(frame: Evidence) -> bool:
-    """Tell whether colour is upside down against depth: then no motion fits."""
+    """Return whether colour is upside down against depth: then no reading of the motion fits."""
     return frame.light is not None and any(True for _ in upside_down(frame.depth, frame.light))
 
 
 def _other_mistakes(raws: Sequence[RawFrame], found: Conventions) -> list[str]:
-    """Return what the checks find in frames of these conventions, beside what the verdicts are about."""
+    """Return the mistakes that the checks find with these conventions, without those of the verdicts."""
     converter, seen = found.converter(), FramesSeen()
     mistakes: dict[str, Mistake] = {}
     for raw in raws:

@@ -88,7 +88,7 @@ DEPTH_NOT_FINITE = Mistake(
     "Is it a distance? Conventions(depth='linear') takes inf for the sky.")
 DEPTH_NEGATIVE = Mistake(
     "depth negative", "depth", "negative, as small as {least:.3g}", _DEPTH,
-    "Depth in [-1, 1] is OpenGL's: (d + 1) / 2. A view-space z is negative: -z, depth='linear'.")
+    "Depth in [-1, 1] is OpenGL's: write (d + 1) / 2. A view-space z is negative: write -z, depth='linear'.")
 DEPTH_NOT_REVERSED = Mistake(
     "depth not reversed", "depth", "of another kind: {evidence}", _DEPTH,
     "Conventions(depth='{kind}', ...) converts it.")
@@ -98,7 +98,7 @@ DEPTH_FORWARD = replace(
     "depth='forward_infinite' is for one without a far plane.")
 DEPTH_COARSE = Mistake(
     "depth coarse", "depth", "in {count} evenly spaced values", "floats, or 16 bits at least",
-    "Is it from an 8-bit image? Such depth cannot tell what was hidden, and its kind is not checked.",
+    "Is it from an 8-bit image? It is too coarse to find disocclusions, and its kind is not checked.",
     only_a_hint=True)
 DEPTH_CONSTANT = Mistake(
     "depth constant", "depth", "the same everywhere, though things move at different speeds",
@@ -108,7 +108,7 @@ MOTION_NOT_FINITE = Mistake(
     "Give 0, or the camera's motion, where nothing was rendered, such as the sky.")
 MOTION_TOO_LONG = Mistake(
     "motion too long", "motion", "longer than the whole image in {share:.0%} of the pixels", "render pixels",
-    "Is it scaled twice? Vectors in pixels want no motion_scale but (1, 1).")
+    "Is it scaled twice? Vectors in pixels need motion_scale=(1, 1).")
 MOTION_MISREAD = Mistake(
     "motion misread", "motion", "misread: frames fit {times:.1f} times better with it taken as {reading}",
     _MOTION, "Try {call}.")
@@ -121,7 +121,7 @@ MOTION_COARSE = Mistake(
 MOTION_SWAPPED = Mistake(
     "motion swapped", "motion", "(y, x): frames fit better so", "(x, y)", "Hand it in as motion[..., ::-1].")
 JITTER_CONSTANT = Mistake(
-    "jitter constant", "jitter", "{jitter} in {frames} frames on end",
+    "jitter constant", "jitter", "{jitter} in {frames} frames in a row",
     "a new place in the pixel each frame, in render pixels",
     "halton_jitter and jittered_projection make one; without it no detail can be gained.")
 JITTER_HELD = replace(
@@ -138,7 +138,7 @@ JITTER_AMPLITUDE = Mistake(
     "jitter amplitude", "jitter", "{factor} times as large in the image as stated", _JITTER,
     "Is it computed for another size, such as Blender's without its resolution percentage?")
 RESET_ALWAYS = Mistake(
-    "reset always", "reset", "True in {frames} frames on end, each of which continues the one before",
+    "reset always", "reset", "True in {frames} frames in a row, each of which continues the one before",
     "True on the first frame after a cut alone", "Each reset drops the history.")
 JITTER_SWAPPED = Mistake(
     "jitter swapped", "jitter", "(y, x): frames fit better so", "(x, y)", "Hand in (x, y).")

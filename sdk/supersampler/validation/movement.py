@@ -1,4 +1,4 @@
-"""Whether an image moves: where tiles of it are found again in the previous image."""
+"""Detect movement without motion vectors: tiles of an image are looked for in the previous one."""
 
 import numpy as np
 from numpy.typing import NDArray

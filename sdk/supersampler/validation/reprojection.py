@@ -1,9 +1,9 @@
 """Reprojection error between two frames, for given conventions of motion and jitter.
 
 The error is the mean squared difference of tone-mapped luminance between a pixel and its place in the
-previous image, at a few thousand places. It is squared, as a median or mean absolute difference would hardly
-see motion at aliased edges, where most pixels stay equal. Both images are read through the same small filter,
-as otherwise wrong motion could win by its blur.
+previous image, at a few thousand places. It is squared: at aliased edges most pixels stay equal, and a median
+or mean absolute difference would hardly depend on the motion there. Both images are read through the same
+small filter, as otherwise the blur of wrong motion could give the smaller error.
 """
 
 from collections.abc import Sequence

@@ -16,8 +16,8 @@ from supersampler.validation.mistakes import Mistake, where
 from supersampler.validation.pixel_filter import mixed_edges
 from supersampler.validation.steps import depth_values, motion_step
 
-_MAX_MIXED = 0.55  # fraction of mixed edges; frames of point samples had 0.3 at most, filtered ones 0.65
-_MIN_LEVELS = 16  # distinct values that make whole numbers no accident
+_MAX_MIXED = 0.55  # fraction of mixed edges: point samples have fewer, filtered ones more
+_MIN_LEVELS = 16  # minimum number of distinct values
 
 
 def single_frame_mistakes(frame: Frame, light: Float32 | None) -> Iterator[Mistake]:
@@ -53,7 +53,7 @@ def _color(color: Array, light: Float32) -> Iterator[Mistake]:
 
 
 def _are_whole(values: Float32) -> bool:
-    """Tell whether nearly all values are whole numbers up to 255, and of many sizes."""
+    """Return whether nearly all values are whole numbers up to 255, at least _MIN_LEVELS distinct ones."""
     with np.errstate(invalid="ignore"):
         whole = np.rint(values)
         near = np.abs(values - whole) < 0.07  # half floats near 255/255

@@ -1,4 +1,4 @@
-"""Buffers that were stored in few, evenly spaced values: eight bits, or half floats around an offset."""
+"""Detect buffers of few, evenly spaced values: stored in eight bits, or in half floats around an offset."""
 
 from typing import Any
 
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from supersampler.frame import Array, Size
 from supersampler.validation.evidence import PLACES, grid
 
-_FEWEST, _MOST = 6, 300  # distinct values that say so
+_FEWEST, _MOST = 6, 300  # distinct values of such a buffer
 _PLACES_EACH = 8  # minimum mean number of places with one value
 _UNEVEN = 0.1  # of a step
 _MIN_UNEVEN = 0.02  # fraction of places where the change from pixel to pixel changes by a step

@@ -31,6 +31,7 @@ _MAX_RATIO_FIRST = 0.65  # maximum ratio of a reading's error to the frame's own
 _MAX_RATIO_LATER = 0.75  # and after several pairs, with summed errors
 _NOISE = 1e-5  # squares of tone-mapped luminance; smaller errors are noise
 _MIN_DISOCCLUDED = 20  # minimum number of disoccluded places
+_MAX_DISOCCLUDED = 15  # number that one pair of frames can add: in one pair, jitter alone hides thin things
 _MIN_REPEATS = 3  # minimum number of frames with one jitter
 _ORDERS: tuple[DepthOrder, ...] = ("reversed", "forward")
 _BOTTOM_UP = Conventions(motion_flip_y=True, jitter_flip_y=True)
@@ -44,7 +45,8 @@ class FramesSeen:
         previous: copy of the previous frame; None where it is missing or was not shaded.
         pairs: number of compared pairs of frames.
         errors: for each reading, sums over the pairs of (the frame's own error, the reading's error).
-        surfaces: for each depth order, numbers of disoccluded places with (closer, farther) occluders.
+        surfaces: for each depth order, numbers of disoccluded places with (closer, farther) occluders,
+            at most _MAX_DISOCCLUDED of a pair.
         jitters: jitter of the last 64 frames.
         amplitudes: for each factor of the jitter, the error summed over the pairs.
         varied: how much the motion changes with the jitter.
@@ -54,7 +56,7 @@ class FramesSeen:
     previous: Evidence | None = None
     pairs: int = 0
     errors: Sums = field(default_factory=dict)
-    surfaces: Mapping[DepthOrder, tuple[int, int]] = field(default_factory=dict)
+    surfaces: Mapping[DepthOrder, tuple[float, float]] = field(default_factory=dict)
     jitters: tuple[tuple[float, float], ...] = ()
     amplitudes: AmplitudeErrors = field(default_factory=dict)
     varied: JitterInVectors = (0.0, 0.0)
@@ -159,14 +161,17 @@ def _better_reading(seen: FramesSeen) -> str:
     return best if best and parts[best] < (_MAX_RATIO_FIRST if seen.pairs == 1 else _MAX_RATIO_LATER) else ""
 
 
-def _surfaces(pair: FramePair) -> dict[DepthOrder, tuple[int, int]]:
+def _surfaces(pair: FramePair) -> dict[DepthOrder, tuple[float, float]]:
     """Return the disocclusions in each order; none where one step of depth may be a distance."""
     if depth_values(pair.now.depth):
         return {}
-    return {order: pair.disoccluded(order, Conventions(), 30_000) for order in _ORDERS}
+    counts = {order: pair.disoccluded(order, Conventions(), 30_000) for order in _ORDERS}
+    most = max(max(count) for count in counts.values())
+    scale = min(1.0, _MAX_DISOCCLUDED / max(most, 1))
+    return {order: (scale * closer, scale * farther) for order, (closer, farther) in counts.items()}
 
 
-def _other_order(surfaces: Mapping[DepthOrder, tuple[int, int]]) -> str:
+def _other_order(surfaces: Mapping[DepthOrder, tuple[float, float]]) -> str:
     closer, farther = surfaces.get("reversed", (0, 0))
     if farther >= _MIN_DISOCCLUDED and farther > 4 * closer:
         return "linear"
