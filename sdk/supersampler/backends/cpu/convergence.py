@@ -102,14 +102,16 @@ class Convergence:
         height, width = step.output.image.shape[:2]
         display, render = (width, height), step.frame.size
         still, still_2x2 = self._find_still(view)
+        kept = step.history.means, step.next_history.means, step.history.ranges, step.next_history.ranges
+        if not any(tiles.any() for tiles in (still_2x2, *kept)):
+            _clear_converged(step, step.tiles.computed)
+            return
         means = tiles_reading(still_2x2, display, render) & step.tiles.computed
         # where a mean ends in this frame, samples are compared once more
         read = tiles_read_by(means | (step.history.means & step.tiles.computed), display, render)
         ranges = still & read
         self._keep_unwritten(step, means, ranges, still)
-        if step.converged is not None:
-            for y0, y1, x0, x1 in scaled(runs_of(step.tiles.computed & ~means), TILE, display):
-                step.converged[..., y0:y1, x0:x1] = 0.0
+        _clear_converged(step, step.tiles.computed & ~means)
         if ranges.any():
             self._prepare_samples(step, view, scaled(runs_of(read | dilated(ranges, 1)), RENDER_TILE, render))
             self._compare(step, view, scaled(runs_of(ranges), RENDER_TILE, render))
@@ -204,6 +206,13 @@ class Convergence:
 
 def _same_size(step: Step) -> bool:
     return step.history.render == step.frame.size
+
+
+def _clear_converged(step: Step, tiles: Bool) -> None:
+    if step.converged is not None:
+        height, width = step.output.image.shape[:2]
+        for y0, y1, x0, x1 in scaled(runs_of(tiles), TILE, (width, height)):
+            step.converged[..., y0:y1, x0:x1] = 0.0
 
 
 def _clear(plane: NDArray[np.float32], tiles: Bool, side: int) -> None:

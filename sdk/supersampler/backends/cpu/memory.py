@@ -12,11 +12,12 @@ LINE = 64
 
 def address(array: NDArray[Any]) -> int:
     """Return the address of an array's values, for kernels. The caller keeps the array alive."""
-    if not array.flags.c_contiguous:
-        raise ValueError("not C-contiguous")
-    if array.flags.writeable and array.size:
-        return addressof(c_char.from_buffer(array))  # type: ignore[arg-type]  # 4x faster than `ctypes.data`
-    return int(array.ctypes.data)
+    try:
+        return addressof(c_char.from_buffer(array))  # type: ignore[arg-type]  # 5x faster than `ctypes.data`
+    except (TypeError, ValueError):  # read-only, empty or not contiguous
+        if not array.flags.c_contiguous:
+            raise ValueError("not C-contiguous") from None
+        return int(array.ctypes.data)
 
 
 def aligned(shape: tuple[int, ...], dtype: type[np.generic] = np.float32) -> NDArray[Any]:

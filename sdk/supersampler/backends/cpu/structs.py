@@ -5,6 +5,7 @@ bits); a float (32 bits); or a struct. Executors create structs, so this module 
 """
 
 import struct
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,21 +22,38 @@ Words = NDArray[np.int32]
 
 SLOT = 8
 """Bytes of a field."""
-_INT, _FLOAT = struct.Struct("=q"), struct.Struct("=f4x")
 
 
 def pack(values: tuple[Any, ...]) -> bytes:
     """Return a struct, a NamedTuple, in the format of kernels. The caller keeps its arrays alive."""
-    kinds = type(values).__annotations__.values()
-    return b"".join(_packed(value, kind) for value, kind in zip(values, kinds, strict=True))
+    return _layout(type(values)).pack(*_slots(values))
 
 
-def _packed(value: Any, kind: Any) -> bytes:
-    if isinstance(value, tuple):
-        return pack(value)
-    if isinstance(value, np.ndarray):
-        return _INT.pack(address(value))
-    return (_FLOAT if kind is float else _INT).pack(value)
+@lru_cache
+def _layout(kind: type) -> struct.Struct:
+    return struct.Struct("=" + "".join(_formats(kind)))
+
+
+def _formats(kind: type) -> list[str]:
+    """Return the format of each slot of a NamedTuple."""
+    formats = []
+    for field in kind.__annotations__.values():
+        nested = isinstance(field, type) and issubclass(field, tuple)
+        formats += _formats(field) if nested else ["f4x" if field is float else "q"]
+    return formats
+
+
+def _slots(values: tuple[Any, ...]) -> list[Any]:
+    """Return the numbers of a NamedTuple, of arrays their addresses."""
+    slots: list[Any] = []
+    for value in values:
+        if isinstance(value, np.ndarray):
+            slots.append(address(value))
+        elif isinstance(value, tuple):
+            slots += _slots(value)
+        else:
+            slots.append(value)
+    return slots
 
 
 class FrameInputs(NamedTuple):
