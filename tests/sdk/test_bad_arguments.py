@@ -34,7 +34,10 @@ WORDS: dict[str, tuple[Callable[[Any], object], str]] = {
     "style": (lambda word: mip_bias(2.0, word), "'fsr' or 'log2'"),
     "mode": (lambda word: render_size_for(DISPLAY, word), "'fsr_native_aa', .*'xess_ultra_performance'"),
     "depth": (lambda word: Conventions(depth=word), "'reversed_infinite', .* or 'linear'"),
-    "layout": (lambda word: open_source(".", layout=word), "'auto', 'shot', 'render', 'blender', 'channels' or 'arm'"),
+    "layout": (
+        lambda word: open_source(".", layout=word),
+        "'auto', 'shot', 'render', 'blender', 'channels' or 'arm'",
+    ),
 }
 
 

@@ -175,15 +175,18 @@ def test_what_was_behind_the_previous_camera_leaves_the_image() -> None:
     assert (rows + motion[..., 1]).max() < 0.0
 
 
-def test_without_a_compiler_the_motion_is_the_same_bit_for_bit(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("width", [WIDTH + 3, 17, 5])
+def test_without_a_compiler_the_motion_is_the_same_bit_for_bit(
+    monkeypatch: pytest.MonkeyPatch, width: int
+) -> None:
     projection = perspective("reversed_infinite")
-    depth = np.random.default_rng(1).random((HEIGHT, WIDTH + 3), np.float32) ** 4  # some of it behind
+    depth = np.random.default_rng(1).random((HEIGHT, width), np.float32) ** 4  # some of it behind
     matrices = projection @ CURRENT, projection @ view((0.0, 0.1, -0.5), 0.3)
     compiled = camera_motion(depth, *matrices, jitter=JITTER)
     module = import_module("supersampler.conventions.camera_motion")  # a name of its function, too
     monkeypatch.setattr(module, "kernel_if_possible", lambda _: None)
     np.testing.assert_array_equal(camera_motion(depth, *matrices, jitter=JITTER), compiled)
-    assert 0 < (compiled[..., 0] == -2 * (WIDTH + 3)).sum() < depth.size
+    assert 0 < (compiled[..., 0] == -2 * width).sum() < depth.size
 
 
 @settings(max_examples=30, deadline=None)

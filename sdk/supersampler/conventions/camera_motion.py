@@ -1,22 +1,52 @@
 """Motion vectors of a static scene under a moving camera, for renderers that write none."""
 
-from typing import Literal, get_args
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from supersampler.arguments import as_number, checked_choice
 from supersampler.backends.cpu.kernel_loader import kernel_if_possible
-from supersampler.backends.cpu.structs import pack
+from supersampler.backends.cpu.structs import Floats, pack
 from supersampler.conventions.jitter import checked_jitter, checked_matrix
-from supersampler.conventions.kernels import MotionTables, write_motion_numpy
 from supersampler.errors import ArgumentError, shown
 from supersampler.frame import Array, Float32, as_array
 
 Matrix = NDArray[np.float64]
 ClipDepth = Literal["zero_to_one", "minus_one_to_one"]
 
+BEHIND = np.float32(1e-6)
+"""W of the previous clip space over that of this one: what has less was behind the previous camera."""
+_LANES = 16  # least width of the kernel's images
 _PARALLEL = 1e-5  # of the depth row to the w row of a matrix: the rounding of float32 matrices
+
+
+class MotionTables(NamedTuple):
+    """A depth buffer, and the coefficients of its motion.
+
+    At (x, y) with depth d, counted from the farthest depth, the motion is N / W with
+        N = columns[0] d + columns[1] rows[0] + columns[2] in x,
+        N = rows[1] d + rows[2] columns[3] + rows[3] in y,
+        W = depth_w d + columns[4] + rows[4].
+
+    Attributes:
+        motion: (height, width, 2) render pixels, written to.
+        depth: (height, width).
+        columns: (5, width) factor of depth, factor of y, rest, x in clip space, part of W.
+        rows: (height, 5) y in clip space, factor of depth, factor of x, rest, part of W.
+        depth_w: factor of depth in W.
+        far_depth: the farthest depth.
+        width, height: of the image.
+    """
+
+    motion: Floats
+    depth: Floats
+    columns: Floats
+    rows: Floats
+    depth_w: float
+    far_depth: float
+    width: int
+    height: int
 
 
 def camera_motion(
@@ -63,7 +93,7 @@ def camera_motion(
     to_clip, far_depth = _to_clip_space(current, near)
     to_clip[2, 3] += to_clip[2, 2] * far_depth  # depth counts from there: far away none of it is rounded
     tables = _tables(buffer, previous @ _inverse(current) @ to_clip, checked_jitter(jitter), far_depth)
-    kernel = kernel_if_possible("conventions.kernels.write_motion")
+    kernel = kernel_if_possible("conventions.kernels.write_motion") if tables.width >= _LANES else None
     if kernel is None:
         write_motion_numpy(tables)
     else:
@@ -126,3 +156,16 @@ def _tables(depth: Float32, m: Matrix, jitter: tuple[float, float], far_depth: f
     rows = np.stack([y, *of_y, m[3, 1] * y + m[3, 3]], axis=1).astype(np.float32)
     motion = np.empty((height, width, 2), np.float32)
     return MotionTables(motion, depth, columns, rows, float(m[3, 2]), far_depth, width, height)
+
+
+def write_motion_numpy(tables: MotionTables) -> None:
+    """Write the motion as the kernel does, bit for bit, without a compiler and at any width."""
+    x_depth, x_y, x_rest, x, x_w = tables.columns
+    y, y_depth, y_x, y_rest, y_w = tables.rows.T[..., None]
+    d = tables.depth - np.float32(tables.far_depth)
+    w = np.float32(tables.depth_w) * d + x_w + y_w
+    behind = w < BEHIND
+    w[behind] = 1.0
+    np.divide(x_depth * d + x_y * y + x_rest, w, out=tables.motion[..., 0])
+    np.divide(y_depth * d + y_x * x + y_rest, w, out=tables.motion[..., 1])
+    tables.motion[behind] = -2 * tables.width, -2 * tables.height
