@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from supersampler.backends.cpu.kernel_cache import SOURCES
+
 ROOT = Path(__file__).parents[1]
 PACKAGES = {
     "supersampler": "sdk",
@@ -23,7 +25,7 @@ FLOORS = (  # of the SDK, the lowest first: a module imports from its own floor 
     ("arguments",),
     ("frame",),
     ("io.atomic", "backends.locks"),
-    ("backends.cpu.memory", "backends.cpu.structs", "backends.cpu.kernel_cache"),
+    ("backends.cpu.isa", "backends.cpu.memory", "backends.cpu.structs", "backends.cpu.kernel_cache"),
     ("backends.cpu.kernel_compiler", "backends.cpu.kernel_loader", "backends.cpu.simd"),
     ("conventions",),
     ("io",),
@@ -147,6 +149,22 @@ def test_a_circle_for_types_alone_is_found(tmp_path: Path) -> None:
     (tmp_path / "pack" / "b.py").write_text("if TYPE_CHECKING:\n    from pack.a import T\n")
     with pytest.raises(CycleError):
         tuple(TopologicalSorter(imports_of(tmp_path / "pack")).static_order())
+
+
+def test_a_change_of_any_kernel_or_of_what_it_imports_leads_to_other_cached_kernels() -> None:
+    sdk, simd = ROOT / "sdk" / "supersampler", "backends.cpu.simd"
+    kernels = [
+        file
+        for file in sorted(sdk.rglob("*.py"))
+        if file.name == "kernels.py"
+        or file.parent.name == "kernels"
+        or any(name.startswith(simd) for _, name in modules_imported(file))
+    ]
+    imported_by_kernels = {name for file in kernels for _, name in modules_imported(file)}
+    assert "conventions.camera_motion" in imported_by_kernels
+    modules = [file.relative_to(sdk).as_posix() for file in kernels]
+    modules += [f"{name.replace('.', '/')}.py" for name in imported_by_kernels]
+    assert [module for module in modules if not module.startswith(tuple(f"{f}/" for f in SOURCES))] == []
 
 
 def test_what_runs_inside_blender_imports_nothing_of_ours() -> None:

@@ -176,7 +176,7 @@ def test_what_was_behind_the_previous_camera_leaves_the_image() -> None:
 
 
 @pytest.mark.parametrize("width", [WIDTH + 3, 17, 5])
-def test_without_a_compiler_the_motion_is_the_same_bit_for_bit(
+def test_without_a_compiler_the_motion_is_the_same_but_for_rounding(
     monkeypatch: pytest.MonkeyPatch, width: int
 ) -> None:
     projection = perspective("reversed_infinite")
@@ -185,7 +185,10 @@ def test_without_a_compiler_the_motion_is_the_same_bit_for_bit(
     compiled = camera_motion(depth, *matrices, jitter=JITTER)
     module = import_module("supersampler.conventions.camera_motion")  # a name of its function, too
     monkeypatch.setattr(module, "kernel_if_possible", lambda _: None)
-    np.testing.assert_array_equal(camera_motion(depth, *matrices, jitter=JITTER), compiled)
+    in_numpy = camera_motion(depth, *matrices, jitter=JITTER)
+    np.testing.assert_array_equal(in_numpy[..., 0] == -2 * width, compiled[..., 0] == -2 * width)
+    ordinary = np.abs(in_numpy) < 1000.0  # beyond, the previous W is nearly 0, and rounding is amplified
+    np.testing.assert_allclose(compiled[ordinary], in_numpy[ordinary], rtol=1e-5, atol=1e-4)
     assert 0 < (compiled[..., 0] == -2 * width).sum() < depth.size
 
 

@@ -159,7 +159,7 @@ def _tables(depth: Float32, m: Matrix, jitter: tuple[float, float], far_depth: f
 
 
 def write_motion_numpy(tables: MotionTables) -> None:
-    """Write the motion as the kernel does, bit for bit, without a compiler and at any width."""
+    """Write the motion as the kernel does, but for rounding, without a compiler and at any width."""
     x_depth, x_y, x_rest, x, x_w = tables.columns
     y, y_depth, y_x, y_rest, y_w = tables.rows.T[..., None]
     d = tables.depth - np.float32(tables.far_depth)

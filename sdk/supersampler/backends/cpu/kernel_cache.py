@@ -21,6 +21,8 @@ NEVER_CALLED = (  # numba refers to these where Python code could raise; kernels
 )  # fmt: skip
 SYMBOLS = (*CALLED, *NEVER_CALLED)
 """All external symbols that a kernel may refer to."""
+SOURCES = ("backends/cpu", "conventions", "integrations", "methods")
+"""Folders of the package with kernels, and with the structs and constants that kernels import."""
 _MAGIC = b"supersampler kernel 2\n"
 _DIGEST = 32  # bytes of a SHA-256
 
@@ -96,7 +98,7 @@ def _key() -> str:
         raise KernelError(f"numba and llvmlite, which compile kernels, cannot be used ({error})") from error
     hashed = hashlib.sha256()
     package = Path(__file__).parents[2]
-    for folder in ("backends/cpu", "methods"):
+    for folder in SOURCES:
         for path in sorted((package / folder).rglob("*.py")):
             hashed.update(path.read_bytes())
     for part in (

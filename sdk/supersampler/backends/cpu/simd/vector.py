@@ -17,7 +17,8 @@ from numba.core.errors import RequireLiteralValue
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, models, register_model
 
-from supersampler.backends.cpu import isa
+from supersampler.backends.cpu.isa import add_products, lane_indices
+from supersampler.backends.cpu.isa import gather_nearby as gather_eights
 
 _FAST = ("contract", "nsz")  # a * b + c may become one instruction; no other reordering
 _I32, _I1, _F32 = ir.IntType(32), ir.IntType(1), ir.FloatType()
@@ -55,7 +56,7 @@ class _VectorModel(models.PrimitiveModel):
 def _broadcast(builder: ir.IRBuilder, scalar: ir.Value, vector: ir.VectorType) -> ir.Value:
     undefined = ir.Constant(vector, ir.Undefined)
     first = builder.insert_element(undefined, scalar, ir.Constant(_I32, 0))
-    return builder.shuffle_vector(first, undefined, isa.lane_indices([0] * vector.count))
+    return builder.shuffle_vector(first, undefined, lane_indices([0] * vector.count))
 
 
 def _broadcast_scalars(
@@ -279,7 +280,7 @@ def dot4(_: Any, total: Any, bytes_: Any, signed: Any) -> Any:
     """Add the four products of unsigned and signed bytes in each of sixteen i32 lanes, exactly."""
 
     def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
-        return isa.add_products(builder, *args)
+        return add_products(builder, *args)
 
     return total(total, bytes_, signed), make
 
@@ -289,7 +290,7 @@ def gather_nearby(_: Any, pointer: Any, at: Any, step: Any, index: Any) -> Any:
     """Load sixteen float32 from two runs of eight; see `isa.gather_nearby`."""
 
     def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
-        return isa.gather_nearby(builder, *args)
+        return gather_eights(builder, *args)
 
     return index.of("f32")(pointer, types.intp, types.intp, index), make
 
@@ -303,7 +304,7 @@ def packed(_: Any, value: Any, first: Any) -> Any:
 
     def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
         undefined = ir.Constant(value.llvm, ir.Undefined)
-        four = builder.shuffle_vector(args[0], undefined, isa.lane_indices(lanes))
+        four = builder.shuffle_vector(args[0], undefined, lane_indices(lanes))
         return builder.bitcast(builder.trunc(four, ir.VectorType(ir.IntType(8), 4)), _I32)
 
     return types.int32(value, first), make
@@ -322,7 +323,7 @@ def sum_of_lanes(_: Any, value: Any) -> Any:
             lanes //= 2
             undefined = ir.Constant(total.type, ir.Undefined)
             low, high = (
-                builder.shuffle_vector(total, undefined, isa.lane_indices(half))
+                builder.shuffle_vector(total, undefined, lane_indices(half))
                 for half in (range(lanes), range(lanes, 2 * lanes))
             )
             total = builder.fadd(low, high)
