@@ -13,7 +13,7 @@ from supersampler.conventions import halton_jitter
 from supersampler.frame import Float32, Frame
 from supersampler.integrations.vtk_lines import LineWidths, changed
 from supersampler.integrations.vtk_pixels import WindowPixels
-from supersampler.integrations.vtk_view import View, near_surfaces
+from supersampler.integrations.vtk_view import View, move_background
 from supersampler.model import Model
 from supersampler.upscaler import Upscaler
 
@@ -136,15 +136,14 @@ class SupersampledWindow:
 
     def _motion(self, view: View, buffer: Float32, previous: View) -> Float32:
         motion = view.motion(buffer, previous)
-        vectors = motion.view(np.uint64)[
-            ..., 0
-        ]  # copied whole: the two parts one by one take ten times as long
+        # copied whole: the two parts one by one take ten times as long
+        vectors = motion.view(np.uint64)[..., 0]
         for props, of_these in view.moved_props(buffer, previous):
             with _hidden(prop for prop in self._props() if prop not in props):
                 self._window.Render()
                 mine = self._pixels.read_depth(view.size) == buffer
             np.copyto(vectors, of_these.view(np.uint64)[..., 0], where=mine)
-        np.copyto(vectors, near_surfaces(vectors, buffer), where=buffer == 1.0)
+        move_background(vectors, buffer)
         return motion
 
     def _show(self, image: Float32) -> None:

@@ -97,25 +97,25 @@ class View:
         )
 
 
-def near_surfaces(vectors: NDArray[np.uint64], buffer: Float32) -> NDArray[np.uint64]:
-    """Return (h, w) vectors: in each tile that of its closest surface, 0 where the tile has no surface.
+def move_background(vectors: NDArray[np.uint64], buffer: Float32) -> None:
+    """Give the background of each tile the motion of the tile's closest surface, or 0 if it has none.
 
     Args:
-        vectors: (h, w) motion, whose two floats are one word.
+        vectors: (h, w) motion, whose two floats are one word; changed where the background is.
         buffer: (h, w) depth buffer, 1 at the background.
     """
     height, width = buffer.shape
-    rows, columns = -(-height // _TILE), -(-width // _TILE)
-    beyond = (0, rows * _TILE - height), (0, columns * _TILE - width)
-    padded = np.pad(buffer, beyond, constant_values=1.0).reshape(rows, _TILE, columns, _TILE)
-    closest = padded.swapaxes(1, 2).reshape(rows, columns, _TILE * _TILE).argmin(axis=2)
-    tile_rows, tile_columns = np.indices((rows, columns)) * _TILE
-    at = (
-        tile_rows + closest // _TILE,
-        tile_columns + closest % _TILE,
-    )  # of tiles without a surface, the corner
-    found = np.where(buffer[at] < 1.0, vectors[at], np.uint64(0))
-    return found.repeat(_TILE, axis=0)[:height].repeat(_TILE, axis=1)[:, :width]
+    nearest = np.ones(-(-width // _TILE) * _TILE, np.float32)  # of each column; 1 beyond the last
+    first = np.arange(0, width, _TILE)
+    for top in range(0, height, _TILE):
+        depth, motion = buffer[top : top + _TILE], vectors[top : top + _TILE]
+        background = depth == 1.0
+        if background.any():
+            np.min(depth, axis=0, out=nearest[:width])
+            column = first + nearest.reshape(-1, _TILE).argmin(axis=1)
+            row = depth[:, column].argmin(axis=0)
+            found = np.where(depth[row, column] < 1.0, motion[row, column], np.uint64(0))
+            np.copyto(motion, found.repeat(_TILE)[:width], where=background)
 
 
 def _array(matrix: Any) -> Matrix:
