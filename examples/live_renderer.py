@@ -3,7 +3,7 @@
     python examples/live_renderer.py --family fences --ratio 2 --zoom 4 -o out/live
 
 The loop in `main` is what an engine copies. Images are written, made into a film where ffmpeg is installed,
-and shown where there is a display. Wants `pip install "supersampler[render]"`; no GPU is needed.
+and shown where there is a display. Needs `pip install "supersampler[render]"`; no GPU is needed.
 """
 
 import atexit

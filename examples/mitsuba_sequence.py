@@ -7,8 +7,8 @@ A camera moves around a Cornell box. All samples of a render pixel go through on
 that depth and motion belong to them. Prints the PSNR of the last frame, after the display transform, against
 a reference: of bicubic upscaling, of the classifier, and of an image rendered at full size with as many rays.
 
-Mitsuba needs the library LLVM. Where it ends in "Cannot select", that LLVM does not know the processor: name
-a newer one in $DRJIT_LIBLLVM_PATH.
+Mitsuba needs the library LLVM. Where it ends in "Cannot select", that LLVM does not support the processor:
+name a newer one in $DRJIT_LIBLLVM_PATH.
 """
 
 import argparse

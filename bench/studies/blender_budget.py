@@ -181,7 +181,7 @@ def samples_of(frame_set: FrameSet) -> int:
 
 
 def is_complete(work: Path, frame_set: FrameSet) -> bool:
-    """Tell whether all frames of a set are there."""
+    """Return whether all frames of a set are there."""
     numbers = range(frame_set.frames[0], frame_set.frames[1] + 1)
     return all((work / frame_set.name / "frames" / f"{number:04d}.exr").exists() for number in numbers)
 

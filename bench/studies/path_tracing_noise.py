@@ -2,7 +2,7 @@
 
     python bench/studies/path_tracing_noise.py --json FILE --update docs/tutorials/shot.md
 
-Wants `pip install . mitsuba`, and an LLVM of the system: see the example.
+Needs `pip install . mitsuba`, and an LLVM of the system: see the example.
 """
 
 import runpy

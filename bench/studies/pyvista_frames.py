@@ -4,7 +4,7 @@
 
 The scene is that of examples/pyvista_viewer.py: the camera turns and a ring moves. Each frame is rendered in
 every way, one after the other, so that all share what else the machine does. The error is that of display
-values, against images of 64 samples a pixel. Wants `pip install . pyvista`.
+values, against images of 64 samples a pixel. Needs `pip install . pyvista`.
 """
 
 import runpy

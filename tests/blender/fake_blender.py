@@ -18,12 +18,12 @@ from pathlib import Path
 RECORDED = Path(__file__).with_name("recorded")
 
 
-def tell(**content: object) -> None:
+def report(**content: object) -> None:
     print("supersampler " + json.dumps(content), flush=True)
 
 
 def stop(error: str) -> None:
-    tell(error=error)
+    report(error=error)
     time.sleep(600)  # as bpy hangs at its end, where the scene has Python drivers
 
 
@@ -40,8 +40,8 @@ def main() -> None:
     if "crash" in plan:
         print("Writing: /tmp/scene.crash.txt", flush=True)
         os.abort()
-    tell(note="motion blur is off: it blurs what the history must follow")
-    tell(scene=record["scene"] | ({"ocio": plan["ocio"]} if "ocio" in plan else {}))
+    report(note="motion blur is off: it blurs what the history must follow")
+    report(scene=record["scene"] | ({"ocio": plan["ocio"]} if "ocio" in plan else {}))
     first, last = settings["frames"] or record["scene"]["numbers"]
     for number in range(first + settings["complete"], last + 1):
         if number == plan.get("error at"):
@@ -55,7 +55,7 @@ def main() -> None:
         print(f"Fra:{number} Mem:15.68M", flush=True)
         part = Path(settings["folder"]) / f".{number:04d}.0123abcd.partial.exr"
         shutil.copyfile(RECORDED / f"{number:04d}.exr", part)
-        tell(frame=number, file=str(part), **record["frames"][number - record["first"]])
+        report(frame=number, file=str(part), **record["frames"][number - record["first"]])
 
 
 def wait_for(path: Path) -> None:

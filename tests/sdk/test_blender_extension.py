@@ -51,7 +51,9 @@ def wait_until(run: Any, done: int) -> None:
         time.sleep(0.01)
 
 
-def test_progress_is_what_is_listed_and_the_end_is_told(extension: Any, tmp_path: Path) -> None:
+def test_progress_is_the_number_of_listed_frames_and_the_end_is_reported(
+    extension: Any, tmp_path: Path
+) -> None:
     running = run(extension, tmp_path)
     for count in (1, 2, 3):
         wait_until(running, count)

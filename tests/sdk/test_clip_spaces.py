@@ -70,7 +70,7 @@ def test_a_jittered_frame_is_the_same_in_every_clip_space(kind: str) -> None:
     jittered = jittered_projection(direct3d, JITTER, SIZE)
     d3d = rasterized(jittered, in_view, 0.0, False)
     gl = rasterized(jittered_projection(opengl(direct3d), JITTER, SIZE), in_view, -1.0, False)
-    # Vulkan's y points down, in the projection that it gets: ours wants and returns y up.
+    # Vulkan's y points down, in the projection that it gets: ours takes and returns y up.
     vulkan = rasterized(negated_y(jittered), in_view, 0.0, True)
     np.testing.assert_array_equal(vulkan, d3d)
     np.testing.assert_array_equal(gl, d3d)

@@ -139,7 +139,7 @@ class Results:
         return self.folder / name
 
     def is_newest(self, name: str) -> bool:
-        """Tell whether a file of SINGLE exists and no image is newer."""
+        """Return whether a file of SINGLE exists and no image is newer."""
         times = {path: path.stat().st_mtime_ns for path in self._record.own_files(self.folder)}
         images = [time for path, time in times.items() if path.name not in SINGLE]
         return self.folder / name in times and times[self.folder / name] >= max(images, default=0)

@@ -58,7 +58,7 @@ class RunRecord:
         return int(self.settings.get(FIRST, 0))
 
     def lists(self, pattern: str, number: int) -> bool:
-        """Tell whether the frame of this number is listed."""
+        """Return whether the frame of this number is listed."""
         return 0 <= number - self.first < self.files.get(pattern, 0)
 
     def write(self, folder: Path) -> None:

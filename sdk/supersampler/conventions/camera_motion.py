@@ -79,7 +79,7 @@ def camera_motion(
 
     Returns:
         (h, w, 2) float32: previous minus current, render pixels, x right and y down, without jitter. What was
-        behind the previous camera gets a vector that leaves the image.
+        behind the previous camera gets a vector that points out of the image.
 
     Raises:
         ArgumentError: `depth` is not (h, w) of floats, a matrix is not 4 x 4, finite and invertible, `jitter`

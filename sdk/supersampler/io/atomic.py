@@ -92,17 +92,17 @@ def remove_files(paths: Iterable[Path]) -> None:
 
 
 def is_file(path: Path) -> bool:
-    """Tell whether a regular file or a link to one is there; unlike Path.is_file no name is an error."""
+    """Return whether a regular file or a link to one is there; unlike Path.is_file no name is an error."""
     return os.path.isfile(path)  # noqa: PTH113
 
 
 def is_regular(path: Path) -> bool:
-    """Tell whether a regular file is there that is not a link."""
+    """Return whether a regular file is there that is not a link."""
     return is_file(path) and not path.is_symlink()
 
 
 def is_own_folder(path: Path) -> bool:
-    """Tell whether a folder is there that is not a link."""
+    """Return whether a folder is there that is not a link."""
     return os.path.isdir(path) and not path.is_symlink()  # noqa: PTH112
 
 
@@ -115,7 +115,7 @@ def check_is_file(path: Path) -> None:
 
 
 def is_there(path: Path) -> bool:
-    """Tell whether anything has this name: a file, a folder, a broken link."""
+    """Return whether anything has this name: a file, a folder, a broken link."""
     return os.path.lexists(path)
 
 
@@ -147,7 +147,7 @@ def check_inside(folder: Path, paths: Iterable[Path]) -> None:
 
 
 def _lies_in(path: Path, folder: Path) -> bool:
-    """Tell whether `path` is `folder` or lies in it, links followed; False where `folder` does not exist."""
+    """Return whether `path` is `folder` or lies in it, links followed; False without such a folder."""
     real = Path(os.path.realpath(path))
     for place in (real, *real.parents):
         with suppress(OSError, ValueError):  # one of them does not exist, or cannot

@@ -24,12 +24,12 @@ _FILES = re.compile(
 
 
 def is_recording(path: Path) -> bool:
-    """Tell whether a folder holds a recording, perhaps beside other files."""
+    """Return whether a folder holds a recording, perhaps beside other files."""
     return is_regular(path / SETUP)
 
 
 def holds_only_a_recording(path: Path) -> bool:
-    """Tell whether a folder, which is not a link, holds a recording and no other file."""
+    """Return whether a folder, which is not a link, holds a recording and no other file."""
     if not (is_own_folder(path) and is_recording(path)):
         return False
     log = (path / CALLS).read_bytes() if is_regular(path / CALLS) else b""

@@ -239,7 +239,7 @@ class Recorder:
             self._failure = failure
 
     def _is_on(self) -> bool:
-        """Tell whether calls are recorded; raise where the previous outcome could not be written."""
+        """Return whether calls are recorded; raise where the previous outcome could not be written."""
         if self._failure is not None:
             failure, self._failure = self._failure, None
             raise failure

@@ -42,7 +42,7 @@ class Difference:
     largest: float
 
     def is_within(self, tolerance: "Difference") -> bool:
-        """Tell whether mean and 99th percentile are within a tolerance; single values may differ more."""
+        """Return whether mean and 99th percentile are within a tolerance; single values may differ more."""
         return self.mean <= tolerance.mean and self.most <= tolerance.most
 
 

@@ -49,7 +49,7 @@ class RecordedModel:
         )
 
     def is_of(self, model: ModelInfo) -> bool:
-        """Tell whether the recorded model is this one, in whatever folder."""
+        """Return whether the recorded model is this one, in whatever folder."""
         other = RecordedModel.of(model)
         return (self.method, self.files, self.config) == (other.method, other.files, other.config)
 

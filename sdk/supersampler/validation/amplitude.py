@@ -62,7 +62,7 @@ def jitter_in_vectors(
 
 
 def vectors_have_jitter(sums: JitterInVectors) -> bool:
-    """Tell whether motion changes with the jitter, by about as much."""
+    """Return whether motion changes with the jitter, by about as much."""
     return sums[1] > 0 and 0.5 < sums[0] / sums[1] < 2.0
 
 

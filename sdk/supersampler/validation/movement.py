@@ -14,7 +14,7 @@ _MIN_TILES = 3
 
 
 def image_moves(tone: Float32, tone_before: Float32) -> bool:
-    """Tell whether most tiles with texture fit elsewhere in the previous image, and a fifth clearly better.
+    """Return whether most tiles with texture fit elsewhere in the previous image, and a fifth clearly better.
 
     Args:
         tone: (h, w) tone-mapped luminance in [0, 1].
@@ -53,7 +53,7 @@ def _shift(tile: Float32, before: Float32) -> tuple[int, int]:
 
 
 def _fits(tone: Float32, before: Float32, place: tuple[slice, slice], shift: tuple[int, int]) -> bool:
-    """Tell whether the part of a tile that is on screen fits clearly better there than in its own place."""
+    """Return whether the part of a tile that is on screen fits clearly better there than in its own place."""
     rows, columns = (np.arange(part.start, part.stop) for part in place)
     rows = rows[(rows + shift[1] >= 0) & (rows + shift[1] < tone.shape[0])]
     columns = columns[(columns + shift[0] >= 0) & (columns + shift[0] < tone.shape[1])]

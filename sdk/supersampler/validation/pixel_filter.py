@@ -15,7 +15,7 @@ _DEPTH_RATIO, _SAME_SURFACE = 1.1, 1.03  # of depths across an edge, and along a
 
 
 def mixed_edges(light: Float32, depth: Array) -> float:
-    """Return the fraction of edges with a pixel between their two sides; 0.0 with too few edges to tell.
+    """Return the fraction of edges with a pixel between their two sides; 0.0 with too few edges to judge.
 
     Depth is sampled at a point. A pixel on one side of an edge of depth has the colour of that side,
     unless colour is filtered. Edges count where the colour of each side is even over 2x3 pixels, so that

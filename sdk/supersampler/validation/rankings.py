@@ -159,7 +159,7 @@ def swapped_axes(
 
 
 def _vectors_have_jitter(pairs: Sequence[FramePair], reading: Conventions) -> bool:
-    """Tell whether motion changes with the jitter; True where that takes more frames."""
+    """Return whether motion changes with the jitter; True where that takes more frames."""
     sums = 0.0, 0.0
     for before, pair in _neighbours(pairs):
         sums = jitter_in_vectors(sums, pair, [before.before.jitter, before.now.jitter], reading)

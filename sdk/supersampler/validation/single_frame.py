@@ -121,7 +121,7 @@ def _motion(frame: Frame) -> Iterator[Mistake]:
 
 
 def _not_a_plane(vectors: Float32, rows: NDArray[Any], columns: NDArray[Any]) -> bool:
-    """Tell whether motion differs by more than half a pixel from an affine function of the position."""
+    """Return whether motion differs by more than half a pixel from an affine function of the position."""
     if len(rows) < 8:
         return False
     basis = np.stack([np.ones(len(rows)), rows, columns], axis=1)

@@ -1,6 +1,6 @@
 """Runs in Blender's own Python and writes images as a video: `python encode_video.py settings.json`.
 
-Blender's ffmpeg encodes H.264 in mp4. Colours stay as the images have them. H.264 wants an even size: of an
+Blender's ffmpeg encodes H.264 in mp4. Colours stay as the images have them. H.264 needs an even size: of an
 odd one the last column or the first row is cut off.
 """
 

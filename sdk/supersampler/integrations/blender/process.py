@@ -1,4 +1,4 @@
-"""A Blender that renders the frames of a scene in a child process, and what it says on the way."""
+"""Rendering of a scene by Blender in a child process, and the messages that it prints."""
 
 import json
 import os
@@ -49,16 +49,16 @@ def find_blender(path: str | None = None) -> str:
 
 
 class RenderTarget(Protocol):
-    """Takes what Blender renders, as it comes."""
+    """Receives the frames of a render."""
 
     def note(self, line: str) -> None:
-        """Take a line about what is rendered otherwise than the file says."""
+        """Receive a message about a setting that differs from that of the file."""
 
     def describe(self, scene: RenderedScene) -> None:
-        """Take what is rendered; once, before the first frame."""
+        """Receive the description of the scene; once, before the first frame."""
 
     def add(self, file: Path, camera: Camera) -> None:
-        """Take the next frame: its file, of a temporary name, and its camera."""
+        """Receive the next frame: its file, of a temporary name, and its camera."""
 
 
 class BlenderRender:
@@ -71,9 +71,9 @@ class BlenderRender:
     Args:
         program: as `find_blender` returns it.
         blend: the scene's file; it is never written.
-        folder: to render into. blender.log there gets all that Blender says.
+        folder: to render into. Blender's output is written to blender.log there.
         settings: see `render_frames.main`, without "blend" and "folder".
-        target: takes what is rendered, in another thread; ShotErrors that it raises end the render.
+        target: receives the frames, in another thread; a ShotError that it raises ends the render.
 
     Raises:
         ShotError: (of any method) Blender ended before its work was done; the message says why.
@@ -90,7 +90,7 @@ class BlenderRender:
         self._blend, self._target = blend, target
         self._has_scene = False
         self._count = 0  # frames that are complete
-        self._error: str | ShotError = "Blender said nothing of why"
+        self._error: str | ShotError = "Blender gave no reason"
         self._done = False
         self._changed = Condition()
         file = folder / "settings.json"
@@ -143,7 +143,7 @@ class BlenderRender:
         self._log.close()
 
     def _read(self) -> None:
-        """Take in what Blender prints, until it ends."""
+        """Read Blender's output until it ends."""
         lines: deque[str] = deque(maxlen=_LAST_LINES)
         has_failed = False
         assert self._process.stdout is not None  # noqa: S101  # it is a pipe
@@ -162,7 +162,7 @@ class BlenderRender:
             self._changed.notify_all()
 
     def _take(self, text: str) -> bool:
-        """Take in a line of the script; return whether it is no error, which ends the render."""
+        """Process a line of the script; return False at an error, which ends the render."""
         with self._changed:
             try:
                 content = Field(self._blend, "Blender's answer", json.loads(text))
@@ -189,7 +189,7 @@ class BlenderRender:
     def _failure(self, when: str) -> ShotError:
         if isinstance(self._error, ShotError):
             return self._error
-        hint = f"All that Blender said is in {self._log.name}."
+        hint = f"Blender's output is in {self._log.name}."
         return ShotError(self._blend, f"the render ended {when}: {self._error.rstrip('.')}", hint)
 
 
@@ -201,5 +201,5 @@ def blender_command(program: str, script: Path, settings: Path) -> list[str]:
 
 
 def blender_environment() -> dict[str, str]:
-    """Return the environment without what would lead Blender's Python to the packages of this one."""
+    """Return the environment without variables of this Python, which would mislead Blender's."""
     return {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}

@@ -65,7 +65,7 @@ class RenderRequest:
     program: str | None = None
 
     def settings(self) -> dict[str, object]:
-        """Return all that the frames depend on, but which frames; JSON values."""
+        """Return all settings that the frames depend on, but not their numbers; JSON values."""
         with os_errors_as_shot_error(self.blend), self.blend.open("rb") as file:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
         return {
@@ -100,7 +100,7 @@ def rendering(
         request: what to render.
         folder: for the frames, render.json and blender.log.
         overwrite: remove the frames of an earlier call instead.
-        note: called with each line about what is rendered otherwise than the file says.
+        note: called with each message about a setting that differs from that of the file.
 
     Raises:
         ArgumentError: there is no Blender, or the request is out of range.
@@ -166,11 +166,11 @@ class _RenderFolder:
         self.record.write(self.path)
 
     def is_complete(self) -> bool:
-        """Tell whether all frames that are wanted are there."""
+        """Return whether all frames that are wanted are there."""
         return self.record.scene is not None and self._count() <= len(self.record.cameras)
 
     def describe(self, scene: RenderedScene) -> None:
-        """Keep what is rendered."""
+        """Store the description of the scene."""
         first = scene.numbers[0] if self.request.frames is None else self.request.frames[0]
         self.record = replace(self.record, scene=scene, first=first)
         self.record.write(self.path)

@@ -1,4 +1,4 @@
-"""Render the frames of a scene small and with jitter. Runs inside Blender; imports bpy and nothing of ours.
+"""Render the frames of a scene small and with jitter. Runs inside Blender without supersampler.
 
     blender --background scene.blend --python-exit-code 1 --python render_frames.py -- settings.json
 
@@ -258,7 +258,7 @@ class CameraShift:
 
 
 def own_copy(scene: Any, camera: Any) -> Any:
-    """Return a copy of a linked camera, which Blender does not let anybody change."""
+    """Return a copy of a linked camera, which Blender does not allow to change."""
     copied = camera.copy()
     copied.data = camera.data.copy()
     scene.collection.objects.link(copied)
@@ -316,7 +316,7 @@ def camera_matrix(scene: Any) -> list[list[float]]:
 
 
 def facts(scene: Any, layer: str, display_size: tuple[int, int]) -> dict[str, object]:
-    """Return what the reader of the frames needs to know of the scene."""
+    """Return the facts of the scene that the reader of the frames needs."""
     render, view = scene.render, scene.view_settings
     own = Path(bpy.utils.system_resource("DATAFILES"))
     return {

@@ -72,7 +72,7 @@ def import_blender(
 
 
 def is_blender(channels: Iterable[str]) -> bool:
-    """Tell whether a file with these channels has a layer with all required passes."""
+    """Return whether a file with these channels has a layer with all required passes."""
     return bool(_complete_layers(list(channels)))
 
 

@@ -119,7 +119,7 @@ def write_reference(path: Path, reference: Array, classes: ClassMaps | None, com
 
 
 def has_display_file(raw: RawFrame) -> bool:
-    """Tell whether the frame has display-size G-buffers or motion vectors."""
+    """Return whether the frame has display-size G-buffers or motion vectors."""
     return bool(raw.gbuffer_display) or raw.motion.shape[:2] != raw.depth.shape
 
 

@@ -213,7 +213,7 @@ class ShotWriter:
         )
 
     def _is_listed(self, name: str) -> bool:
-        """Tell whether any shot.json or variant in the folder lists a file."""
+        """Return whether any shot.json or variant in the folder lists a file."""
         for path in self.path.glob("[!.]*.json"):
             with suppress(ShotError):
                 if any(name in files_of(entry) for entry in load_shot_json(path)[1]):

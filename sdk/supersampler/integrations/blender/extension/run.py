@@ -1,4 +1,4 @@
-"""A running `supersampler` command, and what it has done. Imports nothing of Blender and nothing of ours."""
+"""A running `supersampler` command and its progress. Imports neither bpy nor supersampler."""
 
 import json
 import os
@@ -48,7 +48,7 @@ class Run:
         self._reader.start()
 
     def pump(self) -> bool:
-        """Take in what has happened; return whether the command still runs."""
+        """Update the progress; return whether the command still runs."""
         self.done = min(self.total, self._count())
         if self._process.poll() is None:
             return True
