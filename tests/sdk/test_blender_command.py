@@ -166,7 +166,7 @@ def test_a_program_that_is_no_blender_is_named(tmp_path: Path) -> None:
     assert "--blender is nowhere, which is no program" in one_line(blender(tmp_path, program="nowhere"))
     other = fake_blender(tmp_path)
     other.write_text("#!/bin/sh\n")
-    assert "before the first frame: Blender said nothing of why" in one_line(blender(tmp_path, program=other))
+    assert "before the first frame: Blender gave no reason" in one_line(blender(tmp_path, program=other))
 
 
 OCIO = """
