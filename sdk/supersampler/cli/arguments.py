@@ -13,6 +13,7 @@ from supersampler.frame import Size
 if TYPE_CHECKING:
     from supersampler.io.shot import Shot
 
+Compare = Annotated[bool, typer.Option("--compare", help="Also write compare.html (last 64 frames).")]
 ShotArgument = Annotated[str, typer.Argument(metavar="SHOT", help="A shot, or the name of a shipped one.")]
 
 

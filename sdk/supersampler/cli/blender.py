@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from supersampler.cli.arguments import Format, parse_size
+from supersampler.cli.arguments import Compare, Format, parse_size
 from supersampler.errors import ArgumentError
 
 Engine = Literal["cycles", "eevee", "workbench"]
@@ -53,9 +53,7 @@ def blender(
         bool,
         typer.Option("--video", help="Also write video.mp4 of the PNG files; Blender encodes it (H.264)."),
     ] = False,
-    compare: Annotated[
-        bool, typer.Option("--compare", help="Also write compare.html (last 64 frames).")
-    ] = False,
+    compare: Compare = False,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace render and results of an earlier run.")
     ] = False,

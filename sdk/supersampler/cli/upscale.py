@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from supersampler.cli.arguments import (
+    Compare,
     Format,
     Precision,
     Preset,
@@ -42,9 +43,7 @@ def upscale(
             show_default="exr",
         ),
     ] = None,
-    compare: Annotated[
-        bool, typer.Option("--compare", help="Also write compare.html (last 64 frames).")
-    ] = False,
+    compare: Compare = False,
     maps: Annotated[
         bool,
         typer.Option("--maps", help="With --compare: also classes, weight of the history, samples, work."),

@@ -97,15 +97,7 @@ class BlenderRender:
         own = {**settings, "blend": str(blend.resolve()), "folder": str(folder.resolve())}
         file.write_text(json.dumps(own, indent=1), encoding="utf-8")
         self._log = (folder / "blender.log").open("w", encoding="utf-8")
-        self._process = subprocess.Popen(  # noqa: S603  # the user names the program
-            blender_command(program, _SCRIPT, file),
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            encoding="utf-8",
-            errors="replace",
-            env=blender_environment(),
-        )
+        self._process = start_script(program, _SCRIPT, file)
         self._reader = Thread(target=self._read, name="blender", daemon=True)
         self._reader.start()
 
@@ -193,13 +185,21 @@ class BlenderRender:
         return ShotError(self._blend, f"the render ended {when}: {self._error.rstrip('.')}", hint)
 
 
-def blender_command(program: str, script: Path, settings: Path) -> list[str]:
-    """Return the command that runs a script in Blender with a file of settings."""
-    if Path(program).stem.lower().startswith("python"):
-        return [program, str(script), str(settings)]
-    return [program, "--background", "--python-exit-code", "1", "--python", str(script), "--", str(settings)]
+def start_script(program: str, script: Path, settings: Path) -> "subprocess.Popen[str]":
+    """Start a script in Blender with a file of settings; stdout has all that either prints.
 
-
-def blender_environment() -> dict[str, str]:
-    """Return the environment without variables of this Python, which would mislead Blender's."""
-    return {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
+    Variables of this Python are not passed on: they would lead Blender's Python to packages of this one.
+    """
+    command = [program, str(script), str(settings)]
+    if not Path(program).stem.lower().startswith("python"):
+        options = ["--background", "--python-exit-code", "1", "--python"]
+        command = [program, *options, str(script), "--", str(settings)]
+    return subprocess.Popen(  # noqa: S603  # the user names the program
+        command,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        encoding="utf-8",
+        errors="replace",
+        env={name: value for name, value in os.environ.items() if not name.startswith("PYTHON")},
+    )

@@ -1,14 +1,13 @@
 """Videos of frames, encoded by the ffmpeg that Blender has."""
 
 import json
-import subprocess
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
 from supersampler.errors import ShotError
 from supersampler.frame import Size
-from supersampler.integrations.blender.process import blender_command, blender_environment
+from supersampler.integrations.blender.process import start_script
 from supersampler.io.atomic import replacing
 
 _SCRIPT = Path(__file__).with_name("encode_video.py")  # imports bpy: not to be imported here
@@ -36,16 +35,12 @@ def write_video(program: str, images: Sequence[Path], size: Size, frame_rate: fl
         }
         file = Path(folder) / "settings.json"
         file.write_text(json.dumps(settings), encoding="utf-8")
-        done = subprocess.run(  # noqa: S603  # the user names the program
-            blender_command(program, _SCRIPT, file),
-            check=False,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            encoding="utf-8",
-            errors="replace",
-            env=blender_environment(),
-        )
-        if done.returncode or not partial.exists():
-            said = [line for line in done.stdout.splitlines() if line.strip()][-1:] or ["nothing"]
+        with start_script(program, _SCRIPT, file) as process:
+            try:
+                output, _ = process.communicate()
+            except BaseException:
+                process.kill()
+                raise
+        if process.returncode or not partial.exists():
+            said = [line for line in output.splitlines() if line.strip()][-1:] or ["nothing"]
             raise ShotError(path, f"Blender wrote no video; it said: {said[0].strip()}", "Has it FFmpeg?")
