@@ -93,13 +93,10 @@ class FrameChecker:
 
     def _resets_with(self, frame: Evidence) -> int:
         """Return how many frames in a row, up to this one, have `reset` and continue the one before."""
-        if not frame.reset:
-            return 0
-        pairs = (
-            []
-            if self._seen.previous is None
-            else frame_pairs([self._seen.previous, replace(frame, reset=False)])
-        )
+        previous = self._seen.previous
+        if not frame.reset or previous is None:
+            return int(frame.reset)
+        pairs = frame_pairs([previous, replace(frame, reset=False)])
         return self._resets + 1 if pairs and pairs[0].continues else 1
 
     def _held_after(self, frame: Frame) -> int:

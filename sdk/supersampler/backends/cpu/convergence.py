@@ -102,8 +102,9 @@ class Convergence:
         height, width = step.output.image.shape[:2]
         display, render = (width, height), step.frame.size
         still, still_2x2 = self._find_still(view)
-        kept = step.history.means, step.next_history.means, step.history.ranges, step.next_history.ranges
-        if not any(tiles.any() for tiles in (still_2x2, *kept)):
+        history, following = step.history, step.next_history
+        marked = still_2x2, history.means, history.ranges, following.means, following.ranges
+        if not any(tiles.any() for tiles in marked):
             _clear_converged(step, step.tiles.computed)
             return
         means = tiles_reading(still_2x2, display, render) & step.tiles.computed
