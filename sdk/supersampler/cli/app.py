@@ -27,6 +27,7 @@ TOOLS = {
 """Commands of other packages: the module with their `app`, imported when they are called, and their help."""
 
 EXTRAS = {
+    "av": "video",
     "torch": "train",
     "onnx": "train",
     "onnxscript": "train",
