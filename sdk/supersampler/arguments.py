@@ -29,7 +29,7 @@ TOLERANCE = 0.5 / 255.0
 ACCUMULATE = math.inf
 """Tolerance of skip="accumulate": frames may differ as far as noise explains it."""
 
-SkipName = Literal["auto", "exact", "accumulate"]
+SkipName = Literal["auto", "exact", "accumulate", "recurrent"]
 Skip = SkipName | float
 _Choice = TypeVar("_Choice")
 
@@ -163,7 +163,7 @@ def checked_skip(skip: Skip) -> Skip:
 
 def tolerance_of(skip: Skip, outputs: Collection[str]) -> float | None:
     """Return the tolerance of static-tile reuse; None where every pixel is to be computed."""
-    if skip == "exact" or "aovs" in outputs:  # AOVs may change where no other input does
+    if skip in ("exact", "recurrent") or "aovs" in outputs:  # AOVs may change where no other input does
         return None
     named = {"auto": TOLERANCE, "accumulate": ACCUMULATE}
     return named[skip] if isinstance(skip, str) else float(skip)

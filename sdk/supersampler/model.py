@@ -246,7 +246,7 @@ class Model:
             computed,
             needed,
             tolerance=tolerance,
-            shaded=shaded,
+            adds_samples=shaded and skip != "recurrent",
         )
         if computed is not image:
             np.copyto(image, computed)

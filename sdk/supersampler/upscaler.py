@@ -55,7 +55,8 @@ class Upscaler:
             once the estimated error of the mean is at most this: root mean square of display values, in
             [0, 1]. "auto" is half a step of an 8-bit image; "exact" computes every pixel by the method, as
             the ONNX backend always does. "accumulate" is for path tracers: where nothing but noise changes,
-            the image becomes the mean of all samples since, without end.
+            the image becomes the mean of all samples since, without end. "recurrent" averages nothing where
+            nothing moves: images then depend on recent frames only, as chunks of one shot need.
         preset: "fast", "balanced" or "high" in place of `model`, `precision` and `skip`: Pareto-optimal
             settings of time and error (docs/pareto.md).
         extrapolation: model for `extrapolate`, which computes the colour of unshaded frames: "guided-warp",
@@ -379,6 +380,9 @@ class Upscaler:
         if self._extrapolator is not None:
             hint = "Extrapolation takes arrays alone: use `step`."
             raise ArgumentError("step_tensors", got="called with extrapolation", want="neither", hint=hint)
+        if self.skip == "recurrent" and self.model.info.converges:
+            hint = "A graph on tensors always averages where nothing moves: use `step`."
+            raise ArgumentError("skip", got=repr(self.skip), want="another for step_tensors", hint=hint)
         size, kept = size_of_tensors(tensors), None if reset else memory.history
         display = memory.display_size or display_size_of(size, self._scale)
         history = self.model.first_history(display, size) if kept is None else kept

@@ -29,7 +29,7 @@ WORDS: dict[str, tuple[Callable[[Any], object], str]] = {
     "preset": (lambda word: Upscaler(scale=2, preset=word), "'fast', 'balanced' or 'high'"),
     "skip": (
         lambda word: Upscaler("bilinear", scale=2, skip=word),
-        "'auto', 'exact', 'accumulate' or a number in [0, 1]",
+        "'auto', 'exact', 'accumulate', 'recurrent' or a number in [0, 1]",
     ),
     "style": (lambda word: mip_bias(2.0, word), "'fsr' or 'log2'"),
     "mode": (lambda word: render_size_for(DISPLAY, word), "'fsr_native_aa', .*'xess_ultra_performance'"),

@@ -224,5 +224,5 @@ def test_boxes_cover_every_tile_once() -> None:
 
 def test_an_unknown_value_of_skip_is_an_error() -> None:
     for skip in ("always", -0.1, 1.5, float("nan")):
-        with pytest.raises(ArgumentError, match="'auto', 'exact', 'accumulate' or a number"):
+        with pytest.raises(ArgumentError, match="'auto', 'exact', 'accumulate', 'recurrent' or a number"):
             Upscaler("taa", display_size=DISPLAY, skip=skip)  # type: ignore[arg-type]

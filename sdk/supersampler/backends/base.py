@@ -38,7 +38,7 @@ class Executor(Protocol):
         aux_outputs: Collection[str],
         *,
         tolerance: float | None,
-        shaded: bool,
+        adds_samples: bool,
     ) -> Mapping[str, Float32]:
         """Upscale a frame that has been checked.
 
@@ -52,8 +52,8 @@ class Executor(Protocol):
             tolerance: of static-tile reuse: a tile of a static scene settles on the mean of its samples
                 before a period is whole if its estimated error is at most this, root mean square of display
                 values. ACCUMULATE: see `skip` of `Upscaler`. None: no tile is reused.
-            shaded: False if the frame's colour is extrapolated: then it adds no samples to the mean of what
-                stands still.
+            adds_samples: whether the frame adds samples to the mean of what stands still. Extrapolated frames
+                do not.
 
         Returns:
             The auxiliary outputs, NCHW, by name.

@@ -73,7 +73,7 @@ class ConvergingFrame(ResampledFrame):
     def still_samples(self, step: Step) -> StillSamples:
         """Return the buffers in the form that kernels take."""
         (w, h), (moving, moving_2x2, opens, opened) = self._size, self._planes
-        counts = float(step.shaded and step.frame.jitter != step.history.jitter)
+        counts = float(step.adds_samples and step.frame.jitter != step.history.jitter)
         return StillSamples(
             self._color, moving, moving_2x2, opens, opened, self.rows_opened, w, h, self.padded_width,
             step.inputs.exposure, self._learned_step, counts,
@@ -103,7 +103,9 @@ class Convergence:
         display, render = (width, height), step.frame.size
         still, still_2x2 = self._find_still(view)
         history, following = step.history, step.next_history
-        marked = still_2x2, history.means, history.ranges, following.means, following.ranges
+        marked = [history.means, history.ranges, following.means, following.ranges]
+        if step.adds_samples:
+            marked.append(still_2x2)
         if not any(tiles.any() for tiles in marked):
             _clear_converged(step, step.tiles.computed)
             return

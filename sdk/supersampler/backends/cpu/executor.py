@@ -45,7 +45,7 @@ class Step(NamedTuple):
         output: the other outputs.
         converged: (1, 1, H, pitch) to write the fraction of the mean to, if requested.
         tiles: the tiles to compute.
-        shaded: see `Executor.step`.
+        adds_samples: see `Executor.step`.
     """
 
     frame: Frame
@@ -55,7 +55,7 @@ class Step(NamedTuple):
     output: Output
     converged: Float32 | None
     tiles: Tiles
-    shaded: bool
+    adds_samples: bool
 
     @property
     def display(self) -> Size:
@@ -112,7 +112,7 @@ class CpuExecutor(ABC, Generic[Space]):
         aux_outputs: Collection[str],
         *,
         tolerance: float | None,
-        shaded: bool,
+        adds_samples: bool,
     ) -> Mapping[str, Float32]:
         """See `Executor`."""
         inputs, aux = frame_inputs(frame), AuxOutputs(aux_outputs, display)
@@ -127,7 +127,8 @@ class CpuExecutor(ABC, Generic[Space]):
             output, converged = aux.output(images[1][0][1], image), aux.planes.get("converged")
             with self._spaces.borrow(frame.size, display) as space:
                 self._compute_tiles(
-                    Step(frame, inputs, history, next_history, output, converged, tiles, shaded), space
+                    Step(frame, inputs, history, next_history, output, converged, tiles, adds_samples),
+                    space,
                 )
         else:
             next_history.keep_frame(history)

@@ -75,7 +75,7 @@ class OnnxExecutor:
         aux_outputs: Collection[str],
         *,
         tolerance: float | None,  # noqa: ARG002  # a graph computes every pixel
-        shaded: bool,
+        adds_samples: bool,
     ) -> Mapping[str, Float32]:
         """See `Executor`."""
         planes = np.empty((1, 3, *display[::-1]), np.float32)
@@ -87,7 +87,7 @@ class OnnxExecutor:
         given = frame_inputs(frame, display, [t.name for t in self._info.inputs])
         results = _values({**outputs, self._info.image.name: planes})
         self._run(_values(given), history, next_history, results)
-        if not shaded and self._info.converges:  # the graph has no input for it
+        if not adds_samples and self._info.converges:  # the graph has no input for it
             before, after = (np.asarray(h["history.still"].numpy()) for h in (history, next_history))
             next_history["history.still"].update_inplace(without_samples(after, before))
         np.copyto(image, planes[0].transpose(1, 2, 0))
