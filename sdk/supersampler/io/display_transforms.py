@@ -129,6 +129,10 @@ class DisplayTransform:
         return asdict(self)
 
 
+DEFAULT_TRANSFORM = DisplayTransform()
+"""Exposure of the frame, tone curve and sRGB, for light with the primaries of Rec. 709."""
+
+
 def display_transform_from(
     *,
     color_space: str = REC709,
