@@ -26,7 +26,8 @@ from supersampler.frame import Float32
 from supersampler.io.atomic import is_regular, is_there, remove_files, remove_partial_files
 from supersampler.io.display import display_transform, to_uint8
 from supersampler.io.display_transforms import DisplayTransform
-from supersampler.io.images import Metadata, write_exr, write_png
+from supersampler.io.image_reading import Metadata
+from supersampler.io.images import write_exr, write_png
 from supersampler.io.shot.frame_files import COLOR, aov_channels
 from supersampler.model import Model
 
