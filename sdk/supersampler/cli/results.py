@@ -25,9 +25,10 @@ from supersampler.errors import ShotError
 from supersampler.frame import Float32
 from supersampler.io.atomic import is_regular, is_there, remove_files, remove_partial_files
 from supersampler.io.display import display_transform, to_uint8
-from supersampler.io.images import Metadata, write_exr, write_png
+from supersampler.io.display_transforms import DisplayTransform
+from supersampler.io.image_reading import Metadata
+from supersampler.io.images import write_exr, write_png
 from supersampler.io.shot.frame_files import COLOR, aov_channels
-from supersampler.io.view_transform import ViewTransform
 from supersampler.model import Model
 
 _NAMES = re.compile(rf"\d{{4,}}\.(exr|png)|{'|'.join(map(re.escape, (FILE_NAME, *SINGLE)))}")
@@ -43,7 +44,7 @@ class Results:
         view: what PNG files show; by default exposure and the display transform.
     """
 
-    def __init__(self, folder: Path, formats: Sequence[str], view: ViewTransform | None = None) -> None:
+    def __init__(self, folder: Path, formats: Sequence[str], view: DisplayTransform | None = None) -> None:
         self.folder, self.formats, self._view = folder, tuple(formats), view
         self._record = RunRecord({})
 
