@@ -27,12 +27,11 @@ from supersampler.io.atomic import is_regular, is_there, remove_files, remove_pa
 from supersampler.io.display import display_transform, to_uint8
 from supersampler.io.display_transforms import DisplayTransform
 from supersampler.io.image_reading import Metadata
-from supersampler.io.images import write_exr, write_png
+from supersampler.io.images import half_pixels, write_exr, write_png
 from supersampler.io.shot.frame_files import COLOR, aov_channels
 from supersampler.model import Model
 
 _NAMES = re.compile(rf"\d{{4,}}\.(exr|png)|{'|'.join(map(re.escape, (FILE_NAME, *SINGLE)))}")
-_LARGEST_HALF = 65504.0
 
 
 class Results:
@@ -213,8 +212,7 @@ def _with_aovs(
     if aovs is not None:
         names += aov_names or (["A"] if aovs.shape[2] == 1 else aov_channels(aovs.shape[2]))
         arrays.append(aovs)
-    pixels = np.clip(np.concatenate(arrays, axis=-1), -_LARGEST_HALF, _LARGEST_HALF)
-    return pixels.astype(np.float16), names
+    return half_pixels(arrays), names
 
 
 def model_settings(model: Model) -> dict[str, object]:

@@ -77,6 +77,11 @@ def to_uint8(shown: Array) -> NDArray[np.uint8]:
     return (np.clip(shown, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
 
 
+def to_uint16(shown: Array) -> NDArray[np.uint16]:
+    """Round values in [0, 1] to 0..65535, to nearest; values outside are clamped."""
+    return (np.clip(shown, 0.0, 1.0) * 65535.0 + 0.5).astype(np.uint16)
+
+
 def auto_exposure(color: NDArray[Any]) -> float:
     """Return the exposure that maps an image's log-average luminance to 0.18.
 

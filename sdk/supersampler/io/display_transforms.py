@@ -50,8 +50,8 @@ class OcioView:
     def show(self, light: Float32, color_space: str) -> Float32:
         """Return (h, w, 3) values in [0, 1] of (h, w, 3) linear RGB in a colour space of the configuration.
 
-        OpenImageIO builds the processor anew in each call: 45 ms of CPU time for the studio config. It takes
-        no processor from Python, and keeps one for the configuration of the environment only.
+        OpenImageIO builds the processor anew in each call, which takes much less time than a large image: it
+        keeps processors only for the configuration of the environment.
         """
         result = ImageBufAlgo.ociodisplay(
             ImageBuf(np.ascontiguousarray(light)),
