@@ -106,7 +106,8 @@ def files_table(record: Record) -> str:
     caption = (
         f"CPU ms of a frame, all threads; what of it converts float32 to the file's type; size. The image is "
         f"the reference of frame {FRAME} of {SHOT}, mirrored until it fills the size, and brighter to the "
-        f"right, so that no part repeats; the other channels are the same image, darker. dwaa is lossy, at its default of 45. {machine_name(record)}."
+        f"right, so that no part repeats; the other channels are the same image, darker. dwaa is lossy, at "
+        f"its default of 45. {machine_name(record)}."
     )
     return table(["size", "channels:", "file", "CPU ms:", "converting:", "MB:"], rows, caption)
 

@@ -159,6 +159,13 @@ def test_integers_come_back_and_are_tagged_as_srgb(
     assert (tmp_path / name).read_bytes() == (tmp_path / f"again {name}").read_bytes()
 
 
+def test_a_png_of_another_display_is_tagged_as_its_encoding(tmp_path: Path) -> None:
+    write_png(tmp_path / "image.png", BYTES, "srgb_p3d65_display")
+    content = (tmp_path / "image.png").read_bytes()
+    assert b"cICP" + bytes([12, 13, 0, 1]) in content  # primaries of P3, curve of sRGB
+    assert b"sRGB" not in content
+
+
 def test_an_exr_states_its_colour_space_by_name_and_by_primaries(tmp_path: Path) -> None:
     path = tmp_path / "image.exr"
     write_exr(path, PIXELS, color_space="ACEScg")

@@ -13,7 +13,7 @@ from supersampler.errors import ShotError
 from supersampler.frame import Array
 from supersampler.io.atomic import NO_ROOM, replacing
 from supersampler.io.display import MAX_HALF
-from supersampler.io.display_transforms import STUDIO_CONFIG
+from supersampler.io.display_transforms import SRGB, STUDIO_CONFIG
 from supersampler.io.image_reading import NO_REASON, Channel, Metadata, last_reason
 
 Bytes: TypeAlias = NDArray[np.uint8]
@@ -77,25 +77,35 @@ def half_pixels(images: Sequence[Array]) -> NDArray[np.float16]:
     return pixels
 
 
-def write_png(path: Path | str, image: Levels) -> None:
-    """Write (h, w, 3) uint8 or uint16 pixels as PNG, atomically; the file says that they are sRGB.
+def write_png(path: Path | str, image: Levels, encoding: str = SRGB) -> None:
+    """Write pixels as PNG, atomically.
+
+    Args:
+        path: the file; its folder is created where it is missing.
+        image: (h, w, 3) uint8 or uint16.
+        encoding: of the pixels, by OpenImageIO's name; tags of the file state it.
 
     Raises:
         ShotError: the array has another shape or type, or the disk refused.
     """
     spec = _integer_spec(path, image, np.uint8, np.uint16)
-    spec.attribute("oiio:ColorSpace", "sRGB")
+    spec.attribute("oiio:ColorSpace", encoding)
     _write(path, spec, np.ascontiguousarray(image))
 
 
-def write_tiff(path: Path | str, image: Levels) -> None:
-    """Write (h, w, 3) uint8 or uint16 pixels as TIFF, deflated, atomically; the file says that they are sRGB.
+def write_tiff(path: Path | str, image: Levels, encoding: str = SRGB) -> None:
+    """Write pixels as TIFF, deflated, atomically.
+
+    Args:
+        path: the file; its folder is created where it is missing.
+        image: (h, w, 3) uint8 or uint16.
+        encoding: of the pixels, by OpenImageIO's name; TIFF has a tag for sRGB only.
 
     Raises:
         ShotError: the array has another shape or type, or the disk refused.
     """
     spec = _integer_spec(path, image, np.uint8, np.uint16)
-    spec.attribute("oiio:ColorSpace", "sRGB")
+    spec.attribute("oiio:ColorSpace", encoding)
     spec.attribute("compression", "zip")
     spec.attribute("DateTime", "")
     _write(path, spec, np.ascontiguousarray(image))
@@ -164,9 +174,7 @@ def _write(path: Path | str, spec: ImageSpec, pixels: NDArray[Any]) -> None:
         if target is None:
             raise ShotError(path, f"cannot be written ({last_reason(geterror) or NO_REASON})")
         done = target.open(str(partial), spec) and target.write_image(pixels)
-        message = last_reason(
-            target.geterror
-        )  # on a full disk the PNG writer returns True and leaves a message
+        message = last_reason(target.geterror)  # on a full disk the PNG writer returns True, with a message
         if not (target.close() and done) or message:
             reason = message or last_reason(target.geterror) or NO_REASON
             reason = reason.replace(partial.name, Path(path).name)
