@@ -1,6 +1,6 @@
 """`ImageOptions`: names, formats and encodings of the images of a run, and the writing of one frame."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from supersampler.io.image_reading import Metadata
 from supersampler.io.images import Bytes, half_pixels, write_exr, write_png, write_tiff
 from supersampler.io.shot.frame_files import COLOR, aov_channels
 
-VIDEO_FORMAT = "mp4"
+_VIDEO = "mp4"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,15 +101,15 @@ class ImageOptions:
         Raises:
             ShotError: the disk refused.
         """
-        shown = None
+        shown, encoding = None, self.transform.encoding
         if self._shows:
             shown = self.transform.show(output.image, output.exposure)
         for pattern in self.patterns:
             path = frame_path(folder, f"{below}{pattern}", number)
             if shown is not None and path.suffix == ".png":
-                write_png(path, to_uint8(shown) if self.bits == 8 else to_uint16(shown))
+                write_png(path, to_uint8(shown) if self.bits == 8 else to_uint16(shown), encoding)
             elif shown is not None and path.suffix == ".tif":
-                write_tiff(path, to_uint16(shown))
+                write_tiff(path, to_uint16(shown), encoding)
             else:
                 self._write_exr(path, output)
         return to_uint8(shown) if shown is not None and self.video else None
@@ -132,3 +132,25 @@ class ImageOptions:
             metadata=output.metadata,
             color_space=self.color_space,
         )
+
+
+def image_options(
+    formats: Iterable[str],
+    *,
+    name: str = "####",
+    transform: DisplayTransform = DEFAULT_TRANSFORM,
+    compression: str = "zip",
+    bits: int = 8,
+    color_space: str = REC709,
+) -> ImageOptions:
+    """Return the options of formats, "mp4" among them; ArgumentError where the name cannot be one of files."""
+    chosen = set(formats)
+    return ImageOptions(
+        formats=tuple(sorted(chosen - {_VIDEO})),
+        video=_VIDEO in chosen,
+        name=name,
+        transform=transform,
+        compression=compression,
+        bits=bits,
+        color_space=color_space,
+    )

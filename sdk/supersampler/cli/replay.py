@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from supersampler.cli.arguments import Executor, Format, Precision, parse_providers, printable, size_text
+from supersampler.cli.arguments import Executor, ImageFormat, Precision, parse_providers, printable, size_text
 
 if TYPE_CHECKING:
     from supersampler.cli.results import Results
@@ -21,7 +21,7 @@ def replay(
         Path | None, typer.Option("-o", "--output", help="Folder to write the images to.")
     ] = None,
     format: Annotated[  # noqa: A002  # the option's name
-        list[Format] | None, typer.Option(help="See `supersampler upscale`.", show_default="exr")
+        list[ImageFormat] | None, typer.Option(help="See `supersampler upscale`.", show_default="exr")
     ] = None,
     model: Annotated[
         str | None, typer.Option(help="A model folder, or a shipped model by name.", show_default="recorded")
@@ -68,7 +68,7 @@ def replay(
         precision=precision,
         providers=None if providers is None else parse_providers(providers),
     )
-    formats = sorted({item.value for item in format or [Format.exr]})
+    formats = sorted({item.value for item in format or [ImageFormat.exr]})
     results = None if output is None else _begun(replayed, output, formats, overwrite=overwrite)
     steps: list[Replayed] = []
     _say(*_machines(replayed))
