@@ -33,7 +33,8 @@ from supersampler.errors import ArgumentError
 from supersampler.frame import Float32, Frame
 from supersampler.io.atomic import replacing
 from supersampler.io.display import auto_exposure, decibels, display_transform
-from supersampler.io.images import read_exr, write_exr
+from supersampler.io.image_reading import read_exr
+from supersampler.io.images import write_exr
 from supersampler.io.shot import Shot
 from supersampler.io.shot.blender_render import import_render
 from supersampler.io.shot.render_record import read_render_record

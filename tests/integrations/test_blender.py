@@ -22,7 +22,7 @@ import supersampler
 from blender_files import HERE
 from blender_motion import camera_motion_of
 from supersampler.cli import app
-from supersampler.io.images import read_exr
+from supersampler.io.image_reading import read_exr
 from supersampler.io.shot import Shot, open_source
 from supersampler.io.shot.render_record import RenderRecord, read_render_record
 from supersampler.validation import detect_conventions

@@ -15,7 +15,8 @@ import pytest
 
 from supersampler import ArgumentError, Frame, FrameError, ShotError
 from supersampler.conventions import Conventions, RawFrame
-from supersampler.io.images import read_exr, write_exr
+from supersampler.io.image_reading import read_exr
+from supersampler.io.images import write_exr
 from supersampler.io.shot import Shot, ShotWriter, copy_shot
 from supersampler_model.data.scenes.analytic import Plane, checker
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from supersampler import ArgumentError, Frame, ShotError
-from supersampler.io.images import read_exr
+from supersampler.io.image_reading import read_exr
 from supersampler.io.shot import ClassMaps, Shot, ShotWriter, copy_shot, open_source
 from supersampler_model.data.scenes.analytic import Plane, checker
 

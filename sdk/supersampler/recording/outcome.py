@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from supersampler.frame import Array, Float32
 from supersampler.history import StepResult
-from supersampler.io.images import read_exr, write_exr
+from supersampler.io.image_reading import read_exr
+from supersampler.io.images import write_exr
 from supersampler.io.json_fields import Field
 from supersampler.io.shot.frame_files import COLOR, aov_channels, take, take_aovs
 

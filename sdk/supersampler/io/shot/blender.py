@@ -6,7 +6,7 @@ from pathlib import Path
 from supersampler.conventions import Conventions
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.frame import Size
-from supersampler.io.images import read_exr_channels
+from supersampler.io.image_reading import read_exr_channels
 from supersampler.io.shot.channels import import_channels
 from supersampler.io.shot.numbered import Jitter, numbered_files
 from supersampler.io.shot.shot import Shot

@@ -9,7 +9,7 @@ import numpy as np
 from supersampler.conventions import Conventions, RawFrame, camera_motion, jittered_projection
 from supersampler.errors import ShotError
 from supersampler.frame import GBUFFER_CHANNELS, Array, Float32, Size
-from supersampler.io.images import read_exr, read_exr_channels
+from supersampler.io.image_reading import read_exr, read_exr_channels
 from supersampler.io.shot.blender import aov_names, layer_map
 from supersampler.io.shot.format import FrameEntry, ShotInfo
 from supersampler.io.shot.frame_files import check_size, take

@@ -10,7 +10,7 @@ import numpy as np
 from supersampler.conventions import Conventions, RawFrame
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.frame import GBUFFER_CHANNELS, Array, Float32, Size
-from supersampler.io.images import read_exr
+from supersampler.io.image_reading import read_exr
 from supersampler.io.json_fields import Field, read_json
 from supersampler.io.shot.format import LARGEST_NUMBER, FrameEntry, ShotInfo
 from supersampler.io.shot.frame_files import check_size, read_reference, take

@@ -8,7 +8,7 @@ from typing import Literal, TypeAlias, get_args
 from supersampler.arguments import checked_choice
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.io.atomic import os_errors_as_shot_error
-from supersampler.io.images import read_exr_channels
+from supersampler.io.image_reading import read_exr_channels
 from supersampler.io.shot.arm import import_arm
 from supersampler.io.shot.blender import import_blender, is_blender
 from supersampler.io.shot.blender_render import import_render

@@ -25,7 +25,7 @@ from supersampler.io.atomic import (
     remove_partial_files,
     write_text,
 )
-from supersampler.io.images import Metadata
+from supersampler.io.image_reading import Metadata
 from supersampler.io.json_fields import read_json
 from supersampler.io.shot.format import FILE_NAME, FrameEntry, ShotInfo, files_of, load_shot_json, shot_json
 from supersampler.io.shot.frame_files import ClassMaps, has_display_file, write_frame, write_reference
