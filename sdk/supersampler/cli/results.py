@@ -25,7 +25,7 @@ from supersampler.errors import ShotError
 from supersampler.frame import Float32
 from supersampler.io.atomic import is_regular, is_there, remove_files, remove_partial_files
 from supersampler.io.display import display_transform, to_uint8
-from supersampler.io.image_reading import Metadata
+from supersampler.io.image_headers import Metadata
 from supersampler.io.images import write_exr, write_png
 from supersampler.io.shot.frame_files import COLOR, aov_channels
 from supersampler.io.view_transform import ViewTransform

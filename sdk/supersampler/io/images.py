@@ -11,7 +11,8 @@ from OpenImageIO import ImageOutput, ImageSpec, TypeDesc, geterror
 
 from supersampler.errors import ShotError
 from supersampler.io.atomic import NO_ROOM, replacing
-from supersampler.io.image_reading import NO_REASON, Channel, Metadata, last_reason
+from supersampler.io.image_headers import Metadata, TypedValues
+from supersampler.io.image_reading import NO_REASON, Channel, last_reason
 
 Bytes: TypeAlias = NDArray[np.uint8]
 
@@ -46,7 +47,10 @@ def write_exr(
         spec.channelformats = tuple(TypeDesc(kind) for kind in kinds)
     spec.attribute("compression", compression)
     for name, value in (metadata or {}).items():
-        spec.attribute(name, value)
+        if isinstance(value, TypedValues):
+            spec.attribute(name, TypeDesc(value.type), value.values)
+        else:
+            spec.attribute(name, value)
     spec.attribute("DateTime", "")  # otherwise OpenImageIO stores the time, and files of equal images differ
     pixels = np.stack([array.astype(np.float32, copy=False) for array in arrays], axis=-1)  # exact for half
     _write(path, spec, pixels)

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from supersampler.conventions import RawFrame
 from supersampler.errors import ShotError
 from supersampler.frame import Array, Float32, Size
-from supersampler.io.image_reading import Channel, Metadata, read_exr, read_exr_channels
+from supersampler.io.image_headers import Metadata
+from supersampler.io.image_reading import Channel, read_exr, read_exr_channels
 from supersampler.io.images import write_exr
 from supersampler.io.shot.format import FrameEntry
 

@@ -3,14 +3,14 @@
 from collections import deque
 from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from supersampler.conventions import Conventions, Converter, RawFrame
 from supersampler.errors import FrameError, ShotError
 from supersampler.frame import Float32, Frame, Size
 from supersampler.io.atomic import check_inside, is_file
-from supersampler.io.image_reading import Metadata, read_exr_metadata
+from supersampler.io.image_headers import Metadata, read_exr_metadata
 from supersampler.io.shot.format import FILE_NAME, FrameEntry, ShotInfo, files_of, load_shot_json
 from supersampler.io.shot.frame_files import ClassMaps, read_classes, read_frame, read_reference
 from supersampler.io.shot.shipped import path_or_shipped
@@ -45,6 +45,12 @@ class Shot:
     Memory does not grow with the number of frames. `Shot.open` reads this package's own folders;
     `open_source`, `import_blender`, `import_channels` and `import_arm` open other formats; `copy_shot` writes
     any Shot in this package's format.
+
+    Attributes:
+        path: the folder, its JSON file, or the .safetensors file.
+        info: properties of all frames.
+        ignored_channels: channels of the first frame's file that an importer does not read, though it carries
+            others as AOVs: ids, and other data that cannot be blended.
     """
 
     def __init__(
@@ -61,6 +67,7 @@ class Shot:
         self._stop_waiting = stop_waiting  # ends a `read_raw` that waits for a frame to appear
         self._entries, self._raw = tuple(entries), read_raw
         self._reference, self._classes = read_reference, read_classes
+        self.ignored_channels: tuple[str, ...] = ()
 
     @classmethod
     def open(cls, path: Path | str) -> "Shot":
@@ -143,6 +150,36 @@ class Shot:
     def reference_indices(self) -> list[int]:
         """Indices of the frames that have a reference."""
         return [index for index, entry in enumerate(self._entries) if entry.reference is not None]
+
+    def cropped(self, first: int, last: int) -> "Shot":
+        """Return a shot of the frames with these numbers, both included; its first frame resets the history.
+
+        Numbers before the first frame and after the last have no frame, and are no error.
+
+        Raises:
+            ShotError: no frame has such a number.
+        """
+        begin = max(first - self.first_number, 0)
+        entries = list(self._entries[begin : max(last + 1 - self.first_number, 0)])
+        if not entries:
+            numbers = f"{self.first_number} to {self.first_number + len(self) - 1}"
+            raise ShotError(self.path, f"has no frame from {first} to {last}", f"Its frames are {numbers}.")
+        entries[0] = replace(entries[0], reset=True)
+
+        def read_raw(index: int, gbuffers: Collection[str] | None) -> RawFrame:
+            return replace(self._raw(begin + index, gbuffers), reset=entries[index].reset)
+
+        shot = Shot(
+            self.path,
+            replace(self.info, first_number=self.first_number + begin),
+            entries,
+            read_raw,
+            lambda index: self._reference(begin + index),
+            lambda index: self._classes(begin + index),
+            self._stop_waiting,
+        )
+        shot.ignored_channels = self.ignored_channels
+        return shot
 
     def __len__(self) -> int:
         return len(self._entries)
