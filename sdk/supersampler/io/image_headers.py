@@ -7,7 +7,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from OpenImageIO import ImageSpec
 
-from supersampler.io.image_reading import opened
+from supersampler.io.image_reading import opened, read_types
 
 DEFAULT_COLOR_SPACE = "lin_rec709"
 UNKNOWN_COLOR_SPACE = "unknown"
@@ -49,6 +49,24 @@ _INTEROP_IDS = {
     "lin_rec709_scene": "lin_rec709", "lin_ap1_scene": "ACEScg", "lin_ap0_scene": "ACES2065-1",
     "lin_rec2020_scene": "lin_rec2020", "lin_p3d65_scene": "lin_p3d65",
 }  # fmt: skip
+
+
+class StoredAs(NamedTuple):
+    """How a file stores its colour.
+
+    Attributes:
+        format: "exr", "png", "tif"; "safetensors" for Arm's sequences.
+        type: "half", "float", "uint8", "uint16".
+    """
+
+    format: str
+    type: str
+
+
+def read_stored_as(path: Path | str, channel: str) -> StoredAs:
+    """Return how a file stores a channel; "half" where it has no such channel."""
+    with opened(path) as (_, kind):
+        return StoredAs(kind, read_types(path).get(channel, "half"))
 
 
 def read_exr_metadata(path: Path | str) -> Metadata:

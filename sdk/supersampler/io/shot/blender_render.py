@@ -91,7 +91,10 @@ def rendered_shot(
             aov_names=names,
         )
 
-    return Shot(folder, info, entries, read_raw, _no_reference, stop_waiting=stop_waiting)
+    color = f"{scene.layer}.Combined.R"
+    return Shot(
+        folder, info, entries, read_raw, _no_reference, stop_waiting=stop_waiting, color_channel=color
+    )
 
 
 def frame_file(number: int) -> str:
@@ -114,7 +117,8 @@ def _arrays(
         for name, channels in names.items()
         if gbuffers is None or name not in GBUFFER_CHANNELS or f"gbuffer_{name}" in gbuffers
     }
-    channels = read_exr(path, only=[name for each in wanted.values() for name in each])
+    only = [name for each in wanted.values() for name in each]
+    channels = read_exr(path, only=only, outside={names["depth"][0]: _SKY})
     check_size(path, channels, scene.render_size)
     arrays = {name: take(path, channels, each) for name, each in wanted.items()}
     arrays["depth"] = arrays["depth"].astype(np.float32, copy=False)

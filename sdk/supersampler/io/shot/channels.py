@@ -1,5 +1,6 @@
 """Import EXR sequences in any layout, by a map from our names to their channels."""
 
+import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,13 +12,15 @@ from supersampler.conventions import Conventions, RawFrame
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.frame import GBUFFER_CHANNELS, Array, Float32, Size
 from supersampler.io.image_headers import read_color_space
-from supersampler.io.image_reading import read_image
+from supersampler.io.image_reading import read_image, read_types
 from supersampler.io.json_fields import Field, read_json
 from supersampler.io.shot.format import LARGEST_NUMBER, FrameEntry, ShotInfo
-from supersampler.io.shot.frame_files import check_size, read_reference, take
+from supersampler.io.shot.frame_files import check_size, read_reference, sky_depth, take
 from supersampler.io.shot.numbered import Jitter, Range, file_names, numbered_files, of_range, read_jitter
 from supersampler.io.shot.shot import Shot
 
+_INTEGERS = ("uint8", "uint16")
+_MAPPED = re.compile(r"(.*\.(?:exr|png|tiff?)):(.*)", re.DOTALL)
 MAP_FILE_NAME = "channels.json"
 ChannelMap: TypeAlias = Mapping[str, str | Sequence[str]]
 _COUNTS: Mapping[str, int] = {"color": 3, "depth": 1, "motion": 2, **GBUFFER_CHANNELS, "reference": 3}
@@ -75,7 +78,9 @@ def import_channels(
     if not all(isinstance(index, int | np.integer) and 0 <= index <= found.last_index for index in cuts):
         raise ArgumentError("cuts", got=list(cuts), want=f"indices of frames, 0 to {found.last_index}")
     offsets = read_jitter(found.folder, jitter, found.indices)
-    first = found.read_raw(0, offsets[0], reset=True)
+    found.check_types(conventions)
+    sky = sky_depth(conventions)
+    first = found.read_raw(0, offsets[0], reset=True, sky=sky)
     height, width = first.depth.shape
     if display_size is None and found.references:
         image = found.read_reference(found.numbers.index(next(iter(found.references))))
@@ -98,13 +103,16 @@ def import_channels(
 
     def raw_frame(index: int, gbuffers: Collection[str] | None) -> RawFrame:
         jitter, reset = entries[index].jitter, entries[index].reset
-        raw = found.read_raw(index, jitter, reset=reset, render_size=info.render_size, gbuffers=gbuffers)
+        raw = found.read_raw(
+            index, jitter, reset=reset, sky=sky, render_size=info.render_size, gbuffers=gbuffers
+        )
         return replace(raw, aov_names=info.aov_names or None)
 
     def reference(index: int) -> Float32:
         return found.read_reference(index, info.display_size)
 
-    return Shot(found.folder, info, entries, raw_frame, reference)
+    color = found.sources["color"].channels[0] if "color" in found.sources else "R"
+    return Shot(found.folder, info, entries, raw_frame, reference, color_channel=color)
 
 
 def import_described_channels(
@@ -169,6 +177,7 @@ class _MappedFiles:
         self.last_index = max(numbers) - min(numbers)
         self.references = {} if reference is None else _references(folder, reference.pattern, self.numbers)
         self._reference_channels = () if reference is None else reference.channels
+        self._reference_pattern = "" if reference is None else reference.pattern
 
     def frame_file(self, index: int) -> Path:
         """Return the file of a frame's colour; of its depth where it has no colour."""
@@ -184,12 +193,39 @@ class _MappedFiles:
             shaded="color" in self.sources,
         )
 
+    def check_types(self, conventions: Conventions) -> None:
+        """Check the first files: integers are for sRGB colour and its AOVs, such as alpha.
+
+        Raises:
+            ShotError: depth, motion, a G-buffer or a reference holds integers.
+            ArgumentError: colour does, and the conventions do not say that it is sRGB-encoded.
+        """
+        first = {pattern: files[self.numbers[0]] for pattern, files in self.files.items()}
+        if self.references:
+            first[self._reference_pattern] = next(iter(self.references.values()))
+        sources = {**self.sources, "reference": _Source(self._reference_pattern, self._reference_channels)}
+        for name, source in sources.items():
+            if source.pattern not in first:
+                continue
+            path, types = first[source.pattern], read_types(first[source.pattern])
+            kinds = {types[channel] for channel in source.channels if channel in types}
+            if kinds.isdisjoint(_INTEGERS) or name == "aovs":
+                continue
+            if name != "color":
+                hint = "Write it as EXR, or as TIFF with 32-bit floating point."
+                raise ShotError(path, f"holds {name} as {kinds.pop()}; want half or float", hint)
+            if not conventions.srgb:
+                hint = "Linear light in so few steps shows bands; write it as half."
+                got = f"without srgb=True, and {path.name} holds {kinds.pop()}"
+                raise ArgumentError("conventions", got=got, want="srgb=True for integers", hint=hint)
+
     def read_raw(
         self,
         index: int,
         jitter: tuple[float, float],
         *,
         reset: bool,
+        sky: float,
         render_size: Size | None = None,
         gbuffers: Collection[str] | None = None,
     ) -> RawFrame:
@@ -204,7 +240,8 @@ class _MappedFiles:
             if not sources:
                 continue
             path, names = files[self.numbers[index]], [n for s in sources.values() for n in s.channels]
-            channels = read_image(path, only=names)
+            outside = dict.fromkeys(self.sources["depth"].channels if "depth" in sources else (), sky)
+            channels = read_image(path, only=names, outside=outside)
             if set(sources) != {"motion"}:  # motion vectors in a file of their own may have display size
                 check_size(path, channels, render_size)
             arrays |= {name: take(path, channels, source.channels) for name, source in sources.items()}
@@ -243,13 +280,13 @@ def _parsed(channel_map: ChannelMap, files: str) -> dict[str, _Source]:
 
 
 def _source(name: str, texts: Sequence[str], files: str) -> _Source:
-    """Split `pattern:channel`; a channel's name may contain colons, a pattern ends in .exr."""
-    parts = [text.rpartition(".exr:") for text in texts]
-    patterns = {f"{pattern}.exr" if separator else files for pattern, separator, _ in parts}
+    """Split `pattern:channel`; a channel's name may contain colons, a pattern ends in .exr, .png or .tif."""
+    parts = [(found[1], found[2]) if (found := _MAPPED.fullmatch(text)) else (files, text) for text in texts]
+    patterns = {pattern for pattern, _ in parts}
     if len(patterns) != 1:
         got = f"files of {' and '.join(sorted(patterns))}"
         raise ArgumentError(f"channel_map[{name!r}]", got=got, want="channels of one file")
-    return _Source(patterns.pop(), tuple(channel for _, _, channel in parts))
+    return _Source(patterns.pop(), tuple(channel for _, channel in parts))
 
 
 def _common_numbers(folder: Path, files: Mapping[str, dict[int, Path]]) -> list[int]:

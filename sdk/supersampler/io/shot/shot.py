@@ -10,9 +10,9 @@ from supersampler.conventions import Conventions, Converter, RawFrame
 from supersampler.errors import FrameError, ShotError
 from supersampler.frame import Float32, Frame, Size
 from supersampler.io.atomic import check_inside, is_file
-from supersampler.io.image_headers import Metadata, read_exr_metadata
+from supersampler.io.image_headers import Metadata, StoredAs, read_exr_metadata, read_stored_as
 from supersampler.io.shot.format import FILE_NAME, FrameEntry, ShotInfo, files_of, load_shot_json
-from supersampler.io.shot.frame_files import ClassMaps, read_classes, read_frame, read_reference
+from supersampler.io.shot.frame_files import ClassMaps, read_classes, read_frame, read_reference, sky_depth
 from supersampler.io.shot.shipped import path_or_shipped
 
 _AHEAD = 2  # frames that are read in advance
@@ -62,12 +62,14 @@ class Shot:
         read_reference: Callable[[int], Float32],
         read_classes: Callable[[int], ClassMaps | None] = lambda _: None,
         stop_waiting: Callable[[], None] = lambda: None,
+        color_channel: str = "R",
     ) -> None:
         self.path, self.info = path, info
         self._stop_waiting = stop_waiting  # ends a `read_raw` that waits for a frame to appear
         self._entries, self._raw = tuple(entries), read_raw
         self._reference, self._classes = read_reference, read_classes
         self.ignored_channels: tuple[str, ...] = ()
+        self._color_channel = color_channel
 
     @classmethod
     def open(cls, path: Path | str) -> "Shot":
@@ -86,11 +88,18 @@ class Shot:
         folder = description.parent
         info, entries = load_shot_json(description)
         _check_files(description, entries)
+        sky = sky_depth(info.conventions)
 
         def raw_frame(index: int, gbuffers: Collection[str] | None) -> RawFrame:
             size = entries[index].render_size or info.render_size
             return read_frame(
-                folder, entries[index], size, info.display_size, gbuffers, aov_names=info.aov_names
+                folder,
+                entries[index],
+                size,
+                info.display_size,
+                gbuffers,
+                sky=sky,
+                aov_names=info.aov_names,
             )
 
         def reference(index: int) -> Float32:
@@ -147,6 +156,14 @@ class Shot:
         return self.info.first_number
 
     @property
+    def stored_as(self) -> StoredAs:
+        """Format and type of the colour in the first frame's file; its header is read."""
+        path = self.source / self._entries[0].file
+        if path.suffix == ".safetensors":
+            return StoredAs("safetensors", "half")
+        return read_stored_as(path, self._color_channel)
+
+    @property
     def reference_indices(self) -> list[int]:
         """Indices of the frames that have a reference."""
         return [index for index, entry in enumerate(self._entries) if entry.reference is not None]
@@ -177,6 +194,7 @@ class Shot:
             lambda index: self._reference(begin + index),
             lambda index: self._classes(begin + index),
             self._stop_waiting,
+            self._color_channel,
         )
         shot.ignored_channels = self.ignored_channels
         return shot
