@@ -49,8 +49,8 @@ def read_exr(
         Channel name to (h, w) array; half stays float16, float stays float32, uint stays uint32.
 
     Raises:
-        ShotError: the file is missing, truncated, not EXR or deep, has parts of different sizes, a data
-            window that is not allowed, or exceeds `supersampler.io.limits`.
+        ShotError: the file is missing, truncated, not EXR or deep, has a data window that is not allowed,
+            or exceeds `supersampler.io.limits`.
     """
     return read_image(path, only=only, without=without, outside=outside, formats=("exr",))
 
@@ -66,32 +66,29 @@ def read_image(
     """Read the channels of an EXR, PNG or TIFF file, as `read_exr` does.
 
     Integers of PNG and TIFF are returned as float32, value / largest value; a palette as its colours. RGB is
-    not multiplied by alpha.
+    not multiplied by alpha. Of a TIFF with several pages the first is read.
     """
     wanted, unwanted = None if only is None else frozenset(only), frozenset(without)
     image: dict[str, Channel] = {}
-    with opened(path, formats) as (source, _):
-        for part, names in enumerate(_part_names(source, path)):
+    with opened(path, formats) as (source, kind):
+        for part, names in enumerate(_part_names(source, path, kind)):
             chosen = frozenset(names if wanted is None else wanted.intersection(names)) - unwanted
             if chosen:
                 image.update(_read_part(source, part, names, chosen, path, outside))
-    if len(sizes := {array.shape[::-1] for array in image.values()}) > 1:
-        found = " and ".join(f"{width}x{height}" for width, height in sorted(sizes))
-        raise ShotError(path, f"has parts of different sizes, {found}", "Write them to files of their own.")
     return image
 
 
 def read_exr_channels(path: Path | str) -> list[str]:
     """Return the channel names of `read_exr` from the file's header, without reading pixels."""
-    with opened(path, ("exr",)) as (source, _):
-        return [name for names in _part_names(source, path) for name in names]
+    with opened(path, ("exr",)) as (source, kind):
+        return [name for names in _part_names(source, path, kind) for name in names]
 
 
 def read_types(path: Path | str) -> dict[str, str]:
     """Return the channels of `read_image` with their types: "half", "float", "uint", "uint8", "uint16"."""
-    with opened(path) as (source, _):
+    with opened(path) as (source, kind):
         types: dict[str, str] = {}
-        for part, names in enumerate(_part_names(source, path)):
+        for part, names in enumerate(_part_names(source, path, kind)):
             source.seek_subimage(part, 0)
             spec = source.spec()
             types |= {name: str(spec.channelformat(index)) for index, name in enumerate(names)}
@@ -136,8 +133,13 @@ def opened(path: Path | str, formats: Collection[str] = FORMATS) -> Iterator[tup
         raise ShotError(path, "claims more pixels than there is memory for", _DAMAGED) from error
 
 
-def _part_names(source: ImageInput, path: Path | str) -> list[list[str]]:
-    """Return the channel names of each part; in a multi-part file they begin with the part's name."""
+def _part_names(source: ImageInput, path: Path | str, kind: str) -> list[list[str]]:
+    """Return the channel names of each part; in a multi-part EXR file they begin with the part's name.
+
+    Of other formats only the first image is read: further pages of a TIFF are often small copies.
+    """
+    if kind != "exr":
+        return [list(source.spec().channelnames)]
     parts: list[tuple[str, list[str]]] = []
     count = 0
     while source.seek_subimage(len(parts), 0):
