@@ -4,8 +4,7 @@
 
 plan.json beside the scene's file says what goes wrong: "error" or "crash" before the first frame; "error at",
 "crash at" or "hang at" a frame's number; "wait at" a number "for" a file. "ocio" is the file of the
-view transform. A video is its settings. It prints "Fra:7" for each frame,
-as Blender does.
+view transform. It prints "Fra:7" for each frame, as Blender does.
 """
 
 import json
@@ -29,9 +28,6 @@ def stop(error: str) -> None:
 
 def main() -> None:
     settings = json.loads(Path(sys.argv[-1]).read_text())
-    if Path(sys.argv[-3]).name == "encode_video.py":
-        Path(settings["video"]).write_text(json.dumps(settings))
-        return
     record = json.loads((RECORDED / "render.json").read_text())
     plan = json.loads(Path(settings["blend"]).with_name("plan.json").read_text())
     print("Blender 4.5.15 LTS")

@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from OpenImageIO import UINT8, ImageBuf
 from typer.testing import CliRunner, Result
 
 import supersampler
@@ -257,38 +256,6 @@ def test_the_camera_that_is_named_is_rendered_whatever_the_markers_say(tmp_path:
         assert done.exit_code == 0, done.output
     for marked, plain in zip(*(rendered(tmp_path / n)[1].cameras for n in ("marked", "plain")), strict=True):
         np.testing.assert_allclose(marked.matrix, plain.matrix, atol=1e-6)
-
-
-def test_a_video_shows_the_frames_as_blender_does(tmp_path: Path) -> None:
-    done = render(
-        tmp_path, "--samples", 1, "--format", "png", "--video", "--method", "bilinear", size=[95, 63]
-    )
-    assert done.exit_code == 0, done.output
-    script, still = tmp_path / "script.py", tmp_path / "still.png"
-    script.write_text(DECODE)
-    said = run_in_blender(script, str(tmp_path / "out" / "video.mp4"), str(still))
-    assert "found (94, 62) 3 24.0" in said
-    images = (ImageBuf(str(path)).get_pixels(UINT8) for path in (still, tmp_path / "out" / "0006.png"))
-    light = [np.asarray(image)[-62:, :94, :3] @ [0.2126, 0.7152, 0.0722] for image in images]
-    assert np.abs(light[0] - light[1]).mean() < 4  # of 255; mp4 has half the colours
-
-
-DECODE = """
-import sys
-import bpy
-
-video, still = sys.argv[-2:]
-bpy.ops.wm.read_factory_settings(use_empty=True)
-clip, scene = bpy.data.movieclips.load(video), bpy.context.scene
-print("found", tuple(clip.size), clip.frame_duration, round(clip.fps, 3))
-editor = scene.sequence_editor_create()
-strips = getattr(editor, "strips", None) or editor.sequences
-strips.new_movie("movie", video, 1, 1, fit_method="ORIGINAL")
-scene.view_settings.view_transform = "Standard"
-scene.render.resolution_x, scene.render.resolution_y = clip.size
-scene.render.image_settings.file_format, scene.render.filepath = "PNG", still
-bpy.ops.render.render(write_still=True)
-"""
 
 
 def test_each_other_frame_is_refused_as_motion_leads_to_the_one_before(tmp_path: Path) -> None:

@@ -1,6 +1,5 @@
 """Tests of `supersampler blender` with a recorded render: resuming, errors, frames upscaled meanwhile."""
 
-import json
 import os
 import re
 import signal
@@ -187,37 +186,16 @@ def view(tmp_path: Path) -> dict[str, str]:
     return {"ocio": str(path)}
 
 
-def test_a_video_is_of_the_png_files_and_made_again_with_new_ones(
+def test_a_view_that_is_missing_is_one_line_before_the_first_result(
     tmp_path: Path, view: dict[str, str]
 ) -> None:
-    wrong = one_line(blender(tmp_path, "--video"))
-    assert "--video is without PNG files; want --format png besides" in wrong
-    options, video = ("--format", "png", "--video"), tmp_path / "out" / "video.mp4"
-    video.parent.mkdir()
-    video.write_bytes(b"mine")
-    assert "video.mp4: is there already" in one_line(blender(tmp_path, *options, **view))
-    assert video.read_bytes() == b"mine"
-    video.unlink()
-    for frames, numbers in (("5-6", [5, 6]), ("5-8", [5, 6, 7, 8])):
-        done = blender(tmp_path, *options, "--frames", frames, **view)
-        assert done.exit_code == 0, done.output
-        said = json.loads(video.read_text())
-        assert [Path(name) for name in said["images"]] == [tmp_path / f"out/{n:04d}.png" for n in numbers]
-        assert (said["size"], said["frame_rate"]) == ([96, 64], 24.0)
-    again = blender(tmp_path, *options, program="nowhere", **view)
-    assert again.exit_code == 0, again.output  # it is there, and newer than its images
-
-
-def test_a_blender_that_writes_no_video_is_one_line_and_the_frames_stay(
-    tmp_path: Path, view: dict[str, str]
-) -> None:
-    program = fake_blender(tmp_path)
-    fails = 'case "$*" in *encode_video*) echo "no codec"; exit 1; esac; exec'
-    program.write_text(program.read_text().replace("exec", fails))
-    line = one_line(blender(tmp_path, "--format", "png", "--video", program=program, **view))
-    assert "video.mp4: Blender wrote no video; it said: no codec. Has it FFmpeg?" in line
+    Path(view["ocio"]).write_text(OCIO.replace("name: AgX", "name: Filmic"))
+    assert "view is 'AgX'; want one of Filmic" in one_line(blender(tmp_path, "--format", "png", **view))
+    assert not list((tmp_path / "out").glob("*.png"))
+    Path(view["ocio"]).write_text(OCIO)
+    done = blender(tmp_path, "--format", "png", **view)
+    assert done.exit_code == 0, done.output
     assert len(list((tmp_path / "out").glob("*.png"))) == 4
-    assert not (tmp_path / "out" / "video.mp4").exists()
 
 
 def test_a_locked_scene_and_a_folder_that_cannot_be_written_are_one_line(

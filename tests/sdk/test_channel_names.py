@@ -18,7 +18,7 @@ COLOR, DEPTH, MOTION = ["R", "G", "B"], ["Z"], ["motion.X", "motion.Y"]
 def write_one(folder: Path, *channels: str) -> Path:
     """One frame whose channels hold their place in the list."""
     image: dict[str, np.ndarray] = {
-        name: np.full((6, 8), index / 16, dtype) for index, name in enumerate(channels)
+        name: np.full((6, 8), index / 16, np.float32) for index, name in enumerate(channels)
     }
     write_exr(folder / "f.0001.exr", image)
     return folder

@@ -11,9 +11,19 @@ import pytest
 from numpy.typing import NDArray
 from OpenImageIO import ImageInput
 
+from supersampler.aux_outputs import LEGENDS
 from supersampler.errors import ArgumentError
 from supersampler.frame import Frame
-from supersampler.io.compare import ERROR_SCALE, PSNR, About, compare_layers, compare_page, false_color
+from supersampler.io.compare import (
+    ERROR_SCALE,
+    MEANINGS,
+    PSNR,
+    About,
+    compare_layers,
+    compare_page,
+    false_color,
+)
+from supersampler.io.display_transforms import display_transform_from
 
 ABOUT = About(title="a <b>shot</b> </script>", method="taau", display_size=(8, 6))
 
@@ -50,9 +60,16 @@ def test_the_summary_lists_frames_layers_and_numbers(html: str) -> None:
     assert content["layers"] == ["input", "output", "class map"]
     assert content["numbers"] == ["dB"]
     assert content["frames"] == [
-        {"index": 3, "layers": ["input", "output"], "numbers": {}},
-        {"index": 5, "layers": ["input", "output", "class map"], "numbers": {"dB": 30.0}},
+        {"number": 3, "layers": ["input", "output"], "numbers": {}},
+        {"number": 5, "layers": ["input", "output", "class map"], "numbers": {"dB": 30.0}},
     ]
+
+
+def test_the_page_explains_each_usual_layer_and_number(html: str) -> None:
+    assert summary(html)["meanings"] == MEANINGS
+    assert {*LEGENDS, "input", "bicubic", "output", "reference", "error", PSNR} <= set(MEANINGS)
+    assert html.count("meaning(name)") == 2  # of facts and of numbers
+    assert 'title: page.meanings[layer] ?? ""' in html
 
 
 def test_text_from_a_shot_cannot_become_markup(html: str) -> None:
@@ -96,7 +113,7 @@ def test_a_page_without_frames_is_not_written(tmp_path: Path) -> None:
 def test_frames_out_of_order_are_refused(tmp_path: Path) -> None:
     with compare_page(tmp_path / "compare.html", ABOUT) as page:
         page.add(2, {"output": pixels(0)})
-        with pytest.raises(ArgumentError, match="index is 2; want frames in order, more than 2"):
+        with pytest.raises(ArgumentError, match="number is 2; want frames in order, more than 2"):
             page.add(2, {"output": pixels(0)})
 
 
@@ -110,6 +127,16 @@ def test_error_and_psnr_are_those_of_the_shown_images() -> None:
     assert list(layers) == ["input", "output", "reference", "error"]
     assert numbers[PSNR] == pytest.approx(-20 * np.log10(shown), abs=1e-4)
     np.testing.assert_array_equal(layers["error"], false_color(np.full((6, 8), shown / ERROR_SCALE)))
+
+
+def test_bicubic_stands_between_input_and_output_as_the_transform_shows_it() -> None:
+    color = np.full((3, 4, 3), 0.25, np.float32)
+    frame = Frame(color=color, depth=color[..., 0], motion=color[..., :2], jitter=(0.0, 0.0))
+    large = np.full((6, 8, 3), 0.25, np.float32)
+    srgb = display_transform_from(srgb=True)
+    layers, _ = compare_layers(frame, large, large, 3.0, bicubic=large * 2, transform=srgb)
+    assert list(layers) == ["input", "bicubic", "output", "reference", "error"]
+    assert [int(layer[0, 0, 0]) for layer in layers.values()] == [137, 188, 137, 137, 0]
 
 
 def test_a_frame_without_a_reference_has_no_error() -> None:

@@ -1,12 +1,15 @@
 """`supersampler blender`: renders a .blend file small, and upscales each frame while the next one renders."""
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from supersampler.cli.arguments import Compare, Format, parse_size
-from supersampler.errors import ArgumentError
+
+if TYPE_CHECKING:
+    from supersampler.io.display_transforms import DisplayTransform
+    from supersampler.io.shot.render_record import RenderedScene
 
 Engine = Literal["cycles", "eevee", "workbench"]
 
@@ -49,10 +52,6 @@ def blender(
             show_default="exr",
         ),
     ] = None,
-    video: Annotated[
-        bool,
-        typer.Option("--video", help="Also write video.mp4 of the PNG files; Blender encodes it (H.264)."),
-    ] = False,
     compare: Compare = False,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace render and results of an earlier run.")
@@ -73,15 +72,9 @@ def blender(
     from rich.console import Console
 
     from supersampler.cli.run import UpscaleJob, run_job
-    from supersampler.cli.run_record import VIDEO
-    from supersampler.integrations.blender.process import find_blender
     from supersampler.integrations.blender.render import RenderRequest, frame_range, rendering
-    from supersampler.integrations.blender.video import write_video
-    from supersampler.io.view_transform import ViewTransform
 
     formats = sorted({item.value for item in format or [Format.exr]})
-    if video and "png" not in formats:
-        raise ArgumentError("--video", got="without PNG files", want="--format png besides")
     console = Console(stderr=True, highlight=False)
     request = RenderRequest(
         blend=scene_file,
@@ -104,13 +97,24 @@ def blender(
             compare=compare,
             overwrite=overwrite,
             holds_shot=True,
-            view=ViewTransform(config=render.scene.ocio, **render.scene.view),
-            video=video,
+            view=None if formats == ["exr"] else _view_of(render.scene),
             console=console,
         )
-        results = run_job(job)
-        if video and not results.is_newest(VIDEO):
-            images, size = results.images("png", len(render.shot)), render.scene.display_size
-            path = results.begin_file(VIDEO)
-            write_video(find_blender(blender), images, size, render.scene.frame_rate, path)
+        run_job(job)
     typer.echo(f"Frames: {output}")
+
+
+def _view_of(scene: "RenderedScene") -> "DisplayTransform":
+    """Return the view that Blender shows the scene with; ShotError or ArgumentError if it is missing."""
+    from supersampler.io.display_transforms import ocio_transform
+
+    view = scene.view
+    return ocio_transform(
+        scene.ocio,
+        view["display"],
+        view["view"],
+        look=view["look"],
+        color_space="scene_linear",
+        stops=view["exposure"],
+        gamma=view["gamma"],
+    )

@@ -25,14 +25,13 @@ from supersampler.errors import ShotError
 from supersampler.frame import Float32
 from supersampler.io.atomic import is_regular, is_there, remove_files, remove_partial_files
 from supersampler.io.display import display_transform, to_uint8
+from supersampler.io.display_transforms import DisplayTransform
 from supersampler.io.image_headers import Metadata
-from supersampler.io.images import write_exr, write_png
+from supersampler.io.images import half_pixels, write_exr, write_png
 from supersampler.io.shot.frame_files import COLOR, aov_channels
-from supersampler.io.view_transform import ViewTransform
 from supersampler.model import Model
 
 _NAMES = re.compile(rf"\d{{4,}}\.(exr|png)|{'|'.join(map(re.escape, (FILE_NAME, *SINGLE)))}")
-_LARGEST_HALF = 65504.0
 
 
 class Results:
@@ -44,7 +43,7 @@ class Results:
         view: what PNG files show; by default exposure and the display transform.
     """
 
-    def __init__(self, folder: Path, formats: Sequence[str], view: ViewTransform | None = None) -> None:
+    def __init__(self, folder: Path, formats: Sequence[str], view: DisplayTransform | None = None) -> None:
         self.folder, self.formats, self._view = folder, tuple(formats), view
         self._record = RunRecord({})
 
@@ -213,8 +212,7 @@ def _with_aovs(
     if aovs is not None:
         names += aov_names or (["A"] if aovs.shape[2] == 1 else aov_channels(aovs.shape[2]))
         arrays.append(aovs)
-    pixels = np.clip(np.concatenate(arrays, axis=-1), -_LARGEST_HALF, _LARGEST_HALF)
-    return pixels.astype(np.float16), names
+    return half_pixels(arrays), names
 
 
 def model_settings(model: Model) -> dict[str, object]:

@@ -3,7 +3,7 @@
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
@@ -31,8 +31,8 @@ from supersampler.history import StepResult
 from supersampler.io.atomic import check_apart
 from supersampler.io.compare import ERROR_LEGEND, About, ComparePage, compare_layers, compare_page, versions
 from supersampler.io.display import ExposureMeter
+from supersampler.io.display_transforms import DisplayTransform
 from supersampler.io.shot import Shot
-from supersampler.io.view_transform import ViewTransform
 from supersampler.methods.model_file import find_model, read_model_info
 from supersampler.model import Model, Precision, Skip
 from supersampler.presets import PresetName, chosen
@@ -79,7 +79,7 @@ class UpscaleJob:
     record: Path | None = None
     overwrite: bool = False
     holds_shot: bool = False
-    view: ViewTransform | None = None
+    view: DisplayTransform | None = None
     video: bool = False
     console: Console = field(default_factory=lambda: Console(stderr=True, highlight=False))
 
@@ -168,7 +168,7 @@ def _settings(job: UpscaleJob, upscaler: Upscaler) -> dict[str, object]:
         "extrapolation": None if extrapolation is None else dict(extrapolation.files),
         "display size": size_text(upscaler.display_size),
         "formats": list(job.formats),
-        "view": None if job.view is None else asdict(job.view),
+        "view": None if job.view is None else job.view.to_json(),
     }
 
 

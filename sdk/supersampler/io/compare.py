@@ -26,7 +26,8 @@ import numpy as np
 from supersampler.errors import ArgumentError
 from supersampler.frame import Array, Float32, Frame, Size
 from supersampler.io.atomic import replacing
-from supersampler.io.display import decibels, display_transform, to_uint8
+from supersampler.io.display import decibels, to_uint8
+from supersampler.io.display_transforms import DEFAULT_TRANSFORM, DisplayTransform
 from supersampler.io.images import Bytes, encode_jpeg, encode_png
 from supersampler.io.machine import installed_versions
 
@@ -34,6 +35,25 @@ ERROR_SCALE = 0.25
 """The largest error that the false colours show, in units of the display range."""
 
 PSNR = "PSNR (dB)"
+MEANINGS: Mapping[str, str] = {
+    "input": "The frame as it was rendered, with its jitter, at its own size.",
+    "bicubic": "This frame alone, its jitter removed, enlarged by Catmull-Rom interpolation.",
+    "output": "The image that the method made of this frame and those before it.",
+    "reference": "The ideal image, rendered at display size with many samples of each pixel.",
+    "error": "Mean over r, g and b of the absolute difference between output and reference.",
+    "classes": "Class of each pixel: disoccluded, changed in light, aliased, or none of these.",
+    "weight": "Share of the history in each pixel of the output.",
+    "count": "Number of samples that each pixel of the history has accumulated.",
+    "converged": "Where the output is the mean of accumulated samples, because nothing moves.",
+    "work": "Tiles that were computed for this frame; the others were reused.",
+    PSNR: "Peak signal-to-noise ratio of output and reference as they are shown; higher is better.",
+    "method": "Name of the method that made the output.",
+    "size": "Width and height of the input, and of the output.",
+    "runs on": "ONNX Runtime provider, backend and precision of the network.",
+    "frames": "Number of frames in the shot; the page has the last of them.",
+}
+"""One sentence on each usual layer, number and fact; a page shows it while the pointer is over the name."""
+
 _JPEG_QUALITY = 92
 _PNG_PIXELS = 65536  # up to this many, PNG costs little and shows pixels as they are
 _ERROR_COLORS = ((0, 0, 0), (50, 32, 112), (146, 46, 130), (226, 96, 76), (248, 176, 64), (255, 246, 190))
@@ -76,6 +96,7 @@ class About:
         facts: names and values shown beside the title, in order.
         notes: lines of the footnote.
         legends: legends of layers in false colours, by layer.
+        meanings: sentences on layers, numbers and facts, by name.
     """
 
     title: str
@@ -85,6 +106,7 @@ class About:
     facts: Mapping[str, str] = field(default_factory=dict)
     notes: Sequence[str] = ()
     legends: Mapping[str, Legend] = field(default_factory=lambda: {"error": ERROR_LEGEND})
+    meanings: Mapping[str, str] = field(default_factory=lambda: dict(MEANINGS))
 
 
 class ComparePage:
@@ -95,27 +117,27 @@ class ComparePage:
         self._frames: list[dict[str, Any]] = []
 
     def add(
-        self, index: int, layers: Mapping[str, Bytes], numbers: Mapping[str, float] | None = None
+        self, number: int, layers: Mapping[str, Bytes], numbers: Mapping[str, float] | None = None
     ) -> None:
         """Encode and write one frame.
 
         Args:
-            index: index in the shot; larger than the previous one.
+            number: the shot's own number of the frame, >= 0; larger than the previous one.
             layers: name to (h, w, 3) uint8 sRGB image of any size, shown stretched to the display size.
                 Frames may have different layers.
             numbers: name to value; the page shows those of each frame, and their mean.
 
         Raises:
-            ArgumentError: the index is not larger than the last.
+            ArgumentError: the number is not larger than the last.
         """
-        last = self._frames[-1]["index"] if self._frames else -1
-        if index <= last:
-            raise ArgumentError("index", got=index, want=f"frames in order, more than {last}")
+        last = self._frames[-1]["number"] if self._frames else -1
+        if number <= last:
+            raise ArgumentError("number", got=number, want=f"frames in order, more than {last}")
         for name, pixels in layers.items():
-            tag = f'<script type="text/plain" id="{index}/{escape(name)}">'
+            tag = f'<script type="text/plain" id="{number}/{escape(name)}">'
             self._file.write(f"{tag}{_data_uri(pixels)}</script>\n")
         numbers = {name: value for name, value in (numbers or {}).items() if np.isfinite(value)}
-        self._frames.append({"index": index, "layers": list(layers), "numbers": numbers})
+        self._frames.append({"number": number, "layers": list(layers), "numbers": numbers})
 
     def finish(self) -> None:
         """Write the captions of all frames; ArgumentError where there is no frame."""
@@ -153,7 +175,13 @@ def compare_page(path: Path | str, about: About) -> Iterator[ComparePage]:
 
 
 def compare_layers(
-    frame: Frame, image: Float32, reference: Float32 | None, exposure: float
+    frame: Frame,
+    image: Float32,
+    reference: Float32 | None,
+    exposure: float,
+    *,
+    bicubic: Float32 | None = None,
+    transform: DisplayTransform = DEFAULT_TRANSFORM,
 ) -> tuple[dict[str, Bytes], dict[str, float]]:
     """Return the usual layers and numbers of one frame, for `ComparePage.add`.
 
@@ -162,17 +190,22 @@ def compare_layers(
         image: (H, W, 3) linear RGB, the output.
         reference: linear RGB, or None. A reference of another size is shown, but not compared.
         exposure: > 0, for all images of the frame.
+        bicubic: (H, W, 3) linear RGB: what the method `bicubic` makes of the frame; None: no such layer.
+        transform: maps all images to what is shown.
 
     Returns:
-        The layers input, output, reference, error as uint8 sRGB, and the PSNR over the whole frame. Error and
-        PSNR need a reference of the image's size.
+        The layers input, bicubic, output, reference, error as uint8, and the PSNR over the whole frame. Error
+        and PSNR need a reference of the image's size.
     """
-    shown = display_transform(image, exposure)
-    layers = {} if frame.color is None else {"input": to_uint8(display_transform(frame.color, exposure))}
+    shown = transform.show(image, exposure)
+    before = {"input": frame.color, "bicubic": bicubic}
+    layers = {
+        name: to_uint8(transform.show(each, exposure)) for name, each in before.items() if each is not None
+    }
     layers["output"] = to_uint8(shown)
     if reference is None:
         return layers, {}
-    truth = display_transform(reference, exposure)
+    truth = transform.show(reference, exposure)
     layers["reference"] = to_uint8(truth)
     if truth.shape != shown.shape:
         return layers, {}

@@ -29,7 +29,7 @@ CEILING_DB = 100.0
 """The PSNR of equal images, finite for means and JSON."""
 
 _DARKEST = 1e-4  # least luminance in the logarithmic average
-_MAX_HALF = 65504.0
+MAX_HALF = 65504.0
 _LARGEST = 1e30  # exposure; its product with an image still fits single precision
 _ADAPTATION = 0.1  # part of the way, in stops, that exposure moves in one frame
 _OUTLIER = 64.0  # a larger factor between two frames' exposures needs a second frame to confirm it
@@ -53,8 +53,8 @@ def display_transform(image: Array, exposure: float = 1.0) -> Float32:
     if number is None or not 0.0 < number <= _LARGEST:
         raise ArgumentError("exposure", got=shown(exposure), want=f"a number > 0, at most {_LARGEST:g}")
     light = checked_image("image", image)
-    exposed = np.nan_to_num(light.astype(np.float32, copy=False), nan=0.0, posinf=_MAX_HALF, neginf=0.0)
-    exposed = np.clip(exposed, 0.0, _MAX_HALF) * np.float32(number)
+    exposed = np.nan_to_num(light.astype(np.float32, copy=False), nan=0.0, posinf=MAX_HALF, neginf=0.0)
+    exposed = np.clip(exposed, 0.0, MAX_HALF) * np.float32(number)
     toned = exposed / (1.0 + exposed.max(axis=-1, keepdims=True))
     return np.clip(srgb_encoded(toned), 0.0, 1.0)
 
@@ -77,6 +77,11 @@ def to_uint8(shown: Array) -> NDArray[np.uint8]:
     return (np.clip(shown, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
 
 
+def to_uint16(shown: Array) -> NDArray[np.uint16]:
+    """Round values in [0, 1] to 0..65535, to nearest; values outside are clamped."""
+    return (np.clip(shown, 0.0, 1.0) * 65535.0 + 0.5).astype(np.uint16)
+
+
 def auto_exposure(color: NDArray[Any]) -> float:
     """Return the exposure that maps an image's log-average luminance to 0.18.
 
@@ -93,7 +98,7 @@ def auto_exposure(color: NDArray[Any]) -> float:
         ArgumentError: it is not of that shape, or has no numbers.
     """
     color = checked_image("color", color)
-    usable = color[((color >= 0.0) & (color <= _MAX_HALF)).all(axis=-1)].astype(np.float32, copy=False)
+    usable = color[((color >= 0.0) & (color <= MAX_HALF)).all(axis=-1)].astype(np.float32, copy=False)
     if not usable.size:
         return EXPOSURE_KEY / _DARKEST
     logs = np.log(np.maximum(usable @ BT709, _DARKEST))

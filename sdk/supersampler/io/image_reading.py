@@ -46,7 +46,8 @@ def read_exr(
         outside: values where the data window is smaller than the display window; None refuses such a file.
 
     Returns:
-        Channel name to (h, w) array; half stays float16, float stays float32, uint stays uint32.
+        Channel name to (h, w) array; half stays float16, float stays float32, uint stays uint32. The arrays
+        may be views of one that interleaves them.
 
     Raises:
         ShotError: the file is missing, truncated, not EXR or deep, has a data window that is not allowed,
@@ -184,7 +185,9 @@ def _read_part(
     if size_bytes > IMAGE_BYTES:
         problem = f"has {size_bytes >> 30} GiB of pixels; want at most {IMAGE_BYTES >> 30}"
         raise ShotError(path, problem, _DAMAGED)
-    pixels = source.read_image(part, 0, begin, indices[-1] + 1, "float")
+    kinds = {str(spec.channelformat(index)) for index in indices}
+    kind = "half" if kinds == {"half"} else "float"  # of mixed types, two reads would decompress twice
+    pixels = source.read_image(part, 0, begin, indices[-1] + 1, kind)
     if pixels is None:
         reason = last_reason(source.geterror) or NO_REASON
         raise ShotError(path, f"cannot be read to its end ({reason})", _DAMAGED)
@@ -199,8 +202,7 @@ def _plane(source: ImageInput, part: int, index: int, pixels: NDArray[Any]) -> C
         whole = source.read_image(part, 0, index, index + 1, "uint")
         if whole is not None:
             return whole[..., 0]
-    plane = np.ascontiguousarray(pixels)
-    return plane.astype(np.float16) if kind == "half" else plane
+    return pixels.astype(np.float16, copy=False) if kind == "half" else pixels
 
 
 def _covers_display(spec: ImageSpec) -> bool:

@@ -182,7 +182,7 @@ def take(path: Path, channels: Mapping[str, Channel], names: Sequence[str]) -> A
             problem = f"channel {name} is {channels[name].dtype}; want half or float"
             raise ShotError(path, problem, "Write it as 16- or 32-bit floating point.")
     arrays = [channels[name] for name in names]
-    return arrays[0] if len(arrays) == 1 else np.stack(arrays, axis=-1)
+    return np.ascontiguousarray(arrays[0]) if len(arrays) == 1 else np.stack(arrays, axis=-1)
 
 
 def check_size(path: Path, channels: Mapping[str, Channel], size: Size | None) -> None:

@@ -5,6 +5,7 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TypeAlias
 
 from supersampler.conventions import Conventions, Converter, RawFrame
 from supersampler.errors import FrameError, ShotError
@@ -14,8 +15,11 @@ from supersampler.io.image_headers import Metadata, StoredAs, read_exr_metadata,
 from supersampler.io.shot.format import FILE_NAME, FrameEntry, ShotInfo, files_of, load_shot_json
 from supersampler.io.shot.frame_files import ClassMaps, read_classes, read_frame, read_reference, sky_depth
 from supersampler.io.shot.shipped import path_or_shipped
+from supersampler.io.stage_times import StageTimes
 
 _AHEAD = 2  # frames that are read in advance
+_READERS = 2  # a frame with many channels takes longer to unpack than to step
+_Stored: TypeAlias = tuple[RawFrame, Float32 | None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -39,7 +43,7 @@ class Shot:
     """A sequence of rendered frames on disk.
 
     >>> shot = Shot.open("plaza")
-    >>> for item in shot:  # read by one thread, two frames ahead
+    >>> for item in shot:  # read by threads, two frames ahead
     ...     image = upscaler.step(item.frame)
 
     Memory does not grow with the number of frames. `Shot.open` reads this package's own folders;
@@ -205,28 +209,57 @@ class Shot:
     def __iter__(self) -> Iterator[ShotFrame]:
         return self.frames()
 
-    def frames(self, start: int = 0, *, gbuffers: Collection[str] | None = None) -> Iterator[ShotFrame]:
-        """Iterate over the frames from `start` on, in order; one thread reads two frames ahead.
+    def frames(
+        self,
+        start: int = 0,
+        stop: int | None = None,
+        *,
+        gbuffers: Collection[str] | None = None,
+        times: StageTimes | None = None,
+    ) -> Iterator[ShotFrame]:
+        """Iterate over the frames from `start` on, in order; two threads read ahead, one converts.
 
-        An error is raised when its frame is reached. The thread ends with the iterator.
+        An error is raised when its frame is reached. The threads end with the iterator.
 
         Args:
             start: index of the first frame.
+            stop: index after the last frame; None is the end.
             gbuffers: G-buffers to read, by their names in `Model.info.gbuffers`; None reads all.
+            times: takes the times of the stages "read" and "convert".
         """
+        times = StageTimes() if times is None else times
         converter = converter_at(self.info, self._entries, start)
         waiting: deque[Future[ShotFrame]] = deque()
-        pool = ThreadPoolExecutor(1, thread_name_prefix="shot")
+        readers = ThreadPoolExecutor(_READERS, thread_name_prefix="shot-read")
+        converting = ThreadPoolExecutor(1, thread_name_prefix="shot-convert")  # its state follows the order
+
+        def load(index: int, stored: Future[_Stored]) -> ShotFrame:
+            raw, reference = stored.result()
+            with times.measure("convert"):
+                return self._converted(index, raw, reference, converter)
+
+        def read(index: int) -> _Stored:
+            with times.measure("read"):
+                return self.read_raw(index, gbuffers=gbuffers), self.read_reference(index)
+
         try:
-            for index in range(start, len(self)):
-                waiting.append(pool.submit(self._load, index, converter, gbuffers))
+            for index in range(start, len(self) if stop is None else min(stop, len(self))):
+                waiting.append(converting.submit(load, index, readers.submit(read, index)))
                 if len(waiting) > _AHEAD:
                     yield waiting.popleft().result()
             while waiting:
                 yield waiting.popleft().result()
         finally:
             self._stop_waiting()
-            pool.shutdown(cancel_futures=True)
+            converting.shutdown(wait=False, cancel_futures=True)
+            readers.shutdown(cancel_futures=True)
+            converting.shutdown()
+
+    def last_cut(self, index: int) -> int:
+        """Return the index of the last frame up to `index` that resets the history; 0 where none does."""
+        while 0 < index < len(self) and not self._entries[index].reset:
+            index -= 1
+        return index
 
     def read(self, index: int) -> ShotFrame:
         """Read one frame by its index.
@@ -237,7 +270,8 @@ class Shot:
         """
         if not 0 <= index < len(self):
             raise IndexError(f"frame {index} of {len(self)}")
-        return self._load(index, converter_at(self.info, self._entries, index))
+        converter = converter_at(self.info, self._entries, index)
+        return self._converted(index, self.read_raw(index), self.read_reference(index), converter)
 
     def read_raw(self, index: int, *, gbuffers: Collection[str] | None = None) -> RawFrame:
         """Read one frame as stored, without its reference; for `gbuffers` see `frames`."""
@@ -256,8 +290,9 @@ class Shot:
         path = self.source / self._entries[index].file
         return read_exr_metadata(path) if path.suffix == ".exr" else {}
 
-    def _load(self, index: int, converter: Converter, gbuffers: Collection[str] | None = None) -> ShotFrame:
-        raw, reference = self.read_raw(index, gbuffers=gbuffers), self.read_reference(index)
+    def _converted(
+        self, index: int, raw: RawFrame, reference: Float32 | None, converter: Converter
+    ) -> ShotFrame:
         try:
             frame = converter.to_frame(raw)
         except FrameError as error:
