@@ -9,7 +9,7 @@ from supersampler.errors import ArgumentError
 from supersampler.frame import Float32
 from supersampler.io.display import to_uint8, to_uint16
 from supersampler.io.display_transforms import DEFAULT_TRANSFORM, REC709, DisplayTransform
-from supersampler.io.image_reading import Metadata
+from supersampler.io.image_headers import Metadata
 from supersampler.io.images import Bytes, half_pixels, write_exr, write_png, write_tiff
 from supersampler.io.shot.frame_files import COLOR, aov_channels
 

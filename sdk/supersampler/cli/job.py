@@ -128,8 +128,7 @@ class UpscaleJob:
         return {
             **model_settings(upscaler.model),
             "shot": str(self.shot.path.resolve()),
-            FIRST: self.shot.first_number,
-            **({} if self.numbers is None else {FRAMES: str(self.numbers)}),
+            **({FIRST: self.shot.first_number} if self.numbers is None else {FRAMES: str(self.numbers)}),
             PREROLL_SETTING: None if not self.has_preroll else PREROLL if self.preroll is None else self.preroll,
             "render size": size_text(self.shot.render_size),
             "conventions": self.shot.conventions.to_json(),

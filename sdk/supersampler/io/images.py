@@ -14,7 +14,8 @@ from supersampler.frame import Array
 from supersampler.io.atomic import NO_ROOM, replacing
 from supersampler.io.display import MAX_HALF
 from supersampler.io.display_transforms import SRGB, STUDIO_CONFIG
-from supersampler.io.image_reading import NO_REASON, Channel, Metadata, last_reason
+from supersampler.io.image_headers import Metadata, TypedValues
+from supersampler.io.image_reading import NO_REASON, Channel, last_reason
 
 Bytes: TypeAlias = NDArray[np.uint8]
 Levels: TypeAlias = NDArray[np.uint8] | NDArray[np.uint16]
@@ -56,7 +57,10 @@ def write_exr(
         spec.channelformats = tuple(TypeDesc(kind) for kind in kinds)
     spec.attribute("compression", compression)
     for name, value in (metadata or {}).items():
-        spec.attribute(name, value)
+        if isinstance(value, TypedValues):
+            spec.attribute(name, TypeDesc(value.type), value.values)
+        else:
+            spec.attribute(name, value)
     if color_space is not None:
         _state_color_space(spec, color_space)
     spec.attribute("DateTime", "")  # otherwise OpenImageIO stores the time, and files of equal images differ
