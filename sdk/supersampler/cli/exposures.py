@@ -25,7 +25,7 @@ def exposures(
     conventions: ConventionsOption = None,
     cuts: CutsOption = None,
 ) -> None:
-    """Measure the exposure of each frame of SHOT, for `supersampler upscale --frames RANGES --exposures FILE`.
+    """Measure the exposure of each frame of SHOT, for `supersampler upscale --frames --exposures FILE`.
 
     Exposure that is not given with the frames is measured, and follows the light with a delay: it depends on
     all frames since the last cut. With this file a chunk of the shot begins with the exposure that the whole

@@ -7,12 +7,12 @@ from supersampler.io.shot import Shot
 from supersampler.io.shot.frame_numbers import FrameNumbers
 
 PREROLL = 32
-"""Frames before the first one of a range from which its history is built. docs/how-to/farm.md has the table."""
+"""Frames before a range that build its history; docs/how-to/farm.md has the table."""
 
 
 @dataclass(frozen=True, slots=True)
 class Stretch:
-    """Indices of consecutive frames to step through: `start`, which begins without a history, to `stop` - 1."""
+    """Indices of frames to step through: `start`, which begins without a history, to `stop` - 1."""
 
     start: int
     stop: int
@@ -43,7 +43,10 @@ class FramePlan:
             return []
         index = self.numbers[position] - self.first_number
         return [
-            Stretch(max(stretch.start, shot.last_cut(min(max(index, stretch.start), stretch.stop - 1))), stretch.stop)
+            Stretch(
+                max(stretch.start, shot.last_cut(min(max(index, stretch.start), stretch.stop - 1))),
+                stretch.stop,
+            )
             for stretch in self.stretches
             if stretch.stop > index
         ]
@@ -64,7 +67,9 @@ def plan_frames(shot: Shot, numbers: FrameNumbers | None, preroll: int) -> Frame
     begin, end = shot.first_number, shot.first_number + len(shot) - 1
     if numbers is None:
         return FramePlan(FrameNumbers(((begin, end),)), (Stretch(0, len(shot)),), begin)
-    missing = next((number for a, b in numbers.ranges for number in (a, b) if not begin <= number <= end), None)
+    missing = next(
+        (number for a, b in numbers.ranges for number in (a, b) if not begin <= number <= end), None
+    )
     if missing is not None:
         raise ShotError(shot.path, f"has no frame {missing}", f"Its frames are {begin} to {end}.")
     stretches: list[Stretch] = []

@@ -143,7 +143,7 @@ def image_options(
     bits: int = 8,
     color_space: str = REC709,
 ) -> ImageOptions:
-    """Return the options of formats, "mp4" among them; ArgumentError where the name cannot be one of files."""
+    """Return the options of formats, "mp4" among them; ArgumentError where files cannot have the name."""
     chosen = set(formats)
     return ImageOptions(
         formats=tuple(sorted(chosen - {_VIDEO})),

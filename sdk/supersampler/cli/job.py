@@ -123,13 +123,19 @@ class UpscaleJob:
         )
 
     def settings(self, upscaler: Upscaler) -> dict[str, object]:
-        """Return all that the images depend on. The number of frames is left out, as a shot may still grow."""
-        extrapolation = None if self.extrapolation is None else read_model_info(find_model(self.extrapolation))
+        """Return all that the images depend on, but the number of frames: a shot may still grow."""
+        extrapolation = (
+            None if self.extrapolation is None else read_model_info(find_model(self.extrapolation))
+        )
         return {
             **model_settings(upscaler.model),
             "shot": str(self.shot.path.resolve()),
             **({FIRST: self.shot.first_number} if self.numbers is None else {FRAMES: str(self.numbers)}),
-            PREROLL_SETTING: None if not self.has_preroll else PREROLL if self.preroll is None else self.preroll,
+            PREROLL_SETTING: None
+            if not self.has_preroll
+            else PREROLL
+            if self.preroll is None
+            else self.preroll,
             "render size": size_text(self.shot.render_size),
             "conventions": self.shot.conventions.to_json(),
             "skip": upscaler.skip,

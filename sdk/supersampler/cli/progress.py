@@ -1,7 +1,6 @@
 """Progress of a run: a bar on a terminal, a line now and then in a log, a line of JSON for each frame."""
 
 import json
-import sys
 import time
 from types import TracebackType
 from typing import Any
@@ -73,4 +72,6 @@ class RunProgress:
 
 def _clock(seconds: float) -> str:
     minutes, seconds = divmod(round(seconds), 60)
-    return f"{minutes // 60}:{minutes % 60:02d}:{seconds:02d}" if minutes >= 60 else f"{minutes}:{seconds:02d}"
+    return (
+        f"{minutes // 60}:{minutes % 60:02d}:{seconds:02d}" if minutes >= 60 else f"{minutes}:{seconds:02d}"
+    )

@@ -86,7 +86,11 @@ class Results:
         for other in self._others:
             if other.numbers.overlaps(wanted.numbers):
                 self._check_same(other, settings, but=(FIRST, FRAMES, PREROLL))
-        names = [name for name, is_wanted in zip(wanted.single, (page, self.options.video), strict=True) if is_wanted]
+        names = [
+            name
+            for name, is_wanted in zip(wanted.single, (page, self.options.video), strict=True)
+            if is_wanted
+        ]
         self._check_free(wanted, frame_count, names)
         self._check_recording(recording)
         if overwrite:
@@ -201,7 +205,9 @@ class Results:
         before = earlier.settings
         for key in (key for key in wanted if key not in but):
             if before.get(key) != json.loads(json.dumps(wanted[key])):
-                problem = f"images of another run are there: {key} was {before.get(key)}, is now {wanted[key]}"
+                problem = (
+                    f"images of another run are there: {key} was {before.get(key)}, is now {wanted[key]}"
+                )
                 start_over = "" if but else ", or --overwrite to start over"
                 raise ShotError(self.folder, problem, f"Choose another folder{start_over}.")
 

@@ -33,6 +33,7 @@ from supersampler.upscaler import Upscaler
 COMPARE_FRAMES = 64
 """Number of frames, the last ones, in a page: browsers load larger pages slowly."""
 
+
 class Written(NamedTuple):
     """A frame of which all files are written."""
 
@@ -107,7 +108,9 @@ class _Run:
         if job.profile:
             print_profile(job.console, self._times, self._upscaler.stats.frames, wall, cpu)
         stats = self._upscaler.stats
-        progress.event("end", frames=stats.frames, seconds=round(wall, 3), step_seconds=round(stats.seconds, 3))
+        progress.event(
+            "end", frames=stats.frames, seconds=round(wall, 3), step_seconds=round(stats.seconds, 3)
+        )
 
     def _video(self) -> AbstractContextManager[VideoWriter]:
         shot, size = self._job.shot, self._upscaler.display_size or self._job.shot.render_size

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 
 from supersampler.aux_outputs import LEGENDS, aux_output_layers
 from supersampler.cli.arguments import size_text

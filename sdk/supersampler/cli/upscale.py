@@ -89,7 +89,9 @@ def upscale(
     name: Annotated[
         str | None,
         typer.Option(
-            metavar="NAME.####", help="Names of results; #### is the number.", show_default="those of the frames"
+            metavar="NAME.####",
+            help="Names of results; #### is the number.",
+            show_default="those of the frames",
         ),
     ] = None,
     compression: Annotated[Compression, typer.Option(help="Of EXR; dwaa loses a little.")] = "zip",
@@ -190,7 +192,9 @@ def upscale(
         "cuts": cuts,
         "reference": reference,
         "color_space": color_space,
-        "frames": None if numbers is None else _to_open(numbers, PREROLL if preroll is None else preroll, measured=exposures is None),
+        "frames": None
+        if numbers is None
+        else _to_open(numbers, PREROLL if preroll is None else preroll, measured=exposures is None),
     }
     shown = {"ocio": ocio, "display": display, "view": view, "look": look, "exposure": exposure}
     settings: dict[str, Any] = {
@@ -260,15 +264,17 @@ def _image_options(
     """Return the options of the images of a shot; sRGB-encoded frames come back as they were by default."""
     from supersampler.cli.image_options import image_options
 
-    stored = shot.stored_as
-    same = shot.conventions.srgb and stored.format in ("png", "tif")
+    stored, srgb, space = shot.stored_as, shot.conventions.srgb, shot.info.color_space
+    same = srgb and stored.format in ("png", "tif")
     return image_options(
         [item.value for item in formats] if formats else [stored.format if same else "exr"],
         name=shot.info.file_names if name is None else re.sub(r"%0?(\d*)d", _hashes, name),
-        transform=display_transform_of(color_space=shot.color_space, srgb=shot.conventions.srgb, **shown),
+        transform=display_transform_of(
+            color_space=shot.info.color_space, srgb=shot.conventions.srgb, **shown
+        ),
         compression=compression,
         bits=16 if same and stored.type == "uint16" else 8,
-        color_space=shot.color_space,
+        color_space=space,
     )
 
 

@@ -101,7 +101,9 @@ class ShotWriter:
             self._continue(resume)
         self._begun = self._read_note()
         names = re.compile(rf"\d{{4,}}\.exr|{re.escape(self._description.name)}")
-        remove_partial_files(self.path, names.fullmatch, (self._frames_below.rstrip("/"), _DISPLAY, _REFERENCE))
+        remove_partial_files(
+            self.path, names.fullmatch, (self._frames_below.rstrip("/"), _DISPLAY, _REFERENCE)
+        )
 
     def __len__(self) -> int:
         """Return the number of complete frames."""
