@@ -170,10 +170,9 @@ def test_a_killed_run_has_listed_what_it_wrote_and_continues(
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == -9
     record = read_run_record(out)
     assert record is not None
-    assert record.files == {"####.exr": 3}
-    assert [path.name for path in record.own_files(out)] == ["0000.exr", "0001.exr", "0002.exr"][
-        : 2 + (not before)
-    ]
+    there = sorted(path.name for path in out.glob("[0-9]*.exr"))
+    assert 1 <= len(there) < COUNT  # several threads write
+    assert [path.name for path in record.own_files(out)] == there
     assert run(*arguments).exit_code == 0
     assert sorted(content(out)) == ["0000.exr", "0001.exr", "0002.exr", "0003.exr", "upscale.json"]
 
