@@ -9,7 +9,7 @@ from supersampler import ArgumentError, ShotError
 from supersampler.conventions import Conventions
 from supersampler.io.images import write_exr
 from supersampler.io.shot import copy_shot, import_named_channels, open_source
-from supersampler.io.shot.channel_names import recognised_map
+from supersampler.io.shot.channel_names import _NAMES, recognised_map
 
 OURS = Conventions()
 COLOR, DEPTH, MOTION = ["R", "G", "B"], ["Z"], ["motion.X", "motion.Y"]
@@ -126,3 +126,13 @@ def test_references_of_recognised_frames_are_found_by_number(tmp_path: Path) -> 
     reference = shot.read(0).reference
     assert reference is not None
     assert (reference == 2).all()
+
+
+def test_the_documentation_lists_every_name() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "shots.md").read_text("utf-8")
+    for ours, (bases, endings) in _NAMES.items():
+        row = next(line for line in page.splitlines() if line.startswith(f"| `{ours}` | ") and "`." in line)
+        for base in filter(None, bases):
+            assert f"`{base}`" in row
+        for ending in endings:
+            assert " ".join(f".{letter.upper()}" for letter in ending) in row
