@@ -4,12 +4,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from supersampler import ArgumentError, ShotError
+from supersampler.cli import app
 from supersampler.conventions import Conventions
+from supersampler.io.image_headers import TypedValues
+from supersampler.io.image_reading import read_exr
 from supersampler.io.images import write_exr
-from supersampler.io.shot import copy_shot, import_named_channels, open_source
-from supersampler.io.shot.channel_names import recognised_map
+from supersampler.io.shot import Shot, copy_shot, import_named_channels, open_source
+from supersampler.io.shot.channel_names import _NAMES, recognised_map
 
 OURS = Conventions()
 COLOR, DEPTH, MOTION = ["R", "G", "B"], ["Z"], ["motion.X", "motion.Y"]
@@ -118,6 +122,18 @@ def test_other_channels_are_aovs_by_their_names_and_data_is_ignored_by_name(tmp_
     assert copy_shot(shot, tmp_path / "out").info.aov_names == shot.info.aov_names
 
 
+def test_import_prints_what_is_not_read_and_unknown_primaries(tmp_path: Path) -> None:
+    write_one(tmp_path / "in", *COLOR, *DEPTH, *MOTION, "crypto00.R", "P.X")
+    primaries = TypedValues("float[8]", (0.5, 0.3, 0.2, 0.7, 0.1, 0.1, 0.3, 0.3))
+    frame = tmp_path / "in" / "f.0001.exr"
+    write_exr(frame, read_exr(frame), metadata={"chromaticities": primaries})
+    arguments = ["import", str(tmp_path / "in"), "-o", str(tmp_path / "out"), "--conventions", "{}"]
+    done = CliRunner().invoke(app, arguments)
+    assert "Not read, as they cannot be blended: P.X, crypto00.R" in done.stdout
+    assert "Unknown primaries in the files' headers. State the colour space: --color-space" in done.stdout
+    assert Shot.open(tmp_path / "out").info.color_space == "unknown"
+
+
 def test_references_of_recognised_frames_are_found_by_number(tmp_path: Path) -> None:
     write_one(tmp_path, *COLOR, *DEPTH, *MOTION)
     write_exr(tmp_path / "reference" / "r.0001.exr", np.full((12, 16, 3), 2, np.float32))
@@ -126,3 +142,13 @@ def test_references_of_recognised_frames_are_found_by_number(tmp_path: Path) -> 
     reference = shot.read(0).reference
     assert reference is not None
     assert (reference == 2).all()
+
+
+def test_the_documentation_lists_every_name() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "shots.md").read_text("utf-8")
+    for ours, (bases, endings) in _NAMES.items():
+        row = next(line for line in page.splitlines() if line.startswith(f"| `{ours}` | ") and "`." in line)
+        for base in filter(None, bases):
+            assert f"`{base}`" in row
+        for ending in endings:
+            assert " ".join(f".{letter.upper()}" for letter in ending) in row

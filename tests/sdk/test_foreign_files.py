@@ -129,6 +129,14 @@ def test_a_shot_of_any_depth_has_the_sky_outside(
         assert (opened.read(0).frame.depth[:, WIDTH:] == 0).all()
 
 
+def test_a_display_window_that_would_take_too_much_memory_is_refused(tmp_path: Path) -> None:
+    names = tuple(f"c{index:02d}" for index in range(17))
+    spec = spec_of(names, width=1, height=1, full_width=1 << 15, full_height=1 << 12)
+    path = write_parts(tmp_path / "large.exr", (spec, np.zeros((1, 1, 17), np.float32)))
+    with pytest.raises(ShotError, match=r"large\.exr: has 8 GiB of pixels; want at most 8"):
+        read_exr(path, outside={})
+
+
 def test_deep_pixels_are_refused_by_name(tmp_path: Path) -> None:
     import OpenImageIO
 

@@ -11,6 +11,7 @@ from supersampler.cli.source_options import (
     JitterOption,
     LayoutOption,
     open_with,
+    source_notes,
 )
 
 
@@ -40,6 +41,8 @@ def check(
     detection = detect_conventions(opened, frames=frames)
     typer.echo(f"{printable(opened.name)}: {min(frames, len(opened))} of {len(opened)} frames")
     typer.echo(f"G-buffers: {listed(names_of(opened.read_raw(0)))}")
+    for note in source_notes(opened):
+        typer.echo(note)
     typer.echo(detection.summary())
     if not detection.agrees:
         raise typer.Exit(1)

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from supersampler.cli.arguments import printable, size_text
+from supersampler.cli.arguments import size_text
 from supersampler.cli.source_options import (
     ChannelsOption,
     ColorSpaceOption,
@@ -16,6 +16,7 @@ from supersampler.cli.source_options import (
     LayoutOption,
     ReferenceOption,
     open_with,
+    source_notes,
 )
 
 
@@ -67,6 +68,6 @@ def import_shot(
     with Console(stderr=True).status(f"copying {len(shot)} frames"):
         written = copy_shot(shot, output, resume=True)
     typer.echo(f"{len(written)} frames of {size_text(written.render_size)} in {output}")
-    if shot.ignored_channels:
-        typer.echo(f"Not copied: {printable(', '.join(shot.ignored_channels))}")
+    for note in source_notes(shot):
+        typer.echo(note)
     typer.echo(f"Next: supersampler check {output}")

@@ -181,7 +181,8 @@ def _read_part(
         raise ShotError(path, problem, "Render it without a crop region.")
     indices = [index for index, name in enumerate(names) if name in wanted]
     begin = indices[0]
-    size_bytes = spec.width * spec.height * (indices[-1] + 1 - begin) * np.dtype(np.float32).itemsize
+    area = max(spec.width * spec.height, spec.full_width * spec.full_height)
+    size_bytes = area * (indices[-1] + 1 - begin) * np.dtype(np.float32).itemsize
     if size_bytes > IMAGE_BYTES:
         problem = f"has {size_bytes >> 30} GiB of pixels; want at most {IMAGE_BYTES >> 30}"
         raise ShotError(path, problem, _DAMAGED)

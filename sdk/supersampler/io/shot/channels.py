@@ -19,7 +19,7 @@ from supersampler.io.shot.frame_files import check_size, read_reference, sky_dep
 from supersampler.io.shot.numbered import Jitter, Range, file_names, numbered_files, of_range, read_jitter
 from supersampler.io.shot.shot import Shot
 
-_INTEGERS = ("uint8", "uint16")
+_INTEGERS = ("uint8", "uint16", "int8", "int16")
 _MAPPED = re.compile(r"(.*\.(?:exr|png|tiff?)):(.*)", re.DOTALL)
 MAP_FILE_NAME = "channels.json"
 ChannelMap: TypeAlias = Mapping[str, str | Sequence[str]]

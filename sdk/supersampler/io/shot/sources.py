@@ -127,7 +127,7 @@ def guess_layout(
     hint = (
         f"A {MAP_FILE_NAME} says which is which (docs/shots.md); in Blender, turn on Combined, Z and Vector."
     )
-    raise ShotError(path, f"holds EXR frames with the channels {_listed(channels)}", hint)
+    raise ShotError(path, f"holds frames with the channels {_listed(channels)}", hint)
 
 
 def _listed(names: Sequence[str]) -> str:
