@@ -47,7 +47,7 @@ class ImageOptions:
         transform: what PNG, TIFF and video show.
         compression: of EXR: "zip", "dwaa", "piz" or "none".
         bits: of PNG: 8 or 16. TIFF has 16.
-        color_space: of the linear light; EXR files state it.
+        color_space: of the linear light; EXR files state it. None: not known, they have what the source says.
 
     Raises:
         ArgumentError: the name cannot be one of files.
@@ -59,7 +59,7 @@ class ImageOptions:
     transform: DisplayTransform = DEFAULT_TRANSFORM
     compression: str = "zip"
     bits: int = 8
-    color_space: str = REC709
+    color_space: str | None = REC709
 
     def __post_init__(self) -> None:
         if NAME.fullmatch(self.name) is None:
@@ -141,7 +141,7 @@ def image_options(
     transform: DisplayTransform = DEFAULT_TRANSFORM,
     compression: str = "zip",
     bits: int = 8,
-    color_space: str = REC709,
+    color_space: str | None = REC709,
 ) -> ImageOptions:
     """Return the options of formats, "mp4" among them; ArgumentError where files cannot have the name."""
     chosen = set(formats)

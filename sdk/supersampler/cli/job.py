@@ -1,6 +1,6 @@
 """`UpscaleJob`: input, settings and output of one run, and the Upscaler for it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -56,7 +56,7 @@ class UpscaleJob:
     images: ImageOptions = field(default_factory=ImageOptions)
     numbers: FrameNumbers | None = None
     preroll: int | None = None
-    exposures: Mapping[int, float] | None = None
+    exposures: dict[int, float] | None = None
     model: str | Path | None = None
     display_size: Size | None = None
     scale: float | None = None

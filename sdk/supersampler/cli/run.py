@@ -22,7 +22,7 @@ from supersampler.errors import FrameError, ShotError
 from supersampler.frame import Frame
 from supersampler.history import StepResult
 from supersampler.io.atomic import check_apart
-from supersampler.io.display import ExposureMeter
+from supersampler.io.display import ExposureMeter, usable_exposure
 from supersampler.io.images import Bytes
 from supersampler.io.shot import ShotFrame
 from supersampler.io.shot.exposures import measure_exposures
@@ -107,9 +107,12 @@ class _Run:
         self._print_summary(wall)
         if job.profile:
             print_profile(job.console, self._times, self._upscaler.stats.frames, wall, cpu)
-        stats = self._upscaler.stats
         progress.event(
-            "end", frames=stats.frames, seconds=round(wall, 3), step_seconds=round(stats.seconds, 3)
+            "end",
+            frames=self._upscaler.stats.frames,
+            seconds=round(wall, 3),
+            cpu_seconds=round(cpu, 3),
+            stages=self._times.to_json(),
         )
 
     def _video(self) -> AbstractContextManager[VideoWriter]:
@@ -119,18 +122,20 @@ class _Run:
     def _start_exposures(self, stretches: list[Stretch]) -> dict[int, float]:
         """Return the exposures, by frame number, that stretches begin with where no cut begins them."""
         shot = self._job.shot
-        starts = [each.start for each in stretches if shot.last_cut(each.start) < each.start]
+        begins = [each.start for each in stretches if shot.last_cut(each.start) < each.start]
+        stated = {shot.first_number + i: e for i in begins if (e := usable_exposure(shot.exposure(i)))}
+        starts = [i for i in begins if shot.first_number + i not in stated]
         if not starts:
-            return {}
+            return stated
         if self._job.exposures is None:
             begin, stop = shot.last_cut(starts[0]), starts[-1] + 1
             self._job.console.print(f"Measuring the exposure of {stop - begin} frames before.")
-            return measure_exposures(shot, begin, stop)
+            return stated | measure_exposures(shot, begin, stop)
         lacking = [i for i in starts if shot.first_number + i not in self._job.exposures]
         if lacking:
             problem = f"there is no exposure of frame {shot.first_number + lacking[0]}"
             raise ShotError(shot.path, problem, "Measure them again: supersampler exposures.")
-        return dict(self._job.exposures)
+        return stated | self._job.exposures
 
     def _step_through(
         self,
@@ -141,8 +146,14 @@ class _Run:
         progress: RunProgress,
     ) -> None:
         job, meter = self._job, ExposureMeter()
-        gbuffers = self._upscaler.gbuffers
-        for item in job.shot.frames(stretch.start, stretch.stop, gbuffers=gbuffers, times=self._times):
+        frames = job.shot.frames(
+            stretch.start,
+            stretch.stop,
+            gbuffers=self._upscaler.gbuffers,
+            references=page is not None,
+            times=self._times,
+        )
+        for item in frames:
             frame, number = item.frame, job.shot.first_number + item.index
             if item.index == stretch.start and not frame.reset:
                 frame = replace(frame, reset=True, exposure=exposures[number])

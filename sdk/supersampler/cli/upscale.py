@@ -29,6 +29,7 @@ from supersampler.cli.source_options import (
     LayoutOption,
     ReferenceOption,
     open_with,
+    source_notes,
 )
 from supersampler.errors import ArgumentError, SupersamplerError
 
@@ -240,9 +241,8 @@ def _run(job: "UpscaleJob") -> None:
     """Run a job, and print what to open."""
     from supersampler.cli.run import run_job
 
-    if job.shot.ignored_channels:
-        names = printable(", ".join(job.shot.ignored_channels))
-        job.console.print(f"Channels that are not carried over: {names}", highlight=False, markup=False)
+    for note in source_notes(job.shot):
+        job.console.print(note, markup=False)
     results = run_job(job)
     if job.json:
         return
@@ -263,15 +263,16 @@ def _image_options(
 ) -> "ImageOptions":
     """Return the options of the images of a shot; sRGB-encoded frames come back as they were by default."""
     from supersampler.cli.image_options import image_options
+    from supersampler.io.display_transforms import REC709
+    from supersampler.io.image_headers import UNKNOWN_COLOR_SPACE
 
-    stored, srgb, space = shot.stored_as, shot.conventions.srgb, shot.info.color_space
+    stored, srgb, stated = shot.stored_as, shot.conventions.srgb, shot.info.color_space
+    space = None if stated == UNKNOWN_COLOR_SPACE else stated
     same = srgb and stored.format in ("png", "tif")
     return image_options(
         [item.value for item in formats] if formats else [stored.format if same else "exr"],
         name=shot.info.file_names if name is None else re.sub(r"%0?(\d*)d", _hashes, name),
-        transform=display_transform_of(
-            color_space=shot.info.color_space, srgb=shot.conventions.srgb, **shown
-        ),
+        transform=display_transform_of(color_space=space or REC709, srgb=srgb, **shown),
         compression=compression,
         bits=16 if same and stored.type == "uint16" else 8,
         color_space=space,

@@ -4,7 +4,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 
 
 @dataclass
@@ -40,3 +40,10 @@ class StageTimes:
             with self._lock:
                 entry = self.stages.setdefault(stage, StageTime())
                 entry.calls, entry.wall, entry.cpu = entry.calls + 1, entry.wall + wall, entry.cpu + cpu
+
+    def to_json(self) -> dict[str, dict[str, float]]:
+        """Return calls and seconds of each stage."""
+        return {
+            name: {key: round(value, 4) for key, value in asdict(stage).items()}
+            for name, stage in self.stages.items()
+        }

@@ -29,7 +29,7 @@ def measure_exposures(
         ShotError: see `Shot.read`.
     """
     meter, exposures = ExposureMeter(), {}
-    for item in shot.frames(start, stop, gbuffers=()):
+    for item in shot.frames(start, stop, gbuffers=(), references=False):
         frame = item.frame
         exposure = meter.read(frame.color, given=frame.exposure, reset=frame.reset)
         exposures[shot.first_number + item.index] = exposure

@@ -215,6 +215,7 @@ class Shot:
         stop: int | None = None,
         *,
         gbuffers: Collection[str] | None = None,
+        references: bool = True,
         times: StageTimes | None = None,
     ) -> Iterator[ShotFrame]:
         """Iterate over the frames from `start` on, in order; two threads read ahead, one converts.
@@ -225,6 +226,7 @@ class Shot:
             start: index of the first frame.
             stop: index after the last frame; None is the end.
             gbuffers: G-buffers to read, by their names in `Model.info.gbuffers`; None reads all.
+            references: whether to read those, too.
             times: takes the times of the stages "read" and "convert".
         """
         times = StageTimes() if times is None else times
@@ -240,7 +242,8 @@ class Shot:
 
         def read(index: int) -> _Stored:
             with times.measure("read"):
-                return self.read_raw(index, gbuffers=gbuffers), self.read_reference(index)
+                reference = self.read_reference(index) if references else None
+                return self.read_raw(index, gbuffers=gbuffers), reference
 
         try:
             for index in range(start, len(self) if stop is None else min(stop, len(self))):
@@ -260,6 +263,10 @@ class Shot:
         while 0 < index < len(self) and not self._entries[index].reset:
             index -= 1
         return index
+
+    def exposure(self, index: int) -> float | None:
+        """Return the exposure that the shot states for a frame; None where it is measured."""
+        return self._entries[index].exposure
 
     def read(self, index: int) -> ShotFrame:
         """Read one frame by its index.
@@ -298,7 +305,9 @@ class Shot:
         except FrameError as error:
             folder = self.source if self.source.is_dir() else self.source.parent
             file = folder / self._entries[index].file
-            raise ShotError(file, f"frame {index} breaks the contract: {error}") from error
+            raise ShotError(
+                file, f"frame {self.first_number + index} breaks the contract: {error}"
+            ) from error
         return ShotFrame(index=index, frame=frame, raw=raw, reference=reference)
 
 
