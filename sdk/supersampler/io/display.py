@@ -55,15 +55,15 @@ def display_transform(image: Array, exposure: float = 1.0) -> Float32:
     if number is None or not 0.0 < number <= _LARGEST:
         raise ArgumentError("exposure", got=shown(exposure), want=f"a number > 0, at most {_LARGEST:g}")
     light = checked_image("image", image)
-    shown = np.empty(light.shape, np.float32)
+    encoded = np.empty(light.shape, np.float32)
     for row in range(0, len(light), _ROWS):
         rows = light[row : row + _ROWS].astype(np.float32, copy=False)
         toned = np.nan_to_num(rows, nan=0.0, posinf=MAX_HALF, neginf=0.0)
         np.clip(toned, 0.0, MAX_HALF, out=toned)
         toned *= np.float32(number)
         toned /= 1.0 + reduce(np.maximum, np.moveaxis(toned, -1, 0))[..., None]
-        np.clip(srgb_encoded(toned), 0.0, 1.0, out=shown[row : row + _ROWS])
-    return shown
+        np.clip(srgb_encoded(toned), 0.0, 1.0, out=encoded[row : row + _ROWS])
+    return encoded
 
 
 def checked_image(name: str, image: Array) -> NDArray[Any]:
