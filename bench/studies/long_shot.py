@@ -43,7 +43,7 @@ def main(
     long: Annotated[
         int, typer.Option(help="Frames of the run whose memory is sampled; 0 leaves it out.")
     ] = 10000,
-    options: Annotated[str, typer.Option(help="Of `upscale`, in the long run.")] = "--method taau",
+    options: Annotated[str, typer.Option(help="Of `upscale`, in the long run.")] = "--method taau --compression none",
     json: JSON = None,
     update: UPDATE = None,
 ) -> None:
