@@ -30,7 +30,8 @@ class UpscaleJob:
         output: folder of the images.
         images: their names, formats and encodings.
         numbers: of the frames to write; None is all of them.
-        preroll: frames before those from which their history is built; None is `default_preroll` with `numbers`.
+        preroll: frames before those from which their history is built; None with `numbers` is
+            `default_preroll`.
             Without both, the history begins with the shot, and images converge where nothing moves.
         exposures: of the shot's frames by number, see `measure_exposures`; None: measured where needed.
         model: name or folder.
