@@ -130,6 +130,8 @@ class UpscaleJob:
         return {
             **model_settings(upscaler.model),
             "shot": str(self.shot.path.resolve()),
+            "names": self.shot.info.file_names,
+            "frame rate": self.shot.frame_rate,
             **({FIRST: self.shot.first_number} if self.numbers is None else {FRAMES: str(self.numbers)}),
             PREROLL_SETTING: None
             if not self.has_preroll
