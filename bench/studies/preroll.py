@@ -1,0 +1,249 @@
+"""Preroll: how near the first images of a chunk come to those of an unbroken run.
+
+A chunk starts with a reset, N frames before its first one. The table compares its first images with those of
+a run that starts with the shot. At rest it also gives what `skip="recurrent"` costs against the truth.
+
+    python bench/studies/preroll.py --json FILE --update docs/how-to/farm.md
+
+A stopped run continues after the rows that are finished (`--rows`).
+"""
+
+import json as json_text
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from statistics import fmean
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+from supersampler import Model, Upscaler, halton_jitter
+from supersampler.arguments import SkipName
+from supersampler.frame import Float32, Frame, Size
+from supersampler.io.display import ExposureMeter, decibels, display_transform
+from supersampler_bench.cli.options import JSON, UPDATE, check_page, publish, say
+from supersampler_bench.markdown_table import figure, size_text, table
+from supersampler_bench.quality.metrics import psnr
+from supersampler_bench.quality.still import StillScene, make_scene
+from supersampler_bench.record import Record, machine_name
+from supersampler_bench.shots.public_shots import TEST_SHOTS
+from supersampler_bench.shots.rendered_frame import rendered_frame
+from supersampler_model.data.renderer.renderer import Renderer
+from supersampler_model.data.sequences import SequenceSpec, make_sequence
+from supersampler_model.data.shots import render_size
+
+DISPLAY = (640, 360)
+PREROLLS = (0, 8, 16, 32, 64)
+CUTS = (80, 112)  # first frames of the chunks; the unbroken run has more history than any preroll
+COMPARED = 4  # frames of a chunk
+FRAMES = 128  # of a scene: four jitter periods at 2x
+SEQUENCE = 640  # frames of the sequence that a moving scene begins: cuts and exposure depend on it
+METHODS = ("taa", "taau", "classifier-small", "classifier")
+WITH_GBUFFERS = "gbuffer-small"  # only in scenes of MOVING at 2x
+MOVING = tuple((family, 2.0) for family in TEST_SHOTS.seeds) + tuple(
+    (family, ratio) for ratio in (1.5, 3.0) for family in ("market", "court")
+)
+STILL = ("court", "court-mover", "gallery-mover")
+
+
+@dataclass(frozen=True)
+class Row:
+    """One method in one scene.
+
+    Attributes:
+        scene: family of a test shot, or a scene of `bench still`.
+        still: whether the camera stands still.
+        ratio: display over render size.
+        method: the model's name.
+        skip: as `Upscaler` takes it.
+        least: PSNR in dB of the worst compared image, for each of PREROLLS.
+        mean: of the compared images, likewise.
+        truth: at rest: PSNR against the reference over the last quarter of the frames, of pixels that never
+            change; else None.
+    """
+
+    scene: str
+    still: bool
+    ratio: float
+    method: str
+    skip: SkipName
+    least: list[float]
+    mean: list[float]
+    truth: float | None
+
+    @property
+    def key(self) -> tuple[object, ...]:
+        """What no two rows have in common."""
+        return self.scene, self.still, self.ratio, self.method, self.skip
+
+
+def moving_scene(family: str, ratio: float, *, gbuffers: bool) -> list[Frame]:
+    """Render the first frames of a test shot with a moving camera.
+
+    Args:
+        family: of the test shot.
+        ratio: display over render size.
+        gbuffers: whether frames have those of display size.
+    """
+    renderer, size = Renderer(DISPLAY), render_size(DISPLAY, ratio)
+    sequence = make_sequence(SequenceSpec(family=family, seed=TEST_SHOTS.seeds[family], frames=SEQUENCE))
+    frames = []
+    for index in range(CUTS[-1] + COMPARED):
+        scene, jitter = sequence.scene(index), halton_jitter(index, ratio)
+        frame = rendered_frame(
+            renderer, scene, size, jitter, reset=sequence.cut(index), gbuffers=gbuffers
+        )
+        frames.append(replace(frame, exposure=sequence.exposure(index)))
+    return frames
+
+
+def exposures_of(frames: Sequence[Frame]) -> list[float]:
+    """Return the exposure of each frame in the unbroken run."""
+    meter = ExposureMeter()
+    return [meter.read(frame.color, given=frame.exposure, reset=frame.reset) for frame in frames]
+
+
+def images_of(model: Model, skip: SkipName, frames: Sequence[Frame], exposures: Sequence[float]) -> list[Float32]:
+    """Return the images of a run over these frames, (H, W, 3) display values."""
+    upscaler = Upscaler(model, display_size=DISPLAY, skip=skip, validate="off")
+    return [
+        display_transform(upscaler.step(frame), exposure)
+        for frame, exposure in zip(frames, exposures, strict=True)
+    ]
+
+
+def chunk_scores(
+    model: Model, skip: SkipName, frames: Sequence[Frame], whole: Sequence[Float32], preroll: int
+) -> list[float]:
+    """Return the PSNR of each compared image of the chunks with this preroll, dB.
+
+    Args:
+        model: of the run.
+        skip: of the run.
+        frames: of the scene.
+        whole: images of the unbroken run.
+        preroll: number of frames before a chunk's first one.
+    """
+    exposures, scores = exposures_of(frames), []
+    for cut in CUTS:
+        start, stop = cut - preroll, cut + COMPARED
+        first = replace(frames[start], reset=True, exposure=exposures[start])
+        images = images_of(model, skip, [first, *frames[start + 1 : stop]], exposures[start:stop])
+        for image, other in zip(images[preroll:], whole[cut:stop], strict=True):
+            scores.append(decibels(float(np.square(image - other, dtype=np.float64).mean())))
+    return scores
+
+
+def measured_row(
+    name: str, ratio: float, method: str, skip: SkipName, frames: Sequence[Frame], scene: StillScene | None
+) -> Row:
+    """Measure one method in one scene; `scene` is that of the frames if its camera stands still."""
+    model = Model.load(method, providers="cpu", executor="cpu")
+    whole, truth = images_of(model, skip, frames, exposures_of(frames)), None
+    if scene is not None:
+        last = whole[-len(whole) // 4 :]
+        truth = fmean(psnr(image, scene.truth, scene.still) for image in last)
+    scores = [chunk_scores(model, skip, frames, whole, preroll) for preroll in PREROLLS]
+    least, mean = [min(values) for values in scores], [fmean(values) for values in scores]
+    return Row(name, scene is not None, ratio, method, skip, least, mean, truth)
+
+
+def measured_rows(done: Sequence[Row]) -> Iterator[Row]:
+    """Measure all rows but those that are done."""
+    keys = {row.key for row in done}
+    for name, ratio in MOVING:
+        gbuffers = ratio == 2.0
+        methods = [*METHODS, *([WITH_GBUFFERS] if gbuffers else [])]
+        missing = [m for m in methods if (name, False, ratio, m, "recurrent") not in keys]
+        frames = moving_scene(name, ratio, gbuffers=gbuffers) if missing else []
+        for method in missing:
+            yield measured_row(name, ratio, method, "recurrent", frames, None)
+    skips: tuple[SkipName, ...] = ("auto", "recurrent")
+    for name in STILL:
+        pairs = [(m, skip) for m in METHODS for skip in skips if (name, True, 2.0, m, skip) not in keys]
+        scene = make_scene(name, DISPLAY, 2.0, TEST_SHOTS.samples) if pairs else None
+        for method, skip in pairs:
+            assert scene is not None  # noqa: S101 - rendered for these pairs
+            yield measured_row(name, 2.0, method, skip, scene.frames, scene)
+
+
+def markdown_table(record: Record) -> str:
+    """Return a row for each method and ratio, of moving cameras, as Markdown with its caption."""
+    rows = [row for row in rows_of(record) if not row.still]
+    cells = [
+        [method, f"{ratio:g}", *lowest_and_mean([r for r in rows if (r.method, r.ratio) == (method, ratio)])]
+        for method, ratio in dict.fromkeys((row.method, row.ratio) for row in sorted(rows, key=lambda r: r.ratio))
+    ]
+    caption = (
+        f"PSNR in dB of the first {COMPARED} images of a chunk against the unbroken run, display values, "
+        f"after a preroll of so many frames: the lowest of all images, and their mean. Test shots with a "
+        f"moving camera ({', '.join(dict.fromkeys(row.scene for row in rows))}; at ratios other than 2 "
+        f"market and court), chunks at frames {CUTS[0]} and {CUTS[1]}, images of "
+        f"{size_text(record['display'])}, `skip=\"recurrent\"`. {machine_name(record)}."
+    )
+    return table(["method", "ratio:", *(f"preroll {n}:" for n in PREROLLS)], cells, caption)
+
+
+def still_table(record: Record) -> str:
+    """Return a row for each scene with a fixed camera, method and skip, as Markdown with its caption."""
+    rows = [row for row in rows_of(record) if row.still]
+    cells = [
+        [row.scene, row.method, row.skip, *lowest_and_mean([row]), figure(row.truth, 1)] for row in rows
+    ]
+    caption = (
+        "The same before a fixed camera at ratio 2; objects move in scenes that end with \"-mover\". Truth: "
+        "PSNR of the unbroken run against the reference in the last jitter period, of pixels that never "
+        f"change. {machine_name(record)}."
+    )
+    headings = ["scene", "method", "skip", *(f"preroll {n}:" for n in PREROLLS), "truth:"]
+    return table(headings, cells, caption)
+
+
+def rows_of(record: Record) -> list[Row]:
+    """Return the rows of a record."""
+    return [Row(**row) for row in record["rows"]]
+
+
+def lowest_and_mean(rows: Sequence[Row]) -> list[str]:
+    """Return a cell for each of PREROLLS: PSNR of the worst image of all rows, and the mean."""
+    return [
+        f"{min(row.least[i] for row in rows):.1f} ({fmean(row.mean[i] for row in rows):.1f})"
+        for i in range(len(PREROLLS))
+    ]
+
+
+def main(
+    rows: Annotated[Path, typer.Option(help="Finished rows, by line; the run continues after them.")] = Path(
+        "out/preroll.jsonl"
+    ),
+    json: JSON = None,
+    update: UPDATE = None,
+) -> None:
+    """Measure how near the first images of chunks come to those of an unbroken run."""
+    tables = {"study preroll": markdown_table, "study preroll at rest": still_table}
+    check_page(update, tables)
+    rows.parent.mkdir(parents=True, exist_ok=True)
+    lines = rows.read_text(encoding="utf-8").splitlines() if rows.exists() else []
+    found = [Row(**json_text.loads(line)) for line in lines]
+    for row in measured_rows(tuple(found)):
+        found.append(row)
+        say(f"{row.scene} {row.ratio:g} {row.method} {row.skip}: {row.least}")
+        with rows.open("a", encoding="utf-8") as file:
+            file.write(json_text.dumps(asdict(row)) + "\n")
+    record: dict[str, Any] = {
+        "bench": "preroll",
+        "display": list(DISPLAY),
+        "prerolls": list(PREROLLS),
+        "rows": [asdict(row) for row in sorted(found, key=_order)],
+    }
+    publish(record, tables, json, update)
+
+
+def _order(row: Row) -> tuple[object, ...]:
+    methods = (*METHODS, WITH_GBUFFERS)
+    return row.still, row.ratio, methods.index(row.method), row.scene, row.skip
+
+
+if __name__ == "__main__":
+    typer.run(main)
