@@ -169,7 +169,8 @@ def markdown_table(record: Record) -> str:
     caption = (
         f"{record['frames']} frames of the test scene {record['family']}, images of "
         f"{size_text(record['display'])}, `{record['method']}`, a preroll of {record['preroll']}, one thread "
-        f"a worker; median of {len(record['seconds']['one'])}. PSNR: the lowest of all frames against the run without chunks, "
+        f"a worker; median of {len(record['seconds']['one'])}. PSNR: the lowest of all frames against the "
+        "run without chunks, "
         f"display values. Equal: frames of the later chunks that are the same bit for bit. "
         f"{machine_name(record)}."
     )
