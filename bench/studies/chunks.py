@@ -27,7 +27,7 @@ from supersampler.frame import Float32
 from supersampler.io.display import ExposureMeter, decibels, display_transform
 from supersampler.io.image_reading import read_exr
 from supersampler.io.shot import Shot, ShotWriter
-from supersampler_bench.cli.options import JSON, UPDATE, check_page, counted, publish
+from supersampler_bench.cli.options import JSON, METHODS, UPDATE, check_page, counted, listed, publish
 from supersampler_bench.markdown_table import figure, size_text, table
 from supersampler_bench.record import Record, machine_name
 from supersampler_bench.shots.public_shots import TEST_SHOTS
@@ -42,11 +42,11 @@ FAMILY = "court"  # of the test shots: its exposure is measured, so that chunks 
 WORKERS = 2
 
 
-def render(folder: Path, frames: int) -> None:
+def render(folder: Path, family: str, frames: int) -> None:
     """Render the missing frames of the shot."""
-    spec = SequenceSpec(family=FAMILY, seed=TEST_SHOTS.seeds[FAMILY], frames=frames)
+    spec = SequenceSpec(family=family, seed=TEST_SHOTS.seeds[family], frames=frames)
     sequence, renderer = make_sequence(spec), Renderer(DISPLAY)
-    writer = ShotWriter(folder, name=FAMILY, display_size=DISPLAY, frame_rate=spec.frame_rate, resume=True)
+    writer = ShotWriter(folder, name=family, display_size=DISPLAY, frame_rate=spec.frame_rate, resume=True)
     with counted("rendering", frames, len(writer), resumes=True) as advance:
         for index in range(len(writer), frames):
             jitter, cut = halton_jitter(index, RATIO), sequence.cut(index)
@@ -61,15 +61,14 @@ def upscale(shot: Path, output: Path, *options: str) -> list[str]:
     return [*command, "--threads", "1", *options]
 
 
-def farm(shot: Path, output: Path, frames: int, preroll: int, method: str, *options: str) -> list[str]:
+def farm(output: Path, shot: Path, frames: int, preroll: int, method: str, *options: str) -> list[str]:
     """Return the `openjd run` command of the job, with a chunk for each worker."""
     values = {
-        "Shot": shot, "Output": output, "Frames": f"0-{frames - 1}", "ChunkSize": -(-frames // WORKERS),
+        "Shot": shot, "Output": output, "Frames": f"0-{frames - 1}", "ChunkSize": chunk_size(frames),
         "Preroll": preroll, "Method": method, "Options": "--threads 1", "Python": sys.executable,
     }  # fmt: skip
-    given = [text for name, value in values.items() for text in ("--job-param", f"{name}={value}")]
-    openjd = str(Path(sys.executable).with_name("openjd"))
-    return [openjd, "run", str(TEMPLATE), *given, *options]
+    given = [text for name, value in values.items() for text in ("-p", f"{name}={value}")]
+    return [sys.executable, "-m", "openjd", "run", str(TEMPLATE), *given, *options]
 
 
 def seconds_of(*commands: Sequence[str]) -> float:
@@ -88,9 +87,14 @@ def seconds_of(*commands: Sequence[str]) -> float:
     return seconds
 
 
+def chunk_size(frames: int) -> int:
+    """Return the number of frames of a chunk, one for each worker."""
+    return -(-frames // WORKERS)
+
+
 def tasks_of(frames: int) -> list[str]:
     """Return the value of `--tasks` for each worker: one chunk."""
-    size = -(-frames // WORKERS)
+    size = chunk_size(frames)
     ranges = [f"{first}-{min(first + size, frames) - 1}" for first in range(0, frames, size)]
     return [json_text.dumps([{"Frames": text}]) for text in ranges]
 
@@ -113,75 +117,55 @@ def image(path: Path) -> Float32:
     return np.stack([channels[name].astype(np.float32) for name in "RGB"], axis=-1)
 
 
-def measure(
+def measured_row(
     folder: Path, frames: int, preroll: int, method: str, times: int, on_run: Callable[[], None]
 ) -> dict[str, Any]:
-    """Run the shot both ways, in turns; return the record."""
-    shot, options = Shot.open(folder), ("--method", method)
+    """Run the shot both ways, in turns; return times and the PSNR of each frame, ready for JSON."""
+    options, job = ("--method", method), (folder.resolve(), frames, preroll, method)
     seconds: dict[str, list[float]] = {"one": [], "exposures": [], "chunks": []}
     with TemporaryDirectory(dir=folder.parent) as place:
         seconds_of(upscale(folder, Path(place, "warm"), "--frames", "0-7", *options))  # compiles kernels
         for turn in range(times):
-            one, many = Path(place, f"one{turn}"), Path(place, f"chunks{turn}")
+            one, chunks = Path(place, f"one{turn}"), Path(place, f"chunks{turn}")
             seconds["one"].append(seconds_of(upscale(folder, one, "--preroll", str(preroll), *options)))
             on_run()
-            job = farm(folder.resolve(), many, frames, preroll, method)
-            seconds["exposures"].append(seconds_of([*job, "--step", "Exposures"]))
-            workers = [[*job, "--step", "Upscale", "--tasks", tasks] for tasks in tasks_of(frames)]
+            seconds["exposures"].append(seconds_of(farm(chunks, *job, "--step", "Exposures")))
+            workers = [farm(chunks, *job, "--step", "Upscale", "--tasks", text) for text in tasks_of(frames)]
             seconds["chunks"].append(seconds_of(*workers))
             on_run()
-        psnr = scores(shot, one, many)
-    return {
-        "bench": "chunks",
-        "family": FAMILY,
-        "frames": frames,
-        "display": list(DISPLAY),
-        "method": method,
-        "preroll": preroll,
-        "workers": WORKERS,
-        "seconds": seconds,
-        "psnr": psnr,
-    }
+        psnr = scores(Shot.open(folder), one, chunks)
+    return {"method": method, "seconds": seconds, "psnr": psnr}
 
 
 def markdown_table(record: Record) -> str:
-    """Return the times and the lowest PSNR as Markdown, with a caption."""
-    spent = {name: median(values) for name, values in record["seconds"].items()}
-    size, psnr = -(-record["frames"] // record["workers"]), record["psnr"]
-    later = psnr[size:]
-    cells = [
-        ["one worker, no chunks", figure(spent["one"], 1), figure(1.0, 2), "", ""],
-        [
-            f"{record['workers']} workers, a chunk each",
-            figure(spent["chunks"], 1),
-            figure(spent["chunks"] / spent["one"], 2),
-            figure(min(psnr), 1),
-            f"{sum(value >= 100.0 for value in later)} of {len(later)}",
-        ],
-        [
-            "the exposures, once",
-            figure(spent["exposures"], 1),
-            figure(spent["exposures"] / spent["one"], 2),
-            "",
-            "",
-        ],
-    ]
+    """Return times and PSNR as Markdown, with a caption."""
+    size, cells = chunk_size(record["frames"]), []
+    for row in record["rows"]:
+        one, exposures, chunks = (median(row["seconds"][name]) for name in ("one", "exposures", "chunks"))
+        later = row["psnr"][size:]
+        numbers = [figure(value, 1) for value in (one, exposures, chunks)]
+        psnr = [figure(value, 1) for value in (min(row["psnr"]), median(later))]
+        cells.append([row["method"], *numbers, figure(chunks / one, 2), *psnr])
     caption = (
         f"{record['frames']} frames of the test scene {record['family']}, images of "
-        f"{size_text(record['display'])}, `{record['method']}`, a preroll of {record['preroll']}, one thread "
-        f"a worker; median of {len(record['seconds']['one'])}. PSNR: the lowest of all frames against the "
-        "run without chunks, "
-        f"display values. Equal: frames of the later chunks that are the same bit for bit. "
-        f"{machine_name(record)}."
+        f"{size_text(record['display'])}; {WORKERS} workers with a chunk each and a preroll of "
+        f"{record['preroll']}, against one worker without chunks; one thread a worker. Seconds: medians of "
+        f"{record['times']}; exposures are measured once, before the chunks. PSNR against the run without "
+        f"chunks, display values: the lowest of all frames, and the median after the first chunk, whose "
+        f"frames are equal. {machine_name(record)}."
     )
-    return table(["run", "seconds:", "ratio:", "lowest PSNR dB:", "equal:"], cells, caption)
+    headings = [
+        "method", "one, s:", "exposures, s:", "chunks, s:", "ratio:", "lowest PSNR, dB:", "median, dB:",
+    ]  # fmt: skip
+    return table(headings, cells, caption)
 
 
 def main(
     shot: Annotated[Path, typer.Option(help="Folder of the shot.")] = Path("out/chunks/shot"),
+    family: Annotated[str, typer.Option(help="Of the test shots.")] = FAMILY,
     frames: Annotated[int, typer.Option(min=64, help="Of the shot.")] = 640,
     preroll: Annotated[int, typer.Option(min=0, help="Frames before the first one of a chunk.")] = 32,
-    method: Annotated[str, typer.Option(help="A shipped model.")] = "classifier",
+    methods: METHODS = "classifier,taau",
     times: Annotated[int, typer.Option(min=1, help="Runs of each kind, in turns.")] = 3,
     json: JSON = None,
     update: UPDATE = None,
@@ -189,9 +173,19 @@ def main(
     """Measure time and images of two workers against one."""
     tables = {"study chunks": markdown_table}
     check_page(update, tables)
-    render(shot, frames)
-    with counted("runs", 2 * times) as advance:
-        record = measure(shot, frames, preroll, method, times, advance)
+    render(shot, family, frames)
+    names = listed(methods)
+    with counted("runs", 2 * times * len(names)) as advance:
+        rows = [measured_row(shot, frames, preroll, name, times, advance) for name in names]
+    record = {
+        "bench": "chunks",
+        "family": family,
+        "frames": frames,
+        "display": list(DISPLAY),
+        "preroll": preroll,
+        "times": times,
+        "rows": rows,
+    }
     publish(record, tables, json, update)
 
 

@@ -1,7 +1,8 @@
 """Preroll: how near the first images of a chunk come to those of an unbroken run.
 
 A chunk starts with a reset, N frames before its first one. The table compares its first images with those of
-a run that starts with the shot. At rest it also gives what `skip="recurrent"` costs against the truth.
+a run that starts with the shot, and gives the floor that no preroll passes: the PSNR between two runs whose
+histories once differed by SMALLEST. At rest it also gives what `skip="recurrent"` costs against the truth.
 
     python bench/studies/preroll.py --json FILE --update docs/how-to/farm.md
 
@@ -21,7 +22,7 @@ import typer
 from supersampler import Model, Upscaler, halton_jitter
 from supersampler.arguments import SkipName
 from supersampler.frame import Float32, Frame
-from supersampler.io.display import ExposureMeter, decibels, display_transform
+from supersampler.io.display import CEILING_DB, ExposureMeter, decibels, display_transform
 from supersampler_bench.cli.options import JSON, UPDATE, check_page, publish, say
 from supersampler_bench.markdown_table import figure, size_text, table
 from supersampler_bench.quality.metrics import psnr
@@ -37,7 +38,7 @@ DISPLAY = (640, 360)
 PREROLLS = (0, 8, 16, 32, 64)
 CUTS = (80, 112)  # first frames of the chunks; the unbroken run has more history than any preroll
 COMPARED = 4  # frames of a chunk
-FRAMES = 128  # of a scene: four jitter periods at 2x
+SMALLEST = 1e-6  # relative difference of a history's colour, after the frame before the longest preroll
 SEQUENCE = 640  # frames of the sequence that a moving scene begins: cuts and exposure depend on it
 METHODS = ("taa", "taau", "classifier-small", "classifier")
 WITH_GBUFFERS = "gbuffer-small"  # in scenes of FEW at 2x: it has no kernels, and takes long
@@ -45,6 +46,7 @@ FEW = ("market", "court")
 MOVING = tuple((family, 2.0) for family in TEST_SHOTS.seeds) + tuple(
     (family, ratio) for ratio in (1.5, 3.0) for family in FEW
 )
+_HEADINGS = [*(f"preroll {n}:" for n in PREROLLS), "floor:"]
 STILL = ("court", "court-mover", "gallery-mover")
 
 
@@ -60,6 +62,8 @@ class Row:
         skip: as `Upscaler` takes it.
         least: PSNR in dB of the worst compared image, for each of PREROLLS.
         mean: of the compared images, likewise.
+        floor: PSNR in dB of the worst compared image of two unbroken runs whose histories once differed by
+            SMALLEST.
         truth: at rest: PSNR against the reference over the last quarter of the frames, of pixels that never
             change; else None.
     """
@@ -71,6 +75,7 @@ class Row:
     skip: SkipName
     least: list[float]
     mean: list[float]
+    floor: float
     truth: float | None
 
     @property
@@ -136,6 +141,32 @@ def chunk_scores(
     return scores
 
 
+def floor_of(model: Model, skip: SkipName, frames: Sequence[Frame], whole: Sequence[Float32]) -> float:
+    """Return the PSNR of the worst compared image after a difference of SMALLEST in the history, dB.
+
+    Args:
+        model: of the run.
+        skip: of the run.
+        frames: of the scene.
+        whole: images of the run without the difference.
+    """
+    exposures, start = exposures_of(frames), CUTS[0] - PREROLLS[-1]
+    upscaler = Upscaler(model, display_size=DISPLAY, skip=skip, validate="off")
+    scores = []
+    for index, frame in enumerate(frames[: CUTS[-1] + COMPARED]):
+        if index == start:
+            state = upscaler.save_state()
+            history = dict(state.history or {})
+            name = next(name for name in history if name.endswith("color"))
+            noise = np.random.default_rng(0).standard_normal(history[name].shape, np.float32)
+            history[name] = np.maximum(history[name] * (1.0 + np.float32(SMALLEST) * noise), 0.0)
+            upscaler.load_state(replace(state, history=history))
+        image = display_transform(upscaler.step(frame), exposures[index])
+        if any(cut <= index < cut + COMPARED for cut in CUTS):
+            scores.append(decibels(float(np.square(image - whole[index], dtype=np.float64).mean())))
+    return min(scores)
+
+
 def measured_row(
     name: str, ratio: float, method: str, skip: SkipName, frames: Sequence[Frame], scene: StillScene | None
 ) -> Row:
@@ -147,7 +178,8 @@ def measured_row(
         truth = fmean(psnr(image, scene.truth, scene.still) for image in last)
     scores = [chunk_scores(model, skip, frames, whole, preroll) for preroll in PREROLLS]
     least, mean = [min(values) for values in scores], [fmean(values) for values in scores]
-    return Row(name, scene is not None, ratio, method, skip, least, mean, truth)
+    floor = floor_of(model, skip, frames, whole)
+    return Row(name, scene is not None, ratio, method, skip, least, mean, floor, truth)
 
 
 def measured_rows(done: Sequence[Row]) -> Iterator[Row]:
@@ -172,33 +204,33 @@ def measured_rows(done: Sequence[Row]) -> Iterator[Row]:
 def markdown_table(record: Record) -> str:
     """Return a row for each method and ratio, of moving cameras, as Markdown with its caption."""
     rows = [row for row in rows_of(record) if not row.still]
-    cells = [
-        [method, f"{ratio:g}", *lowest_and_mean([r for r in rows if (r.method, r.ratio) == (method, ratio)])]
-        for method, ratio in dict.fromkeys(
-            (row.method, row.ratio) for row in sorted(rows, key=lambda r: r.ratio)
-        )
-    ]
+    groups: dict[tuple[str, float], list[Row]] = {}
+    for row in rows:
+        groups.setdefault((row.method, row.ratio), []).append(row)
+    cells = [[method, f"{ratio:g}", *scores_of(group)] for (method, ratio), group in groups.items()]
+    scenes = ", ".join(dict.fromkeys(row.scene for row in rows))
     caption = (
         f"PSNR in dB of the first {COMPARED} images of a chunk against the unbroken run, display values, "
-        f"after a preroll of so many frames: the lowest of all images, and their mean. Test shots with a "
-        f"moving camera ({', '.join(dict.fromkeys(row.scene for row in rows))}; at ratios other than 2 "
-        f"market and court), chunks at frames {CUTS[0]} and {CUTS[1]}, images of "
-        f'{size_text(record["display"])}, `skip="recurrent"`. {machine_name(record)}.'
+        f"after a preroll of so many frames: of the worst image, and the mean; {CEILING_DB:g} is equal. "
+        "Floor: of the worst image of two unbroken runs whose histories once differed by a factor of 1 + "
+        f"{SMALLEST:g} times noise. Chunks at frames {CUTS[0]} and {CUTS[1]} of test shots with a moving "
+        f"camera ({scenes}; for `{WITH_GBUFFERS}` and at ratios other than 2 {' and '.join(FEW)}), images of "
+        f'{size_text(record["display"])}, `skip="recurrent"`, CPU backend where the method has kernels. '
+        f"{machine_name(record)}."
     )
-    return table(["method", "ratio:", *(f"preroll {n}:" for n in PREROLLS)], cells, caption)
+    return table(["method", "ratio:", *_HEADINGS], cells, caption)
 
 
 def still_table(record: Record) -> str:
     """Return a row for each scene with a fixed camera, method and skip, as Markdown with its caption."""
     rows = [row for row in rows_of(record) if row.still]
-    cells = [[row.scene, row.method, row.skip, *lowest_and_mean([row]), figure(row.truth, 1)] for row in rows]
+    cells = [[row.scene, row.method, row.skip, *scores_of([row]), figure(row.truth, 1)] for row in rows]
     caption = (
         'The same before a fixed camera at ratio 2; objects move in scenes that end with "-mover". Truth: '
         "PSNR of the unbroken run against the reference in the last jitter period, of pixels that never "
         f"change. {machine_name(record)}."
     )
-    headings = ["scene", "method", "skip", *(f"preroll {n}:" for n in PREROLLS), "truth:"]
-    return table(headings, cells, caption)
+    return table(["scene", "method", "skip", *_HEADINGS, "truth:"], cells, caption)
 
 
 def rows_of(record: Record) -> list[Row]:
@@ -206,12 +238,12 @@ def rows_of(record: Record) -> list[Row]:
     return [Row(**row) for row in record["rows"]]
 
 
-def lowest_and_mean(rows: Sequence[Row]) -> list[str]:
-    """Return a cell for each of PREROLLS: PSNR of the worst image of all rows, and the mean."""
-    return [
-        f"{min(row.least[i] for row in rows):.1f} ({fmean(row.mean[i] for row in rows):.1f})"
-        for i in range(len(PREROLLS))
-    ]
+def scores_of(rows: Sequence[Row]) -> list[str]:
+    """Return the cells of _HEADINGS: PSNR of the worst image of all rows, and the mean; the lowest floor."""
+    least = [min(values) for values in zip(*(row.least for row in rows), strict=True)]
+    mean = [fmean(values) for values in zip(*(row.mean for row in rows), strict=True)]
+    cells = [f"{a:.1f} ({b:.1f})" for a, b in zip(least, mean, strict=True)]
+    return [*cells, figure(min(row.floor for row in rows), 1)]
 
 
 def main(
