@@ -8,10 +8,12 @@ import pytest
 from studies import (
     ablation,
     blender_budget,
+    chunks,
     older_processors,
     oracle,
     path_tracing_noise,
     precision,
+    preroll,
     pyvista_table,
     stage_breakdown,
 )
@@ -45,6 +47,9 @@ ROOT = Path(__file__).parents[3]
         ("quality", "oracle test-shots", "oracle", oracle.markdown_table),
         ("tutorials/blender", "blender budget", "blender-budget", blender_budget.markdown_table),
         ("tutorials/shot", "path tracing noise", "path-tracing-noise", path_tracing_noise.markdown_table),
+        ("how-to/farm", "preroll", "preroll", preroll.markdown_table),
+        ("how-to/farm", "preroll at rest", "preroll", preroll.still_table),
+        ("how-to/farm", "chunks", "chunks", chunks.markdown_table),
         ("tutorials/pyvista", "pyvista", "pyvista", pyvista_table.markdown_table),
     ],
 )
