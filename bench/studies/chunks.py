@@ -23,6 +23,7 @@ import numpy as np
 import typer
 
 from supersampler import halton_jitter
+from supersampler.conventions import jitter_phase_count
 from supersampler.frame import Float32
 from supersampler.io.display import ExposureMeter, decibels, display_transform
 from supersampler.io.image_reading import read_exr
@@ -164,7 +165,9 @@ def main(
     shot: Annotated[Path, typer.Option(help="Folder of the shot.")] = Path("out/chunks/shot"),
     family: Annotated[str, typer.Option(help="Of the test shots.")] = FAMILY,
     frames: Annotated[int, typer.Option(min=64, help="Of the shot.")] = 640,
-    preroll: Annotated[int, typer.Option(min=0, help="Frames before the first one of a chunk.")] = 32,
+    preroll: Annotated[
+        int, typer.Option(min=0, help="Frames before the first one of a chunk.")
+    ] = jitter_phase_count(RATIO),
     methods: METHODS = "classifier,taau",
     times: Annotated[int, typer.Option(min=1, help="Runs of each kind, in turns.")] = 3,
     json: JSON = None,

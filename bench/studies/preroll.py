@@ -21,6 +21,7 @@ import typer
 
 from supersampler import Model, Upscaler, halton_jitter
 from supersampler.arguments import SkipName
+from supersampler.conventions import jitter_phase_count
 from supersampler.frame import Float32, Frame
 from supersampler.io.display import CEILING_DB, ExposureMeter, decibels, display_transform
 from supersampler_bench.cli.options import JSON, UPDATE, check_page, publish, say
@@ -46,7 +47,7 @@ FEW = ("market", "court")
 MOVING = tuple((family, 2.0) for family in TEST_SHOTS.seeds) + tuple(
     (family, ratio) for ratio in (1.5, 3.0) for family in FEW
 )
-_HEADINGS = [*(f"preroll {n}:" for n in PREROLLS), "floor:"]
+_HEADINGS = [*(f"preroll {n}:" for n in PREROLLS), "one period:", "floor:"]
 STILL = ("court", "court-mover", "gallery-mover")
 
 
@@ -60,7 +61,7 @@ class Row:
         ratio: display over render size.
         method: the model's name.
         skip: as `Upscaler` takes it.
-        least: PSNR in dB of the worst compared image, for each of PREROLLS.
+        least: PSNR in dB of the worst compared image, for each of PREROLLS and for one jitter period.
         mean: of the compared images, likewise.
         floor: PSNR in dB of the worst compared image of two unbroken runs whose histories once differed by
             SMALLEST.
@@ -176,7 +177,9 @@ def measured_row(
     if scene is not None:
         last = whole[-len(whole) // 4 :]
         truth = fmean(psnr(image, scene.truth, scene.still) for image in last)
-    scores = [chunk_scores(model, skip, frames, whole, preroll) for preroll in PREROLLS]
+    period = jitter_phase_count(ratio)
+    by_preroll = {n: chunk_scores(model, skip, frames, whole, n) for n in {*PREROLLS, period}}
+    scores = [by_preroll[n] for n in (*PREROLLS, period)]
     least, mean = [min(values) for values in scores], [fmean(values) for values in scores]
     floor = floor_of(model, skip, frames, whole)
     return Row(name, scene is not None, ratio, method, skip, least, mean, floor, truth)
@@ -208,10 +211,13 @@ def markdown_table(record: Record) -> str:
     for row in rows:
         groups.setdefault((row.method, row.ratio), []).append(row)
     cells = [[method, f"{ratio:g}", *scores_of(group)] for (method, ratio), group in groups.items()]
+    ratios = sorted({row.ratio for row in rows})
+    periods = ", ".join(f"{jitter_phase_count(ratio)} at {ratio:g}" for ratio in ratios)
     scenes = ", ".join(dict.fromkeys(row.scene for row in rows))
     caption = (
         f"PSNR in dB of the first {COMPARED} images of a chunk against the unbroken run, display values, "
-        f"after a preroll of so many frames: of the worst image, and the mean; {CEILING_DB:g} is equal. "
+        f"after a preroll of so many frames, or of one jitter period, the default "
+        f"({periods}): of the worst image, and the mean; {CEILING_DB:g} is equal. "
         "Floor: of the worst image of two unbroken runs whose histories once differed by a factor of 1 + "
         f"{SMALLEST:g} times noise. Chunks at frames {CUTS[0]} and {CUTS[1]} of test shots with a moving "
         f"camera ({scenes}; for `{WITH_GBUFFERS}` and at ratios other than 2 {' and '.join(FEW)}), images of "
