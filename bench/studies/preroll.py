@@ -210,21 +210,25 @@ def markdown_table(record: Record) -> str:
     groups: dict[tuple[str, float], list[Row]] = {}
     for row in rows:
         groups.setdefault((row.method, row.ratio), []).append(row)
-    cells = [[method, f"{ratio:g}", *scores_of(group)] for (method, ratio), group in groups.items()]
+    cells = [
+        [method, f"{ratio:g}", *scores_of(group), min(group, key=lambda row: row.least[-1]).scene]
+        for (method, ratio), group in groups.items()
+    ]
     ratios = sorted({row.ratio for row in rows})
     periods = ", ".join(f"{jitter_phase_count(ratio)} at {ratio:g}" for ratio in ratios)
     scenes = ", ".join(dict.fromkeys(row.scene for row in rows))
     caption = (
         f"PSNR in dB of the first {COMPARED} images of a chunk against the unbroken run, display values, "
         f"after a preroll of so many frames, or of one jitter period, the default "
-        f"({periods}): of the worst image, and the mean; {CEILING_DB:g} is equal. "
+        f"({periods}): of the worst image, and the mean; {CEILING_DB:g} is equal. Worst scene: "
+        "that of the worst image after one period. "
         "Floor: of the worst image of two unbroken runs whose histories once differed by a factor of 1 + "
         f"{SMALLEST:g} times noise. Chunks at frames {CUTS[0]} and {CUTS[1]} of test shots with a moving "
         f"camera ({scenes}; for `{WITH_GBUFFERS}` and at ratios other than 2 {' and '.join(FEW)}), images of "
         f'{size_text(record["display"])}, `skip="recurrent"`, CPU backend where the method has kernels. '
         f"{machine_name(record)}."
     )
-    return table(["method", "ratio:", *_HEADINGS], cells, caption)
+    return table(["method", "ratio:", *_HEADINGS, "worst scene"], cells, caption)
 
 
 def still_table(record: Record) -> str:
