@@ -1,14 +1,15 @@
-"""Chunks: a long shot by two local workers with one thread each, against one worker with one thread.
+"""Chunks: a long shot by two local workers with one core each, against one worker with one core.
 
 Two workers are two `openjd run --tasks` processes of examples/farm/supersample.yaml. One worker is one
 `supersampler upscale`, without chunks. Images of both are compared.
 
-    python bench/studies/chunks.py --shot out/chunks/shot --json FILE --update docs/how-to/farm.md
+    python bench/studies/chunks.py --json FILE --update docs/how-to/farm.md
 
-The shot is rendered where it is missing; a stopped rendering continues.
+The shot is rendered where it is missing; a stopped rendering continues. Needs Linux and two cores.
 """
 
 import json as json_text
+import os
 import subprocess
 import sys
 import time
@@ -73,13 +74,19 @@ def farm(output: Path, shot: Path, frames: int, preroll: int, method: str, *opti
 
 
 def seconds_of(*commands: Sequence[str]) -> float:
-    """Run commands at the same time; return the wall time until the last has ended.
+    """Run commands at the same time, each on a core of its own; return the wall time until the last has ended.
 
     Raises:
         CalledProcessError: one has failed.
     """
+    own, processes = os.sched_getaffinity(0), []
     began = time.perf_counter()
-    processes = [subprocess.Popen(command, stdout=subprocess.DEVNULL) for command in commands]  # noqa: S603
+    try:
+        for core, command in zip(sorted(own), commands, strict=False):
+            os.sched_setaffinity(0, {core})  # the process inherits it
+            processes.append(subprocess.Popen(command, stdout=subprocess.DEVNULL))  # noqa: S603
+    finally:
+        os.sched_setaffinity(0, own)
     codes = [process.wait() for process in processes]
     seconds = time.perf_counter() - began
     for code, command in zip(codes, commands, strict=True):
@@ -150,7 +157,8 @@ def markdown_table(record: Record) -> str:
     caption = (
         f"{record['frames']} frames of the test scene {record['family']}, images of "
         f"{size_text(record['display'])}; {WORKERS} workers with a chunk each and a preroll of "
-        f"{record['preroll']}, against one worker without chunks; one thread a worker. Seconds: medians of "
+        f"{record['preroll']}, against one worker without chunks; a worker has one core, and one thread "
+        f"for the method. Seconds: medians of "
         f"{record['times']}; exposures are measured once, before the chunks. PSNR against the run without "
         f"chunks, display values: the lowest of all frames, and the median after the first chunk, whose "
         f"frames are equal. {machine_name(record)}."
