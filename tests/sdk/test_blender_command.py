@@ -18,7 +18,8 @@ from supersampler import ArgumentError
 from supersampler.cli import app
 from supersampler.integrations.blender.process import find_blender
 from supersampler.integrations.blender.render import frame_range
-from supersampler.io.image_reading import read_exr, read_exr_metadata
+from supersampler.io.image_headers import read_exr_metadata
+from supersampler.io.image_reading import read_exr
 from supersampler.io.shot import open_source
 from supersampler.upscaler import Upscaler
 
@@ -68,6 +69,8 @@ def test_metadata_of_blenders_frames_is_kept_but_what_is_of_their_layout(tmp_pat
     blender(tmp_path)
     metadata = read_exr_metadata(tmp_path / "out" / "0006.exr")
     assert metadata.items() >= {"Camera": "Camera", "Frame": "6", "Scene": "Scene"}.items()
+    stated = {name: metadata.pop(name) for name in ("chromaticities", "colorInteropID")}
+    assert stated["colorInteropID"] == "lin_rec709_scene"
     assert metadata == read_exr_metadata(RECORDED / "0006.exr")
     assert "BlenderMultiChannel" not in metadata  # the results are no multilayer files
 

@@ -81,7 +81,7 @@ def test_vectors_of_eevee_hold_all_but_their_jitter_is_taken_out(folder: Path) -
     np.testing.assert_allclose(open_source(folder).read(2).frame.motion, truth, atol=1e-5)
 
 
-def test_passes_of_the_light_are_aovs_by_their_names(folder: Path) -> None:
+def test_passes_that_can_be_blended_are_aovs_by_their_names(folder: Path) -> None:
     for path in folder.glob("*.exr"):
         channels = read_exr(path)
         color = channels["ViewLayer.Combined.R"]
@@ -89,7 +89,7 @@ def test_passes_of_the_light_are_aovs_by_their_names(folder: Path) -> None:
         write_exr(path, channels | {f"ViewLayer.{name}": color * 0.5 for name in extra})
     raw = open_source(folder).read_raw(1)
     assert raw.aov_names is not None
-    assert sorted(raw.aov_names) == ["A", "GlossDir.B", "GlossDir.G", "GlossDir.R"]
+    assert sorted(raw.aov_names) == ["A", "GlossDir.B", "GlossDir.G", "GlossDir.R", "Mist.Z"]
     assert raw.aovs is not None
     assert raw.color is not None
     index = list(raw.aov_names).index("GlossDir.G")

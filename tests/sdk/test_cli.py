@@ -8,7 +8,6 @@ import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -72,14 +71,14 @@ def image_files(folder: Path) -> dict[str, tuple[bytes, int]]:
 
 
 def interrupt_at(index: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    write: Callable[..., None] = Results.write
+    list_files: Callable[..., None] = Results.list_files
 
-    def stop(self: Results, at: int, *pixels: Any, **options: Any) -> None:
+    def stop(self: Results, at: int) -> None:
         if at == index:
             raise KeyboardInterrupt
-        write(self, at, *pixels, **options)
+        list_files(self, at)
 
-    monkeypatch.setattr(Results, "write", stop)
+    monkeypatch.setattr(Results, "list_files", stop)
 
 
 def test_help_and_version_load_nothing_heavy() -> None:

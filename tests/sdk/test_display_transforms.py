@@ -179,6 +179,13 @@ def test_a_table_that_is_missing_beside_the_configuration_is_refused_before_any_
         display_transform_from(ocio=config, view="Root")
 
 
+def test_the_encoding_is_that_of_the_display(config: str) -> None:
+    assert display_transform_from().encoding == "srgb_rec709_display"
+    assert display_transform_from(display="Display P3 - Display").encoding == "srgb_p3d65_display"
+    assert display_transform_from(ocio=config).encoding == "lin_rec709_scene"
+    assert display_transform_from(ocio=config, view="Root").encoding == "srgb_rec709_display"  # has no name
+
+
 def test_no_image_is_refused(config: str) -> None:
     with pytest.raises(ArgumentError, match=r"image is .*; want"):
         display_transform_from(ocio=config).show(LIGHT[..., 0])
@@ -191,7 +198,14 @@ def test_settings_say_all_that_the_values_depend_on(config: str) -> None:
         "color_space": "lin_rec709",
         "stops": 1.5,
         "tone_curve": True,
-        "ocio": {"config": config, "display": "screen", "view": "Root", "look": "", "gamma": 1.0},
+        "ocio": {
+            "config": config,
+            "display": "screen",
+            "view": "Root",
+            "look": "",
+            "gamma": 1.0,
+            "encoding": "srgb_rec709_display",
+        },
     }
     assert transform.description == "exposure of +1.5 stops, view Root on screen (OpenColorIO)"
     assert replace(transform, ocio=None).description == "exposure of +1.5 stops, c / (1 + max(r, g, b)), sRGB"

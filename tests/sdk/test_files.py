@@ -28,7 +28,7 @@ def test_only_leftovers_of_the_files_that_were_being_written_are_removed(tmp_pat
     made(*(tmp_path / name for name in [*ours, *kept]))
     (tmp_path / ".0004.01234567.partial.exr").symlink_to(tmp_path / "0003.exr")
     (tmp_path / "link").symlink_to(tmp_path / "other")
-    remove_partial_files(tmp_path, NAMES, ["below", "link", "none"])
+    remove_partial_files(tmp_path, NAMES.fullmatch, ["below", "link", "none"])
     left = sorted(p.relative_to(tmp_path).as_posix() for p in tmp_path.rglob("*") if is_regular(p))
     assert left == sorted(kept)
 

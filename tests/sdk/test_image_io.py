@@ -3,7 +3,9 @@
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import hypothesis.extra.numpy as hnp
 import numpy as np
@@ -15,7 +17,7 @@ from OpenImageIO import ImageInput, ImageOutput, ImageSpec
 from supersampler import ShotError
 from supersampler.io.atomic import replacing
 from supersampler.io.image_reading import read_exr, read_exr_channels
-from supersampler.io.images import encode_jpeg, encode_png, write_exr, write_png
+from supersampler.io.images import encode_jpeg, encode_png, half_pixels, write_exr, write_png, write_tiff
 
 HOSTILE = [np.nan, np.inf, -np.inf, -0.0, 65504.0, 0.25, -1.5, 2.0**-24]  # all of them halves
 PIXELS = np.arange(5 * 7 * 3, dtype=np.float32).reshape(5, 7, 3)
@@ -139,6 +141,51 @@ def test_a_png_holds_the_bytes_given(tmp_path: Path) -> None:
     write_png(tmp_path / "image.png", BYTES)
     np.testing.assert_array_equal(decoded(tmp_path / "image.png"), BYTES)
     assert encode_png(BYTES) == (tmp_path / "image.png").read_bytes()
+
+
+@pytest.mark.parametrize(("write", "name"), [(write_png, "image.png"), (write_tiff, "image.tif")])
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16])
+def test_integers_come_back_and_are_tagged_as_srgb(
+    tmp_path: Path, write: Callable[..., None], name: str, kind: type[np.unsignedinteger[Any]]
+) -> None:
+    image = np.random.default_rng(0).integers(0, np.iinfo(kind).max + 1, (5, 7, 3)).astype(kind)
+    write(tmp_path / name, image)
+    found = ImageInput.open(str(tmp_path / name))
+    assert found is not None
+    np.testing.assert_array_equal(found.read_image(np.dtype(kind).name), image)
+    assert found.spec().format == np.dtype(kind).name
+    assert found.spec().get_string_attribute("oiio:ColorSpace").startswith("srgb_rec709")
+    write(tmp_path / f"again {name}", image)
+    assert (tmp_path / name).read_bytes() == (tmp_path / f"again {name}").read_bytes()
+
+
+def test_a_png_of_another_display_is_tagged_as_its_encoding(tmp_path: Path) -> None:
+    write_png(tmp_path / "image.png", BYTES, "srgb_p3d65_display")
+    content = (tmp_path / "image.png").read_bytes()
+    assert b"cICP" + bytes([12, 13, 0, 1]) in content  # primaries of P3, curve of sRGB
+    assert b"sRGB" not in content
+
+
+def test_an_exr_states_its_colour_space_by_name_and_by_primaries(tmp_path: Path) -> None:
+    path = tmp_path / "image.exr"
+    write_exr(path, PIXELS, color_space="ACEScg")
+    found = ImageInput.open(str(path))
+    assert found is not None
+    assert found.spec().get_string_attribute("oiio:ColorSpace") == "lin_ap1_scene"
+    assert found.spec().get_string_attribute("colorInteropID") == "lin_ap1_scene"
+    ap1 = [0.713, 0.293, 0.165, 0.83, 0.128, 0.044, 0.32168, 0.33767]
+    np.testing.assert_allclose(found.spec().getattribute("chromaticities"), ap1, atol=1e-6)
+    write_exr(path, PIXELS)
+    silent = ImageInput.open(str(path))
+    assert silent is not None
+    assert silent.spec().getattribute("chromaticities") is None
+
+
+def test_pixels_become_half_floats_in_one_array_and_too_large_ones_are_clamped() -> None:
+    color = np.array([[[1e30, -np.inf, 0.1]]], np.float32)
+    pixels = half_pixels([color, np.array([[[np.nan, 70000.0]]], np.float32)])
+    assert pixels.dtype == np.float16
+    np.testing.assert_array_equal(pixels[0, 0], np.array([65504, -65504, 0.1, np.nan, 65504], np.float16))
 
 
 def test_a_jpeg_is_close_and_closer_with_more_quality(tmp_path: Path) -> None:

@@ -18,7 +18,8 @@ from imported_scene import (
 )
 from supersampler import ArgumentError, ShotError
 from supersampler.cli import app
-from supersampler.io.image_reading import read_exr, read_exr_metadata
+from supersampler.io.image_headers import read_exr_metadata
+from supersampler.io.image_reading import read_exr
 from supersampler.io.images import write_exr
 from supersampler.io.shot import Shot, copy_shot, import_blender
 
@@ -48,20 +49,22 @@ def test_blender_frames_come_out_as_ours(tmp_path: Path, layer: str, names: dict
     np.testing.assert_array_equal(gbuffer["base_color"][0, 0], [0, 0.25, 0.5])
 
 
-def test_passes_of_the_light_and_metadata_stay_with_a_copy_and_its_results(tmp_path: Path) -> None:
-    names = ["A", "DiffDir.R", "DiffDir.G", "DiffDir.B", "Sparks.R", "Sparks.G", "Sparks.B"]
+def test_passes_that_can_be_blended_and_metadata_stay_with_a_copy_and_its_results(tmp_path: Path) -> None:
+    names = ["A", "DiffDir.R", "DiffDir.G", "DiffDir.B", "Mist.Z", "Sparks.R", "Sparks.G", "Sparks.B"]
     write_blender(tmp_path / "renders", "V")
     for index, path in enumerate(sorted((tmp_path / "renders").glob("*.exr"))):
-        extra = [name for name in names if "." in name] + ["CryptoObject00.R", "Mist.Z", "Noisy Image.R"]
+        extra = [name for name in names if "." in name] + ["CryptoObject00.R", "Noisy Image.R"]
         channels = read_exr(path)
         channels |= {f"V.{name}": channels["V.Combined.R"] * np.float32(0.5) for name in extra}
         write_exr(path, channels, metadata={"Camera": "Main", "Frame": f"{index:02d}"})
     shot = import_blender(tmp_path / "renders")
+    ignored = {name.removeprefix("V.") for name in shot.ignored_channels}
+    assert ignored == {"CryptoObject00.R", "Noisy Image.R", "Vector.Z", "Vector.W"}
     copied = copy_shot(shot, tmp_path / "shot")
     assert list(copied.info.aov_names) == names
     changed = (tmp_path / "shot" / "shot.json").read_text().replace('"Sparks.B"', '"Sparks.B", "More"')
     (tmp_path / "shot" / "more.json").write_text(changed)
-    with pytest.raises(ShotError, match=r"0000\.exr: has 7 AOVs; the shot names 8"):
+    with pytest.raises(ShotError, match=r"0000\.exr: has 8 AOVs; the shot names 9"):
         Shot.open(tmp_path / "shot" / "more.json").read(0)
     assert copied.read_metadata(1) == shot.read_metadata(1) == {"Camera": "Main", "Frame": "01"}
     for source, out in (

@@ -57,7 +57,7 @@ def test_what_cannot_be_guessed_is_answered_with_what_was_found(tmp_path: Path) 
     with pytest.raises(ShotError, match="is neither a folder nor"):
         open_source(tmp_path / "0.txt")
     write_exr(tmp_path / "a_1.exr", {"R": plane(0), "Z": plane(1)})
-    with pytest.raises(ShotError, match=r"holds EXR frames with the channels R, Z\. A channels\.json says"):
+    with pytest.raises(ShotError, match=r"holds frames with the channels R, Z\. A channels\.json says"):
         open_source(tmp_path)
     with pytest.raises(
         ArgumentError, match="layout is 'exr'; want 'auto', 'shot', 'render', 'blender', 'channels' or 'arm'"

@@ -13,6 +13,7 @@ from typer.testing import CliRunner, Result
 from noise import noise
 from supersampler import ShotError
 from supersampler.cli import app
+from supersampler.cli.image_options import ImageOptions, OutputImage
 from supersampler.cli.results import Results
 from supersampler.cli.run_record import read_run_record
 from supersampler.io.image_reading import read_exr
@@ -113,15 +114,16 @@ def test_a_foreign_file_in_the_way_is_named_and_nothing_changes(
 def test_a_file_of_others_is_no_result_and_is_not_replaced_when_a_run_continues(
     shot: Path, tmp_path: Path
 ) -> None:
-    results = Results(tmp_path / "out", ("exr",))
+    results = Results(tmp_path / "out", ImageOptions())
     assert results.begin({}, 4, overwrite=False) == 0
-    results.write(0, IMAGE, 1.0)
+    results.list_files(0)
+    results.options.write(results.folder, 0, OutputImage(image=IMAGE, exposure=1.0))
     write_exr(tmp_path / "out" / "0001.exr", IMAGE + 1)
     assert results.count_complete(4) == 1
     with pytest.raises(ShotError, match=rf"0001\.exr: is there already, and {FOREIGN}"):
-        results.write(1, IMAGE, 1.0)
+        results.list_files(1)
     with pytest.raises(ShotError, match=rf"0001\.exr: is there already, and {FOREIGN}"):
-        Results(tmp_path / "out", ("exr",)).begin({}, 4, overwrite=False)
+        Results(tmp_path / "out", ImageOptions()).begin({}, 4, overwrite=False)
     assert read_exr(tmp_path / "out" / "0001.exr")["R"].max() == 1.0
 
 
@@ -141,7 +143,7 @@ import os, signal, sys
 sys.path.insert(0, {tests!r})
 from supersampler.cli import app
 from supersampler.io import images as image_io
-import supersampler.cli.results as results
+import supersampler.cli.image_options as results
 write, left = results.write_exr, {count}
 def once(path, *rest, **options):
     global left
@@ -168,10 +170,9 @@ def test_a_killed_run_has_listed_what_it_wrote_and_continues(
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == -9
     record = read_run_record(out)
     assert record is not None
-    assert record.files == {"####.exr": 3}
-    assert [path.name for path in record.own_files(out)] == ["0000.exr", "0001.exr", "0002.exr"][
-        : 2 + (not before)
-    ]
+    there = sorted(path.name for path in out.glob("[0-9]*.exr"))
+    assert 1 <= len(there) < COUNT  # several threads write
+    assert [path.name for path in record.own_files(out)] == there
     assert run(*arguments).exit_code == 0
     assert sorted(content(out)) == ["0000.exr", "0001.exr", "0002.exr", "0003.exr", "upscale.json"]
 

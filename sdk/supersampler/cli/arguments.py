@@ -24,11 +24,21 @@ Executor = Literal["auto", "onnx", "cpu"]
 Preset = Literal["fast", "balanced", "high"]
 
 
-class Format(StrEnum):  # a Literal cannot be given several times
-    """Image file formats."""
+class ImageFormat(StrEnum):  # a Literal cannot be given several times
+    """Formats of image files."""
 
     exr = "exr"
     png = "png"
+    tif = "tif"
+
+
+class Format(StrEnum):
+    """Formats of results."""
+
+    exr = "exr"
+    png = "png"
+    tif = "tif"
+    mp4 = "mp4"
 
 
 def open_shot(text: str) -> "Shot":

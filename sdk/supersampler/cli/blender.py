@@ -71,10 +71,12 @@ def blender(
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from rich.console import Console
 
-    from supersampler.cli.run import UpscaleJob, run_job
+    from supersampler.cli.image_options import image_options
+    from supersampler.cli.job import UpscaleJob
+    from supersampler.cli.run import run_job
     from supersampler.integrations.blender.render import RenderRequest, frame_range, rendering
 
-    formats = sorted({item.value for item in format or [Format.exr]})
+    formats = [item.value for item in format or [Format.exr]]
     console = Console(stderr=True, highlight=False)
     request = RenderRequest(
         blend=scene_file,
@@ -93,21 +95,22 @@ def blender(
             shot=render.shot,
             output=output,
             model=method,
-            formats=formats,
+            images=image_options(formats, transform=_transform_of(render.scene, formats)),
             compare=compare,
             overwrite=overwrite,
             holds_shot=True,
-            view=None if formats == ["exr"] else _view_of(render.scene),
             console=console,
         )
         run_job(job)
     typer.echo(f"Frames: {output}")
 
 
-def _view_of(scene: "RenderedScene") -> "DisplayTransform":
+def _transform_of(scene: "RenderedScene", formats: list[str]) -> "DisplayTransform":
     """Return the view that Blender shows the scene with; ShotError or ArgumentError if it is missing."""
-    from supersampler.io.display_transforms import ocio_transform
+    from supersampler.io.display_transforms import DEFAULT_TRANSFORM, ocio_transform
 
+    if set(formats) == {"exr"}:  # nothing is shown, and a file of Blender's may be missing
+        return DEFAULT_TRANSFORM
     view = scene.view
     return ocio_transform(
         scene.ocio,

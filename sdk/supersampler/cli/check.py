@@ -4,11 +4,23 @@ from typing import Annotated
 
 import typer
 
-from supersampler.cli.arguments import ShotArgument, open_shot, printable
+from supersampler.cli.arguments import ShotArgument, printable
+from supersampler.cli.source_options import (
+    ChannelsOption,
+    ConventionsOption,
+    JitterOption,
+    LayoutOption,
+    open_with,
+    source_notes,
+)
 
 
 def check(
     shot: ShotArgument,
+    layout: LayoutOption = "auto",
+    jitter: JitterOption = None,
+    channels: ChannelsOption = None,
+    conventions: ConventionsOption = None,
     frames: Annotated[int, typer.Option(min=2, help="Number of frames to read from the middle.")] = 6,
 ) -> None:
     """Detect the conventions of SHOT: motion, jitter and depth.
@@ -18,16 +30,19 @@ def check(
     to write, and the G-buffers of the first frame. Exit code 1 where they contradict the shot's own.
 
     \b
-    Example:
+    Examples:
       supersampler check shots/kitchen
+      supersampler check "out/beauty.####.exr" --conventions unreal --jitter jitter.json
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler.methods.gbuffers import listed, names_of
     from supersampler.validation import detect_conventions
 
-    opened = open_shot(shot)
+    opened = open_with(shot, layout=layout, jitter=jitter, channels=channels, conventions=conventions)
     detection = detect_conventions(opened, frames=frames)
     typer.echo(f"{printable(opened.name)}: {min(frames, len(opened))} of {len(opened)} frames")
     typer.echo(f"G-buffers: {listed(names_of(opened.read_raw(0)))}")
+    for note in source_notes(opened):
+        typer.echo(note)
     typer.echo(detection.summary())
     if not detection.agrees:
         raise typer.Exit(1)

@@ -15,7 +15,9 @@ def demo(
     Writes EXR frames (linear), PNG frames (as a screen shows them) and compare.html, one page that needs no
     network: drag the split, step through the frames, zoom.
     """
-    from supersampler.cli.run import UpscaleJob, run_job
+    from supersampler.cli.image_options import ImageOptions
+    from supersampler.cli.job import UpscaleJob
+    from supersampler.cli.run import run_job
     from supersampler.io.shot import Shot
 
     job = UpscaleJob(
@@ -23,7 +25,7 @@ def demo(
         output=output,
         model=method,
         scale=2.0,
-        formats=("exr", "png"),
+        images=ImageOptions(formats=("exr", "png")),
         compare=True,
         maps=True,
     )

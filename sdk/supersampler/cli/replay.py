@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from supersampler.cli.arguments import Executor, Format, Precision, parse_providers, printable, size_text
+from supersampler.cli.arguments import Executor, ImageFormat, Precision, parse_providers, printable, size_text
 
 if TYPE_CHECKING:
     from supersampler.cli.results import Results
@@ -21,7 +21,7 @@ def replay(
         Path | None, typer.Option("-o", "--output", help="Folder to write the images to.")
     ] = None,
     format: Annotated[  # noqa: A002  # the option's name
-        list[Format] | None, typer.Option(help="See `supersampler upscale`.", show_default="exr")
+        list[ImageFormat] | None, typer.Option(help="See `supersampler upscale`.", show_default="exr")
     ] = None,
     model: Annotated[
         str | None, typer.Option(help="A model folder, or a shipped model by name.", show_default="recorded")
@@ -68,7 +68,7 @@ def replay(
         precision=precision,
         providers=None if providers is None else parse_providers(providers),
     )
-    formats = sorted({item.value for item in format or [Format.exr]})
+    formats = sorted({item.value for item in format or [ImageFormat.exr]})
     results = None if output is None else _begun(replayed, output, formats, overwrite=overwrite)
     steps: list[Replayed] = []
     _say(*_machines(replayed))
@@ -86,11 +86,12 @@ def _say(*lines: str) -> None:
 
 
 def _begun(replay: "Replay", folder: Path, formats: list[str], *, overwrite: bool) -> "Results":
+    from supersampler.cli.image_options import ImageOptions
     from supersampler.cli.results import Results, model_settings
     from supersampler.io.atomic import check_apart
 
     check_apart(folder, replay.recording.path)
-    results = Results(folder, formats)
+    results = Results(folder, ImageOptions(formats=formats))
     settings = {
         **model_settings(replay.model),
         "recording": str(replay.recording.path.resolve()),
@@ -134,6 +135,8 @@ def _run(replay: "Replay", steps: "list[Replayed]", results: "Results | None") -
     from rich.console import Console
 
     from supersampler.cli.frame_warnings import frame_warnings
+    from supersampler.cli.image_options import OutputImage
+    from supersampler.cli.run_record import RECORDED
     from supersampler.recording import CloseCall, StepCall
 
     console = Console(stderr=True, highlight=False)
@@ -153,11 +156,17 @@ def _run(replay: "Replay", steps: "list[Replayed]", results: "Results | None") -
             if step.result is not None:
                 last = step
                 if results is not None:
-                    results.write(step.index, step.result.image, step.exposure, step.result.aovs)
+                    output = OutputImage(
+                        image=step.result.image, exposure=step.exposure, aovs=step.result.aovs
+                    )
+                    results.list_files(step.index)
+                    results.options.write(results.folder, step.index, output)
     if not isinstance(call, CloseCall):
         _say("The recording was not closed; it ends with its last complete call.")
     elif results is not None and last is not None and call.image is not None:
-        results.write(last.index, call.image, last.exposure, recorded=True)
+        results.list_files(last.index, recorded=True)
+        output = OutputImage(image=call.image, exposure=last.exposure)
+        results.options.write(results.folder, last.index, output, f"{RECORDED}/")
 
 
 def _verdict(replay: "Replay", steps: "list[Replayed]") -> Iterator[str]:

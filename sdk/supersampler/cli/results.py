@@ -1,52 +1,58 @@
-"""Write the output folder of `supersampler upscale`: numbered images, a page, and upscale.json."""
+"""The output folder of `supersampler upscale`: numbered images, a page, a video, and upscale.json."""
 
 import json
 import os
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 from supersampler import __version__
+from supersampler.cli.image_options import ImageOptions
 from supersampler.cli.run_record import (
-    FILE_NAME,
+    FIRST,
+    FRAMES,
     RECORDED,
-    SINGLE,
     RunRecord,
     foreign,
     frame_path,
     numbered,
+    other_records,
     read_run_record,
 )
 from supersampler.errors import ShotError
-from supersampler.frame import Float32
 from supersampler.io.atomic import is_regular, is_there, remove_files, remove_partial_files
-from supersampler.io.display import display_transform, to_uint8
-from supersampler.io.display_transforms import DisplayTransform
-from supersampler.io.image_reading import Metadata
-from supersampler.io.images import write_exr, write_png
-from supersampler.io.shot.frame_files import COLOR, aov_channels
 from supersampler.model import Model
 
-_NAMES = re.compile(rf"\d{{4,}}\.(exr|png)|{'|'.join(map(re.escape, (FILE_NAME, *SINGLE)))}")
-_LARGEST_HALF = 65504.0
+PREROLL = "preroll"
+"""Setting in which runs into one folder may differ, as they may in FIRST and FRAMES."""
 
 
 class Results:
-    """Numbered images in a folder; with several formats, each in a subfolder of its name.
+    """Numbered images in a folder.
 
     Args:
         folder: the folder.
-        formats: "exr", "png" or both.
-        view: what PNG files show; by default exposure and the display transform.
+        options: names, formats and encodings.
     """
 
-    def __init__(self, folder: Path, formats: Sequence[str], view: DisplayTransform | None = None) -> None:
-        self.folder, self.formats, self._view = folder, tuple(formats), view
-        self._record = RunRecord({})
+    def __init__(self, folder: Path, options: ImageOptions) -> None:
+        self.folder, self.options = folder, options
+        self._record, self._others = RunRecord({}), list[RunRecord]()
+
+    @property
+    def page(self) -> str:
+        """Name of the page."""
+        return self._record.single[0]
+
+    @property
+    def video(self) -> str:
+        """Name of the video."""
+        return self._record.single[1]
+
+    def number(self, position: int) -> int:
+        """Return the number of a frame, by its position among those of the run."""
+        return self._record.numbers[position]
 
     def begin(
         self,
@@ -54,137 +60,132 @@ class Results:
         frame_count: int | None,
         *,
         overwrite: bool,
-        single: Collection[str] = (),
+        page: bool = False,
         recording: Path | None = None,
     ) -> int:
-        """Prepare the folder, and return the index of the first incomplete frame.
+        """Prepare the folder, and return the position of the first incomplete frame.
 
         Args:
             settings: all that the images depend on; JSON values.
             frame_count: number of frames; None where it is not known.
             overwrite: whether to remove the files of an earlier run instead of continuing it.
-            single: names of SINGLE that will be written.
+            page: whether the page will be written.
             recording: the folder that the run will record to; if it exists, it must be an earlier run's.
 
         Raises:
             ShotError: files of another program are in the way; or images of other settings exist and
                 `overwrite` is False. Nothing has been changed.
         """
-        earlier = read_run_record(self.folder)
-        self._record = earlier or RunRecord({})
+        wanted = RunRecord(settings)
+        earlier = read_run_record(self.folder, wanted.file_name)
+        self._others = other_records(self.folder, wanted.file_name)
+        self._record = earlier or replace(wanted, settings=_numbers_of(settings))
         own = self._record.own_files(self.folder)
-        first = RunRecord(settings).first
         if earlier is not None and not overwrite:
-            self._check_same(earlier.settings, settings)
-        self._check_free(first, frame_count, single)
+            self._check_same(earlier, settings)
+        for other in self._others:
+            if other.numbers.overlaps(wanted.numbers):
+                self._check_same(other, settings, but=(FIRST, FRAMES, PREROLL))
+        names = [
+            name
+            for name, is_wanted in zip(wanted.single, (page, self.options.video), strict=True)
+            if is_wanted
+        ]
+        self._check_free(wanted, frame_count, names)
         self._check_recording(recording)
         if overwrite:
             remove_files(own)
-        below = {str(Path(pattern).parent) for pattern in self._record.files}
         kept = {} if overwrite else self._record.files
         recorded = self._record.recording if recording is None else os.path.realpath(recording)
+        below = {str(Path(pattern).parent) for pattern in self._record.files}
         self._save(RunRecord(settings, kept, recorded))
-        remove_partial_files(self.folder, _NAMES, below - {"."})
+        remove_partial_files(self.folder, self._is_own_name, below - {"."})
         return 0 if frame_count is None else self.count_complete(frame_count)
 
     def count_complete(self, frame_count: int) -> int:
         """Return the number of complete frames from the first on; only files of these runs count."""
-        count = min(frame_count, *(self._record.files.get(pattern, 0) for pattern in self._patterns()))
-        for index in range(count):
-            number = self._record.first + index
-            paths = [frame_path(self.folder, pattern, number) for pattern in self._patterns()]
+        patterns = self.options.patterns
+        count = min([frame_count, *(self._record.files.get(pattern, 0) for pattern in patterns)])
+        for position in range(count):
+            paths = [frame_path(self.folder, pattern, self.number(position)) for pattern in patterns]
             if not all(map(is_regular, paths)):
-                return index
+                return position
         return count
 
-    def write(
-        self,
-        index: int,
-        image: Float32,
-        exposure: float,
-        aovs: Float32 | None = None,
-        *,
-        aov_names: Sequence[str] | None = None,
-        metadata: Metadata | None = None,
-        recorded: bool = False,
-    ) -> None:
-        """Write one frame atomically: EXR as linear half floats, PNG as it is shown.
+    def list_files(self, position: int, *, recorded: bool = False) -> None:
+        """List the files of one frame as this run's, before they are written.
 
         Args:
-            index: its index in the shot; its file has the number of the shot's first frame + index.
-            image: (H, W, 3) linear RGB.
-            exposure: > 0, for the PNG.
-            aovs: (H, W, k) AOVs for the EXR.
-            aov_names: of their channels; by default A for k = 1, else aovs.0, aovs.1 and so on.
-            metadata: entries of the EXR's header.
-            recorded: whether it is an image from a recording, which has a separate subfolder.
+            position: of the frame among those of the run.
+            recorded: whether it is an image from a recording, which has a subfolder of its own.
 
         Raises:
-            ShotError: the disk refused, or a file of another program has the name.
+            ShotError: the disk refused, or a file of another program has a name that is not listed yet.
         """
-        patterns = self._patterns(f"{RECORDED}/" if recorded else "")
-        self._list(patterns, index + 1)
-        for pattern in patterns:
-            path = frame_path(self.folder, pattern, self._record.first + index)
-            if path.suffix == ".exr":
-                write_exr(path, *_with_aovs(image, aovs, aov_names), metadata=metadata)
-            else:
-                view = self._view
-                write_png(path, to_uint8(view.show(image) if view else display_transform(image, exposure)))
+        listed = dict(self._record.files)
+        for pattern in self.options.patterns:
+            pattern = f"{RECORDED}/{pattern}" if recorded else pattern
+            for place in range(listed.get(pattern, 0), position + 1):
+                number = self.number(place)
+                if is_there(path := frame_path(self.folder, pattern, number)):
+                    self._check_listed_elsewhere(pattern, number, path)
+            listed[pattern] = max(listed.get(pattern, 0), position + 1)
+        if listed != self._record.files:
+            self._save(replace(self._record, files=listed))
 
     def begin_file(self, name: str) -> Path:
-        """List a file of SINGLE in upscale.json and return its path; ShotError if it is another program's."""
+        """List the page or the video and return its path; ShotError if the file is another program's."""
         if not self._record.files.get(name):
-            self._check_free(0, 0, [name])
+            self._check_free(self._record, 0, [name])
             self._save(replace(self._record, files={**self._record.files, name: 1}))
         return self.folder / name
 
     def is_newest(self, name: str) -> bool:
-        """Return whether a file of SINGLE exists and no image is newer."""
+        """Return whether the page or the video exists and no image is newer."""
         times = {path: path.stat().st_mtime_ns for path in self._record.own_files(self.folder)}
-        images = [time for path, time in times.items() if path.name not in SINGLE]
+        images = [time for path, time in times.items() if path.name not in self._record.single]
         return self.folder / name in times and times[self.folder / name] >= max(images, default=0)
-
-    def images(self, extension: str, count: int) -> list[Path]:
-        """Return the files of a format of the first `count` frames."""
-        numbers = range(self._record.first, self._record.first + count)
-        return [frame_path(self.place(extension), f"####.{extension}", number) for number in numbers]
 
     def place(self, extension: str) -> Path:
         """Return the folder of the files of a format."""
-        return self.folder / extension if len(self.formats) > 1 else self.folder
-
-    def _patterns(self, below: str = "") -> list[str]:
-        """Return the patterns of this run's numbered files, as upscale.json lists them."""
-        several = len(self.formats) > 1
-        return [f"{below}{f'{name}/' if several else ''}####.{name}" for name in self.formats]
-
-    def _list(self, patterns: list[str], count: int) -> None:
-        """List the first `count` files of each pattern as this run's; unlisted ones must not exist yet."""
-        listed = dict(self._record.files)
-        for pattern in patterns:
-            for index in range(listed.get(pattern, 0), count):
-                if is_there(path := frame_path(self.folder, pattern, self._record.first + index)):
-                    raise foreign(path)
-            listed[pattern] = max(listed.get(pattern, 0), count)
-        if listed != self._record.files:
-            self._save(replace(self._record, files=listed))
+        return self.folder / self.options.below(extension)
 
     def _save(self, record: RunRecord) -> None:
         record.write(self.folder)
         self._record = record
 
-    def _check_free(self, first: int, frame_count: int | None, single: Collection[str]) -> None:
+    def _is_own_name(self, name: str) -> bool:
+        """Return whether a file of this name is one of this run, and not of another that is running."""
+        if name in (*self._record.single, self._record.file_name):
+            return True
+        patterns = {Path(pattern).name for pattern in self._record.files}
+        numbers = [int(digits) for digits in re.findall(r"\d{1,10}", name)]
+        return any(
+            frame_path(Path(), pattern, number).name == name
+            for pattern in patterns
+            for number in numbers
+            if number in self._record.numbers
+        )
+
+    def _check_free(self, wanted: RunRecord, frame_count: int | None, single: Collection[str]) -> None:
         """Raise ShotError where an unlisted file has the name of one that will be written."""
         for name in single:
             if not self._record.files.get(name) and is_there(self.folder / name):
                 raise foreign(self.folder / name)
-        unknown = frame_count is None
-        for pattern in self._patterns() + (self._patterns(f"{RECORDED}/") if unknown else []):
+        patterns, numbers = self.options.patterns, wanted.numbers
+        if frame_count is None:
+            patterns += [f"{RECORDED}/{pattern}" for pattern in patterns]
+        for pattern in patterns:
             for number, path in sorted(numbered(self.folder, pattern)):
-                is_wanted = frame_count is None or 0 <= number - first < frame_count
+                is_wanted = number in numbers and (
+                    frame_count is None or numbers.position(number) < frame_count
+                )
                 if is_wanted and not self._record.lists(pattern, number):
-                    raise foreign(path)
+                    self._check_listed_elsewhere(pattern, number, path)
+
+    def _check_listed_elsewhere(self, pattern: str, number: int, path: Path) -> None:
+        if not any(other.lists(pattern, number) for other in self._others):
+            raise foreign(path)
 
     def _check_recording(self, recording: Path | None) -> None:
         """Raise ShotError where the folder to record to exists and is not an earlier run's recording."""
@@ -197,24 +198,22 @@ class Results:
             problem = f"is there already, and is no recording of an earlier run into {self.folder}"
             raise ShotError(recording, problem, "Choose another name, or move it away.")
 
-    def _check_same(self, earlier: Mapping[str, object], wanted: Mapping[str, object]) -> None:
-        changed = [key for key in wanted if earlier.get(key) != json.loads(json.dumps(wanted[key]))]
-        if changed:
-            key = changed[0]
-            problem = f"images of another run are there: {key} was {earlier.get(key)}, is now {wanted[key]}"
-            raise ShotError(self.folder, problem, "Choose another folder, or --overwrite to start over.")
+    def _check_same(
+        self, earlier: RunRecord, wanted: Mapping[str, object], *, but: Collection[str] = ()
+    ) -> None:
+        """Raise ShotError where the settings of an earlier run differ, except in those named by `but`."""
+        before = earlier.settings
+        for key in (key for key in wanted if key not in but):
+            if before.get(key) != json.loads(json.dumps(wanted[key])):
+                problem = (
+                    f"images of another run are there: {key} was {before.get(key)}, is now {wanted[key]}"
+                )
+                start_over = "" if but else ", or --overwrite to start over"
+                raise ShotError(self.folder, problem, f"Choose another folder{start_over}.")
 
 
-def _with_aovs(
-    image: Float32, aovs: Float32 | None, aov_names: Sequence[str] | None
-) -> tuple[NDArray[np.float16], list[str]]:
-    """Return the pixels and channel names of an EXR."""
-    names, arrays = list(COLOR), [image]
-    if aovs is not None:
-        names += aov_names or (["A"] if aovs.shape[2] == 1 else aov_channels(aovs.shape[2]))
-        arrays.append(aovs)
-    pixels = np.clip(np.concatenate(arrays, axis=-1), -_LARGEST_HALF, _LARGEST_HALF)
-    return pixels.astype(np.float16), names
+def _numbers_of(settings: Mapping[str, object]) -> dict[str, object]:
+    return {name: settings[name] for name in (FIRST, FRAMES) if name in settings}
 
 
 def model_settings(model: Model) -> dict[str, object]:

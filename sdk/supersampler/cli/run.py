@@ -1,92 +1,46 @@
-"""Upscale a shot into a folder, frame by frame; a stopped run can continue. For `upscale` and `demo`."""
+"""Upscale a shot into a folder, frame by frame; a stopped run can continue."""
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
-from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Literal
+from dataclasses import replace
+from functools import partial
+from typing import NamedTuple
 
 import typer
-from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    ProgressColumn,
-    Task,
-    TextColumn,
-    TimeRemainingColumn,
-)
-from rich.text import Text
 
-from supersampler.aux_outputs import LEGENDS, aux_output_layers
-from supersampler.cli.arguments import size_text
+from supersampler.cli.frame_plan import FramePlan, Stretch
 from supersampler.cli.frame_warnings import frame_warnings
-from supersampler.cli.results import Results, model_settings
-from supersampler.cli.run_record import FIRST, PAGE, VIDEO
+from supersampler.cli.image_options import OutputImage
+from supersampler.cli.job import UpscaleJob
+from supersampler.cli.output_queue import OutputQueue
+from supersampler.cli.profile import print_profile
+from supersampler.cli.progress import RunProgress
+from supersampler.cli.results import Results
+from supersampler.cli.run_page import RunPage, run_page
 from supersampler.errors import FrameError, ShotError
-from supersampler.frame import Frame, Size
+from supersampler.frame import Frame
 from supersampler.history import StepResult
 from supersampler.io.atomic import check_apart
-from supersampler.io.compare import ERROR_LEGEND, About, ComparePage, compare_layers, compare_page, versions
-from supersampler.io.display import ExposureMeter
-from supersampler.io.display_transforms import DisplayTransform
-from supersampler.io.shot import Shot
-from supersampler.methods.model_file import find_model, read_model_info
-from supersampler.model import Model, Precision, Skip
-from supersampler.presets import PresetName, chosen
-from supersampler.recording.folder import remove_recording
+from supersampler.io.display import ExposureMeter, usable_exposure
+from supersampler.io.images import Bytes
+from supersampler.io.shot import ShotFrame
+from supersampler.io.shot.exposures import measure_exposures
+from supersampler.io.stage_times import StageTimes
+from supersampler.io.video import VideoWriter, video_writer
 from supersampler.upscaler import Upscaler
 
 COMPARE_FRAMES = 64
 """Number of frames, the last ones, in a page: browsers load larger pages slowly."""
 
-_NOTES = (
-    "Images after exposure, c / (1 + max(r, g, b)) and sRGB; JPEG of quality 92, small ones PNG. The input "
-    "is as rendered, with its jitter.",
-    "error: mean over r, g, b of |output − reference| of these images. PSNR: of the same images before "
-    "rounding to 8 bits, whole frame.",
-)
 
+class Written(NamedTuple):
+    """A frame of which all files are written."""
 
-@dataclass(frozen=True, kw_only=True)
-class UpscaleJob:
-    """Input, settings and output of one run; sizes are (width, height).
-
-    `extrapolation` is the name or folder of the model for unshaded frames. Without `display_size` and `scale`
-    the images have the shot's display size; without one, the model's only ratio, or 2x. `record` is a folder
-    to record all frames to; the recording of an earlier run into `output` is replaced. With `holds_shot`
-    the shot may be in a subfolder of `output` of its own. `view` is what PNG files show. With
-    `video` the caller writes one of them.
-    """
-
-    shot: Shot
-    output: Path
-    model: str | Path | None = None
-    display_size: Size | None = None
-    scale: float | None = None
-    formats: Sequence[str] = ("exr",)
-    compare: bool = False
-    maps: bool = False
-    providers: str | Sequence[str] = "auto"
-    threads: int = 0
-    precision: Precision = "auto"
-    skip: Skip = "auto"
-    preset: PresetName | None = None
-    extrapolation: str | Path | None = None
-    validate: Literal["off", "warn", "strict"] = "warn"
-    record: Path | None = None
-    overwrite: bool = False
-    holds_shot: bool = False
-    view: DisplayTransform | None = None
-    video: bool = False
-    console: Console = field(default_factory=lambda: Console(stderr=True, highlight=False))
-
-    @property
-    def single(self) -> list[str]:
-        """Names of the files of SINGLE that the run writes."""
-        return [name for name, wanted in ((PAGE, self.compare), (VIDEO, self.video)) if wanted]
+    position: int
+    number: int
+    shown: Bytes | None  # for the video
+    seconds: float  # of the step
 
 
 def run_job(job: UpscaleJob) -> Results:
@@ -97,23 +51,27 @@ def run_job(job: UpscaleJob) -> Results:
         SupersamplerError: a frame, a file or the model is not usable; or the output lies in the shot, or
             would replace files of another program.
     """
-    results, count = Results(job.output, job.formats, job.view), len(job.shot)
+    results = Results(job.output, job.images)
     for written in filter(None, (None if job.holds_shot else job.output, job.record)):
         check_apart(written, job.shot.source)
     with ExitStack() as stack:
-        upscaler = stack.enter_context(_open_upscaler(job))
+        upscaler = stack.enter_context(job.upscaler())
+        plan = job.frames(upscaler)
+        count = len(plan.numbers)
         upscaler.warm_up()  # raises for an unusable model or ratio before files are overwritten
         first = results.begin(
-            _settings(job, upscaler), count, overwrite=job.overwrite, single=job.single, recording=job.record
+            job.settings(upscaler), count, overwrite=job.overwrite, page=job.compare, recording=job.record
         )
         if job.record is not None:
-            upscaler = stack.enter_context(_recording_upscaler(job, upscaler))
-        page_is_there = not job.compare or results.is_newest(PAGE)
-        if first == count and page_is_there and job.record is None:
+            upscaler = stack.enter_context(job.recording_upscaler(upscaler))
+        page = job.compare and not (first == count and results.is_newest(results.page))
+        video = job.images.video and not (first == count and results.is_newest(results.video))
+        if first == count and not (page or video) and job.record is None:
             job.console.print(f"All {count} frames are there already.")
             return results
+        begins = 0 if job.record or video else min(first, count - COMPARE_FRAMES) if page else first
         try:
-            _upscale(job, upscaler, results, first)
+            _Run(job, upscaler, results, plan, first).upscale(max(begins, 0), page=page, video=video)
         except KeyboardInterrupt:
             complete = results.count_complete(count)
             job.console.print(f"Stopped: {complete} of {count} frames are complete.")
@@ -122,150 +80,149 @@ def run_job(job: UpscaleJob) -> Results:
     return results
 
 
-def _open_upscaler(job: UpscaleJob) -> Upscaler:
-    model, precision, skip = chosen(job.preset, job.model, job.precision, job.skip)
-    size = job.display_size or (job.shot.display_size if job.scale is None else None)
-    info = model.info if isinstance(model, Model) else read_model_info(find_model(model))
-    return Upscaler(
-        model,
-        display_size=size,
-        scale=None if size else job.scale or info.only_ratio or 2.0,
-        render_size=job.shot.render_size,
-        providers=job.providers,
-        threads=job.threads,
-        precision=precision,
-        skip=skip,
-        extrapolation=job.extrapolation,
-        validate=job.validate,
-    )
+class _Run:
+    """One run: frames before position `first` are complete, and only rebuild what later ones need."""
 
+    def __init__(
+        self, job: UpscaleJob, upscaler: Upscaler, results: Results, plan: FramePlan, first: int
+    ) -> None:
+        self._job, self._upscaler, self._results, self._plan = job, upscaler, results, plan
+        self._first, self._times = first, StageTimes()
 
-def _recording_upscaler(job: UpscaleJob, opened: Upscaler) -> Upscaler:
-    """Return an Upscaler with the same model that records; an earlier run's recording is replaced."""
-    assert job.record is not None  # noqa: S101 - checked by the caller
-    remove_recording(job.record)  # `Results.begin` has checked that it is an earlier run's
-    return Upscaler(
-        opened.model,
-        display_size=opened.display_size,
-        render_size=job.shot.render_size,
-        skip=opened.skip,
-        extrapolation=job.extrapolation,
-        validate=job.validate,
-        record=job.record,
-    )
+    def upscale(self, begins: int, *, page: bool, video: bool) -> None:
+        """Step through the frames that lead to those from position `begins` on."""
+        job, began, cpu = self._job, time.perf_counter(), time.process_time()
+        stretches = self._plan.rest(job.shot, begins)
+        exposures = self._start_exposures(stretches)
+        total = sum(stretch.stop - stretch.start for stretch in stretches)
+        with (
+            run_page(job, self._upscaler, self._results) if page else nullcontext() as compare,
+            self._video() if video else nullcontext() as film,
+            RunProgress(job.console, total, json=job.json) as progress,
+            OutputQueue[Written](partial(self._finish, film, progress)) as queue,
+        ):
+            progress.event("begin", shot=job.shot.name, frames=len(self._plan.numbers), complete=self._first)
+            for stretch in stretches:
+                self._step_through(stretch, exposures, queue, compare, progress)
+        wall, cpu = time.perf_counter() - began, time.process_time() - cpu
+        self._print_summary(wall)
+        if job.profile:
+            print_profile(job.console, self._times, self._upscaler.stats.frames, wall, cpu)
+        progress.event(
+            "end",
+            frames=self._upscaler.stats.frames,
+            seconds=round(wall, 3),
+            cpu_seconds=round(cpu, 3),
+            stages=self._times.to_json(),
+        )
 
+    def _video(self) -> AbstractContextManager[VideoWriter]:
+        shot, size = self._job.shot, self._upscaler.display_size or self._job.shot.render_size
+        return video_writer(self._results.begin_file(self._results.video), size, shot.frame_rate or 24.0)
 
-def _settings(job: UpscaleJob, upscaler: Upscaler) -> dict[str, object]:
-    """Return all that the images depend on. The number of frames is left out, as a shot may still grow."""
-    extrapolation = None if job.extrapolation is None else read_model_info(find_model(job.extrapolation))
-    return {
-        **model_settings(upscaler.model),
-        "shot": str(job.shot.path.resolve()),
-        FIRST: job.shot.first_number,
-        "render size": size_text(job.shot.render_size),
-        "conventions": job.shot.conventions.to_json(),
-        "skip": upscaler.skip,
-        "extrapolation": None if extrapolation is None else dict(extrapolation.files),
-        "display size": size_text(upscaler.display_size),
-        "formats": list(job.formats),
-        "view": None if job.view is None else job.view.to_json(),
-    }
+    def _start_exposures(self, stretches: list[Stretch]) -> dict[int, float]:
+        """Return the exposures, by frame number, that stretches begin with where no cut begins them."""
+        shot = self._job.shot
+        begins = [each.start for each in stretches if shot.last_cut(each.start) < each.start]
+        stated = {shot.first_number + i: e for i in begins if (e := usable_exposure(shot.exposure(i)))}
+        starts = [i for i in begins if shot.first_number + i not in stated]
+        if not starts:
+            return stated
+        if self._job.exposures is None:
+            begin, stop = shot.last_cut(starts[0]), starts[-1] + 1
+            self._job.console.print(f"Measuring the exposure of {stop - begin} frames before.")
+            return stated | measure_exposures(shot, begin, stop)
+        lacking = [i for i in starts if shot.first_number + i not in self._job.exposures]
+        if lacking:
+            problem = f"there is no exposure of frame {shot.first_number + lacking[0]}"
+            raise ShotError(shot.path, problem, "Measure them again: supersampler exposures.")
+        return stated | self._job.exposures
 
-
-def _upscale(job: UpscaleJob, upscaler: Upscaler, results: Results, first: int) -> None:
-    """Step through the frames; frames before `first` only rebuild the history and fill the page."""
-    count = len(job.shot)
-    page_start = max(0, count - COMPARE_FRAMES) if job.compare else count
-    start = 0 if job.record else _last_cut(job.shot, min(first, page_start))
-    meter, began = ExposureMeter(), time.perf_counter()
-    with _page(job, upscaler, results) as page, _progress(job.console) as progress:
-        task = progress.add_task("", total=count - start)
-        for item in job.shot.frames(start, gbuffers=upscaler.gbuffers):
-            progress.update(task, description="upscaling" if item.index >= first else "replaying")
+    def _step_through(
+        self,
+        stretch: Stretch,
+        exposures: dict[int, float],
+        queue: OutputQueue[Written],
+        page: RunPage | None,
+        progress: RunProgress,
+    ) -> None:
+        job, meter = self._job, ExposureMeter()
+        frames = job.shot.frames(
+            stretch.start,
+            stretch.stop,
+            gbuffers=self._upscaler.gbuffers,
+            references=page is not None,
+            times=self._times,
+        )
+        for item in frames:
             frame, number = item.frame, job.shot.first_number + item.index
-            with _named(job, number):
-                result = _step(job, upscaler, frame)
+            if item.index == stretch.start and not frame.reset:
+                frame = replace(frame, reset=True, exposure=exposures[number])
+            before = self._upscaler.stats.seconds
+            with _named(job, number), self._times.measure("step"):
+                result = self._step(frame)
             exposure = meter.read(frame.color, given=frame.exposure, reset=frame.reset)
-            if item.index >= first:
-                names, metadata = item.raw.aov_names, job.shot.read_metadata(item.index)
-                results.write(
-                    item.index, result.image, exposure, result.aovs, aov_names=names, metadata=metadata
-                )
-            if page is not None and item.index >= page_start:
-                layers, numbers = compare_layers(frame, result.image, item.reference, exposure)
-                page.add(number, {**layers, **aux_output_layers(result)}, numbers)
-            progress.advance(task)
-    stats, seconds = upscaler.stats, time.perf_counter() - began
-    rates = f"{stats.frames / seconds:.1f} a second, the method alone {stats.frames / stats.seconds:.1f}"
-    job.console.print(f"{stats.frames} frames in {seconds:.1f} s: {rates}")
-    if stats.extrapolated:
-        each = stats.extrapolation_seconds / stats.extrapolated
-        job.console.print(f"{stats.extrapolated} were not shaded; extrapolating one took {each:.2f} s")
-    if stats.work < stats.frames:
-        job.console.print(f"{1 - stats.work / stats.frames:.0%} of the work was skipped: nothing moved.")
+            position = self._plan.position(item.index)
+            if position is not None:
+                seconds = self._upscaler.stats.seconds - before
+                if position >= self._first:
+                    self._results.list_files(position)
+                if position >= self._first or job.images.video:
+                    queue.put(partial(self._write, item, position, result, exposure, seconds))
+                if page is not None and position >= len(self._plan.numbers) - COMPARE_FRAMES:
+                    with self._times.measure("page"):
+                        page.add(item, result, exposure)
+            stats = self._upscaler.stats
+            what = "upscaling" if position is not None and position >= self._first else "replaying"
+            progress.advance(what, 1.0 - stats.work / stats.frames)
 
+    def _step(self, frame: Frame) -> StepResult:
+        """Step with the auxiliary outputs that the files and the page show."""
+        job, upscaler = self._job, self._upscaler
+        maps = [*upscaler.model.info.maps, "work"] if job.maps else []
+        step = upscaler.extrapolate if job.extrapolation and frame.color is None else upscaler.step
+        result = step(frame, outputs=(*maps, *(["aovs"] if frame.aovs is not None else [])))
+        return result if isinstance(result, StepResult) else StepResult(result)
 
-def _step(job: UpscaleJob, upscaler: Upscaler, frame: Frame) -> StepResult:
-    """Step with the auxiliary outputs that the files and the page show."""
-    maps = [*upscaler.model.info.maps, "work"] if job.maps else []
-    step = upscaler.extrapolate if job.extrapolation and frame.color is None else upscaler.step
-    result = step(frame, outputs=(*maps, *(["aovs"] if frame.aovs is not None else [])))
-    return result if isinstance(result, StepResult) else StepResult(result)
+    def _write(
+        self, item: ShotFrame, position: int, result: StepResult, exposure: float, seconds: float
+    ) -> Written:
+        """Write the files of a frame; on a thread of the queue."""
+        job, number = self._job, self._plan.numbers[position]
+        with self._times.measure("write"):
+            output = OutputImage(
+                image=result.image,
+                exposure=exposure,
+                aovs=result.aovs,
+                aov_names=item.raw.aov_names,
+                metadata=job.shot.read_metadata(item.index),
+            )
+            images = job.images if position >= self._first else replace(job.images, formats=())
+            shown = images.write(job.output, number, output)
+        return Written(position, number, shown, seconds)
 
+    def _finish(self, film: VideoWriter | None, progress: RunProgress, written: Written) -> None:
+        if film is not None and written.shown is not None:
+            with self._times.measure("video"):
+                film.write(written.shown)
+        if written.position >= self._first:
+            progress.event(
+                "frame",
+                number=written.number,
+                index=written.position,
+                frames=len(self._plan.numbers),
+                seconds=round(written.seconds, 4),
+            )
 
-def _last_cut(shot: Shot, index: int) -> int:
-    """Return the last frame up to `index` that resets the history, which can be rebuilt from there."""
-    while 0 < index < len(shot) and not shot.read_raw(index, gbuffers=()).reset:
-        index -= 1
-    return index
-
-
-def _page(
-    job: UpscaleJob, upscaler: Upscaler, results: Results
-) -> AbstractContextManager[ComparePage | None]:
-    if not job.compare:
-        return nullcontext()
-    shot, model, info = job.shot, upscaler.model, upscaler.model.info
-    display_size = upscaler.display_size or shot.render_size
-    sizes = f"{size_text(shot.render_size)} to {size_text(display_size)}".replace("x", " × ")
-    provider = model.providers[0].removesuffix("ExecutionProvider")
-    facts = {
-        "method": info.method,
-        "size": sizes,
-        "runs on": f"{provider} ({model.executor}, {model.precision})",
-        "frames": str(len(shot)),
-    }
-    sources = ". ".join(line.rstrip(".") for line in (*shot.attribution, shot.license) if line)
-    about = About(
-        title=shot.name,
-        method=info.method,
-        display_size=display_size,
-        frame_rate=shot.frame_rate or 30.0,
-        facts=facts,
-        legends={"error": ERROR_LEGEND, **LEGENDS},
-        notes=[*_NOTES, *([f"Shot: {sources}."] if sources else []), versions()],
-    )
-    return compare_page(results.begin_file(PAGE), about)
-
-
-class _FramesPerSecond(ProgressColumn):
-    def render(self, task: Task) -> Text:
-        speed = task.finished_speed or task.speed
-        return Text("" if speed is None else f"{speed:.1f} frames/s")
-
-
-def _progress(console: Console) -> Progress:
-    return Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        _FramesPerSecond(),
-        TimeRemainingColumn(),
-        TextColumn("left"),
-        console=console,
-        transient=True,
-        disable=not console.is_terminal,  # log files get only the summary
-    )
+    def _print_summary(self, seconds: float) -> None:
+        stats, console = self._upscaler.stats, self._job.console
+        rates = f"{stats.frames / seconds:.1f} a second, the method alone {stats.frames / stats.seconds:.1f}"
+        console.print(f"{stats.frames} frames in {seconds:.1f} s: {rates}")
+        if stats.extrapolated:
+            each = stats.extrapolation_seconds / stats.extrapolated
+            console.print(f"{stats.extrapolated} were not shaded; extrapolating one took {each:.2f} s")
+        if stats.work < stats.frames:
+            console.print(f"{1 - stats.work / stats.frames:.0%} of the work was skipped: nothing moved.")
 
 
 @contextmanager

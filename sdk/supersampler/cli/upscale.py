@@ -1,7 +1,9 @@
-"""`supersampler upscale`: upscales a shot into a folder of images."""
+"""`supersampler upscale`: upscales shots into folders of images."""
 
+import re
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -10,18 +12,44 @@ from supersampler.cli.arguments import (
     Format,
     Precision,
     Preset,
-    ShotArgument,
     Validate,
-    open_shot,
     parse_providers,
     parse_size,
     parse_skip,
+    printable,
 )
-from supersampler.errors import ArgumentError
+from supersampler.cli.display_options import Display, Exposure, Look, Ocio, View, display_transform_of
+from supersampler.cli.source_options import (
+    ChannelsOption,
+    ColorSpaceOption,
+    ConventionsOption,
+    CutsOption,
+    FrameRateOption,
+    JitterOption,
+    LayoutOption,
+    ReferenceOption,
+    open_with,
+    source_notes,
+)
+from supersampler.errors import ArgumentError, SupersamplerError
+
+if TYPE_CHECKING:
+    from supersampler.cli.image_options import ImageOptions
+    from supersampler.cli.job import UpscaleJob
+    from supersampler.io.shot import Shot
+    from supersampler.io.shot.frame_numbers import FrameNumbers
+
+Compression = Literal["zip", "dwaa", "piz", "none"]
+Shots = Annotated[
+    list[str],
+    typer.Argument(
+        metavar="SHOT...", help="A shot, a folder of frames, a pattern such as beauty.####.exr, or plaza."
+    ),
+]
 
 
 def upscale(
-    shot: ShotArgument,
+    shots: Shots,
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write.")],
     method: Annotated[
         str | None, typer.Option(help="A shipped model by name.", show_default="classifier")
@@ -36,18 +64,56 @@ def upscale(
     scale: Annotated[
         float | None, typer.Option(help="Instead of --display-size: display over render size, 1.0 to 4.0.")
     ] = None,
+    frames: Annotated[
+        str | None,
+        typer.Option(metavar="RANGES", help="Numbers of the frames to write: 10-50,60.", show_default="all"),
+    ] = None,
+    preroll: Annotated[
+        int | None,
+        typer.Option(
+            min=0,
+            help="Frames before a range that build its history. Also without --frames: images of chunks.",
+            show_default="one period of the jitter, 32 at 2x, with --frames",
+        ),
+    ] = None,
+    exposures: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="With --frames: of `supersampler exposures`. Else measured."),
+    ] = None,
     format: Annotated[  # noqa: A002  # the option's name
         list[Format] | None,
         typer.Option(
-            help="exr: linear half floats. png: exposed, tone mapped, sRGB. Twice for both, in two folders.",
-            show_default="exr",
+            help="exr: linear half floats. png, tif, mp4: as a display shows it. Repeat for several.",
+            show_default="exr, or that of sRGB frames",
         ),
     ] = None,
+    name: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME.####",
+            help="Names of results; #### is the number.",
+            show_default="those of the frames",
+        ),
+    ] = None,
+    compression: Annotated[Compression, typer.Option(help="Of EXR; dwaa loses a little.")] = "zip",
+    ocio: Ocio = None,
+    display: Display = None,
+    view: View = None,
+    look: Look = None,
+    exposure: Exposure = None,
     compare: Compare = False,
     maps: Annotated[
         bool,
         typer.Option("--maps", help="With --compare: also classes, weight of the history, samples, work."),
     ] = False,
+    layout: LayoutOption = "auto",
+    jitter: JitterOption = None,
+    channels: ChannelsOption = None,
+    conventions: ConventionsOption = None,
+    frame_rate: FrameRateOption = None,
+    cuts: CutsOption = None,
+    reference: ReferenceOption = None,
+    color_space: ColorSpaceOption = None,
     providers: Annotated[
         str,
         typer.Option(
@@ -59,12 +125,13 @@ def upscale(
         Precision, typer.Option(help="Of the network. int8: fast on a CPU. fp32, fp16: a graph that ships.")
     ] = "auto",
     skip: Annotated[
-        str,
+        str | None,
         typer.Option(
             help="exact: compute every pixel. auto, or the error to settle at: converge where nothing moves. "
-            "accumulate: also where noise does."
+            "accumulate: also where noise does. recurrent: average nothing.",
+            show_default="auto; recurrent with --frames or --preroll",
         ),
-    ] = "auto",
+    ] = None,
     preset: Annotated[
         Preset | None, typer.Option(help="Sets method, precision and skip for the best error at its speed.")
     ] = None,
@@ -88,45 +155,154 @@ def upscale(
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace the results of an earlier run.")
     ] = False,
+    profile: Annotated[bool, typer.Option("--profile", help="Print where the time goes.")] = False,
+    json: Annotated[
+        bool, typer.Option("--json", help="Print a line of JSON for each frame on the standard output.")
+    ] = False,
 ) -> None:
-    """Upscale SHOT, frame by frame, into a folder of images.
+    """Upscale SHOT, frame by frame, into a folder of images; several, each into a folder of its name.
 
     A run that was stopped continues when the same command is given again: complete frames are kept, and the
-    history is rebuilt from the frames since the last cut.
+    history is rebuilt from the frames since the last cut. Exit codes: 0 done, 1 an error, 2 wrong arguments,
+    130 stopped.
 
     \b
     Examples:
       supersampler upscale plaza -o out --compare
-      supersampler upscale renders/kitchen -o out --display-size 3840x2160
-      supersampler upscale shot -o out --model my_model --scale 1.5 --format exr --format png
+      supersampler upscale "renders/beauty.####.exr" -o out --conventions blender --frames 100-199
+      supersampler upscale shots/* -o out --format exr --format mp4 --view "ACES 2.0 - SDR 100 nits (Rec.709)"
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
-    from supersampler.cli.run import UpscaleJob, run_job
+    from supersampler.cli.frame_plan import LONGEST_PREROLL
+    from supersampler.cli.job import UpscaleJob
+    from supersampler.io.shot.exposures import read_exposures
+    from supersampler.io.shot.frame_numbers import FrameNumbers
 
     if method is not None and model is not None:
         raise ArgumentError("--method and --model", got="both given", want="one of the two")
     if display_size is not None and scale is not None:
         raise ArgumentError("--display-size and --scale", got="both given", want="one of the two")
-    job = UpscaleJob(
-        shot=open_shot(shot),
-        output=output,
-        model=model or method,
-        display_size=None if display_size is None else parse_size(display_size),
-        scale=scale,
-        formats=tuple(sorted({item.value for item in format or [Format.exr]})),
-        compare=compare,
-        maps=maps,
-        providers=parse_providers(providers),
-        threads=threads,
-        precision=precision,
-        skip=parse_skip(skip),
-        preset=preset,
-        extrapolation=extrapolate,
-        validate=validate,
-        record=record,
-        overwrite=overwrite,
+    if exposures is not None and frames is None:
+        raise ArgumentError("--exposures", got="without --frames", want="with it, or left out")
+    numbers = None if frames is None else FrameNumbers.parse(frames)
+    source: dict[str, Any] = {
+        "layout": layout,
+        "jitter": jitter,
+        "channels": channels,
+        "conventions": conventions,
+        "frame_rate": frame_rate,
+        "cuts": cuts,
+        "reference": reference,
+        "color_space": color_space,
+        "frames": None
+        if numbers is None
+        else _to_open(numbers, LONGEST_PREROLL if preroll is None else preroll, measured=exposures is None),
+    }
+    shown = {"ocio": ocio, "display": display, "view": view, "look": look, "exposure": exposure}
+    settings: dict[str, Any] = {
+        "numbers": numbers,
+        "preroll": preroll,
+        "exposures": None if exposures is None else read_exposures(exposures),
+        "model": model or method,
+        "display_size": None if display_size is None else parse_size(display_size),
+        "scale": scale,
+        "compare": compare,
+        "maps": maps,
+        "providers": parse_providers(providers),
+        "threads": threads,
+        "precision": precision,
+        "skip": None if skip is None else parse_skip(skip),
+        "preset": preset,
+        "extrapolation": extrapolate,
+        "validate": validate,
+        "overwrite": overwrite,
+        "profile": profile,
+        "json": json,
+    }
+    folders = _folders(shots, output)
+    if record is not None and len(folders) > 1:
+        raise ArgumentError("--record", got="given for several shots", want="one shot")
+    failed = 0
+    for text, folder in folders.items():
+        try:
+            shot = open_with(text, **source)
+            images = _image_options(shot, format, name, compression, shown)
+            job = UpscaleJob(shot=shot, output=folder, images=images, **settings, record=record)
+            _run(job)
+        except (SupersamplerError, OSError) as error:
+            if len(folders) == 1:
+                raise
+            failed += 1
+            typer.echo(f"error: {printable(str(error))}", err=True)
+    if failed:
+        raise typer.Exit(1)
+
+
+def _run(job: "UpscaleJob") -> None:
+    """Run a job, and print what to open."""
+    from supersampler.cli.run import run_job
+
+    for note in source_notes(job.shot):
+        job.console.print(note, markup=False)
+    results = run_job(job)
+    if job.json:
+        return
+    if job.record is not None:
+        typer.echo(f"Replay: supersampler replay {job.record}")
+    if job.images.video:
+        typer.echo(f"Video: {job.output / results.video}")
+    if job.compare:
+        typer.echo(f"Open in a browser: {job.output / results.page}")
+
+
+def _image_options(
+    shot: "Shot",
+    formats: list[Format] | None,
+    name: str | None,
+    compression: str,
+    shown: Mapping[str, Any],
+) -> "ImageOptions":
+    """Return the options of the images of a shot; sRGB-encoded frames come back as they were by default."""
+    from supersampler.cli.image_options import image_options
+    from supersampler.io.display_transforms import REC709
+    from supersampler.io.image_headers import UNKNOWN_COLOR_SPACE
+
+    stored, srgb, stated = shot.stored_as, shot.conventions.srgb, shot.info.color_space
+    space = None if stated == UNKNOWN_COLOR_SPACE else stated
+    same = srgb and stored.format in ("png", "tif")
+    return image_options(
+        [item.value for item in formats] if formats else [stored.format if same else "exr"],
+        name=shot.info.file_names if name is None else re.sub(r"%0?(\d*)d", _hashes, name),
+        transform=display_transform_of(color_space=space or REC709, srgb=srgb, **shown),
+        compression=compression,
+        bits=16 if same and stored.type == "uint16" else 8,
+        color_space=space,
     )
-    run_job(job)
-    if record is not None:
-        typer.echo(f"Replay: supersampler replay {record}")
-    if compare:
-        typer.echo(f"Open in a browser: {output / 'compare.html'}")
+
+
+def _hashes(field: re.Match[str]) -> str:
+    return "#" * int(field[1] or 1)
+
+
+def _folders(shots: list[str], output: Path) -> dict[str, Path]:
+    """Return the folder of the results of each shot; with several, a subfolder of its name."""
+    if len(shots) == 1:
+        return {shots[0]: output}
+    folders: dict[str, Path] = {}
+    for text in shots:
+        path = Path(text)
+        name = re.sub(r"[._ -]*(#+|%0?\d*d|[*?]+)", "", path.stem if path.suffix else path.name)
+        folder = output / (name or path.resolve().parent.name)
+        if folder in folders.values():
+            other = next(shot for shot, given in folders.items() if given == folder)
+            raise ArgumentError("SHOT", got=f"{other} and {text}", want="shots of different names")
+        folders[text] = folder
+    return folders
+
+
+def _to_open(numbers: "FrameNumbers", preroll: int, *, measured: bool) -> tuple[int, int]:
+    """Return the first and last frame that a run needs: gaps elsewhere are no matter.
+
+    Exposures that are still to be measured need all frames from the first on.
+    """
+    before = preroll + 1  # the one before the preroll shows that the shot does not begin with it
+    return (0 if measured else max(0, numbers.first - before)), numbers.last

@@ -51,14 +51,14 @@ def write_text(path: Path, text: str) -> None:
         partial.write_text(text, encoding="utf-8", newline="\n")
 
 
-def remove_partial_files(folder: Path, names: re.Pattern[str], below: Iterable[str] = ()) -> None:
-    """Remove the temporary files that killed runs left for files whose full names match `names`.
+def remove_partial_files(folder: Path, is_own: Callable[[str], object], below: Iterable[str] = ()) -> None:
+    """Remove the temporary files that killed runs left for files whose names `is_own` accepts.
 
     Only regular files with a name of `replacing` are removed.
 
     Args:
         folder: where to look; it may be a link.
-        names: names of the files that were being written.
+        is_own: whether a file of this name may have been written by the killed run.
         below: subfolders to look in, too; links are skipped.
     """
     root = Path(os.path.realpath(folder))
@@ -67,7 +67,7 @@ def remove_partial_files(folder: Path, names: re.Pattern[str], below: Iterable[s
             continue
         for path in place.iterdir():
             found = _PARTIAL_NAME.fullmatch(path.name)
-            if found and names.fullmatch(found[1] + found[2]) and is_regular(path):
+            if found and is_own(found[1] + found[2]) and is_regular(path):
                 remove_files([path])
 
 

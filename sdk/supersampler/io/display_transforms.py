@@ -23,6 +23,8 @@ from supersampler.io.display import MAX_HALF, checked_image, display_transform
 
 REC709 = "lin_rec709"
 """Linear light with the primaries of Rec. 709 and sRGB."""
+SRGB = "srgb_rec709_display"
+"""OpenImageIO's name of the encoding of sRGB displays."""
 STUDIO_CONFIG = "ocio://studio-config-latest"
 """The configuration of OpenColorIO that OpenImageIO contains, with the views of ACES 2."""
 MAX_STOPS = 24.0
@@ -39,6 +41,7 @@ class OcioView:
         display, view: names in it, such as "sRGB" and "AgX".
         look: name of a look in it; "": the looks of the view.
         gamma: > 0; the shown values are raised to 1 / gamma.
+        encoding: OpenImageIO's name of the display's encoding, such as "srgb_p3d65_display".
     """
 
     config: str
@@ -46,12 +49,13 @@ class OcioView:
     view: str
     look: str = ""
     gamma: float = 1.0
+    encoding: str = SRGB
 
     def show(self, light: Float32, color_space: str) -> Float32:
         """Return (h, w, 3) values in [0, 1] of (h, w, 3) linear RGB in a colour space of the configuration.
 
-        OpenImageIO builds the processor anew in each call: 45 ms of CPU time for the studio config. It takes
-        no processor from Python, and keeps one for the configuration of the environment only.
+        OpenImageIO builds the processor anew in each call, which takes much less time than a large image: it
+        keeps processors only for the configuration of the environment.
         """
         result = ImageBufAlgo.ociodisplay(
             ImageBuf(np.ascontiguousarray(light)),
@@ -96,6 +100,11 @@ class DisplayTransform:
             look = f" with look {self.ocio.look}" if self.ocio.look else ""
             curve = f"view {self.ocio.view}{look} on {self.ocio.display} (OpenColorIO)"
         return f"{exposure}, {curve}".removeprefix(", ")
+
+    @property
+    def encoding(self) -> str:
+        """OpenImageIO's name of the encoding of what is shown, for the tags of files."""
+        return SRGB if self.ocio is None else self.ocio.encoding
 
     def show(self, image: Array, exposure: float = 1.0) -> Float32:
         """Return the encoded values of an image.
@@ -214,7 +223,15 @@ def ocio_transform(
         _checked("look", name.strip().lstrip("+-"), opened.getLookNames())
     if opened.getColorSpaceIndex(opened.resolve(color_space)) < 0:
         _checked("color_space", color_space, opened.getColorSpaceNames())
-    names = OcioView(config=config, display=display, view=view, look=look, gamma=gamma)
+    shown_space = opened.getDisplayViewColorSpaceName(display, view)
+    names = OcioView(
+        config=config,
+        display=display,
+        view=view,
+        look=look,
+        gamma=gamma,
+        encoding=opened.get_color_interop_id(shown_space) or SRGB,
+    )
     found = DisplayTransform(color_space=color_space, stops=stops, ocio=names)
     found.show(np.zeros((1, 1, 3), np.float32))  # reads the files that the configuration names
     return found

@@ -1,14 +1,13 @@
-"""Read EXR files by OpenImageIO. Channel types are kept."""
+"""Read EXR, PNG and TIFF files by OpenImageIO. Channel types are kept."""
 
-import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from OpenImageIO import ImageInput, geterror
+from OpenImageIO import ImageInput, ImageSpec, geterror
 
 from supersampler.errors import ShotError
 from supersampler.io.atomic import check_is_file, os_errors_as_shot_error
@@ -16,68 +15,85 @@ from supersampler.io.limits import IMAGE_BYTES, IMAGE_CHANNELS, IMAGE_PARTS, ima
 
 Channel: TypeAlias = NDArray[Any]
 """(h, w), of the type it has in the file: float16, float32 or uint32."""
-Metadata: TypeAlias = dict[str, str | int | float]
-"""Entries of an EXR file's header, by name."""
+Outside: TypeAlias = Mapping[str, float]
+"""Values of pixels outside of a file's data window, by channel; 0 for the others."""
 
 NO_REASON = "no reason given"
-
-_LAYOUT = re.compile(
-    "oiio:|openexr:|cryptomatte/|(compression|BlenderMultiChannel|DateTime|PixelAspectRatio|screenWindowWidth"
-    "|[XY]Resolution|ResolutionUnit|Orientation|name|type|view|chunkCount|version)$"
-)
-_MOST_ENTRIES, _LONGEST_TEXT = 256, 4096
+_MAGIC: Mapping[str, tuple[bytes, ...]] = {
+    "exr": (b"v/1\x01",), "png": (b"\x89PNG",), "tif": (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"),
+}  # fmt: skip
+FORMATS = tuple(_MAGIC)
+"""Of the files that are read: "exr", "png", "tif"."""
+_DAMAGED = "The file is damaged or cut off; write or copy it again."
 
 
 def read_exr(
-    path: Path | str, *, only: Iterable[str] | None = None, without: Iterable[str] = ()
+    path: Path | str,
+    *,
+    only: Iterable[str] | None = None,
+    without: Iterable[str] = (),
+    outside: Outside | None = None,
 ) -> dict[str, Channel]:
     """Read the channels of an EXR file, in OpenImageIO's order (R, G, B, A first, then by name).
 
     The parts of a multi-part file are read as one image. A part's name is prefixed to its channels where they
-    do not begin with it.
+    do not begin with it. Overscan, pixels outside of the display window, is cut off.
 
     Args:
         path: the file.
         only: names of the channels to return; missing ones are left out.
         without: names of channels to leave out.
+        outside: values where the data window is smaller than the display window; None refuses such a file.
 
     Returns:
-        Channel name to (h, w) array; half stays float16, float stays float32, uint stays uint32.
+        Channel name to (h, w) array; half stays float16, float stays float32, uint stays uint32. The arrays
+        may be views of one that interleaves them.
 
     Raises:
-        ShotError: the file is missing, truncated, not EXR, cropped or deep, or exceeds
-            `supersampler.io.limits`.
+        ShotError: the file is missing, truncated, not EXR or deep, has a data window that is not allowed,
+            or exceeds `supersampler.io.limits`.
+    """
+    return read_image(path, only=only, without=without, outside=outside, formats=("exr",))
+
+
+def read_image(
+    path: Path | str,
+    *,
+    only: Iterable[str] | None = None,
+    without: Iterable[str] = (),
+    outside: Outside | None = None,
+    formats: Collection[str] = FORMATS,
+) -> dict[str, Channel]:
+    """Read the channels of an EXR, PNG or TIFF file, as `read_exr` does.
+
+    Integers of PNG and TIFF are returned as float32, value / largest value; a palette as its colours. RGB is
+    not multiplied by alpha. Of a TIFF with several pages the first is read.
     """
     wanted, unwanted = None if only is None else frozenset(only), frozenset(without)
     image: dict[str, Channel] = {}
-    with _opened(path) as source:
-        for part, names in enumerate(_part_names(source, path)):
+    with opened(path, formats) as (source, kind):
+        for part, names in enumerate(_part_names(source, path, kind)):
             chosen = frozenset(names if wanted is None else wanted.intersection(names)) - unwanted
             if chosen:
-                image.update(_read_part(source, part, names, chosen, path))
+                image.update(_read_part(source, part, names, chosen, path, outside))
     return image
 
 
 def read_exr_channels(path: Path | str) -> list[str]:
     """Return the channel names of `read_exr` from the file's header, without reading pixels."""
-    with _opened(path) as source:
-        return [name for names in _part_names(source, path) for name in names]
+    with opened(path, ("exr",)) as (source, kind):
+        return [name for names in _part_names(source, path, kind) for name in names]
 
 
-def read_exr_metadata(path: Path | str) -> Metadata:
-    """Return what the program that wrote an EXR file says of it, such as Frame, Camera and timecodes.
-
-    Entries about the file's own layout are left out: its compression, its window, the kind of its channels.
-    """
-    with _opened(path) as source:
-        found: Metadata = {}
-        for entry in source.spec().extra_attribs:
-            value, name = entry.value, str(entry.name)
-            if isinstance(value, str | int | float) and not _LAYOUT.match(name):
-                found[name] = value[:_LONGEST_TEXT] if isinstance(value, str) else value
-            if len(found) == _MOST_ENTRIES:
-                break
-    return found
+def read_types(path: Path | str) -> dict[str, str]:
+    """Return the channels of `read_image` with their types: "half", "float", "uint", "uint8", "uint16"."""
+    with opened(path) as (source, kind):
+        types: dict[str, str] = {}
+        for part, names in enumerate(_part_names(source, path, kind)):
+            source.seek_subimage(part, 0)
+            spec = source.spec()
+            types |= {name: str(spec.channelformat(index)) for index, name in enumerate(names)}
+        return types
 
 
 def last_reason(last_error: Callable[[], str]) -> str:
@@ -90,8 +106,8 @@ def last_reason(last_error: Callable[[], str]) -> str:
 
 
 @contextmanager
-def _opened(path: Path | str) -> Iterator[ImageInput]:
-    """Open an EXR file; errors of the decoder become ShotErrors.
+def opened(path: Path | str, formats: Collection[str] = FORMATS) -> Iterator[tuple[ImageInput, str]]:
+    """Open a file and return its format, too; errors of the decoder become ShotErrors.
 
     The first bytes are checked before, as OpenImageIO would try all of its other decoders.
     """
@@ -99,27 +115,32 @@ def _opened(path: Path | str) -> Iterator[ImageInput]:
         with os_errors_as_shot_error(path):
             check_is_file(Path(path))
             with Path(path).open("rb") as file:
-                begins = file.read(len(_MAGIC))
-            if begins != _MAGIC:
-                raise ShotError(path, f"is not an EXR image (it begins with {begins!r})", _DAMAGED)
-            source = ImageInput.open(str(path))
+                begins = file.read(4)
+            kind = next((kind for kind in formats if begins in _MAGIC[kind]), None)
+            if kind is None:
+                listed = " or ".join(kind.upper() for kind in formats)
+                raise ShotError(path, f"is not an {listed} image (it begins with {begins!r})", _DAMAGED)
+            as_stored = ImageSpec()
+            as_stored.attribute("oiio:UnassociatedAlpha", 1)
+            source = ImageInput.open(str(path), as_stored)
             if source is None:
                 reason = last_reason(geterror) or NO_REASON
                 raise ShotError(path, f"is not an image that can be read ({reason})", _DAMAGED)
             try:
-                yield source
+                yield source, kind
             finally:
                 source.close()
     except MemoryError as error:
         raise ShotError(path, "claims more pixels than there is memory for", _DAMAGED) from error
 
 
-_MAGIC = b"v/1\x01"
-_DAMAGED = "The file is damaged or cut off; write or copy it again."
+def _part_names(source: ImageInput, path: Path | str, kind: str) -> list[list[str]]:
+    """Return the channel names of each part; in a multi-part EXR file they begin with the part's name.
 
-
-def _part_names(source: ImageInput, path: Path | str) -> list[list[str]]:
-    """Return the channel names of each part; in a multi-part file they begin with the part's name."""
+    Of other formats only the first image is read: further pages of a TIFF are often small copies.
+    """
+    if kind != "exr":
+        return [list(source.spec().channelnames)]
     parts: list[tuple[str, list[str]]] = []
     count = 0
     while source.seek_subimage(len(parts), 0):
@@ -139,29 +160,40 @@ def _part_names(source: ImageInput, path: Path | str) -> list[list[str]]:
 
 
 def _read_part(
-    source: ImageInput, part: int, names: list[str], wanted: frozenset[str], path: Path | str
+    source: ImageInput,
+    part: int,
+    names: list[str],
+    wanted: frozenset[str],
+    path: Path | str,
+    outside: Outside | None,
 ) -> dict[str, Channel]:
     source.seek_subimage(part, 0)
     spec = source.spec()
-    if (problem := image_size_problem(spec.width, spec.height)) is not None:
-        raise ShotError(path, problem, _DAMAGED)
+    for size in ((spec.width, spec.height), (spec.full_width, spec.full_height)):
+        if (problem := image_size_problem(*size)) is not None:
+            raise ShotError(path, problem, _DAMAGED)
     if spec.deep:
         raise ShotError(path, "holds deep pixels", "Write it with one value per pixel.")
-    window = (spec.x, spec.y, spec.width, spec.height)
-    full = (spec.full_x, spec.full_y, spec.full_width, spec.full_height)
-    if window != full:
+    if outside is None and not _covers_display(spec):
+        window = (spec.x, spec.y, spec.width, spec.height)
+        full = (spec.full_x, spec.full_y, spec.full_width, spec.full_height)
         problem = f"holds a part of its image: (x, y, w, h) {window} of {full}"
-        raise ShotError(path, problem, "Render without a crop region and without overscan.")
+        raise ShotError(path, problem, "Render it without a crop region.")
     indices = [index for index, name in enumerate(names) if name in wanted]
     begin = indices[0]
-    size = spec.width * spec.height * (indices[-1] + 1 - begin) * np.dtype(np.float32).itemsize
-    if size > IMAGE_BYTES:
-        raise ShotError(path, f"has {size >> 30} GiB of pixels; want at most {IMAGE_BYTES >> 30}", _DAMAGED)
-    pixels = source.read_image(part, 0, begin, indices[-1] + 1, "float")
+    area = max(spec.width * spec.height, spec.full_width * spec.full_height)
+    size_bytes = area * (indices[-1] + 1 - begin) * np.dtype(np.float32).itemsize
+    if size_bytes > IMAGE_BYTES:
+        problem = f"has {size_bytes >> 30} GiB of pixels; want at most {IMAGE_BYTES >> 30}"
+        raise ShotError(path, problem, _DAMAGED)
+    kinds = {str(spec.channelformat(index)) for index in indices}
+    kind = "half" if kinds == {"half"} else "float"  # of mixed types, two reads would decompress twice
+    pixels = source.read_image(part, 0, begin, indices[-1] + 1, kind)
     if pixels is None:
         reason = last_reason(source.geterror) or NO_REASON
         raise ShotError(path, f"cannot be read to its end ({reason})", _DAMAGED)
-    return {names[index]: _plane(source, part, index, pixels[..., index - begin]) for index in indices}
+    planes = {names[index]: _plane(source, part, index, pixels[..., index - begin]) for index in indices}
+    return {name: _in_display(plane, spec, (outside or {}).get(name, 0.0)) for name, plane in planes.items()}
 
 
 def _plane(source: ImageInput, part: int, index: int, pixels: NDArray[Any]) -> Channel:
@@ -171,5 +203,29 @@ def _plane(source: ImageInput, part: int, index: int, pixels: NDArray[Any]) -> C
         whole = source.read_image(part, 0, index, index + 1, "uint")
         if whole is not None:
             return whole[..., 0]
-    plane = np.ascontiguousarray(pixels)
-    return plane.astype(np.float16) if kind == "half" else plane
+    return pixels.astype(np.float16, copy=False) if kind == "half" else pixels
+
+
+def _covers_display(spec: ImageSpec) -> bool:
+    """Return whether the data window contains the whole display window."""
+    return bool(
+        spec.x <= spec.full_x
+        and spec.y <= spec.full_y
+        and spec.x + spec.width >= spec.full_x + spec.full_width
+        and spec.y + spec.height >= spec.full_y + spec.full_height
+    )
+
+
+def _in_display(plane: Channel, spec: ImageSpec, outside: float) -> Channel:
+    """Return the pixels of the display window; `outside` where the data window has none."""
+    left, top = spec.x - spec.full_x, spec.y - spec.full_y  # of the data window
+    width, height = spec.full_width, spec.full_height
+    if (left, top) == (0, 0) and plane.shape == (height, width):
+        return plane
+    image = np.full((height, width), outside, plane.dtype)
+    rows = slice(max(top, 0), min(top + spec.height, height))
+    columns = slice(max(left, 0), min(left + spec.width, width))
+    if rows.start < rows.stop and columns.start < columns.stop:
+        inside = (slice(rows.start - top, rows.stop - top), slice(columns.start - left, columns.stop - left))
+        image[rows, columns] = plane[inside]
+    return image

@@ -1,4 +1,4 @@
-"""Write EXR, PNG and JPEG files by OpenImageIO. Channel types are kept; writes are atomic."""
+"""Write EXR, PNG, TIFF and JPEG files by OpenImageIO. Channel types are kept; writes are atomic."""
 
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -7,13 +7,20 @@ from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from OpenImageIO import ImageOutput, ImageSpec, TypeDesc, geterror
+from OpenImageIO import ColorConfig, ImageOutput, ImageSpec, TypeDesc, geterror
 
 from supersampler.errors import ShotError
+from supersampler.frame import Array
 from supersampler.io.atomic import NO_ROOM, replacing
-from supersampler.io.image_reading import NO_REASON, Channel, Metadata, last_reason
+from supersampler.io.display import MAX_HALF
+from supersampler.io.display_transforms import SRGB, STUDIO_CONFIG
+from supersampler.io.image_headers import Metadata, TypedValues
+from supersampler.io.image_reading import NO_REASON, Channel, last_reason
 
+_PAETH = 128  # libpng's PNG_FILTER_PAETH; to try all filters for each row costs more than it saves
 Bytes: TypeAlias = NDArray[np.uint8]
+Levels: TypeAlias = NDArray[np.uint8] | NDArray[np.uint16]
+"""Encoded values as integers: 1 is 255 or 65535."""
 
 
 def write_exr(
@@ -23,8 +30,11 @@ def write_exr(
     *,
     compression: str = "zip",
     metadata: Metadata | None = None,
+    color_space: str | None = None,
 ) -> None:
     """Write an EXR file atomically. float16 is stored as half, float32 as float.
+
+    A contiguous (h, w, c) array is written without a copy.
 
     Args:
         path: the file; its folder is created where it is missing.
@@ -33,6 +43,8 @@ def write_exr(
         compression: lossless "zip", "zips", "piz", "rle", "none"; "zip:9" is slower and smaller. Lossy
             "dwaa:45", "dwab:45": larger numbers give smaller files.
         metadata: entries of the header, as `read_exr_metadata` returns them.
+        color_space: linear space of the colours, such as "ACEScg": the header states name and primaries if
+            STUDIO_CONFIG has it. None: the header is silent, which means Rec. 709.
 
     Raises:
         ShotError: the types or sizes cannot be stored, or the disk refused.
@@ -46,20 +58,63 @@ def write_exr(
         spec.channelformats = tuple(TypeDesc(kind) for kind in kinds)
     spec.attribute("compression", compression)
     for name, value in (metadata or {}).items():
-        spec.attribute(name, value)
+        if isinstance(value, TypedValues):
+            spec.attribute(name, TypeDesc(value.type), value.values)
+        else:
+            spec.attribute(name, value)
+    if color_space is not None:
+        _state_color_space(spec, color_space)
     spec.attribute("DateTime", "")  # otherwise OpenImageIO stores the time, and files of equal images differ
-    pixels = np.stack([array.astype(np.float32, copy=False) for array in arrays], axis=-1)  # exact for half
-    _write(path, spec, pixels)
+    pixels = np.stack(arrays, axis=-1) if isinstance(image, Mapping) else image
+    _write(path, spec, np.ascontiguousarray(pixels))  # np.stack: float32 where types differ, exact for half
 
 
-def write_png(path: Path | str, image: Bytes) -> None:
-    """Write (h, w, 3) uint8 sRGB pixels as PNG, atomically.
+def half_pixels(images: Sequence[Array]) -> NDArray[np.float16]:
+    """Return (h, w, c) images as one array of half floats; values beyond +-65504 are clamped to it.
+
+    Args:
+        images: of equal size, with any number of channels each.
+    """
+    counts = [image.shape[2] for image in images]
+    pixels = np.empty((*images[0].shape[:2], sum(counts)), np.float16)
+    for image, end, count in zip(images, np.cumsum(counts), counts, strict=True):
+        np.clip(image, -MAX_HALF, MAX_HALF, out=pixels[..., end - count : end], casting="unsafe")
+    return pixels
+
+
+def write_png(path: Path | str, image: Levels, encoding: str = SRGB) -> None:
+    """Write pixels as PNG, atomically.
+
+    Args:
+        path: the file; its folder is created where it is missing.
+        image: (h, w, 3) uint8 or uint16.
+        encoding: of the pixels, by OpenImageIO's name; tags of the file state it.
 
     Raises:
-        ShotError: the array is not (h, w, 3) uint8, or the disk refused.
+        ShotError: the array has another shape or type, or the disk refused.
     """
-    spec = _byte_spec(path, image)
-    spec.attribute("oiio:ColorSpace", "sRGB")
+    spec = _integer_spec(path, image, np.uint8, np.uint16)
+    spec.attribute("oiio:ColorSpace", encoding)
+    spec.attribute("png:compressionLevel", 3)  # costs far less than the default, for files little larger
+    spec.attribute("png:filter", _PAETH)
+    _write(path, spec, np.ascontiguousarray(image))
+
+
+def write_tiff(path: Path | str, image: Levels, encoding: str = SRGB) -> None:
+    """Write pixels as TIFF, deflated, atomically.
+
+    Args:
+        path: the file; its folder is created where it is missing.
+        image: (h, w, 3) uint8 or uint16.
+        encoding: of the pixels, by OpenImageIO's name; TIFF has a tag for sRGB only.
+
+    Raises:
+        ShotError: the array has another shape or type, or the disk refused.
+    """
+    spec = _integer_spec(path, image, np.uint8, np.uint16)
+    spec.attribute("oiio:ColorSpace", encoding)
+    spec.attribute("compression", "zip")
+    spec.attribute("DateTime", "")
     _write(path, spec, np.ascontiguousarray(image))
 
 
@@ -74,7 +129,7 @@ def encode_jpeg(image: Bytes, quality: int = 90) -> bytes:
     """Return (h, w, 3) uint8 sRGB pixels as the bytes of a JPEG file; `quality` is 1 (smallest) to 100."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "image.jpg"
-        spec = _byte_spec(path, image)
+        spec = _integer_spec(path, image, np.uint8)
         spec.attribute("Compression", f"jpeg:{quality}")
         spec.attribute("jpeg:subsampling", "4:4:4")  # 4:2:0 would blur thin lines
         _write(path, spec, np.ascontiguousarray(image))
@@ -99,10 +154,19 @@ def _check_storable(path: Path | str, image: Mapping[str, Channel]) -> None:
             raise ShotError(path, problem, f"Convert it: {name}.astype(np.float32).")
 
 
-def _byte_spec(path: Path | str, image: Bytes) -> ImageSpec:
-    if image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8 or 0 in image.shape:
-        raise ShotError(path, f"the image to write is {image.shape} {image.dtype}; want (h, w, 3) uint8")
-    return _spec(image.shape, ["R", "G", "B"], "uint8")
+def _integer_spec(path: Path | str, image: Levels, *types: type[np.unsignedinteger[Any]]) -> ImageSpec:
+    if image.ndim != 3 or image.shape[2] != 3 or image.dtype not in types or 0 in image.shape:
+        want = f"(h, w, 3) {' or '.join(each.__name__ for each in types)}"
+        raise ShotError(path, f"the image to write is {image.shape} {image.dtype}; want {want}")
+    return _spec(image.shape, ["R", "G", "B"], image.dtype.name)
+
+
+def _state_color_space(spec: ImageSpec, name: str) -> None:
+    """Write the space into the header, as OpenImageIO (`colorInteropID`) and Nuke (primaries) read it."""
+    config = ColorConfig(STUDIO_CONFIG)
+    spec.attribute("oiio:ColorSpace", config.get_color_interop_id(name) or name)
+    if primaries := config.get_chromaticities(name):
+        spec.attribute("chromaticities", TypeDesc("float[8]"), primaries)
 
 
 def _spec(shape: tuple[int, ...], names: list[str], kind: str) -> ImageSpec:
@@ -117,9 +181,7 @@ def _write(path: Path | str, spec: ImageSpec, pixels: NDArray[Any]) -> None:
         if target is None:
             raise ShotError(path, f"cannot be written ({last_reason(geterror) or NO_REASON})")
         done = target.open(str(partial), spec) and target.write_image(pixels)
-        message = last_reason(
-            target.geterror
-        )  # on a full disk the PNG writer returns True and leaves a message
+        message = last_reason(target.geterror)  # on a full disk the PNG writer returns True, with a message
         if not (target.close() and done) or message:
             reason = message or last_reason(target.geterror) or NO_REASON
             reason = reason.replace(partial.name, Path(path).name)

@@ -34,7 +34,7 @@ def render_dataset(
             frames stay, and the next run resumes.
     """
     folders = [entry.folder for entry in dataset.entries()]
-    remove_partial_files(dataset.folder, _FRAMES, folders)
+    remove_partial_files(dataset.folder, _FRAMES.fullmatch, folders)
     at = dataset if ratio is None else dataset.at(ratio)
     todo = [index for index, entry in enumerate(at.entries()) if at.complete(entry) < entry.spec.frames]
     indices = [todo[k::workers] for k in range(min(workers, len(todo)))]

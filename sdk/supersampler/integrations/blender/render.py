@@ -162,7 +162,7 @@ class _RenderFolder:
         """Create the folder, and remove what killed runs have not completed."""
         with os_errors_as_shot_error(self.path, "written", NO_ROOM):
             self.path.mkdir(parents=True, exist_ok=True)
-        remove_partial_files(self.path, _FRAMES)
+        remove_partial_files(self.path, _FRAMES.fullmatch)
         self.record.write(self.path)
 
     def is_complete(self) -> bool:

@@ -8,6 +8,7 @@ from supersampler.io.shot.blender import import_blender
 from supersampler.io.shot.channels import import_channels, import_described_channels
 from supersampler.io.shot.format import FrameEntry, ShotInfo
 from supersampler.io.shot.frame_files import ClassMaps
+from supersampler.io.shot.named_channels import import_named_channels
 from supersampler.io.shot.shot import Shot, ShotFrame
 from supersampler.io.shot.sources import open_source
 from supersampler.io.shot.writer import ShotWriter, copy_shot
@@ -24,5 +25,6 @@ __all__ = [
     "import_blender",
     "import_channels",
     "import_described_channels",
+    "import_named_channels",
     "open_source",
 ]

@@ -1,18 +1,18 @@
 """Import Blender's multilayer EXR frames: the passes Combined, Depth, Vector, Normal and diffuse colour."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from supersampler.conventions import Conventions
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.frame import Size
-from supersampler.io.image_reading import read_exr_channels
+from supersampler.io.image_reading import read_exr_channels, read_types
+from supersampler.io.shot.channel_names import blended_and_ignored
 from supersampler.io.shot.channels import import_channels
-from supersampler.io.shot.numbered import Jitter, numbered_files
+from supersampler.io.shot.numbered import Jitter, Range, numbered_files, of_range
 from supersampler.io.shot.shot import Shot
 
 _DEPTH = ("Depth.Z", "Z.Z", "Z")
-_NO_LIGHT = ("Combined.", "DiffCol.", "Diffuse Color.", "Noisy ", "Denoising ", "Crypto")
 _NEEDED = "Turn on the passes Combined, Z and Vector, and save as OpenEXR MultiLayer."
 
 
@@ -20,6 +20,8 @@ def import_blender(
     folder: Path | str,
     *,
     layer: str | None = None,
+    files: str = "*.exr",
+    frames: Range | None = None,
     display_size: Size | None = None,
     frame_rate: float = 24.0,
     jitter: Jitter | None = None,
@@ -27,10 +29,12 @@ def import_blender(
     reference: str | None = None,
     conventions: Conventions | None = None,
     name: str | None = None,
+    color_space: str | None = None,
 ) -> Shot:
     """Open a folder of Blender's OpenEXR MultiLayer frames as a Shot.
 
-    Colour is the Combined pass; its alpha and the passes of the light (DiffDir, Emit) are AOVs. Depth is
+    Colour is the Combined pass; its alpha and the layer's other passes that can be blended (DiffDir, Emit,
+    Mist) are AOVs, and the rest is in `Shot.ignored_channels`. Depth is
     Depth or Z, motion is Vector X and Y; Normal and DiffCol are G-buffers, where they exist. Jitter the
     camera by `shift_x = x / max(w, h)`, `shift_y = -y / max(w, h)`, and render with a Blackman-Harris
     filter 0.01 pixels wide: one sample at that point.
@@ -38,37 +42,46 @@ def import_blender(
     Args:
         folder: folder of the frames.
         layer: name of the view layer; required where several have all passes.
+        files: see `import_channels`.
+        frames: see `import_channels`.
         reference: pattern of the references' files in the folder, such as `reference/*.exr`.
         conventions: by default `Conventions.blender()`; jitter in pixels, y down, pixel centre + jitter.
         display_size: (width, height) of the references; by default the first reference's.
         frame_rate: frames a second.
         jitter: see `import_channels`.
-        cuts: indices of the first frames after cuts; frame 0 is always one.
+        cuts: see `import_channels`.
         name: name of the shot; by default the folder's.
+        color_space: see `import_channels`.
 
     Raises:
         ShotError: files or passes are missing, or differ in size.
         ArgumentError: several layers have all passes, or `layer` is none of them.
     """
     folder = Path(folder)
-    first = next(iter(numbered_files(folder, "*.exr").values()))
-    channels = read_exr_channels(first)
-    channel_map = layer_map(first, channels, layer)
+    numbered = numbered_files(folder, files)
+    first = next(iter(of_range(folder, numbered, frames).values()))
+    types = read_types(first)
+    channel_map = layer_map(first, types, layer)
     if reference is not None:
         image = next(iter(numbered_files(folder, reference).values()))
         channel_map["reference"] = [f"{reference}:{channel}" for channel in _reference_channels(image)]
     layer = channel_map["color"][0].removesuffix(".Combined.R")
-    return import_channels(
+    shot = import_channels(
         folder,
         channel_map,
         aov_names=aov_names(channel_map.get("aovs", ()), layer),
         conventions=Conventions.blender() if conventions is None else conventions,
+        files=files,
+        frames=frames,
         display_size=display_size,
         frame_rate=frame_rate,
         jitter=jitter,
         cuts=cuts,
         name=name,
+        color_space=color_space,
     )
+    shot.ignored_channels = tuple(_ignored(types, channel_map))
+    return shot
 
 
 def is_blender(channels: Iterable[str]) -> bool:
@@ -77,13 +90,13 @@ def is_blender(channels: Iterable[str]) -> bool:
 
 
 def layer_map(
-    path: Path, channels: list[str], layer: str | None, *, motion: bool = True
+    path: Path, types: Mapping[str, str], layer: str | None, *, motion: bool = True
 ) -> dict[str, list[str]]:
     """Return the channels of a view layer's passes by our names.
 
     Args:
         path: the file, for messages.
-        channels: names of all of its channels.
+        types: names of all of its channels, with their types.
         layer: name of the view layer; None where only one is complete.
         motion: whether the pass Vector is needed.
 
@@ -91,6 +104,7 @@ def layer_map(
         ShotError: no layer has all passes that are needed.
         ArgumentError: several have, or `layer` has not.
     """
+    channels = list(types)
     layers = _complete_layers(channels, motion=motion)
     if not layers:
         raise ShotError(path, f"has no layer with all passes; it has {', '.join(channels)}", _NEEDED)
@@ -105,25 +119,27 @@ def layer_map(
         "color": [f"{layer}.Combined.{axis}" for axis in "RGB"],
         "depth": [f"{layer}.{depth}"],
         "motion": [f"{layer}.Vector.{axis}" for axis in "XY"],
-        "aovs": [name for name in (f"{layer}.Combined.A",) if name in channels] + _light(channels, layer),
         "normal": [f"{layer}.Normal.{axis}" for axis in "XYZ"],
         "base_color": [f"{layer}.DiffCol.{axis}" for axis in "RGB"],
     }
     if f"{layer}.Diffuse Color.R" in channels:  # of Blender 5
         found["base_color"] = [f"{layer}.Diffuse Color.{axis}" for axis in "RGB"]
-    return {name: names for name, names in found.items() if names and names[0] in channels}
+    found = {name: names for name, names in found.items() if names[0] in channels}
+    alpha = f"{layer}.Combined.A"
+    of_layer = {name: kind for name, kind in types.items() if name.startswith(f"{layer}.") and name != alpha}
+    aovs = [name for name in (alpha,) if name in channels] + blended_and_ignored(of_layer, found)[0]
+    return found | ({"aovs": aovs} if aovs else {})
 
 
 def aov_names(channels: Iterable[str], layer: str) -> list[str]:
-    """Return the names of AOVs in files of results: A is alpha, GlossDir.R a pass of the light."""
+    """Return the names of AOVs in files of results: A is alpha, GlossDir.R a pass."""
     return [name.removeprefix(f"{layer}.").removeprefix("Combined.") for name in channels]
 
 
-def _light(channels: Iterable[str], layer: str) -> list[str]:
-    """Return the colour channels of a view layer but those of Combined, Diffuse Color, noise and ids."""
-    begin = f"{layer}."
-    names = [name for name in channels if name.startswith(begin) and name.rpartition(".")[2] in "RGB"]
-    return [name for name in names if not name.removeprefix(begin).startswith(_NO_LIGHT)]
+def _ignored(types: Iterable[str], channel_map: Mapping[str, Sequence[str]]) -> list[str]:
+    """Return the channels of a file that are not read."""
+    read = {name for names in channel_map.values() for name in names}
+    return [name for name in types if name not in read]
 
 
 def _complete_layers(channels: Sequence[str], *, motion: bool = True) -> list[str]:

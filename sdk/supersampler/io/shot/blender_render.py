@@ -9,7 +9,7 @@ import numpy as np
 from supersampler.conventions import Conventions, RawFrame, camera_motion, jittered_projection
 from supersampler.errors import ShotError
 from supersampler.frame import GBUFFER_CHANNELS, Array, Float32, Size
-from supersampler.io.image_reading import read_exr, read_exr_channels
+from supersampler.io.image_reading import read_exr, read_types
 from supersampler.io.shot.blender import aov_names, layer_map
 from supersampler.io.shot.format import FrameEntry, ShotInfo
 from supersampler.io.shot.frame_files import check_size, take
@@ -91,7 +91,10 @@ def rendered_shot(
             aov_names=names,
         )
 
-    return Shot(folder, info, entries, read_raw, _no_reference, stop_waiting=stop_waiting)
+    color = f"{scene.layer}.Combined.R"
+    return Shot(
+        folder, info, entries, read_raw, _no_reference, stop_waiting=stop_waiting, color_channel=color
+    )
 
 
 def frame_file(number: int) -> str:
@@ -106,16 +109,16 @@ def _no_reference(index: int) -> NoReturn:
 def _arrays(
     path: Path, scene: RenderedScene, gbuffers: Collection[str] | None
 ) -> tuple[dict[str, Array], list[str]]:
-    """Read the arrays of a frame; also return the names of its AOVs: alpha, and the passes of the light."""
-    there = read_exr_channels(path)
-    names = layer_map(path, there, scene.layer, motion=False)
+    """Read the arrays of a frame; also return the names of its AOVs."""
+    names = layer_map(path, read_types(path), scene.layer, motion=False)
     aovs = names.get("aovs", [])
     wanted = {
         name: channels
         for name, channels in names.items()
         if gbuffers is None or name not in GBUFFER_CHANNELS or f"gbuffer_{name}" in gbuffers
     }
-    channels = read_exr(path, only=[name for each in wanted.values() for name in each])
+    only = [name for each in wanted.values() for name in each]
+    channels = read_exr(path, only=only, outside={names["depth"][0]: _SKY})
     check_size(path, channels, scene.render_size)
     arrays = {name: take(path, channels, each) for name, each in wanted.items()}
     arrays["depth"] = arrays["depth"].astype(np.float32, copy=False)

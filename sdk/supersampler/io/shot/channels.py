@@ -1,5 +1,6 @@
 """Import EXR sequences in any layout, by a map from our names to their channels."""
 
+import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,13 +11,16 @@ import numpy as np
 from supersampler.conventions import Conventions, RawFrame
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.frame import GBUFFER_CHANNELS, Array, Float32, Size
-from supersampler.io.image_reading import read_exr
+from supersampler.io.image_headers import read_color_space
+from supersampler.io.image_reading import read_image, read_types
 from supersampler.io.json_fields import Field, read_json
 from supersampler.io.shot.format import LARGEST_NUMBER, FrameEntry, ShotInfo
-from supersampler.io.shot.frame_files import check_size, read_reference, take
-from supersampler.io.shot.numbered import Jitter, check_no_gap, numbered_files, read_jitter
+from supersampler.io.shot.frame_files import check_size, read_reference, sky_depth, take
+from supersampler.io.shot.numbered import Jitter, Range, file_names, numbered_files, of_range, read_jitter
 from supersampler.io.shot.shot import Shot
 
+_INTEGERS = ("uint8", "uint16", "int8", "int16")
+_MAPPED = re.compile(r"(.*\.(?:exr|png|tiff?)):(.*)", re.DOTALL)
 MAP_FILE_NAME = "channels.json"
 ChannelMap: TypeAlias = Mapping[str, str | Sequence[str]]
 _COUNTS: Mapping[str, int] = {"color": 3, "depth": 1, "motion": 2, **GBUFFER_CHANNELS, "reference": 3}
@@ -27,12 +31,15 @@ def import_channels(
     channel_map: ChannelMap,
     *,
     conventions: Conventions,
+    files: str = "*.exr",
+    frames: Range | None = None,
     display_size: Size | None = None,
     frame_rate: float = 24.0,
     jitter: Jitter | None = None,
     cuts: Sequence[int] = (),
     name: str | None = None,
     aov_names: Sequence[str] = (),
+    color_space: str | None = None,
 ) -> Shot:
     """Open a folder of EXR frames with other channel names and conventions as a Shot.
 
@@ -47,73 +54,99 @@ def import_channels(
         folder: folder of the files.
         channel_map: our name to EXR channel names: depth (1), motion (2, x first), color (3); optional
             base_color, normal (3 each), roughness, metallic, specular (1 each), aovs (any number), reference
-            (3). `motion/*.exr:R` is channel R of the files of that pattern; without a pattern it is `*.exr`.
+            (3). `motion/*.exr:R` is channel R of the files of that pattern; without one, of `files`.
             References are matched by frame number; frames without one are allowed.
         conventions: conventions of these channels and of the jitter.
+        files: pattern of the frames' files: `beauty.####.exr`, `beauty.%04d.exr` or a glob.
+        frames: first and last number of the frames to open, both included; a gap outside is no error. By
+            default all. Jitter and cuts are counted from the first file, whatever the range is.
         display_size: (width, height) of references and display-size motion; by default the first reference's.
         frame_rate: frames a second.
         jitter: (x, y) of each frame, or a JSON file [[x, y], ...]; by default jitter.json in the folder where
             it exists, otherwise no jitter.
-        cuts: indices of the first frames after cuts; frame 0 is always one.
+        cuts: indices of the first frames after cuts, from the first file; the first frame is always one.
         name: name of the shot; by default the folder's.
         aov_names: names of the AOVs in files of results; by default they are numbered.
+        color_space: of the colour, see `ShotInfo`; by default what the first file states, see
+            `read_color_space`.
 
     Raises:
         ShotError: files or channels are missing, or differ in number or size.
         ArgumentError: the map has an unknown name or a wrong number of channels.
     """
-    files = _MappedFiles(Path(folder), channel_map)
-    count = len(files.numbers)
-    if not all(isinstance(index, int | np.integer) and 0 <= index < count for index in cuts):
-        raise ArgumentError("cuts", got=list(cuts), want=f"indices of frames, 0 to {count - 1}")
-    offsets = read_jitter(files.folder, jitter, count)
-    first = files.read_raw(0, offsets[0], reset=True)
+    found = _MappedFiles(Path(folder), channel_map, files, frames)
+    if not all(isinstance(index, int | np.integer) and 0 <= index <= found.last_index for index in cuts):
+        raise ArgumentError("cuts", got=list(cuts), want=f"indices of frames, 0 to {found.last_index}")
+    offsets = read_jitter(found.folder, jitter, found.indices)
+    found.check_types(conventions)
+    sky = sky_depth(conventions)
+    first = found.read_raw(0, offsets[0], reset=True, sky=sky)
     height, width = first.depth.shape
-    if display_size is None and files.references:
-        image = files.read_reference(files.numbers.index(next(iter(files.references))))
+    if display_size is None and found.references:
+        image = found.read_reference(found.numbers.index(next(iter(found.references))))
         display_size = (image.shape[1], image.shape[0])
     info = ShotInfo(
-        name=name or files.folder.resolve().name,
+        name=name or found.folder.resolve().name,
         render_size=(width, height),
         display_size=display_size,
         frame_rate=float(frame_rate),
         conventions=conventions,
-        first_number=files.numbers[0] if files.numbers[-1] <= LARGEST_NUMBER else 0,
+        first_number=found.numbers[0] if found.numbers[-1] <= LARGEST_NUMBER else 0,
+        file_names=file_names(found.frame_file(0), found.frame_pattern),
         aov_names=tuple(aov_names),
+        color_space=color_space or read_color_space(found.frame_file(0)),
     )
-    entries = [files.entry(i, offset, reset=i == 0 or i in cuts) for i, offset in enumerate(offsets)]
+    entries = [
+        found.entry(i, offset, reset=i == 0 or index in cuts)
+        for i, (index, offset) in enumerate(zip(found.indices, offsets, strict=True))
+    ]
 
     def raw_frame(index: int, gbuffers: Collection[str] | None) -> RawFrame:
         jitter, reset = entries[index].jitter, entries[index].reset
-        raw = files.read_raw(index, jitter, reset=reset, render_size=info.render_size, gbuffers=gbuffers)
+        raw = found.read_raw(
+            index, jitter, reset=reset, sky=sky, render_size=info.render_size, gbuffers=gbuffers
+        )
         return replace(raw, aov_names=info.aov_names or None)
 
     def reference(index: int) -> Float32:
-        return files.read_reference(index, info.display_size)
+        return found.read_reference(index, info.display_size)
 
-    return Shot(files.folder, info, entries, raw_frame, reference)
+    color = found.sources["color"].channels[0] if "color" in found.sources else "R"
+    return Shot(found.folder, info, entries, raw_frame, reference, color_channel=color)
 
 
-def import_described_channels(folder: Path | str) -> Shot:
+def import_described_channels(
+    folder: Path | str,
+    *,
+    files: str = "*.exr",
+    frames: Range | None = None,
+    jitter: Jitter | None = None,
+    color_space: str | None = None,
+) -> Shot:
     """Open a folder of EXR frames by its channels.json, which holds the arguments of `import_channels`.
 
-    Its keys: channels, conventions; optional display_size, frame_rate, cuts, name.
+    Its keys: channels, conventions; optional display_size, frame_rate, cuts, name, color_space. The arguments
+    are those of `import_channels`.
 
     Raises:
         ShotError: see `import_channels`; or channels.json is missing or wrong.
     """
     folder = Path(folder)
     data = Field(folder / MAP_FILE_NAME, "the file", read_json(folder / MAP_FILE_NAME))
-    data.check_names(("channels", "conventions", "display_size", "frame_rate", "cuts", "name"))
+    data.check_names(("channels", "conventions", "display_size", "frame_rate", "cuts", "name", "color_space"))
     try:
         return import_channels(
             folder,
             data["channels"].of(dict),
             conventions=Conventions.from_json(data["conventions"].of(dict)),
+            files=files,
+            frames=frames,
+            jitter=jitter,
             display_size=data.read("display_size", Field.size, None),
             frame_rate=data.read("frame_rate", Field.rate, 24.0),
             cuts=data.read("cuts", lambda cuts: cuts.of(list), ()),
             name=data.read("name", lambda name: name.of(str), None),
+            color_space=color_space or data.read("color_space", Field.text, None),
         )
     except ArgumentError as error:
         raise ShotError(data.path, f"is not valid: {error}") from error
@@ -130,27 +163,61 @@ class _Source:
 class _MappedFiles:
     """The files of a sequence, and the arrays to read from them."""
 
-    def __init__(self, folder: Path, channel_map: ChannelMap) -> None:
+    def __init__(self, folder: Path, channel_map: ChannelMap, files: str, frames: Range | None) -> None:
         self.folder = folder
-        self.sources = _parsed(channel_map)
+        self.sources = _parsed(channel_map, files)
         reference = self.sources.pop("reference", None)
         patterns = dict.fromkeys(source.pattern for source in self.sources.values())
-        self.files = {pattern: numbered_files(folder, pattern) for pattern in patterns}
+        every = {pattern: numbered_files(folder, pattern) for pattern in patterns}
+        self.files = {pattern: of_range(folder, found, frames) for pattern, found in every.items()}
         self.numbers = _common_numbers(folder, self.files)
+        numbers = next(iter(every.values()))
+        self.indices = [number - min(numbers) for number in self.numbers]  # from the first file
+        self.frame_pattern = (self.sources.get("color") or self.sources["depth"]).pattern
+        self.last_index = max(numbers) - min(numbers)
         self.references = {} if reference is None else _references(folder, reference.pattern, self.numbers)
         self._reference_channels = () if reference is None else reference.channels
+        self._reference_pattern = "" if reference is None else reference.pattern
+
+    def frame_file(self, index: int) -> Path:
+        """Return the file of a frame's colour; of its depth where it has no colour."""
+        return self.files[self.frame_pattern][self.numbers[index]]
 
     def entry(self, index: int, jitter: tuple[float, float], *, reset: bool) -> FrameEntry:
-        number = self.numbers[index]
-        file = self.files[self.sources["depth"].pattern][number]
-        reference = self.references.get(number)
+        reference = self.references.get(self.numbers[index])
         return FrameEntry(
-            file=file.relative_to(self.folder).as_posix(),
+            file=self.frame_file(index).relative_to(self.folder).as_posix(),
             jitter=jitter,
             reset=reset,
             reference=None if reference is None else reference.relative_to(self.folder).as_posix(),
             shaded="color" in self.sources,
         )
+
+    def check_types(self, conventions: Conventions) -> None:
+        """Check the first files: integers are for sRGB colour and its AOVs, such as alpha.
+
+        Raises:
+            ShotError: depth, motion, a G-buffer or a reference holds integers.
+            ArgumentError: colour does, and the conventions do not say that it is sRGB-encoded.
+        """
+        first = {pattern: files[self.numbers[0]] for pattern, files in self.files.items()}
+        if self.references:
+            first[self._reference_pattern] = next(iter(self.references.values()))
+        sources = {**self.sources, "reference": _Source(self._reference_pattern, self._reference_channels)}
+        for name, source in sources.items():
+            if source.pattern not in first:
+                continue
+            path, types = first[source.pattern], read_types(first[source.pattern])
+            kinds = {types[channel] for channel in source.channels if channel in types}
+            if kinds.isdisjoint(_INTEGERS) or name == "aovs":
+                continue
+            if name != "color":
+                hint = "Write it as EXR, or as TIFF with 32-bit floating point."
+                raise ShotError(path, f"holds {name} as {kinds.pop()}; want half or float", hint)
+            if not conventions.srgb:
+                hint = "Linear light in so few steps shows bands; write it as half."
+                got = f"without srgb=True, and {path.name} holds {kinds.pop()}"
+                raise ArgumentError("conventions", got=got, want="srgb=True for integers", hint=hint)
 
     def read_raw(
         self,
@@ -158,6 +225,7 @@ class _MappedFiles:
         jitter: tuple[float, float],
         *,
         reset: bool,
+        sky: float,
         render_size: Size | None = None,
         gbuffers: Collection[str] | None = None,
     ) -> RawFrame:
@@ -172,7 +240,8 @@ class _MappedFiles:
             if not sources:
                 continue
             path, names = files[self.numbers[index]], [n for s in sources.values() for n in s.channels]
-            channels = read_exr(path, only=names)
+            outside = dict.fromkeys(self.sources["depth"].channels if "depth" in sources else (), sky)
+            channels = read_image(path, only=names, outside=outside)
             if set(sources) != {"motion"}:  # motion vectors in a file of their own may have display size
                 check_size(path, channels, render_size)
             arrays |= {name: take(path, channels, source.channels) for name, source in sources.items()}
@@ -192,7 +261,7 @@ class _MappedFiles:
         return read_reference(path, display_size, self._reference_channels)
 
 
-def _parsed(channel_map: ChannelMap) -> dict[str, _Source]:
+def _parsed(channel_map: ChannelMap, files: str) -> dict[str, _Source]:
     sources = {}
     for name, value in channel_map.items():
         if name not in _COUNTS and name != "aovs":
@@ -202,7 +271,7 @@ def _parsed(channel_map: ChannelMap) -> dict[str, _Source]:
         count = _COUNTS.get(name, len(texts))
         if len(texts) != count or not all(isinstance(text, str) for text in texts):
             raise ArgumentError(f"channel_map[{name!r}]", got=repr(value), want=f"{count} channel names")
-        sources[name] = _source(name, texts)
+        sources[name] = _source(name, texts, files)
     for name in ("depth", "motion"):
         if name not in sources:
             got = f"a map without {name!r}"
@@ -210,20 +279,19 @@ def _parsed(channel_map: ChannelMap) -> dict[str, _Source]:
     return sources
 
 
-def _source(name: str, texts: Sequence[str]) -> _Source:
-    """Split `pattern:channel`; a channel's name may contain colons, a pattern ends in .exr."""
-    parts = [text.rpartition(".exr:") for text in texts]
-    patterns = {f"{pattern}.exr" if separator else "*.exr" for pattern, separator, _ in parts}
+def _source(name: str, texts: Sequence[str], files: str) -> _Source:
+    """Split `pattern:channel`; a channel's name may contain colons, a pattern ends in .exr, .png or .tif."""
+    parts = [(found[1], found[2]) if (found := _MAPPED.fullmatch(text)) else (files, text) for text in texts]
+    patterns = {pattern for pattern, _ in parts}
     if len(patterns) != 1:
         got = f"files of {' and '.join(sorted(patterns))}"
         raise ArgumentError(f"channel_map[{name!r}]", got=got, want="channels of one file")
-    return _Source(patterns.pop(), tuple(channel for _, _, channel in parts))
+    return _Source(patterns.pop(), tuple(channel for _, channel in parts))
 
 
 def _common_numbers(folder: Path, files: Mapping[str, dict[int, Path]]) -> list[int]:
-    """Return the frame numbers; they must be the same for every pattern and have no gap."""
+    """Return the frame numbers; they must be the same for every pattern."""
     (pattern, leader), *others = files.items()
-    check_no_gap(folder, leader)
     for other, found in others:
         for number in leader.keys() ^ found.keys():
             have, lack = (pattern, other) if number in leader else (other, pattern)

@@ -9,6 +9,7 @@ from pathlib import Path, PurePosixPath
 from supersampler.conventions import Conventions
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.frame import Size
+from supersampler.io.image_headers import DEFAULT_COLOR_SPACE
 from supersampler.io.json_fields import Field, read_json
 from supersampler.io.limits import IMAGE_CHANNELS, SHOT_FRAMES
 
@@ -34,7 +35,10 @@ class ShotInfo:
         attribution: names to credit where the images are shown, one line each.
         first_number: number of the first frame in the program that rendered it, 0 to LARGEST_NUMBER; images
             of the shot's frames are named by it and the numbers after it.
+        file_names: stem of the names of the source's files, #### for the number, such as `beauty.####`.
         aov_names: names of the AOVs' channels in files of results; empty: they are numbered.
+        color_space: of the colour, linear (decoded, where the conventions say sRGB): its name in an
+            OpenColorIO config, such as "lin_rec709" and "ACEScg"; or "unknown".
     """
 
     name: str
@@ -45,7 +49,9 @@ class ShotInfo:
     license: str = ""
     attribution: tuple[str, ...] = ()
     first_number: int = 0
+    file_names: str = "####"
     aov_names: tuple[str, ...] = ()
+    color_space: str = DEFAULT_COLOR_SPACE
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -103,7 +109,9 @@ def load_shot_json(path: Path) -> tuple[ShotInfo, list[FrameEntry]]:
         license=header.read("license", lambda text: text.of(str), ""),
         attribution=header.read("attribution", Field.texts, ()),
         first_number=header.read("first_number", lambda n: n.whole(0, LARGEST_NUMBER), 0),
+        file_names=header.read("file_names", _file_names, "####"),
         aov_names=header.read("aov_names", _aov_names, ()),
+        color_space=header.read("color_space", Field.text, DEFAULT_COLOR_SPACE),
     )
     entries = [frame_entry(item) for item in header["frames"].items(SHOT_FRAMES)]
     if not entries:
@@ -147,6 +155,14 @@ def frame_entry(data: Field) -> FrameEntry:
         render_size=data.read("render_size", Field.size, None),
         shaded=data.read("shaded", Field.flag, default=True),
     )
+
+
+def _file_names(data: Field) -> str:
+    """Read a name with one field for the number; no path, as results are named by it."""
+    name = data.text(_LONGEST)
+    if re.fullmatch(r"[^#/]*#{4,}[^#/]*", name) is None or _FORBIDDEN.search(name) or name[0] == ".":
+        data.refuse("a name with one ####, such as beauty.####")
+    return name
 
 
 def _aov_names(data: Field) -> tuple[str, ...]:

@@ -1,5 +1,6 @@
 """Read and write the EXR files of one frame: the channels of each array."""
 
+import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,10 +8,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.conventions import RawFrame
+from supersampler.conventions import Conventions, RawFrame
 from supersampler.errors import ShotError
 from supersampler.frame import Array, Float32, Size
-from supersampler.io.image_reading import Channel, Metadata, read_exr, read_exr_channels
+from supersampler.io.image_headers import Metadata
+from supersampler.io.image_reading import Channel, read_exr, read_image, read_types
 from supersampler.io.images import write_exr
 from supersampler.io.shot.format import FrameEntry
 
@@ -50,6 +52,7 @@ def read_frame(
     display_size: Size | None,
     gbuffers: Collection[str] | None = None,
     *,
+    sky: float | None = None,
     aov_names: Sequence[str] = (),
 ) -> RawFrame:
     """Read one frame as it was stored.
@@ -60,6 +63,7 @@ def read_frame(
         render_size: required (width, height) of the render-size file.
         display_size: required (width, height) of the display-size file; None accepts any.
         gbuffers: G-buffers to read, by their names in `ModelInfo.gbuffers`; None reads all.
+        sky: depth of pixels outside of a file's data window; None refuses a data window that is too small.
         aov_names: names of the AOVs in files of results; empty: they are numbered.
 
     Raises:
@@ -67,11 +71,14 @@ def read_frame(
             of AOVs than there are names.
     """
     path = folder / entry.file
-    channels = read_exr(path, without=_unwanted("gbuffer", GBUFFER, gbuffers))
+    outside = None if sky is None else {DEPTH[0]: sky}
+    channels = read_exr(path, without=_unwanted("gbuffer", GBUFFER, gbuffers), outside=outside)
     check_size(path, channels, render_size)
     display_path = folder / (entry.display_file or entry.file)
     unwanted = _unwanted("gbuffer_display", _GBUFFER_DISPLAY, gbuffers)
-    display = {} if entry.display_file is None else read_exr(display_path, without=unwanted)
+    display = {}
+    if entry.display_file is not None:
+        display = read_exr(display_path, without=unwanted, outside=outside)
     check_size(display_path, display, display_size)
     motion_of_display, aovs = MOTION[0] in display, take_aovs(path, channels)
     if aovs is not None and aov_names and len(aov_names) != aovs.shape[2]:
@@ -90,16 +97,23 @@ def read_frame(
     )
 
 
+def sky_depth(conventions: Conventions) -> float:
+    """Return the depth of the sky: of pixels that a file's data window does not have."""
+    if conventions.depth == "linear":
+        return math.inf if conventions.far is None else conventions.far
+    return 1.0 if conventions.depth.startswith("forward") else 0.0
+
+
 def read_reference(path: Path, display_size: Size | None, names: Sequence[str] = COLOR) -> Float32:
     """Read a reference image as (H, W, 3) float32."""
-    channels = read_exr(path, only=names)
+    channels = read_image(path, only=names, outside={})
     check_size(path, channels, display_size)
     return take(path, channels, names).astype(np.float32, copy=False)
 
 
 def read_classes(path: Path, display_size: Size | None) -> ClassMaps | None:
     """Read the class maps in a reference's file; None where it has none."""
-    channels = read_exr(path, only=CLASSES)
+    channels = read_exr(path, only=CLASSES, outside={})
     check_size(path, channels, display_size)
     if not channels:
         return None
@@ -163,12 +177,12 @@ def take(path: Path, channels: Mapping[str, Channel], names: Sequence[str]) -> A
     """
     for name in names:
         if name not in channels:
-            raise ShotError(path, f"has no channel {name}", f"It has {', '.join(read_exr_channels(path))}.")
+            raise ShotError(path, f"has no channel {name}", f"It has {', '.join(read_types(path))}.")
         if channels[name].dtype not in (np.float16, np.float32):
             problem = f"channel {name} is {channels[name].dtype}; want half or float"
             raise ShotError(path, problem, "Write it as 16- or 32-bit floating point.")
     arrays = [channels[name] for name in names]
-    return arrays[0] if len(arrays) == 1 else np.stack(arrays, axis=-1)
+    return np.ascontiguousarray(arrays[0]) if len(arrays) == 1 else np.stack(arrays, axis=-1)
 
 
 def check_size(path: Path, channels: Mapping[str, Channel], size: Size | None) -> None:

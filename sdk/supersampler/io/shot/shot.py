@@ -3,19 +3,23 @@
 from collections import deque
 from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TypeAlias
 
 from supersampler.conventions import Conventions, Converter, RawFrame
 from supersampler.errors import FrameError, ShotError
 from supersampler.frame import Float32, Frame, Size
 from supersampler.io.atomic import check_inside, is_file
-from supersampler.io.image_reading import Metadata, read_exr_metadata
+from supersampler.io.image_headers import Metadata, StoredAs, read_exr_metadata, read_stored_as
 from supersampler.io.shot.format import FILE_NAME, FrameEntry, ShotInfo, files_of, load_shot_json
-from supersampler.io.shot.frame_files import ClassMaps, read_classes, read_frame, read_reference
+from supersampler.io.shot.frame_files import ClassMaps, read_classes, read_frame, read_reference, sky_depth
 from supersampler.io.shot.shipped import path_or_shipped
+from supersampler.io.stage_times import StageTimes
 
 _AHEAD = 2  # frames that are read in advance
+_READERS = 2  # a frame with many channels takes longer to unpack than to step
+_Stored: TypeAlias = tuple[RawFrame, Float32 | None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -39,12 +43,18 @@ class Shot:
     """A sequence of rendered frames on disk.
 
     >>> shot = Shot.open("plaza")
-    >>> for item in shot:  # read by one thread, two frames ahead
+    >>> for item in shot:  # read by threads, two frames ahead
     ...     image = upscaler.step(item.frame)
 
     Memory does not grow with the number of frames. `Shot.open` reads this package's own folders;
     `open_source`, `import_blender`, `import_channels` and `import_arm` open other formats; `copy_shot` writes
     any Shot in this package's format.
+
+    Attributes:
+        path: the folder, its JSON file, or the .safetensors file.
+        info: properties of all frames.
+        ignored_channels: channels of the first frame's file that an importer does not read, though it carries
+            others as AOVs: ids, and other data that cannot be blended.
     """
 
     def __init__(
@@ -56,11 +66,14 @@ class Shot:
         read_reference: Callable[[int], Float32],
         read_classes: Callable[[int], ClassMaps | None] = lambda _: None,
         stop_waiting: Callable[[], None] = lambda: None,
+        color_channel: str = "R",
     ) -> None:
         self.path, self.info = path, info
         self._stop_waiting = stop_waiting  # ends a `read_raw` that waits for a frame to appear
         self._entries, self._raw = tuple(entries), read_raw
         self._reference, self._classes = read_reference, read_classes
+        self.ignored_channels: tuple[str, ...] = ()
+        self._color_channel = color_channel
 
     @classmethod
     def open(cls, path: Path | str) -> "Shot":
@@ -79,11 +92,18 @@ class Shot:
         folder = description.parent
         info, entries = load_shot_json(description)
         _check_files(description, entries)
+        sky = sky_depth(info.conventions)
 
         def raw_frame(index: int, gbuffers: Collection[str] | None) -> RawFrame:
             size = entries[index].render_size or info.render_size
             return read_frame(
-                folder, entries[index], size, info.display_size, gbuffers, aov_names=info.aov_names
+                folder,
+                entries[index],
+                size,
+                info.display_size,
+                gbuffers,
+                sky=sky,
+                aov_names=info.aov_names,
             )
 
         def reference(index: int) -> Float32:
@@ -140,9 +160,48 @@ class Shot:
         return self.info.first_number
 
     @property
+    def stored_as(self) -> StoredAs:
+        """Format and type of the colour in the first frame's file; its header is read."""
+        path = self.source / self._entries[0].file
+        if path.suffix == ".safetensors":
+            return StoredAs("safetensors", "half")
+        return read_stored_as(path, self._color_channel)
+
+    @property
     def reference_indices(self) -> list[int]:
         """Indices of the frames that have a reference."""
         return [index for index, entry in enumerate(self._entries) if entry.reference is not None]
+
+    def cropped(self, first: int, last: int) -> "Shot":
+        """Return a shot of the frames with these numbers, both included; its first frame resets the history.
+
+        Numbers before the first frame and after the last have no frame, and are no error.
+
+        Raises:
+            ShotError: no frame has such a number.
+        """
+        begin = max(first - self.first_number, 0)
+        entries = list(self._entries[begin : max(last + 1 - self.first_number, 0)])
+        if not entries:
+            numbers = f"{self.first_number} to {self.first_number + len(self) - 1}"
+            raise ShotError(self.path, f"has no frame from {first} to {last}", f"Its frames are {numbers}.")
+        entries[0] = replace(entries[0], reset=True)
+
+        def read_raw(index: int, gbuffers: Collection[str] | None) -> RawFrame:
+            return replace(self._raw(begin + index, gbuffers), reset=entries[index].reset)
+
+        shot = Shot(
+            self.path,
+            replace(self.info, first_number=self.first_number + begin),
+            entries,
+            read_raw,
+            lambda index: self._reference(begin + index),
+            lambda index: self._classes(begin + index),
+            self._stop_waiting,
+            self._color_channel,
+        )
+        shot.ignored_channels = self.ignored_channels
+        return shot
 
     def __len__(self) -> int:
         return len(self._entries)
@@ -150,28 +209,64 @@ class Shot:
     def __iter__(self) -> Iterator[ShotFrame]:
         return self.frames()
 
-    def frames(self, start: int = 0, *, gbuffers: Collection[str] | None = None) -> Iterator[ShotFrame]:
-        """Iterate over the frames from `start` on, in order; one thread reads two frames ahead.
+    def frames(
+        self,
+        start: int = 0,
+        stop: int | None = None,
+        *,
+        gbuffers: Collection[str] | None = None,
+        references: bool = True,
+        times: StageTimes | None = None,
+    ) -> Iterator[ShotFrame]:
+        """Iterate over the frames from `start` on, in order; two threads read ahead, one converts.
 
-        An error is raised when its frame is reached. The thread ends with the iterator.
+        An error is raised when its frame is reached. The threads end with the iterator.
 
         Args:
             start: index of the first frame.
+            stop: index after the last frame; None is the end.
             gbuffers: G-buffers to read, by their names in `Model.info.gbuffers`; None reads all.
+            references: whether to read those, too.
+            times: takes the times of the stages "read" and "convert".
         """
+        times = StageTimes() if times is None else times
         converter = converter_at(self.info, self._entries, start)
         waiting: deque[Future[ShotFrame]] = deque()
-        pool = ThreadPoolExecutor(1, thread_name_prefix="shot")
+        readers = ThreadPoolExecutor(_READERS, thread_name_prefix="shot-read")
+        converting = ThreadPoolExecutor(1, thread_name_prefix="shot-convert")  # its state follows the order
+
+        def load(index: int, stored: Future[_Stored]) -> ShotFrame:
+            raw, reference = stored.result()
+            with times.measure("convert"):
+                return self._converted(index, raw, reference, converter)
+
+        def read(index: int) -> _Stored:
+            with times.measure("read"):
+                reference = self.read_reference(index) if references else None
+                return self.read_raw(index, gbuffers=gbuffers), reference
+
         try:
-            for index in range(start, len(self)):
-                waiting.append(pool.submit(self._load, index, converter, gbuffers))
+            for index in range(start, len(self) if stop is None else min(stop, len(self))):
+                waiting.append(converting.submit(load, index, readers.submit(read, index)))
                 if len(waiting) > _AHEAD:
                     yield waiting.popleft().result()
             while waiting:
                 yield waiting.popleft().result()
         finally:
             self._stop_waiting()
-            pool.shutdown(cancel_futures=True)
+            converting.shutdown(wait=False, cancel_futures=True)
+            readers.shutdown(cancel_futures=True)
+            converting.shutdown()
+
+    def last_cut(self, index: int) -> int:
+        """Return the index of the last frame up to `index` that resets the history; 0 where none does."""
+        while 0 < index < len(self) and not self._entries[index].reset:
+            index -= 1
+        return index
+
+    def exposure(self, index: int) -> float | None:
+        """Return the exposure that the shot states for a frame; None where it is measured."""
+        return self._entries[index].exposure
 
     def read(self, index: int) -> ShotFrame:
         """Read one frame by its index.
@@ -182,7 +277,8 @@ class Shot:
         """
         if not 0 <= index < len(self):
             raise IndexError(f"frame {index} of {len(self)}")
-        return self._load(index, converter_at(self.info, self._entries, index))
+        converter = converter_at(self.info, self._entries, index)
+        return self._converted(index, self.read_raw(index), self.read_reference(index), converter)
 
     def read_raw(self, index: int, *, gbuffers: Collection[str] | None = None) -> RawFrame:
         """Read one frame as stored, without its reference; for `gbuffers` see `frames`."""
@@ -201,14 +297,17 @@ class Shot:
         path = self.source / self._entries[index].file
         return read_exr_metadata(path) if path.suffix == ".exr" else {}
 
-    def _load(self, index: int, converter: Converter, gbuffers: Collection[str] | None = None) -> ShotFrame:
-        raw, reference = self.read_raw(index, gbuffers=gbuffers), self.read_reference(index)
+    def _converted(
+        self, index: int, raw: RawFrame, reference: Float32 | None, converter: Converter
+    ) -> ShotFrame:
         try:
             frame = converter.to_frame(raw)
         except FrameError as error:
             folder = self.source if self.source.is_dir() else self.source.parent
             file = folder / self._entries[index].file
-            raise ShotError(file, f"frame {index} breaks the contract: {error}") from error
+            raise ShotError(
+                file, f"frame {self.first_number + index} breaks the contract: {error}"
+            ) from error
         return ShotFrame(index=index, frame=frame, raw=raw, reference=reference)
 
 

@@ -5,15 +5,18 @@ from inspect import signature
 from pathlib import Path
 from typing import Literal, TypeAlias, get_args
 
-from supersampler.arguments import checked_choice
+from supersampler.arguments import checked_choice, checked_path
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.io.atomic import os_errors_as_shot_error
-from supersampler.io.image_reading import read_exr_channels
+from supersampler.io.image_reading import read_types
 from supersampler.io.shot.arm import import_arm
 from supersampler.io.shot.blender import import_blender, is_blender
 from supersampler.io.shot.blender_render import import_render
+from supersampler.io.shot.channel_names import recognised_map
 from supersampler.io.shot.channels import MAP_FILE_NAME, import_channels, import_described_channels
 from supersampler.io.shot.format import FILE_NAME
+from supersampler.io.shot.named_channels import import_named_channels
+from supersampler.io.shot.numbered import FRAME_SUFFIXES, Range, is_pattern, numbered_files, suggestion
 from supersampler.io.shot.render_record import RENDER_FILE
 from supersampler.io.shot.shipped import path_or_shipped
 from supersampler.io.shot.shot import Shot
@@ -25,66 +28,106 @@ _KNOWN = (
 )
 
 
-def open_source(path: Path | str, *, layout: Layout = "auto", **options: object) -> Shot:
+def open_source(
+    path: Path | str, *, layout: Layout = "auto", frames: Range | None = None, **options: object
+) -> Shot:
     """Open a shot of this package, a folder of Blender's or other EXR frames, or an Arm sequence.
 
     Args:
-        path: the folder, its shot.json or another JSON file of that format, or the .safetensors file; or the
-            name of a shot that ships.
+        path: the folder, its shot.json or another JSON file of that format, or the .safetensors file; or a
+            pattern of EXR frames: `renders/beauty.####.exr`, `renders/beauty.%04d.exr`,
+            `renders/beauty_*.exr`; or the name of a shot that ships.
         layout: "auto" detects it from the files; else "shot", "render" (`supersampler blender` rendered it),
             "blender", "channels" or "arm".
-        options: arguments of the layout's importer: `import_blender`, `import_channels` or `import_arm`.
-            Without a channel_map the layout "channels" reads the channels.json in the folder.
+        frames: first and last number of the frames to open, both included; by default all. Numbers before the
+            first frame and after the last are no error.
+        options: arguments of the layout's importer: `import_blender`, `import_channels`,
+            `import_named_channels` or `import_arm`.
+            Without a channel_map the layout "channels" reads the channels.json in the folder; without that,
+            `import_named_channels` recognises the channels by their names.
 
     Raises:
         ShotError: the layout is not known; the message says what was found.
         ArgumentError: there is no such layout, or it does not take an option.
     """
-    path = path_or_shipped(path)
-    if path.name == FILE_NAME:
-        path = path.parent
-    if checked_choice("layout", layout, get_args(Layout)) == "auto":
-        layout = guess_layout(path)
-    openers: Mapping[str, Callable[..., Shot]] = {
-        "shot": Shot.open,
-        "render": import_render,
-        "blender": import_blender,
-        "channels": import_channels if "channel_map" in options else import_described_channels,
-        "arm": import_arm,
-    }
-    takes = signature(openers[layout]).parameters
+    checked_choice("layout", layout, get_args(Layout))
+    if is_pattern(Path(checked_path("path", path))):
+        path, options["files"] = Path(path).parent, Path(path).name
+    else:
+        path = path_or_shipped(path)
+        if path.name == FILE_NAME:
+            path = path.parent
+    files = options.get("files")
+    if layout == "auto":
+        layout = guess_layout(path, None if files is None else str(files))
+    opener = _opener(layout, path, options)
+    takes = signature(opener).parameters
+    if files is not None and "files" not in takes:
+        raise ArgumentError("path", got="a pattern", want=f"a folder or file, as the layout is {layout!r}")
     for name in options:
         if name not in takes:
             raise ArgumentError(name, got="given", want=f"left out: the layout {layout!r} does not use it")
-    return openers[layout](path, **options)
+    if "frames" in takes:
+        return opener(path, frames=frames, **options)
+    shot = opener(path, **options)
+    return shot if frames is None else shot.cropped(*frames)
 
 
-def guess_layout(path: Path) -> Literal["shot", "render", "blender", "channels", "arm"]:
-    """Return the layout by file and channel names; ShotError, with what was found, where it is unknown."""
+def _opener(layout: str, path: Path, options: Mapping[str, object]) -> Callable[..., Shot]:
+    """Return the importer of a layout; ArgumentError where it needs conventions that are not given."""
+    if layout != "channels":
+        openers: Mapping[str, Callable[..., Shot]] = {
+            "shot": Shot.open, "render": import_render, "blender": import_blender, "arm": import_arm,
+        }  # fmt: skip
+        return openers[layout]
+    if "channel_map" not in options and (path / MAP_FILE_NAME).exists():
+        return import_described_channels
+    if "conventions" not in options:
+        hint = "Names of channels do not state them; `supersampler check` tests what is given."
+        want = "given, such as unreal: the units and signs of the channels"
+        raise ArgumentError("conventions", got="left out", want=want, hint=hint)
+    return import_channels if "channel_map" in options else import_named_channels
+
+
+def guess_layout(
+    path: Path, files: str | None = None
+) -> Literal["shot", "render", "blender", "channels", "arm"]:
+    """Return the layout by file and channel names; ShotError, with what was found, where it is unknown.
+
+    Args:
+        path: the folder or file.
+        files: pattern of the frames' files in the folder; None: any EXR files.
+    """
     with os_errors_as_shot_error(path, hint=_KNOWN):
         if path.is_file() and path.suffix in (".safetensors", ".json"):
             return "arm" if path.suffix == ".safetensors" else "shot"
+        if path.is_file() and path.suffix.lower() in FRAME_SUFFIXES:
+            raise ShotError(path, "is one image; want a sequence", suggestion(path.parent))
         if not path.exists():
             raise ShotError(path, "there is no such file or folder", _KNOWN)
         if not path.is_dir():
             raise ShotError(path, "is neither a folder nor a .json or .safetensors file", _KNOWN)
-        if (path / FILE_NAME).exists():
+        if files is None and (path / FILE_NAME).exists():
             return "shot"
-        if (path / RENDER_FILE).exists():
+        if files is None and (path / RENDER_FILE).exists():
             return "render"
         if (path / MAP_FILE_NAME).exists():
             return "channels"
         names = sorted(item.name for item in path.iterdir())
     frames = [path / name for name in names if name.endswith(".exr") and not name.startswith(".")]
+    if files is not None:
+        frames = list(numbered_files(path, files).values())
     if not frames:
         raise ShotError(path, f"holds {_listed(names) or 'nothing'}", _KNOWN)
-    channels = read_exr_channels(frames[0])
+    channels = list(read_types(frames[0]))
     if is_blender(channels):
         return "blender"
+    if recognised_map(frames[0], channels) is not None:
+        return "channels"
     hint = (
         f"A {MAP_FILE_NAME} says which is which (docs/shots.md); in Blender, turn on Combined, Z and Vector."
     )
-    raise ShotError(path, f"holds EXR frames with the channels {_listed(channels)}", hint)
+    raise ShotError(path, f"holds frames with the channels {_listed(channels)}", hint)
 
 
 def _listed(names: Sequence[str]) -> str:

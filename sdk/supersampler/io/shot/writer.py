@@ -25,7 +25,7 @@ from supersampler.io.atomic import (
     remove_partial_files,
     write_text,
 )
-from supersampler.io.image_reading import Metadata
+from supersampler.io.image_headers import DEFAULT_COLOR_SPACE, Metadata
 from supersampler.io.json_fields import read_json
 from supersampler.io.shot.format import FILE_NAME, FrameEntry, ShotInfo, files_of, load_shot_json, shot_json
 from supersampler.io.shot.frame_files import ClassMaps, has_display_file, write_frame, write_reference
@@ -49,7 +49,8 @@ class ShotWriter:
 
     Args:
         path: the folder; created where it is missing.
-        name, display_size, frame_rate, conventions, license, attribution, first_number: see `ShotInfo`.
+        name, display_size, frame_rate, conventions, license, attribution: see `ShotInfo`.
+        first_number, file_names, color_space: see `ShotInfo`.
         resume: continue after the frames that exist.
         variant: name of one of several shots in the folder that share their display-size files, such as "2x":
             it is described by 2x.json, and its frames are 2x/0000.exr and so on.
@@ -71,6 +72,8 @@ class ShotWriter:
         license: str = "",  # noqa: A002  # the word that shot.json and every reader use
         attribution: tuple[str, ...] | list[str] = (),
         first_number: int = 0,
+        file_names: str = "####",
+        color_space: str = DEFAULT_COLOR_SPACE,
         resume: bool = False,
         variant: str | None = None,
         compression: str = "zip",
@@ -89,6 +92,8 @@ class ShotWriter:
             license=license,
             attribution=tuple(attribution),
             first_number=first_number,
+            file_names=file_names,
+            color_space=color_space,
         )
         self._entries: list[FrameEntry] = []
         self._note = self.path / f".{self._description.name}.writing"
@@ -96,7 +101,9 @@ class ShotWriter:
             self._continue(resume)
         self._begun = self._read_note()
         names = re.compile(rf"\d{{4,}}\.exr|{re.escape(self._description.name)}")
-        remove_partial_files(self.path, names, (self._frames_below.rstrip("/"), _DISPLAY, _REFERENCE))
+        remove_partial_files(
+            self.path, names.fullmatch, (self._frames_below.rstrip("/"), _DISPLAY, _REFERENCE)
+        )
 
     def __len__(self) -> int:
         """Return the number of complete frames."""
@@ -227,7 +234,15 @@ class ShotWriter:
         if not resume:
             hint = "Resume it (resume=True), delete the folder, or choose another."
             raise ShotError(path, f"a shot of {len(entries)} frames is there already", hint)
-        for field in ("name", "display_size", "frame_rate", "conventions", "first_number"):
+        for field in (
+            "name",
+            "display_size",
+            "frame_rate",
+            "conventions",
+            "first_number",
+            "file_names",
+            "color_space",
+        ):
             existing, requested = getattr(info, field), getattr(self._info, field)
             if existing != requested:
                 hint = "Resume with what the shot was begun with, or write to another folder."

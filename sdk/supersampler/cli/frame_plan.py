@@ -1,0 +1,94 @@
+"""Which frames of a shot a run steps through, and which of them it writes."""
+
+from dataclasses import dataclass
+
+from supersampler.conventions import jitter_phase_count
+from supersampler.errors import ShotError
+from supersampler.io.shot import Shot
+from supersampler.io.shot.frame_numbers import FrameNumbers
+
+LONGEST_PREROLL = jitter_phase_count(4.0)
+"""Largest default preroll."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stretch:
+    """Indices of frames to step through: `start`, which begins without a history, to `stop` - 1."""
+
+    start: int
+    stop: int
+
+
+@dataclass(frozen=True, slots=True)
+class FramePlan:
+    """The frames of a run.
+
+    Attributes:
+        numbers: of the frames that are written.
+        stretches: in order, those that lead to the frames.
+        first_number: number of the frame with index 0.
+    """
+
+    numbers: FrameNumbers
+    stretches: tuple[Stretch, ...]
+    first_number: int
+
+    def position(self, index: int) -> int | None:
+        """Return the position of a frame among the written ones, by its index; None where it is none."""
+        number = self.first_number + index
+        return self.numbers.position(number) if number in self.numbers else None
+
+    def rest(self, shot: Shot, position: int) -> list[Stretch]:
+        """Return what is stepped through to write the frames from a position on."""
+        if position >= len(self.numbers):
+            return []
+        index = self.numbers[position] - self.first_number
+        return [
+            Stretch(
+                max(stretch.start, shot.last_cut(min(max(index, stretch.start), stretch.stop - 1))),
+                stretch.stop,
+            )
+            for stretch in self.stretches
+            if stretch.stop > index
+        ]
+
+
+def default_preroll(scale: float) -> int:
+    """Return the frames before a range that build its history: one period of the jitter.
+
+    docs/how-to/farm.md shows how near its images then are to those of a run of the whole shot.
+
+    Args:
+        scale: display size / render size.
+    """
+    return min(jitter_phase_count(scale), LONGEST_PREROLL)
+
+
+def plan_frames(shot: Shot, numbers: FrameNumbers | None, preroll: int) -> FramePlan:
+    """Return the plan of a run.
+
+    Args:
+        shot: the shot.
+        numbers: of the frames to write; None is all of them, in one stretch.
+        preroll: number of frames before a range that build its history, as far as there are and no cut is
+            among them.
+
+    Raises:
+        ShotError: the shot has no frame of one of the numbers.
+    """
+    begin, end = shot.first_number, shot.first_number + len(shot) - 1
+    if numbers is None:
+        return FramePlan(FrameNumbers(((begin, end),)), (Stretch(0, len(shot)),), begin)
+    missing = next(
+        (number for a, b in numbers.ranges for number in (a, b) if not begin <= number <= end), None
+    )
+    if missing is not None:
+        raise ShotError(shot.path, f"has no frame {missing}", f"Its frames are {begin} to {end}.")
+    stretches: list[Stretch] = []
+    for first, last in numbers.ranges:
+        index, stop = first - begin, last - begin + 1
+        start = max(shot.last_cut(index), index - preroll)
+        if stretches and start <= stretches[-1].stop:
+            start = stretches.pop().start
+        stretches.append(Stretch(start, stop))
+    return FramePlan(numbers, tuple(stretches), begin)

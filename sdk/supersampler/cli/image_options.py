@@ -1,0 +1,156 @@
+"""`ImageOptions`: names, formats and encodings of the images of a run, and the writing of one frame."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from supersampler.cli.run_record import NAME, frame_path
+from supersampler.errors import ArgumentError
+from supersampler.frame import Float32
+from supersampler.io.display import to_uint8, to_uint16
+from supersampler.io.display_transforms import DEFAULT_TRANSFORM, REC709, DisplayTransform
+from supersampler.io.image_headers import Metadata
+from supersampler.io.images import Bytes, half_pixels, write_exr, write_png, write_tiff
+from supersampler.io.shot.frame_files import COLOR, aov_channels
+
+_VIDEO = "mp4"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OutputImage:
+    """The image of one frame, and what is written beside its colour.
+
+    Attributes:
+        image: (H, W, 3) linear RGB.
+        exposure: > 0, of what is shown.
+        aovs: (H, W, k) AOVs for the EXR.
+        aov_names: of their channels; None: A for k = 1, else aovs.0, aovs.1 and so on.
+        metadata: entries of the EXR's header.
+    """
+
+    image: Float32
+    exposure: float
+    aovs: Float32 | None = None
+    aov_names: Sequence[str] | None = None
+    metadata: Metadata | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ImageOptions:
+    """Names, formats and encodings of the images of a run.
+
+    Attributes:
+        formats: "exr", "png", "tif"; with several, each has a subfolder of its name.
+        video: whether an mp4 file is written, too.
+        name: names of the images without extension; a run of # is the frame's number, with as many digits at
+            least.
+        transform: what PNG, TIFF and video show.
+        compression: of EXR: "zip", "dwaa", "piz" or "none".
+        bits: of PNG: 8 or 16. TIFF has 16.
+        color_space: of the linear light; EXR files state it. None: not known, they have what the source says.
+
+    Raises:
+        ArgumentError: the name cannot be one of files.
+    """
+
+    formats: Sequence[str] = ("exr",)
+    video: bool = False
+    name: str = "####"
+    transform: DisplayTransform = DEFAULT_TRANSFORM
+    compression: str = "zip"
+    bits: int = 8
+    color_space: str | None = REC709
+
+    def __post_init__(self) -> None:
+        if NAME.fullmatch(self.name) is None:
+            want = "a file name without extension, with one run of # for the number, such as beauty.####"
+            raise ArgumentError("--name", got=repr(self.name), want=want)
+
+    @property
+    def patterns(self) -> list[str]:
+        """Patterns of the files of each format, as upscale.json lists them."""
+        return [f"{self.below(name)}{self.name}.{name}" for name in self.formats]
+
+    def below(self, extension: str) -> str:
+        """Return the subfolder of a format, "png/", or "" where there is none."""
+        return f"{extension}/" if len(self.formats) > 1 else ""
+
+    def to_json(self) -> dict[str, object]:
+        """Return all that the files depend on, as JSON."""
+        return {
+            "formats": list(self.formats),
+            "name": self.name,
+            "compression": self.compression if "exr" in self.formats else None,
+            "bits": self.bits if "png" in self.formats else None,
+            "color space": self.color_space,
+            "display transform": self.transform.to_json() if self._shows else None,
+        }
+
+    def write(self, folder: Path, number: int, output: OutputImage, below: str = "") -> Bytes | None:
+        """Write the files of one frame, each atomically; several threads may write different frames.
+
+        Args:
+            folder: of the run.
+            number: of the frame.
+            output: its image.
+            below: subfolder of the folder, such as "recorded/".
+
+        Returns:
+            (H, W, 3) uint8, the image of the video; None where there is none.
+
+        Raises:
+            ShotError: the disk refused.
+        """
+        shown, encoding = None, self.transform.encoding
+        if self._shows:
+            shown = self.transform.show(output.image, output.exposure)
+        for pattern in self.patterns:
+            path = frame_path(folder, f"{below}{pattern}", number)
+            if shown is not None and path.suffix == ".png":
+                write_png(path, to_uint8(shown) if self.bits == 8 else to_uint16(shown), encoding)
+            elif shown is not None and path.suffix == ".tif":
+                write_tiff(path, to_uint16(shown), encoding)
+            else:
+                self._write_exr(path, output)
+        return to_uint8(shown) if shown is not None and self.video else None
+
+    @property
+    def _shows(self) -> bool:
+        return self.video or {"png", "tif"}.intersection(self.formats) != set()
+
+    def _write_exr(self, path: Path, output: OutputImage) -> None:
+        names, arrays = list(COLOR), [output.image]
+        if output.aovs is not None:
+            count = output.aovs.shape[2]
+            names += output.aov_names or (["A"] if count == 1 else aov_channels(count))
+            arrays.append(output.aovs)
+        write_exr(
+            path,
+            half_pixels(arrays),
+            names,
+            compression=self.compression,
+            metadata=output.metadata,
+            color_space=self.color_space,
+        )
+
+
+def image_options(
+    formats: Iterable[str],
+    *,
+    name: str = "####",
+    transform: DisplayTransform = DEFAULT_TRANSFORM,
+    compression: str = "zip",
+    bits: int = 8,
+    color_space: str | None = REC709,
+) -> ImageOptions:
+    """Return the options of formats, "mp4" among them; ArgumentError where files cannot have the name."""
+    chosen = set(formats)
+    return ImageOptions(
+        formats=tuple(sorted(chosen - {_VIDEO})),
+        video=_VIDEO in chosen,
+        name=name,
+        transform=transform,
+        compression=compression,
+        bits=bits,
+        color_space=color_space,
+    )

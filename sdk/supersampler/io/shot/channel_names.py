@@ -1,0 +1,106 @@
+"""Recognise the channels of EXR files by their names, and decide which others are carried as AOVs."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import chain
+from pathlib import Path
+
+from supersampler.errors import ShotError
+
+_XYZ, _RGB = ("xyz", "rgb"), ("rgb",)
+_VALUE = ("y", "v", "x")
+_NAMES: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "color": (("", "rgb", "rgba", "beauty", "combined", "color", "colour"), _RGB),
+    "depth": (("depth", "z", "zdepth"), ("z", "v", "r", "y", "x")),
+    "motion": (
+        (
+            "motion", "motionvector", "motionvectors", "motion_vector", "motion_vectors", "velocity",
+            "vector", "forward",
+        ),
+        ("xy", "rg", "uv"),
+    ),
+    "normal": (("n", "normal", "normals"), _XYZ),
+    "base_color": (
+        ("base_color", "basecolor", "albedo", "diffuse_albedo", "diffusealbedo", "diffcol", "diffuse color"),
+        _RGB,
+    ),
+    "roughness": (("roughness",), (*_VALUE, "r")),
+    "metallic": (("metallic", "metalness"), (*_VALUE, "r")),
+    "specular": (("specular",), _VALUE),
+}  # fmt: skip
+"""Our name to the names before a channel's last dot, and the letters after it; docs/shots.md lists them.
+
+Letters are in any case. A name of one number may also stand alone, as `Z` and `roughness` do.
+"""
+_ALONE = ("depth", "roughness", "metallic", "specular")
+_DATA = {
+    "id", "objectid", "object_id", "materialid", "material_id", "instanceid", "instance_id", "object index",
+    "material index", "position", "p", "pref", "pworld", "uv", "st", "backward",
+}  # fmt: skip
+_DATA_BEGIN = ("crypto", "denoising ", "noisy ", "debug ", "index")
+"""Names, and beginnings of names, of data that cannot be blended: ids, places, other vectors."""
+
+
+def recognised_map(path: Path, channels: Iterable[str]) -> dict[str, list[str]] | None:
+    """Return the channels of a file by our names, as `import_channels` takes them.
+
+    Returns:
+        None where depth or motion is missing.
+
+    Raises:
+        ShotError: several channels have the same meaning.
+    """
+    there = list(channels)
+    found: dict[str, list[str]] = {}
+    for ours in _NAMES:
+        candidates = _candidates(ours, there)
+        if len(candidates) > 1:
+            listed = " and ".join(", ".join(names) for names in candidates)
+            hint = "State the channels by channels.json or --channels (docs/shots.md)."
+            raise ShotError(path, f"has several channels for {ours}: {listed}", hint)
+        if candidates:
+            found[ours] = candidates[0]
+    return found if {"depth", "motion"} <= found.keys() else None
+
+
+def blended_and_ignored(
+    types: Mapping[str, str], used: Mapping[str, Sequence[str]]
+) -> tuple[list[str], list[str]]:
+    """Return the other channels of a file: those that are carried as AOVs, and those that are not.
+
+    Ids, places, and further depth, vectors and normals are not carried: a blend of two of their values means
+    nothing. Nor are integers.
+
+    Args:
+        types: channel names with their types.
+        used: the channels that have one of our names.
+    """
+    ours = set(chain.from_iterable(used.values()))
+    others = [name for name in types if name not in ours]
+    carried = [name for name in others if types[name] in ("half", "float") and not _is_data(name)]
+    return carried, [name for name in others if name not in carried]
+
+
+def _is_data(channel: str) -> bool:
+    """Return whether a channel's name is one of data, or of depth, motion or a normal."""
+    *before, last = channel.lower().split(".")
+    base = before[-1] if before else last
+    vectors = {*_NAMES["depth"][0], *_NAMES["motion"][0], *_NAMES["normal"][0]}
+    return base in vectors | _DATA or base.startswith(_DATA_BEGIN)
+
+
+def _candidates(ours: str, channels: Sequence[str]) -> list[list[str]]:
+    """Return each group of channels that has the names of one of our arrays."""
+    bases, endings = _NAMES[ours]
+    by_lower = {name.lower(): name for name in channels}
+    groups = []
+    for name in channels:
+        *before, last = name.lower().split(".")
+        base = before[-1] if before else ""
+        is_alone = last in bases and base not in bases and (not before or len(last) > 1)  # N.Z is a normal's
+        if ours in _ALONE and is_alone:
+            groups.append([name])
+        for ending in endings:
+            group = [".".join([*before, letter]) for letter in ending]
+            if base in bases and last == ending[0] and all(member in by_lower for member in group):
+                groups.append([by_lower[member] for member in group])
+    return groups

@@ -1,0 +1,154 @@
+"""Tests of EXR frames that are recognised by the names of their channels."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from supersampler import ArgumentError, ShotError
+from supersampler.cli import app
+from supersampler.conventions import Conventions
+from supersampler.io.image_headers import TypedValues
+from supersampler.io.image_reading import read_exr
+from supersampler.io.images import write_exr
+from supersampler.io.shot import Shot, copy_shot, import_named_channels, open_source
+from supersampler.io.shot.channel_names import _NAMES, recognised_map
+
+OURS = Conventions()
+COLOR, DEPTH, MOTION = ["R", "G", "B"], ["Z"], ["motion.X", "motion.Y"]
+
+
+def write_one(folder: Path, *channels: str) -> Path:
+    """One frame whose channels hold their place in the list."""
+    image: dict[str, np.ndarray] = {
+        name: np.full((6, 8), index / 16, np.float32) for index, name in enumerate(channels)
+    }
+    write_exr(folder / "f.0001.exr", image)
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("ours", "names"),
+    [
+        ("color", ["R", "G", "B"]),
+        ("color", ["rgba.R", "rgba.G", "rgba.B"]),
+        ("color", ["RGBA.R", "RGBA.G", "RGBA.B"]),
+        ("color", ["beauty.R", "beauty.G", "beauty.B"]),
+        ("color", ["View.Combined.R", "View.Combined.G", "View.Combined.B"]),
+        ("depth", ["Z"]),
+        ("depth", ["depth.Z"]),
+        ("depth", ["depth.V"]),
+        ("depth", ["Depth.R"]),
+        ("depth", ["top.depth.Z"]),
+        ("depth", ["zdepth"]),
+        ("depth", ["ZDepth.Z"]),
+        ("motion", ["motion.x", "motion.y"]),
+        ("motion", ["motion.R", "motion.G"]),
+        ("motion", ["velocity.X", "velocity.Y"]),
+        ("motion", ["MotionVector.R", "MotionVector.G"]),
+        ("motion", ["forward.u", "forward.v"]),
+        ("motion", ["top.Vector.X", "top.Vector.Y"]),
+        ("normal", ["N.X", "N.Y", "N.Z"]),
+        ("normal", ["normal.R", "normal.G", "normal.B"]),
+        ("normal", ["a.b.Normal.X", "a.b.Normal.Y", "a.b.Normal.Z"]),
+        ("base_color", ["albedo.R", "albedo.G", "albedo.B"]),
+        ("base_color", ["diffuse_albedo.R", "diffuse_albedo.G", "diffuse_albedo.B"]),
+        ("roughness", ["roughness"]),
+        ("roughness", ["Roughness.Y"]),
+        ("metallic", ["metallic.R"]),
+        ("specular", ["specular.V"]),
+    ],
+)
+def test_a_name_in_wide_use_is_recognised_in_any_order(ours: str, names: list[str]) -> None:
+    usual = {"color": COLOR, "depth": DEPTH, "motion": MOTION, ours: names}
+    channels = [name for group in usual.values() for name in group]
+    assert recognised_map(Path("f.exr"), channels) == usual
+    assert recognised_map(Path("f.exr"), channels[::-1]) == usual
+
+
+@pytest.mark.parametrize(
+    "name", ["Crypto00.R", "Denoising Depth.Z", "P.Z", "backward.u", "diffuse.R", "N.Z", "specular.R"]
+)
+def test_other_names_have_no_meaning(name: str) -> None:
+    usual = {"color": COLOR, "depth": DEPTH, "motion": MOTION}
+    channels = [name, *(name for group in usual.values() for name in group)]
+    assert recognised_map(Path("f.exr"), channels) == usual
+
+
+@pytest.mark.parametrize(
+    ("extra", "message"),
+    [
+        (["beauty.R", "beauty.G", "beauty.B"], r"several channels for color: R, G, B and beauty\.R"),
+        (["depth.Z"], r"several channels for depth: Z and depth\.Z\. State the channels by"),
+        (["forward.u", "forward.v"], r"several channels for motion: forward\.u, forward\.v and motion\.X"),
+    ],
+)
+def test_two_candidates_are_an_error_with_both_names(tmp_path: Path, extra: list[str], message: str) -> None:
+    write_one(tmp_path, *COLOR, *DEPTH, *MOTION, *extra)
+    with pytest.raises(ShotError, match=message):
+        open_source(tmp_path, conventions=OURS)
+
+
+def test_conventions_are_not_guessed(tmp_path: Path) -> None:
+    write_one(tmp_path, *COLOR, *DEPTH, *MOTION)
+    with pytest.raises(ArgumentError, match=r"conventions is left out; want given.* `supersampler check"):
+        open_source(tmp_path)
+
+
+def test_channels_are_read_to_their_values_with_the_conventions_given(tmp_path: Path) -> None:
+    write_one(tmp_path, "N.Z", "motion.Y", "B", "roughness", "Z", "N.X", "R", "motion.X", "G", "N.Y")
+    raw = open_source(tmp_path, conventions=Conventions(depth="linear")).read_raw(0)
+    assert raw.color is not None
+    assert raw.gbuffer is not None
+    np.testing.assert_array_equal(raw.color[0, 0], np.array([6, 8, 2]) / 16)
+    np.testing.assert_array_equal(raw.motion[0, 0], np.array([7, 1]) / 16)
+    np.testing.assert_array_equal(raw.gbuffer["normal"][0, 0], np.array([5, 9, 0]) / 16)
+    assert (raw.depth[0, 0], raw.gbuffer["roughness"][0, 0]) == (4 / 16, 3 / 16)
+
+
+def test_other_channels_are_aovs_by_their_names_and_data_is_ignored_by_name(tmp_path: Path) -> None:
+    carried = ["beauty.A", "diffuse.R", "diffuse.G", "diffuse.B", "fog"]
+    data = ["crypto_object00.R", "P.X", "P.Y", "P.Z", "objectId", "motion.Z", "uv.U"]
+    color = ["beauty.R", "beauty.G", "beauty.B"]
+    write_one(tmp_path / "in", *data, *carried, *color, *DEPTH, *MOTION)
+    shot = open_source(tmp_path / "in", conventions=OURS)
+    assert set(shot.info.aov_names) == {"A", "diffuse.R", "diffuse.G", "diffuse.B", "fog"}
+    assert set(shot.ignored_channels) == set(data)
+    aovs = shot.read_raw(0).aovs
+    assert aovs is not None
+    values = dict(zip(shot.info.aov_names, aovs[0, 0] * 16, strict=True))
+    assert values == {"A": 7, "diffuse.R": 8, "diffuse.G": 9, "diffuse.B": 10, "fog": 11}
+    assert copy_shot(shot, tmp_path / "out").info.aov_names == shot.info.aov_names
+
+
+def test_import_prints_what_is_not_read_and_unknown_primaries(tmp_path: Path) -> None:
+    write_one(tmp_path / "in", *COLOR, *DEPTH, *MOTION, "crypto00.R", "P.X")
+    primaries = TypedValues("float[8]", (0.5, 0.3, 0.2, 0.7, 0.1, 0.1, 0.3, 0.3))
+    frame = tmp_path / "in" / "f.0001.exr"
+    write_exr(frame, read_exr(frame), metadata={"chromaticities": primaries})
+    arguments = ["import", str(tmp_path / "in"), "-o", str(tmp_path / "out"), "--conventions", "{}"]
+    done = CliRunner().invoke(app, arguments)
+    assert "Not read, as they cannot be blended: P.X, crypto00.R" in done.stdout
+    assert "Unknown primaries in the files' headers. State the colour space: --color-space" in done.stdout
+    assert Shot.open(tmp_path / "out").info.color_space == "unknown"
+
+
+def test_references_of_recognised_frames_are_found_by_number(tmp_path: Path) -> None:
+    write_one(tmp_path, *COLOR, *DEPTH, *MOTION)
+    write_exr(tmp_path / "reference" / "r.0001.exr", np.full((12, 16, 3), 2, np.float32))
+    shot = import_named_channels(tmp_path, conventions=OURS, reference="reference/r.####.exr")
+    assert shot.display_size == (16, 12)
+    reference = shot.read(0).reference
+    assert reference is not None
+    assert (reference == 2).all()
+
+
+def test_the_documentation_lists_every_name() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "shots.md").read_text("utf-8")
+    for ours, (bases, endings) in _NAMES.items():
+        row = next(line for line in page.splitlines() if line.startswith(f"| `{ours}` | ") and "`." in line)
+        for base in filter(None, bases):
+            assert f"`{base}`" in row
+        for ending in endings:
+            assert " ".join(f".{letter.upper()}" for letter in ending) in row

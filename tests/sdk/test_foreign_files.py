@@ -1,0 +1,323 @@
+"""Tests of files as other software writes them: layouts, data windows, types, PNG, TIFF, headers."""
+
+import struct
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from OpenImageIO import ImageOutput, ImageSpec, TypeDesc
+
+from supersampler import ArgumentError, ShotError
+from supersampler.conventions import Conventions
+from supersampler.io.image_headers import TypedValues, read_color_space, read_exr_metadata
+from supersampler.io.image_reading import read_exr, read_image, read_types
+from supersampler.io.images import write_exr
+from supersampler.io.shot import Shot, copy_shot, import_channels, open_source
+
+WIDTH, HEIGHT = 9, 7
+NAMES = ("R", "G", "B", "depth.Z", "motion.X", "motion.Y")
+VALUES = np.random.default_rng(0).integers(1, 900, (HEIGHT, WIDTH, len(NAMES))).astype(np.float32) / 8
+FAR = 50.0
+OURS = Conventions(depth="linear", far=FAR)
+SRGB = Conventions(srgb=True)
+MAP = {"color": ["R", "G", "B"], "depth": "Z", "motion": ["motion/*.tif:R", "motion/*.tif:G"]}
+
+
+def spec_of(names: tuple[str, ...] = NAMES, kind: str = "float", **attributes: Any) -> ImageSpec:
+    spec = ImageSpec(WIDTH, HEIGHT, len(names), kind)
+    spec.channelnames = names
+    for name, value in attributes.items():
+        setattr(spec, name, value)
+    return spec
+
+
+def write_parts(path: Path, *parts: tuple[ImageSpec, np.ndarray]) -> Path:
+    path.parent.mkdir(exist_ok=True)
+    output = ImageOutput.create(str(path))
+    assert output is not None
+    assert output.open(str(path), tuple(spec for spec, _ in parts) if len(parts) > 1 else parts[0][0])
+    for index, (spec, pixels) in enumerate(parts):
+        assert index == 0 or output.open(str(path), spec, "AppendSubimage")
+        assert output.write_image(np.ascontiguousarray(pixels))
+    assert output.close()
+    return path
+
+
+def assert_holds(path: Path, values: np.ndarray = VALUES) -> None:
+    image = read_exr(path)
+    assert image.keys() == set(NAMES)
+    for index, name in enumerate(NAMES):
+        np.testing.assert_array_equal(image[name], values[..., index])
+
+
+def test_tiles_hold_the_values_of_scanlines(tmp_path: Path) -> None:
+    assert_holds(write_parts(tmp_path / "lines.exr", (spec_of(), VALUES)))
+    tiled = spec_of(tile_width=4, tile_height=4)
+    assert_holds(write_parts(tmp_path / "tiles.exr", (tiled, VALUES)))
+
+
+def test_half_and_float_in_one_file_keep_their_types(tmp_path: Path) -> None:
+    types = ("half", "half", "half", "float", "half", "float")
+    mixed = spec_of(channelformats=tuple(map(TypeDesc, types)))
+    path = write_parts(tmp_path / "mixed.exr", (mixed, VALUES))
+    assert_holds(path)
+    assert read_types(path) == dict(zip(NAMES, types, strict=True))
+    assert {name: str(array.dtype) for name, array in read_exr(path).items()} == {
+        name: "float16" if kind == "half" else "float32" for name, kind in read_types(path).items()
+    }
+
+
+def test_parts_with_different_data_windows_are_one_image(tmp_path: Path) -> None:
+    color, data = spec_of(NAMES[:3]), spec_of(NAMES[3:], x=2, width=5)
+    data.full_width = WIDTH
+    color.attribute("oiio:subimagename", "rgba")
+    data.attribute("oiio:subimagename", "data")
+    path = write_parts(tmp_path / "parts.exr", (color, VALUES[..., :3]), (data, VALUES[:, 2:7, 3:]))
+    image = read_exr(path, outside={"data.depth.Z": FAR})
+    want = np.full((HEIGHT, WIDTH), FAR)
+    want[:, 2:7] = VALUES[:, 2:7, 3]
+    np.testing.assert_array_equal(image["data.depth.Z"], want)
+    np.testing.assert_array_equal(image["rgba.G"], VALUES[..., 1])
+
+
+def test_overscan_is_cut_off(tmp_path: Path) -> None:
+    spec = spec_of(full_x=2, full_y=1, full_width=5, full_height=4)
+    assert_holds(write_parts(tmp_path / "over.exr", (spec, VALUES)), VALUES[1:5, 2:7])
+    moved = spec_of(x=-2, y=-1, full_x=0, full_y=0, full_width=5, full_height=4)
+    assert_holds(write_parts(tmp_path / "moved.exr", (moved, VALUES)), VALUES[1:5, 2:7])
+
+
+@pytest.mark.parametrize(("x", "y"), [(2, 1), (-3, -2), (4, -5), (20, 20)])
+def test_outside_of_a_data_window_is_background_without_motion(tmp_path: Path, x: int, y: int) -> None:
+    size = (12, 9)
+    spec = spec_of(x=x, y=y, full_width=size[0], full_height=size[1])
+    write_parts(tmp_path / "in" / "f.0001.exr", (spec, VALUES))
+    want = np.zeros((size[1], size[0], len(NAMES)), np.float32)
+    want[..., 3] = FAR
+    rows, columns = np.mgrid[: size[1], : size[0]]
+    inside = (rows >= y) & (rows < y + HEIGHT) & (columns >= x) & (columns < x + WIDTH)
+    want[inside] = VALUES[rows[inside] - y, columns[inside] - x]
+    shot = open_source(tmp_path / "in", conventions=OURS)
+    raw, frame = shot.read_raw(0), shot.read(0).frame
+    assert shot.render_size == size
+    np.testing.assert_array_equal(raw.color, want[..., :3])
+    np.testing.assert_array_equal(raw.depth, want[..., 3])
+    np.testing.assert_array_equal(raw.motion, want[..., 4:])
+    assert (frame.depth[~inside] == 0).all()
+
+
+@pytest.mark.parametrize(
+    ("conventions", "sky"),
+    [
+        (Conventions(), 0),
+        (Conventions(depth="reversed", far=9.0), 0),
+        (Conventions(depth="forward_infinite"), 1),
+        (Conventions(depth="linear"), np.inf),
+    ],
+)
+def test_a_shot_of_any_depth_has_the_sky_outside(
+    tmp_path: Path, conventions: Conventions, sky: float
+) -> None:
+    write_exr(tmp_path / "in" / "1.exr", {name: np.full((4, 12), 0.5, np.float32) for name in NAMES})
+    shot = copy_shot(open_source(tmp_path / "in", conventions=conventions), tmp_path / "shot")
+    spec = spec_of(full_width=12, full_height=4, height=4)
+    write_parts(shot.path / "0000.exr", (spec, VALUES[:4]))
+    for opened in (Shot.open(shot.path), open_source(shot.path / "####.exr", conventions=conventions)):
+        assert (opened.read_raw(0).depth[:, WIDTH:] == sky).all()
+        assert (opened.read(0).frame.depth[:, WIDTH:] == 0).all()
+
+
+def test_a_display_window_that_would_take_too_much_memory_is_refused(tmp_path: Path) -> None:
+    names = tuple(f"c{index:02d}" for index in range(17))
+    spec = spec_of(names, width=1, height=1, full_width=1 << 15, full_height=1 << 12)
+    path = write_parts(tmp_path / "large.exr", (spec, np.zeros((1, 1, 17), np.float32)))
+    with pytest.raises(ShotError, match=r"large\.exr: has 8 GiB of pixels; want at most 8"):
+        read_exr(path, outside={})
+
+
+def test_deep_pixels_are_refused_by_name(tmp_path: Path) -> None:
+    import OpenImageIO
+
+    spec = spec_of(deep=True)
+    data = OpenImageIO.DeepData()
+    data.init(WIDTH * HEIGHT, len(NAMES), spec.channelformats or ("float",) * len(NAMES), NAMES)
+    output = ImageOutput.create(str(tmp_path / "deep.exr"))
+    assert output is not None
+    assert output.open(str(tmp_path / "deep.exr"), spec)
+    output.write_deep_image(data)
+    output.close()
+    with pytest.raises(ShotError, match=r"deep\.exr: holds deep pixels"):
+        read_exr(tmp_path / "deep.exr", outside={})
+
+
+# PNG and TIFF
+
+
+def write_frames(folder: Path, kind: str, suffix: str, channels: int = 3) -> np.ndarray:
+    """One frame with colour of a type; returns its values from 0 to 1, or as they are."""
+    most = {"uint8": 255, "uint16": 65535}.get(kind)
+    values: np.ndarray = VALUES[..., :channels]
+    if most is not None:
+        values = np.random.default_rng(1).integers(0, most + 1, (HEIGHT, WIDTH, channels)).astype(kind)
+    names = ("R", "G", "B", "A")[:channels]
+    folder.mkdir(exist_ok=True)
+    spec = spec_of(names, kind)
+    spec.attribute("oiio:UnassociatedAlpha", 1)  # stores the values as they are
+    write_parts(folder / "color" / f"c.0001.{suffix}", (spec, values))
+    write_parts(folder / "motion" / "m.0001.tif", (spec_of(("R", "G", "B")), VALUES[..., 3:]))
+    write_exr(folder / "d.0001.exr", {"Z": VALUES[..., 5]})
+    return values if most is None else values.astype(np.float32) / np.float32(most)
+
+
+def color_map(suffix: str, channels: str = "RGB") -> dict[str, list[str]]:
+    return {"color": [f"color/*.{suffix}:{axis}" for axis in channels]}
+
+
+@pytest.mark.parametrize(
+    ("kind", "suffix", "stored"),
+    [
+        ("uint8", "png", ("png", "uint8")),
+        ("uint16", "png", ("png", "uint16")),
+        ("uint8", "tif", ("tif", "uint8")),
+        ("uint16", "tiff", ("tif", "uint16")),
+        ("float", "tif", ("tif", "float")),
+    ],
+)
+def test_png_and_tiff_are_read_to_their_values(
+    tmp_path: Path, kind: str, suffix: str, stored: tuple[str, str]
+) -> None:
+    values = write_frames(tmp_path, kind, suffix)
+    conventions = SRGB if kind.startswith("uint") else OURS
+    shot = import_channels(tmp_path, {**MAP, **color_map(suffix)}, conventions=conventions)
+    raw = shot.read_raw(0)
+    assert raw.color is not None
+    np.testing.assert_allclose(raw.color, values, rtol=1e-7)
+    np.testing.assert_array_equal(raw.depth, VALUES[..., 5])
+    np.testing.assert_array_equal(raw.motion, VALUES[..., 3:5])
+    assert (shot.stored_as, shot.info.file_names) == (stored, "c.####")
+
+
+def test_srgb_integers_are_decoded_to_linear_light(tmp_path: Path) -> None:
+    values = write_frames(tmp_path, "uint8", "png")
+    color = import_channels(tmp_path, {**MAP, **color_map("png")}, conventions=SRGB).read(0).frame.color
+    assert color is not None
+    linear = np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
+    np.testing.assert_allclose(color, linear, rtol=1e-5)
+
+
+def test_integers_without_srgb_are_refused(tmp_path: Path) -> None:
+    write_frames(tmp_path, "uint8", "png")
+    message = r"conventions is without srgb=True, and c\.0001\.png holds uint8; want srgb=True for integers"
+    with pytest.raises(ArgumentError, match=message):
+        import_channels(tmp_path, {**MAP, **color_map("png")}, conventions=OURS)
+
+
+@pytest.mark.parametrize("name", ["depth", "motion", "normal", "reference"])
+def test_integers_of_anything_but_colour_are_refused(tmp_path: Path, name: str) -> None:
+    write_frames(tmp_path, "uint8", "png")
+    count = {"depth": 1, "motion": 2}.get(name, 3)
+    wrong = {name: [f"color/*.png:{axis}" for axis in "RGB"[:count]]}
+    with pytest.raises(ShotError, match=rf"c\.0001\.png: holds {name} as uint8; want half or float"):
+        import_channels(tmp_path, {**MAP, **color_map("png"), **wrong}, conventions=SRGB)
+
+
+def test_alpha_of_a_png_is_an_aov_and_does_not_change_the_colour(tmp_path: Path) -> None:
+    values = write_frames(tmp_path, "uint8", "png", channels=4)
+    channel_map = {**MAP, **color_map("png"), "aovs": ["color/*.png:A"]}
+    raw = import_channels(tmp_path, channel_map, conventions=SRGB, aov_names=["A"]).read_raw(0)
+    assert raw.aovs is not None
+    assert raw.color is not None
+    np.testing.assert_allclose(raw.color, values[..., :3], rtol=1e-6)
+    np.testing.assert_allclose(raw.aovs[..., 0], values[..., 3], rtol=1e-6)
+
+
+def test_a_palette_is_read_as_its_colours_and_grey_is_refused(tmp_path: Path) -> None:
+    def chunk(name: bytes, content: bytes) -> bytes:
+        return (
+            struct.pack(">I", len(content)) + name + content + struct.pack(">I", zlib.crc32(name + content))
+        )
+
+    header = struct.pack(">IIBBBBB", 2, 1, 8, 3, 0, 0, 0)
+    pixels = zlib.compress(b"\x00\x01\x00")  # no filter, then the second and the first colour
+    parts = (
+        (b"IHDR", header),
+        (b"PLTE", bytes([0, 51, 255, 204, 102, 0])),
+        (b"IDAT", pixels),
+        (b"IEND", b""),
+    )
+    path = tmp_path / "palette.png"
+    path.write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(chunk(*part) for part in parts))
+    image = read_image(path)
+    rgb = np.stack([image[axis] for axis in "RGB"], axis=-1)
+    np.testing.assert_allclose(rgb[0] * 255, [[204, 102, 0], [0, 51, 255]], rtol=1e-6)
+    write_frames(tmp_path, "uint8", "png")
+    write_parts(tmp_path / "color" / "c.0001.png", (spec_of(("Y",), "uint8"), VALUES[..., :1]))
+    with pytest.raises(ShotError, match=r"c\.0001\.png: has no channel R\. It has Y"):
+        import_channels(tmp_path, {**MAP, **color_map("png")}, conventions=SRGB)
+
+
+def test_how_an_exr_stores_colour_is_known(tmp_path: Path) -> None:
+    for kind, dtype in (("half", np.float16), ("float", np.float32)):
+        image = {name: VALUES[..., 0].astype(dtype if name in "RGB" else np.float32) for name in NAMES}
+        write_exr(tmp_path / kind / "1.exr", image)
+        assert open_source(tmp_path / kind, conventions=OURS).stored_as == ("exr", kind)
+
+
+def test_only_the_first_page_of_a_tiff_is_read(tmp_path: Path) -> None:
+    page = spec_of(("R", "G", "B"))
+    path = write_parts(tmp_path / "pages.tif", (page, VALUES[..., :3]), (page, VALUES[..., 3:]))
+    np.testing.assert_array_equal(read_image(path)["G"], VALUES[..., 1])
+
+
+# Headers
+
+
+def test_metadata_of_every_kind_is_read_and_written_again(tmp_path: Path) -> None:
+    matrix = tuple(float(value) for value in range(16))
+    chromaticities = (0.713, 0.293, 0.165, 0.83, 0.128, 0.044, 0.32168, 0.33767)
+    want = {
+        "Copyright": "me", "note": "hello", "take": 3, "focal": 2.5,
+        "smpte:TimeCode": TypedValues("timecode", (123456, 7)),
+        "framesPerSecond": TypedValues("rational", (24000, 1001)),
+        "worldToCamera": TypedValues("matrix", matrix),
+        "chromaticities": TypedValues("float[8]", tuple(float(np.float32(x)) for x in chromaticities)),
+        "lens": TypedValues("float2", (1.5, 2.5)),
+        "takes": TypedValues("string[2]", ("a", "b")),
+    }  # fmt: skip
+    spec = spec_of()
+    for name, value in want.items():
+        if isinstance(value, TypedValues):
+            spec.attribute(name, TypeDesc(value.type), value.values)
+        else:
+            spec.attribute("owner" if name == "Copyright" else name, value)
+    path = write_parts(tmp_path / "in" / "f.0001.exr", (spec, VALUES))
+    assert read_exr_metadata(path) == want
+    shot = copy_shot(open_source(tmp_path / "in", conventions=OURS), tmp_path / "out")
+    assert shot.read_metadata(0) == want
+    assert shot.info.color_space == "ACEScg"
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "want"),
+    [
+        ("note", "none", "lin_rec709"),
+        ("chromaticities", (0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3127, 0.329), "lin_rec709"),
+        ("chromaticities", (0.713, 0.293, 0.165, 0.83, 0.128, 0.044, 0.32168, 0.33767), "ACEScg"),
+        ("chromaticities", (0.708, 0.292, 0.17, 0.797, 0.131, 0.046, 0.3127, 0.329), "lin_rec2020"),
+        ("chromaticities", (0.5, 0.3, 0.2, 0.7, 0.1, 0.1, 0.3, 0.3), "unknown"),
+        ("colorInteropID", "lin_ap1_scene", "ACEScg"),
+    ],
+)
+def test_the_colour_space_is_what_the_header_states(tmp_path: Path, name: str, value: Any, want: str) -> None:
+    spec = spec_of()
+    if isinstance(value, tuple):
+        spec.attribute(name, TypeDesc("float[8]"), value)
+    else:
+        spec.attribute(name, value)
+    path = write_parts(tmp_path / "f.0001.exr", (spec, VALUES))
+    assert read_color_space(path) == want
+    assert open_source(tmp_path, conventions=OURS).info.color_space == want
+    stated = open_source(tmp_path, conventions=OURS, color_space="ARRI LogC4")
+    assert stated.info.color_space == "ARRI LogC4"
