@@ -74,7 +74,7 @@ def farm(output: Path, shot: Path, frames: int, preroll: int, method: str, *opti
 
 
 def seconds_of(*commands: Sequence[str]) -> float:
-    """Run commands at the same time, each on a core of its own; return the wall time until the last has ended.
+    """Run commands at once, each on a core of its own; return the wall time until the last has ended.
 
     Raises:
         CalledProcessError: one has failed.
