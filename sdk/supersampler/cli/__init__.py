@@ -8,7 +8,6 @@ from supersampler.cli.app import TOOLS, app, main
 from supersampler.cli.blender import blender
 from supersampler.cli.check import check
 from supersampler.cli.demo import demo
-from supersampler.cli.exposures import exposures
 from supersampler.cli.import_ import import_shot
 from supersampler.cli.info import info
 from supersampler.cli.replay import replay
@@ -19,7 +18,6 @@ app.command()(upscale)
 app.command()(blender)
 app.command()(info)
 app.command()(check)
-app.command()(exposures)
 app.command()(replay)
 app.command("import")(import_shot)
 for name, (_, text) in TOOLS.items():

@@ -7,9 +7,13 @@ import typer
 from supersampler.cli.arguments import ShotArgument, printable
 from supersampler.cli.source_options import (
     ChannelsOption,
+    ColorSpaceOption,
     ConventionsOption,
+    CutsOption,
+    FrameRateOption,
     JitterOption,
     LayoutOption,
+    ReferenceOption,
     open_with,
     source_notes,
 )
@@ -21,6 +25,10 @@ def check(
     jitter: JitterOption = None,
     channels: ChannelsOption = None,
     conventions: ConventionsOption = None,
+    frame_rate: FrameRateOption = None,
+    cuts: CutsOption = None,
+    reference: ReferenceOption = None,
+    color_space: ColorSpaceOption = None,
     frames: Annotated[int, typer.Option(min=2, help="Number of frames to read from the middle.")] = 6,
 ) -> None:
     """Detect the conventions of SHOT: motion, jitter and depth.
@@ -37,7 +45,17 @@ def check(
     from supersampler.methods.gbuffers import listed, names_of
     from supersampler.validation import detect_conventions
 
-    opened = open_with(shot, layout=layout, jitter=jitter, channels=channels, conventions=conventions)
+    opened = open_with(
+        shot,
+        layout=layout,
+        jitter=jitter,
+        channels=channels,
+        conventions=conventions,
+        frame_rate=frame_rate,
+        cuts=cuts,
+        reference=reference,
+        color_space=color_space,
+    )
     detection = detect_conventions(opened, frames=frames)
     typer.echo(f"{printable(opened.name)}: {min(frames, len(opened))} of {len(opened)} frames")
     typer.echo(f"G-buffers: {listed(names_of(opened.read_raw(0)))}")

@@ -11,6 +11,11 @@ LONGEST_PREROLL = jitter_phase_count(4.0)
 """Largest default preroll."""
 
 
+EXPOSURE_FRAMES = 96
+"""Frames before a preroll of which the exposure is measured. A measured exposure moves a tenth of the way in
+a frame: of the exposure before these frames 0.9^96 is left, 4e-5."""
+
+
 @dataclass(frozen=True, slots=True)
 class Stretch:
     """Indices of frames to step through: `start`, which begins without a history, to `stop` - 1."""
@@ -54,14 +59,25 @@ class FramePlan:
 
 
 def default_preroll(scale: float) -> int:
-    """Return the frames before a range that build its history: one period of the jitter.
+    """Return the frames before a range that build its history: one period of the jitter, at least 32.
 
     docs/how-to/farm.md shows how near its images then are to those of a run of the whole shot.
 
     Args:
         scale: display size / render size.
     """
-    return min(jitter_phase_count(scale), LONGEST_PREROLL)
+    return min(max(32, jitter_phase_count(scale)), LONGEST_PREROLL)
+
+
+def frames_to_open(numbers: FrameNumbers, preroll: int | None) -> tuple[int, int]:
+    """Return the first and last frame that a run may read: a gap elsewhere is no matter.
+
+    Args:
+        numbers: of the frames to write.
+        preroll: frames before each range; None is the default of any ratio.
+    """
+    before = (LONGEST_PREROLL if preroll is None else preroll) + EXPOSURE_FRAMES
+    return max(0, numbers.first - before), numbers.last
 
 
 def plan_frames(shot: Shot, numbers: FrameNumbers | None, preroll: int) -> FramePlan:

@@ -33,7 +33,6 @@ class UpscaleJob:
         preroll: frames before those from which their history is built; None with `numbers` is
             `default_preroll`.
             Without both, the history begins with the shot, and images converge where nothing moves.
-        exposures: of the shot's frames by number, see `measure_exposures`; None: measured where needed.
         model: name or folder.
         display_size: (width, height) of the images. Without it and `scale` it is the shot's; without one, the
             model's only ratio, or 2x.
@@ -56,7 +55,6 @@ class UpscaleJob:
     images: ImageOptions = field(default_factory=ImageOptions)
     numbers: FrameNumbers | None = None
     preroll: int | None = None
-    exposures: dict[int, float] | None = None
     model: str | Path | None = None
     display_size: Size | None = None
     scale: float | None = None

@@ -9,6 +9,7 @@ from supersampler.io.stage_times import StageTimes
 
 _MEANINGS = {
     "read": "decode the files of a frame; on a thread of its own",
+    "exposure": "measured of frames before the preroll",
     "convert": "to this package's conventions; on the same thread",
     "step": "upscale; its threads' CPU time is in the last line only",
     "page": "bicubic, and encode the images of compare.html",

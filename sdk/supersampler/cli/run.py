@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import typer
 
-from supersampler.cli.frame_plan import FramePlan, Stretch
+from supersampler.cli.frame_plan import EXPOSURE_FRAMES, FramePlan, Stretch
 from supersampler.cli.frame_warnings import frame_warnings
 from supersampler.cli.image_options import OutputImage
 from supersampler.cli.job import UpscaleJob
@@ -25,7 +25,6 @@ from supersampler.io.atomic import check_apart
 from supersampler.io.display import ExposureMeter, usable_exposure
 from supersampler.io.images import Bytes
 from supersampler.io.shot import ShotFrame
-from supersampler.io.shot.exposures import measure_exposures
 from supersampler.io.stage_times import StageTimes
 from supersampler.io.video import VideoWriter, video_writer
 from supersampler.upscaler import Upscaler
@@ -93,7 +92,6 @@ class _Run:
         """Step through the frames that lead to those from position `begins` on."""
         job, began, cpu = self._job, time.perf_counter(), time.process_time()
         stretches = self._plan.rest(job.shot, begins)
-        exposures = self._start_exposures(stretches)
         total = sum(stretch.stop - stretch.start for stretch in stretches)
         with (
             run_page(job, self._upscaler, self._results) if page else nullcontext() as compare,
@@ -103,7 +101,7 @@ class _Run:
         ):
             progress.event("begin", shot=job.shot.name, frames=len(self._plan.numbers), complete=self._first)
             for stretch in stretches:
-                self._step_through(stretch, exposures, queue, compare, progress)
+                self._step_through(stretch, queue, compare, progress)
         wall, cpu = time.perf_counter() - began, time.process_time() - cpu
         self._print_summary(wall)
         if job.profile:
@@ -120,33 +118,35 @@ class _Run:
         shot, size = self._job.shot, self._upscaler.display_size or self._job.shot.render_size
         return video_writer(self._results.begin_file(self._results.video), size, shot.frame_rate or 24.0)
 
-    def _start_exposures(self, stretches: list[Stretch]) -> dict[int, float]:
-        """Return the exposures, by frame number, that stretches begin with where no cut begins them."""
-        shot = self._job.shot
-        begins = [each.start for each in stretches if shot.last_cut(each.start) < each.start]
-        stated = {shot.first_number + i: e for i in begins if (e := usable_exposure(shot.exposure(i)))}
-        starts = [i for i in begins if shot.first_number + i not in stated]
-        if not starts:
+    def _exposure_at(self, stretch: Stretch) -> float | None:
+        """Return the exposure that a run of the whole shot has at the first frame of a stretch.
+
+        None where a cut begins it.
+        """
+        shot, start = self._job.shot, stretch.start
+        cut = shot.last_cut(start)
+        if cut == start:
+            return None
+        if (stated := usable_exposure(shot.exposure(start))) is not None:
             return stated
-        if self._job.exposures is None:
-            begin, stop = shot.last_cut(starts[0]), starts[-1] + 1
-            self._job.console.print(f"Measuring the exposure of {stop - begin} frames before.")
-            return stated | measure_exposures(shot, begin, stop)
-        lacking = [i for i in starts if shot.first_number + i not in self._job.exposures]
-        if lacking:
-            problem = f"there is no exposure of frame {shot.first_number + lacking[0]}"
-            raise ShotError(shot.path, problem, "Measure them again: supersampler exposures.")
-        return stated | self._job.exposures
+        meter, exposure = ExposureMeter(), 0.0
+        frames = shot.frames(
+            max(cut, start - EXPOSURE_FRAMES), start + 1, gbuffers=(), references=False, times=self._times
+        )
+        for item in frames:
+            frame = item.frame
+            with self._times.measure("exposure"):
+                exposure = meter.read(frame.color, given=frame.exposure, reset=frame.reset)
+        return exposure
 
     def _step_through(
         self,
         stretch: Stretch,
-        exposures: dict[int, float],
         queue: OutputQueue[Written],
         page: RunPage | None,
         progress: RunProgress,
     ) -> None:
-        job, meter = self._job, ExposureMeter()
+        job, meter, exposure_at_start = self._job, ExposureMeter(), self._exposure_at(stretch)
         frames = job.shot.frames(
             stretch.start,
             stretch.stop,
@@ -156,8 +156,8 @@ class _Run:
         )
         for item in frames:
             frame, number = item.frame, job.shot.first_number + item.index
-            if item.index == stretch.start and not frame.reset:
-                frame = replace(frame, reset=True, exposure=exposures[number])
+            if item.index == stretch.start and exposure_at_start is not None:
+                frame = replace(frame, reset=True, exposure=exposure_at_start)
             before = self._upscaler.stats.seconds
             with _named(job, number), self._times.measure("step"):
                 result = self._step(frame)

@@ -37,7 +37,6 @@ if TYPE_CHECKING:
     from supersampler.cli.image_options import ImageOptions
     from supersampler.cli.job import UpscaleJob
     from supersampler.io.shot import Shot
-    from supersampler.io.shot.frame_numbers import FrameNumbers
 
 _SUFFIXES = (".exr", ".png", ".tif", ".tiff", ".json", ".safetensors")  # folders may have dots in their names
 Compression = Literal["zip", "dwaa", "piz", "none"]
@@ -74,12 +73,8 @@ def upscale(
         typer.Option(
             min=0,
             help="Frames before a range that build its history. Also without --frames: images of chunks.",
-            show_default="one period of the jitter, 32 at 2x, with --frames",
+            show_default="with --frames one period of the jitter, at least 32",
         ),
-    ] = None,
-    exposures: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="With --frames: of `supersampler exposures`. Else measured."),
     ] = None,
     format: Annotated[  # noqa: A002  # the option's name
         list[Format] | None,
@@ -173,17 +168,14 @@ def upscale(
       supersampler upscale "renders/beauty.####.exr" -o out --conventions blender --frames 100-199
       supersampler upscale shots/* -o out --format exr --format mp4 --view "ACES 2.0 - SDR 100 nits (Rec.709)"
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
-    from supersampler.cli.frame_plan import LONGEST_PREROLL
+    from supersampler.cli.frame_plan import frames_to_open
     from supersampler.cli.job import UpscaleJob
-    from supersampler.io.shot.exposures import read_exposures
     from supersampler.io.shot.frame_numbers import FrameNumbers
 
     if method is not None and model is not None:
         raise ArgumentError("--method and --model", got="both given", want="one of the two")
     if display_size is not None and scale is not None:
         raise ArgumentError("--display-size and --scale", got="both given", want="one of the two")
-    if exposures is not None and frames is None:
-        raise ArgumentError("--exposures", got="without --frames", want="with it, or left out")
     numbers = None if frames is None else FrameNumbers.parse(frames)
     source: dict[str, Any] = {
         "layout": layout,
@@ -194,15 +186,12 @@ def upscale(
         "cuts": cuts,
         "reference": reference,
         "color_space": color_space,
-        "frames": None
-        if numbers is None
-        else _to_open(numbers, LONGEST_PREROLL if preroll is None else preroll, measured=exposures is None),
+        "frames": None if numbers is None else frames_to_open(numbers, preroll),
     }
     shown = {"ocio": ocio, "display": display, "view": view, "look": look, "exposure": exposure}
     settings: dict[str, Any] = {
         "numbers": numbers,
         "preroll": preroll,
-        "exposures": None if exposures is None else read_exposures(exposures),
         "model": model or method,
         "display_size": None if display_size is None else parse_size(display_size),
         "scale": scale,
@@ -299,12 +288,3 @@ def _folders(shots: list[str], output: Path) -> dict[str, Path]:
             raise ArgumentError("SHOT", got=f"{other} and {text}", want="shots of different names")
         folders[text] = folder
     return folders
-
-
-def _to_open(numbers: "FrameNumbers", preroll: int, *, measured: bool) -> tuple[int, int]:
-    """Return the first and last frame that a run needs: gaps elsewhere are no matter.
-
-    Exposures that are still to be measured need all frames from the first on.
-    """
-    before = preroll + 1  # the one before the preroll shows that the shot does not begin with it
-    return (0 if measured else max(0, numbers.first - before)), numbers.last
