@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from supersampler.cli.run_record import NAME, frame_path
+from supersampler.cli.run_record import FORMATS, NAME, frame_path
 from supersampler.errors import ArgumentError
 from supersampler.frame import Float32
 from supersampler.io.display import to_uint8, to_uint16
@@ -62,7 +62,7 @@ class ImageOptions:
     color_space: str | None = REC709
 
     def __post_init__(self) -> None:
-        if NAME.fullmatch(self.name) is None:
+        if NAME.fullmatch(self.name) is None or Path(self.name).suffix[1:] in FORMATS:
             want = "a file name without extension, with one run of # for the number, such as beauty.####"
             raise ArgumentError("--name", got=repr(self.name), want=want)
 
@@ -83,7 +83,7 @@ class ImageOptions:
             "compression": self.compression if "exr" in self.formats else None,
             "bits": self.bits if "png" in self.formats else None,
             "color space": self.color_space,
-            "display transform": self.transform.to_json() if self._shows else None,
+            "display transform": self.transform.to_json(),
         }
 
     def write(self, folder: Path, number: int, output: OutputImage, below: str = "") -> Bytes | None:

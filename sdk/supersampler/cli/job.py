@@ -135,6 +135,8 @@ class UpscaleJob:
         return {
             **model_settings(upscaler.model),
             "shot": str(self.shot.path.resolve()),
+            "names": self.shot.info.file_names,
+            "frame rate": self.shot.frame_rate,
             **({FIRST: self.shot.first_number} if self.numbers is None else {FRAMES: str(self.numbers)}),
             PREROLL: self._preroll(upscaler) if self.has_preroll else None,
             "render size": size_text(self.shot.render_size),

@@ -2,8 +2,7 @@
 
 import json
 import os
-import re
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,6 +14,7 @@ from supersampler.cli.run_record import (
     RECORDED,
     RunRecord,
     foreign,
+    frame_number,
     frame_path,
     numbered,
     other_records,
@@ -22,6 +22,7 @@ from supersampler.cli.run_record import (
 )
 from supersampler.errors import ShotError
 from supersampler.io.atomic import is_regular, is_there, remove_files, remove_partial_files
+from supersampler.io.video import check_encoder
 from supersampler.model import Model
 
 PREROLL = "preroll"
@@ -74,7 +75,8 @@ class Results:
 
         Raises:
             ShotError: files of another program are in the way; or images of other settings exist and
-                `overwrite` is False. Nothing has been changed.
+                `overwrite` is False; or no video can be encoded. Nothing has been changed.
+            ModuleNotFoundError: PyAV is not installed, and a video is wanted.
         """
         wanted = RunRecord(settings)
         earlier = read_run_record(self.folder, wanted.file_name)
@@ -93,18 +95,23 @@ class Results:
         ]
         self._check_free(wanted, frame_count, names)
         self._check_recording(recording)
+        if self.options.video:
+            check_encoder(self.folder / wanted.single[1])
         if overwrite:
             remove_files(own)
         kept = {} if overwrite else self._record.files
         recorded = self._record.recording if recording is None else os.path.realpath(recording)
-        below = {str(Path(pattern).parent) for pattern in self._record.files}
+        listed = [*self._record.files]
         self._save(RunRecord(settings, kept, recorded))
-        remove_partial_files(self.folder, self._is_own_name, below - {"."})
+        below = {str(Path(pattern).parent) for pattern in listed}
+        remove_partial_files(self.folder, lambda name: self._is_own_name(name, listed), below - {"."})
         return 0 if frame_count is None else self.count_complete(frame_count)
 
     def count_complete(self, frame_count: int) -> int:
         """Return the number of complete frames from the first on; only files of these runs count."""
         patterns = self.options.patterns
+        if not patterns:  # a video alone is whole, or begins anew
+            return frame_count if self.is_newest(self.video) else 0
         count = min([frame_count, *(self._record.files.get(pattern, 0) for pattern in patterns)])
         for position in range(count):
             paths = [frame_path(self.folder, pattern, self.number(position)) for pattern in patterns]
@@ -154,18 +161,12 @@ class Results:
         record.write(self.folder)
         self._record = record
 
-    def _is_own_name(self, name: str) -> bool:
+    def _is_own_name(self, name: str, listed: Iterable[str]) -> bool:
         """Return whether a file of this name is one of this run, and not of another that is running."""
         if name in (*self._record.single, self._record.file_name):
             return True
-        patterns = {Path(pattern).name for pattern in self._record.files}
-        numbers = [int(digits) for digits in re.findall(r"\d{1,10}", name)]
-        return any(
-            frame_path(Path(), pattern, number).name == name
-            for pattern in patterns
-            for number in numbers
-            if number in self._record.numbers
-        )
+        numbers = [frame_number(Path(pattern).name, name) for pattern in listed]
+        return any(number is not None and number in self._record.numbers for number in numbers)
 
     def _check_free(self, wanted: RunRecord, frame_count: int | None, single: Collection[str]) -> None:
         """Raise ShotError where an unlisted file has the name of one that will be written."""

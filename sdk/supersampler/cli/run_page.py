@@ -55,7 +55,7 @@ def run_page(job: UpscaleJob, upscaler: Upscaler, results: Results) -> Iterator[
             "method": info.method,
             "size": f"{size_text(shot.render_size)} to {size_text(display_size)}".replace("x", " × "),
             "runs on": f"{provider} ({model.executor}, {model.precision})",
-            "frames": str(len(shot)),
+            "frames": str(len(job.numbers or shot)),
         },
         legends={"error": ERROR_LEGEND, **LEGENDS},
         notes=[

@@ -134,6 +134,17 @@ def frame_path(folder: Path, pattern: str, number: int) -> Path:
     return folder / re.sub("#+", lambda digits: f"{number:0{len(digits[0])}d}", pattern)
 
 
+def frame_number(pattern: str, name: str) -> int | None:
+    """Return the number of the frame whose file `frame_path` gives this name; None where there is none."""
+    if "#" not in pattern:
+        return None
+    before, _, after = re.split("(#+)", pattern)
+    found = re.fullmatch(rf"{re.escape(before)}(\d{{1,10}}){re.escape(after)}", name)
+    if found is None or frame_path(Path(), pattern, int(found[1])).name != name:
+        return None
+    return int(found[1])
+
+
 def foreign(path: Path, problem: str = "is there already") -> ShotError:
     """Return the error for a file that this command did not write."""
     hint = "Move it away, or choose another folder."
@@ -148,12 +159,10 @@ def numbered(folder: Path, pattern: str) -> Iterator[tuple[int, Path]]:
     below = [part for part in (place, *place.parents) if part != folder and part.is_relative_to(folder)]
     if not all(map(is_own_folder, below)):
         raise foreign(place, "is no folder, or a link to one")
-    before, _, after = re.split("(#+)", Path(pattern).name)
-    name = re.compile(rf"{re.escape(before)}(\d{{1,10}}){re.escape(after)}")
     for path in place.iterdir():
-        found = name.fullmatch(path.name)
-        if found and path == frame_path(folder, pattern, int(found[1])):
-            yield int(found[1]), path
+        number = frame_number(Path(pattern).name, path.name)
+        if number is not None:
+            yield number, path
 
 
 def _is_written(pattern: str) -> bool:

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from supersampler.io.shot import Shot
     from supersampler.io.shot.frame_numbers import FrameNumbers
 
+_SUFFIXES = (".exr", ".png", ".tif", ".tiff", ".json", ".safetensors")  # folders may have dots in their names
 Compression = Literal["zip", "dwaa", "piz", "none"]
 Shots = Annotated[
     list[str],
@@ -271,7 +272,7 @@ def _image_options(
     same = srgb and stored.format in ("png", "tif")
     return image_options(
         [item.value for item in formats] if formats else [stored.format if same else "exr"],
-        name=shot.info.file_names if name is None else re.sub(r"%0?(\d*)d", _hashes, name),
+        name=shot.info.file_names if name is None else re.sub(r"%0?(\d{0,2})d", _hashes, name),
         transform=display_transform_of(color_space=space or REC709, srgb=srgb, **shown),
         compression=compression,
         bits=16 if same and stored.type == "uint16" else 8,
@@ -289,9 +290,10 @@ def _folders(shots: list[str], output: Path) -> dict[str, Path]:
         return {shots[0]: output}
     folders: dict[str, Path] = {}
     for text in shots:
-        path = Path(text)
-        name = re.sub(r"[._ -]*(#+|%0?\d*d|[*?]+)", "", path.stem if path.suffix else path.name)
-        folder = output / (name or path.resolve().parent.name)
+        path = Path(text).resolve()
+        name = path.stem if path.suffix.lower() in _SUFFIXES else path.name
+        name = re.sub(r"[._ -]*(#+|%0?\d*d|[*?]+)", "", name)
+        folder = output / (path.parent.name if name == "" or path.name == "shot.json" else name)
         if folder in folders.values():
             other = next(shot for shot, given in folders.items() if given == folder)
             raise ArgumentError("SHOT", got=f"{other} and {text}", want="shots of different names")

@@ -74,16 +74,13 @@ def video_writer(path: Path | str, size: Size, frame_rate: float) -> Iterator[Vi
         frame_rate: frames a second, 0.001 to 1000; see `exact_rate`.
 
     Raises:
-        ModuleNotFoundError: PyAV is not installed.
+        ModuleNotFoundError, ShotError: see `check_encoder`; the disk refused, or PyAV refuses the size.
         ArgumentError: the frame rate is out of its range, or the block has written no image.
-        ShotError: the disk refused, or PyAV has no H.264 encoder or refuses the size.
     """
     import av
 
     rate = exact_rate(frame_rate)
-    if _CODEC not in av.codecs_available:
-        hint = "Install PyAV from PyPI: pip install supersampler[video]."
-        raise ShotError(path, f"cannot be written: this PyAV has no encoder {_CODEC}", hint)
+    check_encoder(path)
     try:
         with (
             replacing(path) as partial,
@@ -102,6 +99,20 @@ def video_writer(path: Path | str, size: Size, frame_rate: float) -> Iterator[Vi
             container.mux(stream.encode(None))
     except av.FFmpegError as error:
         raise ShotError(path, f"cannot be written ({error.strerror})", NO_ROOM) from error
+
+
+def check_encoder(path: Path | str) -> None:
+    """Check that a video can be encoded.
+
+    Raises:
+        ModuleNotFoundError: PyAV is not installed.
+        ShotError: PyAV has no H.264 encoder; `path` is the file that was to be written.
+    """
+    import av
+
+    if _CODEC not in av.codecs_available:
+        hint = "Install PyAV from PyPI: pip install supersampler[video]."
+        raise ShotError(path, f"cannot be written: this PyAV has no encoder {_CODEC}", hint)
 
 
 def exact_rate(frame_rate: float) -> Fraction:

@@ -4,6 +4,7 @@ import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+from supersampler.errors import ShotError
 from supersampler.io.atomic import write_text
 from supersampler.io.display import EXPOSURES, ExposureMeter
 from supersampler.io.json_fields import Field, read_json
@@ -45,9 +46,9 @@ def write_exposures(path: Path, exposures: Mapping[int, float]) -> None:
 
 def read_exposures(path: Path) -> dict[int, float]:
     """Read exposures by frame number; ShotError where the file is missing, damaged or of something else."""
+    if not is_exposures(path):
+        raise ShotError(path, "holds no exposures", "Measure them: supersampler exposures SHOT -o FILE.")
     content = Field(path, "the file", read_json(path))
-    if content["kind"].value != _KIND:
-        content["kind"].refuse(repr(_KIND))
     first = content["first"].whole(0, LARGEST_NUMBER)
     values = content["exposures"].items(SHOT_FRAMES)
     return {first + i: float(value.number(*EXPOSURES)) for i, value in enumerate(values)}

@@ -1,0 +1,239 @@
+"""Tests of `upscale --frames`: which frames are written, and that they are those of the whole run."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from supersampler.io.display import decibels
+from upscale_runs import OURS, files, images, pixels, refusal, run, upscale, write_renders, write_shot
+
+
+@pytest.fixture(scope="module")
+def shot(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """24 frames with a cut at 10, of which the light drifts."""
+    return write_shot(tmp_path_factory.mktemp("shots") / "drift", 24, cuts=(10,), light=1.06)
+
+
+@pytest.fixture(scope="module")
+def whole(shot: Path) -> Path:
+    """Results of the whole shot in PNG, which show its exposure."""
+    upscale(shot, shot.parent / "whole", "--preroll", "4", "--format", "png")
+    return shot.parent / "whole"
+
+
+def numbers(folder: Path) -> list[int]:
+    return [int(Path(name).stem) for name in images(folder)]
+
+
+@pytest.mark.parametrize(
+    ("ranges", "want"),
+    [("3-5,8", [3, 4, 5, 8]), ("0", [0]), ("23", [23]), ("0-23", [*range(24)]), ("9,10,11", [9, 10, 11])],
+)
+def test_exactly_the_frames_of_the_ranges_are_written(
+    shot: Path, tmp_path: Path, ranges: str, want: list[int]
+) -> None:
+    upscale(shot, tmp_path, "--frames", ranges, "--preroll", "2")
+    assert numbers(tmp_path) == want
+
+
+def test_numbers_are_those_of_the_files_not_indices(tmp_path: Path) -> None:
+    renders = write_renders(tmp_path / "in", {n: f"beauty.{n:04d}" for n in range(100, 106)})
+    upscale(renders, tmp_path / "out", "--frames", "102-103,105", *OURS)
+    assert [*images(tmp_path / "out")] == ["beauty.0102.exr", "beauty.0103.exr", "beauty.0105.exr"]
+
+
+def test_a_range_whose_preroll_reaches_a_cut_has_the_bits_of_the_whole_run(
+    shot: Path, tmp_path: Path
+) -> None:
+    upscale(shot, tmp_path / "whole", "--preroll", "3", method="taau")
+    upscale(shot, tmp_path / "part", "--frames", "2-3,10-13", "--preroll", "3", method="taau")
+    want = images(tmp_path / "whole")
+    assert images(tmp_path / "part") == {f"{n:04d}.exr": want[f"{n:04d}.exr"] for n in (2, 3, 10, 11, 12, 13)}
+
+
+def test_a_range_within_a_moving_shot_is_near_the_whole_run_and_nearer_with_more_preroll(
+    shot: Path, tmp_path: Path
+) -> None:
+    upscale(shot, tmp_path / "whole", "--preroll", "12", method="taau")
+    found = {}
+    for preroll in (0, 12):
+        folder = tmp_path / str(preroll)
+        upscale(shot, folder, "--frames", "23", "--preroll", preroll, method="taau")
+        a, b = pixels(folder / "0023.exr"), pixels(tmp_path / "whole" / "0023.exr")
+        found[preroll] = decibels(float(np.square((a - b) / b.max()).mean()))
+    assert found[12] >= 50.0
+    assert found[0] < found[12] - 10.0
+
+
+@pytest.mark.parametrize("preroll", [0, 3])
+def test_a_range_begins_with_the_exposure_of_the_whole_run(
+    shot: Path, whole: Path, tmp_path: Path, preroll: int
+) -> None:
+    upscale(shot, tmp_path, "--frames", "6-7,18-19", "--preroll", preroll, "--format", "png")
+    want = images(whole)
+    assert images(tmp_path) == {name: want[name] for name in ("0006.png", "0007.png", "0018.png", "0019.png")}
+
+
+def test_a_file_of_exposures_gives_the_bits_of_the_measured_ones(shot: Path, tmp_path: Path) -> None:
+    assert run("exposures", shot, "-o", tmp_path / "e.json").exit_code == 0
+    options = ("--frames", "18-20", "--preroll", "2", "--format", "png", "--format", "exr")
+    measured = upscale(shot, tmp_path / "measured", *options, method="taau")
+    given = upscale(shot, tmp_path / "given", *options, "--exposures", tmp_path / "e.json", method="taau")
+    assert images(tmp_path / "measured") == images(tmp_path / "given")
+    assert "Measuring the exposure" in measured.stderr
+    assert "Measuring the exposure" not in given.stderr
+
+
+def test_exposures_of_other_frames_or_of_something_else_are_refused(shot: Path, tmp_path: Path) -> None:
+    path = tmp_path / "e.json"
+    assert run("exposures", shot, "-o", path).exit_code == 0
+    whole = json.loads(path.read_text())
+    command = (
+        "upscale",
+        shot,
+        "-o",
+        tmp_path / "out",
+        "--frames",
+        "20",
+        "--preroll",
+        "2",
+        "--method",
+        "taau",
+    )
+    path.write_text(json.dumps({**whole, "exposures": whole["exposures"][:15]}))
+    assert "there is no exposure of frame 18" in refusal(*command, "--exposures", path)
+    for content in ({"first": 0, "exposures": [1.0]}, [], {**whole, "kind": "shot"}):
+        path.write_text(json.dumps(content))
+        assert "e.json: holds no exposures" in refusal(*command, "--exposures", path)
+    for value in (0.0, -1.0, "1", None, float("nan")):
+        path.write_text(json.dumps({**whole, "exposures": [value]}))
+        assert "e.json: " in refusal(*command, "--exposures", path)
+    assert "none.json: there is no such file" in refusal(*command, "--exposures", tmp_path / "none.json")
+    assert "--exposures is without --frames" in refusal(
+        "upscale", shot, "-o", tmp_path / "out", "--exposures", path
+    )
+    assert images(tmp_path / "out") == {}
+
+
+def test_exposures_do_not_replace_a_file_of_something_else(shot: Path, tmp_path: Path) -> None:
+    (tmp_path / "mine.json").write_text('{"mine": 1}')
+    assert "is not a file of exposures" in refusal("exposures", shot, "-o", tmp_path / "mine.json")
+    assert (tmp_path / "mine.json").read_text() == '{"mine": 1}'
+
+
+def test_a_gap_is_no_matter_outside_of_the_range_and_named_inside(tmp_path: Path) -> None:
+    there = [*range(4), *range(6, 12), *range(14, 16)]
+    renders = write_renders(tmp_path / "in", {n: f"f.{n:04d}" for n in there})
+    (tmp_path / "e.json").write_text(
+        json.dumps({"kind": "supersampler exposures", "first": 0, "exposures": [1.0] * 16})
+    )
+    options = ("--exposures", tmp_path / "e.json", "--preroll", "2", *OURS)
+    upscale(renders, tmp_path / "out", "--frames", "9-11", *options)
+    assert [*images(tmp_path / "out")] == ["f.0009.exr", "f.0010.exr", "f.0011.exr"]
+    for ranges, missing in (("9-15", "frame 12 to 13"), ("10-13", "frame 12 to 13"), ("7", "frame 4 to 5")):
+        command = ("upscale", renders, "-o", tmp_path / "other", "--frames", ranges, *options)
+        assert f"{missing} between f.00" in refusal(*command)
+    assert "frame 4 to 5 between" in refusal(  # its exposures are measured from the first frame on
+        "upscale", renders, "-o", tmp_path / "other", "--frames", "9", "--preroll", "2", *OURS
+    )
+    assert not (tmp_path / "other").exists()
+
+
+@pytest.mark.parametrize(("ranges", "missing"), [("20-24", "24"), ("2,90-95", "90"), ("30", "30")])
+def test_a_frame_that_the_shot_has_not_is_named(
+    shot: Path, tmp_path: Path, ranges: str, missing: str
+) -> None:
+    message = refusal("upscale", shot, "-o", tmp_path / "out", "--frames", ranges)
+    assert f"has no frame {missing}. Its frames are 0 to 23" in message
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("ranges", ["", "5-", "a", "5-3", "3,2", "1-4,4-6", "10:20", "1x2", "-3", "1,,2"])
+def test_ranges_that_are_no_ascending_numbers_are_refused(shot: Path, tmp_path: Path, ranges: str) -> None:
+    message = refusal("upscale", shot, "-o", tmp_path / "out", f"--frames={ranges}")
+    assert "want frame numbers in ascending order" in message
+
+
+def test_ranges_apart_by_no_more_than_the_preroll_share_the_history(shot: Path, tmp_path: Path) -> None:
+    upscale(shot, tmp_path / "one", "--frames", "13-18", "--preroll", "2", method="taau")
+    near = upscale(shot, tmp_path / "near", "--frames", "13-14,17-18", "--preroll", "2", method="taau")
+    far = upscale(shot, tmp_path / "far", "--frames", "13-14,18", "--preroll", "2", method="taau")
+    want = images(tmp_path / "one")
+    assert images(tmp_path / "near") == {f"00{n}.exr": want[f"00{n}.exr"] for n in (13, 14, 17, 18)}
+    assert images(tmp_path / "far")["0018.exr"] != want["0018.exr"]
+    assert "8 frames in" in near.stderr
+    assert "7 frames in" in far.stderr
+
+
+def test_a_range_across_a_cut_has_the_bits_of_two_ranges(shot: Path, tmp_path: Path) -> None:
+    upscale(shot, tmp_path / "across", "--frames", "8-12", "--preroll", "2", method="taau")
+    for ranges in ("8-9", "10-12"):
+        upscale(shot, tmp_path / "apart", "--frames", ranges, "--preroll", "2", method="taau")
+    assert images(tmp_path / "across") == images(tmp_path / "apart")
+
+
+def test_two_ranges_at_once_into_one_folder_are_the_whole(shot: Path, tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "supersampler", "upscale", str(shot), "-o", str(tmp_path / "out")]
+    options = ["--method", "bilinear", "--preroll", "2", "--threads", "1"]
+    workers = [
+        subprocess.Popen([*command, *options, "--frames", ranges], stderr=subprocess.PIPE, text=True)
+        for ranges in ("0-9", "10-23")
+    ]
+    for worker in workers:
+        said = worker.communicate(timeout=120)[1]
+        assert worker.returncode == 0, said
+    upscale(shot, tmp_path / "whole", "--preroll", "2")
+    assert images(tmp_path / "out") == images(tmp_path / "whole")
+
+
+def test_ranges_of_one_folder_overlap_only_with_equal_settings(shot: Path, tmp_path: Path) -> None:
+    upscale(shot, tmp_path, "--frames", "2-5", "--preroll", "1")
+    before = files(tmp_path)
+    for options in (("--method", "taau"), ("--method", "bilinear", "--scale", "1", "--overwrite")):
+        message = refusal("upscale", shot, "-o", tmp_path, "--frames", "5-6", "--preroll", "1", *options)
+        assert "images of another run are there" in message
+        assert files(tmp_path) == before
+    upscale(shot, tmp_path, "--frames", "5-6", "--preroll", "1")
+    assert numbers(tmp_path) == [2, 3, 4, 5, 6]
+    assert {name: files(tmp_path)[name] for name in before} == before
+    upscale(shot, tmp_path, "--frames", "8", "--preroll", "1", method="taau")  # elsewhere, all may differ
+
+
+def test_overwriting_a_range_removes_no_file_of_another(shot: Path, tmp_path: Path) -> None:
+    upscale(shot, tmp_path, "--frames", "2-3")
+    before = files(tmp_path)
+    upscale(shot, tmp_path, "--frames", "6-7")
+    upscale(shot, tmp_path, "--frames", "6-7", "--format", "png", "--overwrite")
+    after = files(tmp_path)
+    assert [*images(tmp_path)] == ["0002.exr", "0003.exr", "0006.png", "0007.png"]
+    assert {name: after[name] for name in before} == before
+
+
+@pytest.mark.parametrize("options", [(), ("--overwrite",)])
+@pytest.mark.parametrize("name", ["####", "v1####"])  # where a digit comes before the number, too
+def test_temporary_files_of_a_killed_run_are_removed_and_those_of_a_running_one_are_not(
+    shot: Path, tmp_path: Path, name: str, options: tuple[str, ...]
+) -> None:
+    upscale(shot, tmp_path, "--frames", "4-6", "--name", name)
+    begin = name.removesuffix("####")
+    for number in (5, 7, 12, 15):
+        (tmp_path / f".{begin}{number:04d}.deadbeef.partial.exr").write_bytes(b"half")
+    upscale(shot, tmp_path, "--frames", "4-6", "--name", name, *options)
+    left = sorted(path.name for path in tmp_path.glob(".*"))
+    assert left == [f".{begin}{number}.deadbeef.partial.exr" for number in ("0007", "0012", "0015")]
+
+
+def test_a_page_and_a_video_of_a_range_are_called_by_its_numbers(shot: Path, tmp_path: Path) -> None:
+    pytest.importorskip("av")
+    options = ("--format", "mp4", "--compare", "--preroll", "1")
+    upscale(shot, tmp_path, "--frames", "2-3,5", *options)
+    upscale(shot, tmp_path, "--frames", "7", *options)
+    label = "0002-0003_0005"
+    kinds = ("compare.{}.html", "upscale.{}.json", "video.{}.mp4")
+    assert files(tmp_path).keys() == {kind.format(each) for kind in kinds for each in (label, "0007")}
+    page = (tmp_path / f"compare.{label}.html").read_text(encoding="utf-8")
+    assert '["frames", "3"]' in page

@@ -1,0 +1,231 @@
+"""Tests of what `upscale` takes: several shots, and EXR files as other software lays them out."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from OpenImageIO import ImageBuf, ImageOutput, ImageSpec, TypeDesc
+
+from supersampler import ArgumentError
+from supersampler.cli.upscale import _folders
+from upscale_runs import (
+    DISPLAY_SIZE,
+    OURS,
+    SIZE,
+    files,
+    images,
+    moving,
+    pixels,
+    refusal,
+    run,
+    upscale,
+    write_renders,
+    write_shot,
+)
+
+NAMES = ("R", "G", "B", "depth.Z", "motion.X", "motion.Y")
+ACESCG = (0.713, 0.293, 0.165, 0.83, 0.128, 0.044, 0.32168, 0.33767)
+
+# Several shots
+
+
+def test_several_shots_go_to_subfolders_of_their_names(tmp_path: Path) -> None:
+    shots = [write_shot(tmp_path / name, 2) for name in ("kitchen.v1", "kitchen.v2", "in/hall")]
+    done = run("upscale", *shots, "-o", tmp_path / "out", "--method", "bilinear")
+    assert done.exit_code == 0, done.output
+    names = ("hall", "kitchen.v1", "kitchen.v2")
+    assert [*images(tmp_path / "out")] == [
+        f"{name}/{number}.exr" for name in names for number in ("0000", "0001")
+    ]
+    upscale(shots[0], tmp_path / "one")
+    assert (tmp_path / "one/0001.exr").read_bytes() == (tmp_path / "out/kitchen.v1/0001.exr").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("texts", "want"),
+    [
+        (("a/beauty.####.exr", "b/depth.%04d.exr"), ("beauty", "depth")),
+        (("a/beauty_*.exr", "b/*.exr"), ("beauty", "b")),
+        (("a/shot.json", "b/shot.json"), ("a", "b")),
+        (("a/night.json", "plaza"), ("night", "plaza")),
+        (("take.0010", "take.0011"), ("take.0010", "take.0011")),
+        ((".", "a"), ("work", "a")),
+        (("../work", "./a/.."), None),
+        (("a/x.####.exr", "b/x.####.exr"), None),
+        (("a", "a"), None),
+    ],
+)
+def test_a_shot_is_called_by_its_folder_or_the_begin_of_its_pattern(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, texts: tuple[str, str], want: tuple[str, str] | None
+) -> None:
+    (tmp_path / "work" / "a").mkdir(parents=True)
+    monkeypatch.chdir(tmp_path / "work")
+    if want is None:
+        with pytest.raises(ArgumentError, match="want shots of different names"):
+            _folders([*texts], Path("out"))
+    else:
+        assert _folders([*texts], Path("out")) == {
+            text: Path("out") / name for text, name in zip(texts, want, strict=True)
+        }
+
+
+def test_shots_of_one_name_are_refused_before_any_is_upscaled(tmp_path: Path) -> None:
+    shots = [write_shot(tmp_path / name / "take", 1) for name in ("a", "b")]
+    message = refusal("upscale", *shots, "-o", tmp_path / "out")
+    assert f"SHOT is {shots[0]} and {shots[1]}; want shots of different names" in message
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_broken_shot_among_good_ones_is_one_line_and_the_others_are_complete(tmp_path: Path) -> None:
+    shots = [write_shot(tmp_path / name, 3) for name in ("a", "b", "c")]
+    (shots[1] / "0001.exr").write_bytes((shots[1] / "0001.exr").read_bytes()[:300])
+    done = run("upscale", *shots, tmp_path / "none", "-o", tmp_path / "out", "--method", "bilinear")
+    errors = [line for line in done.stderr.splitlines() if line.startswith("error: ")]
+    assert done.exit_code == 1
+    assert len(errors) == 2
+    assert f"{shots[1] / '0001.exr'}: " in errors[0]
+    assert f"{tmp_path / 'none'}: there is no such file or folder" in errors[1]
+    every = [f"{number:04d}.exr" for number in range(3)]
+    assert [*images(tmp_path / "out")] == [
+        *(f"a/{name}" for name in every), "b/0000.exr", *(f"c/{name}" for name in every)
+    ]  # fmt: skip
+
+
+def test_several_shots_are_not_recorded_into_one_folder(tmp_path: Path) -> None:
+    shots = [write_shot(tmp_path / name, 1) for name in ("a", "b")]
+    message = refusal("upscale", *shots, "-o", tmp_path / "out", "--record", tmp_path / "r")
+    assert "--record is given for several shots; want one shot" in message
+    assert not (tmp_path / "out").exists()
+
+
+# Layouts of EXR files
+
+
+def frame_channels() -> np.ndarray:
+    frame = moving(3)
+    return np.dstack([frame.color, frame.depth, frame.motion]).astype(np.float32)
+
+
+def spec_of(names: tuple[str, ...] = NAMES, **fields: Any) -> ImageSpec:
+    spec = ImageSpec(*SIZE, len(names), "float")
+    spec.channelnames = names
+    for name, value in fields.items():
+        setattr(spec, name, value)
+    return spec
+
+
+def write_parts(path: Path, *parts: tuple[ImageSpec, np.ndarray]) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    output = ImageOutput.create(str(path))
+    assert output is not None
+    assert output.open(str(path), tuple(spec for spec, _ in parts) if len(parts) > 1 else parts[0][0])
+    for index, (spec, values) in enumerate(parts):
+        assert index == 0 or output.open(str(path), spec, "AppendSubimage")
+        assert output.write_image(np.ascontiguousarray(values))
+    assert output.close()
+
+
+def part(name: str, channels: slice, **fields: Any) -> tuple[ImageSpec, np.ndarray]:
+    spec = spec_of(NAMES[channels], **fields)
+    spec.attribute("oiio:subimagename", name)
+    return spec, frame_channels()[..., channels]
+
+
+def scrambled() -> tuple[ImageSpec, np.ndarray]:
+    order = [4, 2, 3, 0, 5, 1]
+    return spec_of(tuple(NAMES[at] for at in order)), frame_channels()[..., order]
+
+
+WIDTH, HEIGHT = SIZE
+LAYOUTS: dict[str, Any] = {
+    "scanlines": lambda: [(spec_of(), frame_channels())],
+    "tiles": lambda: [(spec_of(tile_width=16, tile_height=16), frame_channels())],
+    "any order": lambda: [scrambled()],
+    "mixed types": lambda: [
+        (spec_of(channelformats=tuple(map(TypeDesc, ("half",) * 3 + ("float",) * 3))), frame_channels())
+    ],
+    "parts": lambda: [part("rgba", slice(0, 3)), part("data", slice(3, 6))],
+    "overscan": lambda: [
+        (
+            spec_of(x=-2, y=-3, full_width=WIDTH, full_height=HEIGHT, width=WIDTH + 4, height=HEIGHT + 6),
+            np.pad(frame_channels(), ((3, 3), (2, 2), (0, 0)), constant_values=9.0),
+        )
+    ],
+    "a smaller data window": lambda: [
+        (
+            spec_of(x=4, y=2, full_width=WIDTH, full_height=HEIGHT, width=WIDTH - 4, height=HEIGHT - 2),
+            frame_channels()[2:, 4:],
+        )
+    ],
+}
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_a_frame_of_any_layout_is_upscaled_and_read_back_by_openimageio(tmp_path: Path, layout: str) -> None:
+    write_parts(tmp_path / "in" / "f.0007.exr", *LAYOUTS[layout]())
+    upscale(tmp_path / "in", tmp_path / "out", "--conventions", '{"depth": "linear", "far": 50.0}')
+    image = ImageBuf(str(tmp_path / "out" / "f.0007.exr"))
+    spec = image.spec()
+    assert not image.has_error
+    assert image.nsubimages == 1
+    size = (0, 0, *DISPLAY_SIZE)
+    assert (spec.x, spec.y, spec.width, spec.height) == size
+    assert (spec.full_x, spec.full_y, spec.full_width, spec.full_height) == size
+    assert (spec.channelnames, str(spec.format), spec.tile_width) == (("R", "G", "B"), "half", 0)
+    assert spec.get_string_attribute("compression") == "zip"
+    write_parts(tmp_path / "plain" / "f.0007.exr", (spec_of(), frame_channels()))
+    upscale(tmp_path / "plain", tmp_path / "want", "--conventions", '{"depth": "linear", "far": 50.0}')
+    found, want = image.get_pixels(), pixels(tmp_path / "want" / "f.0007.exr")
+    rows, columns = (
+        (slice(8, None), slice(12, None)) if layout == "a smaller data window" else (slice(None),) * 2
+    )
+    tolerance = 2e-3 if layout == "mixed types" else 1e-6
+    np.testing.assert_allclose(found[rows, columns], want[rows, columns], rtol=tolerance)
+    if layout == "a smaller data window":
+        assert (found[:2] == 0).all()
+
+
+def test_metadata_primaries_and_channels_that_are_no_input_arrive(tmp_path: Path) -> None:
+    spec = spec_of((*NAMES, "A", "glow.R", "id"))
+    for name, kind, value in (
+        ("camera", "string", "cam1"), ("focal", "float", 35.0), ("take", "int", 4),
+        ("smpte:TimeCode", "timecode", (123456, 7)), ("chromaticities", "float[8]", ACESCG),
+        ("worldToCamera", "matrix", tuple(map(float, range(16)))),
+    ):  # fmt: skip
+        spec.attribute(name, TypeDesc(kind), value)
+    extra = np.full((*frame_channels().shape[:2], 3), (1.0, 0.25, 17.0), np.float32)
+    write_parts(tmp_path / "in" / "f.0007.exr", (spec, np.dstack([frame_channels(), extra])))
+    done = upscale(tmp_path / "in", tmp_path / "out", *OURS)
+    image = ImageBuf(str(tmp_path / "out" / "f.0007.exr"))
+    found = image.spec()
+    assert found.channelnames == ("R", "G", "B", "A", "glow.R")
+    np.testing.assert_allclose(image.get_pixels()[..., 3:], np.broadcast_to((1.0, 0.25), (36, 64, 2)))
+    assert "cannot be blended: id" in done.stderr
+    assert (found["camera"], found["take"], found["focal"]) == ("cam1", 4, 35.0)
+    assert found.getattribute("smpte:TimeCode") == (123456, 7)
+    assert found.getattribute("worldToCamera") == tuple(range(16))
+    np.testing.assert_allclose(found.getattribute("chromaticities"), ACESCG, rtol=1e-6)
+    assert found["colorInteropID"] == "lin_ap1_scene"
+
+
+def test_a_stated_colour_space_is_kept_and_no_pixel_is_converted(tmp_path: Path) -> None:
+    renders = write_renders(tmp_path / "in", {1: "f.0001"})
+    upscale(renders, tmp_path / "plain", *OURS)
+    upscale(renders, tmp_path / "stated", "--color-space", "ACEScg", *OURS)
+    spec = ImageBuf(str(tmp_path / "stated" / "f.0001.exr")).spec()
+    np.testing.assert_allclose(spec.getattribute("chromaticities"), ACESCG, rtol=1e-6)
+    np.testing.assert_array_equal(
+        pixels(tmp_path / "stated" / "f.0001.exr"), pixels(tmp_path / "plain" / "f.0001.exr")
+    )
+
+
+def test_a_frame_of_another_size_is_named_and_the_frames_before_it_are_kept(tmp_path: Path) -> None:
+    renders = write_renders(tmp_path / "in", {n: f"f.{n:04d}" for n in (1, 2, 3)})
+    spec, values = spec_of(width=20), frame_channels()[:, :20]
+    spec.full_width = 20
+    write_parts(renders / "f.0003.exr", (spec, values))
+    message = refusal("upscale", renders, "-o", tmp_path / "out", "--method", "bilinear", *OURS)
+    assert f"{renders / 'f.0003.exr'}: is 20x18; the shot says 32x18" in message
+    assert [*images(tmp_path / "out")] == ["f.0001.exr", "f.0002.exr"]
+    assert not [name for name in files(tmp_path / "out") if "partial" in name]
