@@ -158,9 +158,9 @@ def markdown_table(record: Record) -> str:
         f"{record['frames']} frames of the test scene {record['family']}, images of "
         f"{size_text(record['display'])}; {WORKERS} workers with a chunk each and a preroll of "
         f"{record['preroll']}, against one worker without chunks; a worker has one core, and one thread "
-        f"for the method. Seconds: medians of "
+        "for the method. Seconds: medians of "
         f"{record['times']}; exposures are measured once, before the chunks. PSNR against the run without "
-        f"chunks, display values: the lowest of all frames, and the median after the first chunk, whose "
+        "chunks, display values: the lowest of all frames, and the median after the first chunk, whose "
         f"frames are equal. {machine_name(record)}."
     )
     headings = [
