@@ -130,14 +130,13 @@ def measured_row(
 ) -> dict[str, Any]:
     """Run the shot both ways, in turns; return times and the PSNR of each frame, ready for JSON."""
     options, job = ("--method", method), (folder.resolve(), frames, preroll, method)
-    seconds: dict[str, list[float]] = {"one": [], "exposures": [], "chunks": []}
+    seconds: dict[str, list[float]] = {"one": [], "chunks": []}
     with TemporaryDirectory(dir=folder.parent) as place:
         seconds_of(upscale(folder, Path(place, "warm"), "--frames", "0-7", *options))  # compiles kernels
         for turn in range(times):
             one, chunks = Path(place, f"one{turn}"), Path(place, f"chunks{turn}")
             seconds["one"].append(seconds_of(upscale(folder, one, "--preroll", str(preroll), *options)))
             on_run()
-            seconds["exposures"].append(seconds_of(farm(chunks, *job, "--step", "Exposures")))
             workers = [farm(chunks, *job, "--step", "Upscale", "--tasks", text) for text in tasks_of(frames)]
             seconds["chunks"].append(seconds_of(*workers))
             on_run()
@@ -149,9 +148,9 @@ def markdown_table(record: Record) -> str:
     """Return times and PSNR as Markdown, with a caption."""
     size, cells = chunk_size(record["frames"]), []
     for row in record["rows"]:
-        one, exposures, chunks = (median(row["seconds"][name]) for name in ("one", "exposures", "chunks"))
+        one, chunks = (median(row["seconds"][name]) for name in ("one", "chunks"))
         later = row["psnr"][size:]
-        numbers = [figure(value, 1) for value in (one, exposures, chunks)]
+        numbers = [figure(value, 1) for value in (one, chunks)]
         psnr = [figure(value, 1) for value in (min(row["psnr"]), median(later))]
         cells.append([row["method"], *numbers, figure(chunks / one, 2), *psnr])
     caption = (
@@ -159,13 +158,11 @@ def markdown_table(record: Record) -> str:
         f"{size_text(record['display'])}; {WORKERS} workers with a chunk each and a preroll of "
         f"{record['preroll']}, against one worker without chunks; a worker has one core, and one thread "
         "for the method. Seconds: medians of "
-        f"{record['times']}; exposures are measured once, before the chunks. PSNR against the run without "
+        f"{record['times']}; a chunk measures the exposure before it, too. PSNR against the run without "
         "chunks, display values: the lowest of all frames, and the median after the first chunk, whose "
         f"frames are equal. {machine_name(record)}."
     )
-    headings = [
-        "method", "one, s:", "exposures, s:", "chunks, s:", "ratio:", "lowest PSNR, dB:", "median, dB:",
-    ]  # fmt: skip
+    headings = ["method", "one, s:", "chunks, s:", "ratio:", "lowest PSNR, dB:", "median, dB:"]
     return table(headings, cells, caption)
 
 

@@ -219,7 +219,7 @@ def markdown_table(record: Record) -> str:
     scenes = ", ".join(dict.fromkeys(row.scene for row in rows))
     caption = (
         f"PSNR in dB of the first {COMPARED} images of a chunk against the unbroken run, display values, "
-        f"after a preroll of so many frames, or of one jitter period, the default "
+        f"after a preroll of so many frames, or of one jitter period "
         f"({periods}): of the worst image, and the mean; {CEILING_DB:g} is equal. Worst scene: "
         "that of the worst image after one period. "
         "Floor: of the worst image of two unbroken runs whose histories once differed by a factor of 1 + "

@@ -127,8 +127,6 @@ def test_tasks_report_their_progress(chunks: tuple[Path, str]) -> None:
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc, to find a process's children")
 def test_of_two_workers_one_is_killed_and_started_again(shot: Path, chunks: tuple[Path, str]) -> None:
     output = shot.parent / "workers"
-    output.mkdir()
-    run("exposures", shot, "-o", output / "exposures.json")
     commands = [job(shot, output, *tasks("0-7")), job(shot, output, *tasks("8-15", "16-23"))]
     first, second = (subprocess.Popen(command, stdout=subprocess.DEVNULL) for command in commands)
     ends = time.monotonic() + 60.0
@@ -147,7 +145,15 @@ def test_of_two_workers_one_is_killed_and_started_again(shot: Path, chunks: tupl
 
 
 def test_a_chunk_that_fails_fails_the_job(shot: Path) -> None:
-    command = job(shot, shot.parent / "missing", *tasks("0-7"))  # without the exposures
+    command = job(shot, shot.parent / "missing", *tasks("0-7"), "-p", "Options=--method nothing")
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode != 0
-    assert "exposures.json" in done.stdout
+    assert "nothing" in done.stdout
+
+
+def test_a_shot_with_wrong_signs_begins_no_chunk(shot: Path) -> None:
+    output = shot.parent / "wrong"
+    wrong = "ShotOptions=--conventions streamline"  # the layout does not take it
+    done = subprocess.run(job(shot, output, "-p", wrong), capture_output=True, text=True, check=False)
+    assert done.returncode != 0
+    assert not output.exists()
