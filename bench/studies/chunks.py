@@ -173,8 +173,8 @@ def main(
     preroll: Annotated[
         int, typer.Option(min=0, help="Frames before the first one of a chunk.")
     ] = jitter_phase_count(RATIO),
-    methods: METHODS = "classifier,taau",
-    times: Annotated[int, typer.Option(min=1, help="Runs of each kind, in turns.")] = 3,
+    methods: METHODS = "classifier",
+    times: Annotated[int, typer.Option(min=1, help="Runs of each kind, in turns.")] = 2,
     json: JSON = None,
     update: UPDATE = None,
 ) -> None:
