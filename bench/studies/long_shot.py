@@ -1,6 +1,6 @@
 """What a whole run of `supersampler upscale` costs, where its time goes, and its memory over many frames.
 
-    python bench/studies/long_shot.py FOLDER --json FILE --update docs/how-to/output-files.md
+    python bench/studies/long_shot.py FOLDER --json FILE --update docs/how-to/upscale-sequences.md
 
 A few frames of a test scene are rendered into FOLDER once; a shot of any length is made of links to them.
 Results are deleted while they are written.
@@ -43,7 +43,7 @@ def main(
     long: Annotated[
         int, typer.Option(help="Frames of the run whose memory is sampled; 0 leaves it out.")
     ] = 10000,
-    options: Annotated[str, typer.Option(help="Of `upscale`, in the long run.")] = "--method taau",
+    options: Annotated[str, typer.Option(help="Of the long run.")] = "--method taau --compression none",
     json: JSON = None,
     update: UPDATE = None,
 ) -> None:

@@ -8,10 +8,13 @@ import typer
 from supersampler.cli.arguments import ShotArgument
 from supersampler.cli.source_options import (
     ChannelsOption,
+    ColorSpaceOption,
     ConventionsOption,
     CutsOption,
+    FrameRateOption,
     JitterOption,
     LayoutOption,
+    ReferenceOption,
     open_with,
 )
 
@@ -23,13 +26,16 @@ def exposures(
     jitter: JitterOption = None,
     channels: ChannelsOption = None,
     conventions: ConventionsOption = None,
+    frame_rate: FrameRateOption = None,
     cuts: CutsOption = None,
+    reference: ReferenceOption = None,
+    color_space: ColorSpaceOption = None,
 ) -> None:
     """Measure the exposure of each frame of SHOT, for `supersampler upscale --frames --exposures FILE`.
 
     Exposure that is not given with the frames is measured, and follows the light with a delay: it depends on
     all frames since the last cut. With this file a chunk of the shot begins with the exposure that the whole
-    shot has there.
+    shot has there. The options of the source are those of `upscale`.
 
     \b
     Example:
@@ -43,7 +49,15 @@ def exposures(
 
     check_ours(output, is_exposures, "a file of exposures")
     opened = open_with(
-        shot, layout=layout, jitter=jitter, channels=channels, conventions=conventions, cuts=cuts
+        shot,
+        layout=layout,
+        jitter=jitter,
+        channels=channels,
+        conventions=conventions,
+        frame_rate=frame_rate,
+        cuts=cuts,
+        reference=reference,
+        color_space=color_space,
     )
     with Progress(console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task("measuring", total=len(opened))

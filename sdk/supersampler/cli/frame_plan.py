@@ -2,12 +2,13 @@
 
 from dataclasses import dataclass
 
+from supersampler.conventions import jitter_phase_count
 from supersampler.errors import ShotError
 from supersampler.io.shot import Shot
 from supersampler.io.shot.frame_numbers import FrameNumbers
 
-PREROLL = 32
-"""Frames before a range that build its history; docs/how-to/farm.md has the table."""
+LONGEST_PREROLL = jitter_phase_count(4.0)
+"""Largest default preroll."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +51,17 @@ class FramePlan:
             for stretch in self.stretches
             if stretch.stop > index
         ]
+
+
+def default_preroll(scale: float) -> int:
+    """Return the frames before a range that build its history: one period of the jitter.
+
+    docs/how-to/farm.md shows how near its images then are to those of a run of the whole shot.
+
+    Args:
+        scale: display size / render size.
+    """
+    return min(jitter_phase_count(scale), LONGEST_PREROLL)
 
 
 def plan_frames(shot: Shot, numbers: FrameNumbers | None, preroll: int) -> FramePlan:

@@ -8,10 +8,9 @@ from typing import Literal
 from rich.console import Console
 
 from supersampler.cli.arguments import size_text
-from supersampler.cli.frame_plan import PREROLL, FramePlan, plan_frames
+from supersampler.cli.frame_plan import FramePlan, default_preroll, plan_frames
 from supersampler.cli.image_options import ImageOptions
-from supersampler.cli.results import PREROLL as PREROLL_SETTING
-from supersampler.cli.results import model_settings
+from supersampler.cli.results import PREROLL, model_settings
 from supersampler.cli.run_record import FIRST, FRAMES
 from supersampler.frame import Size
 from supersampler.io.shot import Shot
@@ -31,7 +30,8 @@ class UpscaleJob:
         output: folder of the images.
         images: their names, formats and encodings.
         numbers: of the frames to write; None is all of them.
-        preroll: frames before those from which their history is built; None is PREROLL with `numbers`.
+        preroll: frames before those from which their history is built; None with `numbers` is
+            `default_preroll`.
             Without both, the history begins with the shot, and images converge where nothing moves.
         exposures: of the shot's frames by number, see `measure_exposures`; None: measured where needed.
         model: name or folder.
@@ -81,10 +81,9 @@ class UpscaleJob:
         """Whether images depend on the frames of the preroll only, so that chunks of a shot are equal."""
         return self.numbers is not None or self.preroll is not None
 
-    @property
-    def frames(self) -> FramePlan:
-        """The frames to step through; ShotError where the shot lacks one."""
-        return plan_frames(self.shot, self.numbers, PREROLL if self.preroll is None else self.preroll)
+    def frames(self, upscaler: Upscaler) -> FramePlan:
+        """Return the frames to step through; ShotError where the shot lacks one."""
+        return plan_frames(self.shot, self.numbers, self._preroll(upscaler))
 
     def upscaler(self) -> Upscaler:
         """Return an Upscaler for the run."""
@@ -105,6 +104,12 @@ class UpscaleJob:
             extrapolation=self.extrapolation,
             validate=self.validate,
         )
+
+    def _preroll(self, upscaler: Upscaler) -> int:
+        if self.preroll is not None:
+            return self.preroll
+        size = upscaler.display_size or self.shot.render_size
+        return default_preroll(size[0] / self.shot.render_size[0])
 
     def recording_upscaler(self, opened: Upscaler) -> Upscaler:
         """Return an Upscaler with the same model that records; an earlier run's recording is replaced."""
@@ -133,11 +138,7 @@ class UpscaleJob:
             "names": self.shot.info.file_names,
             "frame rate": self.shot.frame_rate,
             **({FIRST: self.shot.first_number} if self.numbers is None else {FRAMES: str(self.numbers)}),
-            PREROLL_SETTING: None
-            if not self.has_preroll
-            else PREROLL
-            if self.preroll is None
-            else self.preroll,
+            PREROLL: self._preroll(upscaler) if self.has_preroll else None,
             "render size": size_text(self.shot.render_size),
             "conventions": self.shot.conventions.to_json(),
             "skip": upscaler.skip,

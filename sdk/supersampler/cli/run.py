@@ -51,12 +51,13 @@ def run_job(job: UpscaleJob) -> Results:
         SupersamplerError: a frame, a file or the model is not usable; or the output lies in the shot, or
             would replace files of another program.
     """
-    results, plan = Results(job.output, job.images), job.frames
-    count = len(plan.numbers)
+    results = Results(job.output, job.images)
     for written in filter(None, (None if job.holds_shot else job.output, job.record)):
         check_apart(written, job.shot.source)
     with ExitStack() as stack:
         upscaler = stack.enter_context(job.upscaler())
+        plan = job.frames(upscaler)
+        count = len(plan.numbers)
         upscaler.warm_up()  # raises for an unusable model or ratio before files are overwritten
         first = results.begin(
             job.settings(upscaler), count, overwrite=job.overwrite, page=job.compare, recording=job.record

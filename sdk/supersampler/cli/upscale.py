@@ -74,7 +74,7 @@ def upscale(
         typer.Option(
             min=0,
             help="Frames before a range that build its history. Also without --frames: images of chunks.",
-            show_default="32 with --frames",
+            show_default="one period of the jitter, 32 at 2x, with --frames",
         ),
     ] = None,
     exposures: Annotated[
@@ -173,7 +173,7 @@ def upscale(
       supersampler upscale "renders/beauty.####.exr" -o out --conventions blender --frames 100-199
       supersampler upscale shots/* -o out --format exr --format mp4 --view "ACES 2.0 - SDR 100 nits (Rec.709)"
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
-    from supersampler.cli.frame_plan import PREROLL
+    from supersampler.cli.frame_plan import LONGEST_PREROLL
     from supersampler.cli.job import UpscaleJob
     from supersampler.io.shot.exposures import read_exposures
     from supersampler.io.shot.frame_numbers import FrameNumbers
@@ -196,7 +196,7 @@ def upscale(
         "color_space": color_space,
         "frames": None
         if numbers is None
-        else _to_open(numbers, PREROLL if preroll is None else preroll, measured=exposures is None),
+        else _to_open(numbers, LONGEST_PREROLL if preroll is None else preroll, measured=exposures is None),
     }
     shown = {"ocio": ocio, "display": display, "view": view, "look": look, "exposure": exposure}
     settings: dict[str, Any] = {

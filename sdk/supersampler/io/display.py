@@ -8,6 +8,7 @@ PNG files, pages and metrics use it. The tone curve keeps hue and maps every hig
 engine gives no exposure, `auto_exposure` measures one, by the formula of the models' graphs.
 """
 
+from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,7 @@ half float to middle grey, with at least two stops to spare."""
 CEILING_DB = 100.0
 """The PSNR of equal images, finite for means and JSON."""
 
+_ROWS = 32  # that are computed at a time: they stay in the cache
 _DARKEST = 1e-4  # least luminance in the logarithmic average
 MAX_HALF = 65504.0
 _LARGEST = 1e30  # exposure; its product with an image still fits single precision
@@ -53,10 +55,15 @@ def display_transform(image: Array, exposure: float = 1.0) -> Float32:
     if number is None or not 0.0 < number <= _LARGEST:
         raise ArgumentError("exposure", got=shown(exposure), want=f"a number > 0, at most {_LARGEST:g}")
     light = checked_image("image", image)
-    exposed = np.nan_to_num(light.astype(np.float32, copy=False), nan=0.0, posinf=MAX_HALF, neginf=0.0)
-    exposed = np.clip(exposed, 0.0, MAX_HALF) * np.float32(number)
-    toned = exposed / (1.0 + exposed.max(axis=-1, keepdims=True))
-    return np.clip(srgb_encoded(toned), 0.0, 1.0)
+    encoded = np.empty(light.shape, np.float32)
+    for row in range(0, len(light), _ROWS):
+        rows = light[row : row + _ROWS].astype(np.float32, copy=False)
+        toned = np.nan_to_num(rows, nan=0.0, posinf=MAX_HALF, neginf=0.0)
+        np.clip(toned, 0.0, MAX_HALF, out=toned)
+        toned *= np.float32(number)
+        toned /= 1.0 + reduce(np.maximum, np.moveaxis(toned, -1, 0))[..., None]
+        np.clip(srgb_encoded(toned), 0.0, 1.0, out=encoded[row : row + _ROWS])
+    return encoded
 
 
 def checked_image(name: str, image: Array) -> NDArray[Any]:

@@ -8,11 +8,13 @@ import pytest
 from studies import (
     ablation,
     blender_budget,
+    chunks,
     older_processors,
     oracle,
     output_compression,
     path_tracing_noise,
     precision,
+    preroll,
     pyvista_table,
     stage_breakdown,
 )
@@ -53,6 +55,9 @@ ROOT = Path(__file__).parents[3]
         ),
         ("tutorials/blender", "blender budget", "blender-budget", blender_budget.markdown_table),
         ("tutorials/shot", "path tracing noise", "path-tracing-noise", path_tracing_noise.markdown_table),
+        ("how-to/farm", "preroll", "preroll", preroll.markdown_table),
+        ("how-to/farm", "preroll at rest", "preroll", preroll.still_table),
+        ("how-to/farm", "chunks", "chunks", chunks.markdown_table),
         ("tutorials/pyvista", "pyvista", "pyvista", pyvista_table.markdown_table),
     ],
 )

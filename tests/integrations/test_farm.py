@@ -1,0 +1,153 @@
+"""The job template of examples/farm, run by the command line of Open Job Description."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from supersampler import Frame, halton_jitter
+from supersampler.cli import app
+from supersampler.frame import Float32
+from supersampler.io.display import decibels, display_transform
+from supersampler.io.image_reading import read_exr
+from supersampler.io.shot import ShotWriter
+
+pytest.importorskip("openjd.cli", reason="needs openjd-cli")
+
+TEMPLATE = Path(__file__).parents[2] / "examples" / "farm" / "supersample.yaml"
+RENDER, DISPLAY = (40, 24), (80, 48)
+FRAMES, CHUNK, PREROLL, SPEED = 24, 8, 6, 1.7
+METHOD = "taau"
+LEAST = 60.0  # dB, of a chunk's images against those of one run
+
+
+def moving(index: int) -> Frame:
+    """A frame of stripes that move, under light that changes; its exposure is to be measured."""
+    jitter = halton_jitter(index, 2.0)
+    x = np.arange(RENDER[0]) + 0.5 + jitter[0] - SPEED * index
+    y = np.arange(RENDER[1])[:, None] + 0.5 + jitter[1]
+    light = (0.5 + 0.4 * np.sin(1.3 * x + 0.7 * y)) * (1.0 + 0.5 * np.sin(index / 5.0))
+    motion = np.zeros((*light.shape, 2), np.float32)
+    motion[..., 0] = -SPEED
+    return Frame(
+        color=light[..., None].repeat(3, -1).astype(np.float32),
+        depth=np.full(light.shape, 0.1, np.float32),
+        motion=motion,
+        jitter=jitter,
+        reset=index == 0,
+    )
+
+
+@pytest.fixture(scope="module")
+def shot(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("farm") / "shot"
+    with ShotWriter(folder, name="stripes", display_size=DISPLAY, frame_rate=24.0) as writer:
+        for index in range(FRAMES):
+            writer.write(moving(index))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def whole(shot: Path) -> Path:
+    """Images of one run over the whole shot."""
+    folder = shot.parent / "whole"
+    run("upscale", shot, "-o", folder, "--method", METHOD, "--preroll", PREROLL, "--threads", 1)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def chunks(shot: Path) -> tuple[Path, str]:
+    """Images of a job, and what its session printed."""
+    folder = shot.parent / "job"
+    done = subprocess.run(job(shot, folder), capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return folder, done.stdout
+
+
+def run(*arguments: object) -> None:
+    result = CliRunner().invoke(app, [str(argument) for argument in arguments])
+    assert result.exit_code == 0, result.output
+
+
+def job(shot: Path, output: Path, *options: str) -> list[str]:
+    values = {
+        "Shot": shot, "Output": output, "Frames": f"0-{FRAMES - 1}", "ChunkSize": CHUNK, "Preroll": PREROLL,
+        "Method": METHOD, "Scale": 2, "ShotOptions": "--layout auto", "Options": "--threads 1",
+        "Python": sys.executable,
+    }  # fmt: skip
+    given = [text for name, value in values.items() for text in ("-p", f"{name}={value}")]
+    return [sys.executable, "-m", "openjd", "run", str(TEMPLATE), *given, *options]
+
+
+def tasks(*ranges: str) -> tuple[str, ...]:
+    return "--step", "Upscale", "--tasks", json.dumps([{"Frames": text} for text in ranges])
+
+
+def images(folder: Path) -> list[Float32]:
+    paths = sorted(folder.glob("[0-9]*.exr"))
+    assert [path.stem for path in paths] == [f"{index:04d}" for index in range(FRAMES)]
+    found = [read_exr(path) for path in paths]
+    return [np.stack([image[name].astype(np.float32) for name in "RGB"], axis=-1) for image in found]
+
+
+def kill_with_descendants(process: subprocess.Popen[bytes]) -> None:
+    """Kill a process and all that it started: the session's tasks have process groups of their own."""
+    parents = {}
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        fields = stat.read_text().rpartition(")")[2].split()
+        parents[int(stat.parent.name)] = int(fields[1])
+    doomed = [process.pid]
+    for pid in doomed:
+        doomed += [child for child, parent in parents.items() if parent == pid]
+    for pid in doomed:
+        os.kill(pid, signal.SIGKILL)
+    process.wait()
+
+
+def test_a_job_of_chunks_has_the_images_of_one_run(whole: Path, chunks: tuple[Path, str]) -> None:
+    for index, (image, other) in enumerate(zip(images(chunks[0]), images(whole), strict=True)):
+        if index < CHUNK:
+            assert np.array_equal(image, other), index
+        error = np.square(display_transform(image) - display_transform(other)).mean()
+        assert decibels(float(error)) > LEAST, index
+
+
+def test_tasks_report_their_progress(chunks: tuple[Path, str]) -> None:
+    assert chunks[1].count("openjd_progress: 100.0") == FRAMES // CHUNK
+    assert f"openjd_status: frame {FRAMES - 1}" in chunks[1]
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc, to find a process's children")
+def test_of_two_workers_one_is_killed_and_started_again(shot: Path, chunks: tuple[Path, str]) -> None:
+    output = shot.parent / "workers"
+    output.mkdir()
+    run("exposures", shot, "-o", output / "exposures.json")
+    commands = [job(shot, output, *tasks("0-7")), job(shot, output, *tasks("8-15", "16-23"))]
+    first, second = (subprocess.Popen(command, stdout=subprocess.DEVNULL) for command in commands)
+    ends = time.monotonic() + 60.0
+    while not (output / "0008.exr").exists() and time.monotonic() < ends:
+        time.sleep(0.002)
+    kill_with_descendants(second)
+    assert (output / "0008.exr").exists()
+    assert not (output / "0023.exr").exists()
+    kept = (output / "0008.exr").stat().st_mtime_ns
+    again = subprocess.run(commands[1], capture_output=True, text=True, check=False)
+    assert again.returncode == 0, again.stdout + again.stderr
+    assert first.wait(60.0) == 0
+    assert (output / "0008.exr").stat().st_mtime_ns == kept
+    for index, (image, other) in enumerate(zip(images(output), images(chunks[0]), strict=True)):
+        assert np.array_equal(image, other), index
+
+
+def test_a_chunk_that_fails_fails_the_job(shot: Path) -> None:
+    command = job(shot, shot.parent / "missing", *tasks("0-7"))  # without the exposures
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode != 0
+    assert "exposures.json" in done.stdout
