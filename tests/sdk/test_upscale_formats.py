@@ -53,6 +53,12 @@ def luma_difference(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.abs((a.astype(int) - b) @ BT709).mean())
 
 
+def assert_same_video(one: Path, other: Path) -> None:
+    """x264 does not always write the same bytes of the same images."""
+    for a, b in zip(*(decoded(folder / "video.mp4") for folder in (one, other)), strict=True):
+        assert luma_difference(a, b) < 2
+
+
 @pytest.mark.parametrize("name", FORMATS)
 def test_a_format_alone_is_in_the_folder_itself_and_the_same_as_among_others(
     shot: Path, every: Path, tmp_path: Path, name: str
@@ -60,8 +66,10 @@ def test_a_format_alone_is_in_the_folder_itself_and_the_same_as_among_others(
     upscale(shot, tmp_path, *formats(name))
     names = ["video.mp4"] if name == "mp4" else [f"{number:04d}.{name}" for number in range(COUNT)]
     assert [*images(tmp_path)] == names
-    below = every if name == "mp4" else every / name
-    assert images(tmp_path) == {each: (below / each).read_bytes() for each in names}
+    if name == "mp4":
+        assert_same_video(tmp_path, every)
+    else:
+        assert images(tmp_path) == {each: (every / name / each).read_bytes() for each in names}
 
 
 def test_all_formats_show_one_image(every: Path) -> None:
@@ -109,7 +117,8 @@ def test_a_video_alone_begins_anew_after_a_stop(shot: Path, every: Path, tmp_pat
     assert f"Stopped: 0 of {COUNT} frames are complete." in said
     assert images(tmp_path) == {}
     upscale(shot, tmp_path, "--format", "mp4")
-    assert images(tmp_path) == {"video.mp4": (every / "video.mp4").read_bytes()}
+    assert [*images(tmp_path)] == ["video.mp4"]
+    assert_same_video(tmp_path, every)
     assert f"All {COUNT} frames are there already" in upscale(shot, tmp_path, "--format", "mp4").stderr
 
 
@@ -122,7 +131,7 @@ def test_images_beside_a_video_are_kept_after_a_stop_and_the_video_is_whole(
     assert sorted(path.name for path in before) == ["0000.png", "0001.png"]
     upscale(shot, tmp_path, *formats("png", "mp4"))
     assert {path: path.stat().st_mtime_ns for path in before} == before
-    assert (tmp_path / "video.mp4").read_bytes() == (every / "video.mp4").read_bytes()
+    assert_same_video(tmp_path, every)
 
 
 def test_a_video_can_be_asked_for_later(shot: Path, every: Path, tmp_path: Path) -> None:
@@ -130,7 +139,7 @@ def test_a_video_can_be_asked_for_later(shot: Path, every: Path, tmp_path: Path)
     before = files(tmp_path)
     upscale(shot, tmp_path, *formats("exr", "mp4"))
     after = files(tmp_path)
-    assert after["video.mp4"] == (every / "video.mp4").read_bytes()
+    assert_same_video(tmp_path, every)
     assert {name: after[name] for name in images(tmp_path) if name in before} == {
         name: data for name, data in before.items() if name.endswith(".exr")
     }

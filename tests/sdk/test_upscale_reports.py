@@ -101,7 +101,7 @@ def test_exit_codes_are_those_of_the_help(
     for wrong in ("--format=gif", "--preroll=-1", "--nothing", "--compression=zap"):
         assert run(*command, wrong).exit_code == 2
 
-    def stop(*_: object) -> None:
+    def stop(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
     for name, where in (("list_files", "out"), ("begin", "other")):
