@@ -12,7 +12,7 @@ import pytest
 
 from upscale_runs import files, write_shot
 
-av = pytest.importorskip("av")
+pytest.importorskip("av")
 
 ALL = int(os.environ.get("SUPERSAMPLER_KILLS", "6"))
 """Kills in the whole of this file; `make fuzz` does 200."""
@@ -68,18 +68,11 @@ def test_a_run_killed_at_any_moment_continues_to_the_files_of_an_unbroken_one(
                 assert code == -9
             elif name.endswith(".json"):
                 assert json.loads(data)["files"] is not None
-            elif name.endswith(".mp4"):  # x264 does not always write the same bytes of the same images
-                assert len(decoded(output / name)) == len(decoded(whole / name))
             else:
                 assert data == want[name]
         if code == -9:
             continue
-        assert (code, found.keys()) == (0, want.keys())
+        assert (code, found) == (0, want)
         if kills >= ALL // len(RUNS):
             break
         output = tmp_path / str(kills) / "out"
-
-
-def decoded(path: Path) -> list[bytes]:
-    with av.open(str(path)) as container:
-        return [frame.to_ndarray(format="rgb24").tobytes() for frame in container.decode(video=0)]

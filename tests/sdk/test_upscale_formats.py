@@ -53,23 +53,14 @@ def luma_difference(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.abs((a.astype(int) - b) @ BT709).mean())
 
 
-def assert_same_video(one: Path, other: Path) -> None:
-    """x264 does not always write the same bytes of the same images."""
-    for a, b in zip(*(decoded(folder / "video.mp4") for folder in (one, other)), strict=True):
-        assert luma_difference(a, b) < 2
-
-
 @pytest.mark.parametrize("name", FORMATS)
 def test_a_format_alone_is_in_the_folder_itself_and_the_same_as_among_others(
     shot: Path, every: Path, tmp_path: Path, name: str
 ) -> None:
     upscale(shot, tmp_path, *formats(name))
     names = ["video.mp4"] if name == "mp4" else [f"{number:04d}.{name}" for number in range(COUNT)]
-    assert [*images(tmp_path)] == names
-    if name == "mp4":
-        assert_same_video(tmp_path, every)
-    else:
-        assert images(tmp_path) == {each: (every / name / each).read_bytes() for each in names}
+    below = every if name == "mp4" else every / name
+    assert images(tmp_path) == {each: (below / each).read_bytes() for each in names}
 
 
 def test_all_formats_show_one_image(every: Path) -> None:
@@ -77,7 +68,12 @@ def test_all_formats_show_one_image(every: Path) -> None:
     assert len(frames) == COUNT
     for number, frame in enumerate(frames):
         png, tif = shown(every / f"png/{number:04d}.png"), shown(every / f"tif/{number:04d}.tif")
-        assert (png.dtype, tif.dtype, png.shape, tif.shape) == (np.uint8, np.uint16, (36, 64, 3), (36, 64, 3))
+        assert (str(png.dtype), str(tif.dtype), png.shape, tif.shape) == (
+            "uint8",
+            "uint16",
+            (36, 64, 3),
+            png.shape,
+        )
         assert np.abs(png - tif / 257.0).max() <= 0.5 + 1 / 257
         assert luma_difference(frame, png) < 2
 
@@ -118,7 +114,7 @@ def test_a_video_alone_begins_anew_after_a_stop(shot: Path, every: Path, tmp_pat
     assert images(tmp_path) == {}
     upscale(shot, tmp_path, "--format", "mp4")
     assert [*images(tmp_path)] == ["video.mp4"]
-    assert_same_video(tmp_path, every)
+    assert (tmp_path / "video.mp4").read_bytes() == (every / "video.mp4").read_bytes()
     assert f"All {COUNT} frames are there already" in upscale(shot, tmp_path, "--format", "mp4").stderr
 
 
@@ -131,7 +127,7 @@ def test_images_beside_a_video_are_kept_after_a_stop_and_the_video_is_whole(
     assert sorted(path.name for path in before) == ["0000.png", "0001.png"]
     upscale(shot, tmp_path, *formats("png", "mp4"))
     assert {path: path.stat().st_mtime_ns for path in before} == before
-    assert_same_video(tmp_path, every)
+    assert (tmp_path / "video.mp4").read_bytes() == (every / "video.mp4").read_bytes()
 
 
 def test_a_video_can_be_asked_for_later(shot: Path, every: Path, tmp_path: Path) -> None:
@@ -139,7 +135,7 @@ def test_a_video_can_be_asked_for_later(shot: Path, every: Path, tmp_path: Path)
     before = files(tmp_path)
     upscale(shot, tmp_path, *formats("exr", "mp4"))
     after = files(tmp_path)
-    assert_same_video(tmp_path, every)
+    assert (tmp_path / "video.mp4").read_bytes() == (every / "video.mp4").read_bytes()
     assert {name: after[name] for name in images(tmp_path) if name in before} == {
         name: data for name, data in before.items() if name.endswith(".exr")
     }

@@ -106,7 +106,8 @@ def test_exposures_of_other_frames_or_of_something_else_are_refused(shot: Path, 
     )
     path.write_text(json.dumps({**whole, "exposures": whole["exposures"][:15]}))
     assert "there is no exposure of frame 18" in refusal(*command, "--exposures", path)
-    for content in ({"first": 0, "exposures": [1.0]}, [], {**whole, "kind": "shot"}):
+    wrong: list[object] = [{"first": 0, "exposures": [1.0]}, [], {**whole, "kind": "shot"}]
+    for content in wrong:
         path.write_text(json.dumps(content))
         assert "e.json: holds no exposures" in refusal(*command, "--exposures", path)
     for value in (0.0, -1.0, "1", None, float("nan")):
