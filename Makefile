@@ -68,7 +68,7 @@ hashes: $(DEVELOPMENT)
 	.venv-dev/bin/python bench/studies/hashes.py --check bench/results/studies/hashes.json
 
 fuzz: $(DEVELOPMENT)
-	SUPERSAMPLER_FUZZ=$${SUPERSAMPLER_FUZZ:-2000} SUPERSAMPLER_INTERRUPTS=1500 SUPERSAMPLER_MODELS=3000 \
+	SUPERSAMPLER_FUZZ=$${SUPERSAMPLER_FUZZ:-2000} SUPERSAMPLER_INTERRUPTS=1500 SUPERSAMPLER_KILLS=200 SUPERSAMPLER_MODELS=3000 \
 	    .venv-dev/bin/pytest -q tests/fuzz tests/process tests/sdk/test_arguments.py
 
 mutation: $(DEVELOPMENT)

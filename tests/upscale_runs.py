@@ -26,7 +26,7 @@ def moving(index: int, *, light: float = 1.0, **overrides: Any) -> Frame:
     fields: dict[str, Any] = {
         "color": (np.exp(waves) * light**index).astype(np.float32),
         "depth": np.full((height, width), 0.5, np.float32),
-        "motion": np.broadcast_to(-np.float32(VELOCITY), (height, width, 2)).copy(),
+        "motion": np.broadcast_to(np.array([-v for v in VELOCITY], np.float32), (height, width, 2)).copy(),
         "jitter": jitter,
         "reset": index == 0,
     }

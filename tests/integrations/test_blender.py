@@ -15,12 +15,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from OpenImageIO import UINT8, ImageBuf
 from typer.testing import CliRunner, Result
 
 import supersampler
 from blender_files import HERE
 from blender_motion import camera_motion_of
 from supersampler.cli import app
+from supersampler.io.display import BT709
 from supersampler.io.image_reading import read_exr
 from supersampler.io.shot import Shot, open_source
 from supersampler.io.shot.render_record import RenderRecord, read_render_record
@@ -213,6 +215,22 @@ def test_png_frames_are_as_blender_shows_them(tmp_path: Path) -> None:
     assert sorted(path.name for path in (tmp_path / "out" / "png").iterdir()) == [
         f"{number:04d}.png" for number in (6, 7, 8)
     ]
+
+
+def test_a_video_shows_the_frames_as_blender_shows_them_at_the_rate_of_the_scene(tmp_path: Path) -> None:
+    av = pytest.importorskip("av")
+    done = render(
+        tmp_path, "--samples", 1, "--format", "mp4", "--format", "png", "--method", "bilinear",
+        properties={"scene.render.fps": 30}, size=[96, 64],
+    )  # fmt: skip
+    assert done.exit_code == 0, done.output
+    with av.open(str(tmp_path / "out" / "video.mp4")) as container:
+        stream = container.streams.video[0]
+        frames = [frame.to_ndarray(format="rgb24") for frame in container.decode(stream)]
+        assert (stream.width, stream.height, stream.average_rate) == (96, 64, 30)
+    for number, frame in zip((6, 7, 8), frames, strict=True):
+        shown = ImageBuf(str(tmp_path / "out" / f"{number:04d}.png")).get_pixels(UINT8)
+        assert np.abs((frame.astype(int) - shown) @ BT709).mean() < 4
 
 
 @pytest.mark.parametrize(

@@ -16,11 +16,12 @@ from supersampler.io.shot.frame_numbers import FrameNumbers
 @st.composite
 def ranges(draw: st.DrawFn, largest: int = 400) -> FrameNumbers:
     """Any ascending ranges; some of them are adjacent, some are one number."""
+    one_number = st.booleans()
     bounds = sorted(draw(st.lists(st.integers(0, largest), min_size=1, max_size=24, unique=True)))
     found: list[tuple[int, int]] = []
     while bounds:
         first = bounds.pop(0)
-        found.append((first, bounds.pop(0) if bounds and draw(st.booleans()) else first))
+        found.append((first, first if not bounds or draw(one_number) else bounds.pop(0)))
     return FrameNumbers(tuple(found))
 
 

@@ -1,5 +1,6 @@
 """Tests of what `upscale` takes: several shots, and EXR files as other software lays them out."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -104,12 +105,12 @@ def test_several_shots_are_not_recorded_into_one_folder(tmp_path: Path) -> None:
 
 def frame_channels() -> np.ndarray:
     frame = moving(3)
-    return np.dstack([frame.color, frame.depth, frame.motion]).astype(np.float32)
+    return np.dstack([np.asarray(frame.color), frame.depth, frame.motion]).astype(np.float32)
 
 
-def spec_of(names: tuple[str, ...] = NAMES, **fields: Any) -> ImageSpec:
+def spec_of(names: Sequence[str] = NAMES, **fields: Any) -> ImageSpec:
     spec = ImageSpec(*SIZE, len(names), "float")
-    spec.channelnames = names
+    spec.channelnames = tuple(names)
     for name, value in fields.items():
         setattr(spec, name, value)
     return spec
@@ -176,7 +177,7 @@ def test_a_frame_of_any_layout_is_upscaled_and_read_back_by_openimageio(tmp_path
     assert spec.get_string_attribute("compression") == "zip"
     write_parts(tmp_path / "plain" / "f.0007.exr", (spec_of(), frame_channels()))
     upscale(tmp_path / "plain", tmp_path / "want", "--conventions", '{"depth": "linear", "far": 50.0}')
-    found, want = image.get_pixels(), pixels(tmp_path / "want" / "f.0007.exr")
+    found, want = np.asarray(image.get_pixels()), pixels(tmp_path / "want" / "f.0007.exr")
     rows, columns = (
         (slice(8, None), slice(12, None)) if layout == "a smaller data window" else (slice(None),) * 2
     )
@@ -200,7 +201,9 @@ def test_metadata_primaries_and_channels_that_are_no_input_arrive(tmp_path: Path
     image = ImageBuf(str(tmp_path / "out" / "f.0007.exr"))
     found = image.spec()
     assert found.channelnames == ("R", "G", "B", "A", "glow.R")
-    np.testing.assert_allclose(image.get_pixels()[..., 3:], np.broadcast_to((1.0, 0.25), (36, 64, 2)))
+    np.testing.assert_allclose(
+        np.asarray(image.get_pixels())[..., 3:], np.broadcast_to((1.0, 0.25), (36, 64, 2))
+    )
     assert "cannot be blended: id" in done.stderr
     assert (found["camera"], found["take"], found["focal"]) == ("cam1", 4, 35.0)
     assert found.getattribute("smpte:TimeCode") == (123456, 7)

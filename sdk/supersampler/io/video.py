@@ -24,7 +24,9 @@ if TYPE_CHECKING:
     from av.video.stream import VideoStream
 
 _CODEC: Literal["libx264"] = "libx264"
-_QUALITY = "16"  # x264's constant rate factor: nearly no visible loss
+# "crf" is x264's constant rate factor: nearly no visible loss. With B-frames it does not always write the
+# same bytes of the same images, and a run that was stopped would end with another video.
+_OPTIONS = {"crf": "16", "bf": "0"}
 _BT709, _VIDEO_RANGE = 1, 1  # numbers of ITU-T H.273, and FFmpeg's of the range 16 to 235
 _NTSC = 2.5e-4  # relative difference up to which a rate is taken for a multiple of 1000 / 1001
 
@@ -86,7 +88,7 @@ def video_writer(path: Path | str, size: Size, frame_rate: float) -> Iterator[Vi
             replacing(path) as partial,
             av.open(str(partial), "w", format="mp4", options={"movflags": "+faststart"}) as container,
         ):
-            stream = container.add_stream(_CODEC, rate=rate, options={"crf": _QUALITY})
+            stream = container.add_stream(_CODEC, rate=rate, options=_OPTIONS)
             stream.width, stream.height = (side + side % 2 for side in size)
             stream.pix_fmt = "yuv420p"
             context = stream.codec_context

@@ -1,0 +1,273 @@
+"""Tests of what `upscale` writes: EXR, PNG, TIFF and video, alone and together, and as what they show."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from OpenImageIO import ImageBuf, ImageOutput, ImageSpec
+
+from supersampler.cli.results import Results
+from supersampler.io import video
+from supersampler.io.display import BT709, to_uint8
+from supersampler.io.display_transforms import display_transform_from
+from supersampler.io.images import write_exr
+from upscale_runs import OURS, files, images, pixels, refusal, run, upscale, write_renders, write_shot
+
+av = pytest.importorskip("av")
+
+COUNT = 4
+FORMATS = ("exr", "mp4", "png", "tif")
+VIEW = "ACES 2.0 - SDR 100 nits (Rec.709)"
+
+
+@pytest.fixture(scope="module")
+def shot(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_shot(tmp_path_factory.mktemp("shots") / "tiny", COUNT, frame_rate=23.976)
+
+
+@pytest.fixture(scope="module")
+def every(shot: Path) -> Path:
+    """Results in all formats at once."""
+    upscale(shot, shot.parent / "every", *formats(*FORMATS))
+    return shot.parent / "every"
+
+
+def formats(*names: str) -> list[str]:
+    return [word for name in names for word in ("--format", name)]
+
+
+def shown(path: Path) -> np.ndarray:
+    """Return the pixels of an image file as integers, as they are stored."""
+    image = ImageBuf(str(path))
+    return np.asarray(image.get_pixels(image.spec().format))
+
+
+def decoded(path: Path) -> list[np.ndarray]:
+    with av.open(str(path)) as container:
+        return [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
+
+
+def luma_difference(a: np.ndarray, b: np.ndarray) -> float:
+    """Return the mean difference of what a video holds at full size."""
+    return float(np.abs((a.astype(int) - b) @ BT709).mean())
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_a_format_alone_is_in_the_folder_itself_and_the_same_as_among_others(
+    shot: Path, every: Path, tmp_path: Path, name: str
+) -> None:
+    upscale(shot, tmp_path, *formats(name))
+    names = ["video.mp4"] if name == "mp4" else [f"{number:04d}.{name}" for number in range(COUNT)]
+    below = every if name == "mp4" else every / name
+    assert images(tmp_path) == {each: (below / each).read_bytes() for each in names}
+
+
+def test_all_formats_show_one_image(every: Path) -> None:
+    frames = decoded(every / "video.mp4")
+    assert len(frames) == COUNT
+    for number, frame in enumerate(frames):
+        png, tif = shown(every / f"png/{number:04d}.png"), shown(every / f"tif/{number:04d}.tif")
+        assert (str(png.dtype), str(tif.dtype), png.shape, tif.shape) == (
+            "uint8",
+            "uint16",
+            (36, 64, 3),
+            png.shape,
+        )
+        assert np.abs(png - tif / 257.0).max() <= 0.5 + 1 / 257
+        assert luma_difference(frame, png) < 2
+
+
+def test_a_video_has_the_frame_rate_of_the_shot(every: Path, shot: Path, tmp_path: Path) -> None:
+    with av.open(str(every / "video.mp4")) as container:
+        assert container.streams.video[0].average_rate == video.exact_rate(23.976)
+    renders = write_renders(tmp_path / "in", {1: "f.0001", 2: "f.0002"})
+    command = ("--format", "mp4", "--frame-rate", "50", *OURS)
+    upscale(renders, tmp_path / "out", *command)
+    with av.open(str(tmp_path / "out" / "video.mp4")) as container:
+        assert container.streams.video[0].average_rate == 50
+    again = refusal(
+        "upscale", renders, "-o", tmp_path / "out", "--method", "bilinear", *command, "--frame-rate=25"
+    )
+    assert "frame rate was 50.0, is now 25.0" in again
+
+
+def stopped_at(position: int, shot: Path, output: Path, *options: str) -> str:
+    """Run `upscale`, stopped before a frame is written; returns what it said."""
+    with pytest.MonkeyPatch.context() as patch:
+        list_files = Results.list_files
+
+        def stop(self: Results, at: int) -> None:
+            if at == position:
+                raise KeyboardInterrupt
+            list_files(self, at)
+
+        patch.setattr(Results, "list_files", stop)
+        done = run("upscale", shot, "-o", output, "--method", "bilinear", *options)
+    assert done.exit_code == 130
+    return str(done.stderr)
+
+
+def test_a_video_alone_begins_anew_after_a_stop(shot: Path, every: Path, tmp_path: Path) -> None:
+    said = stopped_at(2, shot, tmp_path, "--format", "mp4")
+    assert f"Stopped: 0 of {COUNT} frames are complete." in said
+    assert images(tmp_path) == {}
+    upscale(shot, tmp_path, "--format", "mp4")
+    assert [*images(tmp_path)] == ["video.mp4"]
+    assert (tmp_path / "video.mp4").read_bytes() == (every / "video.mp4").read_bytes()
+    assert f"All {COUNT} frames are there already" in upscale(shot, tmp_path, "--format", "mp4").stderr
+
+
+def test_images_beside_a_video_are_kept_after_a_stop_and_the_video_is_whole(
+    shot: Path, every: Path, tmp_path: Path
+) -> None:
+    said = stopped_at(2, shot, tmp_path, *formats("png", "mp4"))
+    assert f"Stopped: 2 of {COUNT} frames are complete." in said
+    before = {path: path.stat().st_mtime_ns for path in tmp_path.glob("*.png")}
+    assert sorted(path.name for path in before) == ["0000.png", "0001.png"]
+    upscale(shot, tmp_path, *formats("png", "mp4"))
+    assert {path: path.stat().st_mtime_ns for path in before} == before
+    assert (tmp_path / "video.mp4").read_bytes() == (every / "video.mp4").read_bytes()
+
+
+def test_a_video_can_be_asked_for_later(shot: Path, every: Path, tmp_path: Path) -> None:
+    upscale(shot, tmp_path)
+    before = files(tmp_path)
+    upscale(shot, tmp_path, *formats("exr", "mp4"))
+    after = files(tmp_path)
+    assert (tmp_path / "video.mp4").read_bytes() == (every / "video.mp4").read_bytes()
+    assert {name: after[name] for name in images(tmp_path) if name in before} == {
+        name: data for name, data in before.items() if name.endswith(".exr")
+    }
+
+
+@pytest.mark.parametrize("name", ["zip", "dwaa", "piz", "none"])
+def test_exr_is_half_and_compressed_as_chosen(shot: Path, every: Path, tmp_path: Path, name: str) -> None:
+    upscale(shot, tmp_path, "--compression", name, "--frames", "0", "--preroll", "0")
+    spec = ImageBuf(str(tmp_path / "0000.exr")).spec()
+    assert (spec.get_string_attribute("compression"), str(spec.format)) == (name, "half")
+    want = pixels(every / "exr" / "0000.exr")
+    np.testing.assert_allclose(
+        pixels(tmp_path / "0000.exr"), want, rtol=0, atol=0.05 if name == "dwaa" else 0
+    )
+
+
+# sRGB frames
+
+
+def write_ramp(folder: Path, kind: str, suffix: str) -> np.ndarray:
+    """Write one frame of grey steps, 8 pixels wide each; returns the integers of the steps, (h, w, 3)."""
+    most, height, width = np.iinfo(kind).max, 18, 32 * 8
+    steps = np.repeat(np.linspace(0, most, 32).round().astype(kind), 8)
+    values = np.broadcast_to(steps[None, :, None], (height, width, 3)).copy()
+    spec = ImageSpec(width, height, 3, kind)
+    (folder / "data").mkdir(parents=True)
+    output = ImageOutput.create(str(folder / f"c.0005.{suffix}"))
+    assert output is not None
+    assert output.open(str(folder / f"c.0005.{suffix}"), spec)
+    assert output.write_image(values)
+    assert output.close()
+    zero = np.zeros((height, width), np.float32)
+    write_exr(folder / "data" / "d.0005.exr", {"Z": zero + 0.5, "U": zero, "V": zero})
+    (folder / "channels.json").write_text(
+        f'{{"channels": {{"color": ["*.{suffix}:R", "*.{suffix}:G", "*.{suffix}:B"], "depth": "data/*.exr:Z",'
+        ' "motion": ["data/*.exr:U", "data/*.exr:V"]}, "conventions": {"srgb": true}}'
+    )
+    return values
+
+
+@pytest.mark.parametrize("scale", [1, 2])
+@pytest.mark.parametrize(
+    ("kind", "suffix", "want"), [("uint8", "png", "png"), ("uint16", "png", "png"), ("uint16", "tif", "tif")]
+)
+def test_srgb_frames_come_back_in_their_format_type_and_values(
+    tmp_path: Path, kind: str, suffix: str, want: str, scale: int
+) -> None:
+    values = write_ramp(tmp_path / "in", kind, suffix)
+    upscale(tmp_path / "in", tmp_path / "out", "--scale", scale)
+    assert [*images(tmp_path / "out")] == [f"c.0005.{want}"]
+    found = shown(tmp_path / "out" / f"c.0005.{want}")
+    assert found.dtype == np.dtype(kind)
+    middle = found[:, 4 * scale :: 8 * scale].astype(int)  # of each step, where neighbours do not reach
+    most = np.iinfo(kind).max
+    np.testing.assert_allclose(middle, np.broadcast_to(values[:1, 4::8], middle.shape), atol=most / 255)
+
+
+def test_srgb_frames_as_exr_are_linear_light(tmp_path: Path) -> None:
+    values = write_ramp(tmp_path / "in", "uint8", "png")[0, 4::8, 0] / 255.0
+    upscale(tmp_path / "in", tmp_path / "out", "--scale", "1", "--format", "exr")
+    linear = np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
+    np.testing.assert_allclose(pixels(tmp_path / "out" / "c.0005.exr")[9, 4::8, 0], linear, atol=1e-3)
+
+
+# Display options
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"view": VIEW}, {"exposure": -1.5}, {"ocio": "ocio://default"}, {"view": VIEW, "exposure": 1.0}],
+)
+def test_display_options_are_what_png_and_video_show(
+    shot: Path, every: Path, tmp_path: Path, options: dict[str, object]
+) -> None:
+    words = [word for name, value in options.items() for word in (f"--{name}", str(value))]
+    upscale(shot, tmp_path, *formats("exr", "png", "mp4"), *words)
+    light = pixels(tmp_path / "exr" / "0002.exr")
+    np.testing.assert_array_equal(light, pixels(every / "exr" / "0002.exr"))
+    want = to_uint8(display_transform_from(**options).show(light)).astype(int)  # type: ignore[arg-type]
+    png = shown(tmp_path / "png" / "0002.png").astype(int)
+    assert np.abs(png - want).max() <= 1  # the EXR has half floats
+    assert np.abs(png - shown(every / "png" / "0002.png")).mean() > 3
+    assert luma_difference(decoded(tmp_path / "video.mp4")[2], png) < 2
+
+
+def test_the_colour_space_of_the_shot_is_that_of_the_view(tmp_path: Path) -> None:
+    renders = write_renders(tmp_path / "in", {1: "f.0001"})
+    command = ("--format", "png", "--view", VIEW, *OURS)
+    upscale(renders, tmp_path / "rec709", *command)
+    upscale(renders, tmp_path / "acescg", "--color-space", "ACEScg", *command)
+    a, b = (shown(tmp_path / name / "f.0001.png").astype(int) for name in ("rec709", "acescg"))
+    assert np.abs(a - b).mean() > 3
+
+
+def test_a_page_of_another_view_needs_overwrite(shot: Path, tmp_path: Path) -> None:
+    upscale(shot, tmp_path, "--compare")
+    command = ("upscale", shot, "-o", tmp_path, "--method", "bilinear", "--compare", "--view", VIEW)
+    assert "display transform was" in refusal(*command)
+    assert run(*command, "--overwrite").exit_code == 0
+    assert VIEW in (tmp_path / "compare.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--ocio", "none.ocio"), "none.ocio: there is no such file"),
+        (("--ocio", "ocio://nothing"), "--ocio is 'ocio://nothing'; want one of ocio://default"),
+        (("--view", "ACES"), "--view is 'ACES'; want one of ACES 2.0 - SDR"),
+        (("--display", "TV"), "--display is 'TV'; want one of sRGB"),
+        (("--look", "grim"), "--look is 'grim'; want"),
+        (("--exposure", "99"), "--exposure is 99.0; want stops, -24 to 24"),
+        (("--format", "mp4"), "video.mp4: cannot be written: this PyAV has no encoder libnone"),
+    ],
+)
+def test_a_display_or_codec_that_is_not_there_is_one_line_and_nothing_is_written(
+    shot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, options: tuple[str, ...], message: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(video, "_CODEC", "libnone")
+    assert message in refusal("upscale", shot, "-o", "out", "--format", "png", *options)
+    assert [*tmp_path.iterdir()] == []
+
+
+def test_without_pyav_one_line_says_what_to_install_and_nothing_is_written(
+    shot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    upscale(shot, tmp_path)
+    before = files(tmp_path)
+    monkeypatch.setitem(sys.modules, "av", None)
+    for folder, more in ((tmp_path, ("--overwrite",)), (tmp_path / "new", ())):
+        message = refusal(
+            "upscale", shot, "-o", folder, "--method", "bilinear", *formats("exr", "mp4"), *more
+        )
+        assert 'pip install "supersampler[video]"' in message
+    assert files(tmp_path) == before
