@@ -1,6 +1,5 @@
 """Tests of `upscale --frames`: which frames are written, and that they are those of the whole run."""
 
-import json
 import subprocess
 import sys
 from pathlib import Path
@@ -9,7 +8,7 @@ import numpy as np
 import pytest
 
 from supersampler.io.display import decibels
-from upscale_runs import OURS, files, images, pixels, refusal, run, upscale, write_renders, write_shot
+from upscale_runs import OURS, files, images, pixels, refusal, upscale, write_renders, write_shot
 
 
 @pytest.fixture(scope="module")
@@ -79,62 +78,12 @@ def test_a_range_begins_with_the_exposure_of_the_whole_run(
     assert images(tmp_path) == {name: want[name] for name in ("0006.png", "0007.png", "0018.png", "0019.png")}
 
 
-def test_a_file_of_exposures_gives_the_bits_of_the_measured_ones(shot: Path, tmp_path: Path) -> None:
-    assert run("exposures", shot, "-o", tmp_path / "e.json").exit_code == 0
-    options = ("--frames", "18-20", "--preroll", "2", "--format", "png", "--format", "exr")
-    measured = upscale(shot, tmp_path / "measured", *options, method="taau")
-    given = upscale(shot, tmp_path / "given", *options, "--exposures", tmp_path / "e.json", method="taau")
-    assert images(tmp_path / "measured") == images(tmp_path / "given")
-    assert "Measuring the exposure" in measured.stderr
-    assert "Measuring the exposure" not in given.stderr
-
-
-def test_exposures_of_other_frames_or_of_something_else_are_refused(shot: Path, tmp_path: Path) -> None:
-    path = tmp_path / "e.json"
-    assert run("exposures", shot, "-o", path).exit_code == 0
-    whole = json.loads(path.read_text())
-    command = (
-        "upscale",
-        shot,
-        "-o",
-        tmp_path / "out",
-        "--frames",
-        "20",
-        "--preroll",
-        "2",
-        "--method",
-        "taau",
-    )
-    path.write_text(json.dumps({**whole, "exposures": whole["exposures"][:15]}))
-    assert "there is no exposure of frame 18" in refusal(*command, "--exposures", path)
-    wrong: list[object] = [{"first": 0, "exposures": [1.0]}, [], {**whole, "kind": "shot"}]
-    for content in wrong:
-        path.write_text(json.dumps(content))
-        assert "e.json: holds no exposures" in refusal(*command, "--exposures", path)
-    for value in (0.0, -1.0, "1", None, float("nan")):
-        path.write_text(json.dumps({**whole, "exposures": [value]}))
-        assert "e.json: " in refusal(*command, "--exposures", path)
-    assert "none.json: there is no such file" in refusal(*command, "--exposures", tmp_path / "none.json")
-    assert "--exposures is without --frames" in refusal(
-        "upscale", shot, "-o", tmp_path / "out", "--exposures", path
-    )
-    assert images(tmp_path / "out") == {}
-
-
-def test_exposures_do_not_replace_a_file_of_something_else(shot: Path, tmp_path: Path) -> None:
-    (tmp_path / "mine.json").write_text('{"mine": 1}')
-    assert "is not a file of exposures" in refusal("exposures", shot, "-o", tmp_path / "mine.json")
-    assert (tmp_path / "mine.json").read_text() == '{"mine": 1}'
-
-
 def test_a_gap_is_no_matter_outside_of_the_range_and_named_inside(tmp_path: Path) -> None:
     there = [*range(4), *range(6, 12), *range(14, 16)]
     renders = write_renders(tmp_path / "in", {n: f"f.{n:04d}" for n in there})
-    (tmp_path / "e.json").write_text(
-        json.dumps({"kind": "supersampler exposures", "first": 0, "exposures": [1.0] * 16})
-    )
-    options = ("--exposures", tmp_path / "e.json", "--preroll", "2", *OURS)
-    upscale(renders, tmp_path / "out", "--frames", "9-11", *options)
+    options = ("--preroll", "2", *OURS)
+    done = upscale(renders, tmp_path / "out", "--frames", "9-11", *options)
+    assert "exposure begin at frame 7: frame 4 to 5 between f.0003.exr" in done.stderr
     assert [*images(tmp_path / "out")] == ["f.0009.exr", "f.0010.exr", "f.0011.exr"]
     for ranges, missing in (("9-15", "frame 12 to 13"), ("10-13", "frame 12 to 13"), ("7", "frame 4 to 5")):
         command = ("upscale", renders, "-o", tmp_path / "other", "--frames", ranges, *options)

@@ -1,5 +1,6 @@
 """Which frames of a shot a run steps through, and which of them it writes."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from supersampler.conventions import jitter_phase_count
@@ -7,8 +8,9 @@ from supersampler.errors import ShotError
 from supersampler.io.shot import Shot
 from supersampler.io.shot.frame_numbers import FrameNumbers
 
+LEAST_PREROLL = 32
 LONGEST_PREROLL = jitter_phase_count(4.0)
-"""Largest default preroll."""
+"""Smallest and largest default preroll."""
 
 
 EXPOSURE_FRAMES = 96
@@ -66,18 +68,29 @@ def default_preroll(scale: float) -> int:
     Args:
         scale: display size / render size.
     """
-    return min(max(32, jitter_phase_count(scale)), LONGEST_PREROLL)
+    return min(max(LEAST_PREROLL, jitter_phase_count(scale)), LONGEST_PREROLL)
 
 
-def frames_to_open(numbers: FrameNumbers, preroll: int | None) -> tuple[int, int]:
-    """Return the first and last frame that a run may read: a gap elsewhere is no matter.
+def open_for(
+    numbers: FrameNumbers, preroll: int | None, open_frames: Callable[[tuple[int, int]], Shot]
+) -> tuple[Shot, str]:
+    """Open what a run reads of a shot: gaps elsewhere are no matter.
 
     Args:
         numbers: of the frames to write.
-        preroll: frames before each range; None is the default of any ratio.
+        preroll: frames before each range; None is the default of the ratio.
+        open_frames: opens the frames from a first to a last number; ShotError where one between is missing.
+
+    Returns:
+        The shot, and a note: where a frame before the preroll is missing, exposure is measured after it.
     """
     before = (LONGEST_PREROLL if preroll is None else preroll) + EXPOSURE_FRAMES
-    return max(0, numbers.first - before), numbers.last
+    try:
+        return open_frames((max(0, numbers.first - before), numbers.last)), ""
+    except ShotError as error:
+        least = LEAST_PREROLL if preroll is None else preroll
+        shot = open_frames((max(0, numbers.first - least), numbers.last))
+        return shot, f"History and exposure begin at frame {shot.first_number}: {error.problem}."
 
 
 def plan_frames(shot: Shot, numbers: FrameNumbers | None, preroll: int) -> FramePlan:
@@ -103,7 +116,10 @@ def plan_frames(shot: Shot, numbers: FrameNumbers | None, preroll: int) -> Frame
     stretches: list[Stretch] = []
     for first, last in numbers.ranges:
         index, stop = first - begin, last - begin + 1
-        start = max(shot.last_cut(index), index - preroll)
+        cut = shot.last_cut(index)
+        start = max(cut, index - preroll)
+        while start > cut and not shot.is_shaded(start):  # history begins with colour
+            start -= 1
         if stretches and start <= stretches[-1].stop:
             start = stretches.pop().start
         stretches.append(Stretch(start, stop))

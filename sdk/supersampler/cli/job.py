@@ -1,6 +1,6 @@
 """`UpscaleJob`: input, settings and output of one run, and the Upscaler for it."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -28,6 +28,7 @@ class UpscaleJob:
     Attributes:
         shot: the frames.
         output: folder of the images.
+        source: the options by which the shot was opened, which its images depend on.
         images: their names, formats and encodings.
         numbers: of the frames to write; None is all of them.
         preroll: frames before those from which their history is built; None with `numbers` is
@@ -52,6 +53,7 @@ class UpscaleJob:
 
     shot: Shot
     output: Path
+    source: Mapping[str, str] = field(default_factory=dict)
     images: ImageOptions = field(default_factory=ImageOptions)
     numbers: FrameNumbers | None = None
     preroll: int | None = None
@@ -143,4 +145,5 @@ class UpscaleJob:
             "extrapolation": None if extrapolation is None else dict(extrapolation.files),
             "display size": size_text(upscaler.display_size),
             **self.images.to_json(),
+            "source": dict(self.source),
         }

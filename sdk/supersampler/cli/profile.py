@@ -13,8 +13,7 @@ _MEANINGS = {
     "convert": "to this package's conventions; on the same thread",
     "step": "upscale; its threads' CPU time is in the last line only",
     "page": "bicubic, and encode the images of compare.html",
-    "show": "display transform of png, tif and mp4",
-    "write": "to half floats or integers, compress, write",
+    "write": "display transform, half floats or integers, compression, disk",
     "video": "encode",
 }
 

@@ -111,7 +111,8 @@ class Results:
         """Return the number of complete frames from the first on; only files of these runs count."""
         patterns = self.options.patterns
         if not patterns:  # a video alone is whole, or begins anew
-            return frame_count if self.is_newest(self.video) else 0
+            is_whole = self._record.files.get(self.video) == frame_count and self.is_newest(self.video)
+            return frame_count if is_whole else 0
         count = min([frame_count, *(self._record.files.get(pattern, 0) for pattern in patterns)])
         for position in range(count):
             paths = [frame_path(self.folder, pattern, self.number(position)) for pattern in patterns]
@@ -146,6 +147,10 @@ class Results:
             self._check_free(self._record, 0, [name])
             self._save(replace(self._record, files={**self._record.files, name: 1}))
         return self.folder / name
+
+    def end_file(self, name: str, frame_count: int) -> None:
+        """State how many frames the video has."""
+        self._save(replace(self._record, files={**self._record.files, name: frame_count}))
 
     def is_newest(self, name: str) -> bool:
         """Return whether the page or the video exists and no image is newer."""

@@ -67,6 +67,9 @@ def run_job(job: UpscaleJob) -> Results:
         video = job.images.video and not (first == count and results.is_newest(results.video))
         if first == count and not (page or video) and job.record is None:
             job.console.print(f"All {count} frames are there already.")
+            with RunProgress(job.console, 0, json=job.json) as progress:
+                progress.event("begin", shot=job.shot.name, frames=count, complete=count)
+                progress.event("end", frames=0, seconds=0.0, cpu_seconds=0.0, stages={})
             return results
         begins = 0 if job.record or video else min(first, count - COMPARE_FRAMES) if page else first
         try:
@@ -102,6 +105,8 @@ class _Run:
             progress.event("begin", shot=job.shot.name, frames=len(self._plan.numbers), complete=self._first)
             for stretch in stretches:
                 self._step_through(stretch, queue, compare, progress)
+        if video:
+            self._results.end_file(self._results.video, len(self._plan.numbers))
         wall, cpu = time.perf_counter() - began, time.process_time() - cpu
         self._print_summary(wall)
         if job.profile:
@@ -195,7 +200,7 @@ class _Run:
                 exposure=exposure,
                 aovs=result.aovs,
                 aov_names=item.raw.aov_names,
-                metadata=job.shot.read_metadata(item.index),
+                metadata=job.shot.read_metadata(item.index) if "exr" in job.images.formats else None,
             )
             images = job.images if position >= self._first else replace(job.images, formats=())
             shown = images.write(job.output, number, output)

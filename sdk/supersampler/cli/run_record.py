@@ -46,8 +46,8 @@ class RunRecord:
 
     Attributes:
         settings: all that the images depend on; JSON values.
-        files: number of files, from the first frame on, by pattern such as `exr/####.exr`; 1 for `page` and
-            `video`.
+        files: number of files, from the first frame on, by pattern such as `exr/####.exr`; 1 for the page,
+            the number of frames for the video.
         recording: the folder that the run records to, or None.
     """
 
@@ -115,7 +115,8 @@ def read_run_record(folder: Path, name: str = FILE_NAME) -> RunRecord | None:
     record = RunRecord(content, files, recording if isinstance(recording, str) else None)
     _check_numbers(path, record)
     for pattern, count in files.items():
-        most = 1 if pattern in record.single else _MAX_FILES if _is_written(pattern) else -1
+        page, video = record.single
+        most = 1 if pattern == page else _MAX_FILES if pattern == video or _is_written(pattern) else -1
         if type(count) is not int or not 0 <= count <= most:
             raise ShotError(path, f"lists {pattern!r}: {count!r}, which no run writes", _START_OVER)
     return record

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from supersampler.cli.image_options import ImageOptions
     from supersampler.cli.job import UpscaleJob
     from supersampler.io.shot import Shot
+    from supersampler.io.shot.frame_numbers import FrameNumbers
 
 _SUFFIXES = (".exr", ".png", ".tif", ".tiff", ".json", ".safetensors")  # folders may have dots in their names
 Compression = Literal["zip", "dwaa", "piz", "none"]
@@ -168,7 +169,6 @@ def upscale(
       supersampler upscale "renders/beauty.####.exr" -o out --conventions blender --frames 100-199
       supersampler upscale shots/* -o out --format exr --format mp4 --view "ACES 2.0 - SDR 100 nits (Rec.709)"
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
-    from supersampler.cli.frame_plan import frames_to_open
     from supersampler.cli.job import UpscaleJob
     from supersampler.io.shot.frame_numbers import FrameNumbers
 
@@ -186,7 +186,6 @@ def upscale(
         "cuts": cuts,
         "reference": reference,
         "color_space": color_space,
-        "frames": None if numbers is None else frames_to_open(numbers, preroll),
     }
     shown = {"ocio": ocio, "display": display, "view": view, "look": look, "exposure": exposure}
     settings: dict[str, Any] = {
@@ -207,6 +206,7 @@ def upscale(
         "overwrite": overwrite,
         "profile": profile,
         "json": json,
+        "source": {name: str(value) for name, value in source.items() if value is not None},
     }
     folders = _folders(shots, output)
     if record is not None and len(folders) > 1:
@@ -214,9 +214,11 @@ def upscale(
     failed = 0
     for text, folder in folders.items():
         try:
-            shot = open_with(text, **source)
+            shot, note = _opened(text, source, numbers, preroll)
             images = _image_options(shot, format, name, compression, shown)
             job = UpscaleJob(shot=shot, output=folder, images=images, **settings, record=record)
+            if note:
+                job.console.print(note, markup=False, soft_wrap=True)
             _run(job)
         except (SupersamplerError, OSError) as error:
             if len(folders) == 1:
@@ -227,12 +229,23 @@ def upscale(
         raise typer.Exit(1)
 
 
+def _opened(
+    text: str, source: dict[str, Any], numbers: "FrameNumbers | None", preroll: int | None
+) -> tuple["Shot", str]:
+    """Open a shot, or what the frames of these numbers need of it; return also a note to print, or ""."""
+    from supersampler.cli.frame_plan import open_for
+
+    if numbers is None:
+        return open_with(text, **source), ""
+    return open_for(numbers, preroll, lambda frames: open_with(text, **source, frames=frames))
+
+
 def _run(job: "UpscaleJob") -> None:
     """Run a job, and print what to open."""
     from supersampler.cli.run import run_job
 
     for note in source_notes(job.shot):
-        job.console.print(note, markup=False)
+        job.console.print(note, markup=False, soft_wrap=True)
     results = run_job(job)
     if job.json:
         return

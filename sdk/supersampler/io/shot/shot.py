@@ -264,6 +264,10 @@ class Shot:
             index -= 1
         return index
 
+    def is_shaded(self, index: int) -> bool:
+        """Return whether a frame has colour."""
+        return self._entries[index].shaded
+
     def exposure(self, index: int) -> float | None:
         """Return the exposure that the shot states for a frame; None where it is measured."""
         return self._entries[index].exposure
