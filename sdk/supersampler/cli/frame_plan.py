@@ -19,7 +19,7 @@ a frame: of the exposure before these frames 0.9^96 is left, 4e-5."""
 
 
 @dataclass(frozen=True, slots=True)
-class Stretch:
+class Segment:
     """Indices of frames to step through: `start`, which begins without a history, to `stop` - 1."""
 
     start: int
@@ -32,12 +32,12 @@ class FramePlan:
 
     Attributes:
         numbers: of the frames that are written.
-        stretches: in order, those that lead to the frames.
+        segments: in order, those that lead to the frames.
         first_number: number of the frame with index 0.
     """
 
     numbers: FrameNumbers
-    stretches: tuple[Stretch, ...]
+    segments: tuple[Segment, ...]
     first_number: int
 
     def position(self, index: int) -> int | None:
@@ -45,18 +45,18 @@ class FramePlan:
         number = self.first_number + index
         return self.numbers.position(number) if number in self.numbers else None
 
-    def rest(self, shot: Shot, position: int) -> list[Stretch]:
+    def rest(self, shot: Shot, position: int) -> list[Segment]:
         """Return what is stepped through to write the frames from a position on."""
         if position >= len(self.numbers):
             return []
         index = self.numbers[position] - self.first_number
         return [
-            Stretch(
-                max(stretch.start, shot.last_cut(min(max(index, stretch.start), stretch.stop - 1))),
-                stretch.stop,
+            Segment(
+                max(segment.start, shot.last_cut(min(max(index, segment.start), segment.stop - 1))),
+                segment.stop,
             )
-            for stretch in self.stretches
-            if stretch.stop > index
+            for segment in self.segments
+            if segment.stop > index
         ]
 
 
@@ -98,7 +98,7 @@ def plan_frames(shot: Shot, numbers: FrameNumbers | None, preroll: int) -> Frame
 
     Args:
         shot: the shot.
-        numbers: of the frames to write; None is all of them, in one stretch.
+        numbers: of the frames to write; None is all of them, in one segment.
         preroll: number of frames before a range that build its history, as far as there are and no cut is
             among them.
 
@@ -107,20 +107,20 @@ def plan_frames(shot: Shot, numbers: FrameNumbers | None, preroll: int) -> Frame
     """
     begin, end = shot.first_number, shot.first_number + len(shot) - 1
     if numbers is None:
-        return FramePlan(FrameNumbers(((begin, end),)), (Stretch(0, len(shot)),), begin)
+        return FramePlan(FrameNumbers(((begin, end),)), (Segment(0, len(shot)),), begin)
     missing = next(
         (number for a, b in numbers.ranges for number in (a, b) if not begin <= number <= end), None
     )
     if missing is not None:
         raise ShotError(shot.path, f"has no frame {missing}", f"Its frames are {begin} to {end}.")
-    stretches: list[Stretch] = []
+    segments: list[Segment] = []
     for first, last in numbers.ranges:
         index, stop = first - begin, last - begin + 1
         cut = shot.last_cut(index)
         start = max(cut, index - preroll)
         while start > cut and not shot.is_shaded(start):  # history begins with colour
             start -= 1
-        if stretches and start <= stretches[-1].stop:
-            start = stretches.pop().start
-        stretches.append(Stretch(start, stop))
-    return FramePlan(numbers, tuple(stretches), begin)
+        if segments and start <= segments[-1].stop:
+            start = segments.pop().start
+        segments.append(Segment(start, stop))
+    return FramePlan(numbers, tuple(segments), begin)

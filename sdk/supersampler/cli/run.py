@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import typer
 
-from supersampler.cli.frame_plan import EXPOSURE_FRAMES, FramePlan, Stretch
+from supersampler.cli.frame_plan import EXPOSURE_FRAMES, FramePlan, Segment
 from supersampler.cli.frame_warnings import frame_warnings
 from supersampler.cli.image_options import OutputImage
 from supersampler.cli.job import UpscaleJob
@@ -94,8 +94,8 @@ class _Run:
     def upscale(self, begins: int, *, page: bool, video: bool) -> None:
         """Step through the frames that lead to those from position `begins` on."""
         job, began, cpu = self._job, time.perf_counter(), time.process_time()
-        stretches = self._plan.rest(job.shot, begins)
-        total = sum(stretch.stop - stretch.start for stretch in stretches)
+        segments = self._plan.rest(job.shot, begins)
+        total = sum(segment.stop - segment.start for segment in segments)
         with (
             run_page(job, self._upscaler, self._results) if page else nullcontext() as compare,
             self._video() if video else nullcontext() as film,
@@ -103,8 +103,8 @@ class _Run:
             OutputQueue[Written](partial(self._finish, film, progress)) as queue,
         ):
             progress.event("begin", shot=job.shot.name, frames=len(self._plan.numbers), complete=self._first)
-            for stretch in stretches:
-                self._step_through(stretch, queue, compare, progress)
+            for segment in segments:
+                self._step_through(segment, queue, compare, progress)
         if video:
             self._results.end_file(self._results.video, len(self._plan.numbers))
         wall, cpu = time.perf_counter() - began, time.process_time() - cpu
@@ -123,12 +123,12 @@ class _Run:
         shot, size = self._job.shot, self._upscaler.display_size or self._job.shot.render_size
         return video_writer(self._results.begin_file(self._results.video), size, shot.frame_rate or 24.0)
 
-    def _exposure_at(self, stretch: Stretch) -> float | None:
-        """Return the exposure that a run of the whole shot has at the first frame of a stretch.
+    def _exposure_at(self, segment: Segment) -> float | None:
+        """Return the exposure that a run of the whole shot has at the first frame of a segment.
 
         None where a cut begins it.
         """
-        shot, start = self._job.shot, stretch.start
+        shot, start = self._job.shot, segment.start
         cut = shot.last_cut(start)
         if cut == start:
             return None
@@ -146,22 +146,22 @@ class _Run:
 
     def _step_through(
         self,
-        stretch: Stretch,
+        segment: Segment,
         queue: OutputQueue[Written],
         page: RunPage | None,
         progress: RunProgress,
     ) -> None:
-        job, meter, exposure_at_start = self._job, ExposureMeter(), self._exposure_at(stretch)
+        job, meter, exposure_at_start = self._job, ExposureMeter(), self._exposure_at(segment)
         frames = job.shot.frames(
-            stretch.start,
-            stretch.stop,
+            segment.start,
+            segment.stop,
             gbuffers=self._upscaler.gbuffers,
             references=page is not None,
             times=self._times,
         )
         for item in frames:
             frame, number = item.frame, job.shot.first_number + item.index
-            if item.index == stretch.start and exposure_at_start is not None:
+            if item.index == segment.start and exposure_at_start is not None:
                 frame = replace(frame, reset=True, exposure=exposure_at_start)
             before = self._upscaler.stats.seconds
             with _named(job, number), self._times.measure("step"):
