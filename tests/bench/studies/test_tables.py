@@ -9,6 +9,7 @@ from studies import (
     ablation,
     blender_budget,
     chunks,
+    long_shot,
     older_processors,
     oracle,
     output_compression,
@@ -58,6 +59,7 @@ ROOT = Path(__file__).parents[3]
         ("how-to/farm", "preroll", "preroll", preroll.markdown_table),
         ("how-to/farm", "preroll at rest", "preroll", preroll.still_table),
         ("how-to/farm", "chunks", "chunks", chunks.markdown_table),
+        ("how-to/upscale-sequences", "whole runs", "whole-runs", long_shot.markdown_table),
         ("tutorials/pyvista", "pyvista", "pyvista", pyvista_table.markdown_table),
     ],
 )
