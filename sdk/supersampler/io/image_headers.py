@@ -7,9 +7,9 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from OpenImageIO import ImageSpec
 
+from supersampler.io.display_transforms import REC709
 from supersampler.io.image_reading import opened, read_types
 
-DEFAULT_COLOR_SPACE = "lin_rec709"
 UNKNOWN_COLOR_SPACE = "unknown"
 """Of files with primaries that are none of those below."""
 
@@ -37,7 +37,7 @@ _LAYOUT = re.compile(
 _MOST_ENTRIES, _LONGEST_TEXT, _MOST_VALUES = 256, 4096, 64
 _WHITE_D65, _WHITE_ACES = (0.3127, 0.3290), (0.32168, 0.33767)
 _PRIMARIES = {
-    "lin_rec709": (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, *_WHITE_D65),
+    REC709: (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, *_WHITE_D65),
     "ACEScg": (0.713, 0.293, 0.165, 0.830, 0.128, 0.044, *_WHITE_ACES),
     "ACES2065-1": (0.7347, 0.2653, 0.0, 1.0, 0.0001, -0.0770, *_WHITE_ACES),
     "lin_rec2020": (0.708, 0.292, 0.170, 0.797, 0.131, 0.046, *_WHITE_D65),
@@ -97,14 +97,14 @@ def read_color_space(path: Path | str) -> str:
     P3-D65: "unknown".
     """
     with opened(path) as (source, kind):
-        return _color_space(source.spec()) if kind == "exr" else DEFAULT_COLOR_SPACE
+        return _color_space(source.spec()) if kind == "exr" else REC709
 
 
 def _color_space(spec: ImageSpec) -> str:
     stated = _INTEROP_IDS.get(spec.get_string_attribute("colorInteropID"))
     primaries = spec.getattribute("chromaticities")
     if stated is not None or not isinstance(primaries, tuple) or len(primaries) != 8:
-        return stated or DEFAULT_COLOR_SPACE
+        return stated or REC709
     for name, known in _PRIMARIES.items():
         if np.allclose(primaries, known, rtol=0, atol=_TOLERANCE):
             return name

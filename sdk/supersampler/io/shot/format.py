@@ -9,7 +9,7 @@ from pathlib import Path, PurePosixPath
 from supersampler.conventions import Conventions
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.frame import Size
-from supersampler.io.image_headers import DEFAULT_COLOR_SPACE
+from supersampler.io.display_transforms import REC709
 from supersampler.io.json_fields import Field, read_json
 from supersampler.io.limits import IMAGE_CHANNELS, SHOT_FRAMES
 
@@ -51,7 +51,7 @@ class ShotInfo:
     first_number: int = 0
     file_names: str = "####"
     aov_names: tuple[str, ...] = ()
-    color_space: str = DEFAULT_COLOR_SPACE
+    color_space: str = REC709
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,7 +111,7 @@ def load_shot_json(path: Path) -> tuple[ShotInfo, list[FrameEntry]]:
         first_number=header.read("first_number", lambda n: n.whole(0, LARGEST_NUMBER), 0),
         file_names=header.read("file_names", _file_names, "####"),
         aov_names=header.read("aov_names", _aov_names, ()),
-        color_space=header.read("color_space", Field.text, DEFAULT_COLOR_SPACE),
+        color_space=header.read("color_space", Field.text, REC709),
     )
     entries = [frame_entry(item) for item in header["frames"].items(SHOT_FRAMES)]
     if not entries:

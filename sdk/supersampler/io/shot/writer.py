@@ -25,7 +25,8 @@ from supersampler.io.atomic import (
     remove_partial_files,
     write_text,
 )
-from supersampler.io.image_headers import DEFAULT_COLOR_SPACE, Metadata
+from supersampler.io.display_transforms import REC709
+from supersampler.io.image_headers import Metadata
 from supersampler.io.json_fields import read_json
 from supersampler.io.shot.format import FILE_NAME, FrameEntry, ShotInfo, files_of, load_shot_json, shot_json
 from supersampler.io.shot.frame_files import ClassMaps, has_display_file, write_frame, write_reference
@@ -73,7 +74,7 @@ class ShotWriter:
         attribution: tuple[str, ...] | list[str] = (),
         first_number: int = 0,
         file_names: str = "####",
-        color_space: str = DEFAULT_COLOR_SPACE,
+        color_space: str = REC709,
         resume: bool = False,
         variant: str | None = None,
         compression: str = "zip",
