@@ -44,7 +44,7 @@ Compression = Literal["zip", "dwaa", "piz", "none"]
 Shots = Annotated[
     list[str],
     typer.Argument(
-        metavar="SHOT...", help="A shot, a folder of frames, a pattern such as beauty.####.exr, or plaza."
+        metavar="SHOT", help="A shot, a folder of frames, a pattern such as beauty.####.exr, or plaza."
     ),
 ]
 
