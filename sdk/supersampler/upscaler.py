@@ -50,13 +50,12 @@ class Upscaler:
         threads, precision, capture: see `Model.load`; not with a `Model`.
         executor: see `Model.load`; "auto" with a `Model`. "onnx" runs extrapolation in ONNX Runtime, too.
         skip: the tolerance of static-tile reuse. Where nothing moves and each frame is, bit for bit, what it
-            was one period of the jitter before, a tile is not computed: its image fades to the mean of the
-            samples of a period, and then is a copy. With a number, tiles settle before their period is whole
-            once the estimated error of the mean is at most this: root mean square of display values, in
-            [0, 1]. "auto" is half a step of an 8-bit image; "exact" computes every pixel by the method, as
-            the ONNX backend always does. "accumulate" is for path tracers: where nothing but noise changes,
-            the image becomes the mean of all samples since, without end. "recurrent" averages nothing where
-            nothing moves: images then depend on recent frames only, as chunks of one shot need.
+            was one jitter period before, the image of a tile fades to the mean of a period's samples, and then
+            is a copy. With a number, tiles settle earlier, once the estimated error of the mean is at most
+            this: root mean square of display values, in [0, 1]. "auto" is half a step of an 8-bit image;
+            "exact" computes every pixel by the method, as the ONNX backend always does. "accumulate" is for
+            path tracers: where only noise changes, all samples are averaged without end. "recurrent" averages
+            nothing: images depend on recent frames only, as chunks of a shot need.
         preset: "fast", "balanced" or "high" in place of `model`, `precision` and `skip`: Pareto-optimal
             settings of time and error (docs/pareto.md).
         extrapolation: model for `extrapolate`, which computes the colour of unshaded frames: "guided-warp",
@@ -381,8 +380,7 @@ class Upscaler:
             hint = "Extrapolation takes arrays alone: use `step`."
             raise ArgumentError("step_tensors", got="called with extrapolation", want="neither", hint=hint)
         if self.skip == "recurrent" and self.model.info.converges:
-            hint = "A graph on tensors always averages where nothing moves: use `step`."
-            raise ArgumentError("skip", got=repr(self.skip), want="another for step_tensors", hint=hint)
+            raise ArgumentError("skip", got=repr(self.skip), want="another for step_tensors", hint="Use `step`.")
         size, kept = size_of_tensors(tensors), None if reset else memory.history
         display = memory.display_size or display_size_of(size, self._scale)
         history = self.model.first_history(display, size) if kept is None else kept

@@ -108,10 +108,10 @@ def test_channels_are_read_to_their_values_with_the_conventions_given(tmp_path: 
 
 
 def test_other_channels_are_aovs_by_their_names_and_data_is_ignored_by_name(tmp_path: Path) -> None:
-    carried = ["beauty.A", "diffuse.R", "diffuse.G", "diffuse.B", "fog"]
+    blended = ["beauty.A", "diffuse.R", "diffuse.G", "diffuse.B", "fog"]
     data = ["crypto_object00.R", "P.X", "P.Y", "P.Z", "objectId", "motion.Z", "uv.U"]
     color = ["beauty.R", "beauty.G", "beauty.B"]
-    write_one(tmp_path / "in", *data, *carried, *color, *DEPTH, *MOTION)
+    write_one(tmp_path / "in", *data, *blended, *color, *DEPTH, *MOTION)
     shot = open_source(tmp_path / "in", conventions=OURS)
     assert set(shot.info.aov_names) == {"A", "diffuse.R", "diffuse.G", "diffuse.B", "fog"}
     assert set(shot.ignored_channels) == set(data)

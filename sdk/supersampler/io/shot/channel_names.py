@@ -1,4 +1,4 @@
-"""Recognise the channels of EXR files by their names, and decide which others are carried as AOVs."""
+"""Recognise the channels of EXR files by their names, and decide which others are AOVs."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import chain
@@ -65,9 +65,9 @@ def recognised_map(path: Path, channels: Iterable[str]) -> dict[str, list[str]] 
 def blended_and_ignored(
     types: Mapping[str, str], used: Mapping[str, Sequence[str]]
 ) -> tuple[list[str], list[str]]:
-    """Return the other channels of a file: those that are carried as AOVs, and those that are not.
+    """Return the other channels of a file: those that are AOVs, and those that are not read.
 
-    Ids, places, and further depth, vectors and normals are not carried: a blend of two of their values means
+    Ids, places, and further depth, vectors and normals are not read: a blend of two of their values means
     nothing. Nor are integers.
 
     Args:
@@ -76,8 +76,8 @@ def blended_and_ignored(
     """
     ours = set(chain.from_iterable(used.values()))
     others = [name for name in types if name not in ours]
-    carried = [name for name in others if types[name] in ("half", "float") and not _is_data(name)]
-    return carried, [name for name in others if name not in carried]
+    blended = [name for name in others if types[name] in ("half", "float") and not _is_data(name)]
+    return blended, [name for name in others if name not in blended]
 
 
 def _is_data(channel: str) -> bool:

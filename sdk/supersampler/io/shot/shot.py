@@ -53,7 +53,7 @@ class Shot:
     Attributes:
         path: the folder, its JSON file, or the .safetensors file.
         info: properties of all frames.
-        ignored_channels: channels of the first frame's file that an importer does not read, though it carries
+        ignored_channels: channels of the first frame's file that an importer does not read, though it reads
             others as AOVs: ids, and other data that cannot be blended.
     """
 
