@@ -8,7 +8,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, overload
 
-from supersampler.arguments import checked_names, checked_path, checked_scale, checked_size
+from supersampler.arguments import check_tensor_skip, checked_names, checked_path, checked_scale, checked_size
 from supersampler.backends.onnx.tensors import Tensor, checked_tensors, size_of_tensors, tensors_of_frame
 from supersampler.conventions.ratios import display_size_of
 from supersampler.errors import ArgumentError, shown
@@ -46,12 +46,11 @@ class Upscaler:
         scale: instead of `display_size`: display size over the first frame's render size, rounded to pixels.
         render_size: (width, height) of the frames. Only `warm_up` needs it; with `scale` it fixes the display
             size before the first frame. Frames may have other sizes.
-        providers: see `Model.load`; not with a `Model`.
-        threads, precision, capture: see `Model.load`; not with a `Model`.
+        providers, threads, precision, capture: see `Model.load`; not with a `Model`.
         executor: see `Model.load`; "auto" with a `Model`. "onnx" runs extrapolation in ONNX Runtime, too.
         skip: the tolerance of static-tile reuse. Where nothing moves and each frame is, bit for bit, what it
-            was one jitter period before, the image of a tile fades to the mean of a period's samples, and then
-            is a copy. With a number, tiles settle earlier, once the estimated error of the mean is at most
+            was one jitter period before, a tile's image fades to the mean of a period's samples, and then is
+            a copy. With a number, tiles settle earlier, once the estimated error of the mean is at most
             this: root mean square of display values, in [0, 1]. "auto" is half a step of an 8-bit image;
             "exact" computes every pixel by the method, as the ONNX backend always does. "accumulate" is for
             path tracers: where only noise changes, all samples are averaged without end. "recurrent" averages
@@ -379,8 +378,7 @@ class Upscaler:
         if self._extrapolator is not None:
             hint = "Extrapolation takes arrays alone: use `step`."
             raise ArgumentError("step_tensors", got="called with extrapolation", want="neither", hint=hint)
-        if self.skip == "recurrent" and self.model.info.converges:
-            raise ArgumentError("skip", got=repr(self.skip), want="another for step_tensors", hint="Use `step`.")
+        check_tensor_skip(self.skip, converges=self.model.info.converges)
         size, kept = size_of_tensors(tensors), None if reset else memory.history
         display = memory.display_size or display_size_of(size, self._scale)
         history = self.model.first_history(display, size) if kept is None else kept
