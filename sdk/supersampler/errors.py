@@ -70,6 +70,10 @@ class KernelError(SupersamplerError, RuntimeError):
     """Kernels of the CPU backend cannot be compiled or loaded; the message says why."""
 
 
+class DeviceError(SupersamplerError, RuntimeError):
+    """The GPU backend found no device, or the device failed; the message names the adapter and a remedy."""
+
+
 class BackendWarning(UserWarning):
     """A model runs on a slower backend; the message says why and what to install."""
 

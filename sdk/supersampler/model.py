@@ -43,12 +43,13 @@ from supersampler.history import AOVS, WORK, History, StepResult, check_historie
 from supersampler.methods.convergence import converged_of
 from supersampler.methods.cpu_backends import cpu_executor
 from supersampler.methods.gbuffers import check_gbuffers
+from supersampler.methods.gpu_backends import gpu_executor
 from supersampler.methods.model_file import read_model_info, read_upscaling_info
 from supersampler.methods.model_info import ModelInfo
 
 __all__ = ["TOLERANCE", "ExecutorName", "Model", "Precision", "Skip"]
 
-ExecutorName = Literal["auto", "onnx", "cpu"]
+ExecutorName = Literal["auto", "onnx", "cpu", "gpu"]
 Precision = Literal["auto", "fp32", "fp16", "int8"]
 
 
@@ -101,7 +102,7 @@ class Model:
             threads: number of CPU threads; 0 uses every core.
             executor: "onnx" runs the model's graph in ONNX Runtime; "cpu" runs kernels compiled for this
                 processor, which is several times as fast; "auto" uses "cpu" if the provider is the CPU and
-                the model has kernels.
+                the model has kernels; "gpu" runs shaders on any GPU (`pip install "supersampler[gpu]"`).
             precision: precision of the network: "int8", which the CPU backend always uses; "fp32" or "fp16"
                 with the ONNX backend. Everything else is fp32.
             capture: CUDA and TensorRT capture the step with tensors as a CUDA graph and replay it; a new size
@@ -118,6 +119,9 @@ class Model:
         info = read_upscaling_info(checked_path("model", name_or_path))
         names = resolve_providers(providers)
         aov_blender = AovBlender(info, session_options(threads))
+        if executor == "gpu":
+            shaders = gpu_executor(info, precision, capture=capture)
+            return cls(info, shaders, aov_blender, [CPU], threads)
         if executor != "onnx" and not capture and list(names) == [CPU]:
             required = executor == "cpu" or precision == "int8"
             kernels = cpu_executor(info, threads, required=required)

@@ -38,7 +38,7 @@ def cpu_executor(info: ModelInfo, threads: int, *, required: bool = False) -> Ex
     Warns:
         BackendWarning: kernels cannot be compiled; once in a process.
     """
-    kernels = _kernels_of(info)
+    kernels = kernels_of(info)
     if kernels is None or not has_known_history(info, kernels):
         return None
     check_constants(info, kernels)
@@ -84,7 +84,7 @@ def _fall_back(error: KernelError, *, required: bool) -> None:
         )
 
 
-def _kernels_of(info: ModelInfo) -> str | None:
+def kernels_of(info: ModelInfo) -> str | None:
     if "network.npz" in info.files:
         return "classifier"
     if info.method == "taau":

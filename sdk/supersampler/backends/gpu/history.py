@@ -1,0 +1,142 @@
+"""History on the device: planes of pixels in textures and buffers, and values of a whole frame."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from supersampler.backends.gpu.memory import Memory, buffer_of, read_back, texture_of, write_to
+from supersampler.frame import Float32, Size
+from supersampler.methods.spec import DISPLAY, HALF, PREVIOUS, MethodSpec
+
+if TYPE_CHECKING:
+    import wgpu
+
+STATE = "state"
+STATE_VALUES = 8
+"""Of the shader's `State`: signed exposure, flash, two unused, light."""
+_STATE_TENSORS = {"exposure": slice(0, 1), "light": slice(4, 8)}
+Packed = NDArray[Any]
+
+
+class Codec(NamedTuple):
+    """Conversion of a plane between its bytes and (H, W, channels) float32."""
+
+    unpack: Callable[[Packed], Float32]
+    pack: Callable[[Float32], Packed]
+
+
+class Plane(NamedTuple):
+    """A plane of a history.
+
+    Attributes:
+        extent: DISPLAY, HALF or PREVIOUS, the render size.
+        words: words of four bytes of a pixel. Four: a texture rgba32float; else a buffer.
+        codec: None where the words are float32.
+    """
+
+    extent: tuple[str, str]
+    words: int = 4
+    codec: Codec | None = None
+
+    def size(self, display: Size, render: Size) -> Size:
+        """Return the plane's size, (width, height)."""
+        if self.extent == HALF:
+            return (display[0] + 1) // 2, (display[1] + 1) // 2
+        return {DISPLAY: display, PREVIOUS: render}[self.extent]
+
+
+@dataclass(frozen=True)
+class HistoryLayout:
+    """Where the history tensors of a method are.
+
+    Attributes:
+        spec: the method.
+        planes: by name.
+        channels: of each tensor: plane and channel of each of its channels.
+    """
+
+    spec: MethodSpec
+    planes: Mapping[str, Plane]
+    channels: Mapping[str, tuple[tuple[str, int], ...]]
+
+
+def of_plane(plane: str, *channels: int) -> tuple[tuple[str, int], ...]:
+    """Return the entry of `HistoryLayout.channels` for channels of one plane."""
+    return tuple((plane, channel) for channel in channels)
+
+
+@dataclass(eq=False)
+class GpuHistory:
+    """Buffers of a history; zeros at first, which mean no history.
+
+    Attributes:
+        device: of the buffers.
+        layout: where the tensors are.
+        display: (width, height) of the images.
+        render: (width, height) of the previous frame.
+        jitter: of the previous frame, render pixels.
+        resources: buffers and texture views by name; "state" is that of a whole frame.
+    """
+
+    device: "wgpu.GPUDevice"
+    layout: HistoryLayout
+    display: Size
+    render: Size
+    jitter: tuple[float, float] = (0.0, 0.0)
+    memory: dict[str, Memory] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.memory = {STATE: buffer_of(self.device, 4 * STATE_VALUES)}
+        for name, plane in self.layout.planes.items():
+            size = plane.size(self.display, self.render)
+            if plane.words == 4:
+                self.memory[name] = texture_of(self.device, size)
+            else:
+                self.memory[name] = buffer_of(self.device, 4 * plane.words * size[0] * size[1])
+
+    def fits(self, display: Size, render: Size) -> bool:
+        """Return whether it is of these sizes."""
+        return (self.display, self.render) == (display, render)
+
+    def tensor(self, name: str) -> Float32:
+        """Return a history tensor of the contract (`history.NAME` or NAME), NCHW."""
+        name = name.removeprefix("history.")
+        if name == "jitter":
+            return np.array([self.jitter], np.float32)
+        if name in _STATE_TENSORS:
+            values = self._words(STATE)[_STATE_TENSORS[name]].view(np.float32)
+            return values.copy().reshape(self.layout.spec.history[name])
+        where = self.layout.channels[name]
+        pixels = {plane: self._pixels(plane) for plane, _ in where}
+        return np.stack([pixels[plane][..., channel] for plane, channel in where])[None]
+
+    def load(self, tensors: Mapping[str, NDArray[Any]]) -> None:
+        """Fill the buffers from all history tensors of the contract."""
+        tensors = {name.removeprefix("history."): tensor for name, tensor in tensors.items()}
+        self.jitter = (float(tensors["jitter"][0, 0]), float(tensors["jitter"][0, 1])) if "jitter" in tensors else (0.0, 0.0)
+        state = np.zeros(STATE_VALUES, np.float32)
+        for name, part in _STATE_TENSORS.items():
+            if name in tensors:
+                state[part] = tensors[name].reshape(-1)
+        write_to(self.device, self.memory[STATE], state)
+        for name, plane in self.layout.planes.items():
+            width, height = plane.size(self.display, self.render)
+            pixels = np.zeros((height, width, plane.words if plane.codec is None else 8), np.float32)
+            for tensor, where in self.layout.channels.items():
+                for i, (of, channel) in enumerate(where):
+                    if of == name:
+                        pixels[..., channel] = tensors[tensor][0, i]
+            packed = pixels if plane.codec is None else plane.codec.pack(pixels)
+            write_to(self.device, self.memory[name], packed)
+
+    def _words(self, name: str) -> NDArray[np.uint32]:
+        return read_back(self.device, self.memory[name])
+
+    def _pixels(self, name: str) -> Float32:
+        plane = self.layout.planes[name]
+        width, height = plane.size(self.display, self.render)
+        words = self._words(name).reshape(height, width, plane.words)
+        return words.view(np.float32) if plane.codec is None else plane.codec.unpack(words)

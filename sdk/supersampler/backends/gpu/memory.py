@@ -1,0 +1,113 @@
+"""Textures and buffers on the device, and copies between them and arrays."""
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from supersampler.frame import Size
+
+if TYPE_CHECKING:
+    import wgpu
+
+ROW = 256
+"""Rows of textures are copied to buffers at multiples of this many bytes."""
+TEXEL = 16
+"""Bytes of a pixel of rgba32float."""
+# usages, as WebGPU numbers them
+_MAP_READ = 1
+_COPY_SRC, _COPY_DST, _UNIFORM, _STORAGE = 4, 8, 64, 128
+_TEXTURE_COPY_SRC, _TEXTURE_COPY_DST, _SAMPLED, _STORED = 1, 2, 4, 8
+
+
+class Memory(NamedTuple):
+    """A buffer or a texture.
+
+    Attributes:
+        resource: what a bind group takes: the buffer, or a view of the texture.
+        bytes: its size.
+        texture: the texture; None for a buffer.
+    """
+
+    resource: Any
+    bytes: int
+    texture: Any = None
+
+
+def buffer_of(device: "wgpu.GPUDevice", size: int) -> Memory:
+    """Allocate a storage buffer of at least `size` bytes, zeros."""
+    size = max(-(-size // 4) * 4, 16)
+    return Memory(device.create_buffer(size=size, usage=_STORAGE | _COPY_SRC | _COPY_DST), size)
+
+
+def uniform_of(device: "wgpu.GPUDevice", values: NDArray[Any]) -> "wgpu.GPUBuffer":
+    """Make a uniform buffer."""
+    return device.create_buffer_with_data(data=values, usage=_UNIFORM)
+
+
+def texture_of(device: "wgpu.GPUDevice", size: Size, texture_format: str = "rgba32float") -> Memory:
+    """Allocate a texture, zeros."""
+    texture = device.create_texture(
+        size=(*size, 1),
+        format=texture_format,
+        usage=_TEXTURE_COPY_SRC | _TEXTURE_COPY_DST | _SAMPLED | _STORED,
+    )
+    texel = {"rgba32float": TEXEL, "rgba32uint": TEXEL, "r32uint": 4}[texture_format]
+    return Memory(texture.create_view(), texel * size[0] * size[1], texture)
+
+
+def write_to(device: "wgpu.GPUDevice", memory: Memory, values: NDArray[Any]) -> None:
+    """Fill a buffer, or a texture rgba32float from (h, w, 4)."""
+    values = np.ascontiguousarray(values)
+    if memory.texture is None:
+        device.queue.write_buffer(memory.resource, 0, values)
+        return
+    height, width = values.shape[:2]
+    layout = {"offset": 0, "bytes_per_row": TEXEL * width, "rows_per_image": height}
+    device.queue.write_texture({"texture": memory.texture}, values, layout, (width, height, 1))
+
+
+def read_back(device: "wgpu.GPUDevice", memory: Memory) -> NDArray[np.uint32]:
+    """Return the words of a buffer, or of a texture rgba32float row by row."""
+    if memory.texture is None:
+        return np.frombuffer(device.queue.read_buffer(memory.resource), np.uint32).copy()
+    width, height = memory.texture.size[:2]
+    row = -(-TEXEL * width // ROW) * ROW
+    rows = device.create_buffer(size=row * height, usage=_COPY_SRC | _COPY_DST)
+    encoder = device.create_command_encoder()
+    source, target = {"texture": memory.texture}, {"buffer": rows, "bytes_per_row": row, "rows_per_image": height}
+    encoder.copy_texture_to_buffer(source, target, (width, height, 1))
+    device.queue.submit([encoder.finish()])
+    words = np.frombuffer(device.queue.read_buffer(rows), np.uint32).reshape(height, row // 4)
+    return words[:, : 4 * width].reshape(-1)
+
+
+class Readback:
+    """A storage buffer, and a second one in which the CPU reads its contents.
+
+    Args:
+        device: of the buffers.
+        shape: of the float32 array.
+
+    Attributes:
+        buffer: what shaders write.
+        bytes: of both.
+    """
+
+    def __init__(self, device: "wgpu.GPUDevice", shape: tuple[int, ...]) -> None:
+        memory = buffer_of(device, 4 * int(np.prod(shape)))
+        self.buffer, self.bytes = memory.resource, 2 * memory.bytes
+        self._mapped = device.create_buffer(size=memory.bytes, usage=_MAP_READ | _COPY_DST)
+
+    def encode(self, encoder: "wgpu.GPUCommandEncoder") -> None:
+        """Encode the copy."""
+        encoder.copy_buffer_to_buffer(self.buffer, 0, self._mapped, 0, self._mapped.size)
+
+    def copy_to(self, array: NDArray[np.float32]) -> None:
+        """Wait for the copy, and write it to a contiguous array."""
+        self._mapped.map_sync(mode=_MAP_READ)
+        try:
+            values = np.frombuffer(self._mapped.read_mapped(copy=False), np.float32)
+            np.copyto(array, values[: array.size].reshape(array.shape))
+        finally:
+            self._mapped.unmap()

@@ -1,0 +1,20 @@
+// Whether the surface of a pixel was visible in the previous frame.
+// import motion
+
+// Visibility in [0, 1]: 1 - twice the bilinear mean over the four samples around of how far each was closer by
+// the relative `margin`, fully from `margin` + `ramp` on.
+//   surface: depth after a morphological opening in its second channel; depth: of the pixel
+fn visibility(surface: texture_2d<f32>, depth: f32, at: vec2f, margin: f32, ramp: f32) -> f32 {
+    if (depth < 0.0) { return 1.0; }
+    let first = floor(at);
+    let t = at - first;
+    var occluded = 0.0;
+    for (var k = 0; k < 4; k++) {
+        let corner = vec2f(f32(k & 1), f32(k >> 1));
+        let before = textureLoad(surface, clamped(vec2i(first + corner), previous_size()), 0).y;
+        let weights = mix(1.0 - t, t, corner);
+        let closer = relative_depth_change(before, depth);
+        occluded += weights.x * weights.y * clamp((closer - margin) / ramp, 0.0, 1.0);
+    }
+    return max(1.0 - 2.0 * occluded, 0.0);
+}

@@ -1,0 +1,25 @@
+// Flags of each sample for the display pixels near it: glare, motion, and opened means of neighbourhoods.
+// import convergence
+
+@group(0) @binding(1) var samples: texture_2d<f32>;
+@group(0) @binding(2) var<storage, read> own_motion: array<vec2f>;
+@group(0) @binding(3) var next_opening: texture_2d<f32>;
+@group(0) @binding(4) var flags: texture_storage_2d<r32uint, write>;
+
+@compute @workgroup_size(16, 16)
+fn main(@builtin(global_invocation_id) id: vec3u) {
+    let p = vec2i(id.xy);
+    if (!inside(p, render_size())) { return; }
+    var found = 0u;
+    for (var j = -2; j <= 2; j++) {
+        for (var i = -2; i <= 2; i++) {
+            let q = clamped(p + vec2i(i, j), render_size());
+            if (textureLoad(next_opening, q, 0).w > 0.0) { found |= OPENED_5X5; }
+            if (abs(i) <= 1 && abs(j) <= 1 && textureLoad(samples, q, 0).a < 0.0) { found |= GLARES_3X3; }
+            if (i >= 0 && i <= 1 && j >= 0 && j <= 1 && is_moving(own_motion[index_of(q, render_size())])) {
+                found |= MOVES_2X2;
+            }
+        }
+    }
+    textureStore(flags, p, vec4u(found));
+}

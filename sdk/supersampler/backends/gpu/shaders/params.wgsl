@@ -1,0 +1,22 @@
+// What a step is about: sizes, jitter, exposure. Every pass reads it.
+
+struct Params {
+    render: vec2f,            // size of this frame
+    display: vec2f,           // size of the image
+    previous: vec2f,          // render size of the previous frame
+    jitter: vec2f,            // of this frame, render pixels
+    previous_jitter: vec2f,
+    exposure: f32,            // given by the engine; 0: measure it
+    counts: f32,              // 1 where this frame adds samples to the mean of static pixels, else 0
+    writes_aux: f32,          // 1 where the auxiliary outputs are written
+}
+
+@group(0) @binding(0) var<uniform> params: Params;
+
+fn render_size() -> vec2i { return vec2i(params.render); }
+fn display_size() -> vec2i { return vec2i(params.display); }
+fn previous_size() -> vec2i { return vec2i(params.previous); }
+
+fn inside(p: vec2i, size: vec2i) -> bool { return all(p >= vec2i(0)) && all(p < size); }
+fn clamped(p: vec2i, size: vec2i) -> vec2i { return clamp(p, vec2i(0), size - 1); }
+fn index_of(p: vec2i, size: vec2i) -> u32 { return u32(p.y * size.x + p.x); }

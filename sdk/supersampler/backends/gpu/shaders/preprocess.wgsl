@@ -1,0 +1,149 @@
+// This frame at render size: sanitized, exposed and toned; depth, dilated motion and shade of neighbourhoods.
+// import params
+// import sanitize
+// import colors
+// import state
+// import frame
+
+const FIREFLY = 2.0;    // largest ratio of an exposed sample to its brightest neighbour plus white
+const MIN_WEIGHT = 1e-3;
+const SIDE = 16;
+const DEPTHS = SIDE + 4;   // side of the tile with two samples around
+const WIDE = SIDE + 2;     // with one sample around
+
+@group(0) @binding(1) var<storage, read> next_state: State;
+@group(0) @binding(2) var tones: texture_storage_2d<rgba32float, write>;      // toned RGB, 1 where usable
+@group(0) @binding(3) var samples: texture_storage_2d<rgba32float, write>;    // linear RGB, 1 usable, -1 glare
+@group(0) @binding(4) var dilated: texture_storage_2d<rgba32float, write>;    // motion, depth, edge
+@group(0) @binding(5) var next_surface: texture_storage_2d<rgba32float, write>;  // depth, opened; shade
+@group(0) @binding(6) var<storage, read_write> own_motion: array<vec2f>;
+@group(0) @binding(7) var<storage, read_write> light: array<vec2f>;           // sums of shade, by workgroup
+
+var<workgroup> depths: array<f32, DEPTHS * DEPTHS>;
+var<workgroup> eroded: array<f32, WIDE * WIDE>;
+var<workgroup> near: array<vec3f, WIDE * WIDE>;   // luma, 1 where usable, peak of the sample in the mean
+var<workgroup> shades: array<vec2f, SIDE * SIDE>;
+
+struct Sample {
+    color: vec3f,     // linear RGB, 0 where not usable
+    toned: vec3f,
+    usable: f32,
+    glares: bool,
+}
+
+fn sample_at(p: vec2i) -> Sample {
+    let given = color_at(p);
+    let usable = select(0.0, 1.0, all_valid(given));
+    let exposed = sanitize(given) * exposure_of(next_state);
+    let glares = largest(exposed) * usable > GLARING;
+    return Sample(sanitize(given) * usable, tone(exposed) * usable, usable, glares);
+}
+
+// Erosion of the depth at a sample inside the image.
+fn erode(p: vec2i, origin: vec2i) -> f32 {
+    var farthest = 1e30;
+    for (var j = -1; j <= 1; j++) {
+        for (var i = -1; i <= 1; i++) { farthest = min(farthest, depth_near(p + vec2i(i, j), origin)); }
+    }
+    return farthest;
+}
+
+fn depth_near(p: vec2i, origin: vec2i) -> f32 {
+    let q = clamped(p, render_size()) - origin + 2;
+    return depths[q.y * DEPTHS + q.x];
+}
+
+fn wide_index(p: vec2i, origin: vec2i) -> i32 {
+    let q = clamped(p, render_size()) - origin + 1;
+    return q.y * WIDE + q.x;
+}
+
+fn load_tile(origin: vec2i, thread: i32) {
+    for (var i = thread; i < DEPTHS * DEPTHS; i += SIDE * SIDE) {
+        let p = clamped(origin - 2 + vec2i(i % DEPTHS, i / DEPTHS), render_size());
+        depths[i] = usable_depth(depth_at(p));
+    }
+    for (var i = thread; i < WIDE * WIDE; i += SIDE * SIDE) {
+        let s = sample_at(clamped(origin - 1 + vec2i(i % WIDE, i / WIDE), render_size()));
+        let peak = select(largest(s.color) * exposure_of(next_state), 0.0, s.glares);
+        near[i] = vec3f(0.25 * (s.toned.r + s.toned.b) + 0.5 * s.toned.g, s.usable, peak);
+    }
+}
+
+// Motion, depth and relative range of depth: of the closest of each sample and its right and lower neighbours.
+fn dilate(p: vec2i, origin: vec2i) -> vec4f {
+    var best = p;
+    for (var k = 1; k < 4; k++) {
+        let q = clamped(p + vec2i(k & 1, k >> 1), render_size());
+        if (depth_near(q, origin) > depth_near(best, origin)) { best = q; }
+    }
+    var closest = depth_near(p, origin);
+    var farthest = closest;
+    for (var j = -1; j <= 1; j++) {
+        for (var i = -1; i <= 1; i++) {
+            let depth = depth_near(p + vec2i(i, j), origin);
+            closest = max(closest, depth);
+            farthest = min(farthest, depth);
+        }
+    }
+    let edge = clamp((closest - max(farthest, 0.0)) / max(closest, 1e-12), 0.0, 1.0);
+    return vec4f(usable_motion(motion_at(best)), depth_near(best, origin), edge);
+}
+
+fn opened(p: vec2i, origin: vec2i) -> f32 {
+    var closest = -1e30;
+    for (var j = -1; j <= 1; j++) {
+        for (var i = -1; i <= 1; i++) { closest = max(closest, eroded[wide_index(p + vec2i(i, j), origin)]); }
+    }
+    return closest;
+}
+
+// Mean and deviation of luma, and the brightest neighbour of the sample itself.
+fn shade(p: vec2i, origin: vec2i) -> vec3f {
+    var sums = vec3f(0.0);
+    var brightest = 0.0;
+    for (var j = -1; j <= 1; j++) {
+        for (var i = -1; i <= 1; i++) {
+            let n = near[wide_index(p + vec2i(i, j), origin)];
+            sums += vec3f(n.x, n.x * n.x, n.y);
+            if (i != 0 || j != 0) { brightest = max(brightest, n.z); }
+        }
+    }
+    sums /= 9.0;
+    let mean = sums.xy / max(sums.z, 1e-6);
+    let deviation = sqrt(max(mean.y - mean.x * mean.x, 0.0));
+    return vec3f(mean.x, select(1.0, deviation, sums.z > MIN_WEIGHT), brightest);
+}
+
+@compute @workgroup_size(SIDE, SIDE)
+fn main(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u,
+        @builtin(local_invocation_id) local: vec3u, @builtin(local_invocation_index) index: u32) {
+    let origin = SIDE * vec2i(group.xy);
+    let p = origin + vec2i(local.xy);
+    let thread = i32(index);
+    load_tile(origin, thread);
+    workgroupBarrier();
+    for (var i = thread; i < WIDE * WIDE; i += SIDE * SIDE) {
+        eroded[i] = erode(clamped(origin - 1 + vec2i(i % WIDE, i / WIDE), render_size()), origin);
+    }
+    workgroupBarrier();
+    shades[index] = vec2f(0.0);
+    if (inside(p, render_size())) {
+        let s = sample_at(p);
+        let shaded = shade(p, origin);
+        let most = FIREFLY * (1.0 + shaded.z);
+        let peak = largest(s.color) * exposure_of(next_state);
+        let usable = select(s.usable, -1.0, s.glares);
+        textureStore(tones, p, vec4f(s.toned, s.usable));
+        textureStore(samples, p, vec4f(select(s.color * (most / max(peak, most)), vec3f(0.0), s.glares), usable));
+        textureStore(dilated, p, dilate(p, origin));
+        textureStore(next_surface, p, vec4f(depth_near(p, origin), opened(p, origin), shaded.xy));
+        own_motion[index_of(p, render_size())] = usable_motion(motion_at(p));
+        shades[index] = vec2f(shaded.x, shaded.y * shaded.y);
+    }
+    for (var half = SIDE * SIDE / 2; half > 0; half /= 2) {
+        workgroupBarrier();
+        if (thread < half) { shades[thread] += shades[thread + half]; }
+    }
+    if (thread == 0) { light[group.y * groups.x + group.x] = shades[0]; }
+}

@@ -1,0 +1,115 @@
+// Compare the samples with the mean where they are: which samples open their pixels, because they differ from
+// it in another way than before. Twin of `measure_residuals`.
+// import convergence
+// import state
+
+const COVERED = 0.999;    // of four bilinear weights
+const DARK = 0.002;
+const LEARNED = 12.0;
+const MARGIN = 1.5 / 255.0;
+const MARGIN_LEARNING = 8.0 / 255.0;
+const SPREADS = 1.5;
+const MOST_LEARNING = 48.0 / 255.0;
+const UNBOUNDED = 4.0;
+const SIDE = 16;
+const WIDE = SIDE + 4;
+
+@group(0) @binding(1) var<storage, read> next_state: State;
+@group(0) @binding(2) var samples: texture_2d<f32>;
+@group(0) @binding(3) var<storage, read> own_motion: array<vec2f>;
+@group(0) @binding(4) var history_still: texture_2d<f32>;
+@group(0) @binding(5) var history_opening: texture_2d<f32>;
+@group(0) @binding(6) var next_opening: texture_storage_2d<rgba32float, write>;   // low, high, learned, opens
+
+var<workgroup> residuals: array<vec2f, WIDE * WIDE>;   // difference, 1 where it counts
+var<workgroup> known: array<vec2f, WIDE * WIDE>;       // 1 where there is a mean; part of it that is doubted
+
+fn shown_luma(exposed: vec3f) -> f32 {
+    let luma = luminance(exposed);
+    return sqrt(luma / (1.0 + luma) + DARK);
+}
+
+struct Mean {
+    color: vec3f,
+    ready: f32,      // part of the four pixels with a mean
+    doubted: f32,    // part of them opened by the previous frame
+}
+
+fn mean_at(sample: vec2i) -> Mean {
+    let at = (vec2f(sample) + 0.5 + params.jitter) * params.display / params.render - 0.5;
+    let first = floor(at);
+    var mean = Mean(vec3f(0.0), 0.0, 0.0);
+    for (var k = 0; k < 4; k++) {
+        let q = first + vec2f(f32(k & 1), f32(k >> 1));
+        let weight = tent(q.x - at.x) * tent(q.y - at.y);
+        let pixel = textureLoad(history_still, clamped(vec2i(q), display_size()), 0);
+        mean.color += weight * pixel.rgb;
+        mean.ready += select(0.0, weight, abs(pixel.a) > READY);
+        mean.doubted += select(0.0, weight, pixel.a < 0.0);
+    }
+    return mean;
+}
+
+fn compare(sample: vec2i, i: i32) {
+    residuals[i] = vec2f(0.0);
+    known[i] = vec2f(0.0);
+    if (!inside(sample, render_size()) || is_moving(own_motion[index_of(sample, render_size())])) { return; }
+    let mean = mean_at(sample);
+    if (mean.ready <= COVERED) { return; }
+    let color = textureLoad(samples, sample, 0);
+    let exposure = exposure_of(next_state);
+    let difference = shown_luma(color.rgb * exposure) - shown_luma(mean.color * exposure);
+    known[i] = vec2f(1.0, mean.doubted);
+    residuals[i] = select(vec2f(0.0), vec2f(difference, 1.0), color.a > 0.0);
+}
+
+struct Residual {
+    mean: f32,
+    spread: f32,
+}
+
+fn residual_near(cell: vec2i) -> Residual {
+    var sums = vec3f(0.0);
+    for (var j = 0; j < 5; j++) {
+        for (var i = 0; i < 5; i++) {
+            let r = residuals[(cell.y + j) * WIDE + cell.x + i];
+            sums += vec3f(r.x, r.x * r.x, r.y);
+        }
+    }
+    let count = max(sums.z, 1e-6);
+    let mean = sums.x / count;
+    return Residual(mean, sqrt(max(sums.y / count - mean * mean, 0.0)));
+}
+
+@compute @workgroup_size(SIDE, SIDE)
+fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local: vec3u,
+        @builtin(local_invocation_index) index: u32) {
+    let origin = SIDE * vec2i(group.xy);
+    for (var i = i32(index); i < WIDE * WIDE; i += SIDE * SIDE) {
+        compare(origin - 2 + vec2i(i % WIDE, i / WIDE), i);
+    }
+    workgroupBarrier();
+    let p = origin + vec2i(local.xy);
+    if (!inside(p, render_size())) { return; }
+    let cell = vec2i(local.xy);
+    let here = known[(cell.y + 2) * WIDE + cell.x + 2];
+    if (here.x == 0.0) {
+        textureStore(next_opening, p, vec4f(0.0));
+        return;
+    }
+    let residual = residual_near(cell);
+    var before = vec3f(0.0);
+    if (all(params.previous == params.render)) { before = textureLoad(history_opening, p, 0).xyz; }
+    let learning = before.z < LEARNED;
+    let margin = select(MARGIN, min(MARGIN_LEARNING + SPREADS * residual.spread, MOST_LEARNING), learning);
+    let below = residual.mean < before.x - margin;
+    let above = residual.mean > before.y + margin;
+    let opens = below || above;
+    let learns = learning && !opens;
+    let low = select(select(before.x, min(before.x, residual.mean), learns), -UNBOUNDED, above);
+    let high = select(select(before.y, max(before.y, residual.mean), learns), UNBOUNDED, below);
+    let step = params.render.x * params.render.y / (params.display.x * params.display.y);
+    let learned = min(before.z + select(0.0, step, learns), LEARNED);
+    let keeps = select(0.0, 1.0, here.y <= 0.0);
+    textureStore(next_opening, p, vec4f(keeps * vec3f(low, high, learned), select(0.0, 1.0, opens)));
+}

@@ -1,0 +1,47 @@
+// Invalid values, by bit pattern: WGSL lets an implementation assume that NaN and Inf do not occur,
+// so that comparisons of floats may not find them. Patterns of positive floats have the order of the floats.
+
+const MAX_HALF = 65504.0;
+const UNKNOWN_DEPTH = -1.0;   // below the sky's 0: never the closest, never disoccluded
+const MAX_HALF_BITS = 0x477fe000u;
+const MAX_DEPTH_BITS = 0x7149f2cau;   // 1e30
+const LONGEST_BITS = 0x7f61b1e6u;     // 3e38
+const SIGN = 0x80000000u;
+const FAR = 1e6;              // pixels: longer motion is clamped
+const INFINITY_BITS = 0x7f800000u;
+const DARKNESS = 1e-12;       // fading averages would otherwise end as denormals
+const DARKNESS_BITS = 0x2b8cbcccu;
+
+// Whether a value is in [0, 65504]; -0 is.
+fn is_valid(value: f32) -> bool {
+    let bits = bitcast<u32>(value);
+    return bits <= MAX_HALF_BITS || bits == SIGN;
+}
+
+fn all_valid(color: vec3f) -> bool { return is_valid(color.r) && is_valid(color.g) && is_valid(color.b); }
+
+// Channels that are not in [0, 65504] become 0.
+fn sanitize(color: vec3f) -> vec3f {
+    return select(vec3f(0.0), color, vec3<bool>(is_valid(color.r), is_valid(color.g), is_valid(color.b)));
+}
+
+// NaN and Inf become zero motion.
+fn usable_motion(motion: vec2f) -> vec2f {
+    let known = (bitcast<vec2u>(motion) & vec2u(~SIGN)) <= vec2u(LONGEST_BITS);
+    return select(vec2f(0.0), clamp(motion, vec2f(-FAR), vec2f(FAR)), known);
+}
+
+// NaN, Inf and negative depth become UNKNOWN_DEPTH.
+fn usable_depth(depth: f32) -> f32 {
+    let bits = bitcast<u32>(depth);
+    return select(UNKNOWN_DEPTH, depth, bits <= MAX_DEPTH_BITS || bits == SIGN);
+}
+
+// The last operation on every image: [0, 65504], and black where it is almost black or not a number.
+fn bounded(color: vec3f) -> vec3f { return vec3f(bounded1(color.r), bounded1(color.g), bounded1(color.b)); }
+
+fn bounded1(value: f32) -> f32 {
+    let bits = bitcast<u32>(value);   // negative values have the largest patterns
+    if (bits > INFINITY_BITS || bits < DARKNESS_BITS) { return 0.0; }
+    return select(value, MAX_HALF, bits > MAX_HALF_BITS);
+}

@@ -1,0 +1,49 @@
+"""GPU backend of `taau`."""
+
+from supersampler.backends.gpu.convergence import (
+    CONVERGENCE_CHANNELS,
+    CONVERGENCE_PASSES,
+    CONVERGENCE_PLANES,
+    PREPROCESS,
+    sample_memory,
+)
+from supersampler.backends.gpu.executor import GpuExecutor, PassSpec
+from supersampler.backends.gpu.history import HistoryLayout, Plane, of_plane
+from supersampler.backends.gpu.memory import Memory
+from supersampler.frame import Size
+from supersampler.methods.model_info import ModelInfo
+from supersampler.methods.spec import DISPLAY, PREVIOUS, constants_of
+from supersampler.methods.taau.spec import FLASH, FLASH_MEMORY, LEAST_FLASH, TAAU
+
+LAYOUT = HistoryLayout(
+    TAAU,
+    {
+        "pixels": Plane(DISPLAY),
+        "power": Plane(DISPLAY, 1),
+        "surface": Plane(PREVIOUS),
+        **CONVERGENCE_PLANES,
+    },
+    {
+        "color": of_plane("pixels", 0, 1, 2),
+        "samples": (("pixels", 3), ("power", 0)),
+        "surface": of_plane("surface", 1, 2, 3),
+        **CONVERGENCE_CHANNELS,
+    },
+)
+
+
+class TaauGpu(GpuExecutor):
+    """Runs `taau`; see `Executor`.
+
+    Args:
+        info: the model.
+    """
+
+    def __init__(self, info: ModelInfo) -> None:
+        constants = {name: info.config[name] for name in constants_of(TAAU)}
+        constants |= {"flash": FLASH, "least_flash": LEAST_FLASH, "flash_memory": FLASH_MEMORY}
+        passes = PREPROCESS, PassSpec("light", "one", (1, 1)), *CONVERGENCE_PASSES, PassSpec("blend")
+        super().__init__(LAYOUT, "supersampler.methods.taau", constants, passes)
+
+    def _work_memory(self, render: Size, display: Size) -> dict[str, Memory]:  # noqa: ARG002
+        return sample_memory(self.device, render)

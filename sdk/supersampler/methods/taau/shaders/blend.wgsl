@@ -1,0 +1,208 @@
+// The image of `taau` and its next history, one thread for each display pixel.
+// Twin of supersampler_model.methods.taau.
+// import params
+// import sanitize
+// import colors
+// import sampling
+// import motion
+// import disocclusion
+// import variance_box
+// import contrast
+// import settle
+// import image
+
+const MIN_CHANGE = 0.004;       // of toned luma: one step of an 8-bit image
+const MIN_SAMPLES = 1e-3;       // with fewer samples the history is not used
+const MIN_BOX_WEIGHT = 0.5;
+
+@group(0) @binding(1) var<storage, read> history_state: State;
+@group(0) @binding(2) var<storage, read> next_state: State;
+@group(0) @binding(3) var tones: texture_2d<f32>;
+@group(0) @binding(4) var samples: texture_2d<f32>;
+@group(0) @binding(5) var dilated: texture_2d<f32>;
+@group(0) @binding(6) var flags: texture_2d<u32>;
+@group(0) @binding(7) var history_surface: texture_2d<f32>;    // depth, opened, mean and deviation of luma
+@group(0) @binding(8) var next_surface: texture_2d<f32>;
+@group(0) @binding(9) var history_pixels: texture_2d<f32>;     // linear RGB, number of samples
+@group(0) @binding(10) var<storage, read> history_power: array<f32>;
+@group(0) @binding(11) var history_still: texture_2d<f32>;
+@group(0) @binding(12) var next_pixels: texture_storage_2d<rgba32float, write>;
+@group(0) @binding(13) var<storage, read_write> next_power: array<f32>;
+@group(0) @binding(14) var next_still: texture_storage_2d<rgba32float, write>;
+@group(0) @binding(15) var<storage, read_write> aux: array<vec2f>;   // weight, converged
+
+struct Current {          // this frame; colours are toned YCoCg
+    frame: vec3f,         // smooth upsampling
+    sample: vec3f,        // mean of the samples near the pixel
+    confidence: f32,      // sum of their weights
+    first: vec3f,         // E[c]
+    second: vec3f,        // E[c^2]
+    shade: vec2f,         // mean and deviation of luma over 3x3 samples
+    glares: bool,
+}
+
+struct Warped {           // the history
+    light: vec3f,         // linear RGB
+    color: vec3f,         // toned YCoCg
+    samples: f32,
+    power: f32,           // mean square of sample - history
+    shade: vec2f,
+    glare: f32,           // consecutive frames with glare nearby
+    surface: f32,         // 0 where disoccluded
+    speed: f32,
+    blur: f32,
+}
+
+fn gather_current(p: vec2i) -> Current {
+    let at = render_position(p);
+    let scale = params.display / params.render;
+    let first = floor(at) - 1.0;
+    let dx = first.x + vec4f(0.0, 1.0, 2.0, 3.0) - at.x;
+    let dy = first.y + vec4f(0.0, 1.0, 2.0, 3.0) - at.y;
+    let smooth_x = gaussian(dx, FRAME_SIGMA);
+    let smooth_y = gaussian(dy, FRAME_SIGMA);
+    let sharp_x = catmull_rom(dx);
+    let sharp_y = catmull_rom(dy);
+    let near_x = gaussian(dx * scale.x, SAMPLE_SIGMA);
+    let near_y = gaussian(dy * scale.y, SAMPLE_SIGMA);
+    let box_x = gaussian(dx, MOMENT_SIGMA);
+    let box_y = gaussian(dy, MOMENT_SIGMA);
+    var smoothed = vec4f(0.0);
+    var sharp = vec4f(0.0);
+    var near = vec4f(0.0);
+    var moment = vec4f(0.0);
+    var square = vec3f(0.0);
+    for (var j = 0; j < 4; j++) {
+        for (var i = 0; i < 4; i++) {
+            let tap = textureLoad(tones, clamped(vec2i(first) + vec2i(i, j), render_size()), 0);
+            let color = ycocg(tap.rgb);
+            let value = vec4f(color, tap.a);
+            smoothed += smooth_x[i] * smooth_y[j] * value;
+            sharp += sharp_x[i] * sharp_y[j] * value;
+            near += near_x[i] * near_y[j] * value;
+            moment += box_x[i] * box_y[j] * value;
+            square += box_x[i] * box_y[j] * color * color;
+        }
+    }
+    let frame = smoothed.xyz / max(smoothed.w, 1e-6);
+    let sharpness = select(0.0, FRAME_SHARPNESS, sharp.w > 0.9);
+    let total = max(moment.w, 1e-6);
+    let sample = nearest(at);
+    return Current(
+        frame + sharpness * (sharp.xyz / max(sharp.w, 1e-6) - frame),
+        near.xyz / max(near.w, 1e-6),
+        min(near.w, 1.0),
+        moment.xyz / total,
+        select(vec3f(1.0), square / total, moment.w > MIN_BOX_WEIGHT),
+        textureLoad(next_surface, sample, 0).zw,
+        (textureLoad(flags, sample, 0).x & GLARES_3X3) != 0u);
+}
+
+fn power_at(p: vec2i) -> f32 { return history_power[index_of(clamped(p, display_size()), display_size())]; }
+
+fn gather_history(p: vec2i) -> Warped {
+    let moved = textureLoad(dilated, upper_left(render_position(p)), 0);
+    let there = reproject(p, moved.xy);
+    let at = previous_render_position(there.at);
+    let same = select(0.0, visibility(history_surface, moved.z, at, DEPTH_MARGIN, DEPTH_RAMP), there.on_screen);
+    let change = exposure_change(history_state, next_state);
+    let shade = read_linear(history_surface, at, previous_size()).zw;
+    let dim = 1.0 + (change - 1.0) * shade.x;   // c / (1 + c) at another exposure, and its slope
+    let history = resample(history_pixels, there.at, HISTORY_SHARPNESS);
+    let light = sanitize(history.cubic.rgb);
+    let t = fract(there.at);
+    let q = vec2i(floor(there.at));
+    let power = mix(mix(power_at(q), power_at(q + vec2i(1, 0)), t.x),
+                    mix(power_at(q + vec2i(0, 1)), power_at(q + vec2i(1, 1)), t.x), t.y);
+    return Warped(
+        light,
+        ycocg(tone(light * exposure_of(next_state))),
+        history.linear.w,
+        without_glare(power),
+        vec2f(change * shade.x / dim, change * shade.y / (dim * dim)),
+        glare_of(power),
+        same,
+        length(there.motion),
+        2.0 * (t.x * (1.0 - t.x) + t.y * (1.0 - t.y)));
+}
+
+// 1 where the mean luma of a neighbourhood changed by more than jitter explains.
+fn change_of_light(now: vec2f, before: vec2f) -> f32 {
+    let jitter = CHANGE_DEVIATION * max(now.y, before.y);
+    let noise = jitter + CHANGE_RELATIVE * max(now.x, before.x) + MIN_CHANGE;
+    return clamp((abs(now.x - before.x) / noise - 1.0) / CHANGE_RAMP, 0.0, 1.0);
+}
+
+struct Blend {
+    history: vec3f,       // rectified
+    weight: f32,          // of this frame's sample
+    samples: f32,         // effective number in the history
+    holds: f32,           // 1 where the spread of the history is still valid
+    trusted: f32,         // fraction of the history that is kept where this frame adds no sample
+    kept: f32,            // number in the history there
+    unconfirmed: bool,    // whether this frame adds no sample
+}
+
+fn decide(now: Current, before: Warped) -> Blend {
+    let unknown = before.glare > 0.0 && before.glare < CONFIRMED;   // its shade has light that was not accumulated
+    let unchanged = select(1.0 - change_of_light(now.shade, before.shade), 1.0, unknown);
+    let spread = sqrt(before.power) * unchanged;
+    let gamma = GAMMA_STILL + (GAMMA_MOVING - GAMMA_STILL) * min(before.speed / GAMMA_SPEED, 1.0);
+    let box = variance_box(now.first, now.second, gamma, GAMMA_TIME * spread);
+    let within = 1.0 - clamp(FORGET * (overshoot(before.color, box) - 1.0), 0.0, 1.0);
+    let limit = SAMPLES / (1.0 + BLUR_COST * before.blur + SPEED_COST * before.speed);
+    let holds = before.surface * unchanged;
+    let count = min(before.samples * holds * within, limit);
+    let weight = now.confidence / max(count + now.confidence, 1e-6);
+    let glares = now.glares && before.glare < CONFIRMED - 1.0;
+    let trusted = select(holds, before.surface, glares);
+    let kept = min(before.samples * trusted, limit);
+    let flash = next_state.light.w;
+    let brighter = exceeds(now.shade.y * now.shade.y, before.shade.y * before.shade.y);
+    let flashes = flash > 1.0 || (flash > 0.0 && brighter);
+    let unconfirmed = (glares || flashes) && kept > MIN_SAMPLES;
+    return Blend(clip_to_center(before.color, box), weight, count, holds, trusted, kept, unconfirmed);
+}
+
+// The next spread: mean square of sample - history; see `Taau.finish`.
+fn power_after(now: Current, before: Warped, blend: Blend) -> f32 {
+    let reach = sqrt(before.power) + SPREAD_STEP;
+    let error = min(abs(now.sample.x - before.color.x), reach);
+    let counted = min(blend.samples, SPREAD_SAMPLES) + now.confidence;
+    let rate = now.confidence / max(counted, 1e-6);
+    let power = max(before.power + rate * (error * error - before.power) - DARKNESS, 0.0);
+    return select(0.0, blend.holds, blend.samples > MIN_SAMPLES) * power;
+}
+
+@compute @workgroup_size(16, 16)
+fn main(@builtin(global_invocation_id) id: vec3u) {
+    let p = vec2i(id.xy);
+    if (!inside(p, display_size())) { return; }
+    let now = gather_current(p);
+    let before = gather_history(p);
+    let blend = decide(now, before);
+    let settled_part = min(blend.samples / SETTLED, 1.0);
+    let sample = now.frame + settled_part * (now.sample - now.frame);
+    var color = blend.history + blend.weight * (sample - blend.history);
+    if (blend.samples <= MIN_SAMPLES) { color = now.frame; }
+    let exposure = exposure_of(next_state);
+    let linear = bounded(inverse_tone(max(from_ycocg(color), vec3f(0.0))) / exposure);
+
+    var pixel = vec4f(linear, blend.samples + now.confidence);
+    var power = power_after(now, before, blend) + select(0.0, GLARE * CONFIRMED, now.glares);
+    if (blend.unconfirmed) {
+        let glare = min(before.glare + select(0.0, 1.0, now.glares), CONFIRMED);
+        pixel = vec4f(before.light, blend.kept);
+        power = blend.trusted * before.power + GLARE * glare;
+    }
+    textureStore(next_pixels, p, pixel);
+    next_power[index_of(p, display_size())] = power;
+
+    let settled = settle(linear, textureLoad(history_still, p, 0), p, samples, flags, exposure);
+    textureStore(next_still, p, settled.still);
+    store_image(p, settled.image);
+    if (params.writes_aux > 0.0) {
+        let weight = select(0.0, 1.0 - blend.weight, blend.samples > MIN_SAMPLES);
+        aux[index_of(p, display_size())] = vec2f(weight, settled.converged);
+    }
+}
