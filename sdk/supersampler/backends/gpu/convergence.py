@@ -27,7 +27,7 @@ def sample_memory(device: "wgpu.GPUDevice", render: Size) -> dict[str, Memory]:
         "tones": texture_of(device, render),
         "samples": texture_of(device, render),
         "dilated": texture_of(device, render),
-        "flags": texture_of(device, render, "r32uint"),
+        "flags": texture_of(device, render, "rgba32uint"),
         "own_motion": buffer_of(device, 8 * render[0] * render[1]),
         "light": buffer_of(device, 8 * across * down),
     }

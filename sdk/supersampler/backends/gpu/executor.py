@@ -40,14 +40,14 @@ class PassSpec(NamedTuple):
         extent: size that its workgroups cover: "render", "display", "half", or another of `_extents`.
         tile: pixels that a workgroup computes.
         constants: of this pass, beside those of the method.
-        label: of the pass, where several have the same file.
+        names: of the resources of variables, where they differ.
     """
 
     shader: str
     extent: str = "display"
     tile: tuple[int, int] = (16, 16)
     constants: Constants = {}
-    label: str = ""
+    names: Mapping[str, str] = {}
 
 
 @dataclass(eq=False)
@@ -109,7 +109,7 @@ class GpuExecutor(ABC):
         if key not in self._compiled:
             with raising(self.device, "compiling shaders"):
                 self._compiled[key] = [
-                    Pass(self.device, self._shader(spec, variants), spec.tile) for spec in self.pass_specs
+                    Pass(self.device, self._shader(spec, variants), spec.tile, spec.names) for spec in self.pass_specs
                 ]
         return self._compiled[key]
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 ROW = 256
 """Rows of textures are copied to buffers at multiples of this many bytes."""
 TEXEL = 16
-"""Bytes of a pixel of rgba32float."""
+"""Bytes of a pixel of rgba32float and rgba32uint."""
 # usages, as WebGPU numbers them
 _MAP_READ = 1
 _COPY_SRC, _COPY_DST, _UNIFORM, _STORAGE = 4, 8, 64, 128
@@ -46,14 +46,13 @@ def uniform_of(device: "wgpu.GPUDevice", values: NDArray[Any]) -> "wgpu.GPUBuffe
 
 
 def texture_of(device: "wgpu.GPUDevice", size: Size, texture_format: str = "rgba32float") -> Memory:
-    """Allocate a texture, zeros."""
+    """Allocate a texture, rgba32float or rgba32uint, zeros."""
     texture = device.create_texture(
         size=(*size, 1),
         format=texture_format,
         usage=_TEXTURE_COPY_SRC | _TEXTURE_COPY_DST | _SAMPLED | _STORED,
     )
-    texel = {"rgba32float": TEXEL, "rgba32uint": TEXEL, "r32uint": 4}[texture_format]
-    return Memory(texture.create_view(), texel * size[0] * size[1], texture)
+    return Memory(texture.create_view(), TEXEL * size[0] * size[1], texture)
 
 
 def write_to(device: "wgpu.GPUDevice", memory: Memory, values: NDArray[Any]) -> None:

@@ -27,15 +27,18 @@ class Pass:
         device: compiles it, unless it has compiled the same code before.
         shader: the source.
         tile: pixels that a workgroup computes, (x, y).
+        names: of the resources of variables, where they differ.
 
     Attributes:
         shader: as given.
         tile: as given.
     """
 
-    def __init__(self, device: "wgpu.GPUDevice", shader: Shader, tile: tuple[int, int]) -> None:
+    def __init__(
+        self, device: "wgpu.GPUDevice", shader: Shader, tile: tuple[int, int], names: Mapping[str, str]
+    ) -> None:
         self.shader, self.tile = shader, tile
-        self._device = device
+        self._device, self._names = device, names
         self._pipeline, self._layouts = _pipeline(device, shader)
         self._bindings = [list(group) for _, group in groupby(shader.bindings, key=lambda b: b.group)]
         self._groups: OrderedDict[tuple[int, ...], tuple[list[Resource], Any]] = OrderedDict()
@@ -47,12 +50,12 @@ class Pass:
 
         Args:
             encoder: of a compute pass.
-            resources: by the names of the shader's variables.
+            resources: by name: that of the shader's variable, or the one that `names` gives for it.
             size: in pixels.
         """
         encoder.set_pipeline(self._pipeline)
         for number, bindings in enumerate(self._bindings):
-            bound = [resources[b.name] for b in bindings]
+            bound = [resources[self._names.get(b.name, b.name)] for b in bindings]
             encoder.set_bind_group(number, self._bind_group(number, bindings, bound))
         across, down = (-(-extent // side) for extent, side in zip(size, self.tile, strict=True))
         encoder.dispatch_workgroups(across, down)

@@ -1,10 +1,11 @@
-// Flags of each sample for the display pixels near it: glare, motion, and opened means of neighbourhoods.
+// Flags of each sample for the display pixels near it (glare, motion, and opened means of neighbourhoods), and
+// its own motion.
 // import convergence
 
 @group(0) @binding(1) var samples: texture_2d<f32>;
 @group(0) @binding(2) var<storage, read> own_motion: array<vec2f>;
 @group(0) @binding(3) var next_opening: texture_2d<f32>;
-@group(0) @binding(4) var flags: texture_storage_2d<r32uint, write>;
+@group(0) @binding(4) var flags: texture_storage_2d<rgba32uint, write>;   // flags; motion, as bits
 
 @compute @workgroup_size(16, 16)
 fn main(@builtin(global_invocation_id) id: vec3u) {
@@ -21,5 +22,5 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
             }
         }
     }
-    textureStore(flags, p, vec4u(found));
+    textureStore(flags, p, vec4u(found, bitcast<vec2u>(own_motion[index_of(p, render_size())]), 0u));
 }

@@ -1,0 +1,149 @@
+"""The int8 network of `classifier` as the shaders read it: one buffer of words, and where each layer begins."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from supersampler.methods.classifier.network_file import KEPT, read_network
+from supersampler.methods.classifier.variant import Variant
+from supersampler.methods.model_info import ModelInfo
+
+Arrays = Mapping[str, NDArray[Any]]
+CHUNK = 16
+"""Bytes of a vec4u."""
+CHUNK_WORDS, CORNERS, INPUTS = 4, 4, 16
+"""Words of a chunk; display pixels of a packed one; network inputs of a display pixel."""
+
+
+@dataclass(frozen=True)
+class GpuNetwork:
+    """The weights of all layers.
+
+    Attributes:
+        words: (n, 4) uint32, the buffer `network` (see int8.wgsl).
+        levels: constants of the shader of each level of the encoder.
+        last: constants of the shader of the last layers.
+    """
+
+    words: NDArray[np.uint32]
+    levels: list[dict[str, int]]
+    last: dict[str, float | int]
+
+
+@dataclass
+class _Writer:
+    """Collects layers; `add` returns the first vec4u of one."""
+
+    parts: list[NDArray[np.uint32]] = field(default_factory=list)
+    size: int = 0
+
+    def add(self, *parts: NDArray[Any]) -> int:
+        first = self.size
+        for part in parts:
+            words = np.ascontiguousarray(part).reshape(-1).view(np.uint32).reshape(-1, 4)
+            self.parts.append(words)
+            self.size += len(words)
+        return first
+
+    def pointwise(self, weights: NDArray[np.int8], scale: NDArray[Any], bias: NDArray[Any]) -> int:
+        """Add a 1x1 convolution, weights (outputs, bytes); both are padded to whole chunks."""
+        outputs, given = (-(-extent // CHUNK) * CHUNK for extent in weights.shape)
+        padded = np.zeros((outputs, given), np.int8)
+        padded[: weights.shape[0], : weights.shape[1]] = weights
+        quads = padded.reshape(outputs // 4, 4, given // 4, 4).transpose(0, 2, 1, 3)
+        return self.add(quads, *self._values(outputs, scale, bias), 128 * padded.sum(1, np.int32))
+
+    def depthwise(self, weights: NDArray[np.int8], scale: NDArray[Any], bias: NDArray[Any]) -> int:
+        """Add a 3x3 convolution of each channel, weights (9, channels)."""
+        channels = weights.shape[1]
+        return self.add(weights, *self._values(channels, scale, bias), np.zeros(channels, np.int32))
+
+    @staticmethod
+    def _values(outputs: int, *values: NDArray[Any]) -> list[NDArray[np.float32]]:
+        return [np.pad(v[:outputs].astype(np.float32), (0, max(outputs - len(v), 0))) for v in values]
+
+
+def read_gpu_network(info: ModelInfo, variant: Variant) -> GpuNetwork:
+    """Read a model's network.npz for the GPU.
+
+    Raises:
+        ModelError: see `read_network`.
+    """
+    arrays, widths = read_network(info, variant.outputs), info.config["network"]
+    writer, levels, given = _Writer(), [], CORNERS * INPUTS + CHUNK
+    for level, (channels, kept) in enumerate(zip(widths["levels"], KEPT, strict=True)):
+        deepest = level + 1 == len(KEPT)
+        pooled = 0 if deepest else channels // 2
+        levels.append(_add_level(writer, arrays, level, (given, channels, kept * 4**level, pooled)))
+        given = -(-pooled // CHUNK) * CHUNK
+    quads = -(-variant.blend_parameters // 4)
+    last = {
+        "decoder": writer.pointwise(*_pointwise(arrays, "decoder", 2 * CHUNK)),
+        "hidden": writer.pointwise(*_hidden(arrays)),
+        "blend": writer.pointwise(*_blend(arrays, variant.blend_parameters, quads)),
+        "quads": quads,
+        "logits": arrays["logits.first"].item(),
+        "logits_scale": arrays["logits.scale"].item(),
+    }
+    return GpuNetwork(np.concatenate(writer.parts), levels, last)
+
+
+def _add_level(
+    writer: _Writer, arrays: Arrays, level: int, sizes: tuple[int, int, int, int]
+) -> dict[str, int]:
+    """Add a level, with bytes of its inputs, channels, and what is kept and pooled; return its constants."""
+    given, channels, kept, pooled = sizes
+    first, scale, bias = _pointwise(arrays, f"{level}.first", channels)
+    if level == 0:
+        first = _by_corner(first)
+    columns = arrays[f"{level}.spatial.weights"]  # (channels / 16, 3 columns, 16, 3 rows and padding)
+    taps = columns[..., :3].transpose(3, 1, 0, 2).reshape(9, channels)
+    spatial = (arrays[f"{level}.spatial.{part}"] for part in ("scale", "bias"))
+    return {
+        "level": level,
+        "inputs": given // CHUNK,
+        "channels": channels // CHUNK,
+        "kept": kept // CHUNK,
+        "pooled": -(-pooled // CHUNK),
+        "first": writer.pointwise(first, scale, bias),
+        "spatial": writer.depthwise(taps, *spatial),
+        "last": writer.pointwise(*_pointwise(arrays, f"{level}.last", kept + -(-pooled // CHUNK) * CHUNK)),
+    }
+
+
+def _pointwise(
+    arrays: Arrays, name: str, outputs: int
+) -> tuple[NDArray[np.int8], NDArray[Any], NDArray[Any]]:
+    """Return (outputs, bytes) weights, scales and biases from blocks of 32 outputs, padding cut off."""
+    blocks = arrays[f"{name}.weights"]
+    weights = blocks.transpose(0, 2, 1, 3).reshape(blocks.shape[0] * blocks.shape[2], -1)
+    return weights[:outputs], arrays[f"{name}.scale"][:outputs], arrays[f"{name}.bias"][:outputs]
+
+
+def _by_corner(weights: NDArray[np.int8]) -> NDArray[np.int8]:
+    """Reorder the bytes of packed pixels from (input, corner) to (corner, input), as texels hold them."""
+    packed = weights[:, : CORNERS * INPUTS].reshape(-1, INPUTS, CORNERS)
+    return np.concatenate([packed.transpose(0, 2, 1).reshape(len(weights), -1), weights[:, CORNERS * INPUTS :]], 1)
+
+
+def _hidden(arrays: Arrays) -> tuple[NDArray[np.int8], NDArray[Any], NDArray[Any]]:
+    weights, scale, bias = _pointwise(arrays, "hidden", CORNERS * CHUNK)
+    room = CORNERS * CHUNK - len(weights)  # narrow networks have fewer
+    return np.pad(_by_corner(weights), ((0, room), (0, 0))), scale, bias
+
+
+def _blend(
+    arrays: Arrays, parameters: int, quads: int
+) -> tuple[NDArray[np.int8], NDArray[Any], NDArray[Any]]:
+    """Pad the parameters of each display pixel to whole fours, and the bytes to those of the hidden layer."""
+    found = []
+    for name in ("weights", "scale", "bias"):
+        values = arrays[f"blend.{name}"].reshape(len(arrays["blend.scale"]), -1)[: CORNERS * parameters]
+        corners = values.reshape(CORNERS, parameters, -1)
+        padded = np.pad(corners, ((0, 0), (0, 4 * quads - parameters), (0, 0)))
+        found.append(padded.reshape(CORNERS * 4 * quads, -1))
+    weights = np.pad(found[0], ((0, 0), (0, CORNERS * CHUNK - found[0].shape[1])))
+    return weights, found[1][:, 0], found[2][:, 0]

@@ -1,0 +1,188 @@
+// The image of `classifier` and its next history: the last layers of the network, then the compositor.
+// Twin of `Classifier.finish`.
+// import params
+// import state
+// import sampling
+// import current_frame
+// import warped_history
+// import unexplained_light
+// import variance_box
+// import settle
+// import decode
+// import image
+
+const SIDE = 16;
+const WIDE = SIDE + 2;
+const SHARPEST = 2.0;       // maximum factor of the detail that is added
+const CROSS = 0.01;         // initial weight of a neighbour in the learned cross on the history
+
+@group(0) @binding(2) var<storage, read> network: array<vec4u>;
+@group(0) @binding(3) var<storage, read> next_state: State;
+@group(0) @binding(4) var tones: texture_2d<f32>;
+@group(0) @binding(5) var samples: texture_2d<f32>;
+@group(0) @binding(6) var dilated: texture_2d<f32>;
+@group(0) @binding(7) var flags: texture_2d<u32>;
+@group(0) @binding(8) var history_surface: texture_2d<f32>;
+@group(0) @binding(9) var history_pixels: texture_2d<f32>;
+@group(0) @binding(10) var history_still: texture_2d<f32>;
+@group(0) @binding(11) var inputs: texture_2d<u32>;
+@group(0) @binding(12) var kept0: texture_2d<u32>;
+@group(0) @binding(13) var kept1: texture_2d<u32>;
+@group(0) @binding(14) var kept2: texture_2d<u32>;
+@group(0) @binding(15) var kept3: texture_2d<u32>;
+@group(0) @binding(16) var<storage, read> rising: array<u32>;
+@group(0) @binding(17) var next_pixels: texture_storage_2d<rgba32float, write>;
+@group(0) @binding(18) var next_still: texture_storage_2d<rgba32float, write>;
+@group(0) @binding(19) var<storage, read_write> next_ranges: array<u32>;
+@group(0) @binding(20) var<storage, read_write> next_classes: array<vec2u>;
+@group(0) @binding(21) var<storage, read_write> aux: array<vec2f>;   // weight, converged
+
+var<workgroup> warped: array<vec3f, WIDE * WIDE>;   // toned RGB of the history, one pixel around the tile
+
+fn previous_position(p: vec2i) -> Reprojection {
+    return reproject(p, textureLoad(dilated, upper_left(render_position(p)), 0).xy);
+}
+
+fn warp_tile(origin: vec2i, thread: i32) {
+    for (var i = thread; i < WIDE * WIDE; i += SIDE * SIDE) {
+        let q = clamped(origin - 1 + vec2i(i % WIDE, i / WIDE), display_size());
+        warped[i] = warped_color(history_pixels, previous_position(q), exposure_of(next_state));
+    }
+}
+
+fn warped_near(p: vec2i, origin: vec2i) -> vec3f {
+    let q = clamped(p, display_size()) - origin + 1;
+    return warped[q.y * WIDE + q.x];
+}
+
+struct Sum {
+    color: vec3f,
+    weight: f32,
+}
+
+fn add(sum: Sum, weight: f32, color: vec3f) -> Sum { return Sum(sum.color + weight * color, sum.weight + weight); }
+
+fn parameter(blend: ptr<function, array<vec4f, QUADS>>, i: u32) -> f32 {
+    return clamp((*blend)[i / 4u][i % 4u], -16.0, 16.0);
+}
+
+// The history after the learned cross, with detail added.
+fn sharpened(p: vec2i, origin: vec2i, before: WarpedHistory, blend: ptr<function, array<vec4f, QUADS>>) -> vec3f {
+    var color = before.color;
+    if (CORRECTED) {
+        let cross = SHARPNESS_AT + 1u;
+        let up = CROSS * exp(parameter(blend, cross));
+        let left = CROSS * exp(parameter(blend, cross + 1u));
+        let right = CROSS * exp(parameter(blend, cross + 2u));
+        let down = CROSS * exp(parameter(blend, cross + 3u));
+        color += up * warped_near(p + vec2i(0, -1), origin) + left * warped_near(p + vec2i(-1, 0), origin)
+               + right * warped_near(p + vec2i(1, 0), origin) + down * warped_near(p + vec2i(0, 1), origin);
+        color /= 1.0 + (up + left + right + down);
+    }
+    let detail = clamp(parameter(blend, SHARPNESS_AT), 0.0, SHARPEST) * before.detail;
+    return clamp(color + detail, vec3f(0.0), vec3f(TONED));
+}
+
+fn blend_history(p: vec2i, origin: vec2i, now: CurrentFrame, before: WarpedHistory, visibility: f32,
+                 blend: ptr<function, array<vec4f, QUADS>>) -> Sum {
+    if (before.samples <= 0.0) { return Sum(vec3f(0.0), 0.0); }
+    let color = sharpened(p, origin, before, blend);
+    let other = 0.1 * before.samples + 1e-3;
+    let first = (before.samples * visibility + 1e-3) * exp(parameter(blend, 0u));
+    var sum = Sum(first * color, first);
+    if (RECTIFIED) {
+        let box = variance_box(now.first, now.second, GAMMA, 0.0);
+        let clipped = clamp(from_ycocg(clip_to_center(ycocg(color), box)), vec3f(0.0), vec3f(TONED));
+        sum = add(sum, other * exp(parameter(blend, 1u)), clipped);
+    }
+    if (OWN_MOTION) {
+        let motion = bitcast<vec2f>(textureLoad(flags, nearest(render_position(p)), 0).yz);
+        let own = read_linear(history_pixels, reproject(p, motion).at, display_size()).rgb;
+        let toned = toned_history(own, exposure_of(next_state));
+        sum = add(sum, other * exp(parameter(blend, COLORS - 4u)), toned);
+    }
+    return sum;
+}
+
+// The 3x3 samples around under a learned kernel: sum of weighted colours and of weights.
+fn filter_samples(at: vec2f, blend: ptr<function, array<vec4f, QUADS>>) -> Sum {
+    let center = nearest(at);
+    var sum = Sum(vec3f(0.0), 0.0);
+    for (var k = 0; k < 9; k++) {
+        let q = center + vec2i(k % 3, k / 3) - 1;
+        let distance = vec2f(q) - at;
+        let initial = gaussian1(distance.x, KERNEL_SIGMA) * gaussian1(distance.y, KERNEL_SIGMA) + 1e-4;
+        let tap = textureLoad(tones, clamped(q, render_size()), 0);
+        sum = add(sum, tap.a * initial * exp(parameter(blend, KERNEL_AT + u32(k))), tap.rgb);
+    }
+    return sum;
+}
+
+// Range of luma after this frame's sample, and the number of frames with glare.
+fn next_range(luma: f32, now: CurrentFrame, before: WarpedHistory, odds: f32, glared: f32) -> u32 {
+    let known = before.samples > 0.0;
+    let trust = select(0.0, min(4.0 * odds / max(before.samples, 1e-6), 1.0), known);
+    let rate = now.confidence * CONTRACTION;
+    let low = min(before.range.x, luma) + rate * max(luma - before.range.x, 0.0);
+    let high = max(before.range.y, luma) - rate * max(before.range.y - luma, 0.0);
+    return pack_range(luma + trust * (low - luma), luma + trust * (high - luma), glared);
+}
+
+fn compose(p: vec2i, origin: vec2i, cell: u32, corner: u32) {
+    var blend = blend_parameters(cell, corner);
+    let at = render_position(p);
+    let depth = textureLoad(dilated, upper_left(at), 0).z;
+    let there = previous_position(p);
+    let exposure = exposure_of(next_state);
+    let now = gather_current(tones, at);
+    let before = gather_history(history_pixels, there, exposure);
+    let visibility = gather_surface(history_surface, there, depth).visibility;
+
+    let history = blend_history(p, origin, now, before, visibility, &blend);
+    let filtered = filter_samples(at, &blend);
+    let learned = select(now.frame, filtered.color / max(filtered.weight, 1e-12), filtered.weight > 1e-9);
+    let sampled_here = select(0.0, 1.0, filtered.weight > 0.0);
+    let sampled = sampled_here * (now.confidence + 1e-3);
+    var current = Sum(vec3f(0.0), 0.0);
+    current = add(current, sampled * exp(parameter(&blend, COLORS - 3u)), now.sample);
+    current = add(current, 0.05 * sampled_here * exp(parameter(&blend, COLORS - 2u)), now.frame);
+    current = add(current, 0.05 * sampled_here * exp(parameter(&blend, COLORS - 1u)), learned);
+    let total = max(history.weight + current.weight, 1e-12);
+    let image = bounded(inverse_tone((history.color + current.color) / total) / exposure);
+
+    let odds = history.weight / max(current.weight, 1e-12) * (sampled + 0.1 * sampled_here);
+    let luma = luminance(now.sample);
+    let glares = (textureLoad(flags, nearest(at), 0).x & GLARES_3X3) != 0u;
+    let bright = (glares && (before.samples > 0.0 || before.glare > 0.0)) || (luma > WHITE && before.glare > 0.0);
+    let share = f32(rising[0]) / (params.display.x * params.display.y);
+    let rises = share > FLASH_FRACTION && light_rises(luma, before, visibility);
+    let unconfirmed = (bright || rises) && before.glare < CONFIRMED - 1.0;
+    let count = min(min(odds, before.samples), SAMPLES) + now.confidence;
+    let glared = select(select(0.0, CONFIRMED, glares), before.glare + 1.0, unconfirmed);
+    let pixel = index_of(p, display_size());
+    next_ranges[pixel] = next_range(luma, now, before, odds, glared);
+    textureStore(next_pixels, p, vec4f(image, select(count, 0.0, unconfirmed || next_state.flash > 0.0)));
+
+    let settled = settle(image, textureLoad(history_still, p, 0), p, samples, flags, exposure);
+    textureStore(next_still, p, settled.still);
+    store_image(p, settled.image);
+    if (params.writes_aux > 0.0) { aux[pixel] = vec2f(history.weight / total, settled.converged); }
+}
+
+@compute @workgroup_size(SIDE * SIDE)
+fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) thread: u32) {
+    let origin = SIDE * vec2i(group.xy);
+    let cell = thread % PACKED;      // threads of a subgroup have one corner, and so the same weights
+    let corner = thread / PACKED;
+    let size = (display_size() + 1) / 2;
+    let packed = origin / 2 + vec2i(vec2u(cell % 8u, cell / 8u));
+    let on_image = inside(packed, size);
+    if (CORRECTED) { warp_tile(origin, i32(thread)); }
+    if (on_image && corner < FEATURES) { decode(packed, cell, corner); }
+    workgroupBarrier();
+    if (on_image) { hide(packed, cell, corner); }
+    workgroupBarrier();
+    if (on_image && corner == 0u) { next_classes[index_of(packed, size)] = class_bytes(cell); }
+    let p = 2 * packed + vec2i(vec2u(corner & 1u, corner >> 1u));
+    if (inside(p, display_size())) { compose(p, origin, cell, corner); }
+}

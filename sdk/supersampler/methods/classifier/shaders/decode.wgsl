@@ -1,0 +1,86 @@
+// The last layers of the network on a tile of 8x8 packed pixels, 2x2 display pixels each.
+// import int8
+//
+// HIDDEN_WORDS: of the hidden layer; PARAMETERS: blend parameters of a display pixel; DECODER, HIDDEN, BLEND: of
+// weights in `network`; LOGITS: first of six bytes of the hidden layer.
+
+const PACKED = 64u;        // packed pixels of a tile
+const FEATURES = 2u;       // chunks of the decoder's input and output
+
+var<workgroup> decoded: array<vec4u, PACKED * FEATURES>;
+var<workgroup> hidden: array<vec4u, PACKED * 4u>;
+
+// Bytes of all levels at a packed pixel: 16 + 8 + 4 + 4.
+fn feature_chunk(p: vec2i, chunk: u32) -> vec4u {
+    if (chunk == 0u) { return textureLoad(kept0, p, 0); }
+    let one = textureLoad(kept1, vec2i(p.x / 2 * 2 + (p.y & 1), p.y / 2), 0);
+    let two = textureLoad(kept2, p / 4 * 2 + vec2i(p.y & 1, (p.y & 3) >> 1u), 0)[p.x & 3];
+    let part = 2 * (p.y & 7) + ((p.x & 7) >> 2u);
+    let three = textureLoad(kept3, p / 8 * 4 + vec2i(part & 3, part >> 2u), 0)[p.x & 3];
+    let pair = select(one.xy, one.zw, (p.x & 1) == 1);
+    return vec4u(pair, two, three);
+}
+
+// Sixteen outputs of the decoder. p: packed pixel; cell: its place in the tile.
+fn decode(p: vec2i, cell: u32, group: u32) {
+    var sums = array<vec4i, 4>();
+    for (var c = 0u; c < FEATURES; c++) {
+        let x = feature_chunk(p, c);
+        for (var q = 0u; q < 4u; q++) {
+            sums[q] += products16(x, DECODER + ((4u * group + q) * FEATURES + c) * 4u);
+        }
+    }
+    let values = DECODER + 8u * FEATURES * 4u;
+    var bytes = vec4u();
+    for (var q = 0u; q < 4u; q++) { bytes[q] = to_bytes(scaled(sums[q], values, 8u, 4u * group + q)); }
+    decoded[cell * FEATURES + group] = bytes;
+}
+
+// Sixteen outputs of the hidden layer.
+fn hide(p: vec2i, cell: u32, group: u32) {
+    let chunks = 4u + FEATURES;
+    var sums = array<vec4i, 4>();
+    for (var c = 0u; c < chunks; c++) {
+        var x = vec4u();
+        if (c < 4u) {
+            x = textureLoad(inputs, min(2 * p + vec2i(vec2u(c & 1u, c >> 1u)), display_size() - 1), 0);
+        } else {
+            x = decoded[cell * FEATURES + c - 4u];
+        }
+        for (var q = 0u; q < 4u; q++) {
+            sums[q] += products16(x, HIDDEN + ((4u * group + q) * chunks + c) * 4u);
+        }
+    }
+    let values = HIDDEN + 16u * chunks * 4u;
+    var bytes = vec4u();
+    for (var q = 0u; q < 4u; q++) { bytes[q] = to_bytes(scaled(sums[q], values, 16u, 4u * group + q)); }
+    hidden[cell * 4u + group] = bytes;
+}
+
+// Blend parameters of a display pixel, four by four. corner: which of the packed pixel's four.
+fn blend_parameters(cell: u32, corner: u32) -> array<vec4f, QUADS> {
+    var found = array<vec4f, QUADS>();
+    let values = BLEND + 4u * QUADS * 16u;
+    for (var i = 0u; i < QUADS; i++) {
+        let quad = corner * QUADS + i;
+        var sums = vec4i(0);
+        for (var c = 0u; c < 4u; c++) { sums += products16(hidden[cell * 4u + c], BLEND + (quad * 4u + c) * 4u); }
+        found[i] = scaled(sums, values, 4u * QUADS, quad);
+    }
+    return found;
+}
+
+// Class probabilities of a packed pixel, 255 is one: twice a softmax of three.
+fn class_bytes(cell: u32) -> vec2u {
+    var likely = array<f32, 6>();
+    for (var i = 0u; i < 6u; i++) {
+        let byte = LOGITS + i;
+        let value = hidden[cell * 4u + byte / 16u][byte / 4u % 4u] >> (8u * (byte % 4u)) & 0xffu;
+        likely[i] = exp(clamp((f32(value) - 128.0) * LOGITS_SCALE, -16.0, 16.0));
+    }
+    let ghosting = 255.0 / (likely[0] + likely[1] + likely[2]);
+    let aliasing = 255.0 / (likely[3] + likely[4] + likely[5]);
+    return vec2u(
+        pack4xU8(vec4u(vec4f(vec3f(likely[0], likely[1], likely[2]) * ghosting, likely[3] * aliasing) + 0.5)),
+        pack4xU8(vec4u(vec4f(vec2f(likely[4], likely[5]) * aliasing + 0.5, 0.0, 0.0))));
+}

@@ -1,0 +1,133 @@
+// Network inputs of `classifier`: sixteen bytes for each display pixel, six class probabilities of the previous
+// frame and two means for each 2x2. Twin of network_inputs.py.
+// import params
+// import state
+// import sampling
+// import current_frame
+// import warped_history
+// import unexplained_light
+
+const SIDE = 16;
+const WIDE = SIDE + 2;
+
+@group(0) @binding(2) var<storage, read> next_state: State;
+@group(0) @binding(3) var tones: texture_2d<f32>;
+@group(0) @binding(4) var dilated: texture_2d<f32>;
+@group(0) @binding(5) var history_surface: texture_2d<f32>;
+@group(0) @binding(6) var history_pixels: texture_2d<f32>;
+@group(0) @binding(7) var<storage, read> history_classes: array<vec2u>;
+@group(0) @binding(8) var inputs: texture_storage_2d<rgba32uint, write>;
+@group(0) @binding(9) var<storage, read_write> half_inputs: array<vec2u>;   // six classes; two means later
+@group(0) @binding(10) var<storage, read_write> differences: array<u32>;    // of history and frame: mean, absolute
+@group(0) @binding(11) var<storage, read_write> rising: array<atomic<u32>>;
+
+var<workgroup> history_luma: array<f32, WIDE * WIDE>;
+var<workgroup> apart: array<f32, SIDE * SIDE>;
+
+// Square roots space dark values like bright ones; their slope is bounded.
+fn root(value: f32) -> f32 { return sqrt(max(value, 1e-6)); }
+fn roots(color: vec3f) -> vec3f { return sqrt(max(color, vec3f(1e-6))); }
+
+fn previous_position(p: vec2i) -> Reprojection {
+    return reproject(p, textureLoad(dilated, upper_left(render_position(p)), 0).xy);
+}
+
+fn luma_index(p: vec2i, origin: vec2i) -> i32 {
+    let q = clamped(p, display_size()) - origin + 1;
+    return q.y * WIDE + q.x;
+}
+
+// Range of the luma of the warped history in 3x3 pixels.
+fn history_contrast(p: vec2i, origin: vec2i) -> vec2f {
+    var range = vec2f(1.0, 0.0);
+    for (var j = -1; j <= 1; j++) {
+        for (var i = -1; i <= 1; i++) {
+            let luma = history_luma[luma_index(p + vec2i(i, j), origin)];
+            range = vec2f(min(range.x, luma), max(range.y, luma));
+        }
+    }
+    return range;
+}
+
+// Write the inputs of a pixel; return the difference of the luma of history and frame.
+fn write_inputs(p: vec2i, origin: vec2i) -> f32 {
+    let at = render_position(p);
+    let closest = textureLoad(dilated, upper_left(at), 0);
+    let there = reproject(p, closest.xy);
+    let now = gather_current(tones, at);
+    let before = gather_history(history_pixels, there, exposure_of(next_state));
+    let surface = gather_surface(history_surface, there, closest.z);
+
+    let luma_now = luminance(now.sample);
+    if (luma_now > now.first.x + CONTRAST && light_rises(luma_now, before, surface.visibility)) {
+        atomicAdd(&rising[0], 1u);
+    }
+    let frame = roots(now.frame);
+    let sample = roots(now.sample);
+    let history = roots(before.color);
+    let luma = luminance(sample);
+    let history_luma_here = luminance(history);
+    let around = history_contrast(p, origin);
+    let contrast = largest(now.second - now.first * now.first);
+    let edge = textureLoad(dilated, nearest(at), 0).w;
+    textureStore(inputs, p, vec4u(
+        pack4x8unorm(vec4f(luminance(frame), luma, history_luma_here, largest(abs(history - sample)))),
+        pack4x8unorm(vec4f(largest(abs(history - frame)), root(root(contrast)), around.y - around.x,
+                           max(max(around.x - luma, luma - around.y), 0.0))),
+        pack4x8unorm(vec4f(root(before.range.x), root(before.range.y), root(largest(abs(before.detail))),
+                           now.confidence)),
+        pack4x8unorm(vec4f(before.samples / (before.samples + 4.0), surface.difference * 0.5 + 0.5,
+                           surface.visibility, edge))));
+    return history_luma_here - luminance(frame);
+}
+
+fn classes_at(p: vec2i, size: vec2i) -> array<vec4f, 2> {
+    let word = history_classes[index_of(clamped(p, size), size)];
+    return array(vec4f(unpack4xU8(word.x)), vec4f(unpack4xU8(word.y)));
+}
+
+// Class probabilities of the previous frame, resampled bilinearly; 255 is one.
+fn warp_classes(there: Reprojection) -> vec2u {
+    if (!there.on_screen) { return vec2u(0u); }
+    let size = (display_size() + 1) / 2;
+    let at = 0.5 * there.at;
+    let p = vec2i(floor(at));
+    let t = fract(at);
+    let a = classes_at(p, size);
+    let b = classes_at(p + vec2i(1, 0), size);
+    let c = classes_at(p + vec2i(0, 1), size);
+    let d = classes_at(p + vec2i(1, 1), size);
+    let low = mix(mix(a[0], b[0], t.x), mix(c[0], d[0], t.x), t.y);
+    let high = mix(mix(a[1], b[1], t.x), mix(c[1], d[1], t.x), t.y);
+    return vec2u(pack4xU8(vec4u(low + 0.5)), pack4xU8(vec4u(high + 0.5)));
+}
+
+// Mean of the differences of 2x2 pixels and of their absolute values; an odd last row or column repeats.
+fn write_half(p: vec2i, origin: vec2i) {
+    var sums = vec2f(0.0);
+    for (var k = 0; k < 4; k++) {
+        let q = min(p + vec2i(k & 1, k >> 1), display_size() - 1) - origin;
+        let difference = apart[q.y * SIDE + q.x];
+        sums += 0.25 * vec2f(difference, abs(difference));
+    }
+    let half = (display_size() + 1) / 2;
+    let i = index_of(p / 2, half);
+    differences[i] = pack2x16float(sums);
+    half_inputs[i] = warp_classes(previous_position(p));
+}
+
+@compute @workgroup_size(SIDE, SIDE)
+fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local: vec3u,
+        @builtin(local_invocation_index) index: u32) {
+    let origin = SIDE * vec2i(group.xy);
+    for (var i = i32(index); i < WIDE * WIDE; i += SIDE * SIDE) {
+        let q = clamped(origin - 1 + vec2i(i % WIDE, i / WIDE), display_size());
+        let color = warped_color(history_pixels, previous_position(q), exposure_of(next_state));
+        history_luma[i] = luminance(roots(color));
+    }
+    workgroupBarrier();
+    let p = origin + vec2i(local.xy);
+    if (inside(p, display_size())) { apart[index] = write_inputs(p, origin); }
+    workgroupBarrier();
+    if (inside(p, display_size()) && all((p & vec2i(1)) == vec2i(0))) { write_half(p, origin); }
+}
