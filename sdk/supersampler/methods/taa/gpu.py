@@ -1,0 +1,27 @@
+"""GPU backend of `taa`."""
+
+from supersampler.backends.gpu.executor import GpuExecutor, PassSpec
+from supersampler.backends.gpu.history import HistoryLayout, Plane, of_plane
+from supersampler.backends.gpu.memory import Memory, texture_of
+from supersampler.frame import Size
+from supersampler.methods.model_info import ModelInfo
+from supersampler.methods.spec import DISPLAY, constants_of
+from supersampler.methods.taa.spec import TAA
+
+LAYOUT = HistoryLayout(TAA, {"pixels": Plane(DISPLAY)}, {"color": of_plane("pixels", 0, 1, 2)})
+
+
+class TaaGpu(GpuExecutor):
+    """Runs `taa`; see `Executor`.
+
+    Args:
+        info: the model.
+    """
+
+    def __init__(self, info: ModelInfo) -> None:
+        constants = {name: info.config[name] for name in constants_of(TAA)}
+        passes = PassSpec("boxes", "render"), PassSpec("blend")
+        super().__init__(LAYOUT, "supersampler.methods.taa", constants, passes)
+
+    def _work_memory(self, render: Size, display: Size) -> dict[str, Memory]:  # noqa: ARG002
+        return {name: texture_of(self.device, render) for name in ("tones", "lows", "highs", "longest")}
