@@ -85,6 +85,7 @@ def _fall_back(error: KernelError, *, required: bool) -> None:
 
 
 def kernels_of(info: ModelInfo) -> str | None:
+    """Return the folder of the method whose kernels and shaders run a model; None where none do."""
     if "network.npz" in info.files:
         return "classifier"
     if info.method == "taau":

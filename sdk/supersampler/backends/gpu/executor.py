@@ -4,6 +4,7 @@ from abc import ABC, abstractmethod
 from collections import OrderedDict
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from supersampler.backends.cpu.layout import TILE
 from supersampler.backends.gpu.device import default_device, raising, storage_limit
 from supersampler.backends.gpu.frame_inputs import FrameBuffers, step_params
-from supersampler.backends.gpu.history import STATE, GpuHistory, HistoryLayout
+from supersampler.backends.gpu.history import GpuHistory, HistoryLayout
 from supersampler.backends.gpu.memory import Memory, Readback, buffer_of, uniform_of
 from supersampler.backends.gpu.passes import Pass, Resource
 from supersampler.backends.gpu.shader import Constants, load_shader
@@ -46,8 +47,8 @@ class PassSpec(NamedTuple):
     shader: str
     extent: str = "display"
     tile: tuple[int, int] = (16, 16)
-    constants: Constants = {}
-    names: Mapping[str, str] = {}
+    constants: Constants = MappingProxyType({})
+    names: Mapping[str, str] = MappingProxyType({})
 
 
 @dataclass(eq=False)
@@ -109,7 +110,8 @@ class GpuExecutor(ABC):
         if key not in self._compiled:
             with raising(self.device, "compiling shaders"):
                 self._compiled[key] = [
-                    Pass(self.device, self._shader(spec, variants), spec.tile, spec.names) for spec in self.pass_specs
+                    Pass(self.device, self._shader(spec, variants), spec.tile, spec.names)
+                    for spec in self.pass_specs
                 ]
         return self._compiled[key]
 
@@ -144,7 +146,12 @@ class GpuExecutor(ABC):
             space = self._space(render, display)
             space.frame.write(frame)
             params = step_params(
-                render, frame.jitter, frame.exposure, history, adds_samples=adds_samples, writes_aux=bool(wanted)
+                render,
+                frame.jitter,
+                frame.exposure,
+                history,
+                adds_samples=adds_samples,
+                writes_aux=bool(wanted),
             )
             inputs = {name: memory.resource for name, memory in space.frame.memory.items()}
             encoder = self.device.create_command_encoder()
@@ -242,8 +249,9 @@ class GpuExecutor(ABC):
         """See `Executor`."""
         return np.ones([-(-extent // TILE) for extent in display[::-1]], np.float32)
 
-    def resting(self, buffers: GpuHistory) -> None:
+    def resting(self, buffers: GpuHistory) -> float | None:  # noqa: ARG002  # every pixel is computed
         """See `Executor`."""
+        return None
 
 
 def _bytes_of(memories: Iterable[Memory]) -> int:

@@ -27,7 +27,7 @@ def step_params(
     writes_aux: bool,
 ) -> Float32:
     """Return the shader's `Params` of a step from `history`."""
-    counts = adds_samples and np.float32(jitter).tolist() != np.float32(history.jitter).tolist()
+    counts = adds_samples and np.any(np.array(jitter, np.float32) != np.array(history.jitter, np.float32))
     values = [*render, *history.display, *history.render, *jitter, *history.jitter]
     return np.array([*values, usable_exposure(exposure) or 0.0, counts, writes_aux, 0.0], np.float32)
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from supersampler.backends.gpu.memory import Memory, buffer_of, read_back, texture_of, write_to
 from supersampler.frame import Float32, Size
-from supersampler.methods.spec import DISPLAY, HALF, PREVIOUS, MethodSpec
+from supersampler.methods.spec import DISPLAY, HALF, PREVIOUS, MethodSpec, sized
 
 if TYPE_CHECKING:
     import wgpu
@@ -108,7 +108,7 @@ class GpuHistory:
             return np.array([self.jitter], np.float32)
         if name in _STATE_TENSORS:
             values = self._words(STATE)[_STATE_TENSORS[name]].view(np.float32)
-            return values.copy().reshape(self.layout.spec.history[name])
+            return values.copy().reshape(sized(self.layout.spec.history[name], {}))
         where = self.layout.channels[name]
         pixels = {plane: self._pixels(plane) for plane, _ in where}
         return np.stack([pixels[plane][..., channel] for plane, channel in where])[None]
@@ -116,7 +116,8 @@ class GpuHistory:
     def load(self, tensors: Mapping[str, NDArray[Any]]) -> None:
         """Fill the buffers from all history tensors of the contract."""
         tensors = {name.removeprefix("history."): tensor for name, tensor in tensors.items()}
-        self.jitter = (float(tensors["jitter"][0, 0]), float(tensors["jitter"][0, 1])) if "jitter" in tensors else (0.0, 0.0)
+        x, y = tensors["jitter"][0].tolist() if "jitter" in tensors else (0.0, 0.0)
+        self.jitter = x, y
         state = np.zeros(STATE_VALUES, np.float32)
         for name, part in _STATE_TENSORS.items():
             if name in tensors:

@@ -74,7 +74,10 @@ def read_back(device: "wgpu.GPUDevice", memory: Memory) -> NDArray[np.uint32]:
     row = -(-TEXEL * width // ROW) * ROW
     rows = device.create_buffer(size=row * height, usage=_COPY_SRC | _COPY_DST)
     encoder = device.create_command_encoder()
-    source, target = {"texture": memory.texture}, {"buffer": rows, "bytes_per_row": row, "rows_per_image": height}
+    source, target = (
+        {"texture": memory.texture},
+        {"buffer": rows, "bytes_per_row": row, "rows_per_image": height},
+    )
     encoder.copy_texture_to_buffer(source, target, (width, height, 1))
     device.queue.submit([encoder.finish()])
     words = np.frombuffer(device.queue.read_buffer(rows), np.uint32).reshape(height, row // 4)

@@ -44,11 +44,12 @@ def _pack_ranges(pixels: Float32) -> Packed:
 
 
 def _unpack_classes(words: Packed) -> Float32:
-    return (np.ascontiguousarray(words).view(np.uint8) / 255.0).astype(np.float32)
+    return np.ascontiguousarray(words).view(np.uint8).astype(np.float32) / np.float32(255.0)
 
 
 def _pack_classes(pixels: Float32) -> Packed:
-    return (np.clip(pixels, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
+    rounded: Packed = (np.clip(pixels, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
+    return rounded
 
 
 LAYOUT = HistoryLayout(
@@ -127,8 +128,12 @@ class ClassifierGpu(GpuExecutor):
             "half_inputs": buffer_of(device, 8 * half),
             "differences": buffer_of(device, 4 * half),
         }
-        for level, (constants, scale) in enumerate(zip(self._network.levels, ((1, 1), (2, 1), (2, 2), (4, 4)), strict=True)):
+        for level, (constants, scale) in enumerate(
+            zip(self._network.levels, ((1, 1), (2, 1), (2, 2), (4, 4)), strict=True)
+        ):
             width, height = extents[f"level{level}"]
             memory[f"kept{level}"] = texture_of(device, (scale[0] * width, scale[1] * height), "rgba32uint")
-            memory[f"pooled{level}"] = buffer_of(device, 16 * constants["pooled"] * (width // 2) * (height // 2))
+            memory[f"pooled{level}"] = buffer_of(
+                device, 16 * constants["pooled"] * (width // 2) * (height // 2)
+            )
         return memory

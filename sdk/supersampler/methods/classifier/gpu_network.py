@@ -1,4 +1,4 @@
-"""The int8 network of `classifier` as the shaders read it: one buffer of words, and where each layer begins."""
+"""The int8 network of `classifier` as shaders read it: one buffer, and where each layer begins in it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -126,7 +126,9 @@ def _pointwise(
 def _by_corner(weights: NDArray[np.int8]) -> NDArray[np.int8]:
     """Reorder the bytes of packed pixels from (input, corner) to (corner, input), as texels hold them."""
     packed = weights[:, : CORNERS * INPUTS].reshape(-1, INPUTS, CORNERS)
-    return np.concatenate([packed.transpose(0, 2, 1).reshape(len(weights), -1), weights[:, CORNERS * INPUTS :]], 1)
+    return np.concatenate(
+        [packed.transpose(0, 2, 1).reshape(len(weights), -1), weights[:, CORNERS * INPUTS :]], 1
+    )
 
 
 def _hidden(arrays: Arrays) -> tuple[NDArray[np.int8], NDArray[Any], NDArray[Any]]:
