@@ -54,8 +54,8 @@ def _open_device() -> "wgpu.GPUDevice":
         adapter = wgpu.gpu.request_adapter_sync(power_preference="high-performance")
     except Exception as error:  # wgpu raises RuntimeError, or what its native library says
         raise DeviceError(
-            "no GPU adapter was found: install the GPU's Vulkan, Metal or DirectX 12 driver; on Linux without "
-            f"a GPU, Debian's mesa-vulkan-drivers has a software adapter ({error})"
+            "no GPU adapter was found: install the GPU's Vulkan, Metal or DirectX 12 driver; on Linux "
+            f"without a GPU, Debian's mesa-vulkan-drivers has a software adapter ({error})"
         ) from None
     lacking = [name for name, least in LIMITS.items() if adapter.limits.get(name, least) < least]
     if lacking:

@@ -44,7 +44,8 @@ def _pack_ranges(pixels: Float32) -> Packed:
 
 
 def _unpack_classes(words: Packed) -> Float32:
-    return np.ascontiguousarray(words).view(np.uint8).astype(np.float32) / np.float32(255.0)
+    shares: Float32 = np.ascontiguousarray(words).view(np.uint8).astype(np.float32) / np.float32(255.0)
+    return shares
 
 
 def _pack_classes(pixels: Float32) -> Packed:
