@@ -107,12 +107,17 @@ def device_of(image: Any) -> Any:
     return image._device  # wgpu has no public name for it
 
 
+def _is_float(texture_format: str) -> bool:
+    """Return whether shaders read floats from a format; those of depth buffers are read otherwise."""
+    return ("float" in texture_format or "norm" in texture_format) and "depth" not in texture_format
+
+
 def _check_image(name: str, image: Any, size: Size, device: "wgpu.GPUDevice") -> None:
     if is_texture(image):
-        good = tuple(image.size[:2]) == size and "float" in image.format and "depth" not in image.format
+        good = tuple(image.size[:2]) == size and _is_float(image.format)
         if not good or not image.usage & _SAMPLED:
             got = f"{image.format} {tuple(image.size[:2])} with usage {image.usage}"
-            raise FrameError(name, got=got, want=f"a float format {size} with TEXTURE_BINDING")
+            raise FrameError(name, got=got, want=f"a colour format {size} with TEXTURE_BINDING")
     else:
         least = 4 * CHANNELS[name] * size[0] * size[1]
         if getattr(image, "size", 0) < least or not image.usage & _STORAGE:
