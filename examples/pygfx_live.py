@@ -117,9 +117,7 @@ class Upscale(EffectPass):  # type: ignore[misc]  # pygfx has no types
     ) -> None:
         super().__init__()
         self._device, self._camera, self._size = device, camera, size
-        self._upscaler = Upscaler(
-            Model.load(model, executor="gpu", device=device), display_size=display_size
-        )
+        self._upscaler = Upscaler(Model.load(model, executor="gpu", device=device), display_size=display_size)
         usage = wgpu.TextureUsage.STORAGE_BINDING | wgpu.TextureUsage.TEXTURE_BINDING
         self._depth, self._motion = (
             device.create_texture(size=(*size, 1), format=pixel, usage=usage)
@@ -205,7 +203,9 @@ def make_scene(aspect: float) -> tuple[gfx.Scene, gfx.PerspectiveCamera]:
     scene.add(floor, knot, ball)
     for height in np.linspace(-0.4, 2.4, 8):
         line = np.array([[-3.5, height, -2.5], [3.5, height + 0.5, -2.5]], np.float32)
-        scene.add(gfx.Line(gfx.Geometry(positions=line), gfx.LineMaterial(thickness=1.0, color="#202020", aa=False)))
+        scene.add(
+            gfx.Line(gfx.Geometry(positions=line), gfx.LineMaterial(thickness=1.0, color="#202020", aa=False))
+        )
     return scene, gfx.PerspectiveCamera(50, aspect, depth_range=(0.1, 100.0))
 
 

@@ -1,15 +1,10 @@
 """Passes on the samples of a frame, and the convergence of static pixels, for all methods that have it."""
 
-from typing import TYPE_CHECKING
-
 from supersampler.backends.gpu.executor import PassSpec
 from supersampler.backends.gpu.history import Plane, of_plane
-from supersampler.backends.gpu.memory import Memory, buffer_of, texture_of
+from supersampler.backends.gpu.memory import BufferSpec, MemorySpec, TextureSpec
 from supersampler.frame import Size
 from supersampler.methods.spec import DISPLAY, PREVIOUS
-
-if TYPE_CHECKING:
-    import wgpu
 
 PREPROCESS = PassSpec("preprocess", "render")
 CONVERGENCE_PASSES = (PassSpec("residuals", "render"), PassSpec("flags", "render"))
@@ -20,14 +15,14 @@ CONVERGENCE_CHANNELS = {
 }
 
 
-def sample_memory(device: "wgpu.GPUDevice", render: Size) -> dict[str, Memory]:
-    """Allocate what PREPROCESS and CONVERGENCE_PASSES write for later passes."""
+def sample_specs(render: Size) -> dict[str, MemorySpec]:
+    """Return the memory that PREPROCESS and CONVERGENCE_PASSES write for later passes."""
     across, down = (-(-extent // side) for extent, side in zip(render, PREPROCESS.tile, strict=True))
     return {
-        "tones": texture_of(device, render),
-        "samples": texture_of(device, render),
-        "dilated": texture_of(device, render),
-        "flags": texture_of(device, render, "rgba32uint"),
-        "own_motion": buffer_of(device, 8 * render[0] * render[1]),
-        "light": buffer_of(device, 8 * across * down),
+        "tones": TextureSpec(render),
+        "samples": TextureSpec(render),
+        "dilated": TextureSpec(render),
+        "flags": TextureSpec(render, "rgba32uint"),
+        "own_motion": BufferSpec(8 * render[0] * render[1]),
+        "light": BufferSpec(8 * across * down),
     }

@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections import OrderedDict
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -14,9 +14,17 @@ from numpy.typing import NDArray
 from supersampler.backends.cpu.layout import TILE
 from supersampler.backends.gpu.device import default_device, raising, storage_limit
 from supersampler.backends.gpu.device_frame import IMAGE_FORMAT, DeviceFrame, is_texture
-from supersampler.backends.gpu.frame_inputs import FrameBuffers, step_params
+from supersampler.backends.gpu.frame_inputs import frame_specs, step_params, write_frame
 from supersampler.backends.gpu.history import GpuHistory, HistoryLayout
-from supersampler.backends.gpu.memory import Memory, Readback, buffer_of, image_of, uniform_of
+from supersampler.backends.gpu.memory import (
+    BufferSpec,
+    Memory,
+    MemorySpec,
+    Readback,
+    allocate,
+    image_of,
+    uniform_of,
+)
 from supersampler.backends.gpu.passes import Pass, Resource
 from supersampler.backends.gpu.shader import Constants, load_shader
 from supersampler.backends.locks import ForkSafeLock
@@ -40,7 +48,7 @@ class PassSpec(NamedTuple):
 
     Attributes:
         shader: name of its file.
-        extent: size that its workgroups cover: "render", "display", "half", or another of `_extents`.
+        extent: size that its workgroups cover: "render", "display", "half", or another of `extents`.
         tile: pixels that a workgroup computes.
         constants: of this pass, beside those of the method.
         names: of the resources of variables, where they differ.
@@ -58,12 +66,11 @@ class Space:
     """Buffers of a step for frames and images of one size.
 
     Attributes:
-        frame: of the frame.
-        memory: between passes, by the names that shaders use.
-        image: (H, W, 3) float32, with the auxiliary outputs.
+        memory: of the frame and between passes, by the names that shaders use.
+        image: (H, W, 3) float32.
+        aux: (H, W, 2) float32, the auxiliary outputs AUX.
     """
 
-    frame: FrameBuffers
     memory: dict[str, Memory]
     image: Readback
     aux: Readback
@@ -78,6 +85,11 @@ class GpuExecutor(ABC):
         constants: of the method, by name.
         passes: in order, after those of the exposure.
         device: to run on; None is that of the process.
+
+    Attributes:
+        device: as given, or that of the process.
+        pass_specs: all passes, in order.
+        weights: of a network, by the names that shaders use.
 
     Raises:
         DeviceError: there is no device, or it does not compile a shader.
@@ -98,6 +110,7 @@ class GpuExecutor(ABC):
         self._layout, self._package, self._constants = layout, package, constants
         first = PassSpec("measure", "parts", (1, 1)), PassSpec("follow_exposure", "one", (1, 1))
         self.pass_specs = (*first, *passes)
+        self.weights: dict[str, Memory] = {}
         self._compiled: dict[tuple[str, ...], list[Pass]] = {}
         self._spaces: OrderedDict[tuple[Size, Size], Space] = OrderedDict()
         self._lock = ForkSafeLock()  # of `_spaces` and of their buffers
@@ -105,10 +118,30 @@ class GpuExecutor(ABC):
         self.passes(ARRAYS)
 
     @abstractmethod
-    def _work_memory(self, render: Size, display: Size) -> dict[str, Memory]:
-        """Allocate the buffers between the passes of a step, by the names that shaders use."""
+    def work_specs(self, render: Size, display: Size) -> dict[str, MemorySpec]:
+        """Return the memory between the passes of a step, by the names that shaders use."""
 
-    def _extents(self, render: Size, display: Size) -> dict[str, Size]:
+    def specs(self, render: Size, display: Size) -> dict[str, MemorySpec]:
+        """Return all memory of a step, by the names that shaders use; without weights."""
+        width, height = display
+        history = self._layout.specs(display, render)
+        return {
+            **{f"history_{name}": spec for name, spec in history.items()},
+            **{f"next_{name}": spec for name, spec in history.items()},
+            **self._space_specs(render, display),
+            "image": BufferSpec(12 * width * height),
+            "aux": BufferSpec(4 * len(AUX) * width * height),
+        }
+
+    def _space_specs(self, render: Size, display: Size) -> dict[str, MemorySpec]:
+        return {
+            **frame_specs(self._layout.spec.inputs, render),
+            "measured": BufferSpec(8 * PARTS),
+            "rising": BufferSpec(4),
+            **self.work_specs(render, display),
+        }
+
+    def extents(self, render: Size, display: Size) -> dict[str, Size]:
         """Return the sizes that passes cover, by name."""
         half = (display[0] + 1) // 2, (display[1] + 1) // 2
         return {"one": (1, 1), "parts": (PARTS, 1), "render": render, "display": display, "half": half}
@@ -153,7 +186,7 @@ class GpuExecutor(ABC):
         render, wanted = frame.size, [name for name in AUX if name in aux_outputs]
         with self._lock.lock, raising(self.device, f"in a step to {display}"):
             space = self._space(render, display)
-            space.frame.write(frame)
+            write_frame(self.device, space.memory, frame, self._layout.spec.inputs)
             params = step_params(
                 render,
                 frame.jitter,
@@ -162,10 +195,8 @@ class GpuExecutor(ABC):
                 adds_samples=adds_samples,
                 writes_aux=bool(wanted),
             )
-            inputs = {name: memory.resource for name, memory in space.frame.memory.items()}
             encoder = self.device.create_command_encoder()
-            resources = {**inputs, "image": space.image.buffer}
-            self._encode(encoder, ARRAYS, params, history, next_history, resources, space)
+            self._encode(encoder, ARRAYS, params, history, next_history, {"image": space.image.buffer}, space)
             space.image.encode(encoder)
             if wanted:
                 space.aux.encode(encoder)
@@ -205,10 +236,9 @@ class GpuExecutor(ABC):
         params = step_params(frame.size, frame.jitter, frame.exposure, history, adds_samples=adds_samples)
         with self._lock.lock, raising(self.device, f"encoding a step to {display}"):
             space = self._space(frame.size, display)
-            unread = {name: memory.resource for name, memory in space.frame.memory.items()}
             inputs = {f"frame_{name}": self._resource(given) for name, given in frame.images.items()}
             inputs["image"] = self._resource(image)
-            self._encode(encoder, variants, params, history, next_history, {**unread, **inputs}, space)
+            self._encode(encoder, variants, params, history, next_history, inputs, space)
 
     def new_image(self, display: Size) -> "wgpu.GPUTexture":
         """Allocate a texture for an image."""
@@ -233,18 +263,18 @@ class GpuExecutor(ABC):
         inputs: Mapping[str, Resource],
         space: Space,
     ) -> None:
-        """Encode all passes; `inputs`: the frame and the image, by the names that shaders use."""
+        """Encode all passes; `inputs`: the image, and the frame unless it is in the buffers of `space`."""
         render = int(params[0]), int(params[1])
         next_history.jitter = float(params[6]), float(params[7])
         resources: dict[str, Resource] = {
             "params": uniform_of(self.device, params),
             "aux": space.aux.buffer,
-            **{name: memory.resource for name, memory in space.memory.items()},
+            **{name: memory.resource for name, memory in (*self.weights.items(), *space.memory.items())},
             **{f"history_{name}": memory.resource for name, memory in history.memory.items()},
             **{f"next_{name}": memory.resource for name, memory in next_history.memory.items()},
             **inputs,
         }
-        extents = self._extents(render, history.display)
+        extents = self.extents(render, history.display)
         compute = encoder.begin_compute_pass()
         for spec, one in zip(self.pass_specs, self.passes(variants), strict=True):
             one.encode(compute, resources, extents[spec.extent])
@@ -267,20 +297,20 @@ class GpuExecutor(ABC):
                 f"an image of {display} needs {12 * pixels} bytes in one binding; the device's limit is "
                 f"{storage_limit(self.device)}: at most {most} pixels"
             )
-        parts = {"measured": buffer_of(self.device, 8 * PARTS), "rising": buffer_of(self.device, 4)}
+        specs = self._space_specs(render, display)
         return Space(
-            FrameBuffers(self.device, self._layout.spec.inputs, render),
-            {**parts, **self._work_memory(render, display)},
+            {name: allocate(self.device, spec) for name, spec in specs.items()},
             Readback(self.device, (*shape, 3)),
             Readback(self.device, (*shape, len(AUX))),
         )
 
     def required_bytes(self, display: Size, render: Size) -> tuple[int, int | None]:
         """See `Executor`."""
-        with self._lock.lock:
-            history, space = self.zeros(display, render), self._new_space(render, display)
-        working = (*space.frame.memory.values(), *space.memory.values())
-        return _bytes_of(history.memory.values()), _bytes_of(working) + space.image.bytes + space.aux.bytes
+        history = self._layout.specs(display, render)
+        specs = self.specs(render, display)
+        working = [spec.bytes for name, spec in specs.items() if not name.startswith(("history_", "next_"))]
+        mapped = specs["image"].bytes + specs["aux"].bytes  # what the CPU reads
+        return sum(spec.bytes for spec in history.values()), sum(working) + mapped
 
     def note_stages(self) -> Mapping[str, float]:
         """See `Executor`."""
@@ -307,7 +337,3 @@ class GpuExecutor(ABC):
     def resting(self, buffers: GpuHistory) -> float | None:  # noqa: ARG002  # every pixel is computed
         """See `Executor`."""
         return None
-
-
-def _bytes_of(memories: Iterable[Memory]) -> int:
-    return sum(memory.bytes for memory in memories)

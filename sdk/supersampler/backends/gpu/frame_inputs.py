@@ -1,12 +1,12 @@
-"""What a step reads: parameters, and the frame in buffers of the device."""
+"""What a step reads: parameters, and the frame in buffers."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from supersampler.backends.gpu.history import GpuHistory
-from supersampler.backends.gpu.memory import Memory, buffer_of, write_to
+from supersampler.backends.gpu.memory import BufferSpec, Memory, MemorySpec, write_to
 from supersampler.frame import Float32, Frame, Size
 from supersampler.io.display import usable_exposure
 
@@ -32,28 +32,25 @@ def step_params(
     return np.array([*values, usable_exposure(exposure) or 0.0, counts, writes_aux, 0.0], np.float32)
 
 
-class FrameBuffers:
-    """Storage buffers for the images of a frame.
+def frame_specs(names: Collection[str], size: Size) -> dict[str, MemorySpec]:
+    """Return the buffers of a frame, by the names that shaders use.
 
     Args:
-        device: of the buffers.
-        names: the images that the method reads; the others are not copied.
+        names: the images that the method reads; the others take no memory.
         size: of the frame, (width, height).
-
-    Attributes:
-        memory: by the names that shaders use.
     """
+    pixels = size[0] * size[1]
+    return {
+        f"frame_{name}": BufferSpec(4 * channels * pixels if name in names else 4)
+        for name, channels in CHANNELS.items()
+    }
 
-    def __init__(self, device: "wgpu.GPUDevice", names: Collection[str], size: Size) -> None:
-        self._device, self._names = device, [name for name in CHANNELS if name in names]
-        pixels = size[0] * size[1]
-        self.memory: dict[str, Memory] = {
-            f"frame_{name}": buffer_of(device, 4 * channels * pixels if name in self._names else 4)
-            for name, channels in CHANNELS.items()
-        }
 
-    def write(self, frame: Frame) -> None:
-        """Copy the images of a frame to the device."""
-        for name in self._names:
+def write_frame(
+    device: "wgpu.GPUDevice", memory: Mapping[str, Memory], frame: Frame, names: Collection[str]
+) -> None:
+    """Copy the images of a frame that the method reads to its buffers."""
+    for name in CHANNELS:
+        if name in names:
             image: Any = getattr(frame, name)
-            write_to(self._device, self.memory[f"frame_{name}"], np.asarray(image, np.float32))
+            write_to(device, memory[f"frame_{name}"], np.asarray(image, np.float32))

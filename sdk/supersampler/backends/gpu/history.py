@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.backends.gpu.memory import Memory, buffer_of, read_back, texture_of, write_to
+from supersampler.backends.gpu.memory import (
+    BufferSpec,
+    Memory,
+    MemorySpec,
+    TextureSpec,
+    allocate,
+    read_back,
+    write_to,
+)
 from supersampler.frame import Float32, Size
 from supersampler.methods.spec import DISPLAY, HALF, PREVIOUS, MethodSpec, sized
 
@@ -47,6 +55,11 @@ class Plane(NamedTuple):
             return (display[0] + 1) // 2, (display[1] + 1) // 2
         return {DISPLAY: display, PREVIOUS: render}[self.extent]
 
+    def spec(self, display: Size, render: Size) -> MemorySpec:
+        """Return the memory that it needs."""
+        width, height = size = self.size(display, render)
+        return TextureSpec(size) if self.words == 4 else BufferSpec(4 * self.words * width * height)
+
 
 @dataclass(frozen=True)
 class HistoryLayout:
@@ -61,6 +74,11 @@ class HistoryLayout:
     spec: MethodSpec
     planes: Mapping[str, Plane]
     channels: Mapping[str, tuple[tuple[str, int], ...]]
+
+    def specs(self, display: Size, render: Size) -> dict[str, MemorySpec]:
+        """Return the memory of all planes and of the state, by name."""
+        planes = {name: plane.spec(display, render) for name, plane in self.planes.items()}
+        return {STATE: BufferSpec(4 * STATE_VALUES), **planes}
 
 
 def of_plane(plane: str, *channels: int) -> tuple[tuple[str, int], ...]:
@@ -78,7 +96,7 @@ class GpuHistory:
         display: (width, height) of the images.
         render: (width, height) of the previous frame.
         jitter: of the previous frame, render pixels.
-        resources: buffers and texture views by name; "state" is that of a whole frame.
+        memory: by name; "state" is that of a whole frame.
     """
 
     device: "wgpu.GPUDevice"
@@ -89,13 +107,8 @@ class GpuHistory:
     memory: dict[str, Memory] = field(init=False)
 
     def __post_init__(self) -> None:
-        self.memory = {STATE: buffer_of(self.device, 4 * STATE_VALUES)}
-        for name, plane in self.layout.planes.items():
-            size = plane.size(self.display, self.render)
-            if plane.words == 4:
-                self.memory[name] = texture_of(self.device, size)
-            else:
-                self.memory[name] = buffer_of(self.device, 4 * plane.words * size[0] * size[1])
+        specs = self.layout.specs(self.display, self.render)
+        self.memory = {name: allocate(self.device, spec) for name, spec in specs.items()}
 
     def fits(self, display: Size, render: Size) -> bool:
         """Return whether it is of these sizes."""

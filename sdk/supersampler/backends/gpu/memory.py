@@ -1,5 +1,6 @@
 """Textures and buffers on the device, and copies between them and arrays."""
 
+import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -20,39 +21,52 @@ _COPY_SRC, _COPY_DST, _UNIFORM, _STORAGE = 4, 8, 64, 128
 _TEXTURE_COPY_SRC, _TEXTURE_COPY_DST, _SAMPLED, _STORED = 1, 2, 4, 8
 
 
+class BufferSpec(NamedTuple):
+    """A storage buffer of at least `bytes`."""
+
+    bytes: int
+
+
+class TextureSpec(NamedTuple):
+    """A texture rgba32float or rgba32uint of (width, height)."""
+
+    size: Size
+    format: str = "rgba32float"
+
+    @property
+    def bytes(self) -> int:
+        """Bytes of all pixels."""
+        return TEXEL * self.size[0] * self.size[1]
+
+
+MemorySpec = BufferSpec | TextureSpec
+
+
 class Memory(NamedTuple):
     """A buffer or a texture.
 
     Attributes:
         resource: what a bind group takes: the buffer, or a view of the texture.
-        bytes: its size.
         texture: the texture; None for a buffer.
     """
 
     resource: Any
-    bytes: int
     texture: Any = None
 
 
-def buffer_of(device: "wgpu.GPUDevice", size: int) -> Memory:
-    """Allocate a storage buffer of at least `size` bytes, zeros."""
-    size = max(-(-size // 4) * 4, 16)
-    return Memory(device.create_buffer(size=size, usage=_STORAGE | _COPY_SRC | _COPY_DST), size)
+def allocate(device: "wgpu.GPUDevice", spec: MemorySpec) -> Memory:
+    """Allocate memory, zeros."""
+    if isinstance(spec, BufferSpec):
+        size = max(-(-spec.bytes // 4) * 4, 16)
+        return Memory(device.create_buffer(size=size, usage=_STORAGE | _COPY_SRC | _COPY_DST))
+    usage = _TEXTURE_COPY_SRC | _TEXTURE_COPY_DST | _SAMPLED | _STORED
+    texture = device.create_texture(size=(*spec.size, 1), format=spec.format, usage=usage)
+    return Memory(texture.create_view(), texture)
 
 
 def uniform_of(device: "wgpu.GPUDevice", values: NDArray[Any]) -> "wgpu.GPUBuffer":
     """Make a uniform buffer."""
     return device.create_buffer_with_data(data=values, usage=_UNIFORM)
-
-
-def texture_of(device: "wgpu.GPUDevice", size: Size, texture_format: str = "rgba32float") -> Memory:
-    """Allocate a texture, rgba32float or rgba32uint, zeros."""
-    texture = device.create_texture(
-        size=(*size, 1),
-        format=texture_format,
-        usage=_TEXTURE_COPY_SRC | _TEXTURE_COPY_DST | _SAMPLED | _STORED,
-    )
-    return Memory(texture.create_view(), TEXEL * size[0] * size[1], texture)
 
 
 def image_of(device: "wgpu.GPUDevice", size: Size, texture_format: str) -> "wgpu.GPUTexture":
@@ -99,13 +113,11 @@ class Readback:
 
     Attributes:
         buffer: what shaders write.
-        bytes: of both.
     """
 
     def __init__(self, device: "wgpu.GPUDevice", shape: tuple[int, ...]) -> None:
-        memory = buffer_of(device, 4 * int(np.prod(shape)))
-        self.buffer, self.bytes = memory.resource, 2 * memory.bytes
-        self._mapped = device.create_buffer(size=memory.bytes, usage=_MAP_READ | _COPY_DST)
+        self.buffer = allocate(device, BufferSpec(4 * math.prod(shape))).resource
+        self._mapped = device.create_buffer(size=self.buffer.size, usage=_MAP_READ | _COPY_DST)
 
     def encode(self, encoder: "wgpu.GPUCommandEncoder") -> None:
         """Encode the copy."""

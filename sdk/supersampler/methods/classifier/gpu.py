@@ -9,13 +9,13 @@ from supersampler.backends.gpu.convergence import (
     CONVERGENCE_PASSES,
     CONVERGENCE_PLANES,
     PREPROCESS,
-    sample_memory,
+    sample_specs,
 )
 from supersampler.backends.gpu.executor import GpuExecutor, PassSpec
 from supersampler.backends.gpu.history import Codec, HistoryLayout, Packed, Plane, of_plane
-from supersampler.backends.gpu.memory import Memory, buffer_of, texture_of, write_to
+from supersampler.backends.gpu.memory import BufferSpec, MemorySpec, TextureSpec, allocate, write_to
 from supersampler.frame import Float32, Size
-from supersampler.methods.classifier.gpu_network import read_gpu_network
+from supersampler.methods.classifier.gpu_network import CHUNK, read_gpu_network
 from supersampler.methods.classifier.spec import CLASSES, CLASSIFIER, CONTRAST, FLASH_FRACTION, RISE, WHITE
 from supersampler.methods.classifier.variant import Variant
 from supersampler.methods.model_info import ModelInfo
@@ -90,7 +90,7 @@ class ClassifierGpu(GpuExecutor):
 
     def __init__(self, info: ModelInfo, device: "wgpu.GPUDevice | None" = None) -> None:
         variant = Variant.of(info.config)
-        self._network = network = read_gpu_network(info, variant)
+        network = read_gpu_network(info, variant)
         constants = {name: info.config[name] for name in constants_of(CLASSIFIER)}
         constants |= {"white": WHITE, "rise": RISE, "contrast": CONTRAST, "flash_fraction": FLASH_FRACTION}
         constants |= variant._asdict()
@@ -99,14 +99,14 @@ class ClassifierGpu(GpuExecutor):
             "sharpness_at": variant.sharpness,
             "kernel_at": variant.kernel_weights,
         }
-        levels = [self._level(level, tile) for level, tile in zip(network.levels, TILES, strict=True)]
+        self._levels = [self._level(one, tile) for one, tile in zip(network.levels, TILES, strict=True)]
         passes = (
-            PREPROCESS, *CONVERGENCE_PASSES, PassSpec("gather"), PassSpec("means", "half"), *levels,
+            PREPROCESS, *CONVERGENCE_PASSES, PassSpec("gather"), PassSpec("means", "half"), *self._levels,
             PassSpec("compose", constants={**network.last, **blend}),
         )  # fmt: skip
         super().__init__(LAYOUT, "supersampler.methods.classifier", constants, passes, device)
-        self._weights = buffer_of(self.device, network.words.nbytes)
-        write_to(self.device, self._weights, network.words)
+        self.weights["network"] = allocate(self.device, BufferSpec(network.words.nbytes))
+        write_to(self.device, self.weights["network"], network.words)
 
     @staticmethod
     def _level(constants: dict[str, int], tile: tuple[int, int]) -> PassSpec:
@@ -120,28 +120,28 @@ class ClassifierGpu(GpuExecutor):
             {"kept": f"kept{level}", "pooled": f"pooled{level}", "pooled_above": f"pooled{level - 1}"},
         )
 
-    def _extents(self, render: Size, display: Size) -> dict[str, Size]:
+    def extents(self, render: Size, display: Size) -> dict[str, Size]:
+        """See `GpuExecutor`."""
         half = ((extent + 1) // 2 for extent in display)
         width, height = (-(-extent // ALIGNED) * ALIGNED for extent in half)
         levels = {f"level{level}": (width >> level, height >> level) for level in range(len(TILES))}
-        return {**super()._extents(render, display), **levels}
+        return {**super().extents(render, display), **levels}
 
-    def _work_memory(self, render: Size, display: Size) -> dict[str, Memory]:
-        extents, device = self._extents(render, display), self.device
+    def work_specs(self, render: Size, display: Size) -> dict[str, MemorySpec]:
+        """See `GpuExecutor`."""
+        extents = self.extents(render, display)
         half = extents["half"][0] * extents["half"][1]
-        memory = {
-            **sample_memory(device, render),
-            "network": self._weights,
-            "inputs": texture_of(device, display, "rgba32uint"),
-            "half_inputs": buffer_of(device, 8 * half),
-            "differences": buffer_of(device, 4 * half),
+        specs: dict[str, MemorySpec] = {
+            **sample_specs(render),
+            "inputs": TextureSpec(display, "rgba32uint"),
+            "half_inputs": BufferSpec(8 * half),
+            "differences": BufferSpec(4 * half),
         }
-        for level, (constants, scale) in enumerate(
-            zip(self._network.levels, ((1, 1), (2, 1), (2, 2), (4, 4)), strict=True)
-        ):
-            width, height = extents[f"level{level}"]
-            memory[f"kept{level}"] = texture_of(device, (scale[0] * width, scale[1] * height), "rgba32uint")
-            memory[f"pooled{level}"] = buffer_of(
-                device, 16 * constants["pooled"] * (width // 2) * (height // 2)
-            )
-        return memory
+        for spec in self._levels:
+            level, kept, across = (int(spec.constants[name]) for name in ("level", "kept", "kept_across"))
+            width, height = extents[spec.extent]
+            size = across * width, kept // across * height
+            specs[f"kept{level}"] = TextureSpec(size, "rgba32uint")
+            pooled = int(spec.constants["pooled"]) * (width // 2) * (height // 2)
+            specs[f"pooled{level}"] = BufferSpec(CHUNK * pooled)
+        return specs

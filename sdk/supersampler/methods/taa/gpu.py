@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 from supersampler.backends.gpu.executor import GpuExecutor, PassSpec
 from supersampler.backends.gpu.history import HistoryLayout, Plane, of_plane
-from supersampler.backends.gpu.memory import Memory, texture_of
+from supersampler.backends.gpu.memory import MemorySpec, TextureSpec
 from supersampler.frame import Size
 from supersampler.methods.model_info import ModelInfo
 from supersampler.methods.spec import DISPLAY, constants_of
@@ -29,5 +29,6 @@ class TaaGpu(GpuExecutor):
         passes = PassSpec("boxes", "render"), PassSpec("blend")
         super().__init__(LAYOUT, "supersampler.methods.taa", constants, passes, device)
 
-    def _work_memory(self, render: Size, display: Size) -> dict[str, Memory]:  # noqa: ARG002
-        return {name: texture_of(self.device, render) for name in ("tones", "lows", "highs", "longest")}
+    def work_specs(self, render: Size, display: Size) -> dict[str, MemorySpec]:  # noqa: ARG002
+        """See `GpuExecutor`."""
+        return {name: TextureSpec(render) for name in ("tones", "lows", "highs", "longest")}

@@ -7,11 +7,11 @@ from supersampler.backends.gpu.convergence import (
     CONVERGENCE_PASSES,
     CONVERGENCE_PLANES,
     PREPROCESS,
-    sample_memory,
+    sample_specs,
 )
 from supersampler.backends.gpu.executor import GpuExecutor, PassSpec
 from supersampler.backends.gpu.history import HistoryLayout, Plane, of_plane
-from supersampler.backends.gpu.memory import Memory
+from supersampler.backends.gpu.memory import MemorySpec
 from supersampler.frame import Size
 from supersampler.methods.model_info import ModelInfo
 from supersampler.methods.spec import DISPLAY, PREVIOUS, constants_of
@@ -51,5 +51,6 @@ class TaauGpu(GpuExecutor):
         passes = PREPROCESS, PassSpec("light", "one", (1, 1)), *CONVERGENCE_PASSES, PassSpec("blend")
         super().__init__(LAYOUT, "supersampler.methods.taau", constants, passes, device)
 
-    def _work_memory(self, render: Size, display: Size) -> dict[str, Memory]:  # noqa: ARG002
-        return sample_memory(self.device, render)
+    def work_specs(self, render: Size, display: Size) -> dict[str, MemorySpec]:  # noqa: ARG002
+        """See `GpuExecutor`."""
+        return sample_specs(render)

@@ -17,7 +17,7 @@ const WIDE = SIDE + 4;
 @group(0) @binding(1) var<storage, read> next_state: State;
 @group(0) @binding(2) var samples: texture_2d<f32>;
 @group(0) @binding(3) var<storage, read> own_motion: array<vec2f>;
-@group(0) @binding(4) var history_still: texture_2d<f32>;
+@group(0) @binding(4) var history_still: texture_2d<f32>;   // 4 a thread
 @group(0) @binding(5) var history_opening: texture_2d<f32>;
 @group(0) @binding(6) var next_opening: texture_storage_2d<rgba32float, write>;   // low, high, learned, opens
 

@@ -1,0 +1,89 @@
+"""Count what a step of the GPU backend moves, from the accesses that its shaders declare.
+
+A pass reads and writes each of its resources once: workgroups share what their threads read, and neighbouring
+workgroups find their common border in the cache. A declaration that ends in `// N a thread` is of a resource
+larger than what the pass reads of it: N elements for each thread that has a pixel. Counted are resources that a
+function which `main` calls names. bench/studies/gpu_accesses.py compares the counts with those of shaders that
+mark each element that they touch.
+"""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+from supersampler.backends.gpu.executor import ARRAYS, GpuExecutor
+from supersampler.backends.gpu.memory import TEXEL
+from supersampler.backends.gpu.shader import Binding, Shader
+from supersampler.frame import Size
+from supersampler.methods.model_file import find_model, read_model_info
+from supersampler.model import Model
+from supersampler_bench.timing.traffic import Traffic
+
+BACKEND = "gpu"
+NOT_ASKED = ("aux", "params")
+"""Resources of an ordinary step that are not, or hardly, touched."""
+_FUNCTION = re.compile(r"^fn (\w+)\(", re.MULTILINE)
+_PART = re.compile(r"// (\d+) a thread$", re.MULTILINE)
+
+
+def count_gpu(method: str, render: Size, display: Size) -> Traffic:
+    """Count a step of the shaders, with a frame and an image in buffers.
+
+    Args:
+        method: a shipped model or a model folder.
+        render: (width, height) of the frame.
+        display: (width, height) of the image.
+
+    Returns:
+        Bytes of the resources of all passes, multiply-adds of the network, and passes.
+
+    Raises:
+        ArgumentError: the method has no shaders.
+        DeviceError: there is no device.
+    """
+    executor = Model.load(method, executor="gpu").gpu
+    moved = sum(size for _, _, size in accesses(executor, render, display))
+    info = read_model_info(find_model(method))
+    products = round(info.multiply_adds * display[0] * display[1])
+    return Traffic(BACKEND, Path(method).name, moved, products, len(executor.pass_specs))
+
+
+def accesses(executor: GpuExecutor, render: Size, display: Size) -> Iterator[tuple[str, Binding, int]]:
+    """Yield (pass, binding, bytes) of all resources of a step."""
+    sizes = {name: spec.bytes for name, spec in executor.specs(render, display).items()}
+    sizes |= {name: memory.resource.size for name, memory in executor.weights.items()}
+    extents = executor.extents(render, display)
+    for spec, one in zip(executor.pass_specs, executor.passes(ARRAYS), strict=True):
+        width, height = extents[spec.extent]
+        for binding in used_bindings(one.shader):
+            if binding.name not in NOT_ASKED:
+                whole = sizes[spec.names.get(binding.name, binding.name)]
+                yield spec.shader, binding, min(whole, part_of(one.shader, binding, width * height) or whole)
+
+
+def part_of(shader: Shader, binding: Binding, threads: int) -> int | None:
+    """Return the bytes of the elements that threads read; None where the declaration names no number."""
+    line = re.search(rf"^@group\(.*\b{binding.name}: .*$", shader.code, re.MULTILINE)
+    found = _PART.search(line[0]) if line else None
+    return int(found[1]) * TEXEL * threads if found else None
+
+
+def used_bindings(shader: Shader) -> list[Binding]:
+    """Return the bindings that functions name which `main` calls, directly or not."""
+    bodies = function_bodies(shader.code)
+    reached, waiting = set[str](), ["main"]
+    while waiting:
+        name = waiting.pop()
+        if name not in reached:
+            reached.add(name)
+            waiting += [word for word in re.findall(r"\b(\w+)\(", bodies[name]) if word in bodies]
+    text = "\n".join(bodies[name] for name in reached)
+    return [binding for binding in shader.bindings if re.search(rf"\b{binding.name}\b", text)]
+
+
+def function_bodies(code: str) -> dict[str, str]:
+    """Return the text of each function, comments removed, from its parameters to the next function."""
+    code = re.sub(r"//.*", "", code)
+    starts = [(match[1], match.end()) for match in _FUNCTION.finditer(code)]
+    ends = [end for _, end in starts[1:]] + [len(code)]
+    return {name: code[start:end] for (name, start), end in zip(starts, ends, strict=True)}
