@@ -1,10 +1,10 @@
 """Count what a step of the GPU backend moves, from the accesses that its shaders declare.
 
-A pass reads and writes each of its resources once: workgroups share what their threads read, and neighbouring
-workgroups find their common border in the cache. A declaration that ends in `// N a thread` is of a resource
-larger than what the pass reads of it: N elements for each thread that has a pixel. Counted are resources that a
-function which `main` calls names. bench/studies/gpu_accesses.py compares the counts with those of shaders that
-mark each element that they touch.
+A pass reads and writes each of its resources once: workgroups share what their threads read, and
+neighbouring workgroups find their common border in the cache. A declaration that ends in `// N a thread` is
+of a texture rgba32float larger than what the pass reads of it: N pixels for each thread that has a pixel.
+Counted are resources that `main` and the functions that it calls name. bench/studies/gpu_accesses.py compares
+the counts with those of shaders that mark what they touch.
 """
 
 import re
@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from supersampler.backends.gpu.executor import ARRAYS, GpuExecutor
-from supersampler.backends.gpu.memory import TEXEL
+from supersampler.backends.gpu.memory import TEXELS
 from supersampler.backends.gpu.shader import Binding, Shader
 from supersampler.frame import Size
 from supersampler.methods.model_file import find_model, read_model_info
@@ -65,7 +65,7 @@ def part_of(shader: Shader, binding: Binding, threads: int) -> int | None:
     """Return the bytes of the elements that threads read; None where the declaration names no number."""
     line = re.search(rf"^@group\(.*\b{binding.name}: .*$", shader.code, re.MULTILINE)
     found = _PART.search(line[0]) if line else None
-    return int(found[1]) * TEXEL * threads if found else None
+    return int(found[1]) * TEXELS["rgba32float"] * threads if found else None
 
 
 def used_bindings(shader: Shader) -> list[Binding]:

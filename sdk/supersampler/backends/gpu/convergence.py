@@ -1,14 +1,14 @@
 """Passes on the samples of a frame, and the convergence of static pixels, for all methods that have it."""
 
 from supersampler.backends.gpu.executor import PassSpec
-from supersampler.backends.gpu.history import Plane, of_plane
+from supersampler.backends.gpu.history import HALVES, Plane, of_plane
 from supersampler.backends.gpu.memory import BufferSpec, MemorySpec, TextureSpec
 from supersampler.frame import Size
 from supersampler.methods.spec import DISPLAY, PREVIOUS
 
 PREPROCESS = PassSpec("preprocess", "render")
 CONVERGENCE_PASSES = (PassSpec("residuals", "render"), PassSpec("flags", "render"))
-CONVERGENCE_PLANES = {"still": Plane(DISPLAY), "opening": Plane(PREVIOUS)}
+CONVERGENCE_PLANES = {"still": Plane(DISPLAY), "opening": Plane(PREVIOUS, 2, "rgba16float", HALVES)}
 CONVERGENCE_CHANNELS = {
     "still": of_plane("still", 0, 1, 2, 3),
     "opening": of_plane("opening", 0, 1, 2),
@@ -19,8 +19,7 @@ def sample_specs(render: Size) -> dict[str, MemorySpec]:
     """Return the memory that PREPROCESS and CONVERGENCE_PASSES write for later passes."""
     across, down = (-(-extent // side) for extent, side in zip(render, PREPROCESS.tile, strict=True))
     return {
-        "tones": TextureSpec(render),
-        "samples": TextureSpec(render),
+        "samples": TextureSpec(render, "rgba16float"),
         "dilated": TextureSpec(render),
         "flags": TextureSpec(render, "rgba32uint"),
         "own_motion": BufferSpec(8 * render[0] * render[1]),

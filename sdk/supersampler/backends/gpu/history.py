@@ -41,12 +41,14 @@ class Plane(NamedTuple):
 
     Attributes:
         extent: DISPLAY, HALF or PREVIOUS, the render size.
-        words: words of four bytes of a pixel. Four: a texture rgba32float; else a buffer.
+        words: words of four bytes of a pixel.
+        texture: format of a texture; None: a buffer.
         codec: None where the words are float32.
     """
 
     extent: tuple[str, str]
     words: int = 4
+    texture: str | None = "rgba32float"
     codec: Codec | None = None
 
     def size(self, display: Size, render: Size) -> Size:
@@ -58,7 +60,22 @@ class Plane(NamedTuple):
     def spec(self, display: Size, render: Size) -> MemorySpec:
         """Return the memory that it needs."""
         width, height = size = self.size(display, render)
-        return TextureSpec(size) if self.words == 4 else BufferSpec(4 * self.words * width * height)
+        if self.texture is not None:
+            return TextureSpec(size, self.texture)
+        return BufferSpec(4 * self.words * width * height)
+
+
+def _unpack_halves(words: Packed) -> Float32:
+    return np.ascontiguousarray(words).view(np.float16).astype(np.float32)
+
+
+def _pack_halves(pixels: Float32) -> Packed:
+    halves: Packed = pixels[..., :4].astype(np.float16)
+    return halves
+
+
+HALVES = Codec(_unpack_halves, _pack_halves)
+"""Four half floats in two words."""
 
 
 @dataclass(frozen=True)

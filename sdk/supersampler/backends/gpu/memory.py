@@ -13,8 +13,8 @@ if TYPE_CHECKING:
 
 ROW = 256
 """Rows of textures are copied to buffers at multiples of this many bytes."""
-TEXEL = 16
-"""Bytes of a pixel of rgba32float and rgba32uint."""
+TEXELS = {"rgba32float": 16, "rgba32uint": 16, "rgba16float": 8}
+"""Bytes of a pixel by format."""
 # usages, as WebGPU numbers them
 _MAP_READ = 1
 _COPY_SRC, _COPY_DST, _UNIFORM, _STORAGE = 4, 8, 64, 128
@@ -28,7 +28,7 @@ class BufferSpec(NamedTuple):
 
 
 class TextureSpec(NamedTuple):
-    """A texture rgba32float or rgba32uint of (width, height)."""
+    """A texture of (width, height), of a format in TEXELS."""
 
     size: Size
     format: str = "rgba32float"
@@ -36,7 +36,7 @@ class TextureSpec(NamedTuple):
     @property
     def bytes(self) -> int:
         """Bytes of all pixels."""
-        return TEXEL * self.size[0] * self.size[1]
+        return TEXELS[self.format] * self.size[0] * self.size[1]
 
 
 MemorySpec = BufferSpec | TextureSpec
@@ -76,22 +76,23 @@ def image_of(device: "wgpu.GPUDevice", size: Size, texture_format: str) -> "wgpu
 
 
 def write_to(device: "wgpu.GPUDevice", memory: Memory, values: NDArray[Any]) -> None:
-    """Fill a buffer, or a texture rgba32float from (h, w, 4)."""
+    """Fill a buffer, or a texture from (h, w, channels)."""
     values = np.ascontiguousarray(values)
     if memory.texture is None:
         device.queue.write_buffer(memory.resource, 0, values)
         return
     height, width = values.shape[:2]
-    layout = {"offset": 0, "bytes_per_row": TEXEL * width, "rows_per_image": height}
+    layout = {"offset": 0, "bytes_per_row": TEXELS[memory.texture.format] * width, "rows_per_image": height}
     device.queue.write_texture({"texture": memory.texture}, values, layout, (width, height, 1))
 
 
 def read_back(device: "wgpu.GPUDevice", memory: Memory) -> NDArray[np.uint32]:
-    """Return the words of a buffer, or of a texture rgba32float row by row."""
+    """Return the words of a buffer, or of a texture row by row."""
     if memory.texture is None:
         return np.frombuffer(device.queue.read_buffer(memory.resource), np.uint32).copy()
     width, height = memory.texture.size[:2]
-    row = -(-TEXEL * width // ROW) * ROW
+    texel = TEXELS[memory.texture.format]
+    row = -(-texel * width // ROW) * ROW
     rows = device.create_buffer(size=row * height, usage=_COPY_SRC | _COPY_DST)
     encoder = device.create_command_encoder()
     source, target = (
@@ -101,7 +102,7 @@ def read_back(device: "wgpu.GPUDevice", memory: Memory) -> NDArray[np.uint32]:
     encoder.copy_texture_to_buffer(source, target, (width, height, 1))
     device.queue.submit([encoder.finish()])
     words = np.frombuffer(device.queue.read_buffer(rows), np.uint32).reshape(height, row // 4)
-    return words[:, : 4 * width].reshape(-1)
+    return words[:, : texel // 4 * width].reshape(-1)
 
 
 class Readback:

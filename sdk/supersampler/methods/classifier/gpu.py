@@ -63,8 +63,8 @@ LAYOUT = HistoryLayout(
     CLASSIFIER,
     {
         "pixels": Plane(DISPLAY),
-        "ranges": Plane(DISPLAY, 1, Codec(_unpack_ranges, _pack_ranges)),
-        "classes": Plane(HALF, 2, Codec(_unpack_classes, _pack_classes)),
+        "ranges": Plane(DISPLAY, 1, None, Codec(_unpack_ranges, _pack_ranges)),
+        "classes": Plane(HALF, 2, None, Codec(_unpack_classes, _pack_classes)),
         "surface": Plane(PREVIOUS),
         **CONVERGENCE_PLANES,
     },
@@ -101,7 +101,7 @@ class ClassifierGpu(GpuExecutor):
         }
         self._levels = [self._level(one, tile) for one, tile in zip(network.levels, TILES, strict=True)]
         passes = (
-            PREPROCESS, *CONVERGENCE_PASSES, PassSpec("gather"), PassSpec("means", "half"), *self._levels,
+            PREPROCESS, *CONVERGENCE_PASSES, PassSpec("gather"), *self._levels,
             PassSpec("compose", constants={**network.last, **blend}),
         )  # fmt: skip
         super().__init__(LAYOUT, "supersampler.methods.classifier", constants, passes, device)
@@ -134,7 +134,6 @@ class ClassifierGpu(GpuExecutor):
         specs: dict[str, MemorySpec] = {
             **sample_specs(render),
             "inputs": TextureSpec(display, "rgba32uint"),
-            "half_inputs": BufferSpec(8 * half),
             "differences": BufferSpec(4 * half),
         }
         for spec in self._levels:

@@ -24,7 +24,7 @@ LAYOUT = HistoryLayout(
     TAAU,
     {
         "pixels": Plane(DISPLAY),
-        "power": Plane(DISPLAY, 1),
+        "power": Plane(DISPLAY, 1, None),
         "surface": Plane(PREVIOUS),
         **CONVERGENCE_PLANES,
     },

@@ -1,4 +1,4 @@
-// This frame at render size: sanitized, exposed and toned; depth, dilated motion and shade of neighbourhoods.
+// This frame at render size: sanitized and exposed samples; depth, dilated motion and shade of neighbourhoods.
 // import params
 // import sanitize
 // import colors
@@ -12,12 +12,11 @@ const DEPTHS = SIDE + 4;   // side of the tile with two samples around
 const WIDE = SIDE + 2;     // with one sample around
 
 @group(0) @binding(1) var<storage, read> next_state: State;
-@group(0) @binding(2) var tones: texture_storage_2d<rgba32float, write>;      // toned RGB, 1 where usable
-@group(0) @binding(3) var samples: texture_storage_2d<rgba32float, write>;    // linear RGB, 1 usable, -1 glare
-@group(0) @binding(4) var dilated: texture_storage_2d<rgba32float, write>;    // motion, depth, edge
-@group(0) @binding(5) var next_surface: texture_storage_2d<rgba32float, write>;  // depth, opened; shade
-@group(0) @binding(6) var<storage, read_write> own_motion: array<vec2f>;
-@group(0) @binding(7) var<storage, read_write> light: array<vec2f>;           // sums of shade, by workgroup
+@group(0) @binding(2) var samples: texture_storage_2d<rgba16float, write>;       // see samples.wgsl
+@group(0) @binding(3) var dilated: texture_storage_2d<rgba32float, write>;       // motion, depth, edge
+@group(0) @binding(4) var next_surface: texture_storage_2d<rgba32float, write>;  // depth, opened; shade
+@group(0) @binding(5) var<storage, read_write> own_motion: array<vec2f>;
+@group(0) @binding(6) var<storage, read_write> light: array<vec2f>;           // sums of shade, by workgroup
 
 var<workgroup> depths: array<f32, DEPTHS * DEPTHS>;
 var<workgroup> eroded: array<f32, WIDE * WIDE>;
@@ -25,8 +24,7 @@ var<workgroup> near: array<vec3f, WIDE * WIDE>;   // luma, 1 where usable, peak 
 var<workgroup> shades: array<vec2f, SIDE * SIDE>;
 
 struct Sample {
-    color: vec3f,     // linear RGB, 0 where not usable
-    toned: vec3f,
+    exposed: vec3f,   // linear RGB, 0 where not usable
     usable: f32,
     glares: bool,
 }
@@ -34,9 +32,8 @@ struct Sample {
 fn sample_at(p: vec2i) -> Sample {
     let given = color_at(p);
     let usable = select(0.0, 1.0, all_valid(given));
-    let exposed = sanitize(given) * exposure_of(next_state);
-    let glares = largest(exposed) * usable > GLARING;
-    return Sample(sanitize(given) * usable, tone(exposed) * usable, usable, glares);
+    let exposed = min(sanitize(given) * usable * exposure_of(next_state), vec3f(MAX_HALF));
+    return Sample(exposed, usable, largest(exposed) > GLARING);
 }
 
 // Erosion of the depth at a sample inside the image.
@@ -65,8 +62,7 @@ fn load_tile(origin: vec2i, thread: i32) {
     }
     for (var i = thread; i < WIDE * WIDE; i += SIDE * SIDE) {
         let s = sample_at(clamped(origin - 1 + vec2i(i % WIDE, i / WIDE), render_size()));
-        let peak = select(largest(s.color) * exposure_of(next_state), 0.0, s.glares);
-        near[i] = vec3f(0.25 * (s.toned.r + s.toned.b) + 0.5 * s.toned.g, s.usable, peak);
+        near[i] = vec3f(ycocg(tone(s.exposed)).x, s.usable, select(largest(s.exposed), 0.0, s.glares));
     }
 }
 
@@ -132,10 +128,8 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: ve
         let s = sample_at(p);
         let shaded = shade(p, origin);
         let most = FIREFLY * (1.0 + shaded.z);
-        let peak = largest(s.color) * exposure_of(next_state);
-        let usable = select(s.usable, -1.0, s.glares);
-        textureStore(tones, p, vec4f(s.toned, s.usable));
-        textureStore(samples, p, vec4f(select(s.color * (most / max(peak, most)), vec3f(0.0), s.glares), usable));
+        let factor = most / max(largest(s.exposed), most);
+        textureStore(samples, p, vec4f(s.exposed, select(s.usable * factor, -1.0, s.glares)));
         textureStore(dilated, p, dilate(p, origin));
         textureStore(next_surface, p, vec4f(depth_near(p, origin), opened(p, origin), shaded.xy));
         own_motion[index_of(p, render_size())] = usable_motion(motion_at(p));

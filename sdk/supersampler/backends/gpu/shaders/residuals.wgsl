@@ -1,6 +1,7 @@
 // Compare the samples with the mean where they are: which samples open their pixels, because they differ from
 // it in another way than before. Twin of `measure_residuals`.
 // import convergence
+// import samples
 // import state
 
 const COVERED = 0.999;    // of four bilinear weights
@@ -19,7 +20,7 @@ const WIDE = SIDE + 4;
 @group(0) @binding(3) var<storage, read> own_motion: array<vec2f>;
 @group(0) @binding(4) var history_still: texture_2d<f32>;   // 4 a thread
 @group(0) @binding(5) var history_opening: texture_2d<f32>;
-@group(0) @binding(6) var next_opening: texture_storage_2d<rgba32float, write>;   // low, high, learned, opens
+@group(0) @binding(6) var next_opening: texture_storage_2d<rgba16float, write>;   // low, high, learned, opens
 
 var<workgroup> residuals: array<vec2f, WIDE * WIDE>;   // difference, 1 where it counts
 var<workgroup> known: array<vec2f, WIDE * WIDE>;       // 1 where there is a mean; part of it that is doubted
@@ -56,9 +57,8 @@ fn compare(sample: vec2i, i: i32) {
     if (!inside(sample, render_size()) || is_moving(own_motion[index_of(sample, render_size())])) { return; }
     let mean = mean_at(sample);
     if (mean.ready <= COVERED) { return; }
-    let color = textureLoad(samples, sample, 0);
-    let exposure = exposure_of(next_state);
-    let difference = shown_luma(color.rgb * exposure) - shown_luma(mean.color * exposure);
+    let color = mean_sample(samples, sample);
+    let difference = shown_luma(color.rgb) - shown_luma(mean.color * exposure_of(next_state));
     known[i] = vec2f(1.0, mean.doubted);
     residuals[i] = select(vec2f(0.0), vec2f(difference, 1.0), color.a > 0.0);
 }

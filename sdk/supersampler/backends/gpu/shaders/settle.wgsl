@@ -1,6 +1,7 @@
 // Add this frame's samples to the mean where a pixel stands still, and fade the image to it.
 // Twin of `settle` of ops/convergence.py.
 // import convergence
+// import samples
 // import sanitize
 
 const SIGMA = 0.4;
@@ -19,7 +20,7 @@ fn darkening(peak: f32, other: f32) -> f32 {
 
 fn tent_gaussian(distance: f32) -> f32 { return gaussian1(distance, SIGMA) * tent(distance); }
 
-// Samples near a display pixel: sum of weighted linear RGB, sum of weights.
+// Samples near a display pixel: sum of weighted exposed RGB, sum of weights.
 fn samples_near(samples: texture_2d<f32>, at: vec2f) -> vec4f {
     let scale = params.display / params.render;
     let first = floor(at);
@@ -28,8 +29,7 @@ fn samples_near(samples: texture_2d<f32>, at: vec2f) -> vec4f {
         let q = first + vec2f(f32(k & 1), f32(k >> 1));
         let distance = (q - at) * scale;
         let weight = tent_gaussian(distance.x) * tent_gaussian(distance.y);
-        let sample = textureLoad(samples, clamped(vec2i(q), render_size()), 0);
-        sums += weight * vec4f(sample.rgb, max(sample.a, 0.0));
+        sums += weight * mean_sample(samples, vec2i(q));
     }
     return sums;
 }
@@ -48,7 +48,7 @@ fn settle(image: vec3f, history: vec4f, p: vec2i, samples: texture_2d<f32>, flag
     let total = weight + added;
     let share = added / max(total + clamp(total - PERIOD, 0.0, PERIOD), 1e-6);
     var mean = history.rgb;
-    var sample = near.rgb / max(near.a, 1e-6);
+    var sample = near.rgb / (max(near.a, 1e-6) * exposure);
     let sample_peak = largest(sample * exposure);
     let mean_peak = largest(mean * exposure);
     let early = weight < READY && added > 0.0;

@@ -18,30 +18,25 @@ const CROSS = 0.01;         // initial weight of a neighbour in the learned cros
 
 @group(0) @binding(2) var<storage, read> network: array<vec4u>;
 @group(0) @binding(3) var<storage, read> next_state: State;
-@group(0) @binding(4) var tones: texture_2d<f32>;
-@group(0) @binding(5) var samples: texture_2d<f32>;
-@group(0) @binding(6) var dilated: texture_2d<f32>;
-@group(0) @binding(7) var flags: texture_2d<u32>;
-@group(0) @binding(8) var history_surface: texture_2d<f32>;
-@group(0) @binding(9) var history_pixels: texture_2d<f32>;
-@group(0) @binding(10) var history_still: texture_2d<f32>;
-@group(0) @binding(11) var inputs: texture_2d<u32>;
-@group(0) @binding(12) var kept0: texture_2d<u32>;
-@group(0) @binding(13) var kept1: texture_2d<u32>;
-@group(0) @binding(14) var kept2: texture_2d<u32>;
-@group(0) @binding(15) var kept3: texture_2d<u32>;
-@group(0) @binding(16) var<storage, read> rising: array<u32>;
-@group(0) @binding(17) var next_pixels: texture_storage_2d<rgba32float, write>;
-@group(0) @binding(18) var next_still: texture_storage_2d<rgba32float, write>;
-@group(0) @binding(19) var<storage, read_write> next_ranges: array<u32>;
-@group(0) @binding(20) var<storage, read_write> next_classes: array<vec2u>;
-@group(0) @binding(21) var<storage, read_write> aux: array<vec2f>;   // weight, converged
+@group(0) @binding(4) var samples: texture_2d<f32>;
+@group(0) @binding(5) var dilated: texture_2d<f32>;
+@group(0) @binding(6) var flags: texture_2d<u32>;
+@group(0) @binding(7) var history_surface: texture_2d<f32>;
+@group(0) @binding(8) var history_pixels: texture_2d<f32>;
+@group(0) @binding(9) var history_still: texture_2d<f32>;
+@group(0) @binding(10) var inputs: texture_2d<u32>;
+@group(0) @binding(11) var kept0: texture_2d<u32>;
+@group(0) @binding(12) var kept1: texture_2d<u32>;
+@group(0) @binding(13) var kept2: texture_2d<u32>;
+@group(0) @binding(14) var kept3: texture_2d<u32>;
+@group(0) @binding(15) var<storage, read> rising: array<u32>;
+@group(0) @binding(16) var next_pixels: texture_storage_2d<rgba32float, write>;
+@group(0) @binding(17) var next_still: texture_storage_2d<rgba32float, write>;
+@group(0) @binding(18) var<storage, read_write> next_ranges: array<u32>;
+@group(0) @binding(19) var<storage, read_write> next_classes: array<vec2u>;
+@group(0) @binding(20) var<storage, read_write> aux: array<vec2f>;   // weight, converged
 
 var<workgroup> warped: array<vec3f, WIDE * WIDE>;   // toned RGB of the history, one pixel around the tile
-
-fn previous_position(p: vec2i) -> Reprojection {
-    return reproject(p, textureLoad(dilated, upper_left(render_position(p)), 0).xy);
-}
 
 fn warp_tile(origin: vec2i, thread: i32) {
     for (var i = thread; i < WIDE * WIDE; i += SIDE * SIDE) {
@@ -112,7 +107,7 @@ fn filter_samples(at: vec2f, blend: ptr<function, array<vec4f, QUADS>>) -> Sum {
         let q = center + vec2i(k % 3, k / 3) - 1;
         let distance = vec2f(q) - at;
         let initial = gaussian1(distance.x, KERNEL_SIGMA) * gaussian1(distance.y, KERNEL_SIGMA) + 1e-4;
-        let tap = textureLoad(tones, clamped(q, render_size()), 0);
+        let tap = toned_sample(samples, q);
         sum = add(sum, tap.a * initial * exp(parameter(blend, KERNEL_AT + u32(k))), tap.rgb);
     }
     return sum;
@@ -134,7 +129,7 @@ fn compose(p: vec2i, origin: vec2i, cell: u32, corner: u32) {
     let depth = textureLoad(dilated, upper_left(at), 0).z;
     let there = previous_position(p);
     let exposure = exposure_of(next_state);
-    let now = gather_current(tones, at);
+    let now = gather_current(samples, at);
     let before = gather_history(history_pixels, there, exposure);
     let visibility = gather_surface(history_surface, there, depth).visibility;
 

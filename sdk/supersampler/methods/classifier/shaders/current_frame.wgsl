@@ -2,6 +2,7 @@
 // import params
 // import colors
 // import sampling
+// import samples
 
 const TONED = 1.0 - 1e-4;   // maximum of a toned colour
 const MIN_WEIGHT = 1e-3;
@@ -14,7 +15,7 @@ struct CurrentFrame {       // colours are toned RGB
     second: vec3f,          // E[c^2]
 }
 
-fn gather_current(tones: texture_2d<f32>, at: vec2f) -> CurrentFrame {
+fn gather_current(samples: texture_2d<f32>, at: vec2f) -> CurrentFrame {
     let scale = params.display / params.render;
     let start = floor(at) - 1.0;
     let dx = start.x + vec4f(0.0, 1.0, 2.0, 3.0) - at.x;
@@ -31,7 +32,7 @@ fn gather_current(tones: texture_2d<f32>, at: vec2f) -> CurrentFrame {
     var square = vec3f(0.0);
     for (var j = 0; j < 4; j++) {
         for (var i = 0; i < 4; i++) {
-            let tap = textureLoad(tones, clamped(vec2i(start) + vec2i(i, j), render_size()), 0);
+            let tap = toned_sample(samples, vec2i(start) + vec2i(i, j));
             let color = ycocg(tap.rgb);
             near += near_x[i] * near_y[j] * tap;
             sharp += sharp_x[i] * sharp_y[j] * tap;

@@ -1,5 +1,5 @@
-// Network inputs of `classifier`: sixteen bytes for each display pixel, six class probabilities of the previous
-// frame and two means for each 2x2. Twin of network_inputs.py.
+// Network inputs of `classifier`, sixteen bytes for each display pixel, and the differences of which the two inputs
+// at half display size are means. Twin of network_inputs.py.
 // import params
 // import state
 // import sampling
@@ -11,15 +11,13 @@ const SIDE = 16;
 const WIDE = SIDE + 2;
 
 @group(0) @binding(2) var<storage, read> next_state: State;
-@group(0) @binding(3) var tones: texture_2d<f32>;
+@group(0) @binding(3) var samples: texture_2d<f32>;
 @group(0) @binding(4) var dilated: texture_2d<f32>;
 @group(0) @binding(5) var history_surface: texture_2d<f32>;
 @group(0) @binding(6) var history_pixels: texture_2d<f32>;
-@group(0) @binding(7) var<storage, read> history_classes: array<vec2u>;
-@group(0) @binding(8) var inputs: texture_storage_2d<rgba32uint, write>;
-@group(0) @binding(9) var<storage, read_write> half_inputs: array<vec2u>;   // six classes; two means later
-@group(0) @binding(10) var<storage, read_write> differences: array<u32>;    // of history and frame: mean, absolute
-@group(0) @binding(11) var<storage, read_write> rising: array<atomic<u32>>;
+@group(0) @binding(7) var inputs: texture_storage_2d<rgba32uint, write>;
+@group(0) @binding(8) var<storage, read_write> differences: array<u32>;    // of history and frame: mean, absolute
+@group(0) @binding(9) var<storage, read_write> rising: array<atomic<u32>>;
 
 var<workgroup> history_luma: array<f32, WIDE * WIDE>;
 var<workgroup> apart: array<f32, SIDE * SIDE>;
@@ -27,10 +25,6 @@ var<workgroup> apart: array<f32, SIDE * SIDE>;
 // Square roots space dark values like bright ones; their slope is bounded.
 fn root(value: f32) -> f32 { return sqrt(max(value, 1e-6)); }
 fn roots(color: vec3f) -> vec3f { return sqrt(max(color, vec3f(1e-6))); }
-
-fn previous_position(p: vec2i) -> Reprojection {
-    return reproject(p, textureLoad(dilated, upper_left(render_position(p)), 0).xy);
-}
 
 fn luma_index(p: vec2i, origin: vec2i) -> i32 {
     let q = clamped(p, display_size()) - origin + 1;
@@ -54,7 +48,7 @@ fn write_inputs(p: vec2i, origin: vec2i) -> f32 {
     let at = render_position(p);
     let closest = textureLoad(dilated, upper_left(at), 0);
     let there = reproject(p, closest.xy);
-    let now = gather_current(tones, at);
+    let now = gather_current(samples, at);
     let before = gather_history(history_pixels, there, exposure_of(next_state));
     let surface = gather_surface(history_surface, there, closest.z);
 
@@ -81,39 +75,15 @@ fn write_inputs(p: vec2i, origin: vec2i) -> f32 {
     return history_luma_here - luminance(frame);
 }
 
-fn classes_at(p: vec2i, size: vec2i) -> array<vec4f, 2> {
-    let word = history_classes[index_of(clamped(p, size), size)];
-    return array(vec4f(unpack4xU8(word.x)), vec4f(unpack4xU8(word.y)));
-}
-
-// Class probabilities of the previous frame, resampled bilinearly; 255 is one.
-fn warp_classes(there: Reprojection) -> vec2u {
-    if (!there.on_screen) { return vec2u(0u); }
-    let size = (display_size() + 1) / 2;
-    let at = 0.5 * there.at;
-    let p = vec2i(floor(at));
-    let t = fract(at);
-    let a = classes_at(p, size);
-    let b = classes_at(p + vec2i(1, 0), size);
-    let c = classes_at(p + vec2i(0, 1), size);
-    let d = classes_at(p + vec2i(1, 1), size);
-    let low = mix(mix(a[0], b[0], t.x), mix(c[0], d[0], t.x), t.y);
-    let high = mix(mix(a[1], b[1], t.x), mix(c[1], d[1], t.x), t.y);
-    return vec2u(pack4xU8(vec4u(low + 0.5)), pack4xU8(vec4u(high + 0.5)));
-}
-
 // Mean of the differences of 2x2 pixels and of their absolute values; an odd last row or column repeats.
-fn write_half(p: vec2i, origin: vec2i) {
+fn write_difference(p: vec2i, origin: vec2i) {
     var sums = vec2f(0.0);
     for (var k = 0; k < 4; k++) {
         let q = min(p + vec2i(k & 1, k >> 1), display_size() - 1) - origin;
         let difference = apart[q.y * SIDE + q.x];
         sums += 0.25 * vec2f(difference, abs(difference));
     }
-    let half = (display_size() + 1) / 2;
-    let i = index_of(p / 2, half);
-    differences[i] = pack2x16float(sums);
-    half_inputs[i] = warp_classes(previous_position(p));
+    differences[index_of(p / 2, (display_size() + 1) / 2)] = pack2x16float(sums);
 }
 
 @compute @workgroup_size(SIDE, SIDE)
@@ -129,5 +99,5 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local
     let p = origin + vec2i(local.xy);
     if (inside(p, display_size())) { apart[index] = write_inputs(p, origin); }
     workgroupBarrier();
-    if (inside(p, display_size()) && all((p & vec2i(1)) == vec2i(0))) { write_half(p, origin); }
+    if (inside(p, display_size()) && all((p & vec2i(1)) == vec2i(0))) { write_difference(p, origin); }
 }

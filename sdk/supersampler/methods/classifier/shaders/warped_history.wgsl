@@ -5,6 +5,9 @@
 // import motion
 // import disocclusion
 // import ranges
+// import sampling
+//
+// Files that import this declare the texture `dilated`.
 
 struct WarpedHistory {
     color: vec3f,           // toned RGB
@@ -43,4 +46,9 @@ fn gather_surface(surface: texture_2d<f32>, there: Reprojection, depth: f32) -> 
     let sample = textureLoad(surface, clamped(vec2i(floor(at + 0.5)), previous_size()), 0).x;
     let change = relative_depth_change(select(0.0, sample, there.on_screen), depth);
     return WarpedSurface(select(clamp(change, -1.0, 1.0), 0.0, depth < 0.0), select(0.0, visible, there.on_screen));
+}
+
+// Where a display pixel was in the previous frame, by the motion of the closest sample around it.
+fn previous_position(p: vec2i) -> Reprojection {
+    return reproject(p, textureLoad(dilated, upper_left(render_position(p)), 0).xy);
 }

@@ -9,6 +9,7 @@
 // import variance_box
 // import contrast
 // import settle
+// import samples
 // import image
 
 const MIN_CHANGE = 0.004;       // of toned luma: one step of an 8-bit image
@@ -17,19 +18,18 @@ const MIN_BOX_WEIGHT = 0.5;
 
 @group(0) @binding(1) var<storage, read> history_state: State;
 @group(0) @binding(2) var<storage, read> next_state: State;
-@group(0) @binding(3) var tones: texture_2d<f32>;
-@group(0) @binding(4) var samples: texture_2d<f32>;
-@group(0) @binding(5) var dilated: texture_2d<f32>;
-@group(0) @binding(6) var flags: texture_2d<u32>;
-@group(0) @binding(7) var history_surface: texture_2d<f32>;    // depth, opened, mean and deviation of luma
-@group(0) @binding(8) var next_surface: texture_2d<f32>;
-@group(0) @binding(9) var history_pixels: texture_2d<f32>;     // linear RGB, number of samples
-@group(0) @binding(10) var<storage, read> history_power: array<f32>;
-@group(0) @binding(11) var history_still: texture_2d<f32>;
-@group(0) @binding(12) var next_pixels: texture_storage_2d<rgba32float, write>;
-@group(0) @binding(13) var<storage, read_write> next_power: array<f32>;
-@group(0) @binding(14) var next_still: texture_storage_2d<rgba32float, write>;
-@group(0) @binding(15) var<storage, read_write> aux: array<vec2f>;   // weight, converged
+@group(0) @binding(3) var samples: texture_2d<f32>;
+@group(0) @binding(4) var dilated: texture_2d<f32>;
+@group(0) @binding(5) var flags: texture_2d<u32>;
+@group(0) @binding(6) var history_surface: texture_2d<f32>;    // depth, opened, mean and deviation of luma
+@group(0) @binding(7) var next_surface: texture_2d<f32>;
+@group(0) @binding(8) var history_pixels: texture_2d<f32>;     // linear RGB, number of samples
+@group(0) @binding(9) var<storage, read> history_power: array<f32>;
+@group(0) @binding(10) var history_still: texture_2d<f32>;
+@group(0) @binding(11) var next_pixels: texture_storage_2d<rgba32float, write>;
+@group(0) @binding(12) var<storage, read_write> next_power: array<f32>;
+@group(0) @binding(13) var next_still: texture_storage_2d<rgba32float, write>;
+@group(0) @binding(14) var<storage, read_write> aux: array<vec2f>;   // weight, converged
 
 struct Current {          // this frame; colours are toned YCoCg
     frame: vec3f,         // smooth upsampling
@@ -74,7 +74,7 @@ fn gather_current(p: vec2i) -> Current {
     var square = vec3f(0.0);
     for (var j = 0; j < 4; j++) {
         for (var i = 0; i < 4; i++) {
-            let tap = textureLoad(tones, clamped(vec2i(first) + vec2i(i, j), render_size()), 0);
+            let tap = toned_sample(samples, vec2i(first) + vec2i(i, j));
             let color = ycocg(tap.rgb);
             let value = vec4f(color, tap.a);
             smoothed += smooth_x[i] * smooth_y[j] * value;
