@@ -6,7 +6,8 @@ from supersampler.backends.gpu.memory import BufferSpec, MemorySpec, TextureSpec
 from supersampler.frame import Size
 from supersampler.methods.spec import DISPLAY, PREVIOUS
 
-PREPROCESS = PassSpec("preprocess", "render")
+TILE = (16, 16)
+"""Samples of a workgroup of `preprocess`."""
 CONVERGENCE_PASSES = (PassSpec("residuals", "render"), PassSpec("flags", "render"))
 CONVERGENCE_PLANES = {"still": Plane(DISPLAY), "opening": Plane(PREVIOUS, 2, "rgba16float", HALVES)}
 CONVERGENCE_CHANNELS = {
@@ -15,13 +16,18 @@ CONVERGENCE_CHANNELS = {
 }
 
 
+def preprocess(surface: str) -> PassSpec:
+    """Return the pass on the samples of a frame; `surface`: what it stores of surfaces, "depth" or "shade"."""
+    return PassSpec("preprocess", "render", TILE, variants={"surface": f"surface_{surface}"})
+
+
 def sample_specs(render: Size) -> dict[str, MemorySpec]:
-    """Return the memory that PREPROCESS and CONVERGENCE_PASSES write for later passes."""
-    across, down = (-(-extent // side) for extent, side in zip(render, PREPROCESS.tile, strict=True))
+    """Return the memory that `preprocess` and CONVERGENCE_PASSES write for later passes."""
+    across, down = (-(-extent // side) for extent, side in zip(render, TILE, strict=True))
     return {
         "samples": TextureSpec(render, "rgba16float"),
         "dilated": TextureSpec(render),
-        "flags": TextureSpec(render, "rgba32uint"),
+        "flags": TextureSpec(render, "rg32uint"),
         "own_motion": BufferSpec(8 * render[0] * render[1]),
         "light": BufferSpec(8 * across * down),
     }

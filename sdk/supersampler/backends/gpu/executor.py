@@ -52,6 +52,7 @@ class PassSpec(NamedTuple):
         tile: pixels that a workgroup computes.
         constants: of this pass, beside those of the method.
         names: of the resources of variables, where they differ.
+        variants: files to import in place of a name.
     """
 
     shader: str
@@ -59,6 +60,7 @@ class PassSpec(NamedTuple):
     tile: tuple[int, int] = (16, 16)
     constants: Constants = MappingProxyType({})
     names: Mapping[str, str] = MappingProxyType({})
+    variants: Mapping[str, str] = MappingProxyType({})
 
 
 @dataclass(eq=False)
@@ -159,7 +161,7 @@ class GpuExecutor(ABC):
 
     def _shader(self, spec: PassSpec, variants: Mapping[str, str]) -> Any:
         constants = {**self._constants, **spec.constants}
-        return load_shader(spec.shader, [self._package], constants, variants)
+        return load_shader(spec.shader, [self._package], constants, {**variants, **spec.variants})
 
     def zeros(self, display: Size, render: Size) -> GpuHistory:
         """See `Executor`."""

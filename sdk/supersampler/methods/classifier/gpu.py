@@ -8,7 +8,7 @@ from supersampler.backends.gpu.convergence import (
     CONVERGENCE_CHANNELS,
     CONVERGENCE_PASSES,
     CONVERGENCE_PLANES,
-    PREPROCESS,
+    preprocess,
     sample_specs,
 )
 from supersampler.backends.gpu.executor import GpuExecutor, PassSpec
@@ -65,7 +65,7 @@ LAYOUT = HistoryLayout(
         "pixels": Plane(DISPLAY),
         "ranges": Plane(DISPLAY, 1, None, Codec(_unpack_ranges, _pack_ranges)),
         "classes": Plane(HALF, 2, None, Codec(_unpack_classes, _pack_classes)),
-        "surface": Plane(PREVIOUS),
+        "surface": Plane(PREVIOUS, 2, "rg32float"),
         **CONVERGENCE_PLANES,
     },
     {
@@ -101,7 +101,7 @@ class ClassifierGpu(GpuExecutor):
         }
         self._levels = [self._level(one, tile) for one, tile in zip(network.levels, TILES, strict=True)]
         passes = (
-            PREPROCESS, *CONVERGENCE_PASSES, PassSpec("gather"), *self._levels,
+            preprocess("depth"), *CONVERGENCE_PASSES, PassSpec("gather"), *self._levels,
             PassSpec("compose", constants={**network.last, **blend}),
         )  # fmt: skip
         super().__init__(LAYOUT, "supersampler.methods.classifier", constants, passes, device)

@@ -6,7 +6,7 @@ from supersampler.backends.gpu.convergence import (
     CONVERGENCE_CHANNELS,
     CONVERGENCE_PASSES,
     CONVERGENCE_PLANES,
-    PREPROCESS,
+    preprocess,
     sample_specs,
 )
 from supersampler.backends.gpu.executor import GpuExecutor, PassSpec
@@ -48,7 +48,7 @@ class TaauGpu(GpuExecutor):
     def __init__(self, info: ModelInfo, device: "wgpu.GPUDevice | None" = None) -> None:
         constants = {name: info.config[name] for name in constants_of(TAAU)}
         constants |= {"flash": FLASH, "least_flash": LEAST_FLASH, "flash_memory": FLASH_MEMORY}
-        passes = PREPROCESS, PassSpec("light", "one", (1, 1)), *CONVERGENCE_PASSES, PassSpec("blend")
+        passes = preprocess("shade"), PassSpec("light", "one", (1, 1)), *CONVERGENCE_PASSES, PassSpec("blend")
         super().__init__(LAYOUT, "supersampler.methods.taau", constants, passes, device)
 
     def work_specs(self, render: Size, display: Size) -> dict[str, MemorySpec]:  # noqa: ARG002

@@ -6,8 +6,5 @@
 const MAX_STATIC_MOTION = 1.0 / 256.0;
 const READY = 1.4;
 const PERIOD = 3.75;
-const GLARES_3X3 = 1u;    // bits of `flags`
-const MOVES_2X2 = 2u;
-const OPENED_5X5 = 4u;
 
 fn is_moving(motion: vec2f) -> bool { return dot(motion, motion) > MAX_STATIC_MOTION * MAX_STATIC_MOTION; }

@@ -1,11 +1,12 @@
 // Flags of each sample for the display pixels near it (glare, motion, and opened means of neighbourhoods), and
 // its own motion.
 // import convergence
+// import sample_flags
 
 @group(0) @binding(1) var samples: texture_2d<f32>;
 @group(0) @binding(2) var<storage, read> own_motion: array<vec2f>;
 @group(0) @binding(3) var next_opening: texture_2d<f32>;
-@group(0) @binding(4) var flags: texture_storage_2d<rgba32uint, write>;   // flags; motion, as bits
+@group(0) @binding(4) var flags: texture_storage_2d<rg32uint, write>;   // see sample_flags.wgsl
 
 @compute @workgroup_size(16, 16)
 fn main(@builtin(global_invocation_id) id: vec3u) {
@@ -22,5 +23,5 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
             }
         }
     }
-    textureStore(flags, p, vec4u(found, bitcast<vec2u>(own_motion[index_of(p, render_size())]), 0u));
+    textureStore(flags, p, pack_flags(found, own_motion[index_of(p, render_size())]));
 }

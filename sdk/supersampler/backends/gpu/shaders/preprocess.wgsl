@@ -4,6 +4,7 @@
 // import colors
 // import state
 // import frame
+// import surface
 
 const FIREFLY = 2.0;    // largest ratio of an exposed sample to its brightest neighbour plus white
 const MIN_WEIGHT = 1e-3;
@@ -14,7 +15,6 @@ const WIDE = SIDE + 2;     // with one sample around
 @group(0) @binding(1) var<storage, read> next_state: State;
 @group(0) @binding(2) var samples: texture_storage_2d<rgba16float, write>;       // see samples.wgsl
 @group(0) @binding(3) var dilated: texture_storage_2d<rgba32float, write>;       // motion, depth, edge
-@group(0) @binding(4) var next_surface: texture_storage_2d<rgba32float, write>;  // depth, opened; shade
 @group(0) @binding(5) var<storage, read_write> own_motion: array<vec2f>;
 @group(0) @binding(6) var<storage, read_write> light: array<vec2f>;           // sums of shade, by workgroup
 
@@ -131,7 +131,7 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: ve
         let factor = most / max(largest(s.exposed), most);
         textureStore(samples, p, vec4f(s.exposed, select(s.usable * factor, -1.0, s.glares)));
         textureStore(dilated, p, dilate(p, origin));
-        textureStore(next_surface, p, vec4f(depth_near(p, origin), opened(p, origin), shaded.xy));
+        store_surface(p, depth_near(p, origin), opened(p, origin), shaded.xy);
         own_motion[index_of(p, render_size())] = usable_motion(motion_at(p));
         shades[index] = vec2f(shaded.x, shaded.y * shaded.y);
     }

@@ -2,6 +2,7 @@
 // Twin of `settle` of ops/convergence.py.
 // import convergence
 // import samples
+// import sample_flags
 // import sanitize
 
 const SIGMA = 0.4;
@@ -37,10 +38,10 @@ fn samples_near(samples: texture_2d<f32>, at: vec2f) -> vec4f {
 fn settle(image: vec3f, history: vec4f, p: vec2i, samples: texture_2d<f32>, flags: texture_2d<u32>,
           exposure: f32) -> Settled {
     let at = render_position(p);
-    if ((textureLoad(flags, upper_left(at), 0).x & MOVES_2X2) != 0u) {
+    if (has_flag(flags, upper_left(at), MOVES_2X2)) {
         return Settled(bounded(image), vec4f(history.rgb, 0.0), 0.0);
     }
-    let opened = (textureLoad(flags, nearest(at), 0).x & OPENED_5X5) != 0u;
+    let opened = has_flag(flags, nearest(at), OPENED_5X5);
     let weight = select(abs(history.a), 0.0, opened && history.a < 0.0);
     let rejected = opened && history.a > 0.0;
     let near = samples_near(samples, at);

@@ -91,7 +91,7 @@ fn blend_history(p: vec2i, origin: vec2i, now: CurrentFrame, before: WarpedHisto
         sum = add(sum, other * exp(parameter(blend, 1u)), clipped);
     }
     if (OWN_MOTION) {
-        let motion = bitcast<vec2f>(textureLoad(flags, nearest(render_position(p)), 0).yz);
+        let motion = motion_of(flags, nearest(render_position(p)));
         let own = read_linear(history_pixels, reproject(p, motion).at, display_size()).rgb;
         let toned = toned_history(own, exposure_of(next_state));
         sum = add(sum, other * exp(parameter(blend, COLORS - 4u)), toned);
@@ -147,7 +147,7 @@ fn compose(p: vec2i, origin: vec2i, cell: u32, corner: u32) {
 
     let odds = history.weight / max(current.weight, 1e-12) * (sampled + 0.1 * sampled_here);
     let luma = luminance(now.sample);
-    let glares = (textureLoad(flags, nearest(at), 0).x & GLARES_3X3) != 0u;
+    let glares = has_flag(flags, nearest(at), GLARES_3X3);
     let bright = (glares && (before.samples > 0.0 || before.glare > 0.0)) || (luma > WHITE && before.glare > 0.0);
     let share = f32(rising[0]) / (params.display.x * params.display.y);
     let rises = share > FLASH_FRACTION && light_rises(luma, before, visibility);

@@ -95,7 +95,7 @@ fn gather_current(p: vec2i) -> Current {
         moment.xyz / total,
         select(vec3f(1.0), square / total, moment.w > MIN_BOX_WEIGHT),
         textureLoad(next_surface, sample, 0).zw,
-        (textureLoad(flags, sample, 0).x & GLARES_3X3) != 0u);
+        has_flag(flags, sample, GLARES_3X3));
 }
 
 fn power_at(p: vec2i) -> f32 { return history_power[index_of(clamped(p, display_size()), display_size())]; }
