@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,35 +25,33 @@ from supersampler.backends.cpu.memory import aligned
 from supersampler.backends.onnx.aovs import AovBlender, check_aovs
 from supersampler.backends.onnx.executor import OnnxExecutor
 from supersampler.backends.onnx.providers import CPU, resolve_providers
-from supersampler.backends.onnx.session import pixels_of, session_options, vector_inputs
-from supersampler.backends.onnx.tensors import Tensor, checked_tensors, graph_inputs, render_size_of, taken
+from supersampler.backends.onnx.session import pixels_of, session_options
 from supersampler.backends.plan import Plan
 from supersampler.conventions.ratios import check_ratio
+from supersampler.device_runs import DeviceRuns
 from supersampler.errors import ArgumentError, FrameError
+from supersampler.executors import ExecutorName, Precision, choose_executor
 from supersampler.frame import (
     Float32,
     Frame,
     Size,
     arrays_of,
-    checked_exposure,
     checked_frame,
-    checked_jitter,
 )
 from supersampler.history import AOVS, WORK, History, StepResult, check_histories, checked_history
 from supersampler.methods.convergence import converged_of
-from supersampler.methods.cpu_backends import cpu_executor
 from supersampler.methods.gbuffers import check_gbuffers
-from supersampler.methods.gpu_backends import gpu_executor
 from supersampler.methods.model_file import read_model_info, read_upscaling_info
 from supersampler.methods.model_info import ModelInfo
 
+if TYPE_CHECKING:
+    import wgpu
+
+
 __all__ = ["TOLERANCE", "ExecutorName", "Model", "Precision", "Skip"]
 
-ExecutorName = Literal["auto", "onnx", "cpu", "gpu"]
-Precision = Literal["auto", "fp32", "fp16", "int8"]
 
-
-class Model:
+class Model(DeviceRuns):
     """An exported method, ready to run; threads and Upscalers may share it.
 
     Attributes:
@@ -92,6 +90,7 @@ class Model:
         executor: ExecutorName = "auto",
         precision: Precision = "auto",
         capture: bool = False,
+        device: "wgpu.GPUDevice | None" = None,
     ) -> "Model":
         """Load a shipped model by name, or a model folder by path.
 
@@ -107,10 +106,12 @@ class Model:
                 with the ONNX backend. Everything else is fp32.
             capture: CUDA and TensorRT capture the step with tensors as a CUDA graph and replay it; a new size
                 is captured again. The CPU uses the same fixed buffers without capture.
+            device: with executor="gpu", the device of the caller's textures; None opens one.
 
         Raises:
             ModelError: the model does not exist, is damaged, has another contract, or does not upscale.
             ProviderError: a provider is not available, or cannot capture.
+            DeviceError: there is no GPU, or it does not compile the shaders.
             ArgumentError: an argument is unknown, or the model does not support the combination.
         """
         threads, capture = checked_threads(threads), checked_flag("capture", capture)
@@ -119,42 +120,20 @@ class Model:
         info = read_upscaling_info(checked_path("model", name_or_path))
         names = resolve_providers(providers)
         aov_blender = AovBlender(info, session_options(threads))
-        if executor == "gpu":
-            shaders = gpu_executor(info, precision, capture=capture)
-            return cls(info, shaders, aov_blender, [CPU], threads)
-        if executor != "onnx" and not capture and list(names) == [CPU]:
-            required = executor == "cpu" or precision == "int8"
-            kernels = cpu_executor(info, threads, required=required)
-            if kernels is not None and precision in ("auto", kernels.precision):
-                return cls(info, kernels, aov_blender, [CPU], threads)
-        kind = "fp32" if precision == "auto" else precision
-        if executor == "cpu" or kind not in info.steps:
-            got = f"{executor=}, {precision=}, {capture=}, providers {', '.join(names)}"
-            want = f"what {info.method!r} has: a graph in {' or '.join(info.steps)}, or kernels, on the CPU"
-            raise ArgumentError("executor", got=got, want=want, hint="Only graphs are captured." * capture)
-        graph = OnnxExecutor(info, threads, names, kind, capture=capture)
-        if info.extrapolated is None:
-            return cls(info, graph, aov_blender, graph.providers, threads)
+        chosen = choose_executor(info, names, threads, executor, precision, capture=capture, device=device)
+        used = chosen.providers if isinstance(chosen, OnnxExecutor) else [CPU]
+        if info.extrapolated is None or not isinstance(chosen, OnnxExecutor):
+            return cls(info, chosen, aov_blender, used, threads)
         other = read_model_info(info.extrapolated)
-        steps = OnnxExecutor(other, threads, graph.providers, kind, capture=False)  # steps with arrays only
+        steps = OnnxExecutor(other, threads, used, chosen.precision, capture=False)  # steps with arrays only
         blender = AovBlender(other, session_options(threads))
         on_extrapolated = cls(other, steps, blender, steps.providers, threads)
-        return cls(info, graph, aov_blender, graph.providers, threads, on_extrapolated)
+        return cls(info, chosen, aov_blender, used, threads, on_extrapolated)
 
     @property
     def executor(self) -> str:
-        """The backend in use: "onnx" or "cpu"."""
+        """The backend in use: "onnx", "cpu" or "gpu"."""
         return self._executor.name
-
-    @property
-    def device(self) -> str:
-        """The device of histories and of tensors for `run_tensors`: "cpu", "cuda", "dml"."""
-        return self._executor.device if isinstance(self._executor, OnnxExecutor) else "cpu"
-
-    @property
-    def capture(self) -> bool:
-        """Whether steps with tensors are captured; see `load`."""
-        return isinstance(self._executor, OnnxExecutor) and self._executor.capture
 
     @property
     def precision(self) -> str:
@@ -260,40 +239,6 @@ class Model:
             )
         return self._result(image, outputs, aux_outputs, next_history), next_history
 
-    def run_tensors(
-        self,
-        tensors: Mapping[str, Tensor],
-        history: History,
-        *,
-        jitter: tuple[float, float],
-        exposure: float | None = None,
-        out: Tensor | None = None,
-        history_out: History | None = None,
-    ) -> tuple[Tensor, History]:
-        """Upscale a frame on the provider's device; see `Upscaler.step_tensors`.
-
-        Raises:
-            FrameError: an input is missing, or has a wrong type, shape, range or device.
-            ModelError: the provider cannot capture the step.
-            ArgumentError: the executor is not "onnx", or `history_out` is `history`.
-        """
-        if not isinstance(self._executor, OnnxExecutor):
-            want = "'onnx', which takes tensors"
-            raise ArgumentError("executor", got=repr(self.executor), want=want)
-        check_histories(history, history_out, self._kind, self._executor.fits)
-        jitter, exposure = checked_jitter(jitter), checked_exposure(exposure)
-        vectors = vector_inputs(jitter, exposure, history.display_size)
-        given = graph_inputs(self.info.inputs, checked_tensors(tensors), vectors)
-        render_size = render_size_of(given["color"])
-        check_ratio(self.info.ratios, render_size, history.display_size)
-        next_history = self._prepared(history_out, history.display_size, render_size)
-        target = None if out is None else taken(out, "image")
-        if target is not None and target.data_ptr() in {value.data_ptr() for value in given.values()}:
-            raise ArgumentError("out", got="memory of the frame", want="memory that the step does not read")
-        display = history.display_size
-        image = self._executor.step_tensors(given, display, history.buffers, next_history.buffers, target)
-        return (image if out is None else out), next_history
-
     def plan(self, render_size: Size, display_size: Size) -> Plan:
         """Return the memory and arithmetic that frames of this size need; nothing is allocated.
 
@@ -395,9 +340,3 @@ class Model:
         if WORK in outputs:
             maps[WORK] = self.work(next_history).copy()
         return StepResult(image, aovs=aovs, **maps)
-
-    def _prepared(self, history: History | None, display: Size, render: Size) -> History:
-        """Return the next history; it reuses the buffers of `history` if they have the right sizes."""
-        if history is not None and self._executor.fits(history.buffers, display, render):
-            return History(display, render, history.buffers, kind=self._kind)
-        return self.first_history(display, render)

@@ -1,19 +1,20 @@
 """`Upscaler`: a `Model` and the history of one camera."""
 
 import time
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, overload
 
-from supersampler.arguments import check_tensor_skip, checked_names, checked_path, checked_scale, checked_size
-from supersampler.backends.onnx.tensors import Tensor, checked_tensors, size_of_tensors, tensors_of_frame
+from supersampler.arguments import checked_names, checked_path, checked_scale, checked_size
+from supersampler.backends.onnx.tensors import tensors_of_frame
 from supersampler.conventions.ratios import display_size_of
+from supersampler.device_steps import DeviceSteps
 from supersampler.errors import ArgumentError, shown
 from supersampler.extrapolation import Extrapolator, ShadedHistory
-from supersampler.frame import Float32, Frame, Size, checked_frame, checked_reset
+from supersampler.frame import Float32, Frame, Size, checked_frame
 from supersampler.history import Stats, StepResult
 from supersampler.methods.gbuffers import GBUFFERS, black
 from supersampler.model import ExecutorName, Model, Precision, Skip
@@ -31,7 +32,7 @@ _Names = tuple[str, *tuple[str, ...]]
 _Out = Float32 | StepResult
 
 
-class Upscaler:
+class Upscaler(DeviceSteps):
     """Upscales the frames of one camera, in order, to anti-aliased images at display size.
 
     >>> upscaler = Upscaler(display_size=(1920, 1080))
@@ -202,46 +203,6 @@ class Upscaler:
             return run()
         return self._recorder.step(frame, outputs, run, extrapolated=True)
 
-    def step_tensors(
-        self,
-        tensors: Mapping[str, Tensor],
-        *,
-        jitter: tuple[float, float],
-        exposure: float | None = None,
-        reset: bool = False,
-        out: Tensor | None = None,
-    ) -> Tensor:
-        """Upscale the next frame on the provider's device, without copies of images to or from the CPU.
-
-        >>> image = upscaler.step_tensors({"color": c, "depth": d, "motion": m}, jitter=(x, y))
-        >>> image = torch.from_dlpack(image)
-
-        Requires executor="onnx", and no `extrapolation`. Pixels are not validated.
-
-        Args:
-            tensors: inputs by name, as float32 contiguous tensors with DLPack (torch, CuPy, JAX): "color"
-                (1, 3, h, w), "depth" (1, 1, h, w), "motion" (1, 2, h, w), and the method's G-buffers; see
-                docs/contract.md.
-            jitter: see `Frame`.
-            exposure: see `Frame`.
-            reset: see `Frame`.
-            out: (1, 3, H, W) to write the image to; None allocates it.
-
-        Returns:
-            (1, 3, H, W) linear RGB on the device; `out` if given.
-
-        Raises:
-            FrameError: a tensor is missing, or has a wrong type, shape or device. The history is unchanged.
-            ModelError: the provider cannot capture the step. The history is unchanged.
-            ArgumentError: the executor does not accept tensors, or the Upscaler has an `extrapolation`.
-        """
-        self._check_open()
-        tensors, reset = checked_tensors(tensors), checked_reset(reset)
-        run = partial(self._step_tensors, tensors, jitter, exposure, reset, out)
-        if self._recorder is None:
-            return run()
-        return self._recorder.step_tensors(tensors, jitter, exposure, reset, run)
-
     def reset(self) -> None:
         """Drop the history, as `Frame.reset` does."""
         self._check_open()
@@ -365,33 +326,6 @@ class Upscaler:
         )
         self._memory = Memory(display, next_history, history, shaded, stats)
         return result if outputs else result.image
-
-    def _step_tensors(
-        self,
-        tensors: Mapping[str, Tensor],
-        jitter: tuple[float, float],
-        exposure: float | None,
-        reset: bool,
-        out: Tensor | None,
-    ) -> Tensor:
-        started, memory = time.perf_counter(), self._memory
-        if self._extrapolator is not None:
-            hint = "Extrapolation takes arrays alone: use `step`."
-            raise ArgumentError("step_tensors", got="called with extrapolation", want="neither", hint=hint)
-        check_tensor_skip(self.skip, converges=self.model.info.converges)
-        size, kept = size_of_tensors(tensors), None if reset else memory.history
-        display = memory.display_size or display_size_of(size, self._scale)
-        history = self.model.first_history(display, size) if kept is None else kept
-        image, next_history = self.model.run_tensors(
-            tensors, history, jitter=jitter, exposure=exposure, out=out, history_out=memory.spare
-        )
-        stats = memory.stats.after_step(fresh=kept is None, work=1.0, seconds=time.perf_counter() - started)
-        self._memory = Memory(display, next_history, history, None, stats)
-        return image
-
-    def _check_open(self) -> None:
-        if self._closed:
-            raise ArgumentError("upscaler", got="closed", want="open", hint="Make a new one.")
 
     def _checked_call(self, frame: Frame, outputs: Collection[str]) -> tuple[str, ...]:
         """Check the arguments that a recording stores; return the names of the outputs."""

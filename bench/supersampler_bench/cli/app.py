@@ -16,6 +16,7 @@ for command in (
     quality.quality,
     quality.extrapolation,
     timing.cost,
+    timing.traffic,
     timing.speed,
     timing.startup,
     timing.device,

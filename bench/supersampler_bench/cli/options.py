@@ -106,6 +106,18 @@ def sizes_of(text: str) -> list[Size]:
     return [parse_size(part) for part in listed(text)]
 
 
+def size_pairs_of(text: str) -> list[tuple[Size, Size]]:
+    """Return the render and display sizes of an option, as 960x540:1920x1080.
+
+    Raises:
+        ArgumentError: a part is no pair of sizes.
+    """
+    pairs = [part.split(":") for part in listed(text)]
+    if any(len(pair) != 2 for pair in pairs):
+        raise ArgumentError("--sizes", got=repr(text), want="pairs as 960x540:1920x1080, with commas between")
+    return [(parse_size(render), parse_size(display)) for render, display in pairs]
+
+
 def words_of(option: str, text: str, known: Sequence[T]) -> list[T]:
     """Return the words of an option, each of which is one of `known`.
 

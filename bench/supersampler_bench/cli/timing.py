@@ -29,6 +29,7 @@ from supersampler_bench.cli.options import (
     listed,
     publish,
     say,
+    size_pairs_of,
     sizes_of,
     warn,
     words_of,
@@ -58,6 +59,39 @@ def cost(
     size = parse_size(display_size)
     costs = [bench.measure_cost(name, size) for name in listed(methods)]
     publish(bench.cost_record(costs, size), tables, json, update)
+
+
+def traffic(
+    methods: METHODS = "bilinear,taa,taau,classifier-small,classifier",
+    sizes: Annotated[
+        str, typer.Option(help="Render and display sizes, as 960x540:1920x1080, with commas between.")
+    ] = "960x540:3840x2160,1920x1080:3840x2160",
+    json: JSON = None,
+    update: UPDATE = None,
+) -> None:
+    """Count the bytes, multiply-adds and operators of a step of methods on the ONNX backend.
+
+    Counted from ONNX Runtime's profile of small runs, exact at the sizes named.
+
+    Example:
+      supersampler bench traffic --methods classifier --sizes 1920x1080:3840x2160 --json traffic.json
+    """
+    from supersampler_bench.timing import traffic as bench
+    from supersampler_bench.timing.onnx_traffic import count_onnx
+
+    tables = {"traffic": bench.markdown_table}
+    check_page(update, tables)
+    counters, names, pairs = (count_onnx,), listed(methods), size_pairs_of(sizes)
+    with counted("steps", len(counters) * len(names) * len(pairs)) as advance:
+        results = []
+        for render, display in pairs:
+            rows = []
+            for name in names:
+                for count in counters:
+                    rows.append(count(name, render, display))
+                    advance()
+            results.append((render, display, rows))
+    publish(bench.traffic_record(results), tables, json, update)
 
 
 def startup(

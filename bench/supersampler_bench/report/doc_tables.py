@@ -13,7 +13,7 @@ from supersampler_bench.quality import extrapolation, still_table
 from supersampler_bench.quality.score_table import block_names, blocks
 from supersampler_bench.record import SHIPPED_PARETO, Record, read_record
 from supersampler_bench.stress import report as stress
-from supersampler_bench.timing import against, device, pareto, skip, speed, startup
+from supersampler_bench.timing import against, device, pareto, skip, speed, startup, traffic
 from supersampler_bench.timing import network_cost as cost
 from supersampler_bench.timing.pareto_extrapolated import unshaded_table
 
@@ -33,6 +33,7 @@ _TABLES: Mapping[str, Callable[[Record], str]] = {
     "skip": skip.markdown_table,
     "speed": speed.markdown_table,
     "startup": startup.markdown_table,
+    "traffic": traffic.markdown_table,
 }
 """Functions that make the table of a record, by the record's bench."""
 

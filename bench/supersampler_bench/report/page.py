@@ -48,6 +48,7 @@ SECTIONS = (
     Section("skip", "Static tiles", "Static-tile reuse: time saved, and error."),
     Section("stress", "Stress", "Long runs and hostile input; figures out of bounds are bold."),
     Section("parity", "Parity", "Difference of both backends from torch, over long sequences."),
+    Section("traffic", "Traffic", "Bytes, multiply-adds and operators of a step, counted by ONNX Runtime."),
     Section("cost", "Networks", "Multiply-adds and parameters, counted in the graphs."),
 )
 _OPENED = ("pareto", "speed", "still")

@@ -6,15 +6,17 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.backends.cpu.layout import TILE
 from supersampler.backends.gpu.device import default_device, raising, storage_limit
+from supersampler.backends.gpu.device_frame import IMAGE_FORMAT, DeviceFrame, is_texture
 from supersampler.backends.gpu.frame_inputs import FrameBuffers, step_params
 from supersampler.backends.gpu.history import GpuHistory, HistoryLayout
-from supersampler.backends.gpu.memory import Memory, Readback, buffer_of, uniform_of
+from supersampler.backends.gpu.memory import Memory, Readback, buffer_of, image_of, uniform_of
 from supersampler.backends.gpu.passes import Pass, Resource
 from supersampler.backends.gpu.shader import Constants, load_shader
 from supersampler.backends.locks import ForkSafeLock
@@ -25,7 +27,7 @@ if TYPE_CHECKING:
     import wgpu
 
 ARRAYS = {"frame": "frame_arrays", "image": "image_array"}
-TEXTURES = {"frame": "frame_textures", "image": "image_texture"}
+"""Files that shaders import for frames and images in buffers. In textures, they end in "_textures"."""
 PARTS = 64
 """Workgroups of the pass `measure`."""
 MOST_SIZES = 2
@@ -75,6 +77,7 @@ class GpuExecutor(ABC):
         package: of the method, with its shaders.
         constants: of the method, by name.
         passes: in order, after those of the exposure.
+        device: to run on; None is that of the process.
 
     Raises:
         DeviceError: there is no device, or it does not compile a shader.
@@ -84,15 +87,21 @@ class GpuExecutor(ABC):
     precision = "fp32"
 
     def __init__(
-        self, layout: HistoryLayout, package: str, constants: Constants, passes: Sequence[PassSpec]
+        self,
+        layout: HistoryLayout,
+        package: str,
+        constants: Constants,
+        passes: Sequence[PassSpec],
+        device: "wgpu.GPUDevice | None" = None,
     ) -> None:
-        self.device = default_device()
+        self.device = default_device() if device is None else device
         self._layout, self._package, self._constants = layout, package, constants
         first = PassSpec("measure", "parts", (1, 1)), PassSpec("follow_exposure", "one", (1, 1))
         self.pass_specs = (*first, *passes)
-        self._compiled: dict[str, list[Pass]] = {}
+        self._compiled: dict[tuple[str, ...], list[Pass]] = {}
         self._spaces: OrderedDict[tuple[Size, Size], Space] = OrderedDict()
         self._lock = ForkSafeLock()  # of `_spaces` and of their buffers
+        self._views: WeakKeyDictionary[Any, Resource] = WeakKeyDictionary()  # of textures of the caller
         self.passes(ARRAYS)
 
     @abstractmethod
@@ -105,8 +114,8 @@ class GpuExecutor(ABC):
         return {"one": (1, 1), "parts": (PARTS, 1), "render": render, "display": display, "half": half}
 
     def passes(self, variants: Mapping[str, str]) -> list[Pass]:
-        """Return the compiled passes for frames and images in arrays, or in textures."""
-        key = variants["image"]
+        """Return the compiled passes for frames and images in buffers, or in textures."""
+        key = tuple(variants.values())
         if key not in self._compiled:
             with raising(self.device, "compiling shaders"):
                 self._compiled[key] = [
@@ -167,6 +176,52 @@ class GpuExecutor(ABC):
             values = np.empty((*image.shape[:2], len(AUX)), np.float32)
             space.aux.copy_to(values)
             return {name: np.ascontiguousarray(values[None, None, ..., AUX.index(name)]) for name in wanted}
+
+    def encode(
+        self,
+        encoder: "wgpu.GPUCommandEncoder",
+        frame: DeviceFrame,
+        history: GpuHistory,
+        next_history: GpuHistory,
+        image: Any,
+        *,
+        adds_samples: bool,
+    ) -> None:
+        """Encode a step on a frame in textures or buffers of this device.
+
+        Args:
+            encoder: of this device.
+            frame: the frame, checked.
+            history: history after the previous frame; not changed.
+            next_history: written to; not `history`.
+            image: texture or buffer to write to, checked.
+            adds_samples: see `Executor.step`.
+        """
+        variants = {
+            "frame": "frame_textures" if frame.in_textures else "frame_arrays",
+            "image": "image_texture" if is_texture(image) else "image_array",
+        }
+        display = history.display
+        params = step_params(frame.size, frame.jitter, frame.exposure, history, adds_samples=adds_samples)
+        with self._lock.lock, raising(self.device, f"encoding a step to {display}"):
+            space = self._space(frame.size, display)
+            unread = {name: memory.resource for name, memory in space.frame.memory.items()}
+            inputs = {f"frame_{name}": self._resource(given) for name, given in frame.images.items()}
+            inputs["image"] = self._resource(image)
+            self._encode(encoder, variants, params, history, next_history, {**unread, **inputs}, space)
+
+    def new_image(self, display: Size) -> "wgpu.GPUTexture":
+        """Allocate a texture for an image."""
+        with raising(self.device, f"allocating an image of {display}"):
+            return image_of(self.device, display, IMAGE_FORMAT)
+
+    def _resource(self, given: Any) -> Resource:
+        """Return what a bind group takes for a texture or buffer of the caller."""
+        if not is_texture(given):
+            return given
+        if given not in self._views:
+            self._views[given] = given.create_view()
+        return self._views[given]
 
     def _encode(
         self,

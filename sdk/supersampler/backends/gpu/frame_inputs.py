@@ -23,8 +23,8 @@ def step_params(
     exposure: float | None,
     history: GpuHistory,
     *,
-    adds_samples: bool,
-    writes_aux: bool,
+    adds_samples: bool = True,
+    writes_aux: bool = False,
 ) -> Float32:
     """Return the shader's `Params` of a step from `history`."""
     counts = adds_samples and np.any(np.array(jitter, np.float32) != np.array(history.jitter, np.float32))

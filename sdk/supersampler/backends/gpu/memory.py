@@ -55,6 +55,12 @@ def texture_of(device: "wgpu.GPUDevice", size: Size, texture_format: str = "rgba
     return Memory(texture.create_view(), TEXEL * size[0] * size[1], texture)
 
 
+def image_of(device: "wgpu.GPUDevice", size: Size, texture_format: str) -> "wgpu.GPUTexture":
+    """Allocate a texture that shaders write, and others sample and copy."""
+    usage = _TEXTURE_COPY_SRC | _SAMPLED | _STORED
+    return device.create_texture(size=(*size, 1), format=texture_format, usage=usage)
+
+
 def write_to(device: "wgpu.GPUDevice", memory: Memory, values: NDArray[Any]) -> None:
     """Fill a buffer, or a texture rgba32float from (h, w, 4)."""
     values = np.ascontiguousarray(values)

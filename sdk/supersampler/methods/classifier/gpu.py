@@ -1,5 +1,7 @@
 """GPU backend of `classifier` and its relatives."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from supersampler.backends.gpu.convergence import (
@@ -18,6 +20,9 @@ from supersampler.methods.classifier.spec import CLASSES, CLASSIFIER, CONTRAST, 
 from supersampler.methods.classifier.variant import Variant
 from supersampler.methods.model_info import ModelInfo
 from supersampler.methods.spec import DISPLAY, HALF, PREVIOUS, constants_of
+
+if TYPE_CHECKING:
+    import wgpu
 
 GLARE = 4.0
 """Added to a maximum in [0, 1] for each consecutive frame with glare: see ranges.wgsl."""
@@ -40,7 +45,8 @@ def _pack_ranges(pixels: Float32) -> Packed:
     most = np.clip(high - GLARE * glare, 0.0, 1.0)
     bits = [np.clip(low, 0.0, 1.0) * LEAST + 0.5, most * MOST + 0.5, glare]
     least, largest, frames = (part.astype(np.uint32) for part in bits)
-    return least | largest << 16 | frames << 30
+    packed: Packed = least | largest << 16 | frames << 30
+    return packed
 
 
 def _unpack_classes(words: Packed) -> Float32:
@@ -77,11 +83,12 @@ class ClassifierGpu(GpuExecutor):
 
     Args:
         info: the model.
+        device: to run on; None is that of the process.
     """
 
     precision = "int8"
 
-    def __init__(self, info: ModelInfo) -> None:
+    def __init__(self, info: ModelInfo, device: "wgpu.GPUDevice | None" = None) -> None:
         variant = Variant.of(info.config)
         self._network = network = read_gpu_network(info, variant)
         constants = {name: info.config[name] for name in constants_of(CLASSIFIER)}
@@ -97,7 +104,7 @@ class ClassifierGpu(GpuExecutor):
             PREPROCESS, *CONVERGENCE_PASSES, PassSpec("gather"), PassSpec("means", "half"), *levels,
             PassSpec("compose", constants={**network.last, **blend}),
         )  # fmt: skip
-        super().__init__(LAYOUT, "supersampler.methods.classifier", constants, passes)
+        super().__init__(LAYOUT, "supersampler.methods.classifier", constants, passes, device)
         self._weights = buffer_of(self.device, network.words.nbytes)
         write_to(self.device, self._weights, network.words)
 

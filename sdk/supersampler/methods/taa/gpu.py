@@ -1,5 +1,7 @@
 """GPU backend of `taa`."""
 
+from typing import TYPE_CHECKING
+
 from supersampler.backends.gpu.executor import GpuExecutor, PassSpec
 from supersampler.backends.gpu.history import HistoryLayout, Plane, of_plane
 from supersampler.backends.gpu.memory import Memory, texture_of
@@ -7,6 +9,9 @@ from supersampler.frame import Size
 from supersampler.methods.model_info import ModelInfo
 from supersampler.methods.spec import DISPLAY, constants_of
 from supersampler.methods.taa.spec import TAA
+
+if TYPE_CHECKING:
+    import wgpu
 
 LAYOUT = HistoryLayout(TAA, {"pixels": Plane(DISPLAY)}, {"color": of_plane("pixels", 0, 1, 2)})
 
@@ -16,12 +21,13 @@ class TaaGpu(GpuExecutor):
 
     Args:
         info: the model.
+        device: to run on; None is that of the process.
     """
 
-    def __init__(self, info: ModelInfo) -> None:
+    def __init__(self, info: ModelInfo, device: "wgpu.GPUDevice | None" = None) -> None:
         constants = {name: info.config[name] for name in constants_of(TAA)}
         passes = PassSpec("boxes", "render"), PassSpec("blend")
-        super().__init__(LAYOUT, "supersampler.methods.taa", constants, passes)
+        super().__init__(LAYOUT, "supersampler.methods.taa", constants, passes, device)
 
     def _work_memory(self, render: Size, display: Size) -> dict[str, Memory]:  # noqa: ARG002
         return {name: texture_of(self.device, render) for name in ("tones", "lows", "highs", "longest")}

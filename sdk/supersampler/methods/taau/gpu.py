@@ -1,5 +1,7 @@
 """GPU backend of `taau`."""
 
+from typing import TYPE_CHECKING
+
 from supersampler.backends.gpu.convergence import (
     CONVERGENCE_CHANNELS,
     CONVERGENCE_PASSES,
@@ -14,6 +16,9 @@ from supersampler.frame import Size
 from supersampler.methods.model_info import ModelInfo
 from supersampler.methods.spec import DISPLAY, PREVIOUS, constants_of
 from supersampler.methods.taau.spec import FLASH, FLASH_MEMORY, LEAST_FLASH, TAAU
+
+if TYPE_CHECKING:
+    import wgpu
 
 LAYOUT = HistoryLayout(
     TAAU,
@@ -37,13 +42,14 @@ class TaauGpu(GpuExecutor):
 
     Args:
         info: the model.
+        device: to run on; None is that of the process.
     """
 
-    def __init__(self, info: ModelInfo) -> None:
+    def __init__(self, info: ModelInfo, device: "wgpu.GPUDevice | None" = None) -> None:
         constants = {name: info.config[name] for name in constants_of(TAAU)}
         constants |= {"flash": FLASH, "least_flash": LEAST_FLASH, "flash_memory": FLASH_MEMORY}
         passes = PREPROCESS, PassSpec("light", "one", (1, 1)), *CONVERGENCE_PASSES, PassSpec("blend")
-        super().__init__(LAYOUT, "supersampler.methods.taau", constants, passes)
+        super().__init__(LAYOUT, "supersampler.methods.taau", constants, passes, device)
 
     def _work_memory(self, render: Size, display: Size) -> dict[str, Memory]:  # noqa: ARG002
         return sample_memory(self.device, render)

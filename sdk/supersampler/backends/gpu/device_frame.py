@@ -1,0 +1,127 @@
+"""A frame in textures or buffers of the caller's device."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from supersampler.backends.gpu.frame_inputs import CHANNELS
+from supersampler.errors import ArgumentError, FrameError, shown
+from supersampler.frame import Size
+
+if TYPE_CHECKING:
+    import wgpu
+
+_SAMPLED, _STORED, _STORAGE = 4, 8, 128  # usages, as WebGPU numbers them
+IMAGE_FORMAT = "rgba16float"
+
+
+@dataclass(frozen=True, eq=False)
+class DeviceFrame:
+    """A frame on the GPU.
+
+    Attributes:
+        images: textures, or buffers, by name: "color", "depth", "motion".
+        size: (width, height).
+        jitter: see `Frame`.
+        exposure: see `Frame`.
+    """
+
+    images: Mapping[str, Any]
+    size: Size
+    jitter: tuple[float, float]
+    exposure: float | None
+
+    @property
+    def in_textures(self) -> bool:
+        """Whether the images are textures."""
+        return all(is_texture(image) for image in self.images.values())
+
+
+def is_texture(image: object) -> bool:
+    """Return whether this is a texture of wgpu."""
+    return hasattr(image, "create_view")
+
+
+def checked_images(
+    images: object, names: Sequence[str], render_size: Size | None, device: "wgpu.GPUDevice"
+) -> tuple[dict[str, Any], Size]:
+    """Return the images that a method reads, and their size.
+
+    Args:
+        images: a mapping; see `Upscaler.step_textures`.
+        names: what the method reads.
+        render_size: of buffers.
+        device: of the backend.
+
+    Raises:
+        FrameError: an image is missing, of another device, or has a wrong size, format or usage.
+    """
+    if not isinstance(images, Mapping):
+        raise FrameError("images", got=shown(images), want="textures or buffers by name")
+    wanted = [name for name in CHANNELS if name in names]
+    for name in wanted:
+        if images.get(name) is None:
+            raise FrameError(name, got=None, want="a texture or buffer of wgpu")
+    given = {name: images[name] for name in wanted}
+    kinds = {is_texture(image) for image in given.values()}
+    if len(kinds) > 1:
+        raise FrameError("images", got="textures and buffers", want="one kind")
+    if kinds == {True}:
+        size = given["color"].size[0], given["color"].size[1]
+    elif render_size is None:
+        raise FrameError("render_size", got=None, want="(width, height) of the buffers")
+    else:
+        size = render_size
+    for name, image in given.items():
+        _check_image(name, image, size, device)
+    return given, size
+
+
+def checked_target(image: Any, display: Size, device: "wgpu.GPUDevice") -> Any:
+    """Return a texture or buffer that a step may write.
+
+    Raises:
+        ArgumentError: it has another device, size, format or usage.
+    """
+    width, height = display
+    if is_texture(image):
+        want = f"{IMAGE_FORMAT} {display} with STORAGE_BINDING"
+        good = tuple(image.size[:2]) == display and image.format == IMAGE_FORMAT and image.usage & _STORED
+        got = f"{image.format} {tuple(image.size[:2])} with usage {image.usage}"
+    else:
+        want, size = f"{12 * width * height} bytes with STORAGE", getattr(image, "size", 0)
+        good = bool(size >= 12 * width * height and image.usage & _STORAGE)
+        got = f"{size} bytes" if good or size else shown(image)
+    if not good:
+        raise ArgumentError("out", got=got, want=want)
+    if device_of(image) is not device:
+        raise ArgumentError("out", got="of another device", want="of the Upscaler's", hint=_SAME_DEVICE)
+    return image
+
+
+_SAME_DEVICE = "`Model.load(..., executor='gpu', device=device)` runs on the textures' device."
+
+
+def device_of(image: Any) -> Any:
+    """Return the device of a texture or buffer."""
+    return image._device  # wgpu has no public name for it
+
+
+def _is_float(texture_format: str) -> bool:
+    """Return whether shaders read floats from a format; those of depth buffers are read otherwise."""
+    return ("float" in texture_format or "norm" in texture_format) and "depth" not in texture_format
+
+
+def _check_image(name: str, image: Any, size: Size, device: "wgpu.GPUDevice") -> None:
+    if is_texture(image):
+        good = tuple(image.size[:2]) == size and _is_float(image.format)
+        if not good or not image.usage & _SAMPLED:
+            got = f"{image.format} {tuple(image.size[:2])} with usage {image.usage}"
+            raise FrameError(name, got=got, want=f"a colour format {size} with TEXTURE_BINDING")
+    else:
+        least = 4 * CHANNELS[name] * size[0] * size[1]
+        if getattr(image, "size", 0) < least or not image.usage & _STORAGE:
+            want = f"at least {least} bytes with STORAGE: float32, row by row"
+            raise FrameError(name, got=f"{getattr(image, 'size', shown(image))} bytes", want=want)
+    if device_of(image) is not device:
+        raise FrameError(name, got="of another device", want="of the Upscaler's", hint=_SAME_DEVICE)
