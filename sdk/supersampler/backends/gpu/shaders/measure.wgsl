@@ -15,13 +15,11 @@ var<workgroup> sums: array<vec2f, THREADS>;
 @compute @workgroup_size(THREADS)
 fn main(@builtin(local_invocation_index) thread: u32, @builtin(workgroup_id) group: vec3u) {
     let size = render_size();
-    let count = u32(size.x * size.y);
+    let count = select(u32(size.x * size.y), 0u, is_given());
     var sum = vec2f(0.0);
-    if (!is_given()) {
-        for (var i = group.x * THREADS + thread; i < count; i += THREADS * PARTS) {
-            let color = color_at(vec2i(i32(i) % size.x, i32(i) / size.x));
-            if (all_valid(color)) { sum += vec2f(log(max(luminance(color), DARKEST)), 1.0); }
-        }
+    for (var i = group.x * THREADS + thread; i < count; i += THREADS * PARTS) {
+        let color = color_at(vec2i(i32(i) % size.x, i32(i) / size.x));
+        if (all_valid(color)) { sum += vec2f(log(max(luminance(color), DARKEST)), 1.0); }
     }
     sums[thread] = sum;
     for (var half = THREADS / 2u; half > 0u; half /= 2u) {
