@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from supersampler.cli.arguments import parse_size, parse_skip
-from supersampler.errors import ArgumentError
+from supersampler.errors import ArgumentError, DeviceError
 from supersampler.model import Precision
 from supersampler_bench.cli.options import (
     DISPLAY_SIZE,
@@ -69,26 +69,33 @@ def traffic(
     json: JSON = None,
     update: UPDATE = None,
 ) -> None:
-    """Count the bytes, multiply-adds and operators of a step of methods on the ONNX backend.
+    """Count the bytes, multiply-adds and dispatches of a step of methods on the ONNX and the GPU backend.
 
-    Counted from ONNX Runtime's profile of small runs, exact at the sizes named.
+    ONNX: from the runtime's profile of small runs, exact at the sizes named. GPU: from the accesses that
+    shaders declare, with frame and image in textures. The second table has the times that named GPUs need at
+    least, computed from their published figures.
 
     Example:
       supersampler bench traffic --methods classifier --sizes 1920x1080:3840x2160 --json traffic.json
     """
     from supersampler_bench.timing import traffic as bench
+    from supersampler_bench.timing.gpu_traffic import count_gpu
     from supersampler_bench.timing.onnx_traffic import count_onnx
+    from supersampler_bench.timing.roofline import roofline_table
 
-    tables = {"traffic": bench.markdown_table}
+    tables = {"traffic": bench.markdown_table, "traffic roofline": roofline_table}
     check_page(update, tables)
-    counters, names, pairs = (count_onnx,), listed(methods), size_pairs_of(sizes)
+    counters, names, pairs = (count_onnx, count_gpu), listed(methods), size_pairs_of(sizes)
     with counted("steps", len(counters) * len(names) * len(pairs)) as advance:
         results = []
         for render, display in pairs:
             rows = []
             for name in names:
                 for count in counters:
-                    rows.append(count(name, render, display))
+                    try:
+                        rows.append(count(name, render, display))
+                    except (ArgumentError, DeviceError) as error:  # no shaders, or no device
+                        warn(f"{name}: {error}")
                     advance()
             results.append((render, display, rows))
     publish(bench.traffic_record(results), tables, json, update)
@@ -223,6 +230,7 @@ def device(
     sizes: DISPLAY_SIZES = "1920x1080,3840x2160",
     precisions: Annotated[str, typer.Option(help="fp32, fp16, with commas between.")] = "fp32,fp16",
     provider: Annotated[str, typer.Option(help="Of ONNX Runtime.")] = "auto",
+    executor: Annotated[str, typer.Option(help="onnx, or gpu: the shaders, by timestamp queries.")] = "onnx",
     ratio: ONE_RATIO = 2.0,
     steps: STEPS = 100,
     capture: Annotated[
@@ -231,10 +239,11 @@ def device(
     json: JSON = None,
     update: UPDATE = None,
 ) -> None:
-    """Time the ONNX backend on a device: frames and images stay in its memory.
+    """Time the ONNX or the GPU backend on a device: frames and images stay in its memory.
 
-    Example:
+    Examples:
       supersampler bench device --provider cuda --capture --json device.json
+      supersampler bench device --executor gpu --json device-gpu.json
     """
     from supersampler.model import Model
     from supersampler_bench.timing import device as bench
@@ -243,6 +252,15 @@ def device(
     check_page(update, tables)
     known: tuple[Precision, ...] = ("fp32", "fp16")
     wanted = words_of("--precisions", precisions, known)
+    if words_of("--executor", executor, ("onnx", "gpu")) == ["gpu"]:
+        from supersampler_bench.timing.device_gpu import measure_gpu
+
+        with ERRORS.status("timing"):
+            results = measure_gpu(
+                listed(methods), sizes_of(sizes), ratio=ratio, steps=steps, on_left_out=warn
+            )
+        publish(bench.device_record(results, 0.0, ratio), tables, json, update)
+        return
     with ERRORS.status("timing"):
         results = bench.measure_device(
             listed(methods),

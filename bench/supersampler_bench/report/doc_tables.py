@@ -16,6 +16,7 @@ from supersampler_bench.stress import report as stress
 from supersampler_bench.timing import against, device, pareto, skip, speed, startup, traffic
 from supersampler_bench.timing import network_cost as cost
 from supersampler_bench.timing.pareto_extrapolated import unshaded_table
+from supersampler_bench.timing.roofline import roofline_table
 
 RESULTS = Path("bench/results")
 """Where the records of published numbers are, in the repository."""
@@ -61,6 +62,11 @@ def blocks_of(name: str, record: Record) -> Blocks:
         return {
             block: partial(still_table.markdown_table, record),
             f"{block} summary": partial(still_table.summary_table, record),
+        }
+    if bench == "traffic":
+        return {
+            block: partial(traffic.markdown_table, record),
+            f"{block} roofline": partial(roofline_table, record),
         }
     return {block: partial(_TABLES[bench], record)} if bench in _TABLES else {}
 

@@ -11,7 +11,7 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from supersampler.backends.gpu.executor import ARRAYS, GpuExecutor
+from supersampler.backends.gpu.executor import TEXTURES, GpuExecutor
 from supersampler.backends.gpu.memory import TEXELS
 from supersampler.backends.gpu.shader import Binding, Shader
 from supersampler.frame import Size
@@ -20,6 +20,13 @@ from supersampler.model import Model
 from supersampler_bench.timing.traffic import Traffic
 
 BACKEND = "gpu"
+FORMATS = {
+    "frame_color": ("rgba16float", 8),
+    "frame_depth": ("r32float", 4),
+    "frame_motion": ("rg16float", 4),
+    "image": ("rgba16float", 8),
+}
+"""Formats of an engine's textures, and bytes of a pixel."""
 NOT_ASKED = ("aux", "params")
 """Resources of an ordinary step that are not, or hardly, touched."""
 _FUNCTION = re.compile(r"^fn (\w+)\(", re.MULTILINE)
@@ -27,7 +34,7 @@ _PART = re.compile(r"// (\d+) a thread$", re.MULTILINE)
 
 
 def count_gpu(method: str, render: Size, display: Size) -> Traffic:
-    """Count a step of the shaders, with a frame and an image in buffers.
+    """Count a step of the shaders on a frame and an image in textures, of the formats FORMATS.
 
     Args:
         method: a shipped model or a model folder.
@@ -51,9 +58,11 @@ def count_gpu(method: str, render: Size, display: Size) -> Traffic:
 def accesses(executor: GpuExecutor, render: Size, display: Size) -> Iterator[tuple[str, Binding, int]]:
     """Yield (pass, binding, bytes) of all resources of a step."""
     sizes = {name: spec.bytes for name, spec in executor.specs(render, display).items()}
+    pixels = {"frame": render[0] * render[1], "image": display[0] * display[1]}
+    sizes |= {name: texel * pixels[name.partition("_")[0]] for name, (_, texel) in FORMATS.items()}
     sizes |= {name: memory.resource.size for name, memory in executor.weights.items()}
     extents = executor.extents(render, display)
-    for spec, one in zip(executor.pass_specs, executor.passes(ARRAYS), strict=True):
+    for spec, one in zip(executor.pass_specs, executor.passes(TEXTURES), strict=True):
         width, height = extents[spec.extent]
         for binding in used_bindings(one.shader):
             if binding.name not in NOT_ASKED:

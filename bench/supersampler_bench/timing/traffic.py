@@ -51,7 +51,7 @@ def markdown_table(record: Record) -> str:
             f"{size_text(size['render'])} to {size_text(size['display'])}",
             row["method"],
             row["backend"],
-            f"{row['bytes'] / 1e9:.1f}",
+            f"{row['bytes'] / 1e9:.2f}",
             f"{row['multiply_adds'] / 1e9:.1f}",
             row["dispatches"],
         ]

@@ -54,4 +54,4 @@ def test_small_extents_have_ratio_and_remainders_of_the_actual_ones() -> None:
 def test_the_table_has_a_row_for_each_backend_method_and_size() -> None:
     row = Traffic("onnx", "taau", 75_049_000_000, 1_000_000, 1067)
     table = markdown_table(traffic_record([(*SIZES, [row])]))
-    assert "| 64x36 to 256x144 | taau | onnx | 75.0 | 0.0 | 1067 |" in table
+    assert "| 64x36 to 256x144 | taau | onnx | 75.05 | 0.0 | 1067 |" in table

@@ -17,7 +17,7 @@ CONVERGENCE_CHANNELS = {
 
 
 def preprocess(surface: str) -> PassSpec:
-    """Return the pass on the samples of a frame; `surface`: what it stores of surfaces, "depth" or "shade"."""
+    """Return the pass on the samples of a frame; `surface`: what it stores of them, "depth" or "shade"."""
     return PassSpec("preprocess", "render", TILE, variants={"surface": f"surface_{surface}"})
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from supersampler.backends.cpu.layout import TILE
 from supersampler.backends.gpu.device import default_device, raising, storage_limit
 from supersampler.backends.gpu.device_frame import IMAGE_FORMAT, DeviceFrame, is_texture
-from supersampler.backends.gpu.frame_inputs import frame_specs, step_params, write_frame
+from supersampler.backends.gpu.frame_inputs import CHANNELS, frame_specs, step_params, write_frame
 from supersampler.backends.gpu.history import GpuHistory, HistoryLayout
 from supersampler.backends.gpu.memory import (
     BufferSpec,
@@ -35,7 +35,8 @@ if TYPE_CHECKING:
     import wgpu
 
 ARRAYS = {"frame": "frame_arrays", "image": "image_array"}
-"""Files that shaders import for frames and images in buffers. In textures, they end in "_textures"."""
+TEXTURES = {"frame": "frame_textures", "image": "image_texture"}
+"""Files that shaders import for frames and images in buffers, and in textures of the caller."""
 PARTS = 64
 """Workgroups of the pass `measure`."""
 MOST_SIZES = 2
@@ -230,15 +231,16 @@ class GpuExecutor(ABC):
             image: texture or buffer to write to, checked.
             adds_samples: see `Executor.step`.
         """
-        variants = {
-            "frame": "frame_textures" if frame.in_textures else "frame_arrays",
-            "image": "image_texture" if is_texture(image) else "image_array",
-        }
+        kinds = {"frame": frame.in_textures, "image": is_texture(image)}
+        variants = {name: (TEXTURES if kind else ARRAYS)[name] for name, kind in kinds.items()}
         display = history.display
         params = step_params(frame.size, frame.jitter, frame.exposure, history, adds_samples=adds_samples)
         with self._lock.lock, raising(self.device, f"encoding a step to {display}"):
             space = self._space(frame.size, display)
-            inputs = {f"frame_{name}": self._resource(given) for name, given in frame.images.items()}
+            given = {
+                name: frame.images.get(name, frame.images["color"]) for name in CHANNELS
+            }  # some are not read
+            inputs = {f"frame_{name}": self._resource(image) for name, image in given.items()}
             inputs["image"] = self._resource(image)
             self._encode(encoder, variants, params, history, next_history, inputs, space)
 
