@@ -8,8 +8,9 @@ the counts with those of shaders that mark what they touch.
 """
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import NamedTuple
 
 from supersampler.backends.gpu.executor import TEXTURES, GpuExecutor
 from supersampler.backends.gpu.memory import TEXELS
@@ -33,6 +34,24 @@ _FUNCTION = re.compile(r"^fn (\w+)\(", re.MULTILINE)
 _PART = re.compile(r"// (\d+) a thread$", re.MULTILINE)
 
 
+class Access(NamedTuple):
+    """What a pass reads or writes of a resource.
+
+    Attributes:
+        number: of the pass.
+        shader: its name.
+        binding: as it declares the resource.
+        resource: its name.
+        bytes: that are moved.
+    """
+
+    number: int
+    shader: str
+    binding: Binding
+    resource: str
+    bytes: int
+
+
 def count_gpu(method: str, render: Size, display: Size) -> Traffic:
     """Count a step of the shaders on a frame and an image in textures, of the formats FORMATS.
 
@@ -49,25 +68,31 @@ def count_gpu(method: str, render: Size, display: Size) -> Traffic:
         DeviceError: there is no device.
     """
     executor = Model.load(method, executor="gpu").gpu
-    moved = sum(size for _, _, size in accesses(executor, render, display))
+    moved = sum(access.bytes for access in accesses(executor, render, display))
     info = read_model_info(find_model(method))
     products = round(info.multiply_adds * display[0] * display[1])
     return Traffic(BACKEND, Path(method).name, moved, products, len(executor.pass_specs))
 
 
-def accesses(executor: GpuExecutor, render: Size, display: Size) -> Iterator[tuple[str, Binding, int]]:
-    """Yield (pass, binding, bytes) of all resources of a step."""
+def accesses(
+    executor: GpuExecutor, render: Size, display: Size, variants: Mapping[str, str] = TEXTURES
+) -> Iterator[Access]:
+    """Yield all accesses of a step; `variants`: where frame and image are."""
     sizes = {name: spec.bytes for name, spec in executor.specs(render, display).items()}
-    pixels = {"frame": render[0] * render[1], "image": display[0] * display[1]}
-    sizes |= {name: texel * pixels[name.partition("_")[0]] for name, (_, texel) in FORMATS.items()}
     sizes |= {name: memory.resource.size for name, memory in executor.weights.items()}
+    if variants is TEXTURES:
+        pixels = {"frame": render[0] * render[1], "image": display[0] * display[1]}
+        sizes |= {name: texel * pixels[name.partition("_")[0]] for name, (_, texel) in FORMATS.items()}
     extents = executor.extents(render, display)
-    for spec, one in zip(executor.pass_specs, executor.passes(TEXTURES), strict=True):
+    passes = zip(executor.pass_specs, executor.passes(variants), strict=True)
+    for number, (spec, one) in enumerate(passes):
         width, height = extents[spec.extent]
         for binding in used_bindings(one.shader):
             if binding.name not in NOT_ASKED:
-                whole = sizes[spec.names.get(binding.name, binding.name)]
-                yield spec.shader, binding, min(whole, part_of(one.shader, binding, width * height) or whole)
+                resource = spec.names.get(binding.name, binding.name)
+                part = part_of(one.shader, binding, width * height)
+                moved = sizes[resource] if part is None else min(sizes[resource], part)
+                yield Access(number, spec.shader, binding, resource, moved)
 
 
 def part_of(shader: Shader, binding: Binding, threads: int) -> int | None:
@@ -91,8 +116,17 @@ def used_bindings(shader: Shader) -> list[Binding]:
 
 
 def function_bodies(code: str) -> dict[str, str]:
-    """Return the text of each function, comments removed, from its parameters to the next function."""
+    """Return the body of each function, without comments."""
     code = re.sub(r"//.*", "", code)
-    starts = [(match[1], match.end()) for match in _FUNCTION.finditer(code)]
-    ends = [end for _, end in starts[1:]] + [len(code)]
-    return {name: code[start:end] for (name, start), end in zip(starts, ends, strict=True)}
+    starts = [(match[1], code.index("{", match.end())) for match in _FUNCTION.finditer(code)]
+    return {name: code[start : closing(code, start) + 1] for name, start in starts}
+
+
+def closing(code: str, opening: int) -> int:
+    """Return the index of the bracket that closes the one at `opening`."""
+    depth = 0
+    for i in range(opening, len(code)):
+        depth += (code[i] in "([{") - (code[i] in ")]}")
+        if depth == 0:
+            return i
+    raise ValueError(f"no bracket closes {code[opening : opening + 40]!r}")
