@@ -159,6 +159,7 @@ def upscaler_of(method: str, display_size: Size, extrapolation: str | None = Non
         display_size=display_size,
         precision=spec.precision,
         skip=spec.skip,
+        executor=spec.executor,
         extrapolation=extrapolation,
         validate="off",
     )
