@@ -11,17 +11,18 @@
 # make pyvista   the second: PyVista from PyPI, OpenGL in software will do
 # make panda3d   the third: examples/panda3d_live.py with Panda3D from PyPI, OpenGL in software will do
 # make mitsuba   the fourth: examples/mitsuba_sequence.py with Mitsuba from PyPI, which needs an LLVM of the system
+# make pygfx   the fifth: examples/pygfx_live.py with pygfx from PyPI, Vulkan in software will do
 # PYTHON=python3.12 chooses the interpreter of new environments. On Windows: the pip lines in README.md.
 PYTHON ?= python3
 
 RUNTIME := .venv/installed
 DEVELOPMENT := .venv-dev/installed
 DOCS := .venv-docs/installed
-SOURCES := $(shell find sdk model export bench -name '*.py' -o -name '*.html' -o -name '*.onnx' -o -name '*.json' -o -name '*.glsl')
+SOURCES := $(shell find sdk model export bench -name '*.py' -o -name '*.html' -o -name '*.onnx' -o -name '*.json' -o -name '*.glsl' -o -name '*.wgsl')
 
 EXTENSION := sdk/supersampler/integrations/blender/extension
 
-.PHONY: demo extension test hashes fuzz mutation check docs clean test-integrations blender pyvista panda3d mitsuba
+.PHONY: demo extension test hashes fuzz mutation check docs clean test-integrations blender pyvista panda3d mitsuba pygfx
 
 demo: $(RUNTIME)
 	.venv/bin/supersampler demo -o out
@@ -34,7 +35,7 @@ extension:
 	mkdir -p dist
 	cd $(EXTENSION) && $(PYTHON) -m zipfile -c $(CURDIR)/dist/supersampler_blender.zip __init__.py run.py blender_manifest.toml
 
-test-integrations: blender pyvista panda3d mitsuba
+test-integrations: blender pyvista panda3d mitsuba pygfx
 
 # Blender's own Python, with its numpy: apart from ours. Where bpy cannot be installed, the tests say that they are skipped.
 blender: $(DEVELOPMENT) extension
@@ -64,6 +65,12 @@ mitsuba: $(DEVELOPMENT)
 	    || .venv-mitsuba/bin/pip install -q --disable-pip-version-check -e . pytest hypothesis mitsuba
 	.venv-mitsuba/bin/pytest -q -rs tests/integrations/test_mitsuba.py
 
+pygfx: $(DEVELOPMENT)
+	test -d .venv-pygfx || $(PYTHON) -m venv .venv-pygfx
+	.venv-pygfx/bin/python -c 'import pygfx, supersampler, pytest' 2>/dev/null \
+	    || .venv-pygfx/bin/pip install -q --disable-pip-version-check -e '.[gpu]' pytest hypothesis pygfx
+	.venv-pygfx/bin/pytest -q -rs tests/integrations/test_pygfx.py
+
 hashes: $(DEVELOPMENT)
 	.venv-dev/bin/python bench/studies/hashes.py --check bench/results/studies/hashes.json
 
@@ -83,7 +90,7 @@ docs: $(DOCS)
 	NO_MKDOCS_2_WARNING=1 .venv-docs/bin/mkdocs build --quiet
 
 clean:
-	rm -rf .venv .venv-dev .venv-docs .venv-blender .venv-pyvista .venv-panda3d .venv-mitsuba out dist build .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	rm -rf .venv .venv-dev .venv-docs .venv-blender .venv-pyvista .venv-panda3d .venv-mitsuba .venv-pygfx out dist build .mypy_cache .pytest_cache .ruff_cache .hypothesis
 
 # A copy of the package as users get it: made anew when a source changes.
 $(RUNTIME): pyproject.toml $(SOURCES)

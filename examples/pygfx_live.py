@@ -3,9 +3,9 @@
     pip install ".[gpu]" pygfx
     python examples/pygfx_live.py --frames 48 -o out/pygfx
 
-The upscaler is one of pygfx's effect passes: it finds colour and depth in pygfx's own textures and encodes its
-commands into pygfx's encoder. Only the camera moves, so that depth and camera give the motion of all that is
-seen. Images are read back at the end of each frame to be written: the render, enlarged, beside the output.
+The upscaler is one of pygfx's effect passes: it finds colour and depth in pygfx's own textures and encodes
+its commands into pygfx's encoder. Only the camera moves, so that depth and camera give the motion of all that
+is seen. Images are read back at the end of each frame to be written: the render, enlarged, beside the output.
 """
 
 import argparse
@@ -130,19 +130,20 @@ class Upscale(EffectPass):  # type: ignore[misc]  # pygfx has no types
         self._pipeline = device.create_compute_pipeline(
             layout="auto", compute={"module": module, "entry_point": "main"}
         )
-        self._matrix: np.ndarray | None = None
-        self._previous: np.ndarray | None = None
+        self._matrix = self._previous = np.eye(4)
+        self._is_first = True
 
     def begin(self, jitter: tuple[float, float]) -> None:
         """Take the camera's matrices, without jitter, and move its samples by the jitter."""
         camera, (width, height) = self._camera, self._size
         camera.clear_view_offset()
-        self._jitter, self._previous = jitter, self._matrix
         self._projection = camera.projection_matrix
-        self._matrix = self._projection @ camera.view_matrix
+        matrix = self._projection @ camera.view_matrix
+        self._previous = matrix if self._is_first else self._matrix
+        self._jitter, self._matrix = jitter, matrix
         camera.set_view_offset(width, height, *jitter, width, height)
 
-    def render(self, command_encoder: Any, color_tex: Any, depth_tex: Any, target_tex: Any) -> None:
+    def render(self, command_encoder: Any, color_tex: Any, depth_tex: Any, _: Any) -> None:
         """Encode depth and motion, then the step."""
         self.color = color_tex.texture
         self._encode_motion(command_encoder, depth_tex)
@@ -151,19 +152,23 @@ class Upscale(EffectPass):  # type: ignore[misc]  # pygfx has no types
             {"color": self.color, "depth": self._depth, "motion": self._motion},
             jitter=self._jitter,
             exposure=1.0,
-            reset=self._previous is None,
+            reset=self._is_first,
             out=self.image,
         )
+        self._is_first = False
 
     def _encode_motion(self, encoder: wgpu.GPUCommandEncoder, z_buffer: wgpu.GPUTextureView) -> None:
-        matrix = self._matrix
-        previous = matrix if self._previous is None else self._previous
-        assert matrix is not None
-        assert previous is not None
-        matrices = [previous @ np.linalg.inv(matrix), np.linalg.inv(self._projection)]
-        values = [*(m.T.ravel() for m in matrices), self._jitter, [self._camera.near, 0.0]]  # by columns
+        # WGSL takes matrices by columns
+        matrices = [self._previous @ np.linalg.inv(self._matrix), np.linalg.inv(self._projection)]
+        values = [
+            *matrices[0].T.flat,
+            *matrices[1].T.flat,
+            *self._jitter,
+            self._camera.near,
+            0.0,
+        ]  # by columns
         camera = self._device.create_buffer_with_data(
-            data=np.concatenate(values).astype(np.float32), usage=wgpu.BufferUsage.UNIFORM
+            data=np.array(values, np.float32), usage=wgpu.BufferUsage.UNIFORM
         )
         resources = {"buffer": camera}, z_buffer, self._depth.create_view(), self._motion.create_view()
         group = self._device.create_bind_group(

@@ -10,7 +10,7 @@ import torch
 from supersampler import Frame, Model, Upscaler
 from supersampler.backends.onnx.session import frame_inputs
 from supersampler.conventions.ratios import only_ratio, scaled
-from supersampler.errors import ArgumentError
+from supersampler.errors import ArgumentError, DeviceError
 from supersampler.frame import Float32, Size
 from supersampler.io.display import display_transform
 from supersampler.methods.model_file import find_model, read_model_info
@@ -31,8 +31,13 @@ RENDERS: Sequence[Size] = ((80, 45), (53, 31))
 """Render sizes of methods of one ratio."""
 FAMILY = "market"
 """Family of the test shot, which is made longer."""
-RUNS: Sequence[tuple[ExecutorName, Precision]] = (("onnx", "fp32"), ("onnx", "fp16"), ("cpu", "auto"))
-"""Executors and precisions that are compared with torch."""
+RUNS: Sequence[tuple[ExecutorName, Precision]] = (
+    ("onnx", "fp32"),
+    ("onnx", "fp16"),
+    ("cpu", "auto"),
+    ("gpu", "auto"),
+)
+"""Executors and precisions that are compared with torch; those that are not there are left out."""
 Step = Callable[[Frame], Float32]
 
 
@@ -112,17 +117,18 @@ def _agreement(method: str, runs: str, render: Size, display: Size, found: Any) 
 
 
 def _steppers(method: str, render: Size, display: Size) -> Iterator[tuple[str, Step]]:
-    yield "torch", _torch(method, render, display)
+    yield "torch", stepper_of_torch(method, render, display)
     for executor, precision in RUNS:
         try:
             model = Model.load(method, providers="cpu", executor=executor, precision=precision)
-        except ArgumentError:  # the method has no such executor, or not in this precision
+        except (ArgumentError, DeviceError):  # the method or this machine has no such executor
             continue
         upscaler = Upscaler(model, display_size=display, skip="exact", validate="off")
         yield f"{executor}, {model.precision}", upscaler.step
 
 
-def _torch(name: str, render: Size, display: Size) -> Step:
+def stepper_of_torch(name: str, render: Size, display: Size) -> Step:
+    """Return the step of a shipped method in torch, with a history of its own."""
     learned = LEARNED.get(name)
     method: Method = METHODS[name]() if learned is None else learned.of(load_trained(shipped_weights(name)))
     method.eval()

@@ -33,7 +33,8 @@ def quality(
     methods: Annotated[
         str,
         typer.Option(
-            help="Shipped models or model folders, with commas between; NAME:fp32, NAME:fp16 for a graph, NAME:gpu for shaders."
+            help="Shipped models or model folders, with commas between; NAME:fp32, NAME:fp16 for a graph, "
+            "NAME:gpu for shaders."
         ),
     ] = "bilinear,bicubic,taa,taau,classifier,classifier-small",
     ratio: RATIO = "2",

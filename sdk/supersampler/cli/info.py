@@ -19,13 +19,14 @@ def info(
         str | None, typer.Argument(metavar="METHOD|SHOT", help="A method's name, a model folder, or a shot.")
     ] = None,
 ) -> None:
-    """Print a method's inputs and outputs, or a shot's properties. Without an argument: all names.
+    """Print a method's inputs and outputs, or a shot's properties. Without an argument: all names, and the GPU.
 
     \b
     Examples:
       supersampler info taau
       supersampler info renders/kitchen
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
+    from supersampler.backends.gpu.device import adapter_text
     from supersampler.methods.catalog import UNTRAINED
     from supersampler.methods.model_file import extrapolation_names, find_model, model_names, read_model_info
 
@@ -37,6 +38,7 @@ def info(
                 "extrapolation": ", ".join(extrapolations),
                 "without weights": ", ".join(UNTRAINED),
                 "shots": "plaza",
+                "GPU": adapter_text(),
             }
         )
     elif what in [*models, *extrapolations] or (Path(what) / "model.json").is_file():

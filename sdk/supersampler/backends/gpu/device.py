@@ -1,11 +1,11 @@
 """The GPU device: opened once per process, with WebGPU's default limits."""
 
 import os
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
+from supersampler.backends.locks import ForkSafeLock
 from supersampler.errors import DeviceError
 
 if TYPE_CHECKING:
@@ -21,28 +21,50 @@ LIMITS = {
     "max-texture-dimension-2d": 8192,
 }
 """WebGPU's defaults, which every implementation supports, so that the same shaders run in browsers."""
-_lock = threading.Lock()
-_devices: dict[int, "wgpu.GPUDevice"] = {}
+_lock = ForkSafeLock()
+_devices: list["wgpu.GPUDevice"] = []
+"""The device of this process, if there is one."""
+_used_by: set[int] = set()
+"""Processes that have used a device; a forked child gets its parent's."""
 
 
 def default_device() -> "wgpu.GPUDevice":
     """Return this process's device on the fastest adapter; `WGPU_ADAPTER_NAME` chooses another.
 
     Raises:
-        DeviceError: wgpu is not installed, or there is no adapter.
+        DeviceError: wgpu is not installed, there is no adapter, or the parent of a forked process has used
+            the GPU.
     """
-    with _lock:
-        process = os.getpid()  # a device does not survive a fork
-        if process not in _devices:
-            _devices[process] = _open_device()
-        return _devices[process]
+    with _lock.lock:
+        _note_process()
+        if not _devices:
+            _devices.append(_open_device())
+        return _devices[0]
 
 
 def forget_device(device: "wgpu.GPUDevice") -> None:
     """Open another device the next time: this one is lost."""
-    with _lock:
-        for process in [process for process, known in _devices.items() if known is device]:
-            del _devices[process]
+    with _lock.lock:
+        if device in _devices:
+            _devices.remove(device)
+
+
+def adapter_text() -> str:
+    """Return the name of this process's adapter, or why there is none."""
+    try:
+        return name_of(default_device().adapter)
+    except DeviceError as error:
+        return f"none: {error}"
+
+
+def _note_process() -> None:
+    """Raise DeviceError in a forked child of a process with a device: calls of the driver would hang."""
+    _used_by.add(os.getpid())
+    if len(_used_by) > 1:
+        raise DeviceError(
+            "a forked process cannot use the GPU of its parent: start processes with "
+            "multiprocessing's 'spawn' or 'forkserver', or fork before the first Upscaler on the GPU"
+        )
 
 
 def _open_device() -> "wgpu.GPUDevice":
@@ -74,21 +96,29 @@ def name_of(adapter: "wgpu.GPUAdapter") -> str:
 
 @contextmanager
 def raising(device: "wgpu.GPUDevice", doing: str) -> Iterator[None]:
-    """Raise DeviceError, which names the adapter, for errors of wgpu in a block."""
+    """Raise DeviceError, which names the adapter and a remedy, for errors of wgpu in a block.
+
+    A lost device is forgotten.
+    """
     import wgpu
 
+    _note_process()
     try:
         yield
     except (wgpu.GPUError, RuntimeError, MemoryError, OverflowError) as error:
         if isinstance(error, DeviceError):
             raise
         text = " ".join(str(error).split())
-        kind = "ran out of memory" if _is_out_of_memory(error, text) else "failed"
-        raise DeviceError(f"adapter {name_of(device.adapter)} {kind} {doing}: {text[:400]}") from error
-
-
-def _is_out_of_memory(error: BaseException, text: str) -> bool:
-    return type(error).__name__ == "GPUOutOfMemoryError" or "out of memory" in text.lower()
+        kind, remedy = "failed", "update its driver, or choose executor='auto'"
+        if isinstance(error, wgpu.GPUOutOfMemoryError | MemoryError) or "out of memory" in text.lower():
+            kind, remedy = "ran out of memory", "choose a smaller display size, or free memory of the GPU"
+        elif "lost" in text.lower():
+            forget_device(device)
+            kind = "was lost"
+            remedy = "histories on it are lost; make a new Upscaler, and load a saved state or reset"
+        raise DeviceError(
+            f"adapter {name_of(device.adapter)} {kind} {doing}: {remedy} ({text[:400]})"
+        ) from error
 
 
 def storage_limit(device: Any) -> int:

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     import wgpu
 
 STATE = "state"
+MAX_HALF = 65504.0
 STATE_VALUES = 8
 """Of the shader's `State`: signed exposure, flash, two unused, light."""
 _STATE_TENSORS = {"exposure": slice(0, 1), "light": slice(4, 8)}
@@ -70,7 +71,7 @@ def _unpack_halves(words: Packed) -> Float32:
 
 
 def _pack_halves(pixels: Float32) -> Packed:
-    halves: Packed = pixels[..., :4].astype(np.float16)
+    halves: Packed = np.clip(pixels[..., :4], -MAX_HALF, MAX_HALF).astype(np.float16)
     return halves
 
 

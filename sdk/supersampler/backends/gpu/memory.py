@@ -117,11 +117,14 @@ class Readback:
     """
 
     def __init__(self, device: "wgpu.GPUDevice", shape: tuple[int, ...]) -> None:
+        self._device = device
         self.buffer = allocate(device, BufferSpec(4 * math.prod(shape))).resource
         self._mapped = device.create_buffer(size=self.buffer.size, usage=_MAP_READ | _COPY_DST)
 
     def encode(self, encoder: "wgpu.GPUCommandEncoder") -> None:
         """Encode the copy."""
+        if self._mapped.map_state != "unmapped":  # the previous copy was interrupted
+            self._mapped = self._device.create_buffer(size=self._mapped.size, usage=self._mapped.usage)
         encoder.copy_buffer_to_buffer(self.buffer, 0, self._mapped, 0, self._mapped.size)
 
     def copy_to(self, array: NDArray[np.float32]) -> None:

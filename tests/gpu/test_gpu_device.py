@@ -1,0 +1,186 @@
+"""The GPU device: default limits, one compilation, and errors that say what would help."""
+
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gpu_steps import METHODS, device_or_skip, model, moving
+from supersampler import Upscaler
+from supersampler.backends.gpu import device as devices
+from supersampler.backends.gpu.device import LIMITS
+from supersampler.backends.gpu.executor import ARRAYS, TEXTURES, PassSpec
+from supersampler.backends.gpu.passes import Pass
+from supersampler.errors import ArgumentError, DeviceError
+from supersampler.model import Model
+
+SDK = Path(devices.__file__).parents[2]
+BYTES = {"f32": 4, "vec2f": 8, "vec3f": 16, "vec4f": 16, "vec4u": 16}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def device() -> Any:
+    return device_or_skip()
+
+
+@pytest.fixture
+def own_device(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Another device of the process for one test, which may lose it."""
+    monkeypatch.setattr(devices, "_devices", [])
+    return devices.default_device()
+
+
+def all_passes() -> Iterator[tuple[PassSpec, Pass]]:
+    for method in METHODS:
+        for variants in (ARRAYS, TEXTURES):
+            executor = model(method).gpu
+            yield from zip(executor.pass_specs, executor.passes(variants), strict=True)
+
+
+def test_passes_stay_within_webgpus_default_limits() -> None:
+    for spec, one in all_passes():
+        kinds = [(b.kind, b.format) for b in one.shader.bindings]
+        assert sum(kind.endswith("storage") for kind, _ in kinds) <= 8, spec.shader
+        assert sum(kind == "storage-texture" for kind, _ in kinds) <= 4, spec.shader
+        assert sum(kind.endswith("texture") and not form for kind, form in kinds) <= 16, spec.shader
+    limits = model("classifier").gpu.device.limits
+    for name, value in LIMITS.items():
+        assert limits[name] == value, name
+
+
+def test_workgroup_memory_is_at_most_16_kib() -> None:
+    for spec, one in all_passes():
+        constants = dict(re.findall(r"^const (\w+) = ([^;]+);", one.shader.code, re.MULTILINE))
+
+        def value(text: str, known: dict[str, str] = constants) -> int:
+            while re.search(r"[A-Z]", text):
+                text = re.sub(r"[A-Z]\w*", lambda name: f"({known[name[0]]})", text)
+            return int(eval(text.replace("u", "")))  # noqa: S307  # arithmetic of our own constants
+
+        arrays = re.findall(r"var<workgroup> \w+: array<(\w+), ([^>]+)>", one.shader.code)
+        used = sum(BYTES[kind] * value(count) for kind, count in arrays)
+        assert used <= LIMITS["max-compute-workgroup-storage-size"], (spec.shader, used)
+
+
+def test_a_step_of_classifier_is_at_most_twelve_passes() -> None:
+    assert len(model("classifier").gpu.pass_specs) <= 12
+
+
+def test_shaders_find_invalid_values_by_bit_pattern() -> None:
+    for path in SDK.rglob("shaders/*.wgsl"):
+        code = re.sub(r"//.*", "", path.read_text(encoding="utf-8"))
+        assert not re.search(r"\b(\w+) != \1\b|isnan|isinf|isNan", code), path
+    text = (SDK / "backends/gpu/shaders/sanitize.wgsl").read_text(encoding="utf-8")
+    assert "bitcast<u32>" in text
+
+
+def test_pipelines_are_compiled_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    Model.load("taau", executor="gpu")
+    compiled: list[str] = []
+    kind = type(devices.default_device())
+    monkeypatch.setattr(kind, "create_compute_pipeline", lambda *_, **given: compiled.append(given["label"]))
+    Model.load("taau", executor="gpu")
+    assert compiled == []
+
+
+def test_without_wgpu_the_error_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(devices, "_devices", [])
+    monkeypatch.setitem(sys.modules, "wgpu", None)
+    with pytest.raises(DeviceError, match=r'pip install "supersampler\[gpu\]"'):
+        Upscaler("taau", scale=2.0, executor="gpu")
+
+
+def test_without_an_adapter_the_error_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    import wgpu
+
+    def refuse(**_: Any) -> None:
+        raise RuntimeError("no adapter")
+
+    monkeypatch.setattr(devices, "_devices", [])
+    monkeypatch.setattr(wgpu.gpu, "request_adapter_sync", refuse)
+    with pytest.raises(DeviceError, match="mesa-vulkan-drivers"):
+        Upscaler("taau", scale=2.0, executor="gpu")
+    assert devices.adapter_text().startswith("none: ")
+
+
+def test_an_adapter_below_the_limits_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(devices, "_devices", [])
+    monkeypatch.setitem(LIMITS, "max-texture-dimension-2d", 1 << 30)
+    name = re.escape(devices.name_of(model("taau").gpu.device.adapter))
+    with pytest.raises(DeviceError, match=f"{name} is below .*max-texture-dimension-2d"):
+        Upscaler("taau", scale=2.0, executor="gpu")
+
+
+def test_a_shader_that_does_not_compile_is_shown_with_the_adapter(monkeypatch: pytest.MonkeyPatch) -> None:
+    from supersampler.backends.gpu import shader
+
+    whole = shader._source
+    monkeypatch.setattr(shader, "_source", lambda *given: whole(*given) + "\nfn broken( {")
+    with pytest.raises(DeviceError, match=r"llvmpipe|\(.*\).*compiling shaders"):
+        Upscaler("taau", scale=2.0, executor="gpu")
+
+
+def test_an_image_beyond_one_binding_is_refused_before_it_is_allocated() -> None:
+    upscaler = Upscaler(model("taau"), display_size=(4096, 4096), validate="off")
+    with pytest.raises(DeviceError, match="at most 11184810 pixels"):
+        upscaler.step(moving(0, (1024, 1024), 4.0))
+
+
+def test_a_lost_device_is_named_and_the_next_upscaler_has_another(own_device: Any) -> None:
+    upscaler = Upscaler("taau", scale=2.0, executor="gpu", validate="off")
+    first = upscaler.step(moving(0))
+    own_device.destroy()
+    with pytest.raises(DeviceError, match="histories on it are lost"):
+        upscaler.step(moving(1))
+    again = Upscaler("taau", scale=2.0, executor="gpu", validate="off")
+    assert again.model.gpu.device is not own_device
+    assert (again.step(moving(0)) == first).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [
+        ("gbuffer-small", {}),
+        ("bilinear", {}),
+        ("classifier", {"precision": "fp16"}),
+        ("taau", {"precision": "int8"}),
+        ("taau", {"capture": True}),
+    ],
+)
+def test_what_has_no_shaders_is_refused(name: str, options: dict[str, Any]) -> None:
+    with pytest.raises(ArgumentError, match=r"executor|precision|capture"):
+        Upscaler(name, scale=2.0, executor="gpu", **options)
+
+
+def test_a_device_needs_the_gpu_backend() -> None:
+    with pytest.raises(ArgumentError, match="device is given"):
+        Model.load("taau", executor="cpu", device=devices.default_device())
+
+
+FORKED = """
+import os, sys
+from supersampler import Upscaler, Shot
+from supersampler.errors import DeviceError
+frame = next(iter(Shot.open("plaza"))).frame
+upscaler = Upscaler("taa", scale=2.0, executor="gpu", validate="off")
+upscaler.step(frame)
+child = os.fork()
+if child == 0:
+    try:
+        upscaler.step(frame)
+    except DeviceError as error:
+        os._exit(0 if "forked" in str(error) else 3)
+    os._exit(2)
+upscaler.step(frame)
+sys.exit(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+"""
+
+
+@pytest.mark.skipif(not hasattr(__import__("os"), "fork"), reason="there is no fork here")
+def test_a_forked_child_gets_an_error_and_the_parent_goes_on() -> None:
+    done = subprocess.run([sys.executable, "-c", FORKED], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr

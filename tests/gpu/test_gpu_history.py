@@ -1,0 +1,176 @@
+"""Histories and outputs of the GPU backend: saved, loaded, converging, shared, and of bounded memory."""
+
+import gc
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gpu_steps import DISPLAY, METHODS, RENDER, TOLERANCES, device_or_skip, distance, make, model, moving
+from supersampler import Frame, Upscaler, halton_jitter
+from supersampler.backends.gpu import passes
+from supersampler.backends.gpu.executor import ARRAYS
+from supersampler.history import StepResult
+from supersampler_bench.stress.scenes import Orbit
+
+CONVERGING = METHODS[1:]
+MAPS = {"taa": ["weight"], "taau": ["weight", "count", "converged"]}
+ALL_MAPS = ["class_map", "weight", "count", "converged"]
+MOST_GROWTH = 8 << 20
+
+
+@pytest.fixture(scope="module", autouse=True)
+def device() -> Any:
+    return device_or_skip()
+
+
+def still(index: int) -> Frame:
+    """One scene, sampled with jitter."""
+    frame = Orbit().frame(0, RENDER, halton_jitter(index, 2.0))
+    zeros = np.zeros_like(frame.motion)
+    return replace(frame, motion=zeros, reset=index == 0, exposure=1.0)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_saved_state_continues_bit_for_bit(method: str) -> None:
+    ours, other = make(method), make(method)
+    for index in range(4):
+        ours.step(moving(index))
+    other.load_state(ours.save_state())
+    for index in range(4, 7):
+        np.testing.assert_array_equal(other.step(moving(index)), ours.step(moving(index)))
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(("first", "second"), [("cpu", "gpu"), ("gpu", "cpu"), ("onnx", "gpu")])
+def test_a_state_passes_from_one_backend_to_another(method: str, first: str, second: str) -> None:
+    before, after, whole = make(method, first), make(method, second), make(method, second)
+    for index in range(4):
+        before.step(moving(index))
+        whole.step(moving(index))
+    after.load_state(before.save_state())
+    most = 2 * TOLERANCES[method] + (1e-3 if first == "onnx" else 0.0)
+    for index in range(4, 7):
+        assert distance(after.step(moving(index)), whole.step(moving(index))) <= most
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_outputs_beside_the_image_are_those_of_the_cpu(method: str) -> None:
+    names = MAPS.get(method, ALL_MAPS)
+    ours, theirs = make(method), make(method, "cpu")
+    for index in range(4):
+        found, wanted = (u.step(moving(index), outputs=(*names, "work")) for u in (ours, theirs))
+    assert isinstance(found, StepResult)
+    assert isinstance(wanted, StepResult)
+    for name in names:
+        mine, cpu = getattr(found, name), getattr(wanted, name)
+        assert mine.shape == cpu.shape
+        assert np.abs(mine - cpu).mean() <= 0.02 * max(1.0, np.abs(cpu).max()), name
+    assert found.work is not None
+    assert found.work.min() == 1.0
+
+
+def test_blended_aovs_are_those_of_the_cpu() -> None:
+    ours, theirs = make("taau"), make("taau", "cpu")
+    for index in range(4):
+        frame = replace(moving(index), aovs=np.asarray(moving(index).color)[..., :2])
+        found, wanted = (u.step(frame, outputs=("aovs",)) for u in (ours, theirs))
+    assert isinstance(found, StepResult)
+    assert isinstance(wanted, StepResult)
+    assert found.aovs is not None
+    assert wanted.aovs is not None
+    assert np.abs(found.aovs - wanted.aovs).mean() <= 2e-3
+
+
+@pytest.mark.parametrize("method", CONVERGING)
+def test_a_still_scene_converges_as_on_the_cpu(method: str) -> None:
+    ours, theirs = make(method), make(method, "cpu")
+    for index in range(72):
+        image, wanted = ours.step(still(index)), theirs.step(still(index))
+    assert distance(image, wanted) <= 1e-3
+    share = ours.stats.converged
+    assert share is not None
+    assert share > 0.99
+
+
+def test_recurrent_skipping_averages_nothing() -> None:
+    upscaler = make("taau", skip="recurrent")
+    for index in range(40):
+        upscaler.step(still(index))
+    assert upscaler.stats.converged == 0.0
+
+
+def test_extrapolated_frames_are_upscaled_as_on_the_cpu() -> None:
+    guides = {name: np.full((*RENDER[::-1], 3), 0.5, np.float32) for name in ("base_color", "normal")}
+    guides |= {name: np.full(RENDER[::-1], 0.5, np.float32) for name in ("roughness", "metallic", "specular")}
+    images = []
+    for executor in ("gpu", "auto"):
+        upscaler = Upscaler(
+            "taau", display_size=DISPLAY, executor=executor, extrapolation="guided-warp",
+            validate="off", skip="exact",
+        )  # fmt: skip
+        for index in range(6):
+            frame = replace(moving(index), gbuffer=guides)
+            unshaded = index % 2 == 1
+            step = upscaler.extrapolate if unshaded else upscaler.step
+            images.append(step(replace(frame, color=None) if unshaded else frame))
+    half = len(images) // 2
+    for mine, theirs in zip(images[:half], images[half:], strict=True):
+        assert distance(mine, theirs) <= 2e-3
+
+
+@pytest.mark.parametrize("method", ["taau", "classifier-small"])
+def test_upscalers_on_one_device_do_not_disturb_each_other(method: str) -> None:
+    upscaler = make(method)
+    alone = [upscaler.step(moving(index)) for index in range(6)]
+    one, two = make(method), make(method, display=(30, 18))
+    for index in range(6):
+        np.testing.assert_array_equal(one.step(moving(index)), alone[index])
+        two.step(moving(index))
+
+    def run(_: int) -> list[Any]:
+        own = make(method)
+        return [own.step(moving(index)) for index in range(6)]
+
+    for found in ThreadPoolExecutor(2).map(run, range(4)):
+        for image, wanted in zip(found, alone, strict=True):
+            np.testing.assert_array_equal(image, wanted)
+
+
+def test_a_thousand_steps_do_not_grow() -> None:
+    upscaler = make("taau")
+    groups = [one._groups for one in model("taau").gpu.passes(ARRAYS)]
+    frames = [moving(index) for index in range(8)]
+
+    def run(count: int) -> tuple[int, int]:
+        for index in range(count):
+            upscaler.step(frames[index % 8])
+        gc.collect()
+        return resident(), sum(map(len, groups))
+
+    before, kept = run(200)
+    after, still_kept = run(1000)
+    assert after - before <= MOST_GROWTH
+    assert still_kept <= len(groups) * passes.MOST_GROUPS
+    assert kept <= len(groups) * passes.MOST_GROUPS
+
+
+def test_changing_render_sizes_do_not_grow() -> None:
+    upscaler = make("taau")
+
+    def run(count: int) -> int:
+        for index in range(count):
+            upscaler.step(moving(index % 4, (20 + index % 7, 12 + index % 5)))
+        gc.collect()
+        return resident()
+
+    before = run(100)
+    assert run(100) - before <= MOST_GROWTH
+
+
+def resident() -> int:
+    """Bytes of this process in memory."""
+    return int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1]) * 4096

@@ -1,0 +1,87 @@
+"""Hostile frames and histories on the GPU backend: images stay finite, and nothing enters the history."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gpu_steps import METHODS, TOLERANCES, device_or_skip, distance, make, moving
+from supersampler import Frame
+from supersampler.errors import FrameError
+
+Spoil = Callable[[Frame], Frame]
+VALUES = [np.nan, np.inf, -np.inf, -1.0, -0.0, 65504.0, 1e38, 1e-42]
+RECOVERED = 12
+
+
+@pytest.fixture(scope="module", autouse=True)
+def device() -> Any:
+    return device_or_skip()
+
+
+def with_pixel(name: str, value: float, whole: bool = False) -> Spoil:
+    def spoil(frame: Frame) -> Frame:
+        image = np.array(getattr(frame, name), np.float32)
+        image[slice(None) if whole else (5, 7)] = value
+        return replace(frame, **{name: image})  # type: ignore[arg-type]  # one of three images
+
+    return spoil
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("value", VALUES)
+@pytest.mark.parametrize("name", ["color", "depth", "motion"])
+def test_a_bad_pixel_is_handled_as_on_the_cpu(method: str, name: str, value: float) -> None:
+    ours, theirs = make(method), make(method, "cpu")
+    for index in range(6):
+        frame = moving(index)
+        if index == 3:
+            frame = with_pixel(name, value)(frame)
+        image, other = ours.step(frame), theirs.step(frame)
+        assert np.isfinite(image).all()
+        assert image.min() >= 0.0
+        assert distance(image, other) <= TOLERANCES[method], f"frame {index}"
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("value", [np.nan, np.inf, -1.0, 65504.0])
+def test_after_a_bad_frame_the_images_return_to_those_of_good_ones(method: str, value: float) -> None:
+    spoiled, good, cpu = make(method), make(method), make(method, "cpu")
+    off = cpu_off = 1.0
+    for index in range(4 + RECOVERED):
+        frame = moving(index)
+        bad = with_pixel("color", value, whole=True)(frame) if index == 3 else frame
+        image, wanted = spoiled.step(bad), good.step(frame)
+        assert np.isfinite(image).all()
+        off, cpu_off = distance(image, wanted), distance(cpu.step(bad), wanted)
+    assert off <= cpu_off + TOLERANCES[method]
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_refused_frame_leaves_the_history_as_it_was(method: str) -> None:
+    ours, other = make(method), make(method)
+    for index in range(3):
+        ours.step(moving(index))
+        other.step(moving(index))
+    with pytest.raises(FrameError):
+        ours.step(replace(moving(3), depth=np.zeros((3, 3), np.float32)))
+    np.testing.assert_array_equal(ours.step(moving(3)), other.step(moving(3)))
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_history_of_huge_values_gives_finite_images(method: str) -> None:
+    upscaler = make(method)
+    upscaler.step(moving(0))
+    state = upscaler.save_state()
+    assert state.history is not None
+    history = {
+        name: tensor if "jitter" in name else np.where(np.indices(tensor.shape).sum(axis=0) % 2, 3e38, -3e38)
+        for name, tensor in state.history.items()
+    }
+    upscaler.load_state(replace(state, history={name: t.astype(np.float32) for name, t in history.items()}))
+    for index in range(1, 4):
+        image = upscaler.step(moving(index))
+        assert np.isfinite(image).all()
+        assert image.min() >= 0.0

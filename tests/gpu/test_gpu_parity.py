@@ -1,0 +1,113 @@
+"""The GPU backend computes the images of torch and of the other backends."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gpu_steps import (
+    DISPLAY,
+    INT8,
+    METHODS,
+    RENDER,
+    TOLERANCES,
+    assert_alike,
+    device_or_skip,
+    distance,
+    make,
+    moving,
+)
+from noise import Size, noise
+from supersampler import Frame
+from supersampler_bench.parity import stepper_of_torch
+
+
+@pytest.fixture(scope="module", autouse=True)
+def device() -> Any:
+    return device_or_skip()
+
+
+SIZES = [
+    ((1, 1), (1, 1)),
+    ((1, 1), (2, 3)),
+    ((2, 3), (5, 7)),
+    ((17, 9), (17, 9)),
+    ((17, 9), (23, 12)),
+    ((9, 21), (18, 42)),
+    ((33, 2), (97, 5)),
+    ((7, 11), (21, 33)),
+]
+FOUR_TIMES = ((9, 5), (36, 20))
+FRAMES = 200
+LEARNED_FRAMES = 50  # of a network in torch and ONNX Runtime, which are slow; `bench parity` compares more
+
+
+def lit(index: int) -> Frame:
+    """Exposure is given in every other 25 frames; cuts in frames 90 and 91."""
+    exposure = 1.5 if index // 25 % 2 else None
+    return replace(moving(index), exposure=exposure, reset=index in (0, 90, 91))
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_hundreds_of_images_stay_with_those_of_torch_onnx_and_the_cpu(method: str) -> None:
+    steppers: dict[str, Callable[[Frame], Any]] = {
+        executor: make(method, executor).step for executor in ("gpu", "cpu", "onnx")
+    }
+    steppers["torch"] = stepper_of_torch(method, RENDER, DISPLAY)
+    exact = TOLERANCES[method] if method in ("taa", "taau") else INT8
+    for index in range(FRAMES):
+        frame = lit(index)
+        if method.startswith("classifier") and index == LEARNED_FRAMES:
+            del steppers["torch"], steppers["onnx"]
+        if frame.reset and "torch" in steppers and index:  # torch takes a history of its own
+            steppers["torch"] = stepper_of_torch(method, RENDER, DISPLAY)
+        images = {executor: step(frame) for executor, step in steppers.items()}
+        for other, most in (("cpu", TOLERANCES[method]), ("onnx", exact), ("torch", exact)):
+            if other not in images:
+                continue
+            off = distance(images["gpu"], images[other], frame.exposure)
+            assert off <= most, f"{other}, frame {index}"
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(("render", "display"), SIZES)
+def test_odd_sizes_and_ratios_have_the_images_of_the_cpu(method: str, render: Size, display: Size) -> None:
+    assert_alike(method, [noise(seed, render) for seed in range(4)], display)
+
+
+@pytest.mark.parametrize("method", ["taa", "taau"])
+def test_a_ratio_of_four_has_the_images_of_the_cpu(method: str) -> None:
+    assert_alike(method, [noise(seed, FOUR_TIMES[0]) for seed in range(4)], FOUR_TIMES[1])
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_render_sizes_that_change_keep_the_history_as_on_the_cpu(method: str) -> None:
+    sizes = [(20, 12), (20, 12), (31, 19), (31, 19), (40, 24), (20, 12), (14, 9), (33, 8), (20, 12)]
+    assert_alike(method, [moving(index, size) for index, size in enumerate(sizes)])
+    ours = make(method)
+    ours.step(moving(0))
+    kept, fresh = ours.step(moving(1, (31, 19))), make(method).step(moving(1, (31, 19)))
+    assert np.abs(kept - fresh).max() > 1e-3, "the history has an effect"
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_jumps_of_exposure_are_followed_as_on_the_cpu(method: str) -> None:
+    exposures = [None, None, 1.0, 1.0, 300.0, 300.0, 0.001, None, None, 1e30, 1.0, 1e-40, 1.0, None]
+    frames = [replace(moving(index), exposure=value) for index, value in enumerate(exposures)]
+    dark = [replace(frame, color=np.asarray(frame.color) * 1e-3) for frame in frames[:4]]
+    sudden = [replace(frame, exposure=None, reset=False) for frame in (*dark, *frames[:4])]
+    assert_alike(method, [*frames, *sudden])
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_cut_forgets_all_before_it(method: str) -> None:
+    upscaler = make(method)
+    first = upscaler.step(moving(0))
+    again = upscaler.step(replace(moving(0), reset=False))
+    assert np.abs(again - first).max() > 1e-3
+    np.testing.assert_array_equal(upscaler.step(moving(0)), first)
+    upscaler.step(moving(1))
+    upscaler.reset()
+    np.testing.assert_array_equal(upscaler.step(replace(moving(0), reset=False)), first)

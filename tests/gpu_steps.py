@@ -1,0 +1,68 @@
+"""Upscalers on the GPU and on other backends, and the tolerances between their images."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from noise import Size
+from supersampler import Frame, Model, Upscaler, halton_jitter
+from supersampler.backends.gpu.device import default_device
+from supersampler.errors import DeviceError
+from supersampler.frame import Float32
+from supersampler.io.display import display_transform
+from supersampler_bench.stress.scenes import Orbit
+
+METHODS = ["taa", "taau", "classifier", "classifier-small"]
+RENDER, DISPLAY = (20, 12), (40, 24)
+TOLERANCES = {"taa": 1e-3, "taau": 1e-3, "classifier": 3e-3, "classifier-small": 3e-3}
+"""Mean difference of display values, in [0, 1], from the CPU backend; `taa` clips at thresholds, and the
+others read samples as half floats."""
+INT8 = 6e-3
+"""The same between int8 networks and the fp32 networks of torch and ONNX, on small and noisy images."""
+
+
+def device_or_skip() -> Any:
+    """Return the device of this process; without one, skip the tests that use it, with the reason."""
+    try:
+        return default_device()
+    except DeviceError as error:
+        pytest.skip(str(error))
+
+
+@cache
+def model(method: str, executor: Any = "gpu") -> Model:
+    return Model.load(method, executor=executor, threads=1)
+
+
+def make(method: str, executor: Any = "gpu", display: Size = DISPLAY, **options: Any) -> Upscaler:
+    fixed: dict[str, Any] = {"skip": "exact", "validate": "off", **options}
+    return Upscaler(model(method, executor), display_size=display, **fixed)
+
+
+@cache
+def moving(index: int, render: Size = RENDER, ratio: float = 2.0) -> Frame:
+    """A disc before a plane, both moving, with measured exposure."""
+    frame = Orbit().frame(index, render, halton_jitter(index, ratio))
+    return replace(frame, reset=index == 0, exposure=None)
+
+
+def distance(one: Float32, other: Float32, exposure: float | None = None) -> float:
+    """Mean difference of display values."""
+    shown = [display_transform(image, exposure or 1.0) for image in (one, other)]
+    return float(np.abs(shown[0] - shown[1]).mean())
+
+
+def assert_alike(method: str, frames: Sequence[Frame], display: Size = DISPLAY, other: Any = "cpu") -> None:
+    """Step the GPU backend and another one through the same frames; compare each image."""
+    ours, theirs = make(method, display=display), make(method, other, display)
+    most = INT8 if other == "onnx" and method.startswith("classifier") else TOLERANCES[method]
+    for index, frame in enumerate(frames):
+        image = ours.step(frame)
+        assert np.isfinite(image).all(), f"frame {index}"
+        assert image.min() >= 0.0, f"frame {index}"
+        off = distance(image, theirs.step(frame), frame.exposure)
+        assert off <= most, f"frame {index}"

@@ -1,0 +1,26 @@
+"""Tests of examples/pygfx_live.py with pygfx, Vulkan in software will do: `make pygfx` runs them."""
+
+import importlib.util
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from supersampler.io.image_reading import read_image
+
+SCRIPT = Path(__file__).parents[2] / "examples" / "pygfx_live.py"
+
+if importlib.util.find_spec("pygfx") is None:
+    pytest.skip("pygfx is not installed here", allow_module_level=True)
+
+
+def test_the_example_upscales_what_pygfx_has_rendered(tmp_path: Path) -> None:
+    options = ["--frames", "6", "--display-size", "320x180", "--model", "taau", "-o", str(tmp_path)]
+    done = subprocess.run([sys.executable, SCRIPT, *options], capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    assert len(list(tmp_path.glob("*.png"))) == 6
+    both = 255.0 * read_image(tmp_path / "0005.png")
+    render, image = both[:, :320], both[:, 320:]
+    assert abs(render - image).mean() < 10.0, "of 255: the same view"
+    assert image.std() > 20.0, "something is seen"
