@@ -19,7 +19,7 @@ def info(
         str | None, typer.Argument(metavar="METHOD|SHOT", help="A method's name, a model folder, or a shot.")
     ] = None,
 ) -> None:
-    """Print a method's inputs and outputs, or a shot's properties. Without an argument: all names, and the GPU.
+    """Print a method's inputs and outputs, or a shot's properties; alone, all names and the GPU.
 
     \b
     Examples:
