@@ -141,8 +141,8 @@ def test_upscalers_on_one_device_do_not_disturb_each_other(method: str) -> None:
 
 
 def test_a_thousand_steps_do_not_grow() -> None:
-    upscaler = make("taau")
-    groups = [one._groups for one in model("taau").gpu.passes(ARRAYS)]
+    upscaler = make("taa")
+    groups = [one._groups for one in model("taa").gpu.passes(ARRAYS)]
     frames = [moving(index) for index in range(8)]
 
     def run(count: int) -> tuple[int, int]:

@@ -41,7 +41,7 @@ SIZES = [
 ]
 FOUR_TIMES = ((9, 5), (36, 20))
 FRAMES = 200
-LEARNED_FRAMES = 50  # of a network in torch and ONNX Runtime, which are slow; `bench parity` compares more
+LEARNED_FRAMES = 25  # of a network in torch and ONNX Runtime, which are slow; `bench parity` compares more
 
 
 def lit(index: int) -> Frame:
