@@ -28,9 +28,7 @@ from supersampler.backends.onnx.providers import CPU, resolve_providers
 from supersampler.backends.onnx.session import pixels_of, session_options
 from supersampler.backends.plan import Plan
 from supersampler.conventions.ratios import check_ratio
-from supersampler.device_runs import DeviceRuns
 from supersampler.errors import ArgumentError, FrameError
-from supersampler.executors import ExecutorName, Precision, choose_executor
 from supersampler.frame import (
     Float32,
     Frame,
@@ -40,9 +38,11 @@ from supersampler.frame import (
 )
 from supersampler.history import AOVS, WORK, History, StepResult, check_histories, checked_history
 from supersampler.methods.convergence import converged_of
+from supersampler.methods.executors import ExecutorName, Precision, choose_executor
 from supersampler.methods.gbuffers import check_gbuffers
 from supersampler.methods.model_file import read_model_info, read_upscaling_info
 from supersampler.methods.model_info import ModelInfo
+from supersampler.on_device.runs import DeviceRuns
 
 if TYPE_CHECKING:
     import wgpu

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, overload
 from supersampler.arguments import checked_names, checked_path, checked_scale, checked_size
 from supersampler.backends.onnx.tensors import tensors_of_frame
 from supersampler.conventions.ratios import display_size_of
-from supersampler.device_steps import DeviceSteps
 from supersampler.errors import ArgumentError, shown
 from supersampler.extrapolation import Extrapolator, ShadedHistory
 from supersampler.frame import Float32, Frame, Size, checked_frame
 from supersampler.history import Stats, StepResult
 from supersampler.methods.gbuffers import GBUFFERS, black
 from supersampler.model import ExecutorName, Model, Precision, Skip
+from supersampler.on_device.steps import DeviceSteps
 from supersampler.planning import plan
 from supersampler.presets import PresetName, chosen, loaded_model
 from supersampler.state import Memory, State

@@ -4,12 +4,11 @@ from supersampler.backends.gpu.executor import PassSpec
 from supersampler.backends.gpu.history import HALVES, Plane, of_plane
 from supersampler.backends.gpu.memory import BufferSpec, MemorySpec, TextureSpec
 from supersampler.frame import Size
-from supersampler.methods.spec import DISPLAY, PREVIOUS
 
 TILE = (16, 16)
 """Samples of a workgroup of `preprocess`."""
 CONVERGENCE_PASSES = (PassSpec("residuals", "render"), PassSpec("flags", "render"))
-CONVERGENCE_PLANES = {"still": Plane(DISPLAY), "opening": Plane(PREVIOUS, 2, "rgba16float", HALVES)}
+CONVERGENCE_PLANES = {"still": Plane("still"), "opening": Plane("opening", 2, "rgba16float", HALVES)}
 CONVERGENCE_CHANNELS = {
     "still": of_plane("still", 0, 1, 2, 3),
     "opening": of_plane("opening", 0, 1, 2),

@@ -41,26 +41,20 @@ class Plane(NamedTuple):
     """A plane of a history.
 
     Attributes:
-        extent: DISPLAY, HALF or PREVIOUS, the render size.
+        tensor: a history tensor of its size.
         words: words of four bytes of a pixel.
         texture: format of a texture; None: a buffer.
         codec: None where the words are float32.
     """
 
-    extent: tuple[str, str]
+    tensor: str
     words: int = 4
     texture: str | None = "rgba32float"
     codec: Codec | None = None
 
-    def size(self, display: Size, render: Size) -> Size:
-        """Return the plane's size, (width, height)."""
-        if self.extent == HALF:
-            return (display[0] + 1) // 2, (display[1] + 1) // 2
-        return {DISPLAY: display, PREVIOUS: render}[self.extent]
-
-    def spec(self, display: Size, render: Size) -> MemorySpec:
-        """Return the memory that it needs."""
-        width, height = size = self.size(display, render)
+    def spec(self, size: Size) -> MemorySpec:
+        """Return the memory that it needs at this size, (width, height)."""
+        width, height = size
         if self.texture is not None:
             return TextureSpec(size, self.texture)
         return BufferSpec(4 * self.words * width * height)
@@ -93,9 +87,16 @@ class HistoryLayout:
     planes: Mapping[str, Plane]
     channels: Mapping[str, tuple[tuple[str, int], ...]]
 
+    def size(self, plane: str, display: Size, render: Size) -> Size:
+        """Return the size of a plane, (width, height)."""
+        extent = self.spec.history[self.planes[plane].tensor][2:]
+        half = (display[0] + 1) // 2, (display[1] + 1) // 2
+        sizes: dict[object, Size] = {DISPLAY: display, HALF: half, PREVIOUS: render}
+        return sizes[extent]
+
     def specs(self, display: Size, render: Size) -> dict[str, MemorySpec]:
         """Return the memory of all planes and of the state, by name."""
-        planes = {name: plane.spec(display, render) for name, plane in self.planes.items()}
+        planes = {name: plane.spec(self.size(name, display, render)) for name, plane in self.planes.items()}
         return {STATE: BufferSpec(4 * STATE_VALUES), **planes}
 
 
@@ -155,7 +156,7 @@ class GpuHistory:
                 state[part] = tensors[name].reshape(-1)
         write_to(self.device, self.memory[STATE], state)
         for name, plane in self.layout.planes.items():
-            width, height = plane.size(self.display, self.render)
+            width, height = self.layout.size(name, self.display, self.render)
             pixels = np.zeros((height, width, plane.words if plane.codec is None else 8), np.float32)
             for tensor, where in self.layout.channels.items():
                 for i, (of, channel) in enumerate(where):
@@ -169,6 +170,6 @@ class GpuHistory:
 
     def _pixels(self, name: str) -> Float32:
         plane = self.layout.planes[name]
-        width, height = plane.size(self.display, self.render)
+        width, height = self.layout.size(name, self.display, self.render)
         words = self._words(name).reshape(height, width, plane.words)
         return words.view(np.float32) if plane.codec is None else plane.codec.unpack(words)

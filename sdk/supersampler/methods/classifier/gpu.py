@@ -19,7 +19,7 @@ from supersampler.methods.classifier.gpu_network import CHUNK, read_gpu_network
 from supersampler.methods.classifier.spec import CLASSES, CLASSIFIER, CONTRAST, FLASH_FRACTION, RISE, WHITE
 from supersampler.methods.classifier.variant import Variant
 from supersampler.methods.model_info import ModelInfo
-from supersampler.methods.spec import DISPLAY, HALF, PREVIOUS, constants_of
+from supersampler.methods.spec import constants_of
 
 if TYPE_CHECKING:
     import wgpu
@@ -62,10 +62,10 @@ def _pack_classes(pixels: Float32) -> Packed:
 LAYOUT = HistoryLayout(
     CLASSIFIER,
     {
-        "pixels": Plane(DISPLAY),
-        "ranges": Plane(DISPLAY, 1, None, Codec(_unpack_ranges, _pack_ranges)),
-        "classes": Plane(HALF, 2, None, Codec(_unpack_classes, _pack_classes)),
-        "surface": Plane(PREVIOUS, 2, "rg32float"),
+        "pixels": Plane("color"),
+        "ranges": Plane("state", 1, None, Codec(_unpack_ranges, _pack_ranges)),
+        "classes": Plane("classes", 2, None, Codec(_unpack_classes, _pack_classes)),
+        "surface": Plane("depth", 2, "rg32float"),
         **CONVERGENCE_PLANES,
     },
     {

@@ -7,13 +7,13 @@ from supersampler.backends.gpu.history import HistoryLayout, Plane, of_plane
 from supersampler.backends.gpu.memory import MemorySpec, TextureSpec
 from supersampler.frame import Size
 from supersampler.methods.model_info import ModelInfo
-from supersampler.methods.spec import DISPLAY, constants_of
+from supersampler.methods.spec import constants_of
 from supersampler.methods.taa.spec import TAA
 
 if TYPE_CHECKING:
     import wgpu
 
-LAYOUT = HistoryLayout(TAA, {"pixels": Plane(DISPLAY)}, {"color": of_plane("pixels", 0, 1, 2)})
+LAYOUT = HistoryLayout(TAA, {"pixels": Plane("color")}, {"color": of_plane("pixels", 0, 1, 2)})
 
 
 class TaaGpu(GpuExecutor):

@@ -14,7 +14,7 @@ from supersampler.backends.gpu.history import HistoryLayout, Plane, of_plane
 from supersampler.backends.gpu.memory import MemorySpec
 from supersampler.frame import Size
 from supersampler.methods.model_info import ModelInfo
-from supersampler.methods.spec import DISPLAY, PREVIOUS, constants_of
+from supersampler.methods.spec import constants_of
 from supersampler.methods.taau.spec import FLASH, FLASH_MEMORY, LEAST_FLASH, TAAU
 
 if TYPE_CHECKING:
@@ -23,9 +23,9 @@ if TYPE_CHECKING:
 LAYOUT = HistoryLayout(
     TAAU,
     {
-        "pixels": Plane(DISPLAY),
-        "power": Plane(DISPLAY, 1, None),
-        "surface": Plane(PREVIOUS),
+        "pixels": Plane("color"),
+        "power": Plane("samples", 1, None),
+        "surface": Plane("surface"),
         **CONVERGENCE_PLANES,
     },
     {
