@@ -23,7 +23,7 @@ SIZE, DISPLAY = (32, 18), (64, 36)
 GOOD = noise(1, SIZE)
 TENSORS = {name: planes_of(np.asarray(getattr(GOOD, name))) for name in ("color", "depth", "motion")}
 WORDS: dict[str, tuple[Callable[[Any], object], str]] = {
-    "executor": (lambda word: Model.load("bilinear", executor=word), "'auto', 'onnx' or 'cpu'"),
+    "executor": (lambda word: Model.load("bilinear", executor=word), "'auto', 'onnx', 'cpu' or 'gpu'"),
     "precision": (lambda word: Model.load("bilinear", precision=word), "'auto', 'fp32', 'fp16' or 'int8'"),
     "validate": (lambda word: Upscaler(scale=2, validate=word), "'off', 'warn' or 'strict'"),
     "preset": (lambda word: Upscaler(scale=2, preset=word), "'fast', 'balanced' or 'high'"),
@@ -44,7 +44,7 @@ WORDS: dict[str, tuple[Callable[[Any], object], str]] = {
 @pytest.mark.parametrize("name", WORDS)
 def test_a_misspelt_word_is_answered_with_those_that_there_are(name: str) -> None:
     call, listed = WORDS[name]
-    for word in ("gpu", "Auto", "", "exact "):
+    for word in ("tpu", "Auto", "", "exact "):
         with pytest.raises(ArgumentError, match=re.escape(f"{name} is {word!r}; want ") + ".*"):
             call(word)
         with pytest.raises(ArgumentError, match=listed.replace("[0, 1]", r"\[0, 1\]")):
