@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from supersampler.backends.cpu.layout import TILE
 from supersampler.backends.gpu.device import default_device, raising, storage_limit
 from supersampler.backends.gpu.device_frame import IMAGE_FORMAT, DeviceFrame, is_texture
-from supersampler.backends.gpu.frame_inputs import CHANNELS, frame_specs, step_params, write_frame
+from supersampler.backends.gpu.frame_inputs import CHANNELS, PARAMS, frame_specs, step_params, write_frame
 from supersampler.backends.gpu.history import GpuHistory, HistoryLayout
 from supersampler.backends.gpu.memory import (
     BufferSpec,
@@ -22,6 +22,7 @@ from supersampler.backends.gpu.memory import (
     MemorySpec,
     Readback,
     allocate,
+    encode_write,
     image_of,
     uniform_of,
 )
@@ -69,11 +70,13 @@ class Space:
     """Buffers of a step for frames and images of one size.
 
     Attributes:
+        params: see `step_params`.
         memory: of the frame and between passes, by the names that shaders use.
         image: (H, W, 3) float32.
         aux: (H, W, 2) float32, the auxiliary outputs AUX.
     """
 
+    params: "wgpu.GPUBuffer"
     memory: dict[str, Memory]
     image: Readback
     aux: Readback
@@ -271,7 +274,7 @@ class GpuExecutor(ABC):
         render = int(params[0]), int(params[1])
         next_history.jitter = float(params[6]), float(params[7])
         resources: dict[str, Resource] = {
-            "params": uniform_of(self.device, params),
+            "params": space.params,
             "aux": space.aux.buffer,
             **{name: memory.resource for name, memory in (*self.weights.items(), *space.memory.items())},
             **{f"history_{name}": memory.resource for name, memory in history.memory.items()},
@@ -279,6 +282,7 @@ class GpuExecutor(ABC):
             **inputs,
         }
         extents = self.extents(render, history.display)
+        encode_write(self.device, encoder, space.params, params)
         compute = encoder.begin_compute_pass()
         for spec, one in zip(self.pass_specs, self.passes(variants), strict=True):
             one.encode(compute, resources, extents[spec.extent])
@@ -303,6 +307,7 @@ class GpuExecutor(ABC):
             )
         specs = self._space_specs(render, display)
         return Space(
+            uniform_of(self.device, 4 * PARAMS),
             {name: allocate(self.device, spec) for name, spec in specs.items()},
             Readback(self.device, (*shape, 3)),
             Readback(self.device, (*shape, len(AUX))),

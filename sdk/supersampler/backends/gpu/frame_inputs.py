@@ -13,6 +13,8 @@ from supersampler.io.display import usable_exposure
 if TYPE_CHECKING:
     import wgpu
 
+PARAMS = 14
+"""Values of the shader's `Params`."""
 CHANNELS = {"color": 3, "depth": 1, "motion": 2}
 """Images of a frame that shaders read, and their channels."""
 

@@ -64,9 +64,20 @@ def allocate(device: "wgpu.GPUDevice", spec: MemorySpec) -> Memory:
     return Memory(texture.create_view(), texture)
 
 
-def uniform_of(device: "wgpu.GPUDevice", values: NDArray[Any]) -> "wgpu.GPUBuffer":
-    """Make a uniform buffer."""
-    return device.create_buffer_with_data(data=values, usage=_UNIFORM)
+def uniform_of(device: "wgpu.GPUDevice", size: int) -> "wgpu.GPUBuffer":
+    """Allocate a uniform buffer."""
+    return device.create_buffer(size=size, usage=_UNIFORM | _COPY_DST)
+
+
+def encode_write(
+    device: "wgpu.GPUDevice",
+    encoder: "wgpu.GPUCommandEncoder",
+    buffer: "wgpu.GPUBuffer",
+    values: NDArray[Any],
+) -> None:
+    """Encode a write to a buffer, in the order of the encoder: one may hold several steps."""
+    source = device.create_buffer_with_data(data=values, usage=_COPY_SRC)
+    encoder.copy_buffer_to_buffer(source, 0, buffer, 0, values.nbytes)
 
 
 def image_of(device: "wgpu.GPUDevice", size: Size, texture_format: str) -> "wgpu.GPUTexture":

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 Resource = Any
 """A buffer or a texture view."""
-MOST_GROUPS = 32
+MOST_GROUPS = 16
 """Bind groups that a pass keeps: those of the resources that it used last."""
 _pipelines: "WeakKeyDictionary[wgpu.GPUDevice, dict[str, tuple[Any, list[Any]]]]" = WeakKeyDictionary()
 _lock = Lock()
