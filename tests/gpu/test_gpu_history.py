@@ -14,6 +14,9 @@ from supersampler import Frame, Upscaler, halton_jitter
 from supersampler.backends.gpu import passes
 from supersampler.backends.gpu.executor import ARRAYS
 from supersampler.history import StepResult
+from supersampler.model import ExecutorName
+from supersampler.recording.recording import open_recording
+from supersampler.recording.replay import Replay
 from supersampler_bench.stress.scenes import Orbit
 
 CONVERGING = METHODS[1:]
@@ -71,6 +74,21 @@ def test_outputs_beside_the_image_are_those_of_the_cpu(method: str) -> None:
         assert np.abs(mine - cpu).mean() <= 0.02 * max(1.0, np.abs(cpu).max()), name
     assert found.work is not None
     assert found.work.min() == 1.0
+
+
+def test_a_recording_replays_bit_for_bit_and_on_other_backends(tmp_path: Path) -> None:
+    with make("taau", record=tmp_path / "recording") as upscaler:
+        for index in range(3):
+            upscaler.step(moving(index))
+    recording = open_recording(tmp_path / "recording")
+    executors: tuple[ExecutorName | None, ...] = (None, "cpu")
+    for executor in executors:
+        replay = Replay(recording, executor=executor)
+        found = [replay.call(call) for call in recording]
+        steps = [step for step in found if step is not None]
+        assert len(steps) == 3
+        assert all(step.within for step in steps)
+        assert all(step.exact for step in steps) == (executor is None)
 
 
 def test_blended_aovs_are_those_of_the_cpu() -> None:

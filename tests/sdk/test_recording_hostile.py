@@ -52,7 +52,7 @@ def recorded(model: Model, file: Path) -> Upscaler:
         {"scale": 1e300},
         {"skip": 2.0},
         {"skip": "never"},
-        {"executor": "gpu"},
+        {"executor": "tpu"},
         {"precision": []},
         {"validate": None},
         {"providers": "cpu"},

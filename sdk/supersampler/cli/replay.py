@@ -32,7 +32,7 @@ def replay(
     ] = None,
     executor: Annotated[
         Executor | None,
-        typer.Option(help="onnx: the ONNX backend. cpu: the CPU backend.", show_default="recorded"),
+        typer.Option(help="onnx, cpu or gpu: the backend.", show_default="recorded"),
     ] = None,
     precision: Annotated[
         Precision | None, typer.Option(help="Of the network.", show_default="recorded")

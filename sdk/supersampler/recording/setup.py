@@ -61,7 +61,7 @@ class Setup(RecordedModel):
     Attributes:
         contract: version of the graph contract (docs/contract.md).
         extrapolation: the model that extrapolates unshaded frames, or None.
-        executor: "onnx" or "cpu".
+        executor: "onnx", "cpu" or "gpu".
         precision: precision of the network, "fp32", "fp16" or "int8".
         providers: ONNX Runtime providers.
         threads: requested CPU threads; 0 is every core.
@@ -136,7 +136,7 @@ def _setup(data: Field) -> Setup:
         **_model(data),
         contract=CONTRACT,
         extrapolation=data.read("extrapolation", lambda model: RecordedModel(**_model(model)), None),
-        executor=data["executor"].one_of("onnx", "cpu"),
+        executor=data["executor"].one_of("onnx", "cpu", "gpu"),
         precision=data["precision"].one_of("fp32", "fp16", "int8"),
         providers=data["providers"].texts(),
         threads=checked_threads(data["threads"].of(int)),
