@@ -113,6 +113,7 @@ def startup(
 
     Example:
       supersampler bench startup --methods classifier --update docs/results/backends.md
+      supersampler bench startup --methods taau:gpu,classifier:gpu
     """
     from supersampler_bench.timing import startup as bench
 

@@ -25,10 +25,12 @@ request = json.loads(sys.argv[1])
 width, height = request["render"]
 gray, still = np.full((height, width, 3), 0.5, np.float32), np.zeros((height, width, 2), np.float32)
 frame = Frame(color=gray, depth=gray[..., 0].copy(), motion=still, jitter=(0.0, 0.0))
-Upscaler(request["method"], scale=request["scale"], providers="cpu").step(frame)
+where = {"executor": request["executor"]} if "executor" in request else {"providers": "cpu"}
+Upscaler(request["method"], scale=request["scale"], **where).step(frame)
 print(json.dumps({"seconds": time.perf_counter() - began}))
 """
-"""Prints the seconds from its first line to its first image. Request: method, render (width, height), scale.
+"""Prints the seconds from its first line to its first image. Request: method, render (width, height), scale;
+executor, where the processor is not to be used.
 
 The frame is made in memory, as an engine does; reading files is not timed.
 """

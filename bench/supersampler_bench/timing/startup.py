@@ -11,6 +11,7 @@ from typing import Any
 from supersampler.frame import Size
 from supersampler_bench.markdown_table import size_text, table
 from supersampler_bench.record import Record, machine_name
+from supersampler_bench.specs import parse_spec
 from supersampler_bench.timing.child_process import FIRST_IMAGE, Version
 
 
@@ -43,7 +44,7 @@ def measure_startup(
     """Start processes, one after the other; each cold one has an empty cache folder of its own.
 
     Args:
-        methods: names of shipped models or model folders that read no G-buffers.
+        methods: shipped models or model folders that read no G-buffers; NAME:gpu on the GPU backend.
         render: (width, height) of the frame.
         scale: display over render size.
         cold: processes for each method that start with an empty cache.
@@ -55,7 +56,10 @@ def measure_startup(
     """
     results = []
     for method in methods:
-        request: dict[str, Any] = {"method": method, "render": list(render), "scale": scale}
+        spec = parse_spec(method)
+        request: dict[str, Any] = {"method": spec.model, "render": list(render), "scale": scale}
+        if spec.executor == "gpu":
+            request["executor"] = spec.executor
         cold_seconds, warm_seconds, cache_bytes = [], [], 0
         for index in range(cold):
             with TemporaryDirectory() as name:

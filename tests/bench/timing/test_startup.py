@@ -1,5 +1,6 @@
 """First-frame time with an empty and with a full kernel cache."""
 
+from gpu_steps import device_or_skip
 from supersampler_bench.timing.startup import FirstFrame, markdown_table, measure_startup, startup_record
 
 
@@ -10,6 +11,13 @@ def test_kernels_are_compiled_in_the_fresh_process_and_kept_for_the_later() -> N
     assert len(started) == 3
     assert result.cache_bytes > 10_000
     assert 0.0 < result.warm_seconds < result.cold_seconds
+
+
+def test_a_program_on_the_gpu_is_timed_from_its_start_too() -> None:
+    device_or_skip()
+    (result,) = measure_startup(["taa:gpu"], (64, 36), cold=1, warm=1)
+    assert result.method == "taa:gpu"
+    assert 0.0 < result.warm_seconds
 
 
 def test_the_table_has_a_row_for_each_method() -> None:
