@@ -13,7 +13,7 @@ CUDA_KERNELS = {
     **dict.fromkeys(("Transpose", "Unsqueeze"), _ANY),
     **dict.fromkeys(("Abs", "Add", "Div", "Max", "Min", "Mul", "Neg", "Pow", "ReduceSum", "Sub"), _NUMBERS),
     **dict.fromkeys(("Greater", "GreaterOrEqual", "Less", "LessOrEqual"), _NUMBERS),
-    **dict.fromkeys(("Conv", "DepthToSpace", "Exp", "Floor", "Log", "MaxPool"), _FLOATS),
+    **dict.fromkeys(("Conv", "DepthToSpace", "Exp", "Floor", "Log", "MatMul", "MaxPool"), _FLOATS),
     **dict.fromkeys(("Reciprocal", "Relu", "Sigmoid", "Sqrt"), _FLOATS),
     "And": {"bool"},
     "Or": {"bool"},

@@ -18,7 +18,7 @@ from supersampler.methods.spec import DISPLAY, MethodSpec
 from supersampler_export.folder import write_model_folder
 from supersampler_model.methods.base import Method
 from supersampler_model.ops.color import bounded, sanitize
-from supersampler_model.ops.sampling import grid_of, linear, resample, taps
+from supersampler_model.ops.sampling import grid_bands, grid_of, linear, resample
 from supersampler_model.ops.size import Size as Extent
 from supersampler_model.ops.size import render_size_of
 
@@ -63,8 +63,8 @@ class Demodulated(Method):
         """Return the image, (1, 3, 2 h, 2 w)."""
         render = render_size_of(color)
         grid = grid_of(Extent(RATIO * render.width, RATIO * render.height), render, jitter)
-        x, y = taps(grid.x, render.width, linear, reach=1), taps(grid.y, render.height, linear, reach=1)
-        light = resample(sanitize(color, 0.0) / (gbuffer_base_color + DARK), x, y)
+        kernels = grid_bands(grid, render, linear, reach=1)
+        light = resample(sanitize(color, 0.0) / (gbuffer_base_color + DARK), *kernels)
         packed = F.pixel_unshuffle(gbuffer_display_base_color, RATIO)  # as a network at render size reads it
         facing = 1.0 + 0.1 * gbuffer_display_normal[:, 2:]
         lit = light * (F.pixel_shuffle(packed, RATIO) + DARK) * facing

@@ -1,6 +1,7 @@
 """Export of a method to one ONNX graph of its whole recurrent step."""
 
 import contextlib
+import copy
 import inspect
 import io
 import logging
@@ -28,6 +29,7 @@ from supersampler.methods.spec import (
     Shape,
     sized,
 )
+from supersampler_export.half import folded
 from supersampler_model.methods.base import Fused, Method
 from supersampler_model.ops.size import Size
 
@@ -70,7 +72,7 @@ def export_graph(method: Method) -> onnx.ModelProto:
     next_history = [
         [current.get(n, n) if isinstance(n, str) else n for n in s] for s in method.history.values()
     ]
-    model = _traced(method, arguments, inputs, outputs, dynamic)
+    model = _traced(folded(copy.deepcopy(method).eval()), arguments, inputs, outputs, dynamic)
     _declare(model.graph.input, list(shapes.values()))
     aux_outputs = [TENSORS[name] for name in method.spec.aux_outputs]
     _declare(model.graph.output, [method.spec.image, *next_history, *aux_outputs])

@@ -1,11 +1,15 @@
 """Convert the network of a method to half precision, for providers that compute it fast."""
 
 import copy
+from collections.abc import Callable
+from typing import TypeVar, cast
 
 from torch import Tensor, nn
 from torch.nn.utils.fusion import fuse_conv_bn_eval
 
 from supersampler_model.methods.base import Method
+
+Folded = TypeVar("Folded", bound=nn.Module)
 
 
 class HalfNetwork(nn.Module):
@@ -24,10 +28,17 @@ class HalfNetwork(nn.Module):
 
     def forward(self, *inputs: Tensor) -> tuple[Tensor, ...]:
         """Run the network."""
-        return tuple(output.float() for output in self.network(*(value.half() for value in inputs)))
+        return self._run(self.network, *inputs)
+
+    def on_pixels(self, *inputs: Tensor) -> tuple[Tensor, ...]:
+        """Run the network of a classifier on pixels that are not packed."""
+        return self._run(cast("Callable[..., tuple[Tensor, ...]]", self.network.on_pixels), *inputs)
+
+    def _run(self, infer: Callable[..., tuple[Tensor, ...]], *inputs: Tensor) -> tuple[Tensor, ...]:
+        return tuple(output.float() for output in infer(*(value.half() for value in inputs)))
 
 
-def folded(network: nn.Module) -> nn.Module:
+def folded(network: Folded) -> Folded:
     """Fold each batch normalisation into the convolution that it follows in a `Sequential`; in place."""
     for module in network.modules():
         if not isinstance(module, nn.Sequential):

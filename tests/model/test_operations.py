@@ -26,7 +26,19 @@ from supersampler_model.ops.rectification import (
     moments,
     overshoot,
 )
-from supersampler_model.ops.sampling import catmull_rom, grid_of, linear, neighbours_3x3, resample, taps
+from supersampler_model.ops.sampling import (
+    bands,
+    catmull_rom,
+    gaussian,
+    grid_bands,
+    grid_of,
+    linear,
+    neighbours_3x3,
+    positions,
+    resample,
+    span,
+    upsample,
+)
 from supersampler_model.ops.size import Size
 
 SIZES = st.tuples(st.integers(1, 9), st.integers(1, 7))
@@ -59,8 +71,7 @@ def test_a_display_pixel_looks_where_the_contract_says(
     display = Size(round(size[0] * ratio), round(size[1] * ratio))
     grid = grid_of(display, Size(*size), torch.tensor([jitter], dtype=torch.float32))
     image = random_image(1, size)
-    x = taps(grid.x, size[0], linear, reach=1)
-    result = resample(image, x, taps(grid.y, size[1], linear, reach=1))
+    result = resample(image, *grid_bands(grid, Size(*size), linear, reach=1))
     for row in {0, display.height // 2, display.height - 1}:
         for column in {0, display.width // 2, display.width - 1}:
             px = (column + 0.5) * size[0] / display.width - 0.5 - jitter[0]
@@ -73,12 +84,28 @@ def test_a_display_pixel_looks_where_the_contract_says(
             torch.testing.assert_close(result[0, :, row, column], expected, rtol=1e-4, atol=1e-4)
 
 
+@pytest.mark.parametrize(("size", "outputs"), [(40, 100), (100, 100), (70, 31), (1, 3)])
+def test_resampling_by_blocks_is_the_sum_over_the_taps_of_each_output(size: int, outputs: int) -> None:
+    image = random_image(4, (size, 2))
+    position = positions(outputs, size, torch.tensor([0.3]))
+    kernel = gaussian(0.6)
+    across = bands(position, size, span(size, outputs), kernel)
+    down = bands(torch.arange(2.0), 2, span(2, 2), linear, reach=1)
+    result = resample(image, across, down)
+    first = position.floor() - 1.0
+    expected = torch.zeros_like(result)
+    for k in range(4):
+        sample = first + k
+        expected += image.index_select(3, sample.long().clamp(0, size - 1)) * kernel(sample - position)
+    torch.testing.assert_close(result, expected, rtol=1e-5, atol=1e-5)
+
+
 def test_upsampling_removes_the_jitter() -> None:
     y, x = torch.meshgrid(torch.arange(12.0), torch.arange(16.0), indexing="ij")
     for jitter in ((0.3, -0.4), (-0.5, 0.5)):
         ramp = (x + jitter[0] + 10 * (y + jitter[1]))[None, None]  # sampled at centre + jitter
         grid = grid_of(Size(32, 24), Size(16, 12), torch.tensor([jitter]))
-        result = resample(ramp, taps(grid.x, 16, catmull_rom), taps(grid.y, 12, catmull_rom))
+        result = upsample(ramp, grid, catmull_rom)
         rows, columns = torch.meshgrid(torch.arange(24.0), torch.arange(32.0), indexing="ij")
         expected = (columns + 0.5) / 2 - 0.5 + 10 * ((rows + 0.5) / 2 - 0.5)
         torch.testing.assert_close(result[0, 0, 6:-6, 6:-6], expected[6:-6, 6:-6], rtol=1e-4, atol=1e-3)
@@ -182,12 +209,13 @@ def test_clipping_ends_inside_the_box_and_leaves_what_is_inside(
     c, s, lo = (torch.tensor(v).reshape(1, 3, 1, 1) for v in (color, sample, low))
     box = Rect(lo, lo + size)
     inside = bool(((c >= box.low) & (c <= box.high)).all())
-    for clipped in (clip_to_center(c, box), clip_to_sample(c, s, box), clamp_to(c, box)):
+    for clipped in (clip_to_center(c, box.box()), clip_to_sample(c, s, box), clamp_to(c, box)):
         assert bool((clipped >= box.low - 1e-4).all())
         assert bool((clipped <= box.high + 1e-4).all())
         if inside:
             torch.testing.assert_close(clipped, c, rtol=1e-4, atol=1e-5)
-    assert (overshoot(c, box).item() <= 1.0 + 1e-4) == inside or abs(overshoot(c, box).item() - 1) < 1e-3
+    distance = overshoot(c, box.box()).item()
+    assert (distance <= 1.0 + 1e-4) == inside or abs(distance - 1) < 1e-3
 
 
 def test_clipping_to_the_sample_stays_on_the_segment() -> None:

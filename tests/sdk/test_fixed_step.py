@@ -18,7 +18,7 @@ from noise import noise
 from supersampler import ArgumentError, Frame, FrameError, Model, Upscaler
 from supersampler.backends.onnx.cuda_graph import with_display_size
 from supersampler.backends.onnx.executor import OnnxExecutor
-from supersampler.backends.onnx.providers import NAMES, capturing
+from supersampler.backends.onnx.providers import NAMES, capturing, precise
 from supersampler.backends.onnx.tensors import tensors_of_frame
 from supersampler.errors import ProviderError
 from supersampler.methods.model_file import extrapolation_names, find_model, model_names, read_model_info
@@ -176,6 +176,13 @@ def test_the_first_provider_is_told_to_capture_or_is_refused() -> None:
     assert capturing([cpu]) == [(cpu, {})]
     with pytest.raises(ProviderError, match="DmlExecutionProvider cannot capture a step; CUDA"):
         OnnxExecutor(load("taau").info, 1, [NAMES["directml"]], "fp32", capture=True)
+
+
+def test_products_on_cuda_are_of_full_precision() -> None:
+    cuda, cpu = NAMES["cuda"], NAMES["cpu"]
+    captured = (cuda, {"use_tf32": "0", "enable_cuda_graph": "1"})
+    assert precise(capturing([cuda, cpu])) == [captured, cpu]
+    assert precise([cuda, cpu]) == [(cuda, {"use_tf32": "0"}), cpu]
 
 
 SIDES = (("width", 32), ("height", 18))

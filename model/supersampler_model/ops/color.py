@@ -1,14 +1,15 @@
 """Colour operations: tone curves, YCoCg, exposure, and sanitizing of invalid pixels."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import torch
 from torch import Tensor
+from torch.nn import functional as F
 
 from supersampler.methods.classifier.spec import ToneSpace
-from supersampler_model.ops.sampling import sum_of
+from supersampler_model.ops.sampling import channels_of
 
 MAX_HALF = 65504.0
 EXPOSURE_KEY = 0.18
@@ -50,7 +51,7 @@ def sanitize(color: Tensor, fallback: Tensor | float) -> Tensor:
 
 def finite(values: Tensor) -> Tensor:
     """Replace NaN, Inf and values beyond the range of half floats by 0."""
-    return torch.where(values.abs() <= MAX_HALF, values, torch.zeros_like(values))
+    return torch.where(values.abs() <= MAX_HALF, values, 0.0)
 
 
 def bounded(color: Tensor) -> Tensor:
@@ -59,12 +60,13 @@ def bounded(color: Tensor) -> Tensor:
     Values below DARKNESS become black too: fading averages would otherwise end as denormals, which are slow.
     """
     color = color.clamp(max=MAX_HALF)
-    return torch.where(color >= DARKNESS, color, torch.zeros_like(color))
+    return torch.where(color >= DARKNESS, color, 0.0)
 
 
 def luminance(color: Tensor) -> Tensor:
     """(1, 1, h, w) BT.709 luminance of linear RGB."""
-    return 0.2126 * color[:, :1] + 0.7152 * color[:, 1:2] + 0.0722 * color[:, 2:3]
+    weights = color.new_tensor([0.2126, 0.7152, 0.0722]).reshape(1, 3, 1, 1)
+    return (color * weights).sum(dim=1, keepdim=True)
 
 
 def measured_exposure(color: Tensor, usable: Tensor) -> tuple[Tensor, Tensor]:
@@ -117,12 +119,13 @@ def is_flash(followed: Tensor, given: Tensor, before: Tensor) -> Tensor:
     known, used = before.abs(), followed.abs()
     is_outlier = (followed < 0.0) | (used > known * OUTLIER) | (used * OUTLIER < known)
     is_given = (given >= LEAST_EXPOSURE) & (given <= MOST_EXPOSURE)
-    return is_outlier & (torch.where(is_given, torch.zeros_like(known), known) > 0.0)
+    return is_outlier & (torch.where(is_given, 0.0, known) > 0.0)
 
 
 def largest(color: Tensor) -> Tensor:
     """(1, 1, h, w) largest of three channels."""
-    return torch.maximum(torch.maximum(color[:, :1], color[:, 1:2]), color[:, 2:3])
+    red, green, blue = channels_of(color)
+    return torch.maximum(torch.maximum(red, green), blue)
 
 
 def tone(color: Tensor) -> Tensor:
@@ -157,11 +160,14 @@ TONES: Mapping[ToneSpace, ToneCurve] = {
 
 def ycocg(color: Tensor) -> Tensor:
     """RGB to luma and two chroma axes; axis-aligned boxes fit colours tightly in this space."""
-    r, g, b = color[:, :1], color[:, 1:2], color[:, 2:3]
-    return torch.cat([0.25 * (r + b) + 0.5 * g, 0.5 * (r - b), 0.5 * g - 0.25 * (r + b)], dim=1)
+    return _transformed(color, ((0.25, 0.5, 0.25), (0.5, 0.0, -0.5), (-0.25, 0.5, -0.25)))
 
 
 def from_ycocg(color: Tensor) -> Tensor:
     """Inverse of `ycocg`."""
-    y, co, cg = color[:, :1], color[:, 1:2], color[:, 2:3]
-    return torch.cat([sum_of([y, co, -cg]), y + cg, sum_of([y, -co, -cg])], dim=1)
+    return _transformed(color, ((1.0, 1.0, -1.0), (1.0, 0.0, 1.0), (1.0, -1.0, -1.0)))
+
+
+def _transformed(color: Tensor, matrix: Sequence[Sequence[float]]) -> Tensor:
+    """Matrix product of each colour, which is finite."""
+    return F.conv2d(color, color.new_tensor(matrix)[:, :, None, None])

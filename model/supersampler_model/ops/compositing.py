@@ -30,6 +30,6 @@ def composite(
     weights = [weight * f for (_, weight), f in zip(colors, channels_of(factors.exp()), strict=True)]
     of_history, of_current = sum_of(weights[: len(history)]), sum_of(weights[len(history) :])
     total = (of_history + of_current).clamp(min=1e-12)
-    color = sum_of([weight / total * c for weight, (c, _) in zip(weights, colors, strict=True)])
+    color = sum_of([weight * c for weight, (c, _) in zip(weights, colors, strict=True)]) / total
     odds = of_history / of_current.clamp(min=1e-12) * sum_of([weight for _, weight in current])
     return Composite(color, of_history / total, odds)

@@ -21,11 +21,11 @@ it on the same side, the mean restarts. Otherwise it was a firefly: the colour i
 of one period, and the range is learned again.
 """
 
-from functools import reduce
 from typing import NamedTuple
 
 import torch
 from torch import Tensor
+from torch.nn import functional as F
 
 from supersampler.methods.convergence import (
     BRIGHTENING,
@@ -44,18 +44,19 @@ from supersampler.methods.convergence import (
 from supersampler_model.ops.color import bounded, glaring, largest, luminance, sanitize, valid
 from supersampler_model.ops.motion import squared_length, usable_motion
 from supersampler_model.ops.sampling import (
-    extreme,
+    channels_of,
     gaussian,
+    grid_bands,
     grid_of,
     linear,
     nearest,
-    neighbours_2x2,
-    neighbours_3x3,
+    normalised,
+    padded_3x3,
     pick,
     pick_first,
     resample,
-    sum_of,
-    taps,
+    shifted,
+    window_sum,
 )
 from supersampler_model.ops.size import Size, render_size_of
 
@@ -99,25 +100,24 @@ def settle(image: Tensor, frame: FrameSamples, history_still: Tensor, history_op
     moving = (squared_length(usable_motion(frame.motion)) > MAX_STATIC_MOTION * MAX_STATIC_MOTION).float()
     opening, opens = measure_residuals(frame, color, usable, moving, history_still, history_opening)
 
-    quad = neighbours_2x2(moving)
-    moves = torch.maximum(torch.maximum(quad[0], quad[1]), torch.maximum(quad[2], quad[3]))
-    stands = 1.0 - pick_first(moves, grid)
-    opened = pick(extreme(extreme(opens, torch.maximum), torch.maximum), grid)
+    moves = torch.maximum(moving, shifted(moving, 1, 0))
+    stands = 1.0 - pick_first(torch.maximum(moves, shifted(moves, 0, 1)), grid)
+    opened = pick(F.max_pool2d(opens, 5, 1, 2), grid)
 
-    mean, weight = history_still[:, :3], history_still[:, 3:4]
+    mean, weight = history_still.split_with_sizes([3, 1], dim=1)
     confirmed = opened * (weight < 0.0)
     weight = weight.abs() * stands * (1.0 - confirmed)
     rejected = opened * (weight > 0.0)
     ratio = display.width / render.width, display.height / render.height
-    x = taps(grid.x, render.width, tent_gaussian, reach=1, scale=ratio[0])
-    y = taps(grid.y, render.height, tent_gaussian, reach=1, scale=ratio[1])
-    near = resample(torch.cat([color, usable], dim=1), x, y)
+    bands_of_grid = grid_bands(grid, render, tent_gaussian, reach=1, scale=ratio)
+    near = resample(torch.cat([color, usable], dim=1), *bands_of_grid)
     jittered = (frame.jitter - frame.previous_jitter).abs().sum() > 0.0
-    added = near[:, 3:4] * stands * (1.0 - rejected) * jittered
+    near, near_weight = near.split_with_sizes([3, 1], dim=1)
+    added = near_weight * stands * (1.0 - rejected) * jittered
     total = weight + added
     share = added / (total + (total - PERIOD).clamp(0.0, PERIOD)).clamp(min=1e-6)
-    samples = near[:, :3] / near[:, 3:4].clamp(min=1e-6)
-    sample_peak, mean_peak = largest(samples * frame.exposure), largest(mean * frame.exposure)
+    samples = near / near_weight.clamp(min=1e-6)
+    sample_peak, mean_peak = largest(samples) * frame.exposure, largest(mean) * frame.exposure
     early = (weight < READY) & (added > 0.0)
     mean = mean * darkening(mean_peak, torch.where(early, sample_peak, mean_peak))
     samples = samples * darkening(sample_peak, torch.where(weight > 0.0, mean_peak, sample_peak))
@@ -137,9 +137,11 @@ def without_fireflies(color: Tensor, exposure: Tensor) -> Tensor:
 
     In a linear mean of few samples one of them would stay visible for many periods.
     """
-    peak = largest(color * exposure)
-    around = neighbours_3x3(peak)
-    most = FIREFLY * (1.0 + reduce(torch.maximum, [*around[:4], *around[5:]]))
+    peak = largest(color) * exposure
+    padded = padded_3x3(peak)
+    sides = F.max_pool2d(padded, (3, 2), 1, dilation=(1, 2))  # the columns left and right of each pixel
+    ends = F.max_pool2d(padded[..., 1:-1], (2, 1), 1, dilation=(2, 1))
+    most = FIREFLY * (1.0 + torch.maximum(sides, ends))
     return color * (most / torch.maximum(peak, most))
 
 
@@ -165,13 +167,12 @@ def measure_residuals(
     weight = history_still[:, 3:4]
     ready, doubted = (weight.abs() > READY).float(), (weight < 0.0).float()
     there = at_samples(torch.cat([history_still[:, :3], ready, doubted], dim=1), render, frame.jitter)
-    known = (there[:, 3:4] > COVERED) * (1.0 - moving)
+    mean, ready, doubted = there.split_with_sizes([3, 1, 1], dim=1)
+    known = (ready > COVERED) * (1.0 - moving)
     counted = known * usable
-    exposed, mean = color * frame.exposure, there[:, :3] * frame.exposure
-    difference = (shown_luma(exposed) - shown_luma(mean)) * counted
-    sums = sum_5x5(torch.cat([difference, difference * difference, counted], dim=1))
-    count = sums[:, 2:3].clamp(min=1e-6)
-    residual, square = sums[:, :1] / count, sums[:, 1:2] / count
+    difference = (shown_luma(color * frame.exposure) - shown_luma(mean * frame.exposure)) * counted
+    sums = window_sum(torch.cat([difference, difference * difference, counted], dim=1), 5, padding=2)
+    residual, square = channels_of(normalised(sums))
     spread = (square - residual * residual).clamp(min=0.0).sqrt()
 
     previous = render_size_of(history_opening)
@@ -180,10 +181,10 @@ def measure_residuals(
         one_like(frame.jitter, previous.height) == render.height
     )
     before = before * same.float()
-    low, high, learned = before[:, :1], before[:, 1:2], before[:, 2:3]
+    low, high, learned = channels_of(before)
     learning = learned < LEARNED
     learning_margin = (MARGIN_LEARNING + SPREADS * spread).clamp(max=MOST_LEARNING)
-    margin = torch.where(learning, learning_margin, torch.full_like(spread, MARGIN))
+    margin = torch.where(learning, learning_margin, MARGIN)
     below, above = residual < low - margin, residual > high + margin
     opens = known * (below | above)
     learns = learning & (opens < 1.0)
@@ -192,7 +193,7 @@ def measure_residuals(
     low, high = torch.where(above, -UNBOUNDED, low), torch.where(below, UNBOUNDED, high)
     new = one_like(frame.jitter, render.width * render.height) / (display.width * display.height)
     learned = (learned + learns * new).clamp(max=LEARNED)
-    keeps = known * (there[:, 4:5] <= 0.0)
+    keeps = known * (doubted <= 0.0)
     return keeps * torch.cat([low, high, learned], dim=1), opens
 
 
@@ -210,9 +211,17 @@ def shown_luma(exposed: Tensor) -> Tensor:
 def at_samples(image: Tensor, render: Size, jitter: Tensor) -> Tensor:
     """Read an image of the display bilinearly where the samples are: (1, c, H, W) -> (1, c, h, w)."""
     display = render_size_of(image)
-    x = sample_positions(render.width, display.width, jitter[0, :1])
-    y = sample_positions(render.height, display.height, jitter[0, 1:])
-    return resample(image, taps(x, display.width, linear, reach=1), taps(y, display.height, linear, reach=1))
+    columns = sample_positions(render.width, display.width, jitter[0, :1])
+    rows = sample_positions(render.height, display.height, jitter[0, 1:])
+    return interpolated(interpolated(image, 3, columns), 2, rows[:, None])
+
+
+def interpolated(image: Tensor, axis: int, position: Tensor) -> Tensor:
+    """Interpolate linearly along an axis at positions that broadcast to it, clamped at the border."""
+    size, whole = image.shape[axis], position.floor()
+    first = whole.long().reshape(-1)
+    before, after = (image.index_select(axis, index.clamp(0, size - 1)) for index in (first, first + 1))
+    return before + (position - whole) * (after - before)
 
 
 def sample_positions(render: int, display: int, jitter: Tensor) -> Tensor:
@@ -235,13 +244,3 @@ def of_size(image: Tensor, size: Size) -> Tensor:
 def one_like(tensor: Tensor, value: float) -> Tensor:
     """(1,) the value, which may be symbolic while a graph is exported."""
     return tensor.new_ones(1) * value
-
-
-def sum_5x5(image: Tensor) -> Tensor:
-    """Sum over 5x5; outside of the image there is nothing."""
-    none = image[..., :1] * 0.0
-    wide = torch.cat([none, none, image, none, none], dim=3)
-    rows = sum_of([wide[..., i : i + image.shape[3]] for i in range(5)])
-    none = rows[:, :, :1] * 0.0
-    tall = torch.cat([none, none, rows, none, none], dim=2)
-    return sum_of([tall[:, :, i : i + image.shape[2]] for i in range(5)])

@@ -1,13 +1,21 @@
 """Motion vectors: sanitizing, dilation, reprojection into the previous frame, resampling of the history."""
 
-import itertools
 from typing import NamedTuple
 
 import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from supersampler_model.ops.sampling import Extent, extreme, neighbours_2x2, neighbours_3x3, sum_of
+from supersampler_model.ops.sampling import (
+    Extent,
+    channels_of,
+    maximum_3x3,
+    minimum_3x3,
+    neighbours_2x2,
+    neighbours_3x3,
+    padded_3x3,
+    shifted,
+)
 from supersampler_model.ops.size import Size
 
 LONGEST, FAR = 3e38, 1e6  # pixels: larger motion is not finite; finite motion is clamped to FAR
@@ -17,12 +25,12 @@ UNKNOWN_DEPTH = -1.0  # below the sky's 0: never the closest, never disoccluded
 def usable_motion(motion: Tensor) -> Tensor:
     """Replace NaN and Inf by zero motion; clamp finite vectors to FAR."""
     known = motion.abs() <= LONGEST
-    return torch.where(known, motion.clamp(-FAR, FAR), torch.zeros_like(motion))
+    return torch.where(known, motion.clamp(-FAR, FAR), 0.0)
 
 
 def usable_depth(depth: Tensor) -> Tensor:
     """Replace NaN, Inf and negative depth by UNKNOWN_DEPTH."""
-    return torch.where((depth >= 0.0) & (depth <= 1e30), depth, torch.full_like(depth, UNKNOWN_DEPTH))
+    return torch.where((depth >= 0.0) & (depth <= 1e30), depth, UNKNOWN_DEPTH)
 
 
 def dilate_motion_2x2(depth: Tensor, motion: Tensor) -> tuple[Tensor, Tensor]:
@@ -31,17 +39,17 @@ def dilate_motion_2x2(depth: Tensor, motion: Tensor) -> tuple[Tensor, Tensor]:
     Edges then move with the foreground, and no pixel takes motion from more than one sample away. At a ratio
     of 2, a 3x3 dilation would move a band of background three display pixels wide with each edge.
     """
-    best, chosen = depth, motion
-    for d, m in zip(neighbours_2x2(depth), neighbours_2x2(motion), strict=True):
-        closer = d > best
-        best, chosen = torch.where(closer, d, best), torch.where(closer, m, chosen)
-    return best, chosen
+    best = torch.cat([depth, motion], dim=1)
+    for across, down in ((1, 0), (0, 1)):
+        other = shifted(best, across, down)
+        best = torch.where(other[:, :1] > best[:, :1], other, best)
+    return best[:, :1], best[:, 1:]
 
 
 def morphological_opening(depth: Tensor) -> Tensor:
     """Depth with foreground narrower than three samples replaced by its background (3x3 opening)."""
-    eroded = extreme(depth, torch.minimum)  # reversed: the smallest is the farthest
-    return extreme(eroded, torch.maximum)
+    eroded = minimum_3x3(depth)  # reversed: the smallest is the farthest
+    return maximum_3x3(eroded)
 
 
 def disocclusion(
@@ -53,13 +61,15 @@ def disocclusion(
     the relative `margin`, and counts fully from `margin` + `ramp` on.
     """
     left, top = x.floor(), y.floor()
-    columns, rows = [(0.0, left + 1.0 - x), (1.0, x - left)], [(0.0, top + 1.0 - y), (1.0, y - top)]
-    occluded = []
-    for (across, wx), (down, wy) in itertools.product(columns, rows):
-        before = read(history_depth, left + across, top + down, mode="nearest")
-        closer = relative_depth_change(before, depth)
-        occluded.append(wx * wy * ((closer - margin) / ramp).clamp(0.0, 1.0))
-    return sum_of(occluded) * (depth >= 0.0)
+    across, down = x - left, y - top
+    around = padded_3x3(history_depth)[:, :, :-1, :-1]  # so that both samples beside an edge are the edge's
+    limit = torch.where(around > 1e-12, 1.0 / (ramp * around.clamp(min=1e-12)), 1e30)
+    limits = read(torch.cat(neighbours_2x2(limit), dim=1), left + 1.0, top + 1.0, mode="nearest")
+    # the relative change (before - depth) / before less the margin, over the ramp
+    occluded = ((1.0 - margin) / ramp - depth.clamp(min=1e-20) * limits).clamp(0.0, 1.0)
+    upper, lower = occluded.split_with_sizes([2, 2], dim=1)
+    left_part, right_part = channels_of(upper + down * (lower - upper))
+    return (left_part + across * (right_part - left_part)) * (depth >= 0.0)
 
 
 def relative_depth_change(before: Tensor, depth: Tensor) -> Tensor:
@@ -113,7 +123,16 @@ def reproject(motion: Tensor, display: Size, render: Size | Extent) -> Reproject
 def read(image: Tensor, x: Tensor, y: Tensor, mode: str = "bilinear") -> Tensor:
     """Sample `image` at pixel positions (1, 1, H, W), clamped at the border."""
     w, h = image.shape[3], image.shape[2]
-    grid = torch.cat([(2.0 * x + 1.0) / w - 1.0, (2.0 * y + 1.0) / h - 1.0], dim=1).permute(0, 2, 3, 1)
+    return _sampled(image, _normalised(x, w), _normalised(y, h), mode)
+
+
+def _normalised(position: Tensor, size: int) -> Tensor:
+    """Positions along an axis as grid_sample reads them: -1 and 1 are the borders of the image."""
+    return position * (2.0 / size) + (1.0 / size - 1.0)
+
+
+def _sampled(image: Tensor, x: Tensor, y: Tensor, mode: str = "bilinear") -> Tensor:
+    grid = torch.cat([x, y], dim=1).permute(0, 2, 3, 1)
     return F.grid_sample(image, grid, mode=mode, padding_mode="border", align_corners=False)
 
 
@@ -123,19 +142,42 @@ def read_cubic(image: Tensor, x: Tensor, y: Tensor, sharpness: float = 0.5) -> T
     The middle two samples of an axis share a read. The four corner reads have small weights; they are
     skipped, and the remaining weights are normalised.
     """
-    columns, rows = _cubic_reads(x, sharpness), _cubic_reads(y, sharpness)
-    cross = [(columns[i], rows[j]) for i, j in ((1, 1), (0, 1), (2, 1), (1, 0), (1, 2))]
-    weights = [wx * wy for (_, wx), (_, wy) in cross]
-    reads = [read(image, at_x, at_y) for (at_x, _), (at_y, _) in cross]
-    return sum_of([w * r for w, r in zip(weights, reads, strict=True)]) / sum_of(weights)
+    across, down = _cubic_reads(x, image.shape[3], sharpness), _cubic_reads(y, image.shape[2], sharpness)
+    row = across.middle * _sampled(image, across.at, down.at)
+    for at, weight in ((across.first_at, across.first), (across.last_at, across.last)):
+        row = row + weight * _sampled(image, at, down.at)
+    column = down.first * _sampled(image, across.at, down.first_at)
+    column = column + down.last * _sampled(image, across.at, down.last_at)
+    skipped = (1.0 - across.middle) * (1.0 - down.middle)
+    return (down.middle * row + across.middle * column) / (1.0 - skipped)
 
 
-def _cubic_reads(position: Tensor, sharpness: float) -> list[tuple[Tensor, Tensor]]:
-    """(position, weight) of three bilinear reads along one axis."""
+class _CubicReads(NamedTuple):
+    """Three bilinear reads along one axis: normalised positions and weights; the weights sum to 1."""
+
+    first_at: Tensor
+    at: Tensor  # of the middle two samples
+    last_at: Tensor
+    first: Tensor
+    middle: Tensor
+    last: Tensor
+
+
+def _cubic_reads(position: Tensor, size: int, sharpness: float) -> _CubicReads:
     whole = position.floor()
     t = position - whole
     s = 1.0 - t
-    before, after = -sharpness * t * s * s, -sharpness * s * t * t
-    second = (((sharpness - 2.0) * t + 3.0 - 2.0 * sharpness) * t + sharpness) * t
-    middle = 1.0 - before - after
-    return [(whole - 1.0, before), (whole + second / middle, middle), (whole + 2.0, after)]
+    product = t * s
+    outer = -sharpness * product
+    first = outer * s
+    second = t + product * ((2.0 - sharpness) * t - (1.0 - sharpness))  # weight of the sample after
+    middle = 1.0 - outer
+    sample = whole * (2.0 / size)
+    return _CubicReads(
+        sample + (-1.0 / size - 1.0),
+        _normalised(whole + second / middle, size),
+        sample + (5.0 / size - 1.0),
+        first,
+        middle,
+        outer - first,
+    )

@@ -6,16 +6,18 @@ position is p + r * motion in display pixels. align_corners is False everywhere.
 """
 
 from collections.abc import Callable
-from functools import reduce
 from typing import NamedTuple
 
 import torch
 from torch import Tensor
+from torch.nn import functional as F
 
-from supersampler_model.ops.size import Size
+from supersampler_model.ops.size import Size, render_size_of
 
 Kernel = Callable[[Tensor], Tensor]
 """Weight of a sample at a distance, elementwise."""
+BLOCK = 32
+"""Outputs that `resample` sums by one matrix product."""
 WINDOW = 9
 """Samples in a learned kernel: a 3x3 neighbourhood."""
 MIN_WEIGHT = 1e-3
@@ -31,6 +33,8 @@ class Grid(NamedTuple):
     row: Tensor  # (H,)
     left: Tensor  # (W,) int64, first of the two samples around each pixel
     top: Tensor  # (H,)
+    across: int  # samples that the positions of BLOCK neighbouring pixels span at most, x axis
+    down: int  # y axis
 
 
 class Extent(NamedTuple):
@@ -59,7 +63,9 @@ class View(NamedTuple):
         x = positions(self.display.width, self.extent.width, self.jitter[0, :1])
         y = positions(self.display.height, self.extent.height, self.jitter[0, 1:])
         column, row = nearest(x, render.width), nearest(y, render.height)
-        return Grid(x, y, column, row, nearest(x.floor(), render.width), nearest(y.floor(), render.height))
+        left, top = nearest(x.floor(), render.width), nearest(y.floor(), render.height)
+        across = span(self.extent.width, self.display.width)
+        return Grid(x, y, column, row, left, top, across, span(self.extent.height, self.display.height))
 
 
 def grid_of(display: Size, render: Size, jitter: Tensor) -> Grid:
@@ -67,11 +73,16 @@ def grid_of(display: Size, render: Size, jitter: Tensor) -> Grid:
     return View(display, render, jitter).grid(render)
 
 
-class Taps(NamedTuple):
-    """Taps of n display pixels along one axis: (n,) indices and (n,) weights per tap."""
+class Bands(NamedTuple):
+    """Weights of resampling along one axis: in blocks of BLOCK outputs, each of `reach` samples.
 
-    indices: list[Tensor]
-    weights: list[Tensor]
+    All samples of a block are gathered once, and a matrix product sums them: fewer bytes are moved than with
+    one gather for each tap.
+    """
+
+    indices: Tensor  # (blocks * reach,) int64, samples of each block
+    weights: Tensor  # (blocks, BLOCK, reach)
+    outputs: int
 
 
 def positions(display: int, render: float, jitter: Tensor) -> Tensor:
@@ -80,18 +91,40 @@ def positions(display: int, render: float, jitter: Tensor) -> Tensor:
     return (pixel + 0.5) * render / display - 0.5 - jitter
 
 
-def taps(position: Tensor, size: int, kernel: Kernel, *, reach: int = 2, scale: float = 1.0) -> Taps:
-    """Read the `reach` samples to either side of each `position` along an axis, clamped at the border.
+def span(size: float, outputs: float) -> int:
+    """Return the samples that the positions of BLOCK neighbouring outputs span at most.
 
-    The kernel is evaluated at the signed distance in render pixels times `scale`.
+    Args:
+        size: samples of an axis; fractional for a crop.
+        outputs: positions along it.
     """
-    first = position.floor() - float(reach - 1)
-    indices, weights = [], []
-    for k in range(2 * reach):
-        sample = first + float(k)
-        indices.append(sample.long().clamp(0, size - 1))
-        weights.append(kernel((sample - position) * scale))
-    return Taps(indices, weights)
+    whole = (BLOCK - 1) * size // outputs
+    return (int(whole) if isinstance(whole, float) else whole) + 3  # one of them for rounding errors
+
+
+def bands(
+    position: Tensor, size: int, spanned: int, kernel: Kernel, *, reach: int = 2, scale: float = 1.0
+) -> Bands:
+    """Weigh the `reach` samples to either side of each `position` along an axis, clamped at the border.
+
+    Args:
+        position: (n,) ascending, in samples.
+        size: samples of the axis.
+        spanned: from `span`.
+        kernel: evaluated at the signed distance in samples times `scale`.
+        reach: of the kernel.
+        scale: of the distances.
+    """
+    count = position.shape[0]
+    blocks = (count + BLOCK - 1) // BLOCK + 1  # never 1, which the exporter would make a constant
+    whole = torch.arange(blocks * BLOCK, device=position.device).clamp(max=count - 1)
+    at = position.index_select(0, whole).reshape(-1, BLOCK, 1)
+    first = at[:, :1].floor() - float(reach - 1)
+    sample = first + torch.arange(spanned + 2 * reach - 1, device=position.device)  # (blocks, 1, reach)
+    distance, steps = sample - at, sample - at.floor()
+    near = (steps >= 1.0 - reach) & (steps <= float(reach))
+    weights = torch.where(near, kernel(distance * scale), 0.0)
+    return Bands(sample.long().clamp(0, size - 1).reshape(-1), weights, count)
 
 
 def nearest(position: Tensor, size: int) -> Tensor:
@@ -99,10 +132,22 @@ def nearest(position: Tensor, size: int) -> Tensor:
     return (position + 0.5).floor().long().clamp(0, size - 1)
 
 
-def resample(image: Tensor, x: Taps, y: Taps) -> Tensor:
-    """Sum `image` under the separable kernel of `x` and `y`: (1, c, h, w) -> (1, c, len y, len x)."""
-    rows = sum_of([image.index_select(3, i) * w for i, w in zip(*x, strict=True)])
-    return sum_of([rows.index_select(2, i) * w[:, None] for i, w in zip(*y, strict=True)])
+def resample(image: Tensor, x: Bands, y: Bands) -> Tensor:
+    """Sum `image` under the separable kernel of `x` and `y`: (1, c, h, w) -> (1, c, len y, len x).
+
+    Its values are finite, as samples out of a kernel's reach have a weight of 0.
+    """
+    return _resample_rows(_resample_rows(image.transpose(2, 3), x).transpose(2, 3), y)
+
+
+def _resample_rows(image: Tensor, y: Bands) -> Tensor:
+    """(1, c, h, w) -> (1, c, len y, w)."""
+    blocks, _, reach = y.weights.shape
+    channels, width = image.shape[1], image.shape[3]
+    rows = image.index_select(2, y.indices).reshape(1, channels, blocks, reach, width)
+    sums = (y.weights @ rows).reshape(1, channels, blocks * BLOCK, width)
+    # not a slice, of which the exporter cannot prove that it fits
+    return sums.index_select(2, torch.arange(y.outputs, device=image.device))
 
 
 def upsample(image: Tensor, grid: Grid, kernel: Kernel, scale: tuple[float, float] = (1.0, 1.0)) -> Tensor:
@@ -110,13 +155,23 @@ def upsample(image: Tensor, grid: Grid, kernel: Kernel, scale: tuple[float, floa
 
     The kernel is evaluated at distances in render pixels times `scale`, (x, y).
     """
-    x = taps(grid.x, image.shape[3], kernel, scale=scale[0])
-    return resample(image, x, taps(grid.y, image.shape[2], kernel, scale=scale[1]))
+    return resample(image, *grid_bands(grid, render_size_of(image), kernel, scale=scale))
+
+
+def grid_bands(
+    grid: Grid, render: Size, kernel: Kernel, *, reach: int = 2, scale: tuple[float, float] = (1.0, 1.0)
+) -> tuple[Bands, Bands]:
+    """Weights of the display pixels in an input of size `render`, per axis; see `bands`."""
+    return (
+        bands(grid.x, render.width, grid.across, kernel, reach=reach, scale=scale[0]),
+        bands(grid.y, render.height, grid.down, kernel, reach=reach, scale=scale[1]),
+    )
 
 
 def normalised(sums: Tensor) -> Tensor:
     """Divide by the last channel, the sum of the weights: (1, c + 1, h, w) -> (1, c, h, w)."""
-    return sums[:, :-1] / sums[:, -1:].clamp(min=1e-6)
+    values, weight = sums.split_with_sizes([sums.shape[1] - 1, 1], dim=1)
+    return values / weight.clamp(min=1e-6)
 
 
 def local_moments(
@@ -127,36 +182,46 @@ def local_moments(
     Where the sum of the Gaussian's weights is `least` or below, there is no sample: E[c^2] is 1.
     """
     window = upsample(torch.cat([color, color * color, usable], dim=1), grid, gaussian(sigma))
-    moments, known = normalised(window), (window[:, 6:7] > least).float()
-    return moments[:, :3], moments[:, 3:6] * known + (1.0 - known)
+    first, second, weight = window.split_with_sizes([3, 3, 1], dim=1)
+    total = weight.clamp(min=1e-6)
+    return first / total, torch.where(weight > least, second / total, 1.0)
 
 
-def neighbourhood_samples(samples: Tensor, grid: Grid, sigma: float) -> list[Tensor]:
+class Window(NamedTuple):
+    """The 3x3 samples around each display pixel's nearest one, row by row."""
+
+    color: Tensor  # (1, 3, WINDOW, H, W)
+    weight: Tensor  # (1, WINDOW, H, W) Gaussian, 0 where a sample is not usable
+
+
+def neighbourhood_samples(samples: Tensor, grid: Grid, sigma: float) -> Window:
     """Gather the 3x3 samples around each display pixel's nearest one, with Gaussian weights.
 
     Args:
         samples: (1, 4, h, w) colour, and 1 where it is usable.
         grid: of the display.
         sigma: of the Gaussian, render pixels.
-
-    Returns:
-        WINDOW tensors (1, 4, H, W), row by row: colour and weight.
     """
-    height, width = samples.shape[2], samples.shape[3]
-    around = []
-    for down in (-1, 0, 1):
-        row = grid.row + down
-        rows = samples.index_select(2, row.clamp(0, height - 1))
-        vertical = gaussian(sigma)(row - grid.y)[:, None]
-        for across in (-1, 0, 1):
-            column = grid.column + across
-            sample = rows.index_select(3, column.clamp(0, width - 1))
-            weight = sample[:, 3:] * (vertical * gaussian(sigma)(column - grid.x) + 1e-4)
-            around.append(torch.cat([sample[:, :3], weight], dim=1))
-    return around
+    color, usable = samples.split_with_sizes([3, 1], dim=1)
+    colors = torch.cat(neighbours_3x3(color), dim=1).reshape(1, WINDOW, *color.shape[1:]).transpose(1, 2)
+    there = torch.cat(neighbours_3x3(usable), dim=1)
+    rows, columns = (
+        gaussian(sigma)(offsets(nearest) - place)
+        for nearest, place in ((grid.row, grid.y), (grid.column, grid.x))
+    )
+    by_row = torch.arange(WINDOW, device=color.device)
+    near = rows.index_select(0, by_row // 3)[:, :, None] * columns.index_select(0, by_row % 3)[:, None]
+    return Window(
+        colors.index_select(4, grid.column).index_select(3, grid.row), pick(there, grid) * (near + 1e-4)
+    )
 
 
-def weighed(window: list[Tensor], kernel: Tensor, otherwise: Tensor) -> Tensor:
+def offsets(index: Tensor) -> Tensor:
+    """(n,) indices of samples as (3, n): the sample before, itself, the sample after."""
+    return index + torch.arange(-1, 2, device=index.device)[:, None]
+
+
+def weighed(window: Window, kernel: Tensor, otherwise: Tensor) -> Tensor:
     """Mean (1, 3, H, W) of neighbourhood samples under a learned kernel.
 
     Args:
@@ -164,9 +229,9 @@ def weighed(window: list[Tensor], kernel: Tensor, otherwise: Tensor) -> Tensor:
         kernel: (1, WINDOW, H, W) logarithms of factors to the Gaussian weights.
         otherwise: (1, 3, H, W) the result where no sample is usable.
     """
-    weights = [s[:, 3:] * kernel[:, i : i + 1].exp() for i, s in enumerate(window)]
-    total = sum_of(weights)
-    color = sum_of([s[:, :3] * w for s, w in zip(window, weights, strict=True)]) / total.clamp(min=1e-12)
+    weights = window.weight * kernel.exp()
+    total = weights.sum(dim=1, keepdim=True)
+    color = (window.color * weights).sum(dim=2) / total.clamp(min=1e-12)
     return torch.where(total > 1e-9, color, otherwise)
 
 
@@ -198,7 +263,7 @@ def catmull_rom(distance: Tensor) -> Tensor:
     d = distance.abs()
     near = (1.5 * d - 2.5) * d * d + 1.0
     far = ((-0.5 * d + 2.5) * d - 4.0) * d + 2.0
-    return torch.where(d < 1.0, near, torch.where(d < 2.0, far, torch.zeros_like(d)))
+    return torch.where(d < 1.0, near, torch.where(d < 2.0, far, 0.0))
 
 
 def gaussian(sigma: float) -> Kernel:
@@ -208,16 +273,23 @@ def gaussian(sigma: float) -> Kernel:
 
 def neighbours_2x2(image: Tensor) -> list[Tensor]:
     """Each pixel and its right, lower and lower right neighbour, edges repeated: four (1, c, h, w)."""
-    right = torch.cat([image[..., 1:], image[..., -1:]], dim=3)
-    return [image, right, *(torch.cat([i[:, :, 1:], i[:, :, -1:]], dim=2) for i in (image, right))]
+    right = shifted(image, 1, 0)
+    return [image, right, shifted(image, 0, 1), shifted(right, 0, 1)]
 
 
 def neighbours_3x3(image: Tensor) -> list[Tensor]:
     """The nine 3x3 neighbours of every pixel, edges repeated, row by row; the fifth is `image` itself."""
-    wide = torch.cat([image[..., :1], image, image[..., -1:]], dim=3)
-    tall = torch.cat([wide[:, :, :1], wide, wide[:, :, -1:]], dim=2)
-    h, w = image.shape[2], image.shape[3]
+    tall, h, w = padded_3x3(image), image.shape[2], image.shape[3]
     return [tall[:, :, dy : dy + h, dx : dx + w] for dy in range(3) for dx in range(3)]
+
+
+def padded_3x3(image: Tensor) -> Tensor:
+    """Repeat the edges by one pixel: (1, c, h, w) -> (1, c, h + 2, w + 2)."""
+    for axis in (2, 3):
+        size = image.shape[axis]
+        index = torch.arange(-1, size + 1, device=image.device).clamp(0, size - 1)
+        image = image.index_select(axis, index)
+    return image
 
 
 def channels_of(image: Tensor) -> list[Tensor]:
@@ -225,11 +297,31 @@ def channels_of(image: Tensor) -> list[Tensor]:
     return list(image.split_with_sizes([1] * image.shape[1], dim=1))
 
 
-def extreme(image: Tensor, choose: Callable[[Tensor, Tensor], Tensor]) -> Tensor:
-    """Minimum or maximum (`choose`) over 3x3."""
-    return reduce(choose, neighbours_3x3(image))
+def maximum_3x3(image: Tensor) -> Tensor:
+    """Maximum over 3x3."""
+    return F.max_pool2d(image, 3, 1, 1)
+
+
+def minimum_3x3(image: Tensor) -> Tensor:
+    """Minimum over 3x3."""
+    return -F.max_pool2d(-image, 3, 1, 1)
 
 
 def blurred(image: Tensor) -> Tensor:
-    """Mean over 3x3."""
-    return sum_of(neighbours_3x3(image)) / 9.0
+    """Mean over 3x3, edges repeated."""
+    return window_sum(padded_3x3(image), 3) / 9.0
+
+
+def window_sum(image: Tensor, size: int, padding: int = 0) -> Tensor:
+    """Sum of each channel over windows of `size` pixels a side; zeros are around the image."""
+    channels = image.shape[1]
+    ones = image.new_ones(channels, 1, size, size)
+    return F.conv2d(image, ones, padding=padding, groups=channels)
+
+
+def shifted(image: Tensor, across: int, down: int) -> Tensor:
+    """Each pixel's neighbour at an offset along one axis, edges repeated."""
+    axis, offset = (3, across) if across else (2, down)
+    size = image.shape[axis]
+    index = torch.arange(size, device=image.device) + offset
+    return image.index_select(axis, index.clamp(0, size - 1))

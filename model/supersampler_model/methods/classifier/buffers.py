@@ -5,6 +5,7 @@ from typing import NamedTuple
 from torch import Tensor
 
 from supersampler_model.ops.motion import Reprojection
+from supersampler_model.ops.sampling import Window
 
 
 class CurrentFrame(NamedTuple):
@@ -15,9 +16,7 @@ class CurrentFrame(NamedTuple):
     confidence: Tensor  # (1, 1, H, W) sum of their Gaussian weights, [0, 1]
     first: Tensor  # (1, 3, H, W) E[c] of a neighbourhood, YCoCg
     second: Tensor  # (1, 3, H, W) E[c^2]
-    window: list[
-        Tensor
-    ]  # WINDOW of (1, 4, H, W): colour and initial weight of the 3x3 samples around each pixel
+    window: Window  # the 3x3 samples around each pixel
     edge: Tensor  # (1, 1, H, W) relative range of depth around
     glare: Tensor  # (1, 1, H, W) 1 where one of 3x3 samples is over GLARING
 

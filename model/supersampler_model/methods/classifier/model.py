@@ -13,8 +13,8 @@ where it rises over all that the history has seen in one pixel of 64 (`unexplain
 pixels restarts after a frame whose measured exposure is an outlier (`is_flash`).
 """
 
-from collections.abc import Sequence
-from typing import ClassVar
+from collections.abc import Callable, Sequence
+from typing import ClassVar, cast
 
 import torch
 from torch import Tensor, nn
@@ -74,14 +74,15 @@ from supersampler_model.ops.sampling import (
     Grid,
     View,
     catmull_rom,
-    extreme,
+    channels_of,
     gaussian,
     local_moments,
+    maximum_3x3,
+    minimum_3x3,
     neighbourhood_samples,
-    neighbours_3x3,
-    normalised,
     pick,
     pick_first,
+    shifted,
     sum_of,
     upsample,
     weighed,
@@ -91,6 +92,7 @@ from supersampler_model.ops.size import display_size_of, render_size_of
 TONED = 1.0 - 1e-4  # maximum of a toned colour
 SHARPEST = 2.0  # maximum factor of the detail that is added
 SIDE = 0.01  # initial weight of a neighbour in the learned cross on the history
+SIDES = ((0, -1), (-1, 0), (1, 0), (0, 1))  # the neighbours: above, left, right, below
 
 
 class Classifier(LearnedMethod):
@@ -129,7 +131,7 @@ class Classifier(LearnedMethod):
         """Return the image (1, 3, H, W), linear RGB >= 0, the next history and the auxiliary outputs."""
         history_tensors, now, before = self.group_history(history, color, jitter, display_size)
         gathered = self.gather(color, depth, motion, exposure, history_tensors, now, before)
-        logits, blend = self.net(*self.network_inputs(gathered))
+        logits, blend = self.infer(gathered)
         outputs = self.step_outputs(gathered, logits, blend, jitter)
         if "still" not in self.history:
             return outputs
@@ -176,22 +178,24 @@ class Classifier(LearnedMethod):
         surfaces = torch.cat([depth, morphological_opening(depth)], dim=1)
         motion, grid = usable_motion(motion), now.grid(render_size_of(color))
         closest = pick_first(torch.cat(dilate_motion_2x2(depth, motion), dim=1), grid)
-        front = reproject(closest[:, 1:], now.display, now.extent)
-        own = reproject(pick(motion, grid), now.display, now.extent)
+        closest, dilated = closest.split_with_sizes([1, 2], dim=1)
         exposed = color * exposure
-        glare = pick(extreme(glaring(exposed, usable), torch.maximum), grid)
-        current = self.gather_current(self.toned(exposed) * usable, usable, depth, glare, now, grid)
-        warped = self.gather_history(history, front, own, closest[:, :1], before, exposure)
-        return Gathered(current, warped, front, closest[:, :1], surfaces, exposure, followed, flash)
+        planes = [motion, maximum_3x3(glaring(exposed, usable)), edge_of(depth)]
+        own_motion, *at_pixel = pick(torch.cat(planes, dim=1), grid).split_with_sizes([2, 1, 1], dim=1)
+        front = reproject(dilated, now.display, now.extent)
+        own = reproject(own_motion, now.display, now.extent)
+        current = self.gather_current(self.toned(exposed) * usable, usable, at_pixel, now, grid)
+        warped = self.gather_history(history, front, own, closest, before, exposure)
+        return Gathered(current, warped, front, closest, surfaces, exposure, followed, flash)
 
     def toned(self, color: Tensor) -> Tensor:
         """Exposed linear RGB to the space in which colours are blended."""
         return TONES[self.config.tone_space].tone(color)
 
     def gather_current(
-        self, toned: Tensor, usable: Tensor, depth: Tensor, glare: Tensor, view: View, grid: Grid
+        self, toned: Tensor, usable: Tensor, at_pixel: Sequence[Tensor], view: View, grid: Grid
     ) -> CurrentFrame:
-        """Upsample the usable samples of this frame."""
+        """Upsample the usable samples of this frame; `at_pixel`: glare and edge of `CurrentFrame`."""
         c = self.config
         ratio = view.display.width / view.extent.width, view.display.height / view.extent.height
         samples = torch.cat([toned, usable], dim=1)
@@ -199,17 +203,19 @@ class Classifier(LearnedMethod):
         sharp = upsample(samples, grid, catmull_rom)
         first, second = local_moments(ycocg(toned), usable, grid, c.moment_sigma)
         smooth = from_ycocg(first)
-        closest, farthest = extreme(depth, torch.maximum), extreme(depth, torch.minimum)
-        edge = (closest - farthest.clamp(min=0.0)) / closest.clamp(min=1e-12)
-        whole = (sharp[:, 3:4] > 0.9).float()  # with missing samples the negative weights dominate
+        sharp, whole = sharp.split_with_sizes([3, 1], dim=1)
+        near, weight = near.split_with_sizes([3, 1], dim=1)
+        # with missing samples the negative weights dominate
+        frame = torch.where(whole > 0.9, sharp / whole.clamp(min=1e-6), smooth)
+        glare, edge = at_pixel
         return CurrentFrame(
-            frame=(smooth + whole * (normalised(sharp) - smooth)).clamp(0.0, TONED),
-            sample=normalised(near).clamp(0.0, TONED),
-            confidence=near[:, 3:4].clamp(max=1.0),
+            frame=frame.clamp(0.0, TONED),
+            sample=(near / weight.clamp(min=1e-6)).clamp(0.0, TONED),
+            confidence=weight.clamp(max=1.0),
             first=first,
             second=second,
             window=neighbourhood_samples(samples, grid, c.kernel_sigma),
-            edge=pick(edge.clamp(0.0, 1.0), grid),
+            edge=edge,
             glare=glare,
         )
 
@@ -228,8 +234,8 @@ class Classifier(LearnedMethod):
         occluded = disocclusion(depth, history.depth[:, 1:2], x, y, c.depth_margin, c.depth_ramp)
         depth_before = on * read(history.depth[:, :1], (x + 0.5).floor(), (y + 0.5).floor(), mode="nearest")
         difference = relative_depth_change(depth_before, depth)  # equation 10
-        state = on * read(history.state, front.x, front.y)
-        most, glare = without_glare(state[:, 2:3])
+        samples, least, most = channels_of(on * read(history.state, front.x, front.y))
+        most, glare = without_glare(most)
         linear = self.toned(sanitize(read(history.color, front.x, front.y), 0.0) * exposure) * on
         cubic = sanitize(read_cubic(history.color, front.x, front.y, c.history_sharpness), 0.0)
         color = self.toned(cubic * exposure) * on
@@ -237,8 +243,8 @@ class Classifier(LearnedMethod):
             color=color,
             detail=color - linear,
             own=self.toned(sanitize(read(history.color, own.x, own.y), 0.0) * exposure),
-            samples=state[:, :1],
-            range=torch.cat([state[:, 1:2], most], dim=1),
+            samples=samples,
+            range=torch.cat([least, most], dim=1),
             glare=glare,
             difference=difference.clamp(-1.0, 1.0) * (depth >= 0.0),
             surface=on * (1.0 - 2.0 * occluded).clamp(min=0.0),
@@ -246,14 +252,24 @@ class Classifier(LearnedMethod):
             * read(history.classes, 0.5 * front.x[:, :, ::2, ::2], 0.5 * front.y[:, :, ::2, ::2]),
         )
 
+    def infer(self, gathered: Gathered) -> tuple[Tensor, Tensor]:
+        """Return logits and blend parameters."""
+        infer = cast("Callable[..., tuple[Tensor, Tensor]]", self.net.on_pixels)
+        return infer(*self.inputs_of_pixels(gathered))
+
     def network_inputs(self, gathered: Gathered) -> tuple[Tensor, Tensor]:
         """Return the network inputs: packed pixels, and channels at half display size."""
+        pixels, half_inputs = self.inputs_of_pixels(gathered)
+        return pack(pixels), half_inputs
+
+    def inputs_of_pixels(self, gathered: Gathered) -> tuple[Tensor, Tensor]:
+        """Return the network inputs: channels at display size, and channels at half display size."""
         c = self.config
         pixels = pixel_inputs(gathered.current, gathered.warped, gathered.reprojection, c.count_code)
         around = neighbourhood_inputs(pixels)
         classes = gathered.warped.classes[:, : CLASSES * c.recurrent]
-        packed = pack(torch.cat([pixels[name] for name in c.inputs], dim=1))
-        return packed, torch.cat([classes, *(around[name] for name in c.neighbourhood_inputs)], dim=1)
+        planes = torch.cat([pixels[name] for name in c.inputs], dim=1)
+        return planes, torch.cat([classes, *(around[name] for name in c.neighbourhood_inputs)], dim=1)
 
     def history_colors(
         self, gathered: Gathered, sharpness: Tensor, cross: Tensor
@@ -262,9 +278,10 @@ class Classifier(LearnedMethod):
         current, warped = gathered.current, gathered.warped
         moved = warped.color
         if self.config.corrected:  # positive weights: negative ones could amplify errors recursively
-            sides = [SIDE * cross[:, i : i + 1].exp() for i in range(4)]
-            beside = zip(sides, neighbours_3x3(warped.color)[1::2], strict=True)
-            moved = sum_of([moved, *(w * color for w, color in beside)]) / (1.0 + sum_of(sides))
+            sides = SIDE * cross.exp()
+            beside = zip(channels_of(sides), SIDES, strict=True)
+            weighted = [side * shifted(warped.color, *offset) for side, offset in beside]
+            moved = sum_of([moved, *weighted]) / (1.0 + sides.sum(dim=1, keepdim=True))
         sharpened = (moved + sharpness.clamp(0.0, SHARPEST) * warped.detail).clamp(0.0, TONED)
         known = (warped.samples > 0.0).float()  # without history the weight is 0 whatever the network infers
         found = [(sharpened, known * (warped.samples * warped.surface + 1e-3))]
@@ -286,7 +303,7 @@ class Classifier(LearnedMethod):
         )
         history_colors = self.history_colors(gathered, sharpness, cross)
         kernel = weighed(current.window, kernel, current.frame)
-        sampled_here = (sum_of([sample[:, 3:] for sample in current.window]) > 0.0).float()
+        sampled_here = (current.window.weight.sum(dim=1, keepdim=True) > 0.0).float()
         sampled = sampled_here * (current.confidence + 1e-3)
         current_colors = [
             (current.sample, sampled),
@@ -301,18 +318,24 @@ class Classifier(LearnedMethod):
         luma = luminance(current.sample)
         trust = (4.0 * odds / warped.samples.clamp(min=1e-6)).clamp(max=1.0) * (warped.samples > 0.0)
         rate = current.confidence * self.config.contraction
-        low, high = warped.range[:, :1], warped.range[:, 1:2]
+        low, high = channels_of(warped.range)
         low = torch.minimum(low, luma) + rate * (luma - low).clamp(min=0.0)
         high = torch.maximum(high, luma) - rate * (high - luma).clamp(min=0.0)
-        range_ = luma + trust * (torch.cat([low, high], dim=1) - luma)
+        low, high = luma + trust * (low - luma), luma + trust * (high - luma)
         glares = (current.glare > 0.0) & ((warped.samples > 0.0) | (warped.glare > 0.0))
         still_bright = (luma > WHITE) & (warped.glare > 0.0)
         unconfirmed = glares | still_bright | unexplained_light(luma, current.first[:, :1], warped)
         unconfirmed = unconfirmed & (warped.glare < CONFIRMED - 1.0)
-        count = torch.where(unconfirmed | gathered.flash, torch.zeros_like(count), count)
+        count = torch.where(unconfirmed | gathered.flash, 0.0, count)
         glared = torch.where(unconfirmed, warped.glare + 1.0, CONFIRMED * current.glare)
-        state = torch.cat([count, range_[:, :1], range_[:, 1:2] + GLARE * glared], dim=1)
+        state = torch.cat([count, low, high + GLARE * glared], dim=1)
         return Finished(image, state, classes, weight)
+
+
+def edge_of(depth: Tensor) -> Tensor:
+    """(1, 1, h, w) relative range of depth over 3x3 samples, [0, 1]."""
+    closest, farthest = maximum_3x3(depth), minimum_3x3(depth)
+    return ((closest - farthest.clamp(min=0.0)) / closest.clamp(min=1e-12)).clamp(0.0, 1.0)
 
 
 def unexplained_light(luma: Tensor, around: Tensor, warped: WarpedHistory) -> Tensor:

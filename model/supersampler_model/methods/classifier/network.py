@@ -22,6 +22,27 @@ class Pointwise(nn.Sequential):
         layers = [nn.Conv2d(channels, out, 1, bias=False), nn.BatchNorm2d(out)]
         super().__init__(*layers, *([nn.ReLU()] if rectified else []))
 
+    def forward(self, x: Tensor, pixels: Tensor | None = None) -> Tensor:
+        """(n, channels, h, w) to (n, out, h, w).
+
+        Args:
+            x: all channels, or those after the packed pixels.
+            pixels: (n, c, 2 h, 2 w) pixels of which `pack` would make the first 4 c channels.
+        """
+        convolution, *rest = self.children()
+        if pixels is None:
+            x = convolution(x)
+        else:
+            parameters = dict(convolution.named_parameters())  # after folding also a bias
+            weight, channels = parameters["weight"], pixels.shape[1]
+            parts = [4 * channels, weight.shape[1] - 4 * channels]
+            of_pixels, others = weight.split_with_sizes(parts, dim=1)
+            x = F.conv2d(x, others, parameters.get("bias"))
+            x = x + F.conv2d(pixels, of_pixels.reshape(-1, channels, 2, 2), stride=2)
+        for layer in rest:
+            x = layer(x)
+        return x
+
 
 class Block(nn.Sequential):
     """1x1, depthwise 3x3, 1x1: the bottleneck of the supplement's figure 1."""
@@ -29,6 +50,12 @@ class Block(nn.Sequential):
     def __init__(self, channels: int, out: int) -> None:
         depthwise = nn.Conv2d(out, out, 3, padding=1, groups=out, bias=False)
         super().__init__(Pointwise(channels, out), depthwise, Pointwise(out, out))
+
+    def forward(self, x: Tensor, pixels: Tensor | None = None) -> Tensor:
+        """(n, channels, h, w) to (n, out, h, w); `pixels`: see `Pointwise`."""
+        first, depthwise, last = self.children()
+        result: Tensor = last(depthwise(first(x, pixels)))
+        return result
 
 
 class Encoder(nn.Module):
@@ -44,11 +71,14 @@ class Encoder(nn.Module):
         kept = [*(c // 2 for c in levels[:-1]), levels[-1]]
         self.out_channels = sum(c // 4**i for i, c in enumerate(kept))
 
-    def forward(self, x: Tensor) -> Tensor:
-        """(n, channels, h, w) to (n, out_channels, h, w); h and w are multiples of ALIGNED."""
+    def forward(self, x: Tensor, pixels: Tensor | None = None) -> Tensor:
+        """(n, channels, h, w) to (n, out_channels, h, w); h and w are multiples of ALIGNED.
+
+        `pixels`: see `Pointwise`.
+        """
         outputs = []
         for level, block in enumerate(self.blocks):
-            x = block(x)
+            x = block(x, pixels) if level == 0 else block(x)
             if level + 1 < len(self.blocks):
                 half = x.shape[1] // 2
                 kept, x = x[:, :half], F.max_pool2d(x[:, half:], 2)
@@ -93,6 +123,23 @@ class ClassifierNetwork(nn.Module):
         """
         return self.decode(packed, encode(self.encoder, packed, half_inputs))
 
+    def on_pixels(self, pixels: Tensor, half_inputs: Tensor) -> tuple[Tensor, Tensor]:
+        """Return the results of `forward` from display pixels that are not packed.
+
+        Packed pixels and a 1x1 convolution move more bytes than a 2x2 convolution at a stride of 2.
+
+        Args:
+            pixels: (n, c, H, W).
+            half_inputs: (n, d, h, w) inputs at half display size.
+
+        Returns:
+            Logits as `forward`; blend parameters with up to ALIGNED - 1 more rows and columns.
+        """
+        pixels = padded_pixels(pixels)
+        features = self.decoder(self.encoder(padded(half_inputs), pixels))
+        logits: Tensor = self.classes(features)
+        return cut_to(logits, half_inputs), self.blend(self.hidden(features, pixels))
+
     def decode(self, packed: Tensor, features: Tensor) -> tuple[Tensor, Tensor]:
         """Return the results of `forward` from the encoder's features."""
         features = self.decoder(features)
@@ -109,6 +156,19 @@ def padded(image: Tensor, aligned: int = ALIGNED) -> Tensor:
     return image
 
 
+def padded_pixels(image: Tensor) -> Tensor:
+    """Extend display pixels so that their packed pixels are `padded(pack(image))`."""
+    for axis in (2, 3):
+        size = image.shape[axis]
+        half = (size + 1) // 2
+        whole = torch.arange((half + ALIGNED - 1) // ALIGNED * ALIGNED, device=image.device).clamp(
+            max=half - 1
+        )
+        index = 2 * whole[:, None] + torch.arange(2, device=image.device)
+        image = image.index_select(axis, index.reshape(-1).clamp(max=size - 1))
+    return image
+
+
 def cut_to(image: Tensor, like: Tensor) -> Tensor:
     """Undo `padded`."""
     return image[:, :, : like.shape[2], : like.shape[3]]
@@ -121,10 +181,12 @@ def encode(encoder: nn.Module, *inputs: Tensor) -> Tensor:
 
 def pack(image: Tensor) -> Tensor:
     """Pack 2x2 pixels into one; an odd last row or column repeats: (n, c, H, W) -> (n, 4 c, H / 2, W / 2)."""
-    h, w = image.shape[2], image.shape[3]
-    rows = torch.arange((h + 1) // 2 * 2, device=image.device).clamp(max=h - 1)
-    columns = torch.arange((w + 1) // 2 * 2, device=image.device).clamp(max=w - 1)
-    return F.pixel_unshuffle(image.index_select(2, rows).index_select(3, columns), 2)
+    return F.pixel_unshuffle(even(image), 2)
+
+
+def even(image: Tensor) -> Tensor:
+    """Repeat an odd last row or column."""
+    return padded(image, 2)
 
 
 def unpack(packed: Tensor, h: int, w: int) -> Tensor:

@@ -10,13 +10,14 @@ from collections.abc import Callable, Mapping
 
 import torch
 from torch import Tensor
+from torch.nn import functional as F
 
-from supersampler.methods.classifier.spec import CountCode
+from supersampler.methods.classifier.spec import NEIGHBOURHOOD_INPUTS, CountCode
 from supersampler_model.methods.classifier.buffers import CurrentFrame, WarpedHistory
-from supersampler_model.methods.classifier.network import pack
+from supersampler_model.methods.classifier.network import even
 from supersampler_model.ops.color import largest, luminance
 from supersampler_model.ops.motion import Reprojection, squared_length
-from supersampler_model.ops.sampling import blurred, extreme, sum_of
+from supersampler_model.ops.sampling import blurred, channels_of, maximum_3x3, minimum_3x3
 
 MOST = 64.0  # samples at which the logarithm is 1
 COUNTS: Mapping[CountCode, Callable[[Tensor], Tensor]] = {
@@ -34,7 +35,7 @@ def pixel_inputs(
         _root(c) for c in (current.frame, current.sample, warped.color, warped.range)
     )
     luma, luma_before = luminance(sample), luminance(color)
-    low, high = extreme(luma_before, torch.minimum), extreme(luma_before, torch.maximum)
+    low, high = minimum_3x3(luma_before), maximum_3x3(luma_before)
     speed = squared_length(reprojection.motion).sqrt()
     across, down = reprojection.x - reprojection.x.floor(), reprojection.y - reprojection.y.floor()
     return {
@@ -65,14 +66,15 @@ def neighbourhood_inputs(pixels: dict[str, Tensor]) -> dict[str, Tensor]:
     Aliasing averages out over a neighbourhood, a change of lighting does not.
     """
     apart = pixels["history"] - pixels["frame"]
-    return {"mean_difference": _root(_mean(apart).abs()), "mean_abs_difference": _root(_mean(apart.abs()))}
+    means = channels_of(_root(_mean(torch.cat([apart, apart.abs()], dim=1)).abs()))
+    return dict(zip(NEIGHBOURHOOD_INPUTS, means, strict=True))
 
 
 def _mean(image: Tensor) -> Tensor:
-    """Reduce (1, 1, H, W) to half size and blur with a 5x5 tent."""
-    four = pack(image)
-    half = 0.25 * sum_of([four[:, i : i + 1] for i in range(4)])
-    return blurred(blurred(half))
+    """Reduce (1, c, H, W) to half size and blur with a 5x5 tent."""
+    channels = image.shape[1]
+    quarters = image.new_full((channels, 1, 2, 2), 0.25)
+    return blurred(blurred(F.conv2d(even(image), quarters, stride=2, groups=channels)))
 
 
 def _root(value: Tensor) -> Tensor:

@@ -22,7 +22,8 @@ from supersampler_model.methods.classifier.network import (
 )
 from supersampler_model.ops.color import TONES, bounded, sanitize
 from supersampler_model.ops.motion import Reprojection, read, read_cubic, relative_depth_change
-from supersampler_model.ops.sampling import View, linear, positions, resample, taps
+from supersampler_model.ops.sampling import View, grid_bands, grid_of, linear, resample
+from supersampler_model.ops.size import Size, render_size_of
 
 PLANES = 20  # section 3: colour 3, depth 1, motion 2, count 1, range 6, depth change 1, classes 6
 COMPOSITOR_INPUTS = 14  # colour 3, history 3, classes 6, count 1, depth change 1
@@ -89,6 +90,11 @@ class PaperClassifier(Classifier):
             classes=read(history.classes, front.x, front.y),
         )
 
+    def infer(self, gathered: Gathered) -> tuple[Tensor, Tensor]:
+        """Return the logits twice; see `PaperNetwork`."""
+        logits, again = self.net(*self.network_inputs(gathered))
+        return logits, again
+
     def network_inputs(self, gathered: Gathered) -> tuple[Tensor, Tensor]:
         """Return the twenty buffers of section 3, packed."""
         warped = gathered.warped
@@ -108,10 +114,10 @@ class PaperClassifier(Classifier):
         del blend
         current, warped = gathered.current, gathered.warped
         height, width = current.frame.shape[2], current.frame.shape[3]
-        no_jitter = torch.zeros(1, device=logits.device)
-        x = taps(positions(width, logits.shape[3], no_jitter), logits.shape[3], linear, reach=1)
-        y = taps(positions(height, logits.shape[2], no_jitter), logits.shape[2], linear, reach=1)
-        upsampled = resample(logits, x, y)
+        no_jitter = torch.zeros(1, 2, device=logits.device)
+        half = render_size_of(logits)
+        grid = grid_of(Size(width, height), half, no_jitter)
+        upsampled = resample(logits, *grid_bands(grid, half, linear, reach=1))
         classes = torch.cat(
             [class_probabilities(upsampled[:, :3]), class_probabilities(upsampled[:, 3:])], dim=1
         )

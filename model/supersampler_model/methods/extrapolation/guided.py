@@ -74,7 +74,7 @@ def light_of(color: Tensor, surface: Surface, config: GuidedWarpConfig) -> Tenso
 def reflectance(surface: Surface, config: GuidedWarpConfig) -> Tensor:
     """Return the reflectance (1, 3, h, w): base colour plus `config.least`; 1 at the sky."""
     sky = sum_of([surface.normal[:, i : i + 1] ** 2 for i in range(3)]) < 0.1
-    return torch.where(sky, torch.ones_like(surface.base_color), surface.base_color + config.least)
+    return torch.where(sky, 1.0, surface.base_color + config.least)
 
 
 def guided_light(surface: Surface, shaded: Shaded, x: Tensor, y: Tensor, config: GuidedWarpConfig) -> Tensor:
@@ -107,7 +107,7 @@ def _features(surface: Surface, config: GuidedWarpConfig) -> Tensor:
     """Return features (h w, 7) in standard deviations: base colour, normal, logarithm of depth."""
     shades = torch.cat([surface.base_color, surface.normal], dim=1) / config.surface_sigma
     log_depth = surface.depth.clamp(min=SKY_DEPTH).log() / config.depth_sigma  # differences are relative
-    log_depth = torch.where(surface.depth < 0.0, torch.full_like(log_depth, INVALID_DEPTH), log_depth)
+    log_depth = torch.where(surface.depth < 0.0, INVALID_DEPTH, log_depth)
     return _rows(torch.cat([shades, log_depth], dim=1))
 
 
@@ -157,7 +157,7 @@ def surface_of(base_color: Tensor, normal: Tensor, depth: Tensor, usable: Tensor
     depth = usable_depth(depth)
     known = torch.cat([base_color, normal], dim=1).abs() <= MAX_HALF
     valid_here = [known[:, i : i + 1] for i in range(6)] + ([] if usable is None else [usable > 0.0])
-    depth = torch.where(reduce(torch.logical_and, valid_here), depth, torch.full_like(depth, UNKNOWN_DEPTH))
+    depth = torch.where(reduce(torch.logical_and, valid_here), depth, UNKNOWN_DEPTH)
     return Surface(finite(base_color).clamp(0.0, 1.0), finite(normal).clamp(-1.0, 1.0), depth)
 
 

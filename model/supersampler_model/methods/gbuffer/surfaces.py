@@ -33,7 +33,7 @@ LOG2_E = 1.0 / math.log(2.0)
 def usable_surfaces(surfaces: Surfaces) -> Surfaces:
     """Sanitize: NaN and values out of range become 0, invalid depth UNKNOWN_DEPTH."""
     *buffers, depth = surfaces
-    known = [torch.where((b >= -1.0) & (b <= 1.0), b, torch.zeros_like(b)) for b in buffers]
+    known = [torch.where((b >= -1.0) & (b <= 1.0), b, 0.0) for b in buffers]
     base, roughness, metallic, specular = (b.clamp(min=0.0) for b in (known[0], *known[2:]))
     return Surfaces(base, known[1], roughness, metallic, specular, usable_depth(depth))
 

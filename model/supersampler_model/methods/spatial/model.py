@@ -7,7 +7,7 @@ from torch import Tensor
 from supersampler.methods.spatial.spec import BICUBIC, BILINEAR
 from supersampler_model.methods.base import Method
 from supersampler_model.ops.color import bounded, sanitize
-from supersampler_model.ops.sampling import catmull_rom, grid_of, linear, resample, taps
+from supersampler_model.ops.sampling import catmull_rom, grid_bands, grid_of, linear, resample
 from supersampler_model.ops.size import display_size_of, render_size_of
 
 
@@ -29,9 +29,8 @@ class Spatial(Method):
         """Return the image (1, 3, H, W), linear RGB >= 0."""
         display, render = display_size_of(display_size), render_size_of(color)
         grid = grid_of(display, render, jitter)
-        x = taps(grid.x, render.width, self.kernel, reach=self.reach)
-        y = taps(grid.y, render.height, self.kernel, reach=self.reach)
-        return (bounded(resample(sanitize(color, 0.0), x, y)),)
+        kernels = grid_bands(grid, render, self.kernel, reach=self.reach)
+        return (bounded(resample(sanitize(color, 0.0), *kernels)),)
 
 
 class Bilinear(Spatial):

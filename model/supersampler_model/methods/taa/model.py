@@ -38,7 +38,7 @@ from supersampler_model.ops.rectification import (
     moments,
     variance_box,
 )
-from supersampler_model.ops.sampling import blurred, extreme, grid_of, linear, pick, resample, taps
+from supersampler_model.ops.sampling import blurred, grid_bands, grid_of, linear, minimum_3x3, pick, resample
 from supersampler_model.ops.size import display_size_of, render_size_of
 
 
@@ -91,14 +91,13 @@ class Taa(Method):
         display, render = display_size_of(display_size), render_size_of(color)
         grid = grid_of(display, render, jitter)
         toned = self.to_space(color * exposure)
-        x = taps(grid.x, render.width, linear, reach=1)
-        y = taps(grid.y, render.height, linear, reach=1)
-        sample = resample(toned, x, y)
-        box = Rect(*(pick(corner, grid) for corner in self.neighbourhood_box(toned)))
+        sample = resample(toned, *grid_bands(grid, render, linear, reach=1))
+        corners = pick(torch.cat(self.neighbourhood_box(toned), dim=1), grid)
+        box = Rect(*corners.split_with_sizes([3, 3], dim=1))
         reprojection = reproject(pick(longest(usable_motion(motion)), grid), display, render)
         warped = read_cubic(history_color, reprojection.x, reprojection.y)
         history = self.to_space(sanitize(warped, 0.0) * exposure)
-        usable = pick(extreme(usable, torch.minimum), grid)
+        usable = pick(minimum_3x3(usable), grid)
         return Gathered(sample, history, reprojection.on_screen, usable, box)
 
     def network(self, gathered: Gathered, history_exposure: Tensor) -> Tensor:
@@ -111,8 +110,9 @@ class Taa(Method):
         if self.config.clip == "sample":
             history = clip_to_sample(gathered.history, gathered.sample, gathered.box)
         else:
-            history = (clip_to_center if self.config.clip == "center" else clamp_to)(
-                gathered.history, gathered.box
+            box, is_clipped = gathered.box, self.config.clip == "center"
+            history = (
+                clip_to_center(gathered.history, box.box()) if is_clipped else clamp_to(gathered.history, box)
             )
         history = torch.where(gathered.usable > 0.0, history, gathered.history)
         blend = history + weight * (gathered.sample - history)
@@ -127,7 +127,9 @@ class Taa(Method):
         if self.config.wide_window:
             first, second = blurred(first), blurred(second)
         box = variance_box(first, second, self.config.gamma)
-        return intersect(box, extent) if self.config.intersect_extent else box
+        if self.config.intersect_extent:
+            return intersect(box, extent)
+        return Rect(box.center - box.extent, box.center + box.extent)
 
     def to_space(self, exposed: Tensor) -> Tensor:
         """Exposed linear RGB to the space in which colours are compared and blended."""

@@ -62,10 +62,11 @@ from supersampler_model.ops.sampling import (
     View,
     blurred,
     catmull_rom,
-    extreme,
+    channels_of,
     gaussian,
     grid_of,
     local_moments,
+    maximum_3x3,
     normalised,
     pick,
     pick_first,
@@ -168,12 +169,11 @@ class Taau(Method):
 
         current = self.gather_current(toned, usable, glare, surface, grid, display, render)
         closest = pick_first(torch.cat(dilate_motion_2x2(depth, motion), dim=1), grid)
-        reprojection = reproject(closest[:, 1:], display, render)
+        closest, dilated = closest.split_with_sizes([1, 2], dim=1)
+        reprojection = reproject(dilated, display, render)
         exposure_before = history_exposure.abs()
         change = exposure / torch.where(exposure_before > 0.0, exposure_before, exposure)
-        before = self.gather_surface(
-            history_surface, history_jitter, reprojection, closest[:, :1], display, change
-        )
+        before = self.gather_surface(history_surface, history_jitter, reprojection, closest, display, change)
         warped = self.gather_history(history_color, history_samples, reprojection, before, exposure)
         next_light = light_after(light_of(surface[:, 1:3]), history_light, change)
         blend = self.network(current, warped, next_light[:, 3:4])
@@ -211,18 +211,22 @@ class Taau(Method):
         samples = torch.cat([toned, usable], dim=1)
         c = self.config
         smooth = normalised(upsample(samples, grid, gaussian(c.frame_sigma)))
-        sharp = upsample(samples, grid, catmull_rom)  # with missing samples the negative weights dominate
-        sharpness = c.frame_sharpness * (sharp[:, 3:4] > 0.9)
-        near = upsample(samples, grid, gaussian(c.sample_sigma), ratio)
+        sharp, whole = upsample(samples, grid, catmull_rom).split_with_sizes([3, 1], dim=1)
+        sharpness = c.frame_sharpness * (whole > 0.9)  # with missing samples the negative weights dominate
+        near, weight = upsample(samples, grid, gaussian(c.sample_sigma), ratio).split_with_sizes(
+            [3, 1], dim=1
+        )
         first, second = local_moments(toned, usable, grid, c.moment_sigma, MIN_BOX_WEIGHT)
+        at_pixel = pick(torch.cat([surface[:, 1:3], maximum_3x3(glare)], dim=1), grid)
+        shade, glare = at_pixel.split_with_sizes([2, 1], dim=1)
         return CurrentFrame(
-            frame=smooth + sharpness * (normalised(sharp) - smooth),
-            sample=normalised(near),
-            confidence=near[:, 3:4].clamp(max=1.0),
+            frame=smooth + sharpness * (sharp / whole.clamp(min=1e-6) - smooth),
+            sample=near / weight.clamp(min=1e-6),
+            confidence=weight.clamp(max=1.0),
             first=first,
             second=second,
-            shade=pick(surface[:, 1:3], grid),
-            glare=pick(extreme(glare, torch.maximum), grid),
+            shade=shade,
+            glare=glare,
         )
 
     def gather_surface(
@@ -241,8 +245,7 @@ class Taau(Method):
         occluded = disocclusion(depth, history_surface[:, :1], x, y, c.depth_margin, c.depth_ramp)
         same = reprojection.on_screen * (1.0 - 2.0 * occluded).clamp(min=0.0)
 
-        shade = read(history_surface[:, 1:3], x, y)
-        mean, deviation = shade[:, :1], shade[:, 1:2]
+        mean, deviation = channels_of(read(history_surface[:, 1:3], x, y))
         dim = 1.0 + (change - 1.0) * mean  # c / (1 + c) at another exposure, and its slope
         return same, torch.cat([change * mean / dim, change * deviation / (dim * dim)], dim=1)
 
@@ -258,13 +261,13 @@ class Taau(Method):
         light = sanitize(
             read_cubic(history_color, reprojection.x, reprojection.y, self.config.history_sharpness), 0.0
         )
-        samples = read(history_samples, reprojection.x, reprojection.y)
-        power, glare = without_glare(samples[:, 1:2])
+        samples, power = channels_of(read(history_samples, reprojection.x, reprojection.y))
+        power, glare = without_glare(power)
         across, down = reprojection.x - reprojection.x.floor(), reprojection.y - reprojection.y.floor()
         return WarpedHistory(
             light=light,
             color=ycocg(tone(light * exposure)),
-            samples=samples[:, :1],
+            samples=samples,
             power=power,
             shade=surface[1],
             glare=glare,
@@ -280,7 +283,7 @@ class Taau(Method):
         unknown = (warped.glare > 0.0) & (
             warped.glare < CONFIRMED
         )  # its shade includes light that was not accumulated
-        unchanged = torch.where(unknown, torch.ones_like(unchanged), unchanged)
+        unchanged = torch.where(unknown, 1.0, unchanged)
         spread = warped.power.sqrt() * unchanged
         gamma = c.gamma_still + (c.gamma_moving - c.gamma_still) * (warped.speed / c.gamma_speed).clamp(
             max=1.0

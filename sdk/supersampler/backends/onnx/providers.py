@@ -27,6 +27,8 @@ _CAPTURE = {  # options that capture a session as a CUDA graph; on the CPU there
     NAMES["tensorrt"]: {"trt_cuda_graph_enable": "1"},
     CPU: {},
 }
+_PRECISE = {NAMES["cuda"]: {"use_tf32": "0"}}
+"""Options of full float32 products: TF32 has 10 bits, too few for the moments of colours."""
 _DEVICES = {NAMES["cuda"]: "cuda", NAMES["tensorrt"]: "cuda", NAMES["directml"]: "dml"}
 _DISTRIBUTIONS = ("onnxruntime", *(f"onnxruntime-{kind}" for kind in ("gpu", "directml", "rocm", "openvino")))
 
@@ -80,6 +82,15 @@ def capturing(providers: Sequence[str]) -> list[tuple[str, dict[str, str]]]:
             "Leave it out, or ask for one of these."
         )
     return [(name, _CAPTURE[name] if name == providers[0] else {}) for name in providers]
+
+
+def precise(
+    providers: Sequence[str | tuple[str, dict[str, str]]],
+) -> list[str | tuple[str, dict[str, str]]]:
+    """Return providers with the options that switch off TF32, where a provider has it on by default."""
+    named = [(given, {}) if isinstance(given, str) else given for given in providers]
+    merged = [(name, {**_PRECISE.get(name, {}), **options}) for name, options in named]
+    return [(name, options) if options else name for name, options in merged]
 
 
 def check_provider_in_use(wanted: str, used: Sequence[str]) -> None:

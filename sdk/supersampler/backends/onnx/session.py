@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from supersampler.backends.onnx.graph_file import refusal_of
+from supersampler.backends.onnx.providers import precise
 from supersampler.backends.onnx.runs import OnnxRun
 from supersampler.backends.onnx.runtime import ort
 from supersampler.errors import ModelError
@@ -60,7 +61,7 @@ def open_session(
     inputs, outputs = list(takes), list(gives)
     output_names = {tensor.name for tensor in outputs}
     try:
-        session = ort.InferenceSession(graph or _content(path), options, providers=list(providers))
+        session = ort.InferenceSession(graph or _content(path), options, providers=precise(providers))
         if inputs:
             _check_tensors(path, "input", inputs, session.get_inputs())
         found = [node for node in session.get_outputs() if node.name in output_names]
