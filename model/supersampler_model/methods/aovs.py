@@ -12,8 +12,15 @@ from torch import Tensor
 from supersampler.methods.aovs.spec import AOVS
 from supersampler_model.methods.base import Method
 from supersampler_model.ops.color import finite
-from supersampler_model.ops.motion import dilate_motion_2x2, read, reproject, usable_depth, usable_motion
-from supersampler_model.ops.sampling import gaussian, grid_of, normalised, pick_first, upsample
+from supersampler_model.ops.motion import (
+    dilate_motion_2x2,
+    read,
+    reproject,
+    to_display,
+    usable_depth,
+    usable_motion,
+)
+from supersampler_model.ops.sampling import gaussian, grid_of, normalised, pick_first_vector, upsample
 from supersampler_model.ops.size import display_size_of, render_size_of
 
 SIGMA = 0.4  # Gaussian that upsamples this frame, render pixels
@@ -39,8 +46,8 @@ class BlendAovs(Method):
         grid = grid_of(display, render, jitter)
         samples = torch.cat([finite(aovs), torch.ones_like(depth)], dim=1)
         current = normalised(upsample(samples, grid, gaussian(SIGMA)))
-        closest = torch.cat(dilate_motion_2x2(usable_depth(depth), usable_motion(motion)), dim=1)
-        reprojection = reproject(pick_first(closest, grid)[:, 1:], display, render)
-        history = read(finite(history_aovs), reprojection.x, reprojection.y)
+        _, dilated = dilate_motion_2x2(usable_depth(depth), usable_motion(motion))
+        vectors = pick_first_vector(to_display(dilated, display, render), grid)
+        history = read(finite(history_aovs), reproject(vectors, display, grid).position)
         blend = current + weight.clamp(0.0, 1.0) * (history - current)
         return blend, blend * 1.0

@@ -9,7 +9,6 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from supersampler.methods.classifier.spec import ToneSpace
-from supersampler_model.ops.sampling import channels_of
 
 MAX_HALF = 65504.0
 EXPOSURE_KEY = 0.18
@@ -65,8 +64,7 @@ def bounded(color: Tensor) -> Tensor:
 
 def luminance(color: Tensor) -> Tensor:
     """(1, 1, h, w) BT.709 luminance of linear RGB."""
-    weights = color.new_tensor([0.2126, 0.7152, 0.0722]).reshape(1, 3, 1, 1)
-    return (color * weights).sum(dim=1, keepdim=True)
+    return F.conv2d(color, color.new_tensor([0.2126, 0.7152, 0.0722]).reshape(1, 3, 1, 1))
 
 
 def measured_exposure(color: Tensor, usable: Tensor) -> tuple[Tensor, Tensor]:
@@ -124,13 +122,17 @@ def is_flash(followed: Tensor, given: Tensor, before: Tensor) -> Tensor:
 
 def largest(color: Tensor) -> Tensor:
     """(1, 1, h, w) largest of three channels."""
-    red, green, blue = channels_of(color)
-    return torch.maximum(torch.maximum(red, green), blue)
+    return color.amax(dim=1, keepdim=True)
 
 
-def tone(color: Tensor) -> Tensor:
-    """Exposed linear RGB [0, inf) to [0, 1): c / (1 + max(r, g, b)). Keeps hue; weighs down fireflies."""
-    return color / (1.0 + largest(color))
+def tone(color: Tensor, unit: Tensor | float = 1.0) -> Tensor:
+    """Linear RGB [0, inf) to [0, 1): c / (unit + max(r, g, b)). Keeps hue; weighs down fireflies.
+
+    Args:
+        color: (1, 3, h, w) >= 0.
+        unit: the value that exposure maps to 1: 1 for exposed colours, else 1 / exposure.
+    """
+    return color / (unit + largest(color))
 
 
 def inverse_tone(color: Tensor) -> Tensor:
@@ -139,9 +141,9 @@ def inverse_tone(color: Tensor) -> Tensor:
 
 
 class ToneCurve(NamedTuple):
-    """Exposed linear RGB [0, inf) to [0, 1] and back."""
+    """Linear RGB [0, inf) to [0, 1], with the `unit` of `tone`, and back to exposed linear RGB."""
 
-    tone: Callable[[Tensor], Tensor]
+    tone: Callable[[Tensor, Tensor | float], Tensor]
     inverse: Callable[[Tensor], Tensor]
 
 
@@ -149,10 +151,12 @@ _LOG = math.log1p(MAX_HALF)
 TONES: Mapping[ToneSpace, ToneCurve] = {
     "largest": ToneCurve(tone, inverse_tone),
     "channels": ToneCurve(
-        lambda color: color / (1.0 + color), lambda color: color / (1.0 - color).clamp(min=1.0 / MAX_HALF)
+        lambda color, unit: color / (unit + color),
+        lambda color: color / (1.0 - color).clamp(min=1.0 / MAX_HALF),
     ),
     "logarithm": ToneCurve(
-        lambda color: ((1.0 + color).log() / _LOG).clamp(max=1.0), lambda color: (color * _LOG).exp() - 1.0
+        lambda color, unit: ((1.0 + color / unit).log() / _LOG).clamp(max=1.0),
+        lambda color: (color * _LOG).exp() - 1.0,
     ),
 }
 """Tone curves for blending: by the largest channel, per channel, or logarithmic per channel."""

@@ -8,15 +8,18 @@ from torch.nn import functional as F
 
 from supersampler_model.ops.sampling import (
     Extent,
+    Grid,
     channels_of,
     maximum_3x3,
     minimum_3x3,
     neighbours_2x2,
     neighbours_3x3,
     padded_3x3,
+    pair,
     shifted,
+    sum_of,
 )
-from supersampler_model.ops.size import Size
+from supersampler_model.ops.size import Size, render_size_of
 
 LONGEST, FAR = 3e38, 1e6  # pixels: larger motion is not finite; finite motion is clamped to FAR
 UNKNOWN_DEPTH = -1.0  # below the sky's 0: never the closest, never disoccluded
@@ -53,23 +56,30 @@ def morphological_opening(depth: Tensor) -> Tensor:
 
 
 def disocclusion(
-    depth: Tensor, history_depth: Tensor, x: Tensor, y: Tensor, margin: float, ramp: float
+    depth: Tensor, history_depth: Tensor, position: Tensor, margin: float, ramp: float
 ) -> Tensor:
-    """Return (1, 1, H, W) in [0, 1]: the degree of occlusion of the surface at `depth` in the previous frame.
+    """Return (1, 1, H, W) in [0, 1]: the degree of occlusion of the surface in the previous frame.
 
-    The bilinear mean over the four samples around (x, y). A sample counts as an occluder if it was closer by
-    the relative `margin`, and counts fully from `margin` + `ramp` on.
+    The bilinear mean over the four samples around each position. A sample counts as an occluder if it was
+    closer by the relative `margin`, and counts fully from `margin` + `ramp` on.
+
+    Args:
+        depth: (1, 1, H, W) of the surface.
+        history_depth: (1, 1, h, w) of the previous frame.
+        position: (1, H, W, 2) in samples of the previous frame.
+        margin: relative depth.
+        ramp: relative depth.
     """
-    left, top = x.floor(), y.floor()
-    across, down = x - left, y - top
+    first = position.floor()
+    right, below = channels_of((position - first).permute(0, 3, 1, 2))
     around = padded_3x3(history_depth)[:, :, :-1, :-1]  # so that both samples beside an edge are the edge's
     limit = torch.where(around > 1e-12, 1.0 / (ramp * around.clamp(min=1e-12)), 1e30)
-    limits = read(torch.cat(neighbours_2x2(limit), dim=1), left + 1.0, top + 1.0, mode="nearest")
+    limits = read(torch.cat(neighbours_2x2(limit), dim=1), first + 1.0, mode="nearest")
     # the relative change (before - depth) / before less the margin, over the ramp
     occluded = ((1.0 - margin) / ramp - depth.clamp(min=1e-20) * limits).clamp(0.0, 1.0)
     upper, lower = occluded.split_with_sizes([2, 2], dim=1)
-    left_part, right_part = channels_of(upper + down * (lower - upper))
-    return (left_part + across * (right_part - left_part)) * (depth >= 0.0)
+    left_part, right_part = channels_of(upper + below * (lower - upper))
+    return (left_part + right * (right_part - left_part)) * (depth >= 0.0)
 
 
 def relative_depth_change(before: Tensor, depth: Tensor) -> Tensor:
@@ -96,74 +106,100 @@ def squared_length(vector: Tensor) -> Tensor:
 
 
 class Reprojection(NamedTuple):
-    """Where each display pixel was in the previous frame, in pixels of that image (0 is a pixel's centre)."""
+    """Where each display pixel was in the previous frame."""
 
-    x: Tensor  # (1, 1, H, W)
-    y: Tensor
-    on_screen: Tensor  # 1 inside the image, else 0
-    motion: Tensor  # (1, 2, H, W) display pixels
+    position: Tensor  # (1, H, W, 2) x and y in pixels of that image; 0 is the centre of the first one
+    on_screen: Tensor  # (1, 1, H, W) 1 inside the image, else 0
+    motion: Tensor  # (1, H, W, 2) display pixels
 
+    def speed(self) -> Tensor:
+        """(1, 1, H, W) length of the motion."""
+        return (self.motion * self.motion).sum(dim=3)[:, None].sqrt()
 
-def reproject(motion: Tensor, display: Size, render: Size | Extent) -> Reprojection:
-    """Reproject display pixels by `motion`, (1, 2, H, W) in render pixels, previous minus current."""
-    across = motion[:, :1] * display.width / render.width
-    down = motion[:, 1:2] * display.height / render.height
-    x = torch.arange(display.width, device=motion.device) + across
-    y = torch.arange(display.height, device=motion.device)[:, None] + down
-    right, bottom = display.width - 0.5, display.height - 0.5
-    on_screen = (x > -0.5) & (x < right) & (y > -0.5) & (y < bottom)
-    return Reprojection(
-        x.clamp(-2.0, right + 1.5),
-        y.clamp(-2.0, bottom + 1.5),
-        on_screen.float(),
-        torch.cat([across, down], 1),
-    )
+    def blur(self) -> Tensor:
+        """(1, 1, H, W) of bilinear resampling at the position: 0 on a pixel's centre, 1 on a corner of four."""
+        t = self.position - self.position.floor()
+        return 2.0 * (t * (1.0 - t)).sum(dim=3)[:, None]
 
 
-def read(image: Tensor, x: Tensor, y: Tensor, mode: str = "bilinear") -> Tensor:
-    """Sample `image` at pixel positions (1, 1, H, W), clamped at the border."""
-    w, h = image.shape[3], image.shape[2]
-    return _sampled(image, _normalised(x, w), _normalised(y, h), mode)
+def to_display(motion: Tensor, display: Size, render: Size | Extent) -> Tensor:
+    """Motion vectors (1, 2, h, w) in render pixels as (1, h, w, 2) in display pixels."""
+    scale = pair(motion, display.width / render.width, display.height / render.height)
+    return motion.permute(0, 2, 3, 1) * scale
 
 
-def _normalised(position: Tensor, size: int) -> Tensor:
-    """Positions along an axis as grid_sample reads them: -1 and 1 are the borders of the image."""
-    return position * (2.0 / size) + (1.0 / size - 1.0)
+def reproject(motion: Tensor, display: Size, grid: Grid) -> Reprojection:
+    """Reproject display pixels by their motion.
+
+    Args:
+        motion: (1, H, W, 2) display pixels, previous minus current, see `to_display`.
+        display: (width, height) of the previous image.
+        grid: of the pixels.
+    """
+    x, y = grid.pixel_x.to(motion.dtype), grid.pixel_y.to(motion.dtype)
+    columns = torch.stack([x, torch.zeros_like(x)], dim=1)
+    rows = torch.stack([torch.zeros_like(y), y], dim=1)
+    position = motion + columns + rows[:, None]
+    on_screen = _normalised(position, display).abs().amax(dim=3) < 1.0
+    return Reprojection(position, on_screen.to(motion.dtype)[:, None], motion)
 
 
-def _sampled(image: Tensor, x: Tensor, y: Tensor, mode: str = "bilinear") -> Tensor:
-    grid = torch.cat([x, y], dim=1).permute(0, 2, 3, 1)
-    return F.grid_sample(image, grid, mode=mode, padding_mode="border", align_corners=False)
+def read(image: Tensor, position: Tensor, mode: str = "bilinear") -> Tensor:
+    """Sample an image at positions (1, H, W, 2) in its pixels, clamped at the border."""
+    return _sampled(image, _normalised(position, render_size_of(image)), mode)
 
 
-def read_cubic(image: Tensor, x: Tensor, y: Tensor, sharpness: float = 0.5) -> Tensor:
+def positions_of(x: Tensor, y: Tensor) -> Tensor:
+    """Positions (n, h, w, 2) for `read`, of x and y, (n, 1, h, w) each."""
+    return torch.cat([x, y], dim=1).permute(0, 2, 3, 1)
+
+
+def _normalised(position: Tensor, size: Size) -> Tensor:
+    """Positions as grid_sample reads them: exactly -1 and 1 at the borders of the image."""
+    extent = pair(position, 0.5 * size.width, 0.5 * size.height)
+    return (position - (extent - 0.5)) / extent
+
+
+def _sampled(image: Tensor, place: Tensor, mode: str = "bilinear") -> Tensor:
+    return F.grid_sample(image, place, mode=mode, padding_mode="border", align_corners=False)
+
+
+def read_cubic(image: Tensor, position: Tensor, sharpness: float = 0.5) -> Tensor:
     """Resample with a cubic (sharpness 0.5: Catmull-Rom) from five bilinear reads.
 
     The middle two samples of an axis share a read. The four corner reads have small weights; they are
     skipped, and the remaining weights are normalised.
+
+    Args:
+        image: (1, c, h, w).
+        position: (1, H, W, 2) in its pixels.
+        sharpness: minus the slope of the cubic at distance 1.
     """
-    across, down = _cubic_reads(x, image.shape[3], sharpness), _cubic_reads(y, image.shape[2], sharpness)
-    row = across.middle * _sampled(image, across.at, down.at)
-    for at, weight in ((across.first_at, across.first), (across.last_at, across.last)):
-        row = row + weight * _sampled(image, at, down.at)
-    column = down.first * _sampled(image, across.at, down.first_at)
-    column = column + down.last * _sampled(image, across.at, down.last_at)
-    skipped = (1.0 - across.middle) * (1.0 - down.middle)
-    return (down.middle * row + across.middle * column) / (1.0 - skipped)
+    reads = _cubic_reads(position, render_size_of(image), sharpness)
+    (first_x, first_y), (middle_x, middle_y), (last_x, last_y) = (
+        (weight[..., 0], weight[..., 1]) for weight in reads.weights
+    )
+    first, middle, last = reads.places
+    of_x = torch.tensor([True, False], device=position.device)
+    taps = [
+        (middle_x * middle_y, middle),
+        (first_x * middle_y, torch.where(of_x, first, middle)),
+        (last_x * middle_y, torch.where(of_x, last, middle)),
+        (middle_x * first_y, torch.where(of_x, middle, first)),
+        (middle_x * last_y, torch.where(of_x, middle, last)),
+    ]
+    total = 1.0 - (1.0 - middle_x) * (1.0 - middle_y)
+    return sum_of([weight * _sampled(image, place) for weight, place in taps]) / total
 
 
 class _CubicReads(NamedTuple):
-    """Three bilinear reads along one axis: normalised positions and weights; the weights sum to 1."""
+    """Three bilinear reads along each axis: before the pixel, of the middle two samples, after it."""
 
-    first_at: Tensor
-    at: Tensor  # of the middle two samples
-    last_at: Tensor
-    first: Tensor
-    middle: Tensor
-    last: Tensor
+    places: tuple[Tensor, Tensor, Tensor]  # (1, H, W, 2) each, normalised
+    weights: tuple[Tensor, Tensor, Tensor]  # (1, H, W, 2) each; they sum to 1
 
 
-def _cubic_reads(position: Tensor, size: int, sharpness: float) -> _CubicReads:
+def _cubic_reads(position: Tensor, size: Size, sharpness: float) -> _CubicReads:
     whole = position.floor()
     t = position - whole
     s = 1.0 - t
@@ -172,12 +208,9 @@ def _cubic_reads(position: Tensor, size: int, sharpness: float) -> _CubicReads:
     first = outer * s
     second = t + product * ((2.0 - sharpness) * t - (1.0 - sharpness))  # weight of the sample after
     middle = 1.0 - outer
-    sample = whole * (2.0 / size)
+    extent = pair(position, 0.5 * size.width, 0.5 * size.height)
+    before = (whole - (extent + 0.5)) / extent
     return _CubicReads(
-        sample + (-1.0 / size - 1.0),
-        _normalised(whole + second / middle, size),
-        sample + (5.0 / size - 1.0),
-        first,
-        middle,
-        outer - first,
+        (before, _normalised(whole + second / middle, size), before + 3.0 / extent),
+        (first, middle, outer - first),
     )

@@ -16,8 +16,10 @@ from supersampler_model.ops.size import Size, render_size_of
 
 Kernel = Callable[[Tensor], Tensor]
 """Weight of a sample at a distance, elementwise."""
-BLOCK = 32
+BLOCK = 16
 """Outputs that `resample` sums by one matrix product."""
+ALIGNED = 16
+"""Multiple of display pixels to which a grid may be extended: networks then need no padding of their own."""
 WINDOW = 9
 """Samples in a learned kernel: a 3x3 neighbourhood."""
 MIN_WEIGHT = 1e-3
@@ -27,6 +29,8 @@ MIN_WEIGHT = 1e-3
 class Grid(NamedTuple):
     """Positions of the display pixels in the render-size input, and their nearest samples, per axis."""
 
+    pixel_x: Tensor  # (W,) int64 display pixel: ascending, but for those beyond the display
+    pixel_y: Tensor  # (H,)
     x: Tensor  # (W,) render pixels, 0 is the centre of sample 0
     y: Tensor  # (H,)
     column: Tensor  # (W,) int64, nearest sample
@@ -35,6 +39,7 @@ class Grid(NamedTuple):
     top: Tensor  # (H,)
     across: int  # samples that the positions of BLOCK neighbouring pixels span at most, x axis
     down: int  # y axis
+    aligned: bool  # whether W and H are multiples of ALIGNED
 
 
 class Extent(NamedTuple):
@@ -51,21 +56,32 @@ class View(NamedTuple):
     extent: Extent | Size
     jitter: Tensor  # (1, 2) render pixels
 
-    def to_render(self, x: Tensor, y: Tensor) -> tuple[Tensor, Tensor]:
-        """Positions in display pixels as positions in render pixels."""
-        return (
-            (x + 0.5) * self.extent.width / self.display.width - 0.5 - self.jitter[0, 0],
-            (y + 0.5) * self.extent.height / self.display.height - 0.5 - self.jitter[0, 1],
+    def to_render(self, position: Tensor) -> Tensor:
+        """Positions (1, H, W, 2) in display pixels as positions in render pixels."""
+        scale = pair(
+            position, self.extent.width / self.display.width, self.extent.height / self.display.height
         )
+        return position * scale + (0.5 * scale - 0.5 - self.jitter[0])
 
-    def grid(self, render: Size) -> Grid:
-        """Grid of the display pixels in an input of size `render`."""
-        x = positions(self.display.width, self.extent.width, self.jitter[0, :1])
-        y = positions(self.display.height, self.extent.height, self.jitter[0, 1:])
+    def grid(self, render: Size, *, aligned: bool = False) -> Grid:
+        """Grid of the display pixels in an input of size `render`.
+
+        Args:
+            render: (width, height) of the input.
+            aligned: extend the grid to multiples of ALIGNED, see `extended`.
+        """
+        device = self.jitter.device
+        pixel_x, pixel_y = (
+            extended(extent, device) if aligned else torch.arange(extent, device=device)
+            for extent in self.display
+        )
+        x = positions(pixel_x, self.display.width, self.extent.width, self.jitter[0, :1])
+        y = positions(pixel_y, self.display.height, self.extent.height, self.jitter[0, 1:])
         column, row = nearest(x, render.width), nearest(y, render.height)
         left, top = nearest(x.floor(), render.width), nearest(y.floor(), render.height)
         across = span(self.extent.width, self.display.width)
-        return Grid(x, y, column, row, left, top, across, span(self.extent.height, self.display.height))
+        down = span(self.extent.height, self.display.height)
+        return Grid(pixel_x, pixel_y, x, y, column, row, left, top, across, down, aligned)
 
 
 def grid_of(display: Size, render: Size, jitter: Tensor) -> Grid:
@@ -82,12 +98,35 @@ class Bands(NamedTuple):
 
     indices: Tensor  # (blocks * reach,) int64, samples of each block
     weights: Tensor  # (blocks, BLOCK, reach)
-    outputs: int
+    outputs: int | None  # None: all of the blocks
 
 
-def positions(display: int, render: float, jitter: Tensor) -> Tensor:
-    """(display,) positions of the display pixels of one axis, in render pixels; `jitter` is (1,)."""
-    pixel = torch.arange(display, dtype=torch.float32, device=jitter.device)
+def pair(like: Tensor, x: float, y: float) -> Tensor:
+    """(2,) two numbers, which may be symbolic while a graph is exported."""
+    one = like.new_ones(1)
+    return torch.cat([one * x, one * y])
+
+
+def extended(size: int, device: torch.device) -> Tensor:
+    """(n,) int64 pixels of an axis, extended to a multiple of ALIGNED.
+
+    The last two pixels are repeated, of which an even one comes first: 2x2 pixels then extend the axis by
+    whole pairs, as an image of packed pixels is extended.
+    """
+    index = torch.arange((size + ALIGNED - 1) // ALIGNED * ALIGNED, device=device)
+    pairs = (index // 2).clamp(max=(size + 1) // 2 - 1)
+    return (2 * pairs + index % 2).clamp(max=size - 1)
+
+
+def positions(pixel: Tensor, display: int, render: float, jitter: Tensor) -> Tensor:
+    """(n,) positions of display pixels of one axis, in render pixels.
+
+    Args:
+        pixel: (n,) of `display`.
+        display: extent of the display.
+        render: extent of the display in render pixels.
+        jitter: (1,) render pixels.
+    """
     return (pixel + 0.5) * render / display - 0.5 - jitter
 
 
@@ -103,7 +142,14 @@ def span(size: float, outputs: float) -> int:
 
 
 def bands(
-    position: Tensor, size: int, spanned: int, kernel: Kernel, *, reach: int = 2, scale: float = 1.0
+    position: Tensor,
+    size: int,
+    spanned: int,
+    kernel: Kernel,
+    *,
+    reach: int = 2,
+    scale: float = 1.0,
+    aligned: bool = False,
 ) -> Bands:
     """Weigh the `reach` samples to either side of each `position` along an axis, clamped at the border.
 
@@ -114,12 +160,15 @@ def bands(
         kernel: evaluated at the signed distance in samples times `scale`.
         reach: of the kernel.
         scale: of the distances.
+        aligned: whether n is a multiple of BLOCK.
     """
-    count = position.shape[0]
-    blocks = (count + BLOCK - 1) // BLOCK + 1  # never 1, which the exporter would make a constant
-    whole = torch.arange(blocks * BLOCK, device=position.device).clamp(max=count - 1)
-    at = position.index_select(0, whole).reshape(-1, BLOCK, 1)
-    first = at[:, :1].floor() - float(reach - 1)
+    count = None if aligned else position.shape[0]
+    if count is not None:
+        blocks = (count + BLOCK - 1) // BLOCK + 1  # never 1, which the exporter would make a constant
+        whole = torch.arange(blocks * BLOCK, device=position.device).clamp(max=count - 1)
+        position = position.index_select(0, whole)
+    at = position.reshape(-1, BLOCK, 1)
+    first = at.amin(dim=1, keepdim=True).floor() - float(reach - 1)
     sample = first + torch.arange(spanned + 2 * reach - 1, device=position.device)  # (blocks, 1, reach)
     distance, steps = sample - at, sample - at.floor()
     near = (steps >= 1.0 - reach) & (steps <= float(reach))
@@ -146,6 +195,8 @@ def _resample_rows(image: Tensor, y: Bands) -> Tensor:
     channels, width = image.shape[1], image.shape[3]
     rows = image.index_select(2, y.indices).reshape(1, channels, blocks, reach, width)
     sums = (y.weights @ rows).reshape(1, channels, blocks * BLOCK, width)
+    if y.outputs is None:
+        return sums
     # not a slice, of which the exporter cannot prove that it fits
     return sums.index_select(2, torch.arange(y.outputs, device=image.device))
 
@@ -162,10 +213,13 @@ def grid_bands(
     grid: Grid, render: Size, kernel: Kernel, *, reach: int = 2, scale: tuple[float, float] = (1.0, 1.0)
 ) -> tuple[Bands, Bands]:
     """Weights of the display pixels in an input of size `render`, per axis; see `bands`."""
-    return (
-        bands(grid.x, render.width, grid.across, kernel, reach=reach, scale=scale[0]),
-        bands(grid.y, render.height, grid.down, kernel, reach=reach, scale=scale[1]),
+    across, down = (
+        bands(position, size, spanned, kernel, reach=reach, scale=factor, aligned=grid.aligned)
+        for position, size, spanned, factor in zip(
+            (grid.x, grid.y), render, (grid.across, grid.down), scale, strict=True
+        )
     )
+    return across, down
 
 
 def normalised(sums: Tensor) -> Tensor:
@@ -241,8 +295,18 @@ def pick(image: Tensor, grid: Grid) -> Tensor:
 
 
 def pick_first(image: Tensor, grid: Grid) -> Tensor:
-    """Read the upper left of the four samples around each display pixel."""
+    """Read the upper left of the four samples around each display pixel: (1, c, h, w) -> (1, c, H, W)."""
     return image.index_select(3, grid.left).index_select(2, grid.top)
+
+
+def pick_first_vector(vectors: Tensor, grid: Grid) -> Tensor:
+    """`pick_first` where the two channels come last: (1, h, w, 2) -> (1, H, W, 2)."""
+    return vectors.index_select(2, grid.left).index_select(1, grid.top)
+
+
+def pick_vector(vectors: Tensor, grid: Grid) -> Tensor:
+    """`pick` where the two channels come last: (1, h, w, 2) -> (1, H, W, 2)."""
+    return vectors.index_select(2, grid.column).index_select(1, grid.row)
 
 
 def sum_of(terms: list[Tensor]) -> Tensor:
@@ -283,11 +347,22 @@ def neighbours_3x3(image: Tensor) -> list[Tensor]:
     return [tall[:, :, dy : dy + h, dx : dx + w] for dy in range(3) for dx in range(3)]
 
 
-def padded_3x3(image: Tensor) -> Tensor:
-    """Repeat the edges by one pixel: (1, c, h, w) -> (1, c, h + 2, w + 2)."""
-    for axis in (2, 3):
-        size = image.shape[axis]
-        index = torch.arange(-1, size + 1, device=image.device).clamp(0, size - 1)
+def repeated(image: Tensor, size: Size) -> Tensor:
+    """Repeat the last row and column of the upper left part of a size over the rest of the image."""
+    for axis, extent in ((2, size.height), (3, size.width)):
+        index = torch.arange(image.shape[axis], device=image.device).clamp(max=extent - 1)
+        image = image.index_select(axis, index)
+    return image
+
+
+def padded_3x3(image: Tensor, size: Size | None = None) -> Tensor:
+    """Repeat the edges by one pixel: (1, c, h, w) -> (1, c, h + 2, w + 2).
+
+    With a `size`, the edges are those of an image of that size in the upper left.
+    """
+    width, height = size or render_size_of(image)
+    for axis, extent in ((2, height), (3, width)):
+        index = torch.arange(-1, image.shape[axis] + 1, device=image.device).clamp(0, extent - 1)
         image = image.index_select(axis, index)
     return image
 
@@ -307,9 +382,9 @@ def minimum_3x3(image: Tensor) -> Tensor:
     return -F.max_pool2d(-image, 3, 1, 1)
 
 
-def blurred(image: Tensor) -> Tensor:
-    """Mean over 3x3, edges repeated."""
-    return window_sum(padded_3x3(image), 3) / 9.0
+def blurred(image: Tensor, size: Size | None = None) -> Tensor:
+    """Mean over 3x3, edges repeated; `size`: see `padded_3x3`."""
+    return window_sum(padded_3x3(image, size), 3) / 9.0
 
 
 def window_sum(image: Tensor, size: int, padding: int = 0) -> Tensor:
@@ -319,9 +394,9 @@ def window_sum(image: Tensor, size: int, padding: int = 0) -> Tensor:
     return F.conv2d(image, ones, padding=padding, groups=channels)
 
 
-def shifted(image: Tensor, across: int, down: int) -> Tensor:
-    """Each pixel's neighbour at an offset along one axis, edges repeated."""
-    axis, offset = (3, across) if across else (2, down)
-    size = image.shape[axis]
-    index = torch.arange(size, device=image.device) + offset
-    return image.index_select(axis, index.clamp(0, size - 1))
+def shifted(image: Tensor, across: int, down: int, size: Size | None = None) -> Tensor:
+    """Each pixel's neighbour at an offset along one axis, edges repeated; `size`: see `padded_3x3`."""
+    width, height = size or render_size_of(image)
+    axis, offset, extent = (3, across, width) if across else (2, down, height)
+    index = torch.arange(image.shape[axis], device=image.device) + offset
+    return image.index_select(axis, index.clamp(0, extent - 1))

@@ -9,6 +9,7 @@ from supersampler_model.data.dataset import Dataset
 from supersampler_model.data.labels import Ghost
 from supersampler_model.methods.classifier.buffers import Gathered, History
 from supersampler_model.methods.classifier.model import Classifier
+from supersampler_model.methods.classifier.network import cut_to, unpack
 from supersampler_model.ops.size import render_size_of
 from supersampler_model.training.class_loss import ClassifierWeights, class_loss
 from supersampler_model.training.crops import Sample, Stream
@@ -61,7 +62,7 @@ class ClassifierTask(Task[Sample]):
         """
         method, images, after = self.method, [], []
         for i, (g, sample) in enumerate(zip(gathered, samples, strict=True)):
-            done = method.finish(g, logits[i : i + 1], blend[i : i + 1])
+            done = method.finish(g, logits[i : i + 1], unpack(blend[i : i + 1]))
             images.append(done.image)
             state, classes = done.state.detach(), done.classes.detach()
             after.append([done.image, state, classes, g.surfaces, sample.view.jitter, g.followed])
@@ -87,5 +88,5 @@ class ClassifierTask(Task[Sample]):
 def _ghost(samples: list[Sample], gathered: list[Gathered]) -> Tensor:
     """(n, H, W) ghosting classes; pixels reprojected outside of the crop are disoccluded."""
     ghost = torch.cat([s.ghost for s in samples])
-    off_screen = torch.cat([1.0 - g.reprojection.on_screen for g in gathered])[:, 0] > 0.0
+    off_screen = torch.cat([1.0 - cut_to(g.reprojection.on_screen, g.display) for g in gathered])[:, 0] > 0.0
     return torch.where(off_screen & (ghost < UNKNOWN), Ghost.VISIBILITY, ghost)

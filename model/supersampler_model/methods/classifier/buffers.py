@@ -5,7 +5,8 @@ from typing import NamedTuple
 from torch import Tensor
 
 from supersampler_model.ops.motion import Reprojection
-from supersampler_model.ops.sampling import Window
+from supersampler_model.ops.sampling import Grid, Window
+from supersampler_model.ops.size import Size
 
 
 class CurrentFrame(NamedTuple):
@@ -36,7 +37,7 @@ class WarpedHistory(NamedTuple):
 
 
 class Gathered(NamedTuple):
-    """Results of the gather stage."""
+    """Results of the gather stage. H and W are those of the grid, which extends beyond the display."""
 
     current: CurrentFrame
     warped: WarpedHistory
@@ -46,6 +47,8 @@ class Gathered(NamedTuple):
     exposure: Tensor  # (1,) > 0
     followed: Tensor  # (1,) signed exposure for the history, see `exposure_for`
     flash: Tensor  # (1,) bool, see `is_flash`
+    display: Size
+    grid: Grid
 
 
 class History(NamedTuple):

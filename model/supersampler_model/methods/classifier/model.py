@@ -37,12 +37,13 @@ from supersampler_model.methods.classifier.buffers import (
     History,
     WarpedHistory,
 )
-from supersampler_model.methods.classifier.network import ClassifierNetwork, class_probabilities, pack, unpack
+from supersampler_model.methods.classifier.network import ClassifierNetwork, class_probabilities, cut_to, pack
 from supersampler_model.methods.classifier.network_inputs import neighbourhood_inputs, pixel_inputs
 from supersampler_model.methods.learned import LearnedMethod
 from supersampler_model.ops.color import (
     CONFIRMED,
     GLARE,
+    MAX_HALF,
     TONES,
     bounded,
     exposure_for,
@@ -66,6 +67,7 @@ from supersampler_model.ops.motion import (
     read_cubic,
     relative_depth_change,
     reproject,
+    to_display,
     usable_depth,
     usable_motion,
 )
@@ -82,16 +84,19 @@ from supersampler_model.ops.sampling import (
     neighbourhood_samples,
     pick,
     pick_first,
+    pick_first_vector,
+    pick_vector,
     shifted,
     sum_of,
     upsample,
     weighed,
 )
-from supersampler_model.ops.size import display_size_of, render_size_of
+from supersampler_model.ops.size import Size, display_size_of, half_of, render_size_of
 
 TONED = 1.0 - 1e-4  # maximum of a toned colour
 SHARPEST = 2.0  # maximum factor of the detail that is added
 SIDE = 0.01  # initial weight of a neighbour in the learned cross on the history
+DIM = 1e30  # the unit off screen: every colour becomes black
 SIDES = ((0, -1), (-1, 0), (1, 0), (0, 1))  # the neighbours: above, left, right, below
 
 
@@ -174,23 +179,26 @@ class Classifier(LearnedMethod):
         followed = exposure_for(color, usable, exposure, history.exposure)
         flash = is_flash(followed, exposure, history.exposure)
         exposure = followed.abs()
-        depth = usable_depth(depth)
+        depth, motion = usable_depth(depth), usable_motion(motion)
         surfaces = torch.cat([depth, morphological_opening(depth)], dim=1)
-        motion, grid = usable_motion(motion), now.grid(render_size_of(color))
-        closest = pick_first(torch.cat(dilate_motion_2x2(depth, motion), dim=1), grid)
-        closest, dilated = closest.split_with_sizes([1, 2], dim=1)
+        grid = now.grid(render_size_of(color), aligned=True)
+        closest, dilated = dilate_motion_2x2(depth, motion)
+        closest = pick_first(closest, grid)
+        vectors, own_vectors = (to_display(vector, now.display, now.extent) for vector in (dilated, motion))
+        front = reproject(pick_first_vector(vectors, grid), now.display, grid)
+        own = reproject(pick_vector(own_vectors, grid), now.display, grid)
         exposed = color * exposure
-        planes = [motion, maximum_3x3(glaring(exposed, usable)), edge_of(depth)]
-        own_motion, *at_pixel = pick(torch.cat(planes, dim=1), grid).split_with_sizes([2, 1, 1], dim=1)
-        front = reproject(dilated, now.display, now.extent)
-        own = reproject(own_motion, now.display, now.extent)
+        planes = [maximum_3x3(glaring(exposed, usable)), edge_of(depth)]
+        at_pixel = channels_of(pick(torch.cat(planes, dim=1), grid))
         current = self.gather_current(self.toned(exposed) * usable, usable, at_pixel, now, grid)
         warped = self.gather_history(history, front, own, closest, before, exposure)
-        return Gathered(current, warped, front, closest, surfaces, exposure, followed, flash)
+        return Gathered(
+            current, warped, front, closest, surfaces, exposure, followed, flash, now.display, grid
+        )
 
-    def toned(self, color: Tensor) -> Tensor:
-        """Exposed linear RGB to the space in which colours are blended."""
-        return TONES[self.config.tone_space].tone(color)
+    def toned(self, color: Tensor, unit: Tensor | float = 1.0) -> Tensor:
+        """Linear RGB to the space in which colours are blended; `unit`: see `tone`."""
+        return TONES[self.config.tone_space].tone(color, unit)
 
     def gather_current(
         self, toned: Tensor, usable: Tensor, at_pixel: Sequence[Tensor], view: View, grid: Grid
@@ -230,46 +238,49 @@ class Classifier(LearnedMethod):
     ) -> WarpedHistory:
         """Warp the history."""
         c, on = self.config, front.on_screen  # zeros off screen, as before a first frame
-        x, y = before.to_render(front.x, front.y)
-        occluded = disocclusion(depth, history.depth[:, 1:2], x, y, c.depth_margin, c.depth_ramp)
-        depth_before = on * read(history.depth[:, :1], (x + 0.5).floor(), (y + 0.5).floor(), mode="nearest")
+        position = front.position
+        place = before.to_render(position)
+        opened, depths = history.depth[:, 1:2], history.depth[:, :1]
+        occluded = disocclusion(depth, opened, place, c.depth_margin, c.depth_ramp)
+        depth_before = on * read(depths, (place + 0.5).floor(), mode="nearest")
         difference = relative_depth_change(depth_before, depth)  # equation 10
-        samples, least, most = channels_of(on * read(history.state, front.x, front.y))
+        samples, least, most = channels_of(on * read(history.state, position))
         most, glare = without_glare(most)
-        linear = self.toned(sanitize(read(history.color, front.x, front.y), 0.0) * exposure) * on
-        cubic = sanitize(read_cubic(history.color, front.x, front.y, c.history_sharpness), 0.0)
-        color = self.toned(cubic * exposure) * on
+        unit = 1.0 / exposure
+        unit_on_screen = torch.where(on > 0.0, unit, DIM)
+        linear = self.toned(read(history.color, position), unit_on_screen)
+        cubic = read_cubic(history.color, position, c.history_sharpness).clamp(0.0, MAX_HALF)
+        color = self.toned(cubic, unit_on_screen)
         return WarpedHistory(
             color=color,
             detail=color - linear,
-            own=self.toned(sanitize(read(history.color, own.x, own.y), 0.0) * exposure),
+            own=self.toned(read(history.color, own.position), unit),
             samples=samples,
             range=torch.cat([least, most], dim=1),
             glare=glare,
             difference=difference.clamp(-1.0, 1.0) * (depth >= 0.0),
             surface=on * (1.0 - 2.0 * occluded).clamp(min=0.0),
-            classes=on[:, :, ::2, ::2]
-            * read(history.classes, 0.5 * front.x[:, :, ::2, ::2], 0.5 * front.y[:, :, ::2, ::2]),
+            classes=on[:, :, ::2, ::2] * read(history.classes, 0.5 * position[:, ::2, ::2]),
         )
 
     def infer(self, gathered: Gathered) -> tuple[Tensor, Tensor]:
-        """Return logits and blend parameters."""
+        """Return logits (1, 6, H / 2, W / 2) and blend parameters (1, m, H, W)."""
         infer = cast("Callable[..., tuple[Tensor, Tensor]]", self.net.on_pixels)
         return infer(*self.inputs_of_pixels(gathered))
 
     def network_inputs(self, gathered: Gathered) -> tuple[Tensor, Tensor]:
         """Return the network inputs: packed pixels, and channels at half display size."""
         pixels, half_inputs = self.inputs_of_pixels(gathered)
-        return pack(pixels), half_inputs
+        return pack(torch.cat(pixels, dim=1)), half_inputs
 
-    def inputs_of_pixels(self, gathered: Gathered) -> tuple[Tensor, Tensor]:
+    def inputs_of_pixels(self, gathered: Gathered) -> tuple[list[Tensor], Tensor]:
         """Return the network inputs: channels at display size, and channels at half display size."""
         c = self.config
-        pixels = pixel_inputs(gathered.current, gathered.warped, gathered.reprojection, c.count_code)
-        around = neighbourhood_inputs(pixels)
+        pixels = pixel_inputs(gathered, c.count_code)
+        around = neighbourhood_inputs(pixels, gathered.display)
         classes = gathered.warped.classes[:, : CLASSES * c.recurrent]
-        planes = torch.cat([pixels[name] for name in c.inputs], dim=1)
-        return planes, torch.cat([classes, *(around[name] for name in c.neighbourhood_inputs)], dim=1)
+        half_inputs = torch.cat([classes, *(around[name] for name in c.neighbourhood_inputs)], dim=1)
+        return [pixels[name] for name in c.inputs], half_inputs
 
     def history_colors(
         self, gathered: Gathered, sharpness: Tensor, cross: Tensor
@@ -280,7 +291,7 @@ class Classifier(LearnedMethod):
         if self.config.corrected:  # positive weights: negative ones could amplify errors recursively
             sides = SIDE * cross.exp()
             beside = zip(channels_of(sides), SIDES, strict=True)
-            weighted = [side * shifted(warped.color, *offset) for side, offset in beside]
+            weighted = [side * shifted(warped.color, *offset, gathered.display) for side, offset in beside]
             moved = sum_of([moved, *weighted]) / (1.0 + sides.sum(dim=1, keepdim=True))
         sharpened = (moved + sharpness.clamp(0.0, SHARPEST) * warped.detail).clamp(0.0, TONED)
         known = (warped.samples > 0.0).float()  # without history the weight is 0 whatever the network infers
@@ -294,13 +305,16 @@ class Classifier(LearnedMethod):
         return found
 
     def finish(self, gathered: Gathered, logits: Tensor, blend: Tensor) -> Finished:
-        """Blend, update count, luma range and classes, and return to linear RGB."""
+        """Blend, update count, luma range and classes, and return to linear RGB.
+
+        Args:
+            gathered: from `gather`.
+            logits: (1, 6, H / 2, W / 2).
+            blend: (1, m, H, W) blend parameters.
+        """
         current, warped = gathered.current, gathered.warped
-        h, w = current.frame.shape[2], current.frame.shape[3]
         parts = (self.config.candidates, *self.config.filters)
-        factors, sharpness, cross, kernel = (
-            unpack(blend, h, w).clamp(-16.0, 16.0).split_with_sizes(parts, dim=1)
-        )
+        factors, sharpness, cross, kernel = blend.clamp(-16.0, 16.0).split_with_sizes(parts, dim=1)
         history_colors = self.history_colors(gathered, sharpness, cross)
         kernel = weighed(current.window, kernel, current.frame)
         sampled_here = (current.window.weight.sum(dim=1, keepdim=True) > 0.0).float()
@@ -324,12 +338,16 @@ class Classifier(LearnedMethod):
         low, high = luma + trust * (low - luma), luma + trust * (high - luma)
         glares = (current.glare > 0.0) & ((warped.samples > 0.0) | (warped.glare > 0.0))
         still_bright = (luma > WHITE) & (warped.glare > 0.0)
-        unconfirmed = glares | still_bright | unexplained_light(luma, current.first[:, :1], warped)
+        unconfirmed = (
+            glares | still_bright | unexplained_light(luma, current.first[:, :1], warped, gathered.display)
+        )
         unconfirmed = unconfirmed & (warped.glare < CONFIRMED - 1.0)
         count = torch.where(unconfirmed | gathered.flash, 0.0, count)
         glared = torch.where(unconfirmed, warped.glare + 1.0, CONFIRMED * current.glare)
         state = torch.cat([count, low, high + GLARE * glared], dim=1)
-        return Finished(image, state, classes, weight)
+        display = gathered.display
+        image, state, weight = (cut_to(plane, display) for plane in (image, state, weight))
+        return Finished(image, state, cut_to(classes, half_of(display)), weight)
 
 
 def edge_of(depth: Tensor) -> Tensor:
@@ -338,15 +356,16 @@ def edge_of(depth: Tensor) -> Tensor:
     return ((closest - farthest.clamp(min=0.0)) / closest.clamp(min=1e-12)).clamp(0.0, 1.0)
 
 
-def unexplained_light(luma: Tensor, around: Tensor, warped: WarpedHistory) -> Tensor:
+def unexplained_light(luma: Tensor, around: Tensor, warped: WarpedHistory, display: Size) -> Tensor:
     """(1, 1, H, W) bool: where light rises over all samples of the history, in a frame that is a flash.
 
     Args:
         luma: (1, 1, H, W) of the samples near each pixel, toned.
         around: (1, 1, H, W) mean luma of a neighbourhood, toned.
         warped: the history.
+        display: (width, height) of the image; planes may extend beyond it.
     """
     known = warped.samples * warped.surface > 0.0
     rises = (luma > WHITE) & (luma > warped.range[:, 1:2] + RISE) & known
-    sparse = (rises & (luma > around + CONTRAST)).float().sum(dim=(2, 3), keepdim=True)
-    return rises & (sparse / (luma.shape[2] * luma.shape[3]) > FLASH_FRACTION)
+    sparse = cut_to((rises & (luma > around + CONTRAST)).float(), display).sum(dim=(2, 3), keepdim=True)
+    return rises & (sparse / (display.width * display.height) > FLASH_FRACTION)

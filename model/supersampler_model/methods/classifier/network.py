@@ -5,12 +5,15 @@ paper's has after SpaceToDepth, and no tensor of the network is larger than half
 """
 
 import itertools
+from collections.abc import Sequence
 
 import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
+from torch.nn.utils.fusion import fuse_conv_bn_eval
 
 from supersampler.methods.classifier.spec import CLASSES, NetworkConfig
+from supersampler_model.ops.size import Size, render_size_of
 
 ALIGNED = 8  # the deepest level is at 1/8 of the packed size
 
@@ -22,27 +25,6 @@ class Pointwise(nn.Sequential):
         layers = [nn.Conv2d(channels, out, 1, bias=False), nn.BatchNorm2d(out)]
         super().__init__(*layers, *([nn.ReLU()] if rectified else []))
 
-    def forward(self, x: Tensor, pixels: Tensor | None = None) -> Tensor:
-        """(n, channels, h, w) to (n, out, h, w).
-
-        Args:
-            x: all channels, or those after the packed pixels.
-            pixels: (n, c, 2 h, 2 w) pixels of which `pack` would make the first 4 c channels.
-        """
-        convolution, *rest = self.children()
-        if pixels is None:
-            x = convolution(x)
-        else:
-            parameters = dict(convolution.named_parameters())  # after folding also a bias
-            weight, channels = parameters["weight"], pixels.shape[1]
-            parts = [4 * channels, weight.shape[1] - 4 * channels]
-            of_pixels, others = weight.split_with_sizes(parts, dim=1)
-            x = F.conv2d(x, others, parameters.get("bias"))
-            x = x + F.conv2d(pixels, of_pixels.reshape(-1, channels, 2, 2), stride=2)
-        for layer in rest:
-            x = layer(x)
-        return x
-
 
 class Block(nn.Sequential):
     """1x1, depthwise 3x3, 1x1: the bottleneck of the supplement's figure 1."""
@@ -50,12 +32,6 @@ class Block(nn.Sequential):
     def __init__(self, channels: int, out: int) -> None:
         depthwise = nn.Conv2d(out, out, 3, padding=1, groups=out, bias=False)
         super().__init__(Pointwise(channels, out), depthwise, Pointwise(out, out))
-
-    def forward(self, x: Tensor, pixels: Tensor | None = None) -> Tensor:
-        """(n, channels, h, w) to (n, out, h, w); `pixels`: see `Pointwise`."""
-        first, depthwise, last = self.children()
-        result: Tensor = last(depthwise(first(x, pixels)))
-        return result
 
 
 class Encoder(nn.Module):
@@ -71,21 +47,18 @@ class Encoder(nn.Module):
         kept = [*(c // 2 for c in levels[:-1]), levels[-1]]
         self.out_channels = sum(c // 4**i for i, c in enumerate(kept))
 
-    def forward(self, x: Tensor, pixels: Tensor | None = None) -> Tensor:
-        """(n, channels, h, w) to (n, out_channels, h, w); h and w are multiples of ALIGNED.
+    def forward(self, x: Tensor) -> Tensor:
+        """(n, channels, h, w) to (n, out_channels, h, w); h and w are multiples of ALIGNED."""
+        return self.deeper(self.blocks[0](x))
 
-        `pixels`: see `Pointwise`.
-        """
+    def deeper(self, x: Tensor) -> Tensor:
+        """Run all levels but the first on the result of the first."""
         outputs = []
-        for level, block in enumerate(self.blocks):
-            x = block(x, pixels) if level == 0 else block(x)
-            if level + 1 < len(self.blocks):
-                half = x.shape[1] // 2
-                kept, x = x[:, :half], F.max_pool2d(x[:, half:], 2)
-            else:
-                kept = x
-            outputs.append(F.pixel_shuffle(kept, 2**level) if level else kept)
-        return torch.cat(outputs, dim=1)
+        for level, block in enumerate(self.blocks[1:], 1):
+            kept, x = x.chunk(2, dim=1)
+            outputs.append(_unpacked(kept, level - 1))
+            x = block(F.max_pool2d(x, 2))
+        return torch.cat([*outputs, _unpacked(x, len(self.blocks) - 1)], dim=1)
 
 
 class ClassifierNetwork(nn.Module):
@@ -123,22 +96,45 @@ class ClassifierNetwork(nn.Module):
         """
         return self.decode(packed, encode(self.encoder, packed, half_inputs))
 
-    def on_pixels(self, pixels: Tensor, half_inputs: Tensor) -> tuple[Tensor, Tensor]:
-        """Return the results of `forward` from display pixels that are not packed.
+    def on_pixels(self, pixels: Sequence[Tensor], half_inputs: Tensor) -> tuple[Tensor, Tensor]:
+        """Infer as `forward` and `unpack` do, from display pixels that are not packed.
 
-        Packed pixels and a 1x1 convolution move more bytes than a 2x2 convolution at a stride of 2.
+        Packing and 1x1 convolutions move more bytes than 2x2 convolutions at a stride of 2.
 
         Args:
-            pixels: (n, c, H, W).
-            half_inputs: (n, d, h, w) inputs at half display size.
+            pixels: (n, c, H, W) in parts; H and W are multiples of 2 ALIGNED.
+            half_inputs: (n, d, H / 2, W / 2) inputs at half display size.
 
         Returns:
-            Logits as `forward`; blend parameters with up to ALIGNED - 1 more rows and columns.
+            Logits of CLASSES (n, 6, H / 2, W / 2) and blend parameters (n, m, H, W).
         """
-        pixels = padded_pixels(pixels)
-        features = self.decoder(self.encoder(padded(half_inputs), pixels))
-        logits: Tensor = self.classes(features)
-        return cut_to(logits, half_inputs), self.blend(self.hidden(features, pixels))
+        missing = -half_inputs.shape[1] % 4
+        if missing:
+            half_inputs = F.pad(half_inputs, (0, 0, 0, 0, 0, missing))
+        planes = torch.cat([*pixels, F.pixel_shuffle(half_inputs, 2)], dim=1)
+        first, depthwise, last = self.encoder.blocks[0].children()
+        weight, bias = _folded_weights(first)
+        x = F.conv2d(planes, _on_pixels(weight, planes.shape[1]), bias, stride=2).relu()
+        features = self.decoder(self.encoder.deeper(last(depthwise(x))))
+        hidden = self._hidden_and_one(planes, features)
+        return self.classes(features), self._blend_pixels(hidden)
+
+    def _hidden_and_one(self, planes: Tensor, features: Tensor) -> Tensor:
+        """Compute the hidden layer, and one more channel that is 1."""
+        weight, bias = _folded_weights(self.hidden)
+        of_pixels, of_features = weight.split_with_sizes(
+            [weight.shape[1] - features.shape[1], features.shape[1]], dim=1
+        )
+        bias, of_features = torch.cat([bias, bias.new_ones(1)]), F.pad(of_features, (0, 0, 0, 0, 0, 0, 0, 1))
+        of_pixels = _on_pixels(F.pad(of_pixels, (0, 0, 0, 0, 0, 0, 0, 1)), planes.shape[1])
+        return (F.conv2d(features, of_features, bias) + F.conv2d(planes, of_pixels, stride=2)).relu()
+
+    def _blend_pixels(self, hidden_and_one: Tensor) -> Tensor:
+        """Compute the unpacked blend parameters; their bias differs within 2x2 pixels: a channel of ones."""
+        assert self.blend.bias is not None
+        weight = torch.cat([self.blend.weight[:, :, 0, 0], self.blend.bias[:, None]], dim=1)
+        weight = weight.reshape(-1, 2, 2, weight.shape[1]).permute(3, 0, 1, 2)
+        return F.conv_transpose2d(hidden_and_one, weight, stride=2)
 
     def decode(self, packed: Tensor, features: Tensor) -> tuple[Tensor, Tensor]:
         """Return the results of `forward` from the encoder's features."""
@@ -156,42 +152,45 @@ def padded(image: Tensor, aligned: int = ALIGNED) -> Tensor:
     return image
 
 
-def padded_pixels(image: Tensor) -> Tensor:
-    """Extend display pixels so that their packed pixels are `padded(pack(image))`."""
-    for axis in (2, 3):
-        size = image.shape[axis]
-        half = (size + 1) // 2
-        whole = torch.arange((half + ALIGNED - 1) // ALIGNED * ALIGNED, device=image.device).clamp(
-            max=half - 1
-        )
-        index = 2 * whole[:, None] + torch.arange(2, device=image.device)
-        image = image.index_select(axis, index.reshape(-1).clamp(max=size - 1))
-    return image
+def _unpacked(image: Tensor, level: int) -> Tensor:
+    """Unpack the channels of a level of the encoder to the size of the first."""
+    return F.pixel_shuffle(image, 2**level) if level else image
 
 
-def cut_to(image: Tensor, like: Tensor) -> Tensor:
-    """Undo `padded`."""
-    return image[:, :, : like.shape[2], : like.shape[3]]
+def _folded_weights(layer: nn.Module) -> tuple[Tensor, Tensor]:
+    """Weight and bias of a `Pointwise` with its batch normalisation, unless that is folded already."""
+    convolution, normalisation = list(layer.children())[:2]
+    assert isinstance(convolution, nn.Conv2d)
+    if isinstance(normalisation, nn.BatchNorm2d):
+        convolution = fuse_conv_bn_eval(convolution, normalisation)
+    assert convolution.bias is not None
+    return convolution.weight, convolution.bias
+
+
+def _on_pixels(weight: Tensor, channels: int) -> Tensor:
+    """Weights of packed pixels, (out, 4 c, 1, 1), as those of 2x2 pixels, (out, channels, 2, 2), c <= channels."""
+    weight = F.pad(weight, (0, 0, 0, 0, 0, 4 * channels - weight.shape[1]))
+    return weight.reshape(-1, channels, 2, 2)
+
+
+def cut_to(image: Tensor, size: Size) -> Tensor:
+    """Cut an image to the upper left part of a size: undo `padded`."""
+    return image[:, :, : size.height, : size.width]
 
 
 def encode(encoder: nn.Module, *inputs: Tensor) -> Tensor:
     """Run an `Encoder` on inputs of any size: (n, c, h, w) each to (n, out_channels, h, w)."""
-    return cut_to(encoder(padded(torch.cat(inputs, dim=1))), inputs[0])
+    return cut_to(encoder(padded(torch.cat(inputs, dim=1))), render_size_of(inputs[0]))
 
 
 def pack(image: Tensor) -> Tensor:
     """Pack 2x2 pixels into one; an odd last row or column repeats: (n, c, H, W) -> (n, 4 c, H / 2, W / 2)."""
-    return F.pixel_unshuffle(even(image), 2)
+    return F.pixel_unshuffle(padded(image, 2), 2)
 
 
-def even(image: Tensor) -> Tensor:
-    """Repeat an odd last row or column."""
-    return padded(image, 2)
-
-
-def unpack(packed: Tensor, h: int, w: int) -> Tensor:
-    """Inverse of `pack`, cut to (h, w)."""
-    return F.pixel_shuffle(packed, 2)[:, :, :h, :w]
+def unpack(packed: Tensor) -> Tensor:
+    """Inverse of `pack`: (n, 4 c, h, w) -> (n, c, 2 h, 2 w)."""
+    return F.pixel_shuffle(packed, 2)
 
 
 def class_probabilities(logits: Tensor) -> Tensor:

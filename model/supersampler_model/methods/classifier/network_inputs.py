@@ -13,11 +13,10 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from supersampler.methods.classifier.spec import NEIGHBOURHOOD_INPUTS, CountCode
-from supersampler_model.methods.classifier.buffers import CurrentFrame, WarpedHistory
-from supersampler_model.methods.classifier.network import even
+from supersampler_model.methods.classifier.buffers import Gathered
 from supersampler_model.ops.color import largest, luminance
-from supersampler_model.ops.motion import Reprojection, squared_length
-from supersampler_model.ops.sampling import blurred, channels_of, maximum_3x3, minimum_3x3
+from supersampler_model.ops.sampling import blurred, channels_of, maximum_3x3, minimum_3x3, repeated
+from supersampler_model.ops.size import Size, half_of
 
 MOST = 64.0  # samples at which the logarithm is 1
 COUNTS: Mapping[CountCode, Callable[[Tensor], Tensor]] = {
@@ -27,17 +26,15 @@ COUNTS: Mapping[CountCode, Callable[[Tensor], Tensor]] = {
 """Encodings of the sample count, to [0, 1)."""
 
 
-def pixel_inputs(
-    current: CurrentFrame, warped: WarpedHistory, reprojection: Reprojection, count: CountCode = "saturating"
-) -> dict[str, Tensor]:
+def pixel_inputs(gathered: Gathered, count: CountCode = "saturating") -> dict[str, Tensor]:
     """Compute all of INPUTS; values are at most about 1."""
+    current, warped, reprojection = gathered.current, gathered.warped, gathered.reprojection
     frame, sample, color, range_ = (
         _root(c) for c in (current.frame, current.sample, warped.color, warped.range)
     )
     luma, luma_before = luminance(sample), luminance(color)
-    low, high = minimum_3x3(luma_before), maximum_3x3(luma_before)
-    speed = squared_length(reprojection.motion).sqrt()
-    across, down = reprojection.x - reprojection.x.floor(), reprojection.y - reprojection.y.floor()
+    low, high = channels_of(_range(luma_before, gathered))
+    speed = reprojection.speed()
     return {
         "frame": luminance(frame),
         "sample": luma,
@@ -55,26 +52,34 @@ def pixel_inputs(
         "depth_difference": warped.difference,
         "surface": warped.surface,
         "speed": speed / (speed + 4.0),
-        "blur": 2.0 * (across * (1.0 - across) + down * (1.0 - down)),
+        "blur": reprojection.blur(),
         "edge": current.edge,
     }
 
 
-def neighbourhood_inputs(pixels: dict[str, Tensor]) -> dict[str, Tensor]:
+def _range(luma: Tensor, gathered: Gathered) -> Tensor:
+    """(1, 2, H, W) minimum and maximum over 3x3 pixels."""
+    least_and_most = torch.cat([minimum_3x3(luma), maximum_3x3(luma)], dim=1)
+    grid = gathered.grid  # beyond the display, a neighbourhood is that of the repeated pixel
+    return least_and_most.index_select(3, grid.pixel_x).index_select(2, grid.pixel_y)
+
+
+def neighbourhood_inputs(pixels: dict[str, Tensor], display: Size) -> dict[str, Tensor]:
     """Compute all of NEIGHBOURHOOD_INPUTS from the inputs per pixel.
 
     Aliasing averages out over a neighbourhood, a change of lighting does not.
     """
     apart = pixels["history"] - pixels["frame"]
-    means = channels_of(_root(_mean(torch.cat([apart, apart.abs()], dim=1)).abs()))
+    means = channels_of(_root(_mean(torch.cat([apart, apart.abs()], dim=1), display).abs()))
     return dict(zip(NEIGHBOURHOOD_INPUTS, means, strict=True))
 
 
-def _mean(image: Tensor) -> Tensor:
+def _mean(image: Tensor, display: Size) -> Tensor:
     """Reduce (1, c, H, W) to half size and blur with a 5x5 tent."""
-    channels = image.shape[1]
+    channels, half = image.shape[1], half_of(display)
     quarters = image.new_full((channels, 1, 2, 2), 0.25)
-    return blurred(blurred(F.conv2d(even(image), quarters, stride=2, groups=channels)))
+    means = F.conv2d(image, quarters, stride=2, groups=channels)
+    return repeated(blurred(blurred(means, half), half), half)
 
 
 def _root(value: Tensor) -> Tensor:

@@ -17,6 +17,7 @@ from supersampler_model.methods.classifier.network import (
     Encoder,
     Pointwise,
     class_probabilities,
+    cut_to,
     encode,
     pack,
 )
@@ -72,11 +73,11 @@ class PaperClassifier(Classifier):
     ) -> WarpedHistory:
         """Warp the history: count, range and depth by nearest samples, classes bilinearly (section 3)."""
         del own
-        x, y = before.to_render(front.x, front.y)
-        depth_before = read(history.depth[:, :1], (x + 0.5).floor(), (y + 0.5).floor(), mode="nearest")
+        nearest = (before.to_render(front.position) + 0.5).floor()
+        depth_before = read(history.depth[:, :1], nearest, mode="nearest")
         difference = relative_depth_change(depth_before, depth)  # equation 10
-        state = read(history.state, (front.x + 0.5).floor(), (front.y + 0.5).floor(), mode="nearest")
-        color = read_cubic(history.color, front.x, front.y)  # "similar to TAA"
+        state = read(history.state, (front.position + 0.5).floor(), mode="nearest")
+        color = read_cubic(history.color, front.position)  # "similar to TAA"
         toned = self.toned(sanitize(color, 0.0) * exposure)
         return WarpedHistory(
             color=toned,
@@ -87,7 +88,7 @@ class PaperClassifier(Classifier):
             glare=torch.zeros_like(state[:, :1]),
             difference=difference.clamp(-1.0, 1.0) * (depth >= 0.0),
             surface=front.on_screen,
-            classes=read(history.classes, front.x, front.y),
+            classes=read(history.classes, front.position),
         )
 
     def infer(self, gathered: Gathered) -> tuple[Tensor, Tensor]:
@@ -101,7 +102,7 @@ class PaperClassifier(Classifier):
         planes = [
             gathered.current.frame,
             gathered.depth.clamp(min=0.0),
-            gathered.reprojection.motion * 0.1,
+            gathered.reprojection.motion.permute(0, 3, 1, 2) * 0.1,
             1.0 / (warped.samples + 1.0),  # the count itself has no bound
             warped.range,
             warped.difference,
@@ -141,4 +142,5 @@ class PaperClassifier(Classifier):
         high = torch.maximum(high, now) - rate * (high - now).clamp(min=0.0)
         point = torch.cat([now, now], dim=1)  # the range of this frame alone
         range_ = point + kept * (torch.cat([low, high], dim=1) - point)
-        return Finished(image, torch.cat([next_count, range_], dim=1), classes, weight)
+        state = torch.cat([next_count, range_], dim=1)
+        return Finished(*(cut_to(plane, gathered.display) for plane in (image, state, classes, weight)))

@@ -13,7 +13,7 @@ from torch.nn import functional as F
 from supersampler.methods.extrapolation.spec import FlowNetworkConfig
 from supersampler_model.methods.classifier.network import Block, cut_to, padded
 from supersampler_model.methods.gbuffer.network import doubled
-from supersampler_model.ops.motion import read
+from supersampler_model.ops.motion import positions_of, read
 
 LIGHT = 4  # channels of an input: toned light, roughness
 FLOW = 2  # output channels of the flow: offset across, offset down
@@ -95,4 +95,4 @@ def moved(image: Tensor, flow: Tensor) -> Tensor:
     """
     x = torch.arange(image.shape[3], device=image.device) + flow[:, :1]
     y = torch.arange(image.shape[2], device=image.device)[:, None] + flow[:, 1:]
-    return read(image.float(), x, y).to(image.dtype)
+    return read(image.float(), positions_of(x, y)).to(image.dtype)

@@ -15,7 +15,7 @@ from torch import Tensor
 
 from supersampler.methods.extrapolation.spec import GuidedWarpConfig
 from supersampler_model.ops.color import MAX_HALF, finite, sanitize, valid
-from supersampler_model.ops.motion import FAR, UNKNOWN_DEPTH, read, usable_depth, usable_motion
+from supersampler_model.ops.motion import FAR, UNKNOWN_DEPTH, positions_of, read, usable_depth, usable_motion
 from supersampler_model.ops.sampling import sum_of
 from supersampler_model.ops.size import Size, render_size_of
 
@@ -173,7 +173,8 @@ def back_to_shaded(motion: Tensor, jitter: Tensor, before: Tensor, jitter_before
     """
     motion = usable_motion(motion)
     render, previous = render_size_of(motion), render_size_of(before)
-    rest = read(usable_motion(before), *samples_at(motion, jitter, previous, jitter_before))
+    places = positions_of(*samples_at(motion, jitter, previous, jitter_before))
+    rest = read(usable_motion(before), places)
     across = rest[:, :1] * render.width / previous.width
     down = rest[:, 1:] * render.height / previous.height
     return (motion + torch.cat([across, down], dim=1)).clamp(-FAR, FAR)

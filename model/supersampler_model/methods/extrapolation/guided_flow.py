@@ -29,7 +29,7 @@ from supersampler_model.methods.extrapolation.guided import (
 )
 from supersampler_model.methods.learned import LearnedMethod
 from supersampler_model.ops.color import bounded, finite, measured_exposure, tone
-from supersampler_model.ops.motion import read, usable_motion
+from supersampler_model.ops.motion import positions_of, read, usable_motion
 from supersampler_model.ops.sampling import sum_of
 from supersampler_model.ops.size import Size, render_size_of
 
@@ -190,4 +190,4 @@ def doubled_linear(image: Tensor, size: Size) -> Tensor:
     zeros = torch.zeros((image.shape[0], 1, size.height, size.width), device=image.device)
     x = zeros + 0.5 * torch.arange(size.width, device=image.device)
     y = zeros + 0.5 * torch.arange(size.height, device=image.device)[:, None]
-    return read(image, x, y)
+    return read(image, positions_of(x, y))

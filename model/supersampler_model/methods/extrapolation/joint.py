@@ -15,7 +15,7 @@ from supersampler.methods.extrapolation.spec import EXTRAPOLATE, EXTRAPOLATE_UNS
 from supersampler.methods.spec import HALF
 from supersampler_model.methods.base import Fused
 from supersampler_model.methods.classifier.model import Classifier
-from supersampler_model.methods.classifier.network import pack
+from supersampler_model.methods.classifier.network import pack, unpack
 from supersampler_model.methods.classifier.small import SmallClassifier
 from supersampler_model.methods.extrapolation.network import ExtraSSNetwork
 from supersampler_model.methods.weights_file import Trained
@@ -100,8 +100,9 @@ class UnshadedExtrapolate(TwoEncoders):
         """Return the results of `Classifier.forward`."""
         history_tensors, now, before = self.group_history(history, color, jitter, display_size)
         gathered = self.gather(color, depth, motion, exposure, history_tensors, now, before)
-        logits, blend = self.net(*self.network_inputs(gathered), packed_base_color(gbuffer_base_color, now))
-        return self.step_outputs(gathered, logits, blend, jitter)
+        surface = packed_base_color(gbuffer_base_color, now)
+        logits, blend = self.net(*self.network_inputs(gathered), surface)
+        return self.step_outputs(gathered, logits, unpack(blend), jitter)
 
 
 def packed_base_color(base_color: Tensor, view: View) -> Tensor:
@@ -112,4 +113,4 @@ def packed_base_color(base_color: Tensor, view: View) -> Tensor:
         view: of the display.
     """
     known = finite(base_color).clamp(0.0, 1.0)
-    return pack(pick(known, view.grid(render_size_of(base_color))).sqrt())
+    return pack(pick(known, view.grid(render_size_of(base_color), aligned=True)).sqrt())

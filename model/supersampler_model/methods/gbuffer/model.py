@@ -57,6 +57,7 @@ from supersampler_model.ops.motion import (
     read,
     read_cubic,
     reproject,
+    to_display,
     usable_motion,
 )
 from supersampler_model.ops.sampling import (
@@ -66,7 +67,7 @@ from supersampler_model.ops.sampling import (
     neighbours_3x3,
     normalised,
     pick,
-    pick_first,
+    pick_first_vector,
     sum_of,
     upsample,
 )
@@ -189,17 +190,18 @@ class GBuffer(LearnedMethod):
         render = render_size_of(depth)
         grid = view.grid(render)
         own_motion = motion_of_surface(depth, motion, inputs.display.depth, grid)
-        own = reproject(own_motion, view.display, render)
-        dilated = pick_first(torch.cat(dilate_motion_2x2(depth, motion), dim=1), grid)
-        front = reproject(dilated[:, 1:], view.display, render)
-        x, y = View(view.display, render, history.jitter).to_render(own.x, own.y)
+        own = reproject(to_display(own_motion, view.display, render), view.display, grid)
+        _, dilated = dilate_motion_2x2(depth, motion)
+        vectors = pick_first_vector(to_display(dilated, view.display, render), grid)
+        front = reproject(vectors, view.display, grid)
+        before = View(view.display, render, history.jitter).to_render(own.position)
         occluded = disocclusion(
-            inputs.display.depth, history.frame[:, 3:4], x, y, c.depth_margin, c.depth_ramp
+            inputs.display.depth, history.frame[:, 3:4], before, c.depth_margin, c.depth_ramp
         )
-        reflectance_before = read(history.reflectance, own.x, own.y).clamp(min=0.5 * MIN_REFLECTANCE)
-        bilinear = sanitize(read(history.color, own.x, own.y), 0.0)
+        reflectance_before = read(history.reflectance, own.position).clamp(min=0.5 * MIN_REFLECTANCE)
+        bilinear = sanitize(read(history.color, own.position), 0.0)
         relit = self._cubic(history.color, own) / reflectance_before * current.reflectance
-        count = read(history.sample_count, front.x, front.y)
+        count = read(history.sample_count, front.position)
         warped = WarpedHistory(
             color=_toned(self._cubic(history.color, front) * exposure, front),
             own=_toned(bilinear * exposure, own),
@@ -210,7 +212,7 @@ class GBuffer(LearnedMethod):
         return warped if c.blended else WarpedHistory(*map(torch.zeros_like, warped))
 
     def _cubic(self, image: Tensor, place: Reprojection) -> Tensor:
-        return sanitize(read_cubic(image, place.x, place.y, self.config.history_sharpness), 0.0)
+        return sanitize(read_cubic(image, place.position, self.config.history_sharpness), 0.0)
 
     def finish(self, gathered: Gathered, blend: Tensor, history: History) -> Finished:
         """Blend, update the sample count, and return to linear RGB."""

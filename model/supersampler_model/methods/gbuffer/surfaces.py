@@ -10,7 +10,7 @@ from torch.nn import functional as F
 
 from supersampler_model.methods.gbuffer.buffers import Samples, Surfaces
 from supersampler_model.ops.color import luminance
-from supersampler_model.ops.motion import read, usable_depth
+from supersampler_model.ops.motion import positions_of, read, usable_depth
 from supersampler_model.ops.sampling import Grid, channels_of, gaussian, sum_of
 
 MIN_REFLECTANCE = 0.04
@@ -231,14 +231,15 @@ def read_nearest(image: Tensor, motion: Tensor, offset: Tensor) -> NearestSample
     on_screen = (x > -0.5) & (x < w - 0.5) & (y > -0.5) & (y < h - 0.5)
     x, y = x.clamp(-2.0, w + 1.0), y.clamp(-2.0, h + 1.0)
     column, row = (x + 0.5).floor(), (y + 0.5).floor()
-    values = read(image, column, row, mode="nearest")
+    values = read(image, positions_of(column, row), mode="nearest")
     return NearestSamples(values, torch.cat([column - x, row - y], dim=1), on_screen.float())
 
 
 def read_bilinear(image: Tensor, motion: Tensor, offset: Tensor) -> Tensor:
     """Read a previous frame bilinearly where `motion` points; arguments as of `read_nearest`."""
     x, y = _targets(motion, offset)
-    return read(image, x.clamp(-2.0, image.shape[3] + 1.0), y.clamp(-2.0, image.shape[2] + 1.0))
+    x, y = x.clamp(-2.0, image.shape[3] + 1.0), y.clamp(-2.0, image.shape[2] + 1.0)
+    return read(image, positions_of(x, y))
 
 
 def _targets(motion: Tensor, offset: Tensor) -> tuple[Tensor, Tensor]:

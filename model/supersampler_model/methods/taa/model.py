@@ -27,7 +27,7 @@ from supersampler_model.ops.color import (
     valid,
     ycocg,
 )
-from supersampler_model.ops.motion import longest, read_cubic, reproject, usable_motion
+from supersampler_model.ops.motion import longest, read_cubic, reproject, to_display, usable_motion
 from supersampler_model.ops.rectification import (
     Rect,
     clamp_to,
@@ -38,7 +38,16 @@ from supersampler_model.ops.rectification import (
     moments,
     variance_box,
 )
-from supersampler_model.ops.sampling import blurred, grid_bands, grid_of, linear, minimum_3x3, pick, resample
+from supersampler_model.ops.sampling import (
+    blurred,
+    grid_bands,
+    grid_of,
+    linear,
+    minimum_3x3,
+    pick,
+    pick_vector,
+    resample,
+)
 from supersampler_model.ops.size import display_size_of, render_size_of
 
 
@@ -94,8 +103,9 @@ class Taa(Method):
         sample = resample(toned, *grid_bands(grid, render, linear, reach=1))
         corners = pick(torch.cat(self.neighbourhood_box(toned), dim=1), grid)
         box = Rect(*corners.split_with_sizes([3, 3], dim=1))
-        reprojection = reproject(pick(longest(usable_motion(motion)), grid), display, render)
-        warped = read_cubic(history_color, reprojection.x, reprojection.y)
+        vectors = to_display(longest(usable_motion(motion)), display, render)
+        reprojection = reproject(pick_vector(vectors, grid), display, grid)
+        warped = read_cubic(history_color, reprojection.position)
         history = self.to_space(sanitize(warped, 0.0) * exposure)
         usable = pick(minimum_3x3(usable), grid)
         return Gathered(sample, history, reprojection.on_screen, usable, box)

@@ -51,7 +51,7 @@ from supersampler_model.ops.motion import (
     read,
     read_cubic,
     reproject,
-    squared_length,
+    to_display,
     usable_depth,
     usable_motion,
 )
@@ -70,6 +70,7 @@ from supersampler_model.ops.sampling import (
     normalised,
     pick,
     pick_first,
+    pick_first_vector,
     upsample,
 )
 from supersampler_model.ops.size import Size, display_size_of, render_size_of
@@ -168,9 +169,9 @@ class Taau(Method):
         surface = torch.cat([morphological_opening(depth), shade_of(toned[:, :1], usable)], dim=1)
 
         current = self.gather_current(toned, usable, glare, surface, grid, display, render)
-        closest = pick_first(torch.cat(dilate_motion_2x2(depth, motion), dim=1), grid)
-        closest, dilated = closest.split_with_sizes([1, 2], dim=1)
-        reprojection = reproject(dilated, display, render)
+        closest, dilated = dilate_motion_2x2(depth, motion)
+        closest = pick_first(closest, grid)
+        reprojection = reproject(pick_first_vector(to_display(dilated, display, render), grid), display, grid)
         exposure_before = history_exposure.abs()
         change = exposure / torch.where(exposure_before > 0.0, exposure_before, exposure)
         before = self.gather_surface(history_surface, history_jitter, reprojection, closest, display, change)
@@ -240,12 +241,12 @@ class Taau(Method):
     ) -> tuple[Tensor, Tensor]:
         """Return the surface's previous visibility, (1, 1, H, W), and its shade at this exposure."""
         before = View(display, render_size_of(history_surface), history_jitter)
-        x, y = before.to_render(reprojection.x, reprojection.y)
+        position = before.to_render(reprojection.position)
         c = self.config
-        occluded = disocclusion(depth, history_surface[:, :1], x, y, c.depth_margin, c.depth_ramp)
+        occluded = disocclusion(depth, history_surface[:, :1], position, c.depth_margin, c.depth_ramp)
         same = reprojection.on_screen * (1.0 - 2.0 * occluded).clamp(min=0.0)
 
-        mean, deviation = channels_of(read(history_surface[:, 1:3], x, y))
+        mean, deviation = channels_of(read(history_surface[:, 1:3], position))
         dim = 1.0 + (change - 1.0) * mean  # c / (1 + c) at another exposure, and its slope
         return same, torch.cat([change * mean / dim, change * deviation / (dim * dim)], dim=1)
 
@@ -258,12 +259,10 @@ class Taau(Method):
         exposure: Tensor,
     ) -> WarpedHistory:
         """Warp the history."""
-        light = sanitize(
-            read_cubic(history_color, reprojection.x, reprojection.y, self.config.history_sharpness), 0.0
-        )
-        samples, power = channels_of(read(history_samples, reprojection.x, reprojection.y))
+        position = reprojection.position
+        light = sanitize(read_cubic(history_color, position, self.config.history_sharpness), 0.0)
+        samples, power = channels_of(read(history_samples, position))
         power, glare = without_glare(power)
-        across, down = reprojection.x - reprojection.x.floor(), reprojection.y - reprojection.y.floor()
         return WarpedHistory(
             light=light,
             color=ycocg(tone(light * exposure)),
@@ -272,8 +271,8 @@ class Taau(Method):
             shade=surface[1],
             glare=glare,
             surface=surface[0],
-            speed=squared_length(reprojection.motion).sqrt(),
-            blur=2.0 * (across * (1.0 - across) + down * (1.0 - down)),
+            speed=reprojection.speed(),
+            blur=reprojection.blur(),
         )
 
     def network(self, current: CurrentFrame, warped: WarpedHistory, flash: Tensor) -> Blend:
