@@ -37,10 +37,10 @@ OPSET = 17
 """Last opset in which every provider implements GridSample alike (docs/contract.md)."""
 
 PORTABLE_OPERATORS = frozenset({
-    "Abs", "Add", "And", "Cast", "Clip", "Concat", "Conv", "DepthToSpace", "Div", "Equal", "Exp",
-    "Expand", "Floor", "Gather", "Greater", "GreaterOrEqual", "GridSample", "Identity", "Less",
+    "Abs", "Add", "And", "Cast", "Clip", "Concat", "Conv", "ConvTranspose", "DepthToSpace", "Div", "Equal",
+    "Exp", "Expand", "Floor", "Gather", "Greater", "GreaterOrEqual", "GridSample", "Identity", "Less",
     "LessOrEqual", "Log", "MatMul", "Max", "MaxPool", "Min", "Mul", "Neg", "Not", "Or", "Pow", "Range",
-    "Reciprocal", "ReduceSum", "Relu", "Reshape", "Shape", "Sigmoid", "Slice", "Split", "Sqrt",
+    "Reciprocal", "ReduceMax", "ReduceSum", "Relu", "Reshape", "Shape", "Sigmoid", "Slice", "Split", "Sqrt",
     "Squeeze", "Sub", "Transpose", "Unsqueeze", "Where"
 })  # fmt: skip
 """Operators that CUDA, TensorRT, DirectML, WebGPU and CPU implement alike."""

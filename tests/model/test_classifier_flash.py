@@ -5,8 +5,10 @@ from torch import Tensor
 
 from supersampler_model.methods.classifier.buffers import WarpedHistory
 from supersampler_model.methods.classifier.model import unexplained_light
+from supersampler_model.ops.size import Size
 
 DARK, LIT = 0.2, 0.8
+SIZE = Size(16, 8)
 HISTORY = WarpedHistory(
     *(torch.full((1, 1, 8, 16), value) for value in (DARK, 0.0, DARK, 4.0, 0.0, 0.0, 0.0, 1.0, 0.0))
 )
@@ -21,17 +23,17 @@ def spots(count: int) -> Tensor:
 
 def test_sparse_light_over_all_of_the_history_is_unexplained_where_it_is() -> None:
     luma, around = spots(4), torch.full((1, 1, 8, 16), DARK)
-    assert torch.equal(unexplained_light(luma, around, HISTORY), luma > DARK)
+    assert torch.equal(unexplained_light(luma, around, HISTORY, SIZE), luma > DARK)
 
 
 def test_a_few_bright_pixels_are_a_glint() -> None:
-    assert not unexplained_light(spots(2), torch.full((1, 1, 8, 16), DARK), HISTORY).any()
+    assert not unexplained_light(spots(2), torch.full((1, 1, 8, 16), DARK), HISTORY, SIZE).any()
 
 
 def test_an_area_that_comes_to_light_is_explained() -> None:
     luma = torch.full((1, 1, 8, 16), DARK)
     luma[..., 8:] = LIT
-    assert not unexplained_light(luma, luma, HISTORY).any()
+    assert not unexplained_light(luma, luma, HISTORY, SIZE).any()
 
 
 def test_light_that_the_history_has_seen_or_that_it_cannot_know_is_explained() -> None:
@@ -42,4 +44,4 @@ def test_light_that_the_history_has_seen_or_that_it_cannot_know_is_explained() -
         HISTORY._replace(samples=torch.zeros(1, 1, 8, 16)),
         HISTORY._replace(surface=torch.zeros(1, 1, 8, 16)),
     ):
-        assert not unexplained_light(luma, around, history).any()
+        assert not unexplained_light(luma, around, history, SIZE).any()

@@ -40,8 +40,8 @@ def gathered(value: float | None = None) -> Gathered:
 @pytest.mark.parametrize("value", [None, float("nan"), float("inf"), -1.0, 65504.0, 1e-40])
 def test_all_that_the_network_sees_is_about_one_at_most(value: float | None) -> None:
     packed, half = Classifier().network_inputs(gathered(value))
-    assert tuple(packed.shape) == (1, 4 * len(DEFAULT_INPUTS), 14, 24)
-    assert tuple(half.shape) == (1, CLASSES + len(NEIGHBOURHOOD_INPUTS), 14, 24)
+    assert tuple(packed.shape) == (1, 4 * len(DEFAULT_INPUTS), 16, 24)
+    assert tuple(half.shape) == (1, CLASSES + len(NEIGHBOURHOOD_INPUTS), 16, 24)
     for seen in (packed, half):
         assert seen.isfinite().all()
         assert seen.min() >= -1.0
@@ -51,7 +51,7 @@ def test_all_that_the_network_sees_is_about_one_at_most(value: float | None) -> 
 def test_differences_of_a_frame_and_the_same_history_are_zero() -> None:
     g = gathered()
     history_color = g.warped._replace(color=g.current.sample, detail=torch.zeros_like(g.warped.detail))
-    seen = pixel_inputs(g.current, history_color, g.reprojection)
+    seen = pixel_inputs(g._replace(warped=history_color))
     for name in ("history_to_sample", "beyond_range"):
         assert not seen[name].any(), name
     assert seen["history_to_frame"].any()
@@ -60,20 +60,20 @@ def test_differences_of_a_frame_and_the_same_history_are_zero() -> None:
 def test_a_sample_brighter_than_all_of_the_history_around_is_beyond_it() -> None:
     g = gathered()
     dark = g.warped._replace(color=torch.full_like(g.warped.color, 0.01))
-    seen = pixel_inputs(g.current, dark, g.reprojection)
+    seen = pixel_inputs(g._replace(warped=dark))
     torch.testing.assert_close(seen["beyond_range"], (seen["sample"] - 0.1).abs(), atol=1e-6, rtol=0.0)
     assert not seen["history_contrast"].any()
 
 
 def test_the_mean_around_tells_a_change_of_light_from_aliasing() -> None:
     g = gathered()
-    seen = pixel_inputs(g.current, g.warped, g.reprojection)
+    seen = pixel_inputs(g)
     even = torch.full_like(seen["history"], 0.3)
-    checks = (torch.arange(DISPLAY.width) + torch.arange(DISPLAY.height)[:, None]) % 2 * 0.2 - 0.1
-    light = neighbourhood_inputs({"history": even + 0.1, "frame": even})
-    aliased = neighbourhood_inputs({"history": even + checks, "frame": even})
+    checks = (g.grid.pixel_x + g.grid.pixel_y[:, None]) % 2 * 0.2 - 0.1
+    light = neighbourhood_inputs({"history": even + 0.1, "frame": even}, DISPLAY)
+    aliased = neighbourhood_inputs({"history": even + checks, "frame": even}, DISPLAY)
     torch.testing.assert_close(light["mean_abs_difference"], aliased["mean_abs_difference"])
-    inner = (..., slice(-3), slice(-3))  # the last pixels of an odd row are repeated
+    inner = (..., slice(-8), slice(-8))  # the last pixels of an odd row are repeated
     assert (light["mean_difference"][inner] > 10.0 * aliased["mean_difference"][inner]).all()
 
 
@@ -82,10 +82,8 @@ def test_the_history_is_blurred_most_where_it_is_read_between_pixels(
     across: float, down: float, blur: float
 ) -> None:
     g = gathered()
-    at = g.reprojection._replace(
-        x=torch.full_like(g.reprojection.x, 4.0 + across), y=torch.full_like(g.reprojection.y, 7.0 + down)
-    )
-    seen = pixel_inputs(g.current, g.warped, at)["blur"]
+    position = torch.zeros_like(g.reprojection.position) + torch.tensor([4.0 + across, 7.0 + down])
+    seen = pixel_inputs(g._replace(reprojection=g.reprojection._replace(position=position)))["blur"]
     torch.testing.assert_close(seen, torch.full_like(seen, blur))
 
 

@@ -8,11 +8,11 @@ from supersampler_model.methods.classifier.buffers import Gathered, History
 from supersampler_model.methods.classifier.network import class_probabilities
 from supersampler_model.methods.classifier_paper.model import PaperClassifier
 from supersampler_model.ops.color import inverse_tone, tone
-from supersampler_model.ops.motion import reproject
-from supersampler_model.ops.sampling import View
+from supersampler_model.ops.motion import reproject, to_display
+from supersampler_model.ops.sampling import View, grid_of
 from supersampler_model.ops.size import Size
 
-RENDER, DISPLAY = Size(12, 8), Size(24, 16)
+RENDER, DISPLAY = Size(16, 8), Size(32, 16)
 NONE, VISIBILITY, SHADING = (torch.tensor([9.0 * (i == c) for i in range(3)]) for c in range(3))
 
 
@@ -99,21 +99,21 @@ def test_the_range_of_colours_narrows_towards_the_frame_by_the_contraction(metho
     state = method.finish(gathered(method), logits(NONE), torch.zeros(0)).state
     now, share = 0.2, method.config.contraction  # 0.25 toned
     torch.testing.assert_close(
-        state[:, 1:4], torch.full((1, 3, 16, 24), 0.1 + share * 0.1), rtol=1e-4, atol=1e-4
+        state[:, 1:4], torch.full((1, 3, 16, 32), 0.1 + share * 0.1), rtol=1e-4, atol=1e-4
     )
     torch.testing.assert_close(
-        state[:, 4:7], torch.full((1, 3, 16, 24), 0.9 - share * (0.9 - now)), rtol=1e-4, atol=1e-4
+        state[:, 4:7], torch.full((1, 3, 16, 32), 0.9 - share * (0.9 - now)), rtol=1e-4, atol=1e-4
     )
     assert share > 0.0
 
 
 def test_the_range_of_colours_grows_to_hold_the_frame(method: PaperClassifier) -> None:
     here = gathered(method)
-    narrow = torch.cat([torch.full((1, 3, 16, 24), v) for v in (0.5, 0.6)], dim=1)
+    narrow = torch.cat([torch.full((1, 3, 16, 32), v) for v in (0.5, 0.6)], dim=1)
     state = method.finish(
         here._replace(warped=here.warped._replace(range=narrow)), logits(NONE), torch.zeros(0)
     ).state
-    torch.testing.assert_close(state[:, 1:4], torch.full((1, 3, 16, 24), 0.2), rtol=1e-4, atol=1e-5)
+    torch.testing.assert_close(state[:, 1:4], torch.full((1, 3, 16, 32), 0.2), rtol=1e-4, atol=1e-5)
 
 
 def test_the_compositor_sees_frame_history_classes_count_and_depth_in_this_order(
@@ -153,14 +153,14 @@ def test_the_network_sees_the_twenty_buffers_of_section_3(method: PaperClassifie
 
 def test_counter_and_range_are_read_at_the_nearest_pixel_and_classes_between(method: PaperClassifier) -> None:
     here = gathered(method)
-    ramp = torch.arange(24.0).expand(1, 1, 16, 24)
+    ramp = torch.arange(32.0).expand(1, 1, 16, 32)
     history = History(
         ramp.expand(1, 3, -1, -1), ramp.expand(1, 7, -1, -1), ramp.expand(1, 6, -1, -1),
         torch.full((1, 2, *RENDER[::-1]), 0.5), torch.ones(1),
     )  # fmt: skip
-    motion = torch.zeros(1, 2, 16, 24)
+    motion = torch.zeros(1, 2, 16, 32)
     motion[:, 0] = 0.2  # 0.4 display pixels to the right
-    past = reproject(motion, DISPLAY, RENDER)
+    past = reproject(to_display(motion, DISPLAY, RENDER), DISPLAY, here.grid)
     view = View(DISPLAY, RENDER, torch.zeros(1, 2))
     seen = method.gather_history(history, past, past, here.depth, view, torch.ones(1))
     assert float(seen.samples[0, 0, 5, 7]) == 7.0
@@ -175,15 +175,16 @@ def test_counter_and_range_are_read_at_the_nearest_pixel_and_classes_between(met
 def test_depth_of_the_previous_frame_is_read_at_the_nearest_render_pixel(
     method: PaperClassifier, motion: float, read: float
 ) -> None:
-    rows = torch.arange(1.0, 9.0)[:, None].expand(1, 2, 8, 12)
+    rows = torch.arange(1.0, 9.0)[:, None].expand(1, 2, 8, 16)
     _, state, classes, _, _, _ = method.first_history(DISPLAY, RENDER)
-    history = History(torch.zeros(1, 3, 16, 24), state, classes, rows, torch.ones(1))
-    vectors = torch.zeros(1, 2, 16, 24)
+    history = History(torch.zeros(1, 3, 16, 32), state, classes, rows, torch.ones(1))
+    vectors = torch.zeros(1, 2, 16, 32)
     vectors[:, 1] = motion  # render pixels
-    before = reproject(vectors, DISPLAY, RENDER)
+    grid = grid_of(DISPLAY, RENDER, torch.zeros(1, 2))
+    before = reproject(to_display(vectors, DISPLAY, RENDER), DISPLAY, grid)
     # The display pixel at the centre of render row 3, shifted by half a display pixel.
-    before = before._replace(y=before.y + 0.5)
+    before = before._replace(position=before.position + torch.tensor([0.0, 0.5]))
     view = View(DISPLAY, RENDER, torch.zeros(1, 2))
-    depth = torch.full((1, 1, 16, 24), 1.0)
+    depth = torch.full((1, 1, 16, 32), 1.0)
     seen = method.gather_history(history, before, before, depth, view, torch.ones(1)).difference
-    torch.testing.assert_close(seen[0, 0, 6], torch.full((24,), (read - 1.0) / read))
+    torch.testing.assert_close(seen[0, 0, 6], torch.full((32,), (read - 1.0) / read))

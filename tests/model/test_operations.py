@@ -17,6 +17,7 @@ from supersampler_model.ops.motion import (
     read,
     read_cubic,
     reproject,
+    to_display,
 )
 from supersampler_model.ops.rectification import (
     Rect,
@@ -87,7 +88,7 @@ def test_a_display_pixel_looks_where_the_contract_says(
 @pytest.mark.parametrize(("size", "outputs"), [(40, 100), (100, 100), (70, 31), (1, 3)])
 def test_resampling_by_blocks_is_the_sum_over_the_taps_of_each_output(size: int, outputs: int) -> None:
     image = random_image(4, (size, 2))
-    position = positions(outputs, size, torch.tensor([0.3]))
+    position = positions(torch.arange(outputs), outputs, size, torch.tensor([0.3]))
     kernel = gaussian(0.6)
     across = bands(position, size, span(size, outputs), kernel)
     down = bands(torch.arange(2.0), 2, span(2, 2), linear, reach=1)
@@ -119,14 +120,14 @@ def test_five_bilinear_reads_are_a_cross_of_twelve_cubic_taps(
     image = random_image(seed, size)
     random = np.random.default_rng(seed)
     px, py = random.uniform(-0.4, size[0] - 0.6), random.uniform(-0.4, size[1] - 0.6)
-    place = [torch.full((1, 1, 1, 1), float(p)) for p in (px, py)]
+    place = torch.tensor([px, py]).reshape(1, 1, 1, 2).float()
     x0, y0 = int(np.floor(px)), int(np.floor(py))
     cross = [(i, j) for i in range(-1, 3) for j in range(-1, 3) if i in (0, 1) or j in (0, 1)]
     weights = [cubic(px - x0 - i, sharpness) * cubic(py - y0 - j, sharpness) for i, j in cross]
     weighted = [at(image, x0 + i, y0 + j) * w for (i, j), w in zip(cross, weights, strict=True)]
     expected = torch.stack(weighted).sum(0) / sum(weights)
     torch.testing.assert_close(
-        read_cubic(image, place[0], place[1], sharpness)[0, :, 0, 0], expected, rtol=1e-3, atol=1e-4
+        read_cubic(image, place, sharpness)[0, :, 0, 0], expected, rtol=1e-3, atol=1e-4
     )
 
 
@@ -135,8 +136,9 @@ def test_the_history_is_at_the_pixel_plus_its_motion(display: Size) -> None:
     image = random_image(3, display)
     ratio = display.width / 8
     motion = torch.tensor([2.0, -1.0]).reshape(1, 2, 1, 1) / ratio  # (2, -1) display pixels
-    reprojection = reproject(motion.expand(1, 2, *display[::-1]), display, Size(8, 6))
-    warped = read(image, reprojection.x, reprojection.y)
+    vectors = to_display(motion.expand(1, 2, *display[::-1]), display, Size(8, 6))
+    reprojection = reproject(vectors, display, grid_of(display, Size(8, 6), torch.zeros(1, 2)))
+    warped = read(image, reprojection.position)
     torch.testing.assert_close(warped[:, :, 1:, :-2], image[:, :, :-1, 2:], rtol=1e-4, atol=1e-5)
     assert reprojection.on_screen[:, :, 1:, :-2].all()
     assert not reprojection.on_screen[:, :, 0].any()
@@ -158,13 +160,13 @@ def test_dilation_takes_the_motion_of_what_is_in_front() -> None:
 def test_what_was_closer_hides_what_is_behind() -> None:
     before = torch.full((1, 1, 5, 6), 0.01)
     before[..., :3] = 0.1  # a wall on the left
-    place = torch.tensor([0.5, 2.25, 2.5, 3.5]).reshape(1, 1, 1, 4), torch.full((1, 1, 1, 4), 2.5)
+    place = torch.tensor([[0.5, 2.5], [2.25, 2.5], [2.5, 2.5], [3.5, 2.5]]).reshape(1, 1, 4, 2)
     now = torch.full((1, 1, 1, 4), 0.01)
-    occluded = disocclusion(now, before, *place, margin=0.01, ramp=0.05)
+    occluded = disocclusion(now, before, place, margin=0.01, ramp=0.05)
     torch.testing.assert_close(occluded.ravel(), torch.tensor([1.0, 0.75, 0.5, 0.0]))
-    assert not disocclusion(now * 10, before, *place, margin=0.01, ramp=0.05).any()  # the wall itself
+    assert not disocclusion(now * 10, before, place, margin=0.01, ramp=0.05).any()  # the wall itself
     assert not disocclusion(
-        torch.full_like(now, -1.0), before, *place, margin=0.01, ramp=0.05
+        torch.full_like(now, -1.0), before, place, margin=0.01, ramp=0.05
     ).any()  # unknown
 
 
@@ -243,7 +245,7 @@ def test_quarantine_and_valid_know_a_number_when_they_see_one() -> None:
 @pytest.mark.parametrize("space", TONES)
 def test_a_tone_curve_keeps_to_one_and_comes_back(space: ToneSpace) -> None:
     color = random_image(3, (9, 7)) ** 8 * 60000.0
-    toned = TONES[space].tone(color)
+    toned = TONES[space].tone(color, 1.0)
     assert toned.min() >= 0.0
     assert toned.max() <= 1.0
     torch.testing.assert_close(TONES[space].inverse(toned), color, rtol=1e-2, atol=1e-4)

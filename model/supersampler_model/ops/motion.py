@@ -117,7 +117,7 @@ class Reprojection(NamedTuple):
         return (self.motion * self.motion).sum(dim=3)[:, None].sqrt()
 
     def blur(self) -> Tensor:
-        """(1, 1, H, W) of bilinear resampling at the position: 0 on a pixel's centre, 1 on a corner of four."""
+        """(1, 1, H, W) of bilinear resampling there: 0 on a pixel's centre, 1 on a corner of four."""
         t = self.position - self.position.floor()
         return 2.0 * (t * (1.0 - t)).sum(dim=3)[:, None]
 
@@ -137,8 +137,8 @@ def reproject(motion: Tensor, display: Size, grid: Grid) -> Reprojection:
         grid: of the pixels.
     """
     x, y = grid.pixel_x.to(motion.dtype), grid.pixel_y.to(motion.dtype)
-    columns = torch.stack([x, torch.zeros_like(x)], dim=1)
-    rows = torch.stack([torch.zeros_like(y), y], dim=1)
+    columns = torch.stack([x, 0.0 * x], dim=1)
+    rows = torch.stack([0.0 * y, y], dim=1)
     position = motion + columns + rows[:, None]
     on_screen = _normalised(position, display).abs().amax(dim=3) < 1.0
     return Reprojection(position, on_screen.to(motion.dtype)[:, None], motion)

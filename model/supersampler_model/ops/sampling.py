@@ -113,9 +113,9 @@ def extended(size: int, device: torch.device) -> Tensor:
     The last two pixels are repeated, of which an even one comes first: 2x2 pixels then extend the axis by
     whole pairs, as an image of packed pixels is extended.
     """
-    index = torch.arange((size + ALIGNED - 1) // ALIGNED * ALIGNED, device=device)
-    pairs = (index // 2).clamp(max=(size + 1) // 2 - 1)
-    return (2 * pairs + index % 2).clamp(max=size - 1)
+    pairs = (size + ALIGNED - 1) // ALIGNED * (ALIGNED // 2)
+    first = 2 * torch.arange(pairs, device=device).clamp(max=(size + 1) // 2 - 1)
+    return (first[:, None] + torch.arange(2, device=device)).reshape(-1).clamp(max=size - 1)
 
 
 def positions(pixel: Tensor, display: int, render: float, jitter: Tensor) -> Tensor:
@@ -154,7 +154,7 @@ def bands(
     """Weigh the `reach` samples to either side of each `position` along an axis, clamped at the border.
 
     Args:
-        position: (n,) ascending, in samples.
+        position: (n,) in samples; the first of each BLOCK is the least of it.
         size: samples of the axis.
         spanned: from `span`.
         kernel: evaluated at the signed distance in samples times `scale`.
@@ -168,7 +168,7 @@ def bands(
         whole = torch.arange(blocks * BLOCK, device=position.device).clamp(max=count - 1)
         position = position.index_select(0, whole)
     at = position.reshape(-1, BLOCK, 1)
-    first = at.amin(dim=1, keepdim=True).floor() - float(reach - 1)
+    first = at[:, :1].floor() - float(reach - 1)
     sample = first + torch.arange(spanned + 2 * reach - 1, device=position.device)  # (blocks, 1, reach)
     distance, steps = sample - at, sample - at.floor()
     near = (steps >= 1.0 - reach) & (steps <= float(reach))

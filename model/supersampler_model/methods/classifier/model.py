@@ -246,15 +246,16 @@ class Classifier(LearnedMethod):
         difference = relative_depth_change(depth_before, depth)  # equation 10
         samples, least, most = channels_of(on * read(history.state, position))
         most, glare = without_glare(most)
+        given = sanitize(history.color, 0.0)
         unit = 1.0 / exposure
         unit_on_screen = torch.where(on > 0.0, unit, DIM)
-        linear = self.toned(read(history.color, position), unit_on_screen)
-        cubic = read_cubic(history.color, position, c.history_sharpness).clamp(0.0, MAX_HALF)
+        linear = self.toned(read(given, position), unit_on_screen)
+        cubic = read_cubic(given, position, c.history_sharpness).clamp(0.0, MAX_HALF)
         color = self.toned(cubic, unit_on_screen)
         return WarpedHistory(
             color=color,
             detail=color - linear,
-            own=self.toned(read(history.color, own.position), unit),
+            own=self.toned(read(given, own.position), unit),
             samples=samples,
             range=torch.cat([least, most], dim=1),
             glare=glare,

@@ -55,7 +55,8 @@ class Encoder(nn.Module):
         """Run all levels but the first on the result of the first."""
         outputs = []
         for level, block in enumerate(self.blocks[1:], 1):
-            kept, x = x.chunk(2, dim=1)
+            half = x.shape[1] // 2
+            kept, x = x.split_with_sizes([half, half], dim=1)
             outputs.append(_unpacked(kept, level - 1))
             x = block(F.max_pool2d(x, 2))
         return torch.cat([*outputs, _unpacked(x, len(self.blocks) - 1)], dim=1)
@@ -110,7 +111,8 @@ class ClassifierNetwork(nn.Module):
         """
         missing = -half_inputs.shape[1] % 4
         if missing:
-            half_inputs = F.pad(half_inputs, (0, 0, 0, 0, 0, missing))
+            none = half_inputs.new_zeros(1, missing, *half_inputs.shape[2:])
+            half_inputs = torch.cat([half_inputs, none], dim=1)
         planes = torch.cat([*pixels, F.pixel_shuffle(half_inputs, 2)], dim=1)
         first, depthwise, last = self.encoder.blocks[0].children()
         weight, bias = _folded_weights(first)
@@ -125,14 +127,15 @@ class ClassifierNetwork(nn.Module):
         of_pixels, of_features = weight.split_with_sizes(
             [weight.shape[1] - features.shape[1], features.shape[1]], dim=1
         )
-        bias, of_features = torch.cat([bias, bias.new_ones(1)]), F.pad(of_features, (0, 0, 0, 0, 0, 0, 0, 1))
-        of_pixels = _on_pixels(F.pad(of_pixels, (0, 0, 0, 0, 0, 0, 0, 1)), planes.shape[1])
+        bias = torch.cat([bias, bias.new_ones(1)])
+        of_features, of_pixels = (torch.cat([w, torch.zeros_like(w[:1])]) for w in (of_features, of_pixels))
+        of_pixels = _on_pixels(of_pixels, planes.shape[1])
         return (F.conv2d(features, of_features, bias) + F.conv2d(planes, of_pixels, stride=2)).relu()
 
     def _blend_pixels(self, hidden_and_one: Tensor) -> Tensor:
         """Compute the unpacked blend parameters; their bias differs within 2x2 pixels: a channel of ones."""
-        assert self.blend.bias is not None
-        weight = torch.cat([self.blend.weight[:, :, 0, 0], self.blend.bias[:, None]], dim=1)
+        weight, bias = self.blend.state_dict(keep_vars=True).values()
+        weight = torch.cat([weight[:, :, 0, 0], bias[:, None]], dim=1)
         weight = weight.reshape(-1, 2, 2, weight.shape[1]).permute(3, 0, 1, 2)
         return F.conv_transpose2d(hidden_and_one, weight, stride=2)
 
@@ -160,16 +163,17 @@ def _unpacked(image: Tensor, level: int) -> Tensor:
 def _folded_weights(layer: nn.Module) -> tuple[Tensor, Tensor]:
     """Weight and bias of a `Pointwise` with its batch normalisation, unless that is folded already."""
     convolution, normalisation = list(layer.children())[:2]
-    assert isinstance(convolution, nn.Conv2d)
-    if isinstance(normalisation, nn.BatchNorm2d):
+    if isinstance(convolution, nn.Conv2d) and isinstance(normalisation, nn.BatchNorm2d):
         convolution = fuse_conv_bn_eval(convolution, normalisation)
-    assert convolution.bias is not None
-    return convolution.weight, convolution.bias
+    weight, bias = convolution.state_dict(keep_vars=True).values()
+    return weight, bias
 
 
 def _on_pixels(weight: Tensor, channels: int) -> Tensor:
-    """Weights of packed pixels, (out, 4 c, 1, 1), as those of 2x2 pixels, (out, channels, 2, 2), c <= channels."""
-    weight = F.pad(weight, (0, 0, 0, 0, 0, 4 * channels - weight.shape[1]))
+    """Weights (out, 4 c, 1, 1) of packed pixels as (out, channels, 2, 2), 0 after the first c channels."""
+    missing = 4 * channels - weight.shape[1]
+    if missing:
+        weight = torch.cat([weight, torch.zeros_like(weight[:, :missing])], dim=1)
     return weight.reshape(-1, channels, 2, 2)
 
 

@@ -14,6 +14,7 @@ from supersampler.methods.extrapolation.spec import FlowNetworkConfig
 from supersampler_model.methods.classifier.network import Block, cut_to, padded
 from supersampler_model.methods.gbuffer.network import doubled
 from supersampler_model.ops.motion import positions_of, read
+from supersampler_model.ops.size import render_size_of
 
 LIGHT = 4  # channels of an input: toned light, roughness
 FLOW = 2  # output channels of the flow: offset across, offset down
@@ -76,7 +77,7 @@ class FlowNetwork(nn.Module):
             joined = [features, moved(both[:n], flow), moved(both[n:], AGE_RATIO * flow), flow.to(both.dtype)]
             more, features = decoder(torch.cat(joined, dim=1))
             outputs = torch.cat([2.0 * doubled(flow) + more[:, :FLOW], more[:, FLOW:]], dim=1)
-        return (cut_to(outputs, later),)
+        return (cut_to(outputs, render_size_of(later)),)
 
     def features(self, lights: Tensor) -> list[Tensor]:
         """Return features of (n, LIGHT, h, w), finest level first, padded to whole pixels of the coarsest."""

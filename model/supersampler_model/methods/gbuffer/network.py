@@ -15,6 +15,7 @@ from torch.nn import functional as F
 
 from supersampler.methods.gbuffer.spec import Attention, GBufferNetworkConfig
 from supersampler_model.methods.classifier.network import Block, Pointwise, cut_to, padded
+from supersampler_model.ops.size import render_size_of
 
 SURFACES = 10  # base colour, normal, roughness, metallic, specular, relative depth
 GRADIENTS = 2  # of base colour and of normals
@@ -122,7 +123,7 @@ class Refiner(nn.Module):
         """(n, width, h, w) and (n, REFINER_INPUTS, h, w) to (n, width, h, w)."""
         fine = self.down(padded(torch.cat([features, refiner_inputs], dim=1)))
         coarse = doubled(self.below(F.max_pool2d(fine, 2)))
-        return cut_to(self.up(torch.cat([fine, coarse], dim=1)), features)
+        return cut_to(self.up(torch.cat([fine, coarse], dim=1)), render_size_of(features))
 
 
 class FusionNetwork(nn.Module):
@@ -146,7 +147,7 @@ class FusionNetwork(nn.Module):
         x = self.deepest(kept.pop())
         for block in self.up:
             x = block(torch.cat([kept.pop(), doubled(x)], dim=1))
-        return cut_to(x, features)
+        return cut_to(x, render_size_of(features))
 
 
 class GBufferNetwork(nn.Module):
