@@ -2,8 +2,8 @@
 
     python examples/cpp_onnxruntime/raw_frames.py SHOT_FOLDER OUT_FOLDER [FRAMES]
 
-The shot must be in this package's conventions, as shots of `supersampler import` are. FRAMES is how many, from the
-first on. The format is at the top of upscale.cpp.
+The shot must be in this package's conventions, as shots of `supersampler import` are. FRAMES is how many,
+from the first on. The format is at the top of upscale.cpp.
 """
 
 import json
@@ -34,5 +34,7 @@ for entry in description["frames"][: int(sys.argv[3]) if len(sys.argv) == 4 else
         planes.astype("<f4").tofile(out / f"{stem}.{buffer}")
     x, y = (repr(float(np.float32(v))) for v in entry["jitter"])
     exposure, reset = entry["exposure"] or 0.0, int(entry["reset"])
-    lines.append(f"{stem} {pixels.shape[1]} {pixels.shape[0]} {width} {height} {x} {y} {exposure!r} {reset}\n")
+    lines.append(
+        f"{stem} {pixels.shape[1]} {pixels.shape[0]} {width} {height} {x} {y} {exposure!r} {reset}\n"
+    )
 (out / "frames.txt").write_text("".join(lines))

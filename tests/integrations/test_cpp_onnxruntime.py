@@ -1,4 +1,4 @@
-"""Tests of examples/cpp_onnxruntime, compiled by CMake against ONNX Runtime's headers: `make cpp` fetches those."""
+"""Tests of examples/cpp_onnxruntime, compiled against ONNX Runtime's headers, which `make cpp` fetches."""
 
 import os
 import re
@@ -38,7 +38,10 @@ def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("build")
     options = [f"-DCMAKE_PREFIX_PATH={onnx_runtime()}", "-DCMAKE_BUILD_TYPE=Release", "-Werror=dev"]
     flags = {**os.environ, "CXXFLAGS": "-Werror"}
-    for command in (["cmake", "-S", EXAMPLE, "-B", folder, *options], ["cmake", "--build", folder]):
+    for command in (
+        ["cmake", "-S", str(EXAMPLE), "-B", str(folder), *options],
+        ["cmake", "--build", str(folder)],
+    ):
         done = subprocess.run(command, env=flags, capture_output=True, text=True, timeout=300)
         assert done.returncode == 0, done.stdout + done.stderr
     return folder / "upscale"
@@ -66,7 +69,7 @@ def test_its_images_of_the_shipped_shot_are_those_of_upscaler(
     program: Path, plaza_images: list[NDArray[np.float32]], tmp_path: Path, option: list[str]
 ) -> None:
     shot = Shot.open("plaza").path
-    script = [sys.executable, EXAMPLE / "raw_frames.py", shot, tmp_path / "raw", str(FRAMES)]
+    script = [sys.executable, *map(str, (EXAMPLE / "raw_frames.py", shot, tmp_path / "raw", FRAMES))]
     subprocess.run(script, check=True, timeout=120)
     done = run(program, "classifier", tmp_path / "raw", tmp_path / "out", *option)
     assert done.returncode == 0, done.stderr
