@@ -12,6 +12,7 @@
 # make panda3d   the third: examples/panda3d_live.py with Panda3D from PyPI, OpenGL in software will do
 # make mitsuba   the fourth: examples/mitsuba_sequence.py with Mitsuba from PyPI, which needs an LLVM of the system
 # make pygfx   the fifth: examples/pygfx_live.py with pygfx from PyPI, Vulkan in software will do
+# make cpp   examples/cpp_onnxruntime, compiled and run on the whole shipped shot; headers from Debian's registry
 # PYTHON=python3.12 chooses the interpreter of new environments. On Windows: the pip lines in README.md.
 PYTHON ?= python3
 
@@ -22,7 +23,7 @@ SOURCES := $(shell find sdk model export bench -name '*.py' -o -name '*.html' -o
 
 EXTENSION := sdk/supersampler/integrations/blender/extension
 
-.PHONY: demo extension test hashes fuzz mutation check docs clean test-integrations blender pyvista panda3d mitsuba pygfx
+.PHONY: demo extension test hashes fuzz mutation check docs clean test-integrations blender pyvista panda3d mitsuba pygfx cpp
 
 demo: $(RUNTIME)
 	.venv/bin/supersampler demo -o out
@@ -71,6 +72,11 @@ pygfx: $(DEVELOPMENT)
 	    || .venv-pygfx/bin/pip install -q --disable-pip-version-check -e '.[gpu]' pytest hypothesis pygfx
 	.venv-pygfx/bin/pytest -q -rs tests/integrations/test_pygfx.py
 
+# Needs CMake and a C++ compiler. Afterwards `make test` runs these tests, too, on fewer frames.
+cpp: $(DEVELOPMENT)
+	test -d .onnxruntime || sh examples/cpp_onnxruntime/get_onnxruntime.sh .onnxruntime .venv-dev/bin/python
+	SUPERSAMPLER_CPP_FRAMES=32 .venv-dev/bin/pytest -q -rs tests/integrations/test_cpp_onnxruntime.py
+
 hashes: $(DEVELOPMENT)
 	.venv-dev/bin/python bench/studies/hashes.py --check bench/results/studies/hashes.json
 
@@ -90,7 +96,7 @@ docs: $(DOCS)
 	NO_MKDOCS_2_WARNING=1 .venv-docs/bin/mkdocs build --quiet
 
 clean:
-	rm -rf .venv .venv-dev .venv-docs .venv-blender .venv-pyvista .venv-panda3d .venv-mitsuba .venv-pygfx out dist build .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	rm -rf .venv .venv-dev .venv-docs .venv-blender .venv-pyvista .venv-panda3d .venv-mitsuba .venv-pygfx .onnxruntime out dist build .mypy_cache .pytest_cache .ruff_cache .hypothesis
 
 # A copy of the package as users get it: made anew when a source changes.
 $(RUNTIME): pyproject.toml $(SOURCES)

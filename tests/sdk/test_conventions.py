@@ -18,7 +18,7 @@ from supersampler.frame import Frame, Size
 
 PRESETS: list[Callable[..., Conventions]] = [
     Conventions, Conventions.fsr, Conventions.xess, Conventions.streamline, Conventions.unreal,
-    Conventions.unity, Conventions.blender, Conventions.arm_gym, Conventions.vtk,
+    Conventions.unity, Conventions.godot, Conventions.blender, Conventions.arm_gym, Conventions.vtk,
 ]  # fmt: skip
 KINDS: list[DepthKind] = ["reversed_infinite", "reversed", "forward_infinite", "forward", "linear"]
 NEAR, FAR = 0.1, 100.0
@@ -217,7 +217,9 @@ def test_a_refused_frame_does_not_count_as_seen() -> None:
         (Conventions(jitter_unit="ndc"), (0.0625, 0.0625), (0.25, -0.125)),
         (Conventions(jitter_flip_y=True), (0.25, 0.125), (0.25, -0.125)),
         (Conventions.fsr(), (-0.25, 0.125), (0.25, -0.125)),
-        (Conventions.unity(), (0.25, 0.125), (0.25, -0.125)),
+        (Conventions.unity(), (0.25, -0.125), (0.25, -0.125)),
+        (Conventions.unity(jitter_flip_y=True), (0.25, 0.125), (0.25, -0.125)),
+        (Conventions.godot(), (-0.0625, 0.0625), (0.25, -0.125)),
         (Conventions.vtk(), (0.0625, 0.0625), (0.25, -0.125)),
         (Conventions(jitter_unit="ndc"), (np.float32(1 / 8) * 1.00001, 0.0), (0.5, 0.0)),
         (Conventions(), None, (0.0, 0.0)),

@@ -86,7 +86,9 @@ def test_every_depth_is_found(frames: list[Frame], mistake: dict[str, Any]) -> N
     assert_found(detect_conventions(planted(frames, conventions)), conventions)
 
 
-@pytest.mark.parametrize("name", ["fsr", "xess", "streamline", "unreal", "unity", "blender", "arm_gym"])
+@pytest.mark.parametrize(
+    "name", ["fsr", "xess", "streamline", "unreal", "unity", "godot", "blender", "arm_gym"]
+)
 def test_every_preset_is_found_with_nothing_stated(frames: list[Frame], name: str) -> None:
     conventions = getattr(Conventions, name)()
     assert_found(detect_conventions(planted(frames, conventions)), conventions)

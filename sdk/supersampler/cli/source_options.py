@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from supersampler.conventions import Conventions
     from supersampler.io.shot import Shot
 
-_PRESETS = ("fsr", "xess", "streamline", "unreal", "unity", "blender", "arm_gym")
+_PRESETS = ("fsr", "xess", "streamline", "unreal", "unity", "godot", "blender", "arm_gym")
 _OPTIONS = {"channel_map": "--channels"}  # where an option has another name than the importers' argument
 
 Layout = Literal["auto", "blender", "channels", "arm"]

@@ -133,29 +133,54 @@ class Conventions(ConventionFields):
     def unreal(cls, **overrides: Any) -> Self:
         """Unreal Engine: velocity in NDC, current minus previous; TemporalJitterPixels with FSR's sign.
 
-        Decode the velocity buffer first: (v - 32767 / 65535) / 0.2495. An exported SceneDepth is
-        depth="linear".
+        Decode the velocity buffer first, with the engine's DecodeVelocityFromTexture, and where its x is 0
+        compute the camera's motion from depth and ClipToPrevClip. By hand: v = (stored - 32767 / 65535) /
+        0.2495, and from shader model 5 on (VELOCITY_ENCODE_GAMMA in 5.7 and 5.8) v |v| / 2 of that. An
+        exported SceneDepth is depth="linear".
 
-        Sources: SceneVisibility.cpp, HackAddTemporalAAProjectionJitter(2 x / W, -2 y / H); snapdragon-gsr
-        (decoding, and previous = uv - 0.5 v); Arm's capture plugin (v (0.5, -0.5) is current minus previous).
+        Sources: accuracy-super-resolution-for-unreal, ConvertVelocity.usf (decoding; v (-0.5, 0.5) is FSR's);
+        SceneVisibility.cpp, HackAddTemporalAAProjectionJitter(2 x / W, -2 y / H); Arm's capture plugin
+        (v (0.5, -0.5) is current minus previous).
         """
         preset = {"motion_unit": "ndc", "motion_direction": "current_minus_previous", "jitter_sign": -1}
         return cls._preset(preset, overrides)
 
     @classmethod
     def unity(cls, **overrides: Any) -> Self:
-        """Unity HDRP: motion in UV, current minus previous; taaJitter moves the camera, in pixels, y up.
+        """Unity HDRP: motion in UV, current minus previous; taaJitter moves the camera, in pixels.
 
-        In URP the jitter moves the image instead: jitter_sign=-1. Motion has y down where textures start at
-        the top (Direct3D, Metal, Vulkan); else motion_flip_y=True. ReadPixels gives bottom_up=True. Set near
+        Rows are those of Unity's textures, from v = 0 on, as shaders, ReadPixels and AsyncGPUReadback give
+        them: the image is upside down, and so are y of motion and jitter, on every platform. For images the
+        right way up add motion_flip_y=True and jitter_flip_y=True, to arrays of ReadPixels bottom_up=True,
+        too (EncodeToEXR turns the rows itself). In URP the jitter moves the image: jitter_sign=-1. Set near
         and far to the camera's; these are Unity's defaults.
 
-        Sources: HDRP CameraMotionVectors.shader; HDCamera.cs, GetJitteredProjectionMatrix (the frustum's
-        planes move by + jitter); URP TemporalAA.cs, CalculateJitterMatrix (translation by 2 x / W, 2 y / H).
+        Sources: script reference, AMD.FSR2Context.executeData (FSR's jitter is - taaJitter and its
+        motionVectorScale - (w, h), in x and y alike); HDCamera.cs, GetJitteredProjectionMatrix; HDRP
+        BuiltinUtilities.hlsl and URP MotionVectorsCommon.hlsl (y negated where UNITY_UV_STARTS_AT_TOP); URP
+        TemporalAA.cs, CalculateJitterMatrix (translation by 2 x / W, 2 y / H).
         """
         preset = {
-            "motion_unit": "uv", "motion_direction": "current_minus_previous", "jitter_flip_y": True,
+            "motion_unit": "uv", "motion_direction": "current_minus_previous",
             "depth": "reversed", "near": 0.3, "far": 1000.0,
+        }  # fmt: skip
+        return cls._preset(preset, overrides)
+
+    @classmethod
+    def godot(cls, **overrides: Any) -> Self:
+        """Godot 4.3 and later: velocity in UV, previous minus current; taa_jitter in NDC with y down.
+
+        The jitter is - (P.z.x, P.z.y) of P = RenderSceneData.get_cam_projection(), for a camera without
+        offset. With a temporal 3D scaling mode, velocity is (-1, -1) where only the camera moves: fill it by
+        `camera_motion`. Set near and far to the camera's; these are Godot's defaults.
+
+        Sources: scene_forward_clustered.glsl (motion_vector); render_scene_data_rd.cpp (correction,
+        add_jitter_offset); render_forward_clustered.cpp (FSR 2's jitter is taa_jitter size / 2; velocity
+        cleared to -1); fsr2.cpp (motionVectorScale is the internal size; depth inverted, far plane finite).
+        """
+        preset = {
+            "motion_unit": "uv", "depth": "reversed", "near": 0.05, "far": 4000.0,
+            "jitter_unit": "ndc", "jitter_flip_y": True, "jitter_sign": -1,
         }  # fmt: skip
         return cls._preset(preset, overrides)
 

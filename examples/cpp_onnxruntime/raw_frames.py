@@ -1,0 +1,40 @@
+"""Writes the frames of a shot as raw planes of float32, which `upscale` reads.
+
+    python examples/cpp_onnxruntime/raw_frames.py SHOT_FOLDER OUT_FOLDER [FRAMES]
+
+The shot must be in this package's conventions, as shots of `supersampler import` are. FRAMES is how many,
+from the first on. The format is at the top of upscale.cpp.
+"""
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+from OpenImageIO import ImageBuf
+
+CHANNELS = {"color": ("R", "G", "B"), "depth": ("depth.Z",), "motion": ("motion.X", "motion.Y")}
+
+if len(sys.argv) not in (3, 4):
+    sys.exit(__doc__)
+shot, out = Path(sys.argv[1]), Path(sys.argv[2])
+description = json.loads((shot / "shot.json").read_text())
+if description["conventions"]:
+    sys.exit(f"{shot} is in other conventions; convert it: supersampler import {shot} -o CONVERTED")
+width, height = description["display_size"]
+out.mkdir(parents=True, exist_ok=True)
+lines = []
+for entry in description["frames"][: int(sys.argv[3]) if len(sys.argv) == 4 else None]:
+    image = ImageBuf(str(shot / entry["file"]))
+    pixels = np.asarray(image.get_pixels("float"))  # (h, w, channels)
+    names = image.spec().channelnames
+    stem = Path(entry["file"]).stem
+    for buffer, channels in CHANNELS.items():
+        planes = np.stack([pixels[..., names.index(channel)] for channel in channels])
+        planes.astype("<f4").tofile(out / f"{stem}.{buffer}")
+    x, y = (repr(float(np.float32(v))) for v in entry["jitter"])
+    exposure, reset = entry["exposure"] or 0.0, int(entry["reset"])
+    lines.append(
+        f"{stem} {pixels.shape[1]} {pixels.shape[0]} {width} {height} {x} {y} {exposure!r} {reset}\n"
+    )
+(out / "frames.txt").write_text("".join(lines))

@@ -1,0 +1,155 @@
+"""Tests of examples/cpp_onnxruntime, compiled against ONNX Runtime's headers, which `make cpp` fetches."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from supersampler import Frame, Shot, Upscaler
+from supersampler.methods.model_file import find_model
+
+ROOT = Path(__file__).parents[2]
+EXAMPLE = ROOT / "examples" / "cpp_onnxruntime"
+FRAMES = int(os.environ.get("SUPERSAMPLER_CPP_FRAMES", "3"))
+TOLERANCE = 1e-5  # mean difference of an image
+
+
+def onnx_runtime() -> Path:
+    """Return a folder with include/ and lib/ of ONNX Runtime, or skip the test."""
+    for folder in (ROOT / ".onnxruntime", Path("/usr")):
+        if any((folder / f"include{name}/onnxruntime_cxx_api.h").exists() for name in ("", "/onnxruntime")):
+            return folder
+    pytest.skip("there are no headers of ONNX Runtime here: `make cpp` fetches them")
+
+
+@pytest.fixture(scope="module")
+def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The example, compiled."""
+    missing = [name for name in ("cmake", "c++") if shutil.which(name) is None]
+    if missing:
+        pytest.skip(f"{' and '.join(missing)} cannot be found")
+    folder = tmp_path_factory.mktemp("build")
+    options = [f"-DCMAKE_PREFIX_PATH={onnx_runtime()}", "-DCMAKE_BUILD_TYPE=Release", "-Werror=dev"]
+    flags = {**os.environ, "CXXFLAGS": "-Werror"}
+    for command in (
+        ["cmake", "-S", str(EXAMPLE), "-B", str(folder), *options],
+        ["cmake", "--build", str(folder)],
+    ):
+        done = subprocess.run(command, env=flags, capture_output=True, text=True, timeout=300)
+        assert done.returncode == 0, done.stdout + done.stderr
+    return folder / "upscale"
+
+
+def run(program: Path, model: str, *arguments: object) -> "subprocess.CompletedProcess[str]":
+    command = [str(program), str(find_model(model) / "step.onnx"), *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=300)
+
+
+def image_of(folder: Path, name: str, size: tuple[int, int]) -> NDArray[np.float32]:
+    planes = np.fromfile(folder / f"{name}.image", "<f4").reshape(3, size[1], size[0])
+    return planes.transpose(1, 2, 0)
+
+
+@pytest.fixture(scope="module")
+def plaza_images() -> list[NDArray[np.float32]]:
+    """The first images of the shipped shot, by Python's ONNX backend."""
+    shot, upscaler = Shot.open("plaza"), Upscaler("classifier", display_size=(640, 360), executor="onnx")
+    return [upscaler.step(shot.read(index).frame) for index in range(FRAMES)]
+
+
+@pytest.mark.parametrize("option", [[], ["--fixed"]], ids=["free sizes", "fixed sizes"])
+def test_its_images_of_the_shipped_shot_are_those_of_upscaler(
+    program: Path, plaza_images: list[NDArray[np.float32]], tmp_path: Path, option: list[str]
+) -> None:
+    shot = Shot.open("plaza").path
+    script = [sys.executable, *map(str, (EXAMPLE / "raw_frames.py", shot, tmp_path / "raw", FRAMES))]
+    subprocess.run(script, check=True, timeout=120)
+    done = run(program, "classifier", tmp_path / "raw", tmp_path / "out", *option)
+    assert done.returncode == 0, done.stderr
+    for index, expected in enumerate(plaza_images):
+        image = image_of(tmp_path / "out", f"{index:04d}", (640, 360))
+        assert np.abs(image - expected).mean() <= TOLERANCE, index
+
+
+def write_raw(folder: Path, frames: list[Frame], displays: list[tuple[int, int]]) -> None:
+    folder.mkdir()
+    lines = []
+    for index, (frame, display) in enumerate(zip(frames, displays, strict=True)):
+        assert frame.color is not None
+        (folder / f"{index}.color").write_bytes(frame.color.transpose(2, 0, 1).astype("<f4").tobytes())
+        (folder / f"{index}.depth").write_bytes(frame.depth.astype("<f4").tobytes())
+        (folder / f"{index}.motion").write_bytes(frame.motion.transpose(2, 0, 1).astype("<f4").tobytes())
+        values = (*frame.size, *display, *frame.jitter, frame.exposure or 0.0, int(frame.reset))
+        lines.append(f"{index} {' '.join(map(repr, values))}\n")
+    (folder / "frames.txt").write_text("".join(lines))
+
+
+def noise_frame(index: int, size: tuple[int, int], *, reset: bool) -> Frame:
+    random = np.random.default_rng(index)
+    shape = size[::-1]
+    return Frame(
+        color=random.uniform(0.0, 2.0, (*shape, 3)).astype(np.float32),
+        depth=random.uniform(0.01, 0.5, shape).astype(np.float32),
+        motion=random.normal(0.0, 1.0, (*shape, 2)).astype(np.float32),
+        jitter=(0.25, -0.125 * (index % 2)),
+        reset=reset,
+    )
+
+
+def test_a_new_render_size_keeps_the_history_and_a_cut_or_a_new_display_size_drops_it(
+    program: Path, tmp_path: Path
+) -> None:
+    renders = [(64, 36), (64, 36), (80, 45), (72, 40), (64, 36), (64, 36), (64, 36)]
+    displays = [(128, 72)] * 5 + [(121, 67)] * 2
+    frames = [noise_frame(i, size, reset=i in (0, 4)) for i, size in enumerate(renders)]
+    write_raw(tmp_path / "raw", frames, displays)
+    done = run(program, "taau", tmp_path / "raw", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    for part in (slice(0, 5), slice(5, 7)):
+        size = displays[part.start]
+        upscaler = Upscaler("taau", display_size=size, executor="onnx", validate="off")
+        for index, frame in list(enumerate(frames))[part]:
+            expected = upscaler.step(frame)
+            assert np.abs(image_of(tmp_path / "out", str(index), size) - expected).mean() <= TOLERANCE, index
+
+
+def test_what_it_cannot_do_is_said_in_one_line(program: Path, tmp_path: Path) -> None:
+    write_raw(tmp_path / "raw", [noise_frame(0, (64, 36), reset=True)], [(128, 72)])
+    no_provider = run(program, "taau", tmp_path / "raw", tmp_path / "out", "--provider", "SNPE")
+    assert (no_provider.returncode, no_provider.stderr.count("\n")) == (1, 1)
+    assert "not supported in this build" in no_provider.stderr
+    no_buffers = run(program, "gbuffer-small", tmp_path / "raw", tmp_path / "out")
+    assert no_buffers.returncode == 1
+    assert no_buffers.stderr == "the frame has no gbuffer_base_color, which the graph takes\n"
+    (tmp_path / "raw/0.depth").write_bytes(b"short")
+    done = run(program, "taau", tmp_path / "raw", tmp_path / "out")
+    assert (done.returncode, done.stderr) == (1, "0.depth: has another size than frames.txt says\n")
+
+
+def test_the_library_writes_nothing_to_the_home_of_the_user(
+    program: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_raw(tmp_path / "raw", [noise_frame(0, (64, 36), reset=True)], [(128, 72)])
+    (tmp_path / "home").mkdir()
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    monkeypatch.delenv("ORT_DISABLE_TELEMETRY", raising=False)
+    assert run(program, "taau", tmp_path / "raw", tmp_path / "out").returncode == 0
+    assert not list((tmp_path / "home").rglob("*"))
+
+
+def test_the_code_on_the_page_is_that_of_the_example() -> None:
+    page = (ROOT / "docs/how-to/onnx-in-cpp.md").read_text("utf-8")
+    sources = [(EXAMPLE / name).read_text("utf-8") for name in ("upscaler.hpp", "upscale.cpp")]
+    lines = ["\n".join(line.strip() for line in source.splitlines()) for source in sources]
+    snippets = re.findall("```cpp\n(.*?)```", page, re.DOTALL)
+    assert len(snippets) >= 5
+    for snippet in snippets:
+        wanted = "\n".join(line.strip() for line in textwrap.dedent(snippet).strip().splitlines())
+        assert any(wanted in source for source in lines), snippet
