@@ -1,7 +1,7 @@
 """Convert the network of a method to half precision, for providers that compute it fast."""
 
 import copy
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TypeVar, cast
 
 from torch import Tensor, nn
@@ -28,14 +28,16 @@ class HalfNetwork(nn.Module):
 
     def forward(self, *inputs: Tensor) -> tuple[Tensor, ...]:
         """Run the network."""
-        return self._run(self.network, *inputs)
+        return _floats(self.network(*(value.half() for value in inputs)))
 
-    def on_pixels(self, *inputs: Tensor) -> tuple[Tensor, ...]:
-        """Run the network of a classifier on pixels that are not packed."""
-        return self._run(cast("Callable[..., tuple[Tensor, ...]]", self.network.on_pixels), *inputs)
+    def on_pixels(self, pixels: Sequence[Tensor], half_inputs: Tensor) -> tuple[Tensor, ...]:
+        """Run the network of a classifier on display pixels that are not packed."""
+        infer = cast("Callable[..., tuple[Tensor, ...]]", self.network.on_pixels)
+        return _floats(infer([value.half() for value in pixels], half_inputs.half()))
 
-    def _run(self, infer: Callable[..., tuple[Tensor, ...]], *inputs: Tensor) -> tuple[Tensor, ...]:
-        return tuple(output.float() for output in infer(*(value.half() for value in inputs)))
+
+def _floats(outputs: tuple[Tensor, ...]) -> tuple[Tensor, ...]:
+    return tuple(output.float() for output in outputs)
 
 
 def folded(network: Folded) -> Folded:

@@ -71,7 +71,7 @@ def disocclusion(
         ramp: relative depth.
     """
     first = position.floor()
-    right, below = channels_of((position - first).permute(0, 3, 1, 2))
+    right, below = (part[:, None] for part in (position - first).unbind(dim=3))
     around = padded_3x3(history_depth)[:, :, :-1, :-1]  # so that both samples beside an edge are the edge's
     limit = torch.where(around > 1e-12, 1.0 / (ramp * around.clamp(min=1e-12)), 1e30)
     limits = read(torch.cat(neighbours_2x2(limit), dim=1), first + 1.0, mode="nearest")
