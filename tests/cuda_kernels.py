@@ -11,9 +11,12 @@ _ANY = {*_NUMBERS, "bool"}
 CUDA_KERNELS = {
     **dict.fromkeys(("Cast", "Concat", "Expand", "Gather", "Identity", "Reshape", "Slice", "Split"), _ANY),
     **dict.fromkeys(("Transpose", "Unsqueeze"), _ANY),
-    **dict.fromkeys(("Abs", "Add", "Div", "Max", "Min", "Mul", "Neg", "Pow", "ReduceSum", "Sub"), _NUMBERS),
+    **dict.fromkeys(("Abs", "Add", "Div", "Max", "Min", "Mul", "Neg", "Pow", "Sub"), _NUMBERS),
+    **dict.fromkeys(("ReduceMax", "ReduceSum"), _NUMBERS),
     **dict.fromkeys(("Greater", "GreaterOrEqual", "Less", "LessOrEqual"), _NUMBERS),
-    **dict.fromkeys(("Conv", "DepthToSpace", "Exp", "Floor", "Log", "MatMul", "MaxPool"), _FLOATS),
+    **dict.fromkeys(
+        ("Conv", "ConvTranspose", "DepthToSpace", "Exp", "Floor", "Log", "MatMul", "MaxPool"), _FLOATS
+    ),
     **dict.fromkeys(("Reciprocal", "Relu", "Sigmoid", "Sqrt"), _FLOATS),
     "And": {"bool"},
     "Or": {"bool"},

@@ -34,13 +34,13 @@ from supersampler_model.ops.sampling import (
     grid_bands,
     grid_of,
     linear,
-    neighbours_3x3,
     positions,
     resample,
     span,
     upsample,
 )
 from supersampler_model.ops.size import Size
+from supersampler_model.ops.windows import neighbours_3x3
 
 SIZES = st.tuples(st.integers(1, 9), st.integers(1, 7))
 RATIOS = st.floats(1.0, 4.0)

@@ -5,7 +5,8 @@ from typing import NamedTuple
 
 from torch import Tensor
 
-from supersampler_model.ops.sampling import channels_of, sum_of
+from supersampler_model.ops.sampling import sum_of
+from supersampler_model.ops.windows import channels_of
 
 
 class Composite(NamedTuple):

@@ -44,21 +44,18 @@ from supersampler.methods.convergence import (
 from supersampler_model.ops.color import bounded, glaring, largest, luminance, sanitize, valid
 from supersampler_model.ops.motion import squared_length, usable_motion
 from supersampler_model.ops.sampling import (
-    channels_of,
     gaussian,
     grid_bands,
     grid_of,
     linear,
     nearest,
     normalised,
-    padded_3x3,
     pick,
     pick_first,
     resample,
-    shifted,
-    window_sum,
 )
 from supersampler_model.ops.size import Size, render_size_of
+from supersampler_model.ops.windows import channels_of, padded_3x3, shifted, window_sum
 
 DARK = 0.002  # luma below which `shown_luma` is less steep: a screen is, too
 COVERED = 0.999  # of four bilinear weights

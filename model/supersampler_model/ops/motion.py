@@ -6,20 +6,17 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from supersampler_model.ops.sampling import (
-    Extent,
-    Grid,
+from supersampler_model.ops.sampling import Extent, Grid, pair, sum_of
+from supersampler_model.ops.size import Size, render_size_of
+from supersampler_model.ops.windows import (
     channels_of,
     maximum_3x3,
     minimum_3x3,
     neighbours_2x2,
     neighbours_3x3,
     padded_3x3,
-    pair,
     shifted,
-    sum_of,
 )
-from supersampler_model.ops.size import Size, render_size_of
 
 LONGEST, FAR = 3e38, 1e6  # pixels: larger motion is not finite; finite motion is clamped to FAR
 UNKNOWN_DEPTH = -1.0  # below the sky's 0: never the closest, never disoccluded

@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from supersampler_model.ops.color import largest
-from supersampler_model.ops.sampling import blurred, maximum_3x3, minimum_3x3
+from supersampler_model.ops.windows import blurred, maximum_3x3, minimum_3x3
 
 
 class Box(NamedTuple):

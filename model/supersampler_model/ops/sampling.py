@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 import torch
 from torch import Tensor
-from torch.nn import functional as F
 
 from supersampler_model.ops.size import Size, render_size_of
+from supersampler_model.ops.windows import neighbours_3x3
 
 Kernel = Callable[[Tensor], Tensor]
 """Weight of a sample at a distance, elementwise."""
@@ -333,70 +333,3 @@ def catmull_rom(distance: Tensor) -> Tensor:
 def gaussian(sigma: float) -> Kernel:
     """Gaussian of height one."""
     return lambda distance: (distance * distance * (-0.5 / (sigma * sigma))).exp()
-
-
-def neighbours_2x2(image: Tensor) -> list[Tensor]:
-    """Each pixel and its right, lower and lower right neighbour, edges repeated: four (1, c, h, w)."""
-    right = shifted(image, 1, 0)
-    return [image, right, shifted(image, 0, 1), shifted(right, 0, 1)]
-
-
-def neighbours_3x3(image: Tensor) -> list[Tensor]:
-    """The nine 3x3 neighbours of every pixel, edges repeated, row by row; the fifth is `image` itself."""
-    tall, h, w = padded_3x3(image), image.shape[2], image.shape[3]
-    return [tall[:, :, dy : dy + h, dx : dx + w] for dy in range(3) for dx in range(3)]
-
-
-def repeated(image: Tensor, size: Size) -> Tensor:
-    """Repeat the last row and column of the upper left part of a size over the rest of the image."""
-    for axis, extent in ((2, size.height), (3, size.width)):
-        index = torch.arange(image.shape[axis], device=image.device).clamp(max=extent - 1)
-        image = image.index_select(axis, index)
-    return image
-
-
-def padded_3x3(image: Tensor, size: Size | None = None) -> Tensor:
-    """Repeat the edges by one pixel: (1, c, h, w) -> (1, c, h + 2, w + 2).
-
-    With a `size`, the edges are those of an image of that size in the upper left.
-    """
-    width, height = size or render_size_of(image)
-    for axis, extent in ((2, height), (3, width)):
-        index = torch.arange(-1, image.shape[axis] + 1, device=image.device).clamp(0, extent - 1)
-        image = image.index_select(axis, index)
-    return image
-
-
-def channels_of(image: Tensor) -> list[Tensor]:
-    """(n, c, h, w) as c images of one channel."""
-    return list(image.split_with_sizes([1] * image.shape[1], dim=1))
-
-
-def maximum_3x3(image: Tensor) -> Tensor:
-    """Maximum over 3x3."""
-    return F.max_pool2d(image, 3, 1, 1)
-
-
-def minimum_3x3(image: Tensor) -> Tensor:
-    """Minimum over 3x3."""
-    return -F.max_pool2d(-image, 3, 1, 1)
-
-
-def blurred(image: Tensor, size: Size | None = None) -> Tensor:
-    """Mean over 3x3, edges repeated; `size`: see `padded_3x3`."""
-    return window_sum(padded_3x3(image, size), 3) / 9.0
-
-
-def window_sum(image: Tensor, size: int, padding: int = 0) -> Tensor:
-    """Sum of each channel over windows of `size` pixels a side; zeros are around the image."""
-    channels = image.shape[1]
-    ones = image.new_ones(channels, 1, size, size)
-    return F.conv2d(image, ones, padding=padding, groups=channels)
-
-
-def shifted(image: Tensor, across: int, down: int, size: Size | None = None) -> Tensor:
-    """Each pixel's neighbour at an offset along one axis, edges repeated; `size`: see `padded_3x3`."""
-    width, height = size or render_size_of(image)
-    axis, offset, extent = (3, across, width) if across else (2, down, height)
-    index = torch.arange(image.shape[axis], device=image.device) + offset
-    return image.index_select(axis, index.clamp(0, extent - 1))

@@ -76,22 +76,19 @@ from supersampler_model.ops.sampling import (
     Grid,
     View,
     catmull_rom,
-    channels_of,
     gaussian,
     local_moments,
-    maximum_3x3,
-    minimum_3x3,
     neighbourhood_samples,
     pick,
     pick_first,
     pick_first_vector,
     pick_vector,
-    shifted,
     sum_of,
     upsample,
     weighed,
 )
 from supersampler_model.ops.size import Size, display_size_of, half_of, render_size_of
+from supersampler_model.ops.windows import channels_of, maximum_3x3, minimum_3x3, shifted
 
 TONED = 1.0 - 1e-4  # maximum of a toned colour
 SHARPEST = 2.0  # maximum factor of the detail that is added

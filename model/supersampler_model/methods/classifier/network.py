@@ -111,7 +111,7 @@ class ClassifierNetwork(nn.Module):
         """
         missing = -half_inputs.shape[1] % 4
         if missing:
-            none = half_inputs.new_zeros(1, missing, *half_inputs.shape[2:])
+            none = half_inputs.new_zeros(half_inputs.shape[0], missing, *half_inputs.shape[2:])
             half_inputs = torch.cat([half_inputs, none], dim=1)
         planes = torch.cat([*pixels, F.pixel_shuffle(half_inputs, 2)], dim=1)
         first, depthwise, last = self.encoder.blocks[0].children()

@@ -15,8 +15,8 @@ from torch.nn import functional as F
 from supersampler.methods.classifier.spec import NEIGHBOURHOOD_INPUTS, CountCode
 from supersampler_model.methods.classifier.buffers import Gathered
 from supersampler_model.ops.color import largest, luminance
-from supersampler_model.ops.sampling import blurred, channels_of, maximum_3x3, minimum_3x3, repeated
 from supersampler_model.ops.size import Size, half_of
+from supersampler_model.ops.windows import blurred, channels_of, maximum_3x3, minimum_3x3, repeated
 
 MOST = 64.0  # samples at which the logarithm is 1
 COUNTS: Mapping[CountCode, Callable[[Tensor], Tensor]] = {

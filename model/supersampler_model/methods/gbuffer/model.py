@@ -62,9 +62,7 @@ from supersampler_model.ops.motion import (
 )
 from supersampler_model.ops.sampling import (
     View,
-    channels_of,
     gaussian,
-    neighbours_3x3,
     normalised,
     pick,
     pick_first_vector,
@@ -72,6 +70,7 @@ from supersampler_model.ops.sampling import (
     upsample,
 )
 from supersampler_model.ops.size import display_size_of, render_size_of
+from supersampler_model.ops.windows import channels_of, neighbours_3x3
 
 TONED = 1.0 - 1e-4  # maximum of a toned colour
 NEIGHBOUR_WEIGHTS = (0.03, 0.12, 0.03, 0.12, 1.0, 0.12, 0.03, 0.12, 0.03)

@@ -11,7 +11,8 @@ from torch.nn import functional as F
 from supersampler_model.methods.gbuffer.buffers import Samples, Surfaces
 from supersampler_model.ops.color import luminance
 from supersampler_model.ops.motion import positions_of, read, usable_depth
-from supersampler_model.ops.sampling import Grid, channels_of, gaussian, sum_of
+from supersampler_model.ops.sampling import Grid, gaussian, sum_of
+from supersampler_model.ops.windows import channels_of
 
 MIN_REFLECTANCE = 0.04
 """Added to every reflectance; about that of a dielectric."""

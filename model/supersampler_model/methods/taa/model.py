@@ -38,17 +38,9 @@ from supersampler_model.ops.rectification import (
     moments,
     variance_box,
 )
-from supersampler_model.ops.sampling import (
-    blurred,
-    grid_bands,
-    grid_of,
-    linear,
-    minimum_3x3,
-    pick,
-    pick_vector,
-    resample,
-)
+from supersampler_model.ops.sampling import grid_bands, grid_of, linear, pick, pick_vector, resample
 from supersampler_model.ops.size import display_size_of, render_size_of
+from supersampler_model.ops.windows import blurred, minimum_3x3
 
 
 class Gathered(NamedTuple):

@@ -60,13 +60,10 @@ from supersampler_model.ops.sampling import (
     MIN_WEIGHT,
     Grid,
     View,
-    blurred,
     catmull_rom,
-    channels_of,
     gaussian,
     grid_of,
     local_moments,
-    maximum_3x3,
     normalised,
     pick,
     pick_first,
@@ -74,6 +71,7 @@ from supersampler_model.ops.sampling import (
     upsample,
 )
 from supersampler_model.ops.size import Size, display_size_of, render_size_of
+from supersampler_model.ops.windows import blurred, channels_of, maximum_3x3
 
 MIN_CHANGE = 0.004  # of toned luma: one step of an 8-bit image
 MIN_SAMPLES = 1e-3  # with fewer samples the history is not used
