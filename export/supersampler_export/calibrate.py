@@ -9,7 +9,9 @@ from torch import Tensor, nn
 
 from supersampler.backends.onnx.session import frame_inputs
 from supersampler.io.shot import Shot
+from supersampler_model.methods.classifier.buffers import Gathered
 from supersampler_model.methods.classifier.model import Classifier
+from supersampler_model.methods.classifier.network import unpack
 from supersampler_model.ops.size import Size
 
 SCALES, FRAMES = (1.5, 2.5), 10  # ratios that the shipped shot is stepped at, frames of each
@@ -27,10 +29,17 @@ def calibrated(method: Classifier) -> dict[str, float]:
     ranges: dict[str, float] = {}
     layers = {name: layer for name, layer in method.net.named_modules() if _is_quantized(name)}
     hooks = [layer.register_forward_hook(_record_range(name, ranges)) for name, layer in layers.items()]
+
+    def infer(gathered: Gathered) -> tuple[Tensor, Tensor]:
+        logits, blend = method.net(*method.network_inputs(gathered))
+        return logits, unpack(blend)
+
+    vars(method)["infer"] = infer  # layer by layer, on packed pixels: as the int8 network computes
     try:
         for scale in SCALES:
             _step_shot(method, scale)
     finally:
+        del vars(method)["infer"]
         for hook in hooks:
             hook.remove()
     return {name: float(f"{MARGIN * value:.1e}") for name, value in ranges.items()}
