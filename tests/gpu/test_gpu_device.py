@@ -13,8 +13,8 @@ from gpu_steps import METHODS, device_or_skip, model, moving
 from supersampler import Upscaler
 from supersampler.backends.gpu import device as devices
 from supersampler.backends.gpu.device import LIMITS
-from supersampler.backends.gpu.executor import ARRAYS, TEXTURES, PassSpec
 from supersampler.backends.gpu.passes import Pass
+from supersampler.backends.gpu.program import ARRAYS, TEXTURES, PassSpec
 from supersampler.errors import ArgumentError, DeviceError
 from supersampler.model import Model
 
@@ -38,7 +38,7 @@ def all_passes() -> Iterator[tuple[PassSpec, Pass]]:
     for method in METHODS:
         for variants in (ARRAYS, TEXTURES):
             executor = model(method).gpu
-            yield from zip(executor.pass_specs, executor.passes(variants), strict=True)
+            yield from zip(executor.program.passes, executor.passes(variants), strict=True)
 
 
 def test_passes_stay_within_webgpus_default_limits() -> None:
@@ -67,7 +67,7 @@ def test_workgroup_memory_is_at_most_16_kib() -> None:
 
 
 def test_a_step_of_classifier_is_at_most_twelve_passes() -> None:
-    assert len(model("classifier").gpu.pass_specs) <= 12
+    assert len(model("classifier").gpu.program.passes) <= 12
 
 
 def test_shaders_find_invalid_values_by_bit_pattern() -> None:

@@ -12,8 +12,9 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from supersampler.backends.gpu.executor import TEXTURES, GpuExecutor
+from supersampler.backends.gpu.executor import GpuExecutor
 from supersampler.backends.gpu.memory import TEXELS
+from supersampler.backends.gpu.program import TEXTURES
 from supersampler.backends.gpu.shader import Binding, Shader
 from supersampler.frame import Size
 from supersampler.methods.model_file import find_model, read_model_info
@@ -71,22 +72,21 @@ def count_gpu(method: str, render: Size, display: Size) -> Traffic:
     moved = sum(access.bytes for access in accesses(executor, render, display))
     info = read_model_info(find_model(method))
     products = round(info.multiply_adds * display[0] * display[1])
-    return Traffic(BACKEND, Path(method).name, moved, products, len(executor.pass_specs))
+    return Traffic(BACKEND, Path(method).name, moved, products, len(executor.program.passes))
 
 
 def accesses(
     executor: GpuExecutor, render: Size, display: Size, variants: Mapping[str, str] = TEXTURES
 ) -> Iterator[Access]:
     """Yield all accesses of a step; `variants`: where frame and image are."""
-    sizes = {name: spec.bytes for name, spec in executor.specs(render, display).items()}
+    sizes = {name: spec.bytes for name, spec in executor.program.specs(render, display).items()}
     sizes |= {name: memory.resource.size for name, memory in executor.weights.items()}
     if variants is TEXTURES:
         pixels = {"frame": render[0] * render[1], "image": display[0] * display[1]}
         sizes |= {name: texel * pixels[name.partition("_")[0]] for name, (_, texel) in FORMATS.items()}
-    extents = executor.extents(render, display)
-    passes = zip(executor.pass_specs, executor.passes(variants), strict=True)
+    passes = zip(executor.program.passes, executor.passes(variants), strict=True)
     for number, (spec, one) in enumerate(passes):
-        width, height = extents[spec.extent]
+        width, height = spec.extent.size(render, display)
         for binding in used_bindings(one.shader):
             if binding.name not in NOT_ASKED:
                 resource = spec.names.get(binding.name, binding.name)

@@ -3,7 +3,7 @@
 import pytest
 
 from gpu_steps import device_or_skip, model
-from supersampler.backends.gpu.executor import TEXTURES
+from supersampler.backends.gpu.program import TEXTURES
 from supersampler.backends.gpu.shader import Binding, Shader
 from supersampler_bench.specs import Spec, parse_spec
 from supersampler_bench.timing.device_gpu import measure_gpu
