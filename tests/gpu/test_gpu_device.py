@@ -12,6 +12,7 @@ import pytest
 from gpu_steps import METHODS, device_or_skip, model, moving
 from supersampler import Upscaler
 from supersampler.backends.gpu import device as devices
+from supersampler.backends.gpu.declarations import needed
 from supersampler.backends.gpu.device import LIMITS
 from supersampler.backends.gpu.passes import Pass
 from supersampler.backends.gpu.program import ARRAYS, TEXTURES, PassSpec
@@ -118,8 +119,7 @@ def test_an_adapter_below_the_limits_is_named(monkeypatch: pytest.MonkeyPatch) -
 def test_a_shader_that_does_not_compile_is_shown_with_the_adapter(monkeypatch: pytest.MonkeyPatch) -> None:
     from supersampler.backends.gpu import shader
 
-    whole = shader._source
-    monkeypatch.setattr(shader, "_source", lambda *given: whole(*given) + "\nfn broken( {")
+    monkeypatch.setattr(shader, "needed", lambda parts: needed(parts) + "\nfn broken( {")
     with pytest.raises(DeviceError, match=r"llvmpipe|\(.*\).*compiling shaders"):
         Upscaler("taau", scale=2.0, executor="gpu")
 

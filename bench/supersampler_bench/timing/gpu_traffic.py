@@ -3,8 +3,7 @@
 A pass reads and writes each of its resources once: workgroups share what their threads read, and
 neighbouring workgroups find their common border in the cache. A declaration that ends in `// N a thread` is
 of a texture rgba32float larger than what the pass reads of it: N pixels for each thread that has a pixel.
-Counted are resources that `main` and the functions that it calls name. bench/studies/gpu_accesses.py compares
-the counts with those of shaders that mark what they touch.
+bench/studies/gpu_accesses.py compares the counts with those of shaders that mark what they touch.
 """
 
 import re
@@ -31,7 +30,6 @@ FORMATS = {
 """Formats of an engine's textures, and bytes of a pixel."""
 NOT_ASKED = ("aux", "params")
 """Resources of an ordinary step that are not, or hardly, touched."""
-_FUNCTION = re.compile(r"^fn (\w+)\(", re.MULTILINE)
 _PART = re.compile(r"// (\d+) a thread$", re.MULTILINE)
 
 
@@ -87,7 +85,7 @@ def accesses(
     passes = zip(executor.program.passes, executor.passes(variants), strict=True)
     for number, (spec, one) in enumerate(passes):
         width, height = spec.extent.size(render, display)
-        for binding in used_bindings(one.shader):
+        for binding in one.shader.bindings:
             if binding.name not in NOT_ASKED:
                 resource = spec.names.get(binding.name, binding.name)
                 part = part_of(one.shader, binding, width * height)
@@ -100,26 +98,6 @@ def part_of(shader: Shader, binding: Binding, threads: int) -> int | None:
     line = re.search(rf"^@group\(.*\b{binding.name}: .*$", shader.code, re.MULTILINE)
     found = _PART.search(line[0]) if line else None
     return int(found[1]) * TEXELS["rgba32float"] * threads if found else None
-
-
-def used_bindings(shader: Shader) -> list[Binding]:
-    """Return the bindings that functions name which `main` calls, directly or not."""
-    bodies = function_bodies(shader.code)
-    reached, waiting = set[str](), ["main"]
-    while waiting:
-        name = waiting.pop()
-        if name not in reached:
-            reached.add(name)
-            waiting += [word for word in re.findall(r"\b(\w+)\(", bodies[name]) if word in bodies]
-    text = "\n".join(bodies[name] for name in reached)
-    return [binding for binding in shader.bindings if re.search(rf"\b{binding.name}\b", text)]
-
-
-def function_bodies(code: str) -> dict[str, str]:
-    """Return the body of each function, without comments."""
-    code = re.sub(r"//.*", "", code)
-    starts = [(match[1], code.index("{", match.end())) for match in _FUNCTION.finditer(code)]
-    return {name: code[start : closing(code, start) + 1] for name, start in starts}
 
 
 def closing(code: str, opening: int) -> int:

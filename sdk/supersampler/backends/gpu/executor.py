@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from supersampler.backends.cpu.layout import TILE
 from supersampler.backends.gpu.device import default_device, raising, storage_limit
 from supersampler.backends.gpu.device_frame import IMAGE_FORMAT, DeviceFrame, is_texture
-from supersampler.backends.gpu.frame_inputs import CHANNELS, PARAMS, frame_buffers, step_params, write_frame
+from supersampler.backends.gpu.frame_inputs import PARAMS, frame_buffers, step_params, write_frame
 from supersampler.backends.gpu.history import GpuHistory
 from supersampler.backends.gpu.memory import (
     BufferSpec,
@@ -169,10 +169,7 @@ class GpuExecutor:
         params = step_params(frame.size, frame.jitter, frame.exposure, history, adds_samples=adds_samples)
         with self._lock.lock, raising(self.device, f"encoding a step to {display}"):
             space = self._space(frame.size, display)
-            given = {
-                name: frame.images.get(name, frame.images["color"]) for name in CHANNELS
-            }  # some are not read
-            inputs = {f"frame_{name}": self._resource(image) for name, image in given.items()}
+            inputs = {f"frame_{name}": self._resource(image) for name, image in frame.images.items()}
             inputs["image"] = self._resource(image)
             self._encode(encoder, variants, params, history, next_history, inputs, space)
 

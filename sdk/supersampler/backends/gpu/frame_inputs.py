@@ -36,14 +36,11 @@ def step_params(
 
 
 def frame_buffers(names: Collection[str]) -> dict[str, PixelMemory]:
-    """Return the buffers of a frame, by the names that shaders use.
-
-    Args:
-        names: the images that the method reads; the others take no memory.
-    """
+    """Return the buffers of the images that a method reads, by the names that shaders use."""
     return {
-        f"frame_{name}": PixelBuffer(4 * channels, RENDER) if name in names else PixelBuffer(4)
+        f"frame_{name}": PixelBuffer(4 * channels, RENDER)
         for name, channels in CHANNELS.items()
+        if name in names
     }
 
 

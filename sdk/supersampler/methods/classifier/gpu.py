@@ -9,7 +9,15 @@ from supersampler.backends.gpu.convergence import (
     SAMPLE_MEMORY,
     preprocess,
 )
-from supersampler.backends.gpu.extents import DISPLAY, HALF, Extent, PixelBuffer, PixelMemory, PixelTexture
+from supersampler.backends.gpu.extents import (
+    DISPLAY,
+    HALF,
+    ONE,
+    Extent,
+    PixelBuffer,
+    PixelMemory,
+    PixelTexture,
+)
 from supersampler.backends.gpu.history import Codec, HistoryLayout, Packed, Plane, of_plane
 from supersampler.backends.gpu.program import GpuProgram, PassSpec
 from supersampler.backends.gpu.shader import Constants
@@ -129,8 +137,8 @@ def _level_memory(constants: Constants) -> dict[str, PixelMemory]:
     """Return the memory that a level of the encoder writes."""
     level, kept, pooled = (int(constants[name]) for name in ("level", "kept", "pooled"))
     across = TEXELS_ACROSS[kept]
-    below = PixelBuffer(CHUNK * pooled, _level_extent(level + 1)) if pooled else PixelBuffer(CHUNK)
+    below = _level_extent(level + 1) if pooled else ONE  # the deepest level pools nothing
     return {
         f"kept{level}": PixelTexture(_level_extent(level, across, kept // across), "rgba32uint"),
-        f"pooled{level}": below,
+        f"pooled{level}": PixelBuffer(CHUNK * pooled, below),
     }
