@@ -49,14 +49,9 @@ def write_shader_folder(
     files = [f"{one.name}.{SUFFIXES[target]}" for one in passes]
     content = {file: shader.code for file, shader in zip(files, shaders, strict=True)}
     content |= {f"{name}.bin": words.astype("<u4").tobytes() for name, words in program.weights.items()}
-    description = described(info, program, passes, images)
-    for entry, file, shader in zip(description["passes"], files, shaders, strict=True):
-        entry |= {"file": file, "entry_point": shader.entry_point, **shader.extra}
-        entry["bindings"] = [
-            {**binding, **slot} for binding, slot in zip(entry["bindings"], shader.slots, strict=True)
-        ]
-    digests = {name: hashlib.sha256(data).hexdigest() for name, data in content.items()}
-    _write(folder, {**description, "target": target, "files": digests}, content)
+    description = described(info, program, images, target, list(zip(passes, files, shaders, strict=True)))
+    description["files"] = {name: hashlib.sha256(data).hexdigest() for name, data in content.items()}
+    _write(folder, description, content)
 
 
 def placed(passes: Sequence[ExportedPass], target: Target) -> list[Placed]:
@@ -66,7 +61,11 @@ def placed(passes: Sequence[ExportedPass], target: Target) -> list[Placed]:
         TranslationError: see `translate`.
     """
     sources = {one.name: one.shader.code for one in passes}
-    codes = {name: code.encode() for name, code in sources.items()} if target == "wgsl" else translate(target, sources)
+    codes = (
+        {name: code.encode() for name, code in sources.items()}
+        if target == "wgsl"
+        else translate(target, sources)
+    )
     return [PLACE[target](codes[one.name], one.shader.bindings) for one in passes]
 
 
@@ -101,6 +100,10 @@ def _listed(folder: Path) -> set[str]:
         found = read_json(folder / DESCRIPTION)
     except ShotError:
         return set()
-    if not isinstance(found, dict) or found.get("format") != FORMAT or not isinstance(found.get("files"), dict):
+    if (
+        not isinstance(found, dict)
+        or found.get("format") != FORMAT
+        or not isinstance(found.get("files"), dict)
+    ):
         return set()
     return {DESCRIPTION, *(name for name in found["files"] if Path(name).name == name)}

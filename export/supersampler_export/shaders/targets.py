@@ -1,10 +1,11 @@
-"""What differs between WGSL and the other targets: file names, entry points, and where resources are bound."""
+"""What differs between the targets: file names, entry points, and where resources are bound."""
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from supersampler.backends.gpu.shader import Binding
+from supersampler_export.shaders.translation import OPTIONS
 
 SUFFIXES: Mapping[str, str] = {"wgsl": "wgsl", "spirv": "spv", "hlsl": "hlsl", "msl": "metal"}
 """Ends of file names, by target."""
@@ -15,6 +16,18 @@ _FAKE = "[[user(fake0)]]"
 _SIZES = re.compile(r"struct _mslBufferSizes \{(.*?)\}", re.DOTALL)
 
 
+_SPIRV_HEADER, _EXTENSION, _CAPABILITY = 5, 10, 17  # words; opcodes
+CAPABILITIES: Mapping[int, str] = {
+    1: "Shader",
+    39: "Int8",
+    49: "StorageImageExtendedFormats",
+    50: "ImageQuery",
+    6018: "DotProductInput4x8BitPacked",
+    6019: "DotProduct",
+}
+"""Names of SPIR-V's capabilities."""
+
+
 class Placed(NamedTuple):
     """A shader of a target.
 
@@ -22,18 +35,18 @@ class Placed(NamedTuple):
         code: of its file.
         entry_point: name of its function.
         slots: where its bindings are, beyond group and binding.
-        extra: more about the pass.
+        buffer_sizes: in Metal, the buffer that takes sizes of others in bytes, and the variables of these.
     """
 
     code: bytes
     entry_point: str
     slots: Sequence[Mapping[str, Any]]
-    extra: Mapping[str, Any]
+    buffer_sizes: tuple[int, list[str]] | None = None
 
 
 def _same(code: bytes, bindings: Sequence[Binding]) -> Placed:
     """Sets and bindings of SPIR-V are groups and bindings of WGSL."""
-    return Placed(code, "main", [{} for _ in bindings], {})
+    return Placed(code, "main", [{} for _ in bindings])
 
 
 def _hlsl(code: bytes, bindings: Sequence[Binding]) -> Placed:
@@ -43,7 +56,7 @@ def _hlsl(code: bytes, bindings: Sequence[Binding]) -> Placed:
         (int(space or 0), int(number)): {"register": kind + number, "space": int(space or 0)}
         for kind, number, space in _REGISTER.findall(text)
     }
-    return Placed(text.encode(), "main", [registers[b.group, b.index] for b in bindings], {})
+    return Placed(text.encode(), "main", [registers[b.group, b.index] for b in bindings])
 
 
 def _msl(code: bytes, bindings: Sequence[Binding]) -> Placed:
@@ -66,11 +79,11 @@ def _msl(code: bytes, bindings: Sequence[Binding]) -> Placed:
             variables.append("")
         arguments.append(argument)
     text = text[: kernel.start(2)] + "\n, ".join(arguments) + text[kernel.end(2) :]
-    extra, sizes = {}, _SIZES.search(text)
+    sizes, taken = _SIZES.search(text), None
     if sizes is not None:
         of = [variables[int(number)] for number in re.findall(r"uint size(\d+);", sizes[1])]
-        extra = {"buffer_sizes": {**slots["_buffer_sizes"], "of": of}}
-    return Placed(text.encode(), kernel[1], [slots[b.name] for b in bindings], extra)
+        taken = slots["_buffer_sizes"]["buffer"], of
+    return Placed(text.encode(), kernel[1], [slots[b.name] for b in bindings], taken)
 
 
 def _without_number(name: str) -> str:
@@ -85,3 +98,31 @@ PLACE: Mapping[str, Callable[[bytes, Sequence[Binding]], Placed]] = {
     "msl": _msl,
 }
 """Functions that take the code and the bindings in WGSL, by target."""
+
+
+def needs(target: str, shaders: Sequence[Placed]) -> dict[str, Any]:
+    """Return what shaders of a target need: its version, and capabilities and extensions of SPIR-V."""
+    if target == "hlsl":
+        return {"shader_model": OPTIONS["hlsl"]["shaderModel"].replace("_", ".")}
+    if target == "msl":
+        return {"metal": ".".join(map(str, OPTIONS["msl"]["langVersion"]))}
+    if target != "spirv":
+        return {}
+    found: dict[str, set[str]] = {"capabilities": set(), "extensions": set()}
+    for shader in shaders:
+        for kind, name in _declared(shader.code):
+            found[kind].add(name)
+    return {f"spirv_{kind}": sorted(names) for kind, names in found.items()}
+
+
+def _declared(code: bytes) -> Iterator[tuple[str, str]]:
+    """Yield the capabilities and extensions that a SPIR-V module declares, at its beginning."""
+    words = memoryview(code).cast("I")
+    at = _SPIRV_HEADER
+    while (opcode := words[at] & 0xFFFF) in (_CAPABILITY, _EXTENSION):
+        count = words[at] >> 16
+        if opcode == _CAPABILITY:
+            yield "capabilities", CAPABILITIES.get(words[at + 1], str(words[at + 1]))
+        else:
+            yield "extensions", bytes(words[at + 1 : at + count]).rstrip(b"\0").decode()
+        at += count

@@ -46,7 +46,7 @@ def translate(target: Target, sources: Mapping[str, str]) -> dict[str, bytes]:
 
 
 def _installed() -> Path:
-    """Return the folder with naga; npm installs it there the first time, checked against the hashes of the lock."""
+    """Return the folder with naga, where npm installs it the first time and checks its hash."""
     source = files("supersampler_export.shaders") / "naga"
     content = {name: (source / name).read_bytes() for name in PACKAGE}
     key = hashlib.sha256(b"".join(content.values())).hexdigest()[:16]
@@ -66,7 +66,9 @@ def _installed() -> Path:
             if not folder.is_dir():  # another process may have been faster
                 partial.rename(folder)
     except OSError as error:
-        raise TranslationError(f"{root}: naga cannot be installed there ({error}). Set XDG_CACHE_HOME.") from error
+        raise TranslationError(
+            f"{root}: naga cannot be installed there ({error}). Set XDG_CACHE_HOME."
+        ) from error
     return folder
 
 
@@ -74,22 +76,21 @@ def _program(name: str) -> str:
     found = shutil.which(name)
     if found is None:
         raise TranslationError(
-            f"{name} is not installed; it runs naga, which translates WGSL. Install Node.js 20 or newer with npm, or "
-            "export --target wgsl, which needs neither."
+            f"{name} is not installed; it runs naga, which translates WGSL. Install Node.js 20 or newer with "
+            "npm, or export --target wgsl, which needs neither."
         )
     return found
 
 
 def _run(command: list[str], folder: Path, given: str) -> str:
     try:
-        done = subprocess.run(
+        done = subprocess.run(  # noqa: S603  # node and npm, as PATH has them
             command, cwd=folder, input=given, capture_output=True, text=True, timeout=SECONDS, check=False
         )
     except subprocess.TimeoutExpired:
         raise TranslationError(f"{Path(command[0]).name} took more than {SECONDS} s. Try again.") from None
     if done.returncode:
         text = " ".join((done.stderr or done.stdout).split())[-400:]
-        raise TranslationError(
-            f"{Path(command[0]).name} failed: {text}. npm needs its registry the first time; the cache folder is {folder.parent}."
-        )
+        hint = "The first time npm needs its registry" if command[1] == "ci" else f"Remove {folder}"
+        raise TranslationError(f"{Path(command[0]).name} failed: {text}. {hint}.")
     return done.stdout
