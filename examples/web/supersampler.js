@@ -16,6 +16,7 @@ const EXPOSURES = [2 ** -24, 2 ** 24];
 const COMPUTE = 4; // GPUShaderStage.COMPUTE
 const BUFFER = { MAP_WRITE: 2, COPY_SRC: 4, COPY_DST: 8, UNIFORM: 64, STORAGE: 128 }; // GPUBufferUsage
 const TEXTURE = { COPY_SRC: 1, TEXTURE_BINDING: 4, STORAGE_BINDING: 8, RENDER_ATTACHMENT: 16 }; // GPUTextureUsage
+const UPDATE = "Update the browser or the driver.";
 const CHANNELS = ["color", "depth", "motion"];
 
 /** Something is not as it must be; the message says what came, what was wanted, and what to do. */
@@ -83,8 +84,9 @@ export class Upscaler {
    *
    * @param {GPUCommandEncoder} encoder of the device.
    * @param {{color: GPUTexture, depth: GPUTexture, motion: GPUTexture}} frame textures with TEXTURE_BINDING, of float
-   *   formats: colour rgba16float or rgba32float, depth r32float, motion rg16float or rg32float. Units are those of
-   *   `info.inputs`. A method that does not read one takes none.
+   *   formats: colour rgba16float or rgba32float, depth r32float (or a z-buffer depth32float, reversed with an infinite
+   *   far plane), motion rg16float or rg32float. Units are those of `info.inputs`. A method that does not read one
+   *   takes none.
    * @param {GPUTexture} output rgba16float with STORAGE_BINDING, of display size.
    * @param {object} options
    * @param {[number, number]} options.jitter (x, y) in render pixels, in [-0.5, 0.5].
@@ -150,7 +152,8 @@ export class Upscaler {
     for (const name of CHANNELS.filter((channel) => read.includes(channel))) {
       const texture = frame?.[name];
       if (!texture?.createView) throw new UpscalerError(`frame.${name}`, shown(texture), "a GPUTexture");
-      const isFloat = /(float|norm)/.test(texture.format) && !texture.format.includes("depth");
+      const isDepth = texture.format.startsWith("depth32float");
+      const isFloat = isDepth ? name === "depth" : /^r.*(float|norm)|^bgra8unorm/.test(texture.format);
       if (!isFloat || !(texture.usage & TEXTURE.TEXTURE_BINDING) || texture.sampleCount !== 1) {
         const formats = this.info.inputs.find((one) => one.name === name).formats.join(" or ");
         throw new UpscalerError(`frame.${name}`, textureText(texture), `${formats} with TEXTURE_BINDING`);
@@ -192,7 +195,8 @@ export class Upscaler {
     const fits = held && (isBuffer ? held.room >= bytes : held.room[0] >= width && held.room[1] >= height);
     if (!fits) {
       // What it replaces may be in an encoder that is not yet submitted: the garbage collector frees it.
-      const room = isBuffer ? bytes : held ? [Math.max(held.room[0], width), Math.max(held.room[1], height)] : [width, height];
+      const [across, down] = isBuffer ? [0, 0] : (held?.room ?? [0, 0]);
+      const room = isBuffer ? bytes : [Math.max(across, width), Math.max(down, height)];
       held = { resource: isBuffer ? this._newBuffer(described, bytes) : this._newTexture(described, room), room };
       this._memory.set(key, held);
     }
@@ -213,8 +217,9 @@ export class Upscaler {
 
   _upload(name, bytes) {
     const { resource } = this._held(name, this._byName.get(name), [1, 1]);
-    if (bytes.byteLength > resource.size) {
-      throw new UpscalerError(name, `${bytes.byteLength} bytes`, `${resource.size}`, "Export the folder again.");
+    const wanted = this._byName.get(name).bytes;
+    if (bytes.byteLength !== wanted) {
+      throw new UpscalerError(name, `${bytes.byteLength} bytes`, wanted, "Copy the folder again.");
     }
     this.device.queue.writeBuffer(resource, 0, bytes);
   }
@@ -268,7 +273,10 @@ export class Upscaler {
   }
 
   _view(texture) {
-    if (!this._views.has(texture)) this._views.set(texture, texture.createView());
+    if (!this._views.has(texture)) {
+      const aspect = texture.format.startsWith("depth") ? "depth-only" : "all";
+      this._views.set(texture, texture.createView({ aspect }));
+    }
     return this._views.get(texture);
   }
 }
@@ -305,7 +313,8 @@ function reader(source) {
     if (!(got instanceof ArrayBuffer) && !ArrayBuffer.isView(got)) {
       throw new UpscalerError(where, shown(got), "a Response, an ArrayBuffer, a typed array or a string");
     }
-    const bytes = ArrayBuffer.isView(got) ? new Uint8Array(got.buffer, got.byteOffset, got.byteLength) : new Uint8Array(got);
+    const [buffer, first] = ArrayBuffer.isView(got) ? [got.buffer, got.byteOffset] : [got, 0];
+    const bytes = new Uint8Array(buffer, first, got.byteLength);
     return kind === "text" ? new TextDecoder().decode(bytes) : bytes;
   };
 }
@@ -338,7 +347,7 @@ function checkDevice(device, info) {
   }
   if (lacking.length) {
     const want = lacking.map(([name, least]) => `${name} ${least}`.trimEnd()).join(", ");
-    throw new UpscalerError("device", `without it, on ${adapterText(device)}`, want, "Update the browser or the driver.");
+    throw new UpscalerError("device", `below that, on ${adapterText(device)}`, want, UPDATE);
   }
 }
 
@@ -353,14 +362,17 @@ function checkMemory(device, info, display) {
       throw new UpscalerError("displaySize", got, `at most ${most}`, "Request a device with larger limits.");
     }
     if (one.kind === "texture" && Math.max(width, height) > device.limits.maxTextureDimension2D) {
-      throw new UpscalerError("displaySize", display.join("x"), `at most ${device.limits.maxTextureDimension2D} in one direction`);
+      const want = `at most ${device.limits.maxTextureDimension2D} in one direction`;
+      throw new UpscalerError("displaySize", display.join("x"), want);
     }
   }
 }
 
 /** Compile a pass. */
 async function compiled(device, described, code) {
+  device.pushErrorScope("validation"); // messages have the errors
   const module = device.createShaderModule({ label: described.name, code });
+  device.popErrorScope().catch(() => {}); // rejected where the device is lost
   const { messages } = await module.getCompilationInfo();
   const errors = messages.filter((one) => one.type === "error");
   const texts = errors.map((one) => `${described.file}:${one.lineNum}:${one.linePos} ${one.message}`);
@@ -386,7 +398,7 @@ async function compiled(device, described, code) {
 function notCompiled(device, described, text) {
   const want = "a shader that compiles";
   const got = `refused by ${adapterText(device)} (${text.slice(0, 600)})`;
-  return new UpscalerError(described.file, got, want, "Update the browser or the driver.");
+  return new UpscalerError(described.file, got, want, UPDATE);
 }
 
 function layoutEntry({ binding, kind, format }) {
@@ -404,8 +416,11 @@ function adapterText(device) {
 }
 
 function checkedSize(name, size, most) {
-  const isSize = (size?.length === 2 || size?.length === 3) && [size[0], size[1]].every((n) => Number.isInteger(n) && n >= 1 && n <= most);
-  if (!isSize) throw new UpscalerError(name, shown(size), `[width, height], whole numbers from 1 to ${most}`);
+  const isSide = (side) => Number.isInteger(side) && side >= 1 && side <= most;
+  if (size?.length !== 2 || !isSide(size[0]) || !isSide(size[1])) {
+    const want = `[width, height], whole numbers from 1${most === Infinity ? "" : ` to ${most}`}`;
+    throw new UpscalerError(name, shown(size), want);
+  }
   return [size[0], size[1]];
 }
 
