@@ -1,6 +1,7 @@
 """A small shot in raw files, for hosts of exported shaders, and the images of the GPU backend."""
 
 import json
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -84,3 +85,12 @@ def difference(one: bytes, other: bytes) -> float:
     """Return the mean difference of two images, each in [0, 1) after a tone curve."""
     toned = [v / (1.0 + v) for v in (np.frombuffer(i, np.float16).astype(np.float32) for i in (one, other))]
     return float(np.abs(toned[0] - toned[1]).mean())
+
+
+if (
+    __name__ == "__main__"
+):  # python raw_shots.py METHOD FOLDER: the images, for the adapter of this environment
+    method, folder = sys.argv[1], Path(sys.argv[2])
+    folder.mkdir()
+    for index, image in enumerate(wanted_images(method)):
+        (folder / f"{index:04d}.rgba16f").write_bytes(image)
