@@ -2,6 +2,7 @@
 
 import json
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpu_steps import moving
+from noise import Size
 from supersampler import Frame, Model, Upscaler
 from supersampler.backends.gpu.device import default_device
 
@@ -50,17 +52,17 @@ def texels(frame: Frame, name: str) -> NDArray[np.float32]:
     return values
 
 
-def wanted_images(method: str) -> list[bytes]:
-    """Return the images of the GPU backend, half floats (height, width, RGBA)."""
+def wanted_images(method: str, shot: Sequence[Frame] = (), display: Size = DISPLAY) -> list[bytes]:
+    """Return the images of the GPU backend, half floats (height, width, RGBA); of `frames` without a shot."""
     device = default_device()
-    upscaler = Upscaler(Model.load(method, executor="gpu", device=device), display_size=DISPLAY)
+    upscaler = Upscaler(Model.load(method, executor="gpu", device=device), display_size=display)
     images = []
-    for frame in frames():
+    for frame in shot or frames():
         textures = {name: _texture(device, frame, name) for name in FORMATS}
         image: Any = upscaler.step_textures(
             textures, jitter=frame.jitter, exposure=frame.exposure, reset=frame.reset
         )
-        size = (*DISPLAY, 1)
+        size = (*display, 1)
         images.append(
             bytes(device.queue.read_texture({"texture": image}, {"bytes_per_row": 8 * size[0]}, size))
         )

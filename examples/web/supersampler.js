@@ -9,7 +9,15 @@
  */
 
 import {
-  UpscalerError, bytesOf, checkDevice, checkMemory, checkedInfo, compiled, reader, shown, sizeOf,
+  UpscalerError,
+  bytesOf,
+  checkDevice,
+  checkMemory,
+  checkedInfo,
+  compiled,
+  reader,
+  shown,
+  sizeOf,
 } from "./supersampler_folder.js";
 
 export { UpscalerError };
@@ -157,8 +165,10 @@ export class Upscaler {
     const whole = [color.width, color.height];
     const size = renderSize === undefined ? whole : checkedSize("renderSize", renderSize, Infinity);
     for (const [name, texture] of textures) {
-      const fits = renderSize === undefined ? same([texture.width, texture.height], size)
-        : texture.width >= size[0] && texture.height >= size[1];
+      const fits =
+        renderSize === undefined
+          ? same([texture.width, texture.height], size)
+          : texture.width >= size[0] && texture.height >= size[1];
       if (!fits) {
         const want = renderSize === undefined ? `${size.join("x")}, as color` : `at least ${size.join("x")}`;
         throw new UpscalerError(name.replace("_", "."), textureText(texture), want);
@@ -169,7 +179,9 @@ export class Upscaler {
 
   /** Return what each resource is bound to, by name; allocates what is missing or too small. */
   _allocated(size, textures, output) {
-    const bound = new Map([...textures, ["image", output]].map(([name, texture]) => [name, { resource: texture }]));
+    const bound = new Map(
+      [...textures, ["image", output]].map(([name, texture]) => [name, { resource: texture }]),
+    );
     const sets = { history: this._current, next: 1 - this._current };
     for (const one of this.info.resources) {
       if (one.role === "frame" || one.role === "image") continue;
@@ -190,7 +202,10 @@ export class Upscaler {
       // What it replaces may be in an encoder that is not yet submitted: the garbage collector frees it.
       const [across, down] = isBuffer ? [0, 0] : (held?.room ?? [0, 0]);
       const room = isBuffer ? bytes : [Math.max(across, width), Math.max(down, height)];
-      held = { resource: isBuffer ? this._newBuffer(described, bytes) : this._newTexture(described, room), room };
+      held = {
+        resource: isBuffer ? this._newBuffer(described, bytes) : this._newTexture(described, room),
+        room,
+      };
       this._memory.set(key, held);
     }
     return { resource: held.resource, bytes };
@@ -222,7 +237,12 @@ export class Upscaler {
     this._pairs.forEach((_, pair) => {
       const { resource } = this._memory.get(`${pair}/${this._current}`);
       if (!resource.createView) return encoder.clearBuffer(resource);
-      const color = { view: this._view(resource), loadOp: "clear", storeOp: "store", clearValue: [0, 0, 0, 0] };
+      const color = {
+        view: this._view(resource),
+        loadOp: "clear",
+        storeOp: "store",
+        clearValue: [0, 0, 0, 0],
+      };
       encoder.beginRenderPass({ label: "supersampler reset", colorAttachments: [color] }).end();
     });
   }
@@ -230,9 +250,14 @@ export class Upscaler {
   /** Write params in the order of the encoder, which may hold several steps. */
   _writeParams(encoder, { resource }, size, jitter, previousJitter, exposure) {
     const values = {
-      render: size.render, display: size.display, previous: size.previous,
-      jitter, previous_jitter: previousJitter, exposure: [exposure],
-      counts: [same(jitter, previousJitter) ? 0 : 1], writes_aux: [0],
+      render: size.render,
+      display: size.display,
+      previous: size.previous,
+      jitter,
+      previous_jitter: previousJitter,
+      exposure: [exposure],
+      counts: [same(jitter, previousJitter) ? 0 : 1],
+      writes_aux: [0],
     };
     const { bytes, fields } = this.info.params;
     const staging = this.device.createBuffer({ size: bytes, usage: BUFFER.COPY_SRC, mappedAtCreation: true });
@@ -251,7 +276,10 @@ export class Upscaler {
     if (!group) {
       const entries = layout.bindings.map((one, i) => {
         const { resource, bytes } = given[i];
-        return { binding: one.binding, resource: bytes ? { buffer: resource, size: bytes } : this._view(resource) };
+        return {
+          binding: one.binding,
+          resource: bytes ? { buffer: resource, size: bytes } : this._view(resource),
+        };
       });
       group = this.device.createBindGroup({ layout: layout.layout, entries });
     }
@@ -287,7 +315,12 @@ function checkedJitter(jitter) {
   const good = jitter?.length === 2 && [jitter[0], jitter[1]].every((one) => Math.abs(one) <= 0.5);
   if (!good) {
     const want = "[x, y] in render pixels, in [-0.5, 0.5]";
-    throw new UpscalerError("jitter", shown(jitter), want, "Divide offsets in clip space by 2 / render size.");
+    throw new UpscalerError(
+      "jitter",
+      shown(jitter),
+      want,
+      "Divide offsets in clip space by 2 / render size.",
+    );
   }
   return [Math.fround(jitter[0]), Math.fround(jitter[1])];
 }
@@ -302,8 +335,11 @@ function checkedExposure(exposure) {
 }
 
 function checkedOutput(output, display, images) {
-  const good = output?.createView && output.format === "rgba16float" && output.usage & TEXTURE.STORAGE_BINDING
-    && same([output.width, output.height], display);
+  const good =
+    output?.createView &&
+    output.format === "rgba16float" &&
+    output.usage & TEXTURE.STORAGE_BINDING &&
+    same([output.width, output.height], display);
   if (!good) {
     const got = output?.createView ? textureText(output) : shown(output);
     throw new UpscalerError("output", got, `rgba16float ${display.join("x")} with STORAGE_BINDING`);

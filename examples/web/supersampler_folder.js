@@ -60,7 +60,11 @@ export function checkedInfo(text) {
   try {
     info = JSON.parse(text);
   } catch (error) {
-    throw new UpscalerError("upscaler.json", `no JSON (${error.message})`, "a file that `supersampler export` wrote");
+    throw new UpscalerError(
+      "upscaler.json",
+      `no JSON (${error.message})`,
+      "a file that `supersampler export` wrote",
+    );
   }
   if (info?.format !== FORMAT || info.version !== VERSION) {
     const got = `${shown(info?.format)} version ${shown(info?.version)}`;
@@ -68,14 +72,21 @@ export function checkedInfo(text) {
   }
   if (info.target !== "wgsl" || info.images !== "textures") {
     const hint = "`supersampler export METHOD --target wgsl -o FOLDER` writes it.";
-    throw new UpscalerError("upscaler.json", `for ${info.target} and ${info.images}`, "wgsl and textures", hint);
+    throw new UpscalerError(
+      "upscaler.json",
+      `for ${info.target} and ${info.images}`,
+      "wgsl and textures",
+      hint,
+    );
   }
   return info;
 }
 
 export function checkDevice(device, info) {
   const lacking = Object.entries(info.requires.limits).filter(([name, least]) => device.limits[name] < least);
-  lacking.push(...info.requires.features.filter((name) => !device.features.has(name)).map((name) => [name, ""]));
+  lacking.push(
+    ...info.requires.features.filter((name) => !device.features.has(name)).map((name) => [name, ""]),
+  );
   const known = globalThis.navigator?.gpu?.wgslLanguageFeatures;
   if (known) {
     const wanted = info.requires.wgsl_language_features;
@@ -116,7 +127,10 @@ export async function compiled(device, described, code) {
   const numbers = [...new Set(described.bindings.map((one) => one.group))].sort();
   const groups = numbers.map((number) => {
     const bindings = described.bindings.filter((one) => one.group === number);
-    const layout = device.createBindGroupLayout({ label: described.name, entries: bindings.map(layoutEntry) });
+    const layout = device.createBindGroupLayout({
+      label: described.name,
+      entries: bindings.map(layoutEntry),
+    });
     return { bindings, layout };
   });
   try {

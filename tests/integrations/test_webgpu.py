@@ -6,13 +6,16 @@ import re
 import shutil
 import subprocess
 import sys
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from c_host import built_or_skip
 from dxc import compile_hlsl
 from raw_shots import SIZES, read_images, wanted_images, write_raw
+from supersampler import Shot
 from supersampler_export.shaders.folder import write_shader_folder
 from supersampler_export.shaders.translation import Target
 
@@ -70,6 +73,17 @@ def test_the_module_keeps_its_promises(environment: dict[str, str], tmp_path: Pa
     found = json.loads(run(["node", script, tmp_path / "shaders", MODULES], environment))
     assert len(found) >= 23
     assert {promise: answer for promise, answer in found.items() if answer is not True} == {}
+
+
+def test_the_host_in_c_upscales_the_shipped_shot_to_the_images_of_the_gpu_backend(tmp_path: Path) -> None:
+    program = built_or_skip(tmp_path)
+    write_shader_folder("classifier", tmp_path / "shaders")
+    script = EXAMPLES / "raw_frames.py"
+    run([sys.executable, script, "plaza", tmp_path / "raw", "--frames", 32])
+    (tmp_path / "out").mkdir()
+    run([program, tmp_path / "shaders", tmp_path / "raw", tmp_path / "out"])
+    shot = [item.frame for item in islice(Shot.open("plaza"), 32)]
+    assert read_images(tmp_path / "out") == wanted_images("classifier", shot, (640, 360))
 
 
 def exported(method: str, target: Target, folder: Path) -> tuple[dict[str, Any], list[Path]]:

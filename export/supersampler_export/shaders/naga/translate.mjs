@@ -12,7 +12,8 @@ const translated = {};
 for (const [name, source] of Object.entries(sources)) {
   try {
     const code = translate({ from: "wgsl", source, to, options });
-    const bytes = typeof code === "string" ? code : new Uint8Array(code.buffer, code.byteOffset, code.byteLength);
+    const bytes =
+      typeof code === "string" ? code : new Uint8Array(code.buffer, code.byteOffset, code.byteLength);
     translated[name] = Buffer.from(bytes).toString("base64");
   } catch (error) {
     process.stdout.write(JSON.stringify({ error: `${name}: ${error.formatted ?? error.message}` }));
