@@ -12,22 +12,24 @@ from numpy.typing import NDArray
 
 from gpu_steps import moving
 from noise import Size
-from supersampler import Frame, Model, Upscaler
+from supersampler import Frame, Model, Upscaler, halton_jitter
 from supersampler.backends.gpu.device import default_device
 
 DISPLAY = (41, 25)
-SIZES = ((20, 12), (20, 12), (21, 13), (17, 11), (17, 11), (20, 12), (20, 12))
+SIZES = ((20, 12), (20, 12), (21, 13), (17, 11), (17, 11), *((20, 12),) * 12)
 RESET, GIVEN, STILL = 4, 2, 6
-"""Frames with a reset; with an exposure that is given; with the jitter of the previous frame."""
+"""Frames with a reset; with an exposure that is given; from which on nothing moves."""
 FORMATS = {"color": ("rgba32float", 4), "depth": ("r32float", 1), "motion": ("rg32float", 2)}
 
 
 def frames() -> list[Frame]:
-    """Frames of changing size, with a reset in between."""
-    made = [moving(index, size) for index, size in enumerate(SIZES)]
+    """Frames of changing size, with a reset in between; at the end each jitter comes twice."""
+    made = [moving(min(index, STILL), size) for index, size in enumerate(SIZES)]
     made[RESET] = replace(made[RESET], reset=True)
     made[GIVEN] = replace(made[GIVEN], exposure=1.5)
-    made[STILL] = replace(made[STILL], jitter=made[STILL - 1].jitter)
+    for index in range(STILL, len(made)):
+        jitter, motion = halton_jitter(index // 2, 2.0), np.zeros_like(made[index].motion)
+        made[index] = replace(made[index], jitter=jitter, motion=motion)
     return made
 
 
