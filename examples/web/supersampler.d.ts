@@ -49,4 +49,6 @@ export class Upscaler {
   destroy(): void;
 }
 
-export class UpscalerError extends Error {}
+export class UpscalerError extends Error {
+  constructor(name: string, got: unknown, want: unknown, hint?: string);
+}

@@ -5,6 +5,7 @@
  */
 
 import { readFile } from "node:fs/promises";
+import { createServer } from "node:http";
 import { join, resolve } from "node:path";
 import { pathToFileURL } from "node:url";
 import { Upscaler, UpscalerError } from "../../examples/web/supersampler.js";
@@ -167,6 +168,17 @@ if (timed) {
   const [began, ended] = new BigUint64Array(read.getMappedRange());
   found["timestamps are written"] = began < ended;
 }
+
+const server = createServer(async (request, response) => {
+  const file = request.url.match(/^\/some\/path\/([\w.]+)$/)?.[1];
+  response.writeHead(file ? 200 : 404).end(file ? await from(file) : "");
+});
+await new Promise((listening) => server.listen(0, "127.0.0.1", listening));
+const address = `http://127.0.0.1:${server.address().port}/some/path`;
+found["a folder has an address"] = apart === (await steps(await load(address), list));
+found["an address may be a URL"] = apart === (await steps(await load(new URL(`${address}/`)), list));
+found["an address without a folder"] = await refuses(() => load(`${address}/other`), "HTTP 404");
+server.close();
 
 const good = await load();
 const encoder = device.createCommandEncoder();
