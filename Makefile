@@ -106,7 +106,7 @@ docs: $(DOCS)
 	NO_MKDOCS_2_WARNING=1 .venv-docs/bin/mkdocs build --quiet
 
 clean:
-	rm -rf .venv .venv-dev .venv-docs .venv-blender .venv-pyvista .venv-panda3d .venv-mitsuba .venv-pygfx out dist build .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	rm -rf .venv .venv-dev .venv-docs .venv-blender .venv-pyvista .venv-panda3d .venv-mitsuba .venv-pygfx .venv-vulkan examples/node_dawn/node_modules out dist build .mypy_cache .pytest_cache .ruff_cache .hypothesis
 
 # A copy of the package as users get it: made anew when a source changes.
 $(RUNTIME): pyproject.toml $(SOURCES)
