@@ -1,4 +1,4 @@
-// Upscales raw frames, as raw_frames.py writes them, with step.onnx:
+// Upscales raw frames, as raw_planes.py writes them, with step.onnx:
 //
 //     upscale STEP.ONNX FRAMES_FOLDER OUT_FOLDER [--fixed] [--provider NAME] [--threads N]
 //

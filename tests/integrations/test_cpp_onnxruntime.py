@@ -69,7 +69,7 @@ def test_its_images_of_the_shipped_shot_are_those_of_upscaler(
     program: Path, plaza_images: list[NDArray[np.float32]], tmp_path: Path, option: list[str]
 ) -> None:
     shot = Shot.open("plaza").path
-    script = [sys.executable, *map(str, (EXAMPLE / "raw_frames.py", shot, tmp_path / "raw", FRAMES))]
+    script = [sys.executable, *map(str, (EXAMPLE / "raw_planes.py", shot, tmp_path / "raw", FRAMES))]
     subprocess.run(script, check=True, timeout=120)
     done = run(program, "classifier", tmp_path / "raw", tmp_path / "out", *option)
     assert done.returncode == 0, done.stderr

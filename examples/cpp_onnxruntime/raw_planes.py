@@ -1,6 +1,6 @@
 """Writes the frames of a shot as raw planes of float32, which `upscale` reads.
 
-    python examples/cpp_onnxruntime/raw_frames.py SHOT_FOLDER OUT_FOLDER [FRAMES]
+    python examples/cpp_onnxruntime/raw_planes.py SHOT_FOLDER OUT_FOLDER [FRAMES]
 
 The shot must be in this package's conventions, as shots of `supersampler import` are. FRAMES is how many,
 from the first on. The format is at the top of upscale.cpp.

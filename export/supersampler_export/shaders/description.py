@@ -1,0 +1,228 @@
+"""The content of upscaler.json: inputs, resources and passes of a step, for a host in any language."""
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from math import prod
+from typing import Any, NamedTuple
+
+from supersampler import __version__
+from supersampler.backends.gpu.device import LIMITS
+from supersampler.backends.gpu.extents import DISPLAY, RENDER, Extent, PixelBuffer, PixelMemory
+from supersampler.backends.gpu.program import ARRAYS, TEXTURES, GpuProgram, PassSpec
+from supersampler.backends.gpu.shader import Binding, Shader
+from supersampler.methods.model_info import ModelInfo
+from supersampler_export.shaders import texts
+from supersampler_export.shaders.targets import Placed, needs
+
+FORMAT, VERSION = "supersampler-shaders", 1
+"""The name of the format, and its version, raised when hosts must change."""
+LANGUAGE_FEATURES = {"fp32": [], "int8": ["packed_4x8_integer_dot_product"]}
+"""WGSL language features by precision."""
+VARIANTS = {"textures": TEXTURES, "buffers": ARRAYS}
+"""Where frame and image are."""
+_CONSTANT = re.compile(r"^const (\w+) = ([^;]+);", re.MULTILINE)
+_WORKGROUP = re.compile(r"@workgroup_size\(([^)]*)\)")
+
+
+class ExportedPass(NamedTuple):
+    """A pass, with its complete shader.
+
+    Attributes:
+        name: number and name, unique.
+        spec: as the method has it.
+        shader: its code.
+    """
+
+    name: str
+    spec: PassSpec
+    shader: Shader
+
+    def resource(self, binding: Binding) -> str:
+        """Return the name of the resource of a binding."""
+        return self.spec.names.get(binding.name, binding.name)
+
+
+def exported_passes(program: GpuProgram, images: str) -> list[ExportedPass]:
+    """Return all passes of a step; `images`: key of VARIANTS."""
+    shaders = [(spec, program.shader(spec, VARIANTS[images])) for spec in program.passes]
+    return [
+        ExportedPass(f"{number:02}_{spec.shader}", spec, shader)
+        for number, (spec, shader) in enumerate(shaders)
+    ]
+
+
+def described(
+    info: ModelInfo,
+    program: GpuProgram,
+    images: str,
+    target: str,
+    passes: Sequence[tuple[ExportedPass, str, Placed]],
+) -> dict[str, Any]:
+    """Return the content of upscaler.json, without the digests of files.
+
+    Args:
+        info: the model.
+        program: of it.
+        images: key of VARIANTS.
+        target: key of SUFFIXES.
+        passes: each with the name of its file, and its shader in the target's language.
+    """
+    exported = [one for one, _, _ in passes]
+    used = {one.resource(binding) for one in exported for binding in one.shader.bindings}
+    inputs = [name for name in texts.INPUTS if f"frame_{name}" in used]
+    return {
+        "format": FORMAT,
+        "version": VERSION,
+        "method": info.method,
+        "precision": program.precision,
+        "target": target,
+        "images": images,
+        "ratios": list(info.ratios),
+        "source": info.source,
+        "supersampler": __version__,
+        "licence": info.licence,
+        "attributions": list(info.attributions),
+        "requires": _requires(program, target, passes),
+        "inputs": [_input(name, images) for name in inputs],
+        "output": _output(images),
+        "params": _params(),
+        "aux": {"resource": "aux", "layout": texts.AUX},
+        "history": {
+            "pairs": [[f"history_{name}", f"next_{name}"] for name in program.layout.memory("render")],
+            "swap": texts.SWAP,
+            "reset": texts.RESET,
+            "resize": texts.RESIZE,
+        },
+        "sizes": texts.SIZES,
+        "resources": [one for one in _resources(program, images) if one["name"] in used],
+        "step": texts.STEP,
+        "passes": [_pass(*one) for one in passes],
+    }
+
+
+def workgroup_size(shader: Shader) -> list[int]:
+    """Return the threads of a workgroup, (x, y, z)."""
+    constants = dict(_CONSTANT.findall(shader.code))
+    found = _WORKGROUP.search(shader.code)
+    given = found[1].split(",") if found else []
+    sides = [prod(_whole(factor, constants) for factor in text.split("*")) for text in given]
+    return [*sides, 1, 1][:3]
+
+
+def _whole(text: str, constants: Mapping[str, str]) -> int:
+    text = text.strip()
+    return int(constants.get(text, text).rstrip("u"))
+
+
+def _pass(one: ExportedPass, file: str, shader: Placed) -> dict[str, Any]:
+    resources = {binding.name: one.resource(binding) for binding in one.shader.bindings}
+    entry = {
+        "name": one.name,
+        "file": file,
+        "entry_point": shader.entry_point,
+        "workgroup_size": workgroup_size(one.shader),
+        "covers": _size(one.spec.extent),
+        "tile": list(one.spec.tile),
+        "bindings": [
+            {
+                "group": binding.group,
+                "binding": binding.index,
+                "resource": resources[binding.name],
+                "kind": binding.kind,
+                **({"format": binding.format} if binding.format else {}),
+                **slot,
+            }
+            for binding, slot in zip(one.shader.bindings, shader.slots, strict=True)
+        ],
+    }
+    if shader.buffer_sizes is not None:
+        slot, names = shader.buffer_sizes
+        entry["buffer_sizes"] = {"buffer": slot, "of": [resources[name] for name in names]}
+    return entry
+
+
+def _size(extent: Extent) -> dict[str, Any]:
+    return {"of": extent.of, "divide": extent.divide, "multiply": list(extent.multiply)}
+
+
+def _resources(program: GpuProgram, images: str) -> Iterator[dict[str, Any]]:
+    """Yield all resources, those of frame and image last."""
+    yield {"name": "params", "role": "params", "kind": "uniform", **_buffer(PixelBuffer(_params()["bytes"]))}
+    for name, words in program.weights.items():
+        memory = PixelBuffer(words.nbytes)
+        yield {"name": name, "role": "weights", "kind": "buffer", **_buffer(memory), "file": f"{name}.bin"}
+    for prefix, frame in (("history", "previous"), ("next", "render")):
+        for name, one in program.layout.memory("previous" if frame == "previous" else "render").items():
+            yield {"name": f"{prefix}_{name}", "role": prefix, **_memory(one)}
+    for name, one in program.work.items():
+        yield {"name": name, "role": "work", **_memory(one)}
+    yield {"name": "aux", "role": "aux", **_memory(program.outputs["aux"])}
+    for name in texts.INPUTS:
+        channels = texts.INPUTS[name]["channels"]
+        memory = PixelBuffer(4 * channels, RENDER)
+        given = {"kind": "texture", "size": _size(RENDER)} if images == "textures" else _memory(memory)
+        yield {"name": f"frame_{name}", "role": "frame", **given}
+    yield {"name": "image", "role": "image", **_image(program, images)}
+
+
+def _image(program: GpuProgram, images: str) -> dict[str, Any]:
+    if images == "buffers":
+        return _memory(program.outputs["image"])
+    return {"kind": "texture", "format": "rgba16float", "size": _size(DISPLAY)}
+
+
+def _memory(memory: PixelMemory) -> dict[str, Any]:
+    if isinstance(memory, PixelBuffer):
+        return {"kind": "buffer", **_buffer(memory)}
+    return {"kind": "texture", "format": memory.format, "size": _size(memory.extent)}
+
+
+def _buffer(memory: PixelBuffer) -> dict[str, Any]:
+    return {"size": _size(memory.extent), "bytes": memory.bytes}
+
+
+def _input(name: str, images: str) -> dict[str, Any]:
+    formats = {} if images == "textures" else {"formats": ["float32"]}
+    return {"name": name, "resource": f"frame_{name}", **texts.INPUTS[name], **formats}
+
+
+def _output(images: str) -> dict[str, Any]:
+    layout = {
+        "textures": "linear RGB, alpha 1",
+        "buffers": "float32 (display height, display width, 3), linear RGB",
+    }
+    return {"resource": "image", "layout": layout[images], "unit": "that of color", "range": [0.0, 65504.0]}
+
+
+def _params() -> dict[str, Any]:
+    fields, offset = [], 0
+    for name, count, meaning in texts.FIELDS:
+        fields.append({"name": name, "offset": offset, "count": count, "meaning": meaning})
+        offset += 4 * count
+    return {"resource": "params", "type": "float32", "bytes": -(-offset // 16) * 16, "fields": fields}
+
+
+def _requires(
+    program: GpuProgram, target: str, passes: Sequence[tuple[ExportedPass, str, Placed]]
+) -> dict[str, Any]:
+    """Return features and limits; WebGPU's default limits suffice."""
+    shaders = [one.shader for one, _, _ in passes]
+    threads = [workgroup_size(shader) for shader in shaders]
+
+    def most(*wanted: str) -> int:
+        return max(sum(binding.kind in wanted for binding in shader.bindings) for shader in shaders)
+
+    return {
+        **({"wgsl_language_features": LANGUAGE_FEATURES[program.precision]} if target == "wgsl" else {}),
+        **needs(target, [placed for _, _, placed in passes]),
+        "features": [],
+        "limits": {
+            "maxStorageBuffersPerShaderStage": most("storage", "read-only-storage"),
+            "maxStorageTexturesPerShaderStage": most("storage-texture"),
+            "maxSampledTexturesPerShaderStage": most("texture", "uint-texture"),
+            "maxComputeInvocationsPerWorkgroup": max(map(prod, threads)),
+            "maxComputeWorkgroupSizeX": max(x for x, _, _ in threads),
+            "maxComputeWorkgroupSizeY": max(y for _, y, _ in threads),
+            "maxComputeWorkgroupStorageSize": LIMITS["max-compute-workgroup-storage-size"],
+        },
+    }
