@@ -1,0 +1,6 @@
+"""The page that upscales in a browser: written as a static folder, and served on this machine."""
+
+from supersampler.integrations.web.server import serving
+from supersampler.integrations.web.site import PACKAGES, write_site
+
+__all__ = ["PACKAGES", "serving", "write_site"]
