@@ -17,9 +17,10 @@ import typer
 
 from supersampler import Model, Shot, Upscaler
 from supersampler.backends.gpu.device import LIMITS, default_device
-from supersampler.backends.gpu.executor import ARRAYS, GpuExecutor
+from supersampler.backends.gpu.executor import GpuExecutor
 from supersampler.backends.gpu.memory import TEXELS, BufferSpec, TextureSpec, allocate, read_back, write_to
 from supersampler.backends.gpu.passes import Pass
+from supersampler.backends.gpu.program import ARRAYS
 from supersampler.backends.gpu.shader import Binding, Shader
 from supersampler.frame import Size
 from supersampler_bench.cli.options import JSON, METHODS, UPDATE, check_page, listed, publish
@@ -51,7 +52,7 @@ class Region(NamedTuple):
 
 def regions_of(executor: GpuExecutor, render: Size, display: Size) -> list[Region]:
     """Return where each access of a step is marked."""
-    specs, passes = executor.specs(render, display), executor.passes(ARRAYS)
+    specs, passes = executor.program.specs(render, display), executor.passes(ARRAYS)
     first, regions = 0, []
     for access in accesses(executor, render, display, ARRAYS):
         if access.bytes == 0:  # the deepest level pools nothing
@@ -184,7 +185,7 @@ def touched(method: str, ratio: float) -> tuple[Size, Size, list[tuple[Region, i
     model.gpu.weights["marks"] = marks = allocate(device, BufferSpec(4 * words))
     for index, one in enumerate(model.gpu.passes(ARRAYS)):
         own = [region for region in regions if region.access.number == index]
-        spec = model.gpu.pass_specs[index]
+        spec = model.gpu.program.passes[index]
         model.gpu.passes(ARRAYS)[index] = Pass(device, instrumented(one.shader, own), spec.tile, spec.names)
     upscaler = Upscaler(model, display_size=display, validate="off")
     for frame in frames:

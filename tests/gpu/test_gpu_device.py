@@ -12,9 +12,10 @@ import pytest
 from gpu_steps import METHODS, device_or_skip, model, moving
 from supersampler import Upscaler
 from supersampler.backends.gpu import device as devices
+from supersampler.backends.gpu.declarations import needed
 from supersampler.backends.gpu.device import LIMITS
-from supersampler.backends.gpu.executor import ARRAYS, TEXTURES, PassSpec
 from supersampler.backends.gpu.passes import Pass
+from supersampler.backends.gpu.program import ARRAYS, TEXTURES, PassSpec
 from supersampler.errors import ArgumentError, DeviceError
 from supersampler.model import Model
 
@@ -38,7 +39,7 @@ def all_passes() -> Iterator[tuple[PassSpec, Pass]]:
     for method in METHODS:
         for variants in (ARRAYS, TEXTURES):
             executor = model(method).gpu
-            yield from zip(executor.pass_specs, executor.passes(variants), strict=True)
+            yield from zip(executor.program.passes, executor.passes(variants), strict=True)
 
 
 def test_passes_stay_within_webgpus_default_limits() -> None:
@@ -67,7 +68,7 @@ def test_workgroup_memory_is_at_most_16_kib() -> None:
 
 
 def test_a_step_of_classifier_is_at_most_twelve_passes() -> None:
-    assert len(model("classifier").gpu.pass_specs) <= 12
+    assert len(model("classifier").gpu.program.passes) <= 12
 
 
 def test_shaders_find_invalid_values_by_bit_pattern() -> None:
@@ -118,8 +119,7 @@ def test_an_adapter_below_the_limits_is_named(monkeypatch: pytest.MonkeyPatch) -
 def test_a_shader_that_does_not_compile_is_shown_with_the_adapter(monkeypatch: pytest.MonkeyPatch) -> None:
     from supersampler.backends.gpu import shader
 
-    whole = shader._source
-    monkeypatch.setattr(shader, "_source", lambda *given: whole(*given) + "\nfn broken( {")
+    monkeypatch.setattr(shader, "needed", lambda parts: needed(parts) + "\nfn broken( {")
     with pytest.raises(DeviceError, match=r"llvmpipe|\(.*\).*compiling shaders"):
         Upscaler("taau", scale=2.0, executor="gpu")
 

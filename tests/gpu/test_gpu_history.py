@@ -12,7 +12,7 @@ import pytest
 from gpu_steps import DISPLAY, METHODS, RENDER, TOLERANCES, device_or_skip, distance, make, model, moving
 from supersampler import Frame, Upscaler, halton_jitter
 from supersampler.backends.gpu import passes
-from supersampler.backends.gpu.executor import ARRAYS
+from supersampler.backends.gpu.program import ARRAYS
 from supersampler.history import StepResult
 from supersampler.model import ExecutorName
 from supersampler.recording.recording import open_recording

@@ -3,8 +3,7 @@
 A pass reads and writes each of its resources once: workgroups share what their threads read, and
 neighbouring workgroups find their common border in the cache. A declaration that ends in `// N a thread` is
 of a texture rgba32float larger than what the pass reads of it: N pixels for each thread that has a pixel.
-Counted are resources that `main` and the functions that it calls name. bench/studies/gpu_accesses.py compares
-the counts with those of shaders that mark what they touch.
+bench/studies/gpu_accesses.py compares the counts with those of shaders that mark what they touch.
 """
 
 import re
@@ -12,8 +11,9 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from supersampler.backends.gpu.executor import TEXTURES, GpuExecutor
+from supersampler.backends.gpu.executor import GpuExecutor
 from supersampler.backends.gpu.memory import TEXELS
+from supersampler.backends.gpu.program import TEXTURES
 from supersampler.backends.gpu.shader import Binding, Shader
 from supersampler.frame import Size
 from supersampler.methods.model_file import find_model, read_model_info
@@ -30,7 +30,6 @@ FORMATS = {
 """Formats of an engine's textures, and bytes of a pixel."""
 NOT_ASKED = ("aux", "params")
 """Resources of an ordinary step that are not, or hardly, touched."""
-_FUNCTION = re.compile(r"^fn (\w+)\(", re.MULTILINE)
 _PART = re.compile(r"// (\d+) a thread$", re.MULTILINE)
 
 
@@ -71,23 +70,22 @@ def count_gpu(method: str, render: Size, display: Size) -> Traffic:
     moved = sum(access.bytes for access in accesses(executor, render, display))
     info = read_model_info(find_model(method))
     products = round(info.multiply_adds * display[0] * display[1])
-    return Traffic(BACKEND, Path(method).name, moved, products, len(executor.pass_specs))
+    return Traffic(BACKEND, Path(method).name, moved, products, len(executor.program.passes))
 
 
 def accesses(
     executor: GpuExecutor, render: Size, display: Size, variants: Mapping[str, str] = TEXTURES
 ) -> Iterator[Access]:
     """Yield all accesses of a step; `variants`: where frame and image are."""
-    sizes = {name: spec.bytes for name, spec in executor.specs(render, display).items()}
+    sizes = {name: spec.bytes for name, spec in executor.program.specs(render, display).items()}
     sizes |= {name: memory.resource.size for name, memory in executor.weights.items()}
     if variants is TEXTURES:
         pixels = {"frame": render[0] * render[1], "image": display[0] * display[1]}
         sizes |= {name: texel * pixels[name.partition("_")[0]] for name, (_, texel) in FORMATS.items()}
-    extents = executor.extents(render, display)
-    passes = zip(executor.pass_specs, executor.passes(variants), strict=True)
+    passes = zip(executor.program.passes, executor.passes(variants), strict=True)
     for number, (spec, one) in enumerate(passes):
-        width, height = extents[spec.extent]
-        for binding in used_bindings(one.shader):
+        width, height = spec.extent.size(render, display)
+        for binding in one.shader.bindings:
             if binding.name not in NOT_ASKED:
                 resource = spec.names.get(binding.name, binding.name)
                 part = part_of(one.shader, binding, width * height)
@@ -100,26 +98,6 @@ def part_of(shader: Shader, binding: Binding, threads: int) -> int | None:
     line = re.search(rf"^@group\(.*\b{binding.name}: .*$", shader.code, re.MULTILINE)
     found = _PART.search(line[0]) if line else None
     return int(found[1]) * TEXELS["rgba32float"] * threads if found else None
-
-
-def used_bindings(shader: Shader) -> list[Binding]:
-    """Return the bindings that functions name which `main` calls, directly or not."""
-    bodies = function_bodies(shader.code)
-    reached, waiting = set[str](), ["main"]
-    while waiting:
-        name = waiting.pop()
-        if name not in reached:
-            reached.add(name)
-            waiting += [word for word in re.findall(r"\b(\w+)\(", bodies[name]) if word in bodies]
-    text = "\n".join(bodies[name] for name in reached)
-    return [binding for binding in shader.bindings if re.search(rf"\b{binding.name}\b", text)]
-
-
-def function_bodies(code: str) -> dict[str, str]:
-    """Return the body of each function, without comments."""
-    code = re.sub(r"//.*", "", code)
-    starts = [(match[1], code.index("{", match.end())) for match in _FUNCTION.finditer(code)]
-    return {name: code[start : closing(code, start) + 1] for name, start in starts}
 
 
 def closing(code: str, opening: int) -> int:

@@ -1,4 +1,4 @@
-"""Choose the GPU backend of a model, if there is one."""
+"""Choose the shaders of a model, if there are any."""
 
 from collections.abc import Mapping
 from importlib import import_module
@@ -13,8 +13,34 @@ from supersampler.methods.model_info import ModelInfo
 if TYPE_CHECKING:
     import wgpu
 
-_EXECUTORS: Mapping[str, str] = {"classifier": "ClassifierGpu", "taa": "TaaGpu", "taau": "TaauGpu"}
-"""Classes by folder; only the one in use is imported."""
+    from supersampler.backends.gpu.program import GpuProgram
+
+_PROGRAMS: Mapping[str, str] = {
+    "classifier": "classifier_program",
+    "taa": "taa_program",
+    "taau": "taau_program",
+}
+"""Functions by folder; only the one in use is imported."""
+
+
+def gpu_program(info: ModelInfo) -> "GpuProgram | None":
+    """Return passes, memory and weights of a model's step on a GPU; None where it has no shaders.
+
+    Raises:
+        ModelError: a constant is out of its range, or the weights cannot be read.
+    """
+    shaders = kernels_of(info)
+    if shaders is None or not has_known_history(info, shaders):
+        return None
+    check_constants(info, shaders)
+    made = getattr(import_module(f"supersampler.methods.{shaders}.gpu"), _PROGRAMS[shaders])
+    program: GpuProgram = made(info)
+    return program
+
+
+def with_shaders() -> str:
+    """Return the methods that have shaders, for messages."""
+    return f"{', '.join(_PROGRAMS)} and their relatives"
 
 
 def gpu_executor(
@@ -32,16 +58,16 @@ def gpu_executor(
         ArgumentError: the model has no shaders, or they have another precision.
         DeviceError: there is no device, or it does not compile a shader.
     """
-    shaders = kernels_of(info)
-    if shaders is None or not has_known_history(info, shaders):
-        want = f"'onnx' for {info.method!r}: {', '.join(_EXECUTORS)} and their relatives have shaders"
+    program = gpu_program(info)
+    if program is None:
+        want = f"'onnx' for {info.method!r}: {with_shaders()} have shaders"
         raise ArgumentError("executor", got="'gpu'", want=want)
-    own = "int8" if shaders == "classifier" else "fp32"
-    if precision not in ("auto", own):
-        raise ArgumentError("precision", got=repr(precision), want=f"'auto' or {own!r} on the GPU")
+    if precision not in ("auto", program.precision):
+        raise ArgumentError(
+            "precision", got=repr(precision), want=f"'auto' or {program.precision!r} on the GPU"
+        )
     if capture:
         raise ArgumentError("capture", got=True, want="False", hint="Only graphs are captured.")
-    check_constants(info, shaders)
-    made = getattr(import_module(f"supersampler.methods.{shaders}.gpu"), _EXECUTORS[shaders])
-    executor: Executor = made(info, device)
-    return executor
+    from supersampler.backends.gpu.executor import GpuExecutor
+
+    return GpuExecutor(program, device)

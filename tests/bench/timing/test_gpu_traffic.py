@@ -3,43 +3,28 @@
 import pytest
 
 from gpu_steps import device_or_skip, model
-from supersampler.backends.gpu.executor import TEXTURES
+from supersampler.backends.gpu.program import TEXTURES
 from supersampler.backends.gpu.shader import Binding, Shader
 from supersampler_bench.specs import Spec, parse_spec
 from supersampler_bench.timing.device_gpu import measure_gpu
-from supersampler_bench.timing.gpu_traffic import accesses, count_gpu, part_of, used_bindings
+from supersampler_bench.timing.gpu_traffic import accesses, count_gpu, part_of
 from supersampler_bench.timing.roofline import Gpu, least_ms, roofline_table
 from supersampler_bench.timing.traffic import Traffic, traffic_record
 
 RENDER, DISPLAY = (64, 36), (128, 72)
 CODE = """
 @group(0) @binding(0) var<storage, read> near: array<f32>;   // 4 a thread
-@group(0) @binding(1) var<storage, read> indirect: array<f32>;
-@group(0) @binding(2) var<storage, read> idle: array<f32>;
-fn read(i: u32) -> f32 { return twice(indirect[i]); }
-fn twice(x: f32) -> f32 { return 2.0 * x; }
-fn never(i: u32) -> f32 { return idle[i]; }   // no pass calls it
-@compute @workgroup_size(1)
-fn main() {
-    // idle is not read here
-    let x = near[0] + read(0u);
-}
+@group(0) @binding(1) var<storage, read> whole: array<f32>;
 """
 SHADER = Shader(
-    "test",
-    CODE,
-    tuple(Binding(0, i, name, "read-only-storage") for i, name in enumerate(["near", "indirect", "idle"])),
+    "test", CODE, tuple(Binding(0, i, n, "read-only-storage") for i, n in enumerate(["near", "whole"]))
 )
 
 
-def test_resources_count_where_main_or_a_function_that_it_calls_names_them() -> None:
-    assert [binding.name for binding in used_bindings(SHADER)] == ["near", "indirect"]
-
-
 def test_a_declared_part_is_pixels_of_sixteen_bytes_a_thread() -> None:
-    near, indirect, _ = SHADER.bindings
+    near, whole = SHADER.bindings
     assert part_of(SHADER, near, 100) == 4 * 16 * 100
-    assert part_of(SHADER, indirect, 100) is None
+    assert part_of(SHADER, whole, 100) is None
 
 
 def test_a_step_is_bound_by_bandwidth_or_by_arithmetic_whichever_takes_longer() -> None:

@@ -1,11 +1,9 @@
-"""`GpuExecutor`: base class of the GPU backends of all methods."""
+"""`GpuExecutor`: runs the passes of a method on a device."""
 
-from abc import ABC, abstractmethod
 from collections import OrderedDict
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -14,20 +12,20 @@ from numpy.typing import NDArray
 from supersampler.backends.cpu.layout import TILE
 from supersampler.backends.gpu.device import default_device, raising, storage_limit
 from supersampler.backends.gpu.device_frame import IMAGE_FORMAT, DeviceFrame, is_texture
-from supersampler.backends.gpu.frame_inputs import CHANNELS, PARAMS, frame_specs, step_params, write_frame
-from supersampler.backends.gpu.history import GpuHistory, HistoryLayout
+from supersampler.backends.gpu.frame_inputs import PARAMS, frame_buffers, step_params, write_frame
+from supersampler.backends.gpu.history import GpuHistory
 from supersampler.backends.gpu.memory import (
     BufferSpec,
     Memory,
-    MemorySpec,
     Readback,
     allocate,
     encode_write,
     image_of,
     uniform_of,
+    write_to,
 )
 from supersampler.backends.gpu.passes import Pass, Resource
-from supersampler.backends.gpu.shader import Constants, load_shader
+from supersampler.backends.gpu.program import ARRAYS, AUX, TEXTURES, GpuProgram
 from supersampler.backends.locks import ForkSafeLock
 from supersampler.errors import DeviceError
 from supersampler.frame import Float32, Frame, Size
@@ -35,34 +33,8 @@ from supersampler.frame import Float32, Frame, Size
 if TYPE_CHECKING:
     import wgpu
 
-ARRAYS = {"frame": "frame_arrays", "image": "image_array"}
-TEXTURES = {"frame": "frame_textures", "image": "image_texture"}
-"""Files that shaders import for frames and images in buffers, and in textures of the caller."""
-PARTS = 64
-"""Workgroups of the pass `measure`."""
 MOST_SIZES = 2
 """Sizes whose buffers are kept; dynamic resolution changes them often."""
-AUX = ("weight", "converged")
-
-
-class PassSpec(NamedTuple):
-    """A pass of a method.
-
-    Attributes:
-        shader: name of its file.
-        extent: size that its workgroups cover: "render", "display", "half", or another of `extents`.
-        tile: pixels that a workgroup computes.
-        constants: of this pass, beside those of the method.
-        names: of the resources of variables, where they differ.
-        variants: files to import in place of a name.
-    """
-
-    shader: str
-    extent: str = "display"
-    tile: tuple[int, int] = (16, 16)
-    constants: Constants = MappingProxyType({})
-    names: Mapping[str, str] = MappingProxyType({})
-    variants: Mapping[str, str] = MappingProxyType({})
 
 
 @dataclass(eq=False)
@@ -82,19 +54,16 @@ class Space:
     aux: Readback
 
 
-class GpuExecutor(ABC):
-    """Base of the GPU executors; see `Executor`.
+class GpuExecutor:
+    """Runs a method as compute shaders; see `Executor`.
 
     Args:
-        layout: layout of the method's history.
-        package: of the method, with its shaders.
-        constants: of the method, by name.
-        passes: in order, after those of the exposure.
+        program: passes and memory of the method.
         device: to run on; None is that of the process.
 
     Attributes:
         device: as given, or that of the process.
-        pass_specs: all passes, in order.
+        program: as given.
         weights: of a network, by the names that shaders use.
 
     Raises:
@@ -102,55 +71,19 @@ class GpuExecutor(ABC):
     """
 
     name = "gpu"
-    precision = "fp32"
 
-    def __init__(
-        self,
-        layout: HistoryLayout,
-        package: str,
-        constants: Constants,
-        passes: Sequence[PassSpec],
-        device: "wgpu.GPUDevice | None" = None,
-    ) -> None:
+    def __init__(self, program: GpuProgram, device: "wgpu.GPUDevice | None" = None) -> None:
         self.device = default_device() if device is None else device
-        self._layout, self._package, self._constants = layout, package, constants
-        first = PassSpec("measure", "parts", (1, 1)), PassSpec("follow_exposure", "one", (1, 1))
-        self.pass_specs = (*first, *passes)
-        self.weights: dict[str, Memory] = {}
+        self.program, self.precision = program, program.precision
         self._compiled: dict[tuple[str, ...], list[Pass]] = {}
         self._spaces: OrderedDict[tuple[Size, Size], Space] = OrderedDict()
         self._lock = ForkSafeLock()  # of `_spaces` and of their buffers
         self._views: WeakKeyDictionary[Any, Resource] = WeakKeyDictionary()  # of textures of the caller
         self.passes(ARRAYS)
-
-    @abstractmethod
-    def work_specs(self, render: Size, display: Size) -> dict[str, MemorySpec]:
-        """Return the memory between the passes of a step, by the names that shaders use."""
-
-    def specs(self, render: Size, display: Size) -> dict[str, MemorySpec]:
-        """Return all memory of a step, by the names that shaders use; without weights."""
-        width, height = display
-        history = self._layout.specs(display, render)
-        return {
-            **{f"history_{name}": spec for name, spec in history.items()},
-            **{f"next_{name}": spec for name, spec in history.items()},
-            **self._space_specs(render, display),
-            "image": BufferSpec(12 * width * height),
-            "aux": BufferSpec(4 * len(AUX) * width * height),
-        }
-
-    def _space_specs(self, render: Size, display: Size) -> dict[str, MemorySpec]:
-        return {
-            **frame_specs(self._layout.spec.inputs, render),
-            "measured": BufferSpec(8 * PARTS),
-            "rising": BufferSpec(4),
-            **self.work_specs(render, display),
-        }
-
-    def extents(self, render: Size, display: Size) -> dict[str, Size]:
-        """Return the sizes that passes cover, by name."""
-        half = (display[0] + 1) // 2, (display[1] + 1) // 2
-        return {"one": (1, 1), "parts": (PARTS, 1), "render": render, "display": display, "half": half}
+        self.weights: dict[str, Memory] = {}
+        for name, words in program.weights.items():
+            self.weights[name] = allocate(self.device, BufferSpec(words.nbytes))
+            write_to(self.device, self.weights[name], words)
 
     def passes(self, variants: Mapping[str, str]) -> list[Pass]:
         """Return the compiled passes for frames and images in buffers, or in textures."""
@@ -158,19 +91,15 @@ class GpuExecutor(ABC):
         if key not in self._compiled:
             with raising(self.device, "compiling shaders"):
                 self._compiled[key] = [
-                    Pass(self.device, self._shader(spec, variants), spec.tile, spec.names)
-                    for spec in self.pass_specs
+                    Pass(self.device, self.program.shader(spec, variants), spec.tile, spec.names)
+                    for spec in self.program.passes
                 ]
         return self._compiled[key]
-
-    def _shader(self, spec: PassSpec, variants: Mapping[str, str]) -> Any:
-        constants = {**self._constants, **spec.constants}
-        return load_shader(spec.shader, [self._package], constants, {**variants, **spec.variants})
 
     def zeros(self, display: Size, render: Size) -> GpuHistory:
         """See `Executor`."""
         with raising(self.device, f"allocating a history of {display}"):
-            return GpuHistory(self.device, self._layout, display, render)
+            return GpuHistory(self.device, self.program.layout, display, render)
 
     def fits(self, buffers: GpuHistory, display: Size, render: Size) -> bool:
         """See `Executor`."""
@@ -192,7 +121,7 @@ class GpuExecutor(ABC):
         render, wanted = frame.size, [name for name in AUX if name in aux_outputs]
         with self._lock.lock, raising(self.device, f"in a step to {display}"):
             space = self._space(render, display)
-            write_frame(self.device, space.memory, frame, self._layout.spec.inputs)
+            write_frame(self.device, space.memory, frame, self.program.layout.spec.inputs)
             params = step_params(
                 render,
                 frame.jitter,
@@ -240,10 +169,7 @@ class GpuExecutor(ABC):
         params = step_params(frame.size, frame.jitter, frame.exposure, history, adds_samples=adds_samples)
         with self._lock.lock, raising(self.device, f"encoding a step to {display}"):
             space = self._space(frame.size, display)
-            given = {
-                name: frame.images.get(name, frame.images["color"]) for name in CHANNELS
-            }  # some are not read
-            inputs = {f"frame_{name}": self._resource(image) for name, image in given.items()}
+            inputs = {f"frame_{name}": self._resource(image) for name, image in frame.images.items()}
             inputs["image"] = self._resource(image)
             self._encode(encoder, variants, params, history, next_history, inputs, space)
 
@@ -281,11 +207,10 @@ class GpuExecutor(ABC):
             **{f"next_{name}": memory.resource for name, memory in next_history.memory.items()},
             **inputs,
         }
-        extents = self.extents(render, history.display)
         encode_write(self.device, encoder, space.params, params)
         compute = encoder.begin_compute_pass()
-        for spec, one in zip(self.pass_specs, self.passes(variants), strict=True):
-            one.encode(compute, resources, extents[spec.extent])
+        for spec, one in zip(self.program.passes, self.passes(variants), strict=True):
+            one.encode(compute, resources, spec.extent.size(render, history.display))
         compute.end()
 
     def _space(self, render: Size, display: Size) -> Space:
@@ -305,18 +230,18 @@ class GpuExecutor(ABC):
                 f"an image of {display} needs {12 * pixels} bytes in one binding; the device's limit is "
                 f"{storage_limit(self.device)}: at most {most} pixels"
             )
-        specs = self._space_specs(render, display)
+        memory = {**frame_buffers(self.program.layout.spec.inputs), **self.program.work}
         return Space(
             uniform_of(self.device, 4 * PARAMS),
-            {name: allocate(self.device, spec) for name, spec in specs.items()},
+            {name: allocate(self.device, of.spec(render, display)) for name, of in memory.items()},
             Readback(self.device, (*shape, 3)),
             Readback(self.device, (*shape, len(AUX))),
         )
 
     def required_bytes(self, display: Size, render: Size) -> tuple[int, int | None]:
         """See `Executor`."""
-        history = self._layout.specs(display, render)
-        specs = self.specs(render, display)
+        history = self.program.layout.specs(display, render)
+        specs = self.program.specs(render, display)
         working = [spec.bytes for name, spec in specs.items() if not name.startswith(("history_", "next_"))]
         mapped = specs["image"].bytes + specs["aux"].bytes  # what the CPU reads
         return sum(spec.bytes for spec in history.values()), sum(working) + mapped

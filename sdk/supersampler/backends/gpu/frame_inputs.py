@@ -5,8 +5,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from supersampler.backends.gpu.extents import RENDER, PixelBuffer, PixelMemory
 from supersampler.backends.gpu.history import GpuHistory
-from supersampler.backends.gpu.memory import BufferSpec, Memory, MemorySpec, write_to
+from supersampler.backends.gpu.memory import Memory, write_to
 from supersampler.frame import Float32, Frame, Size
 from supersampler.io.display import usable_exposure
 
@@ -34,17 +35,12 @@ def step_params(
     return np.array([*values, usable_exposure(exposure) or 0.0, counts, writes_aux, 0.0], np.float32)
 
 
-def frame_specs(names: Collection[str], size: Size) -> dict[str, MemorySpec]:
-    """Return the buffers of a frame, by the names that shaders use.
-
-    Args:
-        names: the images that the method reads; the others take no memory.
-        size: of the frame, (width, height).
-    """
-    pixels = size[0] * size[1]
+def frame_buffers(names: Collection[str]) -> dict[str, PixelMemory]:
+    """Return the buffers of the images that a method reads, by the names that shaders use."""
     return {
-        f"frame_{name}": BufferSpec(4 * channels * pixels if name in names else 4)
+        f"frame_{name}": PixelBuffer(4 * channels, RENDER)
         for name, channels in CHANNELS.items()
+        if name in names
     }
 
 

@@ -2,22 +2,17 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.backends.gpu.memory import (
-    BufferSpec,
-    Memory,
-    MemorySpec,
-    TextureSpec,
-    allocate,
-    read_back,
-    write_to,
-)
+from supersampler.backends.gpu.extents import DISPLAY, HALF, Extent, PixelBuffer, PixelMemory, PixelTexture
+from supersampler.backends.gpu.memory import Memory, MemorySpec, allocate, read_back, write_to
 from supersampler.frame import Float32, Size
-from supersampler.methods.spec import DISPLAY, HALF, PREVIOUS, MethodSpec, sized
+from supersampler.methods.spec import DISPLAY as DISPLAY_SHAPE
+from supersampler.methods.spec import HALF as HALF_SHAPE
+from supersampler.methods.spec import PREVIOUS, MethodSpec, sized
 
 if TYPE_CHECKING:
     import wgpu
@@ -52,12 +47,11 @@ class Plane(NamedTuple):
     texture: str | None = "rgba32float"
     codec: Codec | None = None
 
-    def spec(self, size: Size) -> MemorySpec:
-        """Return the memory that it needs at this size, (width, height)."""
-        width, height = size
+    def memory(self, extent: Extent) -> PixelMemory:
+        """Return the memory that it needs."""
         if self.texture is not None:
-            return TextureSpec(size, self.texture)
-        return BufferSpec(4 * self.words * width * height)
+            return PixelTexture(extent, self.texture)
+        return PixelBuffer(4 * self.words, extent)
 
 
 def _unpack_halves(words: Packed) -> Float32:
@@ -87,17 +81,23 @@ class HistoryLayout:
     planes: Mapping[str, Plane]
     channels: Mapping[str, tuple[tuple[str, int], ...]]
 
+    def extent(self, plane: str, frame: Literal["previous", "render"]) -> Extent:
+        """Return the size of a plane after the previous frame, or after this one."""
+        extents: dict[object, Extent] = {DISPLAY_SHAPE: DISPLAY, HALF_SHAPE: HALF, PREVIOUS: Extent(frame)}
+        return extents[self.spec.history[self.planes[plane].tensor][2:]]
+
     def size(self, plane: str, display: Size, render: Size) -> Size:
-        """Return the size of a plane, (width, height)."""
-        extent = self.spec.history[self.planes[plane].tensor][2:]
-        half = (display[0] + 1) // 2, (display[1] + 1) // 2
-        sizes: dict[object, Size] = {DISPLAY: display, HALF: half, PREVIOUS: render}
-        return sizes[extent]
+        """Return the size of a plane after a frame of size `render`, (width, height)."""
+        return self.extent(plane, "render").size(render, display)
+
+    def memory(self, frame: Literal["previous", "render"]) -> dict[str, PixelMemory]:
+        """Return the memory of all planes and of the state, by name; see `extent`."""
+        planes = {name: plane.memory(self.extent(name, frame)) for name, plane in self.planes.items()}
+        return {STATE: PixelBuffer(4 * STATE_VALUES), **planes}
 
     def specs(self, display: Size, render: Size) -> dict[str, MemorySpec]:
-        """Return the memory of all planes and of the state, by name."""
-        planes = {name: plane.spec(self.size(name, display, render)) for name, plane in self.planes.items()}
-        return {STATE: BufferSpec(4 * STATE_VALUES), **planes}
+        """Return `memory` after a frame of size `render`."""
+        return {name: memory.spec(render, display) for name, memory in self.memory("render").items()}
 
 
 def of_plane(plane: str, *channels: int) -> tuple[tuple[str, int], ...]:

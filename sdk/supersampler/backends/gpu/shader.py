@@ -7,8 +7,10 @@ from functools import cache
 from importlib.resources import files
 from typing import Any
 
+from supersampler.backends.gpu.declarations import Part, needed, parsed
+
 SHARED = "supersampler.backends.gpu"
-_IMPORT = re.compile(r"^// import (\w+)$", re.MULTILINE)
+_IMPORT = re.compile(r"^// import (\w+)\n", re.MULTILINE)
 _BINDING = re.compile(r"@group\((\d+)\) @binding\((\d+)\) var(?:<([^>]*)>)? (\w+): ([^;]+);")
 _STORAGE_TEXTURE = re.compile(r"texture_storage_2d<(\w+), write>")
 Constants = Mapping[str, float | int | bool]
@@ -61,8 +63,8 @@ class Shader:
 
     Attributes:
         name: of the file, without its suffix.
-        code: complete WGSL.
-        bindings: the resources that it declares.
+        code: complete WGSL: what `main` needs.
+        bindings: the resources that it uses.
     """
 
     name: str
@@ -73,7 +75,7 @@ class Shader:
 def load_shader(
     name: str, folders: Sequence[str], constants: Constants, variants: Mapping[str, str] | None = None
 ) -> Shader:
-    """Return a shader with all files that it imports (`// import NAME`), each once, before it.
+    """Return a shader after what it needs of the files that it imports (`// import NAME`), each once.
 
     Args:
         name: of its file, without the suffix.
@@ -81,27 +83,29 @@ def load_shader(
         constants: written first, as `const NAME = value;`.
         variants: files to import in place of a name.
     """
-    parts: dict[str, str] = {}
+    parts: dict[str, Part] = {"": parsed(_constants_text(constants))}
     _collect(name, (*folders, SHARED), variants or {}, parts)
-    code = "\n".join([_constants_text(constants), *parts.values()])
+    code = needed(parts.values())
     return Shader(name, code, tuple(_bindings(code)))
 
 
-def _collect(name: str, folders: Sequence[str], variants: Mapping[str, str], parts: dict[str, str]) -> None:
+def _collect(name: str, folders: Sequence[str], variants: Mapping[str, str], parts: dict[str, Part]) -> None:
     if name in parts:
         return
-    source = _source(variants.get(name, name), tuple(folders))
-    for imported in _IMPORT.findall(source):
+    imports, part = _source(variants.get(name, name), tuple(folders))
+    for imported in imports:
         _collect(imported, folders, variants, parts)
-    parts[name] = source
+    parts[name] = part
 
 
 @cache
-def _source(name: str, folders: tuple[str, ...]) -> str:
+def _source(name: str, folders: tuple[str, ...]) -> tuple[list[str], Part]:
+    """Return what a file imports, and the rest of it."""
     for folder in folders:
         file = files(folder) / "shaders" / f"{name}.wgsl"
         if file.is_file():
-            return file.read_text(encoding="utf-8")
+            text = file.read_text(encoding="utf-8")
+            return _IMPORT.findall(text), parsed(_IMPORT.sub("", text))
     raise FileNotFoundError(f"{name}.wgsl in {', '.join(folders)}")
 
 

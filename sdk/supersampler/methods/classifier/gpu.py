@@ -1,6 +1,4 @@
-"""GPU backend of `classifier` and its relatives."""
-
-from typing import TYPE_CHECKING
+"""Shaders of `classifier` and its relatives."""
 
 import numpy as np
 
@@ -8,21 +6,27 @@ from supersampler.backends.gpu.convergence import (
     CONVERGENCE_CHANNELS,
     CONVERGENCE_PASSES,
     CONVERGENCE_PLANES,
+    SAMPLE_MEMORY,
     preprocess,
-    sample_specs,
 )
-from supersampler.backends.gpu.executor import GpuExecutor, PassSpec
+from supersampler.backends.gpu.extents import (
+    DISPLAY,
+    HALF,
+    ONE,
+    Extent,
+    PixelBuffer,
+    PixelMemory,
+    PixelTexture,
+)
 from supersampler.backends.gpu.history import Codec, HistoryLayout, Packed, Plane, of_plane
-from supersampler.backends.gpu.memory import BufferSpec, MemorySpec, TextureSpec, allocate, write_to
-from supersampler.frame import Float32, Size
+from supersampler.backends.gpu.program import GpuProgram, PassSpec
+from supersampler.backends.gpu.shader import Constants
+from supersampler.frame import Float32
 from supersampler.methods.classifier.gpu_network import CHUNK, read_gpu_network
 from supersampler.methods.classifier.spec import CLASSES, CLASSIFIER, CONTRAST, FLASH_FRACTION, RISE, WHITE
 from supersampler.methods.classifier.variant import Variant
 from supersampler.methods.model_info import ModelInfo
 from supersampler.methods.spec import constants_of
-
-if TYPE_CHECKING:
-    import wgpu
 
 GLARE = 4.0
 """Added to a maximum in [0, 1] for each consecutive frame with glare: see ranges.wgsl."""
@@ -30,7 +34,9 @@ LEAST, MOST = 65535.0, 16383.0
 TILES = ((16, 8), (8, 8), (8, 8), (4, 4))
 """Pixels of a workgroup at each level: its features fit into 16 KiB."""
 ALIGNED = 8
-"""The first level repeats its border up to a multiple of it."""
+"""The first level, of 2x2 display pixels, repeats its border up to a multiple of it."""
+TEXELS_ACROSS = {1: 1, 2: 2, 4: 2, 16: 4}
+"""Texels in a row of those that hold a pixel's kept features, by their number."""
 
 
 def _unpack_ranges(words: Packed) -> Float32:
@@ -78,69 +84,61 @@ LAYOUT = HistoryLayout(
 )
 
 
-class ClassifierGpu(GpuExecutor):
-    """Runs `classifier` and its relatives; see `Executor`.
+def classifier_program(info: ModelInfo) -> GpuProgram:
+    """Return what a step of `classifier` or of a relative is on a GPU.
 
-    Args:
-        info: the model.
-        device: to run on; None is that of the process.
+    Raises:
+        ModelError: see `read_gpu_network`.
     """
+    variant = Variant.of(info.config)
+    network = read_gpu_network(info, variant)
+    constants = {name: info.config[name] for name in constants_of(CLASSIFIER)}
+    constants |= {"white": WHITE, "rise": RISE, "contrast": CONTRAST, "flash_fraction": FLASH_FRACTION}
+    constants |= variant._asdict()
+    blend = {
+        "colors": variant.history_colors + 3,
+        "sharpness_at": variant.sharpness,
+        "kernel_at": variant.kernel_weights,
+    }
+    levels = [_level_pass(one, tile) for one, tile in zip(network.levels, TILES, strict=True)]
+    passes = (
+        preprocess("depth"), *CONVERGENCE_PASSES, PassSpec("gather"), *levels,
+        PassSpec("compose", constants={**network.last, **blend}),
+    )  # fmt: skip
+    memory: dict[str, PixelMemory] = {
+        **SAMPLE_MEMORY,
+        "inputs": PixelTexture(DISPLAY, "rgba32uint"),
+        "differences": PixelBuffer(4, HALF),
+    }
+    for level in network.levels:
+        memory |= _level_memory(level)
+    package = "supersampler.methods.classifier"
+    return GpuProgram(LAYOUT, package, constants, passes, memory, {"network": network.words}, "int8")
 
-    precision = "int8"
 
-    def __init__(self, info: ModelInfo, device: "wgpu.GPUDevice | None" = None) -> None:
-        variant = Variant.of(info.config)
-        network = read_gpu_network(info, variant)
-        constants = {name: info.config[name] for name in constants_of(CLASSIFIER)}
-        constants |= {"white": WHITE, "rise": RISE, "contrast": CONTRAST, "flash_fraction": FLASH_FRACTION}
-        constants |= variant._asdict()
-        blend = {
-            "colors": variant.history_colors + 3,
-            "sharpness_at": variant.sharpness,
-            "kernel_at": variant.kernel_weights,
-        }
-        self._levels = [self._level(one, tile) for one, tile in zip(network.levels, TILES, strict=True)]
-        passes = (
-            preprocess("depth"), *CONVERGENCE_PASSES, PassSpec("gather"), *self._levels,
-            PassSpec("compose", constants={**network.last, **blend}),
-        )  # fmt: skip
-        super().__init__(LAYOUT, "supersampler.methods.classifier", constants, passes, device)
-        self.weights["network"] = allocate(self.device, BufferSpec(network.words.nbytes))
-        write_to(self.device, self.weights["network"], network.words)
+def _level_extent(level: int, across: int = 1, down: int = 1) -> Extent:
+    """Return the size of a level of the encoder, times (across, down)."""
+    side = ALIGNED >> level
+    return Extent("display", 2 * ALIGNED, (side * across, side * down))
 
-    @staticmethod
-    def _level(constants: dict[str, int], tile: tuple[int, int]) -> PassSpec:
-        level = constants["level"]
-        across = {1: 1, 2: 2, 4: 2, 16: 4}[constants["kept"]]
-        return PassSpec(
-            "encode_pooled" if level else "encode_inputs",
-            f"level{level}",
-            tile,
-            {**constants, "kept_across": across, "tile_x": tile[0], "tile_y": tile[1]},
-            {"kept": f"kept{level}", "pooled": f"pooled{level}", "pooled_above": f"pooled{level - 1}"},
-        )
 
-    def extents(self, render: Size, display: Size) -> dict[str, Size]:
-        """See `GpuExecutor`."""
-        half = ((extent + 1) // 2 for extent in display)
-        width, height = (-(-extent // ALIGNED) * ALIGNED for extent in half)
-        levels = {f"level{level}": (width >> level, height >> level) for level in range(len(TILES))}
-        return {**super().extents(render, display), **levels}
+def _level_pass(constants: Constants, tile: tuple[int, int]) -> PassSpec:
+    level, kept = int(constants["level"]), int(constants["kept"])
+    return PassSpec(
+        "encode_pooled" if level else "encode_inputs",
+        _level_extent(level),
+        tile,
+        {**constants, "kept_across": TEXELS_ACROSS[kept], "tile_x": tile[0], "tile_y": tile[1]},
+        {"kept": f"kept{level}", "pooled": f"pooled{level}", "pooled_above": f"pooled{level - 1}"},
+    )
 
-    def work_specs(self, render: Size, display: Size) -> dict[str, MemorySpec]:
-        """See `GpuExecutor`."""
-        extents = self.extents(render, display)
-        half = extents["half"][0] * extents["half"][1]
-        specs: dict[str, MemorySpec] = {
-            **sample_specs(render),
-            "inputs": TextureSpec(display, "rgba32uint"),
-            "differences": BufferSpec(4 * half),
-        }
-        for spec in self._levels:
-            level, kept, across = (int(spec.constants[name]) for name in ("level", "kept", "kept_across"))
-            width, height = extents[spec.extent]
-            size = across * width, kept // across * height
-            specs[f"kept{level}"] = TextureSpec(size, "rgba32uint")
-            pooled = int(spec.constants["pooled"]) * (width // 2) * (height // 2)
-            specs[f"pooled{level}"] = BufferSpec(CHUNK * pooled)
-        return specs
+
+def _level_memory(constants: Constants) -> dict[str, PixelMemory]:
+    """Return the memory that a level of the encoder writes."""
+    level, kept, pooled = (int(constants[name]) for name in ("level", "kept", "pooled"))
+    across = TEXELS_ACROSS[kept]
+    below = _level_extent(level + 1) if pooled else ONE  # the deepest level pools nothing
+    return {
+        f"kept{level}": PixelTexture(_level_extent(level, across, kept // across), "rgba32uint"),
+        f"pooled{level}": PixelBuffer(CHUNK * pooled, below),
+    }

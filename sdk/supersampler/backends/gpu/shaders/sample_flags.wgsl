@@ -7,7 +7,7 @@ const OPENED_5X5 = 4u;
 
 fn pack_flags(found: u32, motion: vec2f) -> vec4u {
     let bits = bitcast<vec2u>(motion);
-    return vec4u(bits.x & ~7u | found, bits.y, 0u, 0u);
+    return vec4u((bits.x & ~7u) | found, bits.y, 0u, 0u);
 }
 
 fn motion_of(flags: texture_2d<u32>, sample: vec2i) -> vec2f {

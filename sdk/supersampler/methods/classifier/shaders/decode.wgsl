@@ -75,8 +75,8 @@ fn class_bytes(cell: u32) -> vec2u {
     var likely = array<f32, 6>();
     for (var i = 0u; i < 6u; i++) {
         let byte = LOGITS + i;
-        let value = hidden[cell * 4u + byte / 16u][byte / 4u % 4u] >> (8u * (byte % 4u)) & 0xffu;
-        likely[i] = exp(clamp((f32(value) - 128.0) * LOGITS_SCALE, -16.0, 16.0));
+        let value = hidden[cell * 4u + byte / 16u][byte / 4u % 4u] >> (8u * (byte % 4u));
+        likely[i] = exp(clamp((f32(value & 0xffu) - 128.0) * LOGITS_SCALE, -16.0, 16.0));
     }
     let ghosting = 255.0 / (likely[0] + likely[1] + likely[2]);
     let aliasing = 255.0 / (likely[3] + likely[4] + likely[5]);

@@ -7,12 +7,12 @@
 fn pack_range(low: f32, high: f32, glare: f32) -> u32 {
     let least = u32(clamp(low, 0.0, 1.0) * 65535.0 + 0.5);
     let most = u32(clamp(high, 0.0, 1.0) * 16383.0 + 0.5);
-    return least | most << 16u | u32(clamp(glare, 0.0, 3.0)) << 30u;
+    return least | (most << 16u) | (u32(clamp(glare, 0.0, 3.0)) << 30u);
 }
 
 fn range_at(p: vec2i) -> vec2f {
     let packed = history_ranges[index_of(clamped(p, display_size()), display_size())];
-    let high = f32(packed >> 16u & 0x3fffu) / 16383.0 + GLARE * f32(packed >> 30u);
+    let high = f32((packed >> 16u) & 0x3fffu) / 16383.0 + GLARE * f32(packed >> 30u);
     return vec2f(f32(packed & 0xffffu) / 65535.0, high);
 }
 

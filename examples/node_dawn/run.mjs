@@ -1,0 +1,83 @@
+/**
+ * Upscale raw frames in Node, with Dawn (npm's `webgpu`) and ../web/supersampler.js.
+ *
+ *   npm ci
+ *   node run.mjs SHADERS FRAMES OUTPUT
+ *
+ * SHADERS: folder that `supersampler export METHOD --target wgsl` wrote. FRAMES: folder that ../raw_frames.py wrote.
+ * OUTPUT: folder for images, raw half floats (height, width, RGBA).
+ */
+
+import { mkdir, readFile, writeFile } from "node:fs/promises";
+import { join } from "node:path";
+import { create, globals } from "webgpu";
+import { Upscaler } from "../web/supersampler.js";
+
+Object.assign(globalThis, globals);
+const FORMATS = { color: "rgba32float", depth: "r32float", motion: "rg32float" };
+const CHANNELS = { color: 4, depth: 1, motion: 2 };
+const ROW = 256; // rows of a copied texture begin at multiples of this many bytes
+
+const [shaders, frames, output] = process.argv.slice(2);
+if (!output) {
+  console.error("usage: node run.mjs SHADERS FRAMES OUTPUT");
+  process.exit(2);
+}
+const gpu = create([]); // it lives as long as its adapters and devices are in use
+const adapter = await gpu.requestAdapter();
+if (!adapter) {
+  console.error("no adapter: install a Vulkan driver; VK_ICD_FILENAMES chooses one");
+  process.exit(3);
+}
+const device = await adapter.requestDevice();
+device.addEventListener("uncapturederror", ({ error }) => {
+  console.error(error.message);
+  process.exit(1);
+});
+
+const shot = JSON.parse(await readFile(join(frames, "frames.json"), "utf8"));
+const upscaler = await Upscaler.load(device, (name) => readFile(join(shaders, name)), { displaySize: shot.display });
+const [width, height] = shot.display;
+const image = device.createTexture({
+  size: [width, height],
+  format: "rgba16float",
+  usage: GPUTextureUsage.STORAGE_BINDING | GPUTextureUsage.COPY_SRC,
+});
+const pitch = Math.ceil((8 * width) / ROW) * ROW;
+const copy = device.createBuffer({ size: pitch * height, usage: GPUBufferUsage.COPY_DST | GPUBufferUsage.MAP_READ });
+const textures = {};
+
+await mkdir(output, { recursive: true });
+for (const [index, frame] of shot.frames.entries()) {
+  for (const name of Object.keys(FORMATS)) await upload(name, frame);
+  const encoder = device.createCommandEncoder();
+  upscaler.encode(encoder, textures, image, { jitter: frame.jitter, exposure: frame.exposure, reset: frame.reset });
+  encoder.copyTextureToBuffer({ texture: image }, { buffer: copy, bytesPerRow: pitch }, [width, height]);
+  device.queue.submit([encoder.finish()]);
+  await writeFile(join(output, `${String(index).padStart(4, "0")}.rgba16f`), await pixels());
+}
+const { description, device: name } = adapter.info;
+console.log(`${shot.frames.length} images on ${description || name}: ${output}`);
+upscaler.destroy();
+process.exit(0); // Dawn's event loop would keep Node
+
+/** Write an image of a frame to its texture, of the frame's size. */
+async function upload(name, frame) {
+  const [w, h] = frame.size;
+  if (textures[name]?.width !== w || textures[name]?.height !== h) {
+    const usage = GPUTextureUsage.TEXTURE_BINDING | GPUTextureUsage.COPY_DST;
+    textures[name] = device.createTexture({ size: [w, h], format: FORMATS[name], usage });
+  }
+  const data = await readFile(join(frames, frame[name]));
+  device.queue.writeTexture({ texture: textures[name] }, data, { bytesPerRow: 4 * CHANNELS[name] * w }, [w, h]);
+}
+
+/** Return the image without the padding of rows. */
+async function pixels() {
+  await copy.mapAsync(GPUMapMode.READ);
+  const rows = new Uint8Array(copy.getMappedRange());
+  const packed = new Uint8Array(8 * width * height);
+  for (let y = 0; y < height; y++) packed.set(rows.subarray(y * pitch, y * pitch + 8 * width), y * 8 * width);
+  copy.unmap();
+  return packed;
+}

@@ -1,0 +1,466 @@
+/**
+ * Temporal supersampling on any WebGPU device, from a folder that `supersampler export METHOD --target wgsl` wrote.
+ *
+ *   const upscaler = await Upscaler.load(device, "models/classifier/", { displaySize: [1920, 1080] });
+ *   upscaler.encode(encoder, { color, depth, motion }, output, { jitter: [x, y], reset: isFirst });
+ *   device.queue.submit([encoder.finish()]);
+ *
+ * No dependencies, no build step. Runs in browsers and in Node with npm's `webgpu` (Dawn).
+ */
+
+const FORMAT = "supersampler-shaders";
+const VERSION = 1;
+const LEAST_BYTES = 16; // of a buffer
+const MOST_GROUPS = 8; // bind groups that a pass keeps: frames and histories alternate
+const EXPOSURES = [2 ** -24, 2 ** 24];
+const COMPUTE = 4; // GPUShaderStage.COMPUTE
+const BUFFER = { MAP_WRITE: 2, COPY_SRC: 4, COPY_DST: 8, UNIFORM: 64, STORAGE: 128 }; // GPUBufferUsage
+const TEXTURE = { COPY_SRC: 1, TEXTURE_BINDING: 4, STORAGE_BINDING: 8, RENDER_ATTACHMENT: 16 }; // GPUTextureUsage
+const CHANNELS = ["color", "depth", "motion"];
+
+/** Something is not as it must be; the message says what came, what was wanted, and what to do. */
+export class UpscalerError extends Error {
+  constructor(name, got, want, hint = "") {
+    super(`${name} is ${got}; want ${want}. ${hint}`.trimEnd());
+    this.name = "UpscalerError";
+  }
+}
+
+/** Upscales the frames of one view; it holds the view's history. */
+export class Upscaler {
+  /**
+   * Load the shaders and compile them.
+   *
+   * @param {GPUDevice} device runs the shaders; frames and images are its textures.
+   * @param {string|URL|function(string): any} source the folder's URL, or a function that takes the name of a file
+   *   and returns a Response, an ArrayBuffer, a typed array or a string, or a promise of one.
+   * @param {{displaySize: [number, number]}} options displaySize: (width, height) of the images.
+   * @returns {Promise<Upscaler>}
+   * @throws {UpscalerError} a file is missing or of another format, the device lacks something, or a shader does
+   *   not compile: then the message names the adapter.
+   */
+  static async load(device, source, { displaySize } = {}) {
+    const read = reader(source);
+    const info = checkedInfo(await read("upscaler.json", "text"));
+    checkDevice(device, info);
+    const display = checkedSize("displaySize", displaySize, device.limits.maxTextureDimension2D);
+    checkMemory(device, info, display);
+    const files = info.resources.filter((one) => one.file);
+    const [passes, weights] = await Promise.all([
+      Promise.all(info.passes.map(async (one) => compiled(device, one, await read(one.file, "text")))),
+      Promise.all(files.map(async (one) => [one.name, await read(one.file, "bytes")])),
+    ]);
+    return new Upscaler(device, info, display, passes, new Map(weights));
+  }
+
+  /** Use `Upscaler.load`. */
+  constructor(device, info, displaySize, passes, weights) {
+    this.device = device;
+    /** Parsed upscaler.json. */
+    this.info = info;
+    /** (width, height) of the images. */
+    this.displaySize = displaySize;
+    this._passes = passes;
+    this._byName = new Map(info.resources.map((one) => [one.name, one]));
+    this._memory = new Map(); // by name; of history and next: by name and set, "history_pixels/0"
+    this._pairs = info.history.pairs;
+    this._current = 0; // the set that holds the history
+    this._previous = null; // { size, jitter } of the frame that wrote it; null: no history
+    this._dirty = false; // whether the set that holds the history has been written
+    this._ids = new WeakMap(); // of textures and buffers, in keys of bind groups
+    this._views = new WeakMap();
+    this._count = 0;
+    this._lost = null;
+    this._destroyed = false;
+    device.lost.then((lost) => {
+      this._lost = lost;
+    });
+    for (const [name, bytes] of weights) this._upload(name, bytes);
+  }
+
+  /**
+   * Encode one step. Submit steps in order, each once; call `reset` after an encoder that is not submitted.
+   *
+   * @param {GPUCommandEncoder} encoder of the device.
+   * @param {{color: GPUTexture, depth: GPUTexture, motion: GPUTexture}} frame textures with TEXTURE_BINDING, of float
+   *   formats: colour rgba16float or rgba32float, depth r32float, motion rg16float or rg32float. Units are those of
+   *   `info.inputs`. A method that does not read one takes none.
+   * @param {GPUTexture} output rgba16float with STORAGE_BINDING, of display size.
+   * @param {object} options
+   * @param {[number, number]} options.jitter (x, y) in render pixels, in [-0.5, 0.5].
+   * @param {[number, number]} [options.renderSize] the part of the frame's textures that was rendered, from the upper
+   *   left; all of it if not given.
+   * @param {?number} [options.exposure] factor of the colour before the tone curve; not given: measured.
+   * @param {boolean} [options.reset] true on the first frame after a cut.
+   * @param {GPUComputePassTimestampWrites} [options.timestamps] of the compute pass.
+   * @throws {UpscalerError} an argument is not as described; the history is unchanged.
+   */
+  encode(encoder, frame, output, { jitter, renderSize, exposure = null, reset = false, timestamps } = {}) {
+    this._checkUsable();
+    const offset = checkedJitter(jitter);
+    const images = this._checkedFrame(frame, renderSize);
+    checkedOutput(output, this.displaySize, images);
+    const factor = checkedExposure(exposure);
+    checkRatio(this.info.ratios, images.size, this.displaySize);
+    if (reset) this.reset();
+    const empty = this._previous === null;
+    const previous = this._previous ?? { size: images.size, jitter: [0, 0] };
+    const size = { one: [1, 1], render: images.size, previous: previous.size, display: this.displaySize };
+    const bound = this._allocated(size, images.textures, output);
+    if (empty && this._dirty) this._clear(encoder);
+    this._writeParams(encoder, bound.get("params"), size, offset, previous.jitter, factor);
+    const pass = encoder.beginComputePass({ label: "supersampler", timestampWrites: timestamps });
+    for (const one of this._passes) {
+      pass.setPipeline(one.pipeline);
+      one.groups.forEach((_, number) => pass.setBindGroup(number, this._bindGroup(one, number, bound)));
+      const [width, height] = sizeOf(one.covers, size);
+      pass.dispatchWorkgroups(Math.ceil(width / one.tile[0]), Math.ceil(height / one.tile[1]));
+    }
+    pass.end();
+    this._current = 1 - this._current;
+    this._previous = { size: images.size, jitter: offset };
+    this._dirty = true;
+  }
+
+  /** Begin the next frame without a history. */
+  reset() {
+    this._previous = null;
+  }
+
+  /** Free the memory on the device. Call it when all submitted steps are done. */
+  destroy() {
+    for (const { resource } of this._memory.values()) resource.destroy();
+    this._memory.clear();
+    for (const one of this._passes) one.bindGroups.clear();
+    this._destroyed = true;
+  }
+
+  _checkUsable() {
+    if (this._destroyed) throw new UpscalerError("upscaler", "destroyed", "one in use", "Load a new one.");
+    if (this._lost) {
+      const got = `on a lost device (${this._lost.message || this._lost.reason})`;
+      throw new UpscalerError("upscaler", got, "a device", "Request a new device and load a new upscaler.");
+    }
+  }
+
+  /** Return the frame's textures by the names of resources, and the render size. */
+  _checkedFrame(frame, renderSize) {
+    const read = this.info.inputs.map((one) => one.name);
+    const textures = new Map();
+    for (const name of CHANNELS.filter((channel) => read.includes(channel))) {
+      const texture = frame?.[name];
+      if (!texture?.createView) throw new UpscalerError(`frame.${name}`, shown(texture), "a GPUTexture");
+      const isFloat = /(float|norm)/.test(texture.format) && !texture.format.includes("depth");
+      if (!isFloat || !(texture.usage & TEXTURE.TEXTURE_BINDING) || texture.sampleCount !== 1) {
+        const formats = this.info.inputs.find((one) => one.name === name).formats.join(" or ");
+        throw new UpscalerError(`frame.${name}`, textureText(texture), `${formats} with TEXTURE_BINDING`);
+      }
+      textures.set(`frame_${name}`, texture);
+    }
+    const color = frame.color;
+    const whole = [color.width, color.height];
+    const size = renderSize === undefined ? whole : checkedSize("renderSize", renderSize, Infinity);
+    for (const [name, texture] of textures) {
+      const fits = renderSize === undefined ? same([texture.width, texture.height], size)
+        : texture.width >= size[0] && texture.height >= size[1];
+      if (!fits) {
+        const want = renderSize === undefined ? `${size.join("x")}, as color` : `at least ${size.join("x")}`;
+        throw new UpscalerError(name.replace("_", "."), textureText(texture), want);
+      }
+    }
+    return { textures, size };
+  }
+
+  /** Return what each resource is bound to, by name; allocates what is missing or too small. */
+  _allocated(size, textures, output) {
+    const bound = new Map([...textures, ["image", output]].map(([name, texture]) => [name, { resource: texture }]));
+    const sets = { history: this._current, next: 1 - this._current };
+    for (const one of this.info.resources) {
+      if (one.role === "frame" || one.role === "image") continue;
+      const pair = this._pairs.findIndex((names) => names.includes(one.name));
+      const key = one.role in sets ? `${pair}/${sets[one.role]}` : one.name;
+      bound.set(one.name, this._held(key, one, sizeOf(one.size, size)));
+    }
+    return bound;
+  }
+
+  /** Return the memory of a key, at least of this size in pixels. */
+  _held(key, described, [width, height]) {
+    const isBuffer = described.kind !== "texture";
+    const bytes = isBuffer ? bytesOf(described, width, height) : 0;
+    let held = this._memory.get(key);
+    const fits = held && (isBuffer ? held.room >= bytes : held.room[0] >= width && held.room[1] >= height);
+    if (!fits) {
+      // What it replaces may be in an encoder that is not yet submitted: the garbage collector frees it.
+      const room = isBuffer ? bytes : held ? [Math.max(held.room[0], width), Math.max(held.room[1], height)] : [width, height];
+      held = { resource: isBuffer ? this._newBuffer(described, bytes) : this._newTexture(described, room), room };
+      this._memory.set(key, held);
+    }
+    return { resource: held.resource, bytes };
+  }
+
+  _newBuffer(described, bytes) {
+    const kind = described.kind === "uniform" ? BUFFER.UNIFORM : BUFFER.STORAGE;
+    const usage = kind | BUFFER.COPY_SRC | BUFFER.COPY_DST;
+    return this.device.createBuffer({ label: described.name, size: bytes, usage });
+  }
+
+  _newTexture(described, room) {
+    let usage = TEXTURE.TEXTURE_BINDING | TEXTURE.STORAGE_BINDING | TEXTURE.COPY_SRC;
+    if (described.role !== "work") usage |= TEXTURE.RENDER_ATTACHMENT; // to clear it
+    return this.device.createTexture({ label: described.name, size: room, format: described.format, usage });
+  }
+
+  _upload(name, bytes) {
+    const { resource } = this._held(name, this._byName.get(name), [1, 1]);
+    if (bytes.byteLength > resource.size) {
+      throw new UpscalerError(name, `${bytes.byteLength} bytes`, `${resource.size}`, "Export the folder again.");
+    }
+    this.device.queue.writeBuffer(resource, 0, bytes);
+  }
+
+  /** Fill the history with zeros, in the order of the encoder. */
+  _clear(encoder) {
+    this._pairs.forEach((_, pair) => {
+      const { resource } = this._memory.get(`${pair}/${this._current}`);
+      if (!resource.createView) return encoder.clearBuffer(resource);
+      const color = { view: this._view(resource), loadOp: "clear", storeOp: "store", clearValue: [0, 0, 0, 0] };
+      encoder.beginRenderPass({ label: "supersampler reset", colorAttachments: [color] }).end();
+    });
+  }
+
+  /** Write params in the order of the encoder, which may hold several steps. */
+  _writeParams(encoder, { resource }, size, jitter, previousJitter, exposure) {
+    const values = {
+      render: size.render, display: size.display, previous: size.previous,
+      jitter, previous_jitter: previousJitter, exposure: [exposure],
+      counts: [same(jitter, previousJitter) ? 0 : 1], writes_aux: [0],
+    };
+    const { bytes, fields } = this.info.params;
+    const staging = this.device.createBuffer({ size: bytes, usage: BUFFER.COPY_SRC, mappedAtCreation: true });
+    const written = new Float32Array(staging.getMappedRange());
+    for (const { name, offset } of fields) written.set(values[name], offset / 4);
+    staging.unmap();
+    encoder.copyBufferToBuffer(staging, 0, resource, 0, bytes);
+  }
+
+  _bindGroup(pass, number, bound) {
+    const layout = pass.groups[number];
+    const given = layout.bindings.map((one) => bound.get(one.resource));
+    const key = `${number}:${given.map(({ resource, bytes }) => `${this._id(resource)}/${bytes ?? 0}`).join()}`;
+    let group = pass.bindGroups.get(key);
+    pass.bindGroups.delete(key); // to the end: the first one is that used longest ago
+    if (!group) {
+      const entries = layout.bindings.map((one, i) => {
+        const { resource, bytes } = given[i];
+        return { binding: one.binding, resource: bytes ? { buffer: resource, size: bytes } : this._view(resource) };
+      });
+      group = this.device.createBindGroup({ layout: layout.layout, entries });
+    }
+    pass.bindGroups.set(key, group);
+    if (pass.bindGroups.size > MOST_GROUPS) pass.bindGroups.delete(pass.bindGroups.keys().next().value);
+    return group;
+  }
+
+  _id(resource) {
+    if (!this._ids.has(resource)) this._ids.set(resource, ++this._count);
+    return this._ids.get(resource);
+  }
+
+  _view(texture) {
+    if (!this._views.has(texture)) this._views.set(texture, texture.createView());
+    return this._views.get(texture);
+  }
+}
+
+/** Return (width, height) of a size of upscaler.json. */
+function sizeOf({ of, divide, multiply }, sizes) {
+  const [width, height] = sizes[of];
+  return [Math.ceil(width / divide) * multiply[0], Math.ceil(height / divide) * multiply[1]];
+}
+
+function bytesOf(described, width, height) {
+  if (described.role === "aux") return LEAST_BYTES; // it is not written
+  return Math.max(Math.ceil((described.bytes * width * height) / 4) * 4, LEAST_BYTES);
+}
+
+/** Return a function that reads a file of the folder as "text" or "bytes". */
+function reader(source) {
+  const folder = typeof source === "function" ? null : String(source).replace(/\/?$/, "/");
+  const get = folder === null ? source : (name) => fetch(folder + name);
+  return async (name, kind) => {
+    const where = `${folder ?? ""}${name}`;
+    let got;
+    try {
+      got = await get(name);
+    } catch (error) {
+      throw new UpscalerError(where, `unreadable (${error.message})`, "a file of the exported folder");
+    }
+    if (got?.ok === false) {
+      const hint = "Copy the whole folder; its files lie side by side.";
+      throw new UpscalerError(where, `HTTP ${got.status}`, "a file of the exported folder", hint);
+    }
+    if (typeof got?.arrayBuffer === "function") got = await got.arrayBuffer();
+    if (typeof got === "string" && kind === "text") return got;
+    if (!(got instanceof ArrayBuffer) && !ArrayBuffer.isView(got)) {
+      throw new UpscalerError(where, shown(got), "a Response, an ArrayBuffer, a typed array or a string");
+    }
+    const bytes = ArrayBuffer.isView(got) ? new Uint8Array(got.buffer, got.byteOffset, got.byteLength) : new Uint8Array(got);
+    return kind === "text" ? new TextDecoder().decode(bytes) : bytes;
+  };
+}
+
+function checkedInfo(text) {
+  let info;
+  try {
+    info = JSON.parse(text);
+  } catch (error) {
+    throw new UpscalerError("upscaler.json", `no JSON (${error.message})`, "a file that `supersampler export` wrote");
+  }
+  if (info?.format !== FORMAT || info.version !== VERSION) {
+    const got = `${shown(info?.format)} version ${shown(info?.version)}`;
+    throw new UpscalerError("upscaler.json", got, `${FORMAT} version ${VERSION}`, "Export the folder again.");
+  }
+  if (info.target !== "wgsl" || info.images !== "textures") {
+    const hint = "`supersampler export METHOD --target wgsl -o FOLDER` writes it.";
+    throw new UpscalerError("upscaler.json", `for ${info.target} and ${info.images}`, "wgsl and textures", hint);
+  }
+  return info;
+}
+
+function checkDevice(device, info) {
+  const lacking = Object.entries(info.requires.limits).filter(([name, least]) => device.limits[name] < least);
+  lacking.push(...info.requires.features.filter((name) => !device.features.has(name)).map((name) => [name, ""]));
+  const known = globalThis.navigator?.gpu?.wgslLanguageFeatures;
+  if (known) {
+    const wanted = info.requires.wgsl_language_features;
+    lacking.push(...wanted.filter((name) => !known.has(name)).map((name) => [`WGSL's ${name}`, ""]));
+  }
+  if (lacking.length) {
+    const want = lacking.map(([name, least]) => `${name} ${least}`.trimEnd()).join(", ");
+    throw new UpscalerError("device", `without it, on ${adapterText(device)}`, want, "Update the browser or the driver.");
+  }
+}
+
+/** Throw where a buffer or texture of the display's size is above the device's limits. */
+function checkMemory(device, info, display) {
+  const size = { one: [1, 1], render: [1, 1], previous: [1, 1], display };
+  for (const one of info.resources) {
+    const [width, height] = sizeOf(one.size, size);
+    const most = device.limits.maxStorageBufferBindingSize;
+    if (one.kind === "buffer" && bytesOf(one, width, height) > most) {
+      const got = `${display.join("x")}, which needs ${bytesOf(one, width, height)} bytes in one binding (${one.name})`;
+      throw new UpscalerError("displaySize", got, `at most ${most}`, "Request a device with larger limits.");
+    }
+    if (one.kind === "texture" && Math.max(width, height) > device.limits.maxTextureDimension2D) {
+      throw new UpscalerError("displaySize", display.join("x"), `at most ${device.limits.maxTextureDimension2D} in one direction`);
+    }
+  }
+}
+
+/** Compile a pass. */
+async function compiled(device, described, code) {
+  const module = device.createShaderModule({ label: described.name, code });
+  const { messages } = await module.getCompilationInfo();
+  const errors = messages.filter((one) => one.type === "error");
+  const texts = errors.map((one) => `${described.file}:${one.lineNum}:${one.linePos} ${one.message}`);
+  if (texts.length) throw notCompiled(device, described, texts.join("; "));
+  const numbers = [...new Set(described.bindings.map((one) => one.group))].sort();
+  const groups = numbers.map((number) => {
+    const bindings = described.bindings.filter((one) => one.group === number);
+    const layout = device.createBindGroupLayout({ label: described.name, entries: bindings.map(layoutEntry) });
+    return { bindings, layout };
+  });
+  try {
+    const pipeline = await device.createComputePipelineAsync({
+      label: described.name,
+      layout: device.createPipelineLayout({ bindGroupLayouts: groups.map((one) => one.layout) }),
+      compute: { module, entryPoint: described.entry_point },
+    });
+    return { ...described, pipeline, groups, bindGroups: new Map() };
+  } catch (error) {
+    throw notCompiled(device, described, error.message);
+  }
+}
+
+function notCompiled(device, described, text) {
+  const want = "a shader that compiles";
+  const got = `refused by ${adapterText(device)} (${text.slice(0, 600)})`;
+  return new UpscalerError(described.file, got, want, "Update the browser or the driver.");
+}
+
+function layoutEntry({ binding, kind, format }) {
+  const entry = { binding, visibility: COMPUTE };
+  if (kind === "storage-texture") entry.storageTexture = { access: "write-only", format };
+  else if (kind === "texture") entry.texture = { sampleType: "unfilterable-float" };
+  else if (kind === "uint-texture") entry.texture = { sampleType: "uint" };
+  else entry.buffer = { type: kind };
+  return entry;
+}
+
+function adapterText(device) {
+  const { vendor, architecture, device: name, description } = device.adapterInfo ?? {};
+  return [description, name, architecture, vendor].filter(Boolean).join(", ") || "an adapter without a name";
+}
+
+function checkedSize(name, size, most) {
+  const isSize = (size?.length === 2 || size?.length === 3) && [size[0], size[1]].every((n) => Number.isInteger(n) && n >= 1 && n <= most);
+  if (!isSize) throw new UpscalerError(name, shown(size), `[width, height], whole numbers from 1 to ${most}`);
+  return [size[0], size[1]];
+}
+
+function checkedJitter(jitter) {
+  const good = jitter?.length === 2 && [jitter[0], jitter[1]].every((one) => Math.abs(one) <= 0.5);
+  if (!good) {
+    const want = "[x, y] in render pixels, in [-0.5, 0.5]";
+    throw new UpscalerError("jitter", shown(jitter), want, "Divide offsets in clip space by 2 / render size.");
+  }
+  return [Math.fround(jitter[0]), Math.fround(jitter[1])];
+}
+
+/** Return the factor, or 0 where it is to be measured. */
+function checkedExposure(exposure) {
+  if (exposure === null || exposure === undefined) return 0;
+  if (!(exposure > 0 && Number.isFinite(exposure))) {
+    throw new UpscalerError("exposure", shown(exposure), "a number > 0, or null to measure it");
+  }
+  return exposure >= EXPOSURES[0] && exposure <= EXPOSURES[1] ? exposure : 0;
+}
+
+function checkedOutput(output, display, images) {
+  const good = output?.createView && output.format === "rgba16float" && output.usage & TEXTURE.STORAGE_BINDING
+    && same([output.width, output.height], display);
+  if (!good) {
+    const got = output?.createView ? textureText(output) : shown(output);
+    throw new UpscalerError("output", got, `rgba16float ${display.join("x")} with STORAGE_BINDING`);
+  }
+  if ([...images.textures.values()].includes(output)) {
+    throw new UpscalerError("output", "a texture of the frame", "another texture");
+  }
+}
+
+/** Throw unless display size over render size is in the method's range, up to the rounding to whole pixels. */
+function checkRatio([low, high], render, display) {
+  for (const axis of [0, 1]) {
+    const ratio = display[axis] / render[axis];
+    const slack = (1 + ratio) / render[axis];
+    if (ratio < low - slack || ratio > high + slack) {
+      const got = `${render.join("x")} for a display of ${display.join("x")}`;
+      throw new UpscalerError("render size", got, `${low} to ${high} times less than the display's`);
+    }
+  }
+}
+
+function same(one, other) {
+  return one[0] === other[0] && one[1] === other[1];
+}
+
+function textureText({ format, width, height, usage, sampleCount }) {
+  return `${format} ${width}x${height}, usage ${usage}, ${sampleCount} sample${sampleCount === 1 ? "" : "s"}`;
+}
+
+function shown(value) {
+  if (typeof value === "function" || value === undefined) return typeof value;
+  const text = JSON.stringify(value) ?? String(value);
+  return text.length > 80 ? `${text.slice(0, 80)}...` : text;
+}

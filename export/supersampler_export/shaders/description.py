@@ -1,0 +1,204 @@
+"""The content of upscaler.json: inputs, resources and passes of a step, for a host in any language."""
+
+import re
+from collections.abc import Iterator, Mapping
+from math import prod
+from typing import Any, NamedTuple
+
+from supersampler import __version__
+from supersampler.backends.gpu.device import LIMITS
+from supersampler.backends.gpu.extents import DISPLAY, RENDER, Extent, PixelBuffer, PixelMemory
+from supersampler.backends.gpu.program import ARRAYS, TEXTURES, GpuProgram, PassSpec
+from supersampler.backends.gpu.shader import Binding, Shader
+from supersampler.methods.model_info import ModelInfo
+from supersampler_export.shaders import texts
+
+FORMAT, VERSION = "supersampler-shaders", 1
+"""The name of the format, and its version, raised when hosts must change."""
+LANGUAGE_FEATURES = ("packed_4x8_integer_dot_product",)
+"""WGSL language features of the int8 network."""
+VARIANTS = {"textures": TEXTURES, "buffers": ARRAYS}
+"""Where frame and image are."""
+_CONSTANT = re.compile(r"^const (\w+) = ([^;]+);", re.MULTILINE)
+_WORKGROUP = re.compile(r"@workgroup_size\(([^)]*)\)")
+
+
+class ExportedPass(NamedTuple):
+    """A pass, with its complete shader.
+
+    Attributes:
+        name: number and name, unique.
+        spec: as the method has it.
+        shader: its code.
+    """
+
+    name: str
+    spec: PassSpec
+    shader: Shader
+
+    def resource(self, binding: Binding) -> str:
+        """Return the name of the resource of a binding."""
+        return self.spec.names.get(binding.name, binding.name)
+
+
+def exported_passes(program: GpuProgram, images: str) -> list[ExportedPass]:
+    """Return all passes of a step; `images`: key of VARIANTS."""
+    shaders = [(spec, program.shader(spec, VARIANTS[images])) for spec in program.passes]
+    return [
+        ExportedPass(f"{number:02}_{spec.shader}", spec, shader)
+        for number, (spec, shader) in enumerate(shaders)
+    ]
+
+
+def described(info: ModelInfo, program: GpuProgram, passes: list[ExportedPass], images: str) -> dict[str, Any]:
+    """Return the content of upscaler.json for WGSL, without the names and digests of files.
+
+    Args:
+        info: the model.
+        program: of it.
+        passes: see `exported_passes`.
+        images: key of VARIANTS.
+    """
+    used = {one.resource(binding) for one in passes for binding in one.shader.bindings}
+    resources = [one for one in _resources(program, images) if one["name"] in used]
+    inputs = [name for name in texts.INPUTS if f"frame_{name}" in used]
+    return {
+        "format": FORMAT,
+        "version": VERSION,
+        "method": info.method,
+        "precision": program.precision,
+        "source": info.source,
+        "supersampler": __version__,
+        "licence": info.licence,
+        "attributions": list(info.attributions),
+        "ratios": list(info.ratios),
+        "images": images,
+        "requires": _requires(program, passes),
+        "inputs": [{"name": name, "resource": f"frame_{name}", **texts.INPUTS[name]} for name in inputs],
+        "output": _output(images),
+        "params": _params(),
+        "aux": {"resource": "aux", "layout": texts.AUX},
+        "history": {
+            "pairs": [[f"history_{name}", f"next_{name}"] for name in program.layout.memory("render")],
+            "swap": texts.SWAP,
+            "reset": texts.RESET,
+            "resize": texts.RESIZE,
+        },
+        "sizes": texts.SIZES,
+        "resources": resources,
+        "step": texts.STEP,
+        "passes": [_pass(one) for one in passes],
+    }
+
+
+def workgroup_size(shader: Shader) -> list[int]:
+    """Return the threads of a workgroup, (x, y, z)."""
+    constants = dict(_CONSTANT.findall(shader.code))
+    found = _WORKGROUP.search(shader.code)
+    given = found[1].split(",") if found else []
+    sides = [prod(_whole(factor, constants) for factor in text.split("*")) for text in given]
+    return [*sides, 1, 1][:3]
+
+
+def _whole(text: str, constants: Mapping[str, str]) -> int:
+    text = text.strip()
+    return int(constants.get(text, text).rstrip("u"))
+
+
+def _pass(one: ExportedPass) -> dict[str, Any]:
+    return {
+        "name": one.name,
+        "entry_point": "main",
+        "workgroup_size": workgroup_size(one.shader),
+        "covers": _size(one.spec.extent),
+        "tile": list(one.spec.tile),
+        "bindings": [
+            {
+                "group": binding.group,
+                "binding": binding.index,
+                "resource": one.resource(binding),
+                "kind": binding.kind,
+                **({"format": binding.format} if binding.format else {}),
+            }
+            for binding in one.shader.bindings
+        ],
+    }
+
+
+def _size(extent: Extent) -> dict[str, Any]:
+    return {"of": extent.of, "divide": extent.divide, "multiply": list(extent.multiply)}
+
+
+def _resources(program: GpuProgram, images: str) -> Iterator[dict[str, Any]]:
+    """Yield all resources, those of frame and image last."""
+    yield {"name": "params", "role": "params", "kind": "uniform", **_buffer(PixelBuffer(_params()["bytes"]))}
+    for name, words in program.weights.items():
+        memory = PixelBuffer(words.nbytes)
+        yield {"name": name, "role": "weights", "kind": "buffer", **_buffer(memory), "file": f"{name}.bin"}
+    for prefix, frame in (("history", "previous"), ("next", "render")):
+        for name, one in program.layout.memory("previous" if frame == "previous" else "render").items():
+            yield {"name": f"{prefix}_{name}", "role": prefix, **_memory(one)}
+    for name, one in program.work.items():
+        yield {"name": name, "role": "work", **_memory(one)}
+    yield {"name": "aux", "role": "aux", **_memory(program.outputs["aux"])}
+    for name in texts.INPUTS:
+        channels = texts.INPUTS[name]["channels"]
+        memory = PixelBuffer(4 * channels, RENDER)
+        given = {"kind": "texture", "size": _size(RENDER)} if images == "textures" else _memory(memory)
+        yield {"name": f"frame_{name}", "role": "frame", **given}
+    yield {"name": "image", "role": "image", **_image(program, images)}
+
+
+def _image(program: GpuProgram, images: str) -> dict[str, Any]:
+    if images == "buffers":
+        return _memory(program.outputs["image"])
+    return {"kind": "texture", "format": "rgba16float", "size": _size(DISPLAY)}
+
+
+def _memory(memory: PixelMemory) -> dict[str, Any]:
+    if isinstance(memory, PixelBuffer):
+        return {"kind": "buffer", **_buffer(memory)}
+    return {"kind": "texture", "format": memory.format, "size": _size(memory.extent)}
+
+
+def _buffer(memory: PixelBuffer) -> dict[str, Any]:
+    return {"size": _size(memory.extent), "bytes": memory.bytes}
+
+
+def _output(images: str) -> dict[str, Any]:
+    layout = {
+        "textures": "linear RGB, alpha 1",
+        "buffers": "float32 (display height, display width, 3), linear RGB",
+    }
+    return {"resource": "image", "layout": layout[images], "unit": "that of color", "range": [0.0, 65504.0]}
+
+
+def _params() -> dict[str, Any]:
+    fields, offset = [], 0
+    for name, count, meaning in texts.FIELDS:
+        fields.append({"name": name, "offset": offset, "count": count, "meaning": meaning})
+        offset += 4 * count
+    return {"resource": "params", "type": "float32", "bytes": -(-offset // 16) * 16, "fields": fields}
+
+
+def _requires(program: GpuProgram, passes: list[ExportedPass]) -> dict[str, Any]:
+    """Return features and limits; those of WebGPU's defaults suffice."""
+    kinds = [[(b.kind, b.format) for b in one.shader.bindings] for one in passes]
+    threads = [workgroup_size(one.shader) for one in passes]
+
+    def most(*wanted: str) -> int:
+        return max(sum(kind in wanted for kind, _ in of_pass) for of_pass in kinds)
+
+    return {
+        "wgsl_language_features": list(LANGUAGE_FEATURES) if program.precision == "int8" else [],
+        "features": [],
+        "limits": {
+            "maxStorageBuffersPerShaderStage": most("storage", "read-only-storage"),
+            "maxStorageTexturesPerShaderStage": most("storage-texture"),
+            "maxSampledTexturesPerShaderStage": most("texture", "uint-texture"),
+            "maxComputeInvocationsPerWorkgroup": max(map(prod, threads)),
+            "maxComputeWorkgroupSizeX": max(x for x, _, _ in threads),
+            "maxComputeWorkgroupSizeY": max(y for _, y, _ in threads),
+            "maxComputeWorkgroupStorageSize": LIMITS["max-compute-workgroup-storage-size"],
+        },
+    }

@@ -1,0 +1,79 @@
+"""What upscaler.json says about values: the inputs of a frame, the fields of `Params`, and the history."""
+
+from typing import Any
+
+INPUTS: dict[str, dict[str, Any]] = {
+    "color": {
+        "channels": 3,
+        "unit": "linear scene RGB, before tone mapping, bloom, depth of field, motion blur and grain",
+        "range": [0.0, 65504.0],
+        "sampling": "once a pixel, at its centre + jitter",
+        "invalid": "NaN, Inf, negative and larger values count as missing samples",
+        "formats": ["rgba16float", "rgba32float"],
+    },
+    "depth": {
+        "channels": 1,
+        "unit": "near / view distance: reversed, infinite far plane, 0 at the sky; any constant times "
+        "1 / distance serves while it stays the same between resets",
+        "range": [0.0, 1e30],
+        "sampling": "where the colour was",
+        "invalid": "NaN, Inf and negative values prove no disocclusion and are never the closest",
+        "formats": ["r32float"],
+    },
+    "motion": {
+        "channels": 2,
+        "unit": "(x, y) in render pixels, y down, without jitter, previous minus current: what is at p now was "
+        "at p + motion[p] in the previous frame",
+        "range": [-1e6, 1e6],
+        "sampling": "where the colour was",
+        "invalid": "NaN and Inf count as no motion; longer vectors are clamped",
+        "formats": ["rg16float", "rg32float"],
+    },
+}
+"""Images of a frame; a buffer holds float32 values, row by row from the top, channels side by side."""
+
+FIELDS: tuple[tuple[str, int, str], ...] = (
+    ("render", 2, "(width, height) of this frame"),
+    ("display", 2, "(width, height) of the image"),
+    ("previous", 2, "render size of the previous frame; that of this frame after a reset"),
+    (
+        "jitter",
+        2,
+        "(x, y) of this frame in render pixels, in [-0.5, 0.5]: samples were taken at pixel centres + jitter",
+    ),
+    ("previous_jitter", 2, "jitter of the previous frame; (0, 0) after a reset"),
+    (
+        "exposure",
+        1,
+        "factor of the colour before the tone curve in which colours are compared, in [2^-24, 2^24]; "
+        "0: the shaders measure it and adapt",
+    ),
+    (
+        "counts",
+        1,
+        "1 where this frame adds samples to the mean of static pixels: where jitter differs from "
+        "previous_jitter and the colour was rendered, not extrapolated; else 0",
+    ),
+    ("writes_aux", 1, "1 where `aux` is written, else 0; 16 bytes of `aux` suffice for 0"),
+)
+"""Fields of `Params` in order: name, number of f32 values, meaning."""
+
+AUX = "float32 (display height, display width, 2): weight of the history in the image; part of the mean in it"
+STEP = (
+    "Write params, then dispatch the passes in order. A pass covers a size: dispatch ceil(size / tile) "
+    "workgroups in x and y, 1 in z. Each pass reads what earlier ones wrote."
+)
+SIZES = (
+    "A size is (ceil(width / divide) * multiply[0], ceil(height / divide) * multiply[1]) of the size that `of` "
+    "names: render, of this frame; previous, of the frame before; display, of the image; one, which is 1x1. A "
+    "buffer has `bytes` for each pixel of its size, and at least 16; bind that many. Textures may be larger."
+)
+SWAP = "After a step, each `next` is what the following step reads as `history`: two buffers that swap."
+RESET = (
+    "All zeros mean no history: clear every `history` resource before the first frame and on a cut, and set "
+    "params.previous = params.render and params.previous_jitter = (0, 0)."
+)
+RESIZE = (
+    "The history stays when the render size changes: a `history` resource of size `previous` has that of the "
+    "frame that wrote it, and its `next` that of this frame. Another display size needs a reset."
+)

@@ -1,0 +1,60 @@
+"""Sizes of memory and of passes as rules on the sizes of frame and image."""
+
+from typing import Literal, NamedTuple
+
+from supersampler.backends.gpu.memory import BufferSpec, MemorySpec, TextureSpec
+from supersampler.frame import Size
+
+Base = Literal["one", "render", "previous", "display"]
+
+
+class Extent(NamedTuple):
+    """A size in pixels: `of` / `divide`, rounded up, times `multiply`.
+
+    Attributes:
+        of: "render" and "previous", sizes of this frame and of the one before; "display", of the image;
+            "one", which is (1, 1).
+        divide: of both axes.
+        multiply: of each axis, (x, y).
+    """
+
+    of: Base
+    divide: int = 1
+    multiply: Size = (1, 1)
+
+    def size(self, render: Size, display: Size, previous: Size | None = None) -> Size:
+        """Return (width, height) at these sizes; `previous` is as `render` if not given."""
+        width, height = {"one": (1, 1), "render": render, "display": display, "previous": previous or render}[
+            self.of
+        ]
+        return -(-width // self.divide) * self.multiply[0], -(-height // self.divide) * self.multiply[1]
+
+
+ONE, RENDER, PREVIOUS, DISPLAY = Extent("one"), Extent("render"), Extent("previous"), Extent("display")
+HALF = Extent("display", 2)
+
+
+class PixelBuffer(NamedTuple):
+    """A storage buffer of `bytes` for each pixel of an extent."""
+
+    bytes: int
+    extent: Extent = ONE
+
+    def spec(self, render: Size, display: Size, previous: Size | None = None) -> MemorySpec:
+        """Return the memory at these sizes; see `Extent.size`."""
+        width, height = self.extent.size(render, display, previous)
+        return BufferSpec(self.bytes * width * height)
+
+
+class PixelTexture(NamedTuple):
+    """A texture of an extent, of a format in TEXELS."""
+
+    extent: Extent
+    format: str = "rgba32float"
+
+    def spec(self, render: Size, display: Size, previous: Size | None = None) -> MemorySpec:
+        """Return the memory at these sizes; see `Extent.size`."""
+        return TextureSpec(self.extent.size(render, display, previous), self.format)
+
+
+PixelMemory = PixelBuffer | PixelTexture
