@@ -26,7 +26,7 @@ for (const side of ["left", "right"]) {
   if (query.has(side)) stage.setView(side, query.get(side));
 }
 try {
-  await startGpuPage({ form, stage, say, isTest: query.has("test") });
+  await startGpuPage({ form, stage, say, query });
 } catch (error) {
   console.info(error);
   await startFallback(error.message, { form, stage, say });

@@ -14,6 +14,7 @@ export class NoGpuError extends Error {
  * @property {GPUDevice} device
  * @property {string} adapter its name, for messages
  * @property {boolean} hasTimestamps
+ * @property {boolean} isSoftware whether it runs on the processor
  */
 
 /** @returns {Promise<Gpu>} @throws {NoGpuError} */
@@ -23,7 +24,7 @@ export async function requestGpu() {
   if (!adapter) throw new NoGpuError("This browser has WebGPU, but found no adapter for it.");
   const hasTimestamps = adapter.features.has("timestamp-query");
   const device = await adapter.requestDevice({ requiredFeatures: hasTimestamps ? ["timestamp-query"] : [] });
-  return { device, adapter: adapterName(adapter), hasTimestamps };
+  return { device, adapter: adapterName(adapter), hasTimestamps, isSoftware: adapter.info.isFallbackAdapter };
 }
 
 /** @param {GPUAdapter} adapter @returns {string} */

@@ -9,24 +9,33 @@ import { ShotSource } from "./shot_source.js";
 import { Testing } from "./testing.js";
 
 const SHIPPED_SHOT = new URL("../shot/", import.meta.url);
+const SOFTWARE_DEFAULTS = { size: "320x180", method: "taau" };
 const LONGEST_STEP = 1 / 15; // seconds; motion of more than that is no live scene
 const nextAnimationFrame = () => new Promise(requestAnimationFrame);
 
 /**
  * Starts the page. Throws where WebGPU is missing or the shaders do not compile: nothing is shown yet then.
- * @param {{ form: HTMLFormElement, stage: import("./stage.js").Stage, say: (text: string) => void, isTest: boolean }} options
+ * @param {{ form: HTMLFormElement, stage: import("./stage.js").Stage, say: (text: string) => void, query: URLSearchParams }} options
  */
-export async function startGpuPage({ form, stage, say, isTest }) {
-  const gpu = await requestGpu();
+export async function startGpuPage({ form, stage, say, query }) {
+  const gpu = await requestGpu(), isTest = query.has("test");
+  if (gpu.isSoftware) {
+    for (const [name, value] of Object.entries(SOFTWARE_DEFAULTS)) {
+      if (!query.has(name)) form.elements[name].value = value;
+    }
+  }
   const page = new GpuPage(gpu, form, stage, say);
+  gpu.device.pushErrorScope("validation");
   try {
     page.renderer = await SceneRenderer.make(gpu.device);
     page.comparison = await Comparison.make(gpu, stage);
     await page.apply();
     await page.comparison.step(0);
     await gpu.device.queue.onSubmittedWorkDone();
+    const refused = await gpu.device.popErrorScope();
+    if (refused) throw new Error(refused.message);
   } catch (error) {
-    throw new Error(`${gpu.adapter}: ${error.message}`, { cause: error });
+    throw new Error(page.named(error), { cause: error });
   }
   performance.mark("first-image");
   page.isPaused = isTest;
@@ -41,6 +50,11 @@ class GpuPage {
     this.controls = form.elements;
     /** @type {ShotFolder | null} a shot of the user's */ this.ownShot = null;
     this.isPaused = this.isStepping = this.isChanged = this.isStale = false;
+  }
+
+  /** @param {Error | GPUError} error @returns {string} its message, with the adapter's name */
+  named(error) {
+    return error.name === "UpscalerError" ? error.message : `${this.gpu.adapter}: ${error.message}`;
   }
 
   /** Brings source, method and sizes to what the controls say. */
@@ -94,6 +108,7 @@ class GpuPage {
     });
     const chosen = /** @type {HTMLInputElement} */ (drop.querySelector("input"));
     chosen.addEventListener("change", () => this.#take(Promise.resolve(chosenFiles(chosen.files))));
+    this.gpu.device.addEventListener("uncapturederror", ({ error }) => this.say(this.named(error)));
     this.gpu.device.lost.then(({ message }) => this.say(`${this.gpu.adapter} was lost: ${message} Load the page again.`));
   }
 
@@ -136,7 +151,7 @@ class GpuPage {
           await this.comparison.present();
         }
       } catch (error) {
-        this.say(`${this.gpu.adapter}: ${error.message}`);
+        this.say(this.named(error));
         this.isPaused = true;
         this.isStepping = false;
       }

@@ -49,8 +49,8 @@ def serving(folder: Path, port: int = 0) -> Iterator[str]:
     try:
         server = ThreadingHTTPServer((HOST, port), partial(_Handler, directory=str(folder)))
     except OSError as error:
-        hint = "Give another one, or 0 for any."
-        raise ArgumentError("port", got=f"{port} ({error.strerror})", want="a free port", hint=hint) from error
+        got = f"{port} ({error.strerror})"
+        raise ArgumentError("port", got=got, want="a free port", hint="0 takes any.") from error
     thread = Thread(target=server.serve_forever, name="serve-page", daemon=True)
     thread.start()
     try:

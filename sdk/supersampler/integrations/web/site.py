@@ -18,7 +18,7 @@ METHODS = ("classifier", "classifier-small", "taau", "taa")
 SHOT = "plaza"
 RECORD = "site.json"
 PACKAGES: Mapping[str, str] = {"three": "0.187.0", "onnxruntime-web": "1.30.0"}
-"""Packages of npm that parts of the page need, and their versions: three.html, and the fallback without WebGPU."""
+"""Packages of npm and their versions, for three.html and for the fallback without WebGPU."""
 _FILES: Mapping[str, tuple[str, ...]] = {
     "three": ("build/three.core.js", "build/three.webgpu.js", "build/three.tsl.js", "LICENSE"),
     "onnxruntime-web": (
@@ -67,7 +67,7 @@ def write_site(
 
 
 def page_files() -> Path:
-    """Return the folder of the page's own files: in the wheel beside this module, in a checkout in examples/."""
+    """Return the folder of the page's own files: beside this module, or in a checkout's examples/."""
     shipped = Path(__file__).parent / "page"
     return shipped if shipped.is_dir() else Path(__file__).parents[4] / "examples" / "web"
 
