@@ -15,12 +15,12 @@ export async function startFallback(reason, { form, stage, say }) {
   const controls = form.elements;
   say(`${reason} The live scene needs WebGPU. Loading the shipped shot instead ...`);
   controls.source.value = "shot";
-  for (const name of ["source", "ratio", "size", "camera"]) controls[name].disabled = true;
+  for (const name of ["source", "ratio", "size", "camera"]) controls[name].closest("label").hidden = true;
   document.getElementById("drop").hidden = true;
   let runtime = null, how = "ONNX Runtime Web is not part of this folder, so input and reference are shown alone.";
   try {
     runtime = await loadRuntime();
-    how = `Instead, step.onnx upscales the shipped shot in ONNX Runtime Web (${runtime.providers.join(", then ")}), which takes seconds a frame.`;
+    how = `Instead, step.onnx upscales the shipped shot in ONNX Runtime Web (${runtime.providers.join(", then ")}), which is slower.`;
   } catch (error) {
     console.info(error);
   }

@@ -63,7 +63,7 @@ class GpuPage {
     const made = await this.#source(source.value, size.value.split("x").map(Number), Number(ratio.value));
     if (made !== this.comparison.source || method.value !== this.comparison.method) await this.comparison.set(made, method.value);
     if (made instanceof LiveSource) made.cameraMoves = camera.checked;
-    for (const control of [ratio, size, camera]) control.disabled = !(made instanceof LiveSource);
+    for (const control of [ratio, size, camera]) control.closest("label").hidden = !(made instanceof LiveSource);
   }
 
   async #source(kind, size, ratio) {

@@ -14,8 +14,9 @@ const MODELS = new URL("../onnx/", import.meta.url);
  * @throws {TypeError} it is not part of the folder
  */
 export async function loadRuntime() {
-  const hasGpu = Boolean(await navigator.gpu?.requestAdapter());
+  const adapter = await navigator.gpu?.requestAdapter(), hasGpu = Boolean(adapter && !adapter.info.isFallbackAdapter);
   const ort = await import(new URL(hasGpu ? "ort.webgpu.min.mjs" : "ort.wasm.min.mjs", RUNTIME).href);
+  ort.env.logLevel = "error";
   ort.env.wasm.wasmPaths = RUNTIME.href;
   ort.env.wasm.numThreads = 1; // several need headers that plain file hosts do not send
   return { ort, providers: hasGpu ? ["webgpu", "wasm"] : ["wasm"] };

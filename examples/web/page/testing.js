@@ -19,6 +19,12 @@ export class Testing {
     await this.comparison.device.queue.onSubmittedWorkDone();
   }
 
+  /** @returns {object} what the page shows */
+  get state() {
+    const { frame, method, source } = this.comparison;
+    return { method, size: frame.size, displaySize: source.displaySize, jitter: frame.jitter, exposure: frame.exposure };
+  }
+
   /** @param {"input" | "ours"} view @returns {Promise<string>} the linear RGBA of its pixels, float32, as base64 */
   async read(view) {
     const { device, frame, output } = this.comparison;
@@ -42,7 +48,7 @@ export class Testing {
 }
 
 /** @param {Float32Array} values @returns {string} */
-function base64(values) {
+export function base64(values) {
   const bytes = new Uint8Array(values.buffer);
   let text = "";
   for (let i = 0; i < bytes.length; i += 8192) text += String.fromCharCode(...bytes.subarray(i, i + 8192));

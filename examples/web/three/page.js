@@ -5,7 +5,7 @@
 
 import { ACESFilmicToneMapping, NodeMaterial, QuadMesh, WebGPURenderer } from "three/webgpu";
 import { screenUV, select, texture, uniform } from "three/tsl";
-import { readTexture } from "../page/readback.js";
+import { ThreeTesting } from "./testing.js";
 import { ThreeUpscaling } from "./upscaling.js";
 import { makeYard } from "./yard.js";
 
@@ -37,6 +37,6 @@ export async function startThree({ canvas, split, query, show }) {
     if (++index === 1) performance.mark("first-image");
     if (index < frames) return;
     renderer.setAnimationLoop(null);
-    window.threeDemo = { readOurs: () => readTexture(upscaling.device, upscaling.output), upscaling, renderer, scene, camera };
+    window.threeDemo = new ThreeTesting(upscaling, scene, camera);
   });
 }
