@@ -49,6 +49,7 @@ from playwright.sync_api import Browser, Page, sync_playwright
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("web") / "below" / "site"
     write_site(folder, write_shader_folder, node_modules=Path(NODE_MODULES) if NODE_MODULES else None)
+    (folder / "blank.html").write_text('<link rel="icon" href="data:,">')  # for tests of modules alone
     return folder
 
 
@@ -270,7 +271,7 @@ def test_exr_files_are_read_bit_for_bit(page: Page, url: str, site: Path, compre
     half = rng.normal(0.0, 9.0, (37, 21)).astype(np.float16)
     whole = (rng.random((37, 21)) * 1e20).astype(np.float32)
     write_exr(site / "read.exr", {"A.half": half, "B.float": whole}, compression=compression)
-    page.goto(f"{url}site.json")
+    page.goto(f"{url}blank.html")
     found = page.evaluate(
         """async () => {
             const { readExr } = await import("./page/exr.js");
@@ -289,7 +290,7 @@ def test_exr_files_that_cannot_be_read_say_why(page: Page, url: str, site: Path)
     write_exr(site / "cut.exr", image)
     (site / "cut.exr").write_bytes((site / "cut.exr").read_bytes()[:-500])
     (site / "text.exr").write_bytes(b"no image at all")
-    page.goto(f"{url}site.json")
+    page.goto(f"{url}blank.html")
     found = page.evaluate(
         """() => Promise.all(["piz.exr", "cut.exr", "text.exr"].map(async (name) => {
             const { readExr } = await import("./page/exr.js");
@@ -316,7 +317,7 @@ def test_without_webgpu_the_page_says_so_and_shows_the_shot(page: Page, url: str
 @pytest.mark.skipif(not NODE_MODULES, reason="SUPERSAMPLER_NODE_MODULES has no onnxruntime-web")
 def test_the_fallback_computes_the_images_of_the_onnx_backend(page: Page, url: str) -> None:
     page.add_init_script(WITHOUT_GPU)
-    page.goto(f"{url}site.json")
+    page.goto(f"{url}blank.html")
     text = page.evaluate(
         """async () => {
             const { OnnxStep, loadRuntime } = await import("./page/onnx_step.js");

@@ -49,7 +49,7 @@ class GpuPage {
     Object.assign(this, { gpu, form, stage, say });
     this.controls = form.elements;
     /** @type {ShotFolder | null} a shot of the user's */ this.ownShot = null;
-    this.isPaused = this.isStepping = this.isChanged = this.isStale = false;
+    this.isPaused = this.isStepping = this.isChanged = this.isStale = this.isWorking = false;
   }
 
   /** @param {Error | GPUError} error @returns {string} its message, with the adapter's name */
@@ -133,7 +133,9 @@ class GpuPage {
   /** Draws frames for as long as the page is open. */
   async run() {
     for (let last = await nextAnimationFrame(); ;) {
+      this.isWorking = false;
       const now = await nextAnimationFrame();
+      this.isWorking = true;
       try {
         if (this.isChanged) {
           this.isChanged = false;
@@ -160,7 +162,7 @@ class GpuPage {
 
   /** Resolves when all changes of the controls and the stage are on the screen. */
   async settled() {
-    do await nextAnimationFrame(); while (this.isChanged || this.isStepping || this.isStale);
+    do await nextAnimationFrame(); while (this.isChanged || this.isStepping || this.isStale || this.isWorking);
     await this.gpu.device.queue.onSubmittedWorkDone();
   }
 
