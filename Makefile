@@ -12,17 +12,18 @@
 # make panda3d   the third: examples/panda3d_live.py with Panda3D from PyPI, OpenGL in software will do
 # make mitsuba   the fourth: examples/mitsuba_sequence.py with Mitsuba from PyPI, which needs an LLVM of the system
 # make pygfx   the fifth: examples/pygfx_live.py with pygfx from PyPI, Vulkan in software will do
+# make web     the page of `demo --web` in Chromium (Debian's chromium, or SUPERSAMPLER_CHROMIUM), with three.js and ONNX Runtime Web from npm
 # PYTHON=python3.12 chooses the interpreter of new environments. On Windows: the pip lines in README.md.
 PYTHON ?= python3
 
 RUNTIME := .venv/installed
 DEVELOPMENT := .venv-dev/installed
 DOCS := .venv-docs/installed
-SOURCES := $(shell find sdk model export bench -name '*.py' -o -name '*.html' -o -name '*.onnx' -o -name '*.json' -o -name '*.glsl' -o -name '*.wgsl')
+SOURCES := $(shell find sdk model export bench examples/web -name '*.py' -o -name '*.html' -o -name '*.onnx' -o -name '*.json' -o -name '*.glsl' -o -name '*.wgsl' -o -name '*.js')
 
 EXTENSION := sdk/supersampler/integrations/blender/extension
 
-.PHONY: demo extension test hashes fuzz mutation check docs clean test-integrations blender pyvista panda3d mitsuba pygfx
+.PHONY: demo extension test hashes fuzz mutation check docs clean test-integrations blender pyvista panda3d mitsuba pygfx web
 
 demo: $(RUNTIME)
 	.venv/bin/supersampler demo -o out
@@ -71,6 +72,19 @@ pygfx: $(DEVELOPMENT)
 	    || .venv-pygfx/bin/pip install -q --disable-pip-version-check -e '.[gpu]' pytest hypothesis pygfx
 	.venv-pygfx/bin/pytest -q -rs tests/integrations/test_pygfx.py
 
+# Without npm the tests of three.js and of the fallback are skipped, with the reason.
+NODE := .node/node_modules
+
+web: $(DEVELOPMENT)
+	test -d .venv-web || $(PYTHON) -m venv .venv-web
+	.venv-web/bin/python -c 'import playwright, wgpu, supersampler, pytest' 2>/dev/null \
+	    || .venv-web/bin/pip install -q --disable-pip-version-check -e '.[gpu]' pytest hypothesis playwright
+	mkdir -p .node
+	test -d $(NODE)/three || npm install --silent --no-save --prefix .node $$(.venv-web/bin/python -c \
+	    'from supersampler.integrations.web import PACKAGES; print(*map("@".join, PACKAGES.items()))') || true
+	test ! -d $(NODE)/three || export SUPERSAMPLER_NODE_MODULES=$(CURDIR)/$(NODE); \
+	    .venv-web/bin/pytest -q -rs tests/integrations/test_web.py
+
 hashes: $(DEVELOPMENT)
 	.venv-dev/bin/python bench/studies/hashes.py --check bench/results/studies/hashes.json
 
@@ -90,7 +104,7 @@ docs: $(DOCS)
 	NO_MKDOCS_2_WARNING=1 .venv-docs/bin/mkdocs build --quiet
 
 clean:
-	rm -rf .venv .venv-dev .venv-docs .venv-blender .venv-pyvista .venv-panda3d .venv-mitsuba .venv-pygfx out dist build .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	rm -rf .venv .venv-dev .venv-docs .venv-blender .venv-pyvista .venv-panda3d .venv-mitsuba .venv-pygfx .venv-web .node out dist build .mypy_cache .pytest_cache .ruff_cache .hypothesis
 
 # A copy of the package as users get it: made anew when a source changes.
 $(RUNTIME): pyproject.toml $(SOURCES)

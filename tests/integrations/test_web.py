@@ -7,6 +7,7 @@ import base64
 import importlib.util
 import json
 import os
+import re
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
@@ -36,13 +37,14 @@ SOFTWARE = (
 FIRST_IMAGE_S = 20.0
 WITHOUT_GPU = "Object.defineProperty(navigator, 'gpu', {value: undefined})"
 BORDER = 8
+KINDS = ("error", "warning")  # of messages on the console; uncaught errors of WebGPU are warnings
 
 if CHROMIUM is None:
     pytest.skip("Chromium is not installed here: apt-get install chromium", allow_module_level=True)
 if importlib.util.find_spec("playwright") is None:
     pytest.skip("playwright is not installed here", allow_module_level=True)
 
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, Page, sync_playwright  # noqa: E402  # it may be missing
 
 
 @pytest.fixture(scope="module")
@@ -71,11 +73,11 @@ def browser() -> Iterator[Browser]:
 
 @pytest.fixture
 def page(browser: Browser) -> Iterator[Page]:
-    """A page that must not log an error."""
+    """A page that must log no error."""
     page = browser.new_page(viewport={"width": 900, "height": 720})
     page.set_default_timeout(180_000)
     errors: list[str] = []
-    page.on("console", lambda message: errors.append(message.text) if message.type == "error" else None)
+    page.on("console", lambda message: errors.append(message.text) if message.type in KINDS else None)
     page.on("pageerror", lambda error: errors.append(str(error)))
     yield page
     page.close()
@@ -109,7 +111,9 @@ def screenshot(page: Page, folder: Path, selector: str = "#stage") -> Float32:
     return np.stack([planes[channel] for channel in "RGB"], axis=-1)
 
 
-@pytest.mark.parametrize(("method", "frames"), [("taa", 3), ("taau", 3), ("classifier-small", 2), ("classifier", 2)])
+@pytest.mark.parametrize(
+    ("method", "frames"), [("taa", 3), ("taau", 3), ("classifier-small", 2), ("classifier", 2)]
+)
 def test_images_of_the_shipped_shot_are_those_of_the_gpu_backend(
     page: Page, url: str, method: str, frames: int
 ) -> None:
@@ -224,12 +228,24 @@ def small_shot(folder: Path, *, without: str = "") -> Path:
     (folder / "frames").mkdir(parents=True)
     rng = np.random.default_rng(0)
     for index in range(2):
-        channels = {name: rng.random((18, 32)).astype(np.float16) for name in ("R", "G", "B", "motion.X", "motion.Y")}
+        channels = {
+            name: rng.random((18, 32)).astype(np.float16) for name in ("R", "G", "B", "motion.X", "motion.Y")
+        }
         channels["depth.Z"] = rng.random((18, 32)).astype(np.float32)
-        kept = {name: plane for name, plane in channels.items() if not without or not name.startswith(without)}
+        kept = {
+            name: plane for name, plane in channels.items() if not without or not name.startswith(without)
+        }
         write_exr(folder / f"frames/{index}.exr", kept)
-    frames = [{"file": f"frames/{index}.exr", "jitter": [0.1, -0.2], "reset": index == 0} for index in range(2)]
-    content = {"version": 1, "name": "mine", "render_size": [32, 18], "display_size": [64, 36], "frames": frames}
+    frames = [
+        {"file": f"frames/{index}.exr", "jitter": [0.1, -0.2], "reset": index == 0} for index in range(2)
+    ]
+    content = {
+        "version": 1,
+        "name": "mine",
+        "render_size": [32, 18],
+        "display_size": [64, 36],
+        "frames": frames,
+    }
     (folder / "shot.json").write_text(json.dumps(content))
     return folder
 
@@ -262,7 +278,9 @@ def test_a_dropped_folder_is_read(page: Page, url: str, tmp_path: Path) -> None:
         data = {"items": [], "files": [str(folder)], "dragOperationsMask": 1}
         session.send("Input.dispatchDragEvent", {"type": kind, "x": 200, "y": 300, "data": data})
     page.wait_for_selector("#note:visible")
-    assert page.inner_text("#note") == "frames/0.exr has no channel depth.Z; it has B, G, R, motion.X, motion.Y."
+    assert (
+        page.inner_text("#note") == "frames/0.exr has no channel depth.Z; it has B, G, R, motion.X, motion.Y."
+    )
 
 
 @pytest.mark.parametrize("compression", ["none", "zips", "zip"])
@@ -275,8 +293,10 @@ def test_exr_files_are_read_bit_for_bit(page: Page, url: str, site: Path, compre
     found = page.evaluate(
         """async () => {
             const { readExr } = await import("./page/exr.js");
-            const { width, height, planes } = await readExr(await (await fetch("read.exr")).arrayBuffer(), "read.exr");
-            return [width, height, Array.from(planes.get("A.half").values), Array.from(planes.get("B.float").values)];
+            const file = await (await fetch("read.exr")).arrayBuffer();
+            const { width, height, planes } = await readExr(file, "read.exr");
+            const [half, whole] = ["A.half", "B.float"].map((name) => Array.from(planes.get(name).values));
+            return [width, height, half, whole];
         }"""
     )
     assert found[:2] == [21, 37]
@@ -294,7 +314,8 @@ def test_exr_files_that_cannot_be_read_say_why(page: Page, url: str, site: Path)
     found = page.evaluate(
         """() => Promise.all(["piz.exr", "cut.exr", "text.exr"].map(async (name) => {
             const { readExr } = await import("./page/exr.js");
-            return readExr(await (await fetch(name)).arrayBuffer(), name).then(() => "read", (error) => error.message);
+            const file = await (await fetch(name)).arrayBuffer();
+            return readExr(file, name).then(() => "read", (error) => error.message);
         }))"""
     )
     assert found[0].startswith("piz.exr: has compression PIZ; this page reads ZIP, ZIPS and none.")
@@ -320,6 +341,7 @@ def test_the_fallback_computes_the_images_of_the_onnx_backend(page: Page, url: s
     page.goto(f"{url}blank.html")
     text = page.evaluate(
         """async () => {
+            const { base64 } = await import("./page/testing.js");
             const { OnnxStep, loadRuntime } = await import("./page/onnx_step.js");
             const { ShotFolder, readerOfUrl } = await import("./page/shot_folder.js");
             const shot = await ShotFolder.open(readerOfUrl(new URL("shot/", location.href)));
@@ -329,10 +351,7 @@ def test_the_fallback_computes_the_images_of_the_onnx_backend(page: Page, url: s
                 const frame = await shot.frame(i);
                 image = await step.step(frame, frame.exposure, shot.displaySize);
             }
-            const bytes = new Uint8Array(image.buffer, image.byteOffset, image.byteLength);
-            let text = "";
-            for (let i = 0; i < bytes.length; i += 8192) text += String.fromCharCode(...bytes.subarray(i, i + 8192));
-            return btoa(text);
+            return base64(Float32Array.from(image));
         }"""
     )
     image = np.frombuffer(base64.b64decode(text), np.float32).reshape(3, 360, 640).transpose(1, 2, 0)
@@ -354,6 +373,17 @@ def test_a_shader_that_does_not_compile_is_shown_with_the_adapter(browser: Brows
     assert "expected ')'" in note
 
 
+def test_the_code_of_the_tutorial_runs(page: Page, url: str, site: Path) -> None:
+    tutorial = Path(__file__).parents[2] / "docs/tutorials/web.md"
+    code = re.findall("```js\n(.*?)```", tutorial.read_text("utf-8"), re.DOTALL)[0]
+    yours = "let calls = 0; const drawScene = () => calls++, show = () => calls++;"
+    end = "draw(0); draw(1); await device.queue.onSubmittedWorkDone(); window.calls = calls;"
+    (site / "tutorial.js").write_text(f"{code.replace('classifier', 'taa')}{yours}{end}")
+    page.goto(f"{url}blank.html")
+    page.evaluate("import('./tutorial.js')")
+    assert page.evaluate("window.calls") == 4
+
+
 @pytest.mark.skipif(not NODE_MODULES, reason="SUPERSAMPLER_NODE_MODULES has no three")
 def test_three_js_is_upscaled_from_its_own_passes(page: Page, url: str) -> None:
     page.goto(f"{url}three.html?frames=24&size=320x180&method=taau")
@@ -363,7 +393,7 @@ def test_three_js_is_upscaled_from_its_own_passes(page: Page, url: str) -> None:
         pixels(page.evaluate(f"threeDemo.{call}"), (320, 180))
         for call in ("readOurs()", "readReference(1)", "readReference(32)")
     )
-    assert psnr(ours, truth) > psnr(plain, truth), "one sample a pixel at full size"
+    assert psnr(ours, truth) > psnr(plain, truth) + 3.5, "than one sample a pixel at full size"
 
 
 def test_without_three_js_its_page_says_so(browser: Browser, url: str) -> None:

@@ -58,7 +58,9 @@ def test_all_that_the_page_loads_is_less_than_three_megabytes(site: Path) -> Non
 
 def test_every_file_that_a_module_or_page_names_is_there_and_below_the_root(site: Path) -> None:
     sources = [path for path in own_files(site) if path.suffix in {".js", ".html"}]
-    named = re.compile(r"""(?:from |import\(|import |src=|href=)["']([^"'$]+)["']|new URL\("([^"$]+)", import\.meta""")
+    named = re.compile(
+        r"""(?:from |import\(|import |src=|href=)["']([^"'$]+)["']|new URL\("([^"$]+)", import\.meta"""
+    )
     count = 0
     for source in sources:
         text = source.read_text("utf-8")

@@ -1,4 +1,8 @@
-/** One source of frames, the upscaler, and the two views on the stage. */
+/**
+ * One source of frames, the upscaler, and the two views on the stage.
+ * @typedef {import("./live_source.js").LiveSource} LiveSource
+ * @typedef {import("./shot_source.js").ShotSource} ShotSource
+ */
 
 import { Upscaler } from "../supersampler.js";
 import { Presenter } from "./presenter.js";
@@ -20,12 +24,17 @@ export class Comparison {
     this.presenter = presenter;
     this.timer = gpu.hasTimestamps ? new StageTimer(gpu.device) : null;
     /** @type {{ raster: number, upscaling: number } | null} milliseconds */ this.times = null;
+    /** @type {LiveSource | ShotSource} */ this.source = undefined;
+    /** @type {string} */ this.method = undefined;
+    /** @type {Upscaler} */ this.upscaler = undefined;
+    /** @type {GPUTexture} the upscaled image */ this.output = undefined;
+    /** @type {import("./live_source.js").SourceFrame} */ this.frame = undefined;
     this.inFlight = Promise.resolve();
   }
 
   /**
    * Shows frames of another source, or by another method.
-   * @param {import("./live_source.js").LiveSource | import("./shot_source.js").ShotSource} source
+   * @param {LiveSource | ShotSource} source
    * @param {string} method name of a folder below models/
    */
   async set(source, method) {
@@ -33,7 +42,10 @@ export class Comparison {
     this.upscaler?.destroy();
     this.output?.destroy();
     if (this.source !== source) this.source?.destroy();
-    Object.assign(this, { upscaler, source, method, frame: undefined });
+    this.upscaler = upscaler;
+    this.source = source;
+    this.method = method;
+    this.frame = undefined;
     const usage = GPUTextureUsage.STORAGE_BINDING | GPUTextureUsage.TEXTURE_BINDING | GPUTextureUsage.COPY_SRC;
     this.output = this.device.createTexture({ size: source.displaySize, format: "rgba16float", usage });
     this.stage.setSize(source.displaySize);

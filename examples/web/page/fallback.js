@@ -12,7 +12,7 @@ const SHIPPED_SHOT = new URL("../shot/", import.meta.url);
  * @param {{ form: HTMLFormElement, stage: import("./stage.js").Stage, say: (text: string) => void }} options
  */
 export async function startFallback(reason, { form, stage, say }) {
-  const controls = form.elements;
+  /** @type {Record<string, any>} */ const controls = form.elements;
   say(`${reason} The live scene needs WebGPU. Loading the shipped shot instead ...`);
   controls.source.value = "shot";
   for (const name of ["source", "ratio", "size", "camera"]) controls[name].closest("label").hidden = true;
@@ -34,8 +34,15 @@ export async function startFallback(reason, { form, stage, say }) {
 }
 
 class FallbackPage {
+  /**
+   * @param {Record<string, any>} controls by name @param {import("./stage.js").Stage} stage
+   * @param {ShotFolder} shot @param {{ ort: any, providers: string[] } | null} runtime null: nothing is upscaled
+   */
   constructor(controls, stage, shot, runtime) {
-    Object.assign(this, { controls, stage, shot, runtime });
+    this.controls = controls;
+    this.stage = stage;
+    this.shot = shot;
+    this.runtime = runtime;
     // A canvas that WebGPU has used gives no 2D context: take a fresh one.
     const canvas = /** @type {HTMLCanvasElement} */ (stage.canvas.cloneNode());
     stage.canvas.replaceWith(canvas);

@@ -45,14 +45,27 @@ export async function startGpuPage({ form, stage, say, query }) {
 }
 
 class GpuPage {
+  /**
+   * @param {import("./gpu.js").Gpu} gpu @param {HTMLFormElement} form @param {import("./stage.js").Stage} stage
+   * @param {(text: string) => void} say
+   */
   constructor(gpu, form, stage, say) {
-    Object.assign(this, { gpu, form, stage, say });
-    this.controls = form.elements;
+    this.gpu = gpu;
+    this.form = form;
+    /** @type {Record<string, any>} by name */ this.controls = form.elements;
+    this.stage = stage;
+    this.say = say;
+    /** @type {SceneRenderer} */ this.renderer = undefined;
+    /** @type {Comparison} */ this.comparison = undefined;
     /** @type {ShotFolder | null} a shot of the user's */ this.ownShot = null;
-    this.isPaused = this.isStepping = this.isChanged = this.isStale = this.isWorking = false;
+    this.isPaused = false;
+    this.isStepping = false; // one frame, though paused
+    this.isChanged = false; // a control
+    this.isStale = false; // the stage
+    this.isWorking = false; // in a turn of the loop
   }
 
-  /** @param {Error | GPUError} error @returns {string} its message, with the adapter's name */
+  /** @param {{ name?: string, message: string }} error @returns {string} its message, with the adapter's name */
   named(error) {
     return error.name === "UpscalerError" ? error.message : `${this.gpu.adapter}: ${error.message}`;
   }
@@ -66,6 +79,7 @@ class GpuPage {
     for (const control of [ratio, size, camera]) control.closest("label").hidden = !(made instanceof LiveSource);
   }
 
+  /** @param {string} kind of the frames @param {[number, number]} size of the live scene @param {number} ratio */
   async #source(kind, size, ratio) {
     const before = this.comparison.source, shot = kind === "own" ? this.ownShot : null;
     if (kind === "live") {

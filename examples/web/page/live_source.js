@@ -9,8 +9,9 @@
  * @property {GPUTexture | null} [truth] at display size: native rendering or a reference; undefined where not asked for
  */
 
+import { haltonJitter } from "../jitter.js";
+
 const TIME_OF_FIRST_FRAME = 4;
-export const STEP = 1 / 60;
 
 export class LiveSource {
   /**
@@ -71,19 +72,4 @@ export class LiveSource {
     this.renderer.destroyView(this.view);
     this.renderer.destroyView(this.native);
   }
-}
-
-/**
- * @param {number} index of the frame @param {number} ratio display over render size
- * @returns {[number, number]} pixels, in [-0.5, 0.5)
- */
-export function haltonJitter(index, ratio) {
-  const phase = (index % Math.floor(8 * ratio * ratio)) + 1;
-  return [radicalInverse(phase, 2) - 0.5, radicalInverse(phase, 3) - 0.5];
-}
-
-function radicalInverse(index, base) {
-  let result = 0;
-  for (let part = 1 / base; index > 0; part /= base, index = Math.floor(index / base)) result += part * (index % base);
-  return result;
 }

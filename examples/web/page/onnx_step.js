@@ -31,8 +31,11 @@ export class OnnxStep {
     return new OnnxStep(ort, contract, session);
   }
 
+  /** @param {any} ort the runtime @param {any} contract of model.json @param {any} session of step.onnx */
   constructor(ort, contract, session) {
-    Object.assign(this, { ort, contract, session });
+    this.ort = ort;
+    this.contract = contract;
+    this.session = session;
     /** @type {Record<string, any>} tensors by name; all zeros mean no history */ this.history = {};
   }
 

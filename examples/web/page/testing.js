@@ -1,6 +1,6 @@
 /** What the tests of this page call, as `window.supersamplerDemo`, when its address has ?test. */
 
-import { haltonJitter } from "./live_source.js";
+import { haltonJitter } from "../jitter.js";
 import { readTexture } from "./readback.js";
 
 export class Testing {

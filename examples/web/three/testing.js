@@ -1,13 +1,15 @@
 /** What the tests of the page of three.js call, as `window.threeDemo`, after the last frame. */
 
 import { HalfFloatType, RenderTarget } from "three/webgpu";
-import { haltonJitter } from "../page/live_source.js";
+import { haltonJitter } from "../jitter.js";
 import { readTexture } from "../page/readback.js";
 import { base64 } from "../page/testing.js";
 
 export class ThreeTesting {
   constructor(upscaling, scene, camera) {
-    Object.assign(this, { upscaling, scene, camera });
+    this.upscaling = upscaling;
+    this.scene = scene;
+    this.camera = camera;
   }
 
   /** @returns {Promise<string>} the linear RGBA of the upscaled image, float32, as base64 */

@@ -10,7 +10,7 @@
 
 import { DepthTexture, ExternalTexture, FloatType, HalfFloatType, Matrix4, NearestFilter, RenderTarget } from "three/webgpu";
 import { mrt, output, velocity } from "three/tsl";
-import { haltonJitter } from "../page/live_source.js";
+import { haltonJitter } from "../jitter.js";
 import { Upscaler } from "../supersampler.js";
 
 const FRAME_FLOATS = 24;
@@ -28,8 +28,11 @@ export class ThreeUpscaling {
     return new ThreeUpscaling(renderer, displaySize, ratio, code, await Upscaler.load(device, models, { displaySize }));
   }
 
+  /** Use `ThreeUpscaling.make`. */
   constructor(renderer, displaySize, ratio, code, upscaler) {
-    Object.assign(this, { renderer, ratio, upscaler });
+    this.renderer = renderer;
+    this.ratio = ratio;
+    this.upscaler = upscaler;
     this.device = renderer.backend.device;
     const [width, height] = displaySize.map((side) => Math.round(side / ratio));
     /** @type {[number, number]} */ this.size = [width, height];
@@ -80,6 +83,13 @@ export class ThreeUpscaling {
     velocity.setProjectionMatrix(null);
     this.#upscale(jitter, clip, camera.near / camera.far, reset);
     this.previousClip.copy(clip);
+  }
+
+  /** Frees its memory on the device, when the display size changes or nothing is drawn any more. */
+  destroy() {
+    this.target.dispose();
+    this.upscaler.destroy();
+    for (const resource of [this.depth, this.motion, this.output, this.uniforms]) resource.destroy();
   }
 
   #upscale(jitter, clip, nearOverFar, reset) {
