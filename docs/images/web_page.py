@@ -35,7 +35,7 @@ def main() -> None:
         site = Path(folder) / "site"
         write_site(site, write_shader_folder)
         browser = playwright.chromium.launch(executable_path=chromium, args=[*SOFTWARE])
-        page = browser.new_page(viewport={"width": 1000, "height": 720})
+        page = browser.new_page(viewport={"width": 1280, "height": 950})
         page.set_default_timeout(1_200_000)
         with serving(site) as url:
             page.goto(url + ADDRESS)
