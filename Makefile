@@ -75,7 +75,7 @@ pygfx: $(DEVELOPMENT)
 # Without npm the tests of three.js and of the fallback are skipped, with the reason.
 NODE := .node/node_modules
 
-web: $(DEVELOPMENT)
+web:
 	test -d .venv-web || $(PYTHON) -m venv .venv-web
 	.venv-web/bin/python -c 'import playwright, wgpu, supersampler, pytest' 2>/dev/null \
 	    || .venv-web/bin/pip install -q --disable-pip-version-check -e '.[gpu]' pytest hypothesis playwright

@@ -2,8 +2,8 @@
 
     python examples/raw_frames.py plaza out/raw --frames 32
 
-frames.json names the files and has sizes, jitter, exposure and resets. Rows go from the top; colour has four channels (alpha
-is 1), depth one, motion two: what textures rgba32float, r32float and rg32float hold.
+frames.json names the files and has sizes, jitter, exposure and resets. Rows go from the top; colour has four
+channels (alpha is 1), depth one, motion two: what textures rgba32float, r32float and rg32float hold.
 """
 
 import argparse
@@ -28,6 +28,8 @@ def main() -> None:
     shot, frames = Shot.open(options.shot), []
     for item in islice(shot, options.frames):
         frame = item.frame
+        if frame.color is None or frame.depth is None:
+            raise SystemExit(f"frame {item.index} has no colour or no depth: take a shot that was shaded")
         alpha = np.ones((*frame.color.shape[:2], 1), np.float32)
         pixels = {
             "color": np.concatenate([frame.color, alpha], axis=2),
@@ -38,7 +40,13 @@ def main() -> None:
         for name, file in files.items():
             np.asarray(pixels[name], "<f4").tofile(options.output / file)
         frames.append(
-            {"jitter": frame.jitter, "exposure": frame.exposure, "reset": frame.reset, "size": frame.size, **files}
+            {
+                "jitter": frame.jitter,
+                "exposure": frame.exposure,
+                "reset": frame.reset,
+                "size": frame.size,
+                **files,
+            }
         )
     description = {"display": shot.display_size, "frames": frames}
     (options.output / "frames.json").write_text(json.dumps(description, indent=1))

@@ -1,4 +1,7 @@
-"""`supersampler export METHOD -o FOLDER`. Torch is imported when it runs, so that --help works without."""
+"""`supersampler export METHOD -o FOLDER`: a model folder, or with --target shaders for engines.
+
+Torch is imported where it is used: --help and shaders work without.
+"""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -8,18 +11,23 @@ from rich.console import Console
 
 from supersampler.errors import ArgumentError, did_you_mean
 from supersampler.methods.catalog import FIXED, LEARNED, listed_methods
+from supersampler_export.shaders.folder import DESCRIPTION, Images, write_shader_folder
+from supersampler_export.shaders.translation import Target
 
 if TYPE_CHECKING:
     from supersampler_model.methods.base import Method
 
-app = typer.Typer(help="Write a method as a model folder for ONNX Runtime.")
+app = typer.Typer(help="Write a method as a model folder for ONNX Runtime, or its shaders for engines.")
 
 
 @app.command()
 def export(
     method: Annotated[
         str,
-        typer.Argument(help=f"One of {listed_methods((*FIXED, *LEARNED))}; `all`: those that ship."),
+        typer.Argument(
+            help=f"One of {listed_methods((*FIXED, *LEARNED))}; `all`: those that ship. With --target: a "
+            "model that ships, or a model folder."
+        ),
     ],
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write; with `all`, its parent.")],
     weights: Annotated[
@@ -28,16 +36,36 @@ def export(
             help="Weights of a learned method: weights.safetensors of a run, in place of the released ones."
         ),
     ] = None,
+    target: Annotated[
+        Target | None,
+        typer.Option(help="Write compute shaders in this language in place of a model folder."),
+    ] = None,
+    images: Annotated[
+        Images, typer.Option(help="With --target: where the shaders take frame and image.")
+    ] = "textures",
 ) -> None:
     """Write METHOD as a model folder: step.onnx (the whole recurrent step), model.json and a model card.
 
     The files are written only after ONNX Runtime reproduces the images of torch, at sizes not traced.
 
+    With --target, write a compute shader for each pass, the weights, and upscaler.json, which says how an
+    engine runs them. This needs no torch and no GPU; all but wgsl are translated by naga, which npm installs.
+
     Examples:
       supersampler export taau -o my_taau
       supersampler export classifier --weights run/weights.safetensors -o my_classifier
       supersampler upscale SHOT --model my_taau -o out
+      supersampler export classifier --target wgsl -o shaders
     """
+    if target is not None:
+        if weights is not None:
+            hint = "Export a model folder with these weights, then `supersampler export FOLDER --target ...`."
+            raise ArgumentError("--weights", got=weights, want="none with --target", hint=hint)
+        write_shader_folder(method, output, target=target, images=images)
+        Console().print(f"{method}: {output / DESCRIPTION}")
+        return
+    if images != "textures":
+        raise ArgumentError("--images", got=images, want="none without --target")
     from supersampler_export.folder import write_model_folder
 
     console = Console()

@@ -1,7 +1,7 @@
 """The content of upscaler.json: inputs, resources and passes of a step, for a host in any language."""
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from math import prod
 from typing import Any, NamedTuple
 
@@ -12,11 +12,12 @@ from supersampler.backends.gpu.program import ARRAYS, TEXTURES, GpuProgram, Pass
 from supersampler.backends.gpu.shader import Binding, Shader
 from supersampler.methods.model_info import ModelInfo
 from supersampler_export.shaders import texts
+from supersampler_export.shaders.targets import Placed, needs
 
 FORMAT, VERSION = "supersampler-shaders", 1
 """The name of the format, and its version, raised when hosts must change."""
-LANGUAGE_FEATURES = ("packed_4x8_integer_dot_product",)
-"""WGSL language features of the int8 network."""
+LANGUAGE_FEATURES = {"fp32": [], "int8": ["packed_4x8_integer_dot_product"]}
+"""WGSL language features by precision."""
 VARIANTS = {"textures": TEXTURES, "buffers": ARRAYS}
 """Where frame and image are."""
 _CONSTANT = re.compile(r"^const (\w+) = ([^;]+);", re.MULTILINE)
@@ -50,30 +51,38 @@ def exported_passes(program: GpuProgram, images: str) -> list[ExportedPass]:
     ]
 
 
-def described(info: ModelInfo, program: GpuProgram, passes: list[ExportedPass], images: str) -> dict[str, Any]:
-    """Return the content of upscaler.json for WGSL, without the names and digests of files.
+def described(
+    info: ModelInfo,
+    program: GpuProgram,
+    images: str,
+    target: str,
+    passes: Sequence[tuple[ExportedPass, str, Placed]],
+) -> dict[str, Any]:
+    """Return the content of upscaler.json, without the digests of files.
 
     Args:
         info: the model.
         program: of it.
-        passes: see `exported_passes`.
         images: key of VARIANTS.
+        target: key of SUFFIXES.
+        passes: each with the name of its file, and its shader in the target's language.
     """
-    used = {one.resource(binding) for one in passes for binding in one.shader.bindings}
-    resources = [one for one in _resources(program, images) if one["name"] in used]
+    exported = [one for one, _, _ in passes]
+    used = {one.resource(binding) for one in exported for binding in one.shader.bindings}
     inputs = [name for name in texts.INPUTS if f"frame_{name}" in used]
     return {
         "format": FORMAT,
         "version": VERSION,
         "method": info.method,
         "precision": program.precision,
+        "target": target,
+        "images": images,
+        "ratios": list(info.ratios),
         "source": info.source,
         "supersampler": __version__,
         "licence": info.licence,
         "attributions": list(info.attributions),
-        "ratios": list(info.ratios),
-        "images": images,
-        "requires": _requires(program, passes),
+        "requires": _requires(program, target, passes),
         "inputs": [{"name": name, "resource": f"frame_{name}", **texts.INPUTS[name]} for name in inputs],
         "output": _output(images),
         "params": _params(),
@@ -85,9 +94,9 @@ def described(info: ModelInfo, program: GpuProgram, passes: list[ExportedPass], 
             "resize": texts.RESIZE,
         },
         "sizes": texts.SIZES,
-        "resources": resources,
+        "resources": [one for one in _resources(program, images) if one["name"] in used],
         "step": texts.STEP,
-        "passes": [_pass(one) for one in passes],
+        "passes": [_pass(*one) for one in passes],
     }
 
 
@@ -105,10 +114,12 @@ def _whole(text: str, constants: Mapping[str, str]) -> int:
     return int(constants.get(text, text).rstrip("u"))
 
 
-def _pass(one: ExportedPass) -> dict[str, Any]:
-    return {
+def _pass(one: ExportedPass, file: str, shader: Placed) -> dict[str, Any]:
+    resources = {binding.name: one.resource(binding) for binding in one.shader.bindings}
+    entry = {
         "name": one.name,
-        "entry_point": "main",
+        "file": file,
+        "entry_point": shader.entry_point,
         "workgroup_size": workgroup_size(one.shader),
         "covers": _size(one.spec.extent),
         "tile": list(one.spec.tile),
@@ -116,13 +127,18 @@ def _pass(one: ExportedPass) -> dict[str, Any]:
             {
                 "group": binding.group,
                 "binding": binding.index,
-                "resource": one.resource(binding),
+                "resource": resources[binding.name],
                 "kind": binding.kind,
                 **({"format": binding.format} if binding.format else {}),
+                **slot,
             }
-            for binding in one.shader.bindings
+            for binding, slot in zip(one.shader.bindings, shader.slots, strict=True)
         ],
     }
+    if shader.buffer_sizes is not None:
+        slot, names = shader.buffer_sizes
+        entry["buffer_sizes"] = {"buffer": slot, "of": [resources[name] for name in names]}
+    return entry
 
 
 def _size(extent: Extent) -> dict[str, Any]:
@@ -181,16 +197,19 @@ def _params() -> dict[str, Any]:
     return {"resource": "params", "type": "float32", "bytes": -(-offset // 16) * 16, "fields": fields}
 
 
-def _requires(program: GpuProgram, passes: list[ExportedPass]) -> dict[str, Any]:
-    """Return features and limits; those of WebGPU's defaults suffice."""
-    kinds = [[(b.kind, b.format) for b in one.shader.bindings] for one in passes]
-    threads = [workgroup_size(one.shader) for one in passes]
+def _requires(
+    program: GpuProgram, target: str, passes: Sequence[tuple[ExportedPass, str, Placed]]
+) -> dict[str, Any]:
+    """Return features and limits; WebGPU's default limits suffice."""
+    shaders = [one.shader for one, _, _ in passes]
+    threads = [workgroup_size(shader) for shader in shaders]
 
     def most(*wanted: str) -> int:
-        return max(sum(kind in wanted for kind, _ in of_pass) for of_pass in kinds)
+        return max(sum(binding.kind in wanted for binding in shader.bindings) for shader in shaders)
 
     return {
-        "wgsl_language_features": list(LANGUAGE_FEATURES) if program.precision == "int8" else [],
+        **({"wgsl_language_features": LANGUAGE_FEATURES[program.precision]} if target == "wgsl" else {}),
+        **needs(target, [placed for _, _, placed in passes]),
         "features": [],
         "limits": {
             "maxStorageBuffersPerShaderStage": most("storage", "read-only-storage"),

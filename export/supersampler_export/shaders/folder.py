@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -10,48 +11,85 @@ from supersampler.io.atomic import check_ours, remove_files, replacing
 from supersampler.io.json_fields import read_json
 from supersampler.methods.gpu_backends import gpu_program, with_shaders
 from supersampler.methods.model_file import read_upscaling_info
-from supersampler_export.shaders.description import FORMAT, described, exported_passes
+from supersampler_export.shaders.description import FORMAT, ExportedPass, described, exported_passes
+from supersampler_export.shaders.targets import PLACE, SUFFIXES, Placed
+from supersampler_export.shaders.translation import Target, translate
 
 Images = Literal["textures", "buffers"]
 DESCRIPTION = "upscaler.json"
+LONGEST_LINE = 140
+"""Of upscaler.json, for a list or object on one line."""
 
 
-def write_shader_folder(model: str | Path, folder: Path, images: Images = "textures") -> None:
+def write_shader_folder(
+    model: str | Path, folder: Path, *, target: Target = "wgsl", images: Images = "textures"
+) -> None:
     """Write the shaders of a model.
 
     Args:
         model: a shipped model by name, or a model folder.
         folder: to write to; files of an earlier export in it are replaced.
+        target: language of the shaders. All but "wgsl" need Node.js with npm.
         images: whether the shaders take frame and image in textures or in buffers.
 
     Raises:
         ModelError: there is no such model, or it is damaged.
         ArgumentError: the model has no shaders.
+        TranslationError: the shaders cannot be translated.
         ShotError: files in the way were not written by an export; nothing is written.
     """
     info = read_upscaling_info(model)
     program = gpu_program(info)
     if program is None:
-        hint = "`supersampler export METHOD -o FOLDER` writes it for ONNX Runtime."
-        raise ArgumentError("METHOD", got=repr(info.method), want=f"one with shaders: {with_shaders()}", hint=hint)
+        want = f"one with shaders: {with_shaders()}"
+        hint = "Without --target it is written for ONNX Runtime."
+        raise ArgumentError("METHOD", got=repr(info.method), want=want, hint=hint)
     passes = exported_passes(program, images)
-    description = described(info, program, passes, images)
-    content = {f"{one.name}.wgsl": one.shader.code.encode() for one in passes}
-    for one, entry in zip(passes, description["passes"], strict=True):
-        entry["file"] = f"{one.name}.wgsl"
+    shaders = placed(passes, target)
+    files = [f"{one.name}.{SUFFIXES[target]}" for one in passes]
+    content = {file: shader.code for file, shader in zip(files, shaders, strict=True)}
     content |= {f"{name}.bin": words.astype("<u4").tobytes() for name, words in program.weights.items()}
-    description["target"] = "wgsl"
+    description = described(info, program, images, target, list(zip(passes, files, shaders, strict=True)))
+    description["files"] = {name: hashlib.sha256(data).hexdigest() for name, data in content.items()}
     _write(folder, description, content)
 
 
+def placed(passes: Sequence[ExportedPass], target: Target) -> list[Placed]:
+    """Return the shaders of passes in a language.
+
+    Raises:
+        TranslationError: see `translate`.
+    """
+    sources = {one.name: one.shader.code for one in passes}
+    codes = (
+        {name: code.encode() for name, code in sources.items()}
+        if target == "wgsl"
+        else translate(target, sources)
+    )
+    return [PLACE[target](codes[one.name], one.shader.bindings) for one in passes]
+
+
+def _json(value: Any, indent: str = "") -> str:
+    """Return JSON in which lists and objects take one line where they fit on it."""
+    flat = json.dumps(value, ensure_ascii=False)
+    if not isinstance(value, dict | list) or len(indent) + len(flat) <= LONGEST_LINE:
+        return flat
+    inner = f"{indent} "
+    if isinstance(value, list):
+        items, (opening, closing) = [_json(item, inner) for item in value], "[]"
+    else:
+        items = [f"{json.dumps(key)}: {_json(item, inner)}" for key, item in value.items()]
+        opening, closing = "{}"
+    lines = f",\n{inner}".join(items)
+    return f"{opening}\n{inner}{lines}\n{indent}{closing}"
+
+
 def _write(folder: Path, description: dict[str, Any], content: dict[str, bytes]) -> None:
-    description["files"] = {name: hashlib.sha256(data).hexdigest() for name, data in content.items()}
     before = _listed(folder)
     for name in (*content, DESCRIPTION):
         check_ours(folder / name, lambda path: path.name in before, f"listed by {DESCRIPTION} beside it")
     remove_files(folder / name for name in before - {*content, DESCRIPTION})
-    content[DESCRIPTION] = f"{json.dumps(description, indent=1)}\n".encode()
-    for name, data in content.items():
+    for name, data in {**content, DESCRIPTION: f"{_json(description)}\n".encode()}.items():
         with replacing(folder / name) as partial:
             partial.write_bytes(data)
 
@@ -62,6 +100,10 @@ def _listed(folder: Path) -> set[str]:
         found = read_json(folder / DESCRIPTION)
     except ShotError:
         return set()
-    if not isinstance(found, dict) or found.get("format") != FORMAT or not isinstance(found.get("files"), dict):
+    if (
+        not isinstance(found, dict)
+        or found.get("format") != FORMAT
+        or not isinstance(found.get("files"), dict)
+    ):
         return set()
     return {DESCRIPTION, *(name for name in found["files"] if Path(name).name == name)}

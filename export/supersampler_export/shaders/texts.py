@@ -22,8 +22,8 @@ INPUTS: dict[str, dict[str, Any]] = {
     },
     "motion": {
         "channels": 2,
-        "unit": "(x, y) in render pixels, y down, without jitter, previous minus current: what is at p now was "
-        "at p + motion[p] in the previous frame",
+        "unit": "(x, y) in render pixels, y down, without jitter, previous minus current: what is at p now "
+        "was at p + motion[p] in the previous frame",
         "range": [-1e6, 1e6],
         "sampling": "where the colour was",
         "invalid": "NaN and Inf count as no motion; longer vectors are clamped",
@@ -64,9 +64,10 @@ STEP = (
     "workgroups in x and y, 1 in z. Each pass reads what earlier ones wrote."
 )
 SIZES = (
-    "A size is (ceil(width / divide) * multiply[0], ceil(height / divide) * multiply[1]) of the size that `of` "
-    "names: render, of this frame; previous, of the frame before; display, of the image; one, which is 1x1. A "
-    "buffer has `bytes` for each pixel of its size, and at least 16; bind that many. Textures may be larger."
+    "A size is (ceil(width / divide) * multiply[0], ceil(height / divide) * multiply[1]) of the size that "
+    "`of` names: render, of this frame; previous, of the frame before; display, of the image; one, which is "
+    "1x1. A buffer has `bytes` for each pixel of its size, rounded up to 4, and at least 16; bind that many. "
+    "Textures may be larger."
 )
 SWAP = "After a step, each `next` is what the following step reads as `history`: two buffers that swap."
 RESET = (

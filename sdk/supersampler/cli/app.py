@@ -21,7 +21,10 @@ TOOLS = {
         "supersampler_model.training.cli",
         "Train a method on rendered data or your own shots. Needs torch.",
     ),
-    "export": ("supersampler_export.cli", "Write a method as a model folder for ONNX Runtime. Needs torch."),
+    "export": (
+        "supersampler_export.cli",
+        "Write a method as a model folder for ONNX Runtime (needs torch), or its shaders for engines.",
+    ),
     "bench": ("supersampler_bench.cli", "Measure methods against references. Needs flip-evaluator."),
 }
 """Commands of other packages: the module with their `app`, imported when they are called, and their help."""

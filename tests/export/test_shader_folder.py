@@ -1,0 +1,307 @@
+"""An exported folder of shaders says all that a host needs, and bad input gets an error that helps."""
+
+import hashlib
+import json
+import re
+import subprocess
+import sys
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+from typer.testing import CliRunner
+
+from supersampler.backends.gpu.device import LIMITS
+from supersampler.backends.gpu.memory import BufferSpec
+from supersampler.backends.gpu.program import ARRAYS, TEXTURES, GpuProgram
+from supersampler.cli.app import app
+from supersampler.errors import ArgumentError, ModelError, ShotError
+from supersampler.methods.gpu_backends import gpu_program
+from supersampler.methods.model_file import read_upscaling_info
+from supersampler_export.shaders import translation
+from supersampler_export.shaders.folder import write_shader_folder
+from supersampler_export.shaders.targets import PLACE
+from supersampler_export.shaders.translation import TranslationError, translate
+
+METHODS = ["taa", "taau", "classifier", "classifier-small"]
+SHADERS = [
+    Path(str(files("supersampler"))) / folder / "shaders"
+    for folder in ("backends/gpu", "methods/taa", "methods/taau", "methods/classifier")
+]
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """The folder of each method, for textures; "taau buffers" for buffers."""
+    root = tmp_path_factory.mktemp("shaders")
+    for method in METHODS:
+        write_shader_folder(method, root / method)
+    write_shader_folder("taau", root / "taau buffers", images="buffers")
+    return {folder.name: folder for folder in root.iterdir()}
+
+
+def about(folder: Path) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads((folder / "upscaler.json").read_text())
+    return found
+
+
+@cache
+def program(method: str) -> GpuProgram:
+    found = gpu_program(read_upscaling_info(method))
+    assert found is not None
+    return found
+
+
+def size_of(rule: dict[str, Any], sizes: dict[str, tuple[int, int]]) -> tuple[int, int]:
+    """A size as a host computes it."""
+    width, height = sizes[rule["of"]]
+    across, down = rule["multiply"]
+    return -(-width // rule["divide"]) * across, -(-height // rule["divide"]) * down
+
+
+def test_upscaler_json_is_as_its_schema_says(folders: dict[str, Path]) -> None:
+    schema = json.loads((files("supersampler_export.shaders") / "upscaler.schema.json").read_text())
+    for folder in folders.values():
+        jsonschema.validate(about(folder), schema)
+
+
+@pytest.mark.parametrize("name", [*METHODS, "taau buffers"])
+def test_every_resource_that_a_shader_declares_is_described(folders: dict[str, Path], name: str) -> None:
+    described = about(folders[name])
+    resources = {one["name"]: one for one in described["resources"]}
+    bound = set()
+    for one in described["passes"]:
+        code = (folders[name] / one["file"]).read_text()
+        declared = {(int(g), int(b)) for g, b in re.findall(r"@group\((\d+)\) @binding\((\d+)\)", code)}
+        assert {(b["group"], b["binding"]) for b in one["bindings"]} == declared, one["file"]
+        for b in one["bindings"]:
+            resource = resources[b["resource"]]
+            assert b["kind"].endswith("texture") == (resource["kind"] == "texture"), b
+            assert b.get("format", resource.get("format")) == resource.get("format"), b
+            bound.add(b["resource"])
+    assert bound == resources.keys()
+    for before, after in described["history"]["pairs"]:
+        assert resources[before]["role"] == "history"
+        assert resources[after]["role"] == "next"
+    assert {one["resource"] for one in described["inputs"]} == {
+        name for name, one in resources.items() if one["role"] == "frame"
+    }
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(
+    ("render", "display"), [((37, 21), (101, 61)), ((1, 1), (1, 2)), ((320, 180), (641, 363))]
+)
+def test_sizes_by_rule_are_those_of_the_gpu_backend(
+    folders: dict[str, Path], method: str, render: tuple[int, int], display: tuple[int, int]
+) -> None:
+    sizes = {"one": (1, 1), "render": render, "previous": render, "display": display}
+    specs = program(method).specs(render, display)
+    described = about(folders[method])
+    held = [one for one in described["resources"] if one["role"] in ("history", "next", "work", "aux")]
+    assert len(held) >= 9
+    for one in held:
+        width, height = size_of(one["size"], sizes)
+        spec = specs[one["name"]]
+        if isinstance(spec, BufferSpec):
+            assert one["bytes"] * width * height == spec.bytes, one
+        else:
+            assert (width, height, one["format"]) == (*spec.size, spec.format), one
+    for entry, of_pass in zip(described["passes"], program(method).passes, strict=True):
+        assert size_of(entry["covers"], sizes) == of_pass.extent.size(render, display)
+
+
+def test_a_history_of_render_size_has_that_of_the_frame_that_wrote_it(folders: dict[str, Path]) -> None:
+    resources = {one["name"]: one for one in about(folders["classifier"])["resources"]}
+    assert (
+        resources["history_surface"]["size"]["of"] == resources["history_opening"]["size"]["of"] == "previous"
+    )
+    assert resources["next_surface"]["size"]["of"] == resources["next_opening"]["size"]["of"] == "render"
+    assert resources["history_pixels"]["size"]["of"] == resources["next_pixels"]["size"]["of"] == "display"
+
+
+@pytest.mark.parametrize(("name", "variants"), [("classifier", TEXTURES), ("taau buffers", ARRAYS)])
+def test_files_are_the_shaders_that_the_gpu_backend_runs(
+    folders: dict[str, Path], name: str, variants: dict[str, str]
+) -> None:
+    method, described = name.split()[0], about(folders[name])
+    for one, spec in zip(described["passes"], program(method).passes, strict=True):
+        assert (folders[name] / one["file"]).read_text() == program(method).shader(spec, variants).code
+    digests = {
+        file.name: hashlib.sha256(file.read_bytes()).hexdigest()
+        for file in folders[name].iterdir()
+        if file.name != "upscaler.json"
+    }
+    assert described["files"] == digests
+    for weights, words in program(method).weights.items():
+        assert (folders[name] / f"{weights}.bin").read_bytes() == words.tobytes()
+
+
+def test_fields_of_params_are_those_of_the_shaders(folders: dict[str, Path]) -> None:
+    text = (SHADERS[0] / "params.wgsl").read_text()
+    declared = re.findall(r"^    (\w+): (vec2f|f32),", text, re.MULTILINE)
+    params = about(folders["taau"])["params"]
+    assert [(f["name"], {1: "f32", 2: "vec2f"}[f["count"]]) for f in params["fields"]] == declared
+    ends = [f["offset"] + 4 * f["count"] for f in params["fields"]]
+    assert [f["offset"] for f in params["fields"]] == [0, *ends[:-1]]
+    assert params["bytes"] >= ends[-1]
+    assert params["bytes"] % 16 == 0
+
+
+def test_workgroups_and_limits_are_within_webgpus_defaults(folders: dict[str, Path]) -> None:
+    described = about(folders["classifier"])
+    threads = {one["name"]: one["workgroup_size"] for one in described["passes"]}
+    assert threads["00_measure"] == [256, 1, 1]
+    assert threads["02_preprocess"] == [16, 16, 1]
+    assert threads["07_encode_pooled"] == [128, 1, 1]
+    assert threads["10_compose"] == [256, 1, 1]
+    limits = described["requires"]["limits"]
+    assert limits["maxStorageBuffersPerShaderStage"] <= LIMITS["max-storage-buffers-per-shader-stage"]
+    assert limits["maxStorageTexturesPerShaderStage"] <= LIMITS["max-storage-textures-per-shader-stage"]
+    assert limits["maxComputeInvocationsPerWorkgroup"] <= LIMITS["max-compute-invocations-per-workgroup"]
+    assert limits["maxSampledTexturesPerShaderStage"] <= 16
+
+
+def test_a_method_that_reads_no_depth_asks_for_none(folders: dict[str, Path]) -> None:
+    assert [one["name"] for one in about(folders["taa"])["inputs"]] == ["color", "motion"]
+    assert "frame_depth" not in (folders["taa"] / "02_boxes.wgsl").read_text()
+
+
+def mixed_operators(code: str) -> list[str]:
+    """Return the operators that stand beside a bitwise one without brackets, which WGSL forbids."""
+    code, levels, found = re.sub(r"//.*", "", code), [set[str]()], []
+    for token in re.findall(r"&&|\|\||[=!<>]=| (?:<<|>>|[&|^+*/%<>-]) |[()\[\]{},;=]", code):
+        operator = token.strip()
+        if operator in "([{":
+            levels.append(set())
+        elif operator in ")]}":
+            levels.pop()
+        elif operator in ("<<", ">>", *"&|^+*/%-"):
+            levels[-1].add(operator)
+            if len(levels[-1]) > 1 and levels[-1] & {"<<", ">>", *"&|^"}:
+                found.append(" ".join(sorted(levels[-1])))
+        else:
+            levels[-1].clear()
+    return found
+
+
+def test_bitwise_operators_are_bracketed_as_every_compiler_of_wgsl_asks() -> None:
+    assert mixed_operators("let a = b & c | d;") == ["& |"]
+    assert mixed_operators("let a = f(b << 16u | c, d >> 1u);") == ["<< |"]
+    assert mixed_operators("let a = (b & c) | (d << 2u); let e = x + y * z;") == []
+    for path in (path for folder in SHADERS for path in sorted(folder.glob("*.wgsl"))):
+        assert mixed_operators(path.read_text()) == [], path
+
+
+def test_a_second_export_replaces_the_files_of_the_first(tmp_path: Path) -> None:
+    write_shader_folder("classifier", tmp_path)
+    write_shader_folder("taa", tmp_path)
+    assert {file.name for file in tmp_path.iterdir()} == {*about(tmp_path)["files"], "upscaler.json"}
+    assert not (tmp_path / "network.bin").exists()
+
+
+def test_files_of_others_are_not_replaced(tmp_path: Path) -> None:
+    (tmp_path / "00_measure.wgsl").write_text("mine")
+    with pytest.raises(ShotError, match="is there already"):
+        write_shader_folder("taa", tmp_path)
+    assert [file.name for file in tmp_path.iterdir()] == ["00_measure.wgsl"]
+
+
+def test_a_method_without_shaders_is_refused_with_those_that_have_them(tmp_path: Path) -> None:
+    with pytest.raises(ArgumentError, match=r"'gbuffer-small'; want .*classifier, taa, taau"):
+        write_shader_folder("gbuffer-small", tmp_path / "out")
+    with pytest.raises(ModelError, match="Did you mean 'classifier'"):
+        write_shader_folder("classifer", tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+PROGRAM = """
+import sys
+for name in ("torch", "onnx", "wgpu", "supersampler_model"):
+    sys.modules[name] = None
+from supersampler.cli.app import main
+sys.argv[1:] = ["export", "classifier", "--target", "wgsl", "-o", sys.argv[1]]
+main()
+"""
+
+
+def test_the_command_needs_neither_torch_nor_wgpu(tmp_path: Path) -> None:
+    done = subprocess.run([sys.executable, "-c", PROGRAM, str(tmp_path)], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert about(tmp_path)["method"] == "classifier"
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--target", "wgsl", "--weights", "w.safetensors"], "none with --target"),
+        (["--images", "buffers"], "none without --target"),
+    ],
+)
+def test_options_that_do_not_go_together_are_refused(
+    tmp_path: Path, options: list[str], message: str
+) -> None:
+    done = CliRunner().invoke(app, ["export", "taau", "-o", str(tmp_path / "out"), *options])
+    assert done.exit_code == 1
+    assert message in done.output
+
+
+def test_without_node_the_error_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", "")
+    with pytest.raises(TranslationError, match=r"node is not installed.*Node\.js 20"):
+        translate("spirv", {})
+
+
+def test_a_failed_installation_leaves_nothing_and_says_why(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("node", "npm"):
+        (tmp_path / name).write_text("#!/bin/sh\necho no registry >&2\nexit 1\n")
+        (tmp_path / name).chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}:/bin:/usr/bin")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    with pytest.raises(TranslationError, match="npm failed: no registry"):
+        translate("hlsl", {})
+    assert list((tmp_path / "cache" / "supersampler" / "naga").iterdir()) == []
+
+
+def test_what_naga_refuses_is_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(translation, "_installed", lambda: tmp_path)
+    monkeypatch.setattr(translation, "_program", lambda name: name)
+    monkeypatch.setattr(translation, "_run", lambda *_: json.dumps({"error": "06_blend: expected ;"}))
+    with pytest.raises(TranslationError, match=r"naga refused a shader\. 06_blend: expected ;"):
+        translate("msl", {"06_blend": ""})
+
+
+METAL = b"""struct _mslBufferSizes {
+    uint size1;
+    uint size3;
+};
+kernel void main_(
+  uint thread_ [[thread_index_in_threadgroup]]
+, constant Params& params [[user(fake0)]]
+, device type_7& pooled [[user(fake0)]]
+, threadgroup type_8& sums
+, device type_5 const& pooled_above_1 [[user(fake0)]]
+, metal::texture2d<uint, metal::access::write> kept [[user(fake0)]]
+, constant _mslBufferSizes& _buffer_sizes [[user(fake0)]]
+) {
+"""
+
+
+def test_arguments_of_metal_are_numbered_by_kind() -> None:
+    spec = program("classifier").passes[7]
+    names = {"params", "pooled", "pooled_above", "kept"}
+    bindings = [b for b in program("classifier").shader(spec, TEXTURES).bindings if b.name in names]
+    placed = PLACE["msl"](METAL, bindings)
+    slots = {b.name: slot for b, slot in zip(bindings, placed.slots, strict=True)}
+    buffers = {"params": 0, "pooled": 1, "pooled_above": 2}
+    assert slots == {**{name: {"buffer": at} for name, at in buffers.items()}, "kept": {"texture": 0}}
+    assert placed.entry_point == "main_"
+    assert placed.buffer_sizes == (3, ["pooled", "pooled_above"])
+    assert b"_buffer_sizes [[buffer(3)]]" in placed.code
+    assert b"kept [[texture(0)]]" in placed.code
+    assert b"fake" not in placed.code

@@ -1,0 +1,99 @@
+"""Hosts that know nothing of this package compute its images from an exported folder."""
+
+import shutil
+import subprocess
+import sys
+from importlib.resources import files
+from pathlib import Path
+
+import pytest
+
+from gpu_steps import device_or_skip
+from raw_shots import SIZES, read_images, wanted_images, write_raw
+from supersampler_export.shaders.folder import write_shader_folder
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+CJSON = [Path(folder) / "cjson" / "cJSON.h" for folder in ("/usr/include", "/usr/local/include")]
+
+
+@pytest.fixture(scope="module", params=["taa", "classifier"])
+def exported(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
+    """A method, and a folder with its shaders and the frames of a shot."""
+    device_or_skip()
+    root = tmp_path_factory.mktemp("exported")
+    write_shader_folder(request.param, root / "shaders")
+    write_raw(root / "frames")
+    return request.param, root
+
+
+@pytest.fixture(scope="module")
+def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The host in C, compiled against the headers and the library of Python's wgpu."""
+    device_or_skip()
+    missing = [name for name in ("cc", "make") if shutil.which(name) is None]
+    missing += [] if any(header.is_file() for header in CJSON) else ["cJSON (Debian: libcjson-dev)"]
+    if missing:
+        pytest.skip(f"not here: {', '.join(missing)}")
+    library = next(file for file in (files("wgpu") / "resources").iterdir() if "release" in file.name)
+    out = tmp_path_factory.mktemp("c")
+    variables = [
+        f"OUT={out}",
+        f"WGPU={Path(str(library)).parent}",
+        f"LIBRARY={library.name}",
+        "CFLAGS=-Werror -O1",
+    ]
+    command = ["make", "-C", str(EXAMPLES / "c_webgpu"), *variables]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return out / "upscale"
+
+
+def run(command: list[str], root: Path, name: str) -> list[bytes]:
+    out = root / name
+    out.mkdir()
+    empty = root / f"{name} starts here"
+    empty.mkdir()
+    arguments = [str(root / "shaders"), str(root / "frames"), str(out)]
+    done = subprocess.run([*command, *arguments], cwd=empty, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    return read_images(out)
+
+
+def test_a_host_in_c_computes_the_images_of_the_gpu_backend(
+    exported: tuple[str, Path], program: Path
+) -> None:
+    method, root = exported
+    images = run([str(program)], root, "c")
+    assert len(images) == len(SIZES)
+    assert images == wanted_images(method)
+
+
+def test_a_host_of_wgpu_alone_does_so_with_textures_larger_than_needed(exported: tuple[str, Path]) -> None:
+    method, root = exported
+    script = EXAMPLES / "bare_wgpu.py"
+    assert "import supersampler" not in script.read_text().replace("not import supersampler", "")
+    assert run([sys.executable, "-I", str(script)], root, "bare") == wanted_images(method)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("upscaler.json", None, "cannot be opened"),
+        ("upscaler.json", "{", "is no JSON"),
+        ("upscaler.json", '{"format": "other"}', "want supersampler-shaders version 1"),
+        ("02_boxes.wgsl", "fn main( {", "expected"),
+    ],
+)
+def test_the_host_in_c_says_in_one_line_what_is_wrong(
+    program: Path, tmp_path: Path, name: str, text: str | None, message: str
+) -> None:
+    shaders = tmp_path / "shaders"
+    write_shader_folder("taa", shaders)
+    write_raw(tmp_path / "frames")
+    (shaders / name).unlink()
+    if text is not None:
+        (shaders / name).write_text(text)
+    arguments = [str(shaders), str(tmp_path / "frames"), str(tmp_path)]
+    done = subprocess.run([str(program), *arguments], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 1
+    assert message in done.stderr
