@@ -83,7 +83,7 @@ web:
 	test -d $(NODE)/three || npm install --silent --no-save --prefix .node $$(.venv-web/bin/python -c \
 	    'from supersampler.integrations.web import PACKAGES; print(*map("@".join, PACKAGES.items()))') || true
 	test ! -d $(NODE)/three || export SUPERSAMPLER_NODE_MODULES=$(CURDIR)/$(NODE); \
-	    .venv-web/bin/pytest -q -rs tests/integrations/test_web.py
+	    .venv-web/bin/pytest -q -rsP tests/integrations/test_web.py
 
 hashes: $(DEVELOPMENT)
 	.venv-dev/bin/python bench/studies/hashes.py --check bench/results/studies/hashes.json

@@ -30,6 +30,7 @@ export async function startGpuPage({ form, stage, say, query }) {
     page.renderer = await SceneRenderer.make(gpu.device);
     page.comparison = await Comparison.make(gpu, stage);
     await page.apply();
+    performance.mark("compiled");
     await page.comparison.step(0);
     await gpu.device.queue.onSubmittedWorkDone();
     const refused = await gpu.device.popErrorScope();
