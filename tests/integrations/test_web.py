@@ -34,7 +34,6 @@ SOFTWARE = (
     "--use-angle=swiftshader",
     "--enable-features=Vulkan,WebGPU",
 )
-FIRST_IMAGE_S = 20.0
 WITHOUT_GPU = "Object.defineProperty(navigator, 'gpu', {value: undefined})"
 BORDER = 8
 KINDS = ("error", "warning")  # of messages on the console; uncaught errors of WebGPU are warnings
@@ -215,8 +214,8 @@ def test_method_ratio_and_size_can_be_changed_and_frames_stepped(page: Page, url
     assert "upscaling" in page.inner_text("#times")
 
 
-@pytest.mark.parametrize("options", ["", "?method=classifier"])
-def test_the_first_image_is_there_in_time(page: Page, url: str, options: str) -> None:
+@pytest.mark.parametrize(("options", "limit_s"), [("", 20.0), ("?method=classifier", 60.0)])
+def test_the_first_image_is_there_in_time(page: Page, url: str, options: str, limit_s: float) -> None:
     page.goto(url + options)
     page.wait_for_function("performance.getEntriesByName('first-image').length")
     compiled, shown = (
@@ -224,7 +223,7 @@ def test_the_first_image_is_there_in_time(page: Page, url: str, options: str) ->
         for name in ("compiled", "first-image")
     )
     print(f"{options or 'as opened'}: shaders compiled after {compiled:.1f} s, first image {shown:.1f} s")
-    assert shown < FIRST_IMAGE_S
+    assert shown < limit_s
 
 
 def small_shot(folder: Path, *, without: str = "") -> Path:

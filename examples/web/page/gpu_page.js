@@ -39,7 +39,7 @@ export async function startGpuPage({ form, stage, say, query }) {
     throw new Error(page.named(error), { cause: error });
   }
   performance.mark("first-image");
-  page.isPaused = isTest;
+  page.setPaused(isTest);
   page.listen();
   page.run();
   if (isTest) window.supersamplerDemo = new Testing(page.comparison, () => page.settled());
@@ -71,6 +71,12 @@ class GpuPage {
     return error.name === "UpscalerError" ? error.message : `${this.gpu.adapter}: ${error.message}`;
   }
 
+  /** @param {boolean} isPaused */
+  setPaused(isPaused) {
+    this.isPaused = isPaused;
+    this.controls.pause.setAttribute("aria-pressed", String(isPaused));
+  }
+
   /** Brings source, method and sizes to what the controls say. */
   async apply() {
     const { source, method, ratio, size, camera } = this.controls;
@@ -100,13 +106,10 @@ class GpuPage {
     this.form.addEventListener("change", () => {
       this.isChanged = true;
     });
-    pause.addEventListener("click", () => {
-      this.isPaused = !this.isPaused;
-      pause.setAttribute("aria-pressed", String(this.isPaused));
-    });
+    pause.addEventListener("click", () => this.setPaused(!this.isPaused));
     single.addEventListener("click", () => {
-      this.isPaused = this.isStepping = true;
-      pause.setAttribute("aria-pressed", "true");
+      this.setPaused(true);
+      this.isStepping = true;
     });
     this.stage.onChange = () => {
       this.isStale = true;
@@ -169,7 +172,7 @@ class GpuPage {
         }
       } catch (error) {
         this.say(this.named(error));
-        this.isPaused = true;
+        this.setPaused(true);
         this.isStepping = false;
       }
     }
