@@ -12,6 +12,7 @@
 # make panda3d   the third: examples/panda3d_live.py with Panda3D from PyPI, OpenGL in software will do
 # make mitsuba   the fourth: examples/mitsuba_sequence.py with Mitsuba from PyPI, which needs an LLVM of the system
 # make pygfx   the fifth: examples/pygfx_live.py with pygfx from PyPI, Vulkan in software will do
+# make webgpu  the sixth: exported shaders in Node with Dawn, on Vulkan, and through DXC, with what npm and PyPI have
 # make web     the page of `demo --web` in Chromium (Debian's chromium, or SUPERSAMPLER_CHROMIUM), with three.js and ONNX Runtime Web from npm
 # PYTHON=python3.12 chooses the interpreter of new environments. On Windows: the pip lines in README.md.
 PYTHON ?= python3
@@ -23,7 +24,7 @@ SOURCES := $(shell find sdk model export bench examples/web -name '*.py' -o -nam
 
 EXTENSION := sdk/supersampler/integrations/blender/extension
 
-.PHONY: demo extension test hashes fuzz mutation check docs clean test-integrations blender pyvista panda3d mitsuba pygfx web
+.PHONY: demo extension test hashes fuzz mutation check docs clean test-integrations blender pyvista panda3d mitsuba pygfx webgpu web
 
 demo: $(RUNTIME)
 	.venv/bin/supersampler demo -o out
@@ -36,7 +37,7 @@ extension:
 	mkdir -p dist
 	cd $(EXTENSION) && $(PYTHON) -m zipfile -c $(CURDIR)/dist/supersampler_blender.zip __init__.py run.py blender_manifest.toml
 
-test-integrations: blender pyvista panda3d mitsuba pygfx
+test-integrations: blender pyvista panda3d mitsuba pygfx webgpu
 
 # Blender's own Python, with its numpy: apart from ours. Where bpy cannot be installed, the tests say that they are skipped.
 blender: $(DEVELOPMENT) extension
@@ -72,6 +73,21 @@ pygfx: $(DEVELOPMENT)
 	    || .venv-pygfx/bin/pip install -q --disable-pip-version-check -e '.[gpu]' pytest hypothesis pygfx
 	.venv-pygfx/bin/pytest -q -rs tests/integrations/test_pygfx.py
 
+# Dawn refuses Mesa's software adapter before 23; Chromium's SwiftShader, if it is there, is taken for it.
+DAWN_ICD ?= $(firstword $(wildcard /usr/lib/chromium/vk_swiftshader_icd.json))
+DXC := out/dxc/libdxcompiler_x86_64.so.3.7
+
+webgpu: $(DEVELOPMENT) $(DXC)
+	npm ci --prefix examples/node_dawn --ignore-scripts --no-audit --no-fund
+	test -d .venv-vulkan || $(PYTHON) -m venv .venv-vulkan
+	.venv-vulkan/bin/python -c 'import vulkan' 2>/dev/null || .venv-vulkan/bin/pip install -q --disable-pip-version-check 'vulkan==1.3.275.1'
+	SUPERSAMPLER_DAWN_ICD=$(DAWN_ICD) .venv-dev/bin/pytest -q -rs tests/integrations/test_webgpu.py
+
+$(DXC): tests/integrations/dxc.txt | $(DEVELOPMENT)
+	mkdir -p $(@D)
+	.venv-dev/bin/pip download -q --disable-pip-version-check --no-deps --no-binary :all: --require-hashes -r $< -d $(@D)
+	tar -xzf $(@D)/compushady-*.tar.gz -C $(@D) --strip-components=3 --wildcards '*/backends/$(@F)' && touch $@
+
 # Without npm the tests of three.js and of the fallback are skipped, with the reason.
 NODE := .node/node_modules
 
@@ -104,7 +120,7 @@ docs: $(DOCS)
 	NO_MKDOCS_2_WARNING=1 .venv-docs/bin/mkdocs build --quiet
 
 clean:
-	rm -rf .venv .venv-dev .venv-docs .venv-blender .venv-pyvista .venv-panda3d .venv-mitsuba .venv-pygfx .venv-web .node out dist build .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	rm -rf .venv .venv-dev .venv-docs .venv-blender .venv-pyvista .venv-panda3d .venv-mitsuba .venv-pygfx .venv-vulkan .venv-web .node examples/node_dawn/node_modules out dist build .mypy_cache .pytest_cache .ruff_cache .hypothesis
 
 # A copy of the package as users get it: made anew when a source changes.
 $(RUNTIME): pyproject.toml $(SOURCES)

@@ -53,6 +53,23 @@ def test_bare_onnx_runtime_computes_the_images_of_upscaler(tmp_path: Path) -> No
         np.testing.assert_array_equal(image, upscaler.step(item.frame))
 
 
+def test_raw_frames_are_those_of_the_shot(tmp_path: Path) -> None:
+    script = EXAMPLES / "raw_frames.py"
+    subprocess.run(
+        [sys.executable, str(script), "plaza", str(tmp_path), "--frames", "2"], check=True, timeout=120
+    )
+    described = json.loads((tmp_path / "frames.json").read_text())
+    assert described["display"] == [640, 360]
+    assert [entry["reset"] for entry in described["frames"]] == [True, False]
+    for index, entry in enumerate(described["frames"]):
+        frame = Shot.open("plaza").read(index).frame
+        assert (entry["jitter"], entry["exposure"]) == (list(frame.jitter), frame.exposure)
+        for name, channels in (("color", 4), ("depth", 1), ("motion", 2)):
+            pixels = np.fromfile(tmp_path / entry[name], np.float32).reshape(*frame.size[::-1], channels)
+            image = np.atleast_3d(getattr(frame, name))
+            np.testing.assert_array_equal(pixels[..., : image.shape[2]], image)
+
+
 def test_the_viewer_stops_rendering_once_the_image_has_converged(tmp_path: Path) -> None:
     image = tmp_path / "at_rest.png"
     command = [sys.executable, str(EXAMPLES / "viewer_at_rest.py"), "--model", "taau", "-o", str(image)]

@@ -18,7 +18,8 @@ void fail(const char *format, ...)
 static FILE *opened(const char *folder, const char *name, const char *mode)
 {
     char path[4096];
-    if (snprintf(path, sizeof path, "%s/%s", folder, name) >= (int)sizeof path) fail("%s: the path is too long", folder);
+    if (snprintf(path, sizeof path, "%s/%s", folder, name) >= (int)sizeof path)
+        fail("%s: the path is too long", folder);
     FILE *file = fopen(path, mode);
     if (file == NULL) fail("%s: cannot be opened", path);
     return file;
@@ -31,7 +32,8 @@ char *read_file(const char *folder, const char *name, size_t *size)
     long length = ftell(file);
     rewind(file);
     char *data = malloc((size_t)length + 1);
-    if (data == NULL || fread(data, 1, (size_t)length, file) != (size_t)length) fail("%s/%s: cannot be read", folder, name);
+    if (data == NULL || fread(data, 1, (size_t)length, file) != (size_t)length)
+        fail("%s/%s: cannot be read", folder, name);
     data[length] = 0;
     fclose(file);
     if (size != NULL) *size = (size_t)length;
@@ -41,7 +43,8 @@ char *read_file(const char *folder, const char *name, size_t *size)
 void write_file(const char *folder, const char *name, const void *data, size_t size)
 {
     FILE *file = opened(folder, name, "wb");
-    if (fwrite(data, 1, size, file) != size || fclose(file) != 0) fail("%s/%s: cannot be written", folder, name);
+    if (fwrite(data, 1, size, file) != size || fclose(file) != 0)
+        fail("%s/%s: cannot be written", folder, name);
 }
 
 cJSON *read_json(const char *folder, const char *name)
@@ -67,6 +70,12 @@ const char *text_of(const cJSON *object, const char *name)
     return text;
 }
 
-double number_of(const cJSON *object, const char *name) { return cJSON_GetNumberValue(member(object, name)); }
+double number_of(const cJSON *object, const char *name)
+{
+    return cJSON_GetNumberValue(member(object, name));
+}
 
-double item_of(const cJSON *list, int index) { return cJSON_GetNumberValue(cJSON_GetArrayItem(list, index)); }
+double item_of(const cJSON *list, int index)
+{
+    return cJSON_GetNumberValue(cJSON_GetArrayItem(list, index));
+}

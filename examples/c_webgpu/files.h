@@ -9,7 +9,8 @@
 /* Print a line, as printf does, and end the program. */
 void fail(const char *format, ...);
 
-/* Read a file of a folder, with a zero after it; *size takes its bytes unless it is NULL. The caller frees it. */
+/* Read a file of a folder, with a zero after it; *size takes its bytes unless it is NULL. The caller frees
+ * it. */
 char *read_file(const char *folder, const char *name, size_t *size);
 
 /* Write a file of a folder. */

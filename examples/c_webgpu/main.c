@@ -2,8 +2,8 @@
  *
  *   ./upscale SHADERS FRAMES OUTPUT
  *
- * SHADERS: folder that `supersampler export METHOD --target wgsl` wrote. FRAMES: folder that ../raw_frames.py wrote.
- * OUTPUT: folder for images: raw half floats (height, width, RGBA), linear. */
+ * SHADERS: folder that `supersampler export METHOD --target wgsl` wrote. FRAMES: folder that ../raw_frames.py
+ * wrote. OUTPUT: folder for images: raw half floats (height, width, RGBA), linear. */
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -13,24 +13,35 @@
 #include "upscaler.h"
 #include "wgpu.h"
 
-enum { ROW = 256, TEXEL = 8 }; /* bytes: rows of a copied texture begin at multiples of it; of a pixel of the image */
+enum {
+    ROW = 256,
+    TEXEL = 8
+}; /* bytes: rows of a copied texture begin at multiples of it; of a pixel of the image */
 
-static void on_adapter(WGPURequestAdapterStatus status, WGPUAdapter adapter, WGPUStringView message, void *found, void *unused)
+static void on_adapter(
+    WGPURequestAdapterStatus status, WGPUAdapter adapter, WGPUStringView message, void *found, void *unused
+)
 {
     (void)unused;
     if (status != WGPURequestAdapterStatus_Success)
-        fail("no adapter: %.*s; install a Vulkan, Metal or DirectX 12 driver", (int)message.length, message.data);
+        fail(
+            "no adapter: %.*s; install a Vulkan, Metal or DirectX 12 driver", (int)message.length,
+            message.data
+        );
     *(WGPUAdapter *)found = adapter;
 }
 
-static void on_device(WGPURequestDeviceStatus status, WGPUDevice device, WGPUStringView message, void *found, void *unused)
+static void on_device(
+    WGPURequestDeviceStatus status, WGPUDevice device, WGPUStringView message, void *found, void *unused
+)
 {
     (void)unused;
     if (status != WGPURequestDeviceStatus_Success) fail("no device: %.*s", (int)message.length, message.data);
     *(WGPUDevice *)found = device;
 }
 
-static void on_error(WGPUDevice const *device, WGPUErrorType type, WGPUStringView message, void *one, void *two)
+static void
+on_error(WGPUDevice const *device, WGPUErrorType type, WGPUStringView message, void *one, void *two)
 {
     (void)device, (void)type, (void)one, (void)two;
     fail("%.*s", (int)message.length, message.data);
@@ -39,7 +50,8 @@ static void on_error(WGPUDevice const *device, WGPUErrorType type, WGPUStringVie
 static void on_mapped(WGPUMapAsyncStatus status, WGPUStringView message, void *done, void *unused)
 {
     (void)unused;
-    if (status != WGPUMapAsyncStatus_Success) fail("the image cannot be read: %.*s", (int)message.length, message.data);
+    if (status != WGPUMapAsyncStatus_Success)
+        fail("the image cannot be read: %.*s", (int)message.length, message.data);
     *(bool *)done = true;
 }
 
@@ -47,11 +59,20 @@ static WGPUDevice open_device(WGPUInstance instance)
 {
     WGPUAdapter adapter = NULL;
     WGPUDevice device = NULL;
-    wgpuInstanceRequestAdapter(instance, &(WGPURequestAdapterOptions){.powerPreference = WGPUPowerPreference_HighPerformance},
-                               (WGPURequestAdapterCallbackInfo){.mode = WGPUCallbackMode_AllowProcessEvents, .callback = on_adapter, .userdata1 = &adapter});
+    wgpuInstanceRequestAdapter(
+        instance, &(WGPURequestAdapterOptions){.powerPreference = WGPUPowerPreference_HighPerformance},
+        (WGPURequestAdapterCallbackInfo){
+            .mode = WGPUCallbackMode_AllowProcessEvents, .callback = on_adapter, .userdata1 = &adapter
+        }
+    );
     while (adapter == NULL) wgpuInstanceProcessEvents(instance);
     WGPUDeviceDescriptor described = {.uncapturedErrorCallbackInfo.callback = on_error};
-    wgpuAdapterRequestDevice(adapter, &described, (WGPURequestDeviceCallbackInfo){.mode = WGPUCallbackMode_AllowProcessEvents, .callback = on_device, .userdata1 = &device});
+    wgpuAdapterRequestDevice(
+        adapter, &described,
+        (WGPURequestDeviceCallbackInfo){
+            .mode = WGPUCallbackMode_AllowProcessEvents, .callback = on_device, .userdata1 = &device
+        }
+    );
     while (device == NULL) wgpuInstanceProcessEvents(instance);
     WGPUAdapterInfo info = {0};
     wgpuAdapterGetInfo(adapter, &info);
@@ -61,40 +82,62 @@ static WGPUDevice open_device(WGPUInstance instance)
     return device;
 }
 
-static WGPUTexture new_texture(WGPUDevice device, WGPUTextureFormat format, uint32_t width, uint32_t height, WGPUTextureUsage usage)
+static WGPUTexture new_texture(
+    WGPUDevice device, WGPUTextureFormat format, uint32_t width, uint32_t height, WGPUTextureUsage usage
+)
 {
-    return wgpuDeviceCreateTexture(device, &(WGPUTextureDescriptor){
-        .usage = usage,
-        .dimension = WGPUTextureDimension_2D,
-        .size = {width, height, 1},
-        .format = format,
-        .mipLevelCount = 1,
-        .sampleCount = 1,
-    });
+    return wgpuDeviceCreateTexture(
+        device, &(WGPUTextureDescriptor){
+                    .usage = usage,
+                    .dimension = WGPUTextureDimension_2D,
+                    .size = {width, height, 1},
+                    .format = format,
+                    .mipLevelCount = 1,
+                    .sampleCount = 1,
+                }
+    );
 }
 
 /* Load an image of a frame: float32, row by row. An engine has it in a texture already. */
-static WGPUTexture load(WGPUDevice device, WGPUQueue queue, const char *folder, const cJSON *frame, const char *name, uint32_t channels)
+static WGPUTexture load(
+    WGPUDevice device, WGPUQueue queue, const char *folder, const cJSON *frame, const char *name,
+    uint32_t channels
+)
 {
-    const WGPUTextureFormat formats[] = {0, WGPUTextureFormat_R32Float, WGPUTextureFormat_RG32Float, 0, WGPUTextureFormat_RGBA32Float};
-    uint32_t width = (uint32_t)item_of(member(frame, "size"), 0), height = (uint32_t)item_of(member(frame, "size"), 1);
+    const WGPUTextureFormat formats[] = {
+        0, WGPUTextureFormat_R32Float, WGPUTextureFormat_RG32Float, 0, WGPUTextureFormat_RGBA32Float
+    };
+    uint32_t width = (uint32_t)item_of(member(frame, "size"), 0),
+             height = (uint32_t)item_of(member(frame, "size"), 1);
     size_t size, wanted = 4 * (size_t)channels * width * height;
     char *data = read_file(folder, text_of(frame, name), &size);
     if (size != wanted) fail("%s: %zu bytes; want %zu", text_of(frame, name), size, wanted);
-    WGPUTexture texture = new_texture(device, formats[channels], width, height, WGPUTextureUsage_TextureBinding | WGPUTextureUsage_CopyDst);
-    wgpuQueueWriteTexture(queue, &(WGPUTexelCopyTextureInfo){.texture = texture, .aspect = WGPUTextureAspect_All}, data, size,
-                          &(WGPUTexelCopyBufferLayout){.bytesPerRow = 4 * channels * width, .rowsPerImage = height},
-                          &(WGPUExtent3D){width, height, 1});
+    WGPUTexture texture = new_texture(
+        device, formats[channels], width, height, WGPUTextureUsage_TextureBinding | WGPUTextureUsage_CopyDst
+    );
+    wgpuQueueWriteTexture(
+        queue, &(WGPUTexelCopyTextureInfo){.texture = texture, .aspect = WGPUTextureAspect_All}, data, size,
+        &(WGPUTexelCopyBufferLayout){.bytesPerRow = 4 * channels * width, .rowsPerImage = height},
+        &(WGPUExtent3D){width, height, 1}
+    );
     free(data);
     return texture;
 }
 
 /* Wait for the copied image, and write it without the padding of its rows. */
-static void write_image(WGPUDevice device, WGPUBuffer copy, uint32_t width, uint32_t height, uint32_t pitch, const char *folder, int index)
+static void write_image(
+    WGPUDevice device, WGPUBuffer copy, uint32_t width, uint32_t height, uint32_t pitch, const char *folder,
+    int index
+)
 {
     bool done = false;
     size_t row = (size_t)TEXEL * width, size = (size_t)pitch * height;
-    wgpuBufferMapAsync(copy, WGPUMapMode_Read, 0, size, (WGPUBufferMapCallbackInfo){.mode = WGPUCallbackMode_AllowProcessEvents, .callback = on_mapped, .userdata1 = &done});
+    wgpuBufferMapAsync(
+        copy, WGPUMapMode_Read, 0, size,
+        (WGPUBufferMapCallbackInfo){
+            .mode = WGPUCallbackMode_AllowProcessEvents, .callback = on_mapped, .userdata1 = &done
+        }
+    );
     while (!done) wgpuDevicePoll(device, true, NULL);
     const char *rows = wgpuBufferGetConstMappedRange(copy, 0, size);
     char *packed = malloc(row * height), name[32];
@@ -114,20 +157,26 @@ int main(int count, char **arguments)
     WGPUDevice device = open_device(instance);
     WGPUQueue queue = wgpuDeviceGetQueue(device);
     cJSON *shot = read_json(frames, "frames.json");
-    uint32_t width = (uint32_t)item_of(member(shot, "display"), 0), height = (uint32_t)item_of(member(shot, "display"), 1);
+    uint32_t width = (uint32_t)item_of(member(shot, "display"), 0),
+             height = (uint32_t)item_of(member(shot, "display"), 1);
     uint32_t pitch = (TEXEL * width + ROW - 1) / ROW * ROW;
-    WGPUTexture image = new_texture(device, WGPUTextureFormat_RGBA16Float, width, height, WGPUTextureUsage_StorageBinding | WGPUTextureUsage_CopySrc);
-    WGPUBuffer copy = wgpuDeviceCreateBuffer(device, &(WGPUBufferDescriptor){
-        .usage = WGPUBufferUsage_CopyDst | WGPUBufferUsage_MapRead,
-        .size = (uint64_t)pitch * height,
-    });
+    WGPUTexture image = new_texture(
+        device, WGPUTextureFormat_RGBA16Float, width, height,
+        WGPUTextureUsage_StorageBinding | WGPUTextureUsage_CopySrc
+    );
+    WGPUBuffer copy = wgpuDeviceCreateBuffer(
+        device, &(WGPUBufferDescriptor){
+                    .usage = WGPUBufferUsage_CopyDst | WGPUBufferUsage_MapRead,
+                    .size = (uint64_t)pitch * height,
+                }
+    );
     Upscaler *upscaler = upscaler_load(device, shaders, width, height);
 
     int index = 0;
     const cJSON *item;
-    cJSON_ArrayForEach(item, member(shot, "frames"))
-    {
-        const cJSON *exposure = member(item, "exposure"), *jitter = member(item, "jitter"), *size = member(item, "size");
+    cJSON_ArrayForEach (item, member(shot, "frames")) {
+        const cJSON *exposure = member(item, "exposure"), *jitter = member(item, "jitter"),
+                    *size = member(item, "size");
         Frame frame = {
             .color = load(device, queue, frames, item, "color", 4),
             .depth = load(device, queue, frames, item, "depth", 1),
@@ -139,9 +188,13 @@ int main(int count, char **arguments)
         };
         WGPUCommandEncoder encoder = wgpuDeviceCreateCommandEncoder(device, NULL);
         upscaler_encode(upscaler, encoder, &frame, image);
-        wgpuCommandEncoderCopyTextureToBuffer(encoder, &(WGPUTexelCopyTextureInfo){.texture = image, .aspect = WGPUTextureAspect_All},
-                                              &(WGPUTexelCopyBufferInfo){.buffer = copy, .layout = {.bytesPerRow = pitch, .rowsPerImage = height}},
-                                              &(WGPUExtent3D){width, height, 1});
+        wgpuCommandEncoderCopyTextureToBuffer(
+            encoder, &(WGPUTexelCopyTextureInfo){.texture = image, .aspect = WGPUTextureAspect_All},
+            &(WGPUTexelCopyBufferInfo){
+                .buffer = copy, .layout = {.bytesPerRow = pitch, .rowsPerImage = height}
+            },
+            &(WGPUExtent3D){width, height, 1}
+        );
         WGPUCommandBuffer commands = wgpuCommandEncoderFinish(encoder, NULL);
         wgpuQueueSubmit(queue, 1, &commands);
         write_image(device, copy, width, height, pitch, output, index++);

@@ -4,33 +4,9 @@
 #include <string.h>
 
 #include "files.h"
+#include "resources.h"
 
-enum { MOST = 64, GROUPS = 2, LEAST_BYTES = 16 };
-
-/* A size by rule: ceil(base / divide) * multiply. */
-typedef struct {
-    enum { ONE, RENDER, PREVIOUS, DISPLAY, BASES } of;
-    uint32_t divide, multiply[2];
-} Size;
-
-/* What is allocated: a buffer, or a texture and its view. */
-typedef struct {
-    WGPUBuffer buffer;
-    WGPUTexture texture;
-    WGPUTextureView view;
-    uint32_t size[2];
-} Memory;
-
-typedef struct {
-    const char *name;
-    enum { GIVEN, HELD, HISTORY, NEXT } role; /* GIVEN: by the caller */
-    WGPUTextureFormat format;                  /* of a texture; Undefined for a buffer */
-    WGPUBufferUsage usage;
-    Size size;
-    uint64_t bytes; /* of a buffer, for each pixel of its size */
-    int pair;       /* of HISTORY and NEXT */
-    Memory held;
-} Resource;
+enum { MOST = 64, GROUPS = 2 };
 
 typedef struct {
     uint32_t group, binding;
@@ -60,64 +36,6 @@ struct Upscaler {
     bool has_history;
 };
 
-static WGPUStringView view_of(const char *text) { return (WGPUStringView){text, WGPU_STRLEN}; }
-
-/* ---------------------------------------------------------------- upscaler.json */
-
-static Size read_size(const cJSON *json)
-{
-    static const char *const names[BASES] = {"one", "render", "previous", "display"};
-    const char *of = text_of(json, "of");
-    Size size = {.divide = (uint32_t)number_of(json, "divide")};
-    while (size.of < BASES && strcmp(of, names[size.of]) != 0) size.of++;
-    if (size.of == BASES) fail("upscaler.json: unknown size \"%s\"", of);
-    for (int axis = 0; axis < 2; axis++) size.multiply[axis] = (uint32_t)item_of(member(json, "multiply"), axis);
-    return size;
-}
-
-static WGPUTextureFormat read_format(const char *name)
-{
-    static const struct {
-        const char *name;
-        WGPUTextureFormat format;
-    } known[] = {
-        {"rgba32float", WGPUTextureFormat_RGBA32Float}, {"rgba32uint", WGPUTextureFormat_RGBA32Uint},
-        {"rgba16float", WGPUTextureFormat_RGBA16Float}, {"rg32float", WGPUTextureFormat_RG32Float},
-        {"rg32uint", WGPUTextureFormat_RG32Uint},
-    };
-    for (size_t i = 0; i < sizeof known / sizeof *known; i++)
-        if (strcmp(name, known[i].name) == 0) return known[i].format;
-    fail("upscaler.json: unknown format %s", name);
-    return WGPUTextureFormat_Undefined;
-}
-
-static int pair_of(const cJSON *json, const char *name)
-{
-    const cJSON *pairs = member(member(json, "history"), "pairs");
-    for (int i = 0; i < cJSON_GetArraySize(pairs); i++)
-        for (int side = 0; side < 2; side++)
-            if (strcmp(cJSON_GetStringValue(cJSON_GetArrayItem(cJSON_GetArrayItem(pairs, i), side)), name) == 0) return i;
-    return -1;
-}
-
-static Resource read_resource(const cJSON *json, const cJSON *item)
-{
-    const char *role = text_of(item, "role"), *kind = text_of(item, "kind");
-    Resource resource = {.name = text_of(item, "name"), .size = read_size(member(item, "size")), .role = HELD};
-    resource.pair = pair_of(json, resource.name);
-    if (strcmp(role, "history") == 0) resource.role = HISTORY;
-    if (strcmp(role, "next") == 0) resource.role = NEXT;
-    if (strcmp(role, "frame") == 0 || strcmp(role, "image") == 0) {
-        resource.role = GIVEN;
-    } else if (strcmp(kind, "texture") == 0) {
-        resource.format = read_format(text_of(item, "format"));
-    } else {
-        resource.bytes = strcmp(role, "aux") == 0 ? 0 : (uint64_t)number_of(item, "bytes"); /* aux is not written */
-        resource.usage = strcmp(kind, "uniform") == 0 ? WGPUBufferUsage_Uniform : WGPUBufferUsage_Storage;
-    }
-    return resource;
-}
-
 static int find(const Upscaler *upscaler, const char *name)
 {
     for (int i = 0; i < upscaler->resource_count; i++)
@@ -128,39 +46,22 @@ static int find(const Upscaler *upscaler, const char *name)
 
 /* ---------------------------------------------------------------- pipelines */
 
-static WGPUBindGroupLayoutEntry layout_entry(const cJSON *binding)
-{
-    const char *kind = text_of(binding, "kind");
-    WGPUBindGroupLayoutEntry entry = {
-        .binding = (uint32_t)number_of(binding, "binding"),
-        .visibility = WGPUShaderStage_Compute,
-    };
-    if (strcmp(kind, "uniform") == 0) entry.buffer.type = WGPUBufferBindingType_Uniform;
-    else if (strcmp(kind, "storage") == 0) entry.buffer.type = WGPUBufferBindingType_Storage;
-    else if (strcmp(kind, "read-only-storage") == 0) entry.buffer.type = WGPUBufferBindingType_ReadOnlyStorage;
-    else if (strcmp(kind, "storage-texture") == 0) {
-        entry.storageTexture.access = WGPUStorageTextureAccess_WriteOnly;
-        entry.storageTexture.format = read_format(text_of(binding, "format"));
-        entry.storageTexture.viewDimension = WGPUTextureViewDimension_2D;
-    } else {
-        bool is_uint = strcmp(kind, "uint-texture") == 0;
-        entry.texture.sampleType = is_uint ? WGPUTextureSampleType_Uint : WGPUTextureSampleType_UnfilterableFloat;
-        entry.texture.viewDimension = WGPUTextureViewDimension_2D;
-    }
-    return entry;
-}
-
-static WGPUComputePipeline compile(WGPUDevice device, const char *folder, const cJSON *item, WGPUPipelineLayout layout)
+static WGPUComputePipeline
+compile(WGPUDevice device, const char *folder, const cJSON *item, WGPUPipelineLayout layout)
 {
     char *code = read_file(folder, text_of(item, "file"), NULL);
     WGPUShaderSourceWGSL source = {.chain.sType = WGPUSType_ShaderSourceWGSL, .code = view_of(code)};
-    WGPUShaderModuleDescriptor described = {.nextInChain = &source.chain, .label = view_of(text_of(item, "name"))};
+    WGPUShaderModuleDescriptor described = {
+        .nextInChain = &source.chain, .label = view_of(text_of(item, "name"))
+    };
     WGPUShaderModule module = wgpuDeviceCreateShaderModule(device, &described);
-    WGPUComputePipeline pipeline = wgpuDeviceCreateComputePipeline(device, &(WGPUComputePipelineDescriptor){
-        .label = view_of(text_of(item, "name")),
-        .layout = layout,
-        .compute = {.module = module, .entryPoint = view_of(text_of(item, "entry_point"))},
-    });
+    WGPUComputePipeline pipeline = wgpuDeviceCreateComputePipeline(
+        device, &(WGPUComputePipelineDescriptor){
+                    .label = view_of(text_of(item, "name")),
+                    .layout = layout,
+                    .compute = {.module = module, .entryPoint = view_of(text_of(item, "entry_point"))},
+                }
+    );
     wgpuShaderModuleRelease(module);
     free(code);
     return pipeline;
@@ -172,84 +73,39 @@ static void load_pass(Upscaler *upscaler, const char *folder, const cJSON *item)
     WGPUBindGroupLayoutEntry entries[GROUPS][MOST];
     size_t counts[GROUPS] = {0}, groups = 0;
     const cJSON *binding;
-    cJSON_ArrayForEach(binding, member(item, "bindings"))
-    {
+    cJSON_ArrayForEach (binding, member(item, "bindings")) {
         uint32_t group = (uint32_t)number_of(binding, "group");
         if (group >= GROUPS || pass->binding_count == MOST) fail("upscaler.json: too many bindings");
         entries[group][counts[group]++] = layout_entry(binding);
         Binding *one = &pass->bindings[pass->binding_count++];
-        *one = (Binding){group, (uint32_t)number_of(binding, "binding"), find(upscaler, text_of(binding, "resource"))};
+        *one = (Binding){
+            group, (uint32_t)number_of(binding, "binding"), find(upscaler, text_of(binding, "resource"))
+        };
     }
     for (; groups < GROUPS && counts[groups] > 0; groups++)
-        pass->layouts[groups] = wgpuDeviceCreateBindGroupLayout(upscaler->device, &(WGPUBindGroupLayoutDescriptor){
-            .entryCount = counts[groups],
-            .entries = entries[groups],
-        });
-    WGPUPipelineLayout layout = wgpuDeviceCreatePipelineLayout(upscaler->device, &(WGPUPipelineLayoutDescriptor){
-        .bindGroupLayoutCount = groups,
-        .bindGroupLayouts = pass->layouts,
-    });
+        pass->layouts[groups] = wgpuDeviceCreateBindGroupLayout(
+            upscaler->device, &(WGPUBindGroupLayoutDescriptor){
+                                  .entryCount = counts[groups],
+                                  .entries = entries[groups],
+                              }
+        );
+    WGPUPipelineLayout layout = wgpuDeviceCreatePipelineLayout(
+        upscaler->device, &(WGPUPipelineLayoutDescriptor){
+                              .bindGroupLayoutCount = groups,
+                              .bindGroupLayouts = pass->layouts,
+                          }
+    );
     pass->pipeline = compile(upscaler->device, folder, item, layout);
     pass->covers = read_size(member(item, "covers"));
     for (int axis = 0; axis < 2; axis++) pass->tile[axis] = (uint32_t)item_of(member(item, "tile"), axis);
     wgpuPipelineLayoutRelease(layout);
 }
 
-/* ---------------------------------------------------------------- memory */
-
-static void release(Memory *memory)
-{
-    if (memory->buffer) wgpuBufferRelease(memory->buffer);
-    if (memory->view) wgpuTextureViewRelease(memory->view);
-    if (memory->texture) wgpuTextureRelease(memory->texture);
-    *memory = (Memory){0};
-}
-
-static void size_at(const Size *rule, uint32_t bases[BASES][2], uint32_t size[2])
-{
-    for (int axis = 0; axis < 2; axis++)
-        size[axis] = (bases[rule->of][axis] + rule->divide - 1) / rule->divide * rule->multiply[axis];
-}
-
-static uint64_t buffer_bytes(const Resource *resource, const uint32_t size[2])
-{
-    uint64_t bytes = (resource->bytes * size[0] * size[1] + 3) / 4 * 4;
-    return bytes < LEAST_BYTES ? LEAST_BYTES : bytes;
-}
-
-/* Allocate memory, zeros, unless it has this size. A history that is read has it: it was written at this size. */
-static void hold(WGPUDevice device, const Resource *resource, Memory *memory, const uint32_t size[2])
-{
-    bool exists = memory->buffer || memory->texture;
-    if (exists && memory->size[0] == size[0] && memory->size[1] == size[1]) return;
-    release(memory);
-    memcpy(memory->size, size, sizeof memory->size);
-    if (resource->format == WGPUTextureFormat_Undefined) {
-        memory->buffer = wgpuDeviceCreateBuffer(device, &(WGPUBufferDescriptor){
-            .label = view_of(resource->name),
-            .usage = resource->usage | WGPUBufferUsage_CopyDst,
-            .size = buffer_bytes(resource, size),
-        });
-        return;
-    }
-    memory->texture = wgpuDeviceCreateTexture(device, &(WGPUTextureDescriptor){
-        .label = view_of(resource->name),
-        .usage = WGPUTextureUsage_TextureBinding | WGPUTextureUsage_StorageBinding,
-        .dimension = WGPUTextureDimension_2D,
-        .size = {size[0], size[1], 1},
-        .format = resource->format,
-        .mipLevelCount = 1,
-        .sampleCount = 1,
-    });
-    memory->view = wgpuTextureCreateView(memory->texture, NULL);
-}
-
 static void load_weights(Upscaler *upscaler, const char *folder)
 {
     const uint32_t one[2] = {1, 1};
     const cJSON *item;
-    cJSON_ArrayForEach(item, member(upscaler->json, "resources"))
-    {
+    cJSON_ArrayForEach (item, member(upscaler->json, "resources")) {
         const char *file = cJSON_GetStringValue(cJSON_GetObjectItemCaseSensitive(item, "file"));
         if (file == NULL) continue;
         size_t size;
@@ -275,13 +131,11 @@ Upscaler *upscaler_load(WGPUDevice device, const char *folder, uint32_t width, u
     if (strcmp(text_of(json, "target"), "wgsl") != 0 || strcmp(text_of(json, "images"), "textures") != 0)
         fail("%s: want shaders in WGSL for textures: supersampler export METHOD --target wgsl", folder);
     const cJSON *item;
-    cJSON_ArrayForEach(item, member(json, "resources"))
-    {
+    cJSON_ArrayForEach (item, member(json, "resources")) {
         if (upscaler->resource_count == MOST) fail("upscaler.json: too many resources");
         upscaler->resources[upscaler->resource_count++] = read_resource(json, item);
     }
-    cJSON_ArrayForEach(item, member(json, "passes"))
-    {
+    cJSON_ArrayForEach (item, member(json, "passes")) {
         if (upscaler->pass_count == MOST) fail("upscaler.json: too many passes");
         load_pass(upscaler, folder, item);
     }
@@ -294,9 +148,19 @@ static void write_params(Upscaler *upscaler, const Frame *frame)
 {
     bool moved = frame->jitter[0] != upscaler->jitter[0] || frame->jitter[1] != upscaler->jitter[1];
     const float params[16] = {
-        (float)frame->size[0], (float)frame->size[1], (float)upscaler->display[0], (float)upscaler->display[1],
-        (float)upscaler->previous[0], (float)upscaler->previous[1], frame->jitter[0], frame->jitter[1],
-        upscaler->jitter[0], upscaler->jitter[1], frame->exposure, moved ? 1.0f : 0.0f, 0.0f,
+        (float)frame->size[0],
+        (float)frame->size[1],
+        (float)upscaler->display[0],
+        (float)upscaler->display[1],
+        (float)upscaler->previous[0],
+        (float)upscaler->previous[1],
+        frame->jitter[0],
+        frame->jitter[1],
+        upscaler->jitter[0],
+        upscaler->jitter[1],
+        frame->exposure,
+        moved ? 1.0f : 0.0f,
+        0.0f,
     };
     WGPUBuffer buffer = upscaler->resources[find(upscaler, "params")].held.buffer;
     wgpuQueueWriteBuffer(upscaler->queue, buffer, 0, params, sizeof params);
@@ -317,24 +181,29 @@ static WGPUBindGroup bind(Upscaler *upscaler, const Pass *pass, uint32_t group, 
             .textureView = memory->view,
         };
     }
-    WGPUBindGroupDescriptor described = {.layout = pass->layouts[group], .entryCount = count, .entries = entries};
+    WGPUBindGroupDescriptor described = {
+        .layout = pass->layouts[group], .entryCount = count, .entries = entries
+    };
     return wgpuDeviceCreateBindGroup(upscaler->device, &described);
 }
 
-static void encode_passes(Upscaler *upscaler, WGPUCommandEncoder encoder, uint32_t bases[BASES][2], Memory *bound[])
+static void
+encode_passes(Upscaler *upscaler, WGPUCommandEncoder encoder, uint32_t bases[BASES][2], Memory *bound[])
 {
     WGPUComputePassEncoder compute = wgpuCommandEncoderBeginComputePass(encoder, NULL);
     for (int i = 0; i < upscaler->pass_count; i++) {
         const Pass *pass = &upscaler->passes[i];
         wgpuComputePassEncoderSetPipeline(compute, pass->pipeline);
         for (uint32_t group = 0; group < GROUPS && pass->layouts[group]; group++) {
-            WGPUBindGroup made = bind(upscaler, pass, group, bound); /* an engine keeps those of both histories */
+            WGPUBindGroup made =
+                bind(upscaler, pass, group, bound); /* an engine keeps those of both histories */
             wgpuComputePassEncoderSetBindGroup(compute, group, made, 0, NULL);
             wgpuBindGroupRelease(made);
         }
         uint32_t size[2];
         size_at(&pass->covers, bases, size);
-        uint32_t across = (size[0] + pass->tile[0] - 1) / pass->tile[0], down = (size[1] + pass->tile[1] - 1) / pass->tile[1];
+        uint32_t across = (size[0] + pass->tile[0] - 1) / pass->tile[0],
+                 down = (size[1] + pass->tile[1] - 1) / pass->tile[1];
         wgpuComputePassEncoderDispatchWorkgroups(compute, across, down, 1);
     }
     wgpuComputePassEncoderEnd(compute);
@@ -357,7 +226,12 @@ void upscaler_encode(Upscaler *upscaler, WGPUCommandEncoder encoder, const Frame
     const struct {
         const char *name;
         WGPUTexture texture;
-    } given[] = {{"frame_color", frame->color}, {"frame_depth", frame->depth}, {"frame_motion", frame->motion}, {"image", image}};
+    } given[] = {
+        {"frame_color", frame->color},
+        {"frame_depth", frame->depth},
+        {"frame_motion", frame->motion},
+        {"image", image}
+    };
     Memory *bound[MOST];
     for (int i = 0; i < upscaler->resource_count; i++) {
         Resource *resource = &upscaler->resources[i];
@@ -366,7 +240,8 @@ void upscaler_encode(Upscaler *upscaler, WGPUCommandEncoder encoder, const Frame
         if (resource->role == NEXT) bound[i] = &upscaler->pairs[resource->pair][1 - upscaler->current];
         if (resource->role == GIVEN) {
             for (int k = 0; k < 4; k++)
-                if (strcmp(resource->name, given[k].name) == 0) bound[i]->view = wgpuTextureCreateView(given[k].texture, NULL);
+                if (strcmp(resource->name, given[k].name) == 0)
+                    bound[i]->view = wgpuTextureCreateView(given[k].texture, NULL);
         } else {
             uint32_t size[2];
             size_at(&resource->size, bases, size);
@@ -391,7 +266,8 @@ void upscaler_free(Upscaler *upscaler)
     for (int i = 0; i < upscaler->pass_count; i++) {
         wgpuComputePipelineRelease(upscaler->passes[i].pipeline);
         for (int group = 0; group < GROUPS; group++)
-            if (upscaler->passes[i].layouts[group]) wgpuBindGroupLayoutRelease(upscaler->passes[i].layouts[group]);
+            if (upscaler->passes[i].layouts[group])
+                wgpuBindGroupLayoutRelease(upscaler->passes[i].layouts[group]);
     }
     wgpuQueueRelease(upscaler->queue);
     cJSON_Delete(upscaler->json);

@@ -1,6 +1,8 @@
-/* Temporal supersampling with WebGPU in C, from a folder that `supersampler export METHOD --target wgsl` wrote.
+/* Temporal supersampling with WebGPU in C, from a folder that `supersampler export METHOD --target wgsl`
+ * wrote.
  *
- * One Upscaler holds the history of one view. Errors print a line and end the program: an engine has its own way. */
+ * One Upscaler holds the history of one view. Errors print a line and end the program: an engine has its own
+ * way. */
 
 #ifndef UPSCALER_H
 #define UPSCALER_H
@@ -26,7 +28,8 @@ typedef struct {
 /* Compile the shaders for images of this size. */
 Upscaler *upscaler_load(WGPUDevice device, const char *folder, uint32_t width, uint32_t height);
 
-/* Encode one step; submit it before the next one is encoded. image: rgba16float with StorageBinding, of display size. */
+/* Encode one step; submit it before the next one is encoded. image: rgba16float with StorageBinding, of
+ * display size. */
 void upscaler_encode(Upscaler *upscaler, WGPUCommandEncoder encoder, const Frame *frame, WGPUTexture image);
 
 void upscaler_free(Upscaler *upscaler);

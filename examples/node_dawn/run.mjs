@@ -36,7 +36,9 @@ device.addEventListener("uncapturederror", ({ error }) => {
 });
 
 const shot = JSON.parse(await readFile(join(frames, "frames.json"), "utf8"));
-const upscaler = await Upscaler.load(device, (name) => readFile(join(shaders, name)), { displaySize: shot.display });
+const upscaler = await Upscaler.load(device, (name) => readFile(join(shaders, name)), {
+  displaySize: shot.display,
+});
 const [width, height] = shot.display;
 const image = device.createTexture({
   size: [width, height],
@@ -44,14 +46,21 @@ const image = device.createTexture({
   usage: GPUTextureUsage.STORAGE_BINDING | GPUTextureUsage.COPY_SRC,
 });
 const pitch = Math.ceil((8 * width) / ROW) * ROW;
-const copy = device.createBuffer({ size: pitch * height, usage: GPUBufferUsage.COPY_DST | GPUBufferUsage.MAP_READ });
+const copy = device.createBuffer({
+  size: pitch * height,
+  usage: GPUBufferUsage.COPY_DST | GPUBufferUsage.MAP_READ,
+});
 const textures = {};
 
 await mkdir(output, { recursive: true });
 for (const [index, frame] of shot.frames.entries()) {
   for (const name of Object.keys(FORMATS)) await upload(name, frame);
   const encoder = device.createCommandEncoder();
-  upscaler.encode(encoder, textures, image, { jitter: frame.jitter, exposure: frame.exposure, reset: frame.reset });
+  upscaler.encode(encoder, textures, image, {
+    jitter: frame.jitter,
+    exposure: frame.exposure,
+    reset: frame.reset,
+  });
   encoder.copyTextureToBuffer({ texture: image }, { buffer: copy, bytesPerRow: pitch }, [width, height]);
   device.queue.submit([encoder.finish()]);
   await writeFile(join(output, `${String(index).padStart(4, "0")}.rgba16f`), await pixels());
@@ -69,7 +78,10 @@ async function upload(name, frame) {
     textures[name] = device.createTexture({ size: [w, h], format: FORMATS[name], usage });
   }
   const data = await readFile(join(frames, frame[name]));
-  device.queue.writeTexture({ texture: textures[name] }, data, { bytesPerRow: 4 * CHANNELS[name] * w }, [w, h]);
+  device.queue.writeTexture({ texture: textures[name] }, data, { bytesPerRow: 4 * CHANNELS[name] * w }, [
+    w,
+    h,
+  ]);
 }
 
 /** Return the image without the padding of rows. */

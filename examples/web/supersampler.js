@@ -8,23 +8,25 @@
  * No dependencies, no build step. Runs in browsers and in Node with npm's `webgpu` (Dawn).
  */
 
-const FORMAT = "supersampler-shaders";
-const VERSION = 1;
-const LEAST_BYTES = 16; // of a buffer
+import {
+  UpscalerError,
+  bytesOf,
+  checkDevice,
+  checkMemory,
+  checkedInfo,
+  compiled,
+  reader,
+  shown,
+  sizeOf,
+} from "./supersampler_folder.js";
+
+export { UpscalerError };
+
 const MOST_GROUPS = 8; // bind groups that a pass keeps: frames and histories alternate
 const EXPOSURES = [2 ** -24, 2 ** 24];
-const COMPUTE = 4; // GPUShaderStage.COMPUTE
 const BUFFER = { MAP_WRITE: 2, COPY_SRC: 4, COPY_DST: 8, UNIFORM: 64, STORAGE: 128 }; // GPUBufferUsage
 const TEXTURE = { COPY_SRC: 1, TEXTURE_BINDING: 4, STORAGE_BINDING: 8, RENDER_ATTACHMENT: 16 }; // GPUTextureUsage
 const CHANNELS = ["color", "depth", "motion"];
-
-/** Something is not as it must be; the message says what came, what was wanted, and what to do. */
-export class UpscalerError extends Error {
-  constructor(name, got, want, hint = "") {
-    super(`${name} is ${got}; want ${want}. ${hint}`.trimEnd());
-    this.name = "UpscalerError";
-  }
-}
 
 /** Upscales the frames of one view; it holds the view's history. */
 export class Upscaler {
@@ -83,8 +85,9 @@ export class Upscaler {
    *
    * @param {GPUCommandEncoder} encoder of the device.
    * @param {{color: GPUTexture, depth: GPUTexture, motion: GPUTexture}} frame textures with TEXTURE_BINDING, of float
-   *   formats: colour rgba16float or rgba32float, depth r32float, motion rg16float or rg32float. Units are those of
-   *   `info.inputs`. A method that does not read one takes none.
+   *   formats: colour rgba16float or rgba32float, depth r32float (or a z-buffer depth32float, reversed with an infinite
+   *   far plane), motion rg16float or rg32float. Units are those of `info.inputs`. A method that does not read one
+   *   takes none.
    * @param {GPUTexture} output rgba16float with STORAGE_BINDING, of display size.
    * @param {object} options
    * @param {[number, number]} options.jitter (x, y) in render pixels, in [-0.5, 0.5].
@@ -150,7 +153,8 @@ export class Upscaler {
     for (const name of CHANNELS.filter((channel) => read.includes(channel))) {
       const texture = frame?.[name];
       if (!texture?.createView) throw new UpscalerError(`frame.${name}`, shown(texture), "a GPUTexture");
-      const isFloat = /(float|norm)/.test(texture.format) && !texture.format.includes("depth");
+      const isDepth = texture.format.startsWith("depth32float");
+      const isFloat = isDepth ? name === "depth" : /^r.*(float|norm)|^bgra8unorm/.test(texture.format);
       if (!isFloat || !(texture.usage & TEXTURE.TEXTURE_BINDING) || texture.sampleCount !== 1) {
         const formats = this.info.inputs.find((one) => one.name === name).formats.join(" or ");
         throw new UpscalerError(`frame.${name}`, textureText(texture), `${formats} with TEXTURE_BINDING`);
@@ -161,8 +165,10 @@ export class Upscaler {
     const whole = [color.width, color.height];
     const size = renderSize === undefined ? whole : checkedSize("renderSize", renderSize, Infinity);
     for (const [name, texture] of textures) {
-      const fits = renderSize === undefined ? same([texture.width, texture.height], size)
-        : texture.width >= size[0] && texture.height >= size[1];
+      const fits =
+        renderSize === undefined
+          ? same([texture.width, texture.height], size)
+          : texture.width >= size[0] && texture.height >= size[1];
       if (!fits) {
         const want = renderSize === undefined ? `${size.join("x")}, as color` : `at least ${size.join("x")}`;
         throw new UpscalerError(name.replace("_", "."), textureText(texture), want);
@@ -173,7 +179,9 @@ export class Upscaler {
 
   /** Return what each resource is bound to, by name; allocates what is missing or too small. */
   _allocated(size, textures, output) {
-    const bound = new Map([...textures, ["image", output]].map(([name, texture]) => [name, { resource: texture }]));
+    const bound = new Map(
+      [...textures, ["image", output]].map(([name, texture]) => [name, { resource: texture }]),
+    );
     const sets = { history: this._current, next: 1 - this._current };
     for (const one of this.info.resources) {
       if (one.role === "frame" || one.role === "image") continue;
@@ -192,8 +200,12 @@ export class Upscaler {
     const fits = held && (isBuffer ? held.room >= bytes : held.room[0] >= width && held.room[1] >= height);
     if (!fits) {
       // What it replaces may be in an encoder that is not yet submitted: the garbage collector frees it.
-      const room = isBuffer ? bytes : held ? [Math.max(held.room[0], width), Math.max(held.room[1], height)] : [width, height];
-      held = { resource: isBuffer ? this._newBuffer(described, bytes) : this._newTexture(described, room), room };
+      const [across, down] = isBuffer ? [0, 0] : (held?.room ?? [0, 0]);
+      const room = isBuffer ? bytes : [Math.max(across, width), Math.max(down, height)];
+      held = {
+        resource: isBuffer ? this._newBuffer(described, bytes) : this._newTexture(described, room),
+        room,
+      };
       this._memory.set(key, held);
     }
     return { resource: held.resource, bytes };
@@ -213,8 +225,9 @@ export class Upscaler {
 
   _upload(name, bytes) {
     const { resource } = this._held(name, this._byName.get(name), [1, 1]);
-    if (bytes.byteLength > resource.size) {
-      throw new UpscalerError(name, `${bytes.byteLength} bytes`, `${resource.size}`, "Export the folder again.");
+    const wanted = this._byName.get(name).bytes;
+    if (bytes.byteLength !== wanted) {
+      throw new UpscalerError(name, `${bytes.byteLength} bytes`, wanted, "Copy the folder again.");
     }
     this.device.queue.writeBuffer(resource, 0, bytes);
   }
@@ -224,7 +237,12 @@ export class Upscaler {
     this._pairs.forEach((_, pair) => {
       const { resource } = this._memory.get(`${pair}/${this._current}`);
       if (!resource.createView) return encoder.clearBuffer(resource);
-      const color = { view: this._view(resource), loadOp: "clear", storeOp: "store", clearValue: [0, 0, 0, 0] };
+      const color = {
+        view: this._view(resource),
+        loadOp: "clear",
+        storeOp: "store",
+        clearValue: [0, 0, 0, 0],
+      };
       encoder.beginRenderPass({ label: "supersampler reset", colorAttachments: [color] }).end();
     });
   }
@@ -232,9 +250,14 @@ export class Upscaler {
   /** Write params in the order of the encoder, which may hold several steps. */
   _writeParams(encoder, { resource }, size, jitter, previousJitter, exposure) {
     const values = {
-      render: size.render, display: size.display, previous: size.previous,
-      jitter, previous_jitter: previousJitter, exposure: [exposure],
-      counts: [same(jitter, previousJitter) ? 0 : 1], writes_aux: [0],
+      render: size.render,
+      display: size.display,
+      previous: size.previous,
+      jitter,
+      previous_jitter: previousJitter,
+      exposure: [exposure],
+      counts: [same(jitter, previousJitter) ? 0 : 1],
+      writes_aux: [0],
     };
     const { bytes, fields } = this.info.params;
     const staging = this.device.createBuffer({ size: bytes, usage: BUFFER.COPY_SRC, mappedAtCreation: true });
@@ -253,7 +276,10 @@ export class Upscaler {
     if (!group) {
       const entries = layout.bindings.map((one, i) => {
         const { resource, bytes } = given[i];
-        return { binding: one.binding, resource: bytes ? { buffer: resource, size: bytes } : this._view(resource) };
+        return {
+          binding: one.binding,
+          resource: bytes ? { buffer: resource, size: bytes } : this._view(resource),
+        };
       });
       group = this.device.createBindGroup({ layout: layout.layout, entries });
     }
@@ -268,144 +294,20 @@ export class Upscaler {
   }
 
   _view(texture) {
-    if (!this._views.has(texture)) this._views.set(texture, texture.createView());
+    if (!this._views.has(texture)) {
+      const aspect = texture.format.startsWith("depth") ? "depth-only" : "all";
+      this._views.set(texture, texture.createView({ aspect }));
+    }
     return this._views.get(texture);
   }
 }
 
-/** Return (width, height) of a size of upscaler.json. */
-function sizeOf({ of, divide, multiply }, sizes) {
-  const [width, height] = sizes[of];
-  return [Math.ceil(width / divide) * multiply[0], Math.ceil(height / divide) * multiply[1]];
-}
-
-function bytesOf(described, width, height) {
-  if (described.role === "aux") return LEAST_BYTES; // it is not written
-  return Math.max(Math.ceil((described.bytes * width * height) / 4) * 4, LEAST_BYTES);
-}
-
-/** Return a function that reads a file of the folder as "text" or "bytes". */
-function reader(source) {
-  const folder = typeof source === "function" ? null : String(source).replace(/\/?$/, "/");
-  const get = folder === null ? source : (name) => fetch(folder + name);
-  return async (name, kind) => {
-    const where = `${folder ?? ""}${name}`;
-    let got;
-    try {
-      got = await get(name);
-    } catch (error) {
-      throw new UpscalerError(where, `unreadable (${error.message})`, "a file of the exported folder");
-    }
-    if (got?.ok === false) {
-      const hint = "Copy the whole folder; its files lie side by side.";
-      throw new UpscalerError(where, `HTTP ${got.status}`, "a file of the exported folder", hint);
-    }
-    if (typeof got?.arrayBuffer === "function") got = await got.arrayBuffer();
-    if (typeof got === "string" && kind === "text") return got;
-    if (!(got instanceof ArrayBuffer) && !ArrayBuffer.isView(got)) {
-      throw new UpscalerError(where, shown(got), "a Response, an ArrayBuffer, a typed array or a string");
-    }
-    const bytes = ArrayBuffer.isView(got) ? new Uint8Array(got.buffer, got.byteOffset, got.byteLength) : new Uint8Array(got);
-    return kind === "text" ? new TextDecoder().decode(bytes) : bytes;
-  };
-}
-
-function checkedInfo(text) {
-  let info;
-  try {
-    info = JSON.parse(text);
-  } catch (error) {
-    throw new UpscalerError("upscaler.json", `no JSON (${error.message})`, "a file that `supersampler export` wrote");
-  }
-  if (info?.format !== FORMAT || info.version !== VERSION) {
-    const got = `${shown(info?.format)} version ${shown(info?.version)}`;
-    throw new UpscalerError("upscaler.json", got, `${FORMAT} version ${VERSION}`, "Export the folder again.");
-  }
-  if (info.target !== "wgsl" || info.images !== "textures") {
-    const hint = "`supersampler export METHOD --target wgsl -o FOLDER` writes it.";
-    throw new UpscalerError("upscaler.json", `for ${info.target} and ${info.images}`, "wgsl and textures", hint);
-  }
-  return info;
-}
-
-function checkDevice(device, info) {
-  const lacking = Object.entries(info.requires.limits).filter(([name, least]) => device.limits[name] < least);
-  lacking.push(...info.requires.features.filter((name) => !device.features.has(name)).map((name) => [name, ""]));
-  const known = globalThis.navigator?.gpu?.wgslLanguageFeatures;
-  if (known) {
-    const wanted = info.requires.wgsl_language_features;
-    lacking.push(...wanted.filter((name) => !known.has(name)).map((name) => [`WGSL's ${name}`, ""]));
-  }
-  if (lacking.length) {
-    const want = lacking.map(([name, least]) => `${name} ${least}`.trimEnd()).join(", ");
-    throw new UpscalerError("device", `without it, on ${adapterText(device)}`, want, "Update the browser or the driver.");
-  }
-}
-
-/** Throw where a buffer or texture of the display's size is above the device's limits. */
-function checkMemory(device, info, display) {
-  const size = { one: [1, 1], render: [1, 1], previous: [1, 1], display };
-  for (const one of info.resources) {
-    const [width, height] = sizeOf(one.size, size);
-    const most = device.limits.maxStorageBufferBindingSize;
-    if (one.kind === "buffer" && bytesOf(one, width, height) > most) {
-      const got = `${display.join("x")}, which needs ${bytesOf(one, width, height)} bytes in one binding (${one.name})`;
-      throw new UpscalerError("displaySize", got, `at most ${most}`, "Request a device with larger limits.");
-    }
-    if (one.kind === "texture" && Math.max(width, height) > device.limits.maxTextureDimension2D) {
-      throw new UpscalerError("displaySize", display.join("x"), `at most ${device.limits.maxTextureDimension2D} in one direction`);
-    }
-  }
-}
-
-/** Compile a pass. */
-async function compiled(device, described, code) {
-  const module = device.createShaderModule({ label: described.name, code });
-  const { messages } = await module.getCompilationInfo();
-  const errors = messages.filter((one) => one.type === "error");
-  const texts = errors.map((one) => `${described.file}:${one.lineNum}:${one.linePos} ${one.message}`);
-  if (texts.length) throw notCompiled(device, described, texts.join("; "));
-  const numbers = [...new Set(described.bindings.map((one) => one.group))].sort();
-  const groups = numbers.map((number) => {
-    const bindings = described.bindings.filter((one) => one.group === number);
-    const layout = device.createBindGroupLayout({ label: described.name, entries: bindings.map(layoutEntry) });
-    return { bindings, layout };
-  });
-  try {
-    const pipeline = await device.createComputePipelineAsync({
-      label: described.name,
-      layout: device.createPipelineLayout({ bindGroupLayouts: groups.map((one) => one.layout) }),
-      compute: { module, entryPoint: described.entry_point },
-    });
-    return { ...described, pipeline, groups, bindGroups: new Map() };
-  } catch (error) {
-    throw notCompiled(device, described, error.message);
-  }
-}
-
-function notCompiled(device, described, text) {
-  const want = "a shader that compiles";
-  const got = `refused by ${adapterText(device)} (${text.slice(0, 600)})`;
-  return new UpscalerError(described.file, got, want, "Update the browser or the driver.");
-}
-
-function layoutEntry({ binding, kind, format }) {
-  const entry = { binding, visibility: COMPUTE };
-  if (kind === "storage-texture") entry.storageTexture = { access: "write-only", format };
-  else if (kind === "texture") entry.texture = { sampleType: "unfilterable-float" };
-  else if (kind === "uint-texture") entry.texture = { sampleType: "uint" };
-  else entry.buffer = { type: kind };
-  return entry;
-}
-
-function adapterText(device) {
-  const { vendor, architecture, device: name, description } = device.adapterInfo ?? {};
-  return [description, name, architecture, vendor].filter(Boolean).join(", ") || "an adapter without a name";
-}
-
 function checkedSize(name, size, most) {
-  const isSize = (size?.length === 2 || size?.length === 3) && [size[0], size[1]].every((n) => Number.isInteger(n) && n >= 1 && n <= most);
-  if (!isSize) throw new UpscalerError(name, shown(size), `[width, height], whole numbers from 1 to ${most}`);
+  const isSide = (side) => Number.isInteger(side) && side >= 1 && side <= most;
+  if (size?.length !== 2 || !isSide(size[0]) || !isSide(size[1])) {
+    const want = `[width, height], whole numbers from 1${most === Infinity ? "" : ` to ${most}`}`;
+    throw new UpscalerError(name, shown(size), want);
+  }
   return [size[0], size[1]];
 }
 
@@ -413,7 +315,12 @@ function checkedJitter(jitter) {
   const good = jitter?.length === 2 && [jitter[0], jitter[1]].every((one) => Math.abs(one) <= 0.5);
   if (!good) {
     const want = "[x, y] in render pixels, in [-0.5, 0.5]";
-    throw new UpscalerError("jitter", shown(jitter), want, "Divide offsets in clip space by 2 / render size.");
+    throw new UpscalerError(
+      "jitter",
+      shown(jitter),
+      want,
+      "Divide offsets in clip space by 2 / render size.",
+    );
   }
   return [Math.fround(jitter[0]), Math.fround(jitter[1])];
 }
@@ -428,8 +335,11 @@ function checkedExposure(exposure) {
 }
 
 function checkedOutput(output, display, images) {
-  const good = output?.createView && output.format === "rgba16float" && output.usage & TEXTURE.STORAGE_BINDING
-    && same([output.width, output.height], display);
+  const good =
+    output?.createView &&
+    output.format === "rgba16float" &&
+    output.usage & TEXTURE.STORAGE_BINDING &&
+    same([output.width, output.height], display);
   if (!good) {
     const got = output?.createView ? textureText(output) : shown(output);
     throw new UpscalerError("output", got, `rgba16float ${display.join("x")} with STORAGE_BINDING`);
@@ -457,10 +367,4 @@ function same(one, other) {
 
 function textureText({ format, width, height, usage, sampleCount }) {
   return `${format} ${width}x${height}, usage ${usage}, ${sampleCount} sample${sampleCount === 1 ? "" : "s"}`;
-}
-
-function shown(value) {
-  if (typeof value === "function" || value === undefined) return typeof value;
-  const text = JSON.stringify(value) ?? String(value);
-  return text.length > 80 ? `${text.slice(0, 80)}...` : text;
 }

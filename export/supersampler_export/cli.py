@@ -11,7 +11,12 @@ from rich.console import Console
 
 from supersampler.errors import ArgumentError, did_you_mean
 from supersampler.methods.catalog import FIXED, LEARNED, listed_methods
-from supersampler_export.shaders.folder import DESCRIPTION, Images, write_shader_folder
+from supersampler_export.shaders.folder import (
+    DESCRIPTION,
+    Images,
+    models_with_shaders,
+    write_shader_folder,
+)
 from supersampler_export.shaders.translation import Target
 
 if TYPE_CHECKING:
@@ -61,8 +66,10 @@ def export(
         if weights is not None:
             hint = "Export a model folder with these weights, then `supersampler export FOLDER --target ...`."
             raise ArgumentError("--weights", got=weights, want="none with --target", hint=hint)
-        write_shader_folder(method, output, target=target, images=images)
-        Console().print(f"{method}: {output / DESCRIPTION}")
+        for name in models_with_shaders() if method == "all" else [method]:
+            folder = output / name if method == "all" else output
+            write_shader_folder(name, folder, target=target, images=images)
+            Console().print(f"{name}: {folder / DESCRIPTION}", soft_wrap=True)
         return
     if images != "textures":
         raise ArgumentError("--images", got=images, want="none without --target")

@@ -165,6 +165,18 @@ def test_workgroups_and_limits_are_within_webgpus_defaults(folders: dict[str, Pa
     assert limits["maxSampledTexturesPerShaderStage"] <= 16
 
 
+def test_frames_and_images_are_in_buffers_where_that_is_asked_for(folders: dict[str, Path]) -> None:
+    described = about(folders["taau buffers"])
+    given = {r["name"]: r for r in described["resources"] if r["role"] in ("frame", "image")}
+    assert {name: (r["kind"], r["bytes"], r["size"]["of"]) for name, r in given.items()} == {
+        "frame_color": ("buffer", 12, "render"),
+        "frame_depth": ("buffer", 4, "render"),
+        "frame_motion": ("buffer", 8, "render"),
+        "image": ("buffer", 12, "display"),
+    }
+    assert {one["formats"][0] for one in described["inputs"]} == {"float32"}
+
+
 def test_a_method_that_reads_no_depth_asks_for_none(folders: dict[str, Path]) -> None:
     assert [one["name"] for one in about(folders["taa"])["inputs"]] == ["color", "motion"]
     assert "frame_depth" not in (folders["taa"] / "02_boxes.wgsl").read_text()
@@ -247,6 +259,13 @@ def test_options_that_do_not_go_together_are_refused(
     done = CliRunner().invoke(app, ["export", "taau", "-o", str(tmp_path / "out"), *options])
     assert done.exit_code == 1
     assert message in done.output
+
+
+def test_all_writes_every_shipped_model_that_has_shaders(tmp_path: Path) -> None:
+    done = CliRunner().invoke(app, ["export", "all", "--target", "wgsl", "-o", str(tmp_path)])
+    assert done.exit_code == 0, done.output
+    assert {folder.name for folder in tmp_path.iterdir()} == {*METHODS}
+    assert all(about(tmp_path / method)["method"] == method for method in METHODS)
 
 
 def test_without_node_the_error_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:

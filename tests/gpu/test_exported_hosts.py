@@ -1,19 +1,17 @@
 """Hosts that know nothing of this package compute its images from an exported folder."""
 
-import shutil
 import subprocess
 import sys
-from importlib.resources import files
 from pathlib import Path
 
 import pytest
 
+from c_host import built_or_skip
 from gpu_steps import device_or_skip
 from raw_shots import SIZES, read_images, wanted_images, write_raw
 from supersampler_export.shaders.folder import write_shader_folder
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
-CJSON = [Path(folder) / "cjson" / "cJSON.h" for folder in ("/usr/include", "/usr/local/include")]
 
 
 @pytest.fixture(scope="module", params=["taa", "classifier"])
@@ -28,24 +26,9 @@ def exported(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFa
 
 @pytest.fixture(scope="module")
 def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The host in C, compiled against the headers and the library of Python's wgpu."""
+    """The host in C."""
     device_or_skip()
-    missing = [name for name in ("cc", "make") if shutil.which(name) is None]
-    missing += [] if any(header.is_file() for header in CJSON) else ["cJSON (Debian: libcjson-dev)"]
-    if missing:
-        pytest.skip(f"not here: {', '.join(missing)}")
-    library = next(file for file in (files("wgpu") / "resources").iterdir() if "release" in file.name)
-    out = tmp_path_factory.mktemp("c")
-    variables = [
-        f"OUT={out}",
-        f"WGPU={Path(str(library)).parent}",
-        f"LIBRARY={library.name}",
-        "CFLAGS=-Werror -O1",
-    ]
-    command = ["make", "-C", str(EXAMPLES / "c_webgpu"), *variables]
-    done = subprocess.run(command, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    return out / "upscale"
+    return built_or_skip(tmp_path_factory.mktemp("c"))
 
 
 def run(command: list[str], root: Path, name: str) -> list[bytes]:

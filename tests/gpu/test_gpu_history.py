@@ -12,6 +12,8 @@ import pytest
 from gpu_steps import DISPLAY, METHODS, RENDER, TOLERANCES, device_or_skip, distance, make, model, moving
 from supersampler import Frame, Upscaler, halton_jitter
 from supersampler.backends.gpu import passes
+from supersampler.backends.gpu.executor import GpuExecutor
+from supersampler.backends.gpu.memory import TEXELS, write_to
 from supersampler.backends.gpu.program import ARRAYS
 from supersampler.history import StepResult
 from supersampler.model import ExecutorName
@@ -192,3 +194,23 @@ def test_changing_render_sizes_do_not_grow() -> None:
 def resident() -> int:
     """Bytes of this process in memory."""
     return int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1]) * 4096
+
+
+def spoil(executor: GpuExecutor) -> None:
+    """Fill the memory between passes with values that no pass writes."""
+    for space in executor._spaces.values():
+        for memory in (space.memory[name] for name in executor.program.work):
+            shape: tuple[int, ...] = (memory.resource.size // 4,) if memory.texture is None else ()
+            if memory.texture is not None:
+                width, height = memory.texture.size[:2]
+                shape = height, width, TEXELS[memory.texture.format] // 4
+            write_to(executor.device, memory, np.full(shape, 0x7F7F7F7F, np.uint32))
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_step_reads_nothing_that_earlier_steps_left_between_its_passes(method: str) -> None:
+    upscaler, other = make(method), make(method)
+    images = [upscaler.step(moving(index)).copy() for index in range(3)]
+    for index, image in enumerate(images):
+        spoil(model(method).gpu)
+        np.testing.assert_array_equal(other.step(moving(index)), image)

@@ -83,7 +83,7 @@ def described(
         "licence": info.licence,
         "attributions": list(info.attributions),
         "requires": _requires(program, target, passes),
-        "inputs": [{"name": name, "resource": f"frame_{name}", **texts.INPUTS[name]} for name in inputs],
+        "inputs": [_input(name, images) for name in inputs],
         "output": _output(images),
         "params": _params(),
         "aux": {"resource": "aux", "layout": texts.AUX},
@@ -179,6 +179,11 @@ def _memory(memory: PixelMemory) -> dict[str, Any]:
 
 def _buffer(memory: PixelBuffer) -> dict[str, Any]:
     return {"size": _size(memory.extent), "bytes": memory.bytes}
+
+
+def _input(name: str, images: str) -> dict[str, Any]:
+    formats = {} if images == "textures" else {"formats": ["float32"]}
+    return {"name": name, "resource": f"frame_{name}", **texts.INPUTS[name], **formats}
 
 
 def _output(images: str) -> dict[str, Any]:

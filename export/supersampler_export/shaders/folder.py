@@ -10,7 +10,7 @@ from supersampler.errors import ArgumentError, ShotError
 from supersampler.io.atomic import check_ours, remove_files, replacing
 from supersampler.io.json_fields import read_json
 from supersampler.methods.gpu_backends import gpu_program, with_shaders
-from supersampler.methods.model_file import read_upscaling_info
+from supersampler.methods.model_file import model_names, read_upscaling_info
 from supersampler_export.shaders.description import FORMAT, ExportedPass, described, exported_passes
 from supersampler_export.shaders.targets import PLACE, SUFFIXES, Placed
 from supersampler_export.shaders.translation import Target, translate
@@ -52,6 +52,11 @@ def write_shader_folder(
     description = described(info, program, images, target, list(zip(passes, files, shaders, strict=True)))
     description["files"] = {name: hashlib.sha256(data).hexdigest() for name, data in content.items()}
     _write(folder, description, content)
+
+
+def models_with_shaders() -> list[str]:
+    """Return the names of the shipped models that have shaders."""
+    return [name for name in model_names() if gpu_program(read_upscaling_info(name)) is not None]
 
 
 def placed(passes: Sequence[ExportedPass], target: Target) -> list[Placed]:

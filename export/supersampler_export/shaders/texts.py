@@ -18,7 +18,7 @@ INPUTS: dict[str, dict[str, Any]] = {
         "range": [0.0, 1e30],
         "sampling": "where the colour was",
         "invalid": "NaN, Inf and negative values prove no disocclusion and are never the closest",
-        "formats": ["r32float"],
+        "formats": ["r32float", "depth32float"],
     },
     "motion": {
         "channels": 2,

@@ -12,8 +12,9 @@ const translated = {};
 for (const [name, source] of Object.entries(sources)) {
   try {
     const code = translate({ from: "wgsl", source, to, options });
-    const bytes = typeof code === "string" ? Buffer.from(code, "utf8") : Buffer.from(code.buffer, code.byteOffset, code.byteLength);
-    translated[name] = bytes.toString("base64");
+    const bytes =
+      typeof code === "string" ? code : new Uint8Array(code.buffer, code.byteOffset, code.byteLength);
+    translated[name] = Buffer.from(bytes).toString("base64");
   } catch (error) {
     process.stdout.write(JSON.stringify({ error: `${name}: ${error.formatted ?? error.message}` }));
     process.exit(0);

@@ -1,0 +1,54 @@
+/// <reference types="@webgpu/types" />
+
+export type Size = [width: number, height: number];
+
+/** Contents of upscaler.json; docs/how-to/run-the-shaders.md describes them. */
+export interface UpscalerInfo {
+  format: "supersampler-shaders";
+  version: 1;
+  method: string;
+  precision: "fp32" | "int8";
+  target: "wgsl";
+  images: "textures";
+  ratios: [least: number, largest: number];
+  licence: string;
+  attributions: string[];
+  inputs: { name: "color" | "depth" | "motion"; unit: string; range: [number, number]; formats: string[] }[];
+  [other: string]: unknown;
+}
+
+export interface UpscalerFrame {
+  color: GPUTexture;
+  /** Not read by every method; see `info.inputs`. */
+  depth?: GPUTexture;
+  motion?: GPUTexture;
+}
+
+export interface EncodeOptions {
+  jitter: [x: number, y: number];
+  renderSize?: Size;
+  exposure?: number | null;
+  reset?: boolean;
+  timestamps?: GPUComputePassTimestampWrites;
+}
+
+type File = Response | ArrayBuffer | ArrayBufferView | string;
+
+export class Upscaler {
+  static load(
+    device: GPUDevice,
+    source: string | URL | ((name: string) => File | Promise<File>),
+    options: { displaySize: Size },
+  ): Promise<Upscaler>;
+  private constructor();
+  readonly device: GPUDevice;
+  readonly info: UpscalerInfo;
+  readonly displaySize: Size;
+  encode(encoder: GPUCommandEncoder, frame: UpscalerFrame, output: GPUTexture, options: EncodeOptions): void;
+  reset(): void;
+  destroy(): void;
+}
+
+export class UpscalerError extends Error {
+  constructor(name: string, got: unknown, want: unknown, hint?: string);
+}
