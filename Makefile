@@ -13,6 +13,7 @@
 # make mitsuba   the fourth: examples/mitsuba_sequence.py with Mitsuba from PyPI, which needs an LLVM of the system
 # make pygfx   the fifth: examples/pygfx_live.py with pygfx from PyPI, Vulkan in software will do
 # make webgpu  the sixth: exported shaders in Node with Dawn, on Vulkan, and through DXC, with what npm and PyPI have
+# make web     the page of `demo --web` in Chromium (Debian's chromium, or SUPERSAMPLER_CHROMIUM), with three.js and ONNX Runtime Web from npm
 # make cpp   examples/cpp_onnxruntime, compiled and run on the whole shipped shot; headers from Debian's registry
 # PYTHON=python3.12 chooses the interpreter of new environments. On Windows: the pip lines in README.md.
 PYTHON ?= python3
@@ -20,11 +21,11 @@ PYTHON ?= python3
 RUNTIME := .venv/installed
 DEVELOPMENT := .venv-dev/installed
 DOCS := .venv-docs/installed
-SOURCES := $(shell find sdk model export bench -name '*.py' -o -name '*.html' -o -name '*.onnx' -o -name '*.json' -o -name '*.glsl' -o -name '*.wgsl')
+SOURCES := $(shell find sdk model export bench examples/web -name '*.py' -o -name '*.html' -o -name '*.onnx' -o -name '*.json' -o -name '*.glsl' -o -name '*.wgsl' -o -name '*.js')
 
 EXTENSION := sdk/supersampler/integrations/blender/extension
 
-.PHONY: demo extension test hashes fuzz mutation check docs clean test-integrations blender pyvista panda3d mitsuba pygfx webgpu cpp
+.PHONY: demo extension test hashes fuzz mutation check docs clean test-integrations blender pyvista panda3d mitsuba pygfx webgpu web cpp
 
 demo: $(RUNTIME)
 	.venv/bin/supersampler demo -o out
@@ -88,6 +89,19 @@ $(DXC): tests/integrations/dxc.txt | $(DEVELOPMENT)
 	.venv-dev/bin/pip download -q --disable-pip-version-check --no-deps --no-binary :all: --require-hashes -r $< -d $(@D)
 	tar -xzf $(@D)/compushady-*.tar.gz -C $(@D) --strip-components=3 --wildcards '*/backends/$(@F)' && touch $@
 
+# Without npm the tests of three.js and of the fallback are skipped, with the reason.
+NODE := .node/node_modules
+
+web:
+	test -d .venv-web || $(PYTHON) -m venv .venv-web
+	.venv-web/bin/python -c 'import playwright, wgpu, supersampler, pytest' 2>/dev/null \
+	    || .venv-web/bin/pip install -q --disable-pip-version-check -e '.[gpu]' pytest hypothesis playwright
+	mkdir -p .node
+	test -d $(NODE)/three || npm install --silent --no-save --prefix .node $$(.venv-web/bin/python -c \
+	    'from supersampler.integrations.web import PACKAGES; print(*map("@".join, PACKAGES.items()))') || true
+	test ! -d $(NODE)/three || export SUPERSAMPLER_NODE_MODULES=$(CURDIR)/$(NODE); \
+	    .venv-web/bin/pytest -q -rsP tests/integrations/test_web.py
+
 # Needs CMake and a C++ compiler. Afterwards `make test` runs these tests, too, on fewer frames.
 cpp: $(DEVELOPMENT)
 	test -d .onnxruntime || sh examples/cpp_onnxruntime/get_onnxruntime.sh .onnxruntime .venv-dev/bin/python
@@ -112,7 +126,7 @@ docs: $(DOCS)
 	NO_MKDOCS_2_WARNING=1 .venv-docs/bin/mkdocs build --quiet
 
 clean:
-	rm -rf .venv .venv-dev .venv-docs .venv-blender .venv-pyvista .venv-panda3d .venv-mitsuba .venv-pygfx .venv-vulkan .onnxruntime examples/node_dawn/node_modules out dist build .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	rm -rf .venv .venv-dev .venv-docs .venv-blender .venv-pyvista .venv-panda3d .venv-mitsuba .venv-pygfx .venv-vulkan .venv-web .node .onnxruntime examples/node_dawn/node_modules out dist build .mypy_cache .pytest_cache .ruff_cache .hypothesis
 
 # A copy of the package as users get it: made anew when a source changes.
 $(RUNTIME): pyproject.toml $(SOURCES)

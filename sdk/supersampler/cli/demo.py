@@ -1,20 +1,55 @@
-"""`supersampler demo`: upscales the shot that ships with the package."""
+"""`supersampler demo`: upscales the shipped shot, or serves the page that upscales in a browser."""
 
+from importlib import import_module
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from threading import Event
 from typing import Annotated
 
 import typer
+
+_NODE_MODULES = Path("node_modules")
 
 
 def demo(
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write.")] = Path("out"),
     method: Annotated[str, typer.Option(help="A shipped model: see `supersampler info`.")] = "classifier",
+    web: Annotated[
+        bool, typer.Option("--web", help="Serve a page that upscales in a browser, until Ctrl-C.")
+    ] = False,
+    port: Annotated[
+        int | None,
+        typer.Option(min=0, max=65535, help="With --web: port on 127.0.0.1.  [default: a free one]"),
+    ] = None,
+    write: Annotated[
+        Path | None,
+        typer.Option(
+            help="With --web: write the page to this folder, for any file host, and serve nothing.",
+        ),
+    ] = None,
+    node_modules: Annotated[
+        Path | None,
+        typer.Option(
+            help="With --web: npm's folder with three and onnxruntime-web, for the page of three.js and for "
+            "browsers without WebGPU.  [default: node_modules, if it is here]",
+        ),
+    ] = None,
 ) -> None:
     """Upscale the shot that ships with the package by 2x, and show the result beside input and reference.
 
     Writes EXR frames (linear), PNG frames (as a screen shows them) and compare.html, one page that needs no
-    network: drag the split, step through the frames, zoom.
+    network: drag the split, step through the frames, zoom. With --web: a page that renders a scene live and
+    upscales it by WebGPU.
     """
+    if web:
+        _serve(port or 0, write, node_modules or (_NODE_MODULES if _NODE_MODULES.is_dir() else None))
+    elif (port, write, node_modules) != (None, None, None):
+        raise typer.BadParameter("--port, --write and --node-modules need --web")
+    else:
+        _upscale(output, method)
+
+
+def _upscale(output: Path, method: str) -> None:
     from supersampler.cli.image_options import ImageOptions
     from supersampler.cli.job import UpscaleJob
     from supersampler.cli.run import run_job
@@ -33,3 +68,22 @@ def demo(
     typer.echo(f"EXR frames: {results.place('exr')}")
     typer.echo(f"PNG frames: {results.place('png')}")
     typer.echo(f"Open in a browser: {output / 'compare.html'}")
+
+
+def _serve(port: int, write: Path | None, node_modules: Path | None) -> None:
+    from supersampler.integrations.web import PACKAGES, serving, write_site
+
+    write_shaders = import_module("supersampler_export.shaders.folder").write_shader_folder
+    if node_modules is None:
+        names = " ".join(f"{name}@{version}" for name, version in PACKAGES.items())
+        typer.echo(f"Without three.js and the fallback; to have them: npm install {names}", err=True)
+    if write is not None:
+        write_site(write, write_shaders, node_modules=node_modules)
+        typer.echo(f"Page: {write / 'index.html'}")
+        return
+    with TemporaryDirectory(prefix="supersampler-") as folder:
+        site = Path(folder) / "site"
+        write_site(site, write_shaders, node_modules=node_modules)
+        with serving(site, port) as url:
+            typer.echo(f"Open in a browser with WebGPU: {url}  (Ctrl-C stops)")
+            Event().wait()

@@ -1,0 +1,33 @@
+/**
+ * The page: the scene or a shot, upscaled on WebGPU; where that is not to be had, a shot by ONNX Runtime Web.
+ * `?test` in the address: nothing runs by itself, and `window.supersamplerDemo` steps and reads images.
+ * `?source=shot&method=taau&ratio=3&size=640x360&left=bilinear&right=truth` sets the controls.
+ */
+
+import { startFallback } from "./page/fallback.js";
+import { startGpuPage } from "./page/gpu_page.js";
+import { Stage } from "./page/stage.js";
+
+const form = /** @type {HTMLFormElement} */ (document.getElementById("controls"));
+const note = document.getElementById("note");
+const query = new URLSearchParams(location.search);
+
+/** @param {string} text "" hides the note */
+function say(text) {
+  note.textContent = text;
+  note.hidden = !text;
+}
+
+const stage = new Stage(document.getElementById("stage"));
+for (const [name, value] of query) {
+  if (form.elements[name]) form.elements[name].value = value;
+}
+for (const side of ["left", "right"]) {
+  if (query.has(side)) stage.setView(side, query.get(side));
+}
+try {
+  await startGpuPage({ form, stage, say, query });
+} catch (error) {
+  console.info(error);
+  await startFallback(error.message, { form, stage, say });
+}

@@ -1,0 +1,56 @@
+/** What the tests of this page call, as `window.supersamplerDemo`, when its address has ?test. */
+
+import { haltonJitter } from "../jitter.js";
+import { readTexture } from "./readback.js";
+
+export class Testing {
+  /**
+   * @param {import("./comparison.js").Comparison} comparison
+   * @param {() => Promise<void>} settled resolves when changes of the controls are on the screen
+   */
+  constructor(comparison, settled) {
+    this.comparison = comparison;
+    this.settled = settled;
+  }
+
+  /** @param {number} count of frames @param {number} seconds between them */
+  async step(count, seconds = 1 / 60) {
+    for (let i = 0; i < count; i++) await this.comparison.step(seconds);
+    await this.comparison.device.queue.onSubmittedWorkDone();
+  }
+
+  /** @returns {object} what the page shows */
+  get state() {
+    const { frame, method, source } = this.comparison;
+    return { method, size: frame.size, displaySize: source.displaySize, jitter: frame.jitter, exposure: frame.exposure };
+  }
+
+  /** @param {"input" | "ours"} view @returns {Promise<string>} the linear RGBA of its pixels, float32, as base64 */
+  async read(view) {
+    const { device, frame, output } = this.comparison;
+    return base64(await readTexture(device, view === "ours" ? output : frame.color));
+  }
+
+  /** @param {number} samples a pixel @returns {Promise<string>} the live frame at display size, as `read` */
+  async readReference(samples) {
+    const { device, source } = this.comparison, { renderer, native } = source;
+    let mean;
+    for (let index = 0; index < samples; index++) {
+      const encoder = device.createCommandEncoder();
+      renderer.draw(encoder, native, { jitter: haltonJitter(index, Math.sqrt(samples / 8)), filterWidth: 0.5 });
+      device.queue.submit([encoder.finish()]);
+      const pixels = await readTexture(device, native.color);
+      mean ??= new Float32Array(pixels.length);
+      for (let i = 0; i < mean.length; i++) mean[i] += pixels[i] / samples;
+    }
+    return base64(mean);
+  }
+}
+
+/** @param {Float32Array} values @returns {string} */
+export function base64(values) {
+  const bytes = new Uint8Array(values.buffer);
+  let text = "";
+  for (let i = 0; i < bytes.length; i += 8192) text += String.fromCharCode(...bytes.subarray(i, i + 8192));
+  return btoa(text);
+}
