@@ -62,7 +62,7 @@ def cost(
 
 
 def traffic(
-    methods: METHODS = "bilinear,taa,taau,classifier-small,classifier",
+    methods: METHODS = "bilinear,taa,taau,classifier-small,classifier,gbuffer-small",
     sizes: Annotated[
         str, typer.Option(help="Render and display sizes, as 960x540:1920x1080, with commas between.")
     ] = "960x540:3840x2160,1920x1080:3840x2160",
@@ -94,7 +94,7 @@ def traffic(
                 for count in counters:
                     try:
                         rows.append(count(name, render, display))
-                    except (ArgumentError, DeviceError) as error:  # no shaders, or no device
+                    except (ArgumentError, DeviceError) as error:  # another ratio, no shaders, or no device
                         warn(f"{name}: {error}")
                     advance()
             results.append((render, display, rows))

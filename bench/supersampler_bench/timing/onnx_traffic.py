@@ -17,7 +17,8 @@ import numpy as np
 
 from supersampler.backends.onnx.runtime import ort
 from supersampler.backends.onnx.session import session_options
-from supersampler.errors import ModelError
+from supersampler.conventions.ratios import only_ratio
+from supersampler.errors import ArgumentError, ModelError
 from supersampler.frame import Size
 from supersampler.methods.model_file import find_model, read_model_info
 from supersampler.methods.model_info import ModelInfo
@@ -44,9 +45,13 @@ def count_onnx(method: str, render: Size, display: Size) -> Traffic:
         and executed operators.
 
     Raises:
+        ArgumentError: the model is for one other ratio.
         ModelError: the model has tensors of other sizes, or its cost is of another form.
     """
     info = read_model_info(find_model(method))
+    ratio, only = display[0] / render[0], only_ratio(info.ratios)
+    if only is not None and ratio != only:
+        raise ArgumentError("ratio", got=f"{ratio:g}", want=f"{only:g}")
     widths, heights = (small_extents(*extents) for extents in zip(render, display, strict=True))
 
     places = [(0, 0), (1, 0), (0, 1), (1, 1), (2, 3)]
@@ -105,10 +110,12 @@ def _multiply_adds(
     operator: str, inputs: Sequence[Mapping[str, list[int]]], outputs: Sequence[Mapping[str, list[int]]]
 ) -> int:
     """Return the multiply-adds of an operator; other operators than these have none."""
-    if operator not in ("Conv", "FusedConv", "MatMul"):
+    if operator not in ("Conv", "ConvTranspose", "FusedConv", "MatMul"):
         return 0
     (out,), (first,), (second,) = (tensor.values() for tensor in (outputs[0], *inputs[:2]))
-    return math.prod(out) * (first[-1] if operator == "MatMul" else math.prod(second[1:]))
+    if operator == "MatMul":
+        return math.prod(out) * first[-1]
+    return math.prod(first if operator == "ConvTranspose" else out) * math.prod(second[1:])
 
 
 def _profile(info: ModelInfo, render: Size, display: Size) -> Iterator[dict[str, Any]]:

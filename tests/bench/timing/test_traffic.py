@@ -4,7 +4,7 @@ from fractions import Fraction
 
 import pytest
 
-from supersampler import ModelError
+from supersampler import ArgumentError, ModelError
 from supersampler.methods.model_file import find_model, read_model_info
 from supersampler_bench.timing import onnx_traffic
 from supersampler_bench.timing.onnx_traffic import count_onnx, small_extents
@@ -22,6 +22,11 @@ def test_the_count_at_a_size_is_that_of_a_run_at_this_size() -> None:
     )
 
 
+def test_a_model_of_one_ratio_is_counted_at_this_ratio_alone() -> None:
+    with pytest.raises(ArgumentError, match=r"ratio is 4; want 2"):
+        count_onnx("gbuffer-small", (64, 36), (256, 144))
+
+
 def test_bytes_are_those_of_inputs_and_outputs_of_each_type() -> None:
     assert onnx_traffic._size_of({"float": [1, 3, 2, 2]}) == 48
     assert onnx_traffic._size_of({"bool": [5]}) == 5
@@ -33,6 +38,10 @@ def test_multiply_adds_are_outputs_times_the_numbers_summed_for_each() -> None:
         "Conv", [{"float": [1, 8, 4, 4]}, {"float": [6, 8, 3, 3]}], [{"float": [1, 6, 4, 4]}]
     )
     assert conv == 6 * 16 * 72
+    transposed = onnx_traffic._multiply_adds(
+        "ConvTranspose", [{"float": [1, 8, 4, 4]}, {"float": [8, 6, 2, 2]}], [{"float": [1, 6, 8, 8]}]
+    )
+    assert transposed == 8 * 16 * 24
     product = [{"float": [2, 3]}, {"float": [3, 5]}]
     assert onnx_traffic._multiply_adds("MatMul", product, [{"float": [2, 5]}]) == 30
     assert onnx_traffic._multiply_adds("Add", product, [{"float": [2, 5]}]) == 0
