@@ -1,0 +1,1 @@
+"""Kernels of sequences, and the structs and constants that they share with Python."""

@@ -1,0 +1,128 @@
+"""`upscale_sequence`: the images of frames whose successors are known."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+
+from supersampler.arguments import checked_path
+from supersampler.errors import ArgumentError, shown
+from supersampler.frame import Float32, Frame, Size, checked_frame
+from supersampler.io.shot import Shot, ShotFrame
+from supersampler.model import ExecutorName, Model, Precision, Skip
+from supersampler.sequence.both_ways import BothWays, ChunkSize
+from supersampler.sequence.frame_store import FrameStore
+from supersampler.upscaler import Upscaler
+from supersampler.validation import Validate
+
+MOTION_NEXT = "motion_next"
+"""Name of that buffer in the `gbuffers` of `Shot.frames`."""
+_LONGEST_LOOKAHEAD = 64
+
+
+def upscale_sequence(
+    frames: Shot | Iterable[Frame],
+    *,
+    display_size: Size | None = None,
+    scale: float | None = None,
+    model: Model | str | Path | None = None,
+    passes: int = 2,
+    lookahead: int | None = None,
+    providers: str | Sequence[str] = "auto",
+    threads: int = 0,
+    executor: ExecutorName = "auto",
+    precision: Precision = "auto",
+    skip: Skip = "auto",
+    validate: Validate = "warn",
+    scratch: str | Path | None = None,
+) -> Iterator[Float32]:
+    """Upscale frames of which later ones can be seen: a shot on disk, or a live stream with some delay.
+
+    With two passes, each image is the mean of a run in order and one in reverse, which begins at the next
+    cut or OVERLAP frames after a chunk of CHUNK frames. What one run cannot know, since it was hidden before,
+    the other one has seen.
+
+    >>> for image in upscale_sequence(Shot.open("plaza"), display_size=(640, 360)):
+    ...     show(image)  # (360, 640, 3) float32, linear RGB
+
+    Frames are read once, in order, so that a generator serves as well as a list or a `Shot`. Those of a chunk
+    and its backward images are kept in a scratch folder, which is removed at the end, after an error, and
+    when the iterator is closed or deleted.
+
+    Args:
+        frames: a `Shot`, or Frames in order. `reset` marks the first frame after a cut.
+        display_size, scale: see `Upscaler`; one of the two.
+        model: see `Upscaler`.
+        passes: 1 steps in order, bit for bit as `Upscaler.step`; 2 runs both ways.
+        lookahead: for live use, with two passes: chunks of this many frames, 1 to 64, which see as many
+            further frames. The image of a frame comes at most 2 * `lookahead` frames later and costs three
+            steps; frames are kept in memory. None is for frames on disk.
+        providers, threads, executor, precision, skip, validate: see `Upscaler`.
+        scratch: existing folder for the scratch folder; None is the system's place for temporary files.
+
+    Returns:
+        An iterator over the images, (H, W, 3) float32 linear RGB, in order; each may be kept.
+
+    Raises:
+        ArgumentError: an argument is not usable; before anything is read.
+        FrameError: a frame breaks the contract.
+        ShotError: a frame cannot be read, or the scratch folder is full.
+        ModelError, ProviderError: see `Upscaler`.
+    """
+    size = _checked_chunk(passes, lookahead)
+    place = None if scratch is None else Path(checked_path("scratch", scratch))
+    if not isinstance(frames, Shot) and not isinstance(frames, Iterable):
+        raise ArgumentError("frames", got=shown(frames), want="a Shot, or an iterable of Frames")
+    forward = Upscaler(
+        model, display_size=display_size, scale=scale, providers=providers, threads=threads,
+        executor=executor, precision=precision, skip=skip, validate=validate,
+    )  # fmt: skip
+    if passes == 1:
+        return _in_order(frames, forward)
+    backward = Upscaler(
+        forward.model, display_size=display_size, scale=scale, skip=skip, validate="off"
+    )  # the same frames: one check is enough
+    return _both_ways(frames, forward, backward, size, place, lookahead is None)
+
+
+def frames_of(frames: Shot | Iterable[Frame], upscaler: Upscaler, *, motion_next: bool) -> Iterator[Frame]:
+    """Yield the frames of a shot, with the buffers that a run reads, or those of an iterable, checked."""
+    if isinstance(frames, Shot):
+        gbuffers = (*upscaler.gbuffers, *((MOTION_NEXT,) if motion_next else ()))
+        for item in frames.frames(gbuffers=gbuffers, references=False):
+            yield item.frame
+        return
+    for frame in frames:
+        yield checked_frame(frame.frame if isinstance(frame, ShotFrame) else frame)
+
+
+def _in_order(frames: Shot | Iterable[Frame], forward: Upscaler) -> Iterator[Float32]:
+    with forward:
+        for frame in frames_of(frames, forward, motion_next=False):
+            yield forward.step(frame)
+
+
+def _both_ways(
+    frames: Shot | Iterable[Frame],
+    forward: Upscaler,
+    backward: Upscaler,
+    size: ChunkSize,
+    place: Path | None,
+    on_disk: bool,
+) -> Iterator[Float32]:
+    names = frozenset(forward.gbuffers)
+    with forward, backward, FrameStore(on_disk=on_disk, folder=place, names=names) as store:
+        run = BothWays(forward, backward, store, size)
+        for result in run.run(frames_of(frames, forward, motion_next=True)):
+            yield result.image
+
+
+def _checked_chunk(passes: int, lookahead: int | None) -> ChunkSize:
+    if type(passes) is not int or passes not in (1, 2):
+        raise ArgumentError("passes", got=shown(passes), want="1 or 2")
+    if lookahead is None:
+        return ChunkSize()
+    if passes == 1:
+        raise ArgumentError("lookahead", got=shown(lookahead), want="None, as one pass looks at no later frame")
+    if type(lookahead) is not int or not 1 <= lookahead <= _LONGEST_LOOKAHEAD:
+        want = f"a whole number of frames from 1 to {_LONGEST_LOOKAHEAD}, or None"
+        raise ArgumentError("lookahead", got=shown(lookahead), want=want)
+    return ChunkSize(lookahead, lookahead)
