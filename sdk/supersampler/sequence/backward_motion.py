@@ -7,6 +7,7 @@ in the next frame or was magnified, takes the motion of the nearest pixels of it
 """
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,7 @@ from supersampler.backends.cpu.kernel_loader import kernel_if_possible
 from supersampler.backends.cpu.structs import pack
 from supersampler.frame import Float32, Frame
 from supersampler.sequence.kernels.structs import HIDDEN, OTHER_SURFACE, REACH, SAME_SURFACE, ScatterTables
+
 
 def reversed_frame(frame: Frame, following: Frame | None) -> Frame:
     """Return a frame as a run over reversed frames takes it: the following one is the previous one there.
@@ -112,7 +114,7 @@ def _mismatch(a: Float32, b: Float32) -> Float32:
     return result
 
 
-def _shifted(array: NDArray, dy: int, dx: int, *, fill: float) -> NDArray:
+def _shifted(array: NDArray[Any], dy: int, dx: int, *, fill: float) -> NDArray[Any]:
     """Return `array` read at (row + dy, column + dx); `fill` outside."""
     height, width = array.shape[:2]
     result = np.full_like(array, fill)

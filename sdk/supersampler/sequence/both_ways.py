@@ -1,8 +1,9 @@
 """A forward and a backward run over the frames of a sequence, chunk by chunk, merged."""
 
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from supersampler.frame import Frame
 from supersampler.history import StepResult
@@ -15,6 +16,9 @@ from supersampler.upscaler import Upscaler
 CHUNK, OVERLAP = 64, 16
 """Frames of a chunk, and frames after it from which its backward run begins: that many build its history."""
 
+Direction = Literal["backward", "forward"]
+Around = Callable[[int, Direction], AbstractContextManager[object]]
+
 
 class ChunkSize(NamedTuple):
     """Frames that are merged at once, and further ones that the backward run begins with."""
@@ -22,17 +26,33 @@ class ChunkSize(NamedTuple):
     frames: int = CHUNK
     overlap: int = OVERLAP
 
+    def backward_steps(self, count: int) -> int:
+        """Return the steps of the backward run over so many frames without a cut."""
+        steps = 0
+        while count >= sum(self):
+            steps, count = steps + sum(self), count - self.frames
+        return steps + count
+
+
+class Merged(NamedTuple):
+    """A frame, and the merged outputs of its steps."""
+
+    frame: Frame
+    result: StepResult
+
 
 @dataclass
 class _Window:
     """Frames that were read and not merged yet.
 
     Attributes:
+        first: index of the first one in the sequence.
         frames: in order.
         ended: whether a cut or the end follows the last one.
         following: the first frame after the cut, which was read to find it.
     """
 
+    first: int = 0
     frames: list[StoredFrame] = field(default_factory=list)
     ended: bool = False
     following: Frame | None = None
@@ -47,7 +67,7 @@ class BothWays:
         store: keeps frames and backward images until they are merged.
         size: of the chunks.
         outputs: names of further outputs; all but "aovs" are those of the forward run.
-        on_step: called after each step of either run, with "backward" or "forward".
+        around: makes a context for each step, from the index of its frame and the direction.
     """
 
     def __init__(
@@ -56,26 +76,33 @@ class BothWays:
         backward: Upscaler,
         store: FrameStore,
         size: ChunkSize,
+        *,
         outputs: tuple[str, ...] = (),
-        on_step: Callable[[str], None] = lambda _: None,
+        around: Around = lambda *_: nullcontext(),
     ) -> None:
         self._forward, self._backward, self._store = forward, backward, store
-        self._size, self._on_step = size, on_step
-        self._meter = ExposureMeter()
-        weights = weight_outputs(forward.model.info.maps)
-        self._backward_outputs = tuple(dict.fromkeys(("aovs",) * ("aovs" in outputs) + weights)) or ("work",)
-        self._outputs = tuple(dict.fromkeys((*outputs, *weights))) or ("work",)
+        self._size, self._around = size, around
+        self._meter, self._steps = ExposureMeter(), 0  # of the forward run since the last cut
+        self._asked = outputs
+        self._weights = weight_outputs(forward.model.info.maps)
 
-    def run(self, frames: Iterable[Frame]) -> Iterator[StepResult]:
-        """Yield the merged result of each frame, in order; at most chunk + overlap frames are read ahead."""
+    def run(self, frames: Iterable[Frame], *, skip: int = 0) -> Iterator[Merged]:
+        """Yield the outputs of each frame, in order; at most chunk + overlap frames are read ahead.
+
+        Args:
+            frames: in order, cut where they have `reset`.
+            skip: number of frames at the beginning that only build the history: in chunks without others, the
+                backward run is left out.
+        """
         source, window = iter(frames), _Window()
         while self._fill(window, source):
             count = len(window.frames) if window.ended else self._size.frames
-            images = self._step_backward(window.frames, count)
-            for frame, backward in zip(window.frames[:count], images, strict=True):
-                yield self._merged(frame, backward)
-                self._store.drop(frame.stored)
-            window.frames = window.frames[count:]
+            wanted = window.first + count > skip
+            images = self._step_backward(window, count) if wanted else [None] * count
+            for place in range(count):
+                yield self._merged(window.first + place, window.frames[place], images[place])
+                self._store.drop(window.frames[place].stored)
+            window.frames, window.first = window.frames[count:], window.first + count
 
     def _fill(self, window: _Window, source: Iterator[Frame]) -> bool:
         """Read until the window is full or a cut ends it; return False at the end of the sequence."""
@@ -92,33 +119,46 @@ class BothWays:
             window.frames.append(self._store.put_frame(frame))
         return bool(window.frames)
 
-    def _step_backward(self, frames: list[StoredFrame], count: int) -> list[Stored]:
+    def _outputs(self, frame: Frame) -> tuple[str, ...]:
+        """Return the outputs that a merged step on this frame needs."""
+        aovs = ("aovs",) * (frame.aovs is not None and "aovs" in self._asked)
+        return *aovs, *self._weights
+
+    def _step_backward(self, window: _Window, count: int) -> list[Stored | None]:
         """Step from the last frame to the first; return the images of the first `count`, in order."""
-        found: list[Stored] = []
+        found: list[Stored | None] = []
         following = None
-        for index in reversed(range(len(frames))):
-            frame = self._store.get_frame(frames[index])
-            wanted = index < count
-            turned = reversed_frame(frame, following)
-            result = self._backward.step(turned, outputs=self._backward_outputs if wanted else ())
-            if wanted and isinstance(result, StepResult):
-                arrays = {"image": result.image, "weight": weight_of(result)}
+        for steps, place in enumerate(reversed(range(len(window.frames))), start=1):
+            frame = self._store.get_frame(window.frames[place])
+            with self._around(window.first + place, "backward"):
+                outputs = self._outputs(frame)
+                result = _stepped(self._backward, reversed_frame(frame, following), outputs)
+            if place < count:
+                arrays = {"image": result.image, "weight": weight_of(result, steps)}
                 if result.aovs is not None:
                     arrays["aovs"] = result.aovs
                 found.append(self._store.put(arrays))
             following = frame
-            self._on_step("backward")
         return found[::-1]
 
-    def _merged(self, stored: StoredFrame, backward: Stored) -> StepResult:
+    def _merged(self, index: int, stored: StoredFrame, backward: Stored | None) -> Merged:
         """Step forward, and merge with the backward image."""
         frame = self._store.get_frame(stored)
-        result = self._forward.step(frame, outputs=self._outputs)
+        asked = [name for name in self._asked if name != "aovs"]
+        outputs = tuple(dict.fromkeys((*self._outputs(frame), *asked)))
+        with self._around(index, "forward"):
+            result = _stepped(self._forward, frame, outputs)
+        self._steps = 1 if frame.reset else self._steps + 1
         exposure = self._meter.read(frame.color, given=frame.exposure, reset=frame.reset)
-        other, weight = self._store.get(backward), weight_of(result)
-        self._store.drop(backward)
-        merge_images(result.image, other["image"], weight, other["weight"], exposure)
-        if result.aovs is not None:
-            merge_aovs(result.aovs, other["aovs"], weight, other["weight"])
-        self._on_step("forward")
-        return result
+        if backward is not None:
+            other, weight = self._store.get(backward), weight_of(result, self._steps)
+            self._store.drop(backward)
+            merge_images(result.image, other["image"], weight, other["weight"], exposure)
+            if result.aovs is not None:
+                merge_aovs(result.aovs, other["aovs"], weight, other["weight"])
+        return Merged(frame, result)
+
+
+def _stepped(upscaler: Upscaler, frame: Frame, outputs: tuple[str, ...]) -> StepResult:
+    result = upscaler.step(frame, outputs=outputs)
+    return result if isinstance(result, StepResult) else StepResult(result)

@@ -12,9 +12,10 @@ from supersampler.sequence.kernels.structs import MergedImages
 
 WEIGHT_MAPS = ("count", "converged")
 """Auxiliary outputs that `weight_of` reads, where a method has them."""
-ENOUGH = 4.0
-"""Samples from which on a run's image has its full weight. More make it no better than the other run's: both
-have blended out what they cannot use (measured; weighing by the counts gains nothing over the plain mean)."""
+LEAST = 0.05
+"""Smallest sample count that is told apart from none."""
+SETTLED = 8
+"""Steps after which the image of a method without counts hardly becomes better."""
 CONVERGED = 255.0
 """Further weight where an image is the mean of all samples of a static pixel: where one run has converged and
 the other has not, the mean differs from it by less than an 8-bit step."""
@@ -25,12 +26,21 @@ def weight_outputs(maps: Collection[str]) -> tuple[str, ...]:
     return tuple(name for name in WEIGHT_MAPS if name in maps)
 
 
-def weight_of(result: StepResult) -> Float32:
-    """Return the weight (H, W) of a run's image in the merge, > 0."""
-    weight = np.ones(result.image.shape[:2], np.float32)
-    if result.count is not None:
-        np.clip(result.count, 1.0, ENOUGH, out=weight)
-        weight /= np.float32(ENOUGH)
+def weight_of(result: StepResult, steps: int) -> Float32:
+    """Return the weight (H, W) of a run's image in the merge, > 0.
+
+    It is the square of the sample count: where a run has just begun, or what it knew was hidden, the other
+    run's image is taken, and elsewhere their mean. A method without counts has one sample a step, up to
+    SETTLED.
+
+    Args:
+        result: with the outputs of `weight_outputs`.
+        steps: of the run since its history began, this one too.
+    """
+    if result.count is None:
+        weight = np.full(result.image.shape[:2], min(steps / SETTLED, 1.0) ** 2, np.float32)
+    else:
+        weight = np.square(np.maximum(result.count, np.float32(LEAST)))
     if result.converged is not None and result.converged.any():
         weight *= 1.0 + np.float32(CONVERGED) * np.square(result.converged)
     return weight
@@ -47,7 +57,8 @@ def merge_images(
     Args:
         image: (H, W, 3) float32 linear RGB of the forward run.
         other: the same of the backward run.
-        weight, other_weight: (H, W) of these.
+        weight: (H, W) of the first.
+        other_weight: (H, W) of the other.
         exposure: of the frame.
     """
     kernel = kernel_if_possible("sequence.kernels.merge.merge_images")

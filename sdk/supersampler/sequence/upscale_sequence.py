@@ -49,13 +49,19 @@ def upscale_sequence(
 
     Args:
         frames: a `Shot`, or Frames in order. `reset` marks the first frame after a cut.
-        display_size, scale: see `Upscaler`; one of the two.
+        display_size: (width, height) of the images; or `scale`.
+        scale: display over render size.
         model: see `Upscaler`.
         passes: 1 steps in order, bit for bit as `Upscaler.step`; 2 runs both ways.
         lookahead: for live use, with two passes: chunks of this many frames, 1 to 64, which see as many
             further frames. The image of a frame comes at most 2 * `lookahead` frames later and costs three
             steps; frames are kept in memory. None is for frames on disk.
-        providers, threads, executor, precision, skip, validate: see `Upscaler`.
+        providers: see `Upscaler`.
+        threads: see `Upscaler`.
+        executor: see `Upscaler`.
+        precision: see `Upscaler`.
+        skip: see `Upscaler`.
+        validate: see `Upscaler`.
         scratch: existing folder for the scratch folder; None is the system's place for temporary files.
 
     Returns:
@@ -111,8 +117,8 @@ def _both_ways(
     names = frozenset(forward.gbuffers)
     with forward, backward, FrameStore(on_disk=on_disk, folder=place, names=names) as store:
         run = BothWays(forward, backward, store, size)
-        for result in run.run(frames_of(frames, forward, motion_next=True)):
-            yield result.image
+        for merged in run.run(frames_of(frames, forward, motion_next=True)):
+            yield merged.result.image
 
 
 def _checked_chunk(passes: int, lookahead: int | None) -> ChunkSize:
@@ -121,7 +127,9 @@ def _checked_chunk(passes: int, lookahead: int | None) -> ChunkSize:
     if lookahead is None:
         return ChunkSize()
     if passes == 1:
-        raise ArgumentError("lookahead", got=shown(lookahead), want="None, as one pass looks at no later frame")
+        raise ArgumentError(
+            "lookahead", got=shown(lookahead), want="None, as one pass looks at no later frame"
+        )
     if type(lookahead) is not int or not 1 <= lookahead <= _LONGEST_LOOKAHEAD:
         want = f"a whole number of frames from 1 to {_LONGEST_LOOKAHEAD}, or None"
         raise ArgumentError("lookahead", got=shown(lookahead), want=want)
