@@ -58,8 +58,8 @@ def import_channels(
         folder: folder of the files.
         channel_map: our name to EXR channel names: depth (1), motion (2, x first), color (3); optional
             motion_next (2), base_color, normal (3 each), roughness, metallic, specular (1 each), aovs (any
-            number), reference (3). `motion/*.exr:R` is channel R of the files of that pattern; without one, of
-            `files`. References are matched by frame number; frames without one are allowed.
+            number), reference (3). `motion/*.exr:R` is channel R of the files of that pattern; without one,
+            of `files`. References are matched by frame number; frames without one are allowed.
         conventions: conventions of these channels and of the jitter.
         files: pattern of the frames' files: `beauty.####.exr`, `beauty.%04d.exr` or a glob.
         frames: first and last number of the frames to open, both included; a gap outside is no error. By
