@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Sequence
-from contextlib import AbstractContextManager, ExitStack, nullcontext
+from contextlib import AbstractContextManager, ExitStack, closing, nullcontext
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
@@ -165,20 +165,21 @@ class _Run:
             what = "stepping backward" if direction == "backward" else what
             progress.advance(what, 1.0 - stats.work / max(stats.frames, 1))
 
-        stepped = steps.run(
-            segment, self._exposure_at(segment), needed, references=page is not None, on_step=advance
-        )
-        for item, aov_names, result, seconds in stepped:
-            frame = item.frame
-            exposure = meter.read(frame.color, given=frame.exposure, reset=frame.reset)
-            position = self._plan.position(item.index)
-            if position is not None:
+        exposure_at_start, references = self._exposure_at(segment), page is not None
+        with closing(
+            steps.run(segment, exposure_at_start, needed, references=references, on_step=advance)
+        ) as stepped:
+            for item, aov_names, result, seconds in stepped:
+                frame = item.frame
+                exposure = meter.read(frame.color, given=frame.exposure, reset=frame.reset)
+                position = self._plan.position(item.index)
+                if position is None:
+                    continue
                 if position >= self._first:
                     self._results.list_files(position)
                 if position >= self._first or job.images.video:
-                    queue.put(
-                        partial(self._write, item.index, aov_names, position, result, exposure, seconds)
-                    )
+                    written = item.index, aov_names, position, result, exposure, seconds
+                    queue.put(partial(self._write, *written))
                 if page is not None and position >= len(self._plan.numbers) - COMPARE_FRAMES:
                     with self._times.measure("page"):
                         page.add(item, result, exposure)

@@ -2,7 +2,7 @@
 
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -63,7 +63,7 @@ class SegmentSteps:
         total = segment.stop - segment.start
         if self._job.passes == 1:
             return total
-        total, start = segment.end - segment.start, segment.start
+        start = segment.start
         while start < segment.end:
             stop = start + 1
             while stop < segment.end and self._job.shot.last_cut(stop) != stop:
@@ -81,7 +81,7 @@ class SegmentSteps:
         *,
         references: bool,
         on_step: OnStep,
-    ) -> Iterator[Stepped]:
+    ) -> Generator[Stepped]:
         """Yield each frame of a segment with the outputs of its step, in order.
 
         Args:
@@ -113,7 +113,7 @@ class SegmentSteps:
 
     def _in_order(
         self, segment: Segment, exposure_at_start: float | None, references: bool, on_step: OnStep
-    ) -> Iterator[Stepped]:
+    ) -> Generator[Stepped]:
         for item in self._frames(segment, exposure_at_start, references=references):
             before = self._upscaler.stats.seconds
             with self._named(item.index), self._times.measure("step"):
@@ -129,7 +129,7 @@ class SegmentSteps:
         needed: int,
         references: bool,
         on_step: OnStep,
-    ) -> Iterator[Stepped]:
+    ) -> Generator[Stepped]:
         names: deque[Sequence[str] | None] = deque()
 
         def read() -> Iterator[Frame]:

@@ -14,8 +14,8 @@ WEIGHT_MAPS = ("count", "converged")
 """Auxiliary outputs that `weight_of` reads, where a method has them."""
 LEAST = 0.05
 """Smallest sample count that is told apart from none."""
-SETTLED = 8
-"""Steps after which the image of a method without counts hardly becomes better."""
+SETTLED = 4
+"""Steps after which a run's image has its full weight."""
 CONVERGED = 255.0
 """Further weight where an image is the mean of all samples of a static pixel: where one run has converged and
 the other has not, the mean differs from it by less than an 8-bit step."""
@@ -29,18 +29,16 @@ def weight_outputs(maps: Collection[str]) -> tuple[str, ...]:
 def weight_of(result: StepResult, steps: int) -> Float32:
     """Return the weight (H, W) of a run's image in the merge, > 0.
 
-    It is the square of the sample count: where a run has just begun, or what it knew was hidden, the other
-    run's image is taken, and elsewhere their mean. A method without counts has one sample a step, up to
-    SETTLED.
+    It is the sample count, where a method has one, and less in a run's first steps: where a run has just
+    begun, or what it knew was hidden, the other run's image counts for more, and elsewhere it is their mean.
 
     Args:
         result: with the outputs of `weight_outputs`.
         steps: of the run since its history began, this one too.
     """
-    if result.count is None:
-        weight = np.full(result.image.shape[:2], min(steps / SETTLED, 1.0) ** 2, np.float32)
-    else:
-        weight = np.square(np.maximum(result.count, np.float32(LEAST)))
+    weight = np.full(result.image.shape[:2], min(steps / SETTLED, 1.0), np.float32)
+    if result.count is not None:
+        weight *= np.maximum(result.count, np.float32(LEAST))
     if result.converged is not None and result.converged.any():
         weight *= 1.0 + np.float32(CONVERGED) * np.square(result.converged)
     return weight
