@@ -1,6 +1,7 @@
 """Motion to the next frame: scattered, given, converted, imported, and checked."""
 
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -55,7 +56,7 @@ def test_the_motion_is_the_same_without_a_compiler(monkeypatch: pytest.MonkeyPat
     now, after = frame(DISC, 2), frame(DISC, 3)
     after.motion[5, 7], after.depth[9, 3] = np.nan, np.inf
     compiled = scattered_motion(now, after)
-    monkeypatch.setattr(backward_motion, "kernel_if_possible", lambda name: None)
+    monkeypatch.setattr(backward_motion, "kernel_if_possible", lambda _: None)
     assert (np.abs(scattered_motion(now, after) - compiled).max(axis=2) > 1e-4).mean() < 0.002
     assert np.isfinite(compiled).all()
 
@@ -137,10 +138,10 @@ def test_a_shot_keeps_motion_next_and_reads_it_on_demand(tmp_path: Path) -> None
 def test_blenders_vector_pass_leads_to_the_next_frame() -> None:
     """Of recorded frames: its Z and W agree with the next frame's X and Y, as the scattered motion does."""
     shown = [item.frame for item in import_blender(RECORDED)]
-    for now, after in zip(shown[:-1], shown[1:], strict=True):
+    for now, after in pairwise(shown):
         assert now.motion_next is not None
         off = np.abs(np.asarray(now.motion_next, np.float32) - scattered_motion(now, after)).max(axis=2)
-        assert np.median(off) < 0.05
+        assert np.median(off) < 0.1  # they accelerate
         assert np.abs(now.motion_next).max() > 0.3
 
 
@@ -153,7 +154,9 @@ def test_the_checks_find_motion_next_that_leads_elsewhere(turned: tuple[int, int
     shown = []
     for index in range(3):
         one = replace(frame(pan, index), reset=index == 0)
-        shown.append(replace(one, motion_next=-np.asarray(one.motion, np.float32) * np.float32(turned)))
+        shown.append(
+            replace(one, motion_next=-np.asarray(one.motion, np.float32) * np.array(turned, np.float32))
+        )
     checker = FrameChecker("strict")
 
     def check() -> None:
@@ -166,10 +169,10 @@ def test_the_checks_find_motion_next_that_leads_elsewhere(turned: tuple[int, int
         check()
         assert "motion_next" not in notes
         return
-    with pytest.raises(FrameError, match="frame.motion_next is inconsistent") as error:
+    with pytest.raises(FrameError, match="motion_next is inconsistent") as error:
         check()
     assert said in str(error.value)
     assert said in notes
+    checker = FrameChecker("warn")
     with pytest.warns(FrameWarning, match="motion_next"):
-        checker = FrameChecker("warn")
         check()
