@@ -1,4 +1,7 @@
-"""Sequences whose later frames are known: `upscale_sequence` steps forward and backward, and merges."""
+"""Sequences whose later frames are known: `upscale_sequence` steps forward and backward, and merges.
+
+The runs and their chunks are in both_ways.py, the merge in merge.py.
+"""
 
 from supersampler.sequence.upscale_sequence import upscale_sequence
 

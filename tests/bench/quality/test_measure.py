@@ -257,10 +257,11 @@ def test_two_passes_have_a_row_of_their_own(tmp_path: Path) -> None:
     assert two.method == "taau:x2"
     images = list(upscale_sequence(shot, display_size=DISPLAY, model="taau", validate="off"))
     stored = {item.index: item.reference for item in shot}
+    exposures = {item.index: item.frame.exposure for item in shot}
     for scores in two.frames:
         reference = stored[scores.frame]
         assert reference is not None
-        exposure = auto_exposure(reference)
+        exposure = exposures[scores.frame] or auto_exposure(reference)
         shown = display_transform(images[scores.frame], exposure)
         assert scores.full["psnr"] == pytest.approx(
             metrics.psnr(shown, display_transform(reference, exposure))
