@@ -4,7 +4,7 @@ The metrics are in metrics.py, strred.py, masks.py and confusion.py. Each frame 
 ("full") and without a border ("cropped"); summaries are of all frames ("all") and without the first ("warm").
 """
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -20,7 +20,8 @@ from supersampler.io.shot import ClassMaps, Shot, ShotFrame
 from supersampler.methods.gbuffers import names_of
 from supersampler.sequence.both_ways import BothWays, ChunkSize
 from supersampler.sequence.frame_store import FrameStore
-from supersampler.sequence.upscale_sequence import frames_of
+from supersampler.sequence.interpolation import Interpolator
+from supersampler.sequence.upscale_sequence import buffers_of, frames_of
 from supersampler.upscaler import Upscaler
 from supersampler_bench.compatibility import incompatibility
 from supersampler_bench.quality import confusion, masks, metrics, strred
@@ -149,7 +150,9 @@ def stepper_of(method: str | Path, shot: Shot) -> Stepper:
     outputs = [name for name in ("class_map",) if name in upscaler.model.info.maps]
 
     is_both_ways = parse_spec(str(method), two_passes=True).passes == 2
-    both_ways = _both_ways(shot, upscaler, outputs) if is_both_ways else None
+    both_ways = None
+    if is_both_ways:
+        both_ways = both_ways_images(frames_of(shot, buffers_of(upscaler)), upscaler, outputs=outputs)
 
     def step(item: ShotFrame) -> StepImage:
         if both_ways is not None:
@@ -162,12 +165,28 @@ def stepper_of(method: str | Path, shot: Shot) -> Stepper:
     return Stepper(str(method), step, upscaler.model.info.gbuffers)
 
 
-def _both_ways(shot: Shot, forward: Upscaler, outputs: Sequence[str]) -> Iterator[StepImage]:
-    """Yield the images of a shot in two passes; its frames are read once more."""
+def both_ways_images(
+    frames: Iterable[Frame],
+    forward: Upscaler,
+    *,
+    outputs: Sequence[str] = (),
+    interpolator: Interpolator | None = None,
+) -> Iterator[StepImage]:
+    """Yield the images of some frames in two passes.
+
+    Args:
+        frames: in order.
+        forward: of the method.
+        outputs: names of further outputs, such as "class_map".
+        interpolator: of the colours of unshaded frames.
+    """
     backward = Upscaler(forward.model, display_size=forward.display_size, skip=forward.skip, validate="off")
-    with FrameStore(on_disk=True) as store:
-        runs = BothWays(forward, backward, store, ChunkSize(), outputs=tuple(outputs))
-        for _, result in runs.run(frames_of(shot, forward, motion_next=True)):
+    names = buffers_of(forward, interpolator)
+    with FrameStore(on_disk=True, names=names) as store:
+        runs = BothWays(
+            forward, backward, store, ChunkSize(), outputs=tuple(outputs), interpolator=interpolator
+        )
+        for _, result in runs.run(frames):
             yield StepImage(result.image, result.class_map)
 
 

@@ -105,7 +105,7 @@ class UpscaleJob:
             threads=self.threads,
             precision=precision,
             skip=skip,
-            extrapolation=self.extrapolation,
+            extrapolation=self.extrapolation if self.passes == 1 else None,
             validate=self.validate,
         )
 

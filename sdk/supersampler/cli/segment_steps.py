@@ -2,7 +2,7 @@
 
 import time
 from collections import deque
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Collection, Generator, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -17,7 +17,8 @@ from supersampler.io.shot import ShotFrame
 from supersampler.io.stage_times import StageTimes
 from supersampler.sequence.both_ways import BothWays, ChunkSize
 from supersampler.sequence.frame_store import FrameStore
-from supersampler.sequence.upscale_sequence import MOTION_NEXT
+from supersampler.sequence.interpolation import interpolator_of
+from supersampler.sequence.upscale_sequence import buffers_of
 from supersampler.upscaler import Upscaler
 
 OnStep = Callable[[int, str], None]
@@ -97,12 +98,17 @@ class SegmentSteps:
             yield from self._both_ways(segment, exposure_at_start, needed, references, on_step)
 
     def _frames(
-        self, segment: Segment, exposure_at_start: float | None, *names: str, references: bool
+        self,
+        segment: Segment,
+        exposure_at_start: float | None,
+        gbuffers: Collection[str],
+        *,
+        references: bool,
     ) -> Iterator[ShotFrame]:
         frames = self._job.shot.frames(
             segment.start,
             segment.end,
-            gbuffers=(*self._upscaler.gbuffers, *names),
+            gbuffers=gbuffers,
             references=references,
             times=self._times,
         )
@@ -114,7 +120,7 @@ class SegmentSteps:
     def _in_order(
         self, segment: Segment, exposure_at_start: float | None, references: bool, on_step: OnStep
     ) -> Generator[Stepped]:
-        for item in self._frames(segment, exposure_at_start, references=references):
+        for item in self._frames(segment, exposure_at_start, self._upscaler.gbuffers, references=references):
             before = self._upscaler.stats.seconds
             with self._named(item.index), self._times.measure("step"):
                 result = self._step(item.frame)
@@ -130,10 +136,13 @@ class SegmentSteps:
         references: bool,
         on_step: OnStep,
     ) -> Generator[Stepped]:
+        job, forward = self._job, self._upscaler
         names: deque[Sequence[str] | None] = deque()
+        interpolator = None if job.extrapolation is None else interpolator_of(job.extrapolation, forward)
+        buffers = buffers_of(forward, interpolator)
 
         def read() -> Iterator[Frame]:
-            for item in self._frames(segment, exposure_at_start, MOTION_NEXT, references=False):
+            for item in self._frames(segment, exposure_at_start, buffers, references=False):
                 names.append(item.raw.aov_names)
                 yield item.frame
 
@@ -144,14 +153,18 @@ class SegmentSteps:
                 yield
             on_step(index, direction)
 
-        job, forward = self._job, self._upscaler
-        stored = frozenset(forward.gbuffers)
         with (
             job.backward_upscaler(forward) as backward,
-            FrameStore(on_disk=True, folder=job.scratch, names=stored) as store,
+            FrameStore(on_disk=True, folder=job.scratch, names=buffers) as store,
         ):
             runs = BothWays(
-                forward, backward, store, self._size, outputs=("aovs", *self._maps()), around=around
+                forward,
+                backward,
+                store,
+                self._size,
+                outputs=("aovs", *self._maps()),
+                around=around,
+                interpolator=interpolator,
             )
             index, before = segment.start, time.perf_counter()
             for frame, result in runs.run(read(), skip=needed - segment.start):

@@ -5,11 +5,12 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
-from supersampler.frame import Frame
+from supersampler.frame import Float32, Frame
 from supersampler.history import StepResult
 from supersampler.io.display import ExposureMeter
 from supersampler.sequence.backward_motion import reversed_frame
 from supersampler.sequence.frame_store import FrameStore, Stored, StoredFrame
+from supersampler.sequence.interpolation import Interpolator
 from supersampler.sequence.merge import merge_aovs, merge_images, weight_of, weight_outputs
 from supersampler.upscaler import Upscaler
 
@@ -68,6 +69,7 @@ class BothWays:
         size: of the chunks.
         outputs: names of further outputs; all but "aovs" are those of the forward run.
         around: makes a context for each step, from the index of its frame and the direction.
+        interpolator: computes the colour of frames that were not shaded; without one they are refused.
     """
 
     def __init__(
@@ -79,7 +81,10 @@ class BothWays:
         *,
         outputs: tuple[str, ...] = (),
         around: Around = lambda *_: nullcontext(),
+        interpolator: Interpolator | None = None,
     ) -> None:
+        self._interpolator = interpolator
+        self._colors: dict[int, Stored] = {}  # of unshaded frames of the window, by place
         self._forward, self._backward, self._store = forward, backward, store
         self._size, self._around = size, around
         self._meter, self._steps = ExposureMeter(), 0  # of the forward run since the last cut
@@ -98,10 +103,13 @@ class BothWays:
         while self._fill(window, source):
             count = len(window.frames) if window.ended else self._size.frames
             wanted = window.first + count > skip
+            self._compute_colors(window, count)
             images = self._step_backward(window, count) if wanted else [None] * count
             for place in range(count):
-                yield self._merged(window.first + place, window.frames[place], images[place])
+                yield self._merged(window.first + place, place, window.frames[place], images[place])
                 self._store.drop(window.frames[place].stored)
+            for stored in self._colors.values():
+                self._store.drop(stored)
             window.frames, window.first = window.frames[count:], window.first + count
 
     def _fill(self, window: _Window, source: Iterator[Frame]) -> bool:
@@ -119,6 +127,24 @@ class BothWays:
             window.frames.append(self._store.put_frame(frame))
         return bool(window.frames)
 
+    def _compute_colors(self, window: _Window, count: int) -> None:
+        """Store the colours of the window's unshaded frames."""
+        self._colors = {}
+        if self._interpolator is not None:
+            frames = [self._store.get_frame(stored) for stored in window.frames]
+            colors = self._interpolator.colors(frames, count)
+            self._colors = {place: self._store.put({"color": color}) for place, color in colors.items()}
+
+    def _step(self, upscaler: Upscaler, frame: Frame, place: int, outputs: tuple[str, ...]) -> StepResult:
+        color: Float32 | None = None
+        if frame.color is None and place in self._colors:
+            color = self._store.get(self._colors[place])["color"]
+        if color is None:
+            result = upscaler.step(frame, outputs=outputs)
+        else:
+            result = upscaler.step_computed(frame, color, outputs=outputs)
+        return result if isinstance(result, StepResult) else StepResult(result)
+
     def _outputs(self, frame: Frame) -> tuple[str, ...]:
         """Return the outputs that a merged step on this frame needs."""
         aovs = ("aovs",) * (frame.aovs is not None and "aovs" in self._asked)
@@ -132,7 +158,7 @@ class BothWays:
             frame = self._store.get_frame(window.frames[place])
             with self._around(window.first + place, "backward"):
                 outputs = self._outputs(frame)
-                result = _stepped(self._backward, reversed_frame(frame, following), outputs)
+                result = self._step(self._backward, reversed_frame(frame, following), place, outputs)
             if place < count:
                 arrays = {"image": result.image, "weight": weight_of(result, steps)}
                 if result.aovs is not None:
@@ -141,13 +167,13 @@ class BothWays:
             following = frame
         return found[::-1]
 
-    def _merged(self, index: int, stored: StoredFrame, backward: Stored | None) -> Merged:
+    def _merged(self, index: int, place: int, stored: StoredFrame, backward: Stored | None) -> Merged:
         """Step forward, and merge with the backward image."""
         frame = self._store.get_frame(stored)
         asked = [name for name in self._asked if name != "aovs"]
         outputs = tuple(dict.fromkeys((*self._outputs(frame), *asked)))
         with self._around(index, "forward"):
-            result = _stepped(self._forward, frame, outputs)
+            result = self._step(self._forward, frame, place, outputs)
         self._steps = 1 if frame.reset else self._steps + 1
         exposure = self._meter.read(frame.color, given=frame.exposure, reset=frame.reset)
         if backward is not None:
@@ -157,8 +183,3 @@ class BothWays:
             if result.aovs is not None:
                 merge_aovs(result.aovs, other["aovs"], weight, other["weight"])
         return Merged(frame, result)
-
-
-def _stepped(upscaler: Upscaler, frame: Frame, outputs: tuple[str, ...]) -> StepResult:
-    result = upscaler.step(frame, outputs=outputs)
-    return result if isinstance(result, StepResult) else StepResult(result)

@@ -1,6 +1,6 @@
 """`upscale_sequence`: the images of frames whose successors are known."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from pathlib import Path
 
 from supersampler.arguments import checked_path
@@ -10,6 +10,7 @@ from supersampler.io.shot import Shot, ShotFrame
 from supersampler.model import ExecutorName, Model, Precision, Skip
 from supersampler.sequence.both_ways import BothWays, ChunkSize
 from supersampler.sequence.frame_store import FrameStore
+from supersampler.sequence.interpolation import Interpolator, interpolator_of
 from supersampler.upscaler import Upscaler
 from supersampler.validation import Validate
 
@@ -31,6 +32,7 @@ def upscale_sequence(
     executor: ExecutorName = "auto",
     precision: Precision = "auto",
     skip: Skip = "auto",
+    extrapolation: str | Path | None = None,
     validate: Validate = "warn",
     scratch: str | Path | None = None,
 ) -> Iterator[Float32]:
@@ -61,6 +63,8 @@ def upscale_sequence(
         executor: see `Upscaler`.
         precision: see `Upscaler`.
         skip: see `Upscaler`.
+        extrapolation: model for frames without colour, such as "guided-warp". One pass takes their light from
+            the shaded frame before, as `Upscaler.extrapolate`; two passes from those before and after.
         validate: see `Upscaler`.
         scratch: existing folder for the scratch folder; None is the system's place for temporary files.
 
@@ -80,30 +84,37 @@ def upscale_sequence(
     forward = Upscaler(
         model, display_size=display_size, scale=scale, providers=providers, threads=threads,
         executor=executor, precision=precision, skip=skip, validate=validate,
+        extrapolation=extrapolation if passes == 1 else None,
     )  # fmt: skip
     if passes == 1:
-        return _in_order(frames, forward)
+        return _in_order(frames, forward, extrapolates=extrapolation is not None)
+    interpolator = None if extrapolation is None else interpolator_of(extrapolation, forward, executor)
     backward = Upscaler(
         forward.model, display_size=display_size, scale=scale, skip=skip, validate="off"
     )  # the same frames: one check is enough
-    return _both_ways(frames, forward, backward, size, place, lookahead is None)
+    return _both_ways(frames, forward, backward, size, interpolator, place, lookahead is None)
 
 
-def frames_of(frames: Shot | Iterable[Frame], upscaler: Upscaler, *, motion_next: bool) -> Iterator[Frame]:
-    """Yield the frames of a shot, with the buffers that a run reads, or those of an iterable, checked."""
+def buffers_of(upscaler: Upscaler, interpolator: Interpolator | None = None) -> frozenset[str]:
+    """Return the names of the buffers that two passes read of each frame, as in `Shot.frames`."""
+    return frozenset((*upscaler.gbuffers, *(interpolator.gbuffers if interpolator else ()), MOTION_NEXT))
+
+
+def frames_of(frames: Shot | Iterable[Frame], names: Collection[str]) -> Iterator[Frame]:
+    """Yield the frames of a shot, with these buffers, or those of an iterable, checked."""
     if isinstance(frames, Shot):
-        gbuffers = (*upscaler.gbuffers, *((MOTION_NEXT,) if motion_next else ()))
-        for item in frames.frames(gbuffers=gbuffers, references=False):
+        for item in frames.frames(gbuffers=names, references=False):
             yield item.frame
         return
     for frame in frames:
         yield checked_frame(frame.frame if isinstance(frame, ShotFrame) else frame)
 
 
-def _in_order(frames: Shot | Iterable[Frame], forward: Upscaler) -> Iterator[Float32]:
+def _in_order(frames: Shot | Iterable[Frame], forward: Upscaler, *, extrapolates: bool) -> Iterator[Float32]:
     with forward:
-        for frame in frames_of(frames, forward, motion_next=False):
-            yield forward.step(frame)
+        for frame in frames_of(frames, forward.gbuffers):
+            unshaded = extrapolates and frame.color is None
+            yield forward.extrapolate(frame) if unshaded else forward.step(frame)
 
 
 def _both_ways(
@@ -111,13 +122,14 @@ def _both_ways(
     forward: Upscaler,
     backward: Upscaler,
     size: ChunkSize,
+    interpolator: Interpolator | None,
     place: Path | None,
     on_disk: bool,
 ) -> Iterator[Float32]:
-    names = frozenset(forward.gbuffers)
+    names = buffers_of(forward, interpolator)
     with forward, backward, FrameStore(on_disk=on_disk, folder=place, names=names) as store:
-        run = BothWays(forward, backward, store, size)
-        for merged in run.run(frames_of(frames, forward, motion_next=True)):
+        runs = BothWays(forward, backward, store, size, interpolator=interpolator)
+        for merged in runs.run(frames_of(frames, names)):
             yield merged.result.image
 
 
