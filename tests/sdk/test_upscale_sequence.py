@@ -29,6 +29,11 @@ def small_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
     )
 
 
+@pytest.fixture
+def on_disk(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("supersampler.sequence.upscaling.MEMORY", 0.0)
+
+
 def frames(count: int = COUNT, cuts: tuple[int, ...] = ()) -> list[Frame]:
     return [moving(index, reset=index in (0, *cuts)) for index in range(count)]
 
@@ -134,7 +139,7 @@ def test_live_images_come_two_blocks_late_at_most_and_cost_three_steps(
     assert all(map(np.array_equal, result, merged(frames(12), lookahead=lookahead)))
 
 
-@pytest.mark.usefixtures("small_chunks")
+@pytest.mark.usefixtures("small_chunks", "on_disk")
 def test_no_more_than_a_chunk_and_its_overlap_are_kept(tmp_path: Path) -> None:
     most = 0
     for _ in merged_in(tmp_path, frames(20)):
@@ -148,6 +153,7 @@ def merged_in(scratch: Path, given: Any) -> Iterator[np.ndarray]:
     return upscale_sequence(given, display_size=DISPLAY_SIZE, model="taau", scratch=scratch)
 
 
+@pytest.mark.usefixtures("on_disk")
 def test_the_scratch_folder_is_removed_whatever_happens(tmp_path: Path) -> None:
     closed = merged_in(tmp_path, frames())
     next(closed)
@@ -170,6 +176,7 @@ def test_the_scratch_folder_is_removed_whatever_happens(tmp_path: Path) -> None:
     assert scratch_of(tmp_path) == []
 
 
+@pytest.mark.usefixtures("on_disk")
 def test_a_full_disk_is_one_line_and_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path_open = Path.open
 
@@ -207,6 +214,13 @@ def test_arguments_are_refused_before_a_frame_is_read(options: dict[str, Any], s
         upscale_sequence(never(), **{"display_size": DISPLAY_SIZE, "model": "taau", **options})
     with pytest.raises(ArgumentError, match="frames is 5"):
         upscale_sequence(5, display_size=DISPLAY_SIZE)  # type: ignore[arg-type]
+
+
+def test_images_are_the_same_from_memory_and_from_the_disk(monkeypatch: pytest.MonkeyPatch) -> None:
+    in_memory = merged(frames())
+    for limit in (0.0, 40_000.0):
+        monkeypatch.setattr("supersampler.sequence.upscaling.MEMORY", limit)
+        assert all(map(np.array_equal, merged(frames()), in_memory))
 
 
 def test_a_scratch_folder_that_does_not_exist_is_named(tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ from supersampler.io.shot import Shot, ShotFrame
 from supersampler.methods.gbuffers import listed, names_of
 from supersampler.methods.model_file import find_model, read_model_info
 from supersampler.sequence.interpolation import interpolator_of
-from supersampler.sequence.upscale_sequence import buffers_of
+from supersampler.sequence.upscaling import buffers_of
 from supersampler.upscaler import Upscaler
 from supersampler_bench.quality.measure import (
     StepImage,

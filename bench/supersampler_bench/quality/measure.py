@@ -21,7 +21,7 @@ from supersampler.methods.gbuffers import names_of
 from supersampler.sequence.both_ways import BothWays, ChunkSize
 from supersampler.sequence.frame_store import FrameStore
 from supersampler.sequence.interpolation import Interpolator
-from supersampler.sequence.upscale_sequence import buffers_of, frames_of
+from supersampler.sequence.upscaling import buffers_of, frames_of
 from supersampler.upscaler import Upscaler
 from supersampler_bench.compatibility import incompatibility
 from supersampler_bench.quality import confusion, masks, metrics, strred
@@ -182,7 +182,7 @@ def both_ways_images(
     """
     backward = Upscaler(forward.model, display_size=forward.display_size, skip=forward.skip, validate="off")
     names = buffers_of(forward, interpolator)
-    with FrameStore(on_disk=True, names=names) as store:
+    with FrameStore(names=names) as store:
         runs = BothWays(
             forward, backward, store, ChunkSize(), outputs=tuple(outputs), interpolator=interpolator
         )

@@ -18,7 +18,7 @@ from supersampler.io.stage_times import StageTimes
 from supersampler.sequence.both_ways import BothWays, ChunkSize
 from supersampler.sequence.frame_store import FrameStore
 from supersampler.sequence.interpolation import interpolator_of
-from supersampler.sequence.upscale_sequence import buffers_of
+from supersampler.sequence.upscaling import buffers_of
 from supersampler.upscaler import Upscaler
 
 OnStep = Callable[[int, str], None]
@@ -155,7 +155,7 @@ class SegmentSteps:
 
         with (
             job.backward_upscaler(forward) as backward,
-            FrameStore(on_disk=True, folder=job.scratch, names=buffers) as store,
+            FrameStore(folder=job.scratch, names=buffers) as store,
         ):
             runs = BothWays(
                 forward,

@@ -3,6 +3,6 @@
 The runs and their chunks are in both_ways.py, the merge in merge.py.
 """
 
-from supersampler.sequence.upscale_sequence import upscale_sequence
+from supersampler.sequence.upscaling import upscale_sequence
 
 __all__ = ["upscale_sequence"]

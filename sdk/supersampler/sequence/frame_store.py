@@ -1,4 +1,4 @@
-"""Arrays of frames and images that wait for their turn: in memory, or in a scratch folder on disk."""
+"""Arrays of frames and images that wait for their turn, in memory and in a scratch folder on disk."""
 
 import tempfile
 from collections.abc import Mapping
@@ -14,6 +14,8 @@ from supersampler.errors import ShotError
 from supersampler.frame import GBUFFER_CHANNELS, GBUFFER_DISPLAY_CHANNELS, Frame
 from supersampler.io.atomic import os_errors_as_shot_error
 
+MEMORY = 2.0**30
+"""Bytes of frames and images that are kept in memory; what is more goes to the disk."""
 _ROOM = "Is the disk full? `scratch` names a folder on another; images that were written stay."
 _IMAGES = ("color", "depth", "motion", "aovs", "motion_next")
 _GROUPS = {"gbuffer": GBUFFER_CHANNELS, "gbuffer_display": GBUFFER_DISPLAY_CHANNELS}
@@ -48,48 +50,46 @@ class StoredFrame:
 
 
 class FrameStore:
-    """Keeps copies of arrays until they are dropped.
+    """Keeps arrays until they are dropped: in memory up to a limit, the others in a scratch folder.
 
     Args:
-        on_disk: whether in files of a scratch folder, which is removed when the store is closed; otherwise
-            in memory.
-        folder: where to make the scratch folder; None is the system's place for temporary files.
+        memory: bytes to keep in memory.
+        folder: where to make the scratch folder, when it is needed; None is the system's place for temporary
+            files. It is removed when the store is closed.
         names: optional arrays of frames to keep, by `input_name`; None keeps all.
 
     Raises:
-        ShotError: the folder cannot be made.
+        ShotError: `folder` is no folder.
     """
 
     def __init__(
-        self, *, on_disk: bool, folder: Path | None = None, names: frozenset[str] | None = None
+        self, *, memory: float = MEMORY, folder: Path | None = None, names: frozenset[str] | None = None
     ) -> None:
-        self._names = names
+        if folder is not None and not folder.is_dir():
+            raise ShotError(folder, "is no folder", "`scratch` names an existing one.")
+        self._names, self._place, self._room = names, folder, memory
         self._folder: tempfile.TemporaryDirectory[str] | None = None
         self._held: dict[int, dict[str, NDArray[Any]]] = {}
         self._next = 0
-        if on_disk:
-            place = str(folder or tempfile.gettempdir())
-            with os_errors_as_shot_error(place, "used for scratch files", "`scratch` names another folder."):
-                self._folder = tempfile.TemporaryDirectory(
-                    prefix="supersampler-", dir=folder, ignore_cleanup_errors=True
-                )
 
     def put(self, arrays: Mapping[str, NDArray[Any]]) -> Stored:
-        """Keep copies of some arrays; ShotError where the disk is full."""
+        """Keep some arrays, which must not be changed later; ShotError where the disk is full."""
         key, self._next = self._next, self._next + 1
         facts = {name: (array.dtype, array.shape) for name, array in arrays.items()}
-        if self._folder is None:
-            self._held[key] = {name: array.copy() for name, array in arrays.items()}
+        size = sum(array.nbytes for array in arrays.values())
+        if size <= self._room:
+            self._held[key] = dict(arrays)
+            self._room -= size
             return Stored(key, facts)
-        path = self._path(key)
-        with os_errors_as_shot_error(path.parent, "written", _ROOM), path.open("wb") as file:
+        place = self._place or tempfile.gettempdir()
+        with os_errors_as_shot_error(place, "written", _ROOM), self._path(key).open("wb") as file:
             for array in arrays.values():
                 np.ascontiguousarray(array).tofile(file)
         return Stored(key, facts)
 
     def get(self, stored: Stored) -> dict[str, NDArray[Any]]:
-        """Return the arrays; changes of those in memory change what is kept."""
-        if self._folder is None:
+        """Return the arrays, which must not be changed."""
+        if stored.key in self._held:
             return dict(self._held[stored.key])
         path, found = self._path(stored.key), {}
         with os_errors_as_shot_error(path, "read"), path.open("rb") as file:
@@ -110,7 +110,8 @@ class FrameStore:
         if self._names is not None:
             required = {"color", "depth", "motion", "motion_next", "aovs"} | self._names
             arrays = {name: array for name, array in arrays.items() if name in required}
-        return StoredFrame(self.put(arrays), frame.jitter, frame.reset, frame.exposure)
+        copies = {name: array.copy() for name, array in arrays.items()}  # engines reuse their buffers
+        return StoredFrame(self.put(copies), frame.jitter, frame.reset, frame.exposure)
 
     def get_frame(self, frame: StoredFrame) -> Frame:
         """Return a frame."""
@@ -123,10 +124,11 @@ class FrameStore:
 
     def drop(self, stored: Stored) -> None:
         """Forget arrays, and free their memory or file."""
-        if self._folder is None:
-            self._held.pop(stored.key, None)
-        else:
+        held = self._held.pop(stored.key, None)
+        if held is None:
             self._path(stored.key).unlink(missing_ok=True)
+        else:
+            self._room += sum(array.nbytes for array in held.values())
 
     def close(self) -> None:
         """Remove all that is kept, and the scratch folder."""
@@ -143,5 +145,8 @@ class FrameStore:
         self.close()
 
     def _path(self, key: int) -> Path:
-        assert self._folder is not None  # noqa: S101  # checked by the callers
+        if self._folder is None:
+            self._folder = tempfile.TemporaryDirectory(
+                prefix="supersampler-", dir=self._place, ignore_cleanup_errors=True
+            )
         return Path(self._folder.name) / f"{key}.bin"

@@ -39,14 +39,18 @@ def scatter_motion(tables: ScatterTables):
             if mismatch[pixel] < np.float32(HIDDEN):
                 continue
             best, source = np.int64(4 * OTHER_SURFACE), np.int64(-1)
-            for y in range(max(row - REACH, 0), min(row + REACH + 1, height)):
-                for x in range(max(column - REACH, 0), min(column + REACH + 1, width)):
-                    near = y * width + x
-                    if mismatch[near] < np.float32(HIDDEN):
-                        cost = (y - row) * (y - row) + (x - column) * (x - column)
-                        if mismatch_of(depth[pixel], depth[near]) > np.float32(SAME_SURFACE):
-                            cost += OTHER_SURFACE
-                        if cost < best:
-                            best, source = cost, near
+            for reach in range(1, REACH + 1):  # ring by ring
+                if best < reach * reach:  # all others are farther away
+                    break
+                for y in range(max(row - reach, 0), min(row + reach + 1, height)):
+                    across = 1 if abs(y - row) == reach else 2 * reach  # of the other rows, both ends
+                    for x in range(column - reach, column + reach + 1, across):
+                        near = y * width + x
+                        if x >= 0 and x < width and mismatch[near] < np.float32(HIDDEN):
+                            cost = (y - row) * (y - row) + (x - column) * (x - column)
+                            if mismatch_of(depth[pixel], depth[near]) > np.float32(SAME_SURFACE):
+                                cost += OTHER_SURFACE
+                            if cost < best:
+                                best, source = cost, near
             if source >= 0:
                 motion[2 * pixel], motion[2 * pixel + 1] = motion[2 * source], motion[2 * source + 1]

@@ -1,5 +1,6 @@
 """`upscale_sequence`: the images of frames whose successors are known."""
 
+import math
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from pathlib import Path
 
@@ -9,7 +10,7 @@ from supersampler.frame import Float32, Frame, Size, checked_frame
 from supersampler.io.shot import Shot, ShotFrame
 from supersampler.model import ExecutorName, Model, Precision, Skip
 from supersampler.sequence.both_ways import BothWays, ChunkSize
-from supersampler.sequence.frame_store import FrameStore
+from supersampler.sequence.frame_store import MEMORY, FrameStore
 from supersampler.sequence.interpolation import Interpolator, interpolator_of
 from supersampler.upscaler import Upscaler
 from supersampler.validation import Validate
@@ -46,8 +47,8 @@ def upscale_sequence(
     ...     show(image)  # (360, 640, 3) float32, linear RGB
 
     Frames are read once, in order, so that a generator serves as well as a list or a `Shot`. Those of a chunk
-    and its backward images are kept in a scratch folder, which is removed at the end, after an error, and
-    when the iterator is closed or deleted.
+    and its backward images are kept in memory up to 1 GiB, and beyond that in a scratch folder, which is
+    removed at the end, after an error, and when the iterator is closed or deleted.
 
     Args:
         frames: a `Shot`, or Frames in order. `reset` marks the first frame after a cut.
@@ -92,7 +93,9 @@ def upscale_sequence(
     backward = Upscaler(
         forward.model, display_size=display_size, scale=scale, skip=skip, validate="off"
     )  # the same frames: one check is enough
-    return _both_ways(frames, forward, backward, size, interpolator, place, lookahead is None)
+    memory = MEMORY if lookahead is None else math.inf
+    store = FrameStore(memory=memory, folder=place, names=buffers_of(forward, interpolator))
+    return _both_ways(frames, forward, backward, size, interpolator, store)
 
 
 def buffers_of(upscaler: Upscaler, interpolator: Interpolator | None = None) -> frozenset[str]:
@@ -123,11 +126,10 @@ def _both_ways(
     backward: Upscaler,
     size: ChunkSize,
     interpolator: Interpolator | None,
-    place: Path | None,
-    on_disk: bool,
+    store: FrameStore,
 ) -> Iterator[Float32]:
     names = buffers_of(forward, interpolator)
-    with forward, backward, FrameStore(on_disk=on_disk, folder=place, names=names) as store:
+    with forward, backward, store:
         runs = BothWays(forward, backward, store, size, interpolator=interpolator)
         for merged in runs.run(frames_of(frames, names)):
             yield merged.result.image
