@@ -109,7 +109,9 @@ def test_a_computed_colour_is_stepped_on_like_an_extrapolated_one() -> None:
     unshaded = lit(1, light=1.0, shaded=False)
     color = lit(1, light=1.0).color
     assert color is not None
-    assert upscaler.step_computed(unshaded, color).shape == (36, 64, 3)
+    image = upscaler.step_computed(unshaded, color)
+    assert isinstance(image, np.ndarray)
+    assert image.shape == (36, 64, 3)
     with pytest.raises(FrameError, match="want None, as it is computed"):
         upscaler.step_computed(lit(1, light=1.0), color)
 
