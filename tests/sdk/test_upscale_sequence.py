@@ -288,7 +288,22 @@ def test_a_range_sees_frames_after_it(tmp_path: Path) -> None:
         assert data == images(tmp_path / "whole")[name]
 
 
-def test_progress_counts_the_steps_of_both_passes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("options", "forward", "backward"),
+    [
+        pytest.param((), COUNT, COUNT, id="whole"),
+        pytest.param(
+            ("--frames", "3-4", "--preroll", 2), 4, 5, id="range"
+        ),  # frames 1 to 4, and 5 before the cut
+    ],
+)
+def test_progress_counts_the_steps_of_both_passes(
+    options: tuple[object, ...],
+    forward: int,
+    backward: int,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     from supersampler.cli.progress import RunProgress
 
     totals, whats = [], []
@@ -305,6 +320,6 @@ def test_progress_counts_the_steps_of_both_passes(tmp_path: Path, monkeypatch: p
     monkeypatch.setattr(RunProgress, "__init__", begun)
     monkeypatch.setattr(RunProgress, "advance", advanced)
     shot = write_shot(tmp_path / "shot", COUNT, cuts=(6,))
-    upscale(shot, tmp_path / "out", "--passes", 2, method="taau")
-    assert totals == [len(whats)] == [2 * COUNT]
-    assert whats.count("stepping backward") == COUNT
+    upscale(shot, tmp_path / "out", "--passes", 2, *options, method="taau")
+    assert totals == [len(whats)] == [forward + backward]
+    assert whats.count("stepping backward") == backward

@@ -5,6 +5,7 @@ from collections import deque
 from collections.abc import Callable, Collection, Generator, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from itertools import islice
 from typing import NamedTuple
 
 from supersampler.cli.frame_plan import Segment
@@ -167,9 +168,10 @@ class SegmentSteps:
                 interpolator=interpolator,
             )
             index, before = segment.start, time.perf_counter()
-            for frame, result in runs.run(read(), skip=needed - segment.start):
-                if index >= segment.stop:  # the others only began the backward run
-                    break
+            merged = runs.run(read(), skip=needed - segment.start)
+            for frame, result in islice(
+                merged, segment.stop - segment.start
+            ):  # others began the backward run
                 reference = job.shot.read_reference(index) if references else None
                 item = SteppedFrame(index=index, frame=frame, reference=reference)
                 yield Stepped(item, names.popleft(), result, time.perf_counter() - before)
