@@ -2,15 +2,16 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from supersampler import Frame, FrameError, Shot, Upscaler, upscale_sequence
+from supersampler import ArgumentError, Frame, FrameError, Shot, Upscaler, upscale_sequence
 from supersampler.io.shot import ShotWriter
 from supersampler.sequence import both_ways
-from supersampler.sequence.interpolation import UNSEEN, Side, interpolated, surface_agreement
+from supersampler.sequence.interpolation import UNSEEN, Interpolator, Side, interpolated, surface_agreement
 from upscale_runs import DISPLAY_SIZE, SIZE, moving, pixels, upscale
 
 COUNT = 7
@@ -59,7 +60,7 @@ def test_shaded_frames_are_as_if_all_were_shaded_where_a_method_has_no_history()
         np.testing.assert_allclose(two[index], alone, rtol=1e-5, atol=1e-6)
 
 
-def test_the_last_frame_takes_its_light_from_the_frame_before(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_last_frame_takes_its_light_from_the_frame_before() -> None:
     one, two = images(alternating(6), 1), images(alternating(6), 2)
     np.testing.assert_allclose(two[5], one[5], rtol=1e-4, atol=1e-5)
 
@@ -84,7 +85,6 @@ def test_the_side_that_saw_the_surface_counts() -> None:
     dark, bright = np.zeros((*shape, 3), np.float32), np.ones((*shape, 3), np.float32)
     assert interpolated(Side(dark, seen, 1), Side(bright, unseen, 1)).max() < 0.01
     assert interpolated(Side(dark, seen, 1), Side(bright, seen, 3)).mean() == pytest.approx(0.25)
-    assert interpolated(Side(dark, seen, 2), None) is dark
 
 
 def test_a_surface_that_moved_agrees_where_it_was_and_not_off_screen() -> None:
@@ -124,3 +124,11 @@ def test_the_command_takes_both_options(tmp_path: Path) -> None:
     for index, image in enumerate(images(Shot.open(tmp_path / "shot"), 2)):
         stored = pixels(tmp_path / "out" / f"{index:04d}.exr")
         np.testing.assert_array_equal(stored, image.astype(np.float16).astype(np.float32))
+
+
+def test_a_model_without_surfaces_is_refused() -> None:
+    class Bare:
+        info = SimpleNamespace(method="bare", history=())
+
+    with pytest.raises(ArgumentError, match="'bare', without history"):
+        Interpolator(Bare(), ())  # type: ignore[arg-type]

@@ -131,9 +131,7 @@ class BothWays:
         """Store the colours of the window's unshaded frames."""
         self._colors = {}
         if self._interpolator is not None:
-            frames = [self._store.get_frame(stored) for stored in window.frames]
-            colors = self._interpolator.colors(frames, count)
-            self._colors = {place: self._store.put({"color": color}) for place, color in colors.items()}
+            self._colors = self._interpolator.colors(window.frames, count, self._store)
 
     def _step(self, upscaler: Upscaler, frame: Frame, place: int, outputs: tuple[str, ...]) -> StepResult:
         color: Float32 | None = None

@@ -6,23 +6,26 @@ images have the reflectance of the same pixels, so that their mean interpolates 
 frames. It is weighted by the distance in time, and by whether the surface was seen on that side.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from supersampler.errors import ArgumentError
 from supersampler.extrapolation import Extrapolator, ShadedHistory
 from supersampler.frame import Float32, Frame
 from supersampler.model import ExecutorName
 from supersampler.sequence.backward_motion import reversed_frame
+from supersampler.sequence.frame_store import FrameStore, Stored, StoredFrame
 from supersampler.upscaler import Upscaler
 
 SURFACE_SIGMA, DEPTH_SIGMA = 0.1, 0.02
 """Differences of base colour and normal, and of relative depth, that one standard deviation is."""
 UNSEEN = 1e-3
 """Smallest weight of a side, relative to one where the surface was seen."""
+_NEEDED = tuple(f"history.{name}" for name in ("motion", "jitter", "depth", "base_color", "normal"))
 
 
 class Side(NamedTuple):
@@ -48,67 +51,85 @@ class Interpolator:
 
     Attributes:
         gbuffers: these names.
+
+    Raises:
+        ArgumentError: the model keeps no surfaces of the shaded frame.
     """
 
     def __init__(self, extrapolator: Extrapolator, gbuffers: tuple[str, ...]) -> None:
+        missing = {*_NEEDED} - {entry.input.name for entry in extrapolator.info.history}
+        if missing:
+            got = f"{extrapolator.info.method!r}, without {', '.join(sorted(missing))}"
+            raise ArgumentError("extrapolation", got=got, want="a model such as guided-warp for two passes")
         self._extrapolator, self.gbuffers = extrapolator, gbuffers
         self._history: ShadedHistory | None = None  # before the window
         self._since = 0  # frames from the last shaded one to the window
 
-    def colors(self, frames: Sequence[Frame], next_start: int) -> dict[int, Float32]:
-        """Return the colours of the unshaded frames among some, by their indices.
+    def colors(self, frames: Sequence[StoredFrame], next_start: int, store: FrameStore) -> dict[int, Stored]:
+        """Return the colours of the unshaded frames among some, by their indices, as arrays "color".
 
         Args:
             frames: consecutive, without a cut but at the first one.
             next_start: index of the frame that the next call begins with; len(frames) where a cut follows.
+            store: of the frames; takes the colours.
 
         Raises:
             FrameError: the first frame after a cut is not shaded, or a frame lacks a G-buffer.
         """
-        unshaded = [index for index, frame in enumerate(frames) if frame.color is None]
-        if not unshaded:
-            self._keep_history(frames, next_start)
-            return {}
-        before = self._sides(frames, next_start)
-        after = self._sides_after(frames)
-        return {index: interpolated(before[index], after.get(index)) for index in unshaded}
-
-    def _keep_history(self, frames: Sequence[Frame], next_start: int) -> None:
-        """Advance to the next window over frames that are all shaded."""
-        if next_start < len(frames):
-            last = frames[next_start - 1]
+        if not any("color" not in frame.stored.arrays for frame in frames):
+            last = store.get_frame(frames[next_start - 1])
             self._history, self._since = self._extrapolator.after_shaded(last), 0
-        else:
-            self._history, self._since = None, 0
+            return {}
+        before = self._sides_before(frames, next_start, store)
+        found = {}
+        for index, after in self._sides_after(frames, store):
+            arrays = store.get(before[index][0])
+            side = Side(arrays["color"], arrays["agreement"], before[index][1])
+            found[index] = store.put({"color": interpolated(side, after)})
+            store.drop(before[index][0])
+        last_ones = {index: stored for index, (stored, _) in before.items() if index not in found}
+        return found | last_ones
 
-    def _sides(self, frames: Sequence[Frame], next_start: int) -> dict[int, Side]:
-        """Extrapolate from the shaded frames before; keep the history for the next window."""
+    def _sides_before(
+        self, frames: Sequence[StoredFrame], next_start: int, store: FrameStore
+    ) -> dict[int, tuple[Stored, int]]:
+        """Extrapolate from the shaded frames before; keep the history for the next window.
+
+        Returns:
+            The colours and agreements of unshaded frames by their indices, and their distances.
+        """
         history, since = (None, 0) if frames[0].reset else (self._history, self._since)
-        found: dict[int, Side] = {}
-        for index, frame in enumerate(frames):
+        found: dict[int, tuple[Stored, int]] = {}
+        for index, stored in enumerate(frames):
             if index == next_start:
                 self._history, self._since = history, since
+            frame = store.get_frame(stored)
             if frame.color is None:
-                since += 1
-                found[index], history = self._side(frame, history, since)
+                side, history = self._side(frame, history, since + 1)
+                since = side.frames
+                found[index] = store.put({"color": side.color, "agreement": side.agreement}), since
             else:
                 history, since = self._extrapolator.after_shaded(frame, history), 0
         return found
 
-    def _sides_after(self, frames: Sequence[Frame]) -> dict[int, Side]:
-        """Extrapolate from the shaded frames after; frames after the last shaded one have no such side."""
-        found: dict[int, Side] = {}
+    def _sides_after(self, frames: Sequence[StoredFrame], store: FrameStore) -> Iterator[tuple[int, Side]]:
+        """Extrapolate from the shaded frames after, last frame first; yield index and side.
+
+        Frames after the last shaded one have no such side.
+        """
         history: ShadedHistory | None = None
+        following: Frame | None = None
         since = 0
         for index in reversed(range(len(frames))):
-            frame = frames[index]
+            frame = store.get_frame(frames[index])
             if frame.color is not None:
-                turned = frame if history is None else reversed_frame(frame, frames[index + 1])
+                turned = frame if history is None else reversed_frame(frame, following)
                 history, since = self._extrapolator.after_shaded(turned, history), 0
             elif history is not None:
-                since += 1
-                found[index], history = self._side(reversed_frame(frame, frames[index + 1]), history, since)
-        return found
+                side, history = self._side(reversed_frame(frame, following), history, since + 1)
+                since = side.frames
+                yield index, side
+            following = frame
 
     def _side(self, frame: Frame, history: ShadedHistory | None, since: int) -> tuple[Side, ShadedHistory]:
         color, following = self._extrapolator.extrapolate(frame, history)
@@ -133,10 +154,8 @@ def interpolator_of(model: str | Path, upscaler: Upscaler, executor: ExecutorNam
     )
 
 
-def interpolated(before: Side, after: Side | None) -> Float32:
-    """Return the colour between two sides, (h, w, 3); that of the first where there is no other."""
-    if after is None:
-        return before.color
+def interpolated(before: Side, after: Side) -> Float32:
+    """Return the colour between two sides, (h, w, 3)."""
     a = before.agreement * np.float32(after.frames)  # nearer in time: larger
     b = after.agreement * np.float32(before.frames)
     result: Float32 = before.color + (b / (a + b))[..., None] * (after.color - before.color)
