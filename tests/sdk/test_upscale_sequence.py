@@ -13,6 +13,8 @@ import pytest
 from supersampler import ArgumentError, Frame, Shot, ShotError, Upscaler, halton_jitter, upscale_sequence
 from supersampler.history import StepResult
 from supersampler.io.display import display_transform
+from supersampler.io.image_reading import read_exr
+from supersampler.io.shot import ShotWriter
 from supersampler.sequence import both_ways
 from supersampler.sequence.merge import weight_of
 from supersampler_model.data.scenes.analytic import DiscOverPlane, Plane, Scene, zone_plate
@@ -61,6 +63,14 @@ def test_lists_generators_and_shots_give_the_same_images(tmp_path: Path) -> None
     assert len(of_list) == COUNT
     for other in (merged(frame for frame in given), merged(shot), merged(iter(shot))):
         assert all(map(np.array_equal, of_list, other))
+
+
+@pytest.mark.parametrize("method", ["taau", "classifier", "taa", "bilinear"])
+def test_the_backends_agree(method: str) -> None:
+    """Each hands out images that may be written to, and the maps that weigh them."""
+    cpu, onnx = (merged(frames(5), model=method, executor=name) for name in ("auto", "onnx"))
+    for one, other in zip(cpu, onnx, strict=True):
+        assert np.abs(one - other).mean() < 0.01 * one.mean()
 
 
 @pytest.mark.usefixtures("small_chunks")
@@ -323,3 +333,17 @@ def test_progress_counts_the_steps_of_both_passes(
     upscale(shot, tmp_path / "out", "--passes", 2, *options, method="taau")
     assert totals == [len(whats)] == [forward + backward]
     assert whats.count("stepping backward") == backward
+
+
+def test_alpha_is_merged_like_the_colour(tmp_path: Path) -> None:
+    with ShotWriter(tmp_path / "shot", name="s", display_size=DISPLAY_SIZE, frame_rate=24) as writer:
+        for index in range(5):
+            color = moving(index).color
+            assert color is not None
+            writer.write(moving(index, aovs=color[..., :1] * np.float32(1e-3), exposure=1e-3))
+    for passes in (1, 2):
+        upscale(tmp_path / "shot", tmp_path / str(passes), "--passes", passes, method="taau")
+    one, two = (read_exr(tmp_path / str(passes) / "0001.exr") for passes in (1, 2))
+    apart = [np.abs(1e3 * done["A"].astype(np.float32) - done["R"]).mean() for done in (one, two)]
+    assert np.abs(two["A"].astype(np.float32) - one["A"]).max() > 2e-5
+    assert apart[1] < 1.2 * apart[0]
