@@ -145,6 +145,13 @@ def test_blenders_vector_pass_leads_to_the_next_frame() -> None:
         assert np.abs(now.motion_next).max() > 0.3
 
 
+def test_vectors_of_eevee_to_the_next_frame_are_left_out() -> None:
+    """They hold the next frame's jitter, which a frame does not know."""
+    shot = import_blender(RECORDED, conventions=Conventions.blender(motion_jittered=True))
+    assert next(iter(shot)).frame.motion_next is None
+    assert detect_conventions(shot).notes is not None
+
+
 @pytest.mark.parametrize(
     ("turned", "said"),
     [((1, 1), None), ((-1, -1), "current minus next"), ((1, -1), "y flipped"), ((0, 0), "inconsistent")],

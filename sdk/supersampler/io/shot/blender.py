@@ -62,6 +62,9 @@ def import_blender(
     first = next(iter(of_range(folder, numbered, frames).values()))
     types = read_types(first)
     channel_map = layer_map(first, types, layer)
+    conventions = Conventions.blender() if conventions is None else conventions
+    if conventions.motion_jittered:  # of Eevee: the next frame's jitter is in it
+        channel_map.pop("motion_next", None)
     if reference is not None:
         image = next(iter(numbered_files(folder, reference).values()))
         channel_map["reference"] = [f"{reference}:{channel}" for channel in _reference_channels(image)]
@@ -70,7 +73,7 @@ def import_blender(
         folder,
         channel_map,
         aov_names=aov_names(channel_map.get("aovs", ()), layer),
-        conventions=Conventions.blender() if conventions is None else conventions,
+        conventions=conventions,
         files=files,
         frames=frames,
         display_size=display_size,
