@@ -190,7 +190,7 @@ def times_table(record: Record) -> str:
         ])  # fmt: skip
     head = ["method", "images", "one pass, ms:", "two passes, ms:", "ratio:", "MB more for 256 more frames:"]
     caption = f"Medians for each frame of {record['frames']}, reading and writing left out."
-    return table(head, rows, f"{caption} {machine_name(record)}, {record['cores']} cores.")
+    return table(head, rows, f"{caption} {machine_name(record)}.")
 
 
 def harm_table(record: Record) -> str:
