@@ -41,7 +41,7 @@ FLOORS = (  # of the SDK, the lowest first: a module imports from its own floor 
     ("recording",),
     ("on_device.steps",),
     ("upscaler",),
-    ("recording.replay",),
+    ("recording.replay", "sequence"),
     ("integrations",),
     ("cli",),
 )

@@ -129,7 +129,7 @@ def main(
     with counted("frames", sum(len(one) for one, _ in opened)) as advance:
         for one, origin in opened:
             display = reference_size(one)
-            steppers = [stepper_of(method, display) for method in ("taau", *listed(methods))]
+            steppers = [stepper_of(method, one) for method in ("taau", *listed(methods))]
             steppers.append(oracle_stepper(display))
             scores = measure_steppers(one, steppers, on_frame=advance)
             measured.append(shot_scores(one, scores, origin))

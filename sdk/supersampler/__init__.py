@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from supersampler.history import Stats, StepResult
     from supersampler.io.shot import Shot
     from supersampler.model import Model
+    from supersampler.sequence import upscale_sequence
     from supersampler.state import State
     from supersampler.upscaler import Upscaler
 
@@ -47,6 +48,7 @@ __all__ = [
     "Upscaler",
     "halton_jitter",
     "jittered_projection",
+    "upscale_sequence",
 ]
 
 # These import ONNX Runtime or OpenImageIO, which `supersampler --help` does not need.
@@ -57,6 +59,7 @@ _LAZY = {
     "Stats": "history",
     "StepResult": "history",
     "Upscaler": "upscaler",
+    "upscale_sequence": "sequence",
 }
 _SUBMODULES = (
     "conventions",

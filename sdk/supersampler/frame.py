@@ -54,6 +54,9 @@ class Frame:
         gbuffer_display: display-size buffers by name: the same and `depth`, sampled at pixel centres without
             jitter.
         aovs: (h, w, k), k at most MAX_AOVS. Alpha or other channels, blended by the colour's weights.
+        motion_next: (h, w, 2) float32 or float16. Render pixels, without jitter, next minus current: what is
+            at p now is at p + motion_next[p] in the next frame. Only `upscale_sequence` reads it; None is
+            computed from the motion of the next frame.
 
     Raises:
         FrameError: an input has the wrong type, shape or range; `FrameError.name` says which.
@@ -68,9 +71,10 @@ class Frame:
     gbuffer: Mapping[str, Array] | None = None
     gbuffer_display: Mapping[str, Array] | None = None
     aovs: Array | None = None
+    motion_next: Array | None = None
 
     def __post_init__(self) -> None:
-        for name in ("color", "depth", "motion", "aovs"):
+        for name in ("color", "depth", "motion", "aovs", "motion_next"):
             value = getattr(self, name)
             if value is not None or name in ("depth", "motion"):
                 object.__setattr__(self, name, as_array(name, value))
@@ -104,6 +108,8 @@ class Frame:
             _check("color", self.color, (h, w, 3), _HALF_OR_SINGLE)
         _check("depth", self.depth, (h, w), _SINGLE)
         _check("motion", self.motion, (h, w, 2), _HALF_OR_SINGLE)
+        if self.motion_next is not None:
+            _check("motion_next", self.motion_next, (h, w, 2), _HALF_OR_SINGLE)
         if self.aovs is not None:
             channels = self.aovs.shape[-1] if self.aovs.ndim == 3 else 0
             channels = channels if 1 <= channels <= MAX_AOVS else "k"
@@ -122,7 +128,8 @@ def checked_frame(frame: Frame) -> Frame:
 def arrays_of(frame: Frame) -> list[NDArray[Any]]:
     """Return all arrays of a frame, G-buffers included."""
     buffers = [*(frame.gbuffer or {}).values(), *(frame.gbuffer_display or {}).values()]
-    return [a for a in (frame.color, frame.depth, frame.motion, frame.aovs, *buffers) if a is not None]
+    images = frame.color, frame.depth, frame.motion, frame.aovs, frame.motion_next, *buffers
+    return [a for a in images if a is not None]
 
 
 def checked_jitter(jitter: Sequence[float]) -> tuple[float, float]:

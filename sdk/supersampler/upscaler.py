@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, overload
 from supersampler.arguments import checked_names, checked_path, checked_scale, checked_size
 from supersampler.backends.onnx.tensors import tensors_of_frame
 from supersampler.conventions.ratios import display_size_of
-from supersampler.errors import ArgumentError, shown
+from supersampler.errors import ArgumentError, FrameError, shown
 from supersampler.extrapolation import Extrapolator, ShadedHistory
 from supersampler.frame import Float32, Frame, Size, checked_frame
 from supersampler.history import Stats, StepResult
@@ -202,6 +202,32 @@ class Upscaler(DeviceSteps):
         if self._recorder is None:
             return run()
         return self._recorder.step(frame, outputs, run, extrapolated=True)
+
+    def step_computed(self, frame: Frame, color: Float32, *, outputs: Collection[str] = ()) -> _Out:
+        """Upscale the next frame, which was not shaded, with a colour that was computed elsewhere.
+
+        As after `extrapolate`, the mean of a static pixel's samples does not take it for a sample. It cannot
+        be recorded.
+
+        Args:
+            frame: the frame, without colour.
+            color: (h, w, 3) float32 linear RGB.
+            outputs: see `step`.
+
+        Raises:
+            FrameError: as `step`; or the frame has colour.
+            ArgumentError: as `step`; or the calls are recorded.
+        """
+        outputs = self._checked_call(frame, outputs)
+        if self._recorder is not None:
+            raise ArgumentError("record", got="given", want="None, as computed colours are not recorded")
+        if frame.color is not None:
+            hint = "`step` takes shaded frames."
+            raise FrameError("color", got=frame.color.shape, want="None, as it is computed", hint=hint)
+        shaded_frame = replace(frame, color=color)
+        return self._upscaled(
+            self.model.on_extrapolated, frame, shaded_frame, self._memory.shaded, None, outputs
+        )
 
     def reset(self) -> None:
         """Drop the history, as `Frame.reset` does."""

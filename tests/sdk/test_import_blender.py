@@ -59,7 +59,7 @@ def test_passes_that_can_be_blended_and_metadata_stay_with_a_copy_and_its_result
         write_exr(path, channels, metadata={"Camera": "Main", "Frame": f"{index:02d}"})
     shot = import_blender(tmp_path / "renders")
     ignored = {name.removeprefix("V.") for name in shot.ignored_channels}
-    assert ignored == {"CryptoObject00.R", "Noisy Image.R", "Vector.Z", "Vector.W"}
+    assert ignored == {"CryptoObject00.R", "Noisy Image.R"}
     copied = copy_shot(shot, tmp_path / "shot")
     assert list(copied.info.aov_names) == names
     changed = (tmp_path / "shot" / "shot.json").read_text().replace('"Sparks.B"', '"Sparks.B", "More"')

@@ -84,7 +84,10 @@ def test_a_wrong_map_in_the_folder_is_named(tmp_path: Path, change: dict[str, An
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"colour": "R"}, "is a map with 'colour'; want one of color, depth, motion, base_color"),
+        (
+            {"colour": "R"},
+            "is a map with 'colour'; want one of color, depth, motion, motion_next, base_color",
+        ),
         ({"motion": "X"}, r"channel_map\['motion'\] is 'X'; want 2 channel names"),
         (
             {"motion": ["X", "motion/*.exr:Y"]},

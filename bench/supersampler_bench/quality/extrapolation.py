@@ -19,10 +19,13 @@ from supersampler.frame import Array, Float32, Frame, Size
 from supersampler.io.shot import Shot, ShotFrame
 from supersampler.methods.gbuffers import listed, names_of
 from supersampler.methods.model_file import find_model, read_model_info
+from supersampler.sequence.interpolation import interpolator_of
+from supersampler.sequence.upscaling import buffers_of
 from supersampler.upscaler import Upscaler
 from supersampler_bench.quality.measure import (
     StepImage,
     Stepper,
+    both_ways_images,
     measure_steppers,
     reference_size,
     runnable,
@@ -46,6 +49,7 @@ COLUMNS = (
     Column(PSNR_SHADED, "PSNR dB, shaded frames", 2),
     Column("tpsnr", "tPSNR dB, all frames", 2),
 )
+_TWO_PASSES = ":x2"
 TEMPORAL_METRICS = ("tpsnr", "warped_error_difference", "strred")
 """Metrics of changes from frame to frame, over all frames."""
 
@@ -140,11 +144,11 @@ def measure_extrapolation(
     """
     display = reference_size(shot)
     for model in models:
-        check_gbuffers(shot, model)
+        check_gbuffers(shot, model.removesuffix(_TWO_PASSES))
     upscalers = runnable(shot, upscalers, on_left_out)
     scores = {}
     for alternation in map(Alternation, alternations):
-        steppers = [s for name in upscalers for s in _ways(name, models, display, alternation)]
+        steppers = [s for name in upscalers for s in _ways(shot, name, models, display, alternation)]
         found = measure_steppers(shot, steppers, on_frame=on_frame)
         scores[alternation.text] = [UnshadedScores(s, frozenset(alternation.indices)) for s in found]
     return scores
@@ -163,7 +167,9 @@ def check_gbuffers(shot: Shot, model: str) -> None:
         raise ShotError(shot.path, f"frames have no {listed(lacking)}", hint)
 
 
-def _ways(upscaler: str, models: Sequence[str], display: Size, alternation: Alternation) -> Iterator[Stepper]:
+def _ways(
+    shot: Shot, upscaler: str, models: Sequence[str], display: Size, alternation: Alternation
+) -> Iterator[Stepper]:
     def way(name: str, step: Callable[[ShotFrame], Float32], gbuffers: Collection[str]) -> Stepper:
         return Stepper(f"{upscaler}, {name}", lambda item: StepImage(step(item)), gbuffers)
 
@@ -177,12 +183,28 @@ def _ways(upscaler: str, models: Sequence[str], display: Size, alternation: Alte
 
         return way(read_model_info(find_model(model)).method, step, both.gbuffers)
 
+    def both_ways(model: str | None) -> Stepper:
+        forward = upscaler_of(upscaler, display)
+        interpolator = None if model is None else interpolator_of(model, forward)
+        gbuffers = buffers_of(forward, interpolator)
+
+        def frames() -> Iterator[Frame]:
+            for item in shot.frames(gbuffers=gbuffers, references=False):
+                unshaded = model is not None and alternation.leaves_unshaded(item)
+                yield replace(item.frame, color=None) if unshaded else item.frame
+
+        images = both_ways_images(frames(), forward, interpolator=interpolator)
+        name = "shaded" if model is None else read_model_info(find_model(model)).method
+        return Stepper(f"{upscaler}, {name} x2", lambda _: next(images), gbuffers)
+
     shaded = upscaler_of(upscaler, display)
     yield way("shaded", lambda item: shaded.step(item.frame), shaded.gbuffers)
     for name, filled in (("warp", False), ("warp, filled", True)):
         baseline = WarpBaseline(upscaler_of(upscaler, display), alternation, filled=filled)
         yield way(name, baseline.step, shaded.gbuffers)
-    yield from map(extrapolating, models)
+    yield from (extrapolating(model) for model in models if not model.endswith(_TWO_PASSES))
+    twice = [model.removesuffix(_TWO_PASSES) for model in models if model.endswith(_TWO_PASSES)]
+    yield from map(both_ways, [None, *twice] if twice else [])
 
 
 class WarpBaseline:

@@ -4,7 +4,7 @@ The metrics are in metrics.py, strred.py, masks.py and confusion.py. Each frame 
 ("full") and without a border ("cropped"); summaries are of all frames ("all") and without the first ("warm").
 """
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -18,6 +18,10 @@ from supersampler.history import StepResult
 from supersampler.io.display import auto_exposure, display_transform
 from supersampler.io.shot import ClassMaps, Shot, ShotFrame
 from supersampler.methods.gbuffers import names_of
+from supersampler.sequence.both_ways import BothWays, ChunkSize
+from supersampler.sequence.frame_store import FrameStore
+from supersampler.sequence.interpolation import Interpolator
+from supersampler.sequence.upscaling import buffers_of, frames_of
 from supersampler.upscaler import Upscaler
 from supersampler_bench.compatibility import incompatibility
 from supersampler_bench.quality import confusion, masks, metrics, strred
@@ -75,7 +79,7 @@ def measure_quality(
     Args:
         shot: at least one frame with a reference.
         methods: names of shipped models, or model folders, with settings as `parse_spec` reads them
-            (":fp32", ":exact").
+            (":fp32", ":exact", ":x2").
         watch: called with each image that is scored.
         on_frame: called after each frame.
 
@@ -86,7 +90,7 @@ def measure_quality(
         ShotError: no frame has a reference.
         ModelError, FrameError: see `Upscaler`.
     """
-    steppers = [stepper_of(method, reference_size(shot)) for method in methods]
+    steppers = [stepper_of(method, shot) for method in methods]
     return measure_steppers(shot, steppers, watch=watch, on_frame=on_frame)
 
 
@@ -128,7 +132,10 @@ def runnable(shot: Shot, methods: Sequence[str], on_left_out: Callable[[str], No
         ArgumentError: no method is left.
     """
     display, available = reference_size(shot), names_of(shot.read_raw(0))
-    reasons = {m: incompatibility(parse_spec(m).model, shot.render_size, display, available) for m in methods}
+    reasons = {
+        m: incompatibility(parse_spec(m, two_passes=True).model, shot.render_size, display, available)
+        for m in methods
+    }
     for reason in filter(None, reasons.values()):
         on_left_out(f"{shot.name}: {reason}")
     kept = [method for method in methods if not reasons[method]]
@@ -137,12 +144,19 @@ def runnable(shot: Shot, methods: Sequence[str], on_left_out: Callable[[str], No
     return kept
 
 
-def stepper_of(method: str | Path, display_size: Size) -> Stepper:
-    """Return the stepper of a method, given as `measure_quality` takes it."""
-    upscaler = upscaler_of(str(method), display_size)
+def stepper_of(method: str | Path, shot: Shot) -> Stepper:
+    """Return the stepper of a method, given as `measure_quality` takes it, for all frames of a shot."""
+    upscaler = upscaler_of(str(method), reference_size(shot), two_passes=True)
     outputs = [name for name in ("class_map",) if name in upscaler.model.info.maps]
 
+    is_both_ways = parse_spec(str(method), two_passes=True).passes == 2
+    both_ways = None
+    if is_both_ways:
+        both_ways = both_ways_images(frames_of(shot, buffers_of(upscaler)), upscaler, outputs=outputs)
+
     def step(item: ShotFrame) -> StepImage:
+        if both_ways is not None:
+            return next(both_ways)
         result = upscaler.step(item.frame, outputs=outputs)
         if isinstance(result, StepResult):
             return StepImage(result.image, result.class_map)
@@ -151,9 +165,36 @@ def stepper_of(method: str | Path, display_size: Size) -> Stepper:
     return Stepper(str(method), step, upscaler.model.info.gbuffers)
 
 
-def upscaler_of(method: str, display_size: Size, extrapolation: str | None = None) -> Upscaler:
-    """Return an Upscaler with the settings that `parse_spec` reads."""
-    spec = parse_spec(method)
+def both_ways_images(
+    frames: Iterable[Frame],
+    forward: Upscaler,
+    *,
+    outputs: Sequence[str] = (),
+    interpolator: Interpolator | None = None,
+) -> Iterator[StepImage]:
+    """Yield the images of some frames in two passes.
+
+    Args:
+        frames: in order.
+        forward: of the method.
+        outputs: names of further outputs, such as "class_map".
+        interpolator: of the colours of unshaded frames.
+    """
+    backward = Upscaler(forward.model, display_size=forward.display_size, skip=forward.skip, validate="off")
+    names = buffers_of(forward, interpolator)
+    with FrameStore(names=names) as store:
+        runs = BothWays(
+            forward, backward, store, ChunkSize(), outputs=tuple(outputs), interpolator=interpolator
+        )
+        for _, result in runs.run(frames):
+            yield StepImage(result.image, result.class_map)
+
+
+def upscaler_of(
+    method: str, display_size: Size, extrapolation: str | None = None, *, two_passes: bool = False
+) -> Upscaler:
+    """Return an Upscaler with the settings that `parse_spec` reads, of each pass where there may be two."""
+    spec = parse_spec(method, two_passes=two_passes)
     return Upscaler(
         spec.model,
         display_size=display_size,

@@ -112,10 +112,13 @@ def _multiply_adds(
     """Return the multiply-adds of an operator; other operators than these have none."""
     if operator not in ("Conv", "ConvTranspose", "FusedConv", "MatMul"):
         return 0
-    (out,), (first,), (second,) = (tensor.values() for tensor in (outputs[0], *inputs[:2]))
+    (out,), (first,) = outputs[0].values(), inputs[0].values()
     if operator == "MatMul":
         return math.prod(out) * first[-1]
-    return math.prod(first if operator == "ConvTranspose" else out) * math.prod(second[1:])
+    if operator == "ConvTranspose":  # of a stride as large as its kernel: a profile lacks its weights
+        return math.prod(out) * first[1]
+    (weights,) = inputs[1].values()
+    return math.prod(out) * math.prod(weights[1:])
 
 
 def _profile(info: ModelInfo, render: Size, display: Size) -> Iterator[dict[str, Any]]:

@@ -71,7 +71,9 @@ def measure_pareto(
     points = []
     for ratio, scores in scores_of(records).items():
         wanted = {
-            Setting(spec.model, display, "auto", threads, spec.precision, spec.skip): spec for spec in scores
+            Setting(spec.model, display, "auto", threads, spec.precision, spec.skip): spec
+            for spec in scores
+            if spec.passes == 1  # a chunk at a time: `bench/studies/both_ways.py` measures it
         }
         found = measure_settings(list(wanted), ratio=ratio, steps=steps, on_left_out=on_left_out)
         timed = {t.setting: t for t in found}
@@ -108,7 +110,7 @@ def _scores(record: Record) -> Iterator[tuple[float, Spec, Mapping[str, float | 
         yield from ((point.ratio, point.spec, point.scores) for point in points_of(record))
         return
     for row in rows_by_ratio(record, "methods"):
-        yield row["ratio"], parse_spec(row["method"]), row["summary"]["warm_cropped"]
+        yield row["ratio"], parse_spec(row["method"], two_passes=True), row["summary"]["warm_cropped"]
 
 
 def frontier(points: Sequence[Point], metric: Column) -> list[Point]:
@@ -209,7 +211,7 @@ def shots_of(record: Record) -> list[str]:
 
 def points_of(record: Record) -> list[Point]:
     """Return the points of a record by `pareto_record`."""
-    return [Point(**{**row, "spec": parse_spec(row["spec"])}) for row in record["points"]]
+    return [Point(**{**row, "spec": parse_spec(row["spec"], two_passes=True)}) for row in record["points"]]
 
 
 def markdown_table(record: Record) -> str:

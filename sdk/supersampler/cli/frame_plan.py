@@ -20,10 +20,14 @@ a frame: of the exposure before these frames 0.9^96 is left, 4e-5."""
 
 @dataclass(frozen=True, slots=True)
 class Segment:
-    """Indices of frames to step through: `start`, which begins without a history, to `stop` - 1."""
+    """Indices of frames to step through: `start`, which begins without a history, to `stop` - 1.
+
+    Two passes also read those up to `end` - 1, which is `stop` or later: the backward run begins there.
+    """
 
     start: int
     stop: int
+    end: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +58,7 @@ class FramePlan:
             Segment(
                 max(segment.start, shot.last_cut(min(max(index, segment.start), segment.stop - 1))),
                 segment.stop,
+                segment.end,
             )
             for segment in self.segments
             if segment.stop > index
@@ -72,7 +77,10 @@ def default_preroll(scale: float) -> int:
 
 
 def open_for(
-    numbers: FrameNumbers, preroll: int | None, open_frames: Callable[[tuple[int, int]], Shot]
+    numbers: FrameNumbers,
+    preroll: int | None,
+    open_frames: Callable[[tuple[int, int]], Shot],
+    passes: int = 1,
 ) -> tuple[Shot, str]:
     """Open what a run reads of a shot: gaps elsewhere are no matter.
 
@@ -80,34 +88,38 @@ def open_for(
         numbers: of the frames to write.
         preroll: frames before each range; None is the default of the ratio.
         open_frames: opens the frames from a first to a last number; ShotError where one between is missing.
+        passes: 2 also reads frames after a range, for the backward run, where there is no gap.
 
     Returns:
         The shot, and a note: where a frame before the preroll is missing, exposure is measured after it.
+        Then there are no frames after the ranges, either.
     """
     before = (LONGEST_PREROLL if preroll is None else preroll) + EXPOSURE_FRAMES
+    least = LEAST_PREROLL if preroll is None else preroll
+    after = least if passes == 2 else 0
     try:
-        return open_frames((max(0, numbers.first - before), numbers.last)), ""
+        return open_frames((max(0, numbers.first - before), numbers.last + after)), ""
     except ShotError as error:
-        least = LEAST_PREROLL if preroll is None else preroll
         shot = open_frames((max(0, numbers.first - least), numbers.last))
         return shot, f"History and exposure begin at frame {shot.first_number}: {error.problem}."
 
 
-def plan_frames(shot: Shot, numbers: FrameNumbers | None, preroll: int) -> FramePlan:
+def plan_frames(shot: Shot, numbers: FrameNumbers | None, preroll: int, passes: int = 1) -> FramePlan:
     """Return the plan of a run.
 
     Args:
         shot: the shot.
         numbers: of the frames to write; None is all of them, in one segment.
         preroll: number of frames before a range that build its history, as far as there are and no cut is
-            among them.
+            among them. The backward run of two passes has as many after a range.
+        passes: 1 or 2.
 
     Raises:
         ShotError: the shot has no frame of one of the numbers.
     """
     begin, end = shot.first_number, shot.first_number + len(shot) - 1
     if numbers is None:
-        return FramePlan(FrameNumbers(((begin, end),)), (Segment(0, len(shot)),), begin)
+        return FramePlan(FrameNumbers(((begin, end),)), (Segment(0, len(shot), len(shot)),), begin)
     missing = next(
         (number for a, b in numbers.ranges for number in (a, b) if not begin <= number <= end), None
     )
@@ -122,5 +134,8 @@ def plan_frames(shot: Shot, numbers: FrameNumbers | None, preroll: int) -> Frame
             start -= 1
         if segments and start <= segments[-1].stop:
             start = segments.pop().start
-        segments.append(Segment(start, stop))
+        end = stop
+        while passes == 2 and end < min(stop + preroll, len(shot)) and shot.last_cut(end) != end:
+            end += 1
+        segments.append(Segment(start, stop, end))
     return FramePlan(numbers, tuple(segments), begin)

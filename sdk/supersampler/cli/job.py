@@ -42,6 +42,8 @@ class UpscaleJob:
         maps: whether the page has auxiliary outputs, too.
         providers, threads, precision, preset, validate: see `Upscaler`.
         skip: see `Upscaler`; None is "auto", or "recurrent" with a preroll.
+        passes: 2 merges a forward and a backward run.
+        scratch: where the frames of two passes are kept meanwhile; None is the system's place.
         extrapolation: name or folder of the model for unshaded frames.
         record: a folder to record all frames to; the recording of an earlier run into `output` is replaced.
         overwrite: whether to replace the files of an earlier run.
@@ -67,6 +69,8 @@ class UpscaleJob:
     precision: Precision = "auto"
     skip: Skip | None = None
     preset: PresetName | None = None
+    passes: int = 1
+    scratch: Path | None = None
     extrapolation: str | Path | None = None
     validate: Literal["off", "warn", "strict"] = "warn"
     record: Path | None = None
@@ -83,7 +87,7 @@ class UpscaleJob:
 
     def frames(self, upscaler: Upscaler) -> FramePlan:
         """Return the frames to step through; ShotError where the shot lacks one."""
-        return plan_frames(self.shot, self.numbers, self._preroll(upscaler))
+        return plan_frames(self.shot, self.numbers, self._preroll(upscaler), self.passes)
 
     def upscaler(self) -> Upscaler:
         """Return an Upscaler for the run."""
@@ -101,8 +105,18 @@ class UpscaleJob:
             threads=self.threads,
             precision=precision,
             skip=skip,
-            extrapolation=self.extrapolation,
+            extrapolation=self.extrapolation if self.passes == 1 else None,
             validate=self.validate,
+        )
+
+    def backward_upscaler(self, forward: Upscaler) -> Upscaler:
+        """Return an Upscaler with the same model for the backward run of two passes."""
+        return Upscaler(
+            forward.model,
+            display_size=forward.display_size,
+            render_size=self.shot.render_size,
+            skip=forward.skip,
+            validate="off",  # the forward run checks the frames
         )
 
     def _preroll(self, upscaler: Upscaler) -> int:
@@ -142,6 +156,7 @@ class UpscaleJob:
             "render size": size_text(self.shot.render_size),
             "conventions": self.shot.conventions.to_json(),
             "skip": upscaler.skip,
+            "passes": None if self.passes == 1 else self.passes,
             "extrapolation": None if extrapolation is None else dict(extrapolation.files),
             "display size": size_text(upscaler.display_size),
             **self.images.to_json(),

@@ -1,8 +1,8 @@
 """Upscale a shot into a folder, frame by frame; a stopped run can continue."""
 
 import time
-from collections.abc import Iterator
-from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
+from collections.abc import Sequence
+from contextlib import AbstractContextManager, ExitStack, closing, nullcontext
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
@@ -10,7 +10,6 @@ from typing import NamedTuple
 import typer
 
 from supersampler.cli.frame_plan import EXPOSURE_FRAMES, FramePlan, Segment
-from supersampler.cli.frame_warnings import frame_warnings
 from supersampler.cli.image_options import OutputImage
 from supersampler.cli.job import UpscaleJob
 from supersampler.cli.output_queue import OutputQueue
@@ -18,13 +17,11 @@ from supersampler.cli.profile import print_profile
 from supersampler.cli.progress import RunProgress
 from supersampler.cli.results import Results
 from supersampler.cli.run_page import RunPage, run_page
-from supersampler.errors import FrameError, ShotError
-from supersampler.frame import Frame
+from supersampler.cli.segment_steps import SegmentSteps
 from supersampler.history import StepResult
 from supersampler.io.atomic import check_apart
 from supersampler.io.display import ExposureMeter, usable_exposure
 from supersampler.io.images import Bytes
-from supersampler.io.shot import ShotFrame
 from supersampler.io.stage_times import StageTimes
 from supersampler.io.video import VideoWriter, video_writer
 from supersampler.upscaler import Upscaler
@@ -95,7 +92,8 @@ class _Run:
         """Step through the frames that lead to those from position `begins` on."""
         job, began, cpu = self._job, time.perf_counter(), time.process_time()
         segments = self._plan.rest(job.shot, begins)
-        total = sum(segment.stop - segment.start for segment in segments)
+        steps = SegmentSteps(job, self._upscaler, self._times)
+        total = sum(steps.count(segment, self._needed(segment, begins)) for segment in segments)
         with (
             run_page(job, self._upscaler, self._results) if page else nullcontext() as compare,
             self._video() if video else nullcontext() as film,
@@ -104,7 +102,7 @@ class _Run:
         ):
             progress.event("begin", shot=job.shot.name, frames=len(self._plan.numbers), complete=self._first)
             for segment in segments:
-                self._step_through(segment, queue, compare, progress)
+                self._step_through(steps, segment, self._needed(segment, begins), queue, compare, progress)
         if video:
             self._results.end_file(self._results.video, len(self._plan.numbers))
         wall, cpu = time.perf_counter() - began, time.process_time() - cpu
@@ -144,53 +142,56 @@ class _Run:
                 exposure = meter.read(frame.color, given=frame.exposure, reset=frame.reset)
         return exposure
 
+    def _needed(self, segment: Segment, begins: int) -> int:
+        """Return the index of the first frame of a segment whose image is needed."""
+        index = self._plan.numbers[begins] - self._plan.first_number
+        return min(max(index, segment.start), segment.stop)
+
     def _step_through(
         self,
+        steps: SegmentSteps,
         segment: Segment,
+        needed: int,
         queue: OutputQueue[Written],
         page: RunPage | None,
         progress: RunProgress,
     ) -> None:
-        job, meter, exposure_at_start = self._job, ExposureMeter(), self._exposure_at(segment)
-        frames = job.shot.frames(
-            segment.start,
-            segment.stop,
-            gbuffers=self._upscaler.gbuffers,
-            references=page is not None,
-            times=self._times,
-        )
-        for item in frames:
-            frame, number = item.frame, job.shot.first_number + item.index
-            if item.index == segment.start and exposure_at_start is not None:
-                frame = replace(frame, reset=True, exposure=exposure_at_start)
-            before = self._upscaler.stats.seconds
-            with _named(job, number), self._times.measure("step"):
-                result = self._step(frame)
-            exposure = meter.read(frame.color, given=frame.exposure, reset=frame.reset)
-            position = self._plan.position(item.index)
-            if position is not None:
-                seconds = self._upscaler.stats.seconds - before
+        job, meter = self._job, ExposureMeter()
+
+        def advance(index: int, direction: str) -> None:
+            stats, position = self._upscaler.stats, self._plan.position(index)
+            writes = position is not None and position >= self._first
+            what = "upscaling" if writes and index < segment.stop else "replaying"
+            what = "stepping backward" if direction == "backward" else what
+            progress.advance(what, 1.0 - stats.work / max(stats.frames, 1))
+
+        exposure_at_start, references = self._exposure_at(segment), page is not None
+        with closing(
+            steps.run(segment, exposure_at_start, needed, references=references, on_step=advance)
+        ) as stepped:
+            for item, aov_names, result, seconds in stepped:
+                frame = item.frame
+                exposure = meter.read(frame.color, given=frame.exposure, reset=frame.reset)
+                position = self._plan.position(item.index)
+                if position is None:
+                    continue
                 if position >= self._first:
                     self._results.list_files(position)
                 if position >= self._first or job.images.video:
-                    queue.put(partial(self._write, item, position, result, exposure, seconds))
+                    written = item.index, aov_names, position, result, exposure, seconds
+                    queue.put(partial(self._write, *written))
                 if page is not None and position >= len(self._plan.numbers) - COMPARE_FRAMES:
                     with self._times.measure("page"):
                         page.add(item, result, exposure)
-            stats = self._upscaler.stats
-            what = "upscaling" if position is not None and position >= self._first else "replaying"
-            progress.advance(what, 1.0 - stats.work / stats.frames)
-
-    def _step(self, frame: Frame) -> StepResult:
-        """Step with the auxiliary outputs that the files and the page show."""
-        job, upscaler = self._job, self._upscaler
-        maps = [*upscaler.model.info.maps, "work"] if job.maps else []
-        step = upscaler.extrapolate if job.extrapolation and frame.color is None else upscaler.step
-        result = step(frame, outputs=(*maps, *(["aovs"] if frame.aovs is not None else [])))
-        return result if isinstance(result, StepResult) else StepResult(result)
 
     def _write(
-        self, item: ShotFrame, position: int, result: StepResult, exposure: float, seconds: float
+        self,
+        index: int,
+        aov_names: Sequence[str] | None,
+        position: int,
+        result: StepResult,
+        exposure: float,
+        seconds: float,
     ) -> Written:
         """Write the files of a frame; on a thread of the queue."""
         job, number = self._job, self._plan.numbers[position]
@@ -199,8 +200,8 @@ class _Run:
                 image=result.image,
                 exposure=exposure,
                 aovs=result.aovs,
-                aov_names=item.raw.aov_names,
-                metadata=job.shot.read_metadata(item.index) if "exr" in job.images.formats else None,
+                aov_names=aov_names,
+                metadata=job.shot.read_metadata(index) if "exr" in job.images.formats else None,
             )
             images = job.images if position >= self._first else replace(job.images, formats=())
             shown = images.write(job.output, number, output)
@@ -228,13 +229,3 @@ class _Run:
             console.print(f"{stats.extrapolated} were not shaded; extrapolating one took {each:.2f} s")
         if stats.work < stats.frames:
             console.print(f"{1 - stats.work / stats.frames:.0%} of the work was skipped: nothing moved.")
-
-
-@contextmanager
-def _named(job: UpscaleJob, number: int) -> Iterator[None]:
-    """Add the frame's number to its errors and warnings."""
-    try:
-        with frame_warnings(job.console, number):
-            yield
-    except FrameError as error:
-        raise ShotError(job.shot.path, f"frame {number}: {str(error).rstrip('.')}") from error

@@ -7,9 +7,9 @@ from supersampler.aux_outputs import LEGENDS, aux_output_layers
 from supersampler.cli.arguments import size_text
 from supersampler.cli.job import UpscaleJob
 from supersampler.cli.results import Results
+from supersampler.cli.segment_steps import SteppedFrame
 from supersampler.history import StepResult
 from supersampler.io.compare import ERROR_LEGEND, About, ComparePage, compare_layers, compare_page, versions
-from supersampler.io.shot import ShotFrame
 from supersampler.upscaler import Upscaler
 
 _NOTES = (
@@ -25,7 +25,7 @@ class RunPage:
     def __init__(self, job: UpscaleJob, page: ComparePage, bicubic: Upscaler) -> None:
         self._job, self._page, self._bicubic = job, page, bicubic
 
-    def add(self, item: ShotFrame, result: StepResult, exposure: float) -> None:
+    def add(self, item: SteppedFrame, result: StepResult, exposure: float) -> None:
         """Add the images of a frame."""
         shot, frame = self._job.shot, item.frame
         layers, numbers = compare_layers(

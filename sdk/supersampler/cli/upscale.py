@@ -132,6 +132,18 @@ def upscale(
     preset: Annotated[
         Preset | None, typer.Option(help="Sets method, precision and skip for the best error at its speed.")
     ] = None,
+    passes: Annotated[
+        int,
+        typer.Option(min=1, max=2, help="2: also step backward, and merge: better, and twice the time."),
+    ] = 1,
+    scratch: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FOLDER",
+            help="With --passes 2: where frames wait for the second pass; removed at the end.",
+            show_default="the system's temporary files",
+        ),
+    ] = None,
     extrapolate: Annotated[
         str | None,
         typer.Option(
@@ -201,6 +213,8 @@ def upscale(
         "precision": precision,
         "skip": None if skip is None else parse_skip(skip),
         "preset": preset,
+        "passes": passes,
+        "scratch": scratch,
         "extrapolation": extrapolate,
         "validate": validate,
         "overwrite": overwrite,
@@ -209,12 +223,14 @@ def upscale(
         "source": {name: str(value) for name, value in source.items() if value is not None},
     }
     folders = _folders(shots, output)
+    if record is not None and passes > 1:
+        raise ArgumentError("--record", got="given with --passes 2", want="one pass, in order")
     if record is not None and len(folders) > 1:
         raise ArgumentError("--record", got="given for several shots", want="one shot")
     failed = 0
     for text, folder in folders.items():
         try:
-            shot, note = _opened(text, source, numbers, preroll)
+            shot, note = _opened(text, source, numbers, preroll, passes)
             images = _image_options(shot, format, name, compression, shown)
             job = UpscaleJob(shot=shot, output=folder, images=images, **settings, record=record)
             if note:
@@ -230,14 +246,14 @@ def upscale(
 
 
 def _opened(
-    text: str, source: dict[str, Any], numbers: "FrameNumbers | None", preroll: int | None
+    text: str, source: dict[str, Any], numbers: "FrameNumbers | None", preroll: int | None, passes: int
 ) -> tuple["Shot", str]:
     """Open a shot, or what the frames of these numbers need of it; return also a note to print, or ""."""
     from supersampler.cli.frame_plan import open_for
 
     if numbers is None:
         return open_with(text, **source), ""
-    return open_for(numbers, preroll, lambda frames: open_with(text, **source, frames=frames))
+    return open_for(numbers, preroll, lambda frames: open_with(text, **source, frames=frames), passes)
 
 
 def _run(job: "UpscaleJob") -> None:

@@ -23,6 +23,8 @@ class Conventions(ConventionFields):
             mvecScale, XeSS's velocity scale.
         motion_direction: "previous_minus_current" vectors are added to a pixel to find it in the previous
             frame, "current_minus_previous" ones are subtracted.
+        motion_next_direction: the same of `motion_next`: "next_minus_current" vectors are added to a pixel to
+            find it in the next frame, "current_minus_next" ones are subtracted.
         motion_flip_y: True where y is opposite to that of the unit.
         motion_resolution: "render"; or "display": vectors at display size, already dilated. Each render pixel
             takes the vector at its centre + jitter.
@@ -188,12 +190,18 @@ class Conventions(ConventionFields):
     def blender(cls, **overrides: Any) -> Self:
         """Blender's Cycles passes: Vector's X and Y in pixels, y up, previous minus current; Z is distance.
 
+        Vector's Z and W are current minus next.
+
         The sky's Z is 1e10. Blender has no jitter of its own: a camera with shift_x = x / max(w, h) and
         shift_y = -y / max(w, h) samples at the pixel's centre + (x, y), which is this package's sign.
 
         Source: rendered and measured; a converged image that is warped so matches the next.
         """
-        return cls._preset({"motion_flip_y": True, "depth": "linear", "far": 1e10}, overrides)
+        preset = {
+            "motion_next_direction": "current_minus_next", "motion_flip_y": True,
+            "depth": "linear", "far": 1e10,
+        }  # fmt: skip
+        return cls._preset(preset, overrides)
 
     @classmethod
     def arm_gym(cls, **overrides: Any) -> Self:

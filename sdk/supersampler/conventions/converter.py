@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from supersampler.arguments import checked_size
 from supersampler.conventions.depth import from_reversed_infinite, to_reversed_infinite
-from supersampler.conventions.factors import jitter_factor, motion_factor
+from supersampler.conventions.factors import jitter_factor, motion_factor, motion_next_factor
 from supersampler.conventions.fields import ConventionFields
 from supersampler.conventions.raw_frame import RawFrame
 from supersampler.conventions.srgb import srgb_decoded, srgb_encoded
@@ -59,6 +59,7 @@ class Converter:
             color=None if raw.color is None else self._color(_floating("color", raw.color)),
             depth=self._depth(depth),
             motion=self._motion_in(self._rows(_floating("motion", raw.motion)), size, jitter, shift),
+            motion_next=self._motion_next_in(raw, size, jitter),
             jitter=jitter,
             reset=reset,
             exposure=raw.exposure,
@@ -82,6 +83,7 @@ class Converter:
             color=None if frame.color is None else self._color(frame.color, encode=True),
             depth=self._rows(self._depth(frame.depth, encode=True)),
             motion=self._rows(self._motion_out(frame, shift)),
+            motion_next=self._motion_next_out(frame),
             jitter=self._jitter_out(frame),
             reset=frame.reset,
             exposure=frame.exposure,
@@ -142,26 +144,54 @@ class Converter:
         return jitter[0] - previous[0] * size[0], jitter[1] - previous[1] * size[1]
 
     def _motion_in(self, motion: Array, size: Size, jitter: _Pair, shift: _Pair) -> Array:
-        own_size = _checked_motion_size(motion, size, self.conventions.motion_resolution)
-        if self.conventions.motion_resolution == "display":
-            columns = _nearest((np.arange(size[0]) + 0.5 + jitter[0]) * own_size[0] / size[0], own_size[0])
-            rows = _nearest((np.arange(size[1]) + 0.5 + jitter[1]) * own_size[1] / size[1], own_size[1])
-            motion = motion[rows[:, None], columns]
+        motion, own_size = self._at_samples("motion", motion, size, jitter)
         factor = motion_factor(self.conventions, size, own_size)
         if factor == (1.0, 1.0) and shift == (0.0, 0.0):
             return motion
         pixels: NDArray[np.float32] = motion.astype(np.float32) * _vector(factor) - _vector(shift)
         return pixels
 
-    def _motion_out(self, frame: Frame, shift: _Pair) -> Array:
+    def _motion_next_in(self, raw: RawFrame, size: Size, jitter: _Pair) -> Array | None:
+        """Return `Frame.motion_next`; FrameError where it has a jitter, the next frame's, in it."""
+        if raw.motion_next is None:
+            return None
+        if self.conventions.motion_jittered:
+            hint = "Leave it out, or write vectors without jitter: this one's is the next frame's."
+            raise FrameError("motion_next", got="given, with jitter in it", want="without jitter", hint=hint)
+        stored = self._rows(_floating("motion_next", raw.motion_next))
+        motion, own_size = self._at_samples("motion_next", stored, size, jitter)
+        return _scaled(motion, motion_next_factor(self.conventions, size, own_size))
+
+    def _at_samples(self, name: str, motion: Array, size: Size, jitter: _Pair) -> tuple[Array, Size]:
+        """Return the vector of each sample, and the size of the buffer."""
+        own_size = _checked_motion_size(name, motion, size, self.conventions.motion_resolution)
+        if self.conventions.motion_resolution == "display":
+            columns = _nearest((np.arange(size[0]) + 0.5 + jitter[0]) * own_size[0] / size[0], own_size[0])
+            rows = _nearest((np.arange(size[1]) + 0.5 + jitter[1]) * own_size[1] / size[1], own_size[1])
+            motion = motion[rows[:, None], columns]
+        return motion, own_size
+
+    def _motion_next_out(self, frame: Frame) -> Array | None:
+        """Return `RawFrame.motion_next`; None also where these conventions have jitter in vectors."""
+        if frame.motion_next is None or self.conventions.motion_jittered:
+            return None
+        motion, own_size = self._at_pixels(frame.motion_next, frame)
+        x, y = motion_next_factor(self.conventions, frame.size, own_size)
+        return self._rows(_scaled(motion, (1.0 / x, 1.0 / y)))
+
+    def _at_pixels(self, motion: Array, frame: Frame) -> tuple[Array, Size]:
+        """Return the vector of each pixel of the buffer, and its size."""
         size = own_size = frame.size
-        motion = frame.motion
         if self.conventions.motion_resolution == "display":
             own_size = self._display_size(frame)
             columns = (np.arange(own_size[0]) + 0.5) * size[0] / own_size[0] - frame.jitter[0]
             rows = (np.arange(own_size[1]) + 0.5) * size[1] / own_size[1] - frame.jitter[1]
             motion = motion[_nearest(rows, size[1])[:, None], _nearest(columns, size[0])]
-        factor = motion_factor(self.conventions, size, own_size)
+        return motion, own_size
+
+    def _motion_out(self, frame: Frame, shift: _Pair) -> Array:
+        motion, own_size = self._at_pixels(frame.motion, frame)
+        factor = motion_factor(self.conventions, frame.size, own_size)
         if factor == (1.0, 1.0) and shift == (0.0, 0.0):
             return motion
         own: NDArray[np.float32] = (motion.astype(np.float32) + _vector(shift)) / _vector(factor)
@@ -196,7 +226,14 @@ def _render_size(depth: NDArray[Any]) -> Size:
     return depth.shape[1], depth.shape[0]
 
 
-def _checked_motion_size(motion: NDArray[Any], size: Size, resolution: str) -> Size:
+def _scaled(motion: Array, factor: _Pair) -> Array:
+    if factor == (1.0, 1.0):
+        return motion
+    pixels: NDArray[np.float32] = motion.astype(np.float32) * _vector(factor)
+    return pixels
+
+
+def _checked_motion_size(name: str, motion: NDArray[Any], size: Size, resolution: str) -> Size:
     height, width = motion.shape[:2] if motion.ndim == 3 and motion.shape[2] == 2 else (0, 0)
     if resolution == "display" and width >= size[0] and height >= size[1]:
         return width, height
@@ -205,7 +242,7 @@ def _checked_motion_size(motion: NDArray[Any], size: Size, resolution: str) -> S
     wanted = f"({size[1]}, {size[0]}, 2)"
     larger = resolution == "render" and width >= size[0] and height >= size[1]
     raise FrameError(
-        "motion",
+        name,
         got=f"of shape {motion.shape}",
         want=f"{wanted}, as depth is" if resolution == "render" else f"(H, W, 2) of at least {wanted}",
         hint="Vectors at display size want Conventions(motion_resolution='display')." if larger else "",

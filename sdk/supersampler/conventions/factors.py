@@ -12,8 +12,20 @@ def motion_factor(conventions: ConventionFields, size: Size, own_size: Size) -> 
         size: render size.
         own_size: size of the motion buffer: render or display size.
     """
-    x, y = _pixels_per_unit(conventions.motion_unit, size, own_size)
     sign = 1.0 if conventions.motion_direction == "previous_minus_current" else -1.0
+    return _signed_factor(conventions, size, own_size, sign)
+
+
+def motion_next_factor(conventions: ConventionFields, size: Size, own_size: Size) -> tuple[float, float]:
+    """Return what `motion_factor` does, for `motion_next`: to render pixels, next minus current."""
+    sign = 1.0 if conventions.motion_next_direction == "next_minus_current" else -1.0
+    return _signed_factor(conventions, size, own_size, sign)
+
+
+def _signed_factor(
+    conventions: ConventionFields, size: Size, own_size: Size, sign: float
+) -> tuple[float, float]:
+    x, y = _pixels_per_unit(conventions.motion_unit, size, own_size)
     scale_x, scale_y = conventions.motion_scale
     return sign * scale_x * x, sign * scale_y * (-y if conventions.motion_flip_y else y)
 

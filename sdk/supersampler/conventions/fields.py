@@ -10,10 +10,12 @@ from supersampler.errors import ArgumentError, shown
 
 Unit = Literal["pixels", "uv", "ndc"]
 Direction = Literal["previous_minus_current", "current_minus_previous"]
+NextDirection = Literal["next_minus_current", "current_minus_next"]
 Resolution = Literal["render", "display"]
 
 _CHOICES: Mapping[str, tuple[str, ...]] = {
     "motion_unit": get_args(Unit), "motion_direction": get_args(Direction),
+    "motion_next_direction": get_args(NextDirection),
     "motion_resolution": get_args(Resolution), "depth": get_args(DepthKind), "jitter_unit": get_args(Unit),
 }  # fmt: skip
 _LEAST, _MOST = 1e-30, 1e30  # factors for single precision
@@ -28,6 +30,7 @@ class ConventionFields:
     motion_unit: Unit = "pixels"
     motion_scale: tuple[float, float] = (1.0, 1.0)
     motion_direction: Direction = "previous_minus_current"
+    motion_next_direction: NextDirection = "next_minus_current"
     motion_flip_y: bool = False
     motion_resolution: Resolution = "render"
     motion_jittered: bool = False

@@ -20,6 +20,8 @@ class RawFrame:
         gbuffer: G-buffers at render size, with the names of `Frame`.
         gbuffer_display: G-buffers at display size, with the names of `Frame`; its depth is of `depth`'s kind.
         aovs: (h, w, k) at render size.
+        motion_next: (h, w, 2) or (H, W, 2), as `motion`: to the next frame, in the unit and signs of `motion`
+            and the direction `Conventions.motion_next_direction`.
         aov_names: names of the k AOVs' channels in files of results; None numbers them.
     """
 
@@ -33,3 +35,4 @@ class RawFrame:
     gbuffer_display: Mapping[str, Array] | None = None
     aovs: Array | None = None
     aov_names: Sequence[str] | None = None
+    motion_next: Array | None = None

@@ -105,8 +105,8 @@ def _other_mistakes(raws: Sequence[RawFrame], found: Conventions) -> list[str]:
     converter, seen = found.converter(), FramesSeen()
     mistakes: dict[str, Mistake] = {}
     for raw in raws:
-        try:
-            frame = converter.to_frame(raw)
+        try:  # with jitter in vectors, those to the next frame cannot be converted
+            frame = converter.to_frame(replace(raw, motion_next=None) if found.motion_jittered else raw)
         except (FrameError, ArgumentError) as error:
             return [*(str(mistake.error()) for mistake in mistakes.values()), str(error)]
         evidence = Evidence.of_frame(frame)

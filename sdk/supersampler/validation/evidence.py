@@ -29,6 +29,7 @@ class Evidence:
         motion: (h, w, 2), or (H, W, 2) at display size.
         jitter: (x, y).
         reset: as in `Frame`.
+        motion_next: (h, w, 2) of a `Frame`, or None.
     """
 
     light: Float32 | None
@@ -36,12 +37,13 @@ class Evidence:
     motion: Array
     jitter: tuple[float, float]
     reset: bool
+    motion_next: Array | None = None
 
     @classmethod
     def of_frame(cls, frame: Frame) -> "Evidence":
         """Return the evidence of a `Frame`; its arrays are not copied."""
         light = None if frame.color is None else luminance(frame.color)
-        return cls(light, frame.depth, frame.motion, frame.jitter, frame.reset)
+        return cls(light, frame.depth, frame.motion, frame.jitter, frame.reset, frame.motion_next)
 
     @classmethod
     def of_raw(cls, raw: RawFrame, stated: Conventions) -> "Evidence":
@@ -63,7 +65,8 @@ class Evidence:
 
     def copied(self) -> "Evidence":
         """Return a copy for the comparison with the next frame: engines reuse their buffers."""
-        return replace(self, depth=self.depth.copy(), motion=self.motion.copy())
+        following = None if self.motion_next is None else self.motion_next.copy()
+        return replace(self, depth=self.depth.copy(), motion=self.motion.copy(), motion_next=following)
 
     def jitter_pixels(self, conventions: Conventions) -> NDArray[np.float64]:
         """Return the jitter (x, y) in render pixels, interpreted by these conventions."""

@@ -118,6 +118,12 @@ MOTION_ZERO = Mistake(
 MOTION_COARSE = Mistake(
     "motion coarse", "motion", "in steps of {step:.2g} pixels", "floats, at least 1/16 pixel fine",
     "Were vectors stored in 8 bits, or in half floats around 0.5? Store them around 0.")
+MOTION_NEXT_MISREAD = Mistake(
+    "motion_next misread", "motion_next",
+    "inconsistent: where it leads, the next frame's motion leads elsewhere, {difference:.1f} pixels off with "
+    "vectors of {length:.1f}{reading}",
+    "render pixels without jitter, next minus current, y down",
+    "Conventions(motion_next_direction='current_minus_next') turns it; without it, it is computed.")
 MOTION_SWAPPED = Mistake(
     "motion swapped", "motion", "(y, x): frames fit better so", "(x, y)", "Hand it in as motion[..., ::-1].")
 JITTER_CONSTANT = Mistake(

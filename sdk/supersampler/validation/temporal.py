@@ -21,6 +21,7 @@ from supersampler.validation.amplitude import (
 from supersampler.validation.depth_order import DepthOrder
 from supersampler.validation.evidence import Evidence
 from supersampler.validation.mistakes import Mistake
+from supersampler.validation.motion_next import motion_next_mistakes
 from supersampler.validation.readings import JITTERS, MOTIONS, reading_text
 from supersampler.validation.reprojection import MIN_PLACES, FramePair, frame_pairs
 from supersampler.validation.steps import depth_values
@@ -51,6 +52,7 @@ class FramesSeen:
         amplitudes: for each factor of the jitter, the error summed over the pairs.
         varied: how much the motion changes with the jitter.
         lacks_motion: whether all motion is 0 in an image that moves.
+        following: mistakes in the motion from the previous frame to this one.
     """
 
     previous: Evidence | None = None
@@ -61,17 +63,20 @@ class FramesSeen:
     amplitudes: AmplitudeErrors = field(default_factory=dict)
     varied: JitterInVectors = (0.0, 0.0)
     lacks_motion: bool = False
+    following: tuple[Mistake, ...] = ()
 
     def after(self, frame: Evidence, display_size: Size) -> "FramesSeen":
         """Return the state after one more frame."""
         if frame.light is None:
-            return replace(self, previous=None)
-        seen = self
+            return replace(self, previous=None, following=())
+        seen = replace(self, following=())
+        if self.previous is not None:
+            seen = replace(seen, following=tuple(motion_next_mistakes(self.previous, frame)))
         for pair in frame_pairs([frame] if self.previous is None else [self.previous, frame]):
             if pair.textured:
                 errors = _added(self.errors, _errors(pair, display_size))
                 seen = replace(
-                    self,
+                    seen,
                     pairs=self.pairs + 1,
                     errors=errors,
                     surfaces=_added(self.surfaces, _surfaces(pair)),
@@ -99,6 +104,7 @@ def temporal_mistakes(seen: FramesSeen, size: Size, display_size: Size) -> Itera
         mistake = mistakes.JITTER_MISREAD if is_jitter else mistakes.MOTION_MISREAD
         yield mistake.found(times=own / max(other, 1e-6), reading=text, call=call)
         return  # with wrong motion, disocclusions are no evidence
+    yield from seen.following
     if np.ptp(seen.jitters, axis=0).max() > 0:
         yield from amplitude_mistakes(seen.amplitudes, seen.pairs)
     kind = _other_order(seen.surfaces)

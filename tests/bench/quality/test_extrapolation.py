@@ -178,6 +178,15 @@ def test_an_extrapolated_frame_beats_a_warped_one_in_disocclusions(folder: Path)
         assert by_way["taau, guided-warp"]["psnr"] > by_way["taau, warp, filled"]["psnr"] + 1.0
 
 
+def test_two_passes_have_rows_of_their_own_and_are_better(folder: Path) -> None:
+    found = measure_extrapolation(Shot.open(folder), ["taau"], ["guided-warp", "guided-warp:x2"], ["1:1"])
+    by_way = {s.method: s.summary(warm=False) for s in found["1:1"]}
+    assert list(by_way)[-3:] == ["taau, guided-warp", "taau, shaded x2", "taau, guided-warp x2"]
+    one, shaded, two = list(by_way.values())[-3:]
+    assert two["psnr"] > one["psnr"] + 0.3
+    assert shaded["psnr"] > two["psnr"]
+
+
 def test_the_command_prints_a_table_and_a_record_that_makes_it_again(folder: Path, tmp_path: Path) -> None:
     page, file = tmp_path / "page.md", tmp_path / "extrapolation-lit.json"
     page.write_text("<!-- bench:extrapolation lit -->\n<!-- /bench -->\n")

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from more_scenes import Cut, dots
-from supersampler import Frame, ShotError, StepResult
+from supersampler import Frame, ShotError, StepResult, upscale_sequence
 from supersampler.frame import Float32
-from supersampler.io.display import CEILING_DB
+from supersampler.io.display import CEILING_DB, auto_exposure, display_transform
 from supersampler.io.shot import ClassMaps, Shot, ShotWriter
 from supersampler_bench.quality import measure as quality
 from supersampler_bench.quality import metrics
@@ -249,3 +249,21 @@ def test_real_methods_run_side_by_side_and_repeat_exactly(tmp_path: Path) -> Non
     assert all(15 < frame.full["psnr"] < 50 for result in first for frame in result.frames)
     alone = measure_quality(shot, ["taau:fp32"])
     np.testing.assert_equal(alone[0].summary(warm=False), first[1].summary(warm=False))
+
+
+def test_two_passes_have_a_row_of_their_own(tmp_path: Path) -> None:
+    shot = write_shot(tmp_path, references=[1, 2, 5])
+    one, two = measure_quality(shot, ["taau", "taau:x2"])
+    assert two.method == "taau:x2"
+    images = list(upscale_sequence(shot, display_size=DISPLAY, model="taau", validate="off"))
+    stored = {item.index: item.reference for item in shot}
+    exposures = {item.index: item.frame.exposure for item in shot}
+    for scores in two.frames:
+        reference = stored[scores.frame]
+        assert reference is not None
+        exposure = exposures[scores.frame] or auto_exposure(reference)
+        shown = display_transform(images[scores.frame], exposure)
+        assert scores.full["psnr"] == pytest.approx(
+            metrics.psnr(shown, display_transform(reference, exposure))
+        )
+    assert [f.full["psnr"] for f in one.frames] != [f.full["psnr"] for f in two.frames]

@@ -91,12 +91,18 @@ def test_presets_are_points_of_the_frontier_by_their_rule() -> None:
         ("classifier:int8:exact", Spec("classifier", "int8", "exact")),
         ("taau:0.01", Spec("taau", skip=0.01)),
         ("C:/models/mine", Spec("C:/models/mine")),
+        ("classifier:fp32:x2", Spec("classifier", "fp32", passes=2)),
         ("C:/models/mine:fp16", Spec("C:/models/mine", "fp16")),
     ],
 )
 def test_a_word_says_a_setting_and_back(word: str, spec: Spec) -> None:
-    assert parse_spec(word) == spec
+    assert parse_spec(word, two_passes=True) == spec
     assert str(spec) == word
+
+
+def test_two_passes_are_refused_where_frames_are_stepped_one_by_one() -> None:
+    with pytest.raises(ArgumentError, match="method is 'taau:x2'; want a method of one pass"):
+        parse_spec("taau:x2")
 
 
 def quality() -> dict[str, Any]:

@@ -39,7 +39,7 @@ def test_multiply_adds_are_outputs_times_the_numbers_summed_for_each() -> None:
     )
     assert conv == 6 * 16 * 72
     transposed = onnx_traffic._multiply_adds(
-        "ConvTranspose", [{"float": [1, 8, 4, 4]}, {"float": [8, 6, 2, 2]}], [{"float": [1, 6, 8, 8]}]
+        "ConvTranspose", [{"float": [1, 8, 4, 4]}], [{"float": [1, 6, 8, 8]}]
     )
     assert transposed == 8 * 16 * 24
     product = [{"float": [2, 3]}, {"float": [3, 5]}]

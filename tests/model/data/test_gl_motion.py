@@ -9,9 +9,12 @@ import torch.nn.functional as F
 from numpy.typing import NDArray
 
 from gl_scenes import Yard, unlit
-from supersampler import halton_jitter
+from supersampler import Frame, halton_jitter
+from supersampler.sequence.backward_motion import scattered_motion
+from supersampler_model.data.errors import DataError
 from supersampler_model.data.rendered import Reference, Surfaces
 from supersampler_model.data.renderer.renderer import Renderer
+from supersampler_model.data.scenes.following import towards
 from supersampler_model.data.scenes.scene import Scene
 
 Values = NDArray[np.float64]
@@ -168,3 +171,24 @@ def test_previous_depth_is_the_depth_a_frame_ago(renderer: Renderer) -> None:
     assert np.quantile(error, 0.99) < 2e-3  # round things, between pixels
     box = where & seen_alone(renderer, scene, 1, now.depth)
     assert np.abs(now.depth[box] / now.previous_depth[box] - 1.0).mean() > 2e-3  # it was elsewhere
+
+
+def test_motion_to_the_next_frame_is_what_scattering_its_motion_finds(renderer: Renderer) -> None:
+    """Two sources of one thing: the scene rendered towards the next frame, and `scattered_motion`."""
+    yard, size, jitters = Yard(), (80, 45), [halton_jitter(index, 2.0) for index in (4, 5)]
+    scenes = [yard.scene(4), yard.scene(5)]
+    surfaces = [renderer.frame(s, size, jitter=j)[1] for s, j in zip(scenes, jitters, strict=True)]
+    now, after = (
+        Frame(color=None, depth=s.depth, motion=s.motion, jitter=j)
+        for s, j in zip(surfaces, jitters, strict=True)
+    )
+    truth = renderer.frame(towards(*scenes), size, jitter=jitters[0])[1].motion.astype(np.float32)
+    assert np.linalg.norm(truth, axis=-1).mean() > 0.3
+    off = np.linalg.norm(scattered_motion(now, after) - truth, axis=-1)
+    assert np.median(off) < 0.02
+    assert (off > 0.5).mean() < 0.02
+
+
+def test_no_motion_leads_to_a_scene_of_other_things() -> None:
+    with pytest.raises(DataError, match="other instances"):
+        towards(Yard(0).scene(0), Yard(1).scene(1))

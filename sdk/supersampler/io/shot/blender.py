@@ -35,9 +35,9 @@ def import_blender(
 
     Colour is the Combined pass; its alpha and the layer's other passes that can be blended (DiffDir, Emit,
     Mist) are AOVs, and the rest is in `Shot.ignored_channels`. Depth is
-    Depth or Z, motion is Vector X and Y; Normal and DiffCol are G-buffers, where they exist. Jitter the
-    camera by `shift_x = x / max(w, h)`, `shift_y = -y / max(w, h)`, and render with a Blackman-Harris
-    filter 0.01 pixels wide: one sample at that point.
+    Depth or Z, motion is Vector X and Y, and to the next frame Z and W; Normal and DiffCol are G-buffers,
+    where they exist. Jitter the camera by `shift_x = x / max(w, h)`, `shift_y = -y / max(w, h)`, and render
+    with a Blackman-Harris filter 0.01 pixels wide: one sample at that point.
 
     Args:
         folder: folder of the frames.
@@ -62,6 +62,9 @@ def import_blender(
     first = next(iter(of_range(folder, numbered, frames).values()))
     types = read_types(first)
     channel_map = layer_map(first, types, layer)
+    conventions = Conventions.blender() if conventions is None else conventions
+    if conventions.motion_jittered:  # of Eevee: the next frame's jitter is in it
+        channel_map.pop("motion_next", None)
     if reference is not None:
         image = next(iter(numbered_files(folder, reference).values()))
         channel_map["reference"] = [f"{reference}:{channel}" for channel in _reference_channels(image)]
@@ -70,7 +73,7 @@ def import_blender(
         folder,
         channel_map,
         aov_names=aov_names(channel_map.get("aovs", ()), layer),
-        conventions=Conventions.blender() if conventions is None else conventions,
+        conventions=conventions,
         files=files,
         frames=frames,
         display_size=display_size,
@@ -119,12 +122,13 @@ def layer_map(
         "color": [f"{layer}.Combined.{axis}" for axis in "RGB"],
         "depth": [f"{layer}.{depth}"],
         "motion": [f"{layer}.Vector.{axis}" for axis in "XY"],
+        "motion_next": [f"{layer}.Vector.{axis}" for axis in "ZW"],
         "normal": [f"{layer}.Normal.{axis}" for axis in "XYZ"],
         "base_color": [f"{layer}.DiffCol.{axis}" for axis in "RGB"],
     }
     if f"{layer}.Diffuse Color.R" in channels:  # of Blender 5
         found["base_color"] = [f"{layer}.Diffuse Color.{axis}" for axis in "RGB"]
-    found = {name: names for name, names in found.items() if names[0] in channels}
+    found = {name: names for name, names in found.items() if {*names} <= {*channels}}
     alpha = f"{layer}.Combined.A"
     of_layer = {name: kind for name, kind in types.items() if name.startswith(f"{layer}.") and name != alpha}
     aovs = [name for name in (alpha,) if name in channels] + blended_and_ignored(of_layer, found)[0]

@@ -111,6 +111,7 @@ def _arrays(
 ) -> tuple[dict[str, Array], list[str]]:
     """Read the arrays of a frame; also return the names of its AOVs."""
     names = layer_map(path, read_types(path), scene.layer, motion=False)
+    names.pop("motion_next", None)  # the next frame's camera, which it lacks, may not be known yet
     aovs = names.get("aovs", [])
     wanted = {
         name: channels

@@ -23,7 +23,11 @@ _INTEGERS = ("uint8", "uint16", "int8", "int16")
 _MAPPED = re.compile(r"(.*\.(?:exr|png|tiff?)):(.*)", re.DOTALL)
 MAP_FILE_NAME = "channels.json"
 ChannelMap: TypeAlias = Mapping[str, str | Sequence[str]]
-_COUNTS: Mapping[str, int] = {"color": 3, "depth": 1, "motion": 2, **GBUFFER_CHANNELS, "reference": 3}
+_COUNTS: Mapping[str, int] = {
+    "color": 3, "depth": 1, "motion": 2, "motion_next": 2, **GBUFFER_CHANNELS, "reference": 3,
+}  # fmt: skip
+_OPTIONAL = {name: f"gbuffer_{name}" for name in GBUFFER_CHANNELS} | {"motion_next": "motion_next"}
+"""Arrays that a reader may leave out, and their names in the `gbuffers` of `Shot.frames`."""
 
 
 def import_channels(
@@ -53,9 +57,9 @@ def import_channels(
     Args:
         folder: folder of the files.
         channel_map: our name to EXR channel names: depth (1), motion (2, x first), color (3); optional
-            base_color, normal (3 each), roughness, metallic, specular (1 each), aovs (any number), reference
-            (3). `motion/*.exr:R` is channel R of the files of that pattern; without one, of `files`.
-            References are matched by frame number; frames without one are allowed.
+            motion_next (2), base_color, normal (3 each), roughness, metallic, specular (1 each), aovs (any
+            number), reference (3). `motion/*.exr:R` is channel R of the files of that pattern; without one,
+            of `files`. References are matched by frame number; frames without one are allowed.
         conventions: conventions of these channels and of the jitter.
         files: pattern of the frames' files: `beauty.####.exr`, `beauty.%04d.exr` or a glob.
         frames: first and last number of the frames to open, both included; a gap outside is no error. By
@@ -232,7 +236,7 @@ class _MappedFiles:
         wanted = {
             name: source
             for name, source in self.sources.items()
-            if gbuffers is None or name not in GBUFFER_CHANNELS or f"gbuffer_{name}" in gbuffers
+            if gbuffers is None or name not in _OPTIONAL or _OPTIONAL[name] in gbuffers
         }
         arrays: dict[str, Array] = {}
         for pattern, files in self.files.items():
@@ -242,7 +246,10 @@ class _MappedFiles:
             path, names = files[self.numbers[index]], [n for s in sources.values() for n in s.channels]
             outside = dict.fromkeys(self.sources["depth"].channels if "depth" in sources else (), sky)
             channels = read_image(path, only=names, outside=outside)
-            if set(sources) != {"motion"}:  # motion vectors in a file of their own may have display size
+            if not set(sources) <= {
+                "motion",
+                "motion_next",
+            }:  # motion vectors in a file of their own may have display size
                 check_size(path, channels, render_size)
             arrays |= {name: take(path, channels, source.channels) for name, source in sources.items()}
         aovs = arrays.get("aovs")
@@ -250,6 +257,7 @@ class _MappedFiles:
             color=arrays.get("color"),
             depth=arrays["depth"].astype(np.float32, copy=False),
             motion=arrays["motion"],
+            motion_next=arrays.get("motion_next"),
             jitter=jitter,
             reset=reset,
             gbuffer={name: arrays[name] for name in GBUFFER_CHANNELS if name in arrays} or None,

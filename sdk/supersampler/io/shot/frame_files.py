@@ -19,6 +19,7 @@ from supersampler.io.shot.format import FrameEntry
 COLOR = ("R", "G", "B")
 DEPTH = ("depth.Z",)
 MOTION = ("motion.X", "motion.Y")
+MOTION_NEXT = ("motion_next.X", "motion_next.Y")
 GBUFFER: Mapping[str, Sequence[str]] = {
     "base_color": ("base_color.R", "base_color.G", "base_color.B"),
     "normal": ("normal.X", "normal.Y", "normal.Z"),
@@ -62,7 +63,8 @@ def read_frame(
         entry: the frame's entry in shot.json.
         render_size: required (width, height) of the render-size file.
         display_size: required (width, height) of the display-size file; None accepts any.
-        gbuffers: G-buffers to read, by their names in `ModelInfo.gbuffers`; None reads all.
+        gbuffers: G-buffers to read, by their names in `ModelInfo.gbuffers`, and "motion_next"; None reads
+            all.
         sky: depth of pixels outside of a file's data window; None refuses a data window that is too small.
         aov_names: names of the AOVs in files of results; empty: they are numbered.
 
@@ -72,21 +74,25 @@ def read_frame(
     """
     path = folder / entry.file
     outside = None if sky is None else {DEPTH[0]: sky}
-    channels = read_exr(path, without=_unwanted("gbuffer", GBUFFER, gbuffers), outside=outside)
+    no_next = () if gbuffers is None or "motion_next" in gbuffers else MOTION_NEXT
+    without = (*_unwanted("gbuffer", GBUFFER, gbuffers), *no_next)
+    channels = read_exr(path, without=without, outside=outside)
     check_size(path, channels, render_size)
     display_path = folder / (entry.display_file or entry.file)
-    unwanted = _unwanted("gbuffer_display", _GBUFFER_DISPLAY, gbuffers)
+    unwanted = (*_unwanted("gbuffer_display", _GBUFFER_DISPLAY, gbuffers), *no_next)
     display = {}
     if entry.display_file is not None:
         display = read_exr(display_path, without=unwanted, outside=outside)
     check_size(display_path, display, display_size)
     motion_of_display, aovs = MOTION[0] in display, take_aovs(path, channels)
+    with_next, next_path = (display, display_path) if MOTION_NEXT[0] in display else (channels, path)
     if aovs is not None and aov_names and len(aov_names) != aovs.shape[2]:
         raise ShotError(path, f"has {aovs.shape[2]} AOVs; the shot names {len(aov_names)}")
     return RawFrame(
         color=take(path, channels, COLOR) if entry.shaded else None,
         depth=take(path, channels, DEPTH).astype(np.float32, copy=False),
         motion=take(display_path, display, MOTION) if motion_of_display else take(path, channels, MOTION),
+        motion_next=take(next_path, with_next, MOTION_NEXT) if MOTION_NEXT[0] in with_next else None,
         jitter=entry.jitter,
         reset=entry.reset,
         exposure=entry.exposure,
@@ -157,6 +163,12 @@ def write_frame(
     motion = _named(MOTION, raw.motion)
     if raw.motion.shape[:2] == raw.depth.shape:
         render, motion = render | motion, {}
+    if raw.motion_next is not None:
+        following = _named(MOTION_NEXT, raw.motion_next)
+        if raw.motion_next.shape[:2] == raw.depth.shape:
+            render |= following
+        else:
+            motion |= following
     for name, array in (raw.gbuffer or {}).items():
         render |= _named(GBUFFER[name], array)
     if raw.aovs is not None:

@@ -225,7 +225,8 @@ class Shot:
         Args:
             start: index of the first frame.
             stop: index after the last frame; None is the end.
-            gbuffers: G-buffers to read, by their names in `Model.info.gbuffers`; None reads all.
+            gbuffers: G-buffers to read, by their names in `Model.info.gbuffers`, and "motion_next"; None
+                reads all.
             references: whether to read those, too.
             times: takes the times of the stages "read" and "convert".
         """

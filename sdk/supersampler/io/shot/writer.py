@@ -258,6 +258,8 @@ class ShotWriter:
             arrays |= {"classes.ghost": classes.ghost, "classes.alias": classes.alias}
         if frame.motion.shape[:2] != frame.depth.shape:
             arrays["motion"] = frame.motion
+        if frame.motion_next is not None and frame.motion_next.shape[:2] != frame.depth.shape:
+            arrays["motion_next"] = frame.motion_next
         want = self._info.display_size
         for name, array in arrays.items():
             if array is not None and (want is None or array.shape[:2] != want[::-1]):

@@ -1,0 +1,240 @@
+"""Two passes against one: their time and memory, shots on which they could do harm, and backward motion.
+
+    python bench/studies/both_ways.py times --json FILE --update docs/how-to/upscale-both-ways.md
+
+times: the frames of the shipped shot, again and again, without cuts; runs of one pass and of two take turns,
+and the ratio of their times is that of each pair. Memory is how far the largest resident size of the process
+grows between 128 and 384 frames. harm: analytic scenes, of which the truth is known; PSNR of two passes minus
+that of one. motion: of the test shots' scenes, scattered from the next frame's against what the renderer
+writes when it draws each frame towards the next.
+"""
+
+import itertools
+import os
+import resource
+import statistics
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+from supersampler import Frame, Model, Shot, halton_jitter, upscale_sequence
+from supersampler.arguments import checked_choice
+from supersampler.frame import Float32, Size
+from supersampler.io.display import display_transform
+from supersampler.sequence.backward_motion import scattered_motion
+from supersampler_bench.cli.options import JSON, UPDATE, check_page, listed, publish, sizes_of
+from supersampler_bench.markdown_table import figure, size_text, table
+from supersampler_bench.quality.metrics import psnr
+from supersampler_bench.record import Record, machine_name
+from supersampler_bench.shots.public_shots import TEST_SHOTS
+from supersampler_bench.shots.rendered_frame import rendered_frame
+from supersampler_model.data.renderer.renderer import Renderer
+from supersampler_model.data.scenes.analytic import DiscOverPlane, Plane, Scene, WiresOverPlane, zone_plate
+from supersampler_model.data.scenes.following import towards
+from supersampler_model.data.sequences import make_sequence
+from supersampler_model.data.specs import SequenceSpec
+
+RENDER, DISPLAY = (64, 36), (128, 72)
+SCENES: dict[str, Scene] = {
+    "still": Plane(zone_plate),
+    "still wires": WiresOverPlane(Plane(zone_plate)),
+    "pan": Plane(zone_plate, velocity=(0.37, 0.21)),
+    "disc": DiscOverPlane(),
+}
+SHOTS = (1, 2, 3, 8, 40)
+"""Frames from cut to cut."""
+
+
+def main(
+    what: Annotated[str, typer.Argument(help="times, harm or motion.")],
+    methods: Annotated[str, typer.Option(help="With commas between.")] = "classifier,taau",
+    display_sizes: Annotated[str, typer.Option(help="Sizes of the timed images.")] = "960x540",
+    frames: Annotated[int, typer.Option(help="Of each timed run.")] = 192,
+    pairs: Annotated[int, typer.Option(help="Timed runs of one pass and of two.")] = 5,
+    json: JSON = None,
+    update: UPDATE = None,
+) -> None:
+    """Measure two passes."""
+    name = f"study both ways, {checked_choice('what', what, TABLES)}"
+    check_page(update, {name: TABLES[what]})
+    names = listed(methods)
+    if what == "times":
+        sizes = sizes_of(display_sizes)
+        rows = [timing(method, size, frames, pairs) for size in sizes for method in names]
+    elif what == "harm":
+        rows = [row for method in names for row in harms(method)]
+    else:
+        rows = [motion_errors(family) for family in TEST_SHOTS.seeds]
+    record = {"bench": f"both_ways {what}", "cores": os.cpu_count(), "frames": frames, "rows": rows}
+    publish(record, {name: TABLES[what]}, json, update)
+
+
+def timing(method: str, display: Size, count: int, pairs: int) -> dict[str, Any]:
+    """Return seconds of runs with one pass and with two, and the growth of memory with the length."""
+    model, ring = Model.load(method, providers="cpu"), rendered(display)
+
+    def seconds(passes: int, length: int = count) -> float:
+        given = itertools.islice(itertools.cycle(ring), length)
+        began = time.perf_counter()
+        for _ in upscale_sequence(given, display_size=display, model=model, passes=passes, validate="off"):
+            pass
+        return time.perf_counter() - began
+
+    seconds(2, 128)  # compiles and warms up
+    small = _peak()
+    seconds(2, 384)
+    grown = _peak() - small
+    runs = [(seconds(1), seconds(2)) for _ in range(pairs)]
+    return {
+        "method": method, "size": list(display), "one": [one for one, _ in runs],
+        "two": [two for _, two in runs], "grown": grown,
+    }  # fmt: skip
+
+
+def rendered(display: Size) -> list[Frame]:
+    """Return the shipped frames without cuts, repeated to half of a display size."""
+    width, height = display[0] // 2, display[1] // 2
+
+    def tiled(array: Any) -> Any:
+        times = (-(-height // array.shape[0]), -(-width // array.shape[1]), *[1] * (array.ndim - 2))
+        return np.ascontiguousarray(np.tile(array, times)[:height, :width])
+
+    items = Shot.open("plaza").frames(references=False, gbuffers=())
+    return [
+        Frame(
+            color=tiled(item.frame.color), depth=tiled(item.frame.depth), motion=tiled(item.frame.motion),
+            jitter=item.frame.jitter, exposure=item.frame.exposure,
+        )
+        for item in items
+    ]  # fmt: skip
+
+
+def harms(method: str) -> Iterator[dict[str, Any]]:
+    """Yield the gain of the second pass for each scene, length of shots, and kind of frames."""
+    model = Model.load(method, providers="cpu")
+    for name, scene in SCENES.items():
+        count = max(SHOTS)
+        clean = [
+            replace(scene.frame(index, RENDER, halton_jitter(index, 2.0)), exposure=1.0)
+            for index in range(count)
+        ]
+        truths = [scene.truth(index, DISPLAY) for index in range(count)]
+        for hostile, length in [(False, length) for length in SHOTS] + [(True, 24)]:
+            total = max(length, min(12, count)) // length * length
+            given = [replace(frame, reset=i % length == 0) for i, frame in enumerate(clean[:total])]
+            given = with_hostile_values(given) if hostile else given
+            gain = np.subtract(*(scores(model, given, truths, passes) for passes in (2, 1)))
+            yield {
+                "method": method, "scene": name, "shot": length, "hostile": hostile,
+                "gain": float(gain.mean()), "least": float(gain.min()),
+            }  # fmt: skip
+
+
+def scores(model: Model, frames: Sequence[Frame], truths: Sequence[Float32], passes: int) -> Float32:
+    """Return the PSNR of each image."""
+    images = upscale_sequence(frames, display_size=DISPLAY, model=model, passes=passes, validate="off")
+    pairs = zip(images, truths[: len(frames)], strict=True)
+    found = [psnr(display_transform(image), display_transform(truth)) for image, truth in pairs]
+    return np.array(found, np.float32)
+
+
+def with_hostile_values(frames: Sequence[Frame]) -> list[Frame]:
+    """Spoil a tenth of the samples of every fourth frame: NaN, infinities, far too large values."""
+    found, rng = [], np.random.default_rng(0)
+    for index, frame in enumerate(frames):
+        if index % 4 == 3 and frame.color is not None:
+            arrays = {name: getattr(frame, name).copy() for name in ("color", "depth", "motion")}
+            for name, value in (("color", np.nan), ("color", 65504.0), ("depth", np.inf), ("motion", 1e30)):
+                arrays[name][rng.random(frame.depth.shape) < 0.025] = value
+            frame = replace(frame, **arrays)
+        found.append(frame)
+    return found
+
+
+def motion_errors(family: str, pairs: Sequence[int] = (5, 13, 21, 30)) -> dict[str, Any]:
+    """Return errors of motion to the next frame, render pixels, over some frames of a test shot."""
+    renderer = Renderer(TEST_SHOTS.display_size, samples=4)
+    sequence = make_sequence(SequenceSpec(family=family, seed=TEST_SHOTS.seeds[family], frames=40))
+    size = TEST_SHOTS.display_size[0] // 2, TEST_SHOTS.display_size[1] // 2
+    found: dict[str, list[Float32]] = {"scattered": [], "own": []}
+    for index in (i for i in pairs if not sequence.cut(i + 1)):
+        scenes = sequence.scene(index), sequence.scene(index + 1)
+        jitters = halton_jitter(index, 2.0), halton_jitter(index + 1, 2.0)
+        now, after = (rendered_frame(renderer, s, size, j) for s, j in zip(scenes, jitters, strict=True))
+        surfaces = renderer.frame(towards(*scenes), size, jitter=jitters[0])[1]
+        truth = surfaces.motion.astype(np.float32)
+        for name, motion in (("scattered", scattered_motion(now, after)), ("own", -now.motion)):
+            found[name].append(np.hypot(*np.moveaxis(motion - truth, -1, 0)).astype(np.float32))
+    return {
+        "shot": family,
+        **{
+            name: {"median": float(np.median(errors)), "over_half": float(np.mean(np.array(errors) > 0.5))}
+            for name, errors in found.items()
+        },
+    }
+
+
+def times_table(record: Record) -> str:
+    """Return the times as a Markdown table."""
+    rows = []
+    for row in record["rows"]:
+        ratio = statistics.median(two / one for one, two in zip(row["one"], row["two"], strict=True))
+        each = [1e3 * statistics.median(row[name]) / record["frames"] for name in ("one", "two")]
+        rows.append([
+            row["method"], size_text(row["size"]), *(figure(value, 1) for value in each), figure(ratio, 2),
+            figure(row["grown"] / 1e6, 0),
+        ])  # fmt: skip
+    head = ["method", "images", "one pass, ms:", "two passes, ms:", "ratio:", "MB more for 256 more frames:"]
+    caption = f"Medians for each frame of {record['frames']}, reading and writing left out."
+    return table(head, rows, f"{caption} {machine_name(record)}.")
+
+
+def harm_table(record: Record) -> str:
+    """Return the gains as a Markdown table: the smallest of all scenes for each length of shots."""
+    kinds = list(dict.fromkeys((row["shot"], row["hostile"]) for row in record["rows"]))
+    rows = []
+    for method in dict.fromkeys(row["method"] for row in record["rows"]):
+        for shot, hostile in kinds:
+            same = [
+                row
+                for row in record["rows"]
+                if (row["method"], row["shot"], row["hostile"]) == (method, shot, hostile)
+            ]
+            worst = min(same, key=lambda row: row["gain"])
+            mean = statistics.mean(row["gain"] for row in same)
+            what = f"{shot}{', hostile values' if hostile else ''}"
+            rows.append([method, what, figure(mean, 2), figure(worst["gain"], 2), worst["scene"]])
+    head = ["method", "frames of a shot", "gain dB, mean of scenes:", "least of a scene:", "which"]
+    return table(head, rows, "PSNR of two passes minus one, in analytic scenes, 64x36 to 128x72.")
+
+
+def motion_table(record: Record) -> str:
+    """Return the errors of motion as a Markdown table."""
+    rows = [
+        [
+            row["shot"],
+            *(figure(row[name]["median"], 4) for name in ("scattered", "own")),
+            *(figure(100.0 * row[name]["over_half"], 2) for name in ("scattered", "own")),
+        ]
+        for row in record["rows"]
+    ]
+    head = ["shot", "scattered, median:", "own motion negated:", "scattered, % over 0.5:", "own, % over 0.5:"]
+    return table(head, rows, "Errors of motion to the next frame, render pixels at 320x180, of all pixels.")
+
+
+TABLES: Mapping[str, Callable[[Record], str]] = {
+    "times": times_table, "harm": harm_table, "motion": motion_table,
+}  # fmt: skip
+
+
+def _peak() -> int:
+    """Return the largest resident size so far, bytes."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+
+
+if __name__ == "__main__":
+    typer.run(main)

@@ -1,0 +1,152 @@
+"""Arrays of frames and images that wait for their turn, in memory and in a scratch folder on disk."""
+
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from supersampler.errors import ShotError
+from supersampler.frame import GBUFFER_CHANNELS, GBUFFER_DISPLAY_CHANNELS, Frame
+from supersampler.io.atomic import os_errors_as_shot_error
+
+MEMORY = 2.0**30
+"""Bytes of frames and images that are kept in memory; what is more goes to the disk."""
+_ROOM = "Is the disk full? `scratch` names a folder on another; images that were written stay."
+_IMAGES = ("color", "depth", "motion", "aovs", "motion_next")
+_GROUPS = {"gbuffer": GBUFFER_CHANNELS, "gbuffer_display": GBUFFER_DISPLAY_CHANNELS}
+
+
+@dataclass(frozen=True)
+class Stored:
+    """Arrays that a `FrameStore` holds.
+
+    Attributes:
+        key: of the store.
+        arrays: type and shape of each array, by name, in the order of the file.
+    """
+
+    key: int
+    arrays: Mapping[str, tuple[np.dtype[Any], tuple[int, ...]]]
+
+
+@dataclass(frozen=True)
+class StoredFrame:
+    """A frame that a `FrameStore` holds.
+
+    Attributes:
+        stored: its arrays.
+        jitter, reset, exposure: see `Frame`.
+    """
+
+    stored: Stored
+    jitter: tuple[float, float]
+    reset: bool
+    exposure: float | None
+
+
+class FrameStore:
+    """Keeps arrays until they are dropped: in memory up to a limit, the others in a scratch folder.
+
+    Args:
+        memory: bytes to keep in memory.
+        folder: where to make the scratch folder, when it is needed; None is the system's place for temporary
+            files. It is removed when the store is closed.
+        names: optional arrays of frames to keep, by `input_name`; None keeps all.
+
+    Raises:
+        ShotError: `folder` is no folder.
+    """
+
+    def __init__(
+        self, *, memory: float = MEMORY, folder: Path | None = None, names: frozenset[str] | None = None
+    ) -> None:
+        if folder is not None and not folder.is_dir():
+            raise ShotError(folder, "is no folder", "`scratch` names an existing one.")
+        self._names, self._place, self._room = names, folder, memory
+        self._folder: tempfile.TemporaryDirectory[str] | None = None
+        self._held: dict[int, dict[str, NDArray[Any]]] = {}
+        self._next = 0
+
+    def put(self, arrays: Mapping[str, NDArray[Any]]) -> Stored:
+        """Keep some arrays, which must not be changed later; ShotError where the disk is full."""
+        key, self._next = self._next, self._next + 1
+        facts = {name: (array.dtype, array.shape) for name, array in arrays.items()}
+        size = sum(array.nbytes for array in arrays.values())
+        if size <= self._room:
+            self._held[key] = dict(arrays)
+            self._room -= size
+            return Stored(key, facts)
+        place = self._place or tempfile.gettempdir()
+        with os_errors_as_shot_error(place, "written", _ROOM), self._path(key).open("wb") as file:
+            for array in arrays.values():
+                np.ascontiguousarray(array).tofile(file)
+        return Stored(key, facts)
+
+    def get(self, stored: Stored) -> dict[str, NDArray[Any]]:
+        """Return the arrays, which must not be changed."""
+        if stored.key in self._held:
+            return dict(self._held[stored.key])
+        path, found = self._path(stored.key), {}
+        with os_errors_as_shot_error(path, "read"), path.open("rb") as file:
+            for name, (dtype, shape) in stored.arrays.items():
+                count = int(np.prod(shape))
+                values = np.fromfile(file, dtype, count)
+                if values.size != count:
+                    raise ShotError(path, "is shorter than it was written", "Does another program change it?")
+                found[name] = values.reshape(shape)
+        return found
+
+    def put_frame(self, frame: Frame) -> StoredFrame:
+        """Keep a copy of a frame, of the optional arrays those of `names`."""
+        arrays = {name: getattr(frame, name) for name in _IMAGES if getattr(frame, name) is not None}
+        for group in _GROUPS:
+            buffers = getattr(frame, group) or {}
+            arrays |= {f"{group}_{name}": array for name, array in buffers.items()}
+        if self._names is not None:
+            required = {"color", "depth", "motion", "motion_next", "aovs"} | self._names
+            arrays = {name: array for name, array in arrays.items() if name in required}
+        copies = {name: array.copy() for name, array in arrays.items()}  # engines reuse their buffers
+        return StoredFrame(self.put(copies), frame.jitter, frame.reset, frame.exposure)
+
+    def get_frame(self, frame: StoredFrame) -> Frame:
+        """Return a frame."""
+        arrays = self.get(frame.stored)
+        buffers: dict[str, Any] = {name: arrays.get(name) for name in _IMAGES}
+        for group, channels in _GROUPS.items():
+            found = {name: arrays[f"{group}_{name}"] for name in channels if f"{group}_{name}" in arrays}
+            buffers[group] = found or None
+        return Frame(**buffers, jitter=frame.jitter, reset=frame.reset, exposure=frame.exposure)
+
+    def drop(self, stored: Stored) -> None:
+        """Forget arrays, and free their memory or file."""
+        held = self._held.pop(stored.key, None)
+        if held is None:
+            self._path(stored.key).unlink(missing_ok=True)
+        else:
+            self._room += sum(array.nbytes for array in held.values())
+
+    def close(self) -> None:
+        """Remove all that is kept, and the scratch folder."""
+        self._held.clear()
+        if self._folder is not None:
+            self._folder.cleanup()
+
+    def __enter__(self) -> "FrameStore":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _path(self, key: int) -> Path:
+        if self._folder is None:
+            self._folder = tempfile.TemporaryDirectory(
+                prefix="supersampler-", dir=self._place, ignore_cleanup_errors=True
+            )
+        return Path(self._folder.name) / f"{key}.bin"

@@ -1,0 +1,211 @@
+"""Colour of frames that were not shaded, from the shaded frames before and after.
+
+Each side's light is extrapolated onto the surfaces of the unshaded frame by a model such as `guided-warp`,
+from the frame before with its motion, and from the frame after with the motion to the next frame. Both
+images have the reflectance of the same pixels, so that their mean interpolates the light between the shaded
+frames. It is weighted by the distance in time, and by whether the surface was seen on that side.
+"""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from supersampler.errors import ArgumentError
+from supersampler.extrapolation import Extrapolator, ShadedHistory
+from supersampler.frame import Float32, Frame
+from supersampler.model import ExecutorName
+from supersampler.sequence.backward_motion import reversed_frame
+from supersampler.sequence.frame_store import FrameStore, Stored, StoredFrame
+from supersampler.upscaler import Upscaler
+
+SURFACE_SIGMA, DEPTH_SIGMA = 0.1, 0.02
+"""Differences of base colour and normal, and of relative depth, that one standard deviation is."""
+UNSEEN = 1e-3
+"""Smallest weight of a side, relative to one where the surface was seen."""
+_NEEDED = tuple(f"history.{name}" for name in ("motion", "jitter", "depth", "base_color", "normal"))
+
+
+class Side(NamedTuple):
+    """The colour of an unshaded frame from one side.
+
+    Attributes:
+        color: (h, w, 3) linear RGB.
+        agreement: (h, w) how far its surfaces were seen in the shaded frame, UNSEEN to 1.
+        frames: distance to the shaded frame.
+    """
+
+    color: Float32
+    agreement: Float32
+    frames: int
+
+
+class Interpolator:
+    """Computes the colours of the unshaded frames of windows of a sequence, one window after another.
+
+    Args:
+        extrapolator: of the light of one side.
+        gbuffers: names of the G-buffers that it and the upscaler read on unshaded frames.
+
+    Attributes:
+        gbuffers: these names.
+
+    Raises:
+        ArgumentError: the model keeps no surfaces of the shaded frame.
+    """
+
+    def __init__(self, extrapolator: Extrapolator, gbuffers: tuple[str, ...]) -> None:
+        missing = {*_NEEDED} - {entry.input.name for entry in extrapolator.info.history}
+        if missing:
+            got = f"{extrapolator.info.method!r}, without {', '.join(sorted(missing))}"
+            raise ArgumentError("extrapolation", got=got, want="a model such as guided-warp for two passes")
+        self._extrapolator, self.gbuffers = extrapolator, gbuffers
+        self._history: ShadedHistory | None = None  # before the window
+        self._since = 0  # frames from the last shaded one to the window
+
+    def colors(self, frames: Sequence[StoredFrame], next_start: int, store: FrameStore) -> dict[int, Stored]:
+        """Return the colours of the unshaded frames among some, by their indices, as arrays "color".
+
+        Args:
+            frames: consecutive, without a cut but at the first one.
+            next_start: index of the frame that the next call begins with; len(frames) where a cut follows.
+            store: of the frames; takes the colours.
+
+        Raises:
+            FrameError: the first frame after a cut is not shaded, or a frame lacks a G-buffer.
+        """
+        if not any("color" not in frame.stored.arrays for frame in frames):
+            last = store.get_frame(frames[next_start - 1])
+            self._history, self._since = self._extrapolator.after_shaded(last), 0
+            return {}
+        before = self._sides_before(frames, next_start, store)
+        found = {}
+        for index, after in self._sides_after(frames, store):
+            arrays = store.get(before[index][0])
+            side = Side(arrays["color"], arrays["agreement"], before[index][1])
+            found[index] = store.put({"color": interpolated(side, after)})
+            store.drop(before[index][0])
+        last_ones = {index: stored for index, (stored, _) in before.items() if index not in found}
+        return found | last_ones
+
+    def _sides_before(
+        self, frames: Sequence[StoredFrame], next_start: int, store: FrameStore
+    ) -> dict[int, tuple[Stored, int]]:
+        """Extrapolate from the shaded frames before; keep the history for the next window.
+
+        Returns:
+            The colours and agreements of unshaded frames by their indices, and their distances.
+        """
+        history, since = (None, 0) if frames[0].reset else (self._history, self._since)
+        found: dict[int, tuple[Stored, int]] = {}
+        for index, stored in enumerate(frames):
+            if index == next_start:
+                self._history, self._since = history, since
+            frame = store.get_frame(stored)
+            if frame.color is None:
+                side, history = self._side(frame, history, since + 1)
+                since = side.frames
+                found[index] = store.put({"color": side.color, "agreement": side.agreement}), since
+            else:
+                history, since = self._extrapolator.after_shaded(frame, history), 0
+        return found
+
+    def _sides_after(self, frames: Sequence[StoredFrame], store: FrameStore) -> Iterator[tuple[int, Side]]:
+        """Extrapolate from the shaded frames after, last frame first; yield index and side.
+
+        Frames after the last shaded one have no such side.
+        """
+        history: ShadedHistory | None = None
+        following: Frame | None = None
+        since = 0
+        for index in reversed(range(len(frames))):
+            frame = store.get_frame(frames[index])
+            if frame.color is not None:
+                turned = frame if history is None else reversed_frame(frame, following)
+                history, since = self._extrapolator.after_shaded(turned, history), 0
+            elif history is not None:
+                side, history = self._side(reversed_frame(frame, following), history, since + 1)
+                since = side.frames
+                yield index, side
+            following = frame
+
+    def _side(self, frame: Frame, history: ShadedHistory | None, since: int) -> tuple[Side, ShadedHistory]:
+        color, following = self._extrapolator.extrapolate(frame, history)
+        arrays = self._extrapolator.save(following)
+        return Side(color, surface_agreement(frame, arrays), since), following
+
+
+def interpolator_of(model: str | Path, upscaler: Upscaler, executor: ExecutorName = "auto") -> Interpolator:
+    """Return an Interpolator on the providers and threads of an Upscaler.
+
+    Args:
+        model: name of a model that extrapolates, or its folder.
+        upscaler: of the images.
+        executor: see `Model.load`.
+
+    Raises:
+        ModelError: the model does not exist, or does not extrapolate.
+    """
+    extrapolator = Extrapolator(model, upscaler.model.providers, upscaler.model.threads, executor)
+    return Interpolator(
+        extrapolator, (*extrapolator.info.gbuffers, *upscaler.model.on_extrapolated.info.gbuffers)
+    )
+
+
+def interpolated(before: Side, after: Side) -> Float32:
+    """Return the colour between two sides, (h, w, 3)."""
+    a = before.agreement * np.float32(after.frames)  # nearer in time: larger
+    b = after.agreement * np.float32(before.frames)
+    result: Float32 = before.color + (b / (a + b))[..., None] * (after.color - before.color)
+    return result
+
+
+def surface_agreement(frame: Frame, history: dict[str, NDArray[Any]]) -> Float32:
+    """Return how far each surface of a frame was seen in a shaded frame, (h, w), UNSEEN to 1.
+
+    It is the similarity to the most similar of the four samples around the place where it was.
+
+    Args:
+        frame: with base colour and normals.
+        history: tensors of the extrapolation after `frame`: the shaded frame, and the motion to it.
+    """
+    motion, jitter = history["history.motion"][0], history["history.jitter"][0]
+    height, width = frame.depth.shape
+    shaded_depth = history["history.depth"][0, 0]
+    shaded_height, shaded_width = shaded_depth.shape
+    x = (np.arange(width, dtype=np.float32) + motion[0] + np.float32(frame.jitter[0] + 0.5)) * np.float32(
+        shaded_width / width
+    ) - np.float32(jitter[0] + 0.5)
+    y = (
+        np.arange(height, dtype=np.float32)[:, None] + motion[1] + np.float32(frame.jitter[1] + 0.5)
+    ) * np.float32(shaded_height / height) - np.float32(jitter[1] + 0.5)
+    on_screen = (x > -1.0) & (x < shaded_width) & (y > -1.0) & (y < shaded_height)
+    column, row = np.where(on_screen, np.floor(x), 0).astype(np.intp), np.where(on_screen, np.floor(y), 0)
+    row = row.astype(np.intp)
+    least = np.full((height, width), np.float32(np.inf))
+    for down in (0, 1):
+        for across in (0, 1):
+            place = (
+                np.clip(row + down, 0, shaded_height - 1) * shaded_width
+                + np.clip(column + across, 0, shaded_width - 1)
+            )  # fmt: skip
+            np.fmin(least, _difference(frame, history, place), out=least)
+    agreement = np.exp(-0.5 * np.minimum(least, np.float32(100.0)))
+    result: Float32 = np.where(on_screen, np.maximum(agreement, np.float32(UNSEEN)), np.float32(UNSEEN))
+    return result
+
+
+def _difference(frame: Frame, history: dict[str, NDArray[Any]], place: NDArray[np.intp]) -> Float32:
+    """Return squared standard deviations between each surface and a sample of the shaded frame, (h, w)."""
+    gbuffer = frame.gbuffer or {}
+    depth = history["history.depth"][0, 0].ravel()[place]
+    larger = np.maximum(np.maximum(depth, frame.depth), np.float32(1e-30))
+    squares: Float32 = np.square((depth - frame.depth) / larger / np.float32(DEPTH_SIGMA))
+    for name in ("base_color", "normal"):
+        samples = history[f"history.{name}"][0].reshape(3, -1)
+        for channel in range(3):
+            apart = samples[channel][place] - gbuffer[name][..., channel]
+            squares = squares + np.square(apart / np.float32(SURFACE_SIGMA))
+    return squares

@@ -1,0 +1,56 @@
+"""Kernel of `scattered_motion`: compiled, never called from Python."""
+
+import numpy as np
+
+from supersampler.backends.cpu.simd.device_function import device_function
+from supersampler.sequence.kernels.structs import HIDDEN, OTHER_SURFACE, REACH, SAME_SURFACE, ScatterTables
+
+
+@device_function
+def mismatch_of(a, b):
+    """Return |a - b| / max(a, b), 0 where both are 0; HIDDEN where one is not finite."""
+    difference = abs(a - b) / max(max(abs(a), abs(b)), np.float32(1e-30))
+    return difference if difference < np.float32(HIDDEN) else np.float32(HIDDEN)
+
+
+def scatter_motion(tables: ScatterTables):
+    """Write the motion to the next frame: scattered where a sample's depth fits, else of a near pixel."""
+    motion, mismatch, depth = tables.motion, tables.mismatch, tables.depth
+    width, height = tables.width, tables.height
+    for pixel in range(width * height):
+        mismatch[pixel] = np.float32(HIDDEN)
+        motion[2 * pixel], motion[2 * pixel + 1] = np.float32(0.0), np.float32(0.0)
+    half = np.float32(0.5)
+    for row in range(tables.next_height):
+        for column in range(tables.next_width):
+            sample = row * tables.next_width + column
+            along, down = tables.next_motion[2 * sample], tables.next_motion[2 * sample + 1]
+            x = (np.float32(column) + along) * tables.scale_x + tables.shift_x + half
+            y = (np.float32(row) + down) * tables.scale_y + tables.shift_y + half
+            if x >= 0.0 and x < np.float32(width) and y >= 0.0 and y < np.float32(height):  # False for NaN
+                to = np.int64(y) * width + np.int64(x)
+                fit = mismatch_of(depth[to], tables.next_depth[sample])
+                if fit <= np.float32(SAME_SURFACE) and fit <= mismatch[to]:
+                    mismatch[to] = fit
+                    motion[2 * to], motion[2 * to + 1] = -along * tables.scale_x, -down * tables.scale_y
+    for row in range(height):
+        for column in range(width):
+            pixel = row * width + column
+            if mismatch[pixel] < np.float32(HIDDEN):
+                continue
+            best, source = np.int64(4 * OTHER_SURFACE), np.int64(-1)
+            for reach in range(1, REACH + 1):  # ring by ring
+                if best < reach * reach:  # all others are farther away
+                    break
+                for y in range(max(row - reach, 0), min(row + reach + 1, height)):
+                    across = 1 if abs(y - row) == reach else 2 * reach  # of the other rows, both ends
+                    for x in range(column - reach, column + reach + 1, across):
+                        near = y * width + x
+                        if x >= 0 and x < width and mismatch[near] < np.float32(HIDDEN):
+                            cost = (y - row) * (y - row) + (x - column) * (x - column)
+                            if mismatch_of(depth[pixel], depth[near]) > np.float32(SAME_SURFACE):
+                                cost += OTHER_SURFACE
+                            if cost < best:
+                                best, source = cost, near
+            if source >= 0:
+                motion[2 * pixel], motion[2 * pixel + 1] = motion[2 * source], motion[2 * source + 1]

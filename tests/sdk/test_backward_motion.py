@@ -1,0 +1,185 @@
+"""Motion to the next frame: scattered, given, converted, imported, and checked."""
+
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from supersampler import Conventions, Frame, FrameError, RawFrame, Shot, halton_jitter
+from supersampler.errors import FrameWarning
+from supersampler.io.shot import ShotWriter, import_blender
+from supersampler.sequence import backward_motion
+from supersampler.sequence.backward_motion import reversed_frame, scattered_motion
+from supersampler.validation import FrameChecker, detect_conventions
+from supersampler_model.data.scenes.analytic import DiscOverPlane, Plane, Scene, zone_plate
+
+SIZE = (128, 72)
+UNIT = 2.0  # pixels of a unit of the analytic scenes
+DISC = DiscOverPlane(velocity=(1.37, 0.71), background_velocity=(-0.45, 0.2), pattern=zone_plate)
+RECORDED = Path(__file__).parents[1] / "blender" / "recorded"
+
+
+def frame(scene: Scene, index: int, size: tuple[int, int] = SIZE) -> Frame:
+    return replace(scene.frame(index, size, halton_jitter(index, 2.0)), exposure=1.0)
+
+
+def truth(scene: DiscOverPlane, index: int) -> np.ndarray:
+    """Motion to the next frame: of what moves evenly, minus the motion."""
+    return -np.asarray(frame(scene, index).motion, np.float32)
+
+
+def test_scattered_motion_is_that_of_each_surface() -> None:
+    for index in range(4):
+        found = scattered_motion(frame(DISC, index), frame(DISC, index + 1))
+        off = np.abs(found - truth(DISC, index)).max(axis=2)
+        inner = off[4:-4, 4:-4]
+        assert np.median(inner) < 1e-4
+        assert (inner > 0.1).mean() < 0.004  # of 9 % at the disc's edge
+
+
+def test_a_surface_that_the_next_frame_hides_keeps_its_own_motion() -> None:
+    """What the disc will cover has the background's motion, not the disc's."""
+    now, after = frame(DISC, 0), frame(DISC, 1)
+    x, y = np.meshgrid(np.arange(SIZE[0]) + 0.5 + now.jitter[0], np.arange(SIZE[1]) + 0.5 + now.jitter[1])
+    x, y = x / UNIT, y / UNIT
+    moved = x + DISC.background_velocity[0], y + DISC.background_velocity[1]
+    hidden = DISC.contains(1, *moved) & ~DISC.contains(0, x, y)
+    assert hidden.sum() > 20
+    off = np.abs(scattered_motion(now, after) - truth(DISC, 0)).max(axis=2)
+    assert (off[hidden] > 0.1).mean() < 0.1
+
+
+def test_the_motion_is_the_same_without_a_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
+    now, after = frame(DISC, 2), frame(DISC, 3)
+    after.motion[5, 7], after.depth[9, 3] = np.nan, np.inf
+    compiled = scattered_motion(now, after)
+    monkeypatch.setattr(backward_motion, "kernel_if_possible", lambda _: None)
+    assert (np.abs(scattered_motion(now, after) - compiled).max(axis=2) > 1e-4).mean() < 0.002
+    assert np.isfinite(compiled).all()
+
+
+def test_the_motion_is_in_pixels_of_its_own_frame_where_sizes_differ() -> None:
+    small = frame(DISC, 1, (64, 36))
+    off = np.abs(scattered_motion(frame(DISC, 0), small) - truth(DISC, 0)).max(axis=2)
+    assert np.median(off) < 1e-4
+
+
+def test_a_reversed_frame_has_the_motion_that_is_given() -> None:
+    given = np.full((72, 128, 2), 0.3, np.float16)
+    now = replace(frame(DISC, 0), motion_next=given)
+    turned = reversed_frame(now, frame(DISC, 1))
+    np.testing.assert_array_equal(turned.motion, given.astype(np.float32))
+    assert not turned.reset
+    last = reversed_frame(now, None)
+    assert last.reset
+    assert not last.motion.any()
+
+
+def test_motion_next_must_have_the_shape_of_motion() -> None:
+    with pytest.raises(FrameError, match=r"frame.motion_next is \(72, 127, 2\) float32; want"):
+        replace(frame(DISC, 0), motion_next=np.zeros((72, 127, 2), np.float32))
+
+
+@pytest.mark.parametrize(
+    "conventions",
+    [
+        Conventions(),
+        Conventions.unreal(),
+        Conventions.blender(),
+        Conventions.xess(motion_next_direction="current_minus_next", depth="reversed_infinite"),
+        Conventions.streamline(motion_flip_y=True, bottom_up=True),
+        Conventions(motion_resolution="display"),
+    ],
+    ids=lambda conventions: repr(conventions)[:60],
+)
+def test_conventions_convert_motion_next_there_and_back(conventions: Conventions) -> None:
+    vectors = np.empty((72, 128, 2), np.float32)
+    vectors[...] = 3.5, -1.25
+    now = replace(frame(DISC, 0), motion_next=vectors)
+    converter = conventions.converter(display_size=(256, 144))
+    back = converter.to_frame(converter.from_frame(now))
+    assert back.motion_next is not None
+    np.testing.assert_allclose(back.motion_next, vectors, rtol=1e-5)
+
+
+def test_unreal_vectors_to_the_next_frame_are_those_of_its_own_motion() -> None:
+    """next minus current, in NDC: half the width is 1, and y points up."""
+    stored = np.zeros((4, 8, 2), np.float32)
+    stored[...] = 0.5, 0.25
+    raw = RawFrame(depth=np.ones((4, 8), np.float32), motion=stored, motion_next=stored)
+    converted = Conventions.unreal().converter().to_frame(raw).motion_next
+    assert converted is not None
+    assert converted[0, 0].tolist() == [2.0, -0.5]
+
+
+def test_jitter_in_motion_next_is_refused_with_the_reason() -> None:
+    raw = RawFrame(depth=np.ones((4, 8), np.float32), motion=np.zeros((4, 8, 2), np.float32),
+                   motion_next=np.zeros((4, 8, 2), np.float32))  # fmt: skip
+    with pytest.raises(FrameError, match="motion_next is given, with jitter in it"):
+        Conventions(motion_jittered=True).converter().to_frame(raw)
+
+
+def test_a_shot_keeps_motion_next_and_reads_it_on_demand(tmp_path: Path) -> None:
+    given = truth(DISC, 0)
+    with ShotWriter(tmp_path, name="s", display_size=None, frame_rate=24) as writer:
+        writer.write(replace(frame(DISC, 0), motion_next=given))
+        writer.write(frame(DISC, 1))
+    first, second = (item.frame for item in Shot.open(tmp_path))
+    np.testing.assert_array_equal(first.motion_next, given)
+    assert second.motion_next is None
+    assert next(iter(Shot.open(tmp_path).frames(gbuffers=()))).frame.motion_next is None
+    (wanted, _) = (item.frame for item in Shot.open(tmp_path).frames(gbuffers=("motion_next",)))
+    assert wanted.motion_next is not None
+
+
+def test_blenders_vector_pass_leads_to_the_next_frame() -> None:
+    """Of recorded frames: its Z and W agree with the next frame's X and Y, as the scattered motion does."""
+    shown = [item.frame for item in import_blender(RECORDED)]
+    for now, after in pairwise(shown):
+        assert now.motion_next is not None
+        off = np.abs(np.asarray(now.motion_next, np.float32) - scattered_motion(now, after)).max(axis=2)
+        assert np.median(off) < 0.1  # they accelerate
+        assert np.abs(now.motion_next).max() > 0.3
+
+
+def test_vectors_of_eevee_to_the_next_frame_are_left_out() -> None:
+    """They hold the next frame's jitter, which a frame does not know."""
+    shot = import_blender(RECORDED, conventions=Conventions.blender(motion_jittered=True))
+    assert next(iter(shot)).frame.motion_next is None
+    assert detect_conventions(shot).notes is not None
+
+
+@pytest.mark.parametrize(
+    ("turned", "said"),
+    [((1, 1), None), ((-1, -1), "current minus next"), ((1, -1), "y flipped"), ((0, 0), "inconsistent")],
+)
+def test_the_checks_find_motion_next_that_leads_elsewhere(turned: tuple[int, int], said: str | None) -> None:
+    pan = Plane(zone_plate, velocity=(0.9, 0.7))
+    shown = []
+    for index in range(3):
+        one = replace(frame(pan, index), reset=index == 0)
+        shown.append(
+            replace(one, motion_next=-np.asarray(one.motion, np.float32) * np.array(turned, np.float32))
+        )
+    checker = FrameChecker("strict")
+
+    def check() -> None:
+        for one in shown:
+            checker.check(one, (256, 144))
+
+    raws: list[Any] = [Conventions().converter().from_frame(one) for one in shown]
+    notes = " ".join(detect_conventions(raws).notes)
+    if said is None:
+        check()
+        assert "motion_next" not in notes
+        return
+    with pytest.raises(FrameError, match="motion_next is inconsistent") as error:
+        check()
+    assert said in str(error.value)
+    assert said in notes
+    checker = FrameChecker("warn")
+    with pytest.warns(FrameWarning, match="motion_next"):
+        check()

@@ -1,0 +1,349 @@
+"""`upscale_sequence`: order, bounded reading, scratch files, cuts, bad input; and the same by the command."""
+
+import errno
+import gc
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from supersampler import ArgumentError, Frame, Shot, ShotError, Upscaler, halton_jitter, upscale_sequence
+from supersampler.history import StepResult
+from supersampler.io.display import display_transform
+from supersampler.io.image_reading import read_exr
+from supersampler.io.shot import ShotWriter
+from supersampler.sequence import both_ways
+from supersampler.sequence.merge import weight_of
+from supersampler_model.data.scenes.analytic import DiscOverPlane, Plane, Scene, zone_plate
+from upscale_runs import DISPLAY_SIZE, images, moving, pixels, run, upscale, write_shot
+
+COUNT = 11
+SMALL = both_ways.ChunkSize(4, 2)
+
+
+@pytest.fixture
+def small_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(
+        both_ways.ChunkSize, "__new__", lambda cls, *given: tuple.__new__(cls, given or SMALL)
+    )
+
+
+@pytest.fixture
+def on_disk(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("supersampler.sequence.upscaling.MEMORY", 0.0)
+
+
+def frames(count: int = COUNT, cuts: tuple[int, ...] = ()) -> list[Frame]:
+    return [moving(index, reset=index in (0, *cuts)) for index in range(count)]
+
+
+def merged(given: Any, **options: Any) -> list[np.ndarray]:
+    return list(upscale_sequence(given, display_size=DISPLAY_SIZE, **{"model": "taau", **options}))
+
+
+def scratch_of(folder: Path) -> list[Path]:
+    return list(folder.iterdir())
+
+
+def test_one_pass_is_step_bit_for_bit() -> None:
+    upscaler = Upscaler("taau", display_size=DISPLAY_SIZE)
+    stepped = [upscaler.step(frame) for frame in frames()]
+    assert all(map(np.array_equal, merged(frames(), passes=1), stepped))
+
+
+@pytest.mark.usefixtures("small_chunks")
+def test_lists_generators_and_shots_give_the_same_images(tmp_path: Path) -> None:
+    write_shot(tmp_path / "shot", COUNT, cuts=(7,))
+    shot = Shot.open(tmp_path / "shot")
+    given = [item.frame for item in shot]
+    of_list = merged(given)
+    assert len(of_list) == COUNT
+    for other in (merged(frame for frame in given), merged(shot), merged(iter(shot))):
+        assert all(map(np.array_equal, of_list, other))
+
+
+@pytest.mark.parametrize("method", ["taau", "classifier", "taa", "bilinear"])
+def test_the_backends_agree(method: str) -> None:
+    """Each hands out images that may be written to, and the maps that weigh them."""
+    cpu, onnx = (merged(frames(5), model=method, executor=name) for name in ("auto", "onnx"))
+    for one, other in zip(cpu, onnx, strict=True):
+        assert np.abs(one - other).mean() < 0.01 * one.mean()
+
+
+@pytest.mark.usefixtures("small_chunks")
+def test_a_cut_separates_what_is_before_from_what_is_after() -> None:
+    whole = merged(frames(9, cuts=(5,)))
+    alone = [merged(frames(9, cuts=(5,))[part]) for part in (slice(0, 5), slice(5, 9))]
+    assert all(map(np.array_equal, whole, [*alone[0], *alone[1]]))
+
+
+def test_a_frame_alone_between_cuts_has_the_image_of_one_pass() -> None:
+    given = frames(5, cuts=(1, 2, 3, 4))
+    for one, two in zip(merged(given, passes=1), merged(given), strict=True):
+        np.testing.assert_allclose(two, one, rtol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("scene", "method"),
+    [
+        pytest.param(DiscOverPlane(), "taau", id="disc"),
+        pytest.param(Plane(zone_plate), "taau", id="still"),
+        pytest.param(Plane(zone_plate, velocity=(0.37, 0.21)), "classifier", id="pan"),
+    ],
+)
+def test_two_passes_are_nearer_to_the_truth_than_one(scene: Scene, method: str) -> None:
+    jitters = [halton_jitter(index, 2.0) for index in range(10)]
+    shown = [scene.frame(index, (64, 36), jitter) for index, jitter in enumerate(jitters)]
+    given = [replace(one, exposure=1.0, reset=index == 0) for index, one in enumerate(shown)]
+    truths = [scene.truth(index, (128, 72)) for index in range(10)]
+
+    def scores(passes: int) -> np.ndarray:
+        result = upscale_sequence(given, display_size=(128, 72), model=method, passes=passes)
+        return np.array([psnr(image, truth) for image, truth in zip(result, truths, strict=True)])
+
+    gain = scores(2) - scores(1)
+    assert gain.mean() > 0.4
+    assert gain[-1] > -0.2  # there the backward run has one sample
+
+
+def test_a_method_without_counts_has_less_weight_in_its_first_steps() -> None:
+    result = StepResult(np.zeros((2, 3, 3), np.float32))
+    assert [float(weight_of(result, steps).mean()) for steps in (1, 2, 4, 9)] == [0.25, 0.5, 1.0, 1.0]
+
+
+def psnr(image: np.ndarray, truth: np.ndarray) -> float:
+    return float(-10.0 * np.log10(np.square(display_transform(image) - display_transform(truth)).mean()))
+
+
+@pytest.mark.parametrize("lookahead", [1, 3])
+def test_live_images_come_two_blocks_late_at_most_and_cost_three_steps(
+    lookahead: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr("tempfile.gettempdir", lambda: str(tmp_path / "nowhere"))  # memory alone is used
+    steps, read, step = [0], [0], Upscaler.step
+
+    def counted(self: Upscaler, *given: Any, **options: Any) -> Any:
+        steps[0] += 1
+        return step(self, *given, **options)
+
+    def live() -> Iterator[Frame]:
+        buffers = {name: np.empty_like(getattr(moving(0), name)) for name in ("color", "depth", "motion")}
+        for index in range(12):
+            read[0] += 1
+            for name, buffer in buffers.items():  # an engine uses the same buffers again
+                buffer[...] = getattr(moving(index), name)
+            yield moving(index, **buffers)
+
+    monkeypatch.setattr(Upscaler, "step", counted)
+    result = []
+    for index, image in enumerate(
+        upscale_sequence(live(), display_size=DISPLAY_SIZE, model="taau", lookahead=lookahead)
+    ):
+        result.append(image)
+        assert read[0] - index <= 2 * lookahead
+    assert steps[0] <= 3 * 12
+    monkeypatch.setattr(Upscaler, "step", step)
+    assert all(map(np.array_equal, result, merged(frames(12), lookahead=lookahead)))
+
+
+@pytest.mark.usefixtures("small_chunks", "on_disk")
+def test_no_more_than_a_chunk_and_its_overlap_are_kept(tmp_path: Path) -> None:
+    most = 0
+    for _ in merged_in(tmp_path, frames(20)):
+        (folder,) = scratch_of(tmp_path)
+        most = max(most, len(scratch_of(folder)))
+    assert most <= sum(SMALL) + SMALL.frames  # frames, and backward images
+    assert scratch_of(tmp_path) == []
+
+
+def merged_in(scratch: Path, given: Any) -> Iterator[np.ndarray]:
+    return upscale_sequence(given, display_size=DISPLAY_SIZE, model="taau", scratch=scratch)
+
+
+@pytest.mark.usefixtures("on_disk")
+def test_the_scratch_folder_is_removed_whatever_happens(tmp_path: Path) -> None:
+    closed = merged_in(tmp_path, frames())
+    next(closed)
+    assert len(scratch_of(tmp_path)) == 1
+    closed.close()  # type: ignore[attr-defined]
+    assert scratch_of(tmp_path) == []
+
+    deleted = merged_in(tmp_path, frames())
+    next(deleted)
+    del deleted
+    gc.collect()
+    assert scratch_of(tmp_path) == []
+
+    def broken() -> Iterator[Frame]:
+        yield from frames(3)
+        raise ValueError("the renderer stopped")
+
+    with pytest.raises(ValueError, match="the renderer stopped"):
+        list(merged_in(tmp_path, broken()))
+    assert scratch_of(tmp_path) == []
+
+
+@pytest.mark.usefixtures("on_disk")
+def test_a_full_disk_is_one_line_and_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path_open = Path.open
+
+    def full(self: Path, *given: Any, **options: Any) -> Any:
+        if self.name == "2.bin":
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return path_open(self, *given, **options)
+
+    monkeypatch.setattr(Path, "open", full)
+    with pytest.raises(ShotError, match="No space left on device") as error:
+        list(merged_in(tmp_path, frames()))
+    assert "scratch" in str(error.value)
+    assert "\n" not in str(error.value)
+    assert scratch_of(tmp_path) == []
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"passes": 3}, "passes is 3; want 1 or 2"),
+        ({"passes": True}, "passes is True"),
+        ({"lookahead": 0}, "lookahead is 0"),
+        ({"lookahead": 65}, "lookahead is 65"),
+        ({"passes": 1, "lookahead": 4}, "want None, as one pass"),
+        ({"scratch": 5}, "scratch is 5"),
+        ({"display_size": None}, "display_size or scale is neither"),
+    ],
+)
+def test_arguments_are_refused_before_a_frame_is_read(options: dict[str, Any], said: str) -> None:
+    def never() -> Iterator[Frame]:
+        raise AssertionError("read")
+        yield
+
+    with pytest.raises(ArgumentError, match=said):
+        upscale_sequence(never(), **{"display_size": DISPLAY_SIZE, "model": "taau", **options})
+    with pytest.raises(ArgumentError, match="frames is 5"):
+        upscale_sequence(5, display_size=DISPLAY_SIZE)  # type: ignore[arg-type]
+
+
+def test_images_are_the_same_from_memory_and_from_the_disk(monkeypatch: pytest.MonkeyPatch) -> None:
+    in_memory = merged(frames())
+    for limit in (0.0, 40_000.0):
+        monkeypatch.setattr("supersampler.sequence.upscaling.MEMORY", limit)
+        assert all(map(np.array_equal, merged(frames()), in_memory))
+
+
+def test_a_scratch_folder_that_does_not_exist_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ShotError, match="nowhere"):
+        list(merged_in(tmp_path / "nowhere", frames(2)))
+
+
+def test_unusable_values_do_not_spread() -> None:
+    given = frames(6)
+    color, motion, depth = given[2].color, given[3].motion, given[4].depth
+    assert color is not None
+    color[3:5, 4:9], motion[2:6, 5:7], depth[7:9, 1:4] = np.nan, np.inf, np.nan
+    for image in merged(given, validate="off"):
+        assert np.isfinite(image).all()
+        assert (image >= 0).all()
+
+
+def test_sizes_may_change_within_a_sequence() -> None:
+    given = frames(6)
+    given[3] = Frame(
+        color=np.full((12, 20, 3), 0.5, np.float32), depth=np.full((12, 20), 0.5, np.float32),
+        motion=np.zeros((12, 20, 2), np.float32), jitter=(0.0, 0.0),
+    )  # fmt: skip
+    assert [image.shape for image in merged(given)] == [(36, 64, 3)] * 6
+
+
+@pytest.mark.usefixtures("small_chunks")
+def test_the_command_writes_the_images_of_the_library(tmp_path: Path) -> None:
+    shot = write_shot(tmp_path / "shot", COUNT, cuts=(6,))
+    upscale(shot, tmp_path / "out", "--passes", 2, "--scratch", tmp_path, method="taau")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["out", "shot"]
+    for index, image in enumerate(merged(Shot.open(shot))):
+        stored = pixels(tmp_path / "out" / f"{index:04d}.exr")
+        np.testing.assert_array_equal(stored, image.astype(np.float16).astype(np.float32))
+
+
+@pytest.mark.usefixtures("small_chunks")
+@pytest.mark.parametrize("kept", [3, 7, 10])
+def test_a_stopped_command_continues_to_the_same_images(kept: int, tmp_path: Path) -> None:
+    shot = write_shot(tmp_path / "shot", COUNT, cuts=(6,))
+    upscale(shot, tmp_path / "out", "--passes", 2, method="taau")
+    whole = images(tmp_path / "out")
+    for index in range(kept, COUNT):
+        (tmp_path / "out" / f"{index:04d}.exr").unlink()
+    upscale(shot, tmp_path / "out", "--passes", 2, method="taau")
+    assert images(tmp_path / "out") == whole
+
+
+def test_other_passes_are_other_images(tmp_path: Path) -> None:
+    shot = write_shot(tmp_path / "shot", 3)
+    upscale(shot, tmp_path / "out", method="taau")
+    refused = run("upscale", shot, "-o", tmp_path / "out", "--passes", 2, "--method", "taau")
+    assert refused.exit_code == 1
+    assert "passes was None, is now 2" in refused.stderr
+    recorded = run("upscale", shot, "-o", tmp_path / "new", "--passes", 2, "--record", tmp_path / "record")
+    assert "--record is given with --passes 2" in recorded.stderr
+
+
+def test_a_range_sees_frames_after_it(tmp_path: Path) -> None:
+    shot = write_shot(tmp_path / "shot", COUNT, cuts=(9,))
+    upscale(shot, tmp_path / "whole", "--passes", 2, "--preroll", 32, method="taau")
+    upscale(shot, tmp_path / "part", "--passes", 2, "--frames", "4-6", method="taau")
+    assert sorted(images(tmp_path / "part")) == ["0004.exr", "0005.exr", "0006.exr"]
+    for name, data in images(tmp_path / "part").items():
+        assert data == images(tmp_path / "whole")[name]
+
+
+@pytest.mark.parametrize(
+    ("options", "forward", "backward"),
+    [
+        pytest.param((), COUNT, COUNT, id="whole"),
+        pytest.param(
+            ("--frames", "3-4", "--preroll", 2), 4, 5, id="range"
+        ),  # frames 1 to 4, and 5 before the cut
+    ],
+)
+def test_progress_counts_the_steps_of_both_passes(
+    options: tuple[object, ...],
+    forward: int,
+    backward: int,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    from supersampler.cli.progress import RunProgress
+
+    totals, whats = [], []
+    begin, advance = RunProgress.__init__, RunProgress.advance
+
+    def begun(self: RunProgress, console: Any, total: int, *, json: bool) -> None:
+        totals.append(total)
+        begin(self, console, total, json=json)
+
+    def advanced(self: RunProgress, what: str, skipped: float) -> None:
+        whats.append(what)
+        advance(self, what, skipped)
+
+    monkeypatch.setattr(RunProgress, "__init__", begun)
+    monkeypatch.setattr(RunProgress, "advance", advanced)
+    shot = write_shot(tmp_path / "shot", COUNT, cuts=(6,))
+    upscale(shot, tmp_path / "out", "--passes", 2, *options, method="taau")
+    assert totals == [len(whats)] == [forward + backward]
+    assert whats.count("stepping backward") == backward
+
+
+def test_alpha_is_merged_like_the_colour(tmp_path: Path) -> None:
+    with ShotWriter(tmp_path / "shot", name="s", display_size=DISPLAY_SIZE, frame_rate=24) as writer:
+        for index in range(5):
+            color = moving(index).color
+            assert color is not None
+            writer.write(moving(index, aovs=color[..., :1] * np.float32(1e-3), exposure=1e-3))
+    for passes in (1, 2):
+        upscale(tmp_path / "shot", tmp_path / str(passes), "--passes", passes, method="taau")
+    one, two = (read_exr(tmp_path / str(passes) / "0001.exr") for passes in (1, 2))
+    apart = [np.abs(1e3 * done["A"].astype(np.float32) - done["R"]).mean() for done in (one, two)]
+    assert np.abs(two["A"].astype(np.float32) - one["A"]).max() > 2e-5
+    assert apart[1] < 1.2 * apart[0]
