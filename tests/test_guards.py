@@ -30,17 +30,17 @@ PRODUCTS = {
 }  # fmt: skip
 """Multiply-adds a display pixel."""
 OPERATORS = {
-    "bilinear": 90, "bicubic": 260, "taa": 620, "taau": 1730, "classifier": 2355, "classifier-small": 2225,
-    "gbuffer-small": 2150, "gbuffer-small-4x": 2150, "extrapolate": 1860, "guided-warp": 1250,
-    "guided-flow": 2900,
+    "bilinear": 135, "bicubic": 165, "taa": 505, "taau": 1145, "classifier": 1420, "classifier-small": 1355,
+    "gbuffer-small": 1820, "gbuffer-small-4x": 1820, "extrapolate": 1035, "guided-warp": 1150,
+    "guided-flow": 2665,
 }  # fmt: skip
 READS = {
-    "bilinear": 0, "bicubic": 0, "taa": 5, "taau": 11, "classifier": 14, "classifier-small": 13,
-    "gbuffer-small": 20, "gbuffer-small-4x": 20, "extrapolate": 14, "guided-warp": 1,
+    "bilinear": 0, "bicubic": 0, "taa": 5, "taau": 8, "classifier": 11, "classifier-small": 10,
+    "gbuffer-small": 17, "gbuffer-small-4x": 17, "extrapolate": 11, "guided-warp": 1,
     "guided-flow": 11,
 }  # fmt: skip
 """GridSample operators, which are most of what a graph's time is."""
-KILOBYTES = {"step.onnx": 480, "step.fp16.onnx": 320, "network.onnx": 340, "network.npz": 130}
+KILOBYTES = {"step.onnx": 430, "step.fp16.onnx": 270, "network.onnx": 340, "network.npz": 130}
 """Of each file; three times that of methods that read many G-buffers."""
 
 
