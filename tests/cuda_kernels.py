@@ -10,7 +10,7 @@ _ANY = {*_NUMBERS, "bool"}
 
 CUDA_KERNELS = {
     **dict.fromkeys(("Cast", "Concat", "Expand", "Gather", "Identity", "Reshape", "Slice", "Split"), _ANY),
-    **dict.fromkeys(("Transpose", "Unsqueeze"), _ANY),
+    **dict.fromkeys(("Squeeze", "Transpose", "Unsqueeze"), _ANY),
     **dict.fromkeys(("Abs", "Add", "Div", "Max", "Min", "Mul", "Neg", "Pow", "Sub"), _NUMBERS),
     **dict.fromkeys(("ReduceMax", "ReduceSum"), _NUMBERS),
     **dict.fromkeys(("Greater", "GreaterOrEqual", "Less", "LessOrEqual"), _NUMBERS),
@@ -27,6 +27,6 @@ CUDA_KERNELS = {
 """Types of data that a kernel takes."""
 
 CPU_INPUTS = dict.fromkeys(
-    ("Clip", "Expand", "ReduceSum", "Reshape", "Slice", "Split", "Unsqueeze"), slice(1, None)
+    ("Clip", "Expand", "ReduceSum", "Reshape", "Slice", "Split", "Squeeze", "Unsqueeze"), slice(1, None)
 )
 """Which inputs kernels read in CPU memory."""

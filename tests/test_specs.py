@@ -78,7 +78,8 @@ def shapes_of_history(tree: ast.Module) -> Iterator[str]:
     for node in ast.walk(tree):
         if isinstance(node, ast.Dict):
             keys = {k.value for k in node.keys if isinstance(k, ast.Constant) and isinstance(k.value, str)}
-            used = {n.id for v in node.values for n in ast.walk(v) if isinstance(n, ast.Name)}
+            spread = [s for v in node.values for s in ast.walk(v) if isinstance(s, ast.Starred)]
+            used = {n.id for s in spread for n in ast.walk(s) if isinstance(n, ast.Name)}
             prefixed = any(key.startswith("history.") for key in keys)
             if (prefixed or len(keys & HISTORY) >= 2) and used & EXTENTS:
                 yield ast.unparse(node)

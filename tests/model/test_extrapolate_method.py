@@ -171,4 +171,4 @@ def test_surfaces_are_read_where_samples_lie() -> None:
     view = View(Size(6, 4), Size(3, 2), torch.zeros(1, 2))
     seen = torch.nn.functional.pixel_shuffle(packed_base_color(base, view), 2)
     expected = base.repeat_interleave(2, dim=2).repeat_interleave(2, dim=3).sqrt()
-    torch.testing.assert_close(seen, expected)
+    torch.testing.assert_close(seen[:, :, :4, :6], expected)

@@ -10,7 +10,7 @@ from supersampler_model.data.labels import Ghost
 from supersampler_model.methods.classifier.buffers import Gathered, History
 from supersampler_model.methods.classifier.model import Classifier
 from supersampler_model.methods.classifier.network import cut_to, unpack
-from supersampler_model.ops.size import render_size_of
+from supersampler_model.ops.size import half_of, render_size_of
 from supersampler_model.training.class_loss import ClassifierWeights, class_loss
 from supersampler_model.training.crops import Sample, Stream
 from supersampler_model.training.shots import UNKNOWN
@@ -67,6 +67,7 @@ class ClassifierTask(Task[Sample]):
             state, classes = done.state.detach(), done.classes.detach()
             after.append([done.image, state, classes, g.surfaces, sample.view.jitter, g.followed])
         ghost, alias = _ghost(samples, gathered), torch.cat([s.alias for s in samples])
+        logits = cut_to(logits, half_of(gathered[0].display))
         invalid = ((ghost == Ghost.VISIBILITY) | (ghost == Ghost.SHADING)).float()[:, None]
         return Stepped(
             images=torch.cat(images),
