@@ -3,9 +3,11 @@
 import json
 import re
 import shutil
+import socket
 from collections.abc import Iterator
 from pathlib import Path
 from urllib.error import HTTPError
+from urllib.parse import urlsplit
 from urllib.request import urlopen
 
 import numpy as np
@@ -96,6 +98,19 @@ def test_wasm_has_the_type_that_streaming_compilation_demands(tmp_path: Path) ->
     (tmp_path / "a.wasm").write_bytes(b"")
     with serving(tmp_path) as root, urlopen(f"{root}a.wasm") as answer:  # noqa: S310
         assert answer.headers["Content-Type"] == "application/wasm"
+
+
+def test_a_browser_that_stops_reading_leaves_no_traceback(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "large.exr").write_bytes(bytes(32 << 20))  # more than sockets hold
+    with serving(tmp_path) as root:
+        with socket.create_connection(("127.0.0.1", urlsplit(root).port or 0)) as browser:
+            browser.sendall(b"GET /large.exr HTTP/1.0\r\n\r\n")
+            browser.recv(1)
+        with urlopen(f"{root}large.exr") as answer:  # noqa: S310
+            assert len(answer.read()) == 32 << 20
+    assert capfd.readouterr().err == ""
 
 
 def test_nothing_outside_of_the_folder_is_served(site: Path, url: str) -> None:
