@@ -13,7 +13,7 @@ from supersampler.sequence.kernels.structs import MergedImages
 WEIGHT_MAPS = ("count", "converged")
 """Auxiliary outputs that `weight_of` reads, where a method has them."""
 LEAST = 0.05
-"""A pixel with a smaller sample count has no history."""
+"""Lower bound of the sample count in a weight: weights stay positive."""
 SETTLED = 4
 """Steps after which a run's image has its full weight."""
 CONVERGED = 255.0

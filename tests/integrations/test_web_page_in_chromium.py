@@ -1,0 +1,232 @@
+"""The page: images, views, controls, and what it says where it cannot run."""
+
+import base64
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+from supersampler import Frame, Shot, Upscaler
+from supersampler.frame import Float32
+from supersampler.io.display import display_transform
+from web_page import NODE_MODULES, opened, pixels, psnr, read, screenshot
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
+
+WITHOUT_GPU = "Object.defineProperty(navigator, 'gpu', {value: undefined})"
+
+pytest_plugins = ["chromium_fixtures"]  # fixtures
+
+
+@pytest.mark.parametrize(
+    ("method", "frames"), [("taa", 3), ("taau", 3), ("classifier-small", 2), ("classifier", 2)]
+)
+def test_images_of_the_shipped_shot_are_those_of_the_gpu_backend(
+    page: "Page", url: str, method: str, frames: int
+) -> None:
+    pytest.importorskip("wgpu")
+    shot = Shot.open("plaza")
+    assert shot.display_size is not None
+    upscaler = Upscaler(method, display_size=shot.display_size, executor="gpu", validate="off")
+    opened(page, f"{url}?test&source=shot&method={method}")
+    for index in range(frames):
+        if index:
+            page.evaluate("supersamplerDemo.step(1)")
+        frame = shot.read(index).frame
+        assert frame.exposure is not None
+        shown = display_transform(read(page, "read('ours')", shot.display_size), frame.exposure)
+        expected = display_transform(upscaler.step(frame), frame.exposure)
+        assert np.abs(shown - expected).mean() < 1e-3, index
+        assert np.abs(shown - expected).mean() > 0.0, "read from the page, not computed here"
+
+
+@pytest.mark.parametrize(("method", "gain_db"), [("taau", 2.5), ("classifier-small", 2.0)])
+def test_the_live_scene_under_a_moving_camera_comes_close_to_its_supersampled_rendering(
+    page: "Page", url: str, method: str, gain_db: float
+) -> None:
+    opened(page, f"{url}?test&size=320x180&method={method}")
+    page.evaluate("supersamplerDemo.step(16)")
+    state, size = page.evaluate("supersamplerDemo.state"), (320, 180)
+    shape = (90, 160)
+    frame = Frame(
+        color=read(page, "read('input')", (160, 90)),
+        depth=np.ones(shape, np.float32),
+        motion=np.zeros((*shape, 2), np.float32),
+        jitter=tuple(state["jitter"]),
+        reset=True,
+    )
+    bilinear = Upscaler("bilinear", display_size=size, executor="onnx", validate="off").step(frame)
+    truth = read(page, "readReference(32)", size)
+    ours = psnr(read(page, "read('ours')", size), truth)
+    assert ours > psnr(bilinear, truth) + gain_db
+
+
+def test_where_nothing_moves_but_the_jitter_images_hardly_change(page: "Page", url: str) -> None:
+    opened(page, f"{url}?test&size=320x180&method=taau")
+    page.evaluate("supersamplerDemo.step(40, 0)")
+    before = read(page, "read('ours')", (320, 180))
+    page.evaluate("supersamplerDemo.step(1, 0)")
+    after = read(page, "read('ours')", (320, 180))
+    input_change = 0.01
+    change = np.abs(display_transform(before) - display_transform(after)).mean()
+    assert 0.0 < change < input_change
+
+
+def test_the_split_shows_one_view_left_and_the_other_right(page: "Page", url: str, tmp_path: Path) -> None:
+    opened(page, f"{url}?test&size=320x180&method=taau&left=input&right=ours")
+    page.evaluate("supersamplerDemo.step(8)")
+    page.add_style_tag(content="#split, #stage select { visibility: hidden }")
+    box = page.locator("#stage").bounding_box()
+    assert box is not None
+
+    def shown(at: float) -> Float32:
+        page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])
+        page.mouse.down()
+        page.mouse.move(box["x"] + at * box["width"], box["y"] + 0.5 * box["height"])
+        page.mouse.up()
+        page.evaluate("supersamplerDemo.settled()")
+        return screenshot(page, tmp_path)
+
+    right, both, left = shown(0.0), shown(0.5), shown(1.0)
+    middle, margin = both.shape[1] // 2, 8
+    np.testing.assert_array_equal(both[:, : middle - margin], left[:, : middle - margin])
+    np.testing.assert_array_equal(both[:, middle + margin :], right[:, middle + margin :])
+    assert np.abs(left - right).mean() > 0.005, "the views differ"
+    page.locator("#split").evaluate("split => split.style.visibility = 'visible'")
+    page.focus("#split")
+    page.keyboard.press("ArrowLeft")
+    assert page.get_attribute("#split", "aria-valuenow") == "98"
+
+
+def test_method_ratio_and_size_can_be_changed_and_frames_stepped(page: "Page", url: str) -> None:
+    opened(page, f"{url}?test&size=320x180&method=taau&right=truth")
+
+    def change(name: str, value: str) -> dict[str, Any]:
+        page.select_option(f"[name={name}]", value)
+        page.evaluate("supersamplerDemo.settled()")
+        assert not page.is_visible("#note"), page.inner_text("#note")
+        state: dict[str, Any] = page.evaluate("supersamplerDemo.state")
+        return state
+
+    assert change("ratio", "3")["size"] == [107, 60]
+    assert change("ratio", "1.5")["size"] == [213, 120]
+    assert change("method", "taa")["method"] == "taa"
+    assert change("size", "640x360")["displaySize"] == [640, 360]
+    assert change("source", "shot")["size"] == [320, 180]
+    assert not page.is_visible("[name=ratio]"), "a shot has its own"
+    assert change("source", "live")["displaySize"] == [640, 360]
+    jitter = page.evaluate("supersamplerDemo.state.jitter")
+    page.click("[name=single]")
+    page.evaluate("supersamplerDemo.settled()")
+    assert page.evaluate("supersamplerDemo.state.jitter") != jitter
+    assert "upscaling" in page.inner_text("#times")
+
+
+@pytest.mark.parametrize(("options", "limit_s"), [("", 20.0), ("?method=classifier", 60.0)])
+def test_the_first_image_is_there_in_time(page: "Page", url: str, options: str, limit_s: float) -> None:
+    page.goto(url + options)
+    page.wait_for_function("performance.getEntriesByName('first-image').length")
+    compiled, shown = (
+        page.evaluate(f"performance.getEntriesByName('{name}')[0].startTime") / 1000
+        for name in ("compiled", "first-image")
+    )
+    print(f"{options or 'as opened'}: shaders compiled after {compiled:.1f} s, first image {shown:.1f} s")
+    assert shown < limit_s
+
+
+def test_without_webgpu_the_page_says_so_and_shows_the_shot(page: "Page", url: str, tmp_path: Path) -> None:
+    page.add_init_script(WITHOUT_GPU)
+    page.goto(f"{url}?method=taau&left=input&right={'ours' if NODE_MODULES else 'bilinear'}")
+    page.wait_for_function("performance.getEntriesByName('first-image').length > 1")
+    note = page.inner_text("#note")
+    assert note.startswith("This browser has no WebGPU. The live scene needs WebGPU.")
+    assert ("ONNX Runtime Web (wasm)" if NODE_MODULES else "is not part of this folder") in note
+    shown = screenshot(page, tmp_path)
+    assert shown[:, :400].std() > 0.05
+    assert shown[:, 400:].std() > 0.05
+
+
+@pytest.mark.skipif(not NODE_MODULES, reason="SUPERSAMPLER_NODE_MODULES has no onnxruntime-web")
+def test_the_fallback_computes_the_images_of_the_onnx_backend(page: "Page", url: str) -> None:
+    page.add_init_script(WITHOUT_GPU)
+    page.goto(f"{url}blank.html")
+    text = page.evaluate(
+        """async () => {
+            const { base64 } = await import("./page/testing.js");
+            const { OnnxStep, loadRuntime } = await import("./page/onnx_step.js");
+            const { ShotFolder, readerOfUrl } = await import("./page/shot_folder.js");
+            const shot = await ShotFolder.open(readerOfUrl(new URL("shot/", location.href)));
+            const step = await OnnxStep.load(await loadRuntime(), "taau");
+            let image;
+            for (let i = 0; i < 3; i++) {
+                const frame = await shot.frame(i);
+                image = await step.step(frame, frame.exposure, shot.displaySize);
+            }
+            return base64(Float32Array.from(image));
+        }"""
+    )
+    image = np.frombuffer(base64.b64decode(text), np.float32).reshape(3, 360, 640).transpose(1, 2, 0)
+    upscaler = Upscaler("taau", display_size=(640, 360), executor="onnx", validate="off")
+    shot = Shot.open("plaza")
+    for index in range(3):
+        expected = upscaler.step(shot.read(index).frame)
+    assert np.abs(display_transform(image) - display_transform(expected)).mean() < 1e-5
+
+
+@pytest.mark.parametrize("shaders", ["models/taau/*.wgsl", "scene/scene.wgsl", "page/present.wgsl"])
+def test_a_shader_that_does_not_compile_is_shown_with_the_adapter(
+    browser: "Browser", url: str, shaders: str
+) -> None:
+    page = browser.new_page()
+    page.route(f"**/{shaders}", lambda route: route.fulfill(body="fn broken( {"))
+    page.goto(f"{url}?method=taau")
+    page.wait_for_function("document.getElementById('note').textContent.includes('wgsl')", timeout=60_000)
+    note = page.inner_text("#note")
+    page.close()
+    assert "swiftshader" in note
+    assert "The live scene needs WebGPU." in note, "the fallback follows"
+
+
+def test_the_code_of_the_tutorial_runs(page: "Page", url: str, site: Path) -> None:
+    tutorial = Path(__file__).parents[2] / "docs/tutorials/web.md"
+    code = re.findall("```js\n(.*?)```", tutorial.read_text("utf-8"), re.DOTALL)[0]
+    yours = "let calls = 0; const drawScene = () => calls++, show = () => calls++;"
+    end = "draw(0); draw(1); await device.queue.onSubmittedWorkDone(); window.calls = calls;"
+    (site / "tutorial.js").write_text(f"{code.replace('classifier', 'taa')}{yours}{end}")
+    page.goto(f"{url}blank.html")
+    page.evaluate("import('./tutorial.js')")
+    assert page.evaluate("window.calls") == 4
+
+
+@pytest.mark.skipif(not NODE_MODULES, reason="SUPERSAMPLER_NODE_MODULES has no three")
+def test_three_js_is_upscaled_from_its_own_passes(page: "Page", url: str) -> None:
+    page.goto(f"{url}three.html?frames=24&size=320x180&method=taau")
+    page.wait_for_function("window.threeDemo || !document.getElementById('note').hidden")
+    assert not page.is_visible("#note"), page.inner_text("#note")
+    ours, plain, truth = (
+        pixels(page.evaluate(f"threeDemo.{call}"), (320, 180))
+        for call in ("readOurs()", "readReference(1)", "readReference(32)")
+    )
+    assert psnr(ours, truth) > psnr(plain, truth) + 3.5, "than one sample a pixel at full size"
+
+
+@pytest.mark.skipif(not NODE_MODULES, reason="SUPERSAMPLER_NODE_MODULES has no three")
+def test_the_page_of_three_js_without_webgpu_says_so(browser: "Browser", url: str) -> None:
+    page = browser.new_page()
+    page.add_init_script(WITHOUT_GPU)
+    page.goto(f"{url}three.html")
+    page.wait_for_selector("#note:visible")
+    assert page.inner_text("#note").startswith("This browser has no WebGPU")
+    page.close()
+
+
+def test_without_three_js_its_page_says_so(browser: "Browser", url: str) -> None:
+    page = browser.new_page()
+    page.route("**/vendor/**", lambda route: route.fulfill(status=404))
+    page.goto(f"{url}three.html")
+    page.wait_for_selector("#note:visible")
+    assert page.inner_text("#note").startswith("three.js is not part of this folder.")
+    page.close()
