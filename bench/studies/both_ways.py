@@ -9,11 +9,9 @@ that of one. motion: of the test shots' scenes, scattered from the next frame's 
 writes when it draws each frame towards the next.
 """
 
-import itertools
 import os
 import resource
 import statistics
-import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Annotated, Any
@@ -21,7 +19,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from supersampler import Frame, Model, Shot, halton_jitter, upscale_sequence
+from supersampler import Frame, Model, halton_jitter, upscale_sequence
 from supersampler.arguments import checked_choice
 from supersampler.frame import Float32, Size
 from supersampler.io.display import display_transform
@@ -32,6 +30,8 @@ from supersampler_bench.quality.metrics import psnr
 from supersampler_bench.record import Record, machine_name
 from supersampler_bench.shots.public_shots import TEST_SHOTS
 from supersampler_bench.shots.rendered_frame import rendered_frame
+from supersampler_bench.specs import parse_spec
+from supersampler_bench.timing.two_passes import measure_passes
 from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.scenes.analytic import DiscOverPlane, Plane, Scene, WiresOverPlane, zone_plate
 from supersampler_model.data.scenes.following import towards
@@ -75,42 +75,13 @@ def main(
 
 def timing(method: str, display: Size, count: int, pairs: int) -> dict[str, Any]:
     """Return seconds of runs with one pass and with two, and the growth of memory with the length."""
-    model, ring = Model.load(method, providers="cpu"), rendered(display)
-
-    def seconds(passes: int, length: int = count) -> float:
-        given = itertools.islice(itertools.cycle(ring), length)
-        began = time.perf_counter()
-        for _ in upscale_sequence(given, display_size=display, model=model, passes=passes, validate="off"):
-            pass
-        return time.perf_counter() - began
-
-    seconds(2, 128)  # compiles and warms up
+    spec = parse_spec(method)
+    measure_passes(spec, display, frames=128, pairs=0)
     small = _peak()
-    seconds(2, 384)
+    measure_passes(spec, display, frames=384, pairs=0)
     grown = _peak() - small
-    runs = [(seconds(1), seconds(2)) for _ in range(pairs)]
-    return {
-        "method": method, "size": list(display), "one": [one for one, _ in runs],
-        "two": [two for _, two in runs], "grown": grown,
-    }  # fmt: skip
-
-
-def rendered(display: Size) -> list[Frame]:
-    """Return the shipped frames without cuts, repeated to half of a display size."""
-    width, height = display[0] // 2, display[1] // 2
-
-    def tiled(array: Any) -> Any:
-        times = (-(-height // array.shape[0]), -(-width // array.shape[1]), *[1] * (array.ndim - 2))
-        return np.ascontiguousarray(np.tile(array, times)[:height, :width])
-
-    items = Shot.open("plaza").frames(references=False, gbuffers=())
-    return [
-        Frame(
-            color=tiled(item.frame.color), depth=tiled(item.frame.depth), motion=tiled(item.frame.motion),
-            jitter=item.frame.jitter, exposure=item.frame.exposure,
-        )
-        for item in items
-    ]  # fmt: skip
+    times = measure_passes(spec, display, frames=count, pairs=pairs)
+    return {"method": method, "size": list(display), "one": times.one, "two": times.two, "grown": grown}
 
 
 def harms(method: str) -> Iterator[dict[str, Any]]:

@@ -20,6 +20,7 @@ from supersampler_bench.quality.score_table import CLIP_COLUMNS, Column
 from supersampler_bench.record import Record, machine_name
 from supersampler_bench.specs import Spec, parse_spec
 from supersampler_bench.timing.speed import Setting, measure_settings
+from supersampler_bench.timing.two_passes import measure_passes
 
 if TYPE_CHECKING:
     from supersampler_bench.timing.pareto_extrapolated import UnshadedPoint
@@ -37,7 +38,8 @@ class Point:
         spec: method, precision and skip.
         runs: executor and precision that were chosen.
         ratio: display over render size.
-        milliseconds: median wall time of a step.
+        milliseconds: median wall time of a step; for two passes, of a frame: that of a step, times the ratio
+            of runs of two passes to runs of one.
         scores: by the name of a column, mean over the test shots.
     """
 
@@ -58,6 +60,8 @@ def measure_pareto(
 ) -> list[Point]:
     """Time all settings that quality records have scores of, on this machine.
 
+    Two passes are timed where the records have scores of one pass of the same setting.
+
     Args:
         records: of `bench quality --json` or `bench pareto --json`, of the same shots.
         display: (width, height) of the images that are timed.
@@ -73,13 +77,19 @@ def measure_pareto(
         wanted = {
             Setting(spec.model, display, "auto", threads, spec.precision, spec.skip): spec
             for spec in scores
-            if spec.passes == 1  # a chunk at a time: `bench/studies/both_ways.py` measures it
+            if spec.passes == 1
         }
         found = measure_settings(list(wanted), ratio=ratio, steps=steps, on_left_out=on_left_out)
         timed = {t.setting: t for t in found}
         for setting, spec in wanted.items():
             if (t := timed.get(setting)) is not None:
                 points.append(Point(spec, f"{t.executor}, {t.precision}", ratio, t.median, scores[spec]))
+        timed_specs = {wanted[setting]: t for setting, t in timed.items() if setting in wanted}
+        for spec in (spec for spec in scores if spec.passes == 2):
+            if (t := timed_specs.get(replace(spec, passes=1))) is not None:
+                factor = measure_passes(spec, display, ratio=ratio, threads=threads).ratio
+                runs = f"{t.executor}, {t.precision}"
+                points.append(Point(spec, runs, ratio, t.median * factor, scores[spec]))
     return points
 
 
@@ -132,12 +142,12 @@ def presets(points: Sequence[Point]) -> dict[str, Spec]:
     balanced: of those between, the one that gains most over fast per additional millisecond; else high.
 
     Only settings with the default `skip` compete, because shots in motion do not show what skipping saves.
-    Methods that read G-buffers are left out, because not all frames have them.
+    Methods that read G-buffers are left out, because not all frames have them, and two passes, because a
+    live view has no later frames.
     """
     reads_gbuffers = {name for name in model_names() if gbuffers_of([name])}
-    line = frontier(
-        [p for p in points if p.spec.model not in reads_gbuffers and p.spec.skip == "auto"], CLIP_COLUMNS[0]
-    )
+    live = [p for p in points if p.spec.model not in reads_gbuffers and p.spec.passes == 1]
+    line = frontier([p for p in live if p.spec.skip == "auto"], CLIP_COLUMNS[0])
     floor = max(p.scores["psnr"] for p in points if p.spec.model in SPATIAL)
     good = [p for p in line if p.scores["psnr"] >= floor + LEAST_GAIN] or line[-1:]
     best = max(p.scores["psnr"] for p in line)
@@ -156,13 +166,12 @@ def _gain(point: Point, fast: Point) -> float:
 def best_within(points: Sequence[Point], budget: float) -> list[Point]:
     """Return the settings of highest PSNR whose step takes at most `budget` milliseconds, at each ratio.
 
-    Where the best one reads G-buffers, the best that reads none follows it.
+    Where the best one reads G-buffers, the best that reads none follows it. Two passes are no step.
     """
     found = []
     for group in by_ratio(points).values():
-        fast_enough = sorted(
-            (p for p in group if p.milliseconds <= budget), key=lambda p: p.scores["psnr"], reverse=True
-        )
+        steps = (p for p in group if p.milliseconds <= budget and p.spec.passes == 1)
+        fast_enough = sorted(steps, key=lambda p: p.scores["psnr"], reverse=True)
         for point in fast_enough:
             found.append(point)
             if not gbuffers_of([point.spec.model]):
@@ -229,7 +238,8 @@ def markdown_table(record: Record) -> str:
     size = size_text(record["display"])
     caption = (
         f"Time of a step to {size} on {record['threads']} threads ({machine_name(record)}), and "
-        f"{scores}. Bold: no other setting at that ratio is both faster and better."
+        f"{scores}. `:x2` is two passes, time of a frame. "
+        "Bold: no other setting at that ratio is both faster and better."
     )
     headings = ["ratio:", "setting", "runs", "ms:", *(f"{c.title}:" for c in columns)]
     return table(headings, rows, caption)

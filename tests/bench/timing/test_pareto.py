@@ -32,7 +32,7 @@ SCORES = st.lists(st.tuples(st.floats(0.1, 100.0), st.floats(10.0, 50.0)), min_s
 
 def point(word: str, milliseconds: float, psnr: float, ratio: float = 2.0) -> Point:
     scores = {"psnr": psnr, "flip": 1.0 / psnr}
-    return Point(parse_spec(word), "cpu, fp32", ratio, milliseconds, scores)
+    return Point(parse_spec(word, two_passes=True), "cpu, fp32", ratio, milliseconds, scores)
 
 
 KNOWN = [
@@ -164,3 +164,14 @@ def test_the_best_within_a_budget_is_named_and_beside_it_the_best_without_gbuffe
     best = best_within([*KNOWN, reads_gbuffers, point("taa", 3.0, 27.0, ratio=1.5)], 15.0)
     assert [str(p.spec) for p in best] == ["taa", "gbuffer-small", "classifier-small"]
     assert best_within(KNOWN, 4.0) == []
+
+
+def test_two_passes_are_timed_beside_one_and_no_preset_or_step_budget_takes_them() -> None:
+    record = quality()
+    [once] = [row for row in record["means"] if row["method"] == "taau"]
+    record["means"].append({**once, "method": "taau:x2"})
+    points = {str(p.spec): p for p in measure_pareto([record], (48, 27), threads=1, steps=1)}
+    assert points["taau:x2"].milliseconds > points["taau"].milliseconds
+    twice = point("taau:x2", 12.0, 33.0)
+    assert presets([*KNOWN, twice]) == presets(KNOWN)
+    assert best_within([*KNOWN, twice], 14.0) == best_within(KNOWN, 14.0)
