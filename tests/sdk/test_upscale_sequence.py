@@ -10,13 +10,24 @@ from typing import Any
 import numpy as np
 import pytest
 
-from supersampler import ArgumentError, Frame, Shot, ShotError, Upscaler, halton_jitter, upscale_sequence
+from supersampler import (
+    ArgumentError,
+    Frame,
+    Model,
+    Shot,
+    ShotError,
+    Upscaler,
+    halton_jitter,
+    upscale_sequence,
+)
 from supersampler.history import StepResult
 from supersampler.io.display import display_transform
 from supersampler.io.image_reading import read_exr
 from supersampler.io.shot import ShotWriter
 from supersampler.sequence import both_ways
+from supersampler.sequence.backward_motion import reversed_frame
 from supersampler.sequence.merge import weight_of
+from supersampler_bench.compatibility import with_default_gbuffers
 from supersampler_model.data.scenes.analytic import DiscOverPlane, Plane, Scene, zone_plate
 from upscale_runs import DISPLAY_SIZE, images, moving, pixels, run, upscale, write_shot
 
@@ -231,6 +242,23 @@ def test_images_are_the_same_from_memory_and_from_the_disk(monkeypatch: pytest.M
     for limit in (0.0, 40_000.0):
         monkeypatch.setattr("supersampler.sequence.upscaling.MEMORY", limit)
         assert all(map(np.array_equal, merged(frames()), in_memory))
+
+
+def test_gbuffers_reach_both_runs_from_the_disk_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    model = Model.load("gbuffer-small", providers="cpu")
+    given = [with_default_gbuffers(frame, model.info.gbuffers, DISPLAY_SIZE) for frame in frames(3)]
+    in_memory = merged(given, model=model)
+    monkeypatch.setattr("supersampler.sequence.upscaling.MEMORY", 0.0)
+    assert all(map(np.array_equal, merged(given, model=model), in_memory))
+    backward = Upscaler(model, display_size=DISPLAY_SIZE)
+    following: Frame | None = None
+    for frame in reversed(given):
+        alone, following = backward.step(reversed_frame(frame, following)), frame
+    first = Upscaler(model, display_size=DISPLAY_SIZE).step(given[0])
+    between = np.minimum(first, alone) - 1e-5, np.maximum(first, alone) + 1e-5
+    assert (between[0] <= in_memory[0]).all()
+    assert (in_memory[0] <= between[1]).all()
+    assert np.abs(in_memory[0] - first).max() > 1e-3
 
 
 def test_a_scratch_folder_that_does_not_exist_is_named(tmp_path: Path) -> None:
