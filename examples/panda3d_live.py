@@ -99,7 +99,7 @@ class Renderer:
         for texture in self.base.render.findAllTextures():  # as sharp as at display size
             sampler = SamplerState(texture.getDefaultSampler())
             sampler.setMinfilter(SamplerState.FTLinearMipmapLinear)
-            sampler.setLodBias(mip_bias(SCALE))
+            sampler.setLodBias(mip_bias(SCALE, "log2"))
             texture.setDefaultSampler(sampler)
         self._previous: np.ndarray | None = None
 
