@@ -5,6 +5,7 @@ import os
 import re
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -71,10 +72,15 @@ def image_files(folder: Path) -> dict[str, tuple[bytes, int]]:
 
 
 def interrupt_at(index: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Interrupt the run before a frame is written, once the earlier ones are: an image that only waits in the
+    queue is dropped."""
     list_files: Callable[..., None] = Results.list_files
 
     def stop(self: Results, at: int) -> None:
         if at == index:
+            until = time.monotonic() + 60.0
+            while self.count_complete(index) < index and time.monotonic() < until:
+                time.sleep(0.005)
             raise KeyboardInterrupt
         list_files(self, at)
 
