@@ -1,5 +1,6 @@
 """Shipped graphs have the operators and constants of freshly traced ones."""
 
+import os
 from collections import Counter
 from collections.abc import Callable
 from functools import partial
@@ -10,12 +11,12 @@ import pytest
 from onnxscript import rewriter
 
 from supersampler.methods.model_file import find_model, model_names
-from supersampler_export.cli import load_method
+from supersampler_export.cli import load_method, shipped_methods
 from supersampler_export.folder import aovs_graph
 from supersampler_export.graph import export_graph
 
-TRACED = ["bilinear", "bicubic", "taau", "classifier"]
-"""Tracing takes 20 to 70 seconds; of the other methods, test_export compares the images with torch."""
+TRACED = shipped_methods() if "SUPERSAMPLER_TRACES" in os.environ else ["bilinear", "classifier"]
+"""`make traces` takes all. Tracing takes up to a minute; test_export compares images of all with torch."""
 
 
 @pytest.fixture(autouse=True)
