@@ -48,7 +48,7 @@ def write_shot(
 
 
 def interrupt_at(position: int, patch: pytest.MonkeyPatch) -> None:
-    """Interrupt a run before a frame is written, once the earlier images are: a queued one would be dropped."""
+    """Interrupt a run before a frame is written, once earlier images are: a queued one would be dropped."""
     list_files: Callable[..., None] = Results.list_files
 
     def stop(self: Results, at: int) -> None:
