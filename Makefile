@@ -4,6 +4,7 @@
 # make docs   the documentation as a site, out/site; a broken link or an undocumented public name fails
 # make hashes compare every image of every method with bench/results/studies/hashes.json, bit for bit
 # make fuzz   what is tested by chance, at length: SUPERSAMPLER_FUZZ cases of each kind of file and argument
+# make traces the graph of every shipped method is what the exporter writes today; afterwards `make test` traces none again
 # make mutation   changes of one place that no test notices: MUTATIONS=300 of them, MINUTES=60 at most, SEED=0
 # make test-integrations   `supersampler blender` with a real Blender, PyVista, Panda3D, Mitsuba: each where it can be had
 # make extension   the extension for Blender 4.2 and later: dist/supersampler_blender.zip
@@ -25,7 +26,7 @@ SOURCES := $(shell find sdk model export bench examples/web -name '*.py' -o -nam
 
 EXTENSION := sdk/supersampler/integrations/blender/extension
 
-.PHONY: demo extension test hashes fuzz mutation check docs clean test-integrations blender pyvista panda3d mitsuba pygfx webgpu web cpp
+.PHONY: demo extension test hashes fuzz traces mutation check docs clean test-integrations blender pyvista panda3d mitsuba pygfx webgpu web cpp
 
 demo: $(RUNTIME)
 	.venv/bin/supersampler demo -o out
@@ -114,6 +115,9 @@ fuzz: $(DEVELOPMENT)
 	SUPERSAMPLER_FUZZ=$${SUPERSAMPLER_FUZZ:-2000} SUPERSAMPLER_INTERRUPTS=1500 SUPERSAMPLER_KILLS=200 SUPERSAMPLER_MODELS=3000 \
 	    .venv-dev/bin/pytest -q tests/fuzz tests/process tests/sdk/test_arguments.py
 
+traces: $(DEVELOPMENT)
+	SUPERSAMPLER_TRACES=all .venv-dev/bin/pytest -q tests/export/test_export_traced.py
+
 mutation: $(DEVELOPMENT)
 	PYTHONPATH=tests .venv-dev/bin/python -m mutation
 
@@ -134,10 +138,10 @@ $(RUNTIME): pyproject.toml $(SOURCES)
 	.venv/bin/pip install -q --disable-pip-version-check .
 	touch $@
 
-# Editable: only new dependencies make it anew.
+# Editable: only new dependencies make it anew. Python compiles what it imports; pip would compile all of torch.
 $(DEVELOPMENT): pyproject.toml
 	test -d .venv-dev || $(PYTHON) -m venv .venv-dev
-	.venv-dev/bin/pip install -q --disable-pip-version-check -e '.[dev]'
+	.venv-dev/bin/pip install -q --no-compile --disable-pip-version-check -e '.[dev]'
 	touch $@
 
 $(DOCS): pyproject.toml

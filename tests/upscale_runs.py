@@ -1,13 +1,17 @@
 """Runs of `supersampler upscale` on tiny shots that move, for its tests."""
 
+import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from typer.testing import CliRunner, Result
 
 from supersampler import Frame
 from supersampler.cli import app
+from supersampler.cli.results import Results
 from supersampler.io.image_reading import read_exr
 from supersampler.io.images import write_exr
 from supersampler.io.shot import ShotWriter
@@ -41,6 +45,21 @@ def write_shot(
         for index in range(count):
             writer.write(moving(index, reset=index in (0, *cuts), **options))
     return folder
+
+
+def interrupt_at(position: int, patch: pytest.MonkeyPatch) -> None:
+    """Interrupt a run before a frame is written, once earlier images are: a queued one would be dropped."""
+    list_files: Callable[..., None] = Results.list_files
+
+    def stop(self: Results, at: int) -> None:
+        if at == position:
+            until = time.monotonic() + 60.0
+            while self.options.patterns and self.count_complete(at) < at and time.monotonic() < until:
+                time.sleep(0.005)
+            raise KeyboardInterrupt
+        list_files(self, at)
+
+    patch.setattr(Results, "list_files", stop)
 
 
 def write_renders(folder: Path, names: dict[int, str], **header: Any) -> Path:

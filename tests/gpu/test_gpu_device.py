@@ -184,3 +184,12 @@ sys.exit(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
 def test_a_forked_child_gets_an_error_and_the_parent_goes_on() -> None:
     done = subprocess.run([sys.executable, "-c", FORKED], capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
+
+
+def test_types_parsed_at_once_are_those_parsed_one_by_one() -> None:
+    devices.default_device()
+    from wgpu.backends.wgpu_native._ffi import ffi
+
+    for name in ("WGPULimits", "WGPUDeviceDescriptor", "WGPUStringView", "WGPUAdapter"):
+        at_once, _ = ffi._parsed_types[f"{name} *"]
+        assert at_once is ffi.typeof(f"{name}  *"), "another spelling is parsed by itself"

@@ -5,7 +5,6 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,13 +14,13 @@ from typer.testing import CliRunner, Result
 
 from supersampler import Frame
 from supersampler.cli import app
-from supersampler.cli.results import Results
 from supersampler.conventions import Conventions
 from supersampler.io.image_reading import read_exr
 from supersampler.io.images import write_exr
 from supersampler.io.shot import Shot, ShotWriter
 from supersampler.methods.catalog import FIXED, LEARNED, UNTRAINED
 from supersampler.upscaler import Upscaler
+from upscale_runs import interrupt_at
 
 COUNT = 6
 CUT = 3
@@ -68,17 +67,6 @@ def upscaled(path: Path, display_size: tuple[int, int]) -> list[np.ndarray]:
 
 def image_files(folder: Path) -> dict[str, tuple[bytes, int]]:
     return {path.name: (path.read_bytes(), path.stat().st_mtime_ns) for path in sorted(folder.glob("*.exr"))}
-
-
-def interrupt_at(index: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    list_files: Callable[..., None] = Results.list_files
-
-    def stop(self: Results, at: int) -> None:
-        if at == index:
-            raise KeyboardInterrupt
-        list_files(self, at)
-
-    monkeypatch.setattr(Results, "list_files", stop)
 
 
 def test_help_and_version_load_nothing_heavy() -> None:

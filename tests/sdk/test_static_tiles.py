@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -43,6 +44,7 @@ def pattern(x: NDArray[np.floating], y: NDArray[np.floating], light: float = 1.0
     return color
 
 
+@cache
 def truth(light: float = 1.0) -> Float32:
     """What a screen shows of means over display pixels."""
     places = (np.arange(8) + 0.5) / 8.0

@@ -7,12 +7,22 @@ import numpy as np
 import pytest
 from OpenImageIO import ImageBuf, ImageOutput, ImageSpec
 
-from supersampler.cli.results import Results
 from supersampler.io import video
 from supersampler.io.display import BT709, to_uint8
 from supersampler.io.display_transforms import display_transform_from
 from supersampler.io.images import write_exr
-from upscale_runs import OURS, files, images, pixels, refusal, run, upscale, write_renders, write_shot
+from upscale_runs import (
+    OURS,
+    files,
+    images,
+    interrupt_at,
+    pixels,
+    refusal,
+    run,
+    upscale,
+    write_renders,
+    write_shot,
+)
 
 av = pytest.importorskip("av")
 
@@ -95,14 +105,7 @@ def test_a_video_has_the_frame_rate_of_the_shot(every: Path, shot: Path, tmp_pat
 def stopped_at(position: int, shot: Path, output: Path, *options: str) -> str:
     """Run `upscale`, stopped before a frame is written; returns what it said."""
     with pytest.MonkeyPatch.context() as patch:
-        list_files = Results.list_files
-
-        def stop(self: Results, at: int) -> None:
-            if at == position:
-                raise KeyboardInterrupt
-            list_files(self, at)
-
-        patch.setattr(Results, "list_files", stop)
+        interrupt_at(position, patch)
         done = run("upscale", shot, "-o", output, "--method", "bilinear", *options)
     assert done.exit_code == 130
     return str(done.stderr)

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
+from supersampler.backends.gpu.wgpu_types import parse_all_types
 from supersampler.backends.locks import ForkSafeLock
 from supersampler.errors import DeviceError
 
@@ -72,6 +73,7 @@ def _open_device() -> "wgpu.GPUDevice":
         import wgpu
     except ImportError as error:
         raise DeviceError(f'the GPU backend needs wgpu: pip install "supersampler[gpu]" ({error})') from None
+    parse_all_types()
     try:
         adapter = wgpu.gpu.request_adapter_sync(power_preference="high-performance")
     except Exception as error:  # wgpu raises RuntimeError, or what its native library says
