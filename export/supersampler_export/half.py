@@ -1,4 +1,4 @@
-"""Convert the network of a method to half precision, for providers that compute it fast."""
+"""Convert a method to half precision, for providers that move and compute it fast."""
 
 import copy
 from collections.abc import Callable, Sequence
@@ -8,6 +8,7 @@ from torch import Tensor, nn
 from torch.nn.utils.fusion import fuse_conv_bn_eval
 
 from supersampler_model.methods.base import Method
+from supersampler_model.methods.learned import LearnedMethod
 
 Folded = TypeVar("Folded", bound=nn.Module)
 
@@ -52,9 +53,13 @@ def folded(network: Folded) -> Folded:
 
 
 def to_half(method: Method) -> Method | None:
-    """Return `method` with its network in half precision; None without a network."""
-    if method.fused() is None:
+    """Return `method` in half precision; None without a network.
+
+    A method whose stages take the type of the network is in half floats from end to end, others but for their
+    network are in float32.
+    """
+    if method.fused() is None or not isinstance(method, LearnedMethod):
         return None
-    made = copy.deepcopy(method)
-    made.net = HalfNetwork(method.get_submodule("net"))
+    made = copy.deepcopy(method).eval()
+    made.net = folded(made.net).half() if method.in_half else HalfNetwork(made.net)
     return made.eval()

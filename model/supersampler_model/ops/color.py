@@ -62,6 +62,11 @@ def bounded(color: Tensor) -> Tensor:
     return torch.where(color >= DARKNESS, color, 0.0)
 
 
+def least_divisor(values: Tensor, least: float) -> float:
+    """`least`, or the least normal number of the tensor's type if that is larger: half floats end at 6e-5."""
+    return max(least, torch.finfo(values.dtype).tiny)
+
+
 def luminance(color: Tensor) -> Tensor:
     """(1, 1, h, w) BT.709 luminance of linear RGB."""
     return F.conv2d(color, color.new_tensor([0.2126, 0.7152, 0.0722]).reshape(1, 3, 1, 1))

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
+from supersampler_model.ops.color import least_divisor
 from supersampler_model.ops.size import Size, render_size_of
 from supersampler_model.ops.windows import neighbours_3x3
 
@@ -194,7 +195,7 @@ def _resample_rows(image: Tensor, y: Bands) -> Tensor:
     blocks, _, reach = y.weights.shape
     channels, width = image.shape[1], image.shape[3]
     rows = image.index_select(2, y.indices).reshape(1, channels, blocks, reach, width)
-    sums = (y.weights @ rows).reshape(1, channels, blocks * BLOCK, width)
+    sums = (y.weights.to(image.dtype) @ rows).reshape(1, channels, blocks * BLOCK, width)
     if y.outputs is None:
         return sums
     # not a slice, of which the exporter cannot prove that it fits
@@ -264,7 +265,8 @@ def neighbourhood_samples(samples: Tensor, grid: Grid, sigma: float) -> Window:
         for nearest, place in ((grid.row, grid.y), (grid.column, grid.x))
     )
     by_row = torch.arange(WINDOW, device=color.device)
-    near = rows.index_select(0, by_row // 3)[:, :, None] * columns.index_select(0, by_row % 3)[:, None]
+    rows, columns = rows.index_select(0, by_row // 3), columns.index_select(0, by_row % 3)
+    near = rows.to(color.dtype)[:, :, None] * columns.to(color.dtype)[:, None]
     return Window(
         colors.index_select(4, grid.column).index_select(3, grid.row), pick(there, grid) * (near + 1e-4)
     )
@@ -285,8 +287,9 @@ def weighed(window: Window, kernel: Tensor, otherwise: Tensor) -> Tensor:
     """
     weights = window.weight * kernel.exp()
     total = weights.sum(dim=1, keepdim=True)
-    color = (window.color * weights).sum(dim=2) / total.clamp(min=1e-12)
-    return torch.where(total > 1e-9, color, otherwise)
+    least = least_divisor(total, 1e-9)
+    color = (window.color * weights).sum(dim=2) / total.clamp(min=least)
+    return torch.where(total > least, color, otherwise)
 
 
 def pick(image: Tensor, grid: Grid) -> Tensor:
