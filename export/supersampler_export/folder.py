@@ -22,7 +22,7 @@ from supersampler.methods.spec import RENDER, TENSORS, Shape, dtype_of
 from supersampler_export.count import multiply_adds_of
 from supersampler_export.cpu_network import cpu_network
 from supersampler_export.graph import OPSET, export_fused, export_graph, history_name
-from supersampler_export.half import to_half
+from supersampler_export.half import to_half, without_detours
 from supersampler_export.parity import (
     FRAMES,
     SHARE,
@@ -97,7 +97,7 @@ def _folder_files(method: Method, inner: Mapping[str, bytes]) -> dict[str, bytes
         check_fused(fused, files["network.onnx"])
     half = to_half(method)
     if half is not None:
-        files["step.fp16.onnx"] = _serialized(_labelled(export_graph(half), described))
+        files["step.fp16.onnx"] = _serialized(_labelled(without_detours(export_graph(half)), described))
         check_parity(method, files["step.fp16.onnx"], TOLERANCE_HALF)
     network = cpu_network(method)
     if network is not None:
