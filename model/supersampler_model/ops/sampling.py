@@ -43,6 +43,22 @@ class Grid(NamedTuple):
     aligned: bool  # whether W and H are multiples of ALIGNED
 
 
+    def cut_to(self, display: Size) -> "Grid":
+        """The grid of the pixels of the display, where it extends beyond."""
+        width, height = display
+        return self._replace(
+            pixel_x=self.pixel_x[:width],
+            pixel_y=self.pixel_y[:height],
+            x=self.x[:width],
+            y=self.y[:height],
+            column=self.column[:width],
+            row=self.row[:height],
+            left=self.left[:width],
+            top=self.top[:height],
+            aligned=False,
+        )
+
+
 class Extent(NamedTuple):
     """Extent of a display in render pixels: the render size, or fractional for a crop of a display."""
 
@@ -62,7 +78,7 @@ class View(NamedTuple):
         scale = pair(
             position, self.extent.width / self.display.width, self.extent.height / self.display.height
         )
-        return position * scale + (0.5 * scale - 0.5 - self.jitter[0])
+        return position * in_row(scale, position) + in_row(0.5 * scale - 0.5 - self.jitter[0], position)
 
     def grid(self, render: Size, *, aligned: bool = False) -> Grid:
         """Grid of the display pixels in an input of size `render`.
@@ -106,6 +122,11 @@ def pair(like: Tensor, x: float, y: float) -> Tensor:
     """(2,) two numbers, which may be symbolic while a graph is exported."""
     one = like.new_ones(1)
     return torch.cat([one * x, one * y])
+
+
+def in_row(values: Tensor, like: Tensor) -> Tensor:
+    """(2,) values of x and y as (W, 2), to compute with (1, H, W, 2): CPUs are slow where only 2 are in a row."""
+    return values.expand(like.shape[2], 2)
 
 
 def extended(size: int, device: torch.device) -> Tensor:
@@ -266,10 +287,10 @@ def neighbourhood_samples(samples: Tensor, grid: Grid, sigma: float) -> Window:
     )
     by_row = torch.arange(WINDOW, device=color.device)
     rows, columns = rows.index_select(0, by_row // 3), columns.index_select(0, by_row % 3)
-    near = rows.to(color.dtype)[:, :, None] * columns.to(color.dtype)[:, None]
-    return Window(
-        colors.index_select(4, grid.column).index_select(3, grid.row), pick(there, grid) * (near + 1e-4)
-    )
+    rows = torch.stack([rows, 0.0 * rows + 1e-4], dim=2).to(color.dtype)
+    columns = torch.stack([columns, 0.0 * columns + 1.0], dim=1).to(color.dtype)
+    near = rows @ columns  # the product of both and 1e-4
+    return Window(colors.index_select(4, grid.column).index_select(3, grid.row), pick(there, grid) * near)
 
 
 def offsets(index: Tensor) -> Tensor:

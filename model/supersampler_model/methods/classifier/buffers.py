@@ -24,6 +24,7 @@ class CurrentFrame(NamedTuple):
     window: Window  # the 3x3 samples around each pixel
     edge: Tensor  # (1, 1, H, W) relative range of depth around
     glare: Tensor  # (1, 1, H, W) 1 where one of 3x3 samples is over GLARING
+    sampled: Tensor  # (1, 1, H, W) 1 where one of 3x3 samples is usable
 
 
 class WarpedHistory(NamedTuple):

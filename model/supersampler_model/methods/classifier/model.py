@@ -144,7 +144,7 @@ class Classifier(LearnedMethod):
             return outputs
         image, *next_history, weight = outputs
         frame = FrameSamples(color, motion, jitter, before.jitter, gathered.exposure)
-        settled = settle(image, frame, *history[-2:])
+        settled = settle(image, frame, *history[-2:], gathered.grid)
         return (settled.image, *next_history, settled.still, settled.opening, weight, settled.converged)
 
     @staticmethod
@@ -190,7 +190,7 @@ class Classifier(LearnedMethod):
         front = reproject(pick_first_vector(vectors, grid), now.display, grid)
         own = reproject(pick_vector(own_vectors, grid), now.display, grid)
         exposed = color * exposure
-        planes = [maximum_3x3(glaring(exposed, usable)), edge_of(depth)]
+        planes = [maximum_3x3(glaring(exposed, usable)), edge_of(depth), maximum_3x3(usable)]
         at_pixel = channels_of(pick(torch.cat(planes, dim=1).to(self.dtype), grid))
         current = self.gather_current(self.toned(exposed) * usable, usable, at_pixel, now, grid)
         warped = self.gather_history(history, front, own, closest, before, exposure)
@@ -205,7 +205,7 @@ class Classifier(LearnedMethod):
     def gather_current(
         self, toned: Tensor, usable: Tensor, at_pixel: Sequence[Tensor], view: View, grid: Grid
     ) -> CurrentFrame:
-        """Upsample the usable samples of this frame; `at_pixel`: glare and edge of `CurrentFrame`."""
+        """Upsample the usable samples of this frame; `at_pixel`: the last of `CurrentFrame`."""
         c, most = self.config, TONED[self.dtype]
         ratio = view.display.width / view.extent.width, view.display.height / view.extent.height
         samples = torch.cat([toned, usable], dim=1).to(self.dtype)
@@ -219,7 +219,7 @@ class Classifier(LearnedMethod):
         near, weight = near.split_with_sizes([3, 1], dim=1)
         # with missing samples the negative weights dominate
         frame = torch.where(whole > 0.9, sharp / whole.clamp(min=0.9), smooth)
-        glare, edge = at_pixel
+        glare, edge, sampled = at_pixel
         return CurrentFrame(
             frame=frame.clamp(0.0, most),
             sample=(near / weight.clamp(min=least_divisor(weight, 1e-6))).clamp(0.0, most),
@@ -229,6 +229,7 @@ class Classifier(LearnedMethod):
             window=neighbourhood_samples(samples, grid, c.kernel_sigma),
             edge=edge,
             glare=glare,
+            sampled=sampled,
         )
 
     def gather_history(
@@ -248,19 +249,19 @@ class Classifier(LearnedMethod):
         occluded = disocclusion(depth, opened, place, c.depth_margin, c.depth_ramp)
         depth_before = on * read(depths, (place + 0.5).floor(), mode="nearest")
         difference = relative_depth_change(depth_before, depth)  # equation 10
-        samples, least, most = channels_of(on * read(history.state, position))
+        samples, least, most = channels_of(on * front.read(history.state))
         most, glare = without_glare(most)
         given = sanitize(history.color, 0.0)
         unit = 1.0 / exposure
         unit_on_screen = torch.where(on > 0.0, unit, DIM)
-        linear = self.toned(read(given, position), unit_on_screen)
+        linear = self.toned(front.read(given), unit_on_screen)
         cubic = read_cubic(given, position, c.history_sharpness).clamp(0.0, MAX_HALF)
         color = self.toned(cubic, unit_on_screen)
         return WarpedHistory(
             color=color,
             rounded=color.to(self.dtype),
             detail=(color - linear).to(self.dtype),
-            own=self.toned(read(given, own.position), unit),
+            own=self.toned(own.read(given), unit),
             samples=samples,
             range=torch.cat([least, most], dim=1),
             glare=glare,
@@ -328,14 +329,12 @@ class Classifier(LearnedMethod):
         factors, sharpness, cross, kernel = blend.split_with_sizes(parts, dim=1)
         history_colors = self.history_colors(gathered, sharpness, cross)
         kernel = weighed(current.window, kernel, current.frame)
-        sampled_here = (current.window.weight.sum(dim=1, keepdim=True) > 0.0).float()
-        sampled = sampled_here * (current.confidence + 1e-3)
+        sampled = current.sampled.float()
         current_colors = [
-            (current.sample, sampled),
-            (current.frame, 0.05 * sampled_here),
-            (kernel, 0.05 * sampled_here),
+            (current.sample, sampled * (current.confidence.float() + 1e-3)),
+            (current.frame, 0.05 * sampled),
+            (kernel, 0.05 * sampled),
         ]
-        current_colors = [(color, weight.float()) for color, weight in current_colors]
         color, weight, odds = composite(history_colors, current_colors, factors)
         image = bounded(TONES[self.config.tone_space].inverse(color) / gathered.exposure)
 

@@ -197,10 +197,10 @@ class GBuffer(LearnedMethod):
         occluded = disocclusion(
             inputs.display.depth, history.frame[:, 3:4], before, c.depth_margin, c.depth_ramp
         )
-        reflectance_before = read(history.reflectance, own.position).clamp(min=0.5 * MIN_REFLECTANCE)
-        bilinear = sanitize(read(history.color, own.position), 0.0)
+        reflectance_before = own.read(history.reflectance).clamp(min=0.5 * MIN_REFLECTANCE)
+        bilinear = sanitize(own.read(history.color), 0.0)
         relit = self._cubic(history.color, own) / reflectance_before * current.reflectance
-        count = read(history.sample_count, front.position)
+        count = front.read(history.sample_count)
         warped = WarpedHistory(
             color=_toned(self._cubic(history.color, front) * exposure, front),
             own=_toned(bilinear * exposure, own),
