@@ -69,5 +69,7 @@ class _Joint:
             both = np.concatenate([self._constants[first], self._constants[second]])
             self._graph.initializer.append(numpy_helper.from_array(both, name))
         else:
-            self._nodes.append(helper.make_node("Concat", [first, second], [name], name=f"node_{name}", axis=0))
+            self._nodes.append(
+                helper.make_node("Concat", [first, second], [name], name=f"node_{name}", axis=0)
+            )
         return name

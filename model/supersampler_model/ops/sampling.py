@@ -42,7 +42,6 @@ class Grid(NamedTuple):
     down: int  # y axis
     aligned: bool  # whether W and H are multiples of ALIGNED
 
-
     def cut_to(self, display: Size) -> "Grid":
         """The grid of the pixels of the display, where it extends beyond."""
         width, height = display

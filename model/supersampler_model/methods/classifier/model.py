@@ -329,6 +329,8 @@ class Classifier(LearnedMethod):
         factors, sharpness, cross, kernel = blend.split_with_sizes(parts, dim=1)
         history_colors = self.history_colors(gathered, sharpness, cross)
         kernel = weighed(current.window, kernel, current.frame)
+        if kernel.dtype == torch.float16:  # in which bright light is rounded to 1, infinite light
+            kernel = kernel.clamp(max=TONED[torch.float16])
         sampled = current.sampled.float()
         current_colors = [
             (current.sample, sampled * (current.confidence.float() + 1e-3)),
