@@ -5,10 +5,12 @@ from itertools import count
 
 import numpy as np
 import onnx
+from numpy.typing import NDArray
 from onnx import helper, numpy_helper
 
-START, END, AXIS, STEP = range(1, 5)
-"""Inputs of a Slice."""
+AXIS, STEP = 3, 4
+"""Inputs of a Slice, after the image, starts and ends."""
+Constants = dict[str, NDArray[np.generic]]
 
 
 def joined_slices(model: onnx.ModelProto) -> onnx.ModelProto:
@@ -19,7 +21,7 @@ def joined_slices(model: onnx.ModelProto) -> onnx.ModelProto:
     readers.update(value.name for value in graph.output)
     makers = {node.output[0]: node for node in graph.node if node.op_type == "Slice"}
     joint = _Joint(graph, constants)
-    nodes = []
+    nodes: list[onnx.NodeProto] = []
     for node in graph.node:
         first = makers.get(node.input[0]) if node.op_type == "Slice" else None
         if first is not None and readers[first.output[0]] == 1 and _independent(first, node, constants):
@@ -34,19 +36,19 @@ def joined_slices(model: onnx.ModelProto) -> onnx.ModelProto:
     return model
 
 
-def _independent(first: onnx.NodeProto, second: onnx.NodeProto, constants: dict[str, np.ndarray]) -> bool:
+def _independent(first: onnx.NodeProto, second: onnx.NodeProto, constants: Constants) -> bool:
     """Whether two slices have steps of 1 and are of different axes, known while a graph is exported."""
-    axes = [constants.get(node.input[AXIS]) for node in (first, second)]
-    steps = [constants.get(node.input[STEP]) for node in (first, second)]
-    if any(value is None for value in (*axes, *steps)):
+    names = [node.input[place] for node in (first, second) for place in (AXIS, STEP)]
+    if not all(name in constants for name in names):
         return False
-    return all((value == 1).all() for value in steps) and not np.intersect1d(*axes).size
+    axis, step, other_axis, other_step = (constants[name] for name in names)
+    return bool((step == 1).all() and (other_step == 1).all() and not np.intersect1d(axis, other_axis).size)
 
 
 class _Joint:
     """Makes joint inputs: constants of constants, else the result of a Concat; each once."""
 
-    def __init__(self, graph: onnx.GraphProto, constants: dict[str, np.ndarray]) -> None:
+    def __init__(self, graph: onnx.GraphProto, constants: Constants) -> None:
         self._graph, self._constants = graph, constants
         self._made: dict[tuple[str, str], str] = {}
         self._nodes: list[onnx.NodeProto] = []

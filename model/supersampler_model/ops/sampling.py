@@ -124,7 +124,7 @@ def pair(like: Tensor, x: float, y: float) -> Tensor:
 
 
 def in_row(values: Tensor, like: Tensor) -> Tensor:
-    """(2,) values of x and y as (W, 2), to compute with (1, H, W, 2): CPUs are slow where only 2 are in a row."""
+    """(2,) values of x and y as (W, 2), for (1, H, W, 2): rows of two values are slow to repeat."""
     return values.expand(like.shape[2], 2)
 
 

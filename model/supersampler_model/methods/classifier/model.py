@@ -144,7 +144,7 @@ class Classifier(LearnedMethod):
             return outputs
         image, *next_history, weight = outputs
         frame = FrameSamples(color, motion, jitter, before.jitter, gathered.exposure)
-        settled = settle(image, frame, *history[-2:], gathered.grid)
+        settled = settle(image, frame, history[-2], history[-1], gathered.grid)
         return (settled.image, *next_history, settled.still, settled.opening, weight, settled.converged)
 
     @staticmethod

@@ -54,7 +54,6 @@ from supersampler_model.ops.motion import (
     Reprojection,
     dilate_motion_2x2,
     disocclusion,
-    read,
     read_cubic,
     reproject,
     to_display,
