@@ -74,9 +74,9 @@ def without_detours(model: onnx.ModelProto) -> onnx.ModelProto:
         if before is None or not _casts_to(before, FLOAT) or not all(_casts_to(cast, HALF) for cast in after):
             continue
         node.input[0] = before.input[0]
-        for cast in after:
-            for reader in readers[cast.output[0]]:
-                _rename(reader.input, cast.output[0], node.output[0])
+        for back in after:
+            for reader in readers[back.output[0]]:
+                _rename(reader.input, back.output[0], node.output[0])
     _drop_unread(graph)
     return model
 
