@@ -246,7 +246,7 @@ def grid_bands(
 def normalised(sums: Tensor) -> Tensor:
     """Divide by the last channel, the sum of the weights: (1, c + 1, h, w) -> (1, c, h, w)."""
     values, weight = sums.split_with_sizes([sums.shape[1] - 1, 1], dim=1)
-    return values / weight.clamp(min=1e-6)
+    return values / weight.clamp(min=least_divisor(weight, 1e-6))
 
 
 def local_moments(

@@ -44,6 +44,7 @@ from supersampler_model.ops.color import (
     CONFIRMED,
     GLARE,
     MAX_HALF,
+    TONED,
     TONES,
     bounded,
     exposure_for,
@@ -91,8 +92,6 @@ from supersampler_model.ops.sampling import (
 from supersampler_model.ops.size import Size, display_size_of, half_of, render_size_of
 from supersampler_model.ops.windows import channels_of, maximum_3x3, minimum_3x3, shifted
 
-TONED: Mapping[torch.dtype, float] = {torch.float32: 1.0 - 1e-4, torch.float16: 1.0 - 2.0**-10}
-"""Maximum of a toned colour: in half floats GLARING, as 1 would be infinite light."""
 MOST_FACTOR: Mapping[torch.dtype, float] = {torch.float32: 16.0, torch.float16: 8.0}
 """Maximum of the logarithm of a factor: sums of nine such factors are half floats."""
 SHARPEST = 2.0  # maximum factor of the detail that is added

@@ -32,10 +32,10 @@ MIN_LUMINANCE = 1.0 / 64.0  # exposed; darker light is compared as this
 LOG2_E = 1.0 / math.log(2.0)
 
 
-def usable_surfaces(surfaces: Surfaces) -> Surfaces:
-    """Sanitize: NaN and values out of range become 0, invalid depth UNKNOWN_DEPTH."""
+def usable_surfaces(surfaces: Surfaces, dtype: torch.dtype) -> Surfaces:
+    """Sanitize, and convert all but depth: values out of range and NaN become 0, depth UNKNOWN_DEPTH."""
     *buffers, depth = surfaces
-    known = [torch.where((b >= -1.0) & (b <= 1.0), b, 0.0) for b in buffers]
+    known = [torch.where((b >= -1.0) & (b <= 1.0), b, 0.0) for b in (b.to(dtype) for b in buffers)]
     base, roughness, metallic, specular = (b.clamp(min=0.0) for b in (known[0], *known[2:]))
     return Surfaces(base, known[1], roughness, metallic, specular, usable_depth(depth))
 
@@ -55,7 +55,7 @@ def reflectance(surfaces: Surfaces) -> Tensor:
     base, metal = surfaces.base_color, surfaces.metallic
     dielectric = 1.0 - metal
     reflected = base * dielectric + 0.08 * surfaces.specular * dielectric + base * metal + MIN_REFLECTANCE
-    sky = (_squared_length(surfaces.normal) < 0.1).float()
+    sky = (_squared_length(surfaces.normal) < 0.1).to(base.dtype)
     return reflected + sky * (1.0 - reflected)
 
 
@@ -64,7 +64,7 @@ def samples_of(light: Tensor, usable: Tensor, render: Surfaces, display: Surface
 
     Args:
         light: (1, 3, h, w) colour over reflectance, toned.
-        usable: (1, 1, h, w) 1 where the colour is valid, else 0.
+        usable: (1, 1, h, w) 1 where the colour is valid, else 0; float32, as all weights are.
         render: surfaces of the samples.
         display: surfaces of the display pixels.
         grid: of the display.
@@ -77,10 +77,10 @@ def samples_of(light: Tensor, usable: Tensor, render: Surfaces, display: Surface
         color, valid, depth, length, features = sample
         vertical = gaussian(SAMPLE_SIGMA)(grid.row + down - grid.y)[:, None]
         near = (vertical * gaussian(SAMPLE_SIGMA)(grid.column + across - grid.x) + 1e-4) * valid
-        deviation = depth_difference(depth, display.depth)
+        deviation = depth_difference(depth, display.depth).to(target.dtype)
         of_depth = (deviation * deviation * (0.5 / DEPTH_SIGMA**2)).clamp(max=10.0)
         of_features = (features * twice).sum(dim=1, keepdim=True) + length + target_length
-        similarity = (-(of_depth + of_features)).exp()
+        similarity = (-(of_depth + of_features)).exp().float()
         colors.append(color)
         weights.append(near * (similarity + 1e-4))
         similar.append(near * similarity)
@@ -118,9 +118,11 @@ def weighted_mean(samples: Samples, kernel: Tensor | None = None) -> Tensor:
     """
     weights = samples.weights
     if kernel is not None:
-        weights = [weight * factor for weight, factor in zip(weights, channels_of(kernel.exp()), strict=True)]
+        weights = [
+            weight * factor for weight, factor in zip(weights, channels_of(kernel.float().exp()), strict=True)
+        ]
     total = sum_of(weights).clamp(min=1e-12)
-    return sum_of([c * w for c, w in zip(samples.colors, weights, strict=True)]) / total
+    return sum_of([c * (w / total).to(c.dtype) for c, w in zip(samples.colors, weights, strict=True)])
 
 
 def relative_depth(depth: Tensor, closest: Tensor) -> Tensor:
@@ -189,7 +191,7 @@ def _differs(warped: Tensor, image: Tensor, size: int) -> Tensor:
     wide = image.index_select(2, rows).index_select(3, columns)
     parts = [wide[:, :, y : y + h, x : x + w] for y in range(size) for x in range(size)]
     far = largest((torch.cat(parts) - warped).abs()) > MAX_COLOR_CHANGE
-    return (far.float().sum(dim=0, keepdim=True) > 0.5 * size * size).float()
+    return (far.to(image.dtype).sum(dim=0, keepdim=True) > 0.5 * size * size).float()
 
 
 def motion_of_surface(depth: Tensor, motion: Tensor, display_depth: Tensor, grid: Grid) -> Tensor:
