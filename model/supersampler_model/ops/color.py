@@ -69,9 +69,9 @@ def least_divisor(values: Tensor, least: float) -> float:
     return max(least, torch.finfo(values.dtype).tiny)
 
 
-def in_type(toned: Tensor, dtype: torch.dtype) -> Tensor:
-    """Toned colours in a type; in half floats at most TONED."""
-    return toned if dtype == toned.dtype else toned.to(dtype).clamp(max=TONED[dtype])
+def limited(toned: Tensor) -> Tensor:
+    """Toned colours, in half floats at most TONED: there bright light is rounded to 1, infinite light."""
+    return toned.clamp(max=TONED[toned.dtype]) if toned.dtype == torch.float16 else toned
 
 
 def luminance(color: Tensor) -> Tensor:

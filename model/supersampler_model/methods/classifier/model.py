@@ -52,6 +52,7 @@ from supersampler_model.ops.color import (
     glaring,
     is_flash,
     least_divisor,
+    limited,
     luminance,
     sanitize,
     valid,
@@ -327,9 +328,7 @@ class Classifier(LearnedMethod):
         blend = blend.clamp(-16.0, MOST_FACTOR[blend.dtype])
         factors, sharpness, cross, kernel = blend.split_with_sizes(parts, dim=1)
         history_colors = self.history_colors(gathered, sharpness, cross)
-        kernel = weighed(current.window, kernel, current.frame)
-        if kernel.dtype == torch.float16:  # in which bright light is rounded to 1, infinite light
-            kernel = kernel.clamp(max=TONED[torch.float16])
+        kernel = limited(weighed(current.window, kernel, current.frame))
         sampled = current.sampled.float()
         current_colors = [
             (current.sample, sampled * (current.confidence.float() + 1e-3)),

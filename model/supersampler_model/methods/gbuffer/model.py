@@ -53,10 +53,10 @@ from supersampler_model.ops.color import (
     TONED,
     bounded,
     exposure_for,
-    in_type,
     inverse_tone,
     largest,
     least_divisor,
+    limited,
     sanitize,
     tone,
     valid,
@@ -170,9 +170,9 @@ class GBuffer(LearnedMethod):
         c, exposed = self.config, frame.color * frame.exposure
         grid = frame.view.grid(render_size_of(exposed))
         toned, reflected = tone(exposed) * usable, reflectance(frame.display)
-        light = in_type(tone(exposed / reflectance(frame.render)), self.dtype)
+        light = limited(tone(exposed / reflectance(frame.render)).to(self.dtype))
         samples = samples_of(light, usable, frame.render, frame.display, grid)
-        colors = torch.cat([in_type(toned, self.dtype), usable.to(self.dtype)], dim=1)
+        colors = torch.cat([toned, usable], dim=1).to(self.dtype)
         near = upsample(colors, grid, gaussian(c.sample_sigma), (float(c.ratio), float(c.ratio)))
         smooth = normalised(upsample(colors, grid, gaussian(c.smooth_sigma))).clamp(0.0, TONED[self.dtype])
         return CurrentFrame(
@@ -183,7 +183,7 @@ class GBuffer(LearnedMethod):
             samples=samples,
             guided=_lit(weighted_mean(samples), reflected),
             smooth=smooth,
-            near=(near[:, :3] + 1e-3 * smooth) / (near[:, 3:] + 1e-3),
+            near=limited((near[:, :3] + 1e-3 * smooth) / (near[:, 3:] + 1e-3)),
             confidence=near[:, 3:].clamp(max=1.0),
             followed=followed,
         )
@@ -242,7 +242,7 @@ class GBuffer(LearnedMethod):
             (warped.own, known * (0.1 * kept + 1e-3)),
         ]
         current_colors = [
-            (_smoothed(current.guided, around), confidence + 0.3),
+            (limited(_smoothed(current.guided, around)), confidence + 0.3),
             (current.smooth, 0.1 * confidence + 0.01),
             (guided, 0.2 * confidence + 0.05),
             (current.near, 0.2 * confidence + 1e-3),
