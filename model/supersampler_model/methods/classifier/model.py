@@ -51,7 +51,6 @@ from supersampler_model.ops.color import (
     from_ycocg,
     glaring,
     is_flash,
-    least_divisor,
     limited,
     luminance,
     sanitize,
@@ -93,6 +92,8 @@ from supersampler_model.ops.sampling import (
 from supersampler_model.ops.size import Size, display_size_of, half_of, render_size_of
 from supersampler_model.ops.windows import channels_of, maximum_3x3, minimum_3x3, shifted
 
+HEIGHT = 64.0
+"""Of the Gaussian of a sample along an axis: with a height of 1, far weights are too small for half floats."""
 MOST_FACTOR: Mapping[torch.dtype, float] = {torch.float32: 16.0, torch.float16: 8.0}
 """Maximum of the logarithm of a factor: sums of nine such factors are half floats."""
 SHARPEST = 2.0  # maximum factor of the detail that is added
@@ -209,7 +210,7 @@ class Classifier(LearnedMethod):
         c, most = self.config, TONED[self.dtype]
         ratio = view.display.width / view.extent.width, view.display.height / view.extent.height
         samples = torch.cat([toned, usable], dim=1).to(self.dtype)
-        near = upsample(samples, grid, gaussian(c.sample_sigma), ratio)
+        near = upsample(samples, grid, lambda d: HEIGHT * gaussian(c.sample_sigma)(d), ratio)
         sharp = upsample(samples, grid, catmull_rom)
         first, second = local_moments(ycocg(toned), usable, grid, c.moment_sigma)
         deviation = (second - first * first).clamp(min=0.0).sqrt()  # a small difference: in float32
@@ -222,8 +223,8 @@ class Classifier(LearnedMethod):
         glare, edge, sampled = at_pixel
         return CurrentFrame(
             frame=frame.clamp(0.0, most),
-            sample=(near / weight.clamp(min=least_divisor(weight, 1e-6))).clamp(0.0, most),
-            confidence=weight.clamp(max=1.0),
+            sample=(near / weight.clamp(min=1e-6 * HEIGHT**2)).clamp(0.0, most),
+            confidence=(weight / HEIGHT**2).clamp(max=1.0),
             mean=mean,
             deviation=deviation.to(self.dtype),
             window=neighbourhood_samples(samples, grid, c.kernel_sigma),
