@@ -93,7 +93,7 @@ from supersampler_model.ops.size import Size, display_size_of, half_of, render_s
 from supersampler_model.ops.windows import channels_of, maximum_3x3, minimum_3x3, shifted
 
 HEIGHT = 64.0
-"""Of the Gaussian of a sample along an axis: with a height of 1, far weights are too small for half floats."""
+"""Of the Gaussian of a sample along an axis: at a height of 1, far weights are too small for half floats."""
 MOST_FACTOR: Mapping[torch.dtype, float] = {torch.float32: 16.0, torch.float16: 8.0}
 """Maximum of the logarithm of a factor: sums of nine such factors are half floats."""
 SHARPEST = 2.0  # maximum factor of the detail that is added
