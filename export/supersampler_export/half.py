@@ -1,8 +1,8 @@
 """Convert a method to half precision, for providers that move and compute it fast."""
 
 import copy
-from collections.abc import Callable, MutableSequence, Sequence
-from typing import TypeVar, cast
+from collections.abc import MutableSequence
+from typing import TypeVar
 
 import onnx
 from torch import Tensor, nn
@@ -34,16 +34,7 @@ class HalfNetwork(nn.Module):
 
     def forward(self, *inputs: Tensor) -> tuple[Tensor, ...]:
         """Run the network."""
-        return _floats(self.network(*(value.half() for value in inputs)))
-
-    def on_pixels(self, pixels: Sequence[Tensor], half_inputs: Tensor) -> tuple[Tensor, ...]:
-        """Run the network of a classifier on display pixels that are not packed."""
-        infer = cast("Callable[..., tuple[Tensor, ...]]", self.network.on_pixels)
-        return _floats(infer([value.half() for value in pixels], half_inputs.half()))
-
-
-def _floats(outputs: tuple[Tensor, ...]) -> tuple[Tensor, ...]:
-    return tuple(output.float() for output in outputs)
+        return tuple(output.float() for output in self.network(*(value.half() for value in inputs)))
 
 
 def folded(network: Folded) -> Folded:
