@@ -1,5 +1,7 @@
 """Methods in half floats: near single precision, never infinite; the passes over their graphs."""
 
+import itertools
+
 import numpy as np
 import onnx
 import pytest
@@ -68,6 +70,23 @@ def test_whatever_comes_all_outputs_are_finite_and_in_single_precision(name: str
             assert made.isfinite().all()
         assert image.min() >= 0.0
         assert image.max() <= MAX_HALF
+
+
+@pytest.mark.parametrize("bias", [-40.0, 40.0])
+@pytest.mark.parametrize("name", ["classifier", "gbuffer-small"])
+def test_whatever_the_network_infers_images_are_finite(name: str, bias: float) -> None:
+    _, half = halved(name)
+    blend = half.get_submodule("net.blend")
+    assert isinstance(blend, nn.Conv2d)
+    assert blend.bias is not None
+    blend.bias.data += bias
+    display = display_of(half)
+    history = half.first_history(display, RENDER, 3)
+    for frame in itertools.islice(frames(display), 2):
+        with torch.no_grad():
+            image, history, _ = half.step(*(frame[name] for name in half.inputs()), *history)
+        assert all(made.isfinite().all() for made in (image, *history))
+        assert image.mean() > 0.1  # black where all weights are 0
 
 
 def test_half_floats_limit_light_that_they_would_round_to_infinite_light() -> None:
