@@ -30,8 +30,8 @@ PRODUCTS = {
 }  # fmt: skip
 """Multiply-adds a display pixel."""
 OPERATORS = {
-    "bilinear": 135, "bicubic": 165, "taa": 505, "taau": 1145, "classifier": 1420, "classifier-small": 1355,
-    "gbuffer-small": 1820, "gbuffer-small-4x": 1820, "extrapolate": 1035, "guided-warp": 1150,
+    "bilinear": 135, "bicubic": 165, "taa": 505, "taau": 1145, "classifier": 1385, "classifier-small": 1315,
+    "gbuffer-small": 1820, "gbuffer-small-4x": 1820, "extrapolate": 1060, "guided-warp": 1150,
     "guided-flow": 2665,
 }  # fmt: skip
 READS = {
