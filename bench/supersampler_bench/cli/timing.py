@@ -77,7 +77,7 @@ def traffic(
     least, computed from their published figures.
 
     Example:
-      supersampler bench traffic --methods classifier --sizes 1920x1080:3840x2160 --json traffic.json
+      supersampler bench traffic --methods classifier,classifier:fp16 --json traffic.json
     """
     from supersampler_bench.specs import parse_spec
     from supersampler_bench.timing import traffic as bench
