@@ -30,7 +30,7 @@ PRODUCTS = {
 }  # fmt: skip
 """Multiply-adds a display pixel."""
 OPERATORS = {
-    "bilinear": 135, "bicubic": 165, "taa": 510, "taau": 1155, "classifier": 1385, "classifier-small": 1315,
+    "bilinear": 135, "bicubic": 165, "taa": 510, "taau": 1115, "classifier": 1385, "classifier-small": 1315,
     "gbuffer-small": 1820, "gbuffer-small-4x": 1820, "extrapolate": 1060, "guided-warp": 1150,
     "guided-flow": 2685,
 }  # fmt: skip
