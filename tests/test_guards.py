@@ -30,9 +30,9 @@ PRODUCTS = {
 }  # fmt: skip
 """Multiply-adds a display pixel."""
 OPERATORS = {
-    "bilinear": 135, "bicubic": 165, "taa": 505, "taau": 1145, "classifier": 1420, "classifier-small": 1355,
-    "gbuffer-small": 1820, "gbuffer-small-4x": 1820, "extrapolate": 1035, "guided-warp": 1150,
-    "guided-flow": 2665,
+    "bilinear": 135, "bicubic": 165, "taa": 510, "taau": 1115, "classifier": 1385, "classifier-small": 1315,
+    "gbuffer-small": 1820, "gbuffer-small-4x": 1820, "extrapolate": 1060, "guided-warp": 1150,
+    "guided-flow": 2685,
 }  # fmt: skip
 READS = {
     "bilinear": 0, "bicubic": 0, "taa": 5, "taau": 8, "classifier": 11, "classifier-small": 10,

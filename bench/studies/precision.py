@@ -1,4 +1,6 @@
-"""Loss of PSNR by fp16 and int8 networks at the end of long sequences, against references.
+"""Loss of PSNR by half floats and int8 networks at the end of long sequences, against references.
+
+Half floats are those of torch, which rounds as GPUs do; ONNX Runtime's CPU provider mostly does not.
 
 Sequences are rendered here, with OpenGL.
     python bench/studies/precision.py --scenes court --methods classifier --update docs/results/backends.md
@@ -34,6 +36,7 @@ from supersampler_bench.cli.options import (
 )
 from supersampler_bench.compatibility import gbuffers_of
 from supersampler_bench.markdown_table import size_text, table
+from supersampler_bench.parity import stepper_of_torch
 from supersampler_bench.quality.metrics import psnr, tpsnr
 from supersampler_bench.record import Record
 from supersampler_bench.shots.rendered_frame import rendered_sequence
@@ -67,16 +70,19 @@ class Scored:
 class _Runner:
     """Steps one method in one precision and scores its images."""
 
-    def __init__(self, method: str, precision: Precision, display: Size) -> None:
-        model = Model.load(method, providers="cpu", precision=precision)
-        self._upscaler = Upscaler(model, display_size=display, skip="exact", validate="off")
+    def __init__(self, method: str, precision: Precision, render: Size, display: Size) -> None:
+        if precision == "fp16":
+            self._step = stepper_of_torch(method, render, display, half=True)
+        else:
+            model = Model.load(method, providers="cpu", precision=precision)
+            self._step = Upscaler(model, display_size=display, skip="exact", validate="off").step
         self._before: Float32 | None = None
         self.psnr: list[float] = []
         self.tpsnr: list[float] = []
 
     def step(self, frame: Frame, truth: Float32 | None, before: Float32 | None) -> None:
         """Step, and score the image where `truth`, the reference after the display transform, is given."""
-        shown = display_transform(self._upscaler.step(frame), frame.exposure or 1.0)
+        shown = display_transform(self._step(frame), frame.exposure or 1.0)
         if truth is not None:
             self.psnr.append(psnr(shown, truth))
             if before is not None and self._before is not None and not frame.reset:
@@ -112,7 +118,7 @@ def measure_precision(
         runners: dict[tuple[str, Precision], _Runner] = {}
         for method, precision in product(methods, PRECISIONS):
             with suppress(ArgumentError):  # the method has no such precision
-                runners[method, precision] = _Runner(method, precision, display)
+                runners[method, precision] = _Runner(method, precision, size, display)
         before: Float32 | None = None
         sequence = rendered_sequence(renderer, family, frames, size, references=SCORED, gbuffers=gbuffers)
         for frame, reference, exposure in sequence:

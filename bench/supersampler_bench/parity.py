@@ -1,4 +1,7 @@
-"""Difference of the ONNX and CPU backends from torch, over hundreds of consecutive frames."""
+"""Difference of the backends, and of half floats in torch, from torch, over hundreds of consecutive frames.
+
+ONNX Runtime's CPU provider computes graphs in half floats mostly in float32; torch rounds as GPUs do.
+"""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -19,6 +22,7 @@ from supersampler_bench.compatibility import gbuffers_of
 from supersampler_bench.markdown_table import size_text, table
 from supersampler_bench.record import Record
 from supersampler_bench.shots.rendered_frame import rendered_sequence
+from supersampler_export.half import to_half
 from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.methods import LEARNED, METHODS
 from supersampler_model.methods.base import Method
@@ -118,6 +122,8 @@ def _agreement(method: str, runs: str, render: Size, display: Size, found: Any) 
 
 def _steppers(method: str, render: Size, display: Size) -> Iterator[tuple[str, Step]]:
     yield "torch", stepper_of_torch(method, render, display)
+    if method in LEARNED:
+        yield "torch, fp16", stepper_of_torch(method, render, display, half=True)
     for executor, precision in RUNS:
         try:
             model = Model.load(method, providers="cpu", executor=executor, precision=precision)
@@ -127,11 +133,20 @@ def _steppers(method: str, render: Size, display: Size) -> Iterator[tuple[str, S
         yield f"{executor}, {model.precision}", upscaler.step
 
 
-def stepper_of_torch(name: str, render: Size, display: Size) -> Step:
-    """Return the step of a shipped method in torch, with a history of its own."""
+def stepper_of_torch(name: str, render: Size, display: Size, *, half: bool = False) -> Step:
+    """Return the step of a shipped method in torch, with a history of its own; `half`: in half floats.
+
+    Raises:
+        ArgumentError: the method has no network, and thus no half precision.
+    """
     learned = LEARNED.get(name)
     method: Method = METHODS[name]() if learned is None else learned.of(load_trained(shipped_weights(name)))
     method.eval()
+    if half:
+        lowered = to_half(method)
+        if lowered is None:
+            raise ArgumentError("precision", got=f"fp16 of {name}", want="a method with a network")
+        method = lowered
     history = method.first_history(Extent(*display), Extent(*render))
 
     @torch.no_grad()

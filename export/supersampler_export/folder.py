@@ -22,7 +22,7 @@ from supersampler.methods.spec import RENDER, TENSORS, Shape, dtype_of
 from supersampler_export.count import multiply_adds_of
 from supersampler_export.cpu_network import cpu_network
 from supersampler_export.graph import OPSET, export_fused, export_graph, history_name
-from supersampler_export.half import to_half
+from supersampler_export.half import to_half, without_detours
 from supersampler_export.parity import (
     FRAMES,
     SHARE,
@@ -30,6 +30,7 @@ from supersampler_export.parity import (
     TOLERANCE_HALF,
     Parity,
     check_fused,
+    check_half,
     check_parity,
 )
 from supersampler_model.methods.aovs import BlendAovs
@@ -38,7 +39,7 @@ from supersampler_model.methods.base import Fused, Method
 _FILES = {
     "aovs.onnx": "blends AOVs (alpha, any channels) by the step's `weight` output.",
     "network.onnx": "is the network alone.",
-    "step.fp16.onnx": "is the step with the network in half precision.",
+    "step.fp16.onnx": "is the step in half precision (docs/explanation/precision.md).",
     "network.npz": "is the int8 network, for the CPU backend.",
     f"{EXTRAPOLATED}/model.json": "describes the step for extrapolated frames, on the same history.",
 }
@@ -97,7 +98,8 @@ def _folder_files(method: Method, inner: Mapping[str, bytes]) -> dict[str, bytes
         check_fused(fused, files["network.onnx"])
     half = to_half(method)
     if half is not None:
-        files["step.fp16.onnx"] = _serialized(_labelled(export_graph(half), described))
+        check_half(method, half)
+        files["step.fp16.onnx"] = _serialized(_labelled(without_detours(export_graph(half)), described))
         check_parity(method, files["step.fp16.onnx"], TOLERANCE_HALF)
     network = cpu_network(method)
     if network is not None:

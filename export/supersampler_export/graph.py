@@ -30,6 +30,7 @@ from supersampler.methods.spec import (
     sized,
 )
 from supersampler_export.half import folded
+from supersampler_export.slices import joined_slices
 from supersampler_model.methods.base import Fused, Method
 from supersampler_model.ops.size import Size
 
@@ -150,7 +151,7 @@ def _traced(
         )  # fmt: skip
     if program is None:
         raise ExportError("torch.onnx.export returned no program")
-    model = program.model_proto
+    model = joined_slices(program.model_proto)
     check_portable(model)
     onnx.checker.check_model(model, full_check=True)
     return model

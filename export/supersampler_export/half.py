@@ -1,13 +1,19 @@
-"""Convert the network of a method to half precision, for providers that compute it fast."""
+"""Convert a method to half precision, for providers that move and compute it fast."""
 
 import copy
-from collections.abc import Callable, Sequence
-from typing import TypeVar, cast
+from collections.abc import MutableSequence
+from typing import TypeVar
 
+import onnx
 from torch import Tensor, nn
 from torch.nn.utils.fusion import fuse_conv_bn_eval
 
 from supersampler_model.methods.base import Method
+from supersampler_model.methods.learned import LearnedMethod
+
+HALF, FLOAT = onnx.TensorProto.FLOAT16, onnx.TensorProto.FLOAT
+DETOURS = ("Abs", "ReduceMax", "ReduceSum")
+"""Operators that the exporter computes in float32 where their input is half floats."""
 
 Folded = TypeVar("Folded", bound=nn.Module)
 
@@ -28,16 +34,7 @@ class HalfNetwork(nn.Module):
 
     def forward(self, *inputs: Tensor) -> tuple[Tensor, ...]:
         """Run the network."""
-        return _floats(self.network(*(value.half() for value in inputs)))
-
-    def on_pixels(self, pixels: Sequence[Tensor], half_inputs: Tensor) -> tuple[Tensor, ...]:
-        """Run the network of a classifier on display pixels that are not packed."""
-        infer = cast("Callable[..., tuple[Tensor, ...]]", self.network.on_pixels)
-        return _floats(infer([value.half() for value in pixels], half_inputs.half()))
-
-
-def _floats(outputs: tuple[Tensor, ...]) -> tuple[Tensor, ...]:
-    return tuple(output.float() for output in outputs)
+        return tuple(output.float() for output in self.network(*(value.half() for value in inputs)))
 
 
 def folded(network: Folded) -> Folded:
@@ -51,10 +48,56 @@ def folded(network: Folded) -> Folded:
     return network
 
 
+def without_detours(model: onnx.ModelProto) -> onnx.ModelProto:
+    """Remove the casts to float32 and back around operators of one input, which the exporter adds; in place.
+
+    It repeats what torch does within such operators. Providers do so themselves where it matters.
+    """
+    graph = model.graph
+    makers = {name: node for node in graph.node for name in node.output}
+    readers: dict[str, list[onnx.NodeProto]] = {}
+    for node in graph.node:
+        for name in node.input:
+            readers.setdefault(name, []).append(node)
+    for node in graph.node:
+        before = makers.get(node.input[0]) if node.op_type in DETOURS else None
+        after = readers.get(node.output[0], [])
+        if before is None or not _casts_to(before, FLOAT) or not all(_casts_to(cast, HALF) for cast in after):
+            continue
+        node.input[0] = before.input[0]
+        for back in after:
+            for reader in readers[back.output[0]]:
+                _rename(reader.input, back.output[0], node.output[0])
+    _drop_unread(graph)
+    return model
+
+
+def _casts_to(node: onnx.NodeProto, kind: int) -> bool:
+    return node.op_type == "Cast" and node.attribute[0].i == kind
+
+
+def _rename(names: MutableSequence[str], old: str, new: str) -> None:
+    for place, name in enumerate(names):
+        if name == old:
+            names[place] = new
+
+
+def _drop_unread(graph: onnx.GraphProto) -> None:
+    """Remove casts whose result nothing reads."""
+    read = {name for node in graph.node for name in node.input} | {value.name for value in graph.output}
+    unread = [node for node in graph.node if node.op_type == "Cast" and node.output[0] not in read]
+    for node in unread:
+        graph.node.remove(node)
+
+
 def to_half(method: Method) -> Method | None:
-    """Return `method` with its network in half precision; None without a network."""
-    if method.fused() is None:
+    """Return `method` in half precision; None without a network.
+
+    A method whose stages take the type of the network is in half floats from end to end, others but for their
+    network are in float32.
+    """
+    if method.fused() is None or not isinstance(method, LearnedMethod):
         return None
-    made = copy.deepcopy(method)
-    made.net = HalfNetwork(method.get_submodule("net"))
+    made = copy.deepcopy(method).eval()
+    made.net = folded(made.net).half() if method.in_half else HalfNetwork(made.net)
     return made.eval()

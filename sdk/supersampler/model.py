@@ -103,7 +103,8 @@ class Model(DeviceRuns):
                 processor, which is several times as fast; "auto" uses "cpu" if the provider is the CPU and
                 the model has kernels; "gpu" runs shaders on any GPU (`pip install "supersampler[gpu]"`).
             precision: precision of the network: "int8", which the CPU backend always uses; "fp32" or "fp16"
-                with the ONNX backend. Everything else is fp32.
+                with the ONNX backend. With "fp16", colours within a frame are half floats, too; the history
+                never is.
             capture: CUDA and TensorRT capture the step with tensors as a CUDA graph and replay it; a new size
                 is captured again. The CPU uses the same fixed buffers without capture.
             device: with executor="gpu", the device of the caller's textures; None opens one.

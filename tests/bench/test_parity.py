@@ -1,4 +1,4 @@
-"""The ONNX and CPU backends compute the same images as torch, over many frames."""
+"""The backends, and half floats in torch, compute the same images as torch, over many frames."""
 
 from collections.abc import Iterator
 
@@ -22,14 +22,14 @@ def test_methods_stay_with_torch_however_they_run() -> None:
     assert [(r.method, r.runs) for r in results if "gpu" not in r.runs][:5] == [  # there may be no adapter
         ("taau", "onnx, fp32"),
         ("taau", "cpu, fp32"),
+        ("classifier", "torch, fp16"),
         ("classifier", "onnx, fp32"),
         ("classifier", "onnx, fp16"),
-        ("classifier", "cpu, int8"),
     ]
     for result in results:
         precision = result.runs.split()[-1]
         if result.runs == "gpu, fp32":  # it reads samples as half floats
             precision = "fp16"
-        assert result.last < {"int8": 1.0 / 255.0, "fp16": 1e-4, "fp32": 1e-5}[precision], result
+        assert result.last < {"int8": 1.0 / 255.0, "fp16": 2e-4, "fp32": 1e-5}[precision], result
         assert result.psnr > {"int8": 45.0, "fp16": 65.0, "fp32": 80.0}[precision], result
     assert "cpu, int8" in markdown_table(parity_record(results))

@@ -3,7 +3,6 @@
 Shipped graphs do not change with the code, so these tests fail if a change of the code changes images.
 """
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -11,59 +10,16 @@ import pytest
 import torch
 from torch import Tensor
 
+from hostile_frames import BAD, EXPOSURES, RENDER, display_of, frames
 from supersampler.backends.onnx.runtime import ort
-from supersampler.conventions.ratios import only_ratio, scaled
 from supersampler.methods.model_file import find_model
 from supersampler_export.cli import load_method, shipped_methods
 from supersampler_export.graph import history_name
-from supersampler_export.parity import noise
 from supersampler_model.methods.aovs import BlendAovs
 from supersampler_model.methods.base import Method
-from supersampler_model.ops.size import Size
 
-RENDER = Size(37, 22)
-EXPOSURES = (0.0, 1.7, 0.0, 900.0, 900.0, 2.0, 0.0)
-"""Measured, given, measured; an outlier, which is held back once; an outlier back again; measured."""
 SHADED = (True, False, False, True, False, True, False)
 """Of methods that extrapolate unshaded frames."""
-BAD = (float("nan"), float("inf"), -float("inf"), -1.0, 1e6)
-
-
-def display_of(method: Method) -> Size:
-    ratio = only_ratio(method.ratios)
-    found = scaled(RENDER, ratio) if ratio else (81, 47)
-    assert found is not None
-    return Size(*found)
-
-
-def frames(display: Size) -> Iterator[dict[str, Tensor]]:
-    """Noise that moves by a few pixels, then off the screen, with bad pixels and in other light."""
-    for index, frame in enumerate(noise(RENDER, display, len(EXPOSURES))):
-        made = {**frame, "exposure": torch.tensor([EXPOSURES[index]])}
-        if index == 1:
-            made["motion"] = spoiled(6.0 * frame["motion"])
-            made["depth"] = spoiled(frame["depth"])
-        if index == 2:
-            others = {name for name, value in made.items() if value.ndim == 4} - {"depth", "motion", "weight"}
-            made |= {name: spoiled(made[name]) for name in others}
-        if index == 3:
-            made["color"] = 0.002 * frame["color"]
-        if index == 5:  # a shadow on the left half; what was near is far
-            made["color"][..., :18] *= 0.05
-            made["depth"] = 0.05 - frame["depth"]
-        if index == 6:
-            made["color"] = torch.full_like(frame["color"], torch.nan)
-        yield made
-
-
-def spoiled(image: Tensor) -> Tensor:
-    """The image with two rows of each value that is none, more than may differ, a bright and a dark row."""
-    image = image.clone()
-    for place, bad in enumerate(BAD):
-        image[..., 1 + 2 * place : 3 + 2 * place, :] = bad
-    image[..., 13, :] *= 300.0
-    image[..., 14, :] *= 1e-7
-    return image
 
 
 def dotted(image: Tensor) -> Tensor:

@@ -10,7 +10,7 @@ from supersampler_model.ops.size import Size
 DARK, LIT = 0.2, 0.8
 SIZE = Size(16, 8)
 HISTORY = WarpedHistory(
-    *(torch.full((1, 1, 8, 16), value) for value in (DARK, 0.0, DARK, 4.0, 0.0, 0.0, 0.0, 1.0, 0.0))
+    *(torch.full((1, 1, 8, 16), value) for value in (DARK, DARK, 0.0, DARK, 4.0, 0.0, 0.0, 0.0, 1.0, 0.0))
 )
 HISTORY = HISTORY._replace(range=torch.full((1, 2, 8, 16), DARK))
 

@@ -50,7 +50,7 @@ def test_all_that_the_network_sees_is_about_one_at_most(value: float | None) -> 
 
 def test_differences_of_a_frame_and_the_same_history_are_zero() -> None:
     g = gathered()
-    history_color = g.warped._replace(color=g.current.sample, detail=torch.zeros_like(g.warped.detail))
+    history_color = g.warped._replace(rounded=g.current.sample, detail=torch.zeros_like(g.warped.detail))
     seen = pixel_inputs(g._replace(warped=history_color))
     for name in ("history_to_sample", "beyond_range"):
         assert not seen[name].any(), name
@@ -59,7 +59,7 @@ def test_differences_of_a_frame_and_the_same_history_are_zero() -> None:
 
 def test_a_sample_brighter_than_all_of_the_history_around_is_beyond_it() -> None:
     g = gathered()
-    dark = g.warped._replace(color=torch.full_like(g.warped.color, 0.01))
+    dark = g.warped._replace(rounded=torch.full_like(g.warped.color, 0.01))
     seen = pixel_inputs(g._replace(warped=dark))
     torch.testing.assert_close(seen["beyond_range"], (seen["sample"] - 0.1).abs(), atol=1e-6, rtol=0.0)
     assert not seen["history_contrast"].any()

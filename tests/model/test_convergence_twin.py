@@ -15,6 +15,8 @@ from supersampler.io.display import display_transform
 from supersampler_model.data.scenes.still_life import still_scene, still_scene_with_mover
 from supersampler_model.ops.convergence import FrameSamples, Settled, settle
 from supersampler_model.ops.motion import usable_motion
+from supersampler_model.ops.sampling import grid_of
+from supersampler_model.ops.size import render_size_of
 
 Edit = Callable[[int, Frame], Frame]
 FRAMES = 36
@@ -43,11 +45,13 @@ def torch_step(frame: Frame, own: Float32, before: dict[str, Float32], exposure:
         torch.from_numpy(before["history.jitter"]),
         torch.tensor([exposure]),
     )
+    image = torch.from_numpy(own)
     return settle(
-        torch.from_numpy(own),
+        image,
         samples,
         torch.from_numpy(before["history.still"]),
         torch.from_numpy(before["history.opening"]),
+        grid_of(render_size_of(image), render_size_of(samples.color), samples.jitter),
     )
 
 

@@ -172,7 +172,7 @@ def test_a_surface_reflects_its_base_colour_and_the_sky_is_white() -> None:
 
 def test_surfaces_that_are_no_numbers_become_black_and_far() -> None:
     bad = surfaces(torch.full((1, 3, 1, 1), float("nan")), depth=float("inf"))
-    made = usable_surfaces(bad)
+    made = usable_surfaces(bad, torch.float32)
     assert float(made.base_color.abs().max()) == 0.0
     assert float(made.depth) == -1.0
 

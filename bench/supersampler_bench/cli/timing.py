@@ -62,7 +62,8 @@ def cost(
 
 
 def traffic(
-    methods: METHODS = "bilinear,taa,taau,classifier-small,classifier,gbuffer-small",
+    methods: METHODS = "bilinear,taa,taau,classifier-small,classifier-small:fp16,classifier,classifier:fp16,"
+    "gbuffer-small,gbuffer-small:fp16",
     sizes: Annotated[
         str, typer.Option(help="Render and display sizes, as 960x540:1920x1080, with commas between.")
     ] = "960x540:3840x2160,1920x1080:3840x2160",
@@ -76,8 +77,9 @@ def traffic(
     least, computed from their published figures.
 
     Example:
-      supersampler bench traffic --methods classifier --sizes 1920x1080:3840x2160 --json traffic.json
+      supersampler bench traffic --methods classifier,classifier:fp16 --json traffic.json
     """
+    from supersampler_bench.specs import parse_spec
     from supersampler_bench.timing import traffic as bench
     from supersampler_bench.timing.gpu_traffic import count_gpu
     from supersampler_bench.timing.onnx_traffic import count_onnx
@@ -85,13 +87,15 @@ def traffic(
 
     tables = {"traffic": bench.markdown_table, "traffic roofline": roofline_table}
     check_page(update, tables)
-    counters, names, pairs = (count_onnx, count_gpu), listed(methods), size_pairs_of(sizes)
-    with counted("steps", len(counters) * len(names) * len(pairs)) as advance:
+    names, pairs = listed(methods), size_pairs_of(sizes)
+    both = (count_onnx, count_gpu)
+    counters = {name: both if parse_spec(name).precision == "auto" else (count_onnx,) for name in names}
+    with counted("steps", sum(map(len, counters.values())) * len(pairs)) as advance:
         results = []
         for render, display in pairs:
             rows = []
             for name in names:
-                for count in counters:
+                for count in counters[name]:
                     try:
                         rows.append(count(name, render, display))
                     except (ArgumentError, DeviceError) as error:  # another ratio, no shaders, or no device

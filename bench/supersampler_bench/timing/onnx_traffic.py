@@ -3,17 +3,23 @@
 A run at 3840x2160 needs tens of gigabytes of memory. All tensors of a step have extents that are linear in
 the width or the height, so bytes and multiply-adds are a + b width + c height + d width height: four small
 runs give the values at any size, and a fifth checks that this holds.
+
+The CPU provider has no kernels for most operators on half floats: it adds casts, and computes in float32.
+Types are therefore those that the graph itself has, and casts that are not in it are not counted.
 """
 
 import json
 import math
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from fractions import Fraction
+from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+import onnx
 
 from supersampler.backends.onnx.runtime import ort
 from supersampler.backends.onnx.session import session_options
@@ -22,6 +28,7 @@ from supersampler.errors import ArgumentError, ModelError
 from supersampler.frame import Size
 from supersampler.methods.model_file import find_model, read_model_info
 from supersampler.methods.model_info import ModelInfo
+from supersampler_bench.specs import parse_spec
 from supersampler_bench.timing.traffic import Traffic
 
 BACKEND = "onnx"
@@ -33,10 +40,10 @@ _KERNEL = "_kernel_time"
 
 
 def count_onnx(method: str, render: Size, display: Size) -> Traffic:
-    """Count a step of `step.onnx`.
+    """Count a step of `step.onnx`, or of `step.fp16.onnx`.
 
     Args:
-        method: a shipped model or a model folder.
+        method: a shipped model or a model folder; "classifier:fp16" in half floats.
         render: (width, height) of the frame.
         display: (width, height) of the image.
 
@@ -45,23 +52,28 @@ def count_onnx(method: str, render: Size, display: Size) -> Traffic:
         and executed operators.
 
     Raises:
-        ArgumentError: the model is for one other ratio.
+        ArgumentError: the model is for one other ratio, or has no such precision.
         ModelError: the model has tensors of other sizes, or its cost is of another form.
     """
-    info = read_model_info(find_model(method))
+    spec = parse_spec(method)
+    info, precision = read_model_info(find_model(spec.model)), spec.precision
+    path = info.steps.get("fp32" if precision == "auto" else precision)
+    if path is None:
+        raise ArgumentError("precision", got=precision, want=f"one of {', '.join(info.steps)}")
     ratio, only = display[0] / render[0], only_ratio(info.ratios)
     if only is not None and ratio != only:
         raise ArgumentError("ratio", got=f"{ratio:g}", want=f"{only:g}")
     widths, heights = (small_extents(*extents) for extents in zip(render, display, strict=True))
 
     places = [(0, 0), (1, 0), (0, 1), (1, 1), (2, 3)]
-    counts = [_count_run(info, *zip(widths(x), heights(y), strict=True)) for x, y in places]
+    counts = [_count_run(info, path, *zip(widths(x), heights(y), strict=True)) for x, y in places]
     x, y = (
         Fraction(extent - small(0)[0], small(1)[0] - small(0)[0])
         for extent, small in zip(render, (widths, heights), strict=True)
     )
     moved, products = (_bilinear([count[i] for count in counts], x, y) for i in range(2))
-    return Traffic(BACKEND, Path(method).name, moved, products, counts[0][2])
+    named = str(replace(spec, model=Path(spec.model).name))
+    return Traffic(BACKEND, named, moved, products, counts[0][2])
 
 
 def small_extents(render: int, display: int) -> Callable[[int], tuple[int, int]]:
@@ -89,21 +101,47 @@ def _bilinear(values: Sequence[int], x: Fraction, y: Fraction) -> int:
     return int(a + x * across + y * down + x * y * both)
 
 
-def _count_run(info: ModelInfo, render: Size, display: Size) -> tuple[int, int, int]:
+class _Types(NamedTuple):
+    """Types of a node's inputs and outputs, as numbers of onnx.TensorProto."""
+
+    inputs: list[int]
+    outputs: list[int]
+
+
+@cache
+def _types_of(path: Path) -> Mapping[str, _Types]:
+    """Return the types of each node of a graph, by the node's name."""
+    graph = onnx.shape_inference.infer_shapes(onnx.load(path)).graph
+    values = (*graph.value_info, *graph.input, *graph.output)
+    kinds = {value.name: value.type.tensor_type.elem_type for value in values}
+    kinds |= {tensor.name: tensor.data_type for tensor in graph.initializer}
+    return {
+        node.name: _Types([kinds[name] for name in node.input if name], [kinds[name] for name in node.output])
+        for node in graph.node
+    }
+
+
+def _count_run(info: ModelInfo, path: Path, render: Size, display: Size) -> tuple[int, int, int]:
     """Return bytes, multiply-adds and operators of one run on constant images."""
     total = products = operators = 0
-    for event in _profile(info, render, display):
+    known = _types_of(path)
+    for event in _profile(info, path, render, display):
         arguments = event["args"]
         inputs, outputs = arguments["input_type_shape"], arguments["output_type_shape"]
-        total += sum(_size_of(tensor) for tensor in (*inputs, *outputs))
+        types = known.get(event["name"].removesuffix(_KERNEL))
+        if types is None and arguments["op_name"] == "Cast":  # not of the graph
+            continue
+        kinds = [0] * len((*inputs, *outputs)) if types is None else [*types.inputs, *types.outputs]
+        total += sum(map(_size_of, (*inputs, *outputs), kinds))
         products += _multiply_adds(arguments["op_name"], inputs, outputs)
         operators += 1
     return total, products, operators
 
 
-def _size_of(tensor: Mapping[str, list[int]]) -> int:
-    """Return the bytes of a tensor, which a profile writes as {type: shape}."""
-    return sum(_BYTES[kind] * math.prod(shape) for kind, shape in tensor.items())
+def _size_of(tensor: Mapping[str, list[int]], kind: int = 0) -> int:
+    """Return the bytes of a tensor, which a profile writes as {type: shape}; `kind` is the graph's type."""
+    ((ran, shape),) = tensor.items()
+    return _BYTES["float16" if kind == onnx.TensorProto.FLOAT16 else ran] * math.prod(shape)
 
 
 def _multiply_adds(
@@ -121,7 +159,7 @@ def _multiply_adds(
     return math.prod(out) * math.prod(weights[1:])
 
 
-def _profile(info: ModelInfo, render: Size, display: Size) -> Iterator[dict[str, Any]]:
+def _profile(info: ModelInfo, path: Path, render: Size, display: Size) -> Iterator[dict[str, Any]]:
     """Run a step and yield the events of its operators."""
     options = session_options(1)
     options.enable_profiling = True
@@ -129,7 +167,6 @@ def _profile(info: ModelInfo, render: Size, display: Size) -> Iterator[dict[str,
     options.graph_optimization_level = ort.GraphOptimizationLevel.ORT_ENABLE_BASIC
     with tempfile.TemporaryDirectory() as folder:
         options.profile_file_prefix = str(Path(folder) / "step")
-        path = info.folder / "step.onnx"
         session = ort.InferenceSession(path, options, providers=["CPUExecutionProvider"])
         session.run(None, _inputs(info, render, display))
         events = json.loads(Path(session.end_profiling()).read_text(encoding="utf-8"))

@@ -3,8 +3,9 @@
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import is_dataclass
-from typing import Any, Self, get_type_hints
+from typing import Any, ClassVar, Self, get_type_hints
 
+import torch
 from torch import nn
 
 from supersampler.errors import ArgumentError
@@ -17,13 +18,21 @@ class LearnedMethod(Method):
 
     Attributes:
         net: the network, the only part with parameters.
+        in_half: whether the stages compute colours in [0, 1] and weights in the type of the network; else
+            the network alone may be in half floats.
     """
 
     net: nn.Module
+    in_half: ClassVar[bool] = False
 
     def __init__(self, config: Any = None) -> None:
         super().__init__(config)
         self.net = self.make_network()
+
+    @property
+    def dtype(self) -> torch.dtype:
+        """The working type: that of the network's parameters."""
+        return next(self.net.parameters()).dtype
 
     @abstractmethod
     def make_network(self) -> nn.Module:

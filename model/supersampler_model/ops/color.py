@@ -13,6 +13,8 @@ from supersampler.methods.classifier.spec import ToneSpace
 MAX_HALF = 65504.0
 EXPOSURE_KEY = 0.18
 EXPOSURE_ADAPTATION = 0.1
+TONED: Mapping[torch.dtype, float] = {torch.float32: 1.0 - 1e-4, torch.float16: 1.0 - 2.0**-10}
+"""Maximum of a toned colour: in half floats about GLARING, as 1 would be infinite light."""
 LEAST_EXPOSURE, MOST_EXPOSURE = 2.0**-24, 2.0**24
 OUTLIER = 64.0
 DARKEST = 1e-4
@@ -60,6 +62,16 @@ def bounded(color: Tensor) -> Tensor:
     """
     color = color.clamp(max=MAX_HALF)
     return torch.where(color >= DARKNESS, color, 0.0)
+
+
+def least_divisor(values: Tensor, least: float) -> float:
+    """`least`, or the least normal number of the tensor's type if that is larger: half floats end at 6e-5."""
+    return max(least, torch.finfo(values.dtype).tiny)
+
+
+def limited(toned: Tensor) -> Tensor:
+    """Toned colours, in half floats at most TONED: there bright light is rounded to 1, infinite light."""
+    return toned.clamp(max=TONED[toned.dtype]) if toned.dtype == torch.float16 else toned
 
 
 def luminance(color: Tensor) -> Tensor:

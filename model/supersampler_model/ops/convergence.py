@@ -44,9 +44,9 @@ from supersampler.methods.convergence import (
 from supersampler_model.ops.color import bounded, glaring, largest, luminance, sanitize, valid
 from supersampler_model.ops.motion import squared_length, usable_motion
 from supersampler_model.ops.sampling import (
+    Grid,
     gaussian,
     grid_bands,
-    grid_of,
     linear,
     nearest,
     normalised,
@@ -80,7 +80,9 @@ class Settled(NamedTuple):
     converged: Tensor  # (1, 1, H, W) fraction of the mean in the image
 
 
-def settle(image: Tensor, frame: FrameSamples, history_still: Tensor, history_opening: Tensor) -> Settled:
+def settle(
+    image: Tensor, frame: FrameSamples, history_still: Tensor, history_opening: Tensor, grid: Grid
+) -> Settled:
     """Add this frame's samples to the mean where pixels stand still, and fade the image to it.
 
     Args:
@@ -88,9 +90,17 @@ def settle(image: Tensor, frame: FrameSamples, history_still: Tensor, history_op
         frame: this frame.
         history_still: (1, 4, H, W) `Settled.still` of the previous frame; zeros without one.
         history_opening: (1, 3, h', w') `Settled.opening` of the previous frame.
+        grid: of the frame; it may extend beyond the image.
     """
     display, render = render_size_of(image), render_size_of(frame.color)
-    grid = grid_of(display, render, frame.jitter)
+    ratio = display.width / render.width, display.height / render.height
+    across, down = (
+        axis._replace(outputs=extent)
+        for axis, extent in zip(
+            grid_bands(grid, render, tent_gaussian, reach=1, scale=ratio), display, strict=True
+        )
+    )
+    grid = grid.cut_to(display)
     color, usable = sanitize(frame.color, 0.0), valid(frame.color)
     usable = usable * (1.0 - glaring(color * frame.exposure, usable))
     color = without_fireflies(color * usable, frame.exposure)
@@ -105,9 +115,7 @@ def settle(image: Tensor, frame: FrameSamples, history_still: Tensor, history_op
     confirmed = opened * (weight < 0.0)
     weight = weight.abs() * stands * (1.0 - confirmed)
     rejected = opened * (weight > 0.0)
-    ratio = display.width / render.width, display.height / render.height
-    bands_of_grid = grid_bands(grid, render, tent_gaussian, reach=1, scale=ratio)
-    near = resample(torch.cat([color, usable], dim=1), *bands_of_grid)
+    near = resample(torch.cat([color, usable], dim=1), across, down)
     jittered = (frame.jitter - frame.previous_jitter).abs().sum() > 0.0
     near, near_weight = near.split_with_sizes([3, 1], dim=1)
     added = near_weight * stands * (1.0 - rejected) * jittered

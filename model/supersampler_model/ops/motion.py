@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from supersampler_model.ops.sampling import Extent, Grid, pair, sum_of
+from supersampler_model.ops.sampling import Extent, Grid, in_row, pair, sum_of
 from supersampler_model.ops.size import Size, render_size_of
 from supersampler_model.ops.windows import (
     channels_of,
@@ -108,6 +108,11 @@ class Reprojection(NamedTuple):
     position: Tensor  # (1, H, W, 2) x and y in pixels of that image; 0 is the centre of the first one
     on_screen: Tensor  # (1, 1, H, W) 1 inside the image, else 0
     motion: Tensor  # (1, H, W, 2) display pixels
+    place: Tensor  # (1, H, W, 2) `position` as grid_sample reads it
+
+    def read(self, image: Tensor) -> Tensor:
+        """Sample an image of that size bilinearly, clamped at the border."""
+        return _sampled(image, self.place)
 
     def speed(self) -> Tensor:
         """(1, 1, H, W) length of the motion."""
@@ -122,7 +127,8 @@ class Reprojection(NamedTuple):
 def to_display(motion: Tensor, display: Size, render: Size | Extent) -> Tensor:
     """Motion vectors (1, 2, h, w) in render pixels as (1, h, w, 2) in display pixels."""
     scale = pair(motion, display.width / render.width, display.height / render.height)
-    return motion.permute(0, 2, 3, 1) * scale
+    vectors = motion.permute(0, 2, 3, 1)
+    return vectors * in_row(scale, vectors)
 
 
 def reproject(motion: Tensor, display: Size, grid: Grid) -> Reprojection:
@@ -136,9 +142,10 @@ def reproject(motion: Tensor, display: Size, grid: Grid) -> Reprojection:
     x, y = grid.pixel_x.to(motion.dtype), grid.pixel_y.to(motion.dtype)
     columns = torch.stack([x, 0.0 * x], dim=1)
     rows = torch.stack([0.0 * y, y], dim=1)
-    position = motion + columns + rows[:, None]
-    on_screen = _normalised(position, display).abs().amax(dim=3) < 1.0
-    return Reprojection(position, on_screen.to(motion.dtype)[:, None], motion)
+    position = motion + (columns + rows[:, None])
+    place = _normalised(position, display)
+    on_screen = place.abs().amax(dim=3) < 1.0
+    return Reprojection(position, on_screen.to(motion.dtype)[:, None], motion, place)
 
 
 def read(image: Tensor, position: Tensor, mode: str = "bilinear") -> Tensor:
@@ -154,7 +161,7 @@ def positions_of(x: Tensor, y: Tensor) -> Tensor:
 def _normalised(position: Tensor, size: Size) -> Tensor:
     """Positions as grid_sample reads them: exactly -1 and 1 at the borders of the image."""
     extent = pair(position, 0.5 * size.width, 0.5 * size.height)
-    return (position - (extent - 0.5)) / extent
+    return (position - in_row(extent - 0.5, position)) / in_row(extent, position)
 
 
 def _sampled(image: Tensor, place: Tensor, mode: str = "bilinear") -> Tensor:
@@ -177,7 +184,7 @@ def read_cubic(image: Tensor, position: Tensor, sharpness: float = 0.5) -> Tenso
         (weight[..., 0], weight[..., 1]) for weight in reads.weights
     )
     first, middle, last = reads.places
-    of_x = torch.tensor([True, False], device=position.device)
+    of_x = in_row(torch.tensor([True, False], device=position.device), position)
     taps = [
         (middle_x * middle_y, middle),
         (first_x * middle_y, torch.where(of_x, first, middle)),
@@ -206,8 +213,8 @@ def _cubic_reads(position: Tensor, size: Size, sharpness: float) -> _CubicReads:
     second = t + product * ((2.0 - sharpness) * t - (1.0 - sharpness))  # weight of the sample after
     middle = 1.0 - outer
     extent = pair(position, 0.5 * size.width, 0.5 * size.height)
-    before = (whole - (extent + 0.5)) / extent
+    before = (whole - in_row(extent + 0.5, position)) / in_row(extent, position)
     return _CubicReads(
-        (before, _normalised(whole + second / middle, size), before + 3.0 / extent),
+        (before, _normalised(whole + second / middle, size), before + in_row(3.0 / extent, position)),
         (first, middle, outer - first),
     )

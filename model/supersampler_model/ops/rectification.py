@@ -5,7 +5,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from supersampler_model.ops.color import largest
+from supersampler_model.ops.color import largest, least_divisor
 from supersampler_model.ops.windows import blurred, maximum_3x3, minimum_3x3
 
 
@@ -50,12 +50,18 @@ def intersect(a: Box, b: Rect) -> Rect:
 
 def overshoot(color: Tensor, box: Box) -> Tensor:
     """(1, 1, h, w) distance of `color` from the box's centre in extents: <= 1 inside the box."""
-    return largest((color - box.center).abs() / box.extent.clamp(min=1e-5))
+    offset = (color - box.center).abs()
+    return largest(offset / box.extent.clamp(min=least_divisor(offset, 1e-5)))
 
 
 def clip_to_center(color: Tensor, box: Box) -> Tensor:
     """Move `color` towards the box's centre until it is inside (the common form)."""
     return box.center + (color - box.center) / overshoot(color, box).clamp(min=1.0)
+
+
+def step_to_box(color: Tensor, box: Box) -> Tensor:
+    """What `clip_to_center` adds to `color`: exactly 0 inside the box, in half floats, too."""
+    return (color - box.center) * (1.0 / overshoot(color, box).clamp(min=1.0) - 1.0)
 
 
 def clip_to_sample(color: Tensor, sample: Tensor, box: Rect) -> Tensor:

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
+from supersampler_model.ops.color import least_divisor
 from supersampler_model.ops.size import Size, render_size_of
 from supersampler_model.ops.windows import neighbours_3x3
 
@@ -41,6 +42,21 @@ class Grid(NamedTuple):
     down: int  # y axis
     aligned: bool  # whether W and H are multiples of ALIGNED
 
+    def cut_to(self, display: Size) -> "Grid":
+        """The grid of the pixels of the display, where it extends beyond."""
+        width, height = display
+        return self._replace(
+            pixel_x=self.pixel_x[:width],
+            pixel_y=self.pixel_y[:height],
+            x=self.x[:width],
+            y=self.y[:height],
+            column=self.column[:width],
+            row=self.row[:height],
+            left=self.left[:width],
+            top=self.top[:height],
+            aligned=False,
+        )
+
 
 class Extent(NamedTuple):
     """Extent of a display in render pixels: the render size, or fractional for a crop of a display."""
@@ -61,7 +77,7 @@ class View(NamedTuple):
         scale = pair(
             position, self.extent.width / self.display.width, self.extent.height / self.display.height
         )
-        return position * scale + (0.5 * scale - 0.5 - self.jitter[0])
+        return position * in_row(scale, position) + in_row(0.5 * scale - 0.5 - self.jitter[0], position)
 
     def grid(self, render: Size, *, aligned: bool = False) -> Grid:
         """Grid of the display pixels in an input of size `render`.
@@ -105,6 +121,11 @@ def pair(like: Tensor, x: float, y: float) -> Tensor:
     """(2,) two numbers, which may be symbolic while a graph is exported."""
     one = like.new_ones(1)
     return torch.cat([one * x, one * y])
+
+
+def in_row(values: Tensor, like: Tensor) -> Tensor:
+    """(2,) values of x and y as (W, 2), for (1, H, W, 2): rows of two values are slow to repeat."""
+    return values.expand(like.shape[2], 2)
 
 
 def extended(size: int, device: torch.device) -> Tensor:
@@ -194,7 +215,7 @@ def _resample_rows(image: Tensor, y: Bands) -> Tensor:
     blocks, _, reach = y.weights.shape
     channels, width = image.shape[1], image.shape[3]
     rows = image.index_select(2, y.indices).reshape(1, channels, blocks, reach, width)
-    sums = (y.weights @ rows).reshape(1, channels, blocks * BLOCK, width)
+    sums = (y.weights.to(image.dtype) @ rows).reshape(1, channels, blocks * BLOCK, width)
     if y.outputs is None:
         return sums
     # not a slice, of which the exporter cannot prove that it fits
@@ -225,7 +246,7 @@ def grid_bands(
 def normalised(sums: Tensor) -> Tensor:
     """Divide by the last channel, the sum of the weights: (1, c + 1, h, w) -> (1, c, h, w)."""
     values, weight = sums.split_with_sizes([sums.shape[1] - 1, 1], dim=1)
-    return values / weight.clamp(min=1e-6)
+    return values / weight.clamp(min=least_divisor(weight, 1e-6))
 
 
 def local_moments(
@@ -264,10 +285,11 @@ def neighbourhood_samples(samples: Tensor, grid: Grid, sigma: float) -> Window:
         for nearest, place in ((grid.row, grid.y), (grid.column, grid.x))
     )
     by_row = torch.arange(WINDOW, device=color.device)
-    near = rows.index_select(0, by_row // 3)[:, :, None] * columns.index_select(0, by_row % 3)[:, None]
-    return Window(
-        colors.index_select(4, grid.column).index_select(3, grid.row), pick(there, grid) * (near + 1e-4)
-    )
+    rows, columns = rows.index_select(0, by_row // 3), columns.index_select(0, by_row % 3)
+    rows = torch.stack([rows, 0.0 * rows + 1e-4], dim=2).to(color.dtype)
+    columns = torch.stack([columns, 0.0 * columns + 1.0], dim=1).to(color.dtype)
+    near = rows @ columns  # the product of both and 1e-4
+    return Window(colors.index_select(4, grid.column).index_select(3, grid.row), pick(there, grid) * near)
 
 
 def offsets(index: Tensor) -> Tensor:
@@ -285,8 +307,9 @@ def weighed(window: Window, kernel: Tensor, otherwise: Tensor) -> Tensor:
     """
     weights = window.weight * kernel.exp()
     total = weights.sum(dim=1, keepdim=True)
-    color = (window.color * weights).sum(dim=2) / total.clamp(min=1e-12)
-    return torch.where(total > 1e-9, color, otherwise)
+    least = least_divisor(total, 1e-9)
+    color = (window.color * weights).sum(dim=2) / total.clamp(min=least)
+    return torch.where(total > least, color, otherwise)
 
 
 def pick(image: Tensor, grid: Grid) -> Tensor:

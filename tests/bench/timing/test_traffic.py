@@ -2,6 +2,7 @@
 
 from fractions import Fraction
 
+import onnx
 import pytest
 
 from supersampler import ArgumentError, ModelError
@@ -18,8 +19,22 @@ def test_the_count_at_a_size_is_that_of_a_run_at_this_size() -> None:
     info = read_model_info(find_model("taa"))
     counted = count_onnx("taa", render, display)
     assert (counted.bytes, counted.multiply_adds, counted.dispatches) == onnx_traffic._count_run(
-        info, render, display
+        info, info.steps["fp32"], render, display
     )
+
+
+def test_half_floats_are_counted_as_in_the_graph_without_the_casts_of_the_cpu_provider() -> None:
+    info = read_model_info(find_model("classifier-small"))
+    counts = [onnx_traffic._count_run(info, info.steps[kind], *SIZES) for kind in ("fp32", "fp16")]
+    assert 0.6 < counts[1][0] / counts[0][0] < 0.85
+    assert counts[1][1] == counts[0][1]
+    nodes = onnx.load(info.steps["fp16"]).graph.node
+    assert 0.95 * len(nodes) < counts[1][2] <= len(nodes)
+
+
+def test_a_precision_without_a_graph_is_refused() -> None:
+    with pytest.raises(ArgumentError, match="precision"):
+        count_onnx("taau:fp16", *SIZES)
 
 
 def test_a_model_of_one_ratio_is_counted_at_this_ratio_alone() -> None:
@@ -31,6 +46,7 @@ def test_bytes_are_those_of_inputs_and_outputs_of_each_type() -> None:
     assert onnx_traffic._size_of({"float": [1, 3, 2, 2]}) == 48
     assert onnx_traffic._size_of({"bool": [5]}) == 5
     assert onnx_traffic._size_of({"int64": []}) == 8
+    assert onnx_traffic._size_of({"float": [3]}, onnx.TensorProto.FLOAT16) == 6  # run in float32
 
 
 def test_multiply_adds_are_outputs_times_the_numbers_summed_for_each() -> None:

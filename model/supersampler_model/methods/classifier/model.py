@@ -13,7 +13,7 @@ where it rises over all that the history has seen in one pixel of 64 (`unexplain
 pixels restarts after a frame whose measured exposure is an outlier (`is_flash`).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import ClassVar, cast
 
 import torch
@@ -44,12 +44,14 @@ from supersampler_model.ops.color import (
     CONFIRMED,
     GLARE,
     MAX_HALF,
+    TONED,
     TONES,
     bounded,
     exposure_for,
     from_ycocg,
     glaring,
     is_flash,
+    limited,
     luminance,
     sanitize,
     valid,
@@ -71,7 +73,7 @@ from supersampler_model.ops.motion import (
     usable_depth,
     usable_motion,
 )
-from supersampler_model.ops.rectification import clip_to_center, variance_box
+from supersampler_model.ops.rectification import Box, step_to_box
 from supersampler_model.ops.sampling import (
     Grid,
     View,
@@ -90,7 +92,10 @@ from supersampler_model.ops.sampling import (
 from supersampler_model.ops.size import Size, display_size_of, half_of, render_size_of
 from supersampler_model.ops.windows import channels_of, maximum_3x3, minimum_3x3, shifted
 
-TONED = 1.0 - 1e-4  # maximum of a toned colour
+HEIGHT = 64.0
+"""Of the Gaussian of a sample along an axis: at a height of 1, far weights are too small for half floats."""
+MOST_FACTOR: Mapping[torch.dtype, float] = {torch.float32: 16.0, torch.float16: 8.0}
+"""Maximum of the logarithm of a factor: sums of nine such factors are half floats."""
 SHARPEST = 2.0  # maximum factor of the detail that is added
 SIDE = 0.01  # initial weight of a neighbour in the learned cross on the history
 DIM = 1e30  # the unit off screen: every colour becomes black
@@ -102,6 +107,7 @@ class Classifier(LearnedMethod):
 
     spec: ClassVar = CLASSIFIER
     config: ClassifierConfig
+    in_half: ClassVar = True
 
     def make_network(self) -> nn.Module:
         """Return the untrained network."""
@@ -139,7 +145,7 @@ class Classifier(LearnedMethod):
             return outputs
         image, *next_history, weight = outputs
         frame = FrameSamples(color, motion, jitter, before.jitter, gathered.exposure)
-        settled = settle(image, frame, *history[-2:])
+        settled = settle(image, frame, history[-2], history[-1], gathered.grid)
         return (settled.image, *next_history, settled.still, settled.opening, weight, settled.converged)
 
     @staticmethod
@@ -185,8 +191,8 @@ class Classifier(LearnedMethod):
         front = reproject(pick_first_vector(vectors, grid), now.display, grid)
         own = reproject(pick_vector(own_vectors, grid), now.display, grid)
         exposed = color * exposure
-        planes = [maximum_3x3(glaring(exposed, usable)), edge_of(depth)]
-        at_pixel = channels_of(pick(torch.cat(planes, dim=1), grid))
+        planes = [maximum_3x3(glaring(exposed, usable)), edge_of(depth), maximum_3x3(usable)]
+        at_pixel = channels_of(pick(torch.cat(planes, dim=1).to(self.dtype), grid))
         current = self.gather_current(self.toned(exposed) * usable, usable, at_pixel, now, grid)
         warped = self.gather_history(history, front, own, closest, before, exposure)
         return Gathered(
@@ -200,28 +206,31 @@ class Classifier(LearnedMethod):
     def gather_current(
         self, toned: Tensor, usable: Tensor, at_pixel: Sequence[Tensor], view: View, grid: Grid
     ) -> CurrentFrame:
-        """Upsample the usable samples of this frame; `at_pixel`: glare and edge of `CurrentFrame`."""
-        c = self.config
+        """Upsample the usable samples of this frame; `at_pixel`: the last of `CurrentFrame`."""
+        c, most = self.config, TONED[self.dtype]
         ratio = view.display.width / view.extent.width, view.display.height / view.extent.height
-        samples = torch.cat([toned, usable], dim=1)
-        near = upsample(samples, grid, gaussian(c.sample_sigma), ratio)
+        samples = torch.cat([toned, usable], dim=1).to(self.dtype)
+        near = upsample(samples, grid, lambda d: HEIGHT * gaussian(c.sample_sigma)(d), ratio)
         sharp = upsample(samples, grid, catmull_rom)
         first, second = local_moments(ycocg(toned), usable, grid, c.moment_sigma)
-        smooth = from_ycocg(first)
+        deviation = (second - first * first).clamp(min=0.0).sqrt()  # a small difference: in float32
+        mean = first.to(self.dtype)
+        smooth = from_ycocg(mean)
         sharp, whole = sharp.split_with_sizes([3, 1], dim=1)
         near, weight = near.split_with_sizes([3, 1], dim=1)
         # with missing samples the negative weights dominate
-        frame = torch.where(whole > 0.9, sharp / whole.clamp(min=1e-6), smooth)
-        glare, edge = at_pixel
+        frame = torch.where(whole > 0.9, sharp / whole.clamp(min=0.9), smooth)
+        glare, edge, sampled = at_pixel
         return CurrentFrame(
-            frame=frame.clamp(0.0, TONED),
-            sample=(near / weight.clamp(min=1e-6)).clamp(0.0, TONED),
-            confidence=weight.clamp(max=1.0),
-            first=first,
-            second=second,
+            frame=frame.clamp(0.0, most),
+            sample=(near / weight.clamp(min=1e-6 * HEIGHT**2)).clamp(0.0, most),
+            confidence=(weight / HEIGHT**2).clamp(max=1.0),
+            mean=mean,
+            deviation=deviation.to(self.dtype),
             window=neighbourhood_samples(samples, grid, c.kernel_sigma),
             edge=edge,
             glare=glare,
+            sampled=sampled,
         )
 
     def gather_history(
@@ -241,24 +250,25 @@ class Classifier(LearnedMethod):
         occluded = disocclusion(depth, opened, place, c.depth_margin, c.depth_ramp)
         depth_before = on * read(depths, (place + 0.5).floor(), mode="nearest")
         difference = relative_depth_change(depth_before, depth)  # equation 10
-        samples, least, most = channels_of(on * read(history.state, position))
+        samples, least, most = channels_of(on * front.read(history.state))
         most, glare = without_glare(most)
         given = sanitize(history.color, 0.0)
         unit = 1.0 / exposure
         unit_on_screen = torch.where(on > 0.0, unit, DIM)
-        linear = self.toned(read(given, position), unit_on_screen)
+        linear = self.toned(front.read(given), unit_on_screen)
         cubic = read_cubic(given, position, c.history_sharpness).clamp(0.0, MAX_HALF)
         color = self.toned(cubic, unit_on_screen)
         return WarpedHistory(
             color=color,
-            detail=color - linear,
-            own=self.toned(read(given, own.position), unit),
+            rounded=color.to(self.dtype),
+            detail=(color - linear).to(self.dtype),
+            own=self.toned(own.read(given), unit),
             samples=samples,
             range=torch.cat([least, most], dim=1),
             glare=glare,
-            difference=difference.clamp(-1.0, 1.0) * (depth >= 0.0),
+            difference=(difference.clamp(-1.0, 1.0) * (depth >= 0.0)).to(self.dtype),
             surface=on * (1.0 - 2.0 * occluded).clamp(min=0.0),
-            classes=on[:, :, ::2, ::2] * read(history.classes, 0.5 * position[:, ::2, ::2]),
+            classes=(on[:, :, ::2, ::2] * read(history.classes, 0.5 * position[:, ::2, ::2])).to(self.dtype),
         )
 
     def infer(self, gathered: Gathered) -> tuple[Tensor, Tensor]:
@@ -278,26 +288,30 @@ class Classifier(LearnedMethod):
         around = neighbourhood_inputs(pixels, gathered.display)
         classes = gathered.warped.classes[:, : CLASSES * c.recurrent]
         half_inputs = torch.cat([classes, *(around[name] for name in c.neighbourhood_inputs)], dim=1)
-        return [pixels[name] for name in c.inputs], half_inputs
+        return [pixels[name].to(self.dtype) for name in c.inputs], half_inputs
 
     def history_colors(
         self, gathered: Gathered, sharpness: Tensor, cross: Tensor
     ) -> list[tuple[Tensor, Tensor]]:
-        """Return the history colours and their initial weights, those of a running mean."""
-        current, warped = gathered.current, gathered.warped
+        """Return the history colours and their initial weights, those of a running mean.
+
+        Colours are float32; what is added to the warped one may be half floats.
+        """
+        current, warped, most = gathered.current, gathered.warped, TONED[torch.float32]
         moved = warped.color
         if self.config.corrected:  # positive weights: negative ones could amplify errors recursively
             sides = SIDE * cross.exp()
             beside = zip(channels_of(sides), SIDES, strict=True)
-            weighted = [side * shifted(warped.color, *offset, gathered.display) for side, offset in beside]
-            moved = sum_of([moved, *weighted]) / (1.0 + sides.sum(dim=1, keepdim=True))
-        sharpened = (moved + sharpness.clamp(0.0, SHARPEST) * warped.detail).clamp(0.0, TONED)
+            weighted = [side * shifted(warped.rounded, *offset, gathered.display) for side, offset in beside]
+            moved = (moved + sum_of(weighted)) / (1.0 + sides.sum(dim=1, keepdim=True).float())
+        sharpened = (moved + sharpness.clamp(0.0, SHARPEST) * warped.detail).clamp(0.0, most)
         known = (warped.samples > 0.0).float()  # without history the weight is 0 whatever the network infers
         found = [(sharpened, known * (warped.samples * warped.surface + 1e-3))]
         other = known * (0.1 * warped.samples + 1e-3)
         if self.config.rectified:
-            box = variance_box(current.first, current.second, self.config.gamma)
-            found.append((from_ycocg(clip_to_center(ycocg(sharpened), box)).clamp(0.0, TONED), other))
+            box = Box(current.mean, self.config.gamma * current.deviation)
+            step = from_ycocg(step_to_box(ycocg(sharpened.to(self.dtype)), box))
+            found.append(((sharpened + step).clamp(0.0, most), other))
         if self.config.own_motion:
             found.append((warped.own, other))
         return found
@@ -312,19 +326,20 @@ class Classifier(LearnedMethod):
         """
         current, warped = gathered.current, gathered.warped
         parts = (self.config.candidates, *self.config.filters)
-        factors, sharpness, cross, kernel = blend.clamp(-16.0, 16.0).split_with_sizes(parts, dim=1)
+        blend = blend.clamp(-16.0, MOST_FACTOR[blend.dtype])
+        factors, sharpness, cross, kernel = blend.split_with_sizes(parts, dim=1)
         history_colors = self.history_colors(gathered, sharpness, cross)
-        kernel = weighed(current.window, kernel, current.frame)
-        sampled_here = (current.window.weight.sum(dim=1, keepdim=True) > 0.0).float()
-        sampled = sampled_here * (current.confidence + 1e-3)
+        kernel = limited(weighed(current.window, kernel, current.frame))
+        sampled = current.sampled.float()
         current_colors = [
-            (current.sample, sampled),
-            (current.frame, 0.05 * sampled_here),
-            (kernel, 0.05 * sampled_here),
+            (current.sample, sampled * (current.confidence.float() + 1e-3)),
+            (current.frame, 0.05 * sampled),
+            (kernel, 0.05 * sampled),
         ]
         color, weight, odds = composite(history_colors, current_colors, factors)
         image = bounded(TONES[self.config.tone_space].inverse(color) / gathered.exposure)
 
+        logits = logits.float()
         classes = torch.cat([class_probabilities(logits[:, :3]), class_probabilities(logits[:, 3:])], dim=1)
         count = torch.minimum(odds, warped.samples).clamp(max=self.config.samples) + current.confidence
         luma = luminance(current.sample)
@@ -337,11 +352,11 @@ class Classifier(LearnedMethod):
         glares = (current.glare > 0.0) & ((warped.samples > 0.0) | (warped.glare > 0.0))
         still_bright = (luma > WHITE) & (warped.glare > 0.0)
         unconfirmed = (
-            glares | still_bright | unexplained_light(luma, current.first[:, :1], warped, gathered.display)
+            glares | still_bright | unexplained_light(luma, current.mean[:, :1], warped, gathered.display)
         )
         unconfirmed = unconfirmed & (warped.glare < CONFIRMED - 1.0)
         count = torch.where(unconfirmed | gathered.flash, 0.0, count)
-        glared = torch.where(unconfirmed, warped.glare + 1.0, CONFIRMED * current.glare)
+        glared = torch.where(unconfirmed, warped.glare + 1.0, (CONFIRMED * current.glare).float())
         state = torch.cat([count, low, high + GLARE * glared], dim=1)
         display = gathered.display
         image, state, weight = (cut_to(plane, display) for plane in (image, state, weight))

@@ -27,11 +27,10 @@ COUNTS: Mapping[CountCode, Callable[[Tensor], Tensor]] = {
 
 
 def pixel_inputs(gathered: Gathered, count: CountCode = "saturating") -> dict[str, Tensor]:
-    """Compute all of INPUTS; values are at most about 1."""
+    """Compute all of INPUTS; values are at most about 1. Colours are in the working type."""
     current, warped, reprojection = gathered.current, gathered.warped, gathered.reprojection
-    frame, sample, color, range_ = (
-        _root(c) for c in (current.frame, current.sample, warped.color, warped.range)
-    )
+    range_ = warped.range.to(current.frame.dtype)
+    frame, sample, color, range_ = (_root(c) for c in (current.frame, current.sample, warped.rounded, range_))
     luma, luma_before = luminance(sample), luminance(color)
     low, high = channels_of(_range(luma_before, gathered))
     speed = reprojection.speed()
@@ -41,7 +40,7 @@ def pixel_inputs(gathered: Gathered, count: CountCode = "saturating") -> dict[st
         "history": luma_before,
         "history_to_sample": largest((color - sample).abs()),
         "history_to_frame": largest((color - frame).abs()),
-        "contrast": _root(_root(largest(current.second - current.first * current.first))),
+        "contrast": largest(current.deviation).clamp(min=1e-3).sqrt(),
         "history_contrast": high - low,
         "beyond_range": torch.maximum(low - luma, luma - high).clamp(min=0.0),
         "min_luma": range_[:, :1],

@@ -81,6 +81,7 @@ class PaperClassifier(Classifier):
         toned = self.toned(sanitize(color, 0.0) * exposure)
         return WarpedHistory(
             color=toned,
+            rounded=toned,
             detail=torch.zeros_like(toned),
             own=toned,
             samples=state[:, :1] * front.on_screen,

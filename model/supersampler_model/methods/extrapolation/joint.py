@@ -100,7 +100,7 @@ class UnshadedExtrapolate(TwoEncoders):
         """Return the results of `Classifier.forward`."""
         history_tensors, now, before = self.group_history(history, color, jitter, display_size)
         gathered = self.gather(color, depth, motion, exposure, history_tensors, now, before)
-        surface = packed_base_color(gbuffer_base_color, now)
+        surface = packed_base_color(gbuffer_base_color, now).to(self.dtype)
         logits, blend = self.net(*self.network_inputs(gathered), surface)
         return self.step_outputs(gathered, logits, unpack(blend), jitter)
 

@@ -1,4 +1,8 @@
-"""Tensors that the stages of `gbuffer` pass to each other."""
+"""Tensors that the stages of `gbuffer` pass to each other.
+
+Surfaces but for their depth, and colours of this frame at display size, are half floats in a method of half
+precision; all others are float32.
+"""
 
 from typing import NamedTuple
 

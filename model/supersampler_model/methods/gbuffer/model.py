@@ -48,13 +48,24 @@ from supersampler_model.methods.gbuffer.surfaces import (
     weighted_mean,
 )
 from supersampler_model.methods.learned import LearnedMethod
-from supersampler_model.ops.color import bounded, exposure_for, inverse_tone, sanitize, tone, valid
+from supersampler_model.ops.color import (
+    MAX_HALF,
+    TONED,
+    bounded,
+    exposure_for,
+    inverse_tone,
+    largest,
+    least_divisor,
+    limited,
+    sanitize,
+    tone,
+    valid,
+)
 from supersampler_model.ops.compositing import composite
 from supersampler_model.ops.motion import (
     Reprojection,
     dilate_motion_2x2,
     disocclusion,
-    read,
     read_cubic,
     reproject,
     to_display,
@@ -72,7 +83,8 @@ from supersampler_model.ops.sampling import (
 from supersampler_model.ops.size import display_size_of, render_size_of
 from supersampler_model.ops.windows import channels_of, neighbours_3x3
 
-TONED = 1.0 - 1e-4  # maximum of a toned colour
+MOST_FACTOR: Mapping[torch.dtype, float] = {torch.float32: 12.0, torch.float16: 8.0}
+"""Maximum of the logarithm of a factor, and minus its minimum: sums of nine such factors are half floats."""
 NEIGHBOUR_WEIGHTS = (0.03, 0.12, 0.03, 0.12, 1.0, 0.12, 0.03, 0.12, 0.03)
 """Initial weights of a pixel and its eight neighbours in the learned kernel, row by row."""
 
@@ -83,6 +95,7 @@ class GBuffer(LearnedMethod):
     spec: ClassVar = GBUFFER
     config: GBufferConfig
     net: network.GBufferNetwork
+    in_half: ClassVar = True
 
     def make_network(self) -> network.GBufferNetwork:
         """Return the network of figure 2."""
@@ -134,14 +147,15 @@ class GBuffer(LearnedMethod):
             color=color,
             motion=usable_motion(frame.motion),
             exposure=followed.abs(),
-            render=usable_surfaces(frame.render),
-            display=usable_surfaces(frame.display),
+            render=usable_surfaces(frame.render, self.dtype),
+            display=usable_surfaces(frame.display, self.dtype),
         )
         current = self.gather_current(frame, usable, followed)
         before = read_nearest(history.frame, frame.motion, frame.view.jitter - history.jitter)
         warped = self.gather_history(current, history, self.gather_change(current, before))
         render = frame.render
-        stored = torch.cat([color, render.depth, render.base_color, render.normal, usable], dim=1)
+        surface = render.base_color.float(), render.normal.float()
+        stored = torch.cat([color, render.depth, *surface, usable], dim=1)
         inputs = network_inputs(current, warped, before, history, masked=self.config.masked)
         return Gathered(inputs, current, warped, stored)
 
@@ -156,11 +170,11 @@ class GBuffer(LearnedMethod):
         c, exposed = self.config, frame.color * frame.exposure
         grid = frame.view.grid(render_size_of(exposed))
         toned, reflected = tone(exposed) * usable, reflectance(frame.display)
-        light = tone(exposed / reflectance(frame.render))
+        light = limited(tone(exposed / reflectance(frame.render)).to(self.dtype))
         samples = samples_of(light, usable, frame.render, frame.display, grid)
-        colors = torch.cat([toned, usable], dim=1)
+        colors = torch.cat([toned, usable], dim=1).to(self.dtype)
         near = upsample(colors, grid, gaussian(c.sample_sigma), (float(c.ratio), float(c.ratio)))
-        smooth = normalised(upsample(colors, grid, gaussian(c.smooth_sigma))).clamp(0.0, TONED)
+        smooth = normalised(upsample(colors, grid, gaussian(c.smooth_sigma))).clamp(0.0, TONED[self.dtype])
         return CurrentFrame(
             toned=toned,
             usable=usable,
@@ -169,7 +183,7 @@ class GBuffer(LearnedMethod):
             samples=samples,
             guided=_lit(weighted_mean(samples), reflected),
             smooth=smooth,
-            near=(near[:, :3] + 1e-3 * smooth) / (near[:, 3:] + 1e-3),
+            near=limited((near[:, :3] + 1e-3 * smooth) / (near[:, 3:] + 1e-3)),
             confidence=near[:, 3:].clamp(max=1.0),
             followed=followed,
         )
@@ -197,10 +211,10 @@ class GBuffer(LearnedMethod):
         occluded = disocclusion(
             inputs.display.depth, history.frame[:, 3:4], before, c.depth_margin, c.depth_ramp
         )
-        reflectance_before = read(history.reflectance, own.position).clamp(min=0.5 * MIN_REFLECTANCE)
-        bilinear = sanitize(read(history.color, own.position), 0.0)
+        reflectance_before = own.read(history.reflectance).clamp(min=0.5 * MIN_REFLECTANCE)
+        bilinear = sanitize(own.read(history.color), 0.0)
         relit = self._cubic(history.color, own) / reflectance_before * current.reflectance
-        count = read(history.sample_count, front.position)
+        count = front.read(history.sample_count)
         warped = WarpedHistory(
             color=_toned(self._cubic(history.color, front) * exposure, front),
             own=_toned(bilinear * exposure, own),
@@ -216,18 +230,19 @@ class GBuffer(LearnedMethod):
     def finish(self, gathered: Gathered, blend: Tensor, history: History) -> Finished:
         """Blend, update the sample count, and return to linear RGB."""
         warped, current, c = gathered.warped, gathered.current, self.config
-        factors, around, kernel = blend.clamp(-12.0, 12.0).split_with_sizes(c.parts, dim=1)
+        most = MOST_FACTOR[blend.dtype]
+        factors, around, kernel = blend.clamp(-most, most).split_with_sizes(c.parts, dim=1)
         known = (warped.sample_count > 0.0).float()
         kept = warped.sample_count * warped.surface
         guided = _lit(weighted_mean(current.samples, kernel), current.reflectance)
-        confidence = current.confidence
+        confidence = current.confidence.float()
         history_colors = [
             (warped.color, known * (kept + 1e-3)),
             (warped.relit, known * (0.3 * kept + 1e-3)),
             (warped.own, known * (0.1 * kept + 1e-3)),
         ]
         current_colors = [
-            (_smoothed(current.guided, around), confidence + 0.3),
+            (limited(_smoothed(current.guided, around)), confidence + 0.3),
             (current.smooth, 0.1 * confidence + 0.01),
             (guided, 0.2 * confidence + 0.05),
             (current.near, 0.2 * confidence + 1e-3),
@@ -236,7 +251,7 @@ class GBuffer(LearnedMethod):
         image = bounded(inverse_tone(color) / current.inputs.exposure)
         next_history = History(
             color=image,
-            reflectance=current.reflectance,
+            reflectance=current.reflectance.float(),
             sample_count=torch.minimum(odds, warped.sample_count).clamp(max=c.samples) + confidence,
             frame=gathered.frame,
             frame_before=history.frame * 1.0,
@@ -249,13 +264,18 @@ class GBuffer(LearnedMethod):
 
 
 def _lit(light: Tensor, reflected: Tensor) -> Tensor:
-    """Multiply toned light by the reflectance; the result is toned."""
-    return tone(inverse_tone(light) * reflected).clamp(0.0, TONED)
+    """Multiply toned light by the reflectance; the result is toned.
+
+    This is `tone` of `inverse_tone` of the light times the reflectance, without the light itself, which is no
+    half float.
+    """
+    color, least = light * reflected, least_divisor(light, 1.0 / MAX_HALF)
+    return (color / ((1.0 - largest(light)).clamp(min=least) + largest(color))).clamp(0.0, TONED[light.dtype])
 
 
 def _toned(color: Tensor, place: Reprojection) -> Tensor:
     """Apply the tone curve; 0 off screen."""
-    return (tone(color) * place.on_screen).clamp(0.0, TONED)
+    return (tone(color) * place.on_screen).clamp(0.0, TONED[torch.float32])
 
 
 def _smoothed(image: Tensor, kernel: Tensor) -> Tensor:

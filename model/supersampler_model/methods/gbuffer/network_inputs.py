@@ -22,7 +22,7 @@ MOTION_UNIT = 8.0  # render pixels per unit of the motion inputs
 def network_inputs(
     current: CurrentFrame, warped: WarpedHistory, before: NearestSamples, history: History, *, masked: bool
 ) -> NetworkInputs:
-    """Compute the network inputs.
+    """Compute the network inputs, in the type of the surfaces.
 
     Args:
         current: this frame.
@@ -32,6 +32,7 @@ def network_inputs(
         masked: see `GBufferConfig`.
     """
     _, motion, _, render, display, view = current.inputs
+    dtype = display.base_color.dtype
     depth = relative_depth(render.depth, closest_around(render.depth))
     jitter = view.jitter[:, :, None, None].expand_as(motion)
     display_depth = relative_depth(display.depth, closest_around(display.depth))
@@ -49,15 +50,15 @@ def network_inputs(
         current.samples.similarity.clamp(max=1.0),
     ]
     return NetworkInputs(
-        surfaces=torch.cat([*display[:5], display_depth], dim=1),
+        surfaces=torch.cat([*display[:5], display_depth.to(dtype)], dim=1),
         gradients=gradients(display),
-        current=torch.cat([current.toned, depth, jitter], dim=1),
+        current=torch.cat([current.toned, depth, jitter], dim=1).to(dtype),
         previous=previous,
         refiner_inputs=refiner_inputs,
         earlier=earlier,
         earlier_refiner_inputs=earlier_refiner_inputs,
-        samples=torch.cat([_scaled(motion), jitter, current.usable, depth], dim=1),
-        colors=torch.cat(colors, dim=1),
+        samples=torch.cat([_scaled(motion), jitter, current.usable, depth], dim=1).to(dtype),
+        colors=torch.cat([color.to(dtype) for color in colors], dim=1),
     )
 
 
@@ -73,19 +74,22 @@ def _warped(
         masked: whether occluded samples are masked.
     """
     render, jitter = current.inputs.render, current.inputs.view.jitter
+    dtype = render.base_color.dtype
     color, previous_depth, base, normal, usable = nearest.values.split_with_sizes([3, 1, 3, 3, 1], dim=1)
+    base, normal = base.to(dtype), normal.to(dtype)
     toned = tone(sanitize(color, 0.0) * current.inputs.exposure)
     kept = nearest.on_screen * usable
     if masked:
-        now = (current.toned, render.base_color, render.depth)
-        kept = kept * (1.0 - occluded(now, (toned, base, previous_depth)))
+        now = (current.toned.to(dtype), render.base_color, render.depth)
+        kept = kept * (1.0 - occluded(now, (toned.to(dtype), base, previous_depth)))
     closest = closest_around(render.depth)
     depth = relative_depth(render.depth, closest)
     previous_depth = relative_depth(previous_depth, closest) * kept
     place = nearest.offset + jitter[:, :, None, None]  # of the sample, from the pixel's centre
     refiner_inputs = [_scaled(motion), render.base_color, render.normal, depth, render.roughness]
     refiner_inputs += [torch.cat([base, normal], dim=1) * kept, 1.0 - kept, previous_depth]
-    return torch.cat([toned * kept, previous_depth, place * kept], dim=1), torch.cat(refiner_inputs, dim=1)
+    features = torch.cat([toned * kept, previous_depth, place * kept], dim=1)
+    return features.to(dtype), torch.cat([part.to(dtype) for part in refiner_inputs], dim=1)
 
 
 def _scaled(motion: Tensor) -> Tensor:

@@ -9,10 +9,11 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from supersampler_model.methods.gbuffer.buffers import Samples, Surfaces
-from supersampler_model.ops.color import luminance
+from supersampler_model.ops.color import largest, luminance
 from supersampler_model.ops.motion import positions_of, read, usable_depth
 from supersampler_model.ops.sampling import Grid, gaussian, sum_of
-from supersampler_model.ops.windows import channels_of
+from supersampler_model.ops.size import render_size_of
+from supersampler_model.ops.windows import channels_of, shifted
 
 MIN_REFLECTANCE = 0.04
 """Added to every reflectance; about that of a dielectric."""
@@ -31,10 +32,10 @@ MIN_LUMINANCE = 1.0 / 64.0  # exposed; darker light is compared as this
 LOG2_E = 1.0 / math.log(2.0)
 
 
-def usable_surfaces(surfaces: Surfaces) -> Surfaces:
-    """Sanitize: NaN and values out of range become 0, invalid depth UNKNOWN_DEPTH."""
+def usable_surfaces(surfaces: Surfaces, dtype: torch.dtype) -> Surfaces:
+    """Sanitize, and convert all but depth: values out of range and NaN become 0, depth UNKNOWN_DEPTH."""
     *buffers, depth = surfaces
-    known = [torch.where((b >= -1.0) & (b <= 1.0), b, 0.0) for b in buffers]
+    known = [torch.where((b >= -1.0) & (b <= 1.0), b, 0.0) for b in (b.to(dtype) for b in buffers)]
     base, roughness, metallic, specular = (b.clamp(min=0.0) for b in (known[0], *known[2:]))
     return Surfaces(base, known[1], roughness, metallic, specular, usable_depth(depth))
 
@@ -54,7 +55,7 @@ def reflectance(surfaces: Surfaces) -> Tensor:
     base, metal = surfaces.base_color, surfaces.metallic
     dielectric = 1.0 - metal
     reflected = base * dielectric + 0.08 * surfaces.specular * dielectric + base * metal + MIN_REFLECTANCE
-    sky = (_squared_length(surfaces.normal) < 0.1).float()
+    sky = (_squared_length(surfaces.normal) < 0.1).to(base.dtype)
     return reflected + sky * (1.0 - reflected)
 
 
@@ -63,33 +64,38 @@ def samples_of(light: Tensor, usable: Tensor, render: Surfaces, display: Surface
 
     Args:
         light: (1, 3, h, w) colour over reflectance, toned.
-        usable: (1, 1, h, w) 1 where the colour is valid, else 0.
+        usable: (1, 1, h, w) 1 where the colour is valid, else 0; float32, as all weights are.
         render: surfaces of the samples.
         display: surfaces of the display pixels.
         grid: of the display.
     """
-    colors, weights, similar, target = [], [], [], _features(display)
-    planes = torch.cat([light, usable, render.depth, _features(render)], 1)
-    for down, across, sample in _samples_3x3(planes, grid):
-        color, valid, depth, features = sample.split_with_sizes([3, 1, 1, 8], dim=1)
+    colors, weights, similar = [], [], []
+    own, target = _features(render), _features(display)
+    # |a - b|^2 = |a|^2 - 2 a b + |b|^2, of which |a|^2 is computed once for each sample
+    lengths, target_length, twice = _squared_length(own), _squared_length(target), -2.0 * target
+    for down, across, sample in _samples_3x3([light, usable, render.depth, lengths, own], grid):
+        color, valid, depth, length, features = sample
         vertical = gaussian(SAMPLE_SIGMA)(grid.row + down - grid.y)[:, None]
         near = (vertical * gaussian(SAMPLE_SIGMA)(grid.column + across - grid.x) + 1e-4) * valid
-        deviation = depth_difference(depth, display.depth) / DEPTH_SIGMA
-        cost = 0.5 * (deviation * deviation).clamp(max=20.0) + _squared_length(features - target)
-        similarity = (-cost).exp()
+        deviation = depth_difference(depth, display.depth).to(target.dtype)
+        of_depth = (deviation * deviation * (0.5 / DEPTH_SIGMA**2)).clamp(max=10.0)
+        of_features = (features * twice).sum(dim=1, keepdim=True) + length + target_length
+        similarity = (-(of_depth + of_features)).exp().float()
         colors.append(color)
         weights.append(near * (similarity + 1e-4))
         similar.append(near * similarity)
     return Samples(colors, weights, sum_of(similar))
 
 
-def _samples_3x3(image: Tensor, grid: Grid) -> Iterator[tuple[int, int, Tensor]]:
-    """Yield the 3x3 samples around each display pixel: offset down, offset across, sample (1, c, H, W)."""
-    h, w = image.shape[2], image.shape[3]
+def _samples_3x3(images: Sequence[Tensor], grid: Grid) -> Iterator[tuple[int, int, list[Tensor]]]:
+    """Yield the 3x3 samples around each display pixel: offset down, offset across, samples (1, c, H, W)."""
+    width, height = render_size_of(images[0])
     for down in (-1, 0, 1):
-        rows = image.index_select(2, (grid.row + down).clamp(0, h - 1))
+        row = (grid.row + down).clamp(0, height - 1)
+        rows = [image.index_select(2, row) for image in images]
         for across in (-1, 0, 1):
-            yield down, across, rows.index_select(3, (grid.column + across).clamp(0, w - 1))
+            column = (grid.column + across).clamp(0, width - 1)
+            yield down, across, [image.index_select(3, column) for image in rows]
 
 
 def _features(surfaces: Surfaces) -> Tensor:
@@ -112,9 +118,11 @@ def weighted_mean(samples: Samples, kernel: Tensor | None = None) -> Tensor:
     """
     weights = samples.weights
     if kernel is not None:
-        weights = [weight * factor for weight, factor in zip(weights, channels_of(kernel.exp()), strict=True)]
+        weights = [
+            weight * factor for weight, factor in zip(weights, channels_of(kernel.float().exp()), strict=True)
+        ]
     total = sum_of(weights).clamp(min=1e-12)
-    return sum_of([c * w for c, w in zip(samples.colors, weights, strict=True)]) / total
+    return sum_of([c * (w / total).to(c.dtype) for c, w in zip(samples.colors, weights, strict=True)])
 
 
 def relative_depth(depth: Tensor, closest: Tensor) -> Tensor:
@@ -130,12 +138,9 @@ def closest_around(depth: Tensor) -> Tensor:
 def gradients(surfaces: Surfaces) -> Tensor:
     """Return L1 differences (1, 2, h, w) of base colour and normal to the right and lower pixel (III.B)."""
     both = torch.cat([surfaces.base_color, surfaces.normal], dim=1)
-    across = (both[..., 1:] - both[..., :-1]).abs()
-    down = (both[:, :, 1:] - both[:, :, :-1]).abs()
-    across = torch.cat([across, torch.zeros_like(both[..., :1])], dim=3)
-    down = torch.cat([down, torch.zeros_like(both[:, :, :1])], dim=2)
-    sums = across + down
-    return torch.cat([sums[:, :3].sum(dim=1, keepdim=True), sums[:, 3:].sum(dim=1, keepdim=True)], dim=1)
+    across, down = ((shifted(both, *side) - both).abs() for side in ((1, 0), (0, 1)))
+    sums = (across + down).split_with_sizes([3, 3], dim=1)
+    return torch.cat([part.sum(dim=1, keepdim=True) for part in sums], dim=1)
 
 
 def occluded(now: Sequence[Tensor], previous: Sequence[Tensor]) -> Tensor:
@@ -185,19 +190,18 @@ def _differs(warped: Tensor, image: Tensor, size: int) -> Tensor:
     columns = torch.arange(-reach, w + reach, device=image.device).clamp(0, w - 1)
     wide = image.index_select(2, rows).index_select(3, columns)
     parts = [wide[:, :, y : y + h, x : x + w] for y in range(size) for x in range(size)]
-    red, green, blue = channels_of((torch.cat(parts) - warped).abs())
-    far = torch.maximum(torch.maximum(red, green), blue) > MAX_COLOR_CHANGE
-    return (far.float().sum(dim=0, keepdim=True) > 0.5 * size * size).float()
+    far = largest((torch.cat(parts) - warped).abs()) > MAX_COLOR_CHANGE
+    return (far.to(image.dtype).sum(dim=0, keepdim=True) > 0.5 * size * size).float()
 
 
 def motion_of_surface(depth: Tensor, motion: Tensor, display_depth: Tensor, grid: Grid) -> Tensor:
     """Return the motion (1, 2, H, W) of the 3x3 sample whose depth is most similar to the display pixel's."""
     least = torch.full_like(display_depth, torch.inf)
     chosen = torch.zeros_like(display_depth).expand(-1, 2, -1, -1)
-    for down, across, sample in _samples_3x3(torch.cat([depth, motion], dim=1), grid):
-        cost = depth_difference(sample[:, :1], display_depth) + 0.002 * (down * down + across * across)
+    for down, across, (sample, moved) in _samples_3x3([depth, motion], grid):
+        cost = depth_difference(sample, display_depth) + 0.002 * (down * down + across * across)
         better = cost < least
-        least, chosen = torch.where(better, cost, least), torch.where(better, sample[:, 1:], chosen)
+        least, chosen = torch.where(better, cost, least), torch.where(better, moved, chosen)
     return chosen
 
 

@@ -180,7 +180,7 @@ class Taau(Method):
         next_color = torch.where(blend.unconfirmed, warped.light, image)
         weight = (1.0 - blend.weight) * (blend.samples > MIN_SAMPLES)
         frame = FrameSamples(given_color, motion, jitter, history_jitter, exposure)
-        settled = settle(image, frame, history_still, history_opening)
+        settled = settle(image, frame, history_still, history_opening, grid)
         return Step(
             settled.image,
             next_color,

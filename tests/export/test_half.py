@@ -1,0 +1,175 @@
+"""Methods in half floats: near single precision, never infinite; the passes over their graphs."""
+
+import itertools
+
+import numpy as np
+import onnx
+import pytest
+import torch
+from onnx import TensorProto, helper, numpy_helper
+from torch import nn
+
+from hostile_frames import RENDER, display_of, frames
+from supersampler.backends.onnx.runtime import ort
+from supersampler.methods.model_file import find_model
+from supersampler_export import parity
+from supersampler_export.cli import load_method
+from supersampler_export.graph import ExportError
+from supersampler_export.half import to_half, without_detours
+from supersampler_export.parity import check_half
+from supersampler_export.slices import joined_slices
+from supersampler_model.methods.base import Method
+from supersampler_model.ops.color import MAX_HALF, limited
+from supersampler_model.ops.size import Size
+
+HALF, FLOAT, LONG = TensorProto.FLOAT16, TensorProto.FLOAT, TensorProto.INT64
+
+
+def halved(name: str) -> tuple[Method, Method]:
+    method = load_method(name)
+    half = to_half(method)
+    assert half is not None
+    return method, half
+
+
+@pytest.fixture
+def one_size(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of the sizes of the gate that with the most distant samples: at a ratio of 4."""
+    monkeypatch.setattr(parity, "sizes_of", lambda _: [(Size(21, 13), Size(84, 52))])
+
+
+@pytest.mark.usefixtures("one_size")
+@pytest.mark.parametrize("name", ["classifier", "classifier-small", "gbuffer-small-4x"])
+def test_half_floats_stay_near_single_precision(name: str) -> None:
+    check_half(*halved(name))
+
+
+@pytest.mark.usefixtures("one_size")
+def test_a_method_that_half_floats_spoil_is_not_exported() -> None:
+    method, half = halved("classifier-small")
+    blend = half.get_submodule("net.blend")
+    assert isinstance(blend, nn.Conv2d)
+    assert blend.bias is not None
+    blend.bias.data[:4] += 3.0  # weight of the history
+    with pytest.raises(ExportError, match="in half floats"):
+        check_half(method, half)
+
+
+@pytest.mark.parametrize("name", ["classifier", "gbuffer-small"])
+def test_whatever_comes_all_outputs_are_finite_and_in_single_precision(name: str) -> None:
+    _, half = halved(name)
+    display = display_of(half)
+    history = half.first_history(display, RENDER, 3)
+    for index, frame in enumerate(frames(display)):
+        if index % 2:
+            frame["color"] = (frame["color"] * 0.5 * MAX_HALF).clamp(max=MAX_HALF)
+        with torch.no_grad():
+            image, history, others = half.step(*(frame[name] for name in half.inputs()), *history)
+        for made in (image, *history, *others):
+            assert made.dtype == torch.float32
+            assert made.isfinite().all()
+        assert image.min() >= 0.0
+        assert image.max() <= MAX_HALF
+
+
+@pytest.mark.parametrize("bias", [-40.0, 40.0])
+@pytest.mark.parametrize("name", ["classifier", "gbuffer-small"])
+def test_whatever_the_network_infers_images_are_finite(name: str, bias: float) -> None:
+    _, half = halved(name)
+    blend = half.get_submodule("net.blend")
+    assert isinstance(blend, nn.Conv2d)
+    assert blend.bias is not None
+    blend.bias.data += bias
+    display = display_of(half)
+    history = half.first_history(display, RENDER, 3)
+    for frame in itertools.islice(frames(display), 2):
+        with torch.no_grad():
+            image, history, _ = half.step(*(frame[name] for name in half.inputs()), *history)
+        assert all(made.isfinite().all() for made in (image, *history))
+        assert image.mean() > 0.1  # black where all weights are 0
+
+
+def test_half_floats_limit_light_that_they_would_round_to_infinite_light() -> None:
+    bright = torch.tensor([0.5, 0.99999])
+    assert limited(bright) is bright
+    assert limited(bright.half()).tolist() == [0.5, 1.0 - 2.0**-10]
+
+
+@pytest.mark.parametrize("name", ["classifier", "classifier-small", "gbuffer-small"])
+def test_a_shipped_graph_resamples_and_infers_in_half_floats_and_reads_the_history_in_floats(
+    name: str,
+) -> None:
+    model = onnx.shape_inference.infer_shapes(onnx.load(find_model(name) / "step.fp16.onnx"))
+    values = (*model.graph.value_info, *model.graph.input, *model.graph.output)
+    kinds = {value.name: value.type.tensor_type.elem_type for value in values}
+    kinds |= {tensor.name: tensor.data_type for tensor in model.graph.initializer}
+    used: dict[str, list[int]] = {}
+    for node in model.graph.node:
+        used.setdefault(node.op_type, []).append(kinds[node.input[0]])
+    assert set(used["GridSample"]) == {FLOAT}
+    for operator in ("Relu", "ReduceMax", "Split"):
+        assert HALF in used[operator], operator
+    assert used["MatMul"].count(HALF) >= 4
+    assert used["Conv"].count(HALF) > 0.7 * len(used["Conv"])
+    borders = (*model.graph.input, *model.graph.output)
+    assert {value.type.tensor_type.elem_type for value in borders} == {FLOAT, LONG}
+
+
+def graph_of(nodes: list[onnx.NodeProto], kind: int, constants: dict[str, list[int]]) -> onnx.ModelProto:
+    shape: list[str | int | None] = ["n", 4, "h", "w"]
+    values = [helper.make_tensor_value_info(name, kind, shape) for name in ("image", "out")]
+    tensors = [numpy_helper.from_array(np.array(v, np.int64), k) for k, v in constants.items()]
+    graph = helper.make_graph(nodes, "g", values[:1], values[1:], tensors)
+    return helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
+
+
+def test_casts_around_an_operator_of_one_input_are_removed_and_others_stay() -> None:
+    nodes = [
+        helper.make_node("Cast", ["image"], ["up"], to=FLOAT),
+        helper.make_node("Abs", ["up"], ["positive"]),
+        helper.make_node("Cast", ["positive"], ["down"], to=HALF),
+        helper.make_node("Cast", ["down"], ["again"], to=FLOAT),
+        helper.make_node("Exp", ["again"], ["large"]),
+        helper.make_node("Cast", ["large"], ["out"], to=HALF),
+    ]
+    model = without_detours(graph_of(nodes, HALF, {}))
+    assert [node.op_type for node in model.graph.node] == ["Abs", "Cast", "Exp", "Cast"]
+    onnx.checker.check_model(model, full_check=True)
+
+
+def test_slices_of_both_axes_become_one_of_the_same_pixels() -> None:
+    names = ("one", "two", "rows", "columns")
+    constants = dict(zip(names, ([1], [2], [2], [3]), strict=True)) | {"four": [4], "none": [0]}
+    nodes = [
+        helper.make_node("Slice", ["image", "one", "four", "rows", "one"], ["first"]),
+        helper.make_node("Slice", ["first", "none", "two", "columns", "one"], ["out"]),
+    ]
+    before = graph_of(nodes, FLOAT, constants)
+    image = np.random.default_rng(0).random((1, 4, 5, 6), np.float32)
+    after = joined_slices(onnx.ModelProto.FromString(before.SerializeToString()))
+    assert [node.op_type for node in after.graph.node] == ["Slice"]
+    assert {tensor.name for tensor in after.graph.initializer} == set(after.graph.node[0].input[1:])
+    ours, theirs = (
+        ort.InferenceSession(model.SerializeToString(), providers=["CPUExecutionProvider"]).run(
+            None, {"image": image}
+        )[0]
+        for model in (before, after)
+    )
+    np.testing.assert_array_equal(ours, theirs)
+    np.testing.assert_array_equal(theirs, image[:, :, 1:4, :2])
+
+
+def test_slices_along_one_axis_or_with_other_readers_stay() -> None:
+    constants = {"one": [1], "two": [2], "four": [4], "rows": [2], "columns": [3]}
+    same = [
+        helper.make_node("Slice", ["image", "one", "four", "rows", "one"], ["first"]),
+        helper.make_node("Slice", ["first", "one", "two", "rows", "one"], ["out"]),
+    ]
+    read_twice = [
+        helper.make_node("Slice", ["image", "one", "four", "rows", "one"], ["first"]),
+        helper.make_node("Slice", ["first", "one", "two", "columns", "one"], ["second"]),
+        helper.make_node("Concat", ["first", "second"], ["out"], axis=3),
+    ]
+    for nodes in (same, read_twice):
+        model = joined_slices(graph_of(nodes, FLOAT, constants))
+        assert [node.op_type for node in model.graph.node] == [node.op_type for node in nodes]
