@@ -9,6 +9,7 @@
 set -eu
 folder=$1
 python=${2:-python3}
+case $python in */*) python=$(cd "$(dirname "$python")" && pwd)/$(basename "$python") ;; esac  # the folder changes below
 
 scratch=$(mktemp -d)
 trap 'rm -rf "$scratch"' EXIT
