@@ -27,11 +27,11 @@ from supersampler_export.parity import (
     FRAMES,
     SHARE,
     TOLERANCE,
-    TOLERANCE_HALF,
     Parity,
     check_fused,
     check_half,
     check_parity,
+    tolerance_of_half,
 )
 from supersampler_model.methods.aovs import BlendAovs
 from supersampler_model.methods.base import Fused, Method
@@ -100,7 +100,7 @@ def _folder_files(method: Method, inner: Mapping[str, bytes]) -> dict[str, bytes
     if half is not None:
         check_half(method, half)
         files["step.fp16.onnx"] = _serialized(_labelled(without_detours(export_graph(half)), described))
-        check_parity(method, files["step.fp16.onnx"], TOLERANCE_HALF)
+        check_parity(method, files["step.fp16.onnx"], tolerance_of_half(method))
     network = cpu_network(method)
     if network is not None:
         files["network.npz"] = network

@@ -19,17 +19,19 @@ def one_thread() -> Iterator[None]:
 
 def test_methods_stay_with_torch_however_they_run() -> None:
     results = measure_parity(["taau", "classifier"], 10)
-    assert [(r.method, r.runs) for r in results if "gpu" not in r.runs][:5] == [  # there may be no adapter
+    assert [(r.method, r.runs) for r in results if "gpu" not in r.runs][:6] == [  # there may be no adapter
         ("taau", "onnx, fp32"),
         ("taau", "cpu, fp32"),
         ("classifier", "torch, fp16"),
         ("classifier", "onnx, fp32"),
         ("classifier", "onnx, fp16"),
+        ("classifier", "cpu, int8"),
     ]
     for result in results:
         precision = result.runs.split()[-1]
         if result.runs == "gpu, fp32":  # it reads samples as half floats
             precision = "fp16"
-        assert result.last < {"int8": 1.0 / 255.0, "fp16": 2e-4, "fp32": 1e-5}[precision], result
+        half = 2e-4 if result.runs == "torch, fp16" else 1e-4  # others round little in half floats
+        assert result.last < {"int8": 1.0 / 255.0, "fp16": half, "fp32": 1e-5}[precision], result
         assert result.psnr > {"int8": 45.0, "fp16": 65.0, "fp32": 80.0}[precision], result
     assert "cpu, int8" in markdown_table(parity_record(results))

@@ -31,11 +31,11 @@ from supersampler_export.graph import ExportError, check_portable, export_graph
 from supersampler_export.parity import (
     SIZES,
     TOLERANCE,
-    TOLERANCE_HALF,
     check_fused,
     check_parity,
     compare,
     sizes_of,
+    tolerance_of_half,
 )
 from supersampler_model.methods import LEARNED
 from supersampler_model.methods.base import Method
@@ -107,7 +107,7 @@ def test_the_shipped_graph_in_half_precision_computes_what_torch_computes(name: 
     session = ort.InferenceSession(path, providers=["CPUExecutionProvider"])
     method = load_method(name)
     for render, display in sizes_of(method)[1:7]:
-        assert compare(method, session, render, display).difference <= TOLERANCE_HALF
+        assert compare(method, session, render, display).difference <= tolerance_of_half(method)
 
 
 @pytest.mark.parametrize("name", shipped_methods())

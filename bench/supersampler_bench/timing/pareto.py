@@ -80,14 +80,12 @@ def measure_pareto(
             if spec.passes == 1
         }
         found = measure_settings(list(wanted), ratio=ratio, steps=steps, on_left_out=on_left_out)
-        timed = {t.setting: t for t in found}
-        for setting, spec in wanted.items():
-            if (t := timed.get(setting)) is not None:
-                points.append(Point(spec, f"{t.executor}, {t.precision}", ratio, t.median, scores[spec]))
-        timed_specs = {wanted[setting]: t for setting, t in timed.items() if setting in wanted}
-        for spec in (spec for spec in scores if spec.passes == 2):
-            if (t := timed_specs.get(replace(spec, passes=1))) is not None:
-                factor = measure_passes(spec, display, ratio=ratio, threads=threads).ratio
+        timed = {wanted[t.setting]: t for t in found if t.setting in wanted}
+        for spec in scores:
+            if (t := timed.get(replace(spec, passes=1))) is not None:
+                factor = 1.0
+                if spec.passes == 2:
+                    factor = measure_passes(spec, display, ratio=ratio, threads=threads).ratio
                 runs = f"{t.executor}, {t.precision}"
                 points.append(Point(spec, runs, ratio, t.median * factor, scores[spec]))
     return points
@@ -238,8 +236,7 @@ def markdown_table(record: Record) -> str:
     size = size_text(record["display"])
     caption = (
         f"Time of a step to {size} on {record['threads']} threads ({machine_name(record)}), and "
-        f"{scores}. `:x2` is two passes, time of a frame. "
-        "Bold: no other setting at that ratio is both faster and better."
+        f"{scores}. Bold: no other setting at that ratio is both faster and better."
     )
     headings = ["ratio:", "setting", "runs", "ms:", *(f"{c.title}:" for c in columns)]
     return table(headings, rows, caption)
