@@ -54,6 +54,7 @@ def without_detours(model: onnx.ModelProto) -> onnx.ModelProto:
     It repeats what torch does within such operators. Providers do so themselves where it matters.
     """
     graph = model.graph
+    outputs = {value.name for value in graph.output}
     makers = {name: node for node in graph.node for name in node.output}
     readers: dict[str, list[onnx.NodeProto]] = {}
     for node in graph.node:
@@ -62,7 +63,9 @@ def without_detours(model: onnx.ModelProto) -> onnx.ModelProto:
     for node in graph.node:
         before = makers.get(node.input[0]) if node.op_type in DETOURS else None
         after = readers.get(node.output[0], [])
-        if before is None or not _casts_to(before, FLOAT) or not all(_casts_to(cast, HALF) for cast in after):
+        if before is None or not _casts_to(before, FLOAT) or node.output[0] in outputs:
+            continue
+        if not all(_casts_to(cast, HALF) and cast.output[0] not in outputs for cast in after):
             continue
         node.input[0] = before.input[0]
         for back in after:

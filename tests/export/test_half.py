@@ -1,6 +1,7 @@
 """Methods in half floats: near single precision, never infinite; the passes over their graphs."""
 
 import itertools
+import math
 
 import numpy as np
 import onnx
@@ -19,7 +20,8 @@ from supersampler_export.half import to_half, without_detours
 from supersampler_export.parity import check_half
 from supersampler_export.slices import joined_slices
 from supersampler_model.methods.base import Method
-from supersampler_model.ops.color import MAX_HALF, limited
+from supersampler_model.ops.color import MAX_HALF, least_divisor, limited
+from supersampler_model.ops.compositing import composite
 from supersampler_model.ops.size import Size
 
 HALF, FLOAT, LONG = TensorProto.FLOAT16, TensorProto.FLOAT, TensorProto.INT64
@@ -95,6 +97,16 @@ def test_half_floats_limit_light_that_they_would_round_to_infinite_light() -> No
     assert limited(bright.half()).tolist() == [0.5, 1.0 - 2.0**-10]
 
 
+def test_small_divisors_and_weights_are_not_rounded_to_zero() -> None:
+    zero = torch.zeros(1, dtype=torch.float16)
+    assert (zero / zero.clamp(min=least_divisor(zero, 1e-12))).item() == 0.0
+    assert least_divisor(zero.float(), 1e-12) == 1e-12
+    dark, bright, one = torch.zeros(1, 3, 1, 1), torch.ones(1, 3, 1, 1), torch.ones(1, 1, 1, 1)
+    factors = torch.tensor([-16.0, -15.5], dtype=torch.float16).reshape(1, 2, 1, 1)
+    mean = composite([(dark, one)], [(bright, one)], factors).color
+    assert mean.mean().item() == pytest.approx(1.0 / (1.0 + math.exp(-0.5)), rel=1e-4)
+
+
 @pytest.mark.parametrize("name", ["classifier", "classifier-small", "gbuffer-small"])
 def test_a_shipped_graph_resamples_and_infers_in_half_floats_and_reads_the_history_in_floats(
     name: str,
@@ -135,6 +147,22 @@ def test_casts_around_an_operator_of_one_input_are_removed_and_others_stay() -> 
     model = without_detours(graph_of(nodes, HALF, {}))
     assert [node.op_type for node in model.graph.node] == ["Abs", "Cast", "Exp", "Cast"]
     onnx.checker.check_model(model, full_check=True)
+
+
+def test_casts_stay_around_an_operator_whose_result_is_read_in_single_precision() -> None:
+    up = helper.make_node("Cast", ["image"], ["up"], to=FLOAT)
+    read_so = [
+        up,
+        helper.make_node("Abs", ["up"], ["positive"]),
+        helper.make_node("Cast", ["positive"], ["down"], to=HALF),
+        helper.make_node("Exp", ["positive"], ["large"]),
+        helper.make_node("Cast", ["large"], ["half"], to=HALF),
+        helper.make_node("Add", ["down", "half"], ["out"]),
+    ]
+    is_output = [up, helper.make_node("Abs", ["up"], ["out"])]
+    for nodes in (read_so, is_output):
+        model = without_detours(graph_of(nodes, HALF, {}))
+        assert [node.op_type for node in model.graph.node] == [node.op_type for node in nodes]
 
 
 def test_slices_of_both_axes_become_one_of_the_same_pixels() -> None:
