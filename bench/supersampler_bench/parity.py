@@ -1,4 +1,4 @@
-"""Difference of the backends, and of half floats in torch, from torch, over hundreds of consecutive frames.
+"""Differences from torch in float32 over hundreds of frames: of backends, and of torch in half floats.
 
 ONNX Runtime's CPU provider computes graphs in half floats mostly in float32; torch rounds as GPUs do.
 """

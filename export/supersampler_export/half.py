@@ -49,9 +49,9 @@ def folded(network: Folded) -> Folded:
 
 
 def without_detours(model: onnx.ModelProto) -> onnx.ModelProto:
-    """Remove the casts to float32 and back around operators of one input, which the exporter adds; in place.
+    """Remove the casts to float32 and back that the exporter adds around DETOURS; in place.
 
-    It repeats what torch does within such operators. Providers do so themselves where it matters.
+    Providers convert by themselves where they compute such an operator in float32.
     """
     graph = model.graph
     outputs = {value.name for value in graph.output}
@@ -96,8 +96,8 @@ def _drop_unread(graph: onnx.GraphProto) -> None:
 def to_half(method: Method) -> Method | None:
     """Return `method` in half precision; None without a network.
 
-    A method whose stages take the type of the network is in half floats from end to end, others but for their
-    network are in float32.
+    With `LearnedMethod.in_half` all stages compute in half floats (docs/explanation/precision.md), otherwise
+    only the network does.
     """
     if method.fused() is None or not isinstance(method, LearnedMethod):
         return None

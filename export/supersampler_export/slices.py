@@ -40,7 +40,7 @@ def joined_slices(model: onnx.ModelProto) -> onnx.ModelProto:
 
 
 def _independent(first: onnx.NodeProto, second: onnx.NodeProto, constants: Constants) -> bool:
-    """Whether two slices have steps of 1 and are of different axes, known while a graph is exported."""
+    """Whether two slices have steps of 1 and constant axes that differ."""
     names = [node.input[place] for node in (first, second) for place in (AXIS, STEP)]
     if not all(name in constants for name in names):
         return False

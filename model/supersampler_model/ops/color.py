@@ -14,7 +14,7 @@ MAX_HALF = 65504.0
 EXPOSURE_KEY = 0.18
 EXPOSURE_ADAPTATION = 0.1
 TONED: Mapping[torch.dtype, float] = {torch.float32: 1.0 - 1e-4, torch.float16: 1.0 - 2.0**-10}
-"""Maximum of a toned colour: in half floats about GLARING, as 1 would be infinite light."""
+"""Maximum of a toned colour, by type: 1 is infinite light, to which half floats round bright light."""
 LEAST_EXPOSURE, MOST_EXPOSURE = 2.0**-24, 2.0**24
 OUTLIER = 64.0
 DARKEST = 1e-4

@@ -206,7 +206,7 @@ class Classifier(LearnedMethod):
     def gather_current(
         self, toned: Tensor, usable: Tensor, at_pixel: Sequence[Tensor], view: View, grid: Grid
     ) -> CurrentFrame:
-        """Upsample the usable samples of this frame; `at_pixel`: the last of `CurrentFrame`."""
+        """Upsample the usable samples of this frame; `at_pixel`: its glare, edge, sampled."""
         c, most = self.config, TONED[self.dtype]
         ratio = view.display.width / view.extent.width, view.display.height / view.extent.height
         samples = torch.cat([toned, usable], dim=1).to(self.dtype)

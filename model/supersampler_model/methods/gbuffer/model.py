@@ -266,8 +266,8 @@ class GBuffer(LearnedMethod):
 def _lit(light: Tensor, reflected: Tensor) -> Tensor:
     """Multiply toned light by the reflectance; the result is toned.
 
-    This is `tone` of `inverse_tone` of the light times the reflectance, without the light itself, which is no
-    half float.
+    It equals `tone(inverse_tone(light) * reflected)`; linear light is not computed, as it may exceed half
+    floats.
     """
     color, least = light * reflected, least_divisor(light, 1.0 / MAX_HALF)
     return (color / ((1.0 - largest(light)).clamp(min=least) + largest(color))).clamp(0.0, TONED[light.dtype])

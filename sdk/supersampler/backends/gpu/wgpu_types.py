@@ -1,7 +1,7 @@
 """C types of wgpu, parsed in one go.
 
-wgpu names its C types by strings. cffi parses each string together with a line for each of wgpu's 400 types,
-in Python, for each of the 30 types that a device and its pipelines need. It keeps what it has parsed.
+wgpu names its C types by strings. For each new string, cffi parses the declarations of all types of wgpu again,
+in Python, which is slow. It keeps the types that it has parsed.
 """
 
 from functools import cache
