@@ -1,7 +1,7 @@
 """C types of wgpu, parsed in one go.
 
-wgpu names its C types by strings. For each new string, cffi parses the declarations of all types of wgpu again,
-in Python, which is slow. It keeps the types that it has parsed.
+wgpu names its C types by strings. For each new string, cffi parses the declarations of all types again, in
+Python, which is slow. It keeps the types that it has parsed.
 """
 
 from functools import cache
