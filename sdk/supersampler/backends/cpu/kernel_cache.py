@@ -3,6 +3,7 @@
 import hashlib
 import os
 import platform
+from collections.abc import Iterable
 from contextlib import suppress
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
@@ -10,7 +11,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from supersampler.errors import KernelError, ShotError
-from supersampler.io.atomic import replacing
+from supersampler.io.atomic import remove_partial_files, replacing
 
 CALLED = ("memset", "memcpy", "memmove")  # LLVM generates these calls for loops that set or copy bytes
 NEVER_CALLED = (  # numba refers to these where Python code could raise; kernels never do
@@ -81,6 +82,13 @@ def write_kernel(folder: Path, kernel: Kernel) -> None:
         file.write(_MAGIC + hashlib.sha256(payload).digest() + payload)
         file.flush()
         os.fsync(file.fileno())  # before the rename, in case of a power cut
+
+
+def remove_partial_kernels(folder: Path, names: Iterable[str]) -> None:
+    """Remove the temporary files of kernels whose writer was killed."""
+    own = {_path(folder, name).name for name in names}
+    with suppress(ShotError):
+        remove_partial_files(folder, own.__contains__)
 
 
 def _path(folder: Path, name: str) -> Path:

@@ -24,6 +24,7 @@ from supersampler.backends.cpu.kernel_cache import (
     cache_folder,
     make_writable,
     read_kernel,
+    remove_partial_kernels,
     write_kernel,
 )
 from supersampler.backends.cpu.structs import SLOT
@@ -118,6 +119,7 @@ def _compile_in_processes(folder: Path, names: Sequence[str]) -> None:
         for process in processes:
             process.kill()
             process.wait()
+        remove_partial_kernels(folder, names)
 
 
 def _link_or_compile(folder: Path, name: str, kernel: Kernel | None) -> Call:
