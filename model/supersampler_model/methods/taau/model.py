@@ -11,8 +11,8 @@ where
 
 The box is widened by the spread of the pixel's own samples over time. Otherwise features thinner than the
 sample distance vanish from the box in frames that miss them, and flicker: the weakness of variance clipping
-that Salvi names. A sample counts as no farther off than it is from the mean around it: light that moves over a
-smooth surface changes all samples alike, and would widen the box until the history lags and the samples of
+that Salvi names. A sample counts as no farther off than it is from the mean around it: light that moves over
+a smooth surface changes all samples alike. It would widen the box until the history lags and the samples of
 each frame show as a grid.
 
 Light ten stops over white (GLARING) that was not there before is shown, but accumulated only from its third
