@@ -9,6 +9,7 @@ import torch
 from gbuffer_sets import gbuffer_data
 from supersampler.methods.gbuffer.spec import SMALL_NETWORK, GBufferConfig
 from supersampler_model.methods.gbuffer.model import SmallGBuffer
+from supersampler_model.training import gbuffer_task
 from supersampler_model.training.crops import Sample
 from supersampler_model.training.gbuffer_task import GBufferTask, reflective_of
 from supersampler_model.training.tasks import TASKS
@@ -86,3 +87,12 @@ def test_a_run_of_each_kind_begins(tmp_path: Path) -> None:
     again = TASKS["gbuffer-small"](trained).method
     assert again.learned["steps"] == 1
     assert TASKS["gbuffer-small-4x"](None).config["ratio"] == 4
+
+
+def test_structure_is_a_mean_over_the_pixels_of_all_processes(
+    task: GBufferTask, samples: list[Sample], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    alone = task.step([samples[0]], [task.first_state(samples[0])]).terms["structure"]
+    monkeypatch.setattr(gbuffer_task, "mean_of_processes", lambda total: 2.0 * total)
+    shared = task.step([samples[0]], [task.first_state(samples[0])]).terms["structure"]
+    torch.testing.assert_close(shared, 0.5 * alone)
