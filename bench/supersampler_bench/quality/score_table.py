@@ -28,6 +28,7 @@ class Column:
         digits: after the point.
         higher: whether more is better.
         scale: factor on the value.
+        rare: whether a table is without it where no method has it.
     """
 
     name: str
@@ -35,6 +36,7 @@ class Column:
     digits: int
     higher: bool = True
     scale: float = 1.0
+    rare: bool = False
 
     @property
     def heading(self) -> str:
@@ -56,6 +58,7 @@ COLUMNS = (
     Column("psnr_disoccluded", "PSNR dB, disoccluded", 2),
     Column("psnr_changing_light", "PSNR dB, changing light", 2),
     Column("psnr_aliased", "PSNR dB, aliased", 2),
+    Column("psnr_thin", "PSNR dB, thin", 2, rare=True),
     Column("psnr_moving", "PSNR dB, moving", 2),
 )
 """Of the first table, which README shows."""
