@@ -137,7 +137,12 @@ def parse_arguments() -> Namespace:
     parser = ArgumentParser(formatter_class=ArgumentDefaultsHelpFormatter)
     add = parser.add_argument
     add("--model", default="classifier", help="name of a model, or its folder")
-    add("--family", default="fences", choices=(*TRAIN_FAMILIES, *TEST_FAMILIES, *APART_FAMILIES), help="of scenes")
+    add(
+        "--family",
+        default="fences",
+        choices=(*TRAIN_FAMILIES, *TEST_FAMILIES, *APART_FAMILIES),
+        help="of scenes",
+    )
     add("--seed", type=int, default=0, help="of the scene, its camera, cuts and exposure")
     add("--frames", type=int, default=48, help="how many")
     add("--display-size", type=parse_size, default="640x360", metavar="WxH", help="of the output")

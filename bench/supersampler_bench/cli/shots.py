@@ -27,7 +27,8 @@ def shots(
     from supersampler_bench.shots.render_test_shots import frames_there, render_test_shots
 
     folder, plans = cache or public_shots.default_cache(), (public_shots.TEST_SHOTS, public_shots.APART_SHOTS)
-    total, done = (sum(counts) for counts in zip(*((p.frames * len(p.seeds), frames_there(folder, p)) for p in plans)))
+    total = sum(plan.frames * len(plan.seeds) for plan in plans)
+    done = sum(frames_there(folder, plan) for plan in plans)
     with counted("rendering", total, done, resumes=True) as advance:
         for plan in plans:
             render_test_shots(folder, plan, workers=workers, on_frame=advance)

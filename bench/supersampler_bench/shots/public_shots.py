@@ -211,7 +211,7 @@ def pixel_hash(shot: Shot) -> str:
         raw, classes = shot.read_raw(index), shot.read_classes(index)
         arrays = {**_arrays(raw), "reference": shot.read_reference(index)}
         if classes is not None:
-            arrays |= {"ghost": classes.ghost, "alias": classes.alias, "thin": classes.thin}
+            arrays |= classes.known()
         digest.update(repr((index, raw.jitter, raw.reset, raw.exposure)).encode())
         for name in sorted(arrays):
             array = arrays[name]

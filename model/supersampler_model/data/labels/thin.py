@@ -8,17 +8,19 @@ from supersampler.frame import Float32
 from supersampler_model.data.labels.rules import Mask, plane_slope
 from supersampler_model.data.labels.statistics import PixelStatistics
 
-_REACH = 2  # pixels from the edge of a surface to its nearest solid square; at a corner of 90 degrees, at most
+_REACH = (
+    2  # pixels from the edge of a surface to its nearest solid square; at a corner of 90 degrees, at most
+)
 _CLOSER = 0.01  # fraction of the closer reversed depth, as T_D^A of equation 7
 
 
 def thin(pixels: PixelStatistics) -> Mask:
     """Return where a pixel holds a part of an object less than about two pixels wide, (H, W).
 
-    Two display pixels are one render pixel at a ratio of 2. A surface is solid in squares of 2x2 pixels that it
-    fills with all of their samples: none narrower than two pixels is, and all wider than four are, at any angle.
-    A pixel is thin where its closest sample is in front of everything solid within `_REACH` pixels. Both are
-    compared as the other labels compare depths: by more than 1 %, and more than planes explain by their slope.
+    Two display pixels are one render pixel at a ratio of 2. A surface is solid in squares of 2x2 pixels whose
+    samples it fills: no bar narrower than two pixels is, at any angle, and every bar wider than four. A pixel
+    is thin where its closest sample is in front of everything solid within `_REACH` pixels, by more than 1 %
+    and by more than the slope of a plane explains, as in the other labels.
     """
     solid = -_largest(-pixels.depth_min, (0, 1))  # of the square whose first pixel this is
     nearest = _largest(solid, range(-_REACH - 1, _REACH + 1))

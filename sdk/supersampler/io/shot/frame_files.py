@@ -28,8 +28,8 @@ GBUFFER: Mapping[str, Sequence[str]] = {
     "specular": ("specular.Y",),
 }
 _GBUFFER_DISPLAY: Mapping[str, Sequence[str]] = {**GBUFFER, "depth": DEPTH}
-CLASSES = ("class.ghost", "class.alias")
-THIN = "class.thin"
+CLASSES = ("class.ghost", "class.alias", "class.thin")
+"""The third may be missing."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,10 +49,10 @@ class ClassMaps:
     alias: NDArray[np.uint8]
     thin: NDArray[np.uint8] | None = None
 
-    def channels(self) -> dict[str, NDArray[np.uint8]]:
-        """Return the maps that are known by their channels in a file."""
-        known = {CLASSES[0]: self.ghost, CLASSES[1]: self.alias}
-        return known if self.thin is None else {**known, THIN: self.thin}
+    def known(self) -> dict[str, NDArray[np.uint8]]:
+        """Return the maps that are known, by name."""
+        maps = {"ghost": self.ghost, "alias": self.alias}
+        return maps if self.thin is None else {**maps, "thin": self.thin}
 
 
 def read_frame(
@@ -128,11 +128,11 @@ def read_reference(path: Path, display_size: Size | None, names: Sequence[str] =
 
 def read_classes(path: Path, display_size: Size | None) -> ClassMaps | None:
     """Read the class maps in a reference's file; None where it has none."""
-    channels = read_exr(path, only=(*CLASSES, THIN), outside={})
+    channels = read_exr(path, only=CLASSES, outside={})
     check_size(path, channels, display_size)
     if not channels:
         return None
-    names = (*CLASSES, THIN) if THIN in channels else CLASSES
+    names = CLASSES if CLASSES[2] in channels else CLASSES[:2]
     maps = [take(path, channels, (name,)) for name in names]
     for name, array in zip(names, maps, strict=True):
         if not ((array >= 0) & (array <= np.iinfo(np.uint8).max)).all():  # NaN is neither
@@ -144,7 +144,7 @@ def write_reference(path: Path, reference: Array, classes: ClassMaps | None, com
     """Write a reference image, (H, W, 3), and its class maps; ShotError where that fails."""
     channels = _named(COLOR, reference)
     if classes is not None:
-        channels |= {name: array.astype(np.float16) for name, array in classes.channels().items()}
+        channels |= {f"class.{name}": array.astype(np.float16) for name, array in classes.known().items()}
     write_exr(path, channels, compression=compression)
 
 

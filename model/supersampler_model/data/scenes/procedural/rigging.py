@@ -43,7 +43,9 @@ def rigging(rng: Rng) -> Stage:
 
 
 def _banks(rng: Rng, stage: Stage) -> None:
-    stage.put(shapes.box(60.0, 1.0, 20.0, 0.4), materials.tiles(rng, 8, 0.1, 0.3), placed(0, -1.0, EDGE + 10.0))
+    stage.put(
+        shapes.box(60.0, 1.0, 20.0, 0.4), materials.tiles(rng, 8, 0.1, 0.3), placed(0, -1.0, EDGE + 10.0)
+    )
     stage.put(shapes.box(60.0, 0.12, 0.35, 0.5), materials.concrete(rng), placed(0, 0, EDGE + 0.2))
     water = materials.metal(rng, (0.16, 0.22, 0.25), 0.16, 0.1)
     stage.put(shapes.plane(140.0, 60.0, 0.1), water, placed(0, WATER, -30.0))
@@ -147,31 +149,51 @@ def _cart(rng: Rng, stage: Stage) -> None:
     """Add a cart that drives on the quay behind the fence."""
     z = rng.uniform(-2.6, -1.4)
     pose = paths.headed(paths.swing(rng, (-9.0, 0.0, z), (9.0, 0.0, z), rng.uniform(3.0, 5.0)))
-    body = [(shapes.box(0.9, 0.35, 1.6), placed(0, 0.3, 0)), (shapes.box(0.8, 0.9, 0.1), placed(0, 0.65, -0.7))]
+    body = [
+        (shapes.box(0.9, 0.35, 1.6), placed(0, 0.3, 0)),
+        (shapes.box(0.8, 0.9, 0.1), placed(0, 0.65, -0.7)),
+    ]
     stage.put(body, materials.paint(rng), pose)
-    rails = [shapes.tube([(x, 0.65, z), (x, 1.5, z)], 0.015, 6) for x in (-0.42, 0.42) for z in (-0.6, 0.0, 0.6)]
+    rails = [
+        shapes.tube([(x, 0.65, z), (x, 1.5, z)], 0.015, 6) for x in (-0.42, 0.42) for z in (-0.6, 0.0, 0.6)
+    ]
     stage.put(rails, materials.metal(rng, (0.7, 0.7, 0.7), 0.3), pose)
-    wheels = [(shapes.torus(0.2, 0.08, 20), placed(x, 0.28, z) @ WHEEL) for x in (-0.5, 0.5) for z in (-0.55, 0.55)]
+    wheels = [
+        (shapes.torus(0.2, 0.08, 20), placed(x, 0.28, z) @ WHEEL) for x in (-0.5, 0.5) for z in (-0.55, 0.55)
+    ]
     stage.put(wheels, materials.paint(rng, (0.05, 0.05, 0.05), 0.2), pose)
 
 
 def _gulls(rng: Rng, stage: Stage) -> None:
     white = materials.plaster(rng, (0.88, 0.88, 0.86))
-    wings = [shapes.tube([(0, 0, 0), (s * 0.3, 0.12, -0.03), (s * 0.65, 0.05, -0.12)], 0.035, 5) for s in (-1, 1)]
+    wings = [
+        shapes.tube([(0, 0, 0), (s * 0.3, 0.12, -0.03), (s * 0.65, 0.05, -0.12)], 0.035, 5) for s in (-1, 1)
+    ]
     bird = shapes.merged([*wings, (shapes.ball(0.08, 6), placed(size=(1.0, 1.0, 2.6)))])
     for _ in range(5):
         home = (rng.uniform(-6.0, 6.0), rng.uniform(6.0, 12.0), rng.uniform(-12.0, -4.0))
-        stage.put(bird, white, paths.headed(paths.circuit(rng, home, (rng.uniform(2, 5), 2.5), rng.uniform(3.0, 6.0))))
+        stage.put(
+            bird,
+            white,
+            paths.headed(paths.circuit(rng, home, (rng.uniform(2, 5), 2.5), rng.uniform(3.0, 6.0))),
+        )
 
 
 def _lights(rng: Rng, stage: Stage) -> None:
     """Add lamps on a cable over the quay, and a lantern at the ship's stern."""
     z = EDGE + 1.0
     masts = (-11.0, -3.6, 4.4, 12.0)
-    stage.put([(shapes.cylinder(0.05, 4.3, 8), placed(x, 0, z)) for x in masts], materials.paint(rng, (0.2, 0.22, 0.22)))
+    stage.put(
+        [(shapes.cylinder(0.05, 4.3, 8), placed(x, 0, z)) for x in masts],
+        materials.paint(rng, (0.2, 0.22, 0.22)),
+    )
     for x, next_x in pairwise(masts):
-        stage.put(shapes.wire((x, 4.25, z), (next_x, 4.25, z), 0.5, 0.011), materials.paint(rng, (0.06, 0.06, 0.06)))
+        stage.put(
+            shapes.wire((x, 4.25, z), (next_x, 4.25, z), 0.5, 0.011), materials.paint(rng, (0.06, 0.06, 0.06))
+        )
         color = lighting.tint(rng, rng.uniform(14.0, 28.0), rng.uniform(0.2, 0.8))
         pulsing = lighting.maybe(rng, 0.6, lighting.nervous)
         bulb(stage, (0.5 * (x + next_x), 3.62, z), color, size=0.11, reach=9.0, pulsing=pulsing)
-    bulb(stage, (9.3, 3.4, KEEL), lighting.tint(rng, 9.0, 0.9), size=0.12, pulsing=lighting.pulse(rng, "throb"))
+    bulb(
+        stage, (9.3, 3.4, KEEL), lighting.tint(rng, 9.0, 0.9), size=0.12, pulsing=lighting.pulse(rng, "throb")
+    )

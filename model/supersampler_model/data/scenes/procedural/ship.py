@@ -132,7 +132,7 @@ class _Yard:
         return shapes.tube(np.stack(lumps), 0.11)
 
     def ropes(self, rng: Rng, after: tuple[float, float]) -> Iterable[Mesh]:
-        """Yield lifts, braces to the mast `after`, the footrope on its stirrups, and buntlines to the deck."""
+        """Yield lifts, braces to the mast `after`, the footrope on its stirrups, and buntlines."""
         sag = 0.16 * self._half
         yield shapes.wire(self.at(-0.95), self.at(0.95), sag, 0.011)
         for end in (-0.95, 0.95):

@@ -33,7 +33,7 @@ def facing(position: Sequence[float] | Values, heading: Sequence[float] | Values
 
 
 def along(origin: Sequence[float] | Values, toward: Sequence[float] | Values, roll: float = 0.0) -> Matrix:
-    """Return the pose at `origin` with its local +y along a direction, turned about that by `roll` radians."""
+    """Return the pose at `origin` with local +y along `toward`, turned about it by `roll` radians."""
     ahead = np.asarray(toward, np.float64) / np.linalg.norm(toward)
     beside = np.cross(ahead, np.eye(3)[np.abs(ahead).argmin()])
     beside /= np.linalg.norm(beside)
