@@ -120,6 +120,12 @@ def test_classes_of_another_size_or_without_a_reference_are_refused(tmp_path: Pa
     out, small = writer(tmp_path, "2x"), ClassMaps(CLASSES.ghost[:-1], CLASSES.alias[:-1])
     with pytest.raises(ArgumentError, match=r"classes\.ghost is 32x17; want the shot's display size"):
         out.write(frame(0, (16, 9)), reference=SCENE.truth(0, DISPLAY_SIZE, 1), classes=small)
+    with pytest.raises(ArgumentError, match=r"classes\.thin is 32x17"):
+        out.write(
+            frame(0, (16, 9)),
+            reference=SCENE.truth(0, DISPLAY_SIZE, 1),
+            classes=replace(CLASSES, thin=small.alias),
+        )
     with pytest.raises(ArgumentError, match="classes is without a reference"):
         out.write(frame(0, (16, 9)), classes=CLASSES)
     assert len(out) == 0

@@ -8,9 +8,7 @@ from supersampler.frame import Float32
 from supersampler_model.data.labels.rules import Mask, plane_slope
 from supersampler_model.data.labels.statistics import PixelStatistics
 
-_REACH = (
-    2  # pixels from the edge of a surface to its nearest solid square; at a corner of 90 degrees, at most
-)
+_REACH = 2  # pixels from the corner of a surface, of 90 degrees or more, to its nearest solid square, at most
 _CLOSER = 0.01  # fraction of the closer reversed depth, as T_D^A of equation 7
 
 
