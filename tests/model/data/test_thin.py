@@ -88,12 +88,9 @@ def test_what_lies_on_a_surface_is_not_before_it() -> None:
 
 
 def test_a_thin_bar_is_found_beside_a_wall_that_is_farther_and_not_beside_one_that_is_nearer() -> None:
-    def depth(x: Values, y: Values, wall: float) -> Values:
-        return np.where(np.abs(y) < 0.5, NEAR, np.where(x > 0.0, wall, FAR))
+    def beside(wall: float) -> PixelStatistics:
+        return pixels_of(lambda x, y: np.where(np.abs(y) < 0.5, NEAR, np.where(x > 0.0, wall, FAR)))
 
-    beside = slice(25, 27)  # columns
-    for wall, expected in ((0.04, True), (0.06, False)):
-        found = thin(pixels_of(lambda x, y, wall=wall: depth(x, y, wall)))
-        rows = np.flatnonzero(found[:, beside].all(axis=1))
-        assert bool(len(rows)) == expected
-        assert found[19:21, :20].all()
+    for wall, expected in ((0.04, 48), (0.06, 22)):  # columns; within two pixels of a nearer wall it is not
+        found = thin(beside(wall))
+        assert (found.sum(axis=1) == [expected if row in (19, 20) else 0 for row in range(40)]).all()
