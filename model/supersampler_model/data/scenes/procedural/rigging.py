@@ -15,6 +15,7 @@ from supersampler_model.data.values import Rng
 
 KEEL, EDGE, SHORE = -8.5, -4.0, -24.0  # z of the ship, of the quay's edge, of the other bank
 WATER = -0.7  # its height
+ARMS = ((10.0, 2.6), (11.6, 2.0))  # of pylons: height, length to each side
 
 
 def rigging(rng: Rng) -> Stage:
@@ -43,9 +44,8 @@ def rigging(rng: Rng) -> Stage:
 
 
 def _banks(rng: Rng, stage: Stage) -> None:
-    stage.put(
-        shapes.box(60.0, 1.0, 20.0, 0.4), materials.tiles(rng, 8, 0.1, 0.3), placed(0, -1.0, EDGE + 10.0)
-    )
+    quay = shapes.box(60.0, 1.0, 20.0, 0.4)
+    stage.put(quay, materials.tiles(rng, 8, 0.1, 0.3), placed(0, -1.0, EDGE + 10.0))
     stage.put(shapes.box(60.0, 0.12, 0.35, 0.5), materials.concrete(rng), placed(0, 0, EDGE + 0.2))
     water = materials.metal(rng, (0.16, 0.22, 0.25), 0.16, 0.1)
     stage.put(shapes.plane(140.0, 60.0, 0.1), water, placed(0, WATER, -30.0))
@@ -98,15 +98,16 @@ def _chain(start: Point, end: Point, sag: float, pitch: float) -> Iterable[Part]
 
 
 def _power_lines(rng: Rng, stage: Stage) -> None:
-    """Add pylons on the other bank, and six lines on them."""
-    pylon, parts, lines = shapes.merged(_pylon(13.0)), [], []
+    """Add pylons on the other bank, and five lines on them."""
     xs, z = np.arange(-44.0, 45.0, 22.0) + rng.uniform(-4.0, 4.0), SHORE - 3.0
-    parts = [(pylon, placed(x, 0, z)) for x in xs]
-    for x, next_x in pairwise(xs):
-        for y, out in ((10.0, 2.6), (11.6, 2.0), (13.0, 0.0)):
-            for side in (-out, out) if out else (0.0,):
-                lines.append(shapes.wire((x, y - 0.4, z + side), (next_x, y - 0.4, z + side), 1.1, 0.02))
-    stage.put(parts, materials.metal(rng, (0.5, 0.52, 0.53), 0.5))
+    ends = [*((y - 0.4, side) for y, out in ARMS for side in (-out, out)), (12.6, 0.0)]
+    lines = [
+        shapes.wire((x, y, z + side), (next_x, y, z + side), 1.1, 0.02)
+        for x, next_x in pairwise(xs)
+        for y, side in ends
+    ]
+    pylon = shapes.merged(_pylon(13.0))
+    stage.put([(pylon, placed(x, 0, z)) for x in xs], materials.metal(rng, (0.5, 0.52, 0.53), 0.5))
     stage.put(lines, materials.paint(rng, (0.05, 0.05, 0.05), 0.3))
 
 
@@ -121,7 +122,7 @@ def _pylon(height: float) -> Iterable[Part]:
             yield rope(below[k], above[k], 0.06)
             yield rope(below[k], above[(k + 1) % 4], 0.03)
             yield rope(below[(k + 1) % 4], above[k], 0.03)
-    for y, out in ((10.0, 2.6), (11.6, 2.0)):
+    for y, out in ARMS:
         for side in (-out, out):
             yield rope((0.0, y, 0.0), (0.0, y, side), 0.05)
             yield rope((0.0, y + 0.9, 0.0), (0.0, y, side), 0.03)
@@ -172,28 +173,21 @@ def _gulls(rng: Rng, stage: Stage) -> None:
     bird = shapes.merged([*wings, (shapes.ball(0.08, 6), placed(size=(1.0, 1.0, 2.6)))])
     for _ in range(5):
         home = (rng.uniform(-6.0, 6.0), rng.uniform(6.0, 12.0), rng.uniform(-12.0, -4.0))
-        stage.put(
-            bird,
-            white,
-            paths.headed(paths.circuit(rng, home, (rng.uniform(2, 5), 2.5), rng.uniform(3.0, 6.0))),
-        )
+        path = paths.circuit(rng, home, (rng.uniform(2, 5), 2.5), rng.uniform(3.0, 6.0))
+        stage.put(bird, white, paths.headed(path))
 
 
 def _lights(rng: Rng, stage: Stage) -> None:
     """Add lamps on a cable over the quay, and a lantern at the ship's stern."""
     z = EDGE + 1.0
     masts = (-11.0, -3.6, 4.4, 12.0)
-    stage.put(
-        [(shapes.cylinder(0.05, 4.3, 8), placed(x, 0, z)) for x in masts],
-        materials.paint(rng, (0.2, 0.22, 0.22)),
-    )
+    poles = [(shapes.cylinder(0.05, 4.3, 8), placed(x, 0, z)) for x in masts]
+    stage.put(poles, materials.paint(rng, (0.2, 0.22, 0.22)))
     for x, next_x in pairwise(masts):
-        stage.put(
-            shapes.wire((x, 4.25, z), (next_x, 4.25, z), 0.5, 0.011), materials.paint(rng, (0.06, 0.06, 0.06))
-        )
+        cable = shapes.wire((x, 4.25, z), (next_x, 4.25, z), 0.5, 0.011)
+        stage.put(cable, materials.paint(rng, (0.06, 0.06, 0.06)))
         color = lighting.tint(rng, rng.uniform(14.0, 28.0), rng.uniform(0.2, 0.8))
         pulsing = lighting.maybe(rng, 0.6, lighting.nervous)
         bulb(stage, (0.5 * (x + next_x), 3.62, z), color, size=0.11, reach=9.0, pulsing=pulsing)
-    bulb(
-        stage, (9.3, 3.4, KEEL), lighting.tint(rng, 9.0, 0.9), size=0.12, pulsing=lighting.pulse(rng, "throb")
-    )
+    color, pulsing = lighting.tint(rng, 9.0, 0.9), lighting.pulse(rng, "throb")
+    bulb(stage, (9.3, 3.4, KEEL), color, size=0.12, pulsing=pulsing)
