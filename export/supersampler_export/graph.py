@@ -29,6 +29,7 @@ from supersampler.methods.spec import (
     Shape,
     sized,
 )
+from supersampler_export.gathers import simplified_gathers
 from supersampler_export.half import folded
 from supersampler_export.slices import joined_slices
 from supersampler_model.methods.base import Fused, Method
@@ -151,7 +152,7 @@ def _traced(
         )  # fmt: skip
     if program is None:
         raise ExportError("torch.onnx.export returned no program")
-    model = joined_slices(program.model_proto)
+    model = simplified_gathers(joined_slices(program.model_proto))
     check_portable(model)
     onnx.checker.check_model(model, full_check=True)
     return model

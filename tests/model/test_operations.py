@@ -34,6 +34,7 @@ from supersampler_model.ops.sampling import (
     grid_bands,
     grid_of,
     linear,
+    neighbourhood_samples,
     positions,
     resample,
     span,
@@ -129,6 +130,37 @@ def test_five_bilinear_reads_are_a_cross_of_twelve_cubic_taps(
     torch.testing.assert_close(
         read_cubic(image, place, sharpness)[0, :, 0, 0], expected, rtol=1e-3, atol=1e-4
     )
+
+
+@pytest.mark.parametrize("width", [1, 2, 961, 3840, 8191])
+def test_reads_near_the_border_and_beyond_take_its_pixels_and_lose_no_light(width: int) -> None:
+    light, ramp = torch.ones(1, 1, 2, width), torch.linspace(0.0, 1.0, width).expand(1, 1, 2, -1)
+    for off in (0.0, -0.5, 0.4999, -3.0, 1e6):
+        x = torch.arange(float(width)) + off
+        place = torch.stack([x.expand(2, -1), torch.tensor([[0.0], [1.0]]).expand(-1, width)], dim=2)[None]
+        for found in (read(light, place), read_cubic(light, place)):
+            assert (found - 1.0).abs().max() < 1e-6
+        expected = x.clamp(0.0, width - 1.0) / max(width - 1, 1)
+        torch.testing.assert_close(read(ramp, place)[0, 0, 0], expected, rtol=0.0, atol=1e-6)
+
+
+@settings(max_examples=30)
+@given(size=SIZES, ratio=RATIOS, jitter=JITTER)
+def test_a_neighbourhood_is_the_3x3_samples_around_the_nearest_with_edges_repeated(
+    size: tuple[int, int], ratio: float, jitter: tuple[float, float]
+) -> None:
+    display = Size(round(size[0] * ratio), round(size[1] * ratio))
+    grid = grid_of(display, Size(*size), torch.tensor([jitter], dtype=torch.float32))
+    samples = random_image(5, size, 4)
+    window = neighbourhood_samples(samples, grid, 0.5)
+    for y, x in {(0, 0), (display.height // 2, display.width // 3), (display.height - 1, display.width - 1)}:
+        row, column = int(grid.row[y]), int(grid.column[x])
+        for i, (dy, dx) in enumerate((dy, dx) for dy in (-1, 0, 1) for dx in (-1, 0, 1)):
+            sample = at(samples, column + dx, row + dy)
+            torch.testing.assert_close(window.color[0, :, i, y, x], sample[:3])
+            away = (column + dx - grid.x[x]) ** 2 + (row + dy - grid.y[y]) ** 2
+            expected = sample[3] * ((-2.0 * away).exp() + 1e-4)
+            torch.testing.assert_close(window.weight[0, i, y, x], expected, rtol=1e-4, atol=1e-7)
 
 
 @pytest.mark.parametrize("display", [Size(8, 6), Size(16, 12)])

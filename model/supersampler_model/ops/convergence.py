@@ -218,15 +218,15 @@ def at_samples(image: Tensor, render: Size, jitter: Tensor) -> Tensor:
     display = render_size_of(image)
     columns = sample_positions(render.width, display.width, jitter[0, :1])
     rows = sample_positions(render.height, display.height, jitter[0, 1:])
-    return interpolated(interpolated(image, 3, columns), 2, rows[:, None])
+    return interpolated_rows(interpolated_rows(image.transpose(2, 3), columns).transpose(2, 3), rows)
 
 
-def interpolated(image: Tensor, axis: int, position: Tensor) -> Tensor:
-    """Interpolate linearly along an axis at positions that broadcast to it, clamped at the border."""
-    size, whole = image.shape[axis], position.floor()
-    first = whole.long().reshape(-1)
-    before, after = (image.index_select(axis, index.clamp(0, size - 1)) for index in (first, first + 1))
-    return before + (position - whole) * (after - before)
+def interpolated_rows(image: Tensor, position: Tensor) -> Tensor:
+    """Interpolate linearly between rows, clamped at the border: (1, c, h, w) -> (1, c, n, w)."""
+    size, whole = image.shape[2], position.floor()
+    first = whole.long()
+    before, after = (image.index_select(2, index.clamp(0, size - 1)) for index in (first, first + 1))
+    return before + (position - whole)[:, None] * (after - before)
 
 
 def sample_positions(render: int, display: int, jitter: Tensor) -> Tensor:

@@ -13,7 +13,7 @@ from torch import Tensor
 
 from supersampler_model.ops.color import least_divisor
 from supersampler_model.ops.size import Size, render_size_of
-from supersampler_model.ops.windows import neighbours_3x3
+from supersampler_model.ops.windows import pick_columns, pick_rows
 
 Kernel = Callable[[Tensor], Tensor]
 """Weight of a sample at a distance, elementwise."""
@@ -112,7 +112,7 @@ class Bands(NamedTuple):
     one gather for each tap.
     """
 
-    indices: Tensor  # (blocks * reach,) int64, samples of each block
+    indices: Tensor  # (blocks, reach) int64, samples of each block
     weights: Tensor  # (blocks, BLOCK, reach)
     outputs: int | None  # None: all of the blocks
 
@@ -194,7 +194,7 @@ def bands(
     distance, steps = sample - at, sample - at.floor()
     near = (steps >= 1.0 - reach) & (steps <= float(reach))
     weights = torch.where(near, kernel(distance * scale), 0.0)
-    return Bands(sample.long().clamp(0, size - 1).reshape(-1), weights, count)
+    return Bands(sample.squeeze(1).long().clamp(0, size - 1), weights, count)
 
 
 def nearest(position: Tensor, size: int) -> Tensor:
@@ -212,9 +212,8 @@ def resample(image: Tensor, x: Bands, y: Bands) -> Tensor:
 
 def _resample_rows(image: Tensor, y: Bands) -> Tensor:
     """(1, c, h, w) -> (1, c, len y, w)."""
-    blocks, _, reach = y.weights.shape
-    channels, width = image.shape[1], image.shape[3]
-    rows = image.index_select(2, y.indices).reshape(1, channels, blocks, reach, width)
+    rows = pick_rows(image, y.indices)
+    _, channels, blocks, _, width = rows.shape
     sums = (y.weights.to(image.dtype) @ rows).reshape(1, channels, blocks * BLOCK, width)
     if y.outputs is None:
         return sums
@@ -277,19 +276,27 @@ def neighbourhood_samples(samples: Tensor, grid: Grid, sigma: float) -> Window:
         grid: of the display.
         sigma: of the Gaussian, render pixels.
     """
-    color, usable = samples.split_with_sizes([3, 1], dim=1)
-    colors = torch.cat(neighbours_3x3(color), dim=1).reshape(1, WINDOW, *color.shape[1:]).transpose(1, 2)
-    there = torch.cat(neighbours_3x3(usable), dim=1)
-    rows, columns = (
-        gaussian(sigma)(offsets(nearest) - place)
-        for nearest, place in ((grid.row, grid.y), (grid.column, grid.x))
-    )
-    by_row = torch.arange(WINDOW, device=color.device)
-    rows, columns = rows.index_select(0, by_row // 3), columns.index_select(0, by_row % 3)
-    rows = torch.stack([rows, 0.0 * rows + 1e-4], dim=2).to(color.dtype)
-    columns = torch.stack([columns, 0.0 * columns + 1.0], dim=1).to(color.dtype)
+    width, height = render_size_of(samples)
+    row, column = offsets(grid.row), offsets(grid.column)
+    color, usable = _around(samples, row.clamp(0, height - 1), column.clamp(0, width - 1))
+    by_row = torch.arange(WINDOW, device=samples.device)
+    rows = gaussian(sigma)(row - grid.y).index_select(0, by_row // 3)
+    columns = gaussian(sigma)(column - grid.x).index_select(0, by_row % 3)
+    rows = torch.stack([rows, 0.0 * rows + 1e-4], dim=2).to(samples.dtype)
+    columns = torch.stack([columns, 0.0 * columns + 1.0], dim=1).to(samples.dtype)
     near = rows @ columns  # the product of both and 1e-4
-    return Window(colors.index_select(4, grid.column).index_select(3, grid.row), pick(there, grid) * near)
+    return Window(color, usable[:, 0] * near)
+
+
+def _around(samples: Tensor, row: Tensor, column: Tensor) -> tuple[Tensor, Tensor]:
+    """Read 3x3 samples, at rows (3, H) and columns (3, W), as (1, 3, 9, H, W) and (1, 1, 9, H, W)."""
+    height = samples.shape[2]
+    across = pick_rows(samples.transpose(2, 3), column)  # (1, 4, 3, W, h)
+    across = across.transpose(3, 4).reshape(1, 4, 3 * height, -1)
+    by_row = torch.arange(WINDOW, device=samples.device)
+    place = row.index_select(0, by_row // 3) + height * (by_row % 3)[:, None]
+    color, usable = (pick_rows(part, place) for part in across.split_with_sizes([3, 1], dim=1))
+    return color, usable
 
 
 def offsets(index: Tensor) -> Tensor:
@@ -314,12 +321,12 @@ def weighed(window: Window, kernel: Tensor, otherwise: Tensor) -> Tensor:
 
 def pick(image: Tensor, grid: Grid) -> Tensor:
     """Read the sample nearest to each display pixel: (1, c, h, w) -> (1, c, H, W)."""
-    return image.index_select(3, grid.column).index_select(2, grid.row)
+    return pick_columns(image, grid.column).index_select(2, grid.row)
 
 
 def pick_first(image: Tensor, grid: Grid) -> Tensor:
     """Read the upper left of the four samples around each display pixel: (1, c, h, w) -> (1, c, H, W)."""
-    return image.index_select(3, grid.left).index_select(2, grid.top)
+    return pick_columns(image, grid.left).index_select(2, grid.top)
 
 
 def pick_first_vector(vectors: Tensor, grid: Grid) -> Tensor:

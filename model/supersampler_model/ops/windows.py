@@ -22,6 +22,20 @@ def neighbours_3x3(image: Tensor) -> list[Tensor]:
     return [tall[:, :, dy : dy + h, dx : dx + w] for dy in range(3) for dx in range(3)]
 
 
+def pick_rows(image: Tensor, index: Tensor) -> Tensor:
+    """Read rows at indices (n, m): (1, c, h, w) -> (1, c, n, m, w)."""
+    channels, width = image.shape[1], image.shape[3]
+    return image.index_select(2, index.reshape(-1)).reshape(1, channels, *index.shape, width)
+
+
+def pick_columns(image: Tensor, index: Tensor) -> Tensor:
+    """Read columns: (1, c, h, w) -> (1, c, h, n).
+
+    Transposed, so that ONNX Runtime copies whole rows: along the last axis it copies one number at a time.
+    """
+    return image.transpose(2, 3).index_select(2, index).transpose(2, 3)
+
+
 def repeated(image: Tensor, size: Size) -> Tensor:
     """Repeat the last row and column of the upper left part of a size over the rest of the image."""
     for axis, extent in ((2, size.height), (3, size.width)):
@@ -73,5 +87,5 @@ def shifted(image: Tensor, across: int, down: int, size: Size | None = None) -> 
     """Each pixel's neighbour at an offset along one axis, edges repeated; `size`: see `padded_3x3`."""
     width, height = size or render_size_of(image)
     axis, offset, extent = (3, across, width) if across else (2, down, height)
-    index = torch.arange(image.shape[axis], device=image.device) + offset
-    return image.index_select(axis, index.clamp(0, extent - 1))
+    index = (torch.arange(image.shape[axis], device=image.device) + offset).clamp(0, extent - 1)
+    return pick_columns(image, index) if across else image.index_select(2, index)

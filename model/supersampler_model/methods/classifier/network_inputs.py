@@ -16,7 +16,14 @@ from supersampler.methods.classifier.spec import NEIGHBOURHOOD_INPUTS, CountCode
 from supersampler_model.methods.classifier.buffers import Gathered
 from supersampler_model.ops.color import largest, luminance
 from supersampler_model.ops.size import Size, half_of
-from supersampler_model.ops.windows import blurred, channels_of, maximum_3x3, minimum_3x3, repeated
+from supersampler_model.ops.windows import (
+    blurred,
+    channels_of,
+    maximum_3x3,
+    minimum_3x3,
+    pick_columns,
+    repeated,
+)
 
 MOST = 64.0  # samples at which the logarithm is 1
 COUNTS: Mapping[CountCode, Callable[[Tensor], Tensor]] = {
@@ -60,7 +67,7 @@ def _range(luma: Tensor, gathered: Gathered) -> Tensor:
     """(1, 2, H, W) minimum and maximum over 3x3 pixels."""
     least_and_most = torch.cat([minimum_3x3(luma), maximum_3x3(luma)], dim=1)
     grid = gathered.grid  # beyond the display, a neighbourhood is that of the repeated pixel
-    return least_and_most.index_select(3, grid.pixel_x).index_select(2, grid.pixel_y)
+    return pick_columns(least_and_most, grid.pixel_x).index_select(2, grid.pixel_y)
 
 
 def neighbourhood_inputs(pixels: dict[str, Tensor], display: Size) -> dict[str, Tensor]:

@@ -13,7 +13,7 @@ from supersampler_model.ops.color import largest, luminance
 from supersampler_model.ops.motion import positions_of, read, usable_depth
 from supersampler_model.ops.sampling import Grid, gaussian, sum_of
 from supersampler_model.ops.size import render_size_of
-from supersampler_model.ops.windows import channels_of, shifted
+from supersampler_model.ops.windows import channels_of, pick_columns, shifted
 
 MIN_REFLECTANCE = 0.04
 """Added to every reflectance; about that of a dielectric."""
@@ -90,12 +90,13 @@ def samples_of(light: Tensor, usable: Tensor, render: Surfaces, display: Surface
 def _samples_3x3(images: Sequence[Tensor], grid: Grid) -> Iterator[tuple[int, int, list[Tensor]]]:
     """Yield the 3x3 samples around each display pixel: offset down, offset across, samples (1, c, H, W)."""
     width, height = render_size_of(images[0])
-    for down in (-1, 0, 1):
+    offsets = (-1, 0, 1)
+    columns = [(grid.column + across).clamp(0, width - 1) for across in offsets]
+    picked = [[pick_columns(image, column) for image in images] for column in columns]
+    for down in offsets:
         row = (grid.row + down).clamp(0, height - 1)
-        rows = [image.index_select(2, row) for image in images]
-        for across in (-1, 0, 1):
-            column = (grid.column + across).clamp(0, width - 1)
-            yield down, across, [image.index_select(3, column) for image in rows]
+        for across, of_column in zip(offsets, picked, strict=True):
+            yield down, across, [image.index_select(2, row) for image in of_column]
 
 
 def _features(surfaces: Surfaces) -> Tensor:

@@ -1,0 +1,69 @@
+"""What the exporter writes around a Gather is simplified, and the result is the same."""
+
+import numpy as np
+import onnx
+from onnx import TensorProto, helper, numpy_helper
+
+from supersampler.backends.onnx.runtime import ort
+from supersampler_export.gathers import simplified_gathers
+
+ROWS = [[0, 2], [2, 1], [1, 0]]
+FLATTEN = helper.make_node("Reshape", ["rows", "flat"], ["indices"])
+GATHER = helper.make_node("Gather", ["image", "indices"], ["picked"], axis=1)
+
+
+def graph_of(nodes: list[onnx.NodeProto], rows: list[object], split: list[int]) -> onnx.ModelProto:
+    """A graph from image (2, 3, 5) and these row indices to the value "out", with the types of all values."""
+    constants = {"flat": np.array([-1]), "split": np.array(split)}
+    tensors = [numpy_helper.from_array(value.astype(np.int64), name) for name, value in constants.items()]
+    shape = list(np.shape(rows))
+    inputs = [
+        helper.make_tensor_value_info("image", TensorProto.FLOAT, [2, 3, 5]),
+        helper.make_tensor_value_info("rows", TensorProto.INT64, shape),
+    ]
+    out = helper.make_tensor_value_info("out", TensorProto.FLOAT, None)
+    graph = helper.make_graph(nodes, "g", inputs, [out], tensors)
+    opsets = [helper.make_opsetid("", 17)]
+    return onnx.shape_inference.infer_shapes(helper.make_model(graph, opset_imports=opsets, ir_version=8))
+
+
+def simplified(model: onnx.ModelProto, rows: list[object]) -> list[str]:
+    """Return the operators of the simplified graph, whose result is that of the graph."""
+    image = np.random.default_rng(0).random((2, 3, 5), np.float32)
+    before = model.SerializeToString()
+    after = simplified_gathers(model).SerializeToString()
+    onnx.checker.check_model(model, full_check=True)
+    ours, theirs = (
+        ort.InferenceSession(graph, providers=["CPUExecutionProvider"]).run(
+            None, {"image": image, "rows": np.array(rows)}
+        )[0]
+        for graph in (before, after)
+    )
+    np.testing.assert_array_equal(ours, theirs)
+    return [node.op_type for node in model.graph.node]
+
+
+def test_rows_at_indices_of_two_axes_are_one_gather() -> None:
+    nodes = [FLATTEN, GATHER, helper.make_node("Reshape", ["picked", "split"], ["out"])]
+    model = graph_of(nodes, ROWS, [2, 3, 2, -1])
+    assert simplified(model, ROWS) == ["Gather"]
+    assert not model.graph.initializer
+
+
+def test_indices_of_one_axis_are_not_flattened() -> None:
+    out = helper.make_node("Neg", ["picked"], ["out"])
+    assert simplified(graph_of([FLATTEN, GATHER, out], ROWS[0], [1]), ROWS[0]) == ["Gather", "Neg"]
+
+
+def test_a_result_of_another_shape_or_with_other_readers_is_reshaped_as_before() -> None:
+    other = [FLATTEN, GATHER, helper.make_node("Reshape", ["picked", "split"], ["out"])]
+    assert simplified(graph_of(other, ROWS, [2, 2, 3, -1]), ROWS) == ["Reshape", "Gather", "Reshape"]
+    shared = [
+        FLATTEN,
+        GATHER,
+        helper.make_node("Reshape", ["picked", "split"], ["parts"]),
+        helper.make_node("Reshape", ["parts", "flat"], ["all"]),
+        helper.make_node("Reshape", ["picked", "flat"], ["again"]),
+        helper.make_node("Add", ["all", "again"], ["out"]),
+    ]
+    assert simplified(graph_of(shared, ROWS, [2, 3, 2, -1]), ROWS)[:3] == ["Reshape", "Gather", "Reshape"]
