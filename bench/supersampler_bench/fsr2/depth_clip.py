@@ -1,0 +1,105 @@
+"""Pass 3, depth clip: where the history was hidden, and where motion says that it is not to be trusted.
+
+Separation of depths: Akeley and Su, Minimum Triangle Separation for Correct Z-Buffer Occlusion, 2006.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from supersampler.frame import Float32
+from supersampler_bench.fsr2.buffers import Inputs, View, lerp, length, saturate
+from supersampler_bench.fsr2.dilate import Dilated, moving, texels_around
+from supersampler_bench.fsr2.sampling import bilinear, centres, neighbours
+
+_FIELD_OF_VIEW = math.radians(60.0)  # vertical: an input of FSR2 that frames here do not have
+_SEPARATION = 1.37e-5
+_FAR = float(np.finfo(np.float32).eps)  # what FSR2 adds to depth so that the sky has a distance
+_FULL_SIZE = math.hypot(1920.0, 1080.0)
+_STILL = 0.01  # display pixels; less motion counts as none
+
+
+class Clip(NamedTuple):
+    """Results of the pass, (h, w) each, in [0, 1].
+
+    Attributes:
+        disoccluded: 1 where what is seen was hidden.
+        mask: 1 where motion of neighbours, or of two frames, diverges.
+    """
+
+    disoccluded: Float32
+    mask: Float32
+
+
+def depth_clip(inputs: Inputs, dilated: Dilated, previous_motion: Float32, view: View) -> Clip:
+    """Run the pass; `previous_motion` is the previous frame's dilated motion."""
+    seen = _disoccluded(dilated, view) * _is_surface(dilated.previous)
+    turned = _temporal_divergence(dilated.motion, previous_motion, view) - _depth_divergence(dilated.depth)
+    return Clip(seen, np.maximum(saturate(turned), _motion_divergence(inputs.motion, view)))
+
+
+def _distance(depth: Float32) -> Float32:
+    return np.float32(1.0) / (depth + np.float32(_FAR))  # only ratios of distances are used
+
+
+def _disoccluded(dilated: Dilated, view: View) -> Float32:
+    now = _distance(dilated.depth)
+    width, height = view.render
+    tangent = math.tan(_FIELD_OF_VIEW / 2.0)
+    corner = math.sqrt(1.0 + tangent**2 + (tangent * width / height) ** 2)  # length of its ray; the centre's is 1
+    separation = _SEPARATION * corner * math.hypot(width, height)
+    power = 1.0 + 2.0 * min(math.hypot(width, height) / _FULL_SIZE, 1.0)
+    same = np.zeros_like(now)
+    total = np.zeros_like(now)
+    for texel in texels_around(moving(dilated.motion, view, _STILL), view):
+        before = _distance(dilated.previous[texel.row, texel.column])
+        behind = now - before
+        counts = texel.counts & (behind > 0.0)
+        required = separation * np.maximum(now, before)
+        near = saturate(required / np.where(counts, behind, np.float32(1.0)))
+        same += np.where(counts, np.power(near, np.float32(power)) * texel.weight, np.float32(0.0))
+        total += np.where(counts, texel.weight, np.float32(0.0))
+    clip = 1.0 - same / np.where(total > 0.0, total, np.float32(1.0))
+    return np.where(total > 0.0, saturate(clip), np.float32(0.0))
+
+
+def _is_surface(previous: Float32) -> Float32:
+    """Return 0 where the depth of the previous frame falls by a hundredth twice downwards, else 1."""
+    above, here, below = (
+        _distance(np.pad(previous, ((1, 1), (0, 0)))[row : row + len(previous)]) for row in range(3)
+    )
+    slope = (above - here > here * 0.01) & (here - below > below * 0.01)
+    return np.where(slope, np.float32(0.0), np.float32(1.0))
+
+
+def _motion_divergence(motion: Float32, view: View) -> Float32:
+    """How far the motion (render pixels) of 3x3 neighbours parts from a pixel's own, where that moves."""
+    vectors = motion / np.array(view.render, np.float32)  # FSR2's unit: the threshold of 0.01 is in it
+    fastest = length(vectors)
+    moves = length(motion) > 1e-2
+    convergence = np.ones_like(fastest)
+    for _, other in neighbours(vectors):
+        fastest = np.maximum(fastest, length(other))  # of the neighbours so far, in FSR2's order
+        along = (other * vectors).sum(axis=-1) / np.where(moves, fastest * fastest, np.float32(1.0))
+        convergence = np.minimum(convergence, np.where(moves, along, np.float32(1.0)))
+    return saturate(1.0 - convergence) * saturate(fastest / np.float32(0.01))
+
+
+def _temporal_divergence(motion: Float32, previous: Float32, view: View) -> Float32:
+    """How much slower the previous frame was, the more the faster this one is (20 display pixels: all)."""
+    x, y = centres(view.render)
+    before = length(bilinear(previous, x + motion[..., 0], y + motion[..., 1]))
+    speed = view.speed(motion)
+    fast = speed > 1.0
+    slower = 1.0 - saturate(before / np.where(fast, length(motion), np.float32(1.0)))
+    return np.where(fast, lerp(0.0, slower, saturate((speed / np.float32(20.0)) ** 3)), np.float32(0.0))
+
+
+def _depth_divergence(depth: Float32) -> Float32:
+    """1 - closest / farthest of 3x3, 1 along the border, 0 beside the sky."""
+    around = np.pad(_distance(depth), 1)
+    windows = np.lib.stride_tricks.sliding_window_view(around, (3, 3))
+    least, most = windows.min(axis=(2, 3)), windows.max(axis=(2, 3))
+    has_sky = (windows == _distance(np.zeros(1, np.float32))).any(axis=(2, 3))
+    return np.where(has_sky, np.float32(0.0), 1.0 - least / most)
