@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.frame import Float32
+from supersampler.frame import Array
 from supersampler.io.display import MAX_HALF
 from supersampler_bench.fsr2.buffers import EPSILON, View, lerp, saturate
 from supersampler_bench.fsr2.color import from_ycocg, inverse_tonemap, prepared, to_ycocg, tonemap
@@ -28,9 +28,9 @@ class History(NamedTuple):
         lumas: (H, W, 4), see `Instability`.
     """
 
-    color: Float32
-    locks: Float32
-    lumas: Float32
+    color: Array
+    locks: Array
+    lumas: Array
 
 
 class Passed(NamedTuple):
@@ -45,25 +45,25 @@ class Passed(NamedTuple):
         exposure: of the frame.
     """
 
-    color: Float32
-    motion: Float32
+    color: Array
+    motion: Array
     clip: Clip
     made: Bool
-    shading: Float32
+    shading: Array
     exposure: float
 
 
 @dataclass(frozen=True)
 class _Pixels:
-    """Display pixels of one frame: position in the previous one (H, W), speed in display pixels, and masks."""
+    """Display pixels, (H, W) each: position in the previous frame, speed in display pixels, and masks."""
 
-    x: Float32
-    y: Float32
-    speed: Float32
+    x: Array
+    y: Array
+    speed: Array
     is_new: Bool
     stays: Bool
-    disoccluded: Float32
-    mask: Float32
+    disoccluded: Array
+    mask: Array
 
 
 def accumulate(passed: Passed, history: History | None, view: View) -> History:
@@ -117,9 +117,9 @@ def _pixels(passed: Passed, is_reset: bool, view: View) -> _Pixels:
     )
 
 
-def _inside(x: Float32, y: Float32, view: View) -> Bool:
+def _inside(x: Array, y: Array, view: View) -> Bool:
     width, height = view.display
-    return (x >= 0.0) & (x <= width) & (y >= 0.0) & (y <= height)
+    return np.asarray((x >= 0.0) & (x <= width) & (y >= 0.0) & (y <= height))
 
 
 def _reprojected(history: History | None, pixels: _Pixels, view: View) -> History:
@@ -135,23 +135,23 @@ def _reprojected(history: History | None, pixels: _Pixels, view: View) -> Histor
     return History(*(np.where(pixels.is_new[..., None], np.float32(0.0), part) for part in sampled))
 
 
-def _base_accumulation(pixels: _Pixels, reactive: Float32, moved: Bool, weight: Float32) -> Float32:
+def _base_accumulation(pixels: _Pixels, reactive: Array, moved: Bool, weight: Array) -> Array:
     """Return the weight of the history: at most 1, less where it is doubtful or moves."""
     inside = np.logical_not(pixels.is_new)
     base = inside * (1.0 - reactive) * (1.0 - pixels.disoccluded)
     slow = np.maximum(moved, saturate(pixels.speed * 10.0))
     base = np.minimum(base, lerp(base, weight * 10.0, slow))
-    return np.minimum(base, lerp(base, weight, saturate(pixels.speed / np.float32(20.0))))
+    return np.asarray(np.minimum(base, lerp(base, weight, saturate(pixels.speed / np.float32(20.0)))))
 
 
-def _blended(before: Float32, now: Float32, alpha: Float32) -> Float32:
+def _blended(before: Array, now: Array, alpha: Array) -> Array:
     """Blend YCoCg after the tone curve; returns linear RGB."""
     dark, bright = (to_ycocg(tonemap(from_ycocg(color))) for color in (before, now))
     return inverse_tonemap(from_ycocg(lerp(dark, bright, alpha[..., None])))
 
 
-def _next_reactive(pixels: _Pixels, reactive: Float32) -> Float32:
-    """Return the reactive factor for the next frame, which halves its stops; negative where the pixel moves."""
+def _next_reactive(pixels: _Pixels, reactive: Array) -> Array:
+    """Return the reactive factor for the next frame: squared, and negative where the pixel moves."""
     factor = np.minimum(reactive, 0.99)
     factor = np.maximum(factor, lerp(factor, 0.4, saturate(pixels.speed)))
     factor = np.maximum(factor * factor, pixels.disoccluded * 0.1)

@@ -1,4 +1,7 @@
-"""What the passes share: sizes and jitter of a frame, sanitized inputs, linear interpolation."""
+"""What the passes share: sizes and jitter of a frame, sanitized inputs, linear interpolation.
+
+All arrays of floats in this package are float32.
+"""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -6,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from supersampler.errors import FrameError
-from supersampler.frame import Array, Float32, Frame, Size
+from supersampler.frame import Array, Frame, Size
 from supersampler.io.display import MAX_HALF
 
 EPSILON = 1e-3
@@ -28,11 +31,11 @@ class View:
     jitter: tuple[float, float]
 
     @property
-    def upscale(self) -> Float32:
+    def upscale(self) -> Array:
         """Display size / render size, (x, y)."""
         return np.divide(self.display, self.render, dtype=np.float32)
 
-    def speed(self, motion: Float32) -> Float32:
+    def speed(self, motion: Array) -> Array:
         """Return the length (...) in display pixels of motion (..., 2) in render pixels."""
         return length(motion * self.upscale)
 
@@ -46,9 +49,9 @@ class Inputs(NamedTuple):
         motion: (h, w, 2) render pixels, previous minus current.
     """
 
-    color: Float32
-    depth: Float32
-    motion: Float32
+    color: Array
+    depth: Array
+    motion: Array
 
 
 def inputs_of(frame: Frame) -> Inputs:
@@ -66,20 +69,20 @@ def inputs_of(frame: Frame) -> Inputs:
     )
 
 
-def _finite(array: Array, least: float, most: float) -> Float32:
+def _finite(array: Array, least: float, most: float) -> Array:
     return np.clip(np.nan_to_num(array.astype(np.float32), nan=0.0), np.float32(least), np.float32(most))
 
 
-def length(vectors: Float32) -> Float32:
+def length(vectors: Array) -> Array:
     """Return the lengths (...) of vectors (..., n)."""
-    return np.sqrt((vectors * vectors).sum(axis=-1))
+    return np.asarray(np.sqrt((vectors * vectors).sum(axis=-1)))
 
 
-def lerp(a: Float32 | float, b: Float32 | float, t: Float32) -> Float32:
+def lerp(a: Array | float, b: Array | float, t: Array | float) -> Array:
     """Return a where t is 0, b where it is 1."""
-    return a + (b - a) * t
+    return np.asarray(a + (b - a) * t)
 
 
-def saturate(values: Float32) -> Float32:
+def saturate(values: Array) -> Array:
     """Clamp to [0, 1]."""
     return np.clip(values, np.float32(0.0), np.float32(1.0))

@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from supersampler.frame import Float32
-from supersampler_bench.fsr2.buffers import Inputs, View, lerp, length, saturate
+from supersampler.frame import Array
+from supersampler_bench.fsr2.buffers import Inputs, View, length, lerp, saturate
 from supersampler_bench.fsr2.dilate import Dilated, moving, texels_around
 from supersampler_bench.fsr2.sampling import bilinear, centres, neighbours
 
@@ -28,26 +28,28 @@ class Clip(NamedTuple):
         mask: 1 where motion of neighbours, or of two frames, diverges.
     """
 
-    disoccluded: Float32
-    mask: Float32
+    disoccluded: Array
+    mask: Array
 
 
-def depth_clip(inputs: Inputs, dilated: Dilated, previous_motion: Float32, view: View) -> Clip:
+def depth_clip(inputs: Inputs, dilated: Dilated, previous_motion: Array, view: View) -> Clip:
     """Run the pass; `previous_motion` is the previous frame's dilated motion."""
     seen = _disoccluded(dilated, view) * _is_surface(dilated.previous)
     turned = _temporal_divergence(dilated.motion, previous_motion, view) - _depth_divergence(dilated.depth)
     return Clip(seen, np.maximum(saturate(turned), _motion_divergence(inputs.motion, view)))
 
 
-def _distance(depth: Float32) -> Float32:
+def _distance(depth: Array) -> Array:
     return np.float32(1.0) / (depth + np.float32(_FAR))  # only ratios of distances are used
 
 
-def _disoccluded(dilated: Dilated, view: View) -> Float32:
+def _disoccluded(dilated: Dilated, view: View) -> Array:
     now = _distance(dilated.depth)
     width, height = view.render
     tangent = math.tan(_FIELD_OF_VIEW / 2.0)
-    corner = math.sqrt(1.0 + tangent**2 + (tangent * width / height) ** 2)  # length of its ray; the centre's is 1
+    corner = math.sqrt(
+        1.0 + tangent**2 + (tangent * width / height) ** 2
+    )  # length of its ray; the centre's is 1
     separation = _SEPARATION * corner * math.hypot(width, height)
     power = 1.0 + 2.0 * min(math.hypot(width, height) / _FULL_SIZE, 1.0)
     same = np.zeros_like(now)
@@ -64,7 +66,7 @@ def _disoccluded(dilated: Dilated, view: View) -> Float32:
     return np.where(total > 0.0, saturate(clip), np.float32(0.0))
 
 
-def _is_surface(previous: Float32) -> Float32:
+def _is_surface(previous: Array) -> Array:
     """Return 0 where the depth of the previous frame falls by a hundredth twice downwards, else 1."""
     above, here, below = (
         _distance(np.pad(previous, ((1, 1), (0, 0)))[row : row + len(previous)]) for row in range(3)
@@ -73,9 +75,9 @@ def _is_surface(previous: Float32) -> Float32:
     return np.where(slope, np.float32(0.0), np.float32(1.0))
 
 
-def _motion_divergence(motion: Float32, view: View) -> Float32:
+def _motion_divergence(motion: Array, view: View) -> Array:
     """How far the motion (render pixels) of 3x3 neighbours parts from a pixel's own, where that moves."""
-    vectors = motion / np.array(view.render, np.float32)  # FSR2's unit: the threshold of 0.01 is in it
+    vectors = np.divide(motion, view.render, dtype=np.float32)  # FSR2's unit: the threshold of 0.01 is in it
     fastest = length(vectors)
     moves = length(motion) > 1e-2
     convergence = np.ones_like(fastest)
@@ -86,7 +88,7 @@ def _motion_divergence(motion: Float32, view: View) -> Float32:
     return saturate(1.0 - convergence) * saturate(fastest / np.float32(0.01))
 
 
-def _temporal_divergence(motion: Float32, previous: Float32, view: View) -> Float32:
+def _temporal_divergence(motion: Array, previous: Array, view: View) -> Array:
     """How much slower the previous frame was, the more the faster this one is (20 display pixels: all)."""
     x, y = centres(view.render)
     before = length(bilinear(previous, x + motion[..., 0], y + motion[..., 1]))
@@ -96,7 +98,7 @@ def _temporal_divergence(motion: Float32, previous: Float32, view: View) -> Floa
     return np.where(fast, lerp(0.0, slower, saturate((speed / np.float32(20.0)) ** 3)), np.float32(0.0))
 
 
-def _depth_divergence(depth: Float32) -> Float32:
+def _depth_divergence(depth: Array) -> Array:
     """1 - closest / farthest of 3x3, 1 along the border, 0 beside the sky."""
     around = np.pad(_distance(depth), 1)
     windows = np.lib.stride_tricks.sliding_window_view(around, (3, 3))

@@ -1,11 +1,13 @@
 """Pass 2, reconstruct and dilate: depth and motion of the nearest neighbour, and the depth that the previous
-frame had where these pixels were."""
+frame had where these pixels were.
+"""
 
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from supersampler.frame import Float32
+from supersampler.frame import Array
 from supersampler_bench.fsr2.buffers import View
 from supersampler_bench.fsr2.sampling import centres, shifted
 
@@ -24,12 +26,12 @@ class Dilated(NamedTuple):
         previous: (h, w) depth of the previous frame, from this frame's; 0 where nothing came from.
     """
 
-    depth: Float32
-    motion: Float32
-    previous: Float32
+    depth: Array
+    motion: Array
+    previous: Array
 
 
-def dilate(depth: Float32, motion: Float32, view: View) -> Dilated:
+def dilate(depth: Array, motion: Array, view: View) -> Dilated:
     """Run the pass on a frame's depth and motion."""
     near_depth, near_motion = depth, motion
     for dx, dy in _ORDER:
@@ -43,14 +45,14 @@ def dilate(depth: Float32, motion: Float32, view: View) -> Dilated:
 class Texel(NamedTuple):
     """One of the four texels around each reprojected pixel: row, column, weight, and whether it counts."""
 
-    row: Float32
-    column: Float32
-    weight: Float32
-    counts: Float32
+    row: NDArray[np.int64]
+    column: NDArray[np.int64]
+    weight: Array
+    counts: NDArray[np.bool_]
 
 
-def texels_around(motion: Float32, view: View) -> list[Texel]:
-    """Return the texels of the previous frame around each pixel plus its motion; rows and columns are clamped."""
+def texels_around(motion: Array, view: View) -> list[Texel]:
+    """Return the texels of the previous frame around each pixel plus its motion; indices are clamped."""
     width, height = view.render
     x, y = (centre + motion[..., axis] - np.float32(0.5) for axis, centre in enumerate(centres(view.render)))
     left, top = np.floor(x), np.floor(y)
@@ -64,12 +66,12 @@ def texels_around(motion: Float32, view: View) -> list[Texel]:
     return found
 
 
-def moving(motion: Float32, view: View, least: float) -> Float32:
+def moving(motion: Array, view: View, least: float) -> Array:
     """Return motion, 0 where it is not above `least` display pixels."""
     return motion * (view.speed(motion) > least)[..., None]
 
 
-def _reconstructed(depth: Float32, motion: Float32, view: View) -> Float32:
+def _reconstructed(depth: Array, motion: Array, view: View) -> Array:
     previous = np.zeros_like(depth)
     for texel in texels_around(moving(motion, view, _STILL), view):
         counts = texel.counts

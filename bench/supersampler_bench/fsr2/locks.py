@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.conventions.jitter import jitter_phase_count
-from supersampler.frame import Float32
+from supersampler.frame import Array
 from supersampler_bench.fsr2.buffers import View, lerp, saturate
 from supersampler_bench.fsr2.color import perceived_luma, prepared, tonemap
 from supersampler_bench.fsr2.sampling import centres, neighbours
@@ -27,13 +27,13 @@ _CORNERS = (
 )
 
 
-def lock_luma(color: Float32, exposure: float) -> Float32:
+def lock_luma(color: Array, exposure: float) -> Array:
     """Return the luma (h, w) that locks compare: the sixth root of the perceived one."""
     return np.power(perceived_luma(tonemap(prepared(color, exposure))), np.float32(1.0 / 6.0))
 
 
-def thin_features(luma: Float32) -> Bool:
-    """Return where a pixel is brighter or darker than all unlike neighbours, and part of no 2x2 of like ones."""
+def thin_features(luma: Array) -> Bool:
+    """Return where a pixel is a ridge: above or below all unlike neighbours, and in no 2x2 of like ones."""
     like, least, most = {}, np.full_like(luma, np.inf), np.zeros_like(luma)
     for offset, other in neighbours(luma):
         if offset == (0, 0):
@@ -43,10 +43,10 @@ def thin_features(luma: Float32) -> Bool:
         least = np.where(like[offset], least, np.minimum(least, other))
         most = np.where(like[offset], most, np.maximum(most, other))
     thick = np.logical_or.reduce([np.logical_and.reduce([like[o] for o in corner]) for corner in _CORNERS])
-    return ((luma > most) | (luma < least)) & ~thick
+    return np.asarray(((luma > most) | (luma < least)) & ~thick)
 
 
-def new_locks(luma: Float32, view: View) -> Bool:
+def new_locks(luma: Array, view: View) -> Bool:
     """Return the display pixels (H, W) that the samples of thin features fell into."""
     width, height = view.display
     locked = np.zeros((height, width), bool)
@@ -70,22 +70,22 @@ class LockUpdate(NamedTuple):
         reactive: the reactive factor, raised where the shading changed.
     """
 
-    lifetime: Float32
-    luma: Float32
-    contribution: Float32
-    change: Float32
-    reactive: Float32
+    lifetime: Array
+    luma: Array
+    contribution: Array
+    change: Array
+    reactive: Array
 
 
 def update_locks(
-    locks: Float32, made: Bool, shading: Float32, reactive: Float32, mask: Float32, disoccluded: Float32
+    locks: Array, made: Bool, shading: Array, reactive: Array, mask: Array, disoccluded: Array
 ) -> LockUpdate:
     """Update the reprojected locks (H, W, 2) by new ones and by the shading; all (H, W)."""
     lifetime, kept = locks[..., 0], locks[..., 1]
     before = np.where(kept == 0.0, shading, kept)
     change = 1.0 - _min_over_max(before, shading)
     weak = lifetime <= 1.0
-    luma = np.where(made, shading, np.where(weak, lerp(before, shading, np.float32(0.5)), before))
+    luma = np.where(made, shading, np.where(weak, lerp(before, shading, 0.5), before))
     again = np.where(lifetime != 0.0, np.float32(2.0), np.float32(1.0))
     held = np.where(weak | (change <= 0.1), lifetime, np.float32(0.0))
     lifetime = np.where(made, again, held)
@@ -95,13 +95,13 @@ def update_locks(
     return LockUpdate(lifetime, luma, contribution, change, reactive)
 
 
-def aged(update: LockUpdate, weight: Float32, stays: Bool, view: View) -> Float32:
+def aged(update: LockUpdate, weight: Array, stays: Bool, view: View) -> Array:
     """Return the locks (H, W, 2) for the next frame; those about to leave the screen end."""
     phases = jitter_phase_count(view.display[0] / view.render[0])
     older = np.maximum(update.lifetime - weight / np.float32(phases * _AVERAGE_WEIGHT), 0.0)
     return np.stack([np.where(stays, older, np.float32(0.0)), update.luma], axis=-1)
 
 
-def _min_over_max(a: Float32, b: Float32) -> Float32:
-    most = np.maximum(a, b)
-    return np.where(most != 0.0, np.minimum(a, b) / np.where(most != 0.0, most, np.float32(1.0)), np.float32(0.0))
+def _min_over_max(a: Array, b: Array) -> Array:
+    least, most = np.minimum(a, b), np.maximum(a, b)
+    return np.where(most != 0.0, least / np.where(most != 0.0, most, np.float32(1.0)), np.float32(0.0))

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from supersampler.frame import Float32, Frame, Size
+from supersampler.frame import Array, Float32, Frame, Size
 from supersampler.io.display import usable_exposure
 from supersampler_bench.fsr2 import locks, luminance_pyramid
 from supersampler_bench.fsr2.accumulate import History, Passed, accumulate
@@ -12,7 +12,8 @@ from supersampler_bench.fsr2.buffers import View, inputs_of
 from supersampler_bench.fsr2.depth_clip import depth_clip
 from supersampler_bench.fsr2.dilate import dilate
 
-NAME = "fsr2-like"
+FSR2_LIKE = "fsr2-like"
+"""Name of the method in `bench quality`."""
 
 
 @dataclass(frozen=True)
@@ -20,7 +21,7 @@ class _Before:
     """What the previous frame left."""
 
     history: History
-    motion: Float32  # (h, w, 2), dilated, render pixels
+    motion: Array  # (h, w, 2), dilated, render pixels
     average_log: float
 
 
@@ -46,11 +47,14 @@ class Fsr2Like:
         view = View(frame.size, self._display, frame.jitter)
         before = None if frame.reset else self._before
         logs = luminance_pyramid.log_luma(inputs.color, view)
-        average = luminance_pyramid.followed_average(logs, before and before.average_log, self._seconds)
+        average = luminance_pyramid.followed_average(
+            logs, before.average_log if before else None, self._seconds
+        )
         exposure = usable_exposure(frame.exposure) or luminance_pyramid.auto_exposure(average)
         dilated = dilate(inputs.depth, inputs.motion, view)
-        is_same_size = before is not None and before.motion.shape == dilated.motion.shape
-        previous_motion = before.motion if before and is_same_size else np.zeros_like(dilated.motion)
+        previous_motion = np.zeros_like(dilated.motion)
+        if before and before.motion.shape == previous_motion.shape:
+            previous_motion = before.motion
         passed = Passed(
             color=inputs.color,
             motion=dilated.motion,
@@ -59,6 +63,6 @@ class Fsr2Like:
             shading=luminance_pyramid.shading_luma(luminance_pyramid.shading_grid(logs), exposure, view),
             exposure=exposure,
         )
-        history = accumulate(passed, before and before.history, view)
+        history = accumulate(passed, before.history if before else None, view)
         self._before = _Before(history, dilated.motion, average)
-        return np.ascontiguousarray(history.color[..., :3])
+        return np.ascontiguousarray(history.color[..., :3], np.float32)

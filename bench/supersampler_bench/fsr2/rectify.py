@@ -1,10 +1,10 @@
-"""Pass 5, second part: luma that flickers with the jitter, and the history clamped to the box of this frame."""
+"""Pass 5, second part: luma that flickers with the jitter, and the history clamped to this frame's box."""
 
 from typing import NamedTuple
 
 import numpy as np
 
-from supersampler.frame import Float32
+from supersampler.frame import Array
 from supersampler_bench.fsr2.buffers import View, lerp, saturate
 from supersampler_bench.fsr2.upsample import Box
 
@@ -14,11 +14,11 @@ _STEP = 1.0 / 255.0  # of the lumas, which FSR2 keeps in 8 bits
 class Instability(NamedTuple):
     """Whether the luma flickers, (H, W), and the lumas of four frames, (H, W, 4), the latest first."""
 
-    factor: Float32
-    lumas: Float32
+    factor: Array
+    lumas: Array
 
 
-def luma_instability(box: Box, lumas: Float32, reactive: Float32, mask: Float32) -> Instability:
+def luma_instability(box: Box, lumas: Array, reactive: Array, mask: Array) -> Instability:
     """Find pixels whose luma is nearer to that of an older frame than to the last one's.
 
     Args:
@@ -42,15 +42,15 @@ def luma_instability(box: Box, lumas: Float32, reactive: Float32, mask: Float32)
 
 
 def rectify(
-    history: Float32,
-    accumulation: Float32,
+    history: Array,
+    accumulation: Array,
     box: Box,
-    kept: Float32,
+    kept: Array,
     view: View,
     *,
-    untrusted: Float32,
-    speed: Float32,
-) -> tuple[Float32, Float32]:
+    untrusted: Array,
+    speed: Array,
+) -> tuple[Array, Array]:
     """Clamp the history to the box, and shorten its accumulation where it was outside.
 
     Args:
@@ -66,7 +66,7 @@ def rectify(
     scale = lerp(widest, 1.0, np.maximum(untrusted, saturate(speed / np.float32(20.0))))[..., None]
     low = np.maximum(box.least, box.centre - scale * box.deviation)
     high = np.minimum(box.most, box.centre + scale * box.deviation)
-    outside = ((history < low) | (history > high)).any(axis=-1)
+    outside = np.asarray(((history < low) | (history > high)).any(axis=-1))
     clamped = np.where(outside[..., None], np.clip(history, low, high), history)
     shortened = np.where(outside, np.minimum(accumulation, 0.1), accumulation)
     kept = saturate(kept)

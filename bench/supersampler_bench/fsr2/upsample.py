@@ -4,32 +4,30 @@ from typing import NamedTuple
 
 import numpy as np
 
-from supersampler.frame import Float32
+from supersampler.frame import Array
 from supersampler_bench.fsr2.buffers import EPSILON, View, lerp, saturate
-from supersampler_bench.fsr2.locks import UPSAMPLE_WEIGHT_SCALE
-from supersampler_bench.fsr2.sampling import centres, lanczos2_of_square
+from supersampler_bench.fsr2.locks import UPSAMPLE_WEIGHT_SCALE, Bool
+from supersampler_bench.fsr2.sampling import Indices, centres, lanczos2_of_square
 
 
 class Box(NamedTuple):
     """Mean, standard deviation, minimum and maximum, (H, W, 3) each, of the samples around a pixel."""
 
-    centre: Float32
-    deviation: Float32
-    least: Float32
-    most: Float32
+    centre: Array
+    deviation: Array
+    least: Array
+    most: Array
 
 
 class Upsampled(NamedTuple):
     """Colour (H, W, 3) of this frame, the weight (H, W) of its samples, and their box."""
 
-    color: Float32
-    weight: Float32
+    color: Array
+    weight: Array
     box: Box
 
 
-def upsample(
-    color: Float32, reactive: Float32, disoccluded: Float32, speed: Float32, view: View
-) -> Upsampled:
+def upsample(color: Array, reactive: Array, disoccluded: Array, speed: Array, view: View) -> Upsampled:
     """Sample a frame by Lanczos2 over 3x3 samples.
 
     Args:
@@ -60,8 +58,8 @@ def upsample(
     return _normalized(total, _box(moments, samples))
 
 
-def _axis(render: int, display: int, jitter: float) -> list[tuple[Float32, Float32, Float32]]:
-    """Return index, offset in render pixels, and whether it is on screen, of three samples around each pixel."""
+def _axis(render: int, display: int, jitter: float) -> list[tuple[Indices, Array, Bool]]:
+    """Return index, offset in render pixels, and whether on screen, of three samples around each pixel."""
     centre = centres((display, 1))[0][0] * np.float32(render / display)
     nearest = np.floor(centre).astype(np.int64)
     return [
@@ -74,14 +72,14 @@ def _axis(render: int, display: int, jitter: float) -> list[tuple[Float32, Float
     ]
 
 
-def _kernel_bias(reactive: Float32, disoccluded: Float32, view: View) -> Float32:
+def _kernel_bias(reactive: Array, disoccluded: Array, view: View) -> Array:
     """Factor on distances in the kernel: above 1 it is narrower than a render pixel's."""
     most = np.float32(min(1.99, float(view.upscale[0]))) * (1.0 - reactive)
     least = np.maximum(1.0, (1.0 + most) * 0.3)
     return lerp(most, least, np.maximum(0.25 * disoccluded, reactive))
 
 
-def _box(moments: Float32, samples: list[Float32]) -> Box:
+def _box(moments: Array, samples: list[Array]) -> Box:
     weight = moments[..., 6:]
     weight = np.where(np.abs(weight) > EPSILON, weight, np.float32(1.0))
     centre, square = moments[..., :3] / weight, moments[..., 3:6] / weight
@@ -89,7 +87,7 @@ def _box(moments: Float32, samples: list[Float32]) -> Box:
     return Box(centre, deviation, np.minimum.reduce(samples), np.maximum.reduce(samples))
 
 
-def _normalized(total: Float32, box: Box) -> Upsampled:
+def _normalized(total: Array, box: Box) -> Upsampled:
     """Divide by the weight and clamp to the box; where the weight is nothing, the colour does not count."""
     weight = total[..., 3:]
     counts = weight > EPSILON
