@@ -1,7 +1,6 @@
 """`fsr2-like` on analytic scenes: each pass does what FSR2's documentation says it is for."""
 
 import dataclasses
-import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -14,15 +13,11 @@ from supersampler.conventions.jitter import halton_jitter
 from supersampler.frame import Float32, Size
 from supersampler.io.display import decibels, display_transform
 from supersampler.io.shot import Shot, ShotWriter
-from supersampler_bench.fsr2 import locks, luminance_pyramid, method, sampling
-from supersampler_bench.fsr2.buffers import View, inputs_of
-from supersampler_bench.fsr2.depth_clip import Clip, depth_clip
-from supersampler_bench.fsr2.dilate import dilate
+from supersampler_bench.fsr2 import locks, method
+from supersampler_bench.fsr2.depth_clip import Clip
 from supersampler_bench.fsr2.method import FSR2_LIKE, Fsr2Like
 from supersampler_bench.quality.measure import measure_quality, runnable
 from supersampler_model.data.scenes.analytic import (
-    FAR,
-    NEAR,
     DiscOverPlane,
     Plane,
     Scene,
@@ -73,25 +68,6 @@ def test_the_image_of_a_moving_scene_lies_where_the_scene_is() -> None:
     assert best > max(scores.values()) + 2.0
 
 
-def test_a_sample_lands_on_the_display_pixel_that_its_jitter_says() -> None:
-    luma = np.full((5, 5), 0.2, np.float32)
-    luma[2, 2] = 0.8
-    for jitter, place in (((-0.4, -0.4), (4, 4)), ((0.4, -0.4), (4, 5)), ((-0.4, 0.4), (5, 4))):
-        made = locks.new_locks(luma, View((5, 5), (10, 10), jitter))
-        assert np.argwhere(made).tolist() == [[*place]]
-
-
-def test_what_a_moving_disc_uncovers_is_marked_and_the_rest_is_not() -> None:
-    scene = DiscOverPlane(velocity=(2.0, 0.0), background_velocity=(0.0, 0.0))
-    frame, view = scene.frame(6, (64, 36)), View((64, 36), (128, 72), (0.0, 0.0))
-    inputs = inputs_of(frame)
-    dilated = dilate(inputs.depth, inputs.motion, view)
-    clip = depth_clip(inputs, dilated, dilated.motion, view).disoccluded
-    uncovered = scene.disoccluded(6, (64, 36))
-    assert clip[uncovered & (dilated.depth == np.float32(FAR))].mean() > 0.9
-    assert (clip[~uncovered] > 0.5).mean() < 0.02  # beside the edge, which dilation moves by a pixel
-
-
 def test_where_the_depth_clip_says_so_less_is_left_of_what_hid_a_surface(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -104,19 +80,6 @@ def test_where_the_depth_clip_says_so_less_is_left_of_what_hid_a_surface(
     clipped = error()
     monkeypatch.setattr(method, "depth_clip", lambda inputs, *_: Clip(*np.zeros((2, *inputs.depth.shape))))
     assert clipped < 0.9 * error()
-
-
-def test_dilation_takes_depth_and_motion_of_the_closest_neighbour() -> None:
-    depth, motion = np.full((5, 6), FAR, np.float32), np.zeros((5, 6, 2), np.float32)
-    depth[2, 3], motion[2, 3] = NEAR, (1.0, 0.0)
-    dilated = dilate(depth, motion, View((6, 5), (12, 10), (0.0, 0.0)))
-    near = np.zeros((5, 6), bool)
-    near[1:4, 2:5] = True
-    assert ((dilated.depth == np.float32(NEAR)) == near).all()
-    assert ((dilated.motion[..., 0] == 1.0) == near).all()
-    moved = np.zeros((5, 6), bool)
-    moved[1:4, 3:6] = True  # where those nine pixels were
-    assert ((dilated.previous == np.float32(NEAR)) == moved).all()
 
 
 def line(x: Values, y: Values) -> Values:
@@ -139,24 +102,6 @@ def test_locks_keep_a_thin_line_bright_and_still(monkeypatch: pytest.MonkeyPatch
     assert np.abs(np.diff(locked, axis=0)).mean() < 0.6 * np.abs(np.diff(unlocked, axis=0)).mean()
 
 
-@pytest.mark.parametrize(
-    ("pattern", "is_thin"),
-    [
-        (["010", "010", "010"], True),
-        (["001", "010", "100"], True),
-        (["000", "010", "000"], True),
-        (["101", "101", "101"], True),  # darker than both sides
-        (["011", "011", "000"], False),  # two pixels wide
-        (["110", "110", "110"], False),
-        (["111", "111", "111"], False),
-        (["020", "010", "000"], False),  # below one, above others
-    ],
-)
-def test_ridges_of_one_pixel_are_thin_features(pattern: list[str], is_thin: bool) -> None:
-    luma = np.array([[(0.3, 0.6, 0.9)[int(c)] for c in row] for row in pattern], np.float32)
-    assert locks.thin_features(luma)[1, 1] == is_thin
-
-
 def test_light_that_changes_everywhere_is_followed_at_once() -> None:
     scene, display = Plane(checker), (64, 64)  # one whole cell of the grid of shading
     old, fresh = Fsr2Like(display), Fsr2Like(display)
@@ -168,34 +113,6 @@ def test_light_that_changes_everywhere_is_followed_at_once() -> None:
             wanted = fresh.step(frame)
     truth = scene.truth(0, display)
     assert psnr(image, truth) > psnr(wanted, truth) - 0.5
-
-
-def test_the_grid_of_shading_has_whole_cells_of_32_pixels() -> None:
-    logs = np.zeros((180, 320), np.float32)
-    logs[32:64, 64:96] = 1.0
-    grid = luminance_pyramid.shading_grid(logs)
-    assert grid.shape == (5, 10)
-    assert grid[1, 2] == grid.sum() == 1.0
-
-
-def test_exposure_is_the_published_formula_and_follows_the_light_slowly() -> None:
-    assert luminance_pyramid.auto_exposure(math.log(0.18)) == pytest.approx(1.0 / (9.6 * 0.18))
-    logs = np.full((4, 4), 2.0, np.float32)
-    assert luminance_pyramid.followed_average(logs, None, 0.1) == 2.0
-    assert luminance_pyramid.followed_average(logs, 0.0, 0.1) == pytest.approx(2.0 * (1.0 - math.exp(-0.1)))
-
-
-def test_the_approximation_of_lanczos2_is_near_it() -> None:
-    x = np.linspace(0.0, 2.5, 51, dtype=np.float32)
-    exact = np.where(x < 2.0, np.sinc(x) * np.sinc(x / 2.0), 0.0)
-    np.testing.assert_allclose(sampling.lanczos2_of_square(x * x), exact, atol=0.06)
-
-
-@pytest.mark.parametrize("sample", [sampling.bilinear, sampling.lanczos])
-def test_reads_at_texel_centres_return_the_texels(sample: object) -> None:
-    image = np.random.default_rng(0).uniform(size=(5, 7, 2)).astype(np.float32)
-    assert callable(sample)
-    np.testing.assert_allclose(sample(image, *sampling.centres((7, 5))), image, atol=1e-6)
 
 
 def test_after_a_cut_nothing_of_the_history_is_left() -> None:
