@@ -35,6 +35,10 @@ class View:
         """Display size / render size, (x, y)."""
         return np.divide(self.display, self.render, dtype=np.float32)
 
+    def of_image(self, motion: Array) -> Array:
+        """Return motion (..., 2), in render pixels, as fractions of the image's size: FSR2's unit."""
+        return np.divide(motion, self.render, dtype=np.float32)
+
     def speed(self, motion: Array) -> Array:
         """Return the length (...) in display pixels of motion (..., 2) in render pixels."""
         return length(motion * self.upscale)

@@ -33,7 +33,7 @@ class Clip(NamedTuple):
 
 
 def depth_clip(inputs: Inputs, dilated: Dilated, previous_motion: Array, view: View) -> Clip:
-    """Run the pass; `previous_motion` is the previous frame's dilated motion."""
+    """Run the pass; `previous_motion` is the previous frame's, dilated, as `View.of_image` returns it."""
     seen = _disoccluded(dilated, view) * _is_surface(dilated.previous)
     turned = _temporal_divergence(dilated.motion, previous_motion, view) - _depth_divergence(dilated.depth)
     return Clip(seen, np.maximum(saturate(turned), _motion_divergence(inputs.motion, view)))
@@ -47,9 +47,7 @@ def _disoccluded(dilated: Dilated, view: View) -> Array:
     now = _distance(dilated.depth)
     width, height = view.render
     tangent = math.tan(_FIELD_OF_VIEW / 2.0)
-    corner = math.sqrt(
-        1.0 + tangent**2 + (tangent * width / height) ** 2
-    )  # length of its ray; the centre's is 1
+    corner = math.hypot(1.0, tangent, tangent * width / height)  # of its ray; the centre's is 1 long
     separation = _SEPARATION * corner * math.hypot(width, height)
     power = 1.0 + 2.0 * min(math.hypot(width, height) / _FULL_SIZE, 1.0)
     same = np.zeros_like(now)
@@ -77,7 +75,7 @@ def _is_surface(previous: Array) -> Array:
 
 def _motion_divergence(motion: Array, view: View) -> Array:
     """How far the motion (render pixels) of 3x3 neighbours parts from a pixel's own, where that moves."""
-    vectors = np.divide(motion, view.render, dtype=np.float32)  # FSR2's unit: the threshold of 0.01 is in it
+    vectors = view.of_image(motion)
     fastest = length(vectors)
     moves = length(motion) > 1e-2
     convergence = np.ones_like(fastest)
@@ -90,11 +88,14 @@ def _motion_divergence(motion: Array, view: View) -> Array:
 
 def _temporal_divergence(motion: Array, previous: Array, view: View) -> Array:
     """How much slower the previous frame was, the more the faster this one is (20 display pixels: all)."""
+    h, w = previous.shape[:2]
     x, y = centres(view.render)
-    before = length(bilinear(previous, x + motion[..., 0], y + motion[..., 1]))
-    speed = view.speed(motion)
+    across = (x + motion[..., 0]) / view.render[0] * w  # the previous render size may be another one
+    down = (y + motion[..., 1]) / view.render[1] * h
+    before = length(bilinear(previous, across, down))
+    now, speed = length(view.of_image(motion)), view.speed(motion)
     fast = speed > 1.0
-    slower = 1.0 - saturate(before / np.where(fast, length(motion), np.float32(1.0)))
+    slower = 1.0 - saturate(before / np.where(fast, now, np.float32(1.0)))
     return np.where(fast, lerp(0.0, slower, saturate((speed / np.float32(20.0)) ** 3)), np.float32(0.0))
 
 

@@ -21,7 +21,7 @@ class _Before:
     """What the previous frame left."""
 
     history: History
-    motion: Array  # (h, w, 2), dilated, render pixels
+    motion: Array  # (h, w, 2), dilated, fractions of the image
     average_log: float
 
 
@@ -47,22 +47,20 @@ class Fsr2Like:
         view = View(frame.size, self._display, frame.jitter)
         before = None if frame.reset else self._before
         logs = luminance_pyramid.log_luma(inputs.color, view)
-        average = luminance_pyramid.followed_average(
-            logs, before.average_log if before else None, self._seconds
-        )
+        past_average = before.average_log if before else None
+        average = luminance_pyramid.followed_average(logs, past_average, self._seconds)
         exposure = usable_exposure(frame.exposure) or luminance_pyramid.auto_exposure(average)
         dilated = dilate(inputs.depth, inputs.motion, view)
-        previous_motion = np.zeros_like(dilated.motion)
-        if before and before.motion.shape == previous_motion.shape:
-            previous_motion = before.motion
+        motion = view.of_image(dilated.motion)
+        past_motion = before.motion if before else np.zeros_like(motion)
         passed = Passed(
             color=inputs.color,
             motion=dilated.motion,
-            clip=depth_clip(inputs, dilated, previous_motion, view),
+            clip=depth_clip(inputs, dilated, past_motion, view),
             made=locks.new_locks(locks.lock_luma(inputs.color, exposure), view),
             shading=luminance_pyramid.shading_luma(luminance_pyramid.shading_grid(logs), exposure, view),
             exposure=exposure,
         )
         history = accumulate(passed, before.history if before else None, view)
-        self._before = _Before(history, dilated.motion, average)
+        self._before = _Before(history, motion, average)
         return np.ascontiguousarray(history.color[..., :3], np.float32)

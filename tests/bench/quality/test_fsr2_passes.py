@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from supersampler.frame import Float32, Size
+from supersampler.frame import Array, Float32, Size
 from supersampler_bench.fsr2 import locks, luminance_pyramid, sampling
 from supersampler_bench.fsr2.accumulate import History, Passed, accumulate
 from supersampler_bench.fsr2.buffers import Inputs, View, inputs_of
@@ -76,16 +76,16 @@ def test_what_a_moving_disc_uncovers_is_marked_and_the_rest_is_not() -> None:
     frame, view = scene.frame(6, (64, 36)), View((64, 36), (128, 72), (0.0, 0.0))
     inputs = inputs_of(frame)
     dilated = dilate(inputs.depth, inputs.motion, view)
-    clip = depth_clip(inputs, dilated, dilated.motion, view).disoccluded
+    clip = depth_clip(inputs, dilated, view.of_image(dilated.motion), view).disoccluded
     uncovered = scene.disoccluded(6, (64, 36))
     assert clip[uncovered & (dilated.depth == np.float32(FAR))].mean() > 0.9
     assert (clip[~uncovered] > 0.5).mean() < 0.02  # beside the edge, which dilation moves by a pixel
 
 
-def clip_of(depth: Float32, motion: Float32, previous_motion: Float32) -> Clip:
-    """Return the depth clip of a frame."""
+def clip_of(depth: Array, motion: Array, previous_motion: Array) -> Clip:
+    """Return the depth clip of a frame; motion in render pixels."""
     inputs = Inputs(flat(VIEW.render, 0.5, 0.5, 0.5), depth, motion)
-    return depth_clip(inputs, dilate(depth, motion, VIEW), previous_motion, VIEW)
+    return depth_clip(inputs, dilate(depth, motion, VIEW), VIEW.of_image(previous_motion), VIEW)
 
 
 def test_a_floor_that_recedes_upwards_is_not_taken_for_uncovered() -> None:
@@ -111,6 +111,13 @@ def test_the_mask_is_where_motion_sets_in_on_a_surface() -> None:
     assert (clip_of(surface, fast, still).mask[1:-1, 1:-1] == 1.0).all()
     assert clip_of(surface, fast, fast).mask.max() == 0.0
     assert clip_of(surface, 0.25 * fast, still).mask.max() < 0.02
+    larger = depth_clip(
+        Inputs(flat(VIEW.render, 0.5, 0.5, 0.5), surface, fast),
+        dilate(surface, fast, VIEW),
+        flat((24, 7), 10.0 / 12.0, 0.0),  # the same motion at another render size
+        VIEW,
+    )
+    assert larger.mask.max() < 1e-6
     surface[:, 6:] = 0.01
     edge = clip_of(surface, fast, still).mask[5, 1:-1]
     assert edge[0] == edge[-1] == 1.0
