@@ -11,9 +11,9 @@ import pytest
 from supersampler import Frame, FrameError
 from supersampler.conventions.jitter import halton_jitter
 from supersampler.frame import Float32, Size
-from supersampler.io.display import decibels, display_transform
+from supersampler.io.display import BT709, decibels, display_transform
 from supersampler.io.shot import Shot, ShotWriter
-from supersampler_bench.fsr2 import locks, method
+from supersampler_bench.fsr2 import locks, luminance_pyramid, method
 from supersampler_bench.fsr2.depth_clip import Clip
 from supersampler_bench.fsr2.method import FSR2_LIKE, Fsr2Like
 from supersampler_bench.quality.measure import measure_quality, runnable
@@ -113,6 +113,22 @@ def test_light_that_changes_everywhere_is_followed_at_once() -> None:
             wanted = fresh.step(frame)
     truth = scene.truth(0, display)
     assert psnr(image, truth) > psnr(wanted, truth) - 0.5
+
+
+def test_the_exposure_is_the_frame_s_and_measured_where_it_has_none() -> None:
+    scene, display = Plane(checker, velocity=(0.9, -0.55)), (64, 36)
+
+    def image(exposure: float | None) -> Float32:
+        upscaler = Fsr2Like(display)
+        for index in range(12):
+            frame = scene.frame(index, SMALL, halton_jitter(index, 2.0))
+            found = upscaler.step(dataclasses.replace(frame, exposure=exposure))
+        return found
+
+    logs = np.log(np.asarray(scene.frame(0, SMALL).color) @ BT709)
+    measured = luminance_pyramid.auto_exposure(float(logs.mean()))
+    off = [np.abs(image(None) - image(given)).max() for given in (measured, 100.0 * measured)]
+    assert off[0] < 0.1 * off[1]
 
 
 def test_after_a_cut_nothing_of_the_history_is_left() -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from supersampler.frame import Array, Float32, Size
-from supersampler_bench.fsr2 import locks, luminance_pyramid, sampling
+from supersampler_bench.fsr2 import color, locks, luminance_pyramid, sampling
 from supersampler_bench.fsr2.accumulate import History, Passed, accumulate
 from supersampler_bench.fsr2.buffers import Inputs, View, inputs_of
 from supersampler_bench.fsr2.depth_clip import Clip, depth_clip
@@ -183,13 +183,23 @@ def test_a_lock_ages_by_one_in_a_jitter_period_and_ends_at_the_border() -> None:
     np.testing.assert_allclose(locks.aged(update, average, one < 0.0, VIEW), [[[0.0, 0.5]]])
 
 
+# --- colour ---
+
+
+def test_the_tone_curve_is_undone_up_to_the_largest_half_float() -> None:
+    light = np.array([[0.1, 2.0, 30.0], [0.0, 0.0, 0.0]], np.float32)
+    np.testing.assert_allclose(color.inverse_tonemap(color.tonemap(light)), light, rtol=1e-4)
+    np.testing.assert_allclose(color.inverse_tonemap(np.ones((1, 3), np.float32)), 65504.0)
+    np.testing.assert_allclose(color.from_ycocg(color.to_ycocg(light)), light, rtol=1e-6)
+
+
 # --- upsampling and sampling ---
 
 
 def test_one_colour_stays_and_its_box_is_a_point() -> None:
     zero = flat(VIEW.display, 0.0)
-    color = flat(VIEW.render, 0.4, -0.1, 0.2)
-    found = upsample(color, zero, zero, zero, View(VIEW.render, VIEW.display, (0.2, -0.4)))
+    ycocg = flat(VIEW.render, 0.4, -0.1, 0.2)
+    found = upsample(ycocg, zero, zero, zero, View(VIEW.render, VIEW.display, (0.2, -0.4)))
     wanted = flat(VIEW.display, 0.4, -0.1, 0.2)
     np.testing.assert_allclose(found.color, wanted, rtol=1e-5)
     np.testing.assert_allclose(found.box.centre, wanted, rtol=1e-5)
@@ -198,8 +208,8 @@ def test_one_colour_stays_and_its_box_is_a_point() -> None:
 
 def test_a_kernel_without_history_reaches_every_pixel_and_counts_samples_on_screen_only() -> None:
     zero, one = flat(VIEW.display, 0.0), flat(VIEW.display, 1.0)
-    color = flat(VIEW.render, 0.4, 0.0, 0.0)
-    wide, narrow = upsample(color, one, zero, zero, VIEW), upsample(color, zero, zero, zero, VIEW)
+    ycocg = flat(VIEW.render, 0.4, 0.0, 0.0)
+    wide, narrow = upsample(ycocg, one, zero, zero, VIEW), upsample(ycocg, zero, zero, zero, VIEW)
     assert wide.weight.min() > 0.02
     assert wide.weight[0, 0] == pytest.approx(_weight_of((0.25, 1.25), (0.25, 1.25)))
     assert wide.weight[2, 2] == pytest.approx(_weight_of((0.25, 0.75, 1.25), (0.25, 0.75, 1.25)))
@@ -241,8 +251,8 @@ def rectified(value: float, *, kept: float = 0.0, untrusted: float = 0.0, speed:
     one = np.ones((1, 1), np.float32)
     box = Box(*(np.array([[[v, 0.0, 0.0]]], np.float32) for v in (0.5, 0.05, 0.1, 0.9)))
     history = np.array([[[value, 0.0, 0.0]]], np.float32)
-    color, weight = rectify(history, one, box, kept * one, VIEW, untrusted=untrusted * one, speed=speed * one)
-    return [float(color[0, 0, 0]), float(weight[0, 0])]
+    luma, weight = rectify(history, one, box, kept * one, VIEW, untrusted=untrusted * one, speed=speed * one)
+    return [float(luma[0, 0, 0]), float(weight[0, 0])]
 
 
 def test_history_is_clamped_to_a_box_that_is_wide_only_at_rest() -> None:
@@ -301,8 +311,8 @@ def step_of(
         shading=display + 0.5,
         exposure=1.0,
     )
-    color = flat(view.display, light, light, light, reactive)
-    history = History(color, flat(view.display, *lock), flat(view.display, *lumas))
+    lit = flat(view.display, light, light, light, reactive)
+    history = History(lit, flat(view.display, *lock), flat(view.display, *lumas))
     return board, accumulate(passed, history, view)
 
 
