@@ -24,6 +24,7 @@ from supersampler.sequence.interpolation import Interpolator
 from supersampler.sequence.upscaling import buffers_of, frames_of
 from supersampler.upscaler import Upscaler
 from supersampler_bench.compatibility import incompatibility
+from supersampler_bench.fsr2.method import FSR2_LIKE, Fsr2Like
 from supersampler_bench.quality import confusion, masks, metrics, strred
 from supersampler_bench.quality.confusion import Counts
 from supersampler_bench.quality.summaries import BORDER, MASKED, FrameScores, MethodScores, Scores
@@ -79,7 +80,7 @@ def measure_quality(
     Args:
         shot: at least one frame with a reference.
         methods: names of shipped models, or model folders, with settings as `parse_spec` reads them
-            (":fp32", ":exact", ":x2").
+            (":fp32", ":exact", ":x2"); or "fsr2-like".
         watch: called with each image that is scored.
         on_frame: called after each frame.
 
@@ -135,10 +136,11 @@ def runnable(shot: Shot, methods: Sequence[str], on_left_out: Callable[[str], No
     reasons = {
         m: incompatibility(parse_spec(m, two_passes=True).model, shot.render_size, display, available)
         for m in methods
+        if m != FSR2_LIKE
     }
     for reason in filter(None, reasons.values()):
         on_left_out(f"{shot.name}: {reason}")
-    kept = [method for method in methods if not reasons[method]]
+    kept = [method for method in methods if not reasons.get(method)]
     if not kept:
         raise ArgumentError("--methods", got=", ".join(methods), want=f"one that can upscale {shot.name}")
     return kept
@@ -146,6 +148,9 @@ def runnable(shot: Shot, methods: Sequence[str], on_left_out: Callable[[str], No
 
 def stepper_of(method: str | Path, shot: Shot) -> Stepper:
     """Return the stepper of a method, given as `measure_quality` takes it, for all frames of a shot."""
+    if method == FSR2_LIKE:
+        fsr2 = Fsr2Like(reference_size(shot), 1.0 / (shot.frame_rate or 60.0))
+        return Stepper(FSR2_LIKE, lambda item: StepImage(fsr2.step(item.frame)))
     upscaler = upscaler_of(str(method), reference_size(shot), two_passes=True)
     outputs = [name for name in ("class_map",) if name in upscaler.model.info.maps]
 
