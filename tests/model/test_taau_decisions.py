@@ -163,8 +163,9 @@ def finished(
     weight: float = 0.2,
     spreads: float = 1.0,
     confidence: float = 0.5,
+    around: float = 0.0,
 ) -> tuple[float, float, float]:
-    """Toned luma of the image, count and power."""
+    """Toned luma of the image, count and power; `around` is the mean luma around the sample of 0.5."""
     blend = Blend(
         plane(0.2, 0.0, 0.0),
         plane(weight),
@@ -174,7 +175,8 @@ def finished(
         plane(samples),
         torch.zeros(1, 1, 1, 1, dtype=torch.bool),
     )
-    image, state = RULES.finish(present(confidence), history, blend, torch.tensor([2.0]))
+    current = present(confidence, shade=(around, 0.1))
+    image, state = RULES.finish(current, history, blend, torch.tensor([2.0]))
     green = float(image[0, 1] * 2.0)
     return green / (1.0 + green), float(state[0, 0]), float(state[0, 1])
 
@@ -200,6 +202,14 @@ def test_the_spread_follows_how_far_samples_are_off_by_no_more_than_a_step(luma:
         rate = 0.5 / (min(samples, C.spread_samples) + 0.5)
         power = finished(remembered(luma=luma, power=0.01), samples=samples)[2]
         assert power == pytest.approx(0.01 + rate * (off**2 - 0.01), rel=1e-4)
+
+
+@pytest.mark.parametrize("around", [0.45, 0.55])
+def test_a_sample_like_those_around_it_does_not_widen_the_spread(around: float) -> None:
+    """However far it is off the history, 0.1: it is off by the 0.05 to the mean around it."""
+    rate = 0.5 / (4.0 + 0.5)
+    power = finished(remembered(luma=0.1, power=0.01), samples=4.0, around=around)[2]
+    assert power == pytest.approx(0.01 + rate * (0.05**2 - 0.01), rel=1e-4)
 
 
 def test_without_a_history_or_in_another_light_there_is_no_spread() -> None:

@@ -18,7 +18,7 @@ def shots(
         bool, typer.Option("--freeze", help="Make these pixels the ones that figures are published for.")
     ] = False,
 ) -> None:
-    """Render the public test shots, 40 frames each at ratios 1.5, 2, 3 and 4, and check their pixels.
+    """Render the public test shots, 40 frames each at ratios 1 to 4, and check their pixels.
 
     Each has references of 64 samples a pixel, truth classes, and G-buffers of both sizes on every frame. The
     same command continues a stopped run. The pixels' hashes are compared with the frozen ones; another driver

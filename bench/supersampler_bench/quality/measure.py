@@ -29,8 +29,11 @@ from supersampler_bench.quality import confusion, masks, metrics, strred
 from supersampler_bench.quality.confusion import Counts
 from supersampler_bench.quality.summaries import BORDER, MASKED, FrameScores, MethodScores, Scores
 from supersampler_bench.specs import parse_spec
+from supersampler_model.data.shots import variant_name
 
 Bool = NDArray[np.bool_]
+NATIVE = ":native"
+"""Suffix of methods that step the frames of display size, the variant of the shot at ratio 1."""
 Bands = tuple[strred.Plane, strred.Plane]
 """STRRED bands of the previous image and of this one."""
 
@@ -80,7 +83,8 @@ def measure_quality(
     Args:
         shot: at least one frame with a reference.
         methods: names of shipped models, or model folders, with settings as `parse_spec` reads them
-            (":fp32", ":exact", ":x2"); or "fsr2-like".
+            (":fp32", ":exact", ":x2"); with ":native" at the end, on the shot's frames of display size; or
+            "fsr2-like".
         watch: called with each image that is scored.
         on_frame: called after each frame.
 
@@ -133,11 +137,13 @@ def runnable(shot: Shot, methods: Sequence[str], on_left_out: Callable[[str], No
         ArgumentError: no method is left.
     """
     display, available = reference_size(shot), names_of(shot.read_raw(0))
-    reasons = {
-        m: incompatibility(parse_spec(m, two_passes=True).model, shot.render_size, display, available)
-        for m in methods
-        if m != FSR2_LIKE
-    }
+    reasons = {}
+    for method in methods:
+        if method == FSR2_LIKE:
+            continue
+        size = display if method.endswith(NATIVE) else shot.render_size
+        spec = parse_spec(method.removesuffix(NATIVE), two_passes=True)
+        reasons[method] = incompatibility(spec.model, size, display, available)
     for reason in filter(None, reasons.values()):
         on_left_out(f"{shot.name}: {reason}")
     kept = [method for method in methods if not reasons.get(method)]
@@ -147,10 +153,19 @@ def runnable(shot: Shot, methods: Sequence[str], on_left_out: Callable[[str], No
 
 
 def stepper_of(method: str | Path, shot: Shot) -> Stepper:
-    """Return the stepper of a method, given as `measure_quality` takes it, for all frames of a shot."""
+    """Return the stepper of a method, given as `measure_quality` takes it, for all frames of a shot.
+
+    Raises:
+        ShotError: the method is native, and the shot has no frames of display size.
+    """
     if method == FSR2_LIKE:
         fsr2 = Fsr2Like(reference_size(shot), 1.0 / (shot.frame_rate or 60.0))
         return Stepper(FSR2_LIKE, lambda item: StepImage(fsr2.step(item.frame)))
+    if str(method).endswith(NATIVE):
+        native = _native(shot)
+        stepper = stepper_of(str(method).removesuffix(NATIVE), native)
+        frames = native.frames(gbuffers=stepper.gbuffers)
+        return Stepper(str(method), lambda _: stepper.step(next(frames)))
     upscaler = upscaler_of(str(method), reference_size(shot), two_passes=True)
     outputs = [name for name in ("class_map",) if name in upscaler.model.info.maps]
 
@@ -168,6 +183,16 @@ def stepper_of(method: str | Path, shot: Shot) -> Stepper:
         return StepImage(result)
 
     return Stepper(str(method), step, upscaler.model.info.gbuffers)
+
+
+def _native(shot: Shot) -> Shot:
+    """Return the frames of a shot at display size: its variant at ratio 1."""
+    folder = shot.path.parent if shot.path.is_file() else shot.path
+    path = folder / f"{variant_name(1.0)}.json"
+    if not path.exists():
+        hint = "`supersampler bench shots` renders the test shots at display size, too."
+        raise ShotError(shot.path, f"has no frames of display size: there is no {path.name}", hint)
+    return Shot.open(path)
 
 
 def both_ways_images(

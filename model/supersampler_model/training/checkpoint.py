@@ -13,7 +13,9 @@ from supersampler.errors import ArgumentError
 from supersampler.io.atomic import replacing
 from supersampler_model.data.dataset import Dataset
 
-VERSION = 3
+CHECKPOINT = "checkpoint.pt"
+"""Name in the folder of a run."""
+VERSION = 4
 
 
 def save_checkpoint(path: Path, content: dict[str, Any]) -> None:

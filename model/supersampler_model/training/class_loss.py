@@ -7,6 +7,7 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from supersampler_model.training.losses import ImageWeights
+from supersampler_model.training.processes import mean_of_processes
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,8 @@ def class_fractions(classes: Tensor) -> Tensor:
 
 
 def _entropy(logits: Tensor, fractions: Tensor, rarest: float) -> Tensor:
-    frequency = fractions.mean(dim=(0, 2, 3)).clamp(min=1e-6)
+    frequency = mean_of_processes(fractions.mean(dim=(0, 2, 3))).clamp(min=1e-6)
     balance = (1.0 / frequency).sqrt().clamp(max=rarest)
     weighted = fractions * balance[:, None, None]
-    return -(weighted * logits.log_softmax(dim=1)).sum() / weighted.sum().clamp(min=1e-6)
+    total = mean_of_processes(weighted.sum()).clamp(min=1e-6)
+    return -(weighted * logits.log_softmax(dim=1)).sum() / total

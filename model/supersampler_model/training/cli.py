@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from statistics import mean
 from typing import TYPE_CHECKING, Annotated, Any, cast
@@ -58,26 +57,30 @@ def train(
         hint = did_you_mean(name, LEARNED)
         raise ArgumentError("METHOD", got=name, want=f"one of {', '.join(LEARNED)}", hint=hint)
     import torch
-    from torch import distributed as dist
 
     from supersampler_model.data.dataset import open_dataset
     from supersampler_model.methods.weights_file import load_trained, shipped_weights
+    from supersampler_model.training.processes import (
+        join_processes,
+        leave_processes,
+        one_process_first,
+        process_rank,
+    )
     from supersampler_model.training.shots import dataset_of_shots
     from supersampler_model.training.tasks import TASKS
     from supersampler_model.training.trainer import Plan, Trainer
     from supersampler_model.training.validate import validate, validation_entries
 
-    if "RANK" in os.environ:
-        dist.init_process_group("nccl" if torch.cuda.is_available() else "gloo")
-        torch.set_num_threads(max((os.cpu_count() or 1) // dist.get_world_size(), 1))
+    join_processes()
     torch.manual_seed(seed)
     _check_free(output)
     output.mkdir(parents=True, exist_ok=True)
     datasets = [open_dataset(folder) for folder in data or []]
-    for paths, split in ((shot, "train"), (validation_shot, "validation")):
-        if paths:
-            shots = [open_shot(str(path)) for path in paths]
-            datasets.append(dataset_of_shots(shots, output / f"{split}-shots", cast("Split", split)))
+    with one_process_first():  # the others find its files
+        for paths, split in ((shot, "train"), (validation_shot, "validation")):
+            if paths:
+                shots = [open_shot(str(path)) for path in paths]
+                datasets.append(dataset_of_shots(shots, output / f"{split}-shots", cast("Split", split)))
     if not any(dataset.entries("train") for dataset in datasets):
         raise ArgumentError("--data or --shot", got="neither", want="something to learn from")
     begin = shipped_weights(name) if init == "shipped" else init and Path(init)
@@ -88,17 +91,17 @@ def train(
     plan = Plan(steps=steps, size=size, batch=batch, frames=frames, rate=rate, seed=seed)
     trainer = Trainer(task, datasets, plan, output)
     entries = validation_entries(trainer.datasets, task.ratios)
-    baseline = validate(task.baseline.eval(), entries, task.runner) if entries and trainer.rank == 0 else None
+    first = process_rank() == 0
+    baseline = validate(task.baseline.eval(), entries, task.runner) if entries and first else None
     updates: list[Update] = []
     while trainer.done < plan.steps:
         trainer.run(min((trainer.done // every + 1) * every, plan.steps), on_update=updates.append)
         trainer.save()
-        if trainer.rank == 0:
+        if first:
             found = validate(trainer.average.eval(), entries, task.runner) if entries else None
             _report(trainer, output, updates, found, baseline, {"attributions": named, "init": begun})
         updates.clear()
-        if dist.is_initialized():
-            dist.barrier()
+    leave_processes()
 
 
 def _lines(path: Path) -> list[str]:
@@ -114,9 +117,10 @@ def _check_free(output: Path) -> None:
     Raises:
         ShotError: names the file.
     """
+    from supersampler_model.training.checkpoint import CHECKPOINT
     from supersampler_model.training.run_log import FILES as LOG_FILES
 
-    if not any(output.glob("checkpoint-*.pt")):  # which is written before all others, and checked when read
+    if not (output / CHECKPOINT).exists():  # which is written before all others, and checked when read
         for name in ("weights.safetensors", *LOG_FILES):
             check_ours(output / name, lambda _: False, "of a run in this folder: it has no checkpoint")
 

@@ -4,6 +4,7 @@ The colour of an unshaded frame is extrapolated as in an engine, without gradien
 of the crop. The tensors of that frame are part of the crop's state.
 """
 
+import contextlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -16,14 +17,14 @@ from supersampler_model.data.dataset import Dataset
 from supersampler_model.methods import LEARNED, METHODS
 from supersampler_model.methods.base import Method
 from supersampler_model.methods.extrapolation.guided_warp import GuidedWarp
-from supersampler_model.methods.extrapolation.joint import Extrapolate, packed_base_color
+from supersampler_model.methods.extrapolation.joint import SURFACE, Extrapolate, packed_base_color
 from supersampler_model.methods.weights_file import load_trained, shipped_weights
-from supersampler_model.ops.sampling import sum_of
 from supersampler_model.ops.size import Size
 from supersampler_model.training.class_loss import ClassifierWeights
 from supersampler_model.training.classifier_task import ClassifierTask
 from supersampler_model.training.crops import Sample, Stream
 from supersampler_model.training.gbuffer_crops import UnshadedStream, unshaded_set
+from supersampler_model.training.processes import mean_of_processes, process_count, uncounted
 from supersampler_model.training.sequence_runner import AlternatingRunner, SequenceRunner
 from supersampler_model.training.task import State, Stepped
 
@@ -105,13 +106,13 @@ class ExtrapolateTask(ClassifierTask):
         with torch.autocast(samples[0].color.device.type, torch.bfloat16, enabled=self.method.training):
             features = self._features(inputs, surfaces)
             logits, blend = net.decode(
-                torch.cat([packed for packed, _ in inputs[: len(crops)]]), torch.cat(features[: len(crops)])
+                torch.cat([packed for packed, _ in inputs[: len(crops)]]), features[: len(crops)]
             )
         ghosts = [self.losses.ghost_extrapolated if crop.unshaded else self.losses.ghost for crop in crops]
         weight = torch.tensor(ghosts, device=logits.device)[:, None, None, None]
         stepped = self.stepped(frames, gathered, logits.float(), blend.float(), weight)
-        pairs = [(features[i], features[len(crops) + j]) for j, (i, _) in enumerate(twins)]
-        terms = {**stepped.terms, "features": self.losses.features * _mean_difference(pairs, logits)}
+        difference = _mean_difference(features[[i for i, _ in twins]], features[len(crops) :])
+        terms = {**stepped.terms, "features": self.losses.features * difference}
         after = [[*state, *crop.next_history] for state, crop in zip(stepped.states, crops, strict=True)]
         return stepped._replace(states=after, terms=terms)
 
@@ -132,30 +133,34 @@ class ExtrapolateTask(ClassifierTask):
             return Crop(extrapolated, unshaded=True, twin=None, next_history=next_history)
         return Crop(sample, unshaded=False, twin=extrapolated, next_history=shaded)
 
-    def _features(
-        self, inputs: Sequence[tuple[Tensor, Tensor]], surfaces: Sequence[Tensor | None]
-    ) -> list[Tensor]:
-        """Return the features of each crop, in one batch per encoder; extrapolated crops have a surface."""
-        features = dict[int, Tensor]()
-        for extrapolated in (False, True):
-            indices = [i for i, surface in enumerate(surfaces) if (surface is not None) is extrapolated]
-            if indices:
-                packed, half_inputs = map(torch.cat, zip(*(inputs[i] for i in indices), strict=True))
-                surface = torch.cat([s for s in surfaces if s is not None]) if extrapolated else None
-                batch = self.method.net.encode(packed, half_inputs, surface)
-                features |= zip(indices, torch.split(batch, 1), strict=True)
-        return [features[i] for i in range(len(inputs))]
+    def _features(self, inputs: Sequence[tuple[Tensor, Tensor]], surfaces: Sequence[Tensor | None]) -> Tensor:
+        """Return the features of all crops, in one batch per encoder; extrapolated crops have a surface.
+
+        Processes normalise each batch together: one without crops for it runs a crop that does not count.
+        """
+        packed, half_inputs = map(torch.cat, zip(*inputs, strict=True))
+        shaded = [i for i, surface in enumerate(surfaces) if surface is None]
+        extrapolated = [i for i, surface in enumerate(surfaces) if surface is not None]
+        known = [surface for surface in surfaces if surface is not None]
+        surface = torch.cat(known or [packed.new_zeros(1, 4 * SURFACE, *packed.shape[2:])])
+        features, order = list[Tensor](), list[int]()
+        for batch, of_batch in ((shaded, None), (extrapolated, surface)):
+            if batch or process_count() > 1:
+                crops = batch or [0]
+                with contextlib.nullcontext() if batch else uncounted():
+                    features.append(self.method.net.encode(packed[crops], half_inputs[crops], of_batch))
+                order += batch or [len(inputs)]
+        return torch.cat(features)[torch.tensor(order).argsort()[: len(inputs)]]
 
 
 def _surface(sample: Sample) -> Tensor:
     return packed_base_color(sample.gbuffer["gbuffer_base_color"], sample.view)
 
 
-def _mean_difference(pairs: Sequence[tuple[Tensor, Tensor]], like: Tensor) -> Tensor:
-    """Return the mean absolute difference of the pairs; 0 without pairs."""
-    if not pairs:
-        return like.new_zeros(())
-    return sum_of([(one.float() - other.float()).abs().mean() for one, other in pairs]) / len(pairs)
+def _mean_difference(one: Tensor, other: Tensor) -> Tensor:
+    """Return the mean absolute difference of pairs; 0 without pairs."""
+    difference = (one.float() - other.float()).abs()
+    return difference.sum() / mean_of_processes(difference.new_tensor(difference.numel())).clamp(min=1.0)
 
 
 def _shipped(name: str) -> Method:

@@ -14,6 +14,7 @@ from supersampler_model.ops.size import render_size_of
 from supersampler_model.training.crops import Sample, Stream
 from supersampler_model.training.gbuffer_crops import gbuffer_set, gbuffer_stream
 from supersampler_model.training.losses import ImageWeights, shown
+from supersampler_model.training.processes import mean_of_processes
 from supersampler_model.training.structure import dissimilarity
 from supersampler_model.training.task import State, Stepped, Task
 
@@ -101,4 +102,4 @@ def _mean(values: Tensor, weight: Tensor) -> Tensor:
     """Weighted mean over known values (equation 6)."""
     known = values.isfinite().float()
     values = torch.where(known > 0.0, values, torch.zeros_like(values))
-    return (values * weight).sum() / (known * weight).sum().clamp(min=1.0)
+    return (values * weight).sum() / mean_of_processes((known * weight).sum()).clamp(min=1.0)

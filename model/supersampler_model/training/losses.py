@@ -6,6 +6,7 @@ import torch
 from torch import Tensor
 
 from supersampler_model.ops.color import tone
+from supersampler_model.training.processes import mean_of_processes
 
 
 @dataclass(frozen=True)
@@ -48,4 +49,5 @@ def _mean_error(error: Tensor, rms: float, weight: Tensor | float = 1.0) -> Tens
     error = torch.where(known, error, torch.zeros_like(error))
     count = known.sum(dim=(1, 2, 3)).clamp(min=1)
     squared = (weight * error * error).sum(dim=(1, 2, 3)) / count
-    return (weight * error.abs()).sum() / count.sum() + rms * (squared + 1e-6).sqrt().mean()
+    known_values = mean_of_processes(count.sum().float())
+    return (weight * error.abs()).sum() / known_values + rms * (squared + 1e-6).sqrt().mean()

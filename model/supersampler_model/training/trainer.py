@@ -5,7 +5,6 @@ previous update ended with, so that the network is trained on histories of its o
 """
 
 import math
-import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -15,7 +14,6 @@ from typing import Any, NamedTuple, cast
 
 import torch
 from torch import Tensor
-from torch import distributed as dist
 from torch.nn.utils import parameters_to_vector, vector_to_parameters
 from torch.optim.swa_utils import AveragedModel
 
@@ -25,6 +23,7 @@ from supersampler_model.methods.base import Method
 from supersampler_model.methods.weights_file import Trained
 from supersampler_model.ops.sampling import sum_of
 from supersampler_model.training.checkpoint import (
+    CHECKPOINT,
     assets,
     data_hash,
     load_checkpoint,
@@ -34,7 +33,16 @@ from supersampler_model.training.checkpoint import (
 from supersampler_model.training.crops import Place
 from supersampler_model.training.losses import image_loss, shown
 from supersampler_model.training.optimizer import Muon
+from supersampler_model.training.processes import (
+    gather_on_first,
+    mean_of_processes,
+    process_count,
+    process_rank,
+    share_batch_norm,
+)
 from supersampler_model.training.task import Crop, State, Task
+
+CPU = torch.device("cpu")
 
 
 @dataclass(frozen=True)
@@ -74,11 +82,14 @@ class Update(NamedTuple):
 class Trainer:
     """A run in a folder; it resumes from a checkpoint if there is one.
 
+    On several processes each steps its share of the streams, and all have the weights that one process would
+    have; a run may resume on another number of processes.
+
     Args:
         task: the method and its training step.
         datasets: training data.
         plan: settings.
-        folder: holds the checkpoint and the log.
+        folder: holds the checkpoint and the log; of all processes.
 
     Raises:
         ArgumentError: there is no training data, the batch does not divide among the processes, or the
@@ -87,27 +98,28 @@ class Trainer:
 
     def __init__(self, task: Task[Any], datasets: Sequence[Dataset], plan: Plan, folder: Path) -> None:
         self.task, self.plan, self.folder = task, plan, folder
-        self.device = _device()
+        self.device = torch.device("cuda", torch.cuda.current_device()) if torch.cuda.is_available() else CPU
         mean = partial(_running_mean, plan.average)
-        self._averaged = AveragedModel(task.method, torch.device("cpu"), mean, use_buffers=True)
+        self._averaged = AveragedModel(task.method, CPU, mean, use_buffers=True)
         self.average = cast(Method, self._averaged.module)  # validated on the CPU
         self.method = task.method.to(self.device)
+        share_batch_norm(self.method)
         self.datasets = [task.data(dataset) for dataset in datasets]
-        self.rank, self.world = (dist.get_rank(), dist.get_world_size()) if dist.is_initialized() else (0, 1)
         self.optimizer = Muon(self.method.parameters(), rate=plan.rate, decay=plan.decay)
         self.done = 0
-        count = plan.batch // self.world
-        if count * self.world != plan.batch or not count:
-            want = f"a multiple of {self.world}, the number of processes"
+        count, left = divmod(plan.batch, process_count())
+        if left or not count:
+            want = f"a multiple of {process_count()}, the number of processes"
             raise ArgumentError("batch", got=plan.batch, want=want)
-        seeds = [[plan.seed, self.rank, index] for index in range(count)]
-        self._streams = [task.stream(self.datasets, size=plan.size, seed=seed) for seed in seeds]
+        first = process_rank() * count
+        self._own = slice(first, first + count)  # this process's streams, of those of the batch
+        seeds = [[plan.seed, number] for number in range(plan.batch)]
+        self._streams = [task.stream(self.datasets, size=plan.size, seed=seed) for seed in seeds[self._own]]
         self._iterators: list[Iterator[Crop]] = [iter(s) for s in self._streams]
         self._states: Sequence[State | None] = [None] * count
         self._error: Tensor | None = None
-        path = folder / f"checkpoint-{self.rank}.pt"
-        if path.exists():
-            self._load(path)
+        if (folder / CHECKPOINT).exists():
+            self._load(folder / CHECKPOINT)
 
     def run(self, until: int | None = None, *, on_update: Callable[[Update], None] = lambda _: None) -> None:
         """Update until `until` updates are done; None: the whole plan."""
@@ -118,17 +130,23 @@ class Trainer:
             on_update(Update(losses, time.perf_counter() - started))
 
     def save(self) -> None:
-        """Write this process's checkpoint."""
+        """Write the checkpoint, of all processes at once: a run that is killed leaves none of two updates."""
+        states = [state and [t.cpu() for t in state] for state in self._states]
+        error = None if self._error is None else self._error.cpu()
+        shares = gather_on_first(([asdict(s.place) for s in self._streams], states, error))
+        if process_rank() > 0:
+            return
+        errors = [error for *_, error in shares if error is not None]
         save_checkpoint(
-            self.folder / f"checkpoint-{self.rank}.pt",
+            self.folder / CHECKPOINT,
             {
                 "done": self.done,
                 "method": self.method.state_dict(),
                 "average": self._averaged.state_dict(),
                 "optimizer": self.optimizer.state_dict(),
-                "places": [asdict(s.place) for s in self._streams],
-                "states": self._states,
-                "error": self._error,
+                "places": [place for places, *_ in shares for place in places],
+                "states": [state for _, states, _ in shares for state in states],
+                "error": torch.cat(errors) if errors else None,
                 "commit": source_commit(),
                 **self._made_of(),
             },
@@ -169,10 +187,11 @@ class Trainer:
         self.method.load_state_dict(content["method"])
         self._averaged.load_state_dict(content["average"])
         self.optimizer.load_state_dict(content["optimizer"])
-        for stream, place in zip(self._streams, content["places"], strict=True):
+        for stream, place in zip(self._streams, content["places"][self._own], strict=True):
             stream.place = Place(**place)
-        self._states = [state and [t.to(self.device) for t in state] for state in content["states"]]
-        self._error = None if content["error"] is None else content["error"].to(self.device)
+        states, error = content["states"][self._own], content["error"]
+        self._states = [state and [t.to(self.device) for t in state] for state in states]
+        self._error = None if error is None else error[self._own].to(self.device)
 
     def _update(self) -> dict[str, float]:
         """One step of the optimizer; returns the terms of its loss."""
@@ -190,7 +209,8 @@ class Trainer:
         self._averaged.update_parameters(self.method)
         self._states = [state and [t.detach() for t in state] for state in self._states]
         self._error = None if self._error is None else self._error.detach()
-        return {name: term.item() / self.plan.frames for name, term in terms.items()}
+        values = mean_of_processes(torch.stack([*terms.values()]).detach()) / self.plan.frames
+        return dict(zip(terms, values.tolist(), strict=True))
 
     def _frame(self) -> dict[str, Tensor]:
         """Step all streams by one frame; returns the terms of the loss."""
@@ -222,24 +242,13 @@ class Trainer:
         return self.plan.rate * (0.01 + 0.99 * 0.5 * (1.0 + math.cos(math.pi * gone)))
 
     def _average_gradients(self) -> None:
-        if self.world == 1:
-            return
         for parameter in self.method.parameters():
-            if parameter.grad is None:  # the crops of one process may not use all weights
+            if parameter.grad is None:  # no crop of this process used the weight
                 parameter.grad = torch.zeros_like(parameter)
         gradients = [cast(Tensor, parameter.grad) for parameter in self.method.parameters()]
-        flat = parameters_to_vector(gradients)
-        dist.all_reduce(flat)
-        vector_to_parameters(flat / self.world, gradients)
+        vector_to_parameters(mean_of_processes(parameters_to_vector(gradients)), gradients)
 
 
 def _running_mean(length: int, mean: Tensor, value: Tensor, count: Tensor | int) -> Tensor:
     """Moving average over `length` updates, the plain mean before; integers are counters and are copied."""
     return mean.lerp(value, 1.0 / min(length, int(count) + 1)) if mean.is_floating_point() else value
-
-
-def _device() -> torch.device:
-    """This process's GPU, where there is one."""
-    if not torch.cuda.is_available():
-        return torch.device("cpu")
-    return torch.device("cuda", int(os.environ.get("LOCAL_RANK", 0)))

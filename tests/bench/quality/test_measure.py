@@ -56,6 +56,17 @@ class Painter:
         return np.asarray(self.paint(self.number), np.float32)
 
 
+def write_variants(folder: Path) -> Shot:
+    """Write a shot at ratios 2 and 1, and return the first."""
+    for name, size in (("2x", RENDER), ("1x", DISPLAY)):
+        settings: dict[str, Any] = {"display_size": DISPLAY, "frame_rate": 30, "variant": name}
+        with ShotWriter(folder, name="disc", **settings) as writer:
+            for index in range(6):
+                frame = SCENE.frame(index, size, (0.2, -0.1))
+                writer.write(frame, reference=truth(index), shared=name == "1x")
+    return Shot.open(folder / "2x.json")
+
+
 def truth(index: int) -> Float32:
     return SCENE.truth(index, DISPLAY, samples=4)
 
@@ -263,6 +274,23 @@ def test_real_methods_run_side_by_side_and_repeat_exactly(tmp_path: Path) -> Non
     assert all(15 < frame.full["psnr"] < 50 for result in first for frame in result.frames)
     alone = measure_quality(shot, ["taau:fp32"])
     np.testing.assert_equal(alone[0].summary(warm=False), first[1].summary(warm=False))
+
+
+def test_a_native_method_steps_the_frames_of_display_size(tmp_path: Path) -> None:
+    shot = write_variants(tmp_path / "shot")
+    assert quality.runnable(shot, ["taa", "taa:native"], pytest.fail) == ["taa", "taa:native"]
+    small, native = measure_quality(shot, ["taa", "taa:native"])
+    [alone] = measure_quality(Shot.open(tmp_path / "shot" / "1x.json"), ["taa"])
+    assert native.method == "taa:native"
+    found, want, of_small = (scores.summary(warm=False) for scores in (native, alone, small))
+    assert all(found[name] == want[name] for name in ("psnr", "ssim", "flip", "tpsnr"))
+    assert found["psnr"] > of_small["psnr"] + 1.0
+
+
+def test_a_native_method_needs_frames_of_display_size(tmp_path: Path) -> None:
+    shot = write_shot(tmp_path, references=[1])
+    with pytest.raises(ShotError, match=r"no frames of display size: there is no 1x\.json"):
+        measure_quality(shot, ["taa:native"])
 
 
 def test_two_passes_have_a_row_of_their_own(tmp_path: Path) -> None:

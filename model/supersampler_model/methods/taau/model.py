@@ -11,7 +11,9 @@ where
 
 The box is widened by the spread of the pixel's own samples over time. Otherwise features thinner than the
 sample distance vanish from the box in frames that miss them, and flicker: the weakness of variance clipping
-that Salvi names.
+that Salvi names. A sample counts as no farther off than it is from the mean around it: light that moves over
+a smooth surface changes all samples alike. It would widen the box until the history lags and the samples of
+each frame show as a grid.
 
 Light ten stops over white (GLARING) that was not there before is shown, but accumulated only from its third
 consecutive frame on. Until then the warped history is kept. A single bright frame, and an unshaded frame
@@ -96,7 +98,7 @@ class WarpedHistory(NamedTuple):
     light: Tensor  # (1, 3, H, W) linear RGB
     color: Tensor  # (1, 3, H, W) the same, toned YCoCg
     samples: Tensor  # (1, 1, H, W) number of accumulated samples, 0 without history
-    power: Tensor  # (1, 1, H, W) mean square of sample - history, toned luma
+    power: Tensor  # (1, 1, H, W) mean square of sample - history, toned luma, as `Taau.finish` limits it
     shade: Tensor  # (1, 2, H, W) as in CurrentFrame
     glare: Tensor  # (1, 1, H, W) consecutive frames with light over GLARING nearby, up to CONFIRMED
     surface: Tensor  # (1, 1, H, W) 0 where the surface was occluded, 1 where it was visible
@@ -319,7 +321,8 @@ class Taau(Method):
         image = bounded(inverse_tone(from_ycocg(color).clamp(min=0.0)) / exposure)
 
         reach = warped.power.sqrt() + self.config.spread_step
-        error = (current.sample[:, :1] - warped.color[:, :1]).abs().minimum(reach)
+        contrast = (current.sample[:, :1] - current.shade[:, :1]).abs()
+        error = (current.sample[:, :1] - warped.color[:, :1]).abs().minimum(reach).minimum(contrast)
         counted = blend.samples.clamp(max=self.config.spread_samples) + current.confidence
         rate = current.confidence / counted.clamp(min=1e-6)
         known = (blend.samples > MIN_SAMPLES).float() * blend.spreads

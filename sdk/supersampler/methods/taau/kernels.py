@@ -191,14 +191,15 @@ def clip_to_center(color, mean, deviations, gamma, box_floor):
 
 @device_function
 def blend(
-    numbers, current, warped_color, warped_light, warped_samples, warped_power, surface, unchanged, glare,
-    flash, speed, blur,
+    numbers, current, around, warped_color, warped_light, warped_samples, warped_power, surface, unchanged,
+    glare, flash, speed, blur,
 ):  # fmt: skip
     """Compute `Taau.network` and `Taau.finish` of sixteen pixels.
 
     Args:
         numbers: constants, then the numbers of this frame.
         current: by `current_frame`.
+        around: mean toned luma of 3x3 samples.
         warped_color: toned YCoCg of the warped history.
         warped_light: the same, linear RGB.
         warped_samples: number of samples in the history.
@@ -234,7 +235,8 @@ def blend(
     r, g, b = from_ycocg(*select3(known, blended, frame))
     color = linear_of(maximum(r, 0.0), maximum(g, 0.0), maximum(b, 0.0), n[EXPOSURE])
 
-    error = minimum(absolute(sample[0] - warped_color[0]), warped_spread + n[C.spread_step])
+    error = minimum(absolute(sample[0] - warped_color[0]), absolute(sample[0] - around))
+    error = minimum(error, warped_spread + n[C.spread_step])
     rate = confidence / maximum(minimum(samples, n[C.spread_samples]) + confidence, 1e-6)
     next_power = maximum(warped_power + rate * (error * error - warped_power) - DARKNESS, 0.0)
     next_power = select(known, holds * next_power, 0.0)
@@ -326,7 +328,7 @@ def step_rows(
             )
             current = current_frame(sums, sample, numbers[C.frame_sharpness])
             color, next_color, next_samples, next_power, weight = blend(
-                numbers, current, warped_color, warped_light, q[6], q[7], same, 1.0 - changed,
+                numbers, current, mean, warped_color, warped_light, q[6], q[7], same, 1.0 - changed,
                 glare, flash, square_root(mx * mx + my * my),
                 (tx * (1.0 - tx) + ty * (1.0 - ty)) * 2.0,
             )  # fmt: skip

@@ -167,7 +167,8 @@ fn decide(now: Current, before: Warped) -> Blend {
 // The next spread: mean square of sample - history; see `Taau.finish`.
 fn power_after(now: Current, before: Warped, blend: Blend) -> f32 {
     let reach = sqrt(before.power) + SPREAD_STEP;
-    let error = min(abs(now.sample.x - before.color.x), reach);
+    let contrast = abs(now.sample.x - now.shade.x);
+    let error = min(min(abs(now.sample.x - before.color.x), reach), contrast);
     let counted = min(blend.samples, SPREAD_SAMPLES) + now.confidence;
     let rate = now.confidence / max(counted, 1e-6);
     let power = max(before.power + rate * (error * error - before.power) - DARKNESS, 0.0);
