@@ -25,7 +25,13 @@ from supersampler.cli.arguments import parse_size
 from supersampler.io.display import ExposureMeter, display_transform, to_uint8
 from supersampler.io.images import write_png
 from supersampler_model.data.renderer.renderer import Renderer
-from supersampler_model.data.sequences import TEST_FAMILIES, TRAIN_FAMILIES, SequenceSpec, make_sequence
+from supersampler_model.data.sequences import (
+    APART_FAMILIES,
+    TEST_FAMILIES,
+    TRAIN_FAMILIES,
+    SequenceSpec,
+    make_sequence,
+)
 
 Pixels = NDArray[np.uint8]
 
@@ -131,7 +137,12 @@ def parse_arguments() -> Namespace:
     parser = ArgumentParser(formatter_class=ArgumentDefaultsHelpFormatter)
     add = parser.add_argument
     add("--model", default="classifier", help="name of a model, or its folder")
-    add("--family", default="fences", choices=(*TRAIN_FAMILIES, *TEST_FAMILIES), help="of scenes")
+    add(
+        "--family",
+        default="fences",
+        choices=(*TRAIN_FAMILIES, *TEST_FAMILIES, *APART_FAMILIES),
+        help="of scenes",
+    )
     add("--seed", type=int, default=0, help="of the scene, its camera, cuts and exposure")
     add("--frames", type=int, default=48, help="how many")
     add("--display-size", type=parse_size, default="640x360", metavar="WxH", help="of the output")

@@ -14,7 +14,13 @@ from supersampler.io.images import encode_jpeg
 from supersampler_model.data.class_map import overlay
 from supersampler_model.data.labels import label
 from supersampler_model.data.renderer.renderer import Renderer
-from supersampler_model.data.sequences import TEST_FAMILIES, TRAIN_FAMILIES, SequenceSpec, make_sequence
+from supersampler_model.data.sequences import (
+    APART_FAMILIES,
+    TEST_FAMILIES,
+    TRAIN_FAMILIES,
+    SequenceSpec,
+    make_sequence,
+)
 
 SIZE = (240, 135)
 ACROSS = 3  # families in a row
@@ -24,7 +30,7 @@ SEED, FRAME = 6, 12
 def main() -> None:
     """Draw all families."""
     renderer = Renderer(SIZE)
-    tiles = [drawn(renderer, family) for family in (*TRAIN_FAMILIES, *TEST_FAMILIES)]
+    tiles = [drawn(renderer, family) for family in (*TRAIN_FAMILIES, *TEST_FAMILIES, *APART_FAMILIES)]
     tiles += [np.full_like(tiles[0], 255)] * (-len(tiles) % ACROSS)
     rows = [np.concatenate(tiles[i : i + ACROSS], axis=1) for i in range(0, len(tiles), ACROSS)]
     with replacing(Path(__file__).with_suffix(".jpg")) as partial:

@@ -1,5 +1,7 @@
 """What the exporter writes around a Gather is simplified, and the result is the same."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import onnx
 from onnx import TensorProto, helper, numpy_helper
@@ -12,11 +14,11 @@ FLATTEN = helper.make_node("Reshape", ["rows", "flat"], ["indices"])
 GATHER = helper.make_node("Gather", ["image", "indices"], ["picked"], axis=1)
 
 
-def graph_of(nodes: list[onnx.NodeProto], rows: list[object], split: list[int]) -> onnx.ModelProto:
+def graph_of(nodes: list[onnx.NodeProto], rows: Sequence[object], split: list[int]) -> onnx.ModelProto:
     """A graph from image (2, 3, 5) and these row indices to the value "out", with the types of all values."""
     constants = {"flat": np.array([-1]), "split": np.array(split)}
     tensors = [numpy_helper.from_array(value.astype(np.int64), name) for name, value in constants.items()]
-    shape = list(np.shape(rows))
+    shape = list(np.array(rows).shape)
     inputs = [
         helper.make_tensor_value_info("image", TensorProto.FLOAT, [2, 3, 5]),
         helper.make_tensor_value_info("rows", TensorProto.INT64, shape),
@@ -27,7 +29,7 @@ def graph_of(nodes: list[onnx.NodeProto], rows: list[object], split: list[int]) 
     return onnx.shape_inference.infer_shapes(helper.make_model(graph, opset_imports=opsets, ir_version=8))
 
 
-def simplified(model: onnx.ModelProto, rows: list[object]) -> list[str]:
+def simplified(model: onnx.ModelProto, rows: Sequence[object]) -> list[str]:
     """Return the operators of the simplified graph, whose result is that of the graph."""
     image = np.random.default_rng(0).random((2, 3, 5), np.float32)
     before = model.SerializeToString()

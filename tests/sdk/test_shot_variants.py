@@ -1,9 +1,11 @@
 """Tests of shots that share their display-size files, and of class maps beside a reference."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from supersampler import ArgumentError, Frame, ShotError
 from supersampler.io.image_reading import read_exr
@@ -86,7 +88,11 @@ def test_a_missing_shared_file_is_named_with_the_description_that_lists_it(tmp_p
 
 
 @pytest.mark.parametrize("compression", ["zip", "dwab:45"])
-def test_classes_are_read_as_they_were_written(tmp_path: Path, compression: str) -> None:
+@pytest.mark.parametrize("thin", [None, CLASSES.ghost % 2])
+def test_classes_are_read_as_they_were_written(
+    tmp_path: Path, compression: str, thin: NDArray[np.uint8] | None
+) -> None:
+    classes = replace(CLASSES, thin=thin)
     with ShotWriter(
         tmp_path / "a",
         name="test",
@@ -94,16 +100,17 @@ def test_classes_are_read_as_they_were_written(tmp_path: Path, compression: str)
         frame_rate=30,
         reference_compression=compression,
     ) as out:
-        out.write(frame(0, (16, 9)), reference=SCENE.truth(0, DISPLAY_SIZE, 1), classes=CLASSES)
+        out.write(frame(0, (16, 9)), reference=SCENE.truth(0, DISPLAY_SIZE, 1), classes=classes)
         out.write(frame(1, (16, 9)), reference=SCENE.truth(1, DISPLAY_SIZE, 1))
         out.write(frame(2, (16, 9)))
     shot = Shot.open(tmp_path / "a")
     copy = copy_shot(shot, tmp_path / "b")
     for read in (shot.read_classes(0), copy.read_classes(0)):
         assert read is not None
-        assert read.ghost.dtype == read.alias.dtype == np.uint8
-        np.testing.assert_array_equal(read.ghost, CLASSES.ghost)
-        np.testing.assert_array_equal(read.alias, CLASSES.alias)
+        assert list(read.known()) == list(classes.known())
+        for array, wanted in zip(read.known().values(), classes.known().values(), strict=True):
+            assert array.dtype == np.uint8
+            np.testing.assert_array_equal(array, wanted)
     assert shot.read_classes(1) is None
     assert shot.read_classes(2) is None
     assert set(read_exr(tmp_path / "a" / "reference" / "0001.exr")) == {"R", "G", "B"}
@@ -113,6 +120,12 @@ def test_classes_of_another_size_or_without_a_reference_are_refused(tmp_path: Pa
     out, small = writer(tmp_path, "2x"), ClassMaps(CLASSES.ghost[:-1], CLASSES.alias[:-1])
     with pytest.raises(ArgumentError, match=r"classes\.ghost is 32x17; want the shot's display size"):
         out.write(frame(0, (16, 9)), reference=SCENE.truth(0, DISPLAY_SIZE, 1), classes=small)
+    with pytest.raises(ArgumentError, match=r"classes\.thin is 32x17"):
+        out.write(
+            frame(0, (16, 9)),
+            reference=SCENE.truth(0, DISPLAY_SIZE, 1),
+            classes=replace(CLASSES, thin=small.alias),
+        )
     with pytest.raises(ArgumentError, match="classes is without a reference"):
         out.write(frame(0, (16, 9)), classes=CLASSES)
     assert len(out) == 0

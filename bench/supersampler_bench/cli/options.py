@@ -48,7 +48,8 @@ SHOT = Annotated[
     str,
     typer.Argument(
         metavar="SHOT",
-        help=f"A shot, the name of a shipped one, or {public_shots.NAME}: the five of `bench shots`.",
+        help=f"A shot, the name of a shipped one, or of `bench shots`: {public_shots.NAME} (five), "
+        f"{', '.join(public_shots.APART_SHOTS.seeds)}.",
     ),
 ]
 RATIO = Annotated[str, typer.Option(help="Of the test shots: display over render size, with commas between.")]
@@ -182,7 +183,8 @@ def opened_shots(shot: str, cache: Path | None, ratio: str) -> tuple[str, list[t
         ArgumentError: the ratios are no numbers, or there is no such shot.
         ShotError: the test shots are not there.
     """
-    if shot != public_shots.NAME:
+    shots = public_shots.named(shot)
+    if shots is None:
         one = open_shot(shot)
         return one.name, [(one, {})]
     try:
@@ -190,7 +192,7 @@ def opened_shots(shot: str, cache: Path | None, ratio: str) -> tuple[str, list[t
     except ValueError as error:
         raise ArgumentError("--ratio", got=repr(ratio), want="numbers with commas between: 1.5,2") from error
     folder = cache or public_shots.default_cache()
-    found = public_shots.open_test_shots(folder, ratios, public_shots.TEST_SHOTS, public_shots.FROZEN)
+    found = public_shots.open_test_shots(folder, ratios, shots, public_shots.FROZEN)
     for public in found:
         if warning := public.warning():
             warn(warning)

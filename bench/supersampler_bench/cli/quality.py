@@ -34,7 +34,7 @@ def quality(
         str,
         typer.Option(
             help="Shipped models or model folders, with commas between; NAME:fp32, NAME:fp16 for a graph, "
-            "NAME:gpu for shaders, NAME:x2 for two passes, NAME:native for frames of display size."
+            "NAME:gpu for shaders, NAME:x2 for two passes, NAME:native for frames of display size; fsr2-like."
         ),
     ] = "bilinear,bicubic,taa,taau,classifier,classifier-small",
     ratio: RATIO = "2",

@@ -18,7 +18,7 @@ def shots(
         bool, typer.Option("--freeze", help="Make these pixels the ones that figures are published for.")
     ] = False,
 ) -> None:
-    """Render the five public test shots, 40 frames each at ratios 1, 1.5, 2, 3 and 4, and check their pixels.
+    """Render the public test shots, 40 frames each at ratios 1 to 4, and check their pixels.
 
     Each has references of 64 samples a pixel, truth classes, and G-buffers of both sizes on every frame. The
     same command continues a stopped run. The pixels' hashes are compared with the frozen ones; another driver
@@ -26,11 +26,17 @@ def shots(
     """
     from supersampler_bench.shots.render_test_shots import frames_there, render_test_shots
 
-    folder, plan = cache or public_shots.default_cache(), public_shots.TEST_SHOTS
-    total, done = plan.frames * len(plan.seeds), frames_there(folder, plan)
+    folder, plans = cache or public_shots.default_cache(), (public_shots.TEST_SHOTS, public_shots.APART_SHOTS)
+    total = sum(plan.frames * len(plan.seeds) for plan in plans)
+    done = sum(frames_there(folder, plan) for plan in plans)
     with counted("rendering", total, done, resumes=True) as advance:
-        render_test_shots(folder, plan, workers=workers, on_frame=advance)
-    found = public_shots.open_test_shots(folder, plan.ratios, plan, public_shots.FROZEN)
+        for plan in plans:
+            render_test_shots(folder, plan, workers=workers, on_frame=advance)
+    found = [
+        shot
+        for plan in plans
+        for shot in public_shots.open_test_shots(folder, plan.ratios, plan, public_shots.FROZEN)
+    ]
     if freeze:
         found = public_shots.freeze(found, public_shots.FROZEN)
     table = Table("shot", "ratio", "pixels (SHA-256)", "as frozen", caption=found[0].driver)

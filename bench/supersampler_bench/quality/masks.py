@@ -50,9 +50,10 @@ def disoccluded(frame: Frame, previous: Frame | None, *, in_part: bool = False) 
 
 
 def of_classes(classes: ClassMaps) -> dict[str, Bool]:
-    """Return (H, W) each: `disoccluded`, `changing_light` and `aliased`, at display size."""
+    """Return (H, W) each: `disoccluded`, `changing_light`, `aliased`, and `thin` where it is known."""
     occluded, relit = classes.ghost == 1, classes.ghost == 2
-    return {"disoccluded": occluded, "changing_light": relit, "aliased": classes.alias != 0}
+    known = {"disoccluded": occluded, "changing_light": relit, "aliased": classes.alias != 0}
+    return known if classes.thin is None else {**known, "thin": classes.thin == 1}
 
 
 def to_display(plane: NDArray[Any], jitter: tuple[float, float], display_size: Size) -> NDArray[Any]:

@@ -24,6 +24,7 @@ from supersampler.sequence.interpolation import Interpolator
 from supersampler.sequence.upscaling import buffers_of, frames_of
 from supersampler.upscaler import Upscaler
 from supersampler_bench.compatibility import incompatibility
+from supersampler_bench.fsr2.method import FSR2_LIKE, Fsr2Like
 from supersampler_bench.quality import confusion, masks, metrics, strred
 from supersampler_bench.quality.confusion import Counts
 from supersampler_bench.quality.summaries import BORDER, MASKED, FrameScores, MethodScores, Scores
@@ -82,7 +83,8 @@ def measure_quality(
     Args:
         shot: at least one frame with a reference.
         methods: names of shipped models, or model folders, with settings as `parse_spec` reads them
-            (":fp32", ":exact", ":x2"); with ":native" at the end, on the shot's frames of display size.
+            (":fp32", ":exact", ":x2"); with ":native" at the end, on the shot's frames of display size; or
+            "fsr2-like".
         watch: called with each image that is scored.
         on_frame: called after each frame.
 
@@ -137,12 +139,14 @@ def runnable(shot: Shot, methods: Sequence[str], on_left_out: Callable[[str], No
     display, available = reference_size(shot), names_of(shot.read_raw(0))
     reasons = {}
     for method in methods:
+        if method == FSR2_LIKE:
+            continue
         size = display if method.endswith(NATIVE) else shot.render_size
         spec = parse_spec(method.removesuffix(NATIVE), two_passes=True)
         reasons[method] = incompatibility(spec.model, size, display, available)
     for reason in filter(None, reasons.values()):
         on_left_out(f"{shot.name}: {reason}")
-    kept = [method for method in methods if not reasons[method]]
+    kept = [method for method in methods if not reasons.get(method)]
     if not kept:
         raise ArgumentError("--methods", got=", ".join(methods), want=f"one that can upscale {shot.name}")
     return kept
@@ -154,6 +158,9 @@ def stepper_of(method: str | Path, shot: Shot) -> Stepper:
     Raises:
         ShotError: the method is native, and the shot has no frames of display size.
     """
+    if method == FSR2_LIKE:
+        fsr2 = Fsr2Like(reference_size(shot), 1.0 / (shot.frame_rate or 60.0))
+        return Stepper(FSR2_LIKE, lambda item: StepImage(fsr2.step(item.frame)))
     if str(method).endswith(NATIVE):
         native = _native(shot)
         stepper = stepper_of(str(method).removesuffix(NATIVE), native)

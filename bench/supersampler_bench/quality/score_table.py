@@ -1,6 +1,6 @@
 """Tables of quality records, for the terminal and as blocks of Markdown files."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -28,6 +28,7 @@ class Column:
         digits: after the point.
         higher: whether more is better.
         scale: factor on the value.
+        rare: whether a table is without it where no method has it.
     """
 
     name: str
@@ -35,6 +36,7 @@ class Column:
     digits: int
     higher: bool = True
     scale: float = 1.0
+    rare: bool = False
 
     @property
     def heading(self) -> str:
@@ -56,6 +58,7 @@ COLUMNS = (
     Column("psnr_disoccluded", "PSNR dB, disoccluded", 2),
     Column("psnr_changing_light", "PSNR dB, changing light", 2),
     Column("psnr_aliased", "PSNR dB, aliased", 2),
+    Column("psnr_thin", "PSNR dB, thin", 2, rare=True),
     Column("psnr_moving", "PSNR dB, moving", 2),
 )
 """Of the first table, which README shows."""
@@ -72,11 +75,12 @@ def markdown_table(
     Args:
         title: the caption without its full stop.
         rows: one for each method.
-        columns: in order.
+        columns: in order; rare ones are left out where no row has them.
         everything: count the first frames and the border, too.
     """
-    cells = zip(*(_column(column, rows, "**{}**", everything) for column in columns), strict=True)
-    headings = ["method", *(f"{column.heading}:" for column in columns)]
+    shown = _shown(columns, rows)
+    cells = zip(*(_column(column, rows, "**{}**", everything) for column in shown), strict=True)
+    headings = ["method", *(f"{column.heading}:" for column in shown)]
     named = ([row["method"], *figures] for row, figures in zip(rows, cells, strict=True))
     return table(headings, named, f"{title}.")
 
@@ -86,9 +90,14 @@ def rich_table(title: str, rows: Rows) -> Table:
     shown = Table("", caption=title)
     for row in rows:
         shown.add_column(row["method"], justify="right")
-    for column in dict.fromkeys((*COLUMNS, *CLIP_COLUMNS)):
+    for column in _shown(dict.fromkeys((*COLUMNS, *CLIP_COLUMNS)), rows):
         shown.add_row(column.heading, *_column(column, rows, "[bold]{}[/bold]"))
     return shown
+
+
+def _shown(columns: Iterable[Column], rows: Rows) -> list[Column]:
+    """Return the columns without rare ones that no row has."""
+    return [c for c in columns if not c.rare or {*_column(c, rows, "{}", everything=True)} != {"–"}]
 
 
 def _column(column: Column, rows: Rows, bold: str, everything: bool = False) -> list[str]:

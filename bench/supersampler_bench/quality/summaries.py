@@ -13,7 +13,7 @@ product is STRRED. NaN where there is nothing to measure."""
 
 WARM_UP_FRAMES = 8
 BORDER = 8  # display pixels
-MASKED = ("disoccluded", "changing_light", "aliased", "moving")
+MASKED = ("disoccluded", "changing_light", "aliased", "thin", "moving")
 FRAME_METRICS = (
     *("psnr", "ssim", "flip", "tpsnr", "warped_error_difference", "strred"),
     *(f"psnr_{mask}" for mask in MASKED),

@@ -9,7 +9,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from supersampler.cli.arguments import parse_size, size_text
 from supersampler.errors import ArgumentError
-from supersampler_model.data.sequences import TEST_FAMILIES, TRAIN_FAMILIES
+from supersampler_model.data.sequences import APART_FAMILIES, TEST_FAMILIES, TRAIN_FAMILIES
 
 app = typer.Typer(help="Render a training set with exact truth and labels.")
 
@@ -18,7 +18,11 @@ app = typer.Typer(help="Render a training set with exact truth and labels.")
 def render(
     output: Annotated[Path, typer.Argument(help="Folder of the set.")],
     scenes: Annotated[
-        str, typer.Option(help=f"`train`, `test`, or some of {', '.join((*TRAIN_FAMILIES, *TEST_FAMILIES))}.")
+        str,
+        typer.Option(
+            help="`train`, `test`, or some of "
+            f"{', '.join((*TRAIN_FAMILIES, *TEST_FAMILIES, *APART_FAMILIES))}."
+        ),
     ] = "train",
     sequences: Annotated[int, typer.Option(help="How many.")] = 60,
     frames: Annotated[int, typer.Option(help="Frames of each.")] = 25,

@@ -9,16 +9,27 @@ import numpy as np
 from supersampler_model.data.errors import SceneError
 from supersampler_model.data.scenes.camera import Camera
 from supersampler_model.data.scenes.gltf.compose import Composition
-from supersampler_model.data.scenes.procedural import TEST, TRAIN
+from supersampler_model.data.scenes.procedural import APART, TEST, TRAIN
 from supersampler_model.data.scenes.procedural.paths import camera_path
 from supersampler_model.data.specs import GLTF, Sequence, SequenceSpec
 
-__all__ = ["GLTF", "TEST_FAMILIES", "TRAIN_FAMILIES", "Sequence", "SequenceSpec", "make_sequence"]
+__all__ = [
+    "APART_FAMILIES",
+    "GLTF",
+    "TEST_FAMILIES",
+    "TRAIN_FAMILIES",
+    "Sequence",
+    "SequenceSpec",
+    "make_sequence",
+]
 
 TRAIN_FAMILIES: tuple[str, ...] = tuple(TRAIN)
 """Families of scenes for training, each built around a hard case."""
 TEST_FAMILIES: tuple[str, ...] = tuple(TEST)
-"""Families for test shots only, with other content."""
+"""Families for test shots only, with other content; published means are over these."""
+APART_FAMILIES: tuple[str, ...] = tuple(APART)
+"""Families for test shots that no published mean includes, each about one thing."""
+_FAMILIES = {**TRAIN, **TEST, **APART}
 _SHORTEST_SHOT = 6  # frames between cuts
 
 
@@ -31,8 +42,8 @@ def make_sequence(spec: SequenceSpec) -> Sequence:
     """
     if spec.family == GLTF:
         return Composition(spec)
-    if spec.family not in (*TRAIN, *TEST):
-        known = ", ".join((*TRAIN_FAMILIES, *TEST_FAMILIES, GLTF))
+    if spec.family not in _FAMILIES:
+        known = ", ".join((*_FAMILIES, GLTF))
         raise SceneError("spec.family", got=repr(spec.family), want=f"one of {known}")
     return StagedSequence(spec)
 
@@ -46,7 +57,7 @@ class StagedSequence(Sequence):
         content, direction = (
             np.random.default_rng([spec.seed, crc32(spec.family.encode()), i]) for i in (0, 1)
         )
-        self.stage = stage = {**TRAIN, **TEST}[spec.family](content)
+        self.stage = stage = _FAMILIES[spec.family](content)
         self.starts = _shot_starts(direction, spec.frames)
         self._metered = direction.random() < 0.25
         exposure = _exposure_path(direction, stage.exposure, spec.frames / spec.frame_rate)

@@ -12,6 +12,7 @@ from supersampler import Frame, halton_jitter
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
 from supersampler.io.shot import ClassMaps, ShotWriter
+from supersampler_model.data.labels.thin import thin
 from supersampler_model.data.rendered import UNIT_BUFFERS, Rendered, labels_of
 from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.sequences import Sequence
@@ -30,6 +31,7 @@ class ShotForm:
         gbuffers: whether G-buffers of render and of display size are stored.
         small: whether values that compress badly are rounded: depth to 14 bits, motion to 1 / 256 pixel.
         first_reference: the first frame whose reference is stored.
+        thin: whether the classes include that of thin objects.
         license: of the images.
         compression, reference_compression: see `ShotWriter`.
     """
@@ -40,6 +42,7 @@ class ShotForm:
     gbuffers: bool = True
     small: bool = False
     first_reference: int = 0
+    thin: bool = False
     license: str = ""
     compression: str = "zip"
     reference_compression: str = "zip"
@@ -92,8 +95,7 @@ def render_shot(
         now = before
         for ratio_index, rendered in enumerate(_rendered(sequence, renderer, form.ratios, index)):
             if ratio_index == 0:
-                labels = labels_of(rendered, before)
-                now, classes = rendered, ClassMaps(labels.ghost, labels.alias)
+                now, classes = rendered, _classes(rendered, before, form)
             writer = writers[ratio_index]
             if len(writer) > index:  # by a run that was stopped between two ratios
                 continue
@@ -140,6 +142,12 @@ def _rendered(
             reset=sequence.cut(index),
             exposure=scene.camera.exposure,
         )
+
+
+def _classes(now: Rendered, before: Rendered | None, form: ShotForm) -> ClassMaps:
+    labels = labels_of(now, before)
+    of_thin = thin(now.evidence().pixels).astype(np.uint8) if form.thin else None
+    return ClassMaps(labels.ghost, labels.alias, of_thin)
 
 
 def _frame(rendered: Rendered, exposure: float | None, form: ShotForm) -> Frame:

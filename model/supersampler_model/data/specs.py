@@ -20,7 +20,7 @@ class SequenceSpec:
     """The parameters that generate a sequence; plain data for a JSON file.
 
     Attributes:
-        family: one of TRAIN_FAMILIES or TEST_FAMILIES, or GLTF.
+        family: one of TRAIN_FAMILIES, TEST_FAMILIES or APART_FAMILIES, or GLTF.
         seed: >= 0, of layout, textures, colours, lights, camera, speeds, cuts and exposure.
         frames: how many, >= 1.
         frame_rate: frames a second, > 0.

@@ -81,7 +81,7 @@ def painted(
 def test_a_perfect_image_scores_perfectly_in_everything(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    hard = ClassMaps(*(np.arange(54 * 96).reshape(54, 96).astype(np.uint8) // step % 3 for step in (1, 3)))
+    hard = ClassMaps(*(np.arange(54 * 96).reshape(54, 96).astype(np.uint8) // step % 3 for step in (1, 3, 7)))
     shot = write_shot(tmp_path, references=[2, 4, 5], classes=hard)
     stored = {item.index: item.reference for item in shot if item.reference is not None}
     frames = painted(monkeypatch, shot, lambda i: stored.get(i, truth(i)))
@@ -145,6 +145,20 @@ def test_the_masks_are_the_truth_classes_where_a_shot_has_them(
     assert pixels == {"disoccluded": 20, "changing_light": 30, "aliased": 60}
     assert wrong["psnr_changing_light"] < 20 < 60 < wrong["psnr_disoccluded"]
     assert wrong["psnr_aliased"] > 60
+
+
+def test_thin_pixels_are_measured_where_their_class_is_known(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    none, thin = (np.zeros((DISPLAY[1], DISPLAY[0]), np.uint8) for _ in range(2))
+    thin[20:22, 30:40] = 1
+    scores = {}
+    for name, known in (("with", thin), ("without", None)):
+        shot = write_shot(tmp_path / name, references=[3], classes=ClassMaps(none, none, known))
+        scores[name] = painted(monkeypatch, shot, lambda i: np.where(thin[..., None], 0, truth(i)))[0].full
+    assert scores["with"]["pixels_thin"] == 20
+    assert scores["with"]["psnr_thin"] < 20 < scores["with"]["psnr"]
+    assert np.isnan(scores["without"]["psnr_thin"])
 
 
 def test_without_truth_classes_what_only_they_tell_is_not_measured(

@@ -41,6 +41,17 @@ def test_the_best_figure_of_a_column_stands_out_whichever_way_is_better() -> Non
     assert worse.split(" | ")[5] == better.split(" | ")[5] == "**1.23**"
 
 
+def test_thin_pixels_have_a_column_beside_aliased_ones_where_any_method_has_them() -> None:
+    rows = [scores_row(r) for r in RESULTS]
+    without = markdown_table("title", rows)
+    assert "thin" not in without
+    headings = without.split("\n")[0]
+    rows[1]["summary"]["warm_cropped"]["psnr_thin"] = rows[1]["summary"]["all_full"]["psnr_thin"] = 23.0
+    first, _, worse, better, *_ = markdown_table("title", rows).split("\n")
+    assert first == headings.replace("aliased ↑ |", "aliased ↑ | PSNR dB, thin ↑ |")
+    assert [row.split(" | ")[9] for row in (worse, better)] == ["–", "**23.00**"]
+
+
 def test_a_block_is_replaced_and_all_around_it_stays(tmp_path: Path) -> None:
     file = tmp_path / "README.md"
     file.write_text(README, encoding="utf-8")

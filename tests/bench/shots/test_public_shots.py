@@ -25,11 +25,13 @@ from supersampler_bench.shots.public_shots import (
 )
 from supersampler_bench.shots.render_test_shots import frames_there, render_test_shot, render_test_shots
 from supersampler_model.data.errors import DataError
-from supersampler_model.data.sequences import TEST_FAMILIES
+from supersampler_model.data.sequences import APART_FAMILIES, TEST_FAMILIES
 
 TINY = TestShots(
     seeds={"gallery": 5, "court": 3}, frames=10, display_size=(48, 28), ratios=(1.5, 2.0), samples=4
 )
+
+TINY_APART = replace(TINY, seeds={"rigging": 113}, thin=True)
 
 
 @pytest.fixture(scope="module")
@@ -38,6 +40,7 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
     seen: list[bool] = []
     render_test_shots(cache, TINY, workers=2, on_frame=lambda: seen.append(True))
     assert len(seen) == frames_there(cache, TINY) == 20
+    render_test_shots(cache, TINY_APART)
     return cache
 
 
@@ -50,6 +53,25 @@ def test_there_is_one_test_shot_of_each_family_that_is_never_trained_on() -> Non
     assert set(public_shots.TEST_SHOTS.seeds) == set(TEST_FAMILIES)
     assert sorted(public_shots.TEST_SHOTS.ratios) == [1.0, 1.5, 2.0, 3.0, 4.0]
     assert public_shots.TEST_SHOTS.samples >= 64
+
+
+def test_shots_apart_are_of_families_apart_and_in_no_mean() -> None:
+    apart = public_shots.APART_SHOTS
+    assert set(apart.seeds) == set(APART_FAMILIES)
+    assert replace(apart, seeds=TINY.seeds, thin=False) == replace(public_shots.TEST_SHOTS, seeds=TINY.seeds)
+    assert public_shots.named("test-shots") == public_shots.TEST_SHOTS
+    assert public_shots.named("rigging") == apart
+    assert public_shots.named("plaza") is None
+
+
+def test_thin_pixels_are_a_class_of_the_shots_apart_alone(cache: Path, opened: list[PublicShot]) -> None:
+    [apart] = open_test_shots(cache, [2.0], TINY_APART, cache / "none.json")
+    classes, others = apart.shot.read_classes(4), opened[0].shot.read_classes(4)
+    assert classes is not None
+    assert classes.thin is not None
+    assert 0.02 < classes.thin.mean() < 0.7
+    assert others is not None
+    assert others.thin is None
 
 
 def test_each_frame_has_its_reference_classes_and_both_g_buffers(opened: list[PublicShot]) -> None:
@@ -90,6 +112,15 @@ def test_the_hash_is_of_pixels_and_not_of_files(tmp_path: Path, opened: list[Pub
     channels["class.alias"][3, 3] += np.float16(1)
     write_exr(path, channels)
     assert pixel_hash(copy) != opened[0].digest
+
+
+def test_the_hash_is_of_the_class_of_thin_pixels_too(cache: Path, tmp_path: Path) -> None:
+    [apart] = open_test_shots(cache, [2.0], TINY_APART, cache / "none.json")
+    copy = copy_shot(apart.shot, tmp_path / "copy")
+    assert pixel_hash(copy) == apart.digest
+    path = tmp_path / "copy" / "reference" / "0004.exr"
+    write_exr(path, {n: 1 - array if n == "class.thin" else array for n, array in read_exr(path).items()})
+    assert pixel_hash(copy) != apart.digest
 
 
 def test_frozen_pixels_are_known_again_and_others_are_warned_of(
@@ -156,11 +187,12 @@ def test_the_bench_measures_all_of_them_and_their_mean(
     cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(public_shots, "TEST_SHOTS", TINY)
+    monkeypatch.setattr(public_shots, "APART_SHOTS", TINY_APART)
     monkeypatch.setattr(public_shots, "FROZEN", tmp_path / "frozen.json")
     monkeypatch.setenv(public_shots.CACHE_VARIABLE, str(cache))
     shots = CliRunner().invoke(app, ["bench", "shots", "--freeze"])
     assert shots.exit_code == 0, shots.output
-    assert shots.stdout.count("yes") == 4
+    assert shots.stdout.count("yes") == 6
     readme, values = tmp_path / "README.md", tmp_path / "values.json"
     readme.write_text("<!-- bench:quality test-shots -->\n<!-- /bench -->\n")
     command = ["bench", "quality", "test-shots", "--ratio", "1.5,2", "--methods", "bilinear,taau"]
@@ -179,6 +211,13 @@ def test_the_bench_measures_all_of_them_and_their_mean(
     text = readme.read_text(encoding="utf-8")
     assert text.count("| taau |") == 2  # the means
     assert "Mean of the shots gallery, court at ratio 1.5 to 48x28: 10 frames each" in text
+    assert "thin" not in text
+    apart = ["bench", "quality", "rigging", "--methods", "bilinear,taau", "--json", str(values)]
+    done = CliRunner().invoke(app, apart)
+    assert (done.exit_code, done.stderr) == (0, "")
+    [shot] = json.loads(values.read_text(encoding="utf-8"))["shots"]
+    assert (shot["name"], shot["ratio"], shot["as_frozen"]) == ("rigging", 2.0, True)
+    assert shot["methods"][1]["summary"]["all_full"]["psnr_thin"] > 10.0
 
 
 def test_the_bench_without_a_cache_says_what_makes_one(tmp_path: Path) -> None:

@@ -29,7 +29,7 @@ from supersampler_model.data.errors import DatasetError
 from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.scenes.camera import Camera
 from supersampler_model.data.scenes.scene import Scene
-from supersampler_model.data.sequences import TEST_FAMILIES, TRAIN_FAMILIES, SequenceSpec
+from supersampler_model.data.sequences import APART_FAMILIES, TEST_FAMILIES, TRAIN_FAMILIES, SequenceSpec
 
 DISPLAY = (96, 54)
 FRAMES = 3
@@ -224,14 +224,14 @@ def test_info_counts_and_renders_a_contact_sheet(tmp_path: Path, small_renderer:
 
 
 def test_a_plan_follows_from_its_seed_and_keeps_test_families_apart() -> None:
-    plan = RenderPlan(families=(*TRAIN_FAMILIES, *TEST_FAMILIES), sequences=150)
+    plan = RenderPlan(families=(*TRAIN_FAMILIES, *TEST_FAMILIES, *APART_FAMILIES), sequences=150)
     drawn = plan_sequences(plan)
     assert drawn == plan_sequences(plan)
     assert drawn != plan_sequences(replace(plan, seed=1))
     splits = {
         family: {e.split for e in drawn.sequences if e.spec.family == family} for family in plan.families
     }
-    assert all(splits[family] == {"test"} for family in TEST_FAMILIES)
+    assert all(splits[family] == {"test"} for family in (*TEST_FAMILIES, *APART_FAMILIES))
     assert all(splits[family] == {"train", "validation"} for family in TRAIN_FAMILIES)
     assert {e.ratio for e in drawn.sequences} == {1.0, 1.5, 2.0, 3.0, 4.0}
     assert Description.from_json(drawn.to_json()) == drawn

@@ -14,6 +14,7 @@ from supersampler_model.data.scenes.procedural import casters, lighting, materia
 from supersampler_model.data.scenes.procedural.stage import Stage
 from supersampler_model.data.scenes.scene import Instance, Scene
 from supersampler_model.data.sequences import (
+    APART_FAMILIES,
     TEST_FAMILIES,
     TRAIN_FAMILIES,
     Sequence,
@@ -21,7 +22,7 @@ from supersampler_model.data.sequences import (
     make_sequence,
 )
 
-FAMILIES = (*TRAIN_FAMILIES, *TEST_FAMILIES)
+FAMILIES = (*TRAIN_FAMILIES, *TEST_FAMILIES, *APART_FAMILIES)
 SIZE = (96, 54)
 MOST_TRIANGLES = 60_000
 

@@ -9,7 +9,7 @@ import numpy as np
 from supersampler.errors import ArgumentError
 from supersampler_model.data.dataset.description import Description, SequenceEntry, Split
 from supersampler_model.data.scenes.gltf.folder import Folder, read_folder
-from supersampler_model.data.sequences import TEST_FAMILIES, TRAIN_FAMILIES, SequenceSpec
+from supersampler_model.data.sequences import APART_FAMILIES, TEST_FAMILIES, TRAIN_FAMILIES, SequenceSpec
 
 RATIOS = (1.0, 1.5, 2.0, 3.0, 4.0)
 _RATIO_SHARES = (0.1, 0.2, 0.4, 0.2, 0.1)
@@ -73,7 +73,7 @@ def plan_sequences(plan: RenderPlan) -> Description:
 
 
 def _check(plan: RenderPlan) -> None:
-    known = (*TRAIN_FAMILIES, *TEST_FAMILIES)
+    known = (*TRAIN_FAMILIES, *TEST_FAMILIES, *APART_FAMILIES)
     for family in plan.families:
         if family not in known:
             raise ArgumentError("families", got=repr(family), want=f"some of {', '.join(known)}")
@@ -114,7 +114,7 @@ def _staged(plan: RenderPlan, index: int, seed: int) -> tuple[SequenceSpec, Spli
     """Return procedural sequence `index`, and its split."""
     family = plan.families[index % len(plan.families)]
     spec = SequenceSpec(family=family, seed=seed, frames=plan.frames)
-    if family in TEST_FAMILIES:
+    if family in (*TEST_FAMILIES, *APART_FAMILIES):
         return spec, "test"
     return spec, _split(index // len(plan.families))
 

@@ -28,22 +28,31 @@ GBUFFER: Mapping[str, Sequence[str]] = {
     "specular": ("specular.Y",),
 }
 _GBUFFER_DISPLAY: Mapping[str, Sequence[str]] = {**GBUFFER, "depth": DEPTH}
-CLASSES = ("class.ghost", "class.alias")
+CLASSES = ("class.ghost", "class.alias", "class.thin")
+"""The third may be missing."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ClassMaps:
-    """Why pixels of a reference are hard to upscale, by the classes of Guo et al. 2022.
+    """Why pixels of a reference are hard to upscale: the classes of Guo et al. 2022, and thin objects.
 
     Attributes:
         ghost: (H, W) uint8, why the history is not usable: 0 it is usable, 1 the surface was occluded or off
             screen, 2 its lighting has changed.
         alias: (H, W) uint8, why one sample aliases: 0 it does not, 1 an edge of a surface, 2 detail on a
             surface.
+        thin: (H, W) uint8, 1 where the pixel holds a part of an object less than about two pixels wide, else
+            0; None where that is not known.
     """
 
     ghost: NDArray[np.uint8]
     alias: NDArray[np.uint8]
+    thin: NDArray[np.uint8] | None = None
+
+    def known(self) -> dict[str, NDArray[np.uint8]]:
+        """Return the maps that are known, by name."""
+        maps = {"ghost": self.ghost, "alias": self.alias}
+        return maps if self.thin is None else {**maps, "thin": self.thin}
 
 
 def read_frame(
@@ -123,19 +132,19 @@ def read_classes(path: Path, display_size: Size | None) -> ClassMaps | None:
     check_size(path, channels, display_size)
     if not channels:
         return None
-    maps = [take(path, channels, (name,)) for name in CLASSES]
-    for name, array in zip(CLASSES, maps, strict=True):
+    names = CLASSES if CLASSES[2] in channels else CLASSES[:2]
+    maps = [take(path, channels, (name,)) for name in names]
+    for name, array in zip(names, maps, strict=True):
         if not ((array >= 0) & (array <= np.iinfo(np.uint8).max)).all():  # NaN is neither
             raise ShotError(path, f"channel {name} holds other values than classes, 0 to 255")
-    ghost, alias = (array.astype(np.uint8) for array in maps)
-    return ClassMaps(ghost, alias)
+    return ClassMaps(*(array.astype(np.uint8) for array in maps))
 
 
 def write_reference(path: Path, reference: Array, classes: ClassMaps | None, compression: str) -> None:
     """Write a reference image, (H, W, 3), and its class maps; ShotError where that fails."""
     channels = _named(COLOR, reference)
     if classes is not None:
-        channels |= _named(CLASSES, np.stack([classes.ghost, classes.alias], -1).astype(np.float16))
+        channels |= {f"class.{name}": array.astype(np.float16) for name, array in classes.known().items()}
     write_exr(path, channels, compression=compression)
 
 

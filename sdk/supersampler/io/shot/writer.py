@@ -255,7 +255,7 @@ class ShotWriter:
         if classes is not None:
             if reference is None:
                 raise ArgumentError("classes", got="without a reference", want="both: they lie in one file")
-            arrays |= {"classes.ghost": classes.ghost, "classes.alias": classes.alias}
+            arrays |= {f"classes.{name}": array for name, array in classes.known().items()}
         if frame.motion.shape[:2] != frame.depth.shape:
             arrays["motion"] = frame.motion
         if frame.motion_next is not None and frame.motion_next.shape[:2] != frame.depth.shape:

@@ -1,6 +1,6 @@
 """Procedural scenes: each family is a function that builds a random stage.
 
-`TRAIN` and `TEST` find them by name.
+`TRAIN`, `TEST` and `APART` find them by name.
 """
 
 from collections.abc import Callable
@@ -18,6 +18,7 @@ from supersampler_model.data.scenes.procedural.market import market
 from supersampler_model.data.scenes.procedural.metals import metals
 from supersampler_model.data.scenes.procedural.movers import movers
 from supersampler_model.data.scenes.procedural.night_garden import night_garden
+from supersampler_model.data.scenes.procedural.rigging import rigging
 from supersampler_model.data.scenes.procedural.stage import Stage
 
 Family = Callable[[np.random.Generator], Stage]
@@ -29,3 +30,4 @@ def _by_name(*families: Family) -> dict[str, Family]:
 
 TRAIN = _by_name(fences, floors, metals, movers, foliage, flicker)
 TEST = _by_name(machine_hall, market, night_garden, gallery, court)
+APART = _by_name(rigging)

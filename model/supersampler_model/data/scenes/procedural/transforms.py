@@ -30,3 +30,15 @@ def facing(position: Sequence[float] | Values, heading: Sequence[float] | Values
     """Return the pose at `position` with its local +z along the level part of `heading`."""
     yaw = float(np.arctan2(heading[0], heading[2]))
     return placed(float(position[0]), float(position[1]), float(position[2]), yaw=yaw)
+
+
+def along(origin: Sequence[float] | Values, toward: Sequence[float] | Values, roll: float = 0.0) -> Matrix:
+    """Return the pose at `origin` with local +y along `toward`, turned about it by `roll` radians."""
+    ahead = np.asarray(toward, np.float64) / np.linalg.norm(toward)
+    beside = np.cross(ahead, np.eye(3)[np.abs(ahead).argmin()])
+    beside /= np.linalg.norm(beside)
+    across = np.cos(roll) * beside + np.sin(roll) * np.cross(ahead, beside)
+    matrix = np.eye(4)
+    matrix[:3, :3] = np.stack([across, ahead, np.cross(across, ahead)], axis=1)
+    matrix[:3, 3] = origin
+    return matrix

@@ -1,0 +1,193 @@
+"""Family of the test shot of thin things: a ship's rigging, chains, chain-link, power lines."""
+
+from collections.abc import Iterable
+from itertools import pairwise
+
+import numpy as np
+
+from supersampler_model.data.scenes.procedural import lighting, materials, paths, shapes
+from supersampler_model.data.scenes.procedural.fixtures import WHEEL, bulb, hills
+from supersampler_model.data.scenes.procedural.shapes import Part, Point
+from supersampler_model.data.scenes.procedural.ship import BOW, HALF_WIDTH, rope, ship
+from supersampler_model.data.scenes.procedural.stage import Stage
+from supersampler_model.data.scenes.procedural.transforms import along, placed
+from supersampler_model.data.values import Rng
+
+KEEL, EDGE, SHORE = -8.5, -4.0, -24.0  # z of the ship, of the quay's edge, of the other bank
+WATER = -0.7  # its height
+ARMS = ((10.0, 2.6), (11.6, 2.0))  # of pylons: height, length to each side
+
+
+def rigging(rng: Rng) -> Stage:
+    """Build a ship at a quay with a fence, and power lines behind it, by day."""
+    sky = lighting.outdoors(rng, (0.16, 0.33, 0.75), (0.62, 0.68, 0.78), (0.12, 0.13, 0.12), clouds=1.0)
+    stage = Stage(environment=sky, exposure=0.7)
+    clouds = lighting.maybe(rng, 0.5, lighting.clouds)
+    stage.sun = lighting.sunlight(
+        rng, 6.5, 15.0, elevation=(28.0, 55.0), azimuth=(3.9, 5.5), pulsing=clouds, center=(0.0, 0.0, -6.0)
+    )
+    _banks(rng, stage)
+    ship(rng, stage, KEEL)
+    _fence(rng, stage)
+    _chains(rng, stage)
+    _power_lines(rng, stage)
+    _boat(rng, stage)
+    _cart(rng, stage)
+    _gulls(rng, stage)
+    _lights(rng, stage)
+    stage.vantages += [
+        paths.Vantage(position=(-3.2, 1.9, 4.6), target=(-2.4, 4.4, KEEL), room=2.0),
+        paths.Vantage(position=(-6.5, 3.0, 2.5), target=(0.5, 5.0, KEEL), room=1.5),
+        paths.Vantage(position=(3.4, 1.7, 3.0), target=(-0.6, 4.8, KEEL), room=2.5),
+    ]
+    return stage
+
+
+def _banks(rng: Rng, stage: Stage) -> None:
+    quay = shapes.box(60.0, 1.0, 20.0, 0.4)
+    stage.put(quay, materials.tiles(rng, 8, 0.1, 0.3), placed(0, -1.0, EDGE + 10.0))
+    stage.put(shapes.box(60.0, 0.12, 0.35, 0.5), materials.concrete(rng), placed(0, 0, EDGE + 0.2))
+    water = materials.metal(rng, (0.16, 0.22, 0.25), 0.16, 0.1)
+    stage.put(shapes.plane(140.0, 60.0, 0.1), water, placed(0, WATER, -30.0))
+    meadow = materials.ground(rng, (0.3, 0.33, 0.2))
+    stage.put(shapes.box(140.0, 1.2, 30.0, 0.3), meadow, placed(0, -0.9, SHORE - 15.0))
+    hills(rng, stage, (0.27, 0.33, 0.24))
+
+
+def _fence(rng: Rng, stage: Stage) -> None:
+    """Add chain-link on the right, under barbed wire."""
+    left, right, z, height = 0.6, 12.6, 0.2, 2.2
+    mesh = shapes.wall(right - left, height, 0.7)
+    stage.put(mesh, materials.fence(rng, 16), placed(0.5 * (left + right), 0.05, z))
+    xs = np.arange(left, right + 0.1, 2.0)
+    parts: list[Part] = [(shapes.cylinder(0.035, height + 0.5, 10), placed(x, 0, z)) for x in xs]
+    parts += [shapes.tube([(left, y, z), (right, y, z)], 0.02) for y in (0.08, height)]
+    ends = [(x, next_x, y) for x, next_x in pairwise(xs) for y in (2.35, 2.5, 2.65)]
+    parts += [shapes.wire((x, y, z), (next_x, y, z), 0.03, 0.005) for x, next_x, y in ends]
+    stage.put(parts, materials.metal(rng, (0.55, 0.55, 0.56), 0.35))
+
+
+def _chains(rng: Rng, stage: Stage) -> None:
+    """Add chains from post to post along the quay, the anchor's chain, and mooring lines."""
+    iron, posts = materials.metal(rng, (0.4, 0.39, 0.38), 0.4), np.arange(-14.5, 14.6, 2.4)
+    z = EDGE + 0.5
+    stage.put([(shapes.cylinder(0.07, 0.95, 10), placed(x, 0, z)) for x in posts], materials.paint(rng))
+    links: list[Part] = []
+    for x, next_x in pairwise(posts):
+        links += _chain((x, 0.9, z), (next_x, 0.9, z), rng.uniform(0.25, 0.4), 0.09)
+    bow = (BOW[0], 1.6, KEEL + 0.6)
+    stage.put([*links, *_chain(bow, (BOW[0] - 1.6, WATER, KEEL + 1.2), 0.1, 0.13)], iron)
+    bollard = shapes.lathe([(0.14, 0.0), (0.12, 0.3), (0.2, 0.36), (0.2, 0.42), (0.0, 0.46)], 16)
+    bollards = [(x, 0.3, EDGE + 0.2) for x in (-10.5, -4.0, 3.6, 10.0)]
+    stage.put([(bollard, placed(x, 0.1, z)) for x, _, z in bollards], iron)
+    hull = [(x, 1.9, KEEL + 0.9 * HALF_WIDTH) for x in (-5.5, -1.0, 1.5, 5.0)]
+    lines = [shapes.wire(a, b, rng.uniform(0.1, 0.3), 0.02) for a, b in zip(hull, bollards, strict=True)]
+    stage.put(lines, materials.cloth(rng, (0.7, 0.62, 0.45)))
+
+
+def _chain(start: Point, end: Point, sag: float, pitch: float) -> Iterable[Part]:
+    """Yield the links of a hanging chain, one every `pitch` metres, each turned against the one before."""
+    turn = np.linspace(0.0, 2.0 * np.pi, 8)
+    oval = pitch * np.stack([0.42 * np.sin(turn), 0.68 * np.cos(turn), 0.0 * turn], axis=1)
+    link = shapes.tube(oval, 0.15 * pitch, 4)
+    t = np.linspace(0.0, 1.0, round(1.1 * np.linalg.norm(np.subtract(end, start)) / pitch))[:, None]
+    points = (1.0 - t) * start + t * np.asarray(end)
+    points[:, 1:2] -= 4.0 * sag * t * (1.0 - t)
+    for number, (here, there) in enumerate(pairwise(points)):
+        yield link, along(0.5 * (here + there), there - here, roll=0.5 * np.pi * (number % 2))
+
+
+def _power_lines(rng: Rng, stage: Stage) -> None:
+    """Add pylons on the other bank, and five lines on them."""
+    xs, z = np.arange(-44.0, 45.0, 22.0) + rng.uniform(-4.0, 4.0), SHORE - 3.0
+    ends = [*((y - 0.4, side) for y, out in ARMS for side in (-out, out)), (12.6, 0.0)]
+    lines = [
+        shapes.wire((x, y, z + side), (next_x, y, z + side), 1.1, 0.02)
+        for x, next_x in pairwise(xs)
+        for y, side in ends
+    ]
+    pylon = shapes.merged(_pylon(13.0))
+    stage.put([(pylon, placed(x, 0, z)) for x in xs], materials.metal(rng, (0.5, 0.52, 0.53), 0.5))
+    stage.put(lines, materials.paint(rng, (0.05, 0.05, 0.05), 0.3))
+
+
+def _pylon(height: float) -> Iterable[Part]:
+    """Yield the bars of a lattice mast whose arms point to both sides, along z."""
+    corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
+    levels = height * (1.0 - np.array([1.0, 0.8, 0.62, 0.46, 0.32, 0.2, 0.1, 0.0]))
+    half = 0.25 + 1.15 * (1.0 - levels / height) ** 1.5
+    rings = [[(h * x, y, h * z) for x, z in corners] for y, h in zip(levels, half, strict=True)]
+    for below, above in pairwise(rings):
+        for k in range(4):
+            yield rope(below[k], above[k], 0.06)
+            yield rope(below[k], above[(k + 1) % 4], 0.03)
+            yield rope(below[(k + 1) % 4], above[k], 0.03)
+    for y, out in ARMS:
+        for side in (-out, out):
+            yield rope((0.0, y, 0.0), (0.0, y, side), 0.05)
+            yield rope((0.0, y + 0.9, 0.0), (0.0, y, side), 0.03)
+            yield rope((0.0, y, side), (0.0, y - 0.4, side), 0.04)
+
+
+def _boat(rng: Rng, stage: Stage) -> None:
+    """Add a sailing boat that passes behind the ship."""
+    z = rng.uniform(-17.0, -14.0)
+    pose = paths.upright(paths.swing(rng, (-16.0, WATER, z), (16.0, WATER, z), rng.uniform(5.0, 9.0)))
+    hull = shapes.lathe([(0.6, -0.3), (1.0, 0.55), (0.9, 0.6), (0.0, 0.4)], 24)
+    stage.put([(hull, placed(size=(3.4, 1.0, 1.0)))], materials.paint(rng), pose)
+    head, tack, clew, bow = (0.5, 9.8, 0.0), (0.5, 1.5, 0.0), (-3.0, 1.5, 0.0), (3.3, 0.6, 0.0)
+    sail = shapes.mesh_of(
+        np.array([head, tack, clew]), np.tile([0.0, 0.0, 1.0], (3, 1)), np.array([(0, 0), (0, 1), (1, 1)]),
+        np.array([[0, 1, 2]]),
+    )  # fmt: skip
+    stage.put(sail, materials.cloth(rng, (0.9, 0.88, 0.82)), pose)
+    stays = [rope(head, bow, 0.012), rope(head, (-3.3, 0.6, 0.0), 0.012), rope(head, (0.5, 0.6, 0.9), 0.012)]
+    spars = [rope((0.5, 0.4, 0.0), head, 0.06), rope(tack, clew, 0.04)]
+    stage.put([*stays, *spars], materials.metal(rng, (0.8, 0.8, 0.8), 0.3), pose)
+
+
+def _cart(rng: Rng, stage: Stage) -> None:
+    """Add a cart that drives on the quay behind the fence."""
+    z = rng.uniform(-2.6, -1.4)
+    pose = paths.headed(paths.swing(rng, (-9.0, 0.0, z), (9.0, 0.0, z), rng.uniform(3.0, 5.0)))
+    body = [
+        (shapes.box(0.9, 0.35, 1.6), placed(0, 0.3, 0)),
+        (shapes.box(0.8, 0.9, 0.1), placed(0, 0.65, -0.7)),
+    ]
+    stage.put(body, materials.paint(rng), pose)
+    rails = [
+        shapes.tube([(x, 0.65, z), (x, 1.5, z)], 0.015, 6) for x in (-0.42, 0.42) for z in (-0.6, 0.0, 0.6)
+    ]
+    stage.put(rails, materials.metal(rng, (0.7, 0.7, 0.7), 0.3), pose)
+    wheels = [
+        (shapes.torus(0.2, 0.08, 20), placed(x, 0.28, z) @ WHEEL) for x in (-0.5, 0.5) for z in (-0.55, 0.55)
+    ]
+    stage.put(wheels, materials.paint(rng, (0.05, 0.05, 0.05), 0.2), pose)
+
+
+def _gulls(rng: Rng, stage: Stage) -> None:
+    white = materials.plaster(rng, (0.88, 0.88, 0.86))
+    wings = [
+        shapes.tube([(0, 0, 0), (s * 0.3, 0.12, -0.03), (s * 0.65, 0.05, -0.12)], 0.035, 5) for s in (-1, 1)
+    ]
+    bird = shapes.merged([*wings, (shapes.ball(0.08, 6), placed(size=(1.0, 1.0, 2.6)))])
+    for _ in range(5):
+        home = (rng.uniform(-6.0, 6.0), rng.uniform(6.0, 12.0), rng.uniform(-12.0, -4.0))
+        path = paths.circuit(rng, home, (rng.uniform(2, 5), 2.5), rng.uniform(3.0, 6.0))
+        stage.put(bird, white, paths.headed(path))
+
+
+def _lights(rng: Rng, stage: Stage) -> None:
+    """Add lamps on a cable over the quay, and a lantern at the ship's stern."""
+    z = EDGE + 1.0
+    masts = (-11.0, -3.6, 4.4, 12.0)
+    poles = [(shapes.cylinder(0.05, 4.3, 8), placed(x, 0, z)) for x in masts]
+    stage.put(poles, materials.paint(rng, (0.2, 0.22, 0.22)))
+    for x, next_x in pairwise(masts):
+        cable = shapes.wire((x, 4.25, z), (next_x, 4.25, z), 0.5, 0.011)
+        stage.put(cable, materials.paint(rng, (0.06, 0.06, 0.06)))
+        color = lighting.tint(rng, rng.uniform(14.0, 28.0), rng.uniform(0.2, 0.8))
+        pulsing = lighting.maybe(rng, 0.6, lighting.nervous)
+        bulb(stage, (0.5 * (x + next_x), 3.62, z), color, size=0.11, reach=9.0, pulsing=pulsing)
+    color, pulsing = lighting.tint(rng, 9.0, 0.9), lighting.pulse(rng, "throb")
+    bulb(stage, (9.3, 3.4, KEEL), color, size=0.12, pulsing=pulsing)
