@@ -6,7 +6,7 @@ import numpy as np
 import onnx
 from onnx import numpy_helper
 
-Extents = list[str | int]
+Extents = list[object]
 
 
 def simplified_gathers(model: onnx.ModelProto) -> onnx.ModelProto:
@@ -41,7 +41,9 @@ def simplified_gathers(model: onnx.ModelProto) -> onnx.ModelProto:
 
 
 def _extents(value: onnx.ValueInfoProto) -> Extents:
-    return [extent.dim_param or extent.dim_value for extent in value.type.tensor_type.shape.dim]
+    """Return numbers, names, and for what is unknown an object that equals no other."""
+    extents = value.type.tensor_type.shape.dim
+    return [getattr(extent, extent.WhichOneof("value") or "", object()) for extent in extents]
 
 
 def _flattened(graph: onnx.GraphProto) -> dict[str, str]:

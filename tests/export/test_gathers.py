@@ -57,6 +57,15 @@ def test_indices_of_one_axis_are_not_flattened() -> None:
     assert simplified(graph_of([FLATTEN, GATHER, out], ROWS[0], [1]), ROWS[0]) == ["Gather", "Neg"]
 
 
+def test_a_result_of_unknown_extents_is_reshaped_as_before() -> None:
+    nodes = [FLATTEN, GATHER, helper.make_node("Reshape", ["picked", "split"], ["out"])]
+    model = graph_of(nodes, ROWS, [2, 3, 2, -1])
+    for value, places in ((model.graph.input[1], (0, 1)), (model.graph.output[0], (1, 2))):
+        for place in places:
+            value.type.tensor_type.shape.dim[place].Clear()
+    assert [node.op_type for node in simplified_gathers(model).graph.node] == ["Reshape", "Gather", "Reshape"]
+
+
 def test_a_result_of_another_shape_or_with_other_readers_is_reshaped_as_before() -> None:
     other = [FLATTEN, GATHER, helper.make_node("Reshape", ["picked", "split"], ["out"])]
     assert simplified(graph_of(other, ROWS, [2, 2, 3, -1]), ROWS) == ["Reshape", "Gather", "Reshape"]
