@@ -30,8 +30,8 @@ PRODUCTS = {
 }  # fmt: skip
 """Multiply-adds a display pixel."""
 OPERATORS = {
-    "bilinear": 135, "bicubic": 165, "taa": 510, "taau": 1115, "classifier": 1385, "classifier-small": 1315,
-    "gbuffer-small": 1820, "gbuffer-small-4x": 1820, "extrapolate": 1060, "guided-warp": 1150,
+    "bilinear": 125, "bicubic": 150, "taa": 510, "taau": 1110, "classifier": 1355, "classifier-small": 1285,
+    "gbuffer-small": 1845, "gbuffer-small-4x": 1845, "extrapolate": 1035, "guided-warp": 1120,
     "guided-flow": 2685,
 }  # fmt: skip
 READS = {
