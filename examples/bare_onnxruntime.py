@@ -54,3 +54,4 @@ for entry in description["frames"]:
     )
     history = {t["name"]: results[t["output"]] for t in contract["history"]}
     np.save(out / f"{Path(entry['file']).stem}.npy", results["image"][0].transpose(1, 2, 0))
+print(f"{len(description['frames'])} images, (height, width, 3) float32, linear RGB: {out}")
