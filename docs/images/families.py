@@ -28,25 +28,26 @@ SEED, FRAME = 6, 12
 
 
 def main() -> None:
-    """Draw all families."""
+    """Render all families."""
     renderer = Renderer(SIZE)
-    tiles = [drawn(renderer, family) for family in (*TRAIN_FAMILIES, *TEST_FAMILIES, *APART_FAMILIES)]
+    families = (*TRAIN_FAMILIES, *TEST_FAMILIES, *APART_FAMILIES)
+    tiles = [reference_and_classes(renderer, family) for family in families]
     tiles += [np.full_like(tiles[0], 255)] * (-len(tiles) % ACROSS)
     rows = [np.concatenate(tiles[i : i + ACROSS], axis=1) for i in range(0, len(tiles), ACROSS)]
     with replacing(Path(__file__).with_suffix(".jpg")) as partial:
         partial.write_bytes(encode_jpeg(np.concatenate(rows), quality=85))
 
 
-def drawn(renderer: Renderer, family: str) -> NDArray[np.uint8]:
+def reference_and_classes(renderer: Renderer, family: str) -> NDArray[np.uint8]:
     """Return the reference of one frame, and its classes over it, side by side."""
     sequence = make_sequence(SequenceSpec(family=family, seed=SEED, frames=24))
     before, now = (
         renderer.render(sequence.scene(index), SIZE, jitter=(0.0, 0.0), reset=sequence.cut(index))
         for index in (FRAME - 1, FRAME)
     )
-    picture = to_uint8(display_transform(now.reference.color, now.exposure))
+    image = to_uint8(display_transform(now.reference.color, now.exposure))
     labels = label(now.evidence(now.exposure), before.evidence(now.exposure))
-    return np.concatenate([picture, overlay(labels, picture)], axis=1)
+    return np.concatenate([image, overlay(labels, image)], axis=1)
 
 
 if __name__ == "__main__":

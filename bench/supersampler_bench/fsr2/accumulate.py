@@ -69,19 +69,19 @@ class _Pixels:
 def accumulate(passed: Passed, history: History | None, view: View) -> History:
     """Run the pass; the image is the first three channels of the colour that it returns."""
     pixels = _pixels(passed, history is None, view)
-    past = _reprojected(history, pixels, view)
-    reactive = saturate(np.abs(past.color[..., 3]))
+    warped = _reprojected(history, pixels, view)
+    reactive = saturate(np.abs(warped.color[..., 3]))
     made = passed.made & ~pixels.is_new
-    locks = update_locks(past.locks, made, passed.shading, reactive, pixels.mask, pixels.disoccluded)
+    locks = update_locks(warped.locks, made, passed.shading, reactive, pixels.mask, pixels.disoccluded)
     color = to_ycocg(prepared(passed.color, passed.exposure))
     kernel_reactive = np.maximum(locks.reactive, pixels.is_new)
     now = upsample(color, kernel_reactive, pixels.disoccluded, pixels.speed, view)
     steady = np.maximum(np.maximum(pixels.disoccluded, pixels.mask), locks.change) < 0.1
-    lumas = np.where(steady[..., None], past.lumas, np.float32(0.0))
+    lumas = np.where(steady[..., None], warped.lumas, np.float32(0.0))
     instability = luma_instability(now.box, lumas, locks.reactive, pixels.mask)
-    weight = _base_accumulation(pixels, locks.reactive, past.color[..., 3] < 0.0, now.weight)
+    weight = _base_accumulation(pixels, locks.reactive, warped.color[..., 3] < 0.0, now.weight)
     before, weight = rectify(
-        to_ycocg(prepared(past.color[..., :3], passed.exposure)),
+        to_ycocg(prepared(warped.color[..., :3], passed.exposure)),
         weight,
         now.box,
         np.maximum(instability.factor, locks.contribution),

@@ -1,4 +1,4 @@
-"""Pass 3, depth clip: where the history was hidden, and where motion says that it is not to be trusted.
+"""Pass 3, depth clip: finds disocclusion, and diverging motion, where the history is not valid.
 
 Separation of depths: Akeley and Su, Minimum Triangle Separation for Correct Z-Buffer Occlusion, 2006.
 """
@@ -24,7 +24,7 @@ class Clip(NamedTuple):
     """Results of the pass, (h, w) each, in [0, 1].
 
     Attributes:
-        disoccluded: 1 where what is seen was hidden.
+        disoccluded: 1 where the surface was occluded in the previous frame.
         mask: 1 where motion of neighbours, or of two frames, diverges.
     """
 

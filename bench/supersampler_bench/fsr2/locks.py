@@ -1,6 +1,7 @@
-"""Pass 4, create locks, and what pass 5 does with them: thin features keep their history unrectified.
+"""Pass 4, create locks, and their update in pass 5. Locked pixels, of thin features, skip rectification.
 
-A lock is (lifetime, luma): 0 is none, above 1 it holds, and the luma is that of the shading when it was made.
+A lock is (lifetime, luma). A lifetime of 0 is no lock, one above 1 an active lock. The luma is the shading's
+at the time of the lock.
 """
 
 from typing import NamedTuple

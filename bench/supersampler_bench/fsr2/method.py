@@ -18,7 +18,7 @@ FSR2_LIKE = "fsr2-like"
 
 @dataclass(frozen=True)
 class _Before:
-    """What the previous frame left."""
+    """What the step on the previous frame passes to this one."""
 
     history: History
     motion: Array  # (h, w, 2), dilated, fractions of the image
@@ -47,16 +47,16 @@ class Fsr2Like:
         view = View(frame.size, self._display, frame.jitter)
         before = None if frame.reset else self._before
         logs = luminance_pyramid.log_luma(inputs.color, view)
-        past_average = before.average_log if before else None
-        average = luminance_pyramid.followed_average(logs, past_average, self._seconds)
+        previous_average = before.average_log if before else None
+        average = luminance_pyramid.followed_average(logs, previous_average, self._seconds)
         exposure = usable_exposure(frame.exposure) or luminance_pyramid.auto_exposure(average)
         dilated = dilate(inputs.depth, inputs.motion, view)
         motion = view.of_image(dilated.motion)
-        past_motion = before.motion if before else np.zeros_like(motion)
+        previous_motion = before.motion if before else np.zeros_like(motion)
         passed = Passed(
             color=inputs.color,
             motion=dilated.motion,
-            clip=depth_clip(inputs, dilated, past_motion, view),
+            clip=depth_clip(inputs, dilated, previous_motion, view),
             made=locks.new_locks(locks.lock_luma(inputs.color, exposure), view),
             shading=luminance_pyramid.shading_luma(luminance_pyramid.shading_grid(logs), exposure, view),
             exposure=exposure,

@@ -36,7 +36,7 @@ def luma_instability(box: Box, lumas: Array, reactive: Array, mask: Array) -> In
     size = saturate(box.deviation[..., 0] / np.float32(0.1)) ** 6
     flickers = (np.abs(last) >= _STEP) & (closest < np.abs(last)) & (size > _STEP)
     trusted = 1.0 - np.maximum(mask, np.power(reactive, np.float32(1.0 / 6.0)))
-    known = lumas[..., 2] != 0.0  # which is the oldest of four once this frame's is stored
+    known = lumas[..., 2] != 0.0  # the oldest of the four lumas that are stored below
     shifted = np.concatenate([luma[..., None], lumas[..., :3]], axis=-1)
     return Instability(np.where(flickers & known, trusted, np.float32(0.0)), shifted)
 

@@ -28,7 +28,7 @@ class Column:
         digits: after the point.
         higher: whether more is better.
         scale: factor on the value.
-        rare: whether a table is without it where no method has it.
+        rare: whether tables omit the column where no method has a value.
     """
 
     name: str
@@ -75,7 +75,7 @@ def markdown_table(
     Args:
         title: the caption without its full stop.
         rows: one for each method.
-        columns: in order; rare ones are left out where no row has them.
+        columns: in order; rare ones are omitted where no row has a value.
         everything: count the first frames and the border, too.
     """
     shown = _shown(columns, rows)
@@ -96,7 +96,7 @@ def rich_table(title: str, rows: Rows) -> Table:
 
 
 def _shown(columns: Iterable[Column], rows: Rows) -> list[Column]:
-    """Return the columns without rare ones that no row has."""
+    """Return the columns, without rare ones in which no row has a value."""
     return [c for c in columns if not c.rare or {*_column(c, rows, "{}", everything=True)} != {"–"}]
 
 

@@ -73,7 +73,7 @@ def gather_on_first(value: Any) -> list[Any]:
 
 
 def share_batch_norm(module: nn.Module) -> None:
-    """Let batch normalisation within a module use the statistics of the batches of all processes."""
+    """Replace batch normalisation layers in a module by `SharedBatchNorm`, if there are several processes."""
     if process_count() == 1:
         return
     for name, child in module.named_children():
@@ -85,7 +85,7 @@ def share_batch_norm(module: nn.Module) -> None:
 
 @contextmanager
 def uncounted() -> Iterator[None]:
-    """Within the block, what this process normalises takes part in the exchange and changes no statistics."""
+    """Within the block, batch normalisation takes part in the exchange of statistics with a weight of 0."""
     SharedBatchNorm.counted = False
     try:
         yield
@@ -133,7 +133,7 @@ class SharedBatchNorm(nn.BatchNorm2d):
 
 
 class _Sum(torch.autograd.Function):
-    """Sum over processes; so is its gradient, as every process's loss depends on it."""
+    """Sum over processes. The gradient is summed too, because the loss of each process depends on the sum."""
 
     @staticmethod
     def forward(ctx: Any, value: Tensor) -> Tensor:  # noqa: ARG004  # autograd's interface

@@ -15,10 +15,10 @@ _CLOSER = 0.01  # fraction of the closer reversed depth, as T_D^A of equation 7
 def thin(pixels: PixelStatistics) -> Mask:
     """Return where a pixel holds a part of an object less than about two pixels wide, (H, W).
 
-    Two display pixels are one render pixel at a ratio of 2. A surface is solid in squares of 2x2 pixels whose
-    samples it fills: no bar narrower than two pixels is, at any angle, and every bar wider than four. A pixel
-    is thin where its closest sample is in front of everything solid within `_REACH` pixels, by more than 1 %
-    and by more than the slope of a plane explains, as in the other labels.
+    Two display pixels are one render pixel at a ratio of 2. A surface is solid in squares of 2x2 pixels in
+    which all samples hit it. At any angle, a bar wider than four pixels has solid squares, and a bar narrower
+    than two has none. A pixel is thin where its closest sample is in front of all solid squares within
+    `_REACH` pixels: by more than 1 %, and by more than the slope of a plane explains, as in the other labels.
     """
     solid = -_largest(-pixels.depth_min, (0, 1))  # of the square whose first pixel this is
     nearest = _largest(solid, range(-_REACH - 1, _REACH + 1))
