@@ -179,7 +179,7 @@ def _ends(place: Tensor, size: Size) -> tuple[Tensor, Tensor]:
     """(W, 2) each: places of the centres of the first and of the last pixel.
 
     grid_sample adds 1 and multiplies by the size. 1 less than 2 - 1 / size, rounded to float32, gives the
-    last pixel exactly. No place gives the first one: the next one inside reads up to 2e-4 (at 4K) of the second.
+    last pixel exactly. No place gives the first one: the next one inside reads 2e-4 of the second, at 4K.
     """
     part = 1.0 / pair(place, size.width, size.height)
     return in_row(part - 1.0 + STEP, place), in_row(2.0 - part - 1.0, place)
