@@ -12,9 +12,9 @@ where
 The box is widened by the spread of the pixel's own samples over time. Otherwise features thinner than the
 sample distance vanish from the box in frames that miss them, and flicker: the weakness of variance clipping
 that Salvi names. On smooth surfaces, whose shade differs from sample to sample, the box holds the plane
-through the samples and the variance about it (`planes`), and a sample counts as no farther off than it is from
-that plane, or from the mean around it: light that moves over them changes all samples alike. Otherwise the
-history would lag in a wide box, and the samples of each frame would show as a grid.
+through the samples and the variance about it (`planes`), and a sample counts as no farther off than it is
+from that plane, or from the mean around it: light that moves over them changes all samples alike. Otherwise
+the history would lag in a wide box, and the samples of each frame would show as a grid.
 
 Light ten stops over white (GLARING) that was not there before is shown, but accumulated only from its third
 consecutive frame on. Until then the warped history is kept. A single bright frame, and an unshaded frame
