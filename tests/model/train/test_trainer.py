@@ -71,7 +71,7 @@ def test_classes_of_a_first_frame_do_not_count_in_validation(dataset: Dataset, t
     method, other = Classifier().eval(), create_dataset(tmp_path / "set", dataset.description)
     for index in range(entry.spec.frames):
         frame = dataset.read(entry, index)
-        classes = np.ones_like(frame.ghost) if frame.reset else frame.ghost
+        classes = 1 - frame.ghost if frame.reset else frame.ghost
         write_training_frame(other.path(entry, index), dataclasses.replace(frame, ghost=classes))
     overlaps = [validate(method, [(each, entry)]).overlap for each in (dataset, other)]
     assert overlaps[0] == overlaps[1] != {}
