@@ -1,56 +1,41 @@
-"""Two passes against one: their time and memory, shots on which they could do harm, and backward motion.
+"""Two passes against one: their time and memory, and backward motion.
 
     python bench/studies/both_ways.py times --json FILE --update docs/how-to/upscale-both-ways.md
 
 times: the frames of the shipped shot, again and again, without cuts; runs of one pass and of two take turns,
 and the ratio of their times is that of each pair. Memory is how far the largest resident size of the process
-grows between 128 and 384 frames. harm: analytic scenes, of which the truth is known; PSNR of two passes minus
-that of one. motion: of the test shots' scenes, scattered from the next frame's against what the renderer
-writes when it draws each frame towards the next.
+grows between 128 and 384 frames. motion: of the test shots' scenes, scattered from the next frame's against
+what the renderer writes when it draws each frame towards the next.
 """
 
 import os
 import resource
 import statistics
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
 from typing import Annotated, Any
 
 import numpy as np
 import typer
 
-from supersampler import Frame, Model, halton_jitter, upscale_sequence
+from supersampler import halton_jitter
 from supersampler.arguments import checked_choice
 from supersampler.frame import Float32, Size
-from supersampler.io.display import display_transform
 from supersampler.sequence.backward_motion import scattered_motion
 from supersampler_bench.cli.options import JSON, UPDATE, check_page, listed, publish, sizes_of
 from supersampler_bench.markdown_table import figure, size_text, table
-from supersampler_bench.quality.metrics import psnr
 from supersampler_bench.record import Record, machine_name
 from supersampler_bench.shots.public_shots import TEST_SHOTS
 from supersampler_bench.shots.rendered_frame import rendered_frame
 from supersampler_bench.specs import parse_spec
 from supersampler_bench.timing.two_passes import measure_passes
 from supersampler_model.data.renderer.renderer import Renderer
-from supersampler_model.data.scenes.analytic import DiscOverPlane, Plane, Scene, WiresOverPlane, zone_plate
 from supersampler_model.data.scenes.following import towards
 from supersampler_model.data.sequences import make_sequence
 from supersampler_model.data.specs import SequenceSpec
 
-RENDER, DISPLAY = (64, 36), (128, 72)
-SCENES: dict[str, Scene] = {
-    "still": Plane(zone_plate),
-    "still wires": WiresOverPlane(Plane(zone_plate)),
-    "pan": Plane(zone_plate, velocity=(0.37, 0.21)),
-    "disc": DiscOverPlane(),
-}
-SHOTS = (1, 2, 3, 8, 40)
-"""Frames from cut to cut."""
-
 
 def main(
-    what: Annotated[str, typer.Argument(help="times, harm or motion.")],
+    what: Annotated[str, typer.Argument(help="times or motion.")],
     methods: Annotated[str, typer.Option(help="With commas between.")] = "classifier,taau",
     display_sizes: Annotated[str, typer.Option(help="Sizes of the timed images.")] = "960x540",
     frames: Annotated[int, typer.Option(help="Of each timed run.")] = 192,
@@ -65,8 +50,6 @@ def main(
     if what == "times":
         sizes = sizes_of(display_sizes)
         rows = [timing(method, size, frames, pairs) for size in sizes for method in names]
-    elif what == "harm":
-        rows = [row for method in names for row in harms(method)]
     else:
         rows = [motion_errors(family) for family in TEST_SHOTS.seeds]
     record = {"bench": f"both_ways {what}", "cores": os.cpu_count(), "frames": frames, "rows": rows}
@@ -82,48 +65,6 @@ def timing(method: str, display: Size, count: int, pairs: int) -> dict[str, Any]
     grown = _peak() - small
     times = measure_passes(spec, display, frames=count, pairs=pairs)
     return {"method": method, "size": list(display), "one": times.one, "two": times.two, "grown": grown}
-
-
-def harms(method: str) -> Iterator[dict[str, Any]]:
-    """Yield the gain of the second pass for each scene, length of shots, and kind of frames."""
-    model = Model.load(method, providers="cpu")
-    for name, scene in SCENES.items():
-        count = max(SHOTS)
-        clean = [
-            replace(scene.frame(index, RENDER, halton_jitter(index, 2.0)), exposure=1.0)
-            for index in range(count)
-        ]
-        truths = [scene.truth(index, DISPLAY) for index in range(count)]
-        for hostile, length in [(False, length) for length in SHOTS] + [(True, 24)]:
-            total = max(length, min(12, count)) // length * length
-            given = [replace(frame, reset=i % length == 0) for i, frame in enumerate(clean[:total])]
-            given = with_hostile_values(given) if hostile else given
-            gain = np.subtract(*(scores(model, given, truths, passes) for passes in (2, 1)))
-            yield {
-                "method": method, "scene": name, "shot": length, "hostile": hostile,
-                "gain": float(gain.mean()), "least": float(gain.min()),
-            }  # fmt: skip
-
-
-def scores(model: Model, frames: Sequence[Frame], truths: Sequence[Float32], passes: int) -> Float32:
-    """Return the PSNR of each image."""
-    images = upscale_sequence(frames, display_size=DISPLAY, model=model, passes=passes, validate="off")
-    pairs = zip(images, truths[: len(frames)], strict=True)
-    found = [psnr(display_transform(image), display_transform(truth)) for image, truth in pairs]
-    return np.array(found, np.float32)
-
-
-def with_hostile_values(frames: Sequence[Frame]) -> list[Frame]:
-    """Spoil a tenth of the samples of every fourth frame: NaN, infinities, far too large values."""
-    found, rng = [], np.random.default_rng(0)
-    for index, frame in enumerate(frames):
-        if index % 4 == 3 and frame.color is not None:
-            arrays = {name: getattr(frame, name).copy() for name in ("color", "depth", "motion")}
-            for name, value in (("color", np.nan), ("color", 65504.0), ("depth", np.inf), ("motion", 1e30)):
-                arrays[name][rng.random(frame.depth.shape) < 0.025] = value
-            frame = replace(frame, **arrays)
-        found.append(frame)
-    return found
 
 
 def motion_errors(family: str, pairs: Sequence[int] = (5, 13, 21, 30)) -> dict[str, Any]:
@@ -164,25 +105,6 @@ def times_table(record: Record) -> str:
     return table(head, rows, f"{caption} {machine_name(record)}.")
 
 
-def harm_table(record: Record) -> str:
-    """Return the gains as a Markdown table: the smallest of all scenes for each length of shots."""
-    kinds = list(dict.fromkeys((row["shot"], row["hostile"]) for row in record["rows"]))
-    rows = []
-    for method in dict.fromkeys(row["method"] for row in record["rows"]):
-        for shot, hostile in kinds:
-            same = [
-                row
-                for row in record["rows"]
-                if (row["method"], row["shot"], row["hostile"]) == (method, shot, hostile)
-            ]
-            worst = min(same, key=lambda row: row["gain"])
-            mean = statistics.mean(row["gain"] for row in same)
-            what = f"{shot}{', hostile values' if hostile else ''}"
-            rows.append([method, what, figure(mean, 2), figure(worst["gain"], 2), worst["scene"]])
-    head = ["method", "frames of a shot", "gain dB, mean of scenes:", "least of a scene:", "which"]
-    return table(head, rows, "PSNR of two passes minus one, in analytic scenes, 64x36 to 128x72.")
-
-
 def motion_table(record: Record) -> str:
     """Return the errors of motion as a Markdown table."""
     rows = [
@@ -197,9 +119,7 @@ def motion_table(record: Record) -> str:
     return table(head, rows, "Errors of motion to the next frame, render pixels at 320x180, of all pixels.")
 
 
-TABLES: Mapping[str, Callable[[Record], str]] = {
-    "times": times_table, "harm": harm_table, "motion": motion_table,
-}  # fmt: skip
+TABLES: Mapping[str, Callable[[Record], str]] = {"times": times_table, "motion": motion_table}
 
 
 def _peak() -> int:

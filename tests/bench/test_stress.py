@@ -16,7 +16,7 @@ from supersampler_bench.stress.compare import Difference, recovery
 from supersampler_bench.stress.contraction import contraction
 from supersampler_bench.stress.recovery import LEAST_BOUND, hostile_bound
 from supersampler_bench.stress.report import draw_sheets, markdown_table, stress_record
-from supersampler_bench.stress.runner import FAMILIES, Outcome, chosen, measure, run
+from supersampler_bench.stress.runner import FAMILIES, Outcome, chosen, measure, run, runs
 from supersampler_bench.stress.scenario import ROUNDING, Figure, Scenario, Session, Subject
 from supersampler_bench.stress.scenes import LAP, LOOP, Orbit, moving, still
 from supersampler_bench.stress.steady import passed_by_average
@@ -24,6 +24,8 @@ from supersampler_bench.stress.subjects import subjects
 from supersampler_model.data.scenes.analytic import EXTENT, places
 
 DISPLAY: Size = (48, 32)
+SHORT = ("single frames", "one frame", "two frames")
+"""Scenarios of two passes."""
 Mend = Callable[[Float32], Float32]
 
 
@@ -143,6 +145,59 @@ def test_a_shipped_method_passes_where_it_promises_bits() -> None:
         chosen(["sessions", "a cut in every frame"]), subjects(["taau"], ["cpu"]), quick=True
     ):
         assert outcome.passed, outcome
+
+
+def two_passes(spoiled: Callable[[Sequence[Frame], int], bool]) -> Subject:
+    """Two passes have the images of one, but for those that are spoiled: half as bright."""
+
+    def upscaled(frames: Sequence[Frame], display: Size, passes: int) -> Iterator[Float32]:
+        average = Average(display)
+        for index, frame in enumerate(frames):
+            image = average.step(frame)
+            yield 0.5 * image if passes == 2 and spoiled(frames, index) else image
+
+    return replace(SOUND, method="average:x2", sequences=upscaled)
+
+
+def is_single(frames: Sequence[Frame], index: int) -> bool:
+    return frames[index].reset and (index + 1 == len(frames) or frames[index + 1].reset)
+
+
+@pytest.mark.parametrize(
+    ("spoiled", "losers"),
+    [
+        pytest.param(lambda *_: False, [], id="nothing"),
+        pytest.param(is_single, ["single frames", "one frame"], id="single frames"),
+        pytest.param(lambda _, index: index == 1, [*SHORT], id="one frame of all"),
+    ],
+)
+def test_a_shot_that_two_passes_make_worse_fails(
+    spoiled: Callable[[Sequence[Frame], int], bool], losers: list[str]
+) -> None:
+    outcomes = {name: run(scenario(f"two passes, {name}"), two_passes(spoiled), quick=True) for name in SHORT}
+    assert all(outcome.error == "" for outcome in outcomes.values())
+    worst = [name for name in SHORT if "PSNR lost, worst shot, dB" in failed(outcomes[name])]
+    assert worst == losers
+
+
+def test_bad_values_of_two_passes_count() -> None:
+    nan = np.full((32, 48, 3), np.nan, np.float32)
+    bad = replace(SOUND, sequences=lambda frames, *_: [nan] * len(frames))
+    assert "bad values" in failed(run(scenario("two passes, one frame"), bad, quick=True))
+
+
+def test_a_method_of_two_passes_runs_the_scenarios_of_two_passes_alone() -> None:
+    one, two = subjects(["taau", "taau:x2"], ["cpu"])
+    names = {found.name for found, subject in runs(chosen([]), [one, two]) if subject is two}
+    assert names == {found.name for found in FAMILIES["two-passes"]}
+    assert names >= {f"two passes, {case}" for case in ("cuts", "still", "huge", "exposure", *SHORT)}
+    assert not names & {found.name for found, _ in runs(chosen([]), [one])}
+
+
+def test_two_passes_of_a_shipped_method_lose_nothing_in_short_shots() -> None:
+    for outcome in measure(chosen(["two-passes"], quick=True), subjects(["taau:x2"], ["cpu"]), quick=True):
+        assert outcome.passed, outcome
+        assert outcome.figures[0].value < (0.05 if outcome.scenario == "two passes, one frame" else -0.2)
 
 
 def test_with_an_extrapolation_model_every_second_frame_is_unshaded() -> None:

@@ -24,7 +24,8 @@ def stress(
     methods: Annotated[
         str,
         typer.Option(
-            help="Shipped models or model folders, or classifier:fp16, taau+guided-warp; with commas between."
+            help="Shipped models or model folders, or classifier:fp16, taau:x2 for two passes, "
+            "taau+guided-warp; with commas between."
         ),
     ] = "bilinear,bicubic,taa,taau,classifier,classifier-small",
     executors: EXECUTORS = "cpu,onnx",

@@ -12,7 +12,7 @@ import supersampler_bench.stress
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
 from supersampler.io.atomic import replacing
-from supersampler_bench.stress import hostile, light, recovery, sampling, sessions, steady, travel
+from supersampler_bench.stress import hostile, light, recovery, sampling, sessions, steady, travel, two_passes
 from supersampler_bench.stress.scenario import Figure, Scenario, Subject
 
 FAMILIES: Mapping[str, Sequence[Scenario]] = {
@@ -23,6 +23,7 @@ FAMILIES: Mapping[str, Sequence[Scenario]] = {
     "travel": travel.SCENARIOS,
     "sampling": sampling.SCENARIOS,
     "sessions": sessions.SCENARIOS,
+    "two-passes": two_passes.SCENARIOS,
 }
 """All scenarios, by kind."""
 BAD_VALUES = "bad values"
@@ -133,7 +134,7 @@ def run(scenario: Scenario, subject: Subject, *, quick: bool = False) -> Outcome
     except Exception as broke:  # whatever a method raises is what is looked for
         error = f"{type(broke).__name__}: {broke}"
     else:
-        bad = float(sum(session.bad_values for session in trial.opened))
+        bad = float(measured.bad_values + sum(session.bad_values for session in trial.opened))
         figures, curve = (*measured.figures, Figure(BAD_VALUES, bad, 0.0)), measured.curve
     return Outcome(
         scenario=scenario.name,

@@ -1,7 +1,7 @@
 """Scenarios: a disturbance of a method, and figures with bounds."""
 
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -40,6 +40,10 @@ class Session(Protocol):
         """See `Upscaler.load_state`."""
 
 
+Sequences = Callable[[Sequence[Frame], Size, int], Iterable[Float32]]
+"""Computes the images of frames for a display size, in so many passes."""
+
+
 @dataclass(frozen=True)
 class Subject:
     """A method in one executor.
@@ -54,6 +58,7 @@ class Subject:
         exact: the same method in the graph, in single precision; None where this is it.
         recovery: frames in which what was bad is forgotten.
         ratios: of display to render size, the least and the largest.
+        sequences: of two passes, its images; None where it is stepped.
     """
 
     method: str
@@ -65,11 +70,17 @@ class Subject:
     exact: Callable[[Size, int], Session] | None = None
     recovery: int = RECOVERY
     ratios: tuple[float, float] = (1.0, 4.0)
+    sequences: Sequences | None = None
 
     @property
     def tolerance(self) -> float:
         """What two ways to the same image may differ by on average, as a screen shows it."""
         return ROUNDING if self.precision == "fp32" else STEP
+
+
+def bad_values(image: Float32) -> int:
+    """Return how many values of an image are not numbers in [0, 65504]."""
+    return int(image.size - np.count_nonzero((image >= 0.0) & (image <= LARGEST)))
 
 
 @dataclass
@@ -87,7 +98,7 @@ class Watched:
     def step(self, frame: Frame) -> Float32:
         """Step, and count."""
         image = self.session.step(frame)
-        self.bad_values += int(image.size - np.count_nonzero((image >= 0.0) & (image <= LARGEST)))
+        self.bad_values += bad_values(image)
         return image
 
     def save_state(self) -> State:
@@ -149,10 +160,16 @@ class Figure:
 
 @dataclass(frozen=True)
 class Measured:
-    """Figures of one run, and a curve to look at."""
+    """Figures of one run, and a curve to look at.
+
+    Attributes:
+        figures, curve: these.
+        bad_values: see `Watched`, of images that no session of the trial made.
+    """
 
     figures: tuple[Figure, ...]
     curve: list[float]
+    bad_values: int = 0
 
 
 @dataclass(frozen=True)
@@ -167,6 +184,7 @@ class Scenario:
         quick: frames of a short run in any; 0: it is left out there.
         remembers: only of methods with a history.
         pairs: only of subjects that are compared with single precision.
+        two_passes: of subjects of two passes, and only of these.
         same_size: the ONNX backend has images as large as the CPU backend.
         logarithmic: whether its curve has a logarithmic axis.
         ratios: of display to render size, the least and the largest that it asks for; None: it takes any.
@@ -180,6 +198,7 @@ class Scenario:
     quick: int = 0
     remembers: bool = True
     pairs: bool = False
+    two_passes: bool = False
     same_size: bool = False
     logarithmic: bool = True
     ratios: tuple[float, float] | None = (2.0, 2.0)
@@ -191,7 +210,7 @@ class Scenario:
 
     def suits(self, subject: Subject) -> bool:
         """Whether it makes sense for this subject, and at its ratios."""
-        if not self.supports(subject):
+        if not self.supports(subject) or self.two_passes != (subject.sequences is not None):
             return False
         if self.pairs:
             return subject.exact is not None

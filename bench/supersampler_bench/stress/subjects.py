@@ -1,10 +1,10 @@
 """Methods and backends under stress, and their bounds: reach and recovery."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 
-from supersampler import Frame, Model, Upscaler
+from supersampler import Frame, Model, Upscaler, upscale_sequence
 from supersampler.errors import ArgumentError
 from supersampler.frame import Float32, Size
 from supersampler.methods.model_info import ModelInfo
@@ -25,7 +25,7 @@ def subjects(methods: Sequence[str], executors: Sequence[ExecutorName]) -> list[
 
     Args:
         methods: shipped models or model folders, with a precision as in "classifier:fp16"; "taau+guided-warp"
-            is `taau` with every second frame unshaded and extrapolated by the other.
+            is `taau` with every second frame unshaded and extrapolated by the other; "taau:x2" is two passes.
         executors: of the first.
     """
     return [subject for method in methods for subject in _of(method, executors)]
@@ -33,7 +33,7 @@ def subjects(methods: Sequence[str], executors: Sequence[ExecutorName]) -> list[
 
 def _of(method: str, executors: Sequence[ExecutorName]) -> Iterator[Subject]:
     upscaler, _, extrapolation = method.partition("+")
-    spec = parse_spec(upscaler)
+    spec = parse_spec(upscaler, two_passes=not extrapolation)
     for executor in executors:
         begin = _SessionFactory(spec.model, executor, spec.precision, extrapolation or None)
         try:
@@ -51,6 +51,7 @@ def _of(method: str, executors: Sequence[ExecutorName]) -> Iterator[Subject]:
             exact=None if is_exact else replace(begin, executor="onnx", precision="fp32"),
             recovery=SLOW.get(spec.model, RECOVERY),
             ratios=model.info.ratios,
+            sequences=partial(_sequence, model) if spec.passes == 2 else None,
         )
 
 
@@ -106,6 +107,11 @@ class _Session:
         """See `Upscaler.load_state`."""
         self._upscaler.load_state(state)
         self._next_is_unshaded = False
+
+
+def _sequence(model: Model, frames: Sequence[Frame], display: Size, passes: int) -> Iterable[Float32]:
+    given = (with_default_gbuffers(frame, model.info.gbuffers, display) for frame in frames)
+    return upscale_sequence(given, display_size=display, model=model, passes=passes, validate="off")
 
 
 @cache

@@ -63,7 +63,6 @@ ROOT = Path(__file__).parents[3]
         ("how-to/farm", "preroll at rest", "preroll", preroll.still_table),
         ("how-to/farm", "chunks", "chunks", chunks.markdown_table),
         ("how-to/upscale-sequences", "whole runs", "whole-runs", long_shot.markdown_table),
-        ("how-to/upscale-both-ways", "both ways, harm", "both-ways-harm", both_ways.harm_table),
         ("how-to/upscale-both-ways", "both ways, motion", "both-ways-motion", both_ways.motion_table),
         ("tutorials/pyvista", "pyvista", "pyvista", pyvista_table.markdown_table),
     ],
