@@ -14,7 +14,10 @@ Constants = dict[str, NDArray[np.generic]]
 
 
 def joined_slices(model: onnx.ModelProto) -> onnx.ModelProto:
-    """Join each Slice that only another Slice reads with that one; in place. Both have a step of 1."""
+    """Join each Slice that only another Slice reads with that one; in place. Both have a step of 1.
+
+    Constants that nothing reads then remain; `simplified_gathers` removes them.
+    """
     graph = model.graph
     constants = {tensor.name: numpy_helper.to_array(tensor) for tensor in graph.initializer}
     readers = Counter(name for node in graph.node for name in node.input)
@@ -33,9 +36,6 @@ def joined_slices(model: onnx.ModelProto) -> onnx.ModelProto:
         nodes.append(node)
     del graph.node[:]
     graph.node.extend(nodes)
-    read = {name for node in graph.node for name in node.input} | {value.name for value in graph.output}
-    for tensor in [tensor for tensor in graph.initializer if tensor.name not in read]:
-        graph.initializer.remove(tensor)
     return model
 
 
