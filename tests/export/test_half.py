@@ -176,7 +176,7 @@ def test_slices_of_both_axes_become_one_of_the_same_pixels() -> None:
     image = np.random.default_rng(0).random((1, 4, 5, 6), np.float32)
     after = joined_slices(onnx.ModelProto.FromString(before.SerializeToString()))
     assert [node.op_type for node in after.graph.node] == ["Slice"]
-    assert {tensor.name for tensor in after.graph.initializer} == set(after.graph.node[0].input[1:])
+    assert set(after.graph.node[0].input[1:]) <= {tensor.name for tensor in after.graph.initializer}
     ours, theirs = (
         ort.InferenceSession(model.SerializeToString(), providers=["CPUExecutionProvider"]).run(
             None, {"image": image}
