@@ -37,12 +37,12 @@ class Surfaces(NamedTuple):
         return Surfaces(base, normal, usable_depth(self.depth))
 
     def reflectance(self, least: float) -> Tensor:
-        """Return (1, 3, h, w): base colour and a little more; 1 at the sky.
+        """Return (1, 3, h, w): base colour, raised to `least` at black; 1 at the sky.
 
         Colour over reflectance is light, which varies less than textures do (FuseSR, Zhong et al. 2023).
         """
         sky = _squared_length(self.normal) < 0.1
-        return torch.where(sky, 1.0, self.base_color + least)
+        return torch.where(sky, 1.0, least + (1.0 - least) * self.base_color)
 
 
 class Guided(NamedTuple):

@@ -3,14 +3,15 @@
 from dataclasses import dataclass
 
 from supersampler.methods.classifier.spec import CLASSIFIER, DEFAULT_INPUTS, ClassifierConfig
-from supersampler.methods.spec import DISPLAY, MethodSpec, Number, Sigma
+from supersampler.methods.spec import DISPLAY, MethodSpec, Number, Share, Sigma
 
-GUIDED_INPUTS = (
-    "relit_to_frame",  # largest difference of a channel of the relit history to this frame
-    "agreement",  # how well the surfaces of the samples around agree with the pixel's own
-)
-"""Available inputs per display pixel, beside those of `classifier`, of which `frame` and `edge` differ:
-`frame` is of the guided colour, `edge` of depth in 3x3 display pixels."""
+_REPLACED = {
+    "min_luma": "relit_to_frame",  # largest difference of a channel of the relit history to this frame
+    "max_luma": "agreement",  # how well the surfaces of the samples around agree with the pixel's own
+}
+GUIDED_INPUTS = tuple(_REPLACED.get(name, name) for name in DEFAULT_INPUTS)
+"""Network inputs per pixel: those of `classifier`, but for these two. `frame` is of the guided colour, `edge`
+of depth in 3x3 display pixels."""
 GBUFFERS_READ = (
     "gbuffer_base_color",
     "gbuffer_normal",
@@ -20,16 +21,11 @@ GBUFFERS_READ = (
 )
 
 
-def _inputs() -> tuple[str, ...]:
-    return tuple(name for name in DEFAULT_INPUTS if name not in ("min_luma", "max_luma")) + GUIDED_INPUTS
-
-
 @dataclass(frozen=True)
 class GuidedConfig(ClassifierConfig):
     """Constants of the step; docs/methods.md gives the effect of each."""
 
-    inputs: tuple[str, ...] = _inputs()
-    """Network inputs per pixel: sixteen, as of `classifier`."""
+    inputs: tuple[str, ...] = GUIDED_INPUTS
     rectified: bool = False
     guide_sigma: Sigma = 0.5
     """Gaussian of a sample's weight by distance, render pixels."""
@@ -39,8 +35,8 @@ class GuidedConfig(ClassifierConfig):
     """A sample's weight is exp(-falloff * squared difference), of normals."""
     base_color_falloff: Number = 8.0
     """The same, of base colours."""
-    min_reflectance: Number = 0.08
-    """Added to base colours: what surfaces of any colour reflect; about twice that of a dielectric."""
+    min_reflectance: Share = 0.08
+    """What black surfaces reflect, about twice that of a dielectric; white ones reflect 1."""
 
 
 GBUFFER_FAST = MethodSpec(
