@@ -235,7 +235,9 @@ def make_gather_rows(*parts: str):
             inside = y0 <= y < y1
             ring_row = (y % 4) * INPUT_PLANES * width
             if inside:
-                filter_all_down(colors, rows, down, big_h, y, starts, x0, x_end, stride + 2 * PAD, line)
+                filter_all_down(
+                    colors, rows, down, big_h, y, starts, x0, x_end, stride + 2 * PAD, line, not guided
+                )
             rising = spread16(np.float32(0.0))
             for x in range(x0, x1, 16):
                 lane = to_float(ramp16() + np.int32(x))
@@ -291,7 +293,7 @@ def make_gather_rows(*parts: str):
                 surface, difference = gather_surface(
                     depth, ox, oy, own_on, history.depth, history.pitch, slots, numbers
                 )
-                sums = filter_all_across(line, stride + 2 * PAD, starts, across, width, x)
+                sums = filter_all_across(line, stride + 2 * PAD, starts, across, width, x, not guided)
                 frame, sample, confidence, mean, extents, variance = current_frame(sums, numbers[C.gamma])
                 if guided:
                     frame = lit(light, reflected)
