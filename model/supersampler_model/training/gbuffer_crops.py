@@ -30,8 +30,9 @@ class GBufferRegion(CropRegion):
 
     Attributes:
         world: (3, 3) orthogonal matrix applied to normals: methods may only use their differences.
-        aligned: whether corner and size are multiples of the ratio, a whole number equal on both axes.
-        of_display: whether the crop has G-buffers of display size, beside those of render size.
+        aligned: whether corner and size are multiples of the ratio, a whole number equal on both axes. The
+            crop then has G-buffers of both sizes.
+        of_display: whether another crop has them, too; otherwise those of render size.
     """
 
     world: Float32 = field(default_factory=lambda: np.eye(3, dtype=np.float32))
@@ -47,7 +48,7 @@ class GBufferRegion(CropRegion):
         found = {}
         for name, image in gbuffers(frame).items():
             of_display = GBUFFERS[name].of_display
-            if of_display and not self.of_display:
+            if of_display and not (self.aligned or self.of_display):
                 continue
             part = image[self.display if of_display else (down, across)]
             if name.endswith("base_color"):
@@ -82,7 +83,7 @@ def gbuffer_stream(datasets: Sequence[Dataset], *, ratio: int, size: int, seed: 
     """
     if size % ratio:
         raise ArgumentError("size", got=size, want=f"a multiple of {ratio}, the ratio of the method")
-    draw = partial(draw_gbuffer_region, aligned=True, of_display=True)
+    draw = partial(draw_gbuffer_region, aligned=True)
     return Stream(datasets, ratios=(ratio, ratio), size=size, seed=seed, draw=draw)
 
 
