@@ -1,4 +1,5 @@
-"""`gbuffer` and its relatives: supersampling with G-buffers of display size.
+"""`gbuffer-fast`: `classifier` on light that G-buffers of display size guide.
 
-What they are (`spec`); no kernels yet. The torch definition is supersampler_model.methods.gbuffer.
+What it is (`spec`) and its CPU backend (`cpu`), of the classifier's kernels. The torch definition is
+supersampler_model.methods.gbuffer_fast.
 """
