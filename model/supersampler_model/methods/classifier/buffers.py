@@ -57,7 +57,7 @@ class Gathered(NamedTuple):
     flash: Tensor  # (1,) bool, see `is_flash`
     display: Size
     grid: Grid
-    inputs: Mapping[str, Tensor] = MappingProxyType({})  # further network inputs, (1, 1, H, W), or others
+    further_inputs: Mapping[str, Tensor] = MappingProxyType({})  # of the network, (1, 1, H, W) by name
 
 
 class History(NamedTuple):

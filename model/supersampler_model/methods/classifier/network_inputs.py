@@ -60,7 +60,7 @@ def pixel_inputs(gathered: Gathered, count: CountCode = "saturating") -> dict[st
         "speed": speed / (speed + 4.0),
         "blur": reprojection.blur(),
         "edge": current.edge,
-        **gathered.inputs,
+        **gathered.further_inputs,
     }
 
 

@@ -76,5 +76,5 @@ class Variant(NamedTuple):
         return -(-4 * self.blend_parameters // 8) * 8
 
 
-CONFIGURED = ("corrected", "rectified", "own_motion")
+CONFIGURED = Variant._fields[:3]
 """Fields of `Variant` that are fields of ClassifierConfig."""
