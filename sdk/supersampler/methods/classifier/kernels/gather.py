@@ -105,12 +105,13 @@ def store_planes(planes, at, values):
 
 
 @device_function
-def gather_surface(depth, px, py, on, depths, padded_width, places, numbers):
+def gather_surface(depth, of_surface, depths, padded_width, places, numbers):
     """Return the surface's previous visibility, [0, 1], and the depth difference, [-1, 1] (equation 10).
 
-    px, py: previous position, display pixels; on: whether it is on screen; depths (h', padded_width, 2): of
+    of_surface: its previous position, x and y in display pixels, and whether it is on screen; depths (h', padded_width, 2): of
     the history, as `keep_depth` writes it; places: scratch.
     """
+    px, py, on = of_surface
     old_w, old_h = np.int64(numbers[OLD_W]), np.int64(numbers[OLD_H])
     x = (px + 0.5) * numbers[OLD_W] / numbers[BIG_W] - 0.5 - numbers[JITTER_X]
     y = (py + 0.5) * numbers[OLD_H] / numbers[BIG_H] - 0.5 - numbers[JITTER_Y]
@@ -250,7 +251,7 @@ def make_gather_rows(*parts: str):
                 own_x, own_y, edge, glare = gather4(
                     samples.own, tables.nearest_column, x, 4, 4 * tables.nearest_row[y] * stride
                 )
-                ox, oy, own_on = px, py, on
+                of_surface = px, py, on
                 if guided and inside:
                     base, facing = surface_at(guide.base_color, guide.normal, sample_indices(x, y, big_w))
                     depth = load16(guide.depth, y * padded_width + PAD + x)
@@ -264,8 +265,9 @@ def make_gather_rows(*parts: str):
                 same_motion = True
                 if own_motion:
                     ox, oy = previous_position(lane, y, own_x * scale_x, own_y * scale_y, w_big, h_big)
-                    own_on = on_screen(ox, oy, w_big, h_big)
-                    same_motion = all_lanes((ox == px) & (oy == py)) and not guided
+                    same_motion = all_lanes((ox == px) & (oy == py))
+                    if guided:
+                        of_surface, same_motion = (ox, oy, on_screen(ox, oy, w_big, h_big)), False
                     if not same_motion:
                         prepare_own_warp(ox, oy, big_w, big_h, 8, slots, weights)
                 warp(history.pixels, slots, weights, same_motion, warped)
@@ -287,11 +289,11 @@ def make_gather_rows(*parts: str):
                     before = warp_reflectance(guide.before, slots, weights, scratch.reflectance)
                     now = kept_reflectance(reflected, guide.next, y * big_w + x, big_w - x, slots)
                     own = relit((q[12], q[13], q[14]), before, now, least)
-                    own = select3(own_on, toned_at(numbers, own[0], own[1], own[2]))
+                    own = select3(of_surface[2], toned_at(numbers, own[0], own[1], own[2]))
                 elif own_motion and not same_motion:
                     own = toned_at(numbers, q[12], q[13], q[14])
                 surface, difference = gather_surface(
-                    depth, ox, oy, own_on, history.depth, history.pitch, slots, numbers
+                    depth, of_surface, history.depth, history.pitch, slots, numbers
                 )
                 sums = filter_all_across(line, stride + 2 * PAD, starts, across, width, x, not guided)
                 frame, sample, confidence, mean, extents, variance = current_frame(sums, numbers[C.gamma])
