@@ -103,7 +103,7 @@ def filter_all_down(colors, rows, down, height, y, starts, x0, x1, padded_width,
 
 @device_function
 def filter_all_across(line, padded_width, starts, across, width, x, second=True):
-    """Filter all lines for sixteen pixels from x on; return sixteen vectors, of which four may be unneeded."""
+    """Filter all lines for sixteen pixels from x on; return sixteen vectors; see `filter_all_down`."""
     a = b = filter_across(line, 0, padded_width, starts, across, 0, width, x)
     if second:
         b = filter_across(line, 4 * padded_width, padded_width, starts, across, 4, width, x)

@@ -108,8 +108,8 @@ def store_planes(planes, at, values):
 def gather_surface(depth, of_surface, depths, padded_width, places, numbers):
     """Return the surface's previous visibility, [0, 1], and the depth difference, [-1, 1] (equation 10).
 
-    of_surface: its previous position, x and y in display pixels, and whether it is on screen; depths (h', padded_width, 2): of
-    the history, as `keep_depth` writes it; places: scratch.
+    of_surface: its previous position, x and y in display pixels, and whether it is on screen; depths (h',
+    padded_width, 2): of the history, as `keep_depth` writes it; places: scratch.
     """
     px, py, on = of_surface
     old_w, old_h = np.int64(numbers[OLD_W]), np.int64(numbers[OLD_H])
