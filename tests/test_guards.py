@@ -30,9 +30,9 @@ PRODUCTS = {
 }  # fmt: skip
 """Multiply-adds a display pixel."""
 OPERATORS = {
-    "bilinear": 125, "bicubic": 150, "taa": 510, "taau": 1110, "classifier": 1355, "classifier-small": 1285,
-    "gbuffer-small": 1845, "gbuffer-small-4x": 1845, "extrapolate": 1035, "guided-warp": 1120,
-    "guided-flow": 2685,
+    "bilinear": 125, "bicubic": 150, "taa": 515, "taau": 1225, "classifier": 1365, "classifier-small": 1290,
+    "gbuffer-small": 1850, "gbuffer-small-4x": 1850, "extrapolate": 1040, "guided-warp": 1120,
+    "guided-flow": 2700,
 }  # fmt: skip
 READS = {
     "bilinear": 0, "bicubic": 0, "taa": 5, "taau": 8, "classifier": 11, "classifier-small": 10,

@@ -33,6 +33,5 @@ def test_methods_stay_with_torch_however_they_run() -> None:
             precision = "fp16"
         half = 2e-4 if result.runs == "torch, fp16" else 1e-4  # others round little in half floats
         assert result.last < {"int8": 1.0 / 255.0, "fp16": half, "fp32": 1e-5}[precision], result
-        # in fp32, reads at the border take 2e-5 of the pixel beside, which may be brighter by many stops
-        assert result.psnr > {"int8": 45.0, "fp16": 65.0, "fp32": 70.0}[precision], result
+        assert result.psnr > {"int8": 45.0, "fp16": 65.0, "fp32": 80.0}[precision], result
     assert "cpu, int8" in markdown_table(parity_record(results))

@@ -135,7 +135,8 @@ OPTIONS = {
     "minimum and maximum alone": TaaConfig(gamma=None),
     "no minimum and maximum": TaaConfig(intersect_extent=False),
     "rgb": TaaConfig(space="rgb"),
-    "wide window": TaaConfig(wide_window=True),
+    "5x5 window": TaaConfig(window=5),
+    "7x7 window": TaaConfig(window=7),
     "a quarter new": TaaConfig(alpha=0.25),
 }
 

@@ -5,6 +5,7 @@ import torch
 from torch import Tensor
 
 from supersampler_model.methods.taau.model import Blend, CurrentFrame, Taau, WarpedHistory, light_after
+from supersampler_model.methods.taau.planes import Moments
 from supersampler_model.ops.color import inverse_tone
 
 RULES = Taau()
@@ -15,15 +16,16 @@ def plane(*values: float) -> Tensor:
     return torch.tensor(values).reshape(1, -1, 1, 1)
 
 
-def present(confidence: float = 0.5, shade: tuple[float, float] = (0.5, 0.1)) -> CurrentFrame:
+def present(
+    confidence: float = 0.5, shade: tuple[float, float] = (0.5, 0.1), fit: float = 0.0
+) -> CurrentFrame:
     """Grey: a frame of luma 0.3, a sample of 0.5, a neighbourhood from 0.2 to 0.6."""
-    first, second = plane(0.4, 0.0, 0.0), plane(0.4**2 + 0.2**2, 1e-2, 1e-2)
     return CurrentFrame(
         plane(0.3, 0.0, 0.0),
         plane(0.5, 0.0, 0.0),
         plane(confidence),
-        first,
-        second,
+        Moments(plane(0.4, 0.0, 0.0), plane(0.2**2, 1e-2, 1e-2)),
+        plane(fit),
         plane(*shade),
         plane(0.0),
     )
@@ -164,8 +166,12 @@ def finished(
     spreads: float = 1.0,
     confidence: float = 0.5,
     around: float = 0.0,
+    fit: float = 0.0,
 ) -> tuple[float, float, float]:
-    """Toned luma of the image, count and power; `around` is the mean luma around the sample of 0.5."""
+    """Toned luma of the image, count and power.
+
+    `around` is the mean luma around the sample of 0.5; the plane, as far as it fits, is at 0.4.
+    """
     blend = Blend(
         plane(0.2, 0.0, 0.0),
         plane(weight),
@@ -175,7 +181,7 @@ def finished(
         plane(samples),
         torch.zeros(1, 1, 1, 1, dtype=torch.bool),
     )
-    current = present(confidence, shade=(around, 0.1))
+    current = present(confidence, shade=(around, 0.1), fit=fit)
     image, state = RULES.finish(current, history, blend, torch.tensor([2.0]))
     green = float(image[0, 1] * 2.0)
     return green / (1.0 + green), float(state[0, 0]), float(state[0, 1])
@@ -210,6 +216,15 @@ def test_a_sample_like_those_around_it_does_not_widen_the_spread(around: float) 
     rate = 0.5 / (4.0 + 0.5)
     power = finished(remembered(luma=0.1, power=0.01), samples=4.0, around=around)[2]
     assert power == pytest.approx(0.01 + rate * (0.05**2 - 0.01), rel=1e-4)
+
+
+@pytest.mark.parametrize(("around", "off"), [(0.0, 0.1), (0.45, 0.05)])
+def test_a_sample_like_the_plane_of_those_around_it_does_not_widen_the_spread(
+    around: float, off: float
+) -> None:
+    rate = 0.5 / (4.0 + 0.5)
+    power = finished(remembered(luma=0.1, power=0.01), samples=4.0, around=around, fit=1.0)[2]
+    assert power == pytest.approx(0.01 + rate * (off**2 - 0.01), rel=1e-4)
 
 
 def test_without_a_history_or_in_another_light_there_is_no_spread() -> None:

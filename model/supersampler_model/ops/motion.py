@@ -19,7 +19,7 @@ from supersampler_model.ops.windows import (
 )
 
 LONGEST, FAR = 3e38, 1e6  # pixels: larger motion is not finite; finite motion is clamped to FAR
-ROUNDING = 2.0**-22  # of a place that grid_sample computes from one near 1
+STEP = 2.0**-24  # of float32 below 1
 UNKNOWN_DEPTH = -1.0  # below the sky's 0: never the closest, never disoccluded
 
 
@@ -171,14 +171,18 @@ def _normalised(position: Tensor, size: Size) -> Tensor:
 
 def _inside(place: Tensor, size: Size) -> Tensor:
     """Clamp places to the centres of the pixels, so that a bilinear read involves none beyond the border."""
-    most = _most(place, size)
-    return torch.maximum(torch.minimum(place, most), -most)
+    first, last = _ends(place, size)
+    return torch.maximum(torch.minimum(place, last), first)
 
 
-def _most(place: Tensor, size: Size) -> Tensor:
-    """(W, 2) place of the last pixel's centre, less what rounding errors may add."""
-    extent = pair(place, size.width, size.height)
-    return in_row(1.0 - 1.0 / extent - ROUNDING, place)
+def _ends(place: Tensor, size: Size) -> tuple[Tensor, Tensor]:
+    """(W, 2) each: places of the centres of the first and of the last pixel.
+
+    grid_sample adds 1 and multiplies by the size. 1 less than 2 - 1 / size, rounded to float32, gives the
+    last pixel exactly. No place gives the first one: the next one inside reads 2e-4 of the second, at 4K.
+    """
+    part = 1.0 / pair(place, size.width, size.height)
+    return in_row(part - 1.0 + STEP, place), in_row(2.0 - part - 1.0, place)
 
 
 def _bilinear(image: Tensor, place: Tensor) -> Tensor:
@@ -230,8 +234,8 @@ def _cubic_reads(position: Tensor, size: Size, sharpness: float) -> _CubicReads:
     first = outer * s
     second = t + product * ((2.0 - sharpness) * t - (1.0 - sharpness))  # weight of the sample after
     middle = 1.0 - outer
-    extent, most = pair(position, 0.5 * size.width, 0.5 * size.height), _most(position, size)
+    extent, (least, most) = pair(position, 0.5 * size.width, 0.5 * size.height), _ends(position, size)
     before = (whole - in_row(extent + 0.5, position)) / in_row(extent, position)
     after = torch.minimum(before + in_row(3.0 / extent, position), most)
     between = _inside(_normalised(whole + second / middle, size), size)
-    return _CubicReads((torch.maximum(before, -most), between, after), (first, middle, outer - first))
+    return _CubicReads((torch.maximum(before, least), between, after), (first, middle, outer - first))

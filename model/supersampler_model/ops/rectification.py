@@ -27,9 +27,9 @@ class Rect(NamedTuple):
         return Box(0.5 * (self.low + self.high), 0.5 * (self.high - self.low))
 
 
-def variance_box(first: Tensor, second: Tensor, gamma: float | Tensor, floor: float | Tensor = 0.0) -> Box:
-    """Box mu +- (gamma sigma + floor) of raw moments E[c] and E[c^2] (Salvi 2016, variance clipping)."""
-    return Box(first, gamma * (second - first * first).clamp(min=0.0).sqrt() + floor)
+def variance_box(first: Tensor, second: Tensor, gamma: float) -> Box:
+    """Box mu +- gamma sigma of raw moments E[c] and E[c^2] (Salvi 2016, variance clipping)."""
+    return Box(first, gamma * (second - first * first).clamp(min=0.0).sqrt())
 
 
 def moments(color: Tensor) -> tuple[Tensor, Tensor]:

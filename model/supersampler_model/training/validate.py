@@ -26,7 +26,8 @@ class Validated:
     Attributes:
         psnr: of display values after the warm-up, dB.
         tpsnr: of their changes from frame to frame, dB; NaN without consecutive images.
-        overlap: intersection over union per class; empty for methods without classes.
+        overlap: intersection over union per class, without frames after a reset; empty for methods without
+            classes.
         kinds: PSNR of shaded and of unshaded frames; empty if all frames are of one kind.
         image: (2 H, W, 3) display values of the first sequence's last frame, above the reference.
     """
@@ -97,7 +98,7 @@ def _sequence(
             if error_before is not None and before == index - 1 and not frame.reset:
                 changed.append(_psnr(error - error_before))
         before, error_before, image = index, error, np.concatenate([shown, truth])
-        if "classes" in method.history:
+        if "classes" in method.history and not frame.reset:  # all of a first frame is visibility ghosting
             _count(runner.history[list(method.history).index("classes")], frame, counts)
     of = ([*squared[0], *squared[1]], changed, *squared)
     return tuple(float(np.mean(values)) if values else float("nan") for values in of), image

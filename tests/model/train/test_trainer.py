@@ -21,6 +21,7 @@ from supersampler_model.training.checkpoint import load_checkpoint
 from supersampler_model.training.class_loss import ClassifierWeights
 from supersampler_model.training.classifier_task import ClassifierTask
 from supersampler_model.training.trainer import Plan, Trainer
+from supersampler_model.training.validate import validate
 
 DISPLAY, RENDER = (64, 48), (32, 24)
 PLAN = Plan(steps=6, batch=2, frames=2, size=32, average=4, settle=0.0)
@@ -63,6 +64,17 @@ def test_the_error_falls(dataset: Dataset, tmp_path: Path) -> None:
     plan = Plan(steps=48, batch=2, frames=2, size=48, rate=2e-2)
     trainer(dataset, tmp_path, plan).run(on_update=lambda u: losses.append(sum(u.losses.values())))
     assert np.mean(losses[-8:]) < 0.9 * np.mean(losses[:8])
+
+
+def test_classes_of_a_first_frame_do_not_count_in_validation(dataset: Dataset, tmp_path: Path) -> None:
+    [entry] = dataset.entries("train")
+    method, other = Classifier().eval(), create_dataset(tmp_path / "set", dataset.description)
+    for index in range(entry.spec.frames):
+        frame = dataset.read(entry, index)
+        classes = 1 - frame.ghost if frame.reset else frame.ghost
+        write_training_frame(other.path(entry, index), dataclasses.replace(frame, ghost=classes))
+    overlaps = [validate(method, [(each, entry)]).overlap for each in (dataset, other)]
+    assert overlaps[0] == overlaps[1] != {}
 
 
 def test_a_run_is_not_gone_on_with_by_another_plan(dataset: Dataset, tmp_path: Path) -> None:

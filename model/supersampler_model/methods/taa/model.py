@@ -126,7 +126,7 @@ class Taa(Method):
         if self.config.gamma is None:
             return extent
         first, second = moments(color)
-        if self.config.wide_window:
+        for _ in range(3, self.config.window, 2):
             first, second = blurred(first), blurred(second)
         box = variance_box(first, second, self.config.gamma)
         if self.config.intersect_extent:

@@ -11,9 +11,10 @@ where
 
 The box is widened by the spread of the pixel's own samples over time. Otherwise features thinner than the
 sample distance vanish from the box in frames that miss them, and flicker: the weakness of variance clipping
-that Salvi names. A sample counts as no farther off than it is from the mean around it: light that moves over
-a smooth surface changes all samples alike. It would widen the box until the history lags and the samples of
-each frame show as a grid.
+that Salvi names. On smooth surfaces, whose shade differs from sample to sample, the box holds the plane
+through the samples and the variance about it (`planes`), and a sample counts as no farther off than it is
+from that plane, or from the mean around it: light that moves over them changes all samples alike. Otherwise
+the history would lag in a wide box, and the samples of each frame would show as a grid.
 
 Light ten stops over white (GLARING) that was not there before is shown, but accumulated only from its third
 consecutive frame on. Until then the warped history is kept. A single bright frame, and an unshaded frame
@@ -29,6 +30,7 @@ from torch import Tensor
 
 from supersampler.methods.taau.spec import FLASH, FLASH_MEMORY, LEAST_FLASH, TAAU, TaauConfig
 from supersampler_model.methods.base import Method
+from supersampler_model.methods.taau.planes import Moments, fit_of, plane_moments
 from supersampler_model.ops.color import (
     CONFIRMED,
     DARKNESS,
@@ -57,7 +59,7 @@ from supersampler_model.ops.motion import (
     usable_depth,
     usable_motion,
 )
-from supersampler_model.ops.rectification import clip_to_center, overshoot, variance_box
+from supersampler_model.ops.rectification import Box, clip_to_center, overshoot
 from supersampler_model.ops.sampling import (
     MIN_WEIGHT,
     Grid,
@@ -65,7 +67,6 @@ from supersampler_model.ops.sampling import (
     catmull_rom,
     gaussian,
     grid_of,
-    local_moments,
     normalised,
     pick,
     pick_first,
@@ -77,7 +78,7 @@ from supersampler_model.ops.windows import blurred, channels_of, maximum_3x3
 
 MIN_CHANGE = 0.004  # of toned luma: one step of an 8-bit image
 MIN_SAMPLES = 1e-3  # with fewer samples the history is not used
-MIN_BOX_WEIGHT = 0.5  # of the box's Gaussian, whose full sum is at least 0.8
+MIN_BOX_WEIGHT = 0.5  # of the samples in the window of the box, a fraction
 
 
 class CurrentFrame(NamedTuple):
@@ -86,8 +87,8 @@ class CurrentFrame(NamedTuple):
     frame: Tensor  # (1, 3, H, W) smooth upsampling
     sample: Tensor  # (1, 3, H, W) mean of the samples near each pixel
     confidence: Tensor  # (1, 1, H, W) sum of their Gaussian weights, [0, 1]
-    first: Tensor  # (1, 3, H, W) E[c]
-    second: Tensor  # (1, 3, H, W) E[c^2]
+    moments: Moments  # of the samples around each pixel
+    fit: Tensor  # (1, 1, H, W) whether 3x3 samples are on a plane, [0, 1]
     shade: Tensor  # (1, 2, H, W) mean and deviation of luma over 3x3 samples
     glare: Tensor  # (1, 1, H, W) 1 where one of those samples is over GLARING
 
@@ -217,15 +218,15 @@ class Taau(Method):
         near, weight = upsample(samples, grid, gaussian(c.sample_sigma), ratio).split_with_sizes(
             [3, 1], dim=1
         )
-        first, second = local_moments(toned, usable, grid, c.moment_sigma, MIN_BOX_WEIGHT)
-        at_pixel = pick(torch.cat([surface[:, 1:3], maximum_3x3(glare)], dim=1), grid)
-        shade, glare = at_pixel.split_with_sizes([2, 1], dim=1)
+        fit = fit_of(toned[:, :1], usable, surface[:, 2:3])
+        at_pixel = pick(torch.cat([surface[:, 1:3], fit, maximum_3x3(glare)], dim=1), grid)
+        shade, fit, glare = at_pixel.split_with_sizes([2, 1, 1], dim=1)
         return CurrentFrame(
             frame=smooth + sharpness * (sharp / whole.clamp(min=1e-6) - smooth),
             sample=near / weight.clamp(min=1e-6),
             confidence=weight.clamp(max=1.0),
-            first=first,
-            second=second,
+            moments=plane_moments(toned, usable, fit, grid, c.moment_sigma, MIN_BOX_WEIGHT),
+            fit=fit,
             shade=shade,
             glare=glare,
         )
@@ -287,7 +288,8 @@ class Taau(Method):
         gamma = c.gamma_still + (c.gamma_moving - c.gamma_still) * (warped.speed / c.gamma_speed).clamp(
             max=1.0
         )
-        box = variance_box(current.first, current.second, gamma, floor=c.gamma_time * spread)
+        center, variance = current.moments
+        box = Box(center, gamma * variance.sqrt() + c.gamma_time * spread)
 
         inside = 1.0 - (c.forget * (overshoot(warped.color, box) - 1.0)).clamp(0.0, 1.0)
         limit = c.samples / (1.0 + c.blur_cost * warped.blur + c.speed_cost * warped.speed)
@@ -321,8 +323,11 @@ class Taau(Method):
         image = bounded(inverse_tone(from_ycocg(color).clamp(min=0.0)) / exposure)
 
         reach = warped.power.sqrt() + self.config.spread_step
-        contrast = (current.sample[:, :1] - current.shade[:, :1]).abs()
-        error = (current.sample[:, :1] - warped.color[:, :1]).abs().minimum(reach).minimum(contrast)
+        luma = current.sample[:, :1]
+        contrast = (luma - current.shade[:, :1]).abs()
+        about_plane = (luma - current.moments.center[:, :1]).abs().minimum(contrast)
+        contrast = contrast + current.fit * (about_plane - contrast)
+        error = (luma - warped.color[:, :1]).abs().minimum(reach).minimum(contrast)
         counted = blend.samples.clamp(max=self.config.spread_samples) + current.confidence
         rate = current.confidence / counted.clamp(min=1e-6)
         known = (blend.samples > MIN_SAMPLES).float() * blend.spreads

@@ -17,7 +17,7 @@ SAMPLE_PLANES = 10
 """Planes of a row of samples: toned RGB, 1 where usable, YCoCg, squares of YCoCg."""
 FILTER_LINES = 16
 """Lines of filtered samples: RGB and usable by the first filter; the same by the second; YCoCg, its squares
-and usable by the third; one unused."""
+and usable by the third; in `taau`, luma by a filter of its own."""
 
 TAA_PIXEL = 3
 """Values of a history pixel: linear RGB."""

@@ -141,6 +141,31 @@ def gaussian(sigma: float) -> Kernel:
     return lambda distance: np.exp(distance * distance * scale)
 
 
+def line_filters(sigma: float) -> list[Kernel]:
+    """Return filters that fit a line to samples under a Gaussian: its mean, its slope, and its shift.
+
+    Twin of `supersampler_model.methods.taau.planes.Axis`. The shift is the same for all samples.
+    """
+    window = gaussian(sigma)
+
+    def position(distance: Float32) -> tuple[Float32, Float32, Float32]:
+        """Return normalised weights, and mean and deviation of the positions."""
+        weights = window(distance)
+        weights = weights / weights.sum(-1, keepdims=True)
+        mean = (distance * weights).sum(-1, keepdims=True)
+        return weights, mean, np.sqrt((distance * distance * weights).sum(-1, keepdims=True) - mean * mean)
+
+    def slope(distance: Float32) -> Float32:
+        weights, mean, deviation = position(distance)
+        return (distance - mean) * weights / deviation
+
+    def shift(distance: Float32) -> Float32:
+        _, mean, deviation = position(distance)
+        return np.broadcast_to(mean / deviation, distance.shape)
+
+    return [lambda distance: position(distance)[0], slope, shift]
+
+
 def catmull_rom(distance: Float32) -> Float32:
     """Catmull-Rom cubic, with support [-2, 2]."""
     d = np.abs(distance)

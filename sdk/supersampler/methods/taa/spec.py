@@ -21,9 +21,9 @@ class TaaConfig:
     """Towards the new sample (Salvi), towards the box's centre, or a clamp per channel."""
     space: Literal["ycocg", "rgb"] = "ycocg"
     """Colours are compared in YCoCg or in RGB."""
-    wide_window: bool = False
-    """Blur the two moments, which widens their window to 5x5 ("we can apply it over large windows by
-    pre-filtering the first two colour moments")."""
+    window: Literal[3, 5, 7] = 3
+    """Side of the window of the moments, in samples: 3x3, each blur of which adds 2 ("we can apply it over
+    large windows by pre-filtering the first two colour moments"; 7x7 on his slides)."""
 
 
 TAA = MethodSpec(

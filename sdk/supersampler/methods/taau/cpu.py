@@ -15,7 +15,7 @@ from supersampler.backends.cpu.frame_preprocess import READ_KERNELS
 from supersampler.backends.cpu.history import HistoryLayout, Plane
 from supersampler.backends.cpu.layout import LANES, TAAU_PIXEL, TILE
 from supersampler.backends.cpu.memory import address, aligned
-from supersampler.backends.cpu.resample_tables import Filter, catmull_rom, gaussian
+from supersampler.backends.cpu.resample_tables import Filter, catmull_rom, gaussian, line_filters
 from supersampler.backends.cpu.structs import pack
 from supersampler.backends.cpu.threads import Rect, ThreadPool
 from supersampler.frame import Size
@@ -42,7 +42,7 @@ class _Space(ConvergingFrame):
 
     def __init__(self, render: Size, display: Size, filters: Sequence[Filter], threads: int) -> None:
         super().__init__(render, display, filters, threads)
-        self.shade_lines = aligned((threads, 3, self.padded_width))
+        self.shade_lines = aligned((threads, 4, self.padded_width))
         self.sums = aligned((render[1], 2))
         self.scratch = [
             TaauScratch(line, aligned((10, LANES), np.int32), aligned((10, LANES)), *aligned((2, LANES, 8)))
@@ -64,11 +64,13 @@ class TaauCpu(CpuExecutor[_Space]):
         super().__init__(LAYOUT, pool, STEP, *READ_KERNELS, *CONVERGENCE_KERNELS, SHADE)
         self._convergence = Convergence(self.kernels, pool)
         c, self._constants = info.config, constants_array(TAAU, info.config)
+        mean, *line = (Filter(kernel, False) for kernel in line_filters(c["moment_sigma"]))
         self._filters = [
             Filter(gaussian(c["frame_sigma"]), False),
             Filter(catmull_rom, False),
-            Filter(gaussian(c["moment_sigma"]), False),
+            mean,
             Filter(gaussian(c["sample_sigma"]), True),
+            *line,
         ]
 
     def _space(self, render: Size, display: Size) -> _Space:

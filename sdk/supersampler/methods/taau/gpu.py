@@ -12,7 +12,7 @@ from supersampler.backends.gpu.history import HistoryLayout, Plane, of_plane
 from supersampler.backends.gpu.program import GpuProgram, PassSpec
 from supersampler.methods.model_info import ModelInfo
 from supersampler.methods.spec import constants_of
-from supersampler.methods.taau.spec import FLASH, FLASH_MEMORY, LEAST_FLASH, TAAU
+from supersampler.methods.taau.spec import FIT, FLASH, FLASH_MEMORY, LEAST_FLASH, TAAU, UNFIT
 
 LAYOUT = HistoryLayout(
     TAAU,
@@ -34,6 +34,12 @@ LAYOUT = HistoryLayout(
 def taau_program(info: ModelInfo) -> GpuProgram:
     """Return what a step of a `taau` model is on a GPU."""
     constants = {name: info.config[name] for name in constants_of(TAAU)}
-    constants |= {"flash": FLASH, "least_flash": LEAST_FLASH, "flash_memory": FLASH_MEMORY}
+    constants |= {
+        "flash": FLASH,
+        "least_flash": LEAST_FLASH,
+        "flash_memory": FLASH_MEMORY,
+        "unfit": UNFIT,
+        "fit": FIT,
+    }
     passes = preprocess("shade"), PassSpec("light", ONE, (1, 1)), *CONVERGENCE_PASSES, PassSpec("blend")
     return GpuProgram(LAYOUT, "supersampler.methods.taau", constants, passes, SAMPLE_MEMORY)

@@ -26,6 +26,7 @@ from supersampler.backends.cpu.kernels.filters import (
     filter_all_across,
     filter_all_down,
     filter_down,
+    filter_line_across,
     span,
 )
 from supersampler.backends.cpu.kernels.frame import opened_at, repeat_ends, store4
@@ -65,7 +66,7 @@ from supersampler.backends.cpu.simd.vector import (
 )
 from supersampler.backends.cpu.structs import Floats, FrameSamples, Output, ResampleTables
 from supersampler.methods.spec import constant_indices
-from supersampler.methods.taau.spec import FLASH, LEAST_FLASH, TAAU
+from supersampler.methods.taau.spec import FIT, FLASH, LEAST_FLASH, TAAU, UNFIT
 from supersampler.methods.taau.structs import TaauHistoryInput, TaauScratch
 
 MIN_CHANGE, MIN_SAMPLES, MIN_WEIGHT, MIN_BOX_WEIGHT = 0.004, 1e-3, 1e-3, 0.5
@@ -86,6 +87,18 @@ def sum3(line, index):
     return load16(line, index - 1) + load16(line, index) + load16(line, index + 1)
 
 
+@device_function
+def fit_of(across, down, deviation):
+    """Return whether 3x3 samples are on a plane, [0, 1]; twin of the torch method's.
+
+    across: sum of the samples to the right less that of those to the left; down: of those below less above.
+    """
+    fraction = (
+        (across * across + down * down) * np.float32(6.0 / 9.0 / 36.0) / maximum(deviation * deviation, 1e-7)
+    )
+    return clamped((fraction - UNFIT) * (1.0 / (FIT - UNFIT)), 0.0, 1.0)
+
+
 def shade(samples: FrameSamples, line: Floats, surface: Floats, sums: Floats, y0: int, y1: int):
     """Write rows y0 to y1 of the surface, for disocclusion and lighting tests of the next frame.
 
@@ -93,9 +106,10 @@ def shade(samples: FrameSamples, line: Floats, surface: Floats, sums: Floats, y0
 
     Args:
         samples: the frame.
-        line: (3, PAD + stride + PAD) scratch.
+        line: (4, PAD + stride + PAD) scratch.
         surface: (height, PAD + stride + PAD, 4), written to: opened depth, mean and deviation of toned luma
-            over 3x3 samples, 1 where one of these is over GLARING. The padding repeats the border.
+            over 3x3 samples, whether these are on a plane, [0, 1], plus 2 where one is over GLARING. The
+            padding repeats the border.
         sums: (height, 2), written to: sums of each row's means and squared deviations.
         y0: the first row.
         y1: the row after the last.
@@ -114,10 +128,13 @@ def shade(samples: FrameSamples, line: Floats, surface: Floats, sums: Floats, y0
                     square + load16(colors, index + 7 * padded_width),
                 )
                 usable = usable + load16(colors, index + 3 * padded_width)
+            first = (SAMPLE_PLANES * above + 4) * padded_width + PAD + x
+            last = (SAMPLE_PLANES * below + 4) * padded_width + PAD + x
             store(line, PAD + x, luma)
             store(line, padded_width + PAD + x, square)
             store(line, 2 * padded_width + PAD + x, usable)
-        for c in range(3):
+            store(line, 3 * padded_width + PAD + x, load16(colors, last) - load16(colors, first))
+        for c in range(4):
             first = c * padded_width + PAD
             line[first - 1], line[first + w] = line[first], line[first + w - 1]
         here = y * padded_width + PAD
@@ -133,7 +150,10 @@ def shade(samples: FrameSamples, line: Floats, surface: Floats, sums: Floats, y0
                 glare = gather(own, (ramp16() + np.int32(y * stride + x)) * 4 + 3)
             opened = opened_at(eroded, above * padded_width + PAD, here, below * padded_width + PAD, x)
             deviation = select(usable > 9.0 * MIN_WEIGHT, deviation, 1.0)
-            store4(surface, 4 * (here + x), opened, mean, deviation, glare)
+            across = load16(line, PAD + x + 1) - load16(line, PAD + x - 1)
+            fit = fit_of(across, sum3(line, 3 * padded_width + PAD + x), deviation)
+            fit = select(usable > 8.99, fit, 0.0)
+            store4(surface, 4 * (here + x), opened, mean, deviation, fit + 2.0 * glare)
             inside = ramp16() + np.int32(x) < np.int32(w)
             mean_sum = mean_sum + select(inside, mean, 0.0)
             square_sum = square_sum + select(inside, deviation * deviation, 0.0)
@@ -142,10 +162,17 @@ def shade(samples: FrameSamples, line: Floats, surface: Floats, sums: Floats, y0
 
 
 @device_function
-def current_frame(sums, near, sharpness):
-    """Return `CurrentFrame` of sixteen pixels, toned YCoCg: frame, sample, confidence, mean and deviation.
+def current_frame(sums, near, across, shift_x, shift_y, fit, sharpness):
+    """Return `CurrentFrame` of sixteen pixels, toned YCoCg: frame, sample, confidence, centre and deviations.
 
-    sums: sixteen vectors by `filter_all_across`; near: RGB and weight by the filter of the nearest samples.
+    Args:
+        sums: sixteen vectors by `filter_all_across`, of which the last is the slope of luma down.
+        near: RGB and weight by the filter of the nearest samples.
+        across: slope of luma to the right.
+        shift_x: by `line_filters`.
+        shift_y: the same.
+        fit: whether the samples are on a plane, [0, 1].
+        sharpness: fraction of Catmull-Rom in `frame`.
     """
     scale, sharp_scale = 1.0 / maximum(sums[3], 1e-6), 1.0 / maximum(sums[7], 1e-6)
     sharp = select(sums[7] > 0.9, sharpness, sums[3] * 0.0)
@@ -153,20 +180,18 @@ def current_frame(sums, near, sharpness):
     frame = ycocg(*lerp3(smooth, scaled3((sums[4], sums[5], sums[6]), sharp_scale), sharp))
     sample = ycocg(*scaled3((near[0], near[1], near[2]), 1.0 / maximum(near[3], 1e-6)))
     scale, known = 1.0 / maximum(sums[14], 1e-6), sums[14] > MIN_BOX_WEIGHT
-    mean = scaled3((sums[8], sums[9], sums[10]), scale)
+    luma, orange, green = scaled3((sums[8], sums[9], sums[10]), scale)
     squares = scaled3((sums[11], sums[12], sums[13]), scale)
+    variance = maximum(squares[0] - luma * luma, 0.0)
+    down = sums[15]
+    fit = select(sums[14] > 0.999, fit, 0.0)
+    center = luma - fit * (across * shift_x + down * shift_y), orange, green
     deviations = (
-        deviation_of(select(known, squares[0], 1.0), mean[0]),
-        deviation_of(select(known, squares[1], 1.0), mean[1]),
-        deviation_of(select(known, squares[2], 1.0), mean[2]),
+        square_root(select(known, maximum(variance - fit * (across * across + down * down), 0.0), 1.0)),
+        square_root(select(known, maximum(squares[1] - orange * orange, 0.0), 1.0)),
+        square_root(select(known, maximum(squares[2] - green * green, 0.0), 1.0)),
     )
-    return frame, sample, minimum(near[3], 1.0), mean, deviations
-
-
-@device_function
-def deviation_of(square, mean):
-    """Return the standard deviation from the mean square and the mean."""
-    return square_root(maximum(square - mean * mean, 0.0))
+    return frame, sample, minimum(near[3], 1.0), center, deviations
 
 
 @device_function
@@ -192,7 +217,7 @@ def clip_to_center(color, mean, deviations, gamma, box_floor):
 @device_function
 def blend(
     numbers, current, around, warped_color, warped_light, warped_samples, warped_power, surface, unchanged,
-    glare, flash, speed, blur,
+    fit, glare, flash, speed, blur,
 ):  # fmt: skip
     """Compute `Taau.network` and `Taau.finish` of sixteen pixels.
 
@@ -206,6 +231,7 @@ def blend(
         warped_power: mean square of sample - history, toned luma; also holds the glare, see `without_glare`.
         surface: 0 where the surface was occluded in the previous frame, 1 where it was visible.
         unchanged: 1 - `change_of_light`.
+        fit: whether 3x3 samples are on a plane, [0, 1].
         glare: 1 where this frame has light over GLARING nearby.
         flash: 1 where the light of this frame is unconfirmed.
         speed: display pixels.
@@ -235,7 +261,9 @@ def blend(
     r, g, b = from_ycocg(*select3(known, blended, frame))
     color = linear_of(maximum(r, 0.0), maximum(g, 0.0), maximum(b, 0.0), n[EXPOSURE])
 
-    error = minimum(absolute(sample[0] - warped_color[0]), absolute(sample[0] - around))
+    contrast = absolute(sample[0] - around)
+    contrast = contrast + fit * (minimum(absolute(sample[0] - mean[0]), contrast) - contrast)
+    error = minimum(absolute(sample[0] - warped_color[0]), contrast)
     error = minimum(error, warped_spread + n[C.spread_step])
     rate = confidence / maximum(minimum(samples, n[C.spread_samples]) + confidence, 1e-6)
     next_power = maximum(warped_power + rate * (error * error - warped_power) - DARKNESS, 0.0)
@@ -276,11 +304,15 @@ def step_rows(
     scale_x, scale_y = float_w / np.float32(samples.width), float_h / np.float32(samples.height)
     exposure, exposure_change = numbers[EXPOSURE], numbers[CHANGE]
     padded_width = stride + 2 * PAD
+    luma, one_plane = np.int64(4), np.int64(1)  # as in `filter_all_down`
     for y in range(y0, y1):
         filter_all_down(colors, rows, down, display_h, y, starts, x0, x1, padded_width, line)
-        near, (first, last) = 4 * (3 * display_h + y), span(starts, x0, x1)
+        near, slope, (first, last) = 4 * (3 * display_h + y), 4 * (4 * display_h + y), span(starts, x0, x1)
         filter_down(
             colors, 0, 4, rows, down, y, near, padded_width, first, last, line, FILTER_LINES * padded_width
+        )
+        filter_down(
+            colors, luma, one_plane, rows, down, y, slope, padded_width, first, last, line, 15 * padded_width
         )
         for x in range(x0, x1, 16):
             lane = to_float(ramp16() + np.int32(x))
@@ -311,9 +343,11 @@ def step_rows(
             mean_before = mean_of((a[1], b[1], c[1], d[1]), tap_weights)
             deviation_before = mean_of((a[2], b[2], c[2], d[2]), tap_weights)
             dim = 1.0 / (mean_before * (exposure_change - np.float32(1.0)) + 1.0)
-            _, mean, deviation, glare = gather4(
+            _, mean, deviation, fit = gather4(
                 surface, tables.nearest_column, x, 4, 4 * (tables.nearest_row[y] * padded_width + PAD)
             )
+            glare = select(fit > 1.5, 1.0, fit * 0.0)
+            fit = fit - 2.0 * glare
             mean_before = mean_before * exposure_change * dim
             deviation_before = deviation_before * exposure_change * dim * dim
             changed = change_of_light(numbers, mean, deviation, mean_before, deviation_before)
@@ -326,10 +360,14 @@ def step_rows(
             sample = filter_across(
                 line, FILTER_LINES * padded_width, padded_width, starts, across, 12, width, x
             )
-            current = current_frame(sums, sample, numbers[C.frame_sharpness])
+            current = current_frame(
+                sums, sample, filter_line_across(line, 8 * padded_width, starts, across, 16, width, x),
+                load16(across, 20 * width + x), down[4 * (5 * display_h + y)], fit,
+                numbers[C.frame_sharpness],
+            )  # fmt: skip
             color, next_color, next_samples, next_power, weight = blend(
                 numbers, current, mean, warped_color, warped_light, q[6], q[7], same, 1.0 - changed,
-                glare, flash, square_root(mx * mx + my * my),
+                fit, glare, flash, square_root(mx * mx + my * my),
                 (tx * (1.0 - tx) + ty * (1.0 - ty)) * 2.0,
             )  # fmt: skip
             if output.has_weight:

@@ -10,6 +10,10 @@ FLASH, LEAST_FLASH, FLASH_MEMORY = 1.25, 1e-3, 0.9
 frames plus LEAST_FLASH. Of these the largest counts, reduced by FLASH_MEMORY a frame: extrapolated frames are
 smoother than the shaded ones that they alternate with."""
 
+UNFIT, FIT = 0.8, 0.95
+"""Fraction of the variance of luma over 3x3 samples that their plane must explain before they count as a
+smooth surface, and from which on they do so fully. Of a straight edge it explains 0.75 at most."""
+
 
 @dataclass(frozen=True)
 class TaauConfig:

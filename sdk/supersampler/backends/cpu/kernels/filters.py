@@ -82,6 +82,18 @@ def filter_across(line, to, padded_width, starts, across, row, width, x):
 
 
 @device_function
+def filter_line_across(line, to, starts, across, row, width, x):
+    """Do what `filter_across` does with one plane: the line from `to` on."""
+    first, step, index = places_in(starts, x)
+    total = load16(line, 0) * 0.0
+    for k in range(4):
+        total = add_tap(
+            line, to + PAD + first + k - 1, step, index, load16(across, (row + k) * width + x), total
+        )
+    return total
+
+
+@device_function
 def filter_all_down(colors, rows, down, height, y, starts, x0, x1, padded_width, line, second=True):
     """Filter the columns that pixels x0 to x1 of row y read with three filters, to FILTER_LINES lines.
 

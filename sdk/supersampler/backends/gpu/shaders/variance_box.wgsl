@@ -5,8 +5,8 @@ struct Box {
     high: vec3f,
 }
 
-fn variance_box(first: vec3f, second: vec3f, gamma: f32, floor_: f32) -> Box {
-    let reach = gamma * sqrt(max(second - first * first, vec3f(0.0))) + floor_;
+fn variance_box(first: vec3f, second: vec3f, gamma: f32) -> Box {
+    let reach = gamma * sqrt(max(second - first * first, vec3f(0.0)));
     return Box(first - reach, first + reach);
 }
 

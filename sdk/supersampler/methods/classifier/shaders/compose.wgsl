@@ -86,7 +86,7 @@ fn blend_history(p: vec2i, origin: vec2i, now: CurrentFrame, before: WarpedHisto
     let first = (before.samples * visibility + 1e-3) * exp(parameter(blend, 0u));
     var sum = Sum(first * color, first);
     if (RECTIFIED) {
-        let box = variance_box(now.first, now.second, GAMMA, 0.0);
+        let box = variance_box(now.first, now.second, GAMMA);
         let clipped = clamp(from_ycocg(clip_to_center(ycocg(color), box)), vec3f(0.0), vec3f(TONED));
         sum = add(sum, other * exp(parameter(blend, 1u)), clipped);
     }

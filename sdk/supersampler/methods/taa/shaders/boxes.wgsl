@@ -49,7 +49,7 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local
             if (dot(other, other) > dot(motion, motion)) { motion = other; }
         }
     }
-    let box = variance_box(first / 9.0, second / 9.0, GAMMA, 0.0);
+    let box = variance_box(first / 9.0, second / 9.0, GAMMA);
     textureStore(tones, p, vec4f(colors[center].xyz, 0.0));
     textureStore(lows, p, vec4f(max(box.low, extent.low), 0.0));
     textureStore(highs, p, vec4f(min(box.high, extent.high), 0.0));

@@ -35,8 +35,9 @@ struct Current {          // this frame; colours are toned YCoCg
     frame: vec3f,         // smooth upsampling
     sample: vec3f,        // mean of the samples near the pixel
     confidence: f32,      // sum of their weights
-    first: vec3f,         // E[c]
-    second: vec3f,        // E[c^2]
+    center: vec3f,        // mean of the samples around, luma by the plane through them
+    variance: vec3f,      // about that
+    fit: f32,             // whether 3x3 samples are on that plane, 0 to 1
     shade: vec2f,         // mean and deviation of luma over 3x3 samples
     glares: bool,
 }
@@ -53,6 +54,20 @@ struct Warped {           // the history
     blur: f32,
 }
 
+struct Line {             // filters that fit a line to four samples
+    mean: vec4f,          // weights that sum to 1
+    slope: vec4f,         // per standard deviation of the positions
+    shift: f32,           // mean position in these standard deviations
+}
+
+fn line_filters(distance: vec4f, sigma: f32) -> Line {
+    let window = gaussian(distance, sigma);
+    let weights = window / dot(window, vec4f(1.0));
+    let mean = dot(weights, distance);
+    let deviation = sqrt(dot(weights, distance * distance) - mean * mean);
+    return Line(weights, (distance - mean) * weights / deviation, mean / deviation);
+}
+
 fn gather_current(p: vec2i) -> Current {
     let at = render_position(p);
     let scale = params.display / params.render;
@@ -65,13 +80,16 @@ fn gather_current(p: vec2i) -> Current {
     let sharp_y = catmull_rom(dy);
     let near_x = gaussian(dx * scale.x, SAMPLE_SIGMA);
     let near_y = gaussian(dy * scale.y, SAMPLE_SIGMA);
-    let box_x = gaussian(dx, MOMENT_SIGMA);
-    let box_y = gaussian(dy, MOMENT_SIGMA);
+    let line_x = line_filters(dx, MOMENT_SIGMA);
+    let line_y = line_filters(dy, MOMENT_SIGMA);
     var smoothed = vec4f(0.0);
     var sharp = vec4f(0.0);
     var near = vec4f(0.0);
     var moment = vec4f(0.0);
     var square = vec3f(0.0);
+    var slope = vec2f(0.0);
+    let sample = nearest(at);
+    var steps = vec3f(0.0);    // sums over 3x3 samples: to the right less to the left, below less above; usable
     for (var j = 0; j < 4; j++) {
         for (var i = 0; i < 4; i++) {
             let tap = toned_sample(samples, vec2i(first) + vec2i(i, j));
@@ -80,21 +98,31 @@ fn gather_current(p: vec2i) -> Current {
             smoothed += smooth_x[i] * smooth_y[j] * value;
             sharp += sharp_x[i] * sharp_y[j] * value;
             near += near_x[i] * near_y[j] * value;
-            moment += box_x[i] * box_y[j] * value;
-            square += box_x[i] * box_y[j] * color * color;
+            moment += line_x.mean[i] * line_y.mean[j] * value;
+            square += line_x.mean[i] * line_y.mean[j] * color * color;
+            slope += vec2f(line_x.slope[i] * line_y.mean[j], line_x.mean[i] * line_y.slope[j]) * color.x;
+            let away = vec2i(first) + vec2i(i, j) - sample;
+            if (all(abs(away) <= vec2i(1))) { steps += vec3f(vec2f(away) * color.x, tap.a); }
         }
     }
     let frame = smoothed.xyz / max(smoothed.w, 1e-6);
     let sharpness = select(0.0, FRAME_SHARPNESS, sharp.w > 0.9);
-    let total = max(moment.w, 1e-6);
-    let sample = nearest(at);
+    var center = moment.xyz / max(moment.w, 1e-6);
+    var variance = max(square / max(moment.w, 1e-6) - center * center, vec3f(0.0));
+    let shade = textureLoad(next_surface, sample, 0).zw;
+    let whole = moment.w > 0.999 && steps.z > 8.99;
+    let explained = dot(steps.xy, steps.xy) * (6.0 / 9.0 / 36.0) / max(shade.y * shade.y, 1e-7);
+    let fit = select(0.0, clamp((explained - UNFIT) / (FIT - UNFIT), 0.0, 1.0), whole);
+    center.x -= fit * dot(slope, vec2f(line_x.shift, line_y.shift));
+    variance.x = max(variance.x - fit * dot(slope, slope), 0.0);
     return Current(
         frame + sharpness * (sharp.xyz / max(sharp.w, 1e-6) - frame),
         near.xyz / max(near.w, 1e-6),
         min(near.w, 1.0),
-        moment.xyz / total,
-        select(vec3f(1.0), square / total, moment.w > MIN_BOX_WEIGHT),
-        textureLoad(next_surface, sample, 0).zw,
+        center,
+        select(vec3f(1.0), variance, moment.w > MIN_BOX_WEIGHT),
+        fit,
+        shade,
         has_flag(flags, sample, GLARES_3X3));
 }
 
@@ -148,7 +176,8 @@ fn decide(now: Current, before: Warped) -> Blend {
     let unchanged = select(1.0 - change_of_light(now.shade, before.shade), 1.0, unknown);
     let spread = sqrt(before.power) * unchanged;
     let gamma = GAMMA_STILL + (GAMMA_MOVING - GAMMA_STILL) * min(before.speed / GAMMA_SPEED, 1.0);
-    let box = variance_box(now.first, now.second, gamma, GAMMA_TIME * spread);
+    let reach = gamma * sqrt(now.variance) + GAMMA_TIME * spread;
+    let box = Box(now.center - reach, now.center + reach);
     let within = 1.0 - clamp(FORGET * (overshoot(before.color, box) - 1.0), 0.0, 1.0);
     let limit = SAMPLES / (1.0 + BLUR_COST * before.blur + SPEED_COST * before.speed);
     let holds = before.surface * unchanged;
@@ -167,7 +196,8 @@ fn decide(now: Current, before: Warped) -> Blend {
 // The next spread: mean square of sample - history; see `Taau.finish`.
 fn power_after(now: Current, before: Warped, blend: Blend) -> f32 {
     let reach = sqrt(before.power) + SPREAD_STEP;
-    let contrast = abs(now.sample.x - now.shade.x);
+    var contrast = abs(now.sample.x - now.shade.x);
+    contrast = mix(contrast, min(contrast, abs(now.sample.x - now.center.x)), now.fit);
     let error = min(min(abs(now.sample.x - before.color.x), reach), contrast);
     let counted = min(blend.samples, SPREAD_SAMPLES) + now.confidence;
     let rate = now.confidence / max(counted, 1e-6);

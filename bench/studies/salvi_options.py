@@ -1,0 +1,102 @@
+"""The options of `taa` (Salvi 2016), changed one at a time, on shots with references.
+
+python bench/studies/salvi_options.py test-shots --json bench/results/studies/salvi-options.json \
+    --update docs/results/methods.md
+"""
+
+import numpy as np
+import torch
+import typer
+
+from supersampler.backends.onnx.session import frame_inputs
+from supersampler.frame import Float32, Size
+from supersampler.io.shot import ShotFrame
+from supersampler.methods.taa.spec import TaaConfig
+from supersampler_bench.cli.options import (
+    CACHE,
+    JSON,
+    RATIO,
+    SHOT,
+    UPDATE,
+    check_page,
+    counted,
+    opened_shots,
+    publish,
+)
+from supersampler_bench.quality.measure import StepImage, Stepper, measure_steppers, reference_size
+from supersampler_bench.quality.score_record import quality_record, shot_scores
+from supersampler_bench.quality.score_table import markdown_table as score_table
+from supersampler_bench.quality.score_table import tables_of
+from supersampler_bench.record import Record
+from supersampler_model.methods.taa.model import Taa
+from supersampler_model.ops.size import Size as Extent
+
+OPTIONS = {
+    "taa": TaaConfig(),
+    "20 % new": TaaConfig(alpha=0.2),
+    "5 % new": TaaConfig(alpha=0.05),
+    "gamma 0.75": TaaConfig(gamma=0.75),
+    "gamma 1.5": TaaConfig(gamma=1.5),
+    "minimum and maximum alone": TaaConfig(gamma=None),
+    "no minimum and maximum": TaaConfig(intersect_extent=False),
+    "RGB": TaaConfig(space="rgb"),
+    "5x5 window": TaaConfig(window=5),
+    "7x7 window": TaaConfig(window=7),
+    "clipped to the centre (not his)": TaaConfig(clip="center"),
+    "clamped (not his)": TaaConfig(clip="clamp"),
+}
+
+
+class TaaSteps:
+    """Steps `taa` with other constants in torch; images of (height, width) `display`."""
+
+    def __init__(self, config: TaaConfig, display: Size) -> None:
+        self._method, self._display = Taa(config).eval(), Extent(*display)
+        self._history: list[torch.Tensor] = []
+
+    def step(self, item: ShotFrame) -> Float32:
+        """Return the image (H, W, 3) of the next frame, linear RGB."""
+        frame = item.frame
+        if frame.reset or not self._history:
+            self._history = self._method.first_history(self._display, Extent(*frame.size))
+        inputs = frame_inputs(frame, self._display, self._method.inputs())
+        with torch.no_grad():
+            image, self._history, _ = self._method.step(
+                *map(torch.from_numpy, inputs.values()), *self._history
+            )
+        return np.ascontiguousarray(image[0].permute(1, 2, 0).numpy())
+
+
+def markdown_table(record: Record) -> str:
+    """Return the tables of a record as Markdown: of the mean at each ratio, or of the only shot."""
+    return "\n\n".join(score_table(title, rows) for title, rows in tables_of(record))
+
+
+def main(
+    shot: SHOT, ratio: RATIO = "2", cache: CACHE = None, json: JSON = None, update: UPDATE = None
+) -> None:
+    """Measure every option; frames need references."""
+    name, opened = opened_shots(shot, cache, ratio)
+    tables = {f"study salvi-options {name}": markdown_table}
+    check_page(update, tables)
+    measured = []
+    with counted("frames", sum(len(one) for one, _ in opened)) as advance:
+        for one, origin in opened:
+            display = reference_size(one)
+            scores = measure_steppers(
+                one,
+                [stepper_of(title, config, display) for title, config in OPTIONS.items()],
+                on_frame=advance,
+            )
+            measured.append(shot_scores(one, scores, origin))
+    publish({**quality_record(measured), "bench": "salvi-options"}, tables, json, update)
+
+
+def stepper_of(title: str, config: TaaConfig, display: Size) -> Stepper:
+    """Return an option as `measure_steppers` takes it."""
+    steps = TaaSteps(config, display)
+    return Stepper(title, lambda item: StepImage(steps.step(item)))
+
+
+if __name__ == "__main__":
+    typer.run(main)
