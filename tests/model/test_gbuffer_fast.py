@@ -2,7 +2,7 @@
 
 import numpy as np
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from supersampler.methods.gbuffer_fast.spec import GBUFFER_FAST, GBUFFERS_READ, GuidedConfig
 from supersampler_model.methods.gbuffer_fast.model import GuidedClassifier, neighbours
@@ -77,6 +77,13 @@ def test_neighbours_beyond_the_display_are_its_last_pixels() -> None:
     assert window.color[0, 0, 3, 0, 3] == 2.0
 
 
+def blend_bias(method: GuidedClassifier) -> Tensor:
+    """Return the logarithms of the colours' weights, four of each: history, relit, sample, guided, kernel."""
+    assert isinstance(method.net.blend, nn.Conv2d)
+    assert method.net.blend.bias is not None
+    return method.net.blend.bias.data
+
+
 def step(method: GuidedClassifier, base: Tensor, history: list[Tensor]) -> tuple[Tensor, list[Tensor]]:
     """Step a wall under light of 1 whose display-size base colour is `base`, at rest."""
     render, display = wall(RENDER), wall(DISPLAY)
@@ -100,8 +107,7 @@ def step(method: GuidedClassifier, base: Tensor, history: list[Tensor]) -> tuple
 
 def test_the_first_frame_has_the_textures_of_display_size_g_buffers() -> None:
     method = GuidedClassifier().eval()
-    torch.nn.init.constant_(method.net.blend.bias, 0.0)
-    parameters = method.net.blend.bias.data
+    parameters = blend_bias(method)
     parameters[12:16] = 16.0  # the guided colour's weight
     base = 0.2 + 0.6 * torch.rand(1, 3, DISPLAY.height, DISPLAY.width)
     image, _ = step(method, base, method.first_history(DISPLAY, RENDER))
@@ -111,7 +117,7 @@ def test_the_first_frame_has_the_textures_of_display_size_g_buffers() -> None:
 
 def test_the_history_shows_the_light_of_then_on_the_surfaces_of_now() -> None:
     method = GuidedClassifier().eval()
-    parameters = method.net.blend.bias.data
+    parameters = blend_bias(method)
     base = 0.2 + 0.6 * torch.rand(1, 3, DISPLAY.height, DISPLAY.width)
     parameters[12:16] = 16.0
     _, history = step(method, base, method.first_history(DISPLAY, RENDER))

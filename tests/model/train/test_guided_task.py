@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from torch import nn
 
 from gbuffer_sets import DISPLAY, frame, gbuffer_data, rendered
 from supersampler import ArgumentError
@@ -59,7 +60,8 @@ def test_a_crop_anywhere_has_the_g_buffers_of_both_sizes_at_its_place(data: Data
 def test_states_go_from_frame_to_frame_and_gradients_reach_all_weights(
     task: GuidedTask, samples: list[Sample]
 ) -> None:
-    torch.nn.init.normal_(task.method.net.blend.weight, std=0.1)
+    assert isinstance(task.method.net.blend, nn.Conv2d)
+    nn.init.normal_(task.method.net.blend.weight, std=0.1)
     states = [task.first_state(samples[0])]
     loss = torch.zeros(())
     for sample in samples:
