@@ -86,6 +86,17 @@ def surfaced(seed: int, render: Size, display: Size) -> Frame:
     return noise(seed, render, gbuffer=gbuffer, gbuffer_display=gbuffer_display)
 
 
+def test_half_floats_are_read_as_the_numbers_that_they_are(made: Made) -> None:
+    display, halves = (64, 36), []
+    for seed in range(3):
+        buffers = surfaces(seed, (32, 18), display)
+        for name in buffers:
+            buffers[name] = buffers[name].astype(np.float32 if name.endswith("depth") else np.float16)
+        gbuffer, gbuffer_display = grouped(buffers)
+        halves.append(noise(seed, gbuffer=gbuffer, gbuffer_display=gbuffer_display))
+    compare(step_both(made, halves, display))
+
+
 def step_both(made: Made, frames: list[Frame], display: Size) -> list[tuple[Float32, Float32]]:
     """Images of torch and of the CPU backend, (H, W, 3)."""
     method, model = made

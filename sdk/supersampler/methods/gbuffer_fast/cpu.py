@@ -13,7 +13,7 @@ from supersampler.backends.cpu.memory import address, aligned
 from supersampler.backends.cpu.resample_tables import Filter, Kernel, gaussian, up_to
 from supersampler.backends.cpu.structs import pack
 from supersampler.backends.cpu.threads import Rect, RectTask, ThreadPool
-from supersampler.frame import Size
+from supersampler.frame import Array, Float32, Size
 from supersampler.methods.classifier.cpu import ClassifierCpu
 from supersampler.methods.classifier.structs import Guide
 from supersampler.methods.gbuffer_fast.spec import GBUFFER_FAST, GBUFFERS_READ
@@ -78,7 +78,7 @@ class GuidedCpu(ClassifierCpu):
         assert isinstance(view, GuidedFrame)  # noqa: S101 - from `_space`
         frame, (w, h), (big_w, big_h) = step.frame, step.frame.size, step.display
         base_color, normal, display_color, display_normal, depth = (
-            np.ascontiguousarray(GBUFFERS[name].find(frame), np.float32) for name in GBUFFERS_READ
+            self._single(GBUFFERS[name].find(frame)) for name in GBUFFERS_READ
         )
         before, after = (history.arrays["reflectance"] for history in (step.history, step.next_history))
         guide = Guide(
@@ -103,3 +103,16 @@ class GuidedCpu(ClassifierCpu):
             RectTask([Rect(0, big_h, 0, 1)], prepare_depth),
         )
         return guide
+
+    def _single(self, image: Array | None) -> Float32:
+        """Return an image that kernels read; all threads convert half floats, which takes a while."""
+        assert image is not None  # noqa: S101 - checked before the step
+        if image.dtype == np.float32 and image.flags.c_contiguous:
+            return image
+        made = np.empty(image.shape, np.float32)
+
+        def convert(y0: int, y1: int, _: int) -> None:
+            made[y0:y1] = image[y0:y1]
+
+        self.pool.run_rows("preprocess", len(made), convert)
+        return made
