@@ -26,18 +26,18 @@ CONTRACTS = {"taa": 0.99, "taau": 0.99, "classifier": 0.95, "classifier-small": 
 """What is left of an error after a frame at rest."""
 PRODUCTS = {
     "classifier": 4200, "classifier-small": 2000, "extrapolate": 4200,
-    "gbuffer-small": 17500, "gbuffer-small-4x": 7200, "guided-flow": 1550,
+    "gbuffer-fast": 4200, "gbuffer-small": 17500, "gbuffer-small-4x": 7200, "guided-flow": 1550,
 }  # fmt: skip
 """Multiply-adds a display pixel."""
 OPERATORS = {
     "bilinear": 125, "bicubic": 150, "taa": 515, "taau": 1225, "classifier": 1365, "classifier-small": 1290,
     "gbuffer-small": 1850, "gbuffer-small-4x": 1850, "extrapolate": 1040, "guided-warp": 1120,
-    "guided-flow": 2700,
+    "guided-flow": 2700, "gbuffer-fast": 1760,
 }  # fmt: skip
 READS = {
     "bilinear": 0, "bicubic": 0, "taa": 5, "taau": 8, "classifier": 11, "classifier-small": 10,
     "gbuffer-small": 17, "gbuffer-small-4x": 17, "extrapolate": 11, "guided-warp": 1,
-    "guided-flow": 11,
+    "guided-flow": 11, "gbuffer-fast": 12,
 }  # fmt: skip
 """GridSample operators, which are most of what a graph's time is."""
 KILOBYTES = {"step.onnx": 430, "step.fp16.onnx": 270, "network.onnx": 340, "network.npz": 130}

@@ -2,11 +2,13 @@
 
 import itertools
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import torch
 from torch import Tensor, nn
 
+from supersampler import Frame
 from supersampler.backends.onnx.session import frame_inputs
 from supersampler.io.shot import Shot
 from supersampler_model.methods.classifier.buffers import Gathered
@@ -66,9 +68,29 @@ def _step_shot(method: Classifier, scale: float) -> None:
     display = Size(round(render.width * scale), round(render.height * scale))
     history = method.first_history(display, render)
     for item in itertools.islice(shot, FRAMES):
+        frame = painted(item.frame, display) if "gbuffer_base_color" in method.inputs() else item.frame
         inputs = {
             name: torch.from_numpy(np.ascontiguousarray(value))
-            for name, value in frame_inputs(item.frame, display, method.inputs()).items()
+            for name, value in frame_inputs(frame, display, method.inputs()).items()
         }
         with torch.no_grad():
             history = method.step(*(inputs[name] for name in method.inputs()), *history).history
+
+
+def painted(frame: Frame, display: tuple[int, int]) -> Frame:
+    """Return a frame with G-buffers, as if its toned colours were those of flat surfaces that face one way.
+
+    The shipped shot has none. At display size they are those of the nearest samples.
+    """
+    color = np.maximum(np.asarray(frame.color, np.float32), 0.0)
+    base = color / (1.0 + color.max(axis=2, keepdims=True))
+    normal = np.broadcast_to(np.array([0.0, 0.0, 1.0], np.float32), base.shape)
+    width, height = frame.size
+    rows = np.arange(display[1])[:, None] * height // display[1]
+    columns = np.arange(display[0]) * width // display[0]
+    found = {"base_color": base, "normal": normal, "depth": np.asarray(frame.depth, np.float32)}
+    return replace(
+        frame,
+        gbuffer={"base_color": base, "normal": normal},
+        gbuffer_display={name: image[rows, columns] for name, image in found.items()},
+    )

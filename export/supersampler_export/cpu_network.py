@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from supersampler.methods.classifier.spec import CLASSES, CLASSIFIER, ClassifierConfig
-from supersampler.methods.classifier.variant import Variant
+from supersampler.methods.classifier.spec import CLASSES, ClassifierConfig
+from supersampler.methods.classifier.variant import CONFIGURED
 from supersampler.methods.spec import constants_of
 from supersampler_export.calibrate import calibrated
 from supersampler_export.quantize import BLOCK, KEPT, quantized
@@ -15,15 +15,14 @@ from supersampler_model.methods.base import Method
 from supersampler_model.methods.classifier.model import Classifier
 from supersampler_model.methods.classifier.network import ClassifierNetwork
 
-CONSTANTS = ("network", *constants_of(CLASSIFIER), *Variant._fields)
-"""Fields of ClassifierConfig that kernels read or are compiled for; the others must have their defaults."""
-
 
 def cpu_network(method: Method) -> bytes | None:
     """Return the int8 network; None without kernels for the method's config."""
     if not isinstance(method, Classifier) or type(method.net) is not ClassifierNetwork:
         return None
-    constants = {name: getattr(method.config, name) for name in CONSTANTS}
+    # the fields that kernels read or are compiled for; the others must have their defaults
+    names = "network", *constants_of(method.spec), *CONFIGURED
+    constants = {name: getattr(method.config, name) for name in names}
     if method.config != replace(type(method.config)(), **constants) or not _fits(method.config):
         return None
     stream = io.BytesIO()

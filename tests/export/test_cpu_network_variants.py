@@ -16,7 +16,7 @@ from supersampler.backends.onnx.session import frame_inputs
 from supersampler.frame import Float32
 from supersampler.io.display import display_transform
 from supersampler.methods.classifier.spec import ClassifierConfig, NetworkConfig
-from supersampler.methods.classifier.variant import Variant
+from supersampler.methods.classifier.variant import CONFIGURED, Variant
 from supersampler.methods.model_file import find_model
 from supersampler_export import calibrate
 from supersampler_export.cpu_network import cpu_network
@@ -36,7 +36,9 @@ Made = tuple[Classifier, Model]
 @pytest.fixture(scope="module", params=VARIANTS, ids=lambda variant: variant.kernel("with"))
 def made(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Made:
     """A method with random weights, and its model: of the folder only what the CPU backend needs."""
-    method = Classifier(ClassifierConfig(network=TINY, **request.param._asdict())).eval()
+    method = Classifier(
+        ClassifierConfig(network=TINY, **{n: getattr(request.param, n) for n in CONFIGURED})
+    ).eval()
     torch.manual_seed(0)
     assert isinstance(method.net.blend, nn.Conv2d)
     assert method.net.blend.bias is not None

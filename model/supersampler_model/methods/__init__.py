@@ -19,6 +19,7 @@ from supersampler_model.methods.gbuffer.model import (
     SmallGBuffer,
     SmallGBuffer4,
 )
+from supersampler_model.methods.gbuffer_fast.model import GuidedClassifier
 from supersampler_model.methods.learned import LearnedMethod
 from supersampler_model.methods.spatial.model import Bicubic, Bilinear
 from supersampler_model.methods.taa.model import Taa
@@ -31,7 +32,7 @@ LEARNED: Mapping[str, type[LearnedMethod]] = {
     for m in (
         Classifier, SmallClassifier, PaperClassifier, Extrapolate,
         GBuffer, GBuffer4, SmallGBuffer, SmallGBuffer4, DepthGBuffer,
-        GuidedFlow,
+        GuidedClassifier, GuidedFlow,
     )
 }  # fmt: skip
 """Methods with a network: `LEARNED[name].of(load_trained(path))`."""

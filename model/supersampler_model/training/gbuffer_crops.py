@@ -2,7 +2,8 @@
 
 Methods of a fixed integer ratio (`gbuffer`) read G-buffers of render and of display size. Their crops are
 `aligned`: they consist of whole render pixels, have the frame's jitter and read no pixels around the crop.
-Methods of any ratio (`extrapolate`) read G-buffers of render size, to extrapolate unshaded frames.
+Methods of any ratio read G-buffers of render size, to extrapolate unshaded frames (`extrapolate`), or of both
+sizes (`gbuffer-fast`).
 """
 
 from collections.abc import Iterator, Sequence
@@ -30,11 +31,13 @@ class GBufferRegion(CropRegion):
     Attributes:
         world: (3, 3) orthogonal matrix applied to normals: methods may only use their differences.
         aligned: whether corner and size are multiples of the ratio, a whole number equal on both axes. The
-            crop then has all G-buffers; otherwise those of render size.
+            crop then has G-buffers of both sizes.
+        of_display: whether another crop has them, too; otherwise those of render size.
     """
 
     world: Float32 = field(default_factory=lambda: np.eye(3, dtype=np.float32))
     aligned: bool = False
+    of_display: bool = False
 
     def sample(self, frame: TrainingFrame, *, reset: bool) -> Sample:
         """Cut the crop out of one frame, with the G-buffers that the frame has."""
@@ -45,7 +48,7 @@ class GBufferRegion(CropRegion):
         found = {}
         for name, image in gbuffers(frame).items():
             of_display = GBUFFERS[name].of_display
-            if of_display and not self.aligned:
+            if of_display and not (self.aligned or self.of_display):
                 continue
             part = image[self.display if of_display else (down, across)]
             if name.endswith("base_color"):
@@ -62,12 +65,14 @@ def draw_gbuffer_region(
     display_size: tuple[int, int],
     size: int,
     *,
-    aligned: bool,
+    aligned: bool = False,
+    of_display: bool = False,
 ) -> GBufferRegion:
-    """Return a random region with augmentation, normals rotated."""
+    """Return a random region with augmentation, normals rotated; see `GBufferRegion`."""
     region = draw_region(random, entry, display_size, size, step=round(entry.ratio) if aligned else 1)
     q, r = np.linalg.qr(random.normal(size=(3, 3)))  # uniform over orthogonal matrices (Mezzadri 2007)
-    return GBufferRegion(**vars(region), world=(q * np.sign(np.diag(r))).astype(np.float32), aligned=aligned)
+    world = (q * np.sign(np.diag(r))).astype(np.float32)
+    return GBufferRegion(**vars(region), world=world, aligned=aligned, of_display=of_display)
 
 
 def gbuffer_stream(datasets: Sequence[Dataset], *, ratio: int, size: int, seed: Sequence[int]) -> Stream:
@@ -82,6 +87,14 @@ def gbuffer_stream(datasets: Sequence[Dataset], *, ratio: int, size: int, seed: 
     return Stream(datasets, ratios=(ratio, ratio), size=size, seed=seed, draw=draw)
 
 
+def guided_stream(
+    datasets: Sequence[Dataset], *, ratios: tuple[float, float], size: int, seed: Sequence[int]
+) -> Stream:
+    """Stream crops of any ratio with G-buffers of both sizes; see `Stream`."""
+    draw = partial(draw_gbuffer_region, of_display=True)
+    return Stream(datasets, ratios=ratios, size=size, seed=seed, draw=draw)
+
+
 class UnshadedStream(Stream):
     """Crops with every second frame unshaded, or two of three; crops without G-buffers are all shaded.
 
@@ -91,8 +104,7 @@ class UnshadedStream(Stream):
     def __init__(
         self, datasets: Sequence[Dataset], *, ratios: tuple[float, float], size: int, seed: Sequence[int]
     ) -> None:
-        draw = partial(draw_gbuffer_region, aligned=False)
-        super().__init__(datasets, ratios=ratios, size=size, seed=seed, draw=draw)
+        super().__init__(datasets, ratios=ratios, size=size, seed=seed, draw=draw_gbuffer_region)
 
     def __iter__(self) -> Iterator[Sample]:
         for sample in super().__iter__():

@@ -15,12 +15,14 @@ from supersampler_model.methods.gbuffer.model import (
     SmallGBuffer,
     SmallGBuffer4,
 )
+from supersampler_model.methods.gbuffer_fast.model import GuidedClassifier
 from supersampler_model.methods.learned import LearnedMethod
 from supersampler_model.methods.weights_file import Trained
 from supersampler_model.training.classifier_task import ClassifierTask
 from supersampler_model.training.extrapolate_task import ExtrapolateTask
 from supersampler_model.training.flow_task import FlowTask
 from supersampler_model.training.gbuffer_task import GBufferTask
+from supersampler_model.training.guided_task import GuidedTask
 from supersampler_model.training.task import Task
 
 Start = Callable[[Trained | None], Task[Any]]
@@ -36,12 +38,19 @@ def _extrapolate(weights: Trained | None) -> Task[Any]:
     return ExtrapolateTask(Extrapolate.from_classifier(weights))
 
 
+def _guided(weights: Trained | None) -> Task[Any]:
+    if weights is None or weights.method == GuidedClassifier.name:
+        return _start(GuidedTask, GuidedClassifier)(weights)
+    return GuidedTask(GuidedClassifier.from_classifier(weights))
+
+
 _CLASSIFIERS = (Classifier, SmallClassifier, PaperClassifier)
 _GBUFFERS = (GBuffer, GBuffer4, SmallGBuffer, SmallGBuffer4, DepthGBuffer)
 TASKS: Mapping[str, Start] = {
     **{method.name: _start(ClassifierTask, method) for method in _CLASSIFIERS},
     **{method.name: _start(GBufferTask, method) for method in _GBUFFERS},
     Extrapolate.name: _extrapolate,
+    GuidedClassifier.name: _guided,
     GuidedFlow.name: _start(FlowTask, GuidedFlow),
 }
 """`TASKS[name](weights)` starts from these weights; None: untrained."""

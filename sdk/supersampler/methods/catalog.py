@@ -11,6 +11,7 @@ from supersampler.methods.gbuffer.spec import (
     GBUFFER_SMALL,
     GBUFFER_SMALL_4X,
 )
+from supersampler.methods.gbuffer_fast.spec import GBUFFER_FAST
 from supersampler.methods.spatial.spec import BICUBIC, BILINEAR
 from supersampler.methods.spec import MethodSpec
 from supersampler.methods.taa.spec import TAA
@@ -26,7 +27,8 @@ FIXED = _by_name(BILINEAR, BICUBIC, TAA, TAAU, GUIDED_WARP)
 UNTRAINED = _by_name(CLASSIFIER_PAPER, GBUFFER, GBUFFER_4X, GBUFFER_DEPTH)
 """Methods that can be trained, and of which no weights ship."""
 LEARNED = {
-    **_by_name(CLASSIFIER, CLASSIFIER_SMALL, EXTRAPOLATE, GBUFFER_SMALL, GBUFFER_SMALL_4X, GUIDED_FLOW),
+    **_by_name(CLASSIFIER, CLASSIFIER_SMALL, EXTRAPOLATE),
+    **_by_name(GBUFFER_FAST, GBUFFER_SMALL, GBUFFER_SMALL_4X, GUIDED_FLOW),
     **UNTRAINED,
 }
 """Methods that are trained."""

@@ -20,7 +20,12 @@ if TYPE_CHECKING:
 
 _SALVIS = {name: value for name, value in asdict(TaaConfig()).items() if name not in constants_of(TAA)}
 """Options of `taa` that its kernels are written for."""
-_EXECUTORS: Mapping[str, str] = {"classifier": "ClassifierCpu", "taa": "TaaCpu", "taau": "TaauCpu"}
+_EXECUTORS: Mapping[str, str] = {
+    "classifier": "ClassifierCpu",
+    "gbuffer_fast": "GuidedCpu",
+    "taa": "TaaCpu",
+    "taau": "TaauCpu",
+}
 """Classes by folder; only the one in use is imported."""
 
 
@@ -87,7 +92,7 @@ def _fall_back(error: KernelError, *, required: bool) -> None:
 def kernels_of(info: ModelInfo) -> str | None:
     """Return the folder of the method whose kernels and shaders run a model; None where none do."""
     if "network.npz" in info.files:
-        return "classifier"
+        return "gbuffer_fast" if info.method == "gbuffer-fast" else "classifier"
     if info.method == "taau":
         return "taau"
     config = info.config

@@ -4,7 +4,7 @@ from importlib import import_module
 from typing import Any
 
 from supersampler.errors import ModelError
-from supersampler.methods.classifier.variant import Variant
+from supersampler.methods.classifier.variant import CONFIGURED
 from supersampler.methods.model_info import ModelInfo
 from supersampler.methods.spec import MethodSpec, constants_of
 
@@ -12,6 +12,7 @@ _SPECS = {
     "taa": ("taa", "TAA"),
     "taau": ("taau", "TAAU"),
     "classifier": ("classifier", "CLASSIFIER"),
+    "gbuffer_fast": ("gbuffer_fast", "GBUFFER_FAST"),
     "guided-warp": ("extrapolation", "GUIDED_WARP"),
 }
 """Folder and name of the spec of each method with kernels; only the one in use is imported."""
@@ -30,7 +31,7 @@ def check_constants(info: ModelInfo, kernels: str) -> None:
         value: Any = info.config.get(name)
         if type(value) not in (int, float) or not least <= value <= most:
             raise wrong_constant(info, name, value, f"a number from {least:g} to {most:g}")
-    for name in Variant._fields if kernels == "classifier" else ():
+    for name in CONFIGURED if kernels in ("classifier", "gbuffer_fast") else ():
         if type(info.config.get(name)) is not bool:
             raise wrong_constant(info, name, info.config.get(name), "true or false")
 

@@ -30,7 +30,7 @@ def gpu_program(info: ModelInfo) -> "GpuProgram | None":
         ModelError: a constant is out of its range, or the weights cannot be read.
     """
     shaders = kernels_of(info)
-    if shaders is None or not has_known_history(info, shaders):
+    if shaders is None or shaders not in _PROGRAMS or not has_known_history(info, shaders):
         return None
     check_constants(info, shaders)
     made = getattr(import_module(f"supersampler.methods.{shaders}.gpu"), _PROGRAMS[shaders])

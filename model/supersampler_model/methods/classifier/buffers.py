@@ -4,6 +4,8 @@ Those that say "working type" are half floats in a method of half precision, els
 float32 (docs/explanation/precision.md).
 """
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 from torch import Tensor
@@ -55,6 +57,7 @@ class Gathered(NamedTuple):
     flash: Tensor  # (1,) bool, see `is_flash`
     display: Size
     grid: Grid
+    further_inputs: Mapping[str, Tensor] = MappingProxyType({})  # of the network, (1, 1, H, W) by name
 
 
 class History(NamedTuple):

@@ -37,7 +37,7 @@ def pixel_inputs(gathered: Gathered, count: CountCode = "saturating") -> dict[st
     """Compute all of INPUTS; values are at most about 1. Colours are in the working type."""
     current, warped, reprojection = gathered.current, gathered.warped, gathered.reprojection
     range_ = warped.range.to(current.frame.dtype)
-    frame, sample, color, range_ = (_root(c) for c in (current.frame, current.sample, warped.rounded, range_))
+    frame, sample, color, range_ = (root(c) for c in (current.frame, current.sample, warped.rounded, range_))
     luma, luma_before = luminance(sample), luminance(color)
     low, high = channels_of(_range(luma_before, gathered))
     speed = reprojection.speed()
@@ -52,7 +52,7 @@ def pixel_inputs(gathered: Gathered, count: CountCode = "saturating") -> dict[st
         "beyond_range": torch.maximum(low - luma, luma - high).clamp(min=0.0),
         "min_luma": range_[:, :1],
         "max_luma": range_[:, 1:2],
-        "detail": _root(largest(warped.detail.abs())),
+        "detail": root(largest(warped.detail.abs())),
         "confidence": current.confidence,
         "count": COUNTS[count](warped.samples),
         "depth_difference": warped.difference,
@@ -60,6 +60,7 @@ def pixel_inputs(gathered: Gathered, count: CountCode = "saturating") -> dict[st
         "speed": speed / (speed + 4.0),
         "blur": reprojection.blur(),
         "edge": current.edge,
+        **gathered.further_inputs,
     }
 
 
@@ -76,7 +77,7 @@ def neighbourhood_inputs(pixels: dict[str, Tensor], display: Size) -> dict[str, 
     Aliasing averages out over a neighbourhood, a change of lighting does not.
     """
     apart = pixels["history"] - pixels["frame"]
-    means = channels_of(_root(_mean(torch.cat([apart, apart.abs()], dim=1), display).abs()))
+    means = channels_of(root(_mean(torch.cat([apart, apart.abs()], dim=1), display).abs()))
     return dict(zip(NEIGHBOURHOOD_INPUTS, means, strict=True))
 
 
@@ -88,6 +89,6 @@ def _mean(image: Tensor, display: Size) -> Tensor:
     return repeated(blurred(blurred(means, half), half), half)
 
 
-def _root(value: Tensor) -> Tensor:
+def root(value: Tensor) -> Tensor:
     """Square root with bounded slope."""
     return value.clamp(min=1e-6).sqrt()

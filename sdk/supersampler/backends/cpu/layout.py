@@ -40,5 +40,7 @@ RECORD_WORDS = 18
 """Words of a packed pixel (2x2 display pixels): INPUT_PLANES, then two of inputs at half display size."""
 PIXELS_AT_ONCE = 6
 """Pixels whose sums of products a layer of the network computes together, in registers."""
+SURFACE_PLANES = 9
+"""Planes of a row of samples with G-buffers: light, toned; normal and base colour, scaled."""
 HISTORY_PLANES = 3
 """float32 planes of the warped history between gather and finish: RGB. Rounding to fp16 would accumulate."""

@@ -1,5 +1,7 @@
 """CPU backend of `classifier`: gather, int8 network and finish, row by row on several threads."""
 
+from typing import ClassVar
+
 import numpy as np
 
 from supersampler.backends.cpu.convergence import (
@@ -28,6 +30,7 @@ from supersampler.methods.classifier.structs import (
     FinishScratch,
     Gathered,
     GatherScratch,
+    Guide,
 )
 from supersampler.methods.classifier.variant import Variant
 from supersampler.methods.model_info import ModelInfo
@@ -48,6 +51,11 @@ LAYOUT = HistoryLayout(
 )
 
 
+_NONE = np.zeros(1, np.float32)
+NO_GUIDE = Guide(_NONE, _NONE, _NONE, _NONE, np.zeros(1, np.uint8), np.zeros(1, np.int32), 0.0, 0.0, 0.0, 0.0)
+"""Of variants that are not `guided`."""
+
+
 class _Space:
     """Buffers for displays of one size."""
 
@@ -58,7 +66,8 @@ class _Space:
         history = aligned((big_h * width + LANES, HISTORY_PLANES))
         rest = aligned((big_h * width, executor.variant.rest), np.uint16)
         rising = aligned((big_h, width // LANES))
-        self.gathered = Gathered(history, rest, rising, big_w, big_h, width)
+        image = aligned((big_h * executor.variant.guided, 3, width + 2 * PAD), np.uint16)
+        self.gathered = Gathered(history, rest, rising, image, big_w, big_h, width)
         self.encoder = Encoder(executor.network, half, executor.pool)
         self.scratch = [_Scratch(self, executor.variant) for _ in range(executor.pool.threads)]
 
@@ -76,6 +85,7 @@ class _Scratch:
             aligned((2 * width + LANES,)),
             aligned((4 * INPUT_PLANES * width + 2 * LANES,), np.uint8),
             aligned((4 * width + 2 * LANES,)),
+            aligned((LANES, 4)),
         )
         read, decoded = aligned((2, half_w, 32), np.uint8)
         hidden = aligned((half_w, 4 * LANES), np.uint8)
@@ -98,15 +108,23 @@ class ClassifierCpu(CpuExecutor[ConvergingFrame]):
     Args:
         info: the model.
         pool: threads that compute.
+
+    Attributes:
+        layout: of the history.
+        guided: whether the kernels are of the variant `guided`.
+        preparing: names of kernels that `guide_of` needs.
     """
 
     precision = "int8"
+    layout: ClassVar = LAYOUT
+    guided: ClassVar = False
+    preparing: ClassVar[tuple[str, ...]] = ()
 
     def __init__(self, info: ModelInfo, pool: ThreadPool) -> None:
-        self.variant = Variant.of(info.config)
+        self.variant = Variant.of(info.config, guided=self.guided)
         names = self.variant.kernel(GATHER), KEEP_DEPTH, LEVEL, self.variant.kernel(FINISH)
-        others = *READ_KERNELS, *names[1:-1], *CONVERGENCE_KERNELS
-        super().__init__(LAYOUT, pool, names[0], *others, names[-1])
+        others = *READ_KERNELS, *names[1:-1], *CONVERGENCE_KERNELS, *self.preparing
+        super().__init__(self.layout, pool, names[0], *others, names[-1])
         self._convergence = Convergence(self.kernels, pool)
         self._gather, self._keep_depth, level, self._finish = (self.kernels[name] for name in names)
         self.network = Int8Network(info, self.variant.outputs, level)
@@ -134,6 +152,10 @@ class ClassifierCpu(CpuExecutor[ConvergingFrame]):
             self._compose(step, space, buffers)
         self._convergence.run(step, space)
 
+    def guide_of(self, step: Step, view: ConvergingFrame) -> Guide:  # noqa: ARG002  # of this variant
+        """Return what the variant `guided` reads and writes; of others, nothing."""
+        return NO_GUIDE
+
     def _gather_all(self, step: Step, view: ConvergingFrame, space: _Space) -> None:
         """Compute the network inputs and all that finish needs, and the depth for the next frame."""
         history, (w, h) = step.history, step.frame.size
@@ -148,11 +170,13 @@ class ClassifierCpu(CpuExecutor[ConvergingFrame]):
         previous = ClassifierHistoryInput(pixels, classes, depth, depth.shape[1])
         samples, next_depth = pack(view.samples), address(step.next_history.arrays["depth"])
         inputs = samples, pack(previous), pack(view.current_tables()), address(numbers)
+        guide = self.guide_of(step, view)
+        packed_guide = pack(guide)
         lines, scratch = [address(line) for line in view.lines], [pack(t.gather) for t in space.scratch]
         outputs = pack(space.gathered), pack(space.encoder.inputs)
 
         def gather(box: Rect, worker: int) -> None:
-            self._gather(*inputs, lines[worker], scratch[worker], *outputs, *box)
+            self._gather(*inputs, lines[worker], scratch[worker], packed_guide, *outputs, *box)
 
         def write_depth(box: Rect, _: int) -> None:
             self._keep_depth(samples, next_depth, box.y0, box.y1)

@@ -28,6 +28,8 @@ class Gathered(NamedTuple):
         history: (height, pitch / 16, HISTORY_PLANES, 16) toned RGB of the reprojected history.
         rest: (height, pitch / 16, Variant.rest, 16) the other planes, see `Variant`.
         rising: (height, pitch / 16) number of pixels that count towards FLASH_FRACTION.
+        image: (height, 3, PAD + pitch + PAD) toned guided colour, and one pixel beyond either border; only
+            of the variant `guided`.
         width, height: of the display.
         pitch: width up to whole vectors.
     """
@@ -35,9 +37,36 @@ class Gathered(NamedTuple):
     history: Floats
     rest: Halves
     rising: Floats
+    image: Halves
     width: int
     height: int
     pitch: int
+
+
+class Guide(NamedTuple):
+    """What the variant `guided` reads and writes beside the others; rows are padded as those of samples.
+
+    Attributes:
+        samples: (render height, SURFACE_PLANES, padded width) light, toned, and features of surfaces.
+        base_color, normal: (height, width, 3) of the display.
+        depth: (height, PAD + pitch + PAD) of the display, -1 where it is unusable.
+        before: (height, width, 4) reflectance of the history; 255 is one.
+        next: likewise, as words, written to.
+        normal_scale, color_scale: of features; their squared distance is an exponent.
+        depth_scale: of the squared relative difference of depth.
+        min_reflectance: see GuidedConfig.
+    """
+
+    samples: Floats
+    base_color: Floats
+    normal: Floats
+    depth: Floats
+    before: Bytes
+    next: Words
+    normal_scale: float
+    color_scale: float
+    depth_scale: float
+    min_reflectance: float
 
 
 class NetworkInputs(NamedTuple):
@@ -69,6 +98,7 @@ class GatherScratch(NamedTuple):
         places: positions of a row's pixels in the previous frame.
         inputs: four rows of network inputs, INPUT_PLANES planes each.
         differences: luma of the history minus that of the frame, four rows.
+        reflectance: of the history at sixteen pixels, four values each.
     """
 
     ring: Floats
@@ -78,6 +108,7 @@ class GatherScratch(NamedTuple):
     places: Floats
     inputs: Bytes
     differences: Floats
+    reflectance: Floats
 
 
 class LayerWeights(NamedTuple):

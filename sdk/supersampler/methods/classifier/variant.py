@@ -5,19 +5,21 @@ from typing import Any, NamedTuple, Self
 
 
 class Variant(NamedTuple):
-    """Of ClassifierConfig, what kernels leave out where it is not set: its planes, reads and arithmetic.
+    """What kernels leave out where it is not set: its planes, reads and arithmetic.
 
-    Properties are indices of planes of `Gathered.rest` and of blend parameters.
+    The first three are of ClassifierConfig; `guided` is that the frame has G-buffers of display size, as
+    `gbuffer-fast` reads them. Properties are indices of planes of `Gathered.rest` and of blend parameters.
     """
 
     corrected: bool
     rectified: bool
     own_motion: bool
+    guided: bool = False
 
     @classmethod
-    def of(cls, config: Mapping[str, Any]) -> Self:
+    def of(cls, config: Mapping[str, Any], *, guided: bool = False) -> Self:
         """Return that of a model."""
-        return cls(*(config[name] for name in cls._fields))
+        return cls(**{name: config[name] for name in CONFIGURED}, guided=guided)
 
     @classmethod
     def with_parts(cls, *parts: str) -> Self:
@@ -39,9 +41,14 @@ class Variant(NamedTuple):
         return self.mean + 6 * self.rectified
 
     @property
+    def sampled(self) -> int:
+        """Of `rest`: 1 where one of the samples around is usable, else 0."""
+        return self.own + 3 * self.own_motion
+
+    @property
     def rest(self) -> int:
         """Planes of `rest`."""
-        return self.own + 3 * self.own_motion
+        return self.sampled + self.guided
 
     @property
     def history_colors(self) -> int:
@@ -67,3 +74,7 @@ class Variant(NamedTuple):
     def outputs(self) -> int:
         """Of the last layer: `blend_parameters` of four pixels, in eights."""
         return -(-4 * self.blend_parameters // 8) * 8
+
+
+CONFIGURED = Variant._fields[:3]
+"""Fields of `Variant` that are fields of ClassifierConfig."""

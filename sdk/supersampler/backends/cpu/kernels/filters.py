@@ -94,10 +94,10 @@ def filter_line_across(line, to, starts, across, row, width, x):
 
 
 @device_function
-def filter_all_down(colors, rows, down, height, y, starts, x0, x1, padded_width, line):
+def filter_all_down(colors, rows, down, height, y, starts, x0, x1, padded_width, line, second=True):
     """Filter the columns that pixels x0 to x1 of row y read with three filters, to FILTER_LINES lines.
 
-    down (., H, 4): weights of the filters.
+    down (., H, 4): weights of the filters; second: whether the second one is needed.
     """
     first, last = span(starts, x0, x1)
     one, two, three = 4 * y, 4 * (height + y), 4 * (2 * height + y)
@@ -105,7 +105,8 @@ def filter_all_down(colors, rows, down, height, y, starts, x0, x1, padded_width,
         np.int64(0), np.int64(1), np.int64(3), np.int64(4), np.int64(6),
     )  # fmt: skip
     filter_down(colors, zero, four, rows, down, y, one, padded_width, first, last, line, zero)
-    filter_down(colors, zero, four, rows, down, y, two, padded_width, first, last, line, 4 * padded_width)
+    if second:
+        filter_down(colors, zero, four, rows, down, y, two, padded_width, first, last, line, 4 * padded_width)
     filter_down(colors, four, six, rows, down, y, three, padded_width, first, last, line, 8 * padded_width)
     filter_down(
         colors, usable, one_plane, rows, down, y, three, padded_width, first, last, line, 14 * padded_width
@@ -113,9 +114,10 @@ def filter_all_down(colors, rows, down, height, y, starts, x0, x1, padded_width,
 
 
 @device_function
-def filter_all_across(line, padded_width, starts, across, width, x):
-    """Filter all lines for sixteen pixels from x on; return sixteen vectors."""
-    a = filter_across(line, 0, padded_width, starts, across, 0, width, x)
-    b = filter_across(line, 4 * padded_width, padded_width, starts, across, 4, width, x)
+def filter_all_across(line, padded_width, starts, across, width, x, second=True):
+    """Filter all lines for sixteen pixels from x on; return sixteen vectors; see `filter_all_down`."""
+    a = b = filter_across(line, 0, padded_width, starts, across, 0, width, x)
+    if second:
+        b = filter_across(line, 4 * padded_width, padded_width, starts, across, 4, width, x)
     c = filter_across(line, 8 * padded_width, padded_width, starts, across, 8, width, x)
     return (*a, *b, *c, *filter_across(line, 12 * padded_width, padded_width, starts, across, 8, width, x))

@@ -122,10 +122,18 @@ def added(sums, weight, color):
     return r + color[0] * weight, g + color[1] * weight, b + color[2] * weight, total + weight
 
 
+@device_function
+def neighbour_weight(k):
+    """Return the initial weight of one of 3x3 pixels; see `NEIGHBOUR_WEIGHTS` of `gbuffer-fast`."""
+    if k == 4:
+        return np.float32(1.0)
+    return np.float32(0.12) if k % 2 else np.float32(0.03)
+
+
 def make_compose_row(variant: Variant):
     """Return `compose_row` of a variant."""
-    corrected, rectified, own_motion = variant
-    planes, mean, own = variant.rest, variant.mean, variant.own
+    corrected, rectified, own_motion, guided = variant
+    planes, mean, own, sampled_plane = variant.rest, variant.mean, variant.own, variant.sampled
     sample_weight, sharpness, kernel = variant.history_colors, variant.sharpness, variant.kernel_weights
     parameters = variant.blend_parameters
 
@@ -137,7 +145,7 @@ def make_compose_row(variant: Variant):
         columns_near, row_near = tables.nearest_column, tables.nearest_row[y]
         across, down = tables.column_windows, tables.row_windows
         exposure, glares, streams = constants.exposure, constants.glares, constants.streams
-        flash = constants.flash
+        flash, guided_image, image_pitch = constants.flash, gathered.image, width + 2 * PAD
         big_w, big_h, history_out, image = output.width, output.height, output.next_history, output.image
         zero = spread16(np.float32(0.0))
         above, below = max(y - 1, 0) * width, min(y + 1, big_h - 1) * width
@@ -204,17 +212,31 @@ def make_compose_row(variant: Variant):
                 )
             history_weight = history[3]
             # current colours
-            first, step, index = places_in(columns_near, x)
             sums = zero, zero, zero, zero
-            for k in range(9):
-                initial = load16(across, (k % 3) * width + x) * down[3 * y + k // 3] + 1e-4
-                number = m + kernel + k
-                tap_weight = initial * factor(
-                    blend_parameters(blend, blend_pitch, number, parameters, pixels)
-                )
-                row = min(max(row_near + k // 3 - 1, 0), h - 1)
-                at_row = SAMPLE_PLANES * row * padded_width + PAD + first
-                sums = tap(colors, at_row + k % 3 - 1, padded_width, step, index, tap_weight, sums)
+            if guided:
+                for k in range(9):
+                    number, row = m + kernel + k, min(max(y + k // 3 - 1, 0), big_h - 1)
+                    tap_weight = neighbour_weight(k) * factor(
+                        blend_parameters(blend, blend_pitch, number, parameters, pixels)
+                    )
+                    place = 3 * row * image_pitch + PAD + x + k % 3 - 1
+                    neighbour = (
+                        load16(guided_image, place),
+                        load16(guided_image, place + image_pitch),
+                        load16(guided_image, place + 2 * image_pitch),
+                    )
+                    sums = added(sums, tap_weight, neighbour)
+            else:
+                first, step, index = places_in(columns_near, x)
+                for k in range(9):
+                    initial = load16(across, (k % 3) * width + x) * down[3 * y + k // 3] + 1e-4
+                    number = m + kernel + k
+                    tap_weight = initial * factor(
+                        blend_parameters(blend, blend_pitch, number, parameters, pixels)
+                    )
+                    row = min(max(row_near + k // 3 - 1, 0), h - 1)
+                    at_row = SAMPLE_PLANES * row * padded_width + PAD + first
+                    sums = tap(colors, at_row + k % 3 - 1, padded_width, step, index, tap_weight, sums)
             frame = three(rest, rest_at + 16 * FRAME)
             any_usable, scale = sums[3] > 1e-9, 1.0 / maximum(sums[3], 1e-12)
             filtered = (
@@ -223,7 +245,10 @@ def make_compose_row(variant: Variant):
                 select(any_usable, sums[2] * scale, frame[2]),
             )
             confidence = load16(rest, rest_at + 16 * CONFIDENCE)
-            sampled_here = select(sums[3] > 0.0, spread16(np.float32(1.0)), zero)
+            if guided:
+                sampled_here = load16(rest, rest_at + 16 * sampled_plane)
+            else:
+                sampled_here = select(sums[3] > 0.0, spread16(np.float32(1.0)), zero)
             sampled, frame_weight = sampled_here * (confidence + 1e-3), sampled_here * 0.05
             sample = three(rest, rest_at + 16 * SAMPLE)
             number = m + sample_weight

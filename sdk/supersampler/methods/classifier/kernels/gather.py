@@ -19,7 +19,7 @@ from supersampler.backends.cpu.kernels.colors import (
     without_glare,
 )
 from supersampler.backends.cpu.kernels.filters import filter_all_across, filter_all_down
-from supersampler.backends.cpu.kernels.frame import repeat_ends
+from supersampler.backends.cpu.kernels.frame import repeat_ends, sample_indices
 from supersampler.backends.cpu.kernels.warp import (
     disocclusion,
     linear_taps,
@@ -36,6 +36,7 @@ from supersampler.backends.cpu.simd.vector import (
     absolute,
     all_lanes,
     floor,
+    load16,
     maximum,
     minimum,
     ramp16,
@@ -49,12 +50,23 @@ from supersampler.backends.cpu.simd.vector import (
 )
 from supersampler.backends.cpu.structs import Floats, FrameSamples, ResampleTables
 from supersampler.methods.classifier.kernels import network_inputs as words
+from supersampler.methods.classifier.kernels.guided import (
+    edge_at,
+    guide_pixels,
+    kept_reflectance,
+    lit,
+    reflectance,
+    relit,
+    surface_at,
+    warp_reflectance,
+)
 from supersampler.methods.classifier.kernels.network_inputs import complete_row, store_input, warp_classes
 from supersampler.methods.classifier.spec import CLASSIFIER, CONTRAST, RISE, WHITE
 from supersampler.methods.classifier.structs import (
     ClassifierHistoryInput,
     Gathered,
     GatherScratch,
+    Guide,
     NetworkInputs,
 )
 from supersampler.methods.classifier.variant import Variant
@@ -93,12 +105,13 @@ def store_planes(planes, at, values):
 
 
 @device_function
-def gather_surface(depth, px, py, on, depths, padded_width, places, numbers):
+def gather_surface(depth, of_surface, depths, padded_width, places, numbers):
     """Return the surface's previous visibility, [0, 1], and the depth difference, [-1, 1] (equation 10).
 
-    px, py: previous position, display pixels; on: whether it is on screen; depths (h', padded_width, 2): of
-    the history, as `keep_depth` writes it; places: scratch.
+    of_surface: its previous position, x and y in display pixels, and whether it is on screen; depths (h',
+    padded_width, 2): of the history, as `keep_depth` writes it; places: scratch.
     """
+    px, py, on = of_surface
     old_w, old_h = np.int64(numbers[OLD_W]), np.int64(numbers[OLD_H])
     x = (px + 0.5) * numbers[OLD_W] / numbers[BIG_W] - 0.5 - numbers[JITTER_X]
     y = (py + 0.5) * numbers[OLD_H] / numbers[BIG_H] - 0.5 - numbers[JITTER_Y]
@@ -185,15 +198,25 @@ def max_difference(a, b):
     return largest(absolute(a[0] - b[0]), absolute(a[1] - b[1]), absolute(a[2] - b[2]))
 
 
+@device_function
+def repeat_borders(image, row, pitch, width, x0, x_end):
+    """Repeat the first and last pixel of a row of three planes, if it has been computed to there."""
+    for c in range(3):
+        if x0 == 0:
+            image[row + c * pitch - 1] = image[row + c * pitch]
+        if x_end == width:
+            image[row + c * pitch + width] = image[row + c * pitch + width - 1]
+
+
 def make_gather_rows(*parts: str):
     """Return `gather_rows` of the variant with these parts."""
-    _, rectified, own_motion = variant = Variant.with_parts(*parts)
-    planes, mean_plane, own_plane = variant.rest, variant.mean, variant.own
+    _, rectified, own_motion, guided = variant = Variant.with_parts(*parts)
+    planes, mean_plane, own_plane, sampled_plane = variant.rest, variant.mean, variant.own, variant.sampled
 
     def gather_rows(
         samples: FrameSamples, history: ClassifierHistoryInput, tables: ResampleTables, numbers: Floats,
-        line: Floats, scratch: GatherScratch, gathered: Gathered, network: NetworkInputs, y0: int, y1: int,
-        x0: int, x1: int,
+        line: Floats, scratch: GatherScratch, guide: Guide, gathered: Gathered, network: NetworkInputs,
+        y0: int, y1: int, x0: int, x1: int,
     ):  # fmt: skip
         """Compute `gathered` and the network inputs of rows y0 to y1, columns x0 to x1.
 
@@ -213,7 +236,9 @@ def make_gather_rows(*parts: str):
             inside = y0 <= y < y1
             ring_row = (y % 4) * INPUT_PLANES * width
             if inside:
-                filter_all_down(colors, rows, down, big_h, y, starts, x0, x_end, stride + 2 * PAD, line)
+                filter_all_down(
+                    colors, rows, down, big_h, y, starts, x0, x_end, stride + 2 * PAD, line, not guided
+                )
             rising = spread16(np.float32(0.0))
             for x in range(x0, x1, 16):
                 lane = to_float(ramp16() + np.int32(x))
@@ -226,6 +251,14 @@ def make_gather_rows(*parts: str):
                 own_x, own_y, edge, glare = gather4(
                     samples.own, tables.nearest_column, x, 4, 4 * tables.nearest_row[y] * stride
                 )
+                of_surface = px, py, on
+                if guided and inside:
+                    base, facing = surface_at(guide.base_color, guide.normal, sample_indices(x, y, big_w))
+                    depth = load16(guide.depth, y * padded_width + PAD + x)
+                    light, agreement, sampled, own_x, own_y = guide_pixels(
+                        samples, guide, tables, y, x, width, base, facing, depth
+                    )
+                    edge = edge_at(guide.depth, y, x, big_h, padded_width)
                 store(places, x, px)
                 store(places, width + x, py)
                 prepare_warp(px, py, big_w, big_h, 8, numbers[C.history_sharpness], slots, weights)
@@ -233,6 +266,8 @@ def make_gather_rows(*parts: str):
                 if own_motion:
                     ox, oy = previous_position(lane, y, own_x * scale_x, own_y * scale_y, w_big, h_big)
                     same_motion = all_lanes((ox == px) & (oy == py))
+                    if guided:
+                        of_surface, same_motion = (ox, oy, on_screen(ox, oy, w_big, h_big)), False
                     if not same_motion:
                         prepare_own_warp(ox, oy, big_w, big_h, 8, slots, weights)
                 warp(history.pixels, slots, weights, same_motion, warped)
@@ -247,11 +282,26 @@ def make_gather_rows(*parts: str):
                 detail = color[0] - linear[0], color[1] - linear[1], color[2] - linear[2]
                 count, low, high = select3(on, (q[3], q[4], q[5]))
                 store_planes(warped_planes, (y * width + x) * HISTORY_PLANES, color)
+                own = linear
+                if guided:
+                    least = guide.min_reflectance
+                    reflected = reflectance(base, facing, least)
+                    before = warp_reflectance(guide.before, slots, weights, scratch.reflectance)
+                    now = kept_reflectance(reflected, guide.next, y * big_w + x, big_w - x, slots)
+                    own = relit((q[12], q[13], q[14]), before, now, least)
+                    own = select3(of_surface[2], toned_at(numbers, own[0], own[1], own[2]))
+                elif own_motion and not same_motion:
+                    own = toned_at(numbers, q[12], q[13], q[14])
                 surface, difference = gather_surface(
-                    depth, px, py, on, history.depth, history.pitch, slots, numbers
+                    depth, of_surface, history.depth, history.pitch, slots, numbers
                 )
-                sums = filter_all_across(line, stride + 2 * PAD, starts, across, width, x)
+                sums = filter_all_across(line, stride + 2 * PAD, starts, across, width, x, not guided)
                 frame, sample, confidence, mean, extents, variance = current_frame(sums, numbers[C.gamma])
+                if guided:
+                    frame = lit(light, reflected)
+                    image_row = 3 * y * padded_width + PAD
+                    for c, value in enumerate(frame):
+                        store(gathered.image, image_row + c * padded_width + x, value)
                 sample_luma = luma_of(sample)
                 glares = high * 0.0
                 if numbers[GLARES] > 0.0:
@@ -266,10 +316,9 @@ def make_gather_rows(*parts: str):
                 if rectified:
                     store_planes(rest, to + 16 * mean_plane, (*mean, *extents))
                 if own_motion:
-                    own = linear
-                    if not same_motion:
-                        own = toned_at(numbers, q[12], q[13], q[14])
                     store_planes(rest, to + 16 * own_plane, own)
+                if guided:
+                    stream(rest, to + 16 * sampled_plane, sampled)
 
                 frame_root, sample_root = roots(frame), roots(sample)
                 frame_luma = luma_of(frame_root)
@@ -285,14 +334,21 @@ def make_gather_rows(*parts: str):
                     inputs, words.HISTORY_TO_FRAME * width + to, max_difference(color_root, frame_root)
                 )
                 store_input(inputs, words.CONTRAST * width + to, root(root(variance)))
-                store_input(inputs, words.MIN_LUMA * width + to, root(low))
-                store_input(inputs, words.MAX_LUMA * width + to, root(high))
+                if guided:
+                    apart = max_difference(roots(own), frame_root)
+                    store_input(inputs, words.RELIT_TO_FRAME * width + to, apart)
+                    store_input(inputs, words.AGREEMENT * width + to, agreement)
+                else:
+                    store_input(inputs, words.MIN_LUMA * width + to, root(low))
+                    store_input(inputs, words.MAX_LUMA * width + to, root(high))
                 store_input(inputs, words.DETAIL * width + to, root(max_difference(color, linear)))
                 store_input(inputs, words.CONFIDENCE * width + to, confidence)
                 store_input(inputs, words.COUNT * width + to, count / (count + 4.0))
                 store_input(inputs, words.DEPTH_DIFFERENCE * width + to, difference * 0.5 + 0.5)
                 store_input(inputs, words.SURFACE * width + to, surface)
                 store_input(inputs, words.EDGE * width + to, edge)
+            if guided and inside:
+                repeat_borders(gathered.image, 3 * y * padded_width + PAD, padded_width, big_w, x0, x_end)
             if inside:
                 gathered.rising[(y * width + x0) // 16] = sum_of_lanes(rising)
             if inside and y % 2 == 0:

@@ -32,6 +32,8 @@ from supersampler.backends.cpu.simd.vector import (
     MIN_LUMA, MAX_LUMA, DETAIL, CONFIDENCE, COUNT, DEPTH_DIFFERENCE, SURFACE, EDGE,
 ) = range(16)  # fmt: skip
 """Words of a record, by the names of `pixel_inputs`."""
+RELIT_TO_FRAME, AGREEMENT = MIN_LUMA, MAX_LUMA
+"""What the variant `guided` has in their places."""
 CLASSES = 16
 """First word of a record at half display size."""
 

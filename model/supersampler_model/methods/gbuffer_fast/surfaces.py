@@ -1,0 +1,138 @@
+"""Surfaces of `gbuffer-fast`: light of this frame resampled by the agreement of surfaces."""
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from supersampler.methods.gbuffer_fast.spec import GuidedConfig
+from supersampler_model.methods.gbuffer.surfaces import depth_difference
+from supersampler_model.ops.color import MAX_HALF, TONED, largest, least_divisor
+from supersampler_model.ops.motion import usable_depth
+from supersampler_model.ops.sampling import Grid, gaussian, sum_of
+from supersampler_model.ops.size import render_size_of
+from supersampler_model.ops.windows import pick_columns
+
+LEAST_WEIGHT = 1e-4
+"""Of the farthest sample, and of the least similar surface: some light is found everywhere."""
+MOST_DIFFERENCE = 10.0
+"""Largest exponent of depth: half floats hold its exponential."""
+STEP_COST = 0.002
+"""Relative depth that a nearer sample may differ more and still be the pixel's own surface."""
+
+
+class Surfaces(NamedTuple):
+    """G-buffers, at render or display size; colours and normals in the working type."""
+
+    base_color: Tensor  # (1, 3, h, w) in [0, 1]
+    normal: Tensor  # (1, 3, h, w) unit length; 0 at the sky
+    depth: Tensor  # (1, 1, h, w) reversed, float32
+
+    def usable(self, dtype: torch.dtype) -> "Surfaces":
+        """Sanitize: values out of range and NaN become 0, depth UNKNOWN_DEPTH."""
+        base, normal = (image.to(dtype) for image in (self.base_color, self.normal))
+        base = torch.where((base >= 0.0) & (base <= 1.0), base, 0.0)
+        normal = torch.where((normal >= -1.0) & (normal <= 1.0), normal, 0.0)
+        return Surfaces(base, normal, usable_depth(self.depth))
+
+    def reflectance(self, least: float) -> Tensor:
+        """Return (1, 3, h, w): base colour, raised to `least` at black; 1 at the sky.
+
+        Colour over reflectance is light, which varies less than textures do (FuseSR, Zhong et al. 2023).
+        """
+        sky = _squared_length(self.normal) < 0.1
+        return torch.where(sky, 1.0, least + (1.0 - least) * self.base_color)
+
+
+class Guided(NamedTuple):
+    """This frame's light at display pixels, and the motion of their surfaces."""
+
+    light: Tensor  # (1, 3, H, W) toned
+    agreement: Tensor  # (1, 1, H, W) sum of the samples' weights, about 1 where a similar surface was sampled
+    motion: Tensor  # (1, 2, H, W) render pixels
+
+
+def guide(
+    light: Tensor,
+    usable: Tensor,
+    motion: Tensor,
+    render: Surfaces,
+    display: Surfaces,
+    grid: Grid,
+    config: GuidedConfig,
+) -> Guided:
+    """Resample light from the 3x3 samples around each display pixel, by distance and agreement of surfaces.
+
+    Motion is that of the sample whose depth is most similar.
+
+    Args:
+        light: (1, 3, h, w) colour over reflectance, toned, in the working type.
+        usable: (1, 1, h, w) 1 where the colour is valid, else 0.
+        motion: (1, 2, h, w) render pixels.
+        render: surfaces of the samples.
+        display: surfaces of the pixels of the grid.
+        grid: of the display.
+        config: of the method.
+    """
+    near = gaussian(config.guide_sigma)
+    own, target = _features(render, config), _features(display, config)
+    least, chosen = torch.full_like(display.depth, torch.inf), None
+    colors, weights, similar = [], [], []
+    for down, across, (color, valid, depth, features, moved) in _samples_3x3(
+        [light, usable, render.depth, own, motion], grid
+    ):
+        distance = near(grid.row + down - grid.y)[:, None] * near(grid.column + across - grid.x)
+        apart = depth_difference(depth, display.depth)
+        of_depth = (apart * apart * (0.5 / config.depth_sigma**2)).clamp(max=MOST_DIFFERENCE)
+        similarity = (-(of_depth + _squared_length(features - target).float())).exp()
+        distance = (distance + LEAST_WEIGHT) * valid
+        colors.append(color)
+        weights.append(distance * (similarity + LEAST_WEIGHT))
+        similar.append(distance * similarity)
+        cost = apart + STEP_COST * (down * down + across * across)
+        chosen = moved if chosen is None else torch.where(cost < least, moved, chosen)
+        least = torch.minimum(cost, least)
+    assert chosen is not None  # noqa: S101 - nine samples
+    total = sum_of(weights).clamp(min=1e-9)
+    mean = sum_of([c * (w / total).to(c.dtype) for c, w in zip(colors, weights, strict=True)])
+    return Guided(mean, sum_of(similar).clamp(max=1.0), chosen)
+
+
+def at_pixels(image: Tensor, grid: Grid) -> Tensor:
+    """Read an image of display size at the pixels of a grid, which may extend beyond the display."""
+    return pick_columns(image, grid.pixel_x).index_select(2, grid.pixel_y)
+
+
+def lit(light: Tensor, reflectance: Tensor) -> Tensor:
+    """Multiply toned light by the reflectance; the result is toned.
+
+    It equals `tone(inverse_tone(light) * reflectance)`; linear light is not computed, as it may exceed half
+    floats.
+    """
+    color, least = light * reflectance, least_divisor(light, 1.0 / MAX_HALF)
+    dark = (1.0 - largest(light)).clamp(min=least)
+    return (color / (dark + largest(color))).clamp(0.0, TONED[light.dtype])
+
+
+def _samples_3x3(images: Sequence[Tensor], grid: Grid) -> Iterator[tuple[int, int, list[Tensor]]]:
+    """Yield the 3x3 samples around each display pixel: offset down, offset across, samples (1, c, H, W)."""
+    width, height = render_size_of(images[0])
+    offsets = (-1, 0, 1)
+    columns = [(grid.column + across).clamp(0, width - 1) for across in offsets]
+    picked = [[pick_columns(image, column) for image in images] for column in columns]
+    for down in offsets:
+        row = (grid.row + down).clamp(0, height - 1)
+        for across, of_column in zip(offsets, picked, strict=True):
+            yield down, across, [image.index_select(2, row) for image in of_column]
+
+
+def _features(surfaces: Surfaces, config: GuidedConfig) -> Tensor:
+    """Return features (1, 6, h, w) whose squared distance is the difference of surfaces, without depth."""
+    normal = config.normal_falloff**0.5 * surfaces.normal
+    return torch.cat([normal, config.base_color_falloff**0.5 * surfaces.base_color], dim=1)
+
+
+def _squared_length(vectors: Tensor) -> Tensor:
+    """(1, c, h, w) to (1, 1, h, w)."""
+    return (vectors * vectors).sum(dim=1, keepdim=True)

@@ -1,0 +1,55 @@
+"""What `gbuffer-fast` is: `classifier` on light that G-buffers of display size guide."""
+
+from dataclasses import dataclass
+
+from supersampler.methods.classifier.spec import CLASSIFIER, DEFAULT_INPUTS, ClassifierConfig
+from supersampler.methods.spec import DISPLAY, MethodSpec, Number, Share, Sigma
+
+_REPLACED = {
+    "min_luma": "relit_to_frame",  # largest difference of a channel of the relit history to this frame
+    "max_luma": "agreement",  # how well the surfaces of the samples around agree with the pixel's own
+}
+GUIDED_INPUTS = tuple(_REPLACED.get(name, name) for name in DEFAULT_INPUTS)
+"""Network inputs per pixel: those of `classifier`, but for these two. `frame` is of the guided colour, `edge`
+of depth in 3x3 display pixels."""
+GBUFFERS_READ = (
+    "gbuffer_base_color",
+    "gbuffer_normal",
+    "gbuffer_display_base_color",
+    "gbuffer_display_normal",
+    "gbuffer_display_depth",
+)
+
+
+@dataclass(frozen=True)
+class GuidedConfig(ClassifierConfig):
+    """Constants of the step; docs/methods.md gives the effect of each."""
+
+    inputs: tuple[str, ...] = GUIDED_INPUTS
+    rectified: bool = False
+    guide_sigma: Sigma = 0.5
+    """Gaussian of a sample's weight by distance, render pixels."""
+    depth_sigma: Sigma = 0.03
+    """The same by the relative difference of depth."""
+    normal_falloff: Number = 4.0
+    """A sample's weight is exp(-falloff * squared difference), of normals."""
+    base_color_falloff: Number = 8.0
+    """The same, of base colours."""
+    min_reflectance: Share = 0.08
+    """What black surfaces reflect, about twice that of a dielectric; white ones reflect 1."""
+
+
+GBUFFER_FAST = MethodSpec(
+    name="gbuffer-fast",
+    source="Guo et al. 2022, on light resampled as by Wang et al. 2025 (docs/methods.md)",
+    inputs=(*CLASSIFIER.inputs, *GBUFFERS_READ),
+    history={
+        **{name: shape for name, shape in CLASSIFIER.history.items() if name not in ("still", "opening")},
+        "reflectance": (1, 3, *DISPLAY),
+        **{name: shape for name, shape in CLASSIFIER.history.items() if name in ("still", "opening")},
+    },
+    aux_outputs=CLASSIFIER.aux_outputs,
+    maps=CLASSIFIER.maps,
+    ratios=(1.0, 4.0),
+    config=GuidedConfig,
+)

@@ -1,0 +1,135 @@
+"""`gbuffer-fast`: light of similar surfaces, textures of the display's own, a history lit anew."""
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from supersampler.methods.gbuffer_fast.spec import GBUFFER_FAST, GBUFFERS_READ, GuidedConfig
+from supersampler_model.methods.gbuffer_fast.model import GuidedClassifier, neighbours
+from supersampler_model.methods.gbuffer_fast.surfaces import Guided, Surfaces, guide, lit
+from supersampler_model.ops.color import inverse_tone, tone
+from supersampler_model.ops.sampling import View
+from supersampler_model.ops.size import Size
+
+RENDER, DISPLAY = Size(16, 8), Size(32, 16)
+VIEW = View(DISPLAY, RENDER, torch.zeros(1, 2))
+
+
+def plane(size: Size, channels: int, value: float) -> Tensor:
+    return torch.full((1, channels, size.height, size.width), value)
+
+
+def wall(size: Size) -> Surfaces:
+    """A wall, left half nearer and darker; both halves face one way."""
+    normal = plane(size, 3, 0.0)
+    normal[:, 2] = 1.0
+    depth, color = plane(size, 1, 0.1), plane(size, 3, 0.8)
+    depth[..., : size.width // 2] = 0.2
+    color[..., : size.width // 2] = 0.2
+    return Surfaces(color, normal, depth)
+
+
+def guided(light: Tensor, motion: Tensor | None = None, display: Surfaces | None = None) -> Guided:
+    motion = plane(RENDER, 2, 0.0) if motion is None else motion
+    one, display = plane(RENDER, 1, 1.0), wall(DISPLAY) if display is None else display
+    return guide(light, one, motion, wall(RENDER), display, VIEW.grid(RENDER), GuidedConfig())
+
+
+def test_light_does_not_cross_from_one_surface_to_another() -> None:
+    light = plane(RENDER, 3, 0.5)
+    light[..., : RENDER.width // 2] = 0.1
+    found = guided(light).light
+    np.testing.assert_allclose(found[..., : DISPLAY.width // 2], 0.1, atol=1e-4)
+    np.testing.assert_allclose(found[..., DISPLAY.width // 2 :], 0.5, atol=1e-4)
+
+
+def test_each_pixel_moves_as_the_sample_of_its_own_surface() -> None:
+    motion = plane(RENDER, 2, 0.0)
+    motion[:, 0, :, : RENDER.width // 2] = 3.0
+    found = guided(plane(RENDER, 3, 0.5), motion).motion
+    assert (found[:, 0, :, : DISPLAY.width // 2] == 3.0).all()
+    assert (found[:, :, :, DISPLAY.width // 2 :] == 0.0).all()
+
+
+def test_agreement_is_near_one_on_a_sampled_surface_and_near_zero_on_one_that_no_sample_hit() -> None:
+    assert float(guided(plane(RENDER, 3, 0.5)).agreement.min()) > 0.5
+    turned = wall(DISPLAY)._replace(normal=-wall(DISPLAY).normal)
+    assert float(guided(plane(RENDER, 3, 0.5), display=turned).agreement.max()) < 1e-3
+
+
+def test_lit_light_is_the_linear_product_of_light_and_reflectance() -> None:
+    linear, reflected = torch.rand(1, 3, 4, 4) * 30.0, torch.rand(1, 3, 4, 4)
+    torch.testing.assert_close(
+        inverse_tone(lit(tone(linear), reflected)), linear * reflected, rtol=2e-3, atol=1e-4
+    )
+
+
+def test_the_sky_reflects_all_and_black_surfaces_the_least() -> None:
+    black = wall(RENDER)._replace(base_color=plane(RENDER, 3, 0.0))
+    assert (black.reflectance(0.08) == 0.08).all()
+    assert (black._replace(normal=plane(RENDER, 3, 0.0)).reflectance(0.08) == 1.0).all()
+
+
+def test_neighbours_beyond_the_display_are_its_last_pixels() -> None:
+    image = torch.arange(6.0).reshape(1, 1, 1, 6).expand(1, 3, 4, 6)
+    window = neighbours(image, Size(4, 4))
+    assert window.color[0, 0, 5, 0, 3] == 3.0, "right of the last pixel of the display"
+    assert window.color[0, 0, 3, 0, 3] == 2.0
+
+
+def blend_bias(method: GuidedClassifier) -> Tensor:
+    """Return the logarithms of the colours' weights, four of each: history, relit, sample, guided, kernel."""
+    assert isinstance(method.net.blend, nn.Conv2d)
+    assert method.net.blend.bias is not None
+    return method.net.blend.bias.data
+
+
+def step(method: GuidedClassifier, base: Tensor, history: list[Tensor]) -> tuple[Tensor, list[Tensor]]:
+    """Step a wall under light of 1 whose display-size base colour is `base`, at rest."""
+    render, display = wall(RENDER), wall(DISPLAY)
+    display = display._replace(base_color=base, depth=plane(DISPLAY, 1, 0.1))
+    least = method.config.min_reflectance
+    color = (least + (1.0 - least) * base)[..., ::2, ::2]
+    frame = [color, plane(RENDER, 1, 0.1), plane(RENDER, 2, 0.0), torch.zeros(1, 2), torch.ones(1)]
+    found = {
+        "gbuffer_base_color": base[..., ::2, ::2],
+        "gbuffer_normal": render.normal,
+        "gbuffer_display_base_color": base,
+        "gbuffer_display_normal": display.normal,
+        "gbuffer_display_depth": display.depth,
+    }
+    with torch.no_grad():
+        image, after, _ = method.step(
+            *frame, torch.tensor(DISPLAY), *(found[name] for name in GBUFFERS_READ), *history
+        )
+    return image, after
+
+
+def test_the_first_frame_has_the_textures_of_display_size_g_buffers() -> None:
+    method = GuidedClassifier().eval()
+    parameters = blend_bias(method)
+    parameters[12:16] = 16.0  # the guided colour's weight
+    base = 0.2 + 0.6 * torch.rand(1, 3, DISPLAY.height, DISPLAY.width)
+    image, _ = step(method, base, method.first_history(DISPLAY, RENDER))
+    least = method.config.min_reflectance
+    np.testing.assert_allclose(image, least + (1.0 - least) * base, rtol=0.02)
+
+
+def test_the_history_shows_the_light_of_then_on_the_surfaces_of_now() -> None:
+    method = GuidedClassifier().eval()
+    parameters = blend_bias(method)
+    base = 0.2 + 0.6 * torch.rand(1, 3, DISPLAY.height, DISPLAY.width)
+    parameters[12:16] = 16.0
+    _, history = step(method, base, method.first_history(DISPLAY, RENDER))
+    parameters[12:16], parameters[4:8] = -16.0, 16.0  # the relit history alone
+    parameters[8:12] = parameters[16:20] = -16.0
+    other = base.flip(3)
+    image, _ = step(method, other, history)
+    least = method.config.min_reflectance
+    np.testing.assert_allclose(image, least + (1.0 - least) * other, rtol=0.05)
+
+
+def test_the_history_has_reflectance_beside_that_of_the_classifier() -> None:
+    names = list(GBUFFER_FAST.history)
+    assert names[6] == "reflectance"
+    assert names[-2:] == ["still", "opening"]
