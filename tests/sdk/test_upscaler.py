@@ -35,7 +35,9 @@ def make(model: Model) -> Upscaler:
 
 
 def test_the_shipped_models_are_those_of_the_design() -> None:
-    assert model_names() == sorted([*METHODS, "extrapolate", "gbuffer-small", "gbuffer-small-4x"])
+    assert model_names() == sorted(
+        [*METHODS, "extrapolate", "gbuffer-fast", "gbuffer-small", "gbuffer-small-4x"]
+    )
 
 
 @pytest.mark.parametrize("name", METHODS)
