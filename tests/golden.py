@@ -36,9 +36,9 @@ RUNS = [
     *(Run(method, "onnx") for method in ("bilinear", "bicubic", "taa", "taau", "classifier")),
     *(
         Run(method, "onnx")
-        for method in ("classifier-small", "gbuffer-small", "gbuffer-small-4x", "extrapolate")
+        for method in ("classifier-small", "gbuffer-small", "gbuffer-small-4x", "gbuffer-fast", "extrapolate")
     ),
-    *(Run(method, "cpu") for method in ("taa", "taau", "classifier", "classifier-small")),
+    *(Run(method, "cpu") for method in ("taa", "taau", "classifier", "classifier-small", "gbuffer-fast")),
     Run("taau", "onnx", "guided-flow"),
     Run("taau", "cpu", "guided-warp"),
 ]
