@@ -63,7 +63,7 @@ def cost(
 
 def traffic(
     methods: METHODS = "bilinear,taa,taau,classifier-small,classifier-small:fp16,classifier,classifier:fp16,"
-    "gbuffer-small,gbuffer-small:fp16",
+    "gbuffer-fast,gbuffer-fast:fp16,gbuffer-small,gbuffer-small:fp16",
     sizes: Annotated[
         str, typer.Option(help="Render and display sizes, as 960x540:1920x1080, with commas between.")
     ] = "960x540:3840x2160,1920x1080:3840x2160",
@@ -131,7 +131,7 @@ def startup(
 
 def speed(
     context: typer.Context,
-    methods: METHODS = "taa,taau,classifier-small,classifier",
+    methods: METHODS = "taa,taau,classifier-small,classifier,gbuffer-fast",
     sizes: Annotated[
         str | None,
         typer.Option(
