@@ -24,7 +24,7 @@ from supersampler_bench.cli.options import (
     publish,
 )
 from supersampler_bench.quality.measure import StepImage, Stepper, measure_steppers, reference_size
-from supersampler_bench.quality.score_record import quality_record, shot_scores
+from supersampler_bench.quality.score_record import quality_record, scores_row, shot_record
 from supersampler_bench.quality.score_table import markdown_table as score_table
 from supersampler_bench.quality.score_table import tables_of
 from supersampler_bench.record import Record
@@ -83,12 +83,10 @@ def main(
     with counted("frames", sum(len(one) for one, _ in opened)) as advance:
         for one, origin in opened:
             display = reference_size(one)
-            scores = measure_steppers(
-                one,
-                [stepper_of(title, config, display) for title, config in OPTIONS.items()],
-                on_frame=advance,
-            )
-            measured.append(shot_scores(one, scores, origin))
+            steppers = [stepper_of(title, config, display) for title, config in OPTIONS.items()]
+            scores = measure_steppers(one, steppers, on_frame=advance)
+            rows = [scores_row(each) for each in scores]  # without frames, which are megabytes
+            measured.append({**shot_record(one), **(origin or {}), "methods": rows})
     publish({**quality_record(measured), "bench": "salvi-options"}, tables, json, update)
 
 
