@@ -1,64 +1,22 @@
 """Kernels of `gbuffer-fast` compute the same images as torch."""
 
-import json
-from dataclasses import asdict, replace
-from hashlib import sha256
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
-import torch
-from torch import nn
 
 from noise import Size, noise
-from supersampler import Frame, Model, Upscaler
-from supersampler.backends.onnx.session import frame_inputs
-from supersampler.frame import Float32
-from supersampler.io.display import display_transform
-from supersampler.methods.classifier.spec import NetworkConfig
-from supersampler.methods.gbuffer_fast.spec import GBUFFER_FAST, GBUFFERS_READ, GuidedConfig
+from random_networks import TINY, Made, compare, step_both, with_random_weights
+from supersampler import Frame
+from supersampler.methods.gbuffer_fast.spec import GBUFFERS_READ, GuidedConfig
 from supersampler.methods.gbuffers import GBUFFERS, grouped
-from supersampler.methods.model_file import find_model
-from supersampler.methods.spec import INPUTS, Shape, dtype_of
-from supersampler_export import calibrate
-from supersampler_export.cpu_network import cpu_network
 from supersampler_model.methods.gbuffer_fast.model import GuidedClassifier
-from supersampler_model.ops.size import Size as ModelSize
-
-TINY = NetworkConfig(levels=(16, 16, 32, 64), decoder=16, hidden=16)
-Made = tuple[GuidedClassifier, Model]
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
-    """The method with random weights, and its model: of the folder only what the CPU backend needs."""
-    method = GuidedClassifier(GuidedConfig(network=TINY)).eval()
-    torch.manual_seed(0)
-    assert isinstance(method.net.blend, nn.Conv2d)
-    assert method.net.blend.bias is not None
-    nn.init.normal_(method.net.blend.weight, std=0.5)  # zeros would hide what lies where
-    nn.init.normal_(method.net.blend.bias, std=0.5)
-    folder = tmp_path_factory.mktemp("model")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(calibrate, "FRAMES", 2)
-        network = cpu_network(method)
-    assert network is not None
-    (folder / "network.npz").write_bytes(network)
-    described = json.loads((find_model("classifier") / "model.json").read_text())
-    described["method"], described["config"] = GBUFFER_FAST.name, asdict(method.config)
-    described["files"] = {"network.npz": sha256(network).hexdigest()}
-    described["ratios"] = list(GBUFFER_FAST.ratios)
-    described["inputs"] = [_tensor(name, INPUTS[name]) for name in GBUFFER_FAST.inputs]
-    described["history"] = [
-        {**_tensor(f"history.{name}", shape), "output": f"next.{name}"}
-        for name, shape in GBUFFER_FAST.history.items()
-    ]
-    (folder / "model.json").write_text(json.dumps(described))
-    return method, Model.load(folder, threads=2, executor="cpu")
-
-
-def _tensor(name: str, shape: Shape) -> dict[str, Any]:
-    return {"name": name, "type": dtype_of(name), "shape": list(shape)}
+    return with_random_weights(GuidedClassifier(GuidedConfig(network=TINY)), tmp_path_factory.mktemp("model"))
 
 
 def surfaces(seed: int, render: Size, display: Size) -> dict[str, Any]:
@@ -95,28 +53,6 @@ def test_half_floats_are_read_as_the_numbers_that_they_are(made: Made) -> None:
         gbuffer, gbuffer_display = grouped(buffers)
         halves.append(noise(seed, gbuffer=gbuffer, gbuffer_display=gbuffer_display))
     compare(step_both(made, halves, display))
-
-
-def step_both(made: Made, frames: list[Frame], display: Size) -> list[tuple[Float32, Float32]]:
-    """Images of torch and of the CPU backend, (H, W, 3)."""
-    method, model = made
-    upscaler = Upscaler(model, display_size=display, validate="off", skip="exact")
-    history: Any = method.first_history(ModelSize(*display), ModelSize(*frames[0].size))
-    pairs = []
-    for frame in frames:
-        inputs = frame_inputs(frame, display, method.inputs())
-        tensors = [torch.from_numpy(np.ascontiguousarray(inputs[name])) for name in method.inputs()]
-        with torch.no_grad():
-            image, history, _ = method.step(*tensors, *history)
-        pairs.append((image[0].permute(1, 2, 0).numpy(), upscaler.step(frame)))
-    return pairs
-
-
-def compare(pairs: list[tuple[Float32, Float32]]) -> None:
-    for ours, theirs in pairs:
-        off = np.abs(display_transform(ours) - display_transform(theirs))
-        assert off.mean() <= 3e-3
-        assert np.quantile(off, 0.99) <= 0.03
 
 
 @pytest.mark.parametrize(

@@ -1,27 +1,16 @@
 """Kernels compiled for a classifier's config compute the same images as torch."""
 
-import json
 from dataclasses import asdict, replace
-from hashlib import sha256
 from typing import Any
 
 import numpy as np
 import pytest
-import torch
-from torch import Tensor, nn
 
 from noise import Size, noise
-from supersampler import Frame, Model, Upscaler
-from supersampler.backends.onnx.session import frame_inputs
-from supersampler.frame import Float32
-from supersampler.io.display import display_transform
-from supersampler.methods.classifier.spec import ClassifierConfig, NetworkConfig
+from random_networks import TINY, Made, compare, step_both, with_random_weights
+from supersampler.methods.classifier.spec import ClassifierConfig
 from supersampler.methods.classifier.variant import CONFIGURED, Variant
-from supersampler.methods.model_file import find_model
-from supersampler_export import calibrate
-from supersampler_export.cpu_network import cpu_network
 from supersampler_model.methods.classifier.model import Classifier
-from supersampler_model.ops.size import Size as ModelSize
 
 VARIANTS = [
     Variant(corrected=False, rectified=False, own_motion=False),
@@ -29,56 +18,12 @@ VARIANTS = [
         corrected=True, rectified=False, own_motion=True
     ),  # 19 outputs: those of four pixels are no multiple of eight
 ]
-TINY = NetworkConfig(levels=(16, 16, 32, 64), decoder=16, hidden=16)
-Made = tuple[Classifier, Model]
 
 
 @pytest.fixture(scope="module", params=VARIANTS, ids=lambda variant: variant.kernel("with"))
 def made(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Made:
-    """A method with random weights, and its model: of the folder only what the CPU backend needs."""
-    method = Classifier(
-        ClassifierConfig(network=TINY, **{n: getattr(request.param, n) for n in CONFIGURED})
-    ).eval()
-    torch.manual_seed(0)
-    assert isinstance(method.net.blend, nn.Conv2d)
-    assert method.net.blend.bias is not None
-    nn.init.normal_(method.net.blend.weight, std=0.5)  # zeros would hide what lies where
-    nn.init.normal_(method.net.blend.bias, std=0.5)
-    folder = tmp_path_factory.mktemp("model")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(calibrate, "FRAMES", 2)
-        network = cpu_network(method)
-    assert network is not None
-    (folder / "network.npz").write_bytes(network)
-    described = json.loads((find_model("classifier") / "model.json").read_text())
-    described["config"] = asdict(method.config)
-    described["files"] = {"network.npz": sha256(network).hexdigest()}
-    (folder / "model.json").write_text(json.dumps(described))
-    return method, Model.load(folder, threads=2, executor="cpu")
-
-
-def step_both(made: Made, frames: list[Frame], display: Size) -> list[tuple[Float32, Float32]]:
-    """Images of torch and of the CPU backend, (H, W, 3)."""
-    method, model = made
-    upscaler = Upscaler(model, display_size=display, validate="off", skip="exact")
-    history: Any = method.first_history(ModelSize(*display), ModelSize(*frames[0].size))
-    pairs = []
-    for frame in frames:
-        inputs = frame_inputs(frame, display, method.inputs())
-        tensors: list[Tensor] = [
-            torch.from_numpy(np.ascontiguousarray(inputs[name])) for name in method.inputs()
-        ]
-        with torch.no_grad():
-            image, history, _ = method.step(*tensors, *history)
-        pairs.append((image[0].permute(1, 2, 0).numpy(), upscaler.step(frame)))
-    return pairs
-
-
-def compare(pairs: list[tuple[Float32, Float32]]) -> None:
-    for ours, theirs in pairs:
-        off = np.abs(display_transform(ours) - display_transform(theirs))
-        assert off.mean() <= 3e-3
-        assert np.quantile(off, 0.99) <= 0.03
+    config = ClassifierConfig(network=TINY, **{n: getattr(request.param, n) for n in CONFIGURED})
+    return with_random_weights(Classifier(config), tmp_path_factory.mktemp("model"))
 
 
 @pytest.mark.parametrize(

@@ -5,8 +5,9 @@ import torch
 from torch import Tensor, nn
 
 from supersampler.methods.gbuffer_fast.spec import GBUFFER_FAST, GBUFFERS_READ, GuidedConfig
+from supersampler_model.methods.gbuffer.surfaces import lit
 from supersampler_model.methods.gbuffer_fast.model import GuidedClassifier, neighbours
-from supersampler_model.methods.gbuffer_fast.surfaces import Guided, Surfaces, guide, lit
+from supersampler_model.methods.gbuffer_fast.surfaces import Guided, Surfaces, guide
 from supersampler_model.ops.color import inverse_tone, tone
 from supersampler_model.ops.sampling import View
 from supersampler_model.ops.size import Size

@@ -324,6 +324,11 @@ def pick(image: Tensor, grid: Grid) -> Tensor:
     return pick_columns(image, grid.column).index_select(2, grid.row)
 
 
+def at_pixels(image: Tensor, grid: Grid) -> Tensor:
+    """Read an image of display size at the pixels of a grid, which may extend beyond the display."""
+    return pick_columns(image, grid.pixel_x).index_select(2, grid.pixel_y)
+
+
 def pick_first(image: Tensor, grid: Grid) -> Tensor:
     """Read the upper left of the four samples around each display pixel: (1, c, h, w) -> (1, c, H, W)."""
     return pick_columns(image, grid.left).index_select(2, grid.top)

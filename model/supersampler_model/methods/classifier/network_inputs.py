@@ -15,13 +15,13 @@ from torch.nn import functional as F
 from supersampler.methods.classifier.spec import NEIGHBOURHOOD_INPUTS, CountCode
 from supersampler_model.methods.classifier.buffers import Gathered
 from supersampler_model.ops.color import largest, luminance
+from supersampler_model.ops.sampling import at_pixels
 from supersampler_model.ops.size import Size, half_of
 from supersampler_model.ops.windows import (
     blurred,
     channels_of,
     maximum_3x3,
     minimum_3x3,
-    pick_columns,
     repeated,
 )
 
@@ -67,8 +67,7 @@ def pixel_inputs(gathered: Gathered, count: CountCode = "saturating") -> dict[st
 def _range(luma: Tensor, gathered: Gathered) -> Tensor:
     """(1, 2, H, W) minimum and maximum over 3x3 pixels."""
     least_and_most = torch.cat([minimum_3x3(luma), maximum_3x3(luma)], dim=1)
-    grid = gathered.grid  # beyond the display, a neighbourhood is that of the repeated pixel
-    return pick_columns(least_and_most, grid.pixel_x).index_select(2, grid.pixel_y)
+    return at_pixels(least_and_most, gathered.grid)  # of the repeated pixel, beyond the display
 
 
 def neighbourhood_inputs(pixels: dict[str, Tensor], display: Size) -> dict[str, Tensor]:

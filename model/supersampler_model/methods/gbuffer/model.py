@@ -39,6 +39,7 @@ from supersampler_model.methods.gbuffer.surfaces import (
     MIN_REFLECTANCE,
     NearestSamples,
     changed_light,
+    lit,
     motion_of_surface,
     neutral_surfaces,
     read_nearest,
@@ -49,13 +50,10 @@ from supersampler_model.methods.gbuffer.surfaces import (
 )
 from supersampler_model.methods.learned import LearnedMethod
 from supersampler_model.ops.color import (
-    MAX_HALF,
     TONED,
     bounded,
     exposure_for,
     inverse_tone,
-    largest,
-    least_divisor,
     limited,
     sanitize,
     tone,
@@ -181,7 +179,7 @@ class GBuffer(LearnedMethod):
             inputs=frame,
             reflectance=reflected,
             samples=samples,
-            guided=_lit(weighted_mean(samples), reflected),
+            guided=lit(weighted_mean(samples), reflected),
             smooth=smooth,
             near=limited((near[:, :3] + 1e-3 * smooth) / (near[:, 3:] + 1e-3)),
             confidence=near[:, 3:].clamp(max=1.0),
@@ -234,7 +232,7 @@ class GBuffer(LearnedMethod):
         factors, around, kernel = blend.clamp(-most, most).split_with_sizes(c.parts, dim=1)
         known = (warped.sample_count > 0.0).float()
         kept = warped.sample_count * warped.surface
-        guided = _lit(weighted_mean(current.samples, kernel), current.reflectance)
+        guided = lit(weighted_mean(current.samples, kernel), current.reflectance)
         confidence = current.confidence.float()
         history_colors = [
             (warped.color, known * (kept + 1e-3)),
@@ -261,16 +259,6 @@ class GBuffer(LearnedMethod):
             exposure=current.followed,
         )
         return Finished(image, next_history, weight)
-
-
-def _lit(light: Tensor, reflected: Tensor) -> Tensor:
-    """Multiply toned light by the reflectance; the result is toned.
-
-    It equals `tone(inverse_tone(light) * reflected)`; linear light is not computed, as it may exceed half
-    floats.
-    """
-    color, least = light * reflected, least_divisor(light, 1.0 / MAX_HALF)
-    return (color / ((1.0 - largest(light)).clamp(min=least) + largest(color))).clamp(0.0, TONED[light.dtype])
 
 
 def _toned(color: Tensor, place: Reprojection) -> Tensor:

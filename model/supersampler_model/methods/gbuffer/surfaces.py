@@ -9,7 +9,7 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from supersampler_model.methods.gbuffer.buffers import Samples, Surfaces
-from supersampler_model.ops.color import largest, luminance
+from supersampler_model.ops.color import MAX_HALF, TONED, largest, least_divisor, luminance
 from supersampler_model.ops.motion import positions_of, read, usable_depth
 from supersampler_model.ops.sampling import Grid, gaussian, sum_of
 from supersampler_model.ops.size import render_size_of
@@ -55,8 +55,18 @@ def reflectance(surfaces: Surfaces) -> Tensor:
     base, metal = surfaces.base_color, surfaces.metallic
     dielectric = 1.0 - metal
     reflected = base * dielectric + 0.08 * surfaces.specular * dielectric + base * metal + MIN_REFLECTANCE
-    sky = (_squared_length(surfaces.normal) < 0.1).to(base.dtype)
+    sky = (squared_norm(surfaces.normal) < 0.1).to(base.dtype)
     return reflected + sky * (1.0 - reflected)
+
+
+def lit(light: Tensor, reflected: Tensor) -> Tensor:
+    """Multiply toned light by the reflectance; the result is toned.
+
+    It equals `tone(inverse_tone(light) * reflected)`; linear light is not computed, as it may exceed half
+    floats.
+    """
+    color, least = light * reflected, least_divisor(light, 1.0 / MAX_HALF)
+    return (color / ((1.0 - largest(light)).clamp(min=least) + largest(color))).clamp(0.0, TONED[light.dtype])
 
 
 def samples_of(light: Tensor, usable: Tensor, render: Surfaces, display: Surfaces, grid: Grid) -> Samples:
@@ -72,8 +82,8 @@ def samples_of(light: Tensor, usable: Tensor, render: Surfaces, display: Surface
     colors, weights, similar = [], [], []
     own, target = _features(render), _features(display)
     # |a - b|^2 = |a|^2 - 2 a b + |b|^2, of which |a|^2 is computed once for each sample
-    lengths, target_length, twice = _squared_length(own), _squared_length(target), -2.0 * target
-    for down, across, sample in _samples_3x3([light, usable, render.depth, lengths, own], grid):
+    lengths, target_length, twice = squared_norm(own), squared_norm(target), -2.0 * target
+    for down, across, sample in samples_3x3([light, usable, render.depth, lengths, own], grid):
         color, valid, depth, length, features = sample
         vertical = gaussian(SAMPLE_SIGMA)(grid.row + down - grid.y)[:, None]
         near = (vertical * gaussian(SAMPLE_SIGMA)(grid.column + across - grid.x) + 1e-4) * valid
@@ -87,7 +97,7 @@ def samples_of(light: Tensor, usable: Tensor, render: Surfaces, display: Surface
     return Samples(colors, weights, sum_of(similar))
 
 
-def _samples_3x3(images: Sequence[Tensor], grid: Grid) -> Iterator[tuple[int, int, list[Tensor]]]:
+def samples_3x3(images: Sequence[Tensor], grid: Grid) -> Iterator[tuple[int, int, list[Tensor]]]:
     """Yield the 3x3 samples around each display pixel: offset down, offset across, samples (1, c, H, W)."""
     width, height = render_size_of(images[0])
     offsets = (-1, 0, 1)
@@ -199,7 +209,7 @@ def motion_of_surface(depth: Tensor, motion: Tensor, display_depth: Tensor, grid
     """Return the motion (1, 2, H, W) of the 3x3 sample whose depth is most similar to the display pixel's."""
     least = torch.full_like(display_depth, torch.inf)
     chosen = torch.zeros_like(display_depth).expand(-1, 2, -1, -1)
-    for down, across, (sample, moved) in _samples_3x3([depth, motion], grid):
+    for down, across, (sample, moved) in samples_3x3([depth, motion], grid):
         cost = depth_difference(sample, display_depth) + 0.002 * (down * down + across * across)
         better = cost < least
         least, chosen = torch.where(better, cost, least), torch.where(better, moved, chosen)
@@ -211,7 +221,7 @@ def depth_difference(a: Tensor, b: Tensor) -> Tensor:
     return (a - b).abs() / torch.maximum(a, b).clamp(min=1e-12)
 
 
-def _squared_length(vectors: Tensor) -> Tensor:
+def squared_norm(vectors: Tensor) -> Tensor:
     """(1, c, h, w) to (1, 1, h, w)."""
     return (vectors * vectors).sum(dim=1, keepdim=True)
 

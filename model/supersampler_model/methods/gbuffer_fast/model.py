@@ -20,7 +20,9 @@ from supersampler.methods.gbuffer_fast.spec import GBUFFER_FAST, GBUFFERS_READ, 
 from supersampler_model.methods.classifier.buffers import CurrentFrame, Gathered, History, WarpedHistory
 from supersampler_model.methods.classifier.model import DIM, HEIGHT, Classifier, edge_of
 from supersampler_model.methods.classifier.network_inputs import root
-from supersampler_model.methods.gbuffer_fast.surfaces import Surfaces, at_pixels, guide, lit
+from supersampler_model.methods.gbuffer.model import NEIGHBOUR_WEIGHTS
+from supersampler_model.methods.gbuffer.surfaces import lit
+from supersampler_model.methods.gbuffer_fast.surfaces import Surfaces, guide
 from supersampler_model.methods.weights_file import Trained
 from supersampler_model.ops.color import (
     MAX_HALF,
@@ -54,6 +56,7 @@ from supersampler_model.ops.sampling import (
     Grid,
     View,
     Window,
+    at_pixels,
     gaussian,
     local_moments,
     pick,
@@ -62,9 +65,6 @@ from supersampler_model.ops.sampling import (
 )
 from supersampler_model.ops.size import Size, render_size_of
 from supersampler_model.ops.windows import channels_of, maximum_3x3, padded_3x3
-
-NEIGHBOUR_WEIGHTS = (0.03, 0.12, 0.03, 0.12, 1.0, 0.12, 0.03, 0.12, 0.03)
-"""Initial weights of a pixel and its eight neighbours in the learned kernel, row by row."""
 
 
 class FrameInputs(NamedTuple):

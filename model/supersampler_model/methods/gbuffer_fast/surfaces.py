@@ -1,18 +1,14 @@
 """Surfaces of `gbuffer-fast`: light of this frame resampled by the agreement of surfaces."""
 
-from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
 from supersampler.methods.gbuffer_fast.spec import GuidedConfig
-from supersampler_model.methods.gbuffer.surfaces import depth_difference
-from supersampler_model.ops.color import MAX_HALF, TONED, largest, least_divisor
+from supersampler_model.methods.gbuffer.surfaces import depth_difference, samples_3x3, squared_norm
 from supersampler_model.ops.motion import usable_depth
 from supersampler_model.ops.sampling import Grid, gaussian, sum_of
-from supersampler_model.ops.size import render_size_of
-from supersampler_model.ops.windows import pick_columns
 
 LEAST_WEIGHT = 1e-4
 """Of the farthest sample, and of the least similar surface: some light is found everywhere."""
@@ -41,7 +37,7 @@ class Surfaces(NamedTuple):
 
         Colour over reflectance is light, which varies less than textures do (FuseSR, Zhong et al. 2023).
         """
-        sky = _squared_length(self.normal) < 0.1
+        sky = squared_norm(self.normal) < 0.1
         return torch.where(sky, 1.0, least + (1.0 - least) * self.base_color)
 
 
@@ -79,13 +75,13 @@ def guide(
     own, target = _features(render, config), _features(display, config)
     least, chosen = torch.full_like(display.depth, torch.inf), None
     colors, weights, similar = [], [], []
-    for down, across, (color, valid, depth, features, moved) in _samples_3x3(
+    for down, across, (color, valid, depth, features, moved) in samples_3x3(
         [light, usable, render.depth, own, motion], grid
     ):
         distance = near(grid.row + down - grid.y)[:, None] * near(grid.column + across - grid.x)
         apart = depth_difference(depth, display.depth)
         of_depth = (apart * apart * (0.5 / config.depth_sigma**2)).clamp(max=MOST_DIFFERENCE)
-        similarity = (-(of_depth + _squared_length(features - target).float())).exp()
+        similarity = (-(of_depth + squared_norm(features - target).float())).exp()
         distance = (distance + LEAST_WEIGHT) * valid
         colors.append(color)
         weights.append(distance * (similarity + LEAST_WEIGHT))
@@ -99,40 +95,7 @@ def guide(
     return Guided(mean, sum_of(similar).clamp(max=1.0), chosen)
 
 
-def at_pixels(image: Tensor, grid: Grid) -> Tensor:
-    """Read an image of display size at the pixels of a grid, which may extend beyond the display."""
-    return pick_columns(image, grid.pixel_x).index_select(2, grid.pixel_y)
-
-
-def lit(light: Tensor, reflectance: Tensor) -> Tensor:
-    """Multiply toned light by the reflectance; the result is toned.
-
-    It equals `tone(inverse_tone(light) * reflectance)`; linear light is not computed, as it may exceed half
-    floats.
-    """
-    color, least = light * reflectance, least_divisor(light, 1.0 / MAX_HALF)
-    dark = (1.0 - largest(light)).clamp(min=least)
-    return (color / (dark + largest(color))).clamp(0.0, TONED[light.dtype])
-
-
-def _samples_3x3(images: Sequence[Tensor], grid: Grid) -> Iterator[tuple[int, int, list[Tensor]]]:
-    """Yield the 3x3 samples around each display pixel: offset down, offset across, samples (1, c, H, W)."""
-    width, height = render_size_of(images[0])
-    offsets = (-1, 0, 1)
-    columns = [(grid.column + across).clamp(0, width - 1) for across in offsets]
-    picked = [[pick_columns(image, column) for image in images] for column in columns]
-    for down in offsets:
-        row = (grid.row + down).clamp(0, height - 1)
-        for across, of_column in zip(offsets, picked, strict=True):
-            yield down, across, [image.index_select(2, row) for image in of_column]
-
-
 def _features(surfaces: Surfaces, config: GuidedConfig) -> Tensor:
     """Return features (1, 6, h, w) whose squared distance is the difference of surfaces, without depth."""
     normal = config.normal_falloff**0.5 * surfaces.normal
     return torch.cat([normal, config.base_color_falloff**0.5 * surfaces.base_color], dim=1)
-
-
-def _squared_length(vectors: Tensor) -> Tensor:
-    """(1, c, h, w) to (1, 1, h, w)."""
-    return (vectors * vectors).sum(dim=1, keepdim=True)

@@ -124,7 +124,7 @@ def added(sums, weight, color):
 
 @device_function
 def neighbour_weight(k):
-    """Return the initial weight of one of 3x3 pixels; see `NEIGHBOUR_WEIGHTS` of `gbuffer-fast`."""
+    """Return the initial weight of one of 3x3 pixels; see `NEIGHBOUR_WEIGHTS` of `gbuffer`."""
     if k == 4:
         return np.float32(1.0)
     return np.float32(0.12) if k % 2 else np.float32(0.03)
