@@ -144,6 +144,17 @@ def test_reads_near_the_border_and_beyond_take_its_pixels_and_lose_no_light(widt
         torch.testing.assert_close(read(ramp, place)[0, 0, 0], expected, rtol=0.0, atol=1e-6)
 
 
+@pytest.mark.parametrize("width", [2, 93, 641, 1920, 3840])
+def test_a_read_beyond_the_border_takes_next_to_nothing_of_the_pixel_beside(width: int) -> None:
+    light = torch.ones(1, 1, 1, width)
+    light[..., 1:-1] = 1e6
+    x = torch.tensor([-3.0, width + 2.0])
+    place = torch.stack([x, torch.zeros(2)], dim=1)[None, None]
+    first, last = read(light, place)[0, 0, 0]
+    assert last == 1.0
+    assert first - 1.0 <= 1e6 * width * 2.0**-24
+
+
 @settings(max_examples=30)
 @given(size=SIZES, ratio=RATIOS, jitter=JITTER)
 def test_a_neighbourhood_is_the_3x3_samples_around_the_nearest_with_edges_repeated(
