@@ -41,7 +41,7 @@ class Session(Protocol):
 
 
 Sequences = Callable[[Sequence[Frame], Size, int], Iterable[Float32]]
-"""Computes the images of frames for a display size, in so many passes."""
+"""Returns the images of a sequence of frames, at a display size, in one pass or in two."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class Subject:
         exact: the same method in the graph, in single precision; None where this is it.
         recovery: frames in which what was bad is forgotten.
         ratios: of display to render size, the least and the largest.
-        sequences: of two passes, its images; None where it is stepped.
+        sequences: upscales whole sequences, for methods of two passes; None for others, which are stepped.
     """
 
     method: str
@@ -163,8 +163,9 @@ class Measured:
     """Figures of one run, and a curve to look at.
 
     Attributes:
-        figures, curve: these.
-        bad_values: see `Watched`, of images that no session of the trial made.
+        figures: with their bounds.
+        curve: values to plot, by frame or by shot.
+        bad_values: number of invalid values in images that were not made by a session of the trial.
     """
 
     figures: tuple[Figure, ...]

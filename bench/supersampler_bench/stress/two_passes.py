@@ -22,7 +22,7 @@ HARM = 0.05
 STATIC: Sequence[analytic.Scene] = (STILL, analytic.Plane(analytic.zone_plate))
 SCENES = (STILL, Orbit(), analytic.Plane(analytic.zone_plate, velocity=(0.37, 0.21)))
 SPOILED = 24
-"""Frames of a shot of which one is hostile."""
+"""Number of frames of a shot that has one hostile frame."""
 
 
 class Shot(NamedTuple):

@@ -32,7 +32,7 @@ class GBufferRegion(CropRegion):
         world: (3, 3) orthogonal matrix applied to normals: methods may only use their differences.
         aligned: whether corner and size are multiples of the ratio, a whole number equal on both axes. The
             crop then has G-buffers of both sizes.
-        of_display: whether another crop has them, too; otherwise those of render size.
+        of_display: whether a crop that is not aligned has them, too; otherwise it has those of render size.
     """
 
     world: Float32 = field(default_factory=lambda: np.eye(3, dtype=np.float32))
