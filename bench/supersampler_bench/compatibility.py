@@ -9,7 +9,7 @@ import numpy as np
 from supersampler.conventions.ratios import check_ratio
 from supersampler.errors import FrameError
 from supersampler.frame import Float32, Frame, Size
-from supersampler.methods.gbuffers import GBUFFERS, Place, grouped, listed
+from supersampler.methods.gbuffers import GBUFFERS, Place, grouped, lacking, listed
 from supersampler.methods.model_file import find_model, read_model_info
 from supersampler_bench.quality.masks import to_display
 
@@ -42,8 +42,8 @@ def incompatibility(model: str, render: Size, display: Size, gbuffers: Collectio
         check_ratio(info.ratios, render, display)
     except FrameError as error:
         return f"{model} is left out: {error}"
-    lacking = [] if gbuffers is None else [name for name in info.gbuffers if name not in gbuffers]
-    return f"{model} is left out: the frames have no {listed(lacking)}." if lacking else ""
+    missing = [] if gbuffers is None else lacking(info.gbuffers, gbuffers)
+    return f"{model} is left out: the frames have no {listed(missing)}." if missing else ""
 
 
 def compatible(

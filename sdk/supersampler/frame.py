@@ -50,7 +50,8 @@ class Frame:
         exposure: > 0, multiplies the colour before the tone curve. None measures it from the frames.
         gbuffer: render-size buffers by name: base_color (h, w, 3), normal (h, w, 3; world space, unit length,
             0 at the sky), roughness, metallic, specular (each (h, w); dielectric F0 = 0.08 specular).
-            Linear, in [0, 1] except for the normal.
+            Linear, in [0, 1] except for the normal. Where a method reads a missing one at both sizes, it is
+            taken from the display pixel nearest to each sample, which costs quality along edges.
         gbuffer_display: display-size buffers by name: the same and `depth`, sampled at pixel centres without
             jitter.
         aovs: (h, w, k), k at most MAX_AOVS. Alpha or other channels, blended by the colour's weights.

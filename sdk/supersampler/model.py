@@ -39,7 +39,7 @@ from supersampler.frame import (
 from supersampler.history import AOVS, WORK, History, StepResult, check_histories, checked_history
 from supersampler.methods.convergence import converged_of
 from supersampler.methods.executors import ExecutorName, Precision, choose_executor
-from supersampler.methods.gbuffers import check_gbuffers
+from supersampler.methods.gbuffers import check_gbuffers, sampled
 from supersampler.methods.model_file import read_model_info, read_upscaling_info
 from supersampler.methods.model_info import ModelInfo
 from supersampler.on_device.runs import DeviceRuns
@@ -223,7 +223,7 @@ class Model(DeviceRuns):
         needed |= {"weight"} if "aovs" in outputs else set()
         computed = image if image.flags.c_contiguous else aligned(image.shape)
         aux_outputs = self._executor.step(
-            frame,
+            sampled(frame, self.info.gbuffers, display_size),
             display_size,
             history.buffers,
             next_history.buffers,

@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from hypothesis import given
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from gbuffer_method import DARK, RATIO, WANTED, exported, gbuffers, lit
@@ -16,7 +18,7 @@ from supersampler.backends.onnx.session import image_of, planes_of
 from supersampler.backends.onnx.tensors import tensors_of_frame
 from supersampler.errors import FrameWarning
 from supersampler.frame import Size
-from supersampler.methods.gbuffers import GBUFFERS, grouped, listed, names_of
+from supersampler.methods.gbuffers import GBUFFERS, grouped, lacking, listed, names_of, sampled
 from supersampler.recording import StepCall, open_recording
 from supersampler.recording.replay import Replay
 from supersampler.validation import FrameChecker
@@ -96,7 +98,7 @@ def test_a_converter_names_a_buffer_as_a_user_does() -> None:
         Conventions().converter().to_frame(raw)
 
 
-@pytest.mark.parametrize("name", WANTED)
+@pytest.mark.parametrize("name", WANTED[1:])
 def test_a_buffer_that_is_missing_is_named_and_the_history_stays(model: Model, name: str) -> None:
     one, other = upscaler(model), upscaler(model)
     for u in (one, other):
@@ -105,8 +107,7 @@ def test_a_buffer_that_is_missing_is_named_and_the_history_stays(model: Model, n
     with pytest.raises(FrameError) as caught:
         other.step(lit(2, drop=name))
     assert caught.value.name == str(place) == f"{place.group}['{place.key}']"
-    size = "display size" if place.of_display else "render size"
-    wanted = f"want {place.shape(RENDER, DISPLAY)}. 'demodulated' reads it: render it at {size}"
+    wanted = f"want {place.shape(RENDER, DISPLAY)}. 'demodulated' reads it: render it at display size"
     assert f"is None; {wanted}" in str(caught.value)
     np.testing.assert_array_equal(one.step(lit(3)), other.step(lit(3)))
 
@@ -116,9 +117,45 @@ def test_no_buffers_at_all_or_those_of_another_size_are_refused(model: Model, fr
     one, other = upscaler(model), upscaler(model)
     for u in (one, other):
         u.step(lit(1))
-    with pytest.raises(FrameError, match=r"frame\.(gbuffer\['base_color'\] is None|size is \(16, 9\))"):
+    with pytest.raises(
+        FrameError, match=r"frame\.(gbuffer_display\['base_color'\] is None|size is \(16, 9\))"
+    ):
         other.step(frame)
     np.testing.assert_array_equal(one.step(lit(3)), other.step(lit(3)))
+
+
+def test_a_missing_buffer_of_render_size_is_read_at_the_display_pixel_nearest_to_each_sample(
+    model: Model,
+) -> None:
+    frame = replace(lit(1), jitter=(0.3, -0.45))
+    display = image_of(frame, WANTED[1])
+    # samples at 2 (i + 0.5 + jitter): 1.6 and 0.1 display pixels from the corner, then every second one
+    color = display[0::2, 1::2]
+    filled = replace(frame, gbuffer={**(frame.gbuffer or {}), "base_color": color})
+    missing = replace(frame, gbuffer=None)
+    np.testing.assert_array_equal(sampled(missing, WANTED, DISPLAY).gbuffer["base_color"], color)  # type: ignore[index]
+    np.testing.assert_array_equal(upscaler(model).step(missing), upscaler(model).step(filled))
+    assert missing.gbuffer is None, "the caller's frame is unchanged"
+
+
+@given(
+    render=st.tuples(st.integers(1, 9), st.integers(1, 9)),
+    ratio=st.floats(1.0, 4.0),
+    jitter=st.tuples(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5)),
+)
+def test_no_sample_is_further_than_half_a_pixel_from_the_display_pixel_it_is_read_from(
+    render: Size, ratio: float, jitter: tuple[float, float]
+) -> None:
+    display = round(ratio * render[0]), round(ratio * render[1])
+    places = np.stack(np.meshgrid(*(np.arange(n) + 0.5 for n in display)), axis=2).astype(np.float32)
+    places = np.concatenate([places, places[..., :1]], axis=2)
+    frame = replace(noise(1, render), jitter=jitter, gbuffer_display={"base_color": places})
+    found = sampled(frame, WANTED[:1], display).gbuffer["base_color"]  # type: ignore[index]
+    for axis in (0, 1):
+        samples = np.arange(render[axis]) + 0.5 + jitter[axis]
+        where = np.clip(samples * display[axis] / render[axis], 0.5, display[axis] - 0.5)
+        seen = found[..., axis] if axis == 0 else found[..., axis].T
+        assert np.abs(seen - where).max() <= 0.5 + 1e-4
 
 
 def test_display_buffers_of_render_size_are_refused(model: Model) -> None:
@@ -249,6 +286,12 @@ def test_a_recording_of_a_method_without_buffers_has_none(tmp_path: Path) -> Non
     (step, _) = open_recording(file)
     assert isinstance(step, StepCall)
     assert (step.frame.gbuffer, step.frame.gbuffer_display) == (None, None)
+
+
+def test_what_frames_lack_is_what_nothing_stands_in_for() -> None:
+    assert lacking(WANTED, WANTED[1:]) == []
+    assert lacking(WANTED, WANTED[:1]) == list(WANTED[1:])
+    assert lacking(("gbuffer_normal",), ()) == ["gbuffer_normal"]
 
 
 def test_tensors_of_a_frame_have_its_buffers() -> None:

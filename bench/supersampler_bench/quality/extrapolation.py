@@ -17,7 +17,7 @@ from typing import Any
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.frame import Array, Float32, Frame, Size
 from supersampler.io.shot import Shot, ShotFrame
-from supersampler.methods.gbuffers import listed, names_of
+from supersampler.methods.gbuffers import lacking, listed, names_of
 from supersampler.methods.model_file import find_model, read_model_info
 from supersampler.sequence.interpolation import interpolator_of
 from supersampler.sequence.upscaling import buffers_of
@@ -161,10 +161,10 @@ def check_gbuffers(shot: Shot, model: str) -> None:
         ShotError: it does.
     """
     there = names_of(shot.read_raw(0))
-    lacking = [name for name in read_model_info(find_model(model)).gbuffers if name not in there]
-    if lacking:
+    missing = lacking(read_model_info(find_model(model)).gbuffers, there)
+    if missing:
         hint = f"{model} reads them. The shots of `bench shots` have all."
-        raise ShotError(shot.path, f"frames have no {listed(lacking)}", hint)
+        raise ShotError(shot.path, f"frames have no {listed(missing)}", hint)
 
 
 def _ways(

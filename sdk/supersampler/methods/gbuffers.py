@@ -57,7 +57,7 @@ GBUFFERS: Mapping[str, Place] = {
 
 
 def check_gbuffers(frame: Frame, names: Iterable[str], display_size: Size, method: str) -> None:
-    """Raise FrameError where a frame lacks a G-buffer, or its size is wrong.
+    """Raise FrameError where a frame lacks a G-buffer, or its size is wrong; see `sampled` for what may lack.
 
     Args:
         frame: its other buffers are not checked.
@@ -65,8 +65,11 @@ def check_gbuffers(frame: Frame, names: Iterable[str], display_size: Size, metho
         display_size: (width, height).
         method: its name, for the message.
     """
-    for place in (GBUFFERS[name] for name in names):
+    names = tuple(names)
+    for name, place in ((name, GBUFFERS[name]) for name in names):
         array, want = place.find(frame), place.shape(frame.size, display_size)
+        if array is None and twin_of(name) in names:
+            continue
         if array is None:
             where = "display size, at pixel centres without jitter" if place.of_display else "render size"
             hint = f"{method!r} reads it: render it at {where}, or take a method that asks for none."
@@ -74,6 +77,43 @@ def check_gbuffers(frame: Frame, names: Iterable[str], display_size: Size, metho
         if array.shape != want:  # `Frame` has checked those of render size
             hint = f"It does not have the display size, {display_size[0]}x{display_size[1]}: render it so."
             raise FrameError(str(place), got=array.shape, want=want, hint=hint)
+
+
+def twin_of(name: str) -> str | None:
+    """Tensor name of the display-size buffer that stands in for one of render size; None for the others."""
+    place = GBUFFERS[name]
+    twin = f"gbuffer_display_{place.key}"
+    return None if place.of_display or twin not in GBUFFERS else twin
+
+
+def lacking(names: Iterable[str], there: Collection[str]) -> list[str]:
+    """Return those of the buffers that a method reads which frames neither have nor have a stand-in for."""
+    return [name for name in names if name not in there and twin_of(name) not in there]
+
+
+def sampled(frame: Frame, names: Collection[str], display_size: Size) -> Frame:
+    """Return the frame with all render-size buffers of these names.
+
+    A missing one is read from the buffer of display size, at the pixel whose centre is nearest to each
+    sample: exact on surfaces that fill a pixel, and another surface's along edges.
+
+    Args:
+        frame: it has passed `check_gbuffers`.
+        names: tensors that the method takes.
+        display_size: (width, height).
+    """
+    missing = [name for name in names if GBUFFERS[name].find(frame) is None]
+    if not missing:
+        return frame
+    (w, h), (big_w, big_h) = frame.size, display_size
+    columns, rows = (
+        np.minimum(((np.arange(n) + 0.5 + offset) * (big / n)).astype(np.intp), big - 1)
+        for n, big, offset in zip((w, h), (big_w, big_h), frame.jitter, strict=True)
+    )
+    buffers, found = frame.gbuffer_display or {}, dict(frame.gbuffer or {})
+    for place in (GBUFFERS[name] for name in missing):
+        found[place.key] = buffers[place.key].take(rows, axis=0).take(columns, axis=1)
+    return replace(frame, gbuffer=found)
 
 
 def names_of(frame: HasGBuffers) -> list[str]:
