@@ -28,12 +28,11 @@ def changed(**fields: Any) -> Callable[[], Classifier]:
 METHODS: Mapping[str, Callable[[], Classifier]] = {
     "all inputs seen": changed(),
     "half the width (`classifier-small`)": lambda: SmallClassifier(
-        SmallConfig(inputs=INPUTS, rectified=True, own_motion=True, corrected=True)
+        SmallConfig(inputs=INPUTS, rectified=True, own_motion=True)
     ),
     "the paper's form (`classifier-paper`)": lambda: PaperClassifier(PaperConfig(inputs=INPUTS)),
     "history not clipped to the box": changed(rectified=False),
     "no history by the pixel's own motion": changed(own_motion=False),
-    "warped history not filtered": changed(corrected=False),
     "differences of history and frame not seen": lambda: Classifier(
         without("history_to_sample", "history_to_frame", "beyond_range")
     ),

@@ -8,26 +8,13 @@ import numpy as np
 import torch
 import typer
 
+from studies.stepper_study import run_study
 from supersampler.backends.onnx.session import frame_inputs
 from supersampler.frame import Float32, Size
 from supersampler.io.shot import ShotFrame
 from supersampler.methods.taa.spec import TaaConfig
-from supersampler_bench.cli.options import (
-    CACHE,
-    JSON,
-    RATIO,
-    SHOT,
-    UPDATE,
-    check_page,
-    counted,
-    opened_shots,
-    publish,
-)
-from supersampler_bench.quality.measure import StepImage, Stepper, measure_steppers, reference_size
-from supersampler_bench.quality.score_record import quality_record, scores_row, shot_record
-from supersampler_bench.quality.score_table import markdown_table as score_table
-from supersampler_bench.quality.score_table import tables_of
-from supersampler_bench.record import Record
+from supersampler_bench.cli.options import CACHE, JSON, RATIO, SHOT, UPDATE
+from supersampler_bench.quality.measure import StepImage, Stepper
 from supersampler_model.methods.taa.model import Taa
 from supersampler_model.ops.size import Size as Extent
 
@@ -45,6 +32,7 @@ OPTIONS = {
     "clipped to the centre (not his)": TaaConfig(clip="center"),
     "clamped (not his)": TaaConfig(clip="clamp"),
 }
+STUDY = "salvi-options"
 
 
 class TaaSteps:
@@ -67,27 +55,16 @@ class TaaSteps:
         return np.ascontiguousarray(image[0].permute(1, 2, 0).numpy())
 
 
-def markdown_table(record: Record) -> str:
-    """Return the tables of a record as Markdown: of the mean at each ratio, or of the only shot."""
-    return "\n\n".join(score_table(title, rows) for title, rows in tables_of(record))
-
-
 def main(
     shot: SHOT, ratio: RATIO = "2", cache: CACHE = None, json: JSON = None, update: UPDATE = None
 ) -> None:
     """Measure every option; frames need references."""
-    name, opened = opened_shots(shot, cache, ratio)
-    tables = {f"study salvi-options {name}": markdown_table}
-    check_page(update, tables)
-    measured = []
-    with counted("frames", sum(len(one) for one, _ in opened)) as advance:
-        for one, origin in opened:
-            display = reference_size(one)
-            steppers = [stepper_of(title, config, display) for title, config in OPTIONS.items()]
-            scores = measure_steppers(one, steppers, on_frame=advance)
-            rows = [scores_row(each) for each in scores]  # without frames, which are megabytes
-            measured.append({**shot_record(one), **(origin or {}), "methods": rows})
-    publish({**quality_record(measured), "bench": "salvi-options"}, tables, json, update)
+    run_study(STUDY, steppers, shot, ratio, cache, json, update)
+
+
+def steppers(display: Size) -> list[Stepper]:
+    """Return all options."""
+    return [stepper_of(title, config, display) for title, config in OPTIONS.items()]
 
 
 def stepper_of(title: str, config: TaaConfig, display: Size) -> Stepper:

@@ -13,10 +13,8 @@ from supersampler.methods.classifier.variant import CONFIGURED, Variant
 from supersampler_model.methods.classifier.model import Classifier
 
 VARIANTS = [
-    Variant(corrected=False, rectified=False, own_motion=False),
-    Variant(
-        corrected=True, rectified=False, own_motion=True
-    ),  # 19 outputs: those of four pixels are no multiple of eight
+    Variant(rectified=False, own_motion=False),
+    Variant(rectified=False, own_motion=True),  # 15 outputs: those of four pixels are no multiple of eight
 ]
 
 
@@ -48,11 +46,10 @@ def test_hostile_pixels_do_the_same_to_every_variant(made: Made, bad: float) -> 
 
 
 def test_a_variant_says_what_its_config_counts() -> None:
-    for corrected in (False, True):
-        for rectified in (False, True):
-            for own in (False, True):
-                variant = Variant(corrected, rectified, own)
-                config = ClassifierConfig(corrected=corrected, rectified=rectified, own_motion=own)
-                assert variant == Variant.of(asdict(config))
-                assert variant == Variant.with_parts(*variant.kernel("module.function").split("+")[1:])
-                assert variant.blend_parameters == config.blend_parameters
+    for rectified in (False, True):
+        for own in (False, True):
+            variant = Variant(rectified, own)
+            config = ClassifierConfig(rectified=rectified, own_motion=own)
+            assert variant == Variant.of(asdict(config))
+            assert variant == Variant.with_parts(*variant.kernel("module.function").split("+")[1:])
+            assert variant.blend_parameters == config.blend_parameters

@@ -27,7 +27,6 @@ SIZE, DISPLAY = (21, 13), (41, 27)
 SMALL = ClassifierConfig(
     network=NetworkConfig(levels=(8, 16, 32, 64), decoder=8, hidden=8),
     neighbourhood_inputs=(),
-    corrected=False,
     rectified=False,
     own_motion=False,
 )

@@ -94,6 +94,22 @@ def test_stats_hold_the_mean_of_the_map_of_what_has_converged(method: str, execu
     assert upscaler.stats.converged == 0.0
 
 
+@pytest.mark.parametrize("executor", ["cpu", "onnx"])
+@pytest.mark.parametrize("method", ["classifier", "classifier-small"])
+def test_pixels_without_history_are_classed_as_disoccluded(method: str, executor: ExecutorName) -> None:
+    model = Model.load(method, executor=executor, threads=1)
+    upscaler = Upscaler(model, display_size=(63, 37), validate="off")
+    first = stepped(upscaler, noise(0, (32, 19), reset=True), "class_map").class_map
+    assert first is not None
+    assert first.shape == (19, 32, 6)
+    assert (first[..., :3] == (0.0, 1.0, 0.0)).all()
+    pan = np.full((19, 32, 2), (4.0, 0.0), np.float32)  # the last 7.9 display pixels come from off screen
+    second = stepped(upscaler, noise(1, (32, 19), motion=pan), "class_map").class_map
+    assert second is not None
+    assert (second[:, 28:, :3] == (0.0, 1.0, 0.0)).all()
+    assert second[:, :27, 1].max() < 1.0
+
+
 def test_a_method_that_does_not_converge_has_no_such_map_and_no_such_number() -> None:
     upscaler = Upscaler(Model.load("taa", executor="onnx"), display_size=DISPLAY, validate="off")
     with pytest.raises(ArgumentError, match="converged"):

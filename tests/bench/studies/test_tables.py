@@ -19,8 +19,8 @@ from studies import (
     precision,
     preroll,
     pyvista_table,
-    salvi_options,
     stage_breakdown,
+    stepper_study,
 )
 from studies import extrapolated_colors as colors
 from supersampler_bench.markdown_blocks import find_block
@@ -50,7 +50,8 @@ ROOT = Path(__file__).parents[3]
         ("results/backends", "speed avx-vnni", "speed-avx-vnni", older_processors.markdown_table),
         ("results/backends", "speed avx2", "speed-avx2", older_processors.markdown_table),
         ("quality", "oracle test-shots", "oracle", oracle.markdown_table),
-        ("results/methods", "salvi-options test-shots", "salvi-options", salvi_options.markdown_table),
+        ("results/methods", "salvi-options test-shots", "salvi-options", stepper_study.markdown_table),
+        ("results/methods", "missing-buffers test-shots", "missing-buffers", stepper_study.markdown_table),
         ("how-to/output-files", "output compression", "output-compression", output_compression.files_table),
         (
             "how-to/output-files",

@@ -37,7 +37,7 @@ from supersampler_model.methods.classifier.buffers import (
     History,
     WarpedHistory,
 )
-from supersampler_model.methods.classifier.network import ClassifierNetwork, class_probabilities, cut_to, pack
+from supersampler_model.methods.classifier.network import ClassifierNetwork, classes_of, cut_to, pack
 from supersampler_model.methods.classifier.network_inputs import neighbourhood_inputs, pixel_inputs
 from supersampler_model.methods.learned import LearnedMethod
 from supersampler_model.ops.color import (
@@ -85,21 +85,18 @@ from supersampler_model.ops.sampling import (
     pick_first,
     pick_first_vector,
     pick_vector,
-    sum_of,
     upsample,
     weighed,
 )
 from supersampler_model.ops.size import Size, display_size_of, half_of, render_size_of
-from supersampler_model.ops.windows import channels_of, maximum_3x3, minimum_3x3, shifted
+from supersampler_model.ops.windows import channels_of, maximum_3x3, minimum_3x3
 
 HEIGHT = 64.0
 """Of the Gaussian of a sample along an axis: at a height of 1, far weights are too small for half floats."""
 MOST_FACTOR: Mapping[torch.dtype, float] = {torch.float32: 16.0, torch.float16: 8.0}
 """Maximum of the logarithm of a factor: sums of nine such factors are half floats."""
 SHARPEST = 2.0  # maximum factor of the detail that is added
-SIDE = 0.01  # initial weight of a neighbour in the learned cross on the history
 DIM = 1e30  # the unit off screen: every colour becomes black
-SIDES = ((0, -1), (-1, 0), (1, 0), (0, 1))  # the neighbours: above, left, right, below
 
 
 class Classifier(LearnedMethod):
@@ -290,21 +287,13 @@ class Classifier(LearnedMethod):
         half_inputs = torch.cat([classes, *(around[name] for name in c.neighbourhood_inputs)], dim=1)
         return [pixels[name].to(self.dtype) for name in c.inputs], half_inputs
 
-    def history_colors(
-        self, gathered: Gathered, sharpness: Tensor, cross: Tensor
-    ) -> list[tuple[Tensor, Tensor]]:
+    def history_colors(self, gathered: Gathered, sharpness: Tensor) -> list[tuple[Tensor, Tensor]]:
         """Return the history colours and their initial weights, those of a running mean.
 
         Colours are float32; what is added to the warped one may be half floats.
         """
         current, warped, most = gathered.current, gathered.warped, TONED[torch.float32]
-        moved = warped.color
-        if self.config.corrected:  # positive weights: negative ones could amplify errors recursively
-            sides = SIDE * cross.exp()
-            beside = zip(channels_of(sides), SIDES, strict=True)
-            weighted = [side * shifted(warped.rounded, *offset, gathered.display) for side, offset in beside]
-            moved = (moved + sum_of(weighted)) / (1.0 + sides.sum(dim=1, keepdim=True).float())
-        sharpened = (moved + sharpness.clamp(0.0, SHARPEST) * warped.detail).clamp(0.0, most)
+        sharpened = (warped.color + sharpness.clamp(0.0, SHARPEST) * warped.detail).clamp(0.0, most)
         known = (warped.samples > 0.0).float()  # without history the weight is 0 whatever the network infers
         found = [(sharpened, known * (warped.samples * warped.surface + 1e-3))]
         other = known * (0.1 * warped.samples + 1e-3)
@@ -327,8 +316,8 @@ class Classifier(LearnedMethod):
         current, warped = gathered.current, gathered.warped
         parts = (self.config.candidates, *self.config.filters)
         blend = blend.clamp(-16.0, MOST_FACTOR[blend.dtype])
-        factors, sharpness, cross, kernel = blend.split_with_sizes(parts, dim=1)
-        history_colors = self.history_colors(gathered, sharpness, cross)
+        factors, sharpness, kernel = blend.split_with_sizes(parts, dim=1)
+        history_colors = self.history_colors(gathered, sharpness)
         kernel = limited(weighed(current.window, kernel, current.frame))
         sampled = current.sampled.float()
         current_colors = [
@@ -339,8 +328,7 @@ class Classifier(LearnedMethod):
         color, weight, odds = composite(history_colors, current_colors, factors)
         image = bounded(TONES[self.config.tone_space].inverse(color) / gathered.exposure)
 
-        logits = logits.float()
-        classes = torch.cat([class_probabilities(logits[:, :3]), class_probabilities(logits[:, 3:])], dim=1)
+        classes = classes_of(logits.float(), warped.samples[:, :, ::2, ::2] > 0.0)
         count = torch.minimum(odds, warped.samples).clamp(max=self.config.samples) + current.confidence
         luma = luminance(current.sample)
         trust = (4.0 * odds / warped.samples.clamp(min=1e-6)).clamp(max=1.0) * (warped.samples > 0.0)

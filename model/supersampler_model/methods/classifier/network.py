@@ -197,6 +197,18 @@ def unpack(packed: Tensor) -> Tensor:
     return F.pixel_shuffle(packed, 2)
 
 
+def classes_of(logits: Tensor, known: Tensor) -> Tensor:
+    """Return the probabilities of CLASSES; without history, ghosting is visibility, as in the labels.
+
+    Args:
+        logits: (1, 6, h, w).
+        known: (1, 1, h, w) bool: whether there is a history.
+    """
+    visibility = logits.new_tensor([0.0, 1.0, 0.0]).reshape(1, 3, 1, 1)
+    ghosting = torch.where(known, class_probabilities(logits[:, :3]), visibility)
+    return torch.cat([ghosting, class_probabilities(logits[:, 3:])], dim=1)
+
+
 def class_probabilities(logits: Tensor) -> Tensor:
     """Softmax of three channels, in operators that all providers implement alike."""
     likely = (logits.clamp(-30.0, 30.0)).exp()

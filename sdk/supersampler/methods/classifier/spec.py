@@ -80,8 +80,6 @@ class ClassifierConfig:
     """Whether the clipped history is one of the blended colours."""
     own_motion: bool = True
     """Whether the history warped by each pixel's own motion is one of them."""
-    corrected: bool = True
-    """Whether the warped history is filtered by a learned cross of five pixels."""
     tone_space: ToneSpace = "largest"
     """Tone curve of the blended colours."""
     sample_sigma: Sigma = 0.47
@@ -119,9 +117,9 @@ class ClassifierConfig:
         return 4 + self.rectified + self.own_motion
 
     @property
-    def filters(self) -> tuple[int, int, int]:
-        """Numbers of other blend parameters: sharpness, cross on the history, 3x3 kernel on this frame."""
-        return 1, 4 * self.corrected, 9
+    def filters(self) -> tuple[int, int]:
+        """Numbers of other blend parameters: sharpness of the history, 3x3 kernel on this frame."""
+        return 1, 9
 
     @property
     def blend_parameters(self) -> int:
@@ -138,7 +136,6 @@ class SmallConfig(ClassifierConfig):
     )
     rectified: bool = False
     own_motion: bool = False
-    corrected: bool = False
 
 
 @dataclass(frozen=True)

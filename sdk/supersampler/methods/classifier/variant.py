@@ -7,11 +7,10 @@ from typing import Any, NamedTuple, Self
 class Variant(NamedTuple):
     """What kernels leave out where it is not set: its planes, reads and arithmetic.
 
-    The first three are of ClassifierConfig; `guided` is that the frame has G-buffers of display size, as
+    The first two are of ClassifierConfig; `guided` is that the frame has G-buffers of display size, as
     `gbuffer-fast` reads them. Properties are indices of planes of `Gathered.rest` and of blend parameters.
     """
 
-    corrected: bool
     rectified: bool
     own_motion: bool
     guided: bool = False
@@ -57,13 +56,13 @@ class Variant(NamedTuple):
 
     @property
     def sharpness(self) -> int:
-        """Of `blend_parameters`, after the weights; the cross and the kernel follow."""
+        """Of `blend_parameters`, after the weights; the kernel follows."""
         return self.history_colors + 3
 
     @property
     def kernel_weights(self) -> int:
         """Of `blend_parameters`: nine."""
-        return self.sharpness + 1 + 4 * self.corrected
+        return self.sharpness + 1
 
     @property
     def blend_parameters(self) -> int:
@@ -76,5 +75,5 @@ class Variant(NamedTuple):
         return -(-4 * self.blend_parameters // 8) * 8
 
 
-CONFIGURED = Variant._fields[:3]
+CONFIGURED = Variant._fields[:2]
 """Fields of `Variant` that are fields of ClassifierConfig."""

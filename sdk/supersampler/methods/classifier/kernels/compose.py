@@ -21,8 +21,6 @@ from supersampler.backends.cpu.simd.shuffles import (
     last_third,
     rows8,
     second_third,
-    shifted_in,
-    shifted_out,
     zipped,
 )
 from supersampler.backends.cpu.simd.vector import (
@@ -34,7 +32,6 @@ from supersampler.backends.cpu.simd.vector import (
     maximum,
     minimum,
     prefetch,
-    ramp16,
     select,
     spread16,
     store,
@@ -54,7 +51,7 @@ from supersampler.methods.classifier.kernels.gather import (
 )
 from supersampler.methods.classifier.variant import Variant
 
-SIDE, SHARPEST = 0.01, 2.0
+SHARPEST = 2.0
 ROUNDS = 12582912.0  # 1.5 * 2^23: the sum has the rounded number in its last bits
 HALVES = 32  # fp16 values of a cache line
 STREAMS_HISTORY, STREAMS_IMAGE = 1, 2  # bits of `streams`: rows begin at cache lines, and bypass the caches
@@ -81,17 +78,6 @@ def blend_parameters(blend, pitch, index, count, half):
 def sharpened(color, sharpness, detail):
     """Return a channel of the history with detail added; see `Classifier.history_colors`."""
     return clamped(color + sharpness * detail, 0.0, TONED)
-
-
-@device_function
-def cross_filtered(warped, above, at, below, first, last, sides, scale, sharpness, detail):
-    """Return the same after the learned cross; first, last: the pixels without a left, a right neighbour."""
-    up, left, right, lower = sides
-    own = load16(warped, at)
-    beside = select(first, own, shifted_in(load16(warped, max(at - 16 * HISTORY_PLANES, 0)), own)) * left
-    beside = beside + select(last, own, shifted_out(own, load16(warped, at + 16 * HISTORY_PLANES))) * right
-    filtered = own + load16(warped, above) * up + beside + load16(warped, below) * lower
-    return clamped(filtered * scale + sharpness * detail, 0.0, TONED)
 
 
 @device_function
@@ -132,7 +118,7 @@ def neighbour_weight(k):
 
 def make_compose_row(variant: Variant):
     """Return `compose_row` of a variant."""
-    corrected, rectified, own_motion, guided = variant
+    rectified, own_motion, guided = variant
     planes, mean, own, sampled_plane = variant.rest, variant.mean, variant.own, variant.sampled
     sample_weight, sharpness, kernel = variant.history_colors, variant.sharpness, variant.kernel_weights
     parameters = variant.blend_parameters
@@ -148,7 +134,6 @@ def make_compose_row(variant: Variant):
         flash, guided_image, image_pitch = constants.flash, gathered.image, width + 2 * PAD
         big_w, big_h, history_out, image = output.width, output.height, output.next_history, output.image
         zero = spread16(np.float32(0.0))
-        above, below = max(y - 1, 0) * width, min(y + 1, big_h - 1) * width
         m = 2 * parameters * (y % 2)
         for x in range(x0, x1, 16):
             at, rest_at = (y * width + x) * HISTORY_PLANES, (y * width + x) * planes
@@ -160,31 +145,12 @@ def make_compose_row(variant: Variant):
                 blend_parameters(blend, blend_pitch, m + sharpness, parameters, pixels), 0.0, SHARPEST
             )
             detail = three(rest, rest_at + 16 * DETAIL)
-            if corrected:
-                lane, cross = ramp16() + np.int32(x), m + sharpness + 1
-                first, last = lane == np.int32(0), lane == np.int32(big_w - 1)
-                up = factor(blend_parameters(blend, blend_pitch, cross, parameters, pixels)) * SIDE
-                left = factor(blend_parameters(blend, blend_pitch, cross + 1, parameters, pixels)) * SIDE
-                right = factor(blend_parameters(blend, blend_pitch, cross + 2, parameters, pixels)) * SIDE
-                lower = factor(blend_parameters(blend, blend_pitch, cross + 3, parameters, pixels)) * SIDE
-                sides, scale = (up, left, right, lower), 1.0 / (up + left + right + lower + 1.0)
-                a, c = (above + x) * HISTORY_PLANES, (below + x) * HISTORY_PLANES
-                color = (
-                    cross_filtered(warped_planes, a, at, c, first, last, sides, scale, strength, detail[0]),
-                    cross_filtered(
-                        warped_planes, a + 16, at + 16, c + 16, first, last, sides, scale, strength, detail[1]
-                    ),
-                    cross_filtered(
-                        warped_planes, a + 32, at + 32, c + 32, first, last, sides, scale, strength, detail[2]
-                    ),
-                )
-            else:
-                warped = three(warped_planes, at)
-                color = (
-                    sharpened(warped[0], strength, detail[0]),
-                    sharpened(warped[1], strength, detail[1]),
-                    sharpened(warped[2], strength, detail[2]),
-                )
+            warped = three(warped_planes, at)
+            color = (
+                sharpened(warped[0], strength, detail[0]),
+                sharpened(warped[1], strength, detail[1]),
+                sharpened(warped[2], strength, detail[2]),
+            )
             count = load16(rest, rest_at + 16 * COUNT)
             known = count > 0.0
             other = select(known, count * 0.1 + 1e-3, 0.0)

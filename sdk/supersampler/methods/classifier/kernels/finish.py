@@ -5,9 +5,10 @@ import numpy as np
 from supersampler.backends.cpu.layout import INPUT_PLANES, RECORD_WORDS
 from supersampler.backends.cpu.simd.device_function import device_function
 from supersampler.backends.cpu.simd.shuffles import load_columns
-from supersampler.backends.cpu.simd.vector import dot4, load16, spread16, store, to_float, to_int
+from supersampler.backends.cpu.simd.vector import dot4, load16, select, spread16, store, to_float, to_int
 from supersampler.backends.cpu.structs import FrameSamples, Output, ResampleTables, Words
 from supersampler.methods.classifier.kernels.compose import factor, make_compose_row
+from supersampler.methods.classifier.kernels.gather import COUNT
 from supersampler.methods.classifier.kernels.network import (
     concatenate_row,
     pointwise_row,
@@ -24,6 +25,8 @@ from supersampler.methods.classifier.structs import (
 from supersampler.methods.classifier.variant import Variant
 
 WIDE = 16  # words of the hidden layer's output
+VISIBILITY = np.int32(255 << 8)  # of ghosting, in the first word of class probabilities: certain
+OF_ALIASING = np.int32(-1 << 24)  # the byte of that word that is of aliasing
 
 
 @device_function
@@ -90,6 +93,22 @@ def store_classes(columns, logits, scale, count, classes, to):
 
 
 @device_function
+def mark_unknown(gathered, planes, y, p0, p1, known, classes, to):
+    """Write visibility for the ghosting of packed pixels p0 to p1 of row y that have no history.
+
+    known: scratch of sixteen words.
+    """
+    rest, pitch = gathered.rest, gathered.pitch
+    for x in range(2 * p0, min(2 * p1, pitch), 16):
+        count = load16(rest, (2 * y * pitch + x) * planes + 16 * COUNT)
+        store(known, 0, select(count > 0.0, spread16(np.int32(1)), spread16(np.int32(0))))
+        for i in range(min(8, p1 - x // 2)):
+            if known[2 * i] == 0:
+                at = to // 4 + x + 2 * i
+                classes[at] = classes[at] & OF_ALIASING | VISIBILITY
+
+
+@device_function
 def exp_logit(columns, byte, scale):
     """Return e^logit of sixteen pixels; byte: of the hidden layer."""
     value = load16(columns, 16 * (byte // 4)) >> np.int32(8 * (byte % 4)) & np.int32(255)
@@ -106,7 +125,7 @@ def make_finish_rows(*parts: str):
     """Return `finish_rows` of the variant with these parts."""
     variant = Variant.with_parts(*parts)
     compose_row = make_compose_row(variant)
-    outputs = variant.outputs
+    outputs, planes = variant.outputs, variant.rest
 
     def finish_rows(
         levels: EncodedLevels, layers: FinishLayers, network: NetworkInputs, gathered: Gathered,
@@ -138,6 +157,7 @@ def make_finish_rows(*parts: str):
                 scratch.hidden_words, layers.blend, outputs, p0, p1, blend_pitch, scratch.columns,
                 scratch.blend, constants, next_classes, 8 * y * half_w,
             )  # fmt: skip
+            mark_unknown(gathered, planes, y, p0, p1, scratch.columns, next_classes, 8 * y * half_w)
             for row in range(2 * y, min(2 * y + 2, big_h)):
                 compose_row(
                     row, scratch.blend, blend_pitch, gathered, samples, tables, constants, output,

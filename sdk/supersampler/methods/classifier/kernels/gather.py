@@ -210,7 +210,7 @@ def repeat_borders(image, row, pitch, width, x0, x_end):
 
 def make_gather_rows(*parts: str):
     """Return `gather_rows` of the variant with these parts."""
-    _, rectified, own_motion, guided = variant = Variant.with_parts(*parts)
+    rectified, own_motion, guided = variant = Variant.with_parts(*parts)
     planes, mean_plane, own_plane, sampled_plane = variant.rest, variant.mean, variant.own, variant.sampled
 
     def gather_rows(

@@ -12,9 +12,7 @@
 // import image
 
 const SIDE = 16;
-const WIDE = SIDE + 2;
 const SHARPEST = 2.0;       // maximum factor of the detail that is added
-const CROSS = 0.01;         // initial weight of a neighbour in the learned cross on the history
 
 @group(0) @binding(2) var<storage, read> network: array<vec4u>;
 @group(0) @binding(3) var<storage, read> next_state: State;
@@ -36,20 +34,6 @@ const CROSS = 0.01;         // initial weight of a neighbour in the learned cros
 @group(0) @binding(19) var<storage, read_write> next_classes: array<vec2u>;
 @group(0) @binding(20) var<storage, read_write> aux: array<vec2f>;   // weight, converged
 
-var<workgroup> warped: array<vec3f, WIDE * WIDE>;   // toned RGB of the history, one pixel around the tile
-
-fn warp_tile(origin: vec2i, thread: i32) {
-    for (var i = thread; i < WIDE * WIDE; i += SIDE * SIDE) {
-        let q = clamped(origin - 1 + vec2i(i % WIDE, i / WIDE), display_size());
-        warped[i] = warped_color(history_pixels, previous_position(q), exposure_of(next_state));
-    }
-}
-
-fn warped_near(p: vec2i, origin: vec2i) -> vec3f {
-    let q = clamped(p, display_size()) - origin + 1;
-    return warped[q.y * WIDE + q.x];
-}
-
 struct Sum {
     color: vec3f,
     weight: f32,
@@ -61,27 +45,16 @@ fn parameter(blend: ptr<function, array<vec4f, QUADS>>, i: u32) -> f32 {
     return clamp((*blend)[i / 4u][i % 4u], -16.0, 16.0);
 }
 
-// The history after the learned cross, with detail added.
-fn sharpened(p: vec2i, origin: vec2i, before: WarpedHistory, blend: ptr<function, array<vec4f, QUADS>>) -> vec3f {
-    var color = before.color;
-    if (CORRECTED) {
-        let cross = SHARPNESS_AT + 1u;
-        let up = CROSS * exp(parameter(blend, cross));
-        let left = CROSS * exp(parameter(blend, cross + 1u));
-        let right = CROSS * exp(parameter(blend, cross + 2u));
-        let down = CROSS * exp(parameter(blend, cross + 3u));
-        color += up * warped_near(p + vec2i(0, -1), origin) + left * warped_near(p + vec2i(-1, 0), origin)
-               + right * warped_near(p + vec2i(1, 0), origin) + down * warped_near(p + vec2i(0, 1), origin);
-        color /= 1.0 + (up + left + right + down);
-    }
+// The history with detail added.
+fn sharpened(before: WarpedHistory, blend: ptr<function, array<vec4f, QUADS>>) -> vec3f {
     let detail = clamp(parameter(blend, SHARPNESS_AT), 0.0, SHARPEST) * before.detail;
-    return clamp(color + detail, vec3f(0.0), vec3f(TONED));
+    return clamp(before.color + detail, vec3f(0.0), vec3f(TONED));
 }
 
-fn blend_history(p: vec2i, origin: vec2i, now: CurrentFrame, before: WarpedHistory, visibility: f32,
+fn blend_history(p: vec2i, now: CurrentFrame, before: WarpedHistory, visibility: f32,
                  blend: ptr<function, array<vec4f, QUADS>>) -> Sum {
     if (before.samples <= 0.0) { return Sum(vec3f(0.0), 0.0); }
-    let color = sharpened(p, origin, before, blend);
+    let color = sharpened(before, blend);
     let other = 0.1 * before.samples + 1e-3;
     let first = (before.samples * visibility + 1e-3) * exp(parameter(blend, 0u));
     var sum = Sum(first * color, first);
@@ -123,7 +96,7 @@ fn next_range(luma: f32, now: CurrentFrame, before: WarpedHistory, odds: f32, gl
     return pack_range(luma + trust * (low - luma), luma + trust * (high - luma), glared);
 }
 
-fn compose(p: vec2i, origin: vec2i, cell: u32, corner: u32) {
+fn compose(p: vec2i, cell: u32, corner: u32) {
     var blend = blend_parameters(cell, corner);
     let at = render_position(p);
     let depth = textureLoad(dilated, upper_left(at), 0).z;
@@ -132,8 +105,11 @@ fn compose(p: vec2i, origin: vec2i, cell: u32, corner: u32) {
     let now = gather_current(samples, at);
     let before = gather_history(history_pixels, there, exposure);
     let visibility = gather_surface(history_surface, there, depth).visibility;
+    if (corner == 0u) {
+        next_classes[index_of(p / 2, (display_size() + 1) / 2)] = class_bytes(cell, before.samples > 0.0);
+    }
 
-    let history = blend_history(p, origin, now, before, visibility, &blend);
+    let history = blend_history(p, now, before, visibility, &blend);
     let filtered = filter_samples(at, &blend);
     let learned = select(now.frame, filtered.color / max(filtered.weight, 1e-12), filtered.weight > 1e-9);
     let sampled_here = select(0.0, 1.0, filtered.weight > 0.0);
@@ -172,12 +148,10 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) th
     let size = (display_size() + 1) / 2;
     let packed = origin / 2 + vec2i(vec2u(cell % 8u, cell / 8u));
     let on_image = inside(packed, size);
-    if (CORRECTED) { warp_tile(origin, i32(thread)); }
     if (on_image && corner < FEATURES) { decode(packed, cell, corner); }
     workgroupBarrier();
     if (on_image) { hide(packed, cell, corner); }
     workgroupBarrier();
-    if (on_image && corner == 0u) { next_classes[index_of(packed, size)] = class_bytes(cell); }
     let p = 2 * packed + vec2i(vec2u(corner & 1u, corner >> 1u));
-    if (inside(p, display_size())) { compose(p, origin, cell, corner); }
+    if (inside(p, display_size())) { compose(p, cell, corner); }
 }

@@ -70,8 +70,8 @@ fn blend_parameters(cell: u32, corner: u32) -> array<vec4f, QUADS> {
     return found;
 }
 
-// Class probabilities of a packed pixel, 255 is one: twice a softmax of three.
-fn class_bytes(cell: u32) -> vec2u {
+// Class probabilities of a packed pixel, 255 is one: twice a softmax of three. Without history, ghosting is visibility.
+fn class_bytes(cell: u32, known: bool) -> vec2u {
     var likely = array<f32, 6>();
     for (var i = 0u; i < 6u; i++) {
         let byte = LOGITS + i;
@@ -80,7 +80,8 @@ fn class_bytes(cell: u32) -> vec2u {
     }
     let ghosting = 255.0 / (likely[0] + likely[1] + likely[2]);
     let aliasing = 255.0 / (likely[3] + likely[4] + likely[5]);
+    let first = select(vec3f(0.0, 255.0, 0.0), vec3f(likely[0], likely[1], likely[2]) * ghosting, known);
     return vec2u(
-        pack4xU8(vec4u(vec4f(vec3f(likely[0], likely[1], likely[2]) * ghosting, likely[3] * aliasing) + 0.5)),
+        pack4xU8(vec4u(vec4f(first, likely[3] * aliasing) + 0.5)),
         pack4xU8(vec4u(vec4f(vec2f(likely[4], likely[5]) * aliasing + 0.5, 0.0, 0.0))));
 }
