@@ -1,6 +1,7 @@
 """Shots with G-buffers through the commands: what a model reads is read, and no more."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -68,6 +69,19 @@ def test_upscale_hands_a_shot_s_buffers_to_a_model_that_reads_them(
     assert f"{FRAMES} of {FRAMES} frames are bit for bit what they were" in said(replayed)
 
 
+def test_a_shot_without_buffers_of_render_size_is_upscaled_by_those_of_display_size(
+    gbuffer_model: Path, tmp_path: Path
+) -> None:
+    frame = replace(lit(1), gbuffer=None)
+    with ShotWriter(tmp_path / "shot", name="shot", display_size=DISPLAY, frame_rate=24) as writer:
+        writer.write(frame)
+    done = run("upscale", tmp_path / "shot", "--model", gbuffer_model, "-o", tmp_path / "out")
+    assert done.exit_code == 0, said(done)
+    written = read_exr(tmp_path / "out/0000.exr")
+    expected = Upscaler(gbuffer_model, display_size=DISPLAY).step(frame).astype(np.float16)
+    np.testing.assert_array_equal(np.stack([written[c] for c in "RGB"], -1), expected)
+
+
 def test_upscale_does_not_read_what_a_model_does_not_ask_for(
     broken: Path, gbuffer_model: Path, tmp_path: Path
 ) -> None:
@@ -82,7 +96,7 @@ def test_upscale_renders_at_the_one_ratio_that_a_model_has(gbuffer_model: Path, 
         writer.write(noise(0))
     arguments = ("upscale", tmp_path / "shot", "--model", gbuffer_model, "-o", tmp_path / "out")
     without = said(run(*arguments))
-    assert "frame 0: frame.gbuffer['base_color'] is None; want (18, 32, 3). 'demodulated' reads it" in without
+    assert "frame 0: frame.gbuffer_display['base_color'] is None; want (36, 64, 3). 'demodulated' reads it" in without
     refused = said(run(*arguments, "--scale", "3"))
     assert "for a display of (96, 54); want frames of (48, 27) or a display of (64, 36)" in refused
 
