@@ -291,7 +291,8 @@ def test_a_recording_of_a_method_without_buffers_has_none(tmp_path: Path) -> Non
 def test_what_frames_lack_is_what_nothing_stands_in_for() -> None:
     assert lacking(WANTED, WANTED[1:]) == []
     assert lacking(WANTED, WANTED[:1]) == list(WANTED[1:])
-    assert lacking(("gbuffer_normal",), ()) == ["gbuffer_normal"]
+    alone = ("gbuffer_normal",)
+    assert lacking(alone, ("gbuffer_display_normal",)) == ["gbuffer_normal"], "a method that reads no other"
 
 
 def test_tensors_of_a_frame_have_its_buffers() -> None:

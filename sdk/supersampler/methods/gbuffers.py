@@ -80,15 +80,19 @@ def check_gbuffers(frame: Frame, names: Iterable[str], display_size: Size, metho
 
 
 def twin_of(name: str) -> str | None:
-    """Tensor name of the display-size buffer that stands in for one of render size; None for the others."""
+    """Tensor name of the display-size buffer that stands in for one of render size; None for the others.
+
+    It does so where a method reads both; see `sampled`.
+    """
     place = GBUFFERS[name]
     twin = f"gbuffer_display_{place.key}"
     return None if place.of_display or twin not in GBUFFERS else twin
 
 
 def lacking(names: Iterable[str], there: Collection[str]) -> list[str]:
-    """Return those of the buffers that a method reads which frames neither have nor have a stand-in for."""
-    return [name for name in names if name not in there and twin_of(name) not in there]
+    """Return those of the buffers that a method reads which frames must have, and do not."""
+    read = tuple(names)
+    return [name for name in read if name not in there and twin_of(name) not in read]
 
 
 def sampled(frame: Frame, names: Collection[str], display_size: Size) -> Frame:
