@@ -96,7 +96,10 @@ def test_upscale_renders_at_the_one_ratio_that_a_model_has(gbuffer_model: Path, 
         writer.write(noise(0))
     arguments = ("upscale", tmp_path / "shot", "--model", gbuffer_model, "-o", tmp_path / "out")
     without = said(run(*arguments))
-    assert "frame 0: frame.gbuffer_display['base_color'] is None; want (36, 64, 3). 'demodulated' reads it" in without
+    assert (
+        "frame 0: frame.gbuffer_display['base_color'] is None; want (36, 64, 3). 'demodulated' reads it"
+        in without
+    )
     refused = said(run(*arguments, "--scale", "3"))
     assert "for a display of (96, 54); want frames of (48, 27) or a display of (64, 36)" in refused
 
