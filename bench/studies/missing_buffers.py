@@ -11,9 +11,9 @@ import typer
 from studies.stepper_study import run_study
 from supersampler import Upscaler
 from supersampler.frame import Size
-from supersampler.io.shot import ShotFrame
+from supersampler.io.shot import Shot, ShotFrame
 from supersampler_bench.cli.options import CACHE, JSON, RATIO, SHOT, UPDATE
-from supersampler_bench.quality.measure import StepImage, Stepper
+from supersampler_bench.quality.measure import StepImage, Stepper, reference_size
 
 METHODS = ("gbuffer-fast", "gbuffer-small")
 STUDY = "missing-buffers"
@@ -26,8 +26,9 @@ def main(
     run_study(STUDY, steppers, shot, ratio, cache, json, update)
 
 
-def steppers(display: Size) -> list[Stepper]:
+def steppers(shot: Shot) -> list[Stepper]:
     """Return each method on whole frames, and on frames without G-buffers of render size."""
+    display = reference_size(shot)
     return [stepper_of(method, display, whole=whole) for method in METHODS for whole in (True, False)]
 
 

@@ -12,34 +12,18 @@ import torch
 import typer
 from torch import Tensor
 
+from studies.stepper_study import run_study
 from supersampler.backends.onnx.session import frame_inputs, planes_of
 from supersampler.frame import Float32, Size
-from supersampler.io.shot import ShotFrame
-from supersampler_bench.cli.options import (
-    CACHE,
-    JSON,
-    RATIO,
-    SHOT,
-    UPDATE,
-    check_page,
-    counted,
-    listed,
-    opened_shots,
-    publish,
-)
-from supersampler_bench.quality.measure import (
-    StepImage,
-    Stepper,
-    measure_steppers,
-    reference_size,
-    stepper_of,
-)
-from supersampler_bench.quality.score_record import quality_record, shot_scores
+from supersampler.io.shot import Shot, ShotFrame
+from supersampler_bench.cli.options import CACHE, JSON, RATIO, SHOT, UPDATE, listed
+from supersampler_bench.quality.measure import StepImage, Stepper, reference_size, stepper_of
 from supersampler_bench.quality.score_table import Rows, tables_of
 from supersampler_bench.quality.score_table import markdown_table as score_table
 from supersampler_bench.record import Record
 from supersampler_model.methods.classifier.buffers import History
 from supersampler_model.methods.classifier.model import Classifier
+from supersampler_model.methods.classifier.network import cut_to
 from supersampler_model.ops.color import bounded, inverse_tone, tone
 from supersampler_model.ops.sampling import View
 from supersampler_model.ops.size import Size as Extent
@@ -67,13 +51,14 @@ class Oracle:
             ]
             self._previous = History(image, state, classes, surface, exposure), now
         inputs = frame_inputs(frame, self._display, ("color", "depth", "motion"))
-        color, depth, motion = (torch.from_numpy(planes) for planes in inputs.values())
+        color, depth, motion = map(torch.from_numpy, inputs.values())
         given = torch.tensor([frame.exposure or 0.0], dtype=torch.float32)
         history, view = self._previous
         with torch.no_grad():
             gathered = self._method.gather(color, depth, motion, given, history, now, view)
-            present, warped = gathered.current.frame, gathered.warped.color
-            known = gathered.reprojection.on_screen * (history.exposure.abs() > 0.0)
+            planes = gathered.current.frame, gathered.warped.color, gathered.reprojection.on_screen
+            present, warped, on_screen = (cut_to(plane, self._display) for plane in planes)
+            known = on_screen * (history.exposure.abs() > 0.0)
             toned = warped
             if item.reference is not None:
                 toned = tone(torch.from_numpy(planes_of(item.reference)) * gathered.exposure)
@@ -122,18 +107,12 @@ def main(
     update: UPDATE = None,
 ) -> None:
     """Compare methods with the oracle; every frame needs a reference."""
-    name, opened = opened_shots(shot, cache, ratio)
-    tables = {f"study oracle {name}": markdown_table}
-    check_page(update, tables)
-    measured = []
-    with counted("frames", sum(len(one) for one, _ in opened)) as advance:
-        for one, origin in opened:
-            display = reference_size(one)
-            steppers = [stepper_of(method, one) for method in ("taau", *listed(methods))]
-            steppers.append(oracle_stepper(display))
-            scores = measure_steppers(one, steppers, on_frame=advance)
-            measured.append(shot_scores(one, scores, origin))
-    publish({**quality_record(measured), "bench": "oracle"}, tables, json, update)
+
+    def steppers(one: Shot) -> list[Stepper]:
+        others = [stepper_of(method, one) for method in ("taau", *listed(methods))]
+        return [*others, oracle_stepper(reference_size(one))]
+
+    run_study("oracle", steppers, shot, ratio, cache, json, update, markdown_table)
 
 
 def oracle_stepper(display_size: Size) -> Stepper:

@@ -11,10 +11,10 @@ import typer
 from studies.stepper_study import run_study
 from supersampler.backends.onnx.session import frame_inputs
 from supersampler.frame import Float32, Size
-from supersampler.io.shot import ShotFrame
+from supersampler.io.shot import Shot, ShotFrame
 from supersampler.methods.taa.spec import TaaConfig
 from supersampler_bench.cli.options import CACHE, JSON, RATIO, SHOT, UPDATE
-from supersampler_bench.quality.measure import StepImage, Stepper
+from supersampler_bench.quality.measure import StepImage, Stepper, reference_size
 from supersampler_model.methods.taa.model import Taa
 from supersampler_model.ops.size import Size as Extent
 
@@ -62,8 +62,9 @@ def main(
     run_study(STUDY, steppers, shot, ratio, cache, json, update)
 
 
-def steppers(display: Size) -> list[Stepper]:
+def steppers(shot: Shot) -> list[Stepper]:
     """Return all options."""
+    display = reference_size(shot)
     return [stepper_of(title, config, display) for title, config in OPTIONS.items()]
 
 

@@ -3,9 +3,9 @@
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from supersampler.frame import Size
+from supersampler.io.shot import Shot
 from supersampler_bench.cli.options import check_page, counted, opened_shots, publish
-from supersampler_bench.quality.measure import Stepper, measure_steppers, reference_size
+from supersampler_bench.quality.measure import Stepper, measure_steppers
 from supersampler_bench.quality.score_record import quality_record, scores_row, shot_record
 from supersampler_bench.quality.score_table import markdown_table as score_table
 from supersampler_bench.quality.score_table import tables_of
@@ -19,31 +19,33 @@ def markdown_table(record: Record) -> str:
 
 def run_study(
     study: str,
-    steppers: Callable[[Size], Sequence[Stepper]],
+    steppers: Callable[[Shot], Sequence[Stepper]],
     shot: str,
     ratio: str,
     cache: Path | None,
     json: Path | None,
     update: Path | None,
+    table: Callable[[Record], str] = markdown_table,
 ) -> None:
     """Measure steppers, publish their record and its tables.
 
     Args:
         study: its name, in the record and in the block of the page.
-        steppers: returns them for shots of one display size, with empty histories.
+        steppers: returns them for a shot, with empty histories.
         shot: with the following ones, options of `bench quality`.
         ratio: of the shots.
         cache: folder of the test shots.
         json: file of the record.
         update: page with the table.
+        table: renders the record as Markdown.
     """
     name, opened = opened_shots(shot, cache, ratio)
-    tables = {f"study {study} {name}": markdown_table}
+    tables = {f"study {study} {name}": table}
     check_page(update, tables)
     measured = []
     with counted("frames", sum(len(one) for one, _ in opened)) as advance:
         for one, origin in opened:
-            scores = measure_steppers(one, steppers(reference_size(one)), on_frame=advance)
+            scores = measure_steppers(one, steppers(one), on_frame=advance)
             rows = [scores_row(each) for each in scores]  # without frames, which are megabytes
             measured.append({**shot_record(one), **(origin or {}), "methods": rows})
     publish({**quality_record(measured), "bench": study}, tables, json, update)
