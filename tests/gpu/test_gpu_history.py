@@ -78,6 +78,14 @@ def test_outputs_beside_the_image_are_those_of_the_cpu(method: str) -> None:
     assert found.work.min() == 1.0
 
 
+@pytest.mark.parametrize("method", ["classifier", "classifier-small"])
+def test_pixels_without_history_are_classed_as_disoccluded(method: str) -> None:
+    result = make(method).step(replace(moving(0), reset=True), outputs=("class_map",))
+    assert isinstance(result, StepResult)
+    assert result.class_map is not None
+    assert (result.class_map[..., :3] == (0.0, 1.0, 0.0)).all()
+
+
 def test_a_recording_replays_bit_for_bit_and_on_other_backends(tmp_path: Path) -> None:
     with make("taau", record=tmp_path / "recording") as upscaler:
         for index in range(3):
