@@ -61,8 +61,9 @@ class ClassifierTask(Task[Sample]):
             ghost_weight: (n, 1, 1, 1), or one for all: extra weight of the error with invalid history.
         """
         method, images, after = self.method, [], []
-        for i, (g, sample) in enumerate(zip(gathered, samples, strict=True)):
-            done = method.finish(g, logits[i : i + 1], unpack(blend[i : i + 1]))
+        parts = zip(gathered, samples, logits.split(1), blend.split(1), strict=True)  # a slice's gradient is whole
+        for g, sample, of_classes, of_blend in parts:
+            done = method.finish(g, of_classes, unpack(of_blend))
             images.append(done.image)
             state, classes = done.state.detach(), done.classes.detach()
             after.append([done.image, state, classes, g.surfaces, sample.view.jitter, g.followed])
