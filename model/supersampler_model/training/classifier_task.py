@@ -61,7 +61,8 @@ class ClassifierTask(Task[Sample]):
             ghost_weight: (n, 1, 1, 1), or one for all: extra weight of the error with invalid history.
         """
         method, images, after = self.method, [], []
-        parts = zip(gathered, samples, logits.split(1), blend.split(1), strict=True)  # a slice's gradient is whole
+        # splitting, as the gradient of a slice is of the size of the whole
+        parts = zip(gathered, samples, logits.split(1), blend.split(1), strict=True)
         for g, sample, of_classes, of_blend in parts:
             done = method.finish(g, of_classes, unpack(of_blend))
             images.append(done.image)

@@ -1,4 +1,4 @@
-"""Random crops of training sequences, with augmentation: flips, transposition, colours and exposure.
+"""Random crops of training sequences, augmented: flips, transposition, colours, exposure, noise.
 
 A crop of the display reads a crop of the render-size input. Its `View` has a jitter that includes the offset
 between both, so that crops at any ratio are sampled as exactly as whole frames. A crop is a screen of its
@@ -23,6 +23,7 @@ from supersampler_model.ops.color import MAX_HALF
 from supersampler_model.ops.sampling import Extent, View
 from supersampler_model.ops.size import Size
 from supersampler_model.training.frame_inputs import planes
+from supersampler_model.training.path_noise import PathNoise
 
 MARGIN = 3  # render pixels around the region that a crop reads
 CANDIDATES = 3  # random regions per crop, of which the one with the most aliased pixels is used
@@ -230,11 +231,15 @@ class Stream:
             regions = [self._draw(random, entry, display_size, self._size) for _ in range(CANDIDATES)]
             first_frame = dataset.read(entry, first)
             region = max(regions, key=lambda region: region.worth(first_frame))
+            noise = PathNoise.draw(random)
             for index in range(first + self.place.frame, count):
                 frame = dataset.read(entry, index)
                 self.place.frame += 1
                 sample = region.sample(frame, reset=frame.reset or index == first)
-                yield with_fireflies(sample, np.random.default_rng([*self._seed, self.place.crop, index]))
+                of_frame = np.random.default_rng([*self._seed, self.place.crop, index])
+                if noise is not None:
+                    sample = sample._replace(color=noise.on(sample.color, of_frame))
+                yield with_fireflies(sample, of_frame)
             self.place = Place(self.place.crop + 1, 0)
 
 
