@@ -20,6 +20,7 @@ from supersampler_model.data.scenes.procedural.movers import movers
 from supersampler_model.data.scenes.procedural.night_garden import night_garden
 from supersampler_model.data.scenes.procedural.rigging import rigging
 from supersampler_model.data.scenes.procedural.stage import Stage
+from supersampler_model.data.scenes.procedural.station import station
 
 Family = Callable[[np.random.Generator], Stage]
 
@@ -28,6 +29,6 @@ def _by_name(*families: Family) -> dict[str, Family]:
     return {family.__name__: family for family in families}
 
 
-TRAIN = _by_name(fences, floors, metals, movers, foliage, flicker)
+TRAIN = _by_name(fences, floors, metals, movers, foliage, flicker, station)
 TEST = _by_name(machine_hall, market, night_garden, gallery, court)
 APART = _by_name(rigging)
