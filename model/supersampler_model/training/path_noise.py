@@ -53,8 +53,9 @@ class PathNoise(NamedTuple):
         shape = self.samples, *certain.shape
         logarithm = self.spread * random.standard_normal(shape, np.float32) - 0.5 * self.spread**2
         found = random.random(shape, np.float32) >= self.missed
-        uncertain = (np.exp(logarithm) * found).mean(axis=0) / (1.0 - self.missed)
-        return certain + (1.0 - certain) * uncertain.astype(np.float32)
+        uncertain = (np.exp(logarithm) * found).mean(axis=0, dtype=np.float32) / np.float32(1.0 - self.missed)
+        factors: NDArray[np.float32] = certain + (1.0 - certain) * uncertain
+        return factors
 
     def on(self, color: Tensor, random: np.random.Generator) -> Tensor:
         """Return colour (1, 3, h, w), linear RGB, with the noise of one frame."""

@@ -79,7 +79,7 @@ def _draw_card(rng: Rng, part: Values, card: Color, ink: Color) -> None:
         text = lettering(rng, int(rng.integers(6, 16)), max(inner.shape[:2]))
         _ink(inner, text[: inner.shape[0], : inner.shape[1]], ink)
     elif kind == 1:
-        bars = rng.uniform(0.1, 0.9, width)[x // 8] * height
+        bars = np.asarray(rng.uniform(0.1, 0.9, width))[x // 8] * height
         _ink(inner, ((height - y < bars) & (x % 8 < 5)).astype(np.float64), accent)
     elif kind == 2:
         curve = height * (0.5 + 0.35 * np.sin(x / rng.uniform(6.0, 30.0) + rng.uniform(0.0, 6.0)))
