@@ -5,7 +5,8 @@
 
 A camera moves around a Cornell box. All samples of a render pixel go through one place, centre + jitter, so
 that depth and motion belong to them. Prints the PSNR of the last frame, after the display transform, against
-a reference: of bicubic upscaling, of the classifier, and of an image rendered at full size with as many rays.
+a reference: of bicubic upscaling, of taau, of the classifier, and of an image rendered at full size with as
+many rays.
 
 Mitsuba needs the library LLVM. Where it ends in "Cannot select", that LLVM does not support the processor:
 name a newer one in $DRJIT_LIBLLVM_PATH.
@@ -57,7 +58,7 @@ def measure(
         return decibels(float(error.mean()))
 
     for samples in all_samples:
-        upscalers = {name: Upscaler(name, scale=SCALE) for name in ("bicubic", "classifier")}
+        upscalers = {name: Upscaler(name, scale=SCALE) for name in ("bicubic", "taau", "classifier")}
         for index in range(frames):
             frame = rendered(index, size, samples)
             images = {name: upscaler.step(frame) for name, upscaler in upscalers.items()}
