@@ -104,6 +104,34 @@ def test_contraction_ends_where_nothing_of_the_history_is_left() -> None:
     assert found.rate < 1e-6
 
 
+class WithSum(Average):
+    """An average that also carries the sum of its changes, in which no difference fades."""
+
+    total: Float32 = np.zeros((*DISPLAY[::-1], 3), np.float32)
+
+    def step(self, frame: Frame) -> Float32:
+        before = self._past
+        image = super().step(frame)
+        self.total = self.total + (0.0 if before is None else 50.0 * (image - before))
+        assert np.abs(self.total).max() <= 110.0
+        return image
+
+    def save_state(self) -> State:
+        state = super().save_state()
+        return replace(state, history={**(state.history or {}), "history.total": self.total})
+
+    def load_state(self, state: State) -> None:
+        super().load_state(state)
+        assert state.history is not None
+        self.total = np.array(state.history["history.total"])
+
+
+def test_contraction_keeps_what_never_fades_within_its_values() -> None:
+    base, other = WithSum(DISPLAY, keep=0.5), WithSum(DISPLAY, keep=0.5)
+    found = contraction(base, other, still((24, 16)), 6, 1e-3, warm_up=4)
+    assert found.rate == pytest.approx(0.5, abs=2e-3)
+
+
 @pytest.mark.parametrize(
     "name", ["at rest", "values not a number", "contraction at rest", "saved and restored"]
 )

@@ -84,12 +84,18 @@ def _history(state: State) -> Any:
 
 
 def _scaled(base: Any, changed: Any, factor: float) -> dict[str, NDArray[Any]]:
-    """All of single precision that is in both, `factor` times as far apart."""
-    return {
-        name: (base[name] + factor * (array - base[name])).astype(np.float32)
-        for name, array in changed.items()
-        if array.dtype == np.float32 and name in base and base[name].shape == array.shape
-    }
+    """All of single precision that is in both, `factor` times as far apart.
+
+    All but colours stay within the values of `base`. Else what hardly fades, such as a range that the network
+    sees clamped, would grow until it is not a number.
+    """
+    found: dict[str, NDArray[Any]] = {}
+    for name, array in changed.items():
+        if array.dtype == np.float32 and name in base and base[name].shape == array.shape:
+            apart = base[name] + factor * (array - base[name])
+            kept = apart if name == COLOR else np.clip(apart, base[name].min(), base[name].max())
+            found[name] = kept.astype(np.float32)
+    return found
 
 
 def _load(session: Session, state: State, changes: dict[str, NDArray[Any]]) -> None:
