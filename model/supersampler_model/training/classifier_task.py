@@ -61,9 +61,9 @@ class ClassifierTask(Task[Sample]):
             ghost_weight: (n, 1, 1, 1), or one for all: extra weight of the error with invalid history.
         """
         method, images, after = self.method, [], []
-        # splitting, as the gradient of a slice is of the size of the whole
-        parts = zip(gathered, samples, logits.split(1), blend.split(1), strict=True)
-        for g, sample, of_classes, of_blend in parts:
+        # parts, as the gradient of a slice is of the size of the whole
+        parts = (t.split_with_sizes([1] * len(samples)) for t in (logits, blend))
+        for g, sample, of_classes, of_blend in zip(gathered, samples, *parts, strict=True):
             done = method.finish(g, of_classes, unpack(of_blend))
             images.append(done.image)
             state, classes = done.state.detach(), done.classes.detach()

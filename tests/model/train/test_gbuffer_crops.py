@@ -21,6 +21,7 @@ from supersampler_model.training.gbuffer_crops import (
     gbuffer_set,
     gbuffer_stream,
 )
+from supersampler_model.training.path_noise import PathNoise
 
 RATIO = 2
 aligned_region = partial(GBufferRegion, aligned=True)
@@ -157,6 +158,23 @@ def test_a_stream_goes_on_exactly_from_its_place(dataset: Dataset) -> None:
         assert one.reset == other.reset
         for name, buffer in one.gbuffer.items():
             assert torch.equal(buffer, other.gbuffer[name]), name
+
+
+def test_crops_with_noise_have_other_noise_in_each_frame_and_in_colour_alone(
+    dataset: Dataset, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clean = list(itertools.islice(gbuffer_stream([dataset], ratio=RATIO, size=28, seed=[3]), 3))
+    monkeypatch.setattr(PathNoise, "draw", lambda _: PathNoise(4, certain=0.0, missed=0.0, spread=0.6))
+    noisy = list(itertools.islice(gbuffer_stream([dataset], ratio=RATIO, size=28, seed=[3]), 3))
+    factors = []
+    for one, other in zip(noisy, clean, strict=True):
+        assert torch.equal(one.depth, other.depth)
+        assert torch.equal(one.reference, other.reference)
+        lit = other.color > 0.0
+        factors.append((one.color / other.color)[lit])
+        assert 0.9 < factors[-1].mean() < 1.1
+        assert 0.2 < factors[-1].std() < 0.5
+    assert factors[0].shape != factors[1].shape or not torch.allclose(factors[0], factors[1], atol=0.1)
 
 
 def test_what_a_set_lacks_is_named(tmp_path: Path) -> None:
