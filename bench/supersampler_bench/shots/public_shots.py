@@ -111,8 +111,9 @@ class PublicShot:
                 "Figures differ slightly from the published ones"
             )
         return (
-            f"{name}: its pixels are not the frozen ones, though the same driver rendered them: the renderer "
-            "or a scene has changed, or files are damaged. Do not compare its figures with published ones"
+            f"{name}: its pixels are not the frozen ones, though the same driver rendered them: the "
+            "processor, the renderer or a scene is another, or files are damaged. Before you compare its "
+            "figures with published ones, measure a published method on it"
         )
 
     def origin(self) -> dict[str, Any]:
