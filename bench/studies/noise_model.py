@@ -1,4 +1,4 @@
-"""The noise of path tracers in training crops beside that of Mitsuba 3, in scenes that differ in their light.
+"""Compares the path-tracing noise of training crops with that of Mitsuba 3, in four scenes.
 
     python bench/studies/noise_model.py --json FILE --update docs/training.md
 
@@ -13,6 +13,7 @@ import torch
 import typer
 from numpy.typing import NDArray
 
+from supersampler.io.display import BT709
 from supersampler_bench.cli.options import JSON, UPDATE, check_page, publish
 from supersampler_bench.markdown_table import figure, table
 from supersampler_bench.record import Record, machine_name
@@ -21,7 +22,6 @@ from supersampler_model.training.path_noise import PathNoise
 SEEDS = 3
 SAMPLES = 1, 4, 16
 QUANTILES = 0.1, 0.5, 0.9, 0.99, 0.999
-LUMA = np.array([0.2126, 0.7152, 0.0722])
 DARK = 0.01  # of the median luma: darker pixels do not count
 FITTED = {  # certain, missed, spread
     "Cornell box": (0.0, 0.17, 1.0),
@@ -29,11 +29,11 @@ FITTED = {  # certain, missed, spread
     "room with a large lamp": (0.7, 0.0, 1.2),
     "outdoors, sun and sky": (0.8, 0.0, 0.7),
 }
-"""Parameters of `PathNoise` for each scene, found by trial."""
+"""Parameters of `PathNoise` for each scene, fitted by hand."""
 
 
 def rows(reference_samples: int) -> Iterator[dict[str, Any]]:
-    """Measure both: quantiles of the luma of noisy pixels, relative to the reference."""
+    """Yield the quantiles of both, for each scene and number of samples."""
     import mitsuba as mi
 
     from studies.noise_scenes import scenes
@@ -54,9 +54,10 @@ def rows(reference_samples: int) -> Iterator[dict[str, Any]]:
 
 
 def _quantiles(images: list[NDArray[np.float32]], reference: NDArray[np.float32]) -> list[float]:
-    luma = reference @ LUMA
+    """Return QUANTILES of the luma of noisy images over the reference; images are (h, w, 3) linear RGB."""
+    luma = reference @ BT709
     counted = luma > DARK * np.median(luma)
-    ratios = (np.stack(images) @ LUMA)[:, counted] / luma[counted]
+    ratios = (np.stack(images) @ BT709)[:, counted] / luma[counted]
     return [float(q) for q in np.quantile(ratios, QUANTILES)]
 
 

@@ -1,4 +1,4 @@
-"""Scenes of Mitsuba 3 that differ in their light, for `noise_model.py`."""
+"""Scenes of Mitsuba 3 with large and small lights, for `noise_model.py`."""
 
 from typing import Any
 

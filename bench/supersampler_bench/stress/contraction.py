@@ -86,8 +86,8 @@ def _history(state: State) -> Any:
 def _scaled(base: Any, changed: Any, factor: float) -> dict[str, NDArray[Any]]:
     """All of single precision that is in both, `factor` times as far apart.
 
-    All but colours stay within the values of `base`. Else what hardly fades, such as a range that the network
-    sees clamped, would grow until it is not a number.
+    Other planes than the colour are clipped to the range of `base`: differences that hardly fade would grow
+    without bound.
     """
     found: dict[str, NDArray[Any]] = {}
     for name, array in changed.items():

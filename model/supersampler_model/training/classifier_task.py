@@ -61,7 +61,7 @@ class ClassifierTask(Task[Sample]):
             ghost_weight: (n, 1, 1, 1), or one for all: extra weight of the error with invalid history.
         """
         method, images, after = self.method, [], []
-        # parts, as the gradient of a slice is of the size of the whole
+        # split at once: the gradient of each slice would be as large as the batch
         parts = (t.split_with_sizes([1] * len(samples)) for t in (logits, blend))
         for g, sample, of_classes, of_blend in zip(gathered, samples, *parts, strict=True):
             done = method.finish(g, of_classes, unpack(of_blend))

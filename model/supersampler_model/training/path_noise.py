@@ -1,9 +1,8 @@
-"""Noise of path tracers in training crops: few samples a pixel, the reference without noise.
+"""Path-tracing noise in the colour of training crops; references stay without noise.
 
-A sample of a pixel brings light in two parts. One is certain: light from large sources that no path misses.
-The other comes along random paths: none at all with some probability, else light of a logarithmic normal
-distribution, whose tail are fireflies. A pixel is the mean of its samples. Where less light arrives, less of
-it is certain. `python bench/studies/noise_model.py` compares the quantiles with those of Mitsuba 3.
+The model: a pixel is the mean of a few samples. Each sample has a certain part, which every path finds, and a
+random part: zero with some probability, else log-normal, with a tail of fireflies. Darker pixels have a
+smaller certain part. `python bench/studies/noise_model.py` compares its quantiles with those of Mitsuba 3.
 """
 
 from typing import NamedTuple, Self
@@ -16,19 +15,19 @@ from torch import Tensor
 from supersampler_model.ops.color import MAX_HALF, luminance
 
 CHANCE = 0.06  # fraction of the crops with noise
-SAMPLES = 1, 2, 4, 8, 16
-LEAST_SPREAD, MOST_SPREAD = 0.6, 1.3
-MOST_CERTAIN, MOST_MISSED = 0.8, 0.3
+SAMPLES = 1, 2, 4, 8, 16  # a pixel
+LEAST_SPREAD, MOST_SPREAD = 0.6, 1.3  # of `PathNoise.spread`
+MOST_CERTAIN, MOST_MISSED = 0.8, 0.3  # half of the crops with noise miss no path
 
 
 class PathNoise(NamedTuple):
-    """Noise of a path tracer; the same in all frames of a crop.
+    """Parameters of the noise; the same in all frames of a crop.
 
     Attributes:
-        samples: of a pixel.
-        certain: share of the light that every path brings, where a surface is bright.
-        missed: probability that a path brings nothing else.
-        spread: standard deviation of the logarithm of what else it brings.
+        samples: number of samples a pixel.
+        certain: certain share of the light of the brightest pixels, [0, 1].
+        missed: probability that the random part of a sample is zero, [0, 1).
+        spread: standard deviation of the logarithm of the random part, > 0.
     """
 
     samples: int
@@ -38,7 +37,7 @@ class PathNoise(NamedTuple):
 
     @classmethod
     def draw(cls, random: np.random.Generator) -> Self | None:
-        """Draw that of a crop; None for most: no noise."""
+        """Draw the parameters of one crop; None for crops without noise."""
         if random.random() >= CHANCE:
             return None
         return cls(
@@ -49,7 +48,12 @@ class PathNoise(NamedTuple):
         )
 
     def factors(self, certain: NDArray[np.float32], random: np.random.Generator) -> NDArray[np.float32]:
-        """Return what pixels are multiplied by, of mean 1, given the share of each that is certain."""
+        """Return random factors of the pixels' colours, with a mean of 1.
+
+        Args:
+            certain: certain share of each pixel's light, [0, 1].
+            random: of this frame.
+        """
         shape = self.samples, *certain.shape
         logarithm = self.spread * random.standard_normal(shape, np.float32) - 0.5 * self.spread**2
         found = random.random(shape, np.float32) >= self.missed
@@ -58,7 +62,7 @@ class PathNoise(NamedTuple):
         return factors
 
     def on(self, color: Tensor, random: np.random.Generator) -> Tensor:
-        """Return colour (1, 3, h, w), linear RGB, with the noise of one frame."""
+        """Return a frame's colour, (1, 3, h, w) linear RGB, multiplied by noise."""
         luma = luminance(color.clamp(min=0.0))
         certain = self.certain * luma / (luma + luma.mean() + 1e-12)
         return (color * torch.from_numpy(self.factors(certain.numpy(), random))).clamp(max=MAX_HALF)

@@ -152,7 +152,7 @@ def padded(image: Tensor, aligned: int = ALIGNED) -> Tensor:
         size = image.shape[axis]
         whole = (size + aligned - 1) // aligned * aligned
         if not torch.compiler.is_exporting() and whole == size:
-            continue  # sizes are free in a graph, and in training the gradient of a copy takes long
+            continue  # not in graphs, whose sizes are symbolic; the gradient of the copy is slow
         image = image.index_select(axis, torch.arange(whole, device=image.device).clamp(max=size - 1))
     return image
 

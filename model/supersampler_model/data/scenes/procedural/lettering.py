@@ -1,4 +1,4 @@
-"""Lettering and user interfaces as textures: rows of strokes like words, panels of cards and charts."""
+"""Textures of lettering and of user interfaces."""
 
 import numpy as np
 
@@ -8,13 +8,13 @@ from supersampler_model.data.values import Color, Rng, Values
 
 SIZE = 512
 GLYPHS = 16  # of an alphabet
-_CORNERS = tuple((x, y) for y in (0.12, 0.45, 0.78) for x in (0.12, 0.44, 0.76))
+_POINTS = tuple((x, y) for y in (0.12, 0.45, 0.78) for x in (0.12, 0.44, 0.76))
 _STROKES = ((0, 2), (0, 6), (2, 8), (6, 8), (3, 5), (1, 7), (0, 8), (2, 6), (0, 4), (4, 8), (3, 6), (5, 8))
-"""Of a glyph, between two of nine places; a cell is one wide and high."""
+"""A glyph is some of these lines between two of _POINTS, (x, y) in its cell, [0, 1]."""
 
 
 def lettering(rng: Rng, rows: int, size: int = SIZE) -> Values:
-    """Return (size, size) in [0, 1]: 1 where ink is, `rows` lines of words, ragged at the right."""
+    """Return `rows` lines of random words: the coverage of the ink, (size, size) in [0, 1]."""
     page, height = np.zeros((size, size)), size // rows
     width = max(int(0.62 * height), 2)
     alphabet = [_glyph(rng, height, width) for _ in range(GLYPHS)]
@@ -35,7 +35,7 @@ def _glyph(rng: Rng, height: int, width: int) -> Values:
     y, x = (np.mgrid[:height, :width] + 0.5) / np.array([height, width]).reshape(2, 1, 1)
     ink = np.zeros((height, width))
     for index in rng.choice(len(_STROKES), int(rng.integers(3, 6)), replace=False):
-        (ax, ay), (bx, by) = (np.array(_CORNERS[i]) for i in _STROKES[index])
+        (ax, ay), (bx, by) = (np.array(_POINTS[i]) for i in _STROKES[index])
         along = ((x - ax) * (bx - ax) + (y - ay) * (by - ay)) / ((bx - ax) ** 2 + (by - ay) ** 2)
         share = np.clip(along, 0.0, 1.0)
         away = np.hypot(x - ax - share * (bx - ax), y - ay - share * (by - ay))
@@ -44,7 +44,7 @@ def _glyph(rng: Rng, height: int, width: int) -> Values:
 
 
 def sign(rng: Rng, rows: int, shine: float = 0.0) -> Material:
-    """Return a board with lettering, dark on bright or bright on dark; `shine` lights it from within."""
+    """Return a board with `rows` lines of lettering; `shine` > 0 is the radiance of a lit one."""
     ink = textures.color(rng, 0.7, 0.25)
     paper = (0.95, 0.94, 0.9) if rng.random() < 0.5 else textures.color(rng, 0.8, 0.9)
     dark, bright = (paper, ink) if rng.random() < 0.6 else (ink, paper)
@@ -52,7 +52,7 @@ def sign(rng: Rng, rows: int, shine: float = 0.0) -> Material:
 
 
 def screen(rng: Rng, shine: float) -> Material:
-    """Return a lit screen with a user interface: a header, cards with text, charts and buttons."""
+    """Return a screen of radiance `shine` with a header and cards of text, charts and tables."""
     dark = rng.random() < 0.6
     ground, card = ((0.09, 0.1, 0.12), (0.17, 0.18, 0.22)) if dark else ((0.9, 0.91, 0.93), (1.0, 1.0, 1.0))
     ink: Color = (0.88, 0.9, 0.93) if dark else (0.12, 0.13, 0.16)
