@@ -19,6 +19,12 @@ distance is larger: where patterns are finer than a sample, residuals differ muc
 frame that opens a pixel, the image is the method's and no sample is added there. If the next frame confirms
 it on the same side, the mean restarts. Otherwise it was a firefly: the colour is kept with at most the weight
 of one period, and the range is learned again.
+
+A fine pattern that takes the place of another of the same brightness hardly changes the averages. So a pixel
+is also doubted where the samples follow another pattern than the mean: where the mean has contrast in the
+5x5 samples, and the slope of the samples on it is below FOLLOWS. In one frame that may be chance, if patterns
+are finer than a sample: the image still shows the mean, and only its weight is limited. A second frame
+restarts the mean.
 """
 
 from typing import NamedTuple
@@ -29,12 +35,18 @@ from torch.nn import functional as F
 
 from supersampler.methods.convergence import (
     BRIGHTENING,
+    DOUBTED,
     FIREFLY,
+    FOLLOWS,
+    FOLLOWS_DOUBTED,
     LEARNED,
+    LEAST_CONTRAST,
+    LEAST_RELATIVE_CONTRAST,
     MARGIN,
     MARGIN_LEARNING,
     MAX_STATIC_MOTION,
     MOST_LEARNING,
+    PATTERN_READY,
     PERIOD,
     READY,
     SIGMA,
@@ -75,7 +87,7 @@ class Settled(NamedTuple):
     """The image and the next history."""
 
     image: Tensor  # (1, 3, H, W) linear RGB
-    still: Tensor  # (1, 4, H, W) mean, and the sum of its weights: negative after a frame that opened it
+    still: Tensor  # (1, 4, H, W) mean, and the sum of its weights: negative once opened or doubted
     opening: Tensor  # (1, 3, h, w) least and largest residual, and the number of samples they were learned of
     converged: Tensor  # (1, 1, H, W) fraction of the mean in the image
 
@@ -112,13 +124,14 @@ def settle(
     opened = pick(F.max_pool2d(opens, 5, 1, 2), grid)
 
     mean, weight = history_still.split_with_sizes([3, 1], dim=1)
-    confirmed = opened * (weight < 0.0)
-    weight = weight.abs() * stands * (1.0 - confirmed)
-    rejected = opened * (weight > 0.0)
+    shows_own = (opened > DOUBTED).float()
+    confirmed = (opened > 0.0) & (weight < 0.0)
+    weight = weight.abs() * stands * (1.0 - confirmed.float())
+    rejected = (opened > 0.0) & (weight > 0.0)
     near = resample(torch.cat([color, usable], dim=1), across, down)
     jittered = (frame.jitter - frame.previous_jitter).abs().sum() > 0.0
     near, near_weight = near.split_with_sizes([3, 1], dim=1)
-    added = near_weight * stands * (1.0 - rejected) * jittered
+    added = near_weight * stands * (1.0 - rejected * shows_own) * jittered
     total = weight + added
     share = added / (total + (total - PERIOD).clamp(0.0, PERIOD)).clamp(min=1e-6)
     samples = near / near_weight.clamp(min=1e-6)
@@ -127,8 +140,8 @@ def settle(
     mean = mean * darkening(mean_peak, torch.where(early, sample_peak, mean_peak))
     samples = samples * darkening(sample_peak, torch.where(weight > 0.0, mean_peak, sample_peak))
     mean = mean + share * (samples - mean)
-    converged = ((total - READY) / (PERIOD - READY)).clamp(0.0, 1.0) * (1.0 - opened)
-    next_weight = torch.where(rejected > 0.0, -total.clamp(max=PERIOD), total)
+    converged = ((total - READY) / (PERIOD - READY)).clamp(0.0, 1.0) * (1.0 - shows_own)
+    next_weight = torch.where(rejected, -total.clamp(max=PERIOD), total)
     return Settled(
         bounded(image + converged * (mean - image)),
         torch.cat([mean, next_weight], dim=1),
@@ -167,18 +180,31 @@ def measure_residuals(
     history_still: Tensor,
     history_opening: Tensor,
 ) -> tuple[Tensor, Tensor]:
-    """Compare the samples with the mean; return the next `Settled.opening` and (1, 1, h, w) what opens."""
+    """Compare the samples with the mean.
+
+    Returns:
+        The next `Settled.opening`, and (1, 1, h, w) what opens: 1, or DOUBTED where only the pattern differs.
+    """
     render, display = render_size_of(usable), render_size_of(history_still)
     weight = history_still[:, 3:4]
     ready, doubted = (weight.abs() > READY).float(), (weight < 0.0).float()
-    there = at_samples(torch.cat([history_still[:, :3], ready, doubted], dim=1), render, frame.jitter)
-    mean, ready, doubted = there.split_with_sizes([3, 1, 1], dim=1)
+    young = (weight.abs() < PATTERN_READY).float()
+    there = at_samples(torch.cat([history_still[:, :3], ready, young, doubted], dim=1), render, frame.jitter)
+    mean, ready, young, doubted = there.split_with_sizes([3, 1, 1, 1], dim=1)
     known = (ready > COVERED) * (1.0 - moving)
     counted = known * usable
-    difference = (shown_luma(color * frame.exposure) - shown_luma(mean * frame.exposure)) * counted
-    sums = window_sum(torch.cat([difference, difference * difference, counted], dim=1), 5, padding=2)
-    residual, square = channels_of(normalised(sums))
-    spread = (square - residual * residual).clamp(min=0.0).sqrt()
+    expected = shown_luma(mean * frame.exposure)
+    difference = (shown_luma(color * frame.exposure) - expected) * counted
+    expected = expected * counted
+    products = difference * difference, expected, expected * expected, difference * expected
+    sums = window_sum(torch.cat([difference, *products, counted], dim=1), 5, padding=2)
+    residual, square, level, level_square, product = channels_of(normalised(sums))
+    variance = (square - residual * residual).clamp(min=0.0)
+    spread, contrast = variance.sqrt(), level_square - level * level
+    covariance = product - residual * level  # of differences and mean: the slope is 1 + covariance / contrast
+    has_contrast = contrast > LEAST_RELATIVE_CONTRAST * variance + LEAST_CONTRAST * LEAST_CONTRAST
+    least_slope = torch.where(doubted > 0.0, FOLLOWS_DOUBTED, FOLLOWS)
+    other_pattern = has_contrast & (young <= 0.0) & (contrast + covariance < contrast * least_slope)
 
     previous = render_size_of(history_opening)
     before = of_size(history_opening, render)
@@ -191,8 +217,8 @@ def measure_residuals(
     learning_margin = (MARGIN_LEARNING + SPREADS * spread).clamp(max=MOST_LEARNING)
     margin = torch.where(learning, learning_margin, MARGIN)
     below, above = residual < low - margin, residual > high + margin
-    opens = known * (below | above)
-    learns = learning & (opens < 1.0)
+    opens = known * torch.maximum(DOUBTED * other_pattern, (below | above).float())
+    learns = learning & (opens <= 0.0)
     low = torch.where(learns, torch.minimum(low, residual), low)
     high = torch.where(learns, torch.maximum(high, residual), high)
     low, high = torch.where(above, -UNBOUNDED, low), torch.where(below, UNBOUNDED, high)

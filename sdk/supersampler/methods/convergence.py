@@ -16,8 +16,8 @@ CONVERGENCE_HISTORY: Mapping[str, Shape] = {
     "opening": (1, 3, *PREVIOUS),
 }
 """`still`: mean of the samples, linear RGB, and the sum of their weights, negative after a frame that opened
-the pixel. `opening`: least and largest residual, and the samples per display pixel from which they were
-learned."""
+or doubted the pixel. `opening`: least and largest residual, and the samples per display pixel from which they
+were learned."""
 CONVERGED: Mapping[str, MapOf] = {"converged": MapOf("converged", 0, 1)}
 """The fraction of the mean in the image, an auxiliary output of shape (1, 1, *DISPLAY)."""
 SIGMA = 0.4
@@ -35,6 +35,8 @@ mean keeps at most the weight of one period."""
 READY = 1.4
 """Weight from which on residuals are measured, and the image fades from the method's to the mean. The fade
 ends at PERIOD."""
+PATTERN_READY = 2.5
+"""Weight from which on its pattern is compared: a mean of few samples has a pattern of its own."""
 LEARNED = 12.0
 """Samples per display pixel, of which the range of the residuals is learned."""
 MARGIN = 1.5 / 255.0
@@ -45,6 +47,19 @@ SPREADS = 1.5
 """Where patterns are finer than a sample, differences deviate most, and their means vary most with jitter."""
 MOST_LEARNING = 48.0 / 255.0
 """Upper limit of the sum: on such patterns, too, a change of light opens while the range is learned."""
+LEAST_CONTRAST = 9.0 / 255.0
+"""Of the shown luma: least deviation of the mean in the 5x5 samples, at which its pattern is compared."""
+LEAST_RELATIVE_CONTRAST = 0.05
+"""Least variance of the mean there beside it, by that of the differences: of a pattern finer than a pixel the
+mean is nearly flat, and what the samples follow is chance."""
+FOLLOWS = -0.1
+"""Slope of the samples on the mean in the 5x5 samples below which they follow another pattern. It is about 1
+where the mean is right, and 0 on average where the two have nothing in common."""
+FOLLOWS_DOUBTED = 0.3
+"""The same in a mean that is doubted already: the second frame confirms most of what the first doubted."""
+DOUBTED = 0.5
+"""What opens where samples follow another pattern; 1 where they leave the range. In one frame the former may
+be chance: the image still shows the mean, and the sample is added."""
 UNBOUNDED = 4.0
 """Limit of the range that no residual passes: the frame after one that opened opens on the same side only."""
 

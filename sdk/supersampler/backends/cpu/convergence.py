@@ -44,7 +44,7 @@ CONVERGENCE_PLANES = {"still": Plane(("still",), 4), "opening": Plane(("opening"
 """The history of the mean, for a `HistoryLayout`."""
 MEAN_FILTER = Filter(lambda distance: gaussian(SIGMA)(distance) * linear(distance), True)
 """Weight of a sample in the mean, of which all but the two samples around a pixel are 0."""
-_RING = 28  # lines of scratch: see `kernels.residuals.measure_residuals`
+_RING = 51  # lines of scratch: see `kernels.residuals.measure_residuals`
 
 
 class ConvergingFrame(ResampledFrame):

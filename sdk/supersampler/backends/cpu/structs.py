@@ -232,8 +232,8 @@ class StillSamples(NamedTuple):
         color: (height, 4, padded_width) linear RGB of samples that are usable and do not glare; 1 for these.
         moving: (height, padded_width) 1 where the sample moves, else 0.
         moving_2x2: the same of any of it, its right, lower and lower right neighbour.
-        opens: 1 where the sample contradicts the mean.
-        opened: 1 where any of 5x5 samples does.
+        opens: 1 where the sample contradicts the mean, DOUBTED where only the pattern around it does.
+        opened: the largest of 5x5 samples.
         rows_opened: (height,) 1 where any of a row does.
         width, height: of the frame.
         padded_width: of a row.

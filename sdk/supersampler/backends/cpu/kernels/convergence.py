@@ -47,7 +47,7 @@ from supersampler.backends.cpu.structs import (
     ResampleTables,
     StillSamples,
 )
-from supersampler.methods.convergence import BRIGHTENING, FIREFLY, MAX_STATIC_MOTION, PERIOD, READY
+from supersampler.methods.convergence import BRIGHTENING, DOUBTED, FIREFLY, MAX_STATIC_MOTION, PERIOD, READY
 
 
 @device_function
@@ -210,12 +210,12 @@ def add_samples(
                 mean_r, mean_g, mean_b, weight = gather4(history.pixels, output.columns, x, 4, 4 * y * width)
             rejected = (opened > 0.0) & (weight > 0.0)
             kept = select((opened > 0.0) & (weight < 0.0), zero, absolute(weight) * stands)
-            added = select(rejected, zero, added * stands * still.counts)
+            added = select(rejected & (opened > DOUBTED), zero, added * stands * still.counts)
             total = kept + added
             mean, sample = (mean_r, mean_g, mean_b), (r * scale, g * scale, b * scale)
             mean_r, mean_g, mean_b = blended(mean, sample, kept, added, still.exposure)
             converged = clamped((total - READY) / (PERIOD - READY), 0.0, 1.0)
-            converged = select(opened > 0.0, zero, converged)
+            converged = select(opened > DOUBTED, zero, converged)
             weight = select(rejected, minimum(total, PERIOD) * -1.0, total)
             index = minimum(ramp16() + np.int32(x), np.int32(width - 1)) + np.int32(y * width)
             r, g, b = color_at(image, index)

@@ -24,10 +24,16 @@ from supersampler.backends.cpu.simd.vector import (
 )
 from supersampler.backends.cpu.structs import Floats, MeanHistory, SampleTables, StillSamples
 from supersampler.methods.convergence import (
+    DOUBTED,
+    FOLLOWS,
+    FOLLOWS_DOUBTED,
     LEARNED,
+    LEAST_CONTRAST,
+    LEAST_RELATIVE_CONTRAST,
     MARGIN,
     MARGIN_LEARNING,
     MOST_LEARNING,
+    PATTERN_READY,
     READY,
     SPREADS,
     UNBOUNDED,
@@ -37,9 +43,14 @@ COVERED, DARK = 0.999, 0.002
 """As in the torch module."""
 REACH = 2
 """Samples on either side over which residuals are averaged."""
-LINES = 5
-"""Lines of a row of residuals: sums over 2 * REACH + 1 columns of differences, of their squares and of
-counted samples; 1 where the sample is known; 1 where its mean is also not doubted."""
+ROWS = 2 * REACH + 1
+"""Rows, and columns, over which that is."""
+SUMS = 6
+"""Lines of a row that are sums over ROWS columns: of differences, of their squares, of lumas of the mean, of
+their squares, of products of both, and of counted samples."""
+LINES = SUMS + 3
+"""Lines of a row: the sums; 1 where the sample is known; where its mean is also not doubted; where it is also
+of enough samples to compare the pattern."""
 
 
 @device_function
@@ -51,18 +62,19 @@ def shown_luma(r, g, b, exposure):
 
 @device_function
 def add_pixel(total, pixel, weight):
-    """Add a pixel of the history of the mean to the bilinear total: RGB, whether it is ready, is doubted."""
+    """Add a pixel of the mean to the total: RGB, whether it is ready, is doubted, has few samples."""
     ready = select(absolute(pixel[3]) > READY, weight, weight * 0.0)
     doubted = select(pixel[3] < 0.0, weight, weight * 0.0)
     r, g, b = total[0] + pixel[0] * weight, total[1] + pixel[1] * weight, total[2] + pixel[2] * weight
-    return r, g, b, total[3] + ready, total[4] + doubted
+    young = select(absolute(pixel[3]) < PATTERN_READY, weight, weight * 0.0)
+    return r, g, b, total[3] + ready, total[4] + doubted, total[5] + young
 
 
 @device_function
 def mean_at_samples(history, tables, y, x):
     """Read the mean bilinearly at sixteen samples of row y; see `add_pixel`."""
     zero = load16(tables.column_weights, 0) * 0.0
-    total = zero, zero, zero, zero, zero
+    total = zero, zero, zero, zero, zero, zero
     for i in range(2):
         row, down = 4 * history.width * tables.rows[2 * y + i], tables.row_weights[2 * y + i]
         for j in range(2):
@@ -74,30 +86,36 @@ def mean_at_samples(history, tables, y, x):
 
 @device_function
 def compare_row(history, still, tables, y, x0, x1, ring, slot, line):
-    """Write row y: the last two of LINES from `slot` on; from `line` on what the first three sum."""
+    """Write row y: the last three of LINES from `slot` on; from `line` on what SUMS are the sums of."""
     pitch, zero = still.padded_width, spread16(np.float32(0.0))
     for x in range(x0 - 16, x1 + 16, 16):
         to = PAD + x
-        difference = counted = known = certain = zero
+        difference = expected = counted = known = certain = comparable = zero
         if 0 <= y < still.height and 0 <= x < still.width:
             at = 4 * y * pitch + to
             moving = load16(still.moving, y * pitch + to)
             if not all_lanes(moving > 0.0):
-                r, g, b, ready, doubted = mean_at_samples(history, tables, y, x)
+                r, g, b, ready, doubted, young = mean_at_samples(history, tables, y, x)
                 inside = ramp16() + np.int32(x) < np.int32(still.width)
                 known = select((ready > COVERED) & (moving < 1.0) & inside, 1.0, zero)
                 certain = select(doubted > 0.0, zero, known)
+                comparable = select(young > 0.0, zero, known)
                 counted = known * load16(still.color, at + 3 * pitch)
                 sample = shown_luma(
                     load16(still.color, at), load16(still.color, at + pitch),
                     load16(still.color, at + 2 * pitch), still.exposure,
                 )  # fmt: skip
-                difference = (sample - shown_luma(r, g, b, still.exposure)) * counted
+                expected = shown_luma(r, g, b, still.exposure)
+                difference, expected = (sample - expected) * counted, expected * counted
         store(ring, line + to, difference)
         store(ring, line + pitch + to, difference * difference)
-        store(ring, line + 2 * pitch + to, counted)
-        store(ring, slot + 3 * pitch + to, known)
-        store(ring, slot + 4 * pitch + to, certain)
+        store(ring, line + 2 * pitch + to, expected)
+        store(ring, line + 3 * pitch + to, expected * expected)
+        store(ring, line + 4 * pitch + to, difference * expected)
+        store(ring, line + 5 * pitch + to, counted)
+        store(ring, slot + SUMS * pitch + to, known)
+        store(ring, slot + (SUMS + 1) * pitch + to, certain)
+        store(ring, slot + (SUMS + 2) * pitch + to, comparable)
 
 
 def measure_residuals(
@@ -106,14 +124,14 @@ def measure_residuals(
 ):  # fmt: skip
     """Compare the samples with the mean: write the next opening and what opens; x0 is a multiple of 16.
 
-    ring: (LINES * LINES + 3, padded_width) scratch: LINES of as many rows, and a row before it is summed.
+    ring: (ROWS * LINES + SUMS, padded_width) scratch: LINES of ROWS rows, and a row before it is summed.
     """
     pitch, zero = still.padded_width, spread16(np.float32(0.0))
-    line = LINES * LINES * pitch
+    line = ROWS * LINES * pitch
     for below in range(y0 - REACH, y1 + REACH):
-        slot = (below + LINES) % LINES * LINES * pitch
+        slot = (below + ROWS) % ROWS * LINES * pitch
         compare_row(history, still, tables, below, x0, x1, ring, slot, line)
-        for c in range(3):
+        for c in range(SUMS):
             for x in range(x0, x1, 16):
                 at = line + c * pitch + PAD + x
                 total = load16(ring, at - 2) + load16(ring, at - 1)
@@ -126,15 +144,13 @@ def measure_residuals(
         opened = zero
         for x in range(x0, x1, 16):
             here = PAD + x
-            difference, square, counted = (
-                column_sum(ring, y, 0, here, pitch), column_sum(ring, y, 1, here, pitch),
-                column_sum(ring, y, 2, here, pitch),
-            )  # fmt: skip
-            scale = 1.0 / maximum(counted, 1e-6)
-            residual = difference * scale
-            spread = square_root(maximum(square * scale - residual * residual, 0.0))
-            own = (y + LINES) % LINES * LINES * pitch + here
-            known, certain = load16(ring, own + 3 * pitch), load16(ring, own + 4 * pitch)
+            own = (y + ROWS) % ROWS * LINES * pitch + here
+            known, certain = load16(ring, own + SUMS * pitch), load16(ring, own + (SUMS + 1) * pitch)
+            scale = 1.0 / maximum(column_sum(ring, y, 5, here, pitch), 1e-6)
+            residual = column_sum(ring, y, 0, here, pitch) * scale
+            variance = maximum(column_sum(ring, y, 1, here, pitch) * scale - residual * residual, 0.0)
+            spread = square_root(variance)
+            other_pattern = follows_other_pattern(ring, y, here, pitch, scale, residual, variance, certain)
             low, high, learned = zero, zero, zero
             if history.has_opening > 0:
                 low, high, learned, _ = load_columns4(history.opening, 4 * (y * pitch + here))
@@ -142,8 +158,9 @@ def measure_residuals(
             margin = minimum(spread * SPREADS + MARGIN_LEARNING, MOST_LEARNING)
             margin = select(learning, margin, MARGIN)
             below, above = residual < low - margin, residual > high + margin
-            opens = select((known > 0.0) & (below | above), 1.0, zero)
-            learns = learning & (opens < 1.0)
+            opens = select((load16(ring, own + (SUMS + 2) * pitch) > 0.0) & other_pattern, DOUBTED, zero)
+            opens = select((known > 0.0) & (below | above), 1.0, opens)
+            learns = learning & (opens <= 0.0)
             low = select(learns, minimum(low, residual), low)
             high = select(learns, maximum(high, residual), high)
             low, high = select(above, -UNBOUNDED, low), select(below, UNBOUNDED, high)
@@ -153,16 +170,31 @@ def measure_residuals(
             )
             store(still.opens, y * pitch + here, opens)
             opened = maximum(opened, opens)
-        if not all_lanes(opened < 1.0):
+        if not all_lanes(opened <= 0.0):
             still.rows_opened[y] = 1.0
+
+
+@device_function
+def follows_other_pattern(ring, y, at, pitch, scale, residual, variance, certain):
+    """Whether the samples around sixteen of row y follow another pattern than the mean.
+
+    scale: 1 by the counted samples; residual, variance: mean and variance of the differences; certain: 1
+    where the mean is not doubted.
+    """
+    expected = column_sum(ring, y, 2, at, pitch) * scale
+    contrast = column_sum(ring, y, 3, at, pitch) * scale - expected * expected
+    covariance = column_sum(ring, y, 4, at, pitch) * scale - residual * expected
+    least = variance * LEAST_RELATIVE_CONTRAST + LEAST_CONTRAST * LEAST_CONTRAST
+    slope = certain * (FOLLOWS - FOLLOWS_DOUBTED) + FOLLOWS_DOUBTED
+    return (contrast > least) & (contrast + covariance < contrast * slope)
 
 
 @device_function
 def column_sum(ring, y, c, at, pitch):
     """Return the sum of line c of the rows from y - REACH to y + REACH."""
-    total = load16(ring, ((y - REACH + LINES) % LINES * LINES + c) * pitch + at)
+    total = load16(ring, ((y - REACH + ROWS) % ROWS * LINES + c) * pitch + at)
     for k in range(1 - REACH, REACH + 1):
-        total = total + load16(ring, ((y + k + LINES) % LINES * LINES + c) * pitch + at)
+        total = total + load16(ring, ((y + k + ROWS) % ROWS * LINES + c) * pitch + at)
     return total
 
 

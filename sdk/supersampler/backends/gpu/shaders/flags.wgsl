@@ -16,7 +16,9 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     for (var j = -2; j <= 2; j++) {
         for (var i = -2; i <= 2; i++) {
             let q = clamped(p + vec2i(i, j), render_size());
-            if (textureLoad(next_opening, q, 0).w > 0.0) { found |= OPENED_5X5; }
+            let opens = textureLoad(next_opening, q, 0).w;
+            if (opens > DOUBTED) { found |= OPENED_5X5; }
+            if (opens > 0.0) { found |= DOUBTED_5X5; }
             if (abs(i) <= 1 && abs(j) <= 1 && textureLoad(samples, q, 0).a < 0.0) { found |= GLARES_3X3; }
             if (i >= 0 && i <= 1 && j >= 0 && j <= 1 && is_moving(own_motion[index_of(q, render_size())])) {
                 found |= MOVES_2X2;

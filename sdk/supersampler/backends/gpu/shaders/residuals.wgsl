@@ -11,6 +11,11 @@ const MARGIN = 1.5 / 255.0;
 const MARGIN_LEARNING = 8.0 / 255.0;
 const SPREADS = 1.5;
 const MOST_LEARNING = 48.0 / 255.0;
+const LEAST_CONTRAST = 9.0 / 255.0;
+const LEAST_RELATIVE_CONTRAST = 0.05;
+const FOLLOWS = -0.1;
+const FOLLOWS_DOUBTED = 0.3;
+const PATTERN_READY = 2.5;
 const UNBOUNDED = 4.0;
 const SIDE = 16;
 const WIDE = SIDE + 4;
@@ -22,8 +27,9 @@ const WIDE = SIDE + 4;
 @group(0) @binding(5) var history_opening: texture_2d<f32>;
 @group(0) @binding(6) var next_opening: texture_storage_2d<rgba16float, write>;   // low, high, learned, opens
 
-var<workgroup> residuals: array<vec2f, WIDE * WIDE>;   // difference, 1 where it counts
-var<workgroup> known: array<vec2f, WIDE * WIDE>;       // 1 where there is a mean; part of it that is doubted
+var<workgroup> residuals: array<vec3f, WIDE * WIDE>;   // difference, luma of the mean, 1 where it counts
+// 1 where there is a mean; part of it that is doubted; part of it of few samples
+var<workgroup> known: array<vec3f, WIDE * WIDE>;
 
 fn shown_luma(exposed: vec3f) -> f32 {
     let luma = luminance(exposed);
@@ -33,13 +39,14 @@ fn shown_luma(exposed: vec3f) -> f32 {
 struct Mean {
     color: vec3f,
     ready: f32,      // part of the four pixels with a mean
-    doubted: f32,    // part of them opened by the previous frame
+    doubted: f32,    // part of them opened or doubted by the previous frame
+    young: f32,      // part of them of few samples
 }
 
 fn mean_at(sample: vec2i) -> Mean {
     let at = (vec2f(sample) + 0.5 + params.jitter) * params.display / params.render - 0.5;
     let first = floor(at);
-    var mean = Mean(vec3f(0.0), 0.0, 0.0);
+    var mean = Mean(vec3f(0.0), 0.0, 0.0, 0.0);
     for (var k = 0; k < 4; k++) {
         let q = first + vec2f(f32(k & 1), f32(k >> 1));
         let weight = tent(q.x - at.x) * tent(q.y - at.y);
@@ -47,38 +54,45 @@ fn mean_at(sample: vec2i) -> Mean {
         mean.color += weight * pixel.rgb;
         mean.ready += select(0.0, weight, abs(pixel.a) > READY);
         mean.doubted += select(0.0, weight, pixel.a < 0.0);
+        mean.young += select(0.0, weight, abs(pixel.a) < PATTERN_READY);
     }
     return mean;
 }
 
 fn compare(sample: vec2i, i: i32) {
-    residuals[i] = vec2f(0.0);
-    known[i] = vec2f(0.0);
+    residuals[i] = vec3f(0.0);
+    known[i] = vec3f(0.0);
     if (!inside(sample, render_size()) || is_moving(own_motion[index_of(sample, render_size())])) { return; }
     let mean = mean_at(sample);
     if (mean.ready <= COVERED) { return; }
     let color = mean_sample(samples, sample);
-    let difference = shown_luma(color.rgb) - shown_luma(mean.color * exposure_of(next_state));
-    known[i] = vec2f(1.0, mean.doubted);
-    residuals[i] = select(vec2f(0.0), vec2f(difference, 1.0), color.a > 0.0);
+    let expected = shown_luma(mean.color * exposure_of(next_state));
+    known[i] = vec3f(1.0, mean.doubted, mean.young);
+    residuals[i] = select(vec3f(0.0), vec3f(shown_luma(color.rgb) - expected, expected, 1.0), color.a > 0.0);
 }
 
 struct Residual {
     mean: f32,
     spread: f32,
+    contrast: f32,     // variance of the luma of the mean, 0 where it is too low
+    covariance: f32,   // of that luma and the differences: the slope of the samples is 1 + covariance / contrast
 }
 
 fn residual_near(cell: vec2i) -> Residual {
     var sums = vec3f(0.0);
+    var products = vec3f(0.0);
     for (var j = 0; j < 5; j++) {
         for (var i = 0; i < 5; i++) {
             let r = residuals[(cell.y + j) * WIDE + cell.x + i];
-            sums += vec3f(r.x, r.x * r.x, r.y);
+            sums += r;
+            products += vec3f(r.x * r.x, r.y * r.y, r.x * r.y);
         }
     }
-    let count = max(sums.z, 1e-6);
-    let mean = sums.x / count;
-    return Residual(mean, sqrt(max(sums.y / count - mean * mean, 0.0)));
+    let mean = sums.xy / max(sums.z, 1e-6);
+    let central = products / max(sums.z, 1e-6) - vec3f(mean * mean, mean.x * mean.y);
+    let variance = max(central.x, 0.0);
+    let least = LEAST_RELATIVE_CONTRAST * variance + LEAST_CONTRAST * LEAST_CONTRAST;
+    return Residual(mean.x, sqrt(variance), select(0.0, central.y, central.y > least), central.z);
 }
 
 @compute @workgroup_size(SIDE, SIDE)
@@ -104,12 +118,15 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local
     let margin = select(MARGIN, min(MARGIN_LEARNING + SPREADS * residual.spread, MOST_LEARNING), learning);
     let below = residual.mean < before.x - margin;
     let above = residual.mean > before.y + margin;
-    let opens = below || above;
-    let learns = learning && !opens;
+    let slope = select(FOLLOWS, FOLLOWS_DOUBTED, here.y > 0.0);
+    let follows = residual.contrast + residual.covariance >= residual.contrast * slope;
+    let other_pattern = here.z <= 0.0 && residual.contrast > 0.0 && !follows;
+    let opens = select(select(0.0, DOUBTED, other_pattern), 1.0, below || above);
+    let learns = learning && opens == 0.0;
     let low = select(select(before.x, min(before.x, residual.mean), learns), -UNBOUNDED, above);
     let high = select(select(before.y, max(before.y, residual.mean), learns), UNBOUNDED, below);
     let step = params.render.x * params.render.y / (params.display.x * params.display.y);
     let learned = min(before.z + select(0.0, step, learns), LEARNED);
     let keeps = select(0.0, 1.0, here.y <= 0.0);
-    textureStore(next_opening, p, vec4f(keeps * vec3f(low, high, learned), select(0.0, 1.0, opens)));
+    textureStore(next_opening, p, vec4f(keeps * vec3f(low, high, learned), opens));
 }

@@ -42,10 +42,11 @@ fn settle(image: vec3f, history: vec4f, p: vec2i, samples: texture_2d<f32>, flag
         return Settled(bounded(image), vec4f(history.rgb, 0.0), 0.0);
     }
     let opened = has_flag(flags, nearest(at), OPENED_5X5);
-    let weight = select(abs(history.a), 0.0, opened && history.a < 0.0);
-    let rejected = opened && history.a > 0.0;
+    let doubted = has_flag(flags, nearest(at), DOUBTED_5X5);
+    let weight = select(abs(history.a), 0.0, doubted && history.a < 0.0);
+    let rejected = doubted && history.a > 0.0;
     let near = samples_near(samples, at);
-    let added = select(near.a * params.counts, 0.0, rejected);
+    let added = select(near.a * params.counts, 0.0, rejected && opened);
     let total = weight + added;
     let share = added / max(total + clamp(total - PERIOD, 0.0, PERIOD), 1e-6);
     var mean = history.rgb;
