@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import pattern_changes
 from gpu_steps import (
     DISPLAY,
     INT8,
@@ -20,7 +21,7 @@ from gpu_steps import (
     moving,
 )
 from noise import Size, noise
-from supersampler import Frame
+from supersampler import Frame, Upscaler
 from supersampler_bench.parity import stepper_of_torch
 
 
@@ -99,6 +100,24 @@ def test_jumps_of_exposure_are_followed_as_on_the_cpu(method: str) -> None:
     dark = [replace(frame, color=np.asarray(frame.color) * 1e-3) for frame in frames[:4]]
     sudden = [replace(frame, exposure=None, reset=False) for frame in (*dark, *frames[:4])]
     assert_alike(method, [*frames, *sudden])
+
+
+@pytest.mark.parametrize("method", ["taau", "classifier-small"])
+def test_a_still_pattern_that_is_replaced_restarts_its_mean_as_on_the_cpu(method: str) -> None:
+    ours, theirs = make(method), make(method, "cpu")
+    for index, frame in enumerate(pattern_changes.frames(RENDER)):
+        one, other = (upscaler.step(frame, outputs=("converged",)) for upscaler in (ours, theirs))
+        assert distance(one.image, other.image, frame.exposure) <= TOLERANCES[method], f"frame {index}"
+        assert np.abs(one.converged - other.converged).max() < 0.02, f"frame {index}"
+        learned = [_learned(upscaler) for upscaler in (ours, theirs)]
+        np.testing.assert_allclose(*learned, atol=0.02, err_msg=f"frame {index}")
+
+
+def _learned(upscaler: Upscaler) -> Any:
+    """Return the samples of which each range of residuals is learned, (h, w)."""
+    history = upscaler.save_state().history
+    assert history is not None
+    return history["history.opening"][0, 2]
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -9,6 +9,7 @@ import pytest
 import torch
 from numpy.typing import NDArray
 
+import pattern_changes
 from supersampler import Frame, Model, Upscaler, halton_jitter
 from supersampler.frame import Float32
 from supersampler.io.display import display_transform
@@ -101,12 +102,6 @@ def with_color(frame: Frame, where: tuple[slice, slice], value: object) -> Frame
     return replace(frame, color=color)
 
 
-def waves(index: int) -> NDArray[np.float64]:
-    """Waves five display pixels long, where the samples of a frame are: (1, 32, 1) in [0.2, 0.8]."""
-    x = np.arange(32) + 0.5 + halton_jitter(index, 4.0)[0]
-    return (0.5 + 0.3 * np.cos(2.0 * np.pi * x / 2.5))[None, :, None]
-
-
 @pytest.mark.parametrize("ratio", [1.0, 1.5, 2.0, 3.0])
 def test_a_scene_that_stands_converges_alike(ratio: float) -> None:
     assert compare(frames_of(ratio))[-1].mean() > 0.2
@@ -193,18 +188,12 @@ def test_a_change_opens_alike_and_restarts_alike() -> None:
 
 
 def test_another_pattern_doubts_alike_and_restarts_alike() -> None:
-    """From frame 30 on, and in frame 26, the left half is inverted: as bright, and as fine."""
-
-    def edit(index: int, frame: Frame) -> Frame:
-        color = np.broadcast_to(waves(index), (18, 32, 3)).copy()
-        if index == 26 or index >= 30:
-            color[:, :16] = 1.0 - color[:, :16]
-        return replace(frame, color=color.astype(np.float32))
-
-    maps = compare(frames_of(2.0, edit), confirmed=False)
-    assert maps[25][:, :24].mean() > 0.5 > 0.1 > maps[31][:, :24].mean()
-    np.testing.assert_array_equal(maps[25][:, 8:24] > 0.0, maps[26][:, 8:24] > 0.0)
-    assert maps[31][:, 40:].mean() > 0.5
+    maps = compare(pattern_changes.frames((32, 18)), confirmed=False)
+    strong, faint = maps[:, :, 8:24], maps[:, :, 42:60]
+    for index in (*pattern_changes.EARLY, pattern_changes.ONCE, pattern_changes.TWICE[0]):
+        assert (strong[index] > 0.0).mean() > 0.5, "one frame, and an early one, still shows the mean"
+    assert strong[pattern_changes.TWICE[1]].mean() < 0.1
+    assert faint[pattern_changes.TWICE[1]].mean() > 0.9
 
 
 def test_frames_with_the_jitter_of_the_previous_one_add_nothing_alike() -> None:

@@ -1,0 +1,35 @@
+"""A still pattern that is inverted at times, as bright and as fine as before: what a mean must tell."""
+
+import numpy as np
+
+from supersampler import Frame, halton_jitter
+from supersampler.frame import Size
+
+FRAMES = 44
+EARLY = (16, 17)
+"""Inverted while means are of few samples: they are kept."""
+ONCE, TWICE = 30, (36, 37)
+"""Inverted in one frame: doubted. In the second of two the samples follow the mean a little: they confirm."""
+SLOPES = {16: -1.0, 17: -1.0, ONCE: -1.0, 36: -1.0, 37: 0.15}
+"""Of the samples on the pattern, in frames in which it is not 1."""
+
+
+def frames(size: Size) -> list[Frame]:
+    """Return waves of 2.5 samples, strong ones in the left half, and so faint ones that they never count."""
+    width, height = size
+    strength = np.where(np.arange(width) < width // 2, 0.3, 0.02)
+    return [_frame(index, strength, height) for index in range(FRAMES)]
+
+
+def _frame(index: int, strength: np.ndarray, height: int) -> Frame:
+    width = len(strength)
+    jitter = halton_jitter(index, 2.0)
+    waves = np.cos(2.0 * np.pi * (np.arange(width) + 0.5 + jitter[0]) / 2.5)
+    row = 0.5 + SLOPES.get(index, 1.0) * strength * waves
+    return Frame(
+        color=np.broadcast_to(row[None, :, None], (height, width, 3)).astype(np.float32),
+        depth=np.ones((height, width), np.float32),
+        motion=np.zeros((height, width, 2), np.float32),
+        jitter=jitter,
+        exposure=1.0,
+    )
