@@ -39,6 +39,8 @@ RUNS = [
         for method in ("classifier-small", "gbuffer-small", "gbuffer-small-4x", "gbuffer-fast", "extrapolate")
     ),
     *(Run(method, "cpu") for method in ("taa", "taau", "classifier", "classifier-small", "gbuffer-fast")),
+    Run("classifier-large", "onnx"),
+    Run("classifier-large", "cpu"),
     Run("taau", "onnx", "guided-flow"),
     Run("taau", "cpu", "guided-warp"),
 ]

@@ -22,6 +22,8 @@ from supersampler.methods.spec import (
     DISPLAY,
     EARLIER,
     HALF,
+    LARGE,
+    LARGE_HALF,
     PREVIOUS,
     RENDER,
     SHADED,
@@ -93,7 +95,7 @@ def traced_sizes(method: Method) -> tuple[Size, Size]:
 
 def _dims(method: Method) -> dict[str, Any]:
     """Dim of each name in shapes; at one whole ratio, display sizes are multiples of render sizes."""
-    free = (*RENDER, *DISPLAY, *HALF, *PREVIOUS, *SHADED, *EARLIER, *BETWEEN, CHANNELS)
+    free = (*RENDER, *DISPLAY, *HALF, *LARGE, *LARGE_HALF, *PREVIOUS, *SHADED, *EARLIER, *BETWEEN, CHANNELS)
     dims: dict[str, Any] = {n: torch.export.Dim(n, min=1, max=1 << 15) for n in free}
     ratio = only_ratio(method.ratios)
     if ratio is not None and ratio.is_integer():
@@ -119,7 +121,7 @@ def export_fused(fused: Fused) -> onnx.ModelProto:
     Raises:
         ExportError: the exporter returned another opset, or an operator that is not portable.
     """
-    dims = {n: torch.export.Dim(n, min=1, max=1 << 14) for n in (*HALF, *RENDER)}
+    dims = {n: torch.export.Dim(n, min=1, max=1 << 14) for n in (*HALF, *LARGE_HALF, *RENDER)}
     dims |= {d: _times(dims[r], fused.ratio) for d, r in zip(DISPLAY, RENDER, strict=True)}
     dynamic = [_free(shape, dims) for shape in fused.inputs.values()]
     arguments = example_inputs(fused, Size(21, 13))
@@ -131,8 +133,10 @@ def export_fused(fused: Fused) -> onnx.ModelProto:
 
 
 def example_inputs(fused: Fused, size: Size) -> list[Tensor]:
-    """Return random inputs of the network; `size` is half the display size, or the render size."""
-    sizes = {n: extent for names in (HALF, RENDER) for n, extent in zip(names, size[::-1], strict=True)}
+    """Return random inputs of the network; `size` is half that of its images, or the render size."""
+    sizes = {
+        n: extent for names in (HALF, LARGE_HALF, RENDER) for n, extent in zip(names, size[::-1], strict=True)
+    }
     sizes |= {d: fused.ratio * sizes[r] for d, r in zip(DISPLAY, RENDER, strict=True)}
     return [torch.rand(sized(shape, sizes)) for shape in fused.inputs.values()]
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from operator import truediv
 
 import numpy as np
 import torch
@@ -23,12 +24,13 @@ SIZES: Sizes = (
     (Size(80, 45), Size(160, 90)),
     (Size(61, 47), Size(92, 71)),  # odd, at a ratio of 1.5
     (Size(33, 17), Size(33, 17)),  # native
+    (Size(21, 13), Size(63, 39)),
     (Size(21, 13), Size(84, 52)),
     (Size(1, 1), Size(1, 1)),
     (Size(1, 9), Size(3, 28)),
     (Size(240, 135), Size(480, 270)),
 )
-"""Sizes of the gate for methods with a range of ratios; only the first was traced."""
+"""Sizes of the gate for methods with a range of ratios, up to its end; only the first was traced."""
 RENDERS: Sequence[Size] = (
     Size(80, 45),
     Size(61, 47),
@@ -127,7 +129,8 @@ def sizes_of(method: Method) -> Sizes:
     """Sizes of the gate for a method; only the first was traced."""
     ratio = only_ratio(method.ratios)
     if ratio is None:
-        return SIZES
+        most = method.ratios[1]
+        return tuple(pair for pair in SIZES if max(map(truediv, *reversed(pair))) < most + 0.2)  # rounded up
     pairs = [(render, scaled(render, ratio)) for render in RENDERS]
     fitting = [(render, Size(*display)) for render, display in pairs if display is not None]
     return [traced_sizes(method), *fitting]

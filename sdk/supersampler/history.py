@@ -104,7 +104,7 @@ def checked_history(info: ModelInfo, arrays: object, display: Size, render: Size
     names = {name for name in arrays if isinstance(name, str)} if isinstance(arrays, Mapping) else set()
     if AOVS in names:
         specs[AOVS] = ArraySpec("float32", (1, "k", *display[::-1]), values_of(AOVS))
-    specs |= tile_state_specs(names, display, render)
+    specs |= tile_state_specs(names, info.history_size(display), render)
     return checked_arrays(arrays, specs, lambda got, want: ArgumentError("state", got=got, want=want))
 
 

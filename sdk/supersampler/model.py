@@ -41,7 +41,8 @@ from supersampler.methods.convergence import converged_of
 from supersampler.methods.executors import ExecutorName, Precision, choose_executor
 from supersampler.methods.gbuffers import check_gbuffers, sampled
 from supersampler.methods.model_file import read_model_info, read_upscaling_info
-from supersampler.methods.model_info import ModelInfo
+from supersampler.methods.model_info import ModelInfo, map_size
+from supersampler.methods.sizes import resized
 from supersampler.on_device.runs import DeviceRuns
 
 if TYPE_CHECKING:
@@ -330,12 +331,14 @@ class Model(DeviceRuns):
         next_history: History,
     ) -> StepResult:
         history_names = {h.output: h.input.name for h in self.info.history}
+        shapes = {h.output: h.input.shape for h in self.info.history}
         maps: dict[str, Float32] = {}
         for name in set(outputs) & set(self.info.maps):
             source = self.info.maps[name]
             planes = aux_outputs.get(source.output)
             if planes is None:
                 planes = self._executor.tensor(next_history.buffers, history_names[source.output])
+                planes = resized(planes, map_size(shapes[source.output], next_history.display_size))
             maps[name] = pixels_of(planes[:, source.first : source.first + source.channels])
         aovs = None if next_history.aovs is None else next_history.aovs[0].transpose(1, 2, 0).copy()
         if WORK in outputs:

@@ -20,7 +20,7 @@ from supersampler.model import ExecutorName
 from supersampler_bench.stress.scenes import still
 
 EXECUTORS: tuple[ExecutorName, ...] = ("onnx", "cpu")
-METHODS = ["taa", "taau", "classifier", "classifier-small"]
+METHODS = ["taa", "taau", "classifier", "classifier-small", "classifier-large"]
 SIZES = [
     ((32, 18), (64, 36)),
     ((33, 17), (50, 26)),

@@ -18,7 +18,7 @@ from supersampler.validation import FrameChecker
 
 DISPLAY = (64, 36)
 STILL = np.zeros((18, 32, 2), np.float32)
-TEMPORAL = ["taa", "taau", "classifier", "classifier-small"]
+TEMPORAL = ["taa", "taau", "classifier", "classifier-small", "classifier-large"]
 
 
 @pytest.fixture(scope="module", params=TEMPORAL)

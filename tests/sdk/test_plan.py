@@ -13,7 +13,7 @@ RENDER: Size = (320, 180)
 DISPLAY: Size = (640, 360)
 
 
-@pytest.mark.parametrize("method", ["taa", "taau", "classifier", "classifier-small"])
+@pytest.mark.parametrize("method", ["taa", "taau", "classifier", "classifier-small", "classifier-large"])
 def test_the_bytes_of_a_plan_are_those_that_an_upscaler_takes(method: str) -> None:
     model = Model.load(method, executor="cpu", threads=2)
     plan = model.plan(RENDER, DISPLAY)
@@ -40,7 +40,7 @@ def test_the_bytes_of_a_plan_are_those_that_an_upscaler_takes(method: str) -> No
     assert taken == pytest.approx(plan.history_bytes + plan.working_bytes, rel=0.1)
 
 
-@pytest.mark.parametrize("method", ["bilinear", "taau", "classifier"])
+@pytest.mark.parametrize("method", ["bilinear", "taau", "classifier", "classifier-large"])
 def test_a_graphs_history_is_planned_by_its_shapes(method: str) -> None:
     model = Model.load(method, executor="onnx", threads=1)
     plan = model.plan(RENDER, DISPLAY)

@@ -17,8 +17,8 @@ from supersampler.methods.model_file import model_names
 from supersampler.presets import PRESETS, PresetName
 
 DISPLAY = (64, 36)
-METHODS = ["bilinear", "bicubic", "taa", "taau", "classifier", "classifier-small"]
-TEMPORAL = ["taa", "taau", "classifier", "classifier-small"]
+METHODS = ["bilinear", "bicubic", "taa", "taau", "classifier", "classifier-small", "classifier-large"]
+TEMPORAL = ["taa", "taau", "classifier", "classifier-small", "classifier-large"]
 
 
 @pytest.fixture(scope="session")

@@ -10,7 +10,7 @@ from supersampler_bench.cli.options import JSON, UPDATE, check_page, counted, li
 def parity(
     methods: Annotated[
         str, typer.Option(help="Names of shipped models, with commas between.")
-    ] = "taa,taau,classifier-small,classifier,gbuffer-fast",
+    ] = "taa,taau,classifier-small,classifier,classifier-large,gbuffer-fast",
     frames: Annotated[int, typer.Option(min=10, help="Consecutive frames at each size.")] = 200,
     json: JSON = None,
     update: UPDATE = None,

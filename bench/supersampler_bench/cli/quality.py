@@ -36,7 +36,7 @@ def quality(
             help="Shipped models or model folders, with commas between; NAME:fp32, NAME:fp16 for a graph, "
             "NAME:gpu for shaders, NAME:x2 for two passes, NAME:native for frames of display size; fsr2-like."
         ),
-    ] = "bilinear,bicubic,taa,taau,classifier,classifier-small",
+    ] = "bilinear,bicubic,taa,taau,classifier-small,classifier,classifier-large",
     ratio: RATIO = "2",
     cache: CACHE = None,
     output: Annotated[

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from supersampler_model.methods.base import Method
 from supersampler_model.methods.classifier.model import Classifier
 from supersampler_model.methods.classifier.small import SmallClassifier
+from supersampler_model.methods.classifier_large.model import LargeClassifier
 from supersampler_model.methods.classifier_paper.model import PaperClassifier
 from supersampler_model.methods.extrapolation.guided_flow import GuidedFlow
 from supersampler_model.methods.extrapolation.guided_warp import GuidedWarp
@@ -30,7 +31,7 @@ METHODS: Mapping[str, type[Method]] = {m.name: m for m in (Bilinear, Bicubic, Ta
 LEARNED: Mapping[str, type[LearnedMethod]] = {
     m.name: m
     for m in (
-        Classifier, SmallClassifier, PaperClassifier, Extrapolate,
+        Classifier, SmallClassifier, LargeClassifier, PaperClassifier, Extrapolate,
         GBuffer, GBuffer4, SmallGBuffer, SmallGBuffer4, DepthGBuffer,
         GuidedClassifier, GuidedFlow,
     )

@@ -5,6 +5,7 @@ from typing import Any
 
 from supersampler_model.methods.classifier.model import Classifier
 from supersampler_model.methods.classifier.small import SmallClassifier
+from supersampler_model.methods.classifier_large.model import LargeClassifier
 from supersampler_model.methods.classifier_paper.model import PaperClassifier
 from supersampler_model.methods.extrapolation.guided_flow import GuidedFlow
 from supersampler_model.methods.extrapolation.joint import Extrapolate
@@ -23,6 +24,7 @@ from supersampler_model.training.extrapolate_task import ExtrapolateTask
 from supersampler_model.training.flow_task import FlowTask
 from supersampler_model.training.gbuffer_task import GBufferTask
 from supersampler_model.training.guided_task import GuidedTask
+from supersampler_model.training.large_task import LargeTask
 from supersampler_model.training.task import Task
 
 Start = Callable[[Trained | None], Task[Any]]
@@ -32,16 +34,18 @@ def _start(task: Callable[[Any], Task[Any]], method: type[LearnedMethod]) -> Sta
     return lambda weights: task(method() if weights is None else method.of(weights))
 
 
-def _extrapolate(weights: Trained | None) -> Task[Any]:
-    if weights is None or weights.method == Extrapolate.name:
-        return _start(ExtrapolateTask, Extrapolate)(weights)
-    return ExtrapolateTask(Extrapolate.from_classifier(weights))
+def _from_classifier(
+    task: Callable[[Any], Task[Any]],
+    method: type[LargeClassifier] | type[GuidedClassifier] | type[Extrapolate],
+) -> Start:
+    """Start from weights of `classifier`, too."""
 
+    def start(weights: Trained | None) -> Task[Any]:
+        if weights is None or weights.method == method.name:
+            return _start(task, method)(weights)
+        return task(method.from_classifier(weights))
 
-def _guided(weights: Trained | None) -> Task[Any]:
-    if weights is None or weights.method == GuidedClassifier.name:
-        return _start(GuidedTask, GuidedClassifier)(weights)
-    return GuidedTask(GuidedClassifier.from_classifier(weights))
+    return start
 
 
 _CLASSIFIERS = (Classifier, SmallClassifier, PaperClassifier)
@@ -49,8 +53,9 @@ _GBUFFERS = (GBuffer, GBuffer4, SmallGBuffer, SmallGBuffer4, DepthGBuffer)
 TASKS: Mapping[str, Start] = {
     **{method.name: _start(ClassifierTask, method) for method in _CLASSIFIERS},
     **{method.name: _start(GBufferTask, method) for method in _GBUFFERS},
-    Extrapolate.name: _extrapolate,
-    GuidedClassifier.name: _guided,
+    LargeClassifier.name: _from_classifier(LargeTask, LargeClassifier),
+    Extrapolate.name: _from_classifier(ExtrapolateTask, Extrapolate),
+    GuidedClassifier.name: _from_classifier(GuidedTask, GuidedClassifier),
     GuidedFlow.name: _start(FlowTask, GuidedFlow),
 }
 """`TASKS[name](weights)` starts from these weights; None: untrained."""

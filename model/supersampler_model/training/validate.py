@@ -11,6 +11,7 @@ from supersampler.io.display import decibels, display_transform
 from supersampler_model.data.dataset import Dataset, TrainingFrame
 from supersampler_model.data.dataset.description import SequenceEntry
 from supersampler_model.methods.base import Method
+from supersampler_model.ops.convergence import of_size
 from supersampler_model.ops.size import Size
 from supersampler_model.training.sequence_runner import SequenceRunner
 
@@ -107,9 +108,9 @@ def _sequence(
 def _count(classes: Tensor, frame: TrainingFrame, counts: "np.ndarray") -> None:
     """Add to the intersections and unions of each class, on every second pixel."""
     for group, truth in enumerate((frame.ghost, frame.alias)):
-        inferred = classes[0, 3 * group : 3 * group + 3].argmax(dim=0).numpy()
-        inferred = inferred if inferred.shape != truth.shape else inferred[::2, ::2]
         true = truth[::2, ::2]
+        own = of_size(classes[:, 3 * group : 3 * group + 3], Size(*true.shape[::-1]))
+        inferred = own[0].argmax(dim=0).numpy()
         for c in range(3):
             a, b = inferred == c, true == c
             counts[:, 3 * group + c] += (a & b).sum(), (a | b).sum()

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping
 
 from supersampler.methods.classifier.spec import CLASSIFIER, CLASSIFIER_PAPER, CLASSIFIER_SMALL
+from supersampler.methods.classifier_large.spec import CLASSIFIER_LARGE
 from supersampler.methods.extrapolation.spec import EXTRAPOLATE, GUIDED_FLOW, GUIDED_WARP
 from supersampler.methods.gbuffer.spec import (
     GBUFFER,
@@ -27,7 +28,7 @@ FIXED = _by_name(BILINEAR, BICUBIC, TAA, TAAU, GUIDED_WARP)
 UNTRAINED = _by_name(CLASSIFIER_PAPER, GBUFFER, GBUFFER_4X, GBUFFER_DEPTH)
 """Methods that can be trained, and of which no weights ship."""
 LEARNED = {
-    **_by_name(CLASSIFIER, CLASSIFIER_SMALL, EXTRAPOLATE),
+    **_by_name(CLASSIFIER, CLASSIFIER_SMALL, CLASSIFIER_LARGE, EXTRAPOLATE),
     **_by_name(GBUFFER_FAST, GBUFFER_SMALL, GBUFFER_SMALL_4X, GUIDED_FLOW),
     **UNTRAINED,
 }

@@ -6,7 +6,17 @@ from typing import NoReturn
 
 from supersampler.errors import ModelError
 from supersampler.methods.model_info import ModelInfo, TensorInfo
-from supersampler.methods.spec import DISPLAY, HALF, INPUTS, PREVIOUS, RENDER, WEIGHT, dtype_of
+from supersampler.methods.spec import (
+    DISPLAY,
+    HALF,
+    INPUTS,
+    LARGE,
+    LARGE_HALF,
+    PREVIOUS,
+    RENDER,
+    WEIGHT,
+    dtype_of,
+)
 
 _OF_FRAMES = {"color", "depth", "jitter", "motion", "motion_jitter", "shaded_motion"}
 _MAPS = {"class_map", "weight", "count", "converged"}  # fields of StepResult
@@ -42,7 +52,7 @@ def check_extrapolated(outer: ModelInfo, inner: ModelInfo) -> None:
 def _check_upscaling(info: ModelInfo) -> None:
     if "color" not in (tensor.name for tensor in info.inputs):
         _refuse(info, "inputs", "without 'color'", "with it: the model upscales")
-    known = {*RENDER, *DISPLAY, *HALF, *PREVIOUS}
+    known = {*RENDER, *DISPLAY, *HALF, *LARGE, *LARGE_HALF, *PREVIOUS}
     for tensor in (h.input for h in info.history):
         if tensor.type != "float32" or not _named(tensor) <= known or tensor.name == "history.aovs":
             _refuse(info, f"history {tensor.name!r}", _text(tensor), f"float32 of {', '.join(sorted(known))}")

@@ -22,6 +22,7 @@ _SALVIS = {name: value for name, value in asdict(TaaConfig()).items() if name no
 """Options of `taa` that its kernels are written for."""
 _EXECUTORS: Mapping[str, str] = {
     "classifier": "ClassifierCpu",
+    "classifier_large": "LargeCpu",
     "gbuffer_fast": "GuidedCpu",
     "taa": "TaaCpu",
     "taau": "TaauCpu",
@@ -92,7 +93,8 @@ def _fall_back(error: KernelError, *, required: bool) -> None:
 def kernels_of(info: ModelInfo) -> str | None:
     """Return the folder of the method whose kernels and shaders run a model; None where none do."""
     if "network.npz" in info.files:
-        return "gbuffer_fast" if info.method == "gbuffer-fast" else "classifier"
+        own = {"gbuffer-fast": "gbuffer_fast", "classifier-large": "classifier_large"}
+        return own.get(info.method, "classifier")
     if info.method == "taau":
         return "taau"
     config = info.config

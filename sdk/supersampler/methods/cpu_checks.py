@@ -12,6 +12,7 @@ _SPECS = {
     "taa": ("taa", "TAA"),
     "taau": ("taau", "TAAU"),
     "classifier": ("classifier", "CLASSIFIER"),
+    "classifier_large": ("classifier_large", "CLASSIFIER_LARGE"),
     "gbuffer_fast": ("gbuffer_fast", "GBUFFER_FAST"),
     "guided-warp": ("extrapolation", "GUIDED_WARP"),
 }
@@ -31,7 +32,7 @@ def check_constants(info: ModelInfo, kernels: str) -> None:
         value: Any = info.config.get(name)
         if type(value) not in (int, float) or not least <= value <= most:
             raise wrong_constant(info, name, value, f"a number from {least:g} to {most:g}")
-    for name in CONFIGURED if kernels in ("classifier", "gbuffer_fast") else ():
+    for name in CONFIGURED if kernels in ("classifier", "classifier_large", "gbuffer_fast") else ():
         if type(info.config.get(name)) is not bool:
             raise wrong_constant(info, name, info.config.get(name), "true or false")
 

@@ -10,7 +10,8 @@ from supersampler.frame import Size
 from supersampler.methods.array_spec import ArraySpec, values_of
 from supersampler.methods.convergence import CONVERGENCE_HISTORY
 from supersampler.methods.gbuffers import GBUFFERS
-from supersampler.methods.spec import DISPLAY, HALF, PREVIOUS, RENDER, MapOf, Shape, sized
+from supersampler.methods.sizes import half_size, large_size
+from supersampler.methods.spec import DISPLAY, HALF, LARGE, LARGE_HALF, PREVIOUS, RENDER, MapOf, Shape, sized
 
 EXTRAPOLATED = "extrapolated"
 """Subfolder of a model's folder with the model for extrapolated frames."""
@@ -105,8 +106,14 @@ class ModelInfo:
     @property
     def converges(self) -> bool:
         """Whether the image becomes the mean of its samples where nothing moves (`methods.convergence`)."""
-        tensors = {h.input.name: h.input.shape for h in self.history}
-        return all(tensors.get(f"history.{name}") == shape for name, shape in CONVERGENCE_HISTORY.items())
+        channels = {h.input.name: h.input.shape[:2] for h in self.history}
+        wanted = {f"history.{name}": shape[:2] for name, shape in CONVERGENCE_HISTORY.items()}
+        return wanted.items() <= channels.items()
+
+    def history_size(self, display: Size) -> Size:
+        """Return the (width, height) of the images that the history holds."""
+        is_large = any(h.input.shape[2:] == LARGE for h in self.history)
+        return large_size(display) if is_large else display
 
     @property
     def takes(self) -> list[TensorInfo]:
@@ -132,11 +139,23 @@ class ModelInfo:
 
 def extents(*, render: Size, display: Size, previous: Size) -> dict[str, int]:
     """Return the dynamic extents by name, at the given (width, height) sizes."""
-    half = (display[0] + 1) // 2, (display[1] + 1) // 2
-    sizes = {RENDER: render, DISPLAY: display, HALF: half, PREVIOUS: previous}
+    large = large_size(display)
+    sizes = {
+        RENDER: render,
+        DISPLAY: display,
+        HALF: half_size(display),
+        LARGE: large,
+        LARGE_HALF: half_size(large),
+        PREVIOUS: previous,
+    }
     return {
         name: extent for pair, size in sizes.items() for name, extent in zip(pair, size[::-1], strict=True)
     }
+
+
+def map_size(shape: Shape, display: Size) -> Size:
+    """Return the (width, height) of a map of a history tensor: those of the larger display are resampled."""
+    return half_size(display) if shape[2:] in (HALF, LARGE_HALF) else display
 
 
 def has_render_size(shape: Sequence[int | str]) -> bool:

@@ -28,6 +28,10 @@ BETWEEN = ("between_height", "between_width")
 DISPLAY = ("display_height", "display_width")
 HALF = ("half_height", "half_width")
 """Half the display size, rounded up."""
+LARGE = ("large_height", "large_width")
+"""1.5 times the display size, rounded up: the history of `classifier-large`."""
+LARGE_HALF = ("large_half_height", "large_half_width")
+"""Half of that, rounded up."""
 CHANNELS = "channels"
 """Number of a frame's AOV channels."""
 

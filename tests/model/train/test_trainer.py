@@ -17,9 +17,13 @@ from supersampler_model.data.dataset.frame_file import write_training_frame
 from supersampler_model.data.scenes.analytic import DiscOverPlane
 from supersampler_model.data.specs import SequenceSpec
 from supersampler_model.methods.classifier.model import Classifier
+from supersampler_model.methods.classifier.small import SmallClassifier
+from supersampler_model.methods.classifier_large.model import LargeClassifier
+from supersampler_model.methods.classifier_paper.model import PaperClassifier
 from supersampler_model.training.checkpoint import load_checkpoint
 from supersampler_model.training.class_loss import ClassifierWeights
 from supersampler_model.training.classifier_task import ClassifierTask
+from supersampler_model.training.tasks import TASKS
 from supersampler_model.training.trainer import Plan, Trainer
 from supersampler_model.training.validate import validate
 
@@ -64,6 +68,19 @@ def test_the_error_falls(dataset: Dataset, tmp_path: Path) -> None:
     plan = Plan(steps=48, batch=2, frames=2, size=48, rate=2e-2)
     trainer(dataset, tmp_path, plan).run(on_update=lambda u: losses.append(sum(u.losses.values())))
     assert np.mean(losses[-8:]) < 0.9 * np.mean(losses[:8])
+
+
+@pytest.mark.parametrize("method", [Classifier, SmallClassifier, LargeClassifier, PaperClassifier])
+def test_every_classifier_learns_with_gradients_in_all_its_weights(
+    dataset: Dataset, tmp_path: Path, method: type[Classifier]
+) -> None:
+    torch.manual_seed(0)
+    start, plan = TASKS[method.name](None), dataclasses.replace(PLAN, steps=2)
+    before = [p.clone() for p in start.method.parameters()]
+    run = Trainer(start, [dataset], plan, tmp_path)
+    run.run()
+    moved = [not torch.equal(a, b) for a, b in zip(before, run.method.parameters(), strict=True)]
+    assert all(moved)
 
 
 def test_classes_of_a_first_frame_do_not_count_in_validation(dataset: Dataset, tmp_path: Path) -> None:

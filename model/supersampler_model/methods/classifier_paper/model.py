@@ -43,10 +43,10 @@ class PaperNetwork(nn.Module):
         self.compositor = nn.Sequential(hidden, nn.ReLU(), nn.Conv2d(config.hidden, 1, 1), nn.Sigmoid())
 
     def forward(self, packed: Tensor, half_inputs: Tensor) -> tuple[Tensor, Tensor]:
-        """Return the logits (n, 6, h, w) twice: the compositor runs at display size, in `finish`."""
+        """Return the logits (n, 6, h, w), and no blend parameters: the compositor runs in `finish`."""
         del half_inputs
         logits = self.classes(self.decoder(encode(self.encoder, packed)))
-        return logits, logits
+        return logits, logits[:, :0]
 
 
 class PaperClassifier(Classifier):
@@ -93,9 +93,9 @@ class PaperClassifier(Classifier):
         )
 
     def infer(self, gathered: Gathered) -> tuple[Tensor, Tensor]:
-        """Return the logits twice; see `PaperNetwork`."""
-        logits, again = self.net(*self.network_inputs(gathered))
-        return logits, again
+        """Return the logits, and no blend parameters; see `PaperNetwork`."""
+        logits, none = self.net(*self.network_inputs(gathered))
+        return logits, none
 
     def network_inputs(self, gathered: Gathered) -> tuple[Tensor, Tensor]:
         """Return the twenty buffers of section 3, packed."""

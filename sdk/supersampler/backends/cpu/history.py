@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from supersampler.backends.cpu.layout import LANES, PAD, RENDER_TILE, TILE
 from supersampler.backends.cpu.memory import aligned
 from supersampler.backends.cpu.resample_tables import up_to
+from supersampler.backends.cpu.static_weights import LEAST_SAMPLES
 from supersampler.backends.cpu.tile_state import TileState
 from supersampler.frame import Float32, Size
 from supersampler.methods.spec import HALF, PREVIOUS, MethodSpec, Shape
@@ -38,14 +39,21 @@ class HistoryLayout:
         planes: the arrays by name; the first one starts with linear RGB at display size.
         glare: name of the tensor whose last channel, in [0, 1], is increased by GLARE times the number of
             glaring frames; None for a method that does not count them.
+        least_samples: of a pixel of the history, for static-tile reuse; see `static_weights.LEAST_SAMPLES`.
 
     Attributes:
-        planes, glare: as given.
+        planes, glare, least_samples: as given.
         values: number of values of each other tensor of shape (1, n), by name.
     """
 
-    def __init__(self, spec: MethodSpec, planes: Mapping[str, Plane], glare: str | None = None) -> None:
-        self.planes, self.glare, self._spec = planes, glare, spec
+    def __init__(
+        self,
+        spec: MethodSpec,
+        planes: Mapping[str, Plane],
+        glare: str | None = None,
+        least_samples: float = LEAST_SAMPLES,
+    ) -> None:
+        self.planes, self.glare, self.least_samples, self._spec = planes, glare, least_samples, spec
         self.values = {
             name: int(shape[1])
             for name, shape in spec.history.items()
@@ -101,7 +109,7 @@ class CpuHistory:
             for name, plane in layout.planes.items()
         }
         self.values = {name: np.zeros(count, np.float32) for name, count in layout.values.items()}
-        self.tile_state = TileState(display)
+        self.tile_state = TileState(display, layout.least_samples)
         self.jitter, self.exposure, self.glares = (0.0, 0.0), 0.0, False
         self.means, self.ranges = (
             np.zeros((-(-size[1] // side), -(-size[0] // side)), bool)

@@ -53,7 +53,9 @@ class NoisyTileReuse:
         if before is None or before.render != render:
             before, previous = StaticTiles.empty(render), TileState(current.display)
         current.static_tiles = tiles = before.after(jitter, _no_fingerprints)
-        current.weights = weights_after(previous.weights, jitter, tiles, current.display, render)
+        current.weights = weights_after(
+            previous.weights, jitter, tiles, current.display, render, current.least_samples
+        )
         following = current.allocated_noise()
         if not planes.exposure:
             following.exposure, following.tiles[:] = 0.0, 0.0

@@ -155,7 +155,12 @@ def samples_per_pixel(display: Size, render: Size) -> float:
 
 
 def weights_after(
-    before: StaticWeights | None, jitter: Jitter, tiles: StaticTiles, display: Size, render: Size
+    before: StaticWeights | None,
+    jitter: Jitter,
+    tiles: StaticTiles,
+    display: Size,
+    render: Size,
+    least_samples: float = LEAST_SAMPLES,
 ) -> StaticWeights | None:
     """Return the weights for a frame: those of the jitter sequence that repeats.
 
@@ -167,9 +172,10 @@ def weights_after(
         tiles: after the frame.
         display: size of the image.
         render: size of the frame.
+        least_samples: see there.
 
     Returns:
-        None where no sequence is known, or it has fewer than LEAST_SAMPLES samples a pixel.
+        None where no sequence is known, or it has fewer than `least_samples` a pixel.
     """
     if before is not None and before.serves(display, render, tiles):
         if before.phase(jitter) is not None or not tiles.period:
@@ -179,7 +185,7 @@ def weights_after(
         usual = [halton_jitter(index, ratio) for index in range(jitter_phase_count(ratio))]
         return StaticWeights(display, render, usual) if jitter in usual else None
     sequence = tiles.latest_jitters(tiles.period)
-    if len(sequence) * samples_per_pixel(display, render) < LEAST_SAMPLES:
+    if len(sequence) * samples_per_pixel(display, render) < least_samples:
         return None
     return StaticWeights(display, render, sequence)
 

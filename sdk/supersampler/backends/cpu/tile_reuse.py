@@ -13,7 +13,7 @@ from supersampler.backends.cpu.layout import LANES, PAD, RENDER_TILE, STATIC_TIL
 from supersampler.backends.cpu.memory import address, aligned
 from supersampler.backends.cpu.noisy_tile_reuse import NoisyTileReuse
 from supersampler.backends.cpu.static_tiles import Jitter, StaticTiles, Sums, mostly
-from supersampler.backends.cpu.static_weights import LEAST_SAMPLES, StaticAxis, StaticWeights
+from supersampler.backends.cpu.static_weights import StaticAxis, StaticWeights
 from supersampler.backends.cpu.structs import AddedSamples, AxisSamples, FrameInputs, MeanErrors, pack
 from supersampler.backends.cpu.threads import Rect, ThreadPool
 from supersampler.backends.cpu.tile_state import (
@@ -235,7 +235,7 @@ class TileReuse:
         if weights is None:
             return errors
         counts = records["count"]
-        enough = (counts * weights.per_pixel >= LEAST_SAMPLES) & (counts < weights.frames)
+        enough = (counts * weights.per_pixel >= current.least_samples) & (counts < weights.frames)
         known = enough & (records["state"] == MOVING) & (records["matched"] > 0)
         for count in np.unique(counts[known]).tolist():
             # no sample of a period is chosen twice

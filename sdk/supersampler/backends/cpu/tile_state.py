@@ -12,7 +12,12 @@ from supersampler.backends.cpu.layout import STATIC_TILE, SUM_VALUES
 from supersampler.backends.cpu.memory import aligned
 from supersampler.backends.cpu.noisy_tiles import NoisyTiles, noisy_tile_specs
 from supersampler.backends.cpu.static_tiles import PHASES, Jitter, StaticTiles, mostly, static_tile_specs
-from supersampler.backends.cpu.static_weights import StaticWeights, samples_per_pixel, weights_after
+from supersampler.backends.cpu.static_weights import (
+    LEAST_SAMPLES,
+    StaticWeights,
+    samples_per_pixel,
+    weights_after,
+)
 from supersampler.backends.cpu.tiles import FILTER_REACH, SAMPLE_REACH, Bool, Tiles, tiles_reading, tiles_with
 from supersampler.frame import Float32, Size
 from supersampler.methods.array_spec import ArraySpec, values_of
@@ -54,6 +59,7 @@ class TileState:
 
     Args:
         display: size of the image.
+        least_samples: see there.
 
     Attributes:
         generations: equal generations in two histories mean equal pixels; 0 is no content.
@@ -75,8 +81,8 @@ class TileState:
         active: whether any tile is reused, has samples or may settle.
     """
 
-    def __init__(self, display: Size) -> None:
-        self.display = display
+    def __init__(self, display: Size, least_samples: float = LEAST_SAMPLES) -> None:
+        self.display, self.least_samples = display, least_samples
         shape = -(-display[1] // STATIC_TILE), -(-display[0] // STATIC_TILE)
         self.generations, self.sum_generations = np.zeros((2, *shape), np.int64)
         self.work = Tiles(tiles_with(np.ones(shape, bool), display)).work()
@@ -125,7 +131,9 @@ class TileState:
             jitter: of this frame.
         """
         before, self.static_tiles = previous.static_tiles, tiles
-        weights = weights_after(previous.weights, jitter, tiles, self.display, tiles.render)
+        weights = weights_after(
+            previous.weights, jitter, tiles, self.display, tiles.render, self.least_samples
+        )
         self.weights = weights
         if before is not None and self._moves_or_fails(before, tiles, previous.records["failed"]):
             self.records["failed"] = self._reading(tiles, tiles.changed)

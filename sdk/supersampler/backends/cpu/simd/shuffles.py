@@ -78,6 +78,28 @@ first_third, second_third, last_third = _thirds(0), _thirds(1), _thirds(2)
 """Thirds of three interleaved vectors: lane 0 of each, then lane 1 of each, ..."""
 
 
+def _every_third(part: int) -> Callable[..., Any]:
+    def every(_: Any, first: Any, second: Any, third: Any) -> Any:
+        n = first.lanes
+
+        def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
+            def mixed(one: ir.Value, other: ir.Value, lanes: list[int]) -> ir.Value:
+                return builder.shuffle_vector(one, other, lane_indices(lanes))
+
+            places = [3 * i + part for i in range(n)]
+            pairs = mixed(args[0], args[1], [place if place < 2 * n else 0 for place in places])
+            order = [i if place < 2 * n else place - n for i, place in enumerate(places)]
+            return mixed(pairs, args[2], order)
+
+        return first(first, second, third), make
+
+    return intrinsic(every)
+
+
+every_first, every_second, every_third = _every_third(0), _every_third(1), _every_third(2)
+"""Each third lane of three vectors in a row, from lane 0, 1 or 2 on: undo `first_third` and so on."""
+
+
 @device_function
 def transposed(rows: Any) -> Any:
     """Transpose sixteen vectors of sixteen lanes."""

@@ -1,0 +1,69 @@
+"""`classifier-large`: `classifier` with a history, and images of its own, larger than the display.
+
+Each frame resamples the history, which blurs it and lets fine detail alias. A history of 1.5 times the
+display's width and height loses less, as Unreal Engine's Temporal Super Resolution does with history
+screen percentages over 100 ("TSR", SIGGRAPH 2022). The image is downsampled for the display.
+"""
+
+from typing import ClassVar, Self
+
+from torch import Tensor
+
+from supersampler.errors import ArgumentError
+from supersampler.methods.classifier_large.spec import CLASSIFIER_LARGE
+from supersampler.methods.spec import LARGE_HALF
+from supersampler_model.methods.base import Fused
+from supersampler_model.methods.classifier.model import Classifier
+from supersampler_model.methods.weights_file import Trained
+from supersampler_model.ops.convergence import of_size
+from supersampler_model.ops.downsampling import downsample
+from supersampler_model.ops.size import display_size_of
+
+
+class LargeClassifier(Classifier):
+    """`Classifier` at 1.5 times the display, and a filter."""
+
+    spec: ClassVar = CLASSIFIER_LARGE
+
+    @classmethod
+    def from_classifier(cls, trained: Trained) -> Self:
+        """Return the method before its training, with the weights of `classifier`.
+
+        Raises:
+            ArgumentError: they are of another method.
+        """
+        if trained.method != Classifier.name:
+            raise ArgumentError("weights", got=f"of {trained.method}", want=f"of {Classifier.name}")
+        return cls.of(trained._replace(method=cls.name))
+
+    def fused(self) -> Fused | None:
+        """Return the network of `Classifier`, at half the size of the history."""
+        network = super().fused()
+        assert network is not None  # noqa: S101 - `Classifier` has one
+        inputs, outputs = (
+            {name: (*shape[:2], *LARGE_HALF) for name, shape in shapes.items()}
+            for shapes in (network.inputs, network.outputs)
+        )
+        return network._replace(inputs=inputs, outputs=outputs)
+
+    def forward(
+        self,
+        color: Tensor,
+        depth: Tensor,
+        motion: Tensor,
+        jitter: Tensor,
+        exposure: Tensor,
+        display_size: Tensor,
+        *history: Tensor,
+    ) -> tuple[Tensor, ...]:
+        """See `Classifier`."""
+        large = (1.5 * display_size + 0.5).floor().long()  # integer division is not portable
+        image, *rest = super().forward(color, depth, motion, jitter, exposure, large, *history)
+        count, display = len(self.history), display_size_of(display_size)
+        next_history, maps = rest[:count], rest[count:]
+        exposure = next_history[list(self.history).index("exposure")].abs()
+        return (
+            downsample(image, display, exposure),
+            *next_history,
+            *(of_size(plane, display) for plane in maps),
+        )

@@ -1,0 +1,6 @@
+"""`classifier-large`: `classifier` with a history of 1.5 times the display's width and height.
+
+What it is (`spec`) and its CPU backend (`cpu`): that of `classifier`, and a filter (`downsampling`,
+`kernels`).
+The torch definition is supersampler_model.methods.classifier_large.
+"""

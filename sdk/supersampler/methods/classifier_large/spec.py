@@ -1,0 +1,20 @@
+"""What `classifier-large` is: `classifier` on a larger history."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from supersampler.methods.classifier.spec import CLASSIFIER
+from supersampler.methods.spec import DISPLAY, HALF, LARGE, LARGE_HALF, Shape
+
+SHARPNESS = 1.15
+"""The Lanczos filter to the display is narrower than usual by this, as its input blurs a little, too."""
+REACH = 3
+"""Pixels of the history on either side that the filter reads; its support is 2 / SHARPNESS display pixels."""
+_LARGER: Mapping[Shape, Shape] = {DISPLAY: LARGE, HALF: LARGE_HALF}
+CLASSIFIER_LARGE = replace(
+    CLASSIFIER,
+    name="classifier-large",
+    history={
+        name: (*shape[:2], *_LARGER.get(shape[2:], shape[2:])) for name, shape in CLASSIFIER.history.items()
+    },
+)

@@ -1,0 +1,56 @@
+"""`classifier-large` is `classifier` on a larger history: its image, maps and weights."""
+
+import pytest
+import torch
+
+from supersampler import ArgumentError, Upscaler
+from supersampler.methods.sizes import large_size
+from supersampler_bench.stress.scenes import still
+from supersampler_model.methods.classifier.model import Classifier
+from supersampler_model.methods.classifier_large.model import LargeClassifier
+from supersampler_model.methods.weights_file import load_trained, shipped_weights
+from supersampler_model.ops.downsampling import downsample
+from supersampler_model.ops.size import Size
+
+
+@pytest.mark.parametrize(("render", "display"), [((16, 9), (32, 18)), ((13, 7), (21, 11)), ((1, 1), (1, 1))])
+def test_the_image_is_that_of_the_classifier_at_the_larger_size_filtered(
+    render: tuple[int, int], display: tuple[int, int]
+) -> None:
+    trained = load_trained(shipped_weights("classifier"))
+    large, classifier = LargeClassifier.from_classifier(trained), Classifier.of(trained)
+    inner = Size(*large_size(Size(*display)))
+    ours = large.first_history(Size(*display), Size(*render))
+    theirs = classifier.first_history(inner, Size(*render))
+    assert [t.shape for t in ours] == [t.shape for t in theirs]
+    generator = torch.Generator().manual_seed(0)
+    for _ in range(3):
+        color, depth = (torch.rand(1, c, *render[::-1], generator=generator) for c in (3, 1))
+        motion, jitter = torch.zeros(1, 2, *render[::-1]), torch.rand(1, 2, generator=generator) - 0.5
+        frame = color, depth, motion, jitter, torch.tensor([2.0])
+        with torch.no_grad():
+            image, ours, maps = large.step(*frame, torch.tensor(display), *ours)
+            whole, theirs, _ = classifier.step(*frame, torch.tensor(inner), *theirs)
+        torch.testing.assert_close(image, downsample(whole, Size(*display), torch.tensor([2.0])))
+        assert image.shape[2:] == display[::-1]
+        assert [m.shape[2:] for m in maps] == [display[::-1]] * 2
+
+
+def test_weights_of_another_method_are_refused() -> None:
+    trained = load_trained(shipped_weights("classifier-small"))
+    with pytest.raises(ArgumentError, match="of classifier-small; want of classifier"):
+        LargeClassifier.from_classifier(trained)
+
+
+@pytest.mark.parametrize("executor", ["cpu", "onnx"])
+def test_maps_have_the_sizes_of_the_display(executor: str) -> None:
+    upscaler = Upscaler("classifier-large", display_size=(33, 19), executor=executor, threads=1)  # type: ignore[arg-type]
+    for frame in still((18, 10))[:3]:
+        result = upscaler.step(frame, outputs=("class_map", "weight", "count", "converged", "work"))
+    maps = {
+        name: getattr(result, name).shape for name in ("class_map", "weight", "count", "converged", "work")
+    }
+    assert maps.pop("class_map") == (10, 17, 6)
+    assert maps.pop("work") == (1, 2)
+    assert set(maps.values()) == {(19, 33)}
+    assert upscaler.stats.converged is not None
