@@ -37,9 +37,9 @@ PRODUCTS = {
 }  # fmt: skip
 """Multiply-adds a display pixel."""
 OPERATORS = {
-    "bilinear": 125, "bicubic": 150, "taa": 515, "taau": 1225, "classifier": 1340, "classifier-small": 1295,
+    "bilinear": 125, "bicubic": 150, "taa": 515, "taau": 1255, "classifier": 1365, "classifier-small": 1325,
     "gbuffer-small": 1850, "gbuffer-small-4x": 1850, "extrapolate": 1020, "guided-warp": 1120,
-    "guided-flow": 2700, "gbuffer-fast": 1730, "classifier-large": 1540,
+    "guided-flow": 2700, "gbuffer-fast": 1760, "classifier-large": 1540,
 }  # fmt: skip
 READS = {
     "bilinear": 0, "bicubic": 0, "taa": 5, "taau": 8, "classifier": 11, "classifier-small": 10,
