@@ -28,7 +28,7 @@ CONTRACTS = {
     "taau": 0.99,
     "classifier": 0.95,
     "classifier-small": 0.93,
-    "classifier-large": 0.95,
+    "classifier-large": 0.97,
 }
 """What is left of an error after a frame at rest."""
 PRODUCTS = {
