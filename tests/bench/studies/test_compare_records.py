@@ -51,6 +51,7 @@ def test_a_lower_psnr_is_worse_by_decibels_and_a_longer_step_by_its_share() -> N
 
 def test_a_figure_of_stress_is_worse_by_its_share_of_the_bound_and_what_breaks_is_named() -> None:
     before = record("stress-extrapolation")
+    before["outcomes"][1]["passed"] = True  # whatever the record says
     after = copy.deepcopy(before)
     outcome = after["outcomes"][0]
     outcome["figures"][0]["value"] += 0.5 * outcome["figures"][0]["bound"]
