@@ -56,48 +56,35 @@ shifted_out = _shuffler(
 )  # one's lanes without its first, then the other's first
 
 
-def _thirds(part: int) -> Callable[..., Any]:
-    def third(_: Any, first: Any, second: Any, third: Any) -> Any:
-        n = first.lanes
+def _shuffler_of_three(order: Callable[[int], list[int]]) -> Callable[..., Any]:
+    """Like `_shuffler`, of three vectors in a row."""
+
+    def shuffle(_: Any, first: Any, second: Any, third: Any) -> Any:
+        n, places = first.lanes, order(first.lanes)
 
         def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
-            def mixed(one: ir.Value, other: ir.Value, lanes: list[int]) -> ir.Value:
-                return builder.shuffle_vector(one, other, lane_indices(lanes))
-
-            lanes = [divmod(i, 3) for i in range(part * n, part * n + n)]  # lane, and of which vector
-            pairs = mixed(args[0], args[1], [lane + n * (which == 1) for lane, which in lanes])
-            order = [n + lane if which == 2 else i for i, (lane, which) in enumerate(lanes)]
-            return mixed(pairs, args[2], order)
+            pairs = [place if place < 2 * n else 0 for place in places]
+            lanes = [i if place < 2 * n else place - n for i, place in enumerate(places)]
+            of_two = builder.shuffle_vector(args[0], args[1], lane_indices(pairs))
+            return builder.shuffle_vector(of_two, args[2], lane_indices(lanes))
 
         return first(first, second, third), make
 
-    return intrinsic(third)
+    return intrinsic(shuffle)
 
 
-first_third, second_third, last_third = _thirds(0), _thirds(1), _thirds(2)
+def _third(part: int) -> Callable[..., Any]:
+    return _shuffler_of_three(lambda n: [i % 3 * n + i // 3 for i in range(part * n, part * n + n)])
+
+
+def _every_third(first: int) -> Callable[..., Any]:
+    return _shuffler_of_three(lambda n: [3 * i + first for i in range(n)])
+
+
+first_third, second_third, last_third = _third(0), _third(1), _third(2)
 """Thirds of three interleaved vectors: lane 0 of each, then lane 1 of each, ..."""
-
-
-def _every_third(part: int) -> Callable[..., Any]:
-    def every(_: Any, first: Any, second: Any, third: Any) -> Any:
-        n = first.lanes
-
-        def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
-            def mixed(one: ir.Value, other: ir.Value, lanes: list[int]) -> ir.Value:
-                return builder.shuffle_vector(one, other, lane_indices(lanes))
-
-            places = [3 * i + part for i in range(n)]
-            pairs = mixed(args[0], args[1], [place if place < 2 * n else 0 for place in places])
-            order = [i if place < 2 * n else place - n for i, place in enumerate(places)]
-            return mixed(pairs, args[2], order)
-
-        return first(first, second, third), make
-
-    return intrinsic(every)
-
-
 every_first, every_second, every_third = _every_third(0), _every_third(1), _every_third(2)
-"""Each third lane of three vectors in a row, from lane 0, 1 or 2 on: undo `first_third` and so on."""
+"""Every third lane of three vectors in a row, from lane 0, 1 or 2 on: the inverse of interleaving."""
 
 
 @device_function
