@@ -196,6 +196,14 @@ def test_another_pattern_doubts_alike_and_restarts_alike() -> None:
     assert faint[pattern_changes.TWICE[1]].mean() > 0.9
 
 
+def test_a_frame_with_the_jitter_of_the_previous_one_doubts_no_pattern_and_leaves_doubts_alike() -> None:
+    once, (first, second) = pattern_changes.ONCE, pattern_changes.TWICE
+    strong = compare(pattern_changes.frames((32, 18), repeated=(once, second)), confirmed=False)[:, :, 8:24]
+    assert strong[once + 1].mean() > 0.9
+    assert (strong[second] > 0.0).mean() > 0.5, "the doubt of the frame before is not confirmed"
+    assert strong[first].mean() > 0.5
+
+
 def test_frames_with_the_jitter_of_the_previous_one_add_nothing_alike() -> None:
     frames = frames_of(2.0)
     repeated = [frames[index - index % 3] for index in range(len(frames))]

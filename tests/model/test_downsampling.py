@@ -71,7 +71,7 @@ def test_a_slope_stays_at_its_place() -> None:
 def test_detail_of_the_display_keeps_its_contrast_and_finer_detail_goes() -> None:
     display = Size(48, 4)
     width, height = large_size(display)
-    x = (np.arange(width) + 0.5) / 1.5
+    x = (np.arange(width) + 0.5) * display.width / width
 
     def contrast(period: float) -> float:
         """Return what is left of stripes of so many display pixels."""
@@ -82,7 +82,7 @@ def test_detail_of_the_display_keeps_its_contrast_and_finer_detail_goes() -> Non
 
     assert contrast(8.0) > 0.97
     assert contrast(4.0) > 0.95
-    assert contrast(1.4) < 0.25
+    assert contrast(1.5) < 0.25
 
 
 @pytest.mark.parametrize("exposure", [1.0, 0.03, 50.0])

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import pattern_changes
 from alternating import alternate, extrapolated_by_torch
 from lit_scene import LitScene
 from noise import noise
@@ -329,6 +330,27 @@ def test_unshaded_frames_add_no_samples_to_the_mean_of_what_stands_still(
             assert (after[3] == 0.0).any(), "where the disc moves, the mean ends"
         else:
             assert (after[3] > before[3] + 0.01).mean() > 0.3
+
+
+@pytest.mark.parametrize("executor", ["onnx", "cpu"])
+def test_an_unshaded_frame_of_another_pattern_doubts_no_mean_and_leaves_doubts(
+    executor: ExecutorName,
+) -> None:
+    """A fine pattern is inverted in an unshaded frame; then in a shaded one, with an unshaded one after it."""
+    model, frames = Model.load("taau", threads=1, executor=executor), pattern_changes.frames(SIZE)
+    history = model.first_history(DISPLAY, SIZE)
+    once, (first, second) = pattern_changes.ONCE, pattern_changes.TWICE
+    frames[second] = frames[second + 1]  # as before `first`
+    doubted = {}
+    for index, frame in enumerate(frames[: second + 1]):
+        _, history = model.run_checked(
+            frame, history, (), out=None, history_out=None, skip="exact", shaded=index not in (once, second)
+        )
+        weight = model.save_history(history)["history.still"][0, 3, :, 16:48]
+        doubted[index] = float((weight < 0.0).mean())
+    assert doubted[once] == 0.0
+    assert doubted[first] > 0.9
+    assert doubted[second] == doubted[first]
 
 
 # --- recordings ---

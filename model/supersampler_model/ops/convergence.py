@@ -25,6 +25,9 @@ is also doubted where the samples follow another pattern than the mean: where th
 5x5 samples, and the slope of the samples on it is below FOLLOWS. In one frame that may be chance, if patterns
 are finer than a sample: the image still shows the mean, and only its weight is limited. A second frame
 restarts the mean.
+
+A frame that adds nothing compares no pattern, and leaves doubts to the next frame. Nor does an extrapolated
+frame add samples, of which backends know, but not this module: see `without_samples`.
 """
 
 from typing import NamedTuple
@@ -117,7 +120,8 @@ def settle(
     usable = usable * (1.0 - glaring(color * frame.exposure, usable))
     color = without_fireflies(color * usable, frame.exposure)
     moving = (squared_length(usable_motion(frame.motion)) > MAX_STATIC_MOTION * MAX_STATIC_MOTION).float()
-    opening, opens = measure_residuals(frame, color, usable, moving, history_still, history_opening)
+    adds = ((frame.jitter - frame.previous_jitter).abs().sum() > 0.0).float()
+    opening, opens = measure_residuals(frame, color, usable, moving, adds, history_still, history_opening)
 
     moves = torch.maximum(moving, shifted(moving, 1, 0))
     stands = 1.0 - pick_first(torch.maximum(moves, shifted(moves, 0, 1)), grid)
@@ -126,12 +130,12 @@ def settle(
     mean, weight = history_still.split_with_sizes([3, 1], dim=1)
     shows_own = (opened > DOUBTED).float()
     confirmed = (opened > 0.0) & (weight < 0.0)
+    stays = (weight < 0.0) & (adds <= 0.0)
     weight = weight.abs() * stands * (1.0 - confirmed.float())
     rejected = (opened > 0.0) & (weight > 0.0)
     near = resample(torch.cat([color, usable], dim=1), across, down)
-    jittered = (frame.jitter - frame.previous_jitter).abs().sum() > 0.0
     near, near_weight = near.split_with_sizes([3, 1], dim=1)
-    added = near_weight * stands * (1.0 - rejected * shows_own) * jittered
+    added = near_weight * stands * (1.0 - rejected * shows_own) * adds
     total = weight + added
     share = added / (total + (total - PERIOD).clamp(0.0, PERIOD)).clamp(min=1e-6)
     samples = near / near_weight.clamp(min=1e-6)
@@ -141,7 +145,7 @@ def settle(
     samples = samples * darkening(sample_peak, torch.where(weight > 0.0, mean_peak, sample_peak))
     mean = mean + share * (samples - mean)
     converged = ((total - READY) / (PERIOD - READY)).clamp(0.0, 1.0) * (1.0 - shows_own)
-    next_weight = torch.where(rejected, -total.clamp(max=PERIOD), total)
+    next_weight = torch.where(rejected | stays, -total.clamp(max=PERIOD), total)
     return Settled(
         bounded(image + converged * (mean - image)),
         torch.cat([mean, next_weight], dim=1),
@@ -177,10 +181,20 @@ def measure_residuals(
     color: Tensor,
     usable: Tensor,
     moving: Tensor,
+    adds: Tensor,
     history_still: Tensor,
     history_opening: Tensor,
 ) -> tuple[Tensor, Tensor]:
     """Compare the samples with the mean.
+
+    Args:
+        frame: this frame.
+        color: (1, 3, h, w) linear RGB, 0 where a sample does not count.
+        usable: (1, 1, h, w) 1 where it counts.
+        moving: (1, 1, h, w) 1 where a sample moves.
+        adds: () 1 if the frame adds samples, else 0.
+        history_still: see `settle`.
+        history_opening: see `settle`.
 
     Returns:
         The next `Settled.opening`, and (1, 1, h, w) what opens: 1, or DOUBTED where only the pattern differs.
@@ -204,7 +218,9 @@ def measure_residuals(
     covariance = product - residual * level  # of differences and mean: the slope is 1 + covariance / contrast
     has_contrast = contrast > LEAST_RELATIVE_CONTRAST * variance + LEAST_CONTRAST * LEAST_CONTRAST
     least_slope = torch.where(doubted > 0.0, FOLLOWS_DOUBTED, FOLLOWS)
-    other_pattern = has_contrast & (young <= 0.0) & (contrast + covariance < contrast * least_slope)
+    other_pattern = (
+        has_contrast & (young <= 0.0) & (adds > 0.0) & (contrast + covariance < contrast * least_slope)
+    )
 
     previous = render_size_of(history_opening)
     before = of_size(history_opening, render)
@@ -224,7 +240,7 @@ def measure_residuals(
     low, high = torch.where(above, -UNBOUNDED, low), torch.where(below, UNBOUNDED, high)
     new = one_like(frame.jitter, render.width * render.height) / (display.width * display.height)
     learned = (learned + learns * new).clamp(max=LEARNED)
-    keeps = known * (doubted <= 0.0)
+    keeps = known * (doubted * adds <= 0.0)
     return keeps * torch.cat([low, high, learned], dim=1), opens
 
 

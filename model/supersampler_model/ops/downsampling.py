@@ -13,7 +13,7 @@ def downsample(image: Tensor, display: Size, exposure: Tensor) -> Tensor:
     """Filter an image to the size of the display.
 
     Args:
-        image: (1, 3, H', W') linear RGB, at most 1.5 times the display, per axis.
+        image: (1, 3, H', W') linear RGB, at most 1.4 times the display, per axis.
         display: (width, height) of the result.
         exposure: (1,) > 0. Colours are filtered as a screen shows them: dark sides of bright edges stay dark.
 

@@ -1,4 +1,4 @@
-"""Training of `classifier-large`: as `classifier`, at 1.5 times the crops."""
+"""Training of `classifier-large`: as `classifier`, at 1.4 times the crops."""
 
 import torch
 

@@ -84,6 +84,9 @@ def _check_aux_outputs(info: ModelInfo) -> None:
             _refuse(info, f"aux_outputs {tensor.name!r}", _text(tensor), want)
         if tensor.name in ("weight", "converged") and tensor.shape != WEIGHT:
             _refuse(info, f"aux_outputs {tensor.name!r}", _text(tensor), f"{WEIGHT} float32")
+    names = [tensor.name for tensor in info.aux_outputs]
+    if info.converges and "converged" not in names:
+        _refuse(info, "aux_outputs", names, "'converged' too, as there is a history of the mean")
     shapes = {h.output: h.input.shape for h in info.history} | {t.name: t.shape for t in info.aux_outputs}
     for name, where in info.maps.items():
         shape = shapes.get(where.output, ())

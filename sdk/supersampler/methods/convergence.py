@@ -70,14 +70,17 @@ def converged_of(still: Float32) -> Float32:
     return converged
 
 
-def without_samples(still: Float32, before: Float32) -> Float32:
+def without_samples(still: Float32, before: Float32, converged: Float32) -> Float32:
     """Return the history tensor `still`, (1, 4, H, W), as if its step had added no sample to the mean.
 
     Args:
         still: as the step wrote it.
         before: as the step read it.
+        converged: (1, 1, H, W) the map of the step: over 0 where only the pattern is doubted.
     """
-    weight, kept = still[:, 3:], np.abs(before[:, 3:])
-    restarted = weight < kept  # or moved
-    kept = np.where(weight < 0.0, -np.minimum(kept, PERIOD), np.where(restarted, 0.0, kept))
+    after, weight = still[:, 3:], before[:, 3:]
+    restarted = (after >= 0.0) & (after < np.abs(weight))  # or moved
+    doubted = np.where(weight < 0.0, ~restarted, (after < 0.0) & (converged <= 0.0))
+    kept = np.where(restarted, 0.0, np.abs(weight))
+    kept = np.where(doubted, -np.minimum(kept, PERIOD), kept)
     return np.concatenate([before[:, :3], kept], axis=1)

@@ -11,8 +11,8 @@ def half_size(size: Size) -> Size:
 
 
 def large_size(display: Size) -> Size:
-    """Return 1.5 times a display's (width, height), rounded up."""
-    return (3 * display[0] + 1) // 2, (3 * display[1] + 1) // 2
+    """Return 1.4 times a display's (width, height), rounded up."""
+    return (7 * display[0] + 4) // 5, (7 * display[1] + 4) // 5
 
 
 def resized(planes: Float32, size: Size) -> Float32:

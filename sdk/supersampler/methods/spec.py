@@ -29,7 +29,7 @@ DISPLAY = ("display_height", "display_width")
 HALF = ("half_height", "half_width")
 """Half the display size, rounded up."""
 LARGE = ("large_height", "large_width")
-"""1.5 times the display size, rounded up: the history of `classifier-large`."""
+"""1.4 times the display size, rounded up: the history of `classifier-large`."""
 LARGE_HALF = ("large_half_height", "large_half_width")
 """Half of that, rounded up."""
 CHANNELS = "channels"

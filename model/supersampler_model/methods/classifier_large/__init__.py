@@ -1,4 +1,4 @@
-"""`classifier-large`: `classifier` with a history of 1.5 times the display's width and height.
+"""`classifier-large`: `classifier` with a history of 1.4 times the display's width and height.
 
 The step (`model`); the filter to the display is supersampler_model.ops.downsampling.
 """

@@ -1,6 +1,6 @@
 """`classifier-large`: `classifier` with a history, and images of its own, larger than the display.
 
-Each frame resamples the history, which blurs it and lets fine detail alias. A history of 1.5 times the
+Each frame resamples the history, which blurs it and lets fine detail alias. A history of 1.4 times the
 display's width and height loses less, as Unreal Engine's Temporal Super Resolution does with history
 screen percentages over 100 ("TSR", SIGGRAPH 2022). The image is downsampled for the display.
 """
@@ -21,7 +21,7 @@ from supersampler_model.ops.size import display_size_of
 
 
 class LargeClassifier(Classifier):
-    """`Classifier` at 1.5 times the display, and a filter."""
+    """`Classifier` at 1.4 times the display, and a filter."""
 
     spec: ClassVar = CLASSIFIER_LARGE
 
@@ -57,7 +57,7 @@ class LargeClassifier(Classifier):
         *history: Tensor,
     ) -> tuple[Tensor, ...]:
         """See `Classifier`."""
-        large = (1.5 * display_size + 0.5).floor().long()  # integer division is not portable
+        large = (1.4 * display_size + 0.9).floor().long()  # integer division is not portable
         image, *rest = super().forward(color, depth, motion, jitter, exposure, large, *history)
         count, display = len(self.history), display_size_of(display_size)
         next_history, maps = rest[:count], rest[count:]

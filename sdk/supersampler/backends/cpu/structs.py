@@ -239,7 +239,8 @@ class StillSamples(NamedTuple):
         padded_width: of a row.
         exposure: of the frame.
         learned_step: samples per display pixel.
-        counts: 1, or 0 if no sample is added: the frame was not shaded, or has the previous one's jitter.
+        counts: 1, or 0 if the frame is extrapolated, or has the previous one's jitter: no sample is added, no
+            pattern is compared, and doubts stay.
     """
 
     color: Floats

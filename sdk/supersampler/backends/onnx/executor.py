@@ -17,6 +17,7 @@ from supersampler.backends.onnx.tensors import check_tensor, render_size_of
 from supersampler.frame import Float32, Frame, Size
 from supersampler.methods.convergence import without_samples
 from supersampler.methods.model_info import ModelInfo
+from supersampler.methods.sizes import resized
 
 Tensors = dict[str, ort.OrtValue]
 
@@ -79,19 +80,22 @@ class OnnxExecutor:
     ) -> Mapping[str, Float32]:
         """See `Executor`."""
         planes = np.empty((1, 3, *display[::-1]), np.float32)
+        corrects = not adds_samples and self._info.converges  # the graph has no input for it
+        wanted = {*aux_outputs, "converged"} if corrects else aux_outputs
         outputs = {
             t.name: np.empty(t.shape_for(render=display, display=display, previous=display), np.float32)
             for t in self._info.aux_outputs
-            if t.name in aux_outputs
+            if t.name in wanted
         }
         given = frame_inputs(frame, display, [t.name for t in self._info.inputs])
         results = _values({**outputs, self._info.image.name: planes})
         self._run(_values(given), history, next_history, results)
-        if not adds_samples and self._info.converges:  # the graph has no input for it
+        if corrects:
             before, after = (np.asarray(h["history.still"].numpy()) for h in (history, next_history))
-            next_history["history.still"].update_inplace(without_samples(after, before))
+            converged = resized(outputs["converged"], after.shape[:1:-1])
+            next_history["history.still"].update_inplace(without_samples(after, before, converged))
         np.copyto(image, planes[0].transpose(1, 2, 0))
-        return outputs
+        return {name: outputs[name] for name in outputs if name in aux_outputs}
 
     def step_tensors(
         self,

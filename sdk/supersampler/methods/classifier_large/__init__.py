@@ -1,4 +1,4 @@
-"""`classifier-large`: `classifier` with a history of 1.5 times the display's width and height.
+"""`classifier-large`: `classifier` with a history of 1.4 times the display's width and height.
 
 What it is (`spec`) and its CPU backend (`cpu`): that of `classifier`, and a filter (`downsampling`,
 `kernels`).

@@ -25,7 +25,7 @@ from supersampler.methods.model_info import ModelInfo
 from supersampler.methods.sizes import large_size, resized
 
 DOWNSAMPLE = "methods.classifier_large.kernels.downsample"
-PIXELS = 1.5**2  # of the history in one of the display
+PIXELS = 1.4**2  # of the history in one of the display
 
 
 class LargeCpu(ClassifierCpu):

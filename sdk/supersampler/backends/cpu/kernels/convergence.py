@@ -188,6 +188,7 @@ def add_samples(
     """
     pitch, width, image = still.padded_width, output.width, output.image
     zero = spread16(np.float32(0.0))
+    adds_none = spread16(still.counts) <= 0.0
     for y in range(y0, y1):
         first, last = span(tables.column_start, x0, x1)
         upper, lower = 4 * tables.row_samples[4 * y + 1] * pitch, 4 * tables.row_samples[4 * y + 2] * pitch
@@ -208,15 +209,16 @@ def add_samples(
                 mean_r, mean_g, mean_b, weight = load_columns4(history.pixels, 4 * at)
             else:
                 mean_r, mean_g, mean_b, weight = gather4(history.pixels, output.columns, x, 4, 4 * y * width)
-            rejected = (opened > 0.0) & (weight > 0.0)
-            kept = select((opened > 0.0) & (weight < 0.0), zero, absolute(weight) * stands)
+            rejected, confirmed = (opened > 0.0) & (weight > 0.0), (opened > 0.0) & (weight < 0.0)
+            doubted = rejected | ((weight < 0.0) & adds_none)
+            kept = select(confirmed, zero, absolute(weight) * stands)
             added = select(rejected & (opened > DOUBTED), zero, added * stands * still.counts)
             total = kept + added
             mean, sample = (mean_r, mean_g, mean_b), (r * scale, g * scale, b * scale)
             mean_r, mean_g, mean_b = blended(mean, sample, kept, added, still.exposure)
             converged = clamped((total - READY) / (PERIOD - READY), 0.0, 1.0)
             converged = select(opened > DOUBTED, zero, converged)
-            weight = select(rejected, minimum(total, PERIOD) * -1.0, total)
+            weight = select(doubted, minimum(total, PERIOD) * -1.0, total)
             index = minimum(ramp16() + np.int32(x), np.int32(width - 1)) + np.int32(y * width)
             r, g, b = color_at(image, index)
             r = bounded(lerp(r, mean_r, converged))

@@ -49,8 +49,8 @@ SUMS = 6
 """Lines of a row that are sums over ROWS columns: of differences, of their squares, of lumas of the mean, of
 their squares, of products of both, and of counted samples."""
 LINES = SUMS + 3
-"""Lines of a row: the sums; 1 where the sample is known; where its mean is also not doubted; where it is also
-of enough samples to compare the pattern."""
+"""Lines of a row: the sums; 1 where the sample is known; where its mean is also not doubted, or the doubt
+stays; where it is also of enough samples to compare the pattern."""
 
 
 @device_function
@@ -98,8 +98,8 @@ def compare_row(history, still, tables, y, x0, x1, ring, slot, line):
                 r, g, b, ready, doubted, young = mean_at_samples(history, tables, y, x)
                 inside = ramp16() + np.int32(x) < np.int32(still.width)
                 known = select((ready > COVERED) & (moving < 1.0) & inside, 1.0, zero)
-                certain = select(doubted > 0.0, zero, known)
-                comparable = select(young > 0.0, zero, known)
+                certain = select(doubted * still.counts > 0.0, zero, known)
+                comparable = select(young > 0.0, zero, known * still.counts)
                 counted = known * load16(still.color, at + 3 * pitch)
                 sample = shown_luma(
                     load16(still.color, at), load16(still.color, at + pitch),

@@ -120,13 +120,13 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local
     let above = residual.mean > before.y + margin;
     let slope = select(FOLLOWS, FOLLOWS_DOUBTED, here.y > 0.0);
     let follows = residual.contrast + residual.covariance >= residual.contrast * slope;
-    let other_pattern = here.z <= 0.0 && residual.contrast > 0.0 && !follows;
+    let other_pattern = params.counts > 0.0 && here.z <= 0.0 && residual.contrast > 0.0 && !follows;
     let opens = select(select(0.0, DOUBTED, other_pattern), 1.0, below || above);
     let learns = learning && opens == 0.0;
     let low = select(select(before.x, min(before.x, residual.mean), learns), -UNBOUNDED, above);
     let high = select(select(before.y, max(before.y, residual.mean), learns), UNBOUNDED, below);
     let step = params.render.x * params.render.y / (params.display.x * params.display.y);
     let learned = min(before.z + select(0.0, step, learns), LEARNED);
-    let keeps = select(0.0, 1.0, here.y <= 0.0);
+    let keeps = select(0.0, 1.0, here.y * params.counts <= 0.0);
     textureStore(next_opening, p, vec4f(keeps * vec3f(low, high, learned), opens));
 }

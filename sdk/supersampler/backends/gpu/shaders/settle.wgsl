@@ -58,6 +58,7 @@ fn settle(image: vec3f, history: vec4f, p: vec2i, samples: texture_2d<f32>, flag
     sample *= darkening(sample_peak, select(sample_peak, mean_peak, weight > 0.0));
     mean += share * (sample - mean);
     let converged = select(clamp((total - READY) / (PERIOD - READY), 0.0, 1.0), 0.0, opened);
-    let next_weight = select(total, -min(total, PERIOD), rejected);
+    let stays = history.a < 0.0 && params.counts <= 0.0;
+    let next_weight = select(total, -min(total, PERIOD), rejected || stays);
     return Settled(bounded(image + converged * (mean - image)), vec4f(mean, next_weight), converged);
 }
