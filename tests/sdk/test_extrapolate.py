@@ -336,7 +336,7 @@ def test_unshaded_frames_add_no_samples_to_the_mean_of_what_stands_still(
 def test_an_unshaded_frame_of_another_pattern_doubts_no_mean_and_leaves_doubts(
     executor: ExecutorName,
 ) -> None:
-    """A fine pattern is inverted in an unshaded frame; then in a shaded one, with an unshaded one after it."""
+    """A fine pattern is inverted in an unshaded frame; then in a shaded one, before an unshaded one."""
     model, frames = Model.load("taau", threads=1, executor=executor), pattern_changes.frames(SIZE)
     history = model.first_history(DISPLAY, SIZE)
     once, (first, second) = pattern_changes.ONCE, pattern_changes.TWICE
