@@ -55,7 +55,7 @@ def markdown_table(record: Record) -> str:
     """Return the table of a record, with its caption."""
     rows = []
     for group, names in GROUPS.items():
-        counts = sum(np.array(shot["counts"][group]) for shot in record["shots"])
+        counts = np.sum([shot["counts"][group] for shot in record["shots"]], axis=0)
         for name, of_class in zip(names, counts, strict=True):
             overlaps = of_class[:, 0] / np.maximum(of_class[:, 1], 1)
             rows.append([f"{group}: {name}", *(figure(value, 3) for value in (overlaps.max(), *overlaps))])

@@ -102,10 +102,14 @@ def test_jumps_of_exposure_are_followed_as_on_the_cpu(method: str) -> None:
     assert_alike(method, [*frames, *sudden])
 
 
+@pytest.mark.parametrize("repeated", [(), (pattern_changes.ONCE, pattern_changes.TWICE[1])])
 @pytest.mark.parametrize("method", ["taau", "classifier-small"])
-def test_a_still_pattern_that_is_replaced_restarts_its_mean_as_on_the_cpu(method: str) -> None:
+def test_a_still_pattern_that_is_replaced_restarts_its_mean_as_on_the_cpu(
+    method: str, repeated: tuple[int, ...]
+) -> None:
+    """Frames that repeat the jitter of the previous one doubt nothing, and leave doubts."""
     ours, theirs = make(method), make(method, "cpu")
-    for index, frame in enumerate(pattern_changes.frames(RENDER)):
+    for index, frame in enumerate(pattern_changes.frames(RENDER, repeated)):
         one, other = (upscaler.step(frame, outputs=("converged",)) for upscaler in (ours, theirs))
         assert distance(one.image, other.image, frame.exposure) <= TOLERANCES[method], f"frame {index}"
         assert one.converged is not None
