@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
-from supersampler.methods.model_file import model_names
+from supersampler.methods.model_file import find_model, model_names, read_model_info
 from supersampler_bench.compatibility import gbuffers_of
 from supersampler_bench.markdown_table import size_text, table
 from supersampler_bench.quality.score_record import rows_by_ratio
@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 SPATIAL = ("bilinear", "bicubic")
 PRESET_RATIO = 2.0
+PRESET_RATIOS = 1.0, 3.0
+"""Least and largest ratio that a method of a preset must serve."""
 LEAST_GAIN, NEGLIGIBLE_GAIN = 1.0, 0.05  # dB: of a preset over no history; not worth any time
 
 
@@ -140,11 +142,11 @@ def presets(points: Sequence[Point]) -> dict[str, Spec]:
     balanced: of those between, the one that gains most over fast per additional millisecond; else high.
 
     Only settings with the default `skip` compete, because shots in motion do not show what skipping saves.
-    Methods that read G-buffers are left out, because not all frames have them, and two passes, because a
-    live view has no later frames.
+    Methods that read G-buffers are left out, because not all frames have them, those that do not serve
+    PRESET_RATIOS, because a preset is for any ratio, and two passes, because a live view has no later frames.
     """
-    reads_gbuffers = {name for name in model_names() if gbuffers_of([name])}
-    live = [p for p in points if p.spec.model not in reads_gbuffers and p.spec.passes == 1]
+    special = {name for name in model_names() if gbuffers_of([name]) or not _serves_presets(name)}
+    live = [p for p in points if p.spec.model not in special and p.spec.passes == 1]
     line = frontier([p for p in live if p.spec.skip == "auto"], CLIP_COLUMNS[0])
     floor = max(p.scores["psnr"] for p in points if p.spec.model in SPATIAL)
     good = [p for p in line if p.scores["psnr"] >= floor + LEAST_GAIN] or line[-1:]
@@ -155,6 +157,11 @@ def presets(points: Sequence[Point]) -> dict[str, Spec]:
     balanced = max(between, key=lambda p: _gain(p, fast), default=high)
     exact = replace(high.spec, skip="exact")
     return {"fast": fast.spec, "balanced": exact if balanced is high else balanced.spec, "high": exact}
+
+
+def _serves_presets(model: str) -> bool:
+    least, most = read_model_info(find_model(model)).ratios
+    return least <= PRESET_RATIOS[0] and most >= PRESET_RATIOS[1]
 
 
 def _gain(point: Point, fast: Point) -> float:
