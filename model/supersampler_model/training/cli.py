@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from statistics import mean
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from supersampler.cli.arguments import open_shot
 from supersampler.errors import ArgumentError, did_you_mean
@@ -15,11 +17,14 @@ from supersampler.io.atomic import check_ours
 from supersampler.methods.catalog import LEARNED, listed_methods
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
     from supersampler_model.data.dataset.description import Split
     from supersampler_model.training.trainer import Trainer, Update
     from supersampler_model.training.validate import Validated
 
 app = typer.Typer(help="Train a method that learns.")
+_CONSOLE = Console(stderr=True, highlight=False, soft_wrap=True)
 
 
 @app.command()
@@ -95,13 +100,46 @@ def train(
     baseline = validate(task.baseline.eval(), entries, task.runner) if entries and first else None
     updates: list[Update] = []
     while trainer.done < plan.steps:
-        trainer.run(min((trainer.done // every + 1) * every, plan.steps), on_update=updates.append)
-        trainer.save()
+        update_and_save(trainer, min((trainer.done // every + 1) * every, plan.steps), updates)
         if first:
             found = validate(trainer.average.eval(), entries, task.runner) if entries else None
             _report(trainer, output, updates, found, baseline, {"attributions": named, "init": begun})
         updates.clear()
     leave_processes()
+
+
+def update_and_save(trainer: Trainer, until: int, updates: list[Update]) -> None:
+    """Update and save; on a terminal with a progress bar. Adds to `updates`.
+
+    Raises:
+        typer.Exit: Ctrl-C, after the update in progress; of one process.
+    """
+    from supersampler_model.training.processes import process_count, process_rank
+    from supersampler_model.training.stopping import StopRequest
+
+    alone = process_count() == 1  # several would stop after different updates, and wait for each other
+    with _progress(trainer, shown=process_rank() == 0) as advance:
+
+        def count(update: Update) -> None:
+            updates.append(update)
+            advance()
+
+        with StopRequest(_CONSOLE) if alone else nullcontext() as stop:
+            trainer.run(until, on_update=count, stops=lambda: stop is not None and stop.requested)
+        trainer.save()
+    if trainer.done < until:
+        _CONSOLE.print(f"Stopped after {trainer.done} updates. The same command, given again, goes on.")
+        raise typer.Exit(130)
+
+
+@contextmanager
+def _progress(trainer: Trainer, *, shown: bool) -> Iterator[Callable[[], None]]:
+    """Show the updates done on a terminal; yield what to call after each."""
+    columns = (TextColumn("training"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    disabled = not (shown and _CONSOLE.is_terminal)
+    with Progress(*columns, console=_CONSOLE, transient=True, disable=disabled) as progress:
+        task = progress.add_task("", total=trainer.plan.steps, completed=trainer.done)
+        yield lambda: progress.advance(task)
 
 
 def _lines(path: Path) -> list[str]:
@@ -148,6 +186,4 @@ def _report(
         log.write(trainer.done, {**means, **scores, **baselines}, None if found is None else found.image)
     line = ", ".join(f"{name} {value:.3f}" for name, value in {**means, **scores, **baselines}.items())
     seconds = mean(update.seconds for update in updates)
-    Console(stderr=True, highlight=False, soft_wrap=True).print(
-        f"{trainer.done}/{trainer.plan.steps}, {seconds:.2f} s an update: {line}"
-    )
+    _CONSOLE.print(f"{trainer.done}/{trainer.plan.steps}, {seconds:.2f} s an update: {line}")

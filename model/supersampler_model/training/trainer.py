@@ -121,9 +121,22 @@ class Trainer:
         if (folder / CHECKPOINT).exists():
             self._load(folder / CHECKPOINT)
 
-    def run(self, until: int | None = None, *, on_update: Callable[[Update], None] = lambda _: None) -> None:
-        """Update until `until` updates are done; None: the whole plan."""
-        while self.done < (self.plan.steps if until is None else min(until, self.plan.steps)):
+    def run(
+        self,
+        until: int | None = None,
+        *,
+        on_update: Callable[[Update], None] = lambda _: None,
+        stops: Callable[[], bool] = lambda: False,
+    ) -> None:
+        """Update until `until` updates are done; None: the whole plan.
+
+        Args:
+            until: of all updates, with those of earlier runs.
+            on_update: called after each.
+            stops: asked before each; True: no further one.
+        """
+        target = self.plan.steps if until is None else min(until, self.plan.steps)
+        while self.done < target and not stops():
             started = time.perf_counter()
             losses = self._update()
             self.done += 1

@@ -1,12 +1,14 @@
 """The trainer: the loss falls, runs resume exactly, and unusable data is refused."""
 
 import dataclasses
+import signal
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
+import typer
 
 from stopped_run import assert_goes_on_exactly
 from supersampler import halton_jitter
@@ -20,11 +22,12 @@ from supersampler_model.methods.classifier.model import Classifier
 from supersampler_model.methods.classifier.small import SmallClassifier
 from supersampler_model.methods.classifier_large.model import LargeClassifier
 from supersampler_model.methods.classifier_paper.model import PaperClassifier
-from supersampler_model.training.checkpoint import load_checkpoint
+from supersampler_model.training.checkpoint import CHECKPOINT, load_checkpoint
 from supersampler_model.training.class_loss import ClassifierWeights
 from supersampler_model.training.classifier_task import ClassifierTask
+from supersampler_model.training.cli import update_and_save
 from supersampler_model.training.tasks import TASKS
-from supersampler_model.training.trainer import Plan, Trainer
+from supersampler_model.training.trainer import Plan, Trainer, Update
 from supersampler_model.training.validate import validate
 
 DISPLAY, RENDER = (64, 48), (32, 24)
@@ -61,6 +64,33 @@ def trainer(dataset: Dataset, folder: Path, plan: Plan = PLAN) -> Trainer:
 
 def test_a_run_that_was_stopped_ends_with_the_same_weights(dataset: Dataset, tmp_path: Path) -> None:
     assert_goes_on_exactly(partial(trainer, dataset), tmp_path)
+
+
+class Interrupting(list[Update]):
+    """Updates; Ctrl-C is pressed so many times when the second one is added."""
+
+    times = 1
+
+    def append(self, update: Update) -> None:
+        super().append(update)
+        for _ in range(self.times * (len(self) == 2)):
+            signal.raise_signal(signal.SIGINT)
+
+
+def test_ctrl_c_saves_what_is_done(dataset: Dataset, tmp_path: Path) -> None:
+    before, updates = signal.getsignal(signal.SIGINT), Interrupting()
+    with pytest.raises(typer.Exit):
+        update_and_save(trainer(dataset, tmp_path), PLAN.steps, updates)
+    assert load_checkpoint(tmp_path / CHECKPOINT)["done"] == len(updates) == 2
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_ctrl_c_twice_stops_at_once(dataset: Dataset, tmp_path: Path) -> None:
+    updates = Interrupting()
+    updates.times = 2
+    with pytest.raises(KeyboardInterrupt):
+        update_and_save(trainer(dataset, tmp_path), PLAN.steps, updates)
+    assert not (tmp_path / CHECKPOINT).exists()
 
 
 def test_the_error_falls(dataset: Dataset, tmp_path: Path) -> None:

@@ -1,0 +1,36 @@
+"""Ctrl-C while training: the update in progress is finished and saved first, so that nothing is lost."""
+
+import signal
+from types import FrameType, TracebackType
+from typing import Any, Self
+
+from rich.console import Console
+
+
+class StopRequest:
+    """While entered, the first SIGINT is noted; the second one interrupts as usual.
+
+    Args:
+        console: to say so.
+
+    Attributes:
+        requested: whether a SIGINT came.
+    """
+
+    def __init__(self, console: Console) -> None:
+        self._console, self.requested = console, False
+        self._before: Any = None
+
+    def __enter__(self) -> Self:
+        self._before = signal.signal(signal.SIGINT, self._note)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        signal.signal(signal.SIGINT, self._before)
+
+    def _note(self, number: int, frame: FrameType | None) -> None:  # noqa: ARG002  # as a handler is called
+        self.requested = True
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        self._console.print("Stopping after this update; Ctrl-C again stops at once and loses the last ones.")
