@@ -18,7 +18,9 @@ def test_the_image_is_that_of_the_classifier_at_the_larger_size_filtered(
     render: tuple[int, int], display: tuple[int, int]
 ) -> None:
     trained = load_trained(shipped_weights("classifier"))
-    large, classifier = LargeClassifier.from_classifier(trained), Classifier.of(trained)
+    large = LargeClassifier.from_classifier(trained)
+    classifier = Classifier(large.config).eval()
+    classifier.load_state_dict(large.state_dict())
     inner = Size(*large_size(Size(*display)))
     ours = large.first_history(Size(*display), Size(*render))
     theirs = classifier.first_history(inner, Size(*render))

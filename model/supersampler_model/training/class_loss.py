@@ -44,9 +44,12 @@ def class_loss(logits: Tensor, ghost: Tensor, alias: Tensor, weights: Classifier
 
 
 def class_fractions(classes: Tensor) -> Tensor:
-    """Fraction of each class in 2x2 pixels: (n, H, W) to (n, 3, H / 2, W / 2); unknown pixels add 0."""
+    """Fraction of each class in 2x2 pixels: (n, H, W) to (n, 3, H / 2, W / 2); unknown pixels add 0.
+
+    Sizes are rounded up; at an odd border the fraction is of the pixels that are there.
+    """
     one_hot = torch.stack([classes == c for c in range(3)], dim=1).float()
-    return F.avg_pool2d(one_hot, 2)
+    return F.avg_pool2d(one_hot, 2, ceil_mode=True)
 
 
 def _entropy(logits: Tensor, fractions: Tensor, rarest: float) -> Tensor:

@@ -86,7 +86,8 @@ def _check_aux_outputs(info: ModelInfo) -> None:
             _refuse(info, f"aux_outputs {tensor.name!r}", _text(tensor), f"{WEIGHT} float32")
     names = [tensor.name for tensor in info.aux_outputs]
     if info.converges and "converged" not in names:
-        _refuse(info, "aux_outputs", names, "'converged' too, as there is a history of the mean")
+        got, want = ", ".join(names) or "none", "'converged' too, as there is a history of the mean"
+        _refuse(info, "aux_outputs", got, want)
     shapes = {h.output: h.input.shape for h in info.history} | {t.name: t.shape for t in info.aux_outputs}
     for name, where in info.maps.items():
         shape = shapes.get(where.output, ())

@@ -52,7 +52,7 @@ def test_images_have_the_size_of_the_crops_and_states_are_larger(
         assert stepped.images.shape == sample.reference.shape == (1, 3, SIZE, SIZE)
         assert isinstance(stepped.weight, torch.Tensor)
         assert stepped.weight.shape == (1, 1, SIZE, SIZE)
-        assert states[0][0].shape == (1, 3, 36, 36)
+        assert states[0][0].shape == (1, 3, 34, 34)
         loss = loss + stepped.images.mean() + stepped.terms["classes"]
     assert loss.isfinite()
     loss.backward()  # type: ignore[no-untyped-call]

@@ -126,3 +126,10 @@ def test_a_window_is_even_about_its_pixel_and_eleven_wide() -> None:
     border = image.clone()
     border[..., 0, 0] = 1.0
     assert dissimilarity(border, image)[..., 0, 0] > found[..., 12, 12], "what is outside has no weight"
+
+
+def test_fractions_of_odd_sizes_are_of_the_pixels_that_are_there() -> None:
+    fractions = class_fractions(torch.tensor([[[0, 1, 1], [1, 1, 0], [2, 1, 2]]]))
+    assert fractions.shape == (1, 3, 2, 2)
+    assert fractions[0, 1].tolist() == [[0.75, 0.5], [0.5, 0.0]]
+    torch.testing.assert_close(fractions.sum(dim=1), torch.ones(1, 2, 2))

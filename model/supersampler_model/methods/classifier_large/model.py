@@ -9,11 +9,11 @@ from typing import ClassVar, Self
 
 from torch import Tensor
 
-from supersampler.errors import ArgumentError
 from supersampler.methods.classifier_large.spec import CLASSIFIER_LARGE
 from supersampler.methods.spec import LARGE_HALF
 from supersampler_model.methods.base import Fused
 from supersampler_model.methods.classifier.model import Classifier
+from supersampler_model.methods.classifier.transfer import transferred
 from supersampler_model.methods.weights_file import Trained
 from supersampler_model.ops.convergence import of_size
 from supersampler_model.ops.downsampling import downsample
@@ -27,14 +27,18 @@ class LargeClassifier(Classifier):
 
     @classmethod
     def from_classifier(cls, trained: Trained) -> Self:
-        """Return the method before its training, with the weights of `classifier`.
+        """Return the method before its training, with the weights of `classifier` for what both have.
+
+        Args:
+            trained: weights of `classifier`.
 
         Raises:
             ArgumentError: they are of another method.
         """
-        if trained.method != Classifier.name:
-            raise ArgumentError("weights", got=f"of {trained.method}", want=f"of {Classifier.name}")
-        return cls.of(trained._replace(method=cls.name))
+        method = cls()
+        method.load_state_dict(transferred(trained, method.config))
+        method.learned = trained.facts
+        return method.eval()
 
     def fused(self) -> Fused | None:
         """Return the network of `Classifier`, at half the size of the history."""

@@ -8,18 +8,17 @@ samples: it smooths edges, which one sample a pixel leaves jagged. The history w
 motion is relit: divided by the reflectance of then, multiplied by that of now. The rest is `classifier`.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import ClassVar, NamedTuple, Self
 
 import torch
 from torch import Tensor
 
-from supersampler.errors import ArgumentError
-from supersampler.methods.classifier.spec import ClassifierConfig
 from supersampler.methods.gbuffer_fast.spec import GBUFFER_FAST, GBUFFERS_READ, GuidedConfig
 from supersampler_model.methods.classifier.buffers import CurrentFrame, Gathered, History, WarpedHistory
 from supersampler_model.methods.classifier.model import DIM, HEIGHT, Classifier, edge_of
 from supersampler_model.methods.classifier.network_inputs import root
+from supersampler_model.methods.classifier.transfer import transferred
 from supersampler_model.methods.gbuffer.model import NEIGHBOUR_WEIGHTS
 from supersampler_model.methods.gbuffer.surfaces import lit
 from supersampler_model.methods.gbuffer_fast.surfaces import Surfaces, guide
@@ -97,26 +96,14 @@ class GuidedClassifier(Classifier):
     def from_classifier(cls, trained: Trained) -> Self:
         """Return the method before its training, with the weights of `classifier` for what both have.
 
-        Inputs and colours that `classifier` lacks begin at weights of 0.
-
         Args:
             trained: weights of `classifier`.
 
         Raises:
             ArgumentError: they are of another method.
         """
-        if trained.method != Classifier.name:
-            raise ArgumentError("weights", got=f"of {trained.method}", want=f"of {Classifier.name}")
-        theirs, method = Classifier.of(trained), cls()
-        own = method.config
-        inputs = _places(theirs.config.inputs, own.inputs)
-        blended = _places(_blended(theirs.config), _blended(own))
-        tensors = dict(trained.tensors)
-        for name in ("net.encoder.blocks.0.0.0.weight", "net.hidden.0.weight"):
-            tensors[name] = _moved(tensors[name], inputs, 4 * theirs.config.planes, dim=1)
-        for name in ("net.blend.weight", "net.blend.bias"):
-            tensors[name] = _moved(tensors[name], blended, 4 * theirs.config.blend_parameters, dim=0)
-        method.load_state_dict(tensors)
+        method = cls()
+        method.load_state_dict(transferred(trained, method.config))
         method.learned = trained.facts
         return method.eval()
 
@@ -279,23 +266,3 @@ def neighbours(image: Tensor, display: Size) -> Window:
     pixels = [tall[:, :, dy : dy + h, dx : dx + w] for dy in range(3) for dx in range(3)]
     weights = image.new_tensor(NEIGHBOUR_WEIGHTS).reshape(1, WINDOW, 1, 1)
     return Window(torch.stack(pixels, dim=2), weights)
-
-
-def _blended(config: ClassifierConfig) -> tuple[str, ...]:
-    """Names of the blend parameters, in their order."""
-    colors = ["history", *["rectified"] * config.rectified, *["own"] * config.own_motion]
-    names = [*colors, "sample", "frame", "kernel"]
-    return (*names, *(f"{part}{i}" for part, count in enumerate(config.filters) for i in range(count)))
-
-
-def _places(theirs: Sequence[str], own: Sequence[str]) -> list[int]:
-    """Index in `theirs` of each of our names; -1: not there."""
-    return [theirs.index(name) if name in theirs else -1 for name in own]
-
-
-def _moved(weight: Tensor, places: Sequence[int], packed: int, dim: int) -> Tensor:
-    """Take groups of four channels from their places along an axis; what follows `packed` channels stays."""
-    groups, rest = weight.split_with_sizes([packed, weight.shape[dim] - packed], dim=dim)
-    none = torch.zeros_like(groups.narrow(dim, 0, 4))
-    moved = [groups.narrow(dim, 4 * place, 4) if place >= 0 else none for place in places]
-    return torch.cat([*moved, rest], dim=dim)

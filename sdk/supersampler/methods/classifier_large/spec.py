@@ -1,9 +1,9 @@
 """What `classifier-large` is: `classifier` on a larger history."""
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
-from supersampler.methods.classifier.spec import CLASSIFIER
+from supersampler.methods.classifier.spec import CLASSIFIER, ClassifierConfig
 from supersampler.methods.spec import DISPLAY, HALF, LARGE, LARGE_HALF, Shape
 
 SHARPNESS = 1.15
@@ -11,9 +11,19 @@ SHARPNESS = 1.15
 REACH = 3
 """Pixels of the history on either side that the filter reads; its support is 2 / SHARPNESS display pixels."""
 _LARGER: Mapping[Shape, Shape] = {DISPLAY: LARGE, HALF: LARGE_HALF}
+
+
+@dataclass(frozen=True)
+class LargeConfig(ClassifierConfig):
+    """Without the clipped history, which takes more time than it gives here."""
+
+    rectified: bool = False
+
+
 CLASSIFIER_LARGE = replace(
     CLASSIFIER,
     name="classifier-large",
+    config=LargeConfig,
     ratios=(1.0, 2.0),  # the history of `classifier` is up to three times the frame, this one 2.8 times
     history={
         name: (*shape[:2], *_LARGER.get(shape[2:], shape[2:])) for name, shape in CLASSIFIER.history.items()
