@@ -85,7 +85,7 @@ OK = "0" * 64
             "weight",
         ),
         ({"aux_outputs": [TENSOR | {"name": "x"}]}, "aux_outputs 'x'"),
-        ({"aux_outputs": [], "maps": {}}, "aux_outputs is none; want 'converged' too"),
+        ({"aux_outputs": [], "maps": {}}, "aux_outputs: none; want 'converged' too"),
         ({"maps": {"weight": {"output": "weight", "first": 0, "channels": 2}}}, "map 'weight'"),
         ({"maps": {"weight": {"output": "weight", "first": -1, "channels": 1}}}, "maps.weight.first is -1"),
         ({"maps": {"image": {"output": "weight", "first": 0, "channels": 1}}}, "map 'image'"),
