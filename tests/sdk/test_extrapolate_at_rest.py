@@ -1,0 +1,86 @@
+"""Unshaded frames where nothing moves: they add nothing to the mean of the samples."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import pattern_changes
+from alternating import alternate
+from lit_scene import LitScene
+from supersampler import Frame, Model, Upscaler, halton_jitter
+from supersampler.frame import Float32
+from supersampler.model import ExecutorName
+from supersampler.recording import open_recording
+from supersampler.recording.replay import Replay
+
+SIZE, DISPLAY = (64, 36), (128, 72)
+STILL_BUT_A_DISC = LitScene(radius=7.0, disc_velocity=(0.5, 0.0))
+
+
+def make(method: str, executor: ExecutorName, **options: Any) -> Upscaler:
+    model = Model.load(method, threads=1, executor=executor)
+    return Upscaler(model, display_size=DISPLAY, extrapolation="guided-warp", validate="off", **options)
+
+
+def at_rest(index: int) -> Frame:
+    return STILL_BUT_A_DISC.frame(index, SIZE, halton_jitter(index, 2.0))
+
+
+def mean_of(upscaler: Upscaler) -> Float32:
+    history = upscaler.save_state().history
+    assert history is not None
+    return np.array(history["history.still"][0])
+
+
+@pytest.mark.parametrize("executor", ["onnx", "cpu"])
+@pytest.mark.parametrize("method", ["taau", "classifier-small"])
+def test_unshaded_frames_add_no_samples_to_the_mean_of_what_stands_still(
+    method: str, executor: ExecutorName
+) -> None:
+    upscaler = make(method, executor, skip="exact")
+    alternate(upscaler, at_rest, "s" * 24)
+    for index, kind in enumerate("uusu", 24):
+        before = mean_of(upscaler)
+        alternate(upscaler, at_rest, kind, index)
+        after = mean_of(upscaler)
+        kept = after[3] > 0.0
+        assert kept.mean() > 0.8
+        if kind == "u":
+            np.testing.assert_array_equal(after[:3, kept], before[:3, kept])
+            np.testing.assert_array_equal(after[3, kept], np.abs(before[3, kept]))
+            assert (after[3] == 0.0).any(), "where the disc moves, the mean ends"
+        else:
+            assert (after[3] > before[3] + 0.01).mean() > 0.3
+
+
+@pytest.mark.parametrize("executor", ["onnx", "cpu"])
+def test_an_unshaded_frame_of_another_pattern_doubts_no_mean_and_leaves_doubts(
+    executor: ExecutorName,
+) -> None:
+    """A fine pattern is inverted in an unshaded frame; then in a shaded one, before an unshaded one."""
+    model, frames = Model.load("taau", threads=1, executor=executor), pattern_changes.frames(SIZE)
+    history = model.first_history(DISPLAY, SIZE)
+    once, (first, second) = pattern_changes.ONCE, pattern_changes.TWICE
+    frames[second] = frames[second + 1]  # as before `first`
+    doubted = {}
+    for index, frame in enumerate(frames[: second + 1]):
+        _, history = model.run_checked(
+            frame, history, (), out=None, history_out=None, skip="exact", shaded=index not in (once, second)
+        )
+        weight = model.save_history(history)["history.still"][0, 3, :, 16:48]
+        doubted[index] = float((weight < 0.0).mean())
+    assert doubted[once] == 0.0
+    assert doubted[first] > 0.9
+    assert doubted[second] == doubted[first]
+
+
+def test_a_replay_adds_no_samples_of_unshaded_frames_either(tmp_path: Path) -> None:
+    file = tmp_path / "a.recording"
+    with make("taau", "onnx", record=file) as upscaler:
+        made = alternate(upscaler, at_rest, "sssuusus")
+    replay = Replay(open_recording(file))
+    steps = [step for step in map(replay.call, replay.recording) if step is not None]
+    for image, step in zip(made, steps, strict=True):
+        np.testing.assert_equal(image, None if step.result is None else step.result.image)
