@@ -6,11 +6,11 @@ renderer, not in the upscaler.
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from supersampler.errors import ArgumentError
+from supersampler.errors import ArgumentError, ModelError
 from supersampler.frame import Size
 from supersampler.methods.model_file import find_model, model_names, read_model_info
 from supersampler_bench.compatibility import gbuffers_of
@@ -69,17 +69,20 @@ def measure_pareto(
         display: (width, height) of the images that are timed.
         threads: on the CPU.
         steps: that count, of each setting.
-        on_left_out: called with the reason why a method is left out.
+        on_left_out: called with the reason why a method is left out: no such model, or another ratio.
 
     Raises:
         ArgumentError: a record has no scores of shots, or is of other shots than the first.
     """
-    points = []
-    for ratio, scores in scores_of(records).items():
+    points, scored = [], scores_of(records)
+    missing = dict(_missing(spec.model for scores in scored.values() for spec in scores))
+    for model, reason in missing.items():
+        on_left_out(f"{model} is left out: {reason}")
+    for ratio, scores in scored.items():
         wanted = {
             Setting(spec.model, display, "auto", threads, spec.precision, spec.skip): spec
             for spec in scores
-            if spec.passes == 1
+            if spec.passes == 1 and spec.model not in missing
         }
         found = measure_settings(list(wanted), ratio=ratio, steps=steps, on_left_out=on_left_out)
         timed = {wanted[t.setting]: t for t in found if t.setting in wanted}
@@ -91,6 +94,15 @@ def measure_pareto(
                 runs = f"{t.executor}, {t.precision}"
                 points.append(Point(spec, runs, ratio, t.median * factor, scores[spec]))
     return points
+
+
+def _missing(models: Iterable[str]) -> Iterator[tuple[str, ModelError]]:
+    """Yield the models that are not there, each once, and why: a record may be of a model folder."""
+    for model in dict.fromkeys(models):
+        try:
+            find_model(model)
+        except ModelError as error:
+            yield model, error
 
 
 def scores_of(records: Sequence[Record]) -> dict[float, dict[Spec, dict[str, float]]]:

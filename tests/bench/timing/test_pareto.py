@@ -132,6 +132,15 @@ def test_settings_with_scores_are_timed_plotted_and_come_back_from_their_record(
     assert "| fast | taau |" in preset_table(record)
 
 
+def test_a_model_folder_that_is_not_there_is_left_out_with_the_reason() -> None:
+    record, reasons = quality(), list[str]()
+    record["means"].append({**record["means"][0], "method": "classifier-paper"})
+    points = measure_pareto([record], (48, 27), threads=1, steps=1, on_left_out=reasons.append)
+    assert "classifier-paper" not in {p.spec.model for p in points}
+    [reason] = reasons
+    assert reason.startswith("classifier-paper is left out: no model 'classifier-paper'")
+
+
 def test_scores_of_one_shot_need_no_means() -> None:
     shot = {"name": "own", "render_size": [40, 30], "display_size": [60, 45], "methods": quality()["means"]}
     for method in shot["methods"]:
