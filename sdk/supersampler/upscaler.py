@@ -185,7 +185,8 @@ class Upscaler(DeviceSteps):
         """Upscale the next frame, which was not shaded: its colour comes from the last shaded frame.
 
         Shaded and unshaded frames may alternate in any order. `step` upscales the shaded ones, which must
-        have the G-buffers of the extrapolation, too. Motion points to the previous frame, shaded or not.
+        have the G-buffers of the extrapolation, too. Motion points to the previous frame, shaded or not. The
+        jitter counts shaded frames: `halton_jitter(index // 2, ratio)` where every second one is shaded.
 
         >>> upscaler = Upscaler(display_size=(1920, 1080), extrapolation="guided-warp")
         >>> image = upscaler.step(shaded) if is_shaded else upscaler.extrapolate(without_color)

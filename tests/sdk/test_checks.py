@@ -1,6 +1,7 @@
 """Tests of `FrameChecker`: no warning for correct frames, the right message for each mistake."""
 
 import warnings
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -15,6 +16,7 @@ from supersampler.errors import ArgumentError, FrameError, FrameWarning
 from supersampler.frame import Frame
 from supersampler.io.shot import Shot
 from supersampler.validation import FrameChecker
+from supersampler.validation.checker import Validate
 from supersampler_model.data.scenes.analytic import DiscOverPlane, Plane, checker, zone_plate
 
 DISPLAY = (640, 360)
@@ -47,6 +49,46 @@ def test_a_real_shot_is_fine(frames: list[Frame]) -> None:
 def test_hard_patterns_still_or_moving_are_fine(pattern: Any, velocity: tuple[float, float]) -> None:
     scene = Plane(pattern, velocity)
     check_all([scene.frame(i, (96, 54), halton_jitter(i, 2.0)) for i in range(5)])
+
+
+def jittered(place: Callable[[int], int], count: int = 32) -> list[Frame]:
+    """Return frames of noise whose jitter is that of index `place(i)`; every second one is unshaded."""
+    frames = [noise(i, (24, 16), jitter=halton_jitter(place(i), 2.0), reset=i == 0) for i in range(2 * count)]
+    return [replace(frame, color=None) if i % 2 else frame for i, frame in enumerate(frames)]
+
+
+def warnings_of_jitter(frames: list[Frame], validate: Validate = "warn") -> list[str]:
+    checker = FrameChecker(validate)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        for frame in frames:
+            checker.check(frame, (48, 32))
+    return [str(w.message) for w in caught if "on average" in str(w.message)]
+
+
+@pytest.mark.parametrize("validate", ["warn", "strict"])
+def test_shaded_frames_with_half_of_the_jitter_are_warned_of_once(validate: Validate) -> None:
+    [message] = warnings_of_jitter(jittered(lambda i: i), validate)
+    assert "over 32 shaded frames" in message
+    assert "halton_jitter(index // 2, ratio)" in message
+    assert len(warnings_of_jitter(jittered(lambda i: i) + jittered(lambda i: i), validate)) == 2, (
+        "after a cut"
+    )
+
+
+@pytest.mark.parametrize("ratio", [1.0, 1.5, 2.0, 3.0, 4.0])
+@pytest.mark.parametrize("start", [0, 5, 17])
+def test_jitter_that_counts_shaded_frames_is_fine(ratio: float, start: int) -> None:
+    frames = jittered(lambda i: i // 2)
+    own = [replace(f, jitter=halton_jitter(start + i // 2, ratio)) for i, f in enumerate(frames)]
+    assert warnings_of_jitter(own) == []
+
+
+def test_one_place_in_the_pixel_is_another_mistake_and_few_frames_are_none() -> None:
+    constant = [replace(frame, jitter=(0.3, 0.3)) for frame in jittered(lambda i: i)]
+    assert warnings_of_jitter(constant) == []
+    assert warnings_of_jitter(jittered(lambda i: i, count=31)) == []
+    assert warnings_of_jitter(jittered(lambda i: i), "off") == []
 
 
 def test_what_moves_before_something_else_is_fine() -> None:

@@ -13,7 +13,13 @@ from supersampler.frame import Frame, Size
 from supersampler.methods.convergence import MAX_STATIC_MOTION
 from supersampler.validation.evidence import Evidence
 from supersampler.validation.gbuffers import gbuffer_mistakes
-from supersampler.validation.mistakes import COLOR_UPSIDE_DOWN, JITTER_HELD, RESET_ALWAYS, Mistake
+from supersampler.validation.mistakes import (
+    COLOR_UPSIDE_DOWN,
+    JITTER_HELD,
+    JITTER_ONE_SIDED,
+    RESET_ALWAYS,
+    Mistake,
+)
 from supersampler.validation.reprojection import frame_pairs
 from supersampler.validation.single_frame import single_frame_mistakes
 from supersampler.validation.temporal import FramesSeen, temporal_mistakes
@@ -24,6 +30,8 @@ _WARN_FRAMES = 3  # number that "warn" checks after a start or cut: two pairs, a
 _MAX_RESETS = 4  # number of frames in a row with `reset` that continue each other
 _HELD_FRAMES = 8  # number with one jitter and nothing that moves, after which "warn" reports it
 _STRIDE = 8  # pixels between those whose motion is read for that
+_JITTERS = 32  # shaded frames over which jitter is averaged
+_ONE_SIDED = 0.15  # render pixels: the least average, in an axis, that is reported
 
 
 class FrameChecker:
@@ -36,6 +44,8 @@ class FrameChecker:
             `FrameWarning` once for each kind of mistake; "strict" checks every frame and raises.
         converges: whether the method's image converges where nothing moves (`ModelInfo.converges`). "warn"
             then also reports, in any frame, a jitter that stays the same while nothing moves.
+
+    The jitter of the first 32 shaded frames after a start or cut is averaged: see `_one_sided`.
 
     Raises:
         ArgumentError: `validate` is another value.
@@ -53,6 +63,7 @@ class FrameChecker:
         self._resets = 0  # in a row
         self._jitter: tuple[float, float] | None = None
         self._held = 0  # frames in a row with `_jitter` in which nothing moved
+        self._jitters: tuple[tuple[float, float], ...] = ()  # of the first shaded frames
 
     def check(self, frame: Frame, display_size: Size, gbuffers: Collection[str] = ()) -> None:
         """Check one frame alone and against the earlier ones.
@@ -87,9 +98,13 @@ class FrameChecker:
         held = 1 if fresh else self._held_after(frame)
         if held == _HELD_FRAMES and frame.size != display_size:  # at ratio 1 frames may be anti-aliased
             found.append(JITTER_HELD.found(jitter=frame.jitter, frames=held))
+        jitters = () if fresh else self._jitters
+        if frame.color is not None and self.validate != "off" and len(jitters) < _JITTERS:
+            jitters = (*jitters, frame.jitter)
+            found += _one_sided(jitters)
         self._reported = self._report(found, reported)
         self._seen, self._read, self._resets = seen, read, resets
-        self._jitter, self._held = frame.jitter, held
+        self._jitter, self._held, self._jitters = frame.jitter, held, jitters
 
     def _resets_with(self, frame: Evidence) -> int:
         """Return how many frames in a row, up to this one, have `reset` and continue the one before."""
@@ -115,6 +130,14 @@ class FrameChecker:
             if mistake.kind not in reported:
                 warnings.warn(str(mistake.error()), FrameWarning, stacklevel=4)
         return reported | {mistake.kind for mistake in found}
+
+
+def _one_sided(jitters: Sequence[tuple[float, float]]) -> list[Mistake]:
+    """Return the mistake of jitters that lie on one side of the pixel's centre, once there are enough."""
+    x, y = np.mean(jitters, axis=0).tolist()
+    if len(jitters) < _JITTERS or len(set(jitters)) == 1 or max(abs(x), abs(y)) < _ONE_SIDED:
+        return []
+    return [JITTER_ONE_SIDED.found(x=x, y=y, frames=len(jitters))]
 
 
 def frame_mistakes(frame: Frame, evidence: Evidence, seen: FramesSeen, display_size: Size) -> list[Mistake]:

@@ -133,6 +133,11 @@ JITTER_CONSTANT = Mistake(
 JITTER_HELD = replace(
     JITTER_CONSTANT, got="{jitter} in {frames} frames in which nothing moved", only_a_hint=True,
     hint="A still image converges by samples at new places: go on with halton_jitter, or stop stepping.")
+JITTER_ONE_SIDED = Mistake(
+    "jitter one-sided", "jitter", "({x:.2f}, {y:.2f}) on average over {frames} shaded frames",
+    "samples on all sides of the pixel's centre: about (0, 0)",
+    "Where every second frame is not shaded, count shaded frames: halton_jitter(index // 2, ratio).",
+    only_a_hint=True)
 JITTER_TOO_SMALL = Mistake(
     "jitter too small", "jitter", "never more than {most:.2g}", JITTER_CONSTANT.want,
     "Try Conventions(jitter_unit='ndc') or 'uv'.")

@@ -21,6 +21,7 @@ from studies import (
     precision,
     preroll,
     pyvista_table,
+    shaded_jitter,
     stage_breakdown,
     stepper_study,
 )
@@ -52,6 +53,7 @@ ROOT = Path(__file__).parents[3]
         ("results/backends", "speed avx-vnni", "speed-avx-vnni", older_processors.markdown_table),
         ("results/backends", "speed avx2", "speed-avx2", older_processors.markdown_table),
         ("quality", "oracle test-shots", "oracle", oracle.markdown_table),
+        ("contract", "shaded-jitter", "shaded-jitter", shaded_jitter.markdown_table),
         ("quality", "class-ceiling test-shots", "class-ceiling", class_ceiling.markdown_table),
         ("results/methods", "salvi-options test-shots", "salvi-options", stepper_study.markdown_table),
         ("results/methods", "missing-buffers test-shots", "missing-buffers", stepper_study.markdown_table),
