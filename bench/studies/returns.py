@@ -29,8 +29,13 @@ def run_of(title: str, log: Path) -> dict[str, Any]:
     validated = [row for row in rows if "psnr" in row]
     if not validated:
         raise ArgumentError("log", got=f"{log} without validation", want="log.csv of a run that validated")
-    points = [{"updates": round(row["step"]), **{name: row[name] for name in COLUMNS}} for row in validated]
-    return {"title": title, "points": points, "baseline": validated[0][f"psnr_{BASELINE}"]}
+    baseline = validated[-1][f"psnr_{BASELINE}"]
+    points = [
+        {"updates": round(row["step"]), **{name: row[name] for name in COLUMNS}}
+        for row in validated
+        if row[f"psnr_{BASELINE}"] == baseline  # sets may have grown since
+    ]
+    return {"title": title, "points": points, "baseline": baseline}
 
 
 def markdown_table(record: Record) -> str:
