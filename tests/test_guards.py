@@ -32,7 +32,7 @@ CONTRACTS = {
 }
 """What is left of an error after a frame at rest."""
 PRODUCTS = {
-    "classifier": 4200, "classifier-small": 2000, "classifier-large": 8240, "extrapolate": 4200,
+    "classifier": 4200, "classifier-small": 2000, "classifier-large": 7410, "extrapolate": 4200,
     "gbuffer-fast": 4200, "gbuffer-small": 17500, "gbuffer-small-4x": 7200, "guided-flow": 1550,
 }  # fmt: skip
 """Multiply-adds a display pixel."""
