@@ -30,6 +30,7 @@ from supersampler.frame import Float32, Size
 from supersampler.methods.model_file import model_names
 from supersampler.model import ExecutorName, Precision, Skip
 from supersampler_bench.cli.options import JSON, counted, listed, publish, say, warn
+from supersampler_bench.compatibility import incompatibility
 from supersampler_bench.record import Record, machine_name, read_record, setting
 from supersampler_bench.timing.speed import frames_of
 
@@ -42,7 +43,8 @@ SIZES: tuple[tuple[Size, Size], ...] = (
     ((45, 27), (131, 77)),
     ((123, 67), (187, 103)),
 )
-"""Render and display sizes; methods of one ratio have that multiple of the render size instead."""
+"""Render and display sizes; methods of one ratio have that multiple of the render size instead.
+Sizes of ratios that a method lacks are left out."""
 MEASURED_EXPOSURE = (53, 31)
 """Render size at which frames have no exposure, so that the method measures it."""
 EXTRAPOLATED = tuple(product(("classifier", "extrapolate"), ("guided-warp", "guided-flow")))
@@ -134,7 +136,7 @@ def measure_hashes(
     *,
     on_run: Callable[[], None] = lambda: None,
 ) -> list[Hashed]:
-    """Step each subject through the frames of `scene` at each size.
+    """Step each subject through the frames of `scene` at each size whose ratio it has.
 
     Args:
         measured: models and how they run.
@@ -146,7 +148,8 @@ def measure_hashes(
         ratio = _model(subject.method, subject.executor, subject.precision).info.only_ratio
         if ratio is not None:
             display = (round(render[0] * ratio), round(render[1] * ratio))
-        results.append(_hashed(subject, render, display))
+        if not incompatibility(subject.method, render, display):
+            results.append(_hashed(subject, render, display))
         on_run()
     return results
 

@@ -44,6 +44,15 @@ def test_a_method_is_hashed_in_every_way_that_it_runs() -> None:
     ]
 
 
+def test_sizes_of_ratios_that_a_method_lacks_are_left_out() -> None:
+    [subject, *_] = subjects(["classifier-large"])
+    counted: list[None] = []
+    sizes = ((16, 9), (24, 14)), ((16, 9), (48, 27))
+    found = measure_hashes([subject], sizes, on_run=lambda: counted.append(None))
+    assert [(one.render, one.display) for one in found] == [sizes[0]]
+    assert len(counted) == len(sizes)
+
+
 def test_a_second_run_has_the_same_hashes(record: dict[str, Any]) -> None:
     again = hashes_record(measure_hashes(subjects(["taa"]), [SMALL]))
     assert list(differences(record, again)) == []
