@@ -127,7 +127,7 @@ def update_and_save(trainer: Trainer, until: int, updates: list[Update]) -> None
         with StopRequest(_CONSOLE) if alone else nullcontext() as stop:
             trainer.run(until, on_update=count, stops=lambda: stop is not None and stop.requested)
         trainer.save()
-    if trainer.done < until:
+    if stop is not None and stop.requested and trainer.done < trainer.plan.steps:
         _CONSOLE.print(f"Stopped after {trainer.done} updates. The same command, given again, goes on.")
         raise typer.Exit(130)
 

@@ -77,12 +77,19 @@ class Interrupting(list[Update]):
             signal.raise_signal(signal.SIGINT)
 
 
-def test_ctrl_c_saves_what_is_done(dataset: Dataset, tmp_path: Path) -> None:
+@pytest.mark.parametrize("until", [2, PLAN.steps])
+def test_ctrl_c_saves_what_is_done(dataset: Dataset, tmp_path: Path, until: int) -> None:
     before, updates = signal.getsignal(signal.SIGINT), Interrupting()
     with pytest.raises(typer.Exit):
-        update_and_save(trainer(dataset, tmp_path), PLAN.steps, updates)
+        update_and_save(trainer(dataset, tmp_path), until, updates)
     assert load_checkpoint(tmp_path / CHECKPOINT)["done"] == len(updates) == 2
     assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_ctrl_c_in_the_last_update_ends_as_any_run(dataset: Dataset, tmp_path: Path) -> None:
+    run = trainer(dataset, tmp_path, dataclasses.replace(PLAN, steps=2))
+    update_and_save(run, 2, Interrupting())
+    assert run.done == run.plan.steps
 
 
 def test_ctrl_c_twice_stops_at_once(dataset: Dataset, tmp_path: Path) -> None:
