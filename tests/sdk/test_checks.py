@@ -58,12 +58,7 @@ def jittered(place: Callable[[int], int], count: int = 32) -> list[Frame]:
 
 
 def warnings_of_jitter(frames: list[Frame], validate: Validate = "warn") -> list[str]:
-    checker = FrameChecker(validate)
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        for frame in frames:
-            checker.check(frame, (48, 32))
-    return [str(w.message) for w in caught if "on average" in str(w.message)]
+    return [message for message in told(frames, (48, 32), validate=validate) if "on average" in message]
 
 
 @pytest.mark.parametrize("validate", ["warn", "strict"])
@@ -202,8 +197,14 @@ def rest(count: int, **overrides: Any) -> list[Frame]:
     return [noise(1, jitter=jitter, motion=still, **overrides) for jitter in jitters]
 
 
-def told(frames: list[Frame], display: tuple[int, int] = (64, 36), *, converges: bool = True) -> list[str]:
-    checker = FrameChecker("warn", converges=converges)
+def told(
+    frames: list[Frame],
+    display: tuple[int, int] = (64, 36),
+    *,
+    converges: bool = True,
+    validate: Validate = "warn",
+) -> list[str]:
+    checker = FrameChecker(validate, converges=converges)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         for frame in frames:
