@@ -1,7 +1,7 @@
-"""The best that a prediction for squares of 2x2 pixels can be: with the true classes of the pixels in hand.
+"""The highest intersection over union that a prediction for squares of 2x2 pixels can have.
 
-Classifiers predict for such squares, and true classes are of pixels. A class is said of each square that has
-at least so many pixels of it; the number that gives the most intersection over union is the ceiling.
+Classifiers predict for such squares, and true classes are of pixels. Here the prediction is made from the true
+classes: a square has a class if at least so many of its pixels have it. The best number gives the ceiling.
 
     python bench/studies/class_ceiling.py test-shots --json bench/results/studies/class-ceiling.json \
         --update docs/quality.md
@@ -22,7 +22,7 @@ from supersampler_bench.quality.summaries import BORDER, WARM_UP_FRAMES
 from supersampler_bench.record import Record
 
 LEAST = (1, 2, 3, 4)
-"""Pixels of a class in a square of which it is said."""
+"""Least number of pixels of a class in a square that is predicted to have it."""
 
 
 def counts_of(truth: NDArray[np.uint8]) -> NDArray[np.int64]:
@@ -34,8 +34,8 @@ def counts_of(truth: NDArray[np.uint8]) -> NDArray[np.int64]:
         whole = np.pad(true, ((0, height % 2), (0, width % 2)))
         held = whole.reshape(whole.shape[0] // 2, 2, whole.shape[1] // 2, 2).sum(axis=(1, 3))
         for at, least in enumerate(LEAST):
-            said = (held >= least).repeat(2, axis=0).repeat(2, axis=1)[:height, :width]
-            both, either = (crop(mask, BORDER).sum() for mask in (said & true, said | true))
+            predicted = (held >= least).repeat(2, axis=0).repeat(2, axis=1)[:height, :width]
+            both, either = (crop(mask, BORDER).sum() for mask in (predicted & true, predicted | true))
             counts[number, at] = both, either
     return counts
 

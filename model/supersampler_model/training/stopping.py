@@ -8,10 +8,10 @@ from rich.console import Console
 
 
 class StopRequest:
-    """While entered, the first SIGINT is noted; the second one interrupts as usual.
+    """Context manager that records the first SIGINT; the second one raises KeyboardInterrupt.
 
     Args:
-        console: to say so.
+        console: prints the message of the first one.
 
     Attributes:
         requested: whether a SIGINT came.
