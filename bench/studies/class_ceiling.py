@@ -1,6 +1,6 @@
 """The highest intersection over union that a prediction for squares of 2x2 pixels can have.
 
-Classifiers predict for such squares, and true classes are of pixels. Here the prediction is made from the true
+Classifiers predict for such squares, and true classes are of pixels. Here the prediction is made from true
 classes: a square has a class if at least so many of its pixels have it. The best number gives the ceiling.
 
     python bench/studies/class_ceiling.py test-shots --json bench/results/studies/class-ceiling.json \
