@@ -18,7 +18,7 @@ from supersampler_bench.stress.recovery import LEAST_BOUND, hostile_bound
 from supersampler_bench.stress.report import draw_sheets, markdown_table, stress_record
 from supersampler_bench.stress.runner import FAMILIES, Outcome, chosen, measure, run, runs
 from supersampler_bench.stress.scenario import ROUNDING, Figure, Scenario, Session, Subject
-from supersampler_bench.stress.scenes import LAP, LOOP, Orbit, moving, still
+from supersampler_bench.stress.scenes import LAP, LOOP, PERIOD, Orbit, moving, still
 from supersampler_bench.stress.steady import passed_by_average
 from supersampler_bench.stress.subjects import subjects
 from supersampler_model.data.scenes.analytic import EXTENT, places
@@ -243,6 +243,15 @@ def test_with_an_extrapolation_model_every_second_frame_is_unshaded() -> None:
         False,
         True,
     ]  # an unshaded frame stays in the history until the cut
+
+
+def test_where_every_second_frame_is_shaded_its_shaded_frames_have_all_phases_of_the_jitter() -> None:
+    [subject] = subjects(["taa+guided-warp"], ["cpu"])
+    for frames in (still((24, 16), subject.every), moving((24, 16), subject.every)):
+        shaded, unshaded = ([frame.jitter for frame in frames[first::2]] for first in (0, 1))
+        assert len(set(shaded)) == PERIOD
+        assert unshaded == shaded
+        assert len(shaded) % PERIOD == 0  # a loop ends with a period of the jitter
 
 
 def test_a_disturbance_is_over_after_the_last_frame_that_shows_it() -> None:

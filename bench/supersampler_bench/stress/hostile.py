@@ -58,7 +58,7 @@ class _Injected:
 
     def __call__(self, trial: Trial) -> Measured:
         disturbed, baseline = trial.begin(), trial.begin()
-        frames = cycle(still(trial.render))
+        frames = cycle(still(trial.render, trial.every))
         step_both(disturbed, baseline, same_frames(frames, PERIOD))
         differences, worst = [], 0.0
         for field, kind in product(FIELDS, PLACES):
@@ -105,7 +105,7 @@ def _reach(image: Float32, baseline: Float32, x: int, y: int) -> float:
 def spike(trial: Trial) -> Measured:
     """2x2 pixels have the brightest light of half floats, in one frame."""
     disturbed, baseline = trial.begin(), trial.begin()
-    frames = cycle(still(trial.render))
+    frames = cycle(still(trial.render, trial.every))
     step_both(disturbed, baseline, same_frames(frames, 2 * PERIOD))
     frame = next(frames)
     where = np.zeros(trial.render[::-1], bool)
@@ -117,7 +117,7 @@ def spike(trial: Trial) -> Measured:
 def fireflies(trial: Trial) -> Measured:
     """In motion, for a period, half a percent of the pixels are far too bright."""
     disturbed, baseline = trial.begin(), trial.begin()
-    frames, random = cycle(moving(trial.render)), np.random.default_rng(3)
+    frames, random = cycle(moving(trial.render, trial.every)), np.random.default_rng(3)
     step_both(disturbed, baseline, same_frames(frames, PERIOD))
     during = []
     for frame in islice(frames, PERIOD):

@@ -19,7 +19,7 @@ from supersampler_bench.stress.scenario import (
     Trial,
     Watched,
 )
-from supersampler_bench.stress.scenes import PERIOD, still
+from supersampler_bench.stress.scenes import still
 
 CLEAN = 30
 """Number of clean frames after the hostile one."""
@@ -49,13 +49,14 @@ class _OneFrame:
 
     def __call__(self, trial: Trial) -> Measured:
         session = trial.begin()
-        frames = [replace(frame, exposure=None) for frame in still(trial.render)]
+        frames = [replace(frame, exposure=None) for frame in still(trial.render, trial.every)]
         starts = {}
-        for index in range(PERIOD + max(RESETS) + 1):
-            if index - PERIOD in RESETS:
-                following = [frames[(index + later) % PERIOD] for later in range(CLEAN + 1)]
-                starts[index - PERIOD] = _Start(session, session.save_state(), following)
-            session.step(frames[index % PERIOD])
+        period = len(frames)
+        for index in range(period + max(RESETS) + 1):
+            if index - period in RESETS:
+                following = [frames[(index + later) % period] for later in range(CLEAN + 1)]
+                starts[index - period] = _Start(session, session.save_state(), following)
+            session.step(frames[index % period])
         resets = {
             offset: [replace(bad, reset=True) for bad in self._hostile(start.frames[0])]
             for offset, start in starts.items()

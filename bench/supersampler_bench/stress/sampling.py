@@ -24,7 +24,8 @@ SIZES: Sequence[Size] = ((1, 1), (1, 7), (7, 1), (2, 2), (3, 5), (17, 13), (31, 
 
 def corners(trial: Trial) -> Measured:
     """Samples lie in the four corners of pixels by turns, then as they should: a period more."""
-    frames = [STILL.frame(0, trial.render, CORNERS[i % 4]) for i in range(PERIOD)]
+    count = PERIOD * trial.every
+    frames = [STILL.frame(0, trial.render, CORNERS[i // trial.every % 4]) for i in range(count)]
     return _disturbed(trial, frames, more=PERIOD)
 
 
@@ -39,7 +40,7 @@ def negated(trial: Trial) -> Measured:
 
 
 def _with_jitter(trial: Trial, jitter_of: Callable[[Jitter], Jitter]) -> list[Frame]:
-    return [replace(frame, jitter=jitter_of(frame.jitter)) for frame in still(trial.render)]
+    return [replace(frame, jitter=jitter_of(frame.jitter)) for frame in still(trial.render, trial.every)]
 
 
 def _disturbed(trial: Trial, frames: Sequence[Frame], more: int = 0) -> Measured:
@@ -47,7 +48,7 @@ def _disturbed(trial: Trial, frames: Sequence[Frame], more: int = 0) -> Measured
     wrong = [replace(frame, reset=False) for frame in frames]
     settles = repeat(trial, wrong)
     disturbed, baseline = trial.begin(), trial.begin()
-    right = still(trial.render)
+    right = still(trial.render, trial.every)
     during = step_both(disturbed, baseline, zip(wrong * 4, [*right] * 4, strict=True))
     watched = max(5 * PERIOD, trial.subject.recovery + more + 8)
     after = step_both(disturbed, baseline, same_frames(cycle(right), watched))
@@ -63,7 +64,8 @@ def sweep(trial: Trial) -> Measured:
     for index in range(SWEEP):
         ratio = 0.5 * (1.0 + LARGEST_RATIO - (LARGEST_RATIO - 1.0) * np.cos(2.0 * np.pi * index / SWEEP))
         size = math.ceil(trial.display[0] / ratio), math.ceil(trial.display[1] / ratio)
-        frames.append(replace(STILL.frame(index, size, halton_jitter(index, ratio)), reset=False))
+        jitter = halton_jitter(index // trial.every, ratio)
+        frames.append(replace(STILL.frame(index, size, jitter), reset=False))
     run = repeat(trial, frames, [truth(STILL, 0, trial.display)] * SWEEP)
     figures = (Figure("change in a loop", run.changes[-1], REST), Figure("PSNR lost, dB", run.lost(), DECAY))
     return Measured(figures, run.changes)

@@ -57,6 +57,7 @@ class Subject:
         begin: makes a session for a display size, on so many threads.
         exact: the same method in the graph, in single precision; None where this is it.
         recovery: frames in which what was bad is forgotten.
+        every: frames from one shaded frame to the next; 1: all are shaded.
         ratios: of display to render size, the least and the largest.
         sequences: upscales whole sequences, for methods of two passes; None for others, which are stepped.
     """
@@ -69,6 +70,7 @@ class Subject:
     begin: Callable[[Size, int], Session]
     exact: Callable[[Size, int], Session] | None = None
     recovery: int = RECOVERY
+    every: int = 1
     ratios: tuple[float, float] = (1.0, 4.0)
     sequences: Sequences | None = None
 
@@ -132,6 +134,11 @@ class Trial:
         low, high = self.subject.ratios
         ratio = min(max(2.0, low), high)
         return round(self.display[0] / ratio), round(self.display[1] / ratio)
+
+    @property
+    def every(self) -> int:
+        """Frames from one shaded frame to the next."""
+        return self.subject.every
 
     @property
     def watched(self) -> int:

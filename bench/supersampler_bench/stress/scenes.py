@@ -61,20 +61,27 @@ def _round(index: int) -> Values:
 
 
 @cache
-def still(render: Size) -> Sequence[Frame]:
-    """One period of the jitter of the scene that stands."""
-    return frames_of(STILL, render, PERIOD)
+def still(render: Size, every: int = 1) -> Sequence[Frame]:
+    """One period of the jitter of the scene that stands; `every`: see `frames_of`."""
+    return frames_of(STILL, render, PERIOD * every, every)
 
 
 @cache
-def moving(render: Size) -> Sequence[Frame]:
-    """One loop of the scene that moves."""
-    return frames_of(Orbit(), render, LOOP)
+def moving(render: Size, every: int = 1) -> Sequence[Frame]:
+    """One loop of the scene that moves; `every`: see `frames_of`."""
+    return frames_of(Orbit(), render, lcm(PERIOD * every, LAP), every)
 
 
-def frames_of(scene: Scene, render: Size, count: int) -> Sequence[Frame]:
-    """Frames of a scene, none of which resets."""
-    frames = (scene.frame(i, render, halton_jitter(i, RATIO)) for i in range(count))
+def frames_of(scene: Scene, render: Size, count: int, every: int = 1) -> Sequence[Frame]:
+    """Frames of a scene, none of which resets.
+
+    Args:
+        scene: the scene.
+        render: (width, height).
+        count: number of frames.
+        every: frames from one shaded frame to the next. The jitter counts shaded frames.
+    """
+    frames = (scene.frame(i, render, halton_jitter(i // every, RATIO)) for i in range(count))
     return [replace(frame, reset=False) for frame in frames]
 
 

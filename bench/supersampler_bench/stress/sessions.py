@@ -17,7 +17,7 @@ THREADS = (2, 3, 5)
 
 def threads(trial: Trial) -> Measured:
     """One thread, two, three, five: no bit changes on the CPU backend, rounding alone on the ONNX backend."""
-    frames = _frames(moving(trial.render), trial.frames)
+    frames = _frames(moving(trial.render, trial.every), trial.frames)
     expected = _images(trial.begin(), frames)
     curve = [_largest_difference(expected, _images(trial.begin(threads=count), frames)) for count in THREADS]
     bound = 0.0 if trial.subject.executor == "cpu" else ROUNDING
@@ -26,7 +26,7 @@ def threads(trial: Trial) -> Measured:
 
 def interleaved(trial: Trial) -> Measured:
     """Two sessions of one model, step by step in turns, then on two threads: both are as if alone."""
-    inputs = [_frames(f, trial.frames) for f in (moving(trial.render), real(trial.render))]
+    inputs = [_frames(f, trial.frames) for f in (moving(trial.render, trial.every), real(trial.render))]
     expected = [_images(trial.begin(), frames) for frames in inputs]
     one, other = trial.begin(), trial.begin()
     turns = [(one.step(a), other.step(b)) for a, b in zip(*inputs, strict=True)]
@@ -43,7 +43,7 @@ def interleaved(trial: Trial) -> Measured:
 
 def restored(trial: Trial) -> Measured:
     """State is saved half-way: another session that loads it, and the same one later, go on bit for bit."""
-    frames, half = _frames(moving(trial.render), trial.frames), trial.frames // 2
+    frames, half = _frames(moving(trial.render, trial.every), trial.frames), trial.frames // 2
     session, other = trial.begin(), trial.begin()
     _images(session, frames[:half])
     state = pickle.dumps(session.save_state())

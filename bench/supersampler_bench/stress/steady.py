@@ -10,7 +10,7 @@ from supersampler.io.display import decibels, display_transform
 from supersampler_bench.stress.compare import difference, repeat
 from supersampler_bench.stress.contraction import EVERY, contraction
 from supersampler_bench.stress.scenario import DECAY, REST, STEP, Figure, Measured, Scenario, Trial
-from supersampler_bench.stress.scenes import LAP, LOOP, PERIOD, STILL, Orbit, moving, still, truth
+from supersampler_bench.stress.scenes import LAP, PERIOD, STILL, Orbit, moving, still, truth
 
 SWING = 1.5
 """dB of PSNR that images of a scene at rest may go up and down by."""
@@ -25,8 +25,8 @@ _UNIT = 1e-7  # rounding of single precision: what is less apart than this is no
 
 def at_rest(trial: Trial) -> Measured:
     """A static scene with wires: its image settles, and stays as it was in the thirteenth period."""
-    frames, base = still(trial.render), truth(STILL, 0, trial.display)
-    run = repeat(trial, frames, [base] * PERIOD)
+    frames, base = still(trial.render, trial.every), truth(STILL, 0, trial.display)
+    run = repeat(trial, frames, [base] * len(frames))
     figures = [
         Figure("change in a period", run.changes[-1], REST),
         Figure("mean abs difference", run.mean_abs_difference, REST),
@@ -53,14 +53,14 @@ def _psnr_of_average(frames: Sequence[Frame], display: Size, wanted: Float32) ->
 
 def flicker(trial: Trial) -> Measured:
     """At rest: deviation over a period of the jitter, as a share of that of single frames upsampled."""
-    frames = still(trial.render)
+    frames = still(trial.render, trial.every)
     images = repeat(trial, frames).images
     spatial = Upscaler("bilinear", display_size=trial.display, validate="off", threads=1)
     single = [display_transform(spatial.step(frame)) for frame in frames]
     left = _deviation(images) / _deviation(single)
     base = display_transform(truth(STILL, 0, trial.display))
     curve = [float(np.abs(image - base).mean()) for image in images]
-    return Measured((Figure("share left", left, passed_by_average(EMA, PERIOD)),), curve)
+    return Measured((Figure("share left", left, passed_by_average(EMA, len(frames))),), curve)
 
 
 def passed_by_average(alpha: float, period: int) -> float:
@@ -74,15 +74,16 @@ def _deviation(images: Sequence[Float32]) -> float:
 
 def in_motion(trial: Trial) -> Measured:
     """A disc circles before a swinging plane, over and over: images repeat as the frames do."""
-    frames = moving(trial.render)
-    run = repeat(trial, frames, [truth(Orbit(), i % LAP, trial.display) for i in range(LOOP)])
+    frames = moving(trial.render, trial.every)
+    run = repeat(trial, frames, [truth(Orbit(), i % LAP, trial.display) for i in range(len(frames))])
     figures = (Figure("change in a loop", run.changes[-1], REST), Figure("PSNR lost, dB", run.lost(), DECAY))
     return Measured(figures, run.changes)
 
 
 def precisions(trial: Trial) -> Measured:
     """The same moving frames on the ONNX backend in fp32: the difference is small and does not grow."""
-    frames, loops = moving(trial.render), max(trial.frames // LOOP, 3)
+    frames = moving(trial.render, trial.every)
+    loops = max(trial.frames // len(frames), 3)
     session, exact = trial.begin(), (trial.subject.exact or trial.subject.begin)(trial.display, 1)
     means = [
         float(np.mean([difference(session.step(f), exact.step(f)).mean for f in frames]))
@@ -98,18 +99,18 @@ def precisions(trial: Trial) -> Measured:
 
 def contraction_at_rest(trial: Trial) -> Measured:
     """The history is disturbed a little, at rest."""
-    return _contraction(trial, still(trial.render))
+    return _contraction(trial, still(trial.render, trial.every))
 
 
 def contraction_in_motion(trial: Trial) -> Measured:
     """The history is disturbed a little, in motion."""
-    return _contraction(trial, moving(trial.render))
+    return _contraction(trial, moving(trial.render, trial.every))
 
 
 def _contraction(trial: Trial, frames: Sequence[Frame]) -> Measured:
     size = SMALL if trial.subject.precision == "fp32" else 4.0 * STEP
     rounds = trial.frames // EVERY
-    found = contraction(trial.begin(), trial.begin(), frames, rounds, size, warm_up=6 * PERIOD)
+    found = contraction(trial.begin(), trial.begin(), frames, rounds, size, warm_up=6 * PERIOD * trial.every)
     figures = (Figure("rate a frame", found.rate, 1.0), Figure("rate, worst 16 frames", max(found.last), 1.0))
     return Measured(figures, found.rates)
 

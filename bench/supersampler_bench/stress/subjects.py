@@ -50,6 +50,7 @@ def _of(method: str, executors: Sequence[ExecutorName]) -> Iterator[Subject]:
             begin=begin,
             exact=None if is_exact else replace(begin, executor="onnx", precision="fp32"),
             recovery=SLOW.get(spec.model, RECOVERY),
+            every=2 if extrapolation else 1,
             ratios=model.info.ratios,
             sequences=partial(_sequence, model) if spec.passes == 2 else None,
         )

@@ -32,7 +32,7 @@ def cuts(trial: Trial) -> Measured:
     """Every frame is a cut: each image is that of a new session."""
     session = trial.begin()
     curve = []
-    for frame in islice(cycle(moving(trial.render)), trial.frames):
+    for frame in islice(cycle(moving(trial.render, trial.every)), trial.frames):
         image = session.step(replace(frame, reset=True))
         curve.append(float(np.abs(image - trial.begin().step(frame)).max()))
     return Measured((Figure("largest difference", max(curve), 0.0),), curve)
@@ -44,7 +44,7 @@ def far_vectors(trial: Trial) -> Measured:
     curve: list[float] = []
     for length in TOO_FAR:
         session, found = trial.begin(), []
-        for frame in islice(cycle(moving(trial.render)), trial.frames // len(TOO_FAR)):
+        for frame in islice(cycle(moving(trial.render, trial.every)), trial.frames // len(TOO_FAR)):
             away = replace(frame, motion=np.full_like(frame.motion, length))
             found.append(difference(session.step(away), trial.begin().step(away)).mean)
         worst[length], curve = max(found), curve + found
@@ -57,14 +57,15 @@ def far_vectors(trial: Trial) -> Measured:
 def jump(trial: Trial) -> Measured:
     """The scene is replaced without a reset or motion."""
     disturbed, baseline = trial.begin(), trial.begin()
-    for frame in (*moving(trial.render), *_elsewhere(trial.render)):
+    for frame in (*moving(trial.render, trial.every), *_elsewhere(trial.render, trial.every)):
         disturbed.step(frame)
-    after = step_both(disturbed, baseline, same_frames(cycle(still(trial.render)), trial.watched))
+    frames = cycle(still(trial.render, trial.every))
+    after = step_both(disturbed, baseline, same_frames(frames, trial.watched))
     return recovery_figure(trial, [], after)
 
 
-def _elsewhere(render: Size) -> Sequence[Frame]:
-    return frames_of(Plane(zone_plate), render, PERIOD)
+def _elsewhere(render: Size, every: int) -> Sequence[Frame]:
+    return frames_of(Plane(zone_plate), render, PERIOD, every)
 
 
 @dataclass(frozen=True)
@@ -94,7 +95,7 @@ class _Between:
     def __call__(self, trial: Trial) -> Measured:
         step = self._pixels * EXTENT[0] / trial.render[0], self._pixels * EXTENT[1] / trial.render[1]
         scene = Sway(step)
-        frames = frames_of(scene, trial.render, 2 * SWAY)
+        frames = frames_of(scene, trial.render, 2 * SWAY, trial.every)
         run = repeat(trial, frames, [scene.truth(i, trial.display, 4) for i in range(2 * SWAY)])
         figures = (
             Figure("change in a loop", run.changes[-1], REST),
@@ -106,7 +107,7 @@ class _Between:
 def extreme_depth(trial: Trial) -> Measured:
     """Depth is all sky, all infinitely near, one after the other, or anything between, frame by frame."""
     disturbed, baseline = trial.begin(), trial.begin()
-    frames, random = cycle(still(trial.render)), np.random.default_rng(2)
+    frames, random = cycle(still(trial.render, trial.every)), np.random.default_rng(2)
     step_both(disturbed, baseline, same_frames(frames, PERIOD))
     during = []
     for i, frame in enumerate(islice(frames, 2 * PERIOD)):
@@ -119,7 +120,7 @@ def extreme_depth(trial: Trial) -> Measured:
 def lost_frames(trial: Trial) -> Measured:
     """Every eighth frame is lost, so that motion is too short after it; every eighth is handed in twice."""
     disturbed, baseline = trial.begin(), trial.begin()
-    frames = cycle(moving(trial.render))
+    frames = cycle(moving(trial.render, trial.every))
     during = [
         difference(*_with_losses(disturbed, baseline, f, i)) for i, f in enumerate(islice(frames, 4 * PERIOD))
     ]
