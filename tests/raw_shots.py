@@ -16,7 +16,7 @@ from supersampler import Frame, Model, Upscaler, halton_jitter
 from supersampler.backends.gpu.device import default_device
 
 DISPLAY = (41, 25)
-SIZES = ((20, 12), (20, 12), (21, 13), (17, 11), (17, 11), *((20, 12),) * 12)
+SIZES = ((20, 12), (20, 12), (27, 17), (21, 13), (21, 13), *((20, 12),) * 12)
 RESET, GIVEN, STILL = 4, 2, 6
 """Frames with a reset; with an exposure that is given; from which on nothing moves."""
 FORMATS = {"color": ("rgba32float", 4), "depth": ("r32float", 1), "motion": ("rg32float", 2)}

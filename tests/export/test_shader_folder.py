@@ -7,6 +7,8 @@ import subprocess
 import sys
 from functools import cache
 from importlib.resources import files
+from math import prod
+from operator import eq, ge
 from pathlib import Path
 from typing import Any
 
@@ -26,10 +28,16 @@ from supersampler_export.shaders.folder import write_shader_folder
 from supersampler_export.shaders.targets import PLACE
 from supersampler_export.shaders.translation import TranslationError, translate
 
-METHODS = ["taa", "taau", "classifier", "classifier-small"]
+METHODS = ["taa", "taau", "classifier", "classifier-small", "classifier-large"]
 SHADERS = [
     Path(str(files("supersampler"))) / folder / "shaders"
-    for folder in ("backends/gpu", "methods/taa", "methods/taau", "methods/classifier")
+    for folder in (
+        "backends/gpu",
+        "methods/taa",
+        "methods/taau",
+        "methods/classifier",
+        "methods/classifier_large",
+    )
 ]
 
 
@@ -95,23 +103,25 @@ def test_every_resource_that_a_shader_declares_is_described(folders: dict[str, P
 @pytest.mark.parametrize(
     ("render", "display"), [((37, 21), (101, 61)), ((1, 1), (1, 2)), ((320, 180), (641, 363))]
 )
-def test_sizes_by_rule_are_those_of_the_gpu_backend(
+def test_sizes_by_rule_are_those_of_the_gpu_backend_and_of_the_larger_display_at_least_as_large(
     folders: dict[str, Path], method: str, render: tuple[int, int], display: tuple[int, int]
 ) -> None:
     sizes = {"one": (1, 1), "render": render, "previous": render, "display": display}
-    specs = program(method).specs(render, display)
+    specs, exact = program(method).specs(render, display), method != "classifier-large"
     described = about(folders[method])
     held = [one for one in described["resources"] if one["role"] in ("history", "next", "work", "aux")]
     assert len(held) >= 9
     for one in held:
-        width, height = size_of(one["size"], sizes)
-        spec = specs[one["name"]]
+        size, spec = size_of(one["size"], sizes), specs[one["name"]]
+        suits = eq if exact or one["size"]["of"] != "display" else ge
         if isinstance(spec, BufferSpec):
-            assert one["bytes"] * width * height == spec.bytes, one
+            assert suits(one["bytes"] * prod(size), spec.bytes), one
         else:
-            assert (width, height, one["format"]) == (*spec.size, spec.format), one
+            assert all(map(suits, size, spec.size)), one
+            assert one["format"] == spec.format, one
     for entry, of_pass in zip(described["passes"], program(method).passes, strict=True):
-        assert size_of(entry["covers"], sizes) == of_pass.extent.size(render, display)
+        suits = eq if of_pass.extent.of != "large" else ge
+        assert all(map(suits, size_of(entry["covers"], sizes), of_pass.extent.size(render, display)))
 
 
 def test_a_history_of_render_size_has_that_of_the_frame_that_wrote_it(folders: dict[str, Path]) -> None:
@@ -223,7 +233,9 @@ def test_files_of_others_are_not_replaced(tmp_path: Path) -> None:
 
 
 def test_a_method_without_shaders_is_refused_with_those_that_have_them(tmp_path: Path) -> None:
-    with pytest.raises(ArgumentError, match=r"'gbuffer-small'; want .*classifier, taa, taau"):
+    with pytest.raises(
+        ArgumentError, match=r"'gbuffer-small'; want .*classifier, classifier-large, taa, taau"
+    ):
         write_shader_folder("gbuffer-small", tmp_path / "out")
     with pytest.raises(ModelError, match="Did you mean 'classifier'"):
         write_shader_folder("classifer", tmp_path / "out")

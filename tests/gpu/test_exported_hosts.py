@@ -14,7 +14,7 @@ from supersampler_export.shaders.folder import write_shader_folder
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
-@pytest.fixture(scope="module", params=["taa", "classifier"])
+@pytest.fixture(scope="module", params=["taa", "classifier", "classifier-large"])
 def exported(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
     """A method, and a folder with its shaders and the frames of a shot."""
     device_or_skip()

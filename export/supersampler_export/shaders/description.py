@@ -142,7 +142,11 @@ def _pass(one: ExportedPass, file: str, shader: Placed) -> dict[str, Any]:
 
 
 def _size(extent: Extent) -> dict[str, Any]:
-    return {"of": extent.of, "divide": extent.divide, "multiply": list(extent.multiply)}
+    """Return an extent as a rule of the format; of the larger display it is at least as large."""
+    of, divide, (across, down) = extent
+    if of == "large":  # 7/5 of the display, rounded up
+        of, divide, across, down = "display", 5 * divide, 7 * across, 7 * down
+    return {"of": of, "divide": divide, "multiply": [across, down]}
 
 
 def _resources(program: GpuProgram, images: str) -> Iterator[dict[str, Any]]:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 _PROGRAMS: Mapping[str, str] = {
     "classifier": "classifier_program",
+    "classifier_large": "large_program",
     "taa": "taa_program",
     "taau": "taau_program",
 }
@@ -40,7 +41,7 @@ def gpu_program(info: ModelInfo) -> "GpuProgram | None":
 
 def with_shaders() -> str:
     """Return the methods that have shaders, for messages."""
-    return f"{', '.join(_PROGRAMS)} and their relatives"
+    return f"{', '.join(_PROGRAMS).replace('_', '-')} and their relatives"
 
 
 def gpu_executor(

@@ -4,8 +4,9 @@ from typing import Literal, NamedTuple
 
 from supersampler.backends.gpu.memory import BufferSpec, MemorySpec, TextureSpec
 from supersampler.frame import Size
+from supersampler.methods.sizes import large_size
 
-Base = Literal["one", "render", "previous", "display"]
+Base = Literal["one", "render", "previous", "display", "large"]
 
 
 class Extent(NamedTuple):
@@ -13,7 +14,7 @@ class Extent(NamedTuple):
 
     Attributes:
         of: "render" and "previous", sizes of this frame and of the one before; "display", of the image;
-            "one", which is (1, 1).
+            "large", 1.4 times the display (`large_size`); "one", which is (1, 1).
         divide: of both axes.
         multiply: of each axis, (x, y).
     """
@@ -24,14 +25,18 @@ class Extent(NamedTuple):
 
     def size(self, render: Size, display: Size, previous: Size | None = None) -> Size:
         """Return (width, height) at these sizes; `previous` is as `render` if not given."""
-        width, height = {"one": (1, 1), "render": render, "display": display, "previous": previous or render}[
-            self.of
-        ]
+        sizes = {"one": (1, 1), "render": render, "display": display, "previous": previous or render}
+        width, height = large_size(display) if self.of == "large" else sizes[self.of]
         return -(-width // self.divide) * self.multiply[0], -(-height // self.divide) * self.multiply[1]
+
+    @property
+    def enlarged(self) -> "Extent":
+        """The same of the larger display, where it is of the display."""
+        return self._replace(of="large") if self.of == "display" else self
 
 
 ONE, RENDER, PREVIOUS, DISPLAY = Extent("one"), Extent("render"), Extent("previous"), Extent("display")
-HALF = Extent("display", 2)
+HALF, LARGE, LARGE_HALF = Extent("display", 2), Extent("large"), Extent("large", 2)
 
 
 class PixelBuffer(NamedTuple):

@@ -7,11 +7,22 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.backends.gpu.extents import DISPLAY, HALF, Extent, PixelBuffer, PixelMemory, PixelTexture
+from supersampler.backends.gpu.extents import (
+    DISPLAY,
+    HALF,
+    LARGE,
+    LARGE_HALF,
+    Extent,
+    PixelBuffer,
+    PixelMemory,
+    PixelTexture,
+)
 from supersampler.backends.gpu.memory import Memory, MemorySpec, allocate, read_back, write_to
 from supersampler.frame import Float32, Size
 from supersampler.methods.spec import DISPLAY as DISPLAY_SHAPE
 from supersampler.methods.spec import HALF as HALF_SHAPE
+from supersampler.methods.spec import LARGE as LARGE_SHAPE
+from supersampler.methods.spec import LARGE_HALF as LARGE_HALF_SHAPE
 from supersampler.methods.spec import PREVIOUS, MethodSpec, sized
 
 if TYPE_CHECKING:
@@ -83,7 +94,13 @@ class HistoryLayout:
 
     def extent(self, plane: str, frame: Literal["previous", "render"]) -> Extent:
         """Return the size of a plane after the previous frame, or after this one."""
-        extents: dict[object, Extent] = {DISPLAY_SHAPE: DISPLAY, HALF_SHAPE: HALF, PREVIOUS: Extent(frame)}
+        extents: dict[object, Extent] = {
+            DISPLAY_SHAPE: DISPLAY,
+            HALF_SHAPE: HALF,
+            LARGE_SHAPE: LARGE,
+            LARGE_HALF_SHAPE: LARGE_HALF,
+            PREVIOUS: Extent(frame),
+        }
         return extents[self.spec.history[self.planes[plane].tensor][2:]]
 
     def size(self, plane: str, display: Size, render: Size) -> Size:

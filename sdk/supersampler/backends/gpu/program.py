@@ -56,7 +56,7 @@ class GpuProgram:
 
     Attributes:
         layout: layout of the method's history.
-        package: of the method, with its shaders.
+        packages: with the method's shaders, the first to be searched first.
         constants: of the method, by name.
         method_passes: in order, after those of the exposure.
         method_memory: between these passes, by the names that shaders use.
@@ -65,7 +65,7 @@ class GpuProgram:
     """
 
     layout: HistoryLayout
-    package: str
+    packages: Sequence[str]
     constants: Constants
     method_passes: Sequence[PassSpec]
     method_memory: Mapping[str, PixelMemory]
@@ -104,4 +104,4 @@ class GpuProgram:
     def shader(self, spec: PassSpec, variants: Mapping[str, str]) -> Shader:
         """Return the shader of a pass for frames and images in buffers, or in textures."""
         constants = {**self.constants, **spec.constants}
-        return load_shader(spec.shader, [self.package], constants, {**variants, **spec.variants})
+        return load_shader(spec.shader, self.packages, constants, {**variants, **spec.variants})

@@ -112,8 +112,8 @@ def classifier_program(info: ModelInfo) -> GpuProgram:
     }
     for level in network.levels:
         memory |= _level_memory(level)
-    package = "supersampler.methods.classifier"
-    return GpuProgram(LAYOUT, package, constants, passes, memory, {"network": network.words}, "int8")
+    packages = ("supersampler.methods.classifier",)
+    return GpuProgram(LAYOUT, packages, constants, passes, memory, {"network": network.words}, "int8")
 
 
 def _level_extent(level: int, across: int = 1, down: int = 1) -> Extent:

@@ -14,7 +14,7 @@ def taa_program(info: ModelInfo) -> GpuProgram:
     """Return what a step of a `taa` model is on a GPU."""
     return GpuProgram(
         LAYOUT,
-        "supersampler.methods.taa",
+        ("supersampler.methods.taa",),
         {name: info.config[name] for name in constants_of(TAA)},
         (PassSpec("boxes", RENDER), PassSpec("blend")),
         {name: PixelTexture(RENDER) for name in ("tones", "lows", "highs", "longest")},

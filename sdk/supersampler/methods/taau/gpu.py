@@ -42,4 +42,4 @@ def taau_program(info: ModelInfo) -> GpuProgram:
         "fit": FIT,
     }
     passes = preprocess("shade"), PassSpec("light", ONE, (1, 1)), *CONVERGENCE_PASSES, PassSpec("blend")
-    return GpuProgram(LAYOUT, "supersampler.methods.taau", constants, passes, SAMPLE_MEMORY)
+    return GpuProgram(LAYOUT, ("supersampler.methods.taau",), constants, passes, SAMPLE_MEMORY)

@@ -9,16 +9,16 @@ struct Reprojection {
 }
 
 fn reproject(p: vec2i, motion: vec2f) -> Reprojection {
-    let moved = motion * params.display / params.render;
+    let moved = motion * display_extent() / params.render;
     let at = vec2f(p) + moved;
-    let edge = params.display - 0.5;
+    let edge = display_extent() - 0.5;
     let on_screen = all(at > vec2f(-0.5)) && all(at < edge);
     return Reprojection(clamp(at, vec2f(-2.0), edge + 1.5), on_screen, moved);
 }
 
 // A position in the previous image, in samples of the previous frame.
 fn previous_render_position(at: vec2f) -> vec2f {
-    return (at + 0.5) * params.previous / params.display - 0.5 - params.previous_jitter;
+    return (at + 0.5) * params.previous / display_extent() - 0.5 - params.previous_jitter;
 }
 
 // (before - depth) over the closer depth (equation 10 of the supplement of Guo et al. 2022).

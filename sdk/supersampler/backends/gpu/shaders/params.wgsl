@@ -1,4 +1,5 @@
 // What a step is about: sizes, jitter, exposure. Every pass reads it.
+// import display
 
 struct Params {
     render: vec2f,            // size of this frame
@@ -14,7 +15,7 @@ struct Params {
 @group(0) @binding(0) var<uniform> params: Params;
 
 fn render_size() -> vec2i { return vec2i(params.render); }
-fn display_size() -> vec2i { return vec2i(params.display); }
+fn display_size() -> vec2i { return vec2i(display_extent()); }
 fn previous_size() -> vec2i { return vec2i(params.previous); }
 
 fn inside(p: vec2i, size: vec2i) -> bool { return all(p >= vec2i(0)) && all(p < size); }

@@ -44,7 +44,7 @@ struct Mean {
 }
 
 fn mean_at(sample: vec2i) -> Mean {
-    let at = (vec2f(sample) + 0.5 + params.jitter) * params.display / params.render - 0.5;
+    let at = (vec2f(sample) + 0.5 + params.jitter) * display_extent() / params.render - 0.5;
     let first = floor(at);
     var mean = Mean(vec3f(0.0), 0.0, 0.0, 0.0);
     for (var k = 0; k < 4; k++) {
@@ -125,7 +125,7 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local
     let learns = learning && opens == 0.0;
     let low = select(select(before.x, min(before.x, residual.mean), learns), -UNBOUNDED, above);
     let high = select(select(before.y, max(before.y, residual.mean), learns), UNBOUNDED, below);
-    let step = params.render.x * params.render.y / (params.display.x * params.display.y);
+    let step = params.render.x * params.render.y / (display_extent().x * display_extent().y);
     let learned = min(before.z + select(0.0, step, learns), LEARNED);
     let keeps = select(0.0, 1.0, here.y * params.counts <= 0.0);
     textureStore(next_opening, p, vec4f(keeps * vec3f(low, high, learned), opens));

@@ -3,7 +3,7 @@
 // import params
 
 fn render_position(p: vec2i) -> vec2f {
-    return (vec2f(p) + 0.5) * params.render / params.display - 0.5 - params.jitter;
+    return (vec2f(p) + 0.5) * params.render / display_extent() - 0.5 - params.jitter;
 }
 
 // The sample nearest to a position, ties upwards.

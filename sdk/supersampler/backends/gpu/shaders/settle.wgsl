@@ -23,7 +23,7 @@ fn tent_gaussian(distance: f32) -> f32 { return gaussian1(distance, SIGMA) * ten
 
 // Samples near a display pixel: sum of weighted exposed RGB, sum of weights.
 fn samples_near(samples: texture_2d<f32>, at: vec2f) -> vec4f {
-    let scale = params.display / params.render;
+    let scale = display_extent() / params.render;
     let first = floor(at);
     var sums = vec4f(0.0);
     for (var k = 0; k < 4; k++) {

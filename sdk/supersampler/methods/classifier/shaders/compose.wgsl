@@ -9,7 +9,7 @@
 // import variance_box
 // import settle
 // import decode
-// import image
+// import store
 
 const SIDE = 16;
 const SHARPEST = 2.0;       // maximum factor of the detail that is added
@@ -125,7 +125,7 @@ fn compose(p: vec2i, cell: u32, corner: u32) {
     let luma = luminance(now.sample);
     let glares = has_flag(flags, nearest(at), GLARES_3X3);
     let bright = (glares && (before.samples > 0.0 || before.glare > 0.0)) || (luma > WHITE && before.glare > 0.0);
-    let share = f32(rising[0]) / (params.display.x * params.display.y);
+    let share = f32(rising[0]) / (display_extent().x * display_extent().y);
     let rises = share > FLASH_FRACTION && light_rises(luma, before, visibility);
     let unconfirmed = (bright || rises) && before.glare < CONFIRMED - 1.0;
     let count = min(min(odds, before.samples), SAMPLES) + now.confidence;
@@ -136,8 +136,7 @@ fn compose(p: vec2i, cell: u32, corner: u32) {
 
     let settled = settle(image, textureLoad(history_still, p, 0), p, samples, flags, exposure);
     textureStore(next_still, p, settled.still);
-    store_image(p, settled.image);
-    if (params.writes_aux > 0.0) { aux[pixel] = vec2f(history.weight / total, settled.converged); }
+    store(p, settled.image, vec2f(history.weight / total, settled.converged));
 }
 
 @compute @workgroup_size(SIDE * SIDE)

@@ -16,7 +16,7 @@ struct CurrentFrame {       // colours are toned RGB
 }
 
 fn gather_current(samples: texture_2d<f32>, at: vec2f) -> CurrentFrame {
-    let scale = params.display / params.render;
+    let scale = display_extent() / params.render;
     let start = floor(at) - 1.0;
     let dx = start.x + vec4f(0.0, 1.0, 2.0, 3.0) - at.x;
     let dy = start.y + vec4f(0.0, 1.0, 2.0, 3.0) - at.y;

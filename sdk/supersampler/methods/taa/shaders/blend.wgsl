@@ -6,7 +6,7 @@
 // import sampling
 // import motion
 // import variance_box
-// import image
+// import store
 
 const CATMULL_ROM = 0.5;
 
@@ -54,6 +54,5 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let blend = from_ycocg(history + weight * (sample - history));
     let image = bounded(inverse_tone(max(blend, vec3f(0.0))) / exposure);
     textureStore(next_pixels, p, vec4f(image, 0.0));
-    store_image(p, image);
-    if (params.writes_aux > 0.0) { aux[index_of(p, display_size())] = vec2f(1.0 - weight, 0.0); }
+    store(p, image, vec2f(1.0 - weight, 0.0));
 }

@@ -10,7 +10,7 @@
 // import contrast
 // import settle
 // import samples
-// import image
+// import store
 
 const MIN_CHANGE = 0.004;       // of toned luma: one step of an 8-bit image
 const MIN_SAMPLES = 1e-3;       // with fewer samples the history is not used
@@ -70,7 +70,7 @@ fn line_filters(distance: vec4f, sigma: f32) -> Line {
 
 fn gather_current(p: vec2i) -> Current {
     let at = render_position(p);
-    let scale = params.display / params.render;
+    let scale = display_extent() / params.render;
     let first = floor(at) - 1.0;
     let dx = first.x + vec4f(0.0, 1.0, 2.0, 3.0) - at.x;
     let dy = first.y + vec4f(0.0, 1.0, 2.0, 3.0) - at.y;
@@ -231,9 +231,6 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
 
     let settled = settle(linear, textureLoad(history_still, p, 0), p, samples, flags, exposure);
     textureStore(next_still, p, settled.still);
-    store_image(p, settled.image);
-    if (params.writes_aux > 0.0) {
-        let weight = select(0.0, 1.0 - blend.weight, blend.samples > MIN_SAMPLES);
-        aux[index_of(p, display_size())] = vec2f(weight, settled.converged);
-    }
+    let weight = select(0.0, 1.0 - blend.weight, blend.samples > MIN_SAMPLES);
+    store(p, settled.image, vec2f(weight, settled.converged));
 }

@@ -1,0 +1,37 @@
+"""Shaders of `classifier-large`: those of `classifier` on a larger display, and a filter."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from supersampler.backends.gpu.extents import LARGE, PixelMemory, PixelTexture
+from supersampler.backends.gpu.history import HistoryLayout
+from supersampler.backends.gpu.program import GpuProgram, PassSpec
+from supersampler.methods.classifier.gpu import LAYOUT, classifier_program
+from supersampler.methods.classifier_large.spec import CLASSIFIER_LARGE, SHARPNESS
+from supersampler.methods.model_info import ModelInfo
+
+_VARIANTS: Mapping[str, str] = {"display": "display_large", "store": "store_large"}
+"""Passes of `classifier` take the larger display for the display."""
+
+
+def large_program(info: ModelInfo) -> GpuProgram:
+    """Return what a step of a `classifier-large` model is on a GPU.
+
+    Raises:
+        ModelError: see `classifier_program`.
+    """
+    program = classifier_program(info)
+    passes = [
+        one._replace(extent=one.extent.enlarged, variants={**one.variants, **_VARIANTS})
+        for one in program.method_passes
+    ]
+    memory: dict[str, PixelMemory] = {
+        name: one._replace(extent=one.extent.enlarged) for name, one in program.method_memory.items()
+    }
+    return replace(
+        program,
+        layout=HistoryLayout(CLASSIFIER_LARGE, LAYOUT.planes, LAYOUT.channels),
+        packages=("supersampler.methods.classifier_large", *program.packages),
+        method_passes=(*passes, PassSpec("downsample", constants={"sharpness": SHARPNESS})),
+        method_memory={**memory, "large_image": PixelTexture(LARGE)},
+    )

@@ -1,0 +1,7 @@
+// Two values of [0, 1] in one float: whole steps of the first, and the second in the fraction.
+
+const STEPS = 2047.0;
+
+fn pack_maps(maps: vec2f) -> f32 { return floor(maps.x * STEPS + 0.5) + 0.5 * maps.y; }
+
+fn unpack_maps(packed: f32) -> vec2f { return vec2f(floor(packed) / STEPS, 2.0 * fract(packed)); }
