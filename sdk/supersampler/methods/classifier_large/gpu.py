@@ -7,7 +7,7 @@ from supersampler.backends.gpu.extents import LARGE, PixelMemory, PixelTexture
 from supersampler.backends.gpu.history import HistoryLayout
 from supersampler.backends.gpu.program import GpuProgram, PassSpec
 from supersampler.methods.classifier.gpu import LAYOUT, classifier_program
-from supersampler.methods.classifier_large.spec import CLASSIFIER_LARGE, SHARPNESS
+from supersampler.methods.classifier_large.spec import CLASSIFIER_LARGE, REACH, SHARPNESS
 from supersampler.methods.model_info import ModelInfo
 
 _VARIANTS: Mapping[str, str] = {"display": "display_large", "store": "store_large"}
@@ -32,6 +32,9 @@ def large_program(info: ModelInfo) -> GpuProgram:
         program,
         layout=HistoryLayout(CLASSIFIER_LARGE, LAYOUT.planes, LAYOUT.channels),
         packages=("supersampler.methods.classifier_large", *program.packages),
-        method_passes=(*passes, PassSpec("downsample", constants={"sharpness": SHARPNESS})),
+        method_passes=(
+            *passes,
+            PassSpec("downsample", constants={"sharpness": SHARPNESS, "taps": 2 * REACH}),
+        ),
         method_memory={**memory, "large_image": PixelTexture(LARGE)},
     )

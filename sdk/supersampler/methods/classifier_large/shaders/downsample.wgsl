@@ -8,7 +8,6 @@
 // import packed_maps
 // import store
 
-const TAPS = 6;             // on either axis
 const SIDE = 16;
 const TONED = 1.0 - 1e-4;   // maximum of a toned colour
 
