@@ -19,7 +19,7 @@ from supersampler.history import StepResult
 from supersampler.model import ExecutorName
 from supersampler.recording.recording import open_recording
 from supersampler.recording.replay import Replay
-from supersampler_bench.stress.scenes import Orbit
+from supersampler_bench.stress import scenes
 
 CONVERGING = METHODS[1:]
 MAPS = {"taa": ["weight"], "taau": ["weight", "count", "converged"]}
@@ -34,7 +34,7 @@ def device() -> Any:
 
 def still(index: int) -> Frame:
     """One scene, sampled with jitter."""
-    frame = Orbit().frame(0, RENDER, halton_jitter(index, 2.0))
+    frame = scenes.Orbit().frame(0, RENDER, halton_jitter(index, 2.0))
     zeros = np.zeros_like(frame.motion)
     return replace(frame, motion=zeros, reset=index == 0, exposure=1.0)
 
@@ -122,6 +122,15 @@ def test_a_still_scene_converges_as_on_the_cpu(method: str) -> None:
     share = ours.stats.converged
     assert share is not None
     assert share > 0.99
+
+
+def test_where_each_jitter_comes_twice_as_much_converges_as_on_the_cpu() -> None:
+    ours, theirs, frames = make("taau"), make("taau", "cpu"), scenes.still(RENDER, 2)
+    for index in range(3 * len(frames)):
+        for one in (ours, theirs):
+            one.step(frames[index % len(frames)])
+        assert ours.stats.converged == pytest.approx(theirs.stats.converged, abs=5e-3), f"frame {index}"
+    assert ours.stats.converged == 1.0
 
 
 def test_recurrent_skipping_averages_nothing() -> None:

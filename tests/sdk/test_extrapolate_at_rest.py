@@ -1,5 +1,6 @@
 """Unshaded frames where nothing moves: they add nothing to the mean of the samples."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,8 @@ from supersampler.frame import Float32
 from supersampler.model import ExecutorName
 from supersampler.recording import open_recording
 from supersampler.recording.replay import Replay
+from supersampler_bench.compatibility import with_default_gbuffers
+from supersampler_bench.stress.scenes import still
 
 SIZE, DISPLAY = (64, 36), (128, 72)
 STILL_BUT_A_DISC = LitScene(radius=7.0, disc_velocity=(0.5, 0.0))
@@ -74,6 +77,27 @@ def test_an_unshaded_frame_of_another_pattern_doubts_no_mean_and_leaves_doubts(
     assert doubted[once] == 0.0
     assert doubted[first] > 0.9
     assert doubted[second] == doubted[first]
+
+
+@pytest.mark.parametrize("unshaded", [True, False])
+@pytest.mark.parametrize("executor", ["onnx", "cpu"])
+def test_where_each_jitter_comes_twice_all_that_stands_still_converges_and_stays_so(
+    executor: ExecutorName, unshaded: bool
+) -> None:
+    """The second frame of a jitter is extrapolated, or shaded again; it is no part of the learning time."""
+    upscaler = Upscaler(
+        Model.load("taau", threads=1, executor=executor),
+        display_size=(48, 32), extrapolation="guided-warp", validate="off", skip="exact",
+    )  # fmt: skip
+    frames, shares = still((24, 16), 2), []
+    for index in range(4 * len(frames)):
+        frame = with_default_gbuffers(frames[index % len(frames)], upscaler.gbuffers, (48, 32))
+        if unshaded and index % 2:
+            upscaler.extrapolate(replace(frame, color=None))
+        else:
+            upscaler.step(frame)
+        shares.append(upscaler.stats.converged)
+    assert shares[3 * len(frames) :] == [1.0] * len(frames)
 
 
 def test_a_replay_adds_no_samples_of_unshaded_frames_either(tmp_path: Path) -> None:

@@ -26,7 +26,8 @@ is also doubted where the samples follow another pattern than the mean: where th
 are finer than a sample: the image still shows the mean, and only its weight is limited. A second frame
 restarts the mean.
 
-A frame that adds nothing compares no pattern, and leaves doubts to the next frame. Nor does an extrapolated
+A frame that adds nothing compares no pattern, leaves doubts to the next frame, and is no part of the learning
+time, which must be more than a period of the jitter. Nor does an extrapolated
 frame add samples, of which backends know, but not this module: see `without_samples`.
 """
 
@@ -239,7 +240,7 @@ def measure_residuals(
     high = torch.where(learns, torch.maximum(high, residual), high)
     low, high = torch.where(above, -UNBOUNDED, low), torch.where(below, UNBOUNDED, high)
     new = one_like(frame.jitter, render.width * render.height) / (display.width * display.height)
-    learned = (learned + learns * new).clamp(max=LEARNED)
+    learned = (learned + learns * adds * new).clamp(max=LEARNED)
     keeps = known * (doubted * adds <= 0.0)
     return keeps * torch.cat([low, high, learned], dim=1), opens
 

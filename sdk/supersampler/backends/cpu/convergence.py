@@ -76,7 +76,7 @@ class ConvergingFrame(ResampledFrame):
         counts = float(step.adds_samples and step.frame.jitter != step.history.jitter)
         return StillSamples(
             self._color, moving, moving_2x2, opens, opened, self.rows_opened, w, h, self.padded_width,
-            step.inputs.exposure, self._learned_step, counts,
+            step.inputs.exposure, self._learned_step * counts, counts,
         )  # fmt: skip
 
 

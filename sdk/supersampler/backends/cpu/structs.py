@@ -238,7 +238,7 @@ class StillSamples(NamedTuple):
         width, height: of the frame.
         padded_width: of a row.
         exposure: of the frame.
-        learned_step: samples per display pixel.
+        learned_step: samples per display pixel that this frame adds to the learning time.
         counts: 1, or 0 if the frame is extrapolated, or has the previous one's jitter: no sample is added, no
             pattern is compared, and doubts stay.
     """

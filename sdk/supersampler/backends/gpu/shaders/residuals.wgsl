@@ -126,7 +126,7 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local
     let low = select(select(before.x, min(before.x, residual.mean), learns), -UNBOUNDED, above);
     let high = select(select(before.y, max(before.y, residual.mean), learns), UNBOUNDED, below);
     let step = params.render.x * params.render.y / (display_extent().x * display_extent().y);
-    let learned = min(before.z + select(0.0, step, learns), LEARNED);
+    let learned = min(before.z + select(0.0, step * params.counts, learns), LEARNED);
     let keeps = select(0.0, 1.0, here.y * params.counts <= 0.0);
     textureStore(next_opening, p, vec4f(keeps * vec3f(low, high, learned), opens));
 }
