@@ -60,7 +60,7 @@ def flicker(trial: Trial) -> Measured:
     left = _deviation(images) / _deviation(single)
     base = display_transform(truth(STILL, 0, trial.display))
     curve = [float(np.abs(image - base).mean()) for image in images]
-    return Measured((Figure("share left", left, passed_by_average(EMA, len(frames))),), curve)
+    return Measured((Figure("share left", left, passed_by_average(EMA, PERIOD)),), curve)
 
 
 def passed_by_average(alpha: float, period: int) -> float:
