@@ -37,7 +37,7 @@ PRODUCTS = {
 }  # fmt: skip
 """Multiply-adds a display pixel."""
 OPERATORS = {
-    "bilinear": 125, "bicubic": 150, "taa": 515, "taau": 1255, "classifier": 1370, "classifier-small": 1330,
+    "bilinear": 125, "bicubic": 150, "taa": 515, "taau": 1260, "classifier": 1370, "classifier-small": 1330,
     "gbuffer-small": 1850, "gbuffer-small-4x": 1850, "extrapolate": 1020, "guided-warp": 1120,
     "guided-flow": 2700, "gbuffer-fast": 1760, "classifier-large": 1540,
 }  # fmt: skip
