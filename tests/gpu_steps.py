@@ -17,8 +17,9 @@ from supersampler.io.display import display_transform
 from supersampler_bench.stress.scenes import Orbit
 
 METHODS = ["taa", "taau", "classifier", "classifier-small"]
+WITH_LARGE = [*METHODS, "classifier-large"]
 RENDER, DISPLAY = (20, 12), (40, 24)
-TOLERANCES = {"taa": 1e-3, "taau": 1e-3, "classifier": 3e-3, "classifier-small": 3e-3}
+TOLERANCES = {"taa": 1e-3, "taau": 1e-3, **dict.fromkeys(WITH_LARGE[2:], 3e-3)}
 """Mean difference of display values, in [0, 1], from the CPU backend; `taa` clips at thresholds, and the
 others read samples as half floats."""
 INT8 = 6e-3

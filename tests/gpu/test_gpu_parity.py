@@ -14,6 +14,7 @@ from gpu_steps import (
     METHODS,
     RENDER,
     TOLERANCES,
+    WITH_LARGE,
     assert_alike,
     device_or_skip,
     distance,
@@ -93,7 +94,7 @@ def test_render_sizes_that_change_keep_the_history_as_on_the_cpu(method: str) ->
     assert np.abs(kept - fresh).max() > 1e-3, "the history has an effect"
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", WITH_LARGE)
 def test_jumps_of_exposure_are_followed_as_on_the_cpu(method: str) -> None:
     exposures = [None, None, 1.0, 1.0, 300.0, 300.0, 0.001, None, None, 1e30, 1.0, 1e-40, 1.0, None]
     frames = [replace(moving(index), exposure=value) for index, value in enumerate(exposures)]
@@ -125,7 +126,7 @@ def _learned(upscaler: Upscaler) -> Any:
     return history["history.opening"][0, 2]
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", WITH_LARGE)
 def test_a_cut_forgets_all_before_it(method: str) -> None:
     upscaler = make(method)
     first = upscaler.step(moving(0))
