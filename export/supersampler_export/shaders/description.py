@@ -142,7 +142,7 @@ def _pass(one: ExportedPass, file: str, shader: Placed) -> dict[str, Any]:
 
 
 def _size(extent: Extent) -> dict[str, Any]:
-    """Return an extent as a rule of the format; of the larger display it is at least as large."""
+    """Return the rule of a size. That of the larger display gives a size at least as large as it needs."""
     of, divide, (across, down) = extent
     if of == "large":  # 7/5 of the display, rounded up
         of, divide, across, down = "display", 5 * divide, 7 * across, 7 * down

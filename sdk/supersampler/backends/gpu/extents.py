@@ -31,7 +31,7 @@ class Extent(NamedTuple):
 
     @property
     def enlarged(self) -> "Extent":
-        """The same of the larger display, where it is of the display."""
+        """The same rule on the larger display; itself where it is not of the display."""
         return self._replace(of="large") if self.of == "display" else self
 
 

@@ -56,7 +56,7 @@ class GpuProgram:
 
     Attributes:
         layout: layout of the method's history.
-        packages: with the method's shaders, the first to be searched first.
+        packages: with the method's shaders in their folders `shaders`, in the order of the search.
         constants: of the method, by name.
         method_passes: in order, after those of the exposure.
         method_memory: between these passes, by the names that shaders use.

@@ -11,7 +11,7 @@ from supersampler.methods.classifier_large.spec import CLASSIFIER_LARGE, REACH, 
 from supersampler.methods.model_info import ModelInfo
 
 _VARIANTS: Mapping[str, str] = {"display": "display_large", "store": "store_large"}
-"""Passes of `classifier` take the larger display for the display."""
+"""Shader files with which the passes of `classifier` compute images of the larger display."""
 
 
 def large_program(info: ModelInfo) -> GpuProgram:

@@ -1,4 +1,4 @@
-// Two values of [0, 1] in one float: whole steps of the first, and the second in the fraction.
+// Pack two values of [0, 1] into one float: the first as a number of steps, the second in the fraction.
 
 const STEPS = 2047.0;
 

@@ -1,4 +1,4 @@
-// Write the image of a pixel of the larger display, and its auxiliary outputs (weight, converged) in one channel.
+// Write a pixel of the larger image, and its auxiliary outputs (weight, converged) to the alpha channel.
 // import packed_maps
 
 @group(1) @binding(0) var large_image: texture_storage_2d<rgba32float, write>;
