@@ -37,9 +37,12 @@ class OutputQueue(Generic[Written]):
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Wait for all functions; after an error only for those that have begun."""
+        """Wait for all functions, also after an error: few wait, and their images are complete then.
+
+        After an error no result is handed on.
+        """
         try:
             while error is None and self._waiting:
                 self._then(self._waiting.popleft().result())
         finally:
-            self._pool.shutdown(cancel_futures=True)
+            self._pool.shutdown()
