@@ -2,20 +2,23 @@
 
 The same command continues a stopped run:
     python bench/studies/ablation.py classifier --data data -o ablation --workers 2
+    python bench/studies/ablation.py classifier-small --data data -o ablation --workers 2 \
+        --steps 2000 --size 96 --seeds 3
 """
 
 import multiprocessing
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from json import loads
 from pathlib import Path
+from statistics import fmean
 from typing import Annotated, Any
 
 import torch
 import typer
 
-from studies import ablation_classifier, ablation_gbuffer
+from studies import ablation_classes, ablation_classifier, ablation_gbuffer
 from supersampler.errors import ArgumentError
 from supersampler_bench.cli.options import ERRORS, JSON, UPDATE, check_page, publish
 from supersampler_bench.record import Record, write_json
@@ -25,20 +28,47 @@ from supersampler_model.training.trainer import Plan, Trainer
 from supersampler_model.training.validate import validate, validation_entries
 
 BATCH, AVERAGE = 4, 100
-CHANCE = "from another seed"  # suffix of the variant that shows how much of a difference is chance
 
 
 @dataclass(frozen=True)
-class Row:
-    """One variant's scores on the validation sequences."""
+class Scores:
+    """Of one run, on the validation sequences."""
 
-    name: str
     psnr: float
     tpsnr: float
 
 
+@dataclass(frozen=True)
+class Row:
+    """Scores of one variant.
+
+    Attributes:
+        name: of the variant.
+        seeds: a run each.
+    """
+
+    name: str
+    seeds: Sequence[Scores]
+
+    @property
+    def psnr(self) -> float:
+        """Mean of the runs."""
+        return fmean(run.psnr for run in self.seeds)
+
+    @property
+    def tpsnr(self) -> float:
+        """Mean of the runs."""
+        return fmean(run.tpsnr for run in self.seeds)
+
+    @property
+    def spread(self) -> float:
+        """Highest PSNR of a run less the lowest."""
+        return max(run.psnr for run in self.seeds) - min(run.psnr for run in self.seeds)
+
+
 SUBJECTS: Mapping[str, Mapping[str, Callable[[], Task[Any]]]] = {
     "classifier": ablation_classifier.VARIANTS,
+    "classifier-small": ablation_classes.VARIANTS,
     "gbuffer-small-4x": ablation_gbuffer.VARIANTS,
 }
 """Variants by the method that they are of; the first is what the others differ from in one thing."""
@@ -53,6 +83,8 @@ class Ablation:
         data: training sets.
         folder: of the runs, numbered as the method's variants; existing runs are continued.
         steps: updates of each.
+        size: of the crops, display pixels.
+        seeds: runs of each variant. The first has two at least, so that chance is known.
         workers: runs at a time, a thread each.
     """
 
@@ -60,6 +92,8 @@ class Ablation:
     data: Sequence[Path]
     folder: Path
     steps: int
+    size: int = 128
+    seeds: int = 1
     workers: int = 1
 
     @property
@@ -67,81 +101,104 @@ class Ablation:
         """Of the method."""
         return SUBJECTS[self.method]
 
+    @property
+    def runs(self) -> list[tuple[str, int]]:
+        """Variant and seed of each run, all variants of one seed after another."""
+        first = next(iter(self.variants))
+        wanted = [(name, seed) for seed in range(max(self.seeds, 2)) for name in self.variants]
+        return [(name, seed) for name, seed in wanted if seed < self.seeds or name == first]
 
-def run_ablation(ablation: Ablation, on_row: Callable[[Row], None]) -> list[Row]:
+
+def run_ablation(ablation: Ablation, on_scores: Callable[[str, Scores], None]) -> list[Row]:
     """Train and validate all variants, in their order."""
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(ablation.workers, context) as pool:
-        futures = [pool.submit(run_variant, ablation, name) for name in ablation.variants]
+        futures = {pool.submit(run_variant, ablation, *run): run for run in ablation.runs}
         for future in as_completed(futures):
-            on_row(future.result())
-        return [future.result() for future in futures]
+            on_scores(futures[future][0], future.result())
+    found = {run: future.result() for future, run in futures.items()}
+    return [
+        Row(variant, [scores for (name, _), scores in found.items() if name == variant])
+        for variant in ablation.variants
+    ]
 
 
 def ablation_record(rows: Sequence[Row], ablation: Ablation) -> dict[str, Any]:
     """Return everything, ready for JSON."""
-    plan = {"method": ablation.method, "steps": ablation.steps, "batch": BATCH}
-    return {"bench": "ablation", **plan, "rows": [vars(row) for row in rows]}
+    plan = {"method": ablation.method, "steps": ablation.steps, "batch": BATCH, "size": ablation.size}
+    return {"bench": "ablation", **plan, "rows": [asdict(row) for row in rows]}
 
 
 def markdown_table(record: Record) -> str:
     """Return the table of a record as Markdown, with its caption."""
-    rows = [Row(**row) for row in record["rows"]]
-    base = rows[0].psnr
-    seeds = "All from one seed."
-    if rows[-1].name.endswith(CHANCE):
-        seeds = "All but the last from one seed; the last says how much is chance."
-    lines = [
-        "| variant | PSNR dB | against the first | tPSNR dB |",
-        "| --- | ---: | ---: | ---: |",
-        *(f"| {r.name} | {r.psnr:.2f} | {r.psnr - base:+.2f} | {r.tpsnr:.2f} |" for r in rows),
-        "",
-        f"Each trained for {record['steps']} updates of {record['batch']} crops, far from the end: what is "
-        f"compared is how fast it learns. {seeds} Mean over the validation sequences.",
-    ]
-    return "\n".join(lines)
+    rows = [Row(row["name"], [Scores(**run) for run in row["seeds"]]) for row in record["rows"]]
+    return "\n".join(
+        [
+            "| variant | PSNR dB | against the first | tPSNR dB | seeds |",
+            "| --- | ---: | ---: | ---: | ---: |",
+            *(_table_row(row, rows[0]) for row in rows),
+            "",
+            f"Each trained for {record['steps']} updates of {record['batch']} crops of {record['size']}x"
+            f"{record['size']} pixels, far from the end: what is compared is how fast it learns. Means over "
+            "the seeds and over the validation sequences; ± is half of the range of the seeds. Differences "
+            f"in brackets are chance: less than the range of the first, {rows[0].spread:.2f} dB, or of their "
+            "own.",
+        ]
+    )
 
 
-def run_variant(ablation: Ablation, name: str) -> Row:
+def _table_row(row: Row, first: Row) -> str:
+    gain = row.psnr - first.psnr
+    difference = f"{round(gain, 2) + 0.0:+.2f}"  # no -0.00
+    if row is not first and abs(gain) < max(row.spread, first.spread):
+        difference = f"({difference})"
+    psnr = f"{row.psnr:.2f}" if len(row.seeds) == 1 else f"{row.psnr:.2f} ± {row.spread / 2:.2f}"
+    return f"| {row.name} | {psnr} | {difference} | {row.tpsnr:.2f} | {len(row.seeds)} |"
+
+
+def run_variant(ablation: Ablation, name: str, seed: int) -> Scores:
     """Train and validate one variant, or continue the run in its folder.
 
     Raises:
         ArgumentError: the folder has the run of another variant, from before their list was changed.
     """
     torch.set_num_threads(1)
-    seed = int(name.endswith(CHANCE))
     torch.manual_seed(seed)
-    folder = ablation.folder / f"{list(ablation.variants).index(name):02d}"
+    folder = ablation.folder / f"{list(ablation.variants).index(name):02d}-{seed}"
     folder.mkdir(parents=True, exist_ok=True)
     scored = folder / f"scored-{ablation.steps}.json"
     if (known := _known(scored, name)) is not None:
         return known
     datasets = [open_dataset(path) for path in ablation.data]
     task = ablation.variants[name]()
-    plan = Plan(steps=ablation.steps, batch=BATCH, average=AVERAGE, seed=seed)
+    plan = Plan(steps=ablation.steps, batch=BATCH, size=ablation.size, average=AVERAGE, seed=seed)
     trainer = Trainer(task, datasets, plan, folder)
     while trainer.done < ablation.steps:
         trainer.run(trainer.done + 200)
         trainer.save()
     found = validate(trainer.average.eval(), validation_entries(trainer.datasets, task.method.ratios))
-    row = Row(name, found.psnr, found.tpsnr)
-    write_json(vars(row), scored)
-    return row
+    scores = Scores(found.psnr, found.tpsnr)
+    write_json({"name": name, **vars(scores)}, scored)
+    return scores
 
 
-def _known(scored: Path, name: str) -> Row | None:
+def _known(scored: Path, name: str) -> Scores | None:
     """Return the scores in a folder if they are of this variant: folder numbers change with the list."""
     if not scored.exists():
         return None
     known = loads(scored.read_text(encoding="utf-8"))
-    return Row(**known) if known.get("name") == name else None
+    return Scores(**known) if known.pop("name") == name else None
 
 
 def main(
-    method: Annotated[str, typer.Argument(metavar="METHOD", help="classifier or gbuffer-small-4x.")],
+    method: Annotated[
+        str, typer.Argument(metavar="METHOD", help="classifier, classifier-small or gbuffer-small-4x.")
+    ],
     data: Annotated[list[Path], typer.Option(help="Training set with validation sequences; any number.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the runs.")],
     steps: Annotated[int, typer.Option(min=1, help="Updates of each run.")] = 800,
+    size: Annotated[int, typer.Option(min=32, help="Size of the crops, display pixels.")] = 128,
+    seeds: Annotated[int, typer.Option(min=1, help="Runs of each variant; of the first, two at least.")] = 1,
     workers: Annotated[int, typer.Option(min=1, help="Runs at a time, a thread each.")] = 1,
     json: JSON = None,
     update: UPDATE = None,
@@ -151,8 +208,10 @@ def main(
         raise ArgumentError("METHOD", got=method, want=f"one of {', '.join(SUBJECTS)}")
     tables = {f"study ablation {method}": markdown_table}
     check_page(update, tables)
-    plan = Ablation(method, data=data, folder=output, steps=steps, workers=workers)
-    rows = run_ablation(plan, lambda r: ERRORS.print(f"{r.name}: {r.psnr:.2f} dB, tPSNR {r.tpsnr:.2f} dB"))
+    plan = Ablation(method, data, output, steps=steps, size=size, seeds=seeds, workers=workers)
+    rows = run_ablation(
+        plan, lambda name, s: ERRORS.print(f"{name}: {s.psnr:.2f} dB, tPSNR {s.tpsnr:.2f} dB")
+    )
     publish(ablation_record(rows, plan), tables, json, update)
 
 

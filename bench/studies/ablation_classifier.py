@@ -50,7 +50,6 @@ METHODS: Mapping[str, Callable[[], Classifier]] = {
     "each channel toned alone": changed(tone_space="channels"),
     "toned by logarithms": changed(tone_space="logarithm"),
     "count seen by its logarithm": changed(count_code="logarithm"),
-    "all inputs seen, from another seed": changed(),
 }
 
 

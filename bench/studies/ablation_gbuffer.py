@@ -75,5 +75,4 @@ VARIANTS: Mapping[str, Callable[[], Task[Any]]] = {
         SmallGBuffer4(), GBufferWeights(reflective=0.0, reflective_structure=0.0)
     ),
     "history not blended, features alone": changed(blended=False),
-    "all of it, from another seed": changed(),
 }

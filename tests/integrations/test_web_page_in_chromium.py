@@ -22,7 +22,8 @@ pytest_plugins = ["chromium_fixtures"]  # fixtures
 
 
 @pytest.mark.parametrize(
-    ("method", "frames"), [("taa", 3), ("taau", 3), ("classifier-small", 2), ("classifier", 2)]
+    ("method", "frames"),
+    [("taa", 3), ("taau", 3), ("classifier-small", 2), ("classifier", 2), ("classifier-large", 2)],
 )
 def test_images_of_the_shipped_shot_are_those_of_the_gpu_backend(
     page: "Page", url: str, method: str, frames: int
@@ -123,6 +124,17 @@ def test_method_ratio_and_size_can_be_changed_and_frames_stepped(page: "Page", u
     page.evaluate("supersamplerDemo.settled()")
     assert page.evaluate("supersamplerDemo.state.jitter") != jitter
     assert "upscaling" in page.inner_text("#times")
+
+
+def test_a_ratio_outside_of_a_methods_range_is_said_and_the_next_one_is_shown(page: "Page", url: str) -> None:
+    opened(page, f"{url}?test&size=320x180&method=classifier-large")
+    page.select_option("[name=ratio]", "3")
+    page.evaluate("supersamplerDemo.settled()")
+    assert "1 to 2 times less than the display" in page.inner_text("#note")
+    page.select_option("[name=ratio]", "1.5")
+    page.evaluate("supersamplerDemo.settled()")
+    assert not page.is_visible("#note"), page.inner_text("#note")
+    assert page.evaluate("supersamplerDemo.state")["size"] == [213, 120]
 
 
 @pytest.mark.parametrize(("options", "limit_s"), [("", 20.0), ("?method=classifier", 60.0)])

@@ -14,10 +14,6 @@ from supersampler_model.training.task import State, Stepped
 class LargeTask(ClassifierTask):
     """References are of the crops' size, and so are the images of the loss; states are larger."""
 
-    def first_state(self, sample: Sample) -> State:
-        """Zeros, with the jitter of the crop's view."""
-        return super().first_state(_enlarged(sample))
-
     def step(self, samples: list[Sample], states: list[State]) -> Stepped:
         """See `ClassifierTask`."""
         done, display = super().step([_enlarged(s) for s in samples], states), samples[0].view.display

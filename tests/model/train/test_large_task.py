@@ -46,9 +46,11 @@ def test_images_have_the_size_of_the_crops_and_states_are_larger(
     assert isinstance(task.method.net.blend, nn.Conv2d)
     nn.init.normal_(task.method.net.blend.weight, std=0.1)
     states, loss = [task.first_state(samples[0])], torch.zeros(())
+    sizes = [tensor.shape for tensor in states[0]]
     for sample in samples:
         stepped = task.step([sample], states)
         states = stepped.states
+        assert [tensor.shape for tensor in states[0]] == sizes
         assert stepped.images.shape == sample.reference.shape == (1, 3, SIZE, SIZE)
         assert isinstance(stepped.weight, torch.Tensor)
         assert stepped.weight.shape == (1, 1, SIZE, SIZE)

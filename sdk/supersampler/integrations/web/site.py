@@ -13,7 +13,7 @@ from supersampler.io.images import write_exr
 from supersampler.io.shot import Shot
 from supersampler.methods.model_file import shipped_model
 
-METHODS = ("classifier", "classifier-small", "taau", "taa")
+METHODS = ("classifier", "classifier-small", "classifier-large", "taau", "taa")
 """The methods of the page: those that have shaders."""
 SHOT = "plaza"
 RECORD = "site.json"
