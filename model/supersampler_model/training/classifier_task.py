@@ -1,4 +1,4 @@
-"""Training of the classifiers: crops of several ratios are gathered one by one and inferred as a batch."""
+"""Training of the classifiers: crops of equal shapes are gathered as a batch, and all are inferred as one."""
 
 from collections.abc import Sequence
 
@@ -15,6 +15,7 @@ from supersampler_model.training.class_loss import ClassifierWeights, class_loss
 from supersampler_model.training.crops import Sample, Stream
 from supersampler_model.training.shots import UNKNOWN
 from supersampler_model.training.task import State, Stepped, Task
+from supersampler_model.training.together import together
 
 
 class ClassifierTask(Task[Sample]):
@@ -37,8 +38,8 @@ class ClassifierTask(Task[Sample]):
     def step(self, samples: list[Sample], states: list[State]) -> Stepped:
         """Step all crops; from frame to frame gradients flow only through the history colour."""
         method = self.method
-        gathered = [self.gather(sample, state) for sample, state in zip(samples, states, strict=True)]
-        packed, half_inputs = map(torch.cat, zip(*map(method.network_inputs, gathered), strict=True))
+        gathered, inputs = self.gather_all(samples, states)
+        packed, half_inputs = map(torch.cat, zip(*inputs, strict=True))
         with torch.autocast(packed.device.type, torch.bfloat16, enabled=method.training):
             logits, blend = method.net(packed, half_inputs)
         return self.stepped(samples, gathered, logits.float(), blend.float(), self.losses.ghost)
@@ -63,8 +64,11 @@ class ClassifierTask(Task[Sample]):
         method, images, after = self.method, [], []
         # split at once: the gradient of each slice would be as large as the batch
         parts = (t.split_with_sizes([1] * len(samples)) for t in (logits, blend))
-        for g, sample, of_classes, of_blend in zip(gathered, samples, *parts, strict=True):
-            done = method.finish(g, of_classes, unpack(of_blend))
+        finished = together(
+            lambda g, of_classes, of_blend: method.finish(g, of_classes, unpack(of_blend)),
+            list(zip(gathered, *parts, strict=True)),
+        )
+        for g, sample, done in zip(gathered, samples, finished, strict=True):
             images.append(done.image)
             state, classes = done.state.detach(), done.classes.detach()
             after.append([done.image, state, classes, g.surfaces, sample.view.jitter, g.followed])
@@ -77,6 +81,19 @@ class ClassifierTask(Task[Sample]):
             weight=1.0 + ghost_weight * invalid,
             terms={"classes": class_loss(logits, ghost, alias, self.losses)},
         )
+
+    def gather_all(
+        self, samples: Sequence[Sample], states: Sequence[State]
+    ) -> tuple[list[Gathered], list[tuple[Tensor, Tensor]]]:
+        """Run the gather stage on all crops; also return the inputs of the network."""
+
+        def gather(sample: Sample, state: State) -> tuple[Gathered, tuple[Tensor, Tensor]]:
+            gathered = self.gather(sample, state)
+            return gathered, self.method.network_inputs(gathered)
+
+        inputs = [sample.without_truth() for sample in samples]
+        results = together(gather, list(zip(inputs, states, strict=True)))
+        return [gathered for gathered, _ in results], [of_network for _, of_network in results]
 
     def gather(self, sample: Sample, state: State) -> Gathered:
         """Run the gather stage on one crop."""

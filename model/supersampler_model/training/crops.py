@@ -46,6 +46,11 @@ class Sample(NamedTuple):
     gbuffer: Mapping[str, Tensor] = MappingProxyType({})  # by input name
     unshaded: bool = False  # whether the method must extrapolate its colour
 
+    def without_truth(self) -> Self:
+        """Return what a method is given of it."""
+        none = self.exposure.new_empty(0)
+        return self._replace(reset=False, reference=none, ghost=none, alias=none)
+
     def on(self, device: torch.device) -> Self:
         """Return the sample with its tensors on `device`."""
         moved = self._asdict()
@@ -269,7 +274,8 @@ def sequences_of(
 
 
 def _visible(corner: int, size: int, ratio: float, extent: int) -> slice:
-    """Samples that display pixels from `corner` on read, with a margin."""
+    """Samples that display pixels from `corner` on read, with a margin; as many at each corner."""
     first = int(np.floor((corner + 0.5) / ratio - 1.0)) - MARGIN
-    last = int(np.ceil((corner + size - 0.5) / ratio)) + MARGIN
-    return slice(max(first, 0), min(last, extent - 1) + 1)
+    count = min(int(np.ceil(size / ratio)) + 2 * MARGIN + 4, extent)
+    first = min(max(first, 0), extent - count)
+    return slice(first, first + count)

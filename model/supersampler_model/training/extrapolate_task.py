@@ -96,11 +96,11 @@ class ExtrapolateTask(ClassifierTask):
         count, net = len(self.method.history), self.method.net
         crops = [self._crop(s, state[count:]) for s, state in zip(samples, states, strict=True)]
         frames, histories = [crop.sample for crop in crops], [state[:count] for state in states]
-        gathered = [self.gather(sample, history) for sample, history in zip(frames, histories, strict=True)]
+        gathered, frame_inputs = self.gather_all(frames, histories)
         twins = [(i, crop.twin) for i, crop in enumerate(crops) if crop.twin is not None]
         with torch.no_grad():
-            twin_inputs = [self.method.network_inputs(self.gather(twin, histories[i])) for i, twin in twins]
-        inputs = [*map(self.method.network_inputs, gathered), *twin_inputs]
+            _, twin_inputs = self.gather_all([twin for _, twin in twins], [histories[i] for i, _ in twins])
+        inputs = [*frame_inputs, *twin_inputs]
         surfaces = [_surface(crop.sample) if crop.unshaded else None for crop in crops]
         surfaces += [_surface(twin) for _, twin in twins]
         with torch.autocast(samples[0].color.device.type, torch.bfloat16, enabled=self.method.training):

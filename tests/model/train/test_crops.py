@@ -1,6 +1,7 @@
 """Crops give the same samples as the whole frame, at any ratio and with any augmentation."""
 
 import dataclasses
+import itertools
 
 import numpy as np
 import pytest
@@ -61,6 +62,16 @@ def cropped(sequence: list[TrainingFrame], cut: CropRegion) -> torch.Tensor:
             stepped = task.step([cut.sample(frame, reset=frame.reset)], states)
         states = stepped.states
     return stepped.images
+
+
+@pytest.mark.parametrize("render", [(96, 64), (64, 43), (48, 32), (32, 21)])
+def test_crops_at_all_places_of_a_frame_read_as_many_samples(render: tuple[int, int]) -> None:
+    frame, size = frames(render)[0], 40
+    ratio = DISPLAY[0] / render[0], DISPLAY[1] / render[1]
+    shapes = set()
+    for left, top in itertools.product(range(DISPLAY[0] - size + 1), range(DISPLAY[1] - size + 1)):
+        shapes.add(CropRegion(left=left, top=top, size=size, ratio=ratio).sample(frame, reset=True).color.shape)
+    assert len(shapes) == 1
 
 
 @pytest.mark.parametrize(
