@@ -15,7 +15,7 @@ from supersampler_model.training.class_loss import ClassifierWeights, class_loss
 from supersampler_model.training.crops import Sample, Stream
 from supersampler_model.training.shots import UNKNOWN
 from supersampler_model.training.task import State, Stepped, Task
-from supersampler_model.training.together import together
+from supersampler_model.training.batching import in_batches
 
 
 class ClassifierTask(Task[Sample]):
@@ -64,7 +64,7 @@ class ClassifierTask(Task[Sample]):
         method, images, after = self.method, [], []
         # split at once: the gradient of each slice would be as large as the batch
         parts = (t.split_with_sizes([1] * len(samples)) for t in (logits, blend))
-        finished = together(
+        finished = in_batches(
             lambda g, of_classes, of_blend: method.finish(g, of_classes, unpack(of_blend)),
             list(zip(gathered, *parts, strict=True)),
         )
@@ -92,7 +92,7 @@ class ClassifierTask(Task[Sample]):
             return gathered, self.method.network_inputs(gathered)
 
         inputs = [sample.without_truth() for sample in samples]
-        results = together(gather, list(zip(inputs, states, strict=True)))
+        results = in_batches(gather, list(zip(inputs, states, strict=True)))
         return [gathered for gathered, _ in results], [of_network for _, of_network in results]
 
     def gather(self, sample: Sample, state: State) -> Gathered:

@@ -70,7 +70,9 @@ def test_crops_at_all_places_of_a_frame_read_as_many_samples(render: tuple[int, 
     ratio = DISPLAY[0] / render[0], DISPLAY[1] / render[1]
     shapes = set()
     for left, top in itertools.product(range(DISPLAY[0] - size + 1), range(DISPLAY[1] - size + 1)):
-        shapes.add(CropRegion(left=left, top=top, size=size, ratio=ratio).sample(frame, reset=True).color.shape)
+        shapes.add(
+            CropRegion(left=left, top=top, size=size, ratio=ratio).sample(frame, reset=True).color.shape
+        )
     assert len(shapes) == 1
 
 

@@ -1,7 +1,7 @@
-"""Stages of a method, which take one crop, on many: those of equal shapes run as one batch (`torch.func.vmap`).
+"""Run a stage of a method, which takes one crop, on many: those of equal shapes as one batch.
 
-A stage is hundreds of small operations. One batch needs as many of them as one crop does, each larger, which
-takes less time on several cores, and much less on a GPU.
+A stage is hundreds of small operations. A batch needs as many of them as one crop does, each larger: less
+overhead on a CPU, and much less on a GPU.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -28,7 +28,7 @@ class _Node(NamedTuple):
     parts: tuple[Any, ...]
 
 
-def together(stage: Callable[..., Result], crops: Sequence[tuple[Any, ...]]) -> list[Result]:
+def in_batches(stage: Callable[..., Result], crops: Sequence[tuple[Any, ...]]) -> list[Result]:
     """Return `stage(*crop)` of each crop.
 
     Args:

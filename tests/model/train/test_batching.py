@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import pytest
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from gbuffer_sets import gbuffer_data
 from supersampler.methods.classifier.spec import ClassifierConfig, NetworkConfig
@@ -14,7 +14,7 @@ from supersampler_model.methods.classifier.model import Classifier
 from supersampler_model.training.classifier_task import ClassifierTask
 from supersampler_model.training.crops import Sample
 from supersampler_model.training.task import State, Stepped
-from supersampler_model.training.together import together
+from supersampler_model.training.batching import in_batches
 
 SIZE = 24
 TINY = ClassifierConfig(network=NetworkConfig(levels=(8, 16, 32, 64), decoder=8, hidden=8))
@@ -37,7 +37,7 @@ def crop(value: float, width: int, name: str = "a") -> tuple[Pair, list[Tensor]]
 
 def test_results_are_in_the_order_of_the_crops_whatever_their_shapes_and_names() -> None:
     crops = [crop(1.0, 3), crop(2.0, 2), crop(3.0, 3), crop(4.0, 3, "b"), crop(5.0, 2)]
-    for one, of_all in zip(crops, together(doubled, crops), strict=True):
+    for one, of_all in zip(crops, in_batches(doubled, crops), strict=True):
         alone = doubled(*one)
         assert isinstance(of_all, Pair)
         assert (of_all.size, [*of_all.planes]) == (alone.size, [*alone.planes])
@@ -51,9 +51,9 @@ def test_crops_of_equal_shapes_are_one_call() -> None:
         calls.append(pair.size)
         return doubled(pair, offset)
 
-    together(counted, [crop(1.0, 3), crop(2.0, 2), crop(3.0, 3)])
+    in_batches(counted, [crop(1.0, 3), crop(2.0, 2), crop(3.0, 3)])
     assert calls == [(3, 1), (2, 1)]
-    assert together(counted, []) == []
+    assert in_batches(counted, []) == []
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +79,8 @@ def test_images_states_and_gradients_are_those_of_each_crop_alone(samples: list[
     torch.manual_seed(0)
     task = ClassifierTask(Classifier(TINY))
     task.method.eval()  # batch normalisation alone would see the others
-    torch.nn.init.normal_(task.method.net.blend.weight, std=0.1)
+    assert isinstance(task.method.net.blend, nn.Conv2d)
+    nn.init.normal_(task.method.net.blend.weight, std=0.1)
     pair, gradients = samples[:2], []
     batch = stepped(task, pair)
     alone = [stepped(task, [crop]) for crop in pair]
@@ -91,6 +92,6 @@ def test_images_states_and_gradients_are_those_of_each_crop_alone(samples: list[
     images = batch[-1].images, torch.cat([results[-1].images for results in alone])
     for image in images:
         task.method.zero_grad()
-        image.square().mean().backward()
+        image.square().mean().backward()  # type: ignore[no-untyped-call]
         gradients.append([p.grad.clone() for p in task.method.parameters() if p.grad is not None])
     torch.testing.assert_close(*gradients, rtol=1e-4, atol=1e-7)
