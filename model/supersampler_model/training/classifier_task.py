@@ -11,11 +11,11 @@ from supersampler_model.methods.classifier.buffers import Gathered, History
 from supersampler_model.methods.classifier.model import Classifier
 from supersampler_model.methods.classifier.network import cut_to, unpack
 from supersampler_model.ops.size import half_of, render_size_of
+from supersampler_model.training.batching import in_batches
 from supersampler_model.training.class_loss import ClassifierWeights, class_loss
 from supersampler_model.training.crops import Sample, Stream
 from supersampler_model.training.shots import UNKNOWN
 from supersampler_model.training.task import State, Stepped, Task
-from supersampler_model.training.batching import in_batches
 
 
 class ClassifierTask(Task[Sample]):

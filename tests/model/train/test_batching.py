@@ -11,10 +11,10 @@ from gbuffer_sets import gbuffer_data
 from supersampler.methods.classifier.spec import ClassifierConfig, NetworkConfig
 from supersampler_model.data.dataset import Dataset
 from supersampler_model.methods.classifier.model import Classifier
+from supersampler_model.training.batching import in_batches
 from supersampler_model.training.classifier_task import ClassifierTask
 from supersampler_model.training.crops import Sample
 from supersampler_model.training.task import State, Stepped
-from supersampler_model.training.batching import in_batches
 
 SIZE = 24
 TINY = ClassifierConfig(network=NetworkConfig(levels=(8, 16, 32, 64), decoder=8, hidden=8))
