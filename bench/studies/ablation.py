@@ -3,7 +3,7 @@
 The same command continues a stopped run:
     python bench/studies/ablation.py classifier --data data -o ablation --workers 2
     python bench/studies/ablation.py classifier-small --data data -o ablation --workers 2 \
-        --steps 2000 --size 96 --seeds 3
+        --steps 1500 --size 96 --seeds 3
 """
 
 import multiprocessing
