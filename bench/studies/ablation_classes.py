@@ -17,8 +17,5 @@ VARIANTS: Mapping[str, Callable[[], Task[Any]]] = {
     "classes of the frame before not seen": lambda: ClassifierTask(
         SmallClassifier(SmallConfig(recurrent=False))
     ),
-    "without both": lambda: ClassifierTask(
-        SmallClassifier(SmallConfig(recurrent=False)), ClassifierWeights(classes=0.0)
-    ),
 }
 """Without the loss, the six values that classes were are free: whatever helps the image."""
