@@ -21,6 +21,8 @@ from supersampler_model.ops.windows import (
 LONGEST, FAR = 3e38, 1e6  # pixels: larger motion is not finite; finite motion is clamped to FAR
 STEP = 2.0**-24  # of float32 below 1
 UNKNOWN_DEPTH = -1.0  # below the sky's 0: never the closest, never disoccluded
+LEAVES = 1.0  # render pixels along an axis over its background: a thin thing is gone in the next frame
+COVERS = 0.95  # of a thin thing's depth, which another part of it has at least
 
 
 def usable_motion(motion: Tensor) -> Tensor:
@@ -51,6 +53,44 @@ def morphological_opening(depth: Tensor) -> Tensor:
     """Depth with foreground narrower than three samples replaced by its background (3x3 opening)."""
     eroded = minimum_3x3(depth)  # reversed: the smallest is the farthest
     return maximum_3x3(eroded)
+
+
+def occluding_depth(depth: Tensor, motion: Tensor) -> Tensor:
+    """Depth that the next frame tests disocclusion against.
+
+    Samples hit a thin thing in one frame and miss it in the next, so it must not hide its own history: its
+    background takes its place (`morphological_opening`). But a thin thing that moves over its background by
+    LEAVES hides what the next frame shows there, unless another part of it, as of a rail that moves along
+    itself, comes to that place. It is taken to move on as it did.
+
+    Args:
+        depth: (1, 1, h, w) reversed, usable.
+        motion: (1, 2, h, w) render pixels, previous minus current, usable.
+    """
+    farthest, behind = _farthest_3x3(depth, motion)
+    over = motion - behind
+    w, h = render_size_of(depth)
+    x, y = (torch.arange(extent, device=depth.device).to(depth.dtype) for extent in (w, h))
+    across, down = channels_of(over)
+    (left, right), (top, bottom) = (
+        (place.floor(), place.ceil()) for place in (x + across, y[:, None] + down)
+    )
+    around = [(left, top), (right, top), (left, bottom), (right, bottom)]
+    coming = torch.cat([read(depth, positions_of(*place), mode="nearest") for place in around], dim=1)
+    follows = coming.amax(dim=1, keepdim=True) >= COVERS * depth
+    leaves = (over.abs().amax(dim=1, keepdim=True) >= LEAVES) & (farthest >= 0.0) & ~follows
+    return torch.where(leaves, depth, morphological_opening(depth))
+
+
+def _farthest_3x3(depth: Tensor, motion: Tensor) -> tuple[Tensor, Tensor]:
+    """Return depth and motion of the farthest of 3x3 samples: of equals, the one nearest to the centre."""
+    best = torch.cat([depth, motion], dim=1)
+    for across, down in ((1, 0), (0, 1)):
+        rows = best
+        for step in (-1, 1):
+            other = shifted(rows, step * across, step * down)
+            best = torch.where(other[:, :1] < best[:, :1], other, best)
+    return best[:, :1], best[:, 1:]
 
 
 def disocclusion(

@@ -51,7 +51,7 @@ class Gathered(NamedTuple):
     warped: WarpedHistory
     reprojection: Reprojection
     depth: Tensor  # (1, 1, H, W) of the closest sample around
-    surfaces: Tensor  # (1, 2, h, w) depth, and depth after a morphological opening
+    surfaces: Tensor  # (1, 2, h, w) depth, and occluding depth
     exposure: Tensor  # (1,) > 0
     followed: Tensor  # (1,) signed exposure for the history, see `exposure_for`
     flash: Tensor  # (1,) bool, see `is_flash`

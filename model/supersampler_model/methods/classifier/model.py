@@ -64,7 +64,7 @@ from supersampler_model.ops.motion import (
     Reprojection,
     dilate_motion_2x2,
     disocclusion,
-    morphological_opening,
+    occluding_depth,
     read,
     read_cubic,
     relative_depth_change,
@@ -180,7 +180,7 @@ class Classifier(LearnedMethod):
         flash = is_flash(followed, exposure, history.exposure)
         exposure = followed.abs()
         depth, motion = usable_depth(depth), usable_motion(motion)
-        surfaces = torch.cat([depth, morphological_opening(depth)], dim=1)
+        surfaces = torch.cat([depth, occluding_depth(depth, motion)], dim=1)
         grid = now.grid(render_size_of(color), aligned=True)
         closest, dilated = dilate_motion_2x2(depth, motion)
         closest = pick_first(closest, grid)

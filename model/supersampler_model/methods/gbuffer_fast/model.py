@@ -42,7 +42,7 @@ from supersampler_model.ops.motion import (
     Reprojection,
     dilate_motion_2x2,
     disocclusion,
-    morphological_opening,
+    occluding_depth,
     read,
     read_cubic,
     relative_depth_change,
@@ -166,7 +166,7 @@ class GuidedClassifier(Classifier):
         )
         own = reproject(to_display(guided.motion, view.display, view.extent), view.display, grid)
         warped = self.warp_history(history, front, own, display.depth, reflectance, exposure)
-        surfaces = torch.cat([render.depth, morphological_opening(render.depth)], dim=1)
+        surfaces = torch.cat([render.depth, occluding_depth(render.depth, motion)], dim=1)
         inputs = {
             "relit_to_frame": largest((root(warped.own.to(self.dtype)) - root(current.frame)).abs()),
             "agreement": guided.agreement.to(self.dtype),

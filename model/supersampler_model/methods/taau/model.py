@@ -51,7 +51,7 @@ from supersampler_model.ops.motion import (
     Reprojection,
     dilate_motion_2x2,
     disocclusion,
-    morphological_opening,
+    occluding_depth,
     read,
     read_cubic,
     reproject,
@@ -167,7 +167,7 @@ class Taau(Method):
         exposed = color * exposure
         toned, glare = ycocg(tone(exposed)) * usable, glaring(exposed, usable)
         depth, motion = usable_depth(depth), usable_motion(motion)
-        surface = torch.cat([morphological_opening(depth), shade_of(toned[:, :1], usable)], dim=1)
+        surface = torch.cat([occluding_depth(depth, motion), shade_of(toned[:, :1], usable)], dim=1)
 
         current = self.gather_current(toned, usable, glare, surface, grid, display, render)
         closest, dilated = dilate_motion_2x2(depth, motion)

@@ -188,5 +188,6 @@ class GpuHistory:
     def _pixels(self, name: str) -> Float32:
         plane = self.layout.planes[name]
         width, height = self.layout.size(name, self.display, self.render)
-        words = self._words(name).reshape(height, width, plane.words)
+        words = self._words(name)[: height * width * plane.words]  # the least buffer is longer than a pixel
+        words = words.reshape(height, width, plane.words)
         return words.view(np.float32) if plane.codec is None else plane.codec.unpack(words)

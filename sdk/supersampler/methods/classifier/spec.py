@@ -155,7 +155,7 @@ BASE = MethodSpec(
         "color": (1, 3, *DISPLAY),  # linear RGB
         "state": (1, 3, *DISPLAY),  # count, minimum luma, maximum luma + GLARE * glaring frames
         "classes": (1, CLASSES, *HALF),  # class probabilities
-        "depth": (1, 2, *PREVIOUS),  # depth, and depth after a morphological opening
+        "depth": (1, 2, *PREVIOUS),  # depth, and occluding depth
         "jitter": (1, 2),
         "exposure": (1,),  # as `followed_exposure` returns it; 0 where there is none
     },

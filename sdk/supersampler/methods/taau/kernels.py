@@ -29,7 +29,7 @@ from supersampler.backends.cpu.kernels.filters import (
     filter_line_across,
     span,
 )
-from supersampler.backends.cpu.kernels.frame import opened_at, repeat_ends, store4
+from supersampler.backends.cpu.kernels.frame import occluding_at, repeat_ends, store4
 from supersampler.backends.cpu.kernels.warp import (
     disocclusion,
     linear_taps,
@@ -107,8 +107,8 @@ def shade(samples: FrameSamples, line: Floats, surface: Floats, sums: Floats, y0
     Args:
         samples: the frame.
         line: (4, PAD + stride + PAD) scratch.
-        surface: (height, PAD + stride + PAD, 4), written to: opened depth, mean and deviation of toned luma
-            over 3x3 samples, whether these are on a plane, [0, 1], plus 2 where one is over GLARING. The
+        surface: (height, PAD + stride + PAD, 4), written to: occluding depth, mean and deviation of toned
+            luma over 3x3 samples, whether these are on a plane, [0, 1], plus 2 where one is over GLARING. The
             padding repeats the border.
         sums: (height, 2), written to: sums of each row's means and squared deviations.
         y0: the first row.
@@ -148,12 +148,12 @@ def shade(samples: FrameSamples, line: Floats, surface: Floats, sums: Floats, y0
             glare = usable * 0.0
             if glares_near:
                 glare = gather(own, (ramp16() + np.int32(y * stride + x)) * 4 + 3)
-            opened = opened_at(eroded, above * padded_width + PAD, here, below * padded_width + PAD, x)
+            occluding = occluding_at(samples, y, x)
             deviation = select(usable > 9.0 * MIN_WEIGHT, deviation, 1.0)
             across = load16(line, PAD + x + 1) - load16(line, PAD + x - 1)
             fit = fit_of(across, sum3(line, 3 * padded_width + PAD + x), deviation)
             fit = select(usable > 8.99, fit, 0.0)
-            store4(surface, 4 * (here + x), opened, mean, deviation, fit + 2.0 * glare)
+            store4(surface, 4 * (here + x), occluding, mean, deviation, fit + 2.0 * glare)
             inside = ramp16() + np.int32(x) < np.int32(w)
             mean_sum = mean_sum + select(inside, mean, 0.0)
             square_sum = square_sum + select(inside, deviation * deviation, 0.0)

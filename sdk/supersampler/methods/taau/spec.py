@@ -71,7 +71,7 @@ TAAU = MethodSpec(
     history={
         "color": (1, 3, *DISPLAY),  # linear RGB
         "samples": (1, 2, *DISPLAY),  # count; mean square of sample - history in toned luma, and GLARE
-        "surface": (1, 3, *PREVIOUS),  # depth after a morphological opening, mean and deviation of toned luma
+        "surface": (1, 3, *PREVIOUS),  # occluding depth, mean and deviation of toned luma
         "jitter": (1, 2),  # of `surface`
         "exposure": (1,),  # as `followed_exposure` returns it; 0 where there is none
         "light": (1, 4),  # mean luma, mean square deviation; the latter of frames before; flashes in a row

@@ -19,6 +19,7 @@ from supersampler.backends.cpu.simd.shuffles import rows4, zipped
 from supersampler.backends.cpu.simd.vector import (
     absolute,
     all_lanes,
+    floor,
     gather,
     load16,
     maximum,
@@ -28,11 +29,14 @@ from supersampler.backends.cpu.simd.vector import (
     spread16,
     store,
     sum_of_lanes,
+    to_float,
+    to_int,
 )
 from supersampler.backends.cpu.structs import Floats, FrameInputs, FrameSamples
 from supersampler.methods.convergence import MAX_STATIC_MOTION
 
 DARKEST = 1e-4
+LEAVES, COVERS = 1.0, 0.95  # see `occluding_depth` of the torch methods
 MAX_MOTION, FARTHEST_MOTION = 3e38, 1e6
 """Pixels. NaN and longer motion than MAX_MOTION become 0; other motion is clamped to FARTHEST_MOTION."""
 
@@ -170,29 +174,66 @@ def store4(out, index, first, second, third, fourth):
 
 
 @device_function
-def opened_at(eroded, above, here, below, x):
-    """Return the morphological opening of sixteen depths: the maximum of 3x3 eroded depths."""
-    opened = load16(eroded, here + x)
-    for row in (above, here, below):
+def occluding_at(samples, y, x):
+    """Return the occluding depth of sixteen samples; twin of `occluding_depth` of the torch methods."""
+    eroded, depths, h = samples.eroded_depth, samples.depth, samples.height
+    padded_width = samples.stride + 2 * PAD
+    here = y * padded_width + PAD + x
+    opened = load16(eroded, here)
+    for row in range(max(y - 1, 0), min(y + 2, h)):
         for column in range(-1, 2):
-            opened = maximum(load16(eroded, row + x + column), opened)
+            opened = maximum(load16(eroded, row * padded_width + PAD + x + column), opened)
+    depth = load16(depths, here)
+    if not all_lanes(depth <= opened):
+        across, down, farthest = motion_over_background(samples, y, x)
+        speed = maximum(absolute(across), absolute(down))
+        speed = select((depth > opened) & (farthest >= 0.0), speed, 0.0)
+        if not all_lanes(speed < LEAVES):
+            follows = closest_around(samples, across + to_float(ramp16() + np.int32(x)), down + np.float32(y))
+            opened = select((speed >= LEAVES) & (follows < COVERS * depth), depth, opened)
     return opened
 
 
+@device_function
+def motion_over_background(samples, y, x):
+    """Return the motion of sixteen samples less that of the farthest of 3x3, and the depth of the latter."""
+    depths, across, down = samples.depth, samples.motion_x, samples.motion_y
+    padded_width = samples.stride + 2 * PAD
+    above, here, below = max(y - 1, 0), y, min(y + 1, samples.height - 1)
+    index = here * padded_width + PAD + x
+    farthest, mx, my = load16(depths, index), load16(across, index), load16(down, index)
+    for row in (here, above, below):  # of equals, the one that `_farthest_3x3` takes
+        for column in (0, -1, 1):
+            at = row * padded_width + PAD + x + column
+            other = load16(depths, at)
+            farther = other < farthest
+            farthest = select(farther, other, farthest)
+            mx, my = select(farther, load16(across, at), mx), select(farther, load16(down, at), my)
+    return load16(across, index) - mx, load16(down, index) - my, farthest
+
+
+@device_function
+def closest_around(samples, x, y):
+    """Return the depth of the closest of the four samples around sixteen positions, clamped to the frame."""
+    x, y = clamped(x, 0.0, np.float32(samples.width - 1)), clamped(y, 0.0, np.float32(samples.height - 1))
+    left, right = to_int(floor(x)), to_int(0.0 - floor(0.0 - x))
+    closest = x * 0.0 - 1.0
+    for row in (to_int(floor(y)), to_int(0.0 - floor(0.0 - y))):
+        line = row * np.int32(samples.stride + 2 * PAD) + np.int32(PAD)
+        closest = maximum(gather(samples.depth, line + left), closest)
+        closest = maximum(gather(samples.depth, line + right), closest)
+    return closest
+
+
 def keep_depth(samples: FrameSamples, next_depth: Floats, y0: int, y1: int):
-    """Write the depth for disocclusion tests of the next frame: unchanged, and after morphological opening.
+    """Write the depth for disocclusion tests of the next frame: unchanged, and occluding.
 
     next_depth: (height, PAD + stride + PAD, 2); the padding repeats the border.
     """
-    w, h = samples.width, samples.height
-    padded_width = samples.stride + 2 * PAD
+    w, padded_width = samples.width, samples.stride + 2 * PAD
     for y in range(y0, y1):
-        above, here, below = (
-            max(y - 1, 0) * padded_width + PAD,
-            y * padded_width + PAD,
-            min(y + 1, h - 1) * padded_width + PAD,
-        )
+        here = y * padded_width + PAD
         for x in range(0, w, 16):
-            opened = opened_at(samples.eroded_depth, above, here, below, x)
-            store(next_depth, 2 * (here + x), zipped(load16(samples.depth, here + x), opened))
+            depth, occluding = load16(samples.depth, here + x), occluding_at(samples, y, x)
+            store(next_depth, 2 * (here + x), zipped(depth, occluding))
         repeat_ends(next_depth, here, w, 2)

@@ -3,7 +3,7 @@
 
 // Visibility in [0, 1]: 1 - twice the bilinear mean over the four samples around of how far each was closer by
 // the relative `margin`, fully from `margin` + `ramp` on.
-//   surface: depth after a morphological opening in its second channel; depth: of the pixel
+//   surface: occluding depth in its second channel; depth: of the pixel
 fn visibility(surface: texture_2d<f32>, depth: f32, at: vec2f, margin: f32, ramp: f32) -> f32 {
     if (depth < 0.0) { return 1.0; }
     let first = floor(at);

@@ -8,6 +8,8 @@
 
 const FIREFLY = 2.0;    // largest ratio of an exposed sample to its brightest neighbour plus white
 const MIN_WEIGHT = 1e-3;
+const LEAVES = 1.0;     // as in torch
+const COVERS = 0.95;
 const SIDE = 16;
 const DEPTHS = SIDE + 4;   // side of the tile with two samples around
 const WIDE = SIDE + 2;     // with one sample around
@@ -86,12 +88,45 @@ fn dilate(p: vec2i, origin: vec2i) -> vec4f {
     return vec4f(usable_motion(motion_at(best)), depth_near(best, origin), edge);
 }
 
-fn opened(p: vec2i, origin: vec2i) -> f32 {
-    var closest = -1e30;
+// Without thin things, but with those that leave: see `occluding_depth` of the torch methods.
+fn occluding(p: vec2i, origin: vec2i) -> f32 {
+    var opened = -1e30;
     for (var j = -1; j <= 1; j++) {
-        for (var i = -1; i <= 1; i++) { closest = max(closest, eroded[wide_index(p + vec2i(i, j), origin)]); }
+        for (var i = -1; i <= 1; i++) { opened = max(opened, eroded[wide_index(p + vec2i(i, j), origin)]); }
     }
-    return closest;
+    let depth = depth_near(p, origin);
+    if (depth <= opened) { return opened; }
+    let background = farthest_near(p, origin);
+    let over = usable_motion(motion_at(p)) - usable_motion(motion_at(background));
+    let moves = max(abs(over.x), abs(over.y)) >= LEAVES && depth_near(background, origin) >= 0.0;
+    if (!moves || closest_around(vec2f(p) + over) >= COVERS * depth) { return opened; }
+    return depth;
+}
+
+// 0, -1, 1.
+fn outward(k: i32) -> i32 {
+    return select(2 * k - 3, 0, k == 0);
+}
+
+// The farthest of 3x3 samples: of equals, the one nearest to the centre.
+fn farthest_near(p: vec2i, origin: vec2i) -> vec2i {
+    var found = clamped(p, render_size());
+    for (var j = 0; j < 3; j++) {
+        for (var i = 0; i < 3; i++) {
+            let q = clamped(p + vec2i(outward(i), outward(j)), render_size());
+            if (depth_near(q, origin) < depth_near(found, origin)) { found = q; }
+        }
+    }
+    return found;
+}
+
+// Depth of the closest of the four samples around a place.
+fn closest_around(place: vec2f) -> f32 {
+    let p = clamp(place, vec2f(0.0), vec2f(render_size() - 1));
+    let first = vec2i(floor(p));
+    let last = vec2i(ceil(p));
+    return max(max(usable_depth(depth_at(first)), usable_depth(depth_at(vec2i(last.x, first.y)))),
+               max(usable_depth(depth_at(vec2i(first.x, last.y))), usable_depth(depth_at(last))));
 }
 
 // Mean and deviation of luma, and the brightest neighbour of the sample itself.
@@ -131,7 +166,7 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: ve
         let factor = most / max(largest(s.exposed), most);
         textureStore(samples, p, vec4f(s.exposed, select(s.usable * factor, -1.0, s.glares)));
         textureStore(dilated, p, dilate(p, origin));
-        store_surface(p, depth_near(p, origin), opened(p, origin), shaded.xy);
+        store_surface(p, depth_near(p, origin), occluding(p, origin), shaded.xy);
         own_motion[index_of(p, render_size())] = usable_motion(motion_at(p));
         shades[index] = vec2f(shaded.x, shaded.y * shaded.y);
     }

@@ -1,8 +1,8 @@
-// What the next frame needs of this one's surfaces: depth, depth after a morphological opening, and mean and
+// What the next frame needs of this one's surfaces: depth, occluding depth, and mean and
 // deviation of luma.
 
 @group(0) @binding(4) var next_surface: texture_storage_2d<rgba32float, write>;
 
-fn store_surface(p: vec2i, depth: f32, opened: f32, shade: vec2f) {
-    textureStore(next_surface, p, vec4f(depth, opened, shade));
+fn store_surface(p: vec2i, depth: f32, occluding: f32, shade: vec2f) {
+    textureStore(next_surface, p, vec4f(depth, occluding, shade));
 }

@@ -39,7 +39,7 @@ fn warped_color(pixels: texture_2d<f32>, there: Reprojection, exposure: f32) -> 
     return toned_history(resample(pixels, there.at, HISTORY_SHARPNESS).cubic.rgb, exposure);
 }
 
-//   surface: depth, and depth after a morphological opening, of the previous frame; depth: of the pixel
+//   surface: depth, and occluding depth, of the previous frame; depth: of the pixel
 fn gather_surface(surface: texture_2d<f32>, there: Reprojection, depth: f32) -> WarpedSurface {
     let at = previous_render_position(there.at);
     let visible = visibility(surface, depth, at, DEPTH_MARGIN, DEPTH_RAMP);

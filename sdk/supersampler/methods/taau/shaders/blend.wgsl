@@ -21,7 +21,7 @@ const MIN_BOX_WEIGHT = 0.5;
 @group(0) @binding(3) var samples: texture_2d<f32>;
 @group(0) @binding(4) var dilated: texture_2d<f32>;
 @group(0) @binding(5) var flags: texture_2d<u32>;
-@group(0) @binding(6) var history_surface: texture_2d<f32>;    // depth, opened, mean and deviation of luma
+@group(0) @binding(6) var history_surface: texture_2d<f32>;    // depth, occluding depth, mean and deviation of luma
 @group(0) @binding(7) var next_surface: texture_2d<f32>;
 @group(0) @binding(8) var history_pixels: texture_2d<f32>;     // linear RGB, number of samples
 @group(0) @binding(9) var<storage, read> history_power: array<f32>;

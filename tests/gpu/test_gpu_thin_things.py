@@ -1,0 +1,26 @@
+"""On the GPU, too, a thin thing that moves leaves nothing where it was."""
+
+import pytest
+
+from gpu_steps import WITH_LARGE, device_or_skip, model
+from supersampler import Upscaler
+from thin_things import DISPLAY, contrast, expected_depth, hostile, kept_depth, trace
+
+device_or_skip()
+METHODS = [method for method in WITH_LARGE if method != "taa"]
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("size", [(33, 17), (5, 40), (1, 1)])
+def test_the_kept_depth_is_that_of_torch(method: str, size: tuple[int, int]) -> None:
+    for seed in range(4):
+        frame = hostile(seed, size)
+        upscaler = Upscaler(model(method), display_size=(2 * size[0], 2 * size[1]), validate="off")
+        assert (kept_depth(upscaler, frame) == expected_depth(frame)).all()
+
+
+@pytest.mark.parametrize("method", ["taau", "classifier"])
+def test_a_thin_thing_leaves_no_trace_and_stays_whole_along_itself(method: str) -> None:
+    across, along = (Upscaler(model(method), display_size=DISPLAY, validate="off") for _ in range(2))
+    assert trace(across, 2.5) < (0.4 if method == "taau" else 0.1)
+    assert contrast(along, 2.5) > 0.55

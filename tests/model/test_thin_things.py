@@ -1,0 +1,84 @@
+"""A thin thing that moves leaves nothing where it was, and stays whole where it moves along itself."""
+
+import pytest
+import torch
+from torch import Tensor
+
+from supersampler import Model, Upscaler
+from supersampler.model import ExecutorName
+from supersampler_model.ops.motion import morphological_opening, occluding_depth
+from thin_things import DISPLAY, contrast, expected_depth, hostile, kept_depth, trace
+
+WALL, WIRE = 0.1, 0.5
+METHODS = ["taau", "classifier", "classifier-small", "classifier-large"]
+
+
+def wire(over: tuple[float, float], *, level: bool = False, wall: float = 0.0) -> tuple[Tensor, Tensor]:
+    """Depth and motion of a wire over a wall, which moves by `wall` to the right."""
+    depth, motion = torch.full((1, 1, 12, 16), WALL), torch.zeros(1, 2, 12, 16)
+    motion[:, 0] = wall
+    where = (slice(None), slice(None), 5, slice(None)) if level else (..., slice(None), 7)
+    depth[where] = WIRE
+    motion[where] += torch.tensor(over).reshape(1, 2, 1)
+    return depth, motion
+
+
+@pytest.mark.parametrize("over", [(1.0, 0.0), (-1.5, 0.0), (4.0, 3.0), (1e6, 0.0)])
+@pytest.mark.parametrize("wall", [0.0, -3.0])
+def test_a_thin_thing_that_moves_over_its_background_hides_it(over: tuple[float, float], wall: float) -> None:
+    depth, motion = wire(over, wall=wall)
+    torch.testing.assert_close(occluding_depth(depth, motion), depth)
+
+
+@pytest.mark.parametrize(
+    ("over", "level"),
+    [((0.0, 0.0), False), ((0.9, -0.9), False), ((0.0, 4.0), False), ((4.0, 0.0), True), ((-1.3, 0.0), True)],
+)
+def test_one_that_stays_or_moves_along_itself_hides_nothing(over: tuple[float, float], level: bool) -> None:
+    depth, motion = wire(over, level=level)
+    torch.testing.assert_close(occluding_depth(depth, motion), torch.full_like(depth, WALL))
+
+
+def test_one_that_another_follows_hides_nothing() -> None:
+    depth, motion = wire((4.0, 0.0))
+    depth[..., 11] = WIRE  # comes to the place of the first
+    found = occluding_depth(depth, motion)
+    assert (found[..., 7] == WALL).all()
+
+
+def test_one_whose_background_is_unknown_hides_nothing() -> None:
+    depth, motion = wire((4.0, 0.0))
+    depth[..., 8] = -1.0
+    torch.testing.assert_close(occluding_depth(depth, motion), morphological_opening(depth))
+
+
+def test_broad_things_hide_what_is_behind_them_however_they_move() -> None:
+    depth, motion = torch.full((1, 1, 12, 16), WALL), torch.zeros(1, 2, 12, 16)
+    depth[..., 3:9, 4:10] = WIRE
+    for speed in (0.0, 0.5, 4.0):
+        motion[:, 0, 3:9, 4:10] = speed
+        torch.testing.assert_close(occluding_depth(depth, motion), depth)
+
+
+@pytest.mark.parametrize("executor", ["cpu", "onnx"])
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("size", [(33, 17), (5, 40), (1, 1)])
+def test_all_backends_keep_the_same_depth(method: str, executor: ExecutorName, size: tuple[int, int]) -> None:
+    model = Model.load(method, executor=executor, threads=1)
+    for seed in range(4):
+        frame = hostile(seed, size)
+        upscaler = Upscaler(model, display_size=(2 * size[0], 2 * size[1]), validate="off")
+        assert (kept_depth(upscaler, frame) == expected_depth(frame)).all()
+
+
+@pytest.mark.parametrize("speed", [0.67, 2.5])
+@pytest.mark.parametrize("method", METHODS)
+def test_a_thin_thing_leaves_no_trace_where_it_was(method: str, speed: float) -> None:
+    upscaler = Upscaler(method, display_size=DISPLAY, executor="cpu", validate="off")
+    assert trace(upscaler, speed) < (0.4 if method == "taau" else 0.1)  # before: 1.7, 0.2 to 3.5
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_thin_thing_that_moves_along_itself_stays_whole(method: str) -> None:
+    upscaler = Upscaler(method, display_size=DISPLAY, executor="cpu", validate="off")
+    assert contrast(upscaler, 2.5) > 0.55
