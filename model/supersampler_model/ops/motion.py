@@ -73,8 +73,8 @@ def occluding_depth(depth: Tensor, motion: Tensor) -> Tensor:
     x, y = (torch.arange(extent, device=depth.device).to(depth.dtype) for extent in (w, h))
     across, down = channels_of(over)
     (left, right), (top, bottom) = (
-        (place.floor(), place.ceil()) for place in (x + across, y[:, None] + down)
-    )
+        (place.floor(), -(-place).floor()) for place in (x + across, y[:, None] + down)
+    )  # no ceil: some runtimes of graphs lack it
     around = [(left, top), (right, top), (left, bottom), (right, bottom)]
     coming = torch.cat([read(depth, positions_of(*place), mode="nearest") for place in around], dim=1)
     follows = coming.amax(dim=1, keepdim=True) >= COVERS * depth

@@ -24,8 +24,9 @@ class SupersampledWindow:
     Each `Render` of the window, whoever calls it, is one frame. While nothing moves, each adds samples to
     the image. Motion comes from the camera and the matrices of the props; a mesh whose points change has
     none, and blurs for a few frames. The background moves with the closest surface of each 16x16 pixels, so
-    that the history serves outlines, too; without a surface it rests. Lines and points stay as wide as they
-    are. 2D props (text, scalar bars) and other renderers (axes, overlays) are rendered at full size on top.
+    that the history serves outlines, too; beside thin things, and without a surface, it rests. Lines and
+    points stay as wide as they are. 2D props (text, scalar bars) and other renderers (axes, overlays) are
+    rendered at full size on top.
     A view that jumps starts anew, as does one of another window size.
 
     Colour is taken as VTK blends and resolves it: display values, of which the image is a mean.

@@ -17,6 +17,7 @@ Matrix = NDArray[np.float64]
 _JUMP = 0.5  # of the image: a median motion beyond it is another view
 _TURN = np.cos(np.radians(30.0))  # of the angle between two frames' view directions, likewise
 _TILE = 16  # pixels; side of the tiles in which the background moves with a surface
+_BROAD = 16  # of the 256 samples of a tile: with fewer, the background rests
 _PROBED = 16  # pixels between those whose motion is read for it
 
 
@@ -98,7 +99,10 @@ class View:
 
 
 def move_background(vectors: NDArray[np.uint64], buffer: Float32) -> None:
-    """Give the background of each tile the motion of the tile's closest surface, or 0 if it has none.
+    """Give the background of each tile the motion of the tile's closest surface, or 0 if it has few samples.
+
+    Outlines of broad things then keep their history. Behind a thin thing that moves, the background must
+    rest: what it leaves there is found by its motion over the background.
 
     Args:
         vectors: (h, w) motion, whose two floats are one word; changed where the background is.
@@ -106,6 +110,7 @@ def move_background(vectors: NDArray[np.uint64], buffer: Float32) -> None:
     """
     height, width = buffer.shape
     nearest = np.ones(-(-width // _TILE) * _TILE, np.float32)  # of each column; 1 beyond the last
+    count = np.zeros(nearest.size, np.int32)  # of samples of surfaces in each column
     first = np.arange(0, width, _TILE)
     for top in range(0, height, _TILE):
         depth, motion = buffer[top : top + _TILE], vectors[top : top + _TILE]
@@ -114,7 +119,9 @@ def move_background(vectors: NDArray[np.uint64], buffer: Float32) -> None:
             np.min(depth, axis=0, out=nearest[:width])
             column = first + nearest.reshape(-1, _TILE).argmin(axis=1)
             row = depth[:, column].argmin(axis=0)
-            found = np.where(depth[row, column] < 1.0, motion[row, column], np.uint64(0))
+            np.sum(~background, axis=0, out=count[:width])
+            is_broad = count.reshape(-1, _TILE).sum(axis=1) >= _BROAD
+            found = np.where(is_broad, motion[row, column], np.uint64(0))
             np.copyto(motion, found.repeat(_TILE)[:width], where=background)
 
 
