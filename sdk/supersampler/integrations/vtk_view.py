@@ -17,7 +17,7 @@ Matrix = NDArray[np.float64]
 _JUMP = 0.5  # of the image: a median motion beyond it is another view
 _TURN = np.cos(np.radians(30.0))  # of the angle between two frames' view directions, likewise
 _TILE = 16  # pixels; side of the tiles in which the background moves with a surface
-_BROAD = 16  # of the 256 samples of a tile: with fewer, the background rests
+_THIN = 32  # samples of a tile, of 256: of what is narrower than three, and runs through it
 _PROBED = 16  # pixels between those whose motion is read for it
 
 
@@ -120,7 +120,7 @@ def move_background(vectors: NDArray[np.uint64], buffer: Float32) -> None:
             column = first + nearest.reshape(-1, _TILE).argmin(axis=1)
             row = depth[:, column].argmin(axis=0)
             np.sum(~background, axis=0, out=count[:width])
-            is_broad = count.reshape(-1, _TILE).sum(axis=1) >= _BROAD
+            is_broad = count.reshape(-1, _TILE).sum(axis=1) > _THIN
             found = np.where(is_broad, motion[row, column], np.uint64(0))
             np.copyto(motion, found.repeat(_TILE)[:width], where=background)
 
