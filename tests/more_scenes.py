@@ -112,32 +112,3 @@ class Cut(Scene):
     def shown(self, index: int) -> Scene:
         """Return the scene that frame `index` shows."""
         return self.before if index < self.at else self.after
-
-
-@dataclass(frozen=True)
-class Wire(Scene):
-    """A dark wire, thinner than a sample's share of the screen, before a light wall that stands still.
-
-    Attributes:
-        speed: to the right, units a frame.
-        level: whether it goes across, and so moves along itself, or down.
-    """
-
-    speed: float
-    level: bool = False
-
-    WALL, WIDTH, START, LEAN = 0.9, 0.4, 8.3, 0.05
-
-    def middle(self, index: int, y: Values) -> Values:
-        """Return where a wire that goes down is at these heights, units."""
-        return self.START + self.speed * index + self.LEAN * y
-
-    def surface(self, index: int, x: Values, y: Values) -> Surface:
-        """Return the wire where it is, else the wall."""
-        off = y - 0.51 * EXTENT[1] if self.level else x - self.middle(index, y)
-        is_wire = np.abs(off) < 0.5 * self.WIDTH
-        depth = np.where(is_wire, NEAR, FAR)
-        motion = np.where(is_wire[..., None], (-self.speed, 0.0), 0.0)
-        toward = np.broadcast_to((0.0, 0.0, 1.0), (*x.shape, 3))
-        color = grey(np.where(is_wire, 0.02, self.WALL))
-        return Surface(color, depth, motion, depth, toward, toward)

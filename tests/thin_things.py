@@ -1,46 +1,14 @@
-"""What a method makes of a thin thing that moves, and of hostile depth and motion."""
+"""Hostile depth and motion, and the occluding depth that a step leaves of them."""
 
 from dataclasses import replace
 
 import numpy as np
 import torch
 
-from more_scenes import Wire
 from noise import Size, noise
-from supersampler import Frame, Upscaler, halton_jitter
+from supersampler import Frame, Upscaler
 from supersampler.frame import Float32
-from supersampler_model.data.scenes.analytic import EXTENT
 from supersampler_model.ops.motion import occluding_depth, usable_depth, usable_motion
-
-RENDER, DISPLAY = (96, 54), (192, 108)
-FRAMES = 20
-
-
-def last_image(upscaler: Upscaler, scene: Wire) -> Float32:
-    """Return the image of the last of FRAMES frames."""
-    for index in range(FRAMES):
-        image = upscaler.step(scene.frame(index, RENDER, halton_jitter(index, 2.0)))
-    return image
-
-
-def trace(upscaler: Upscaler, speed: float) -> float:
-    """Return how much of an upright wire is left on the wall where it was before.
-
-    Sum of the errors, as a fraction of that of one whole wire.
-    """
-    scene = Wire(speed)
-    to_pixels = DISPLAY[0] / EXTENT[0]
-    left = (scene.middle(FRAMES - 1, np.zeros(1))[0] - 2.0) * to_pixels
-    wall = last_image(upscaler, scene)[:, : int(left)].mean(axis=2)
-    wire = scene.WALL * scene.WIDTH * to_pixels * DISPLAY[1]
-    return float(np.abs(wall - scene.WALL).sum() / wire)
-
-
-def contrast(upscaler: Upscaler, speed: float) -> float:
-    """Return how dark a level wire is that moves along itself, as a fraction of its contrast."""
-    scene = Wire(speed, level=True)
-    rows = last_image(upscaler, scene)[:, 16:-16].mean(axis=(1, 2))
-    return float(1.0 - rows.min() / scene.WALL)
 
 
 def hostile(seed: int, size: Size) -> Frame:

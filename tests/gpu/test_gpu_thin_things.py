@@ -3,8 +3,9 @@
 import pytest
 
 from gpu_steps import WITH_LARGE, device_or_skip, model
+from studies.thin_traces import contrast, trace, upscaler_of
 from supersampler import Upscaler
-from thin_things import DISPLAY, contrast, expected_depth, hostile, kept_depth, trace
+from thin_things import expected_depth, hostile, kept_depth
 
 device_or_skip()
 METHODS = [method for method in WITH_LARGE if method != "taa"]
@@ -21,6 +22,5 @@ def test_the_kept_depth_is_that_of_torch(method: str, size: tuple[int, int]) -> 
 
 @pytest.mark.parametrize("method", ["taau", "classifier"])
 def test_a_thin_thing_leaves_no_trace_and_stays_whole_along_itself(method: str) -> None:
-    across, along = (Upscaler(model(method), display_size=DISPLAY, validate="off") for _ in range(2))
-    assert trace(across, 2.5) < (0.4 if method == "taau" else 0.1)
-    assert contrast(along, 2.5) > 0.55
+    assert trace(upscaler_of(method, executor="gpu"), 4.0) < (0.4 if method == "taau" else 0.15)
+    assert contrast(upscaler_of(method, executor="gpu"), 4.0) > 0.55

@@ -4,10 +4,11 @@ import pytest
 import torch
 from torch import Tensor
 
+from studies.thin_traces import contrast, trace, upscaler_of
 from supersampler import Model, Upscaler
 from supersampler.model import ExecutorName
 from supersampler_model.ops.motion import morphological_opening, occluding_depth
-from thin_things import DISPLAY, contrast, expected_depth, hostile, kept_depth, trace
+from thin_things import expected_depth, hostile, kept_depth
 
 WALL, WIRE = 0.1, 0.5
 METHODS = ["taau", "classifier", "classifier-small", "classifier-large"]
@@ -71,14 +72,13 @@ def test_all_backends_keep_the_same_depth(method: str, executor: ExecutorName, s
         assert (kept_depth(upscaler, frame) == expected_depth(frame)).all()
 
 
-@pytest.mark.parametrize("speed", [0.67, 2.5])
+@pytest.mark.parametrize("speed", [1.0, 4.0])
 @pytest.mark.parametrize("method", METHODS)
 def test_a_thin_thing_leaves_no_trace_where_it_was(method: str, speed: float) -> None:
-    upscaler = Upscaler(method, display_size=DISPLAY, executor="cpu", validate="off")
-    assert trace(upscaler, speed) < (0.4 if method == "taau" else 0.1)  # before: 1.7, 0.2 to 3.5
+    upscaler = upscaler_of(method, executor="cpu")
+    assert trace(upscaler, speed) < (0.4 if method == "taau" else 0.15)
 
 
 @pytest.mark.parametrize("method", METHODS)
 def test_a_thin_thing_that_moves_along_itself_stays_whole(method: str) -> None:
-    upscaler = Upscaler(method, display_size=DISPLAY, executor="cpu", validate="off")
-    assert contrast(upscaler, 2.5) > 0.55
+    assert contrast(upscaler_of(method, executor="cpu"), 4.0) > 0.55

@@ -25,6 +25,7 @@ from studies import (
     shaded_jitter,
     stage_breakdown,
     stepper_study,
+    thin_traces,
 )
 from studies import extrapolated_colors as colors
 from supersampler_bench.markdown_blocks import find_block
@@ -56,6 +57,7 @@ ROOT = Path(__file__).parents[3]
         ("quality", "oracle test-shots", "oracle", oracle.markdown_table),
         ("training", "returns", "returns", returns.markdown_table),
         ("contract", "shaded-jitter", "shaded-jitter", shaded_jitter.markdown_table),
+        ("quality", "thin-traces", "thin-traces", thin_traces.markdown_table),
         ("quality", "class-ceiling test-shots", "class-ceiling", class_ceiling.markdown_table),
         ("results/methods", "salvi-options test-shots", "salvi-options", stepper_study.markdown_table),
         ("results/methods", "missing-buffers test-shots", "missing-buffers", stepper_study.markdown_table),
