@@ -108,8 +108,8 @@ def markdown_table(record: Record) -> str:
     heads = ["method", *(f"trace at {speed:g}:" for speed in SPEEDS), f"contrast along itself at {ALONG:g}:"]
     sizes = " to ".join("x".join(map(str, size)) for size in (RENDER, DISPLAY))
     caption = (
-        f"A wire of 0.6 render pixels before a wall at rest, {sizes}; frame {FRAMES}. Speeds in render pixels "
-        "a frame."
+        f"A wire of 0.6 render pixels before a wall at rest, {sizes}; frame {FRAMES}. "
+        "Speeds in render pixels a frame."
     )
     return table(heads, cells, caption)
 
