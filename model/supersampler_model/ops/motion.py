@@ -75,10 +75,11 @@ def occluding_depth(depth: Tensor, motion: Tensor) -> Tensor:
     (left, right), (top, bottom) = (
         (place.floor(), -(-place).floor()) for place in (x + across, y[:, None] + down)
     )  # no ceil: some runtimes of graphs lack it
-    around = [(left, top), (right, top), (left, bottom), (right, bottom)]
-    coming = torch.cat([read(depth, positions_of(*place), mode="nearest") for place in around], dim=1)
-    follows = coming.amax(dim=1, keepdim=True) >= COVERS * depth
-    leaves = (over.abs().amax(dim=1, keepdim=True) >= LEAVES) & (farthest >= 0.0) & ~follows
+    columns = torch.cat([left, right, left, right], dim=2)
+    rows = torch.cat([top, top, bottom, bottom], dim=2)
+    coming = read(depth, positions_of(columns, rows), mode="nearest").reshape(1, 4, h, w)
+    moves = (over.abs().amax(dim=1, keepdim=True) >= LEAVES) & (farthest >= 0.0)
+    leaves = moves & (coming.amax(dim=1, keepdim=True) < COVERS * depth)
     return torch.where(leaves, depth, morphological_opening(depth))
 
 
