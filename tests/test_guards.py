@@ -37,14 +37,14 @@ PRODUCTS = {
 }  # fmt: skip
 """Multiply-adds a display pixel."""
 OPERATORS = {
-    "bilinear": 125, "bicubic": 150, "taa": 515, "taau": 1260, "classifier": 1370, "classifier-small": 1330,
-    "gbuffer-small": 1850, "gbuffer-small-4x": 1850, "extrapolate": 1020, "guided-warp": 1120,
-    "guided-flow": 2700, "gbuffer-fast": 1760, "classifier-large": 1540,
+    "bilinear": 125, "bicubic": 150, "taa": 515, "taau": 1325, "classifier": 1436, "classifier-small": 1396,
+    "gbuffer-small": 1850, "gbuffer-small-4x": 1850, "extrapolate": 1084, "guided-warp": 1120,
+    "guided-flow": 2700, "gbuffer-fast": 1828, "classifier-large": 1593,
 }  # fmt: skip
 READS = {
-    "bilinear": 0, "bicubic": 0, "taa": 5, "taau": 8, "classifier": 11, "classifier-small": 10,
-    "gbuffer-small": 17, "gbuffer-small-4x": 17, "extrapolate": 11, "guided-warp": 1,
-    "guided-flow": 11, "gbuffer-fast": 12, "classifier-large": 11,
+    "bilinear": 0, "bicubic": 0, "taa": 5, "taau": 9, "classifier": 12, "classifier-small": 11,
+    "gbuffer-small": 17, "gbuffer-small-4x": 17, "extrapolate": 12, "guided-warp": 1,
+    "guided-flow": 11, "gbuffer-fast": 13, "classifier-large": 12,
 }  # fmt: skip
 """GridSample operators, which are most of what a graph's time is."""
 KILOBYTES = {"step.onnx": 430, "step.fp16.onnx": 270, "network.onnx": 340, "network.npz": 130}
