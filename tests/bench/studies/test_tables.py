@@ -40,6 +40,12 @@ ROOT = Path(__file__).parents[3]
         ("results/methods", "ablation classifier", "ablation-classifier", ablation.markdown_table),
         (
             "results/methods",
+            "ablation classifier-small",
+            "ablation-classifier-small",
+            ablation.markdown_table,
+        ),
+        (
+            "results/methods",
             "ablation gbuffer-small-4x",
             "ablation-gbuffer-small-4x",
             ablation.markdown_table,
