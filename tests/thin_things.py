@@ -12,7 +12,7 @@ from supersampler_model.ops.motion import occluding_depth, usable_depth, usable_
 
 
 def hostile(seed: int, size: Size) -> Frame:
-    """Thin and broad things that move at random, and values that are not usable."""
+    """Return a frame of tiny things that move at random; some depth and motion is not usable."""
     rng = np.random.default_rng(seed)
     shape = size[::-1]
     near = rng.random(shape) < 0.15

@@ -32,7 +32,7 @@ BATCH, AVERAGE = 4, 100
 
 @dataclass(frozen=True)
 class Scores:
-    """Of one run, on the validation sequences."""
+    """Scores of one run: means over the validation sequences, dB."""
 
     psnr: float
     tpsnr: float
@@ -44,7 +44,7 @@ class Row:
 
     Attributes:
         name: of the variant.
-        seeds: a run each.
+        seeds: scores of its runs, one for each seed.
     """
 
     name: str

@@ -18,4 +18,4 @@ VARIANTS: Mapping[str, Callable[[], Task[Any]]] = {
         SmallClassifier(SmallConfig(recurrent=False))
     ),
 }
-"""Without the loss, the six values that classes were are free: whatever helps the image."""
+"""Variants by name. Without their loss, the six outputs for the classes learn whatever helps the image."""

@@ -1,9 +1,8 @@
-"""What is left of a thin thing where it was before, and how whole it stays where it moves along itself.
+"""Traces that a moving wire leaves on the wall behind it, and the contrast of a wire that moves along itself.
 
 python bench/studies/thin_traces.py --json bench/results/studies/thin-traces.json --update docs/quality.md
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -67,7 +66,7 @@ def last_image(upscaler: Upscaler, scene: Scene) -> Float32:
 
 
 def trace(upscaler: Upscaler, speed: float) -> float:
-    """Return what is left of an upright wire on the wall: its error, as a fraction of one whole wire."""
+    """Return the sum of the wall's errors where an upright wire was before, as a fraction of a whole wire."""
     scene, scale = Wire(speed), DISPLAY[0] / EXTENT[0]
     left = int((scene.middle(FRAMES - 1, np.zeros(1))[0] - 2.0) * scale)
     error = np.abs(last_image(upscaler, scene)[:, :left].mean(axis=2) - scene.WALL).sum()
@@ -76,7 +75,7 @@ def trace(upscaler: Upscaler, speed: float) -> float:
 
 
 def contrast(upscaler: Upscaler, speed: float) -> float:
-    """Return the contrast of a level wire that moves along itself, in its darkest row, of one pixel's."""
+    """Return the contrast of a level wire that moves along itself: of its darkest row, 1 for a black one."""
     scene = Wire(speed, level=True)
     rows = last_image(upscaler, scene)[:, BORDER:-BORDER].mean(axis=(1, 2))
     return float((scene.WALL - rows.min()) / (scene.WALL - scene.DARK))
@@ -87,15 +86,15 @@ def upscaler_of(method: str, **options: Any) -> Upscaler:
     return Upscaler(method, display_size=DISPLAY, validate="off", **options)
 
 
-def rows(methods: Sequence[str] = METHODS) -> list[dict[str, Any]]:
-    """Return all figures."""
+def rows() -> list[dict[str, Any]]:
+    """Return the figures of each method."""
     return [
         {
             "method": method,
             "traces": [trace(upscaler_of(method), speed) for speed in SPEEDS],
             "along": contrast(upscaler_of(method), ALONG),
         }
-        for method in methods
+        for method in METHODS
     ]
 
 

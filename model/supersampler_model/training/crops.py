@@ -47,7 +47,7 @@ class Sample(NamedTuple):
     unshaded: bool = False  # whether the method must extrapolate its colour
 
     def without_truth(self) -> Self:
-        """Return what a method is given of it."""
+        """Return the sample without reference, classes and reset: what a method reads."""
         none = self.exposure.new_empty(0)
         return self._replace(reset=False, reference=none, ghost=none, alias=none)
 

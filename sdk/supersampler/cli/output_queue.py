@@ -37,10 +37,7 @@ class OutputQueue(Generic[Written]):
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Wait for all functions, also after an error: few wait, and their images are complete then.
-
-        After an error no result is handed on.
-        """
+        """Wait until all functions have run, also after an error; after an error no result is handed on."""
         try:
             while error is None and self._waiting:
                 self._then(self._waiting.popleft().result())

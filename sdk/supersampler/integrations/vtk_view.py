@@ -17,7 +17,7 @@ Matrix = NDArray[np.float64]
 _JUMP = 0.5  # of the image: a median motion beyond it is another view
 _TURN = np.cos(np.radians(30.0))  # of the angle between two frames' view directions, likewise
 _TILE = 16  # pixels; side of the tiles in which the background moves with a surface
-_THIN = 32  # samples of a tile, of 256: of what is narrower than three, and runs through it
+_THIN = 32  # largest number of a tile's samples that a surface two samples wide has
 _PROBED = 16  # pixels between those whose motion is read for it
 
 
