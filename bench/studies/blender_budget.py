@@ -31,8 +31,8 @@ from studies.blender_renders import (
 )
 from supersampler.errors import ArgumentError
 from supersampler.frame import Float32, Frame
-from supersampler.io.atomic import replacing
 from supersampler.io.display import auto_exposure, decibels, display_transform
+from supersampler.io.files import replacing
 from supersampler.io.image_reading import read_exr
 from supersampler.io.images import write_exr
 from supersampler.io.shot import Shot

@@ -14,14 +14,13 @@ $SUPERSAMPLER_STUDY is JSON:
 import importlib.util
 import json
 import os
-import sys
 import time
 from pathlib import Path
 from typing import Any
 
 
-def main(settings: dict[str, Any], study: dict[str, Any]) -> None:
-    """Render the frames of `settings`, changed as `study`, the environment's, says."""
+def main(study: dict[str, Any]) -> None:
+    """Render the frames of the command's settings, changed as `study` says."""
     spec = importlib.util.spec_from_file_location("render_frames", study["script"])
     assert spec is not None and spec.loader is not None  # noqa: S101, PT018  # for mypy
     script: Any = importlib.util.module_from_spec(spec)
@@ -40,19 +39,17 @@ def main(settings: dict[str, Any], study: dict[str, Any]) -> None:
             area.use_border, area.use_crop_to_border = True, False
             area.border_min_x, area.border_max_x, area.border_min_y, area.border_max_y = study["region"]
 
-    def timed_render(scene: Any, folder: Path, number: int) -> str:
+    def timed_render(scene: Any, path: Path) -> None:
         before = time.process_time()  # of all threads
-        path: str = render(scene, folder, number)
+        render(scene, path)
+        cost = {"frame": scene.frame_current, "seconds": time.process_time() - before}
         with Path(study["costs"]).open("a", encoding="utf-8") as file:
-            file.write(json.dumps({"frame": number, "seconds": time.process_time() - before}) + "\n")
-        return path
+            file.write(f"{json.dumps(cost)}\n")
 
     script.set_output, script.render = set_more, timed_render
+    settings = script.SETTINGS
     script.main(settings if study["jitter"] else {**settings, "jitter": [[0.0, 0.0]]})
 
 
 if __name__ == "__main__":
-    main(
-        json.loads(Path(sys.argv[-1]).read_text(encoding="utf-8")),
-        json.loads(os.environ["SUPERSAMPLER_STUDY"]),
-    )
+    main(json.loads(os.environ["SUPERSAMPLER_STUDY"]))

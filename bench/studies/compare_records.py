@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
 
+from supersampler.cli.terminal import Terminal
 from supersampler.errors import ArgumentError
 from supersampler_bench.cli.options import say
 from supersampler_bench.markdown_table import table
@@ -144,7 +144,7 @@ def main(
         want = "values that both have"
         raise ArgumentError("records", got="none in common", want=want, hint="Run the same command twice.")
     worse = [change for change in found if change.worse > above]
-    Console().print(markdown_table(worse) if worse else "Nothing is worse.", markup=False, soft_wrap=True)
+    Terminal().print(markdown_table(worse) if worse else "Nothing is worse.", soft_wrap=True)
     better = sum(change.worse < -above for change in found)
     say(f"{len(found)} values: {len(worse)} worse, {better} better, by more than {above:g}")
     if worse:

@@ -23,9 +23,9 @@ from typing import Annotated, Any, cast
 import numpy as np
 import typer
 from numpy.typing import NDArray
-from rich.console import Console
 
 from supersampler import ArgumentError, Frame, Model, Upscaler
+from supersampler.cli.terminal import Terminal
 from supersampler.frame import Float32, Size
 from supersampler.methods.model_file import model_names
 from supersampler.model import ExecutorName, Precision, Skip
@@ -363,7 +363,7 @@ def main(
     here = {**record, **setting()}
     found = list(differences(before, here, partly=chosen is not None))
     for text in found:
-        Console().print(text, markup=False, soft_wrap=True)
+        Terminal().print(text, soft_wrap=True)
     say(f"{len(results)} runs: {len(found)} differ from {check}")
     if found:
         if unlike := other_setting(before, here):

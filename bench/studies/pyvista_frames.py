@@ -21,8 +21,8 @@ from studies.pyvista_table import WAYS, markdown_table
 from supersampler.cli.arguments import parse_size
 from supersampler.frame import Float32, Size
 from supersampler.integrations.pyvista import enable_supersampling
-from supersampler.io.atomic import replacing
 from supersampler.io.display import decibels, to_uint8
+from supersampler.io.files import replacing
 from supersampler.io.images import encode_jpeg
 from supersampler_bench.cli.options import JSON, UPDATE, check_page, counted, listed, publish
 

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from supersampler.errors import ArgumentError
-from supersampler.io.atomic import replacing
+from supersampler.io.files import replacing
 
 
 def find_blocks(path: Path, names: Sequence[str]) -> list[str]:

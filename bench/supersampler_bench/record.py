@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from supersampler.errors import ArgumentError
-from supersampler.io.atomic import replacing
+from supersampler.io.files import replacing
 from supersampler.io.machine import machine
 
 Record: TypeAlias = Mapping[str, Any]

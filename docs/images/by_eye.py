@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler import Shot, Upscaler
-from supersampler.io.atomic import replacing
+from supersampler.io.files import replacing
 from supersampler.io.display import auto_exposure, display_transform, to_uint8
 from supersampler.io.images import encode_jpeg
 from supersampler_bench.shots.public_shots import CACHE_VARIABLE, default_cache, shot_folder

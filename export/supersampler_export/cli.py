@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 
+from supersampler.cli.terminal import Terminal
 from supersampler.errors import ArgumentError, did_you_mean
 from supersampler.methods.catalog import FIXED, LEARNED, listed_methods
 from supersampler_export.shaders.folder import (
@@ -69,13 +69,13 @@ def export(
         for name in models_with_shaders() if method == "all" else [method]:
             folder = output / name if method == "all" else output
             write_shader_folder(name, folder, target=target, images=images)
-            Console().print(f"{name}: {folder / DESCRIPTION}", soft_wrap=True)
+            Terminal().print(f"{name}: {folder / DESCRIPTION}", soft_wrap=True)
         return
     if images != "textures":
         raise ArgumentError("--images", got=images, want="none without --target")
     from supersampler_export.folder import write_model_folder
 
-    console = Console()
+    console = Terminal()
     for name in shipped_methods() if method == "all" else [method]:
         folder = output / name if method == "all" else output
         made = load_method(name, weights)

@@ -14,7 +14,7 @@ import torch
 
 from supersampler import __version__
 from supersampler.errors import ShotError
-from supersampler.io.atomic import check_ours
+from supersampler.io.files import check_ours
 from supersampler.io.json_fields import read_json
 from supersampler.methods.model_file import CONTRACT
 from supersampler.methods.model_info import EXTRAPOLATED

@@ -8,6 +8,7 @@ SupersamplerError
   ModelError         a model folder that this runtime cannot run
   ProviderError      an ONNX Runtime execution provider was requested and is not available
   KernelError        the CPU backend's kernels cannot be compiled here
+  DeviceError        the GPU backend found no device, or the device failed
 
 Warnings: FrameWarning, from the checks that read pixels (`validate="warn"`); BackendWarning, when a slower
 backend runs because a faster one cannot.
@@ -16,12 +17,17 @@ backend runs because a faster one cannot.
 import difflib
 from collections.abc import Collection
 from pathlib import Path
+from typing import Any
 
 _LONGEST = 120  # characters of a value in a message
 
 
 class SupersamplerError(Exception):
-    """Base of all errors below."""
+    """Base of all errors below. All of them can be pickled and copied, as process pools do."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle message and attributes; `Exception` would call `__init__` with the message alone."""
+        return _restored, (type(self), self.args, self.__dict__)
 
 
 class FrameError(SupersamplerError, ValueError):
@@ -78,6 +84,15 @@ class BackendWarning(UserWarning):
     """A model runs on a slower backend; the message says why and what to install."""
 
 
+def _restored(
+    kind: type[SupersamplerError], args: tuple[Any, ...], attributes: dict[str, Any]
+) -> SupersamplerError:
+    error = kind.__new__(kind, *args)
+    error.args = args
+    error.__dict__.update(attributes)
+    return error
+
+
 def did_you_mean(word: object, choices: Collection[str]) -> str:
     """Return "Did you mean 'x'?" for a misspelt word; "" where no choice is similar."""
     if not isinstance(word, str) or len(word) > _LONGEST:
@@ -96,6 +111,11 @@ def shown(value: object) -> str:
     except Exception:  # of a user's class, or of an int with more than 4300 digits
         return f"of type {type(value).__name__}"
     return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
+
+
+def printable(text: str) -> str:
+    """Replace unprintable characters: names in files must not send control codes to a terminal or a log."""
+    return "".join(character if character.isprintable() else "?" for character in text)
 
 
 class FrameWarning(UserWarning):

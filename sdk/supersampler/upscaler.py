@@ -6,7 +6,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, overload
+from typing import TYPE_CHECKING, NoReturn, overload
 
 from supersampler.arguments import checked_names, checked_path, checked_scale, checked_size
 from supersampler.backends.onnx.tensors import tensors_of_frame
@@ -297,6 +297,11 @@ class Upscaler(DeviceSteps):
         self._closed = True
         if self._recorder is not None:
             self._recorder.close()
+
+    def __reduce__(self) -> NoReturn:
+        """Refuse copies and pickles: two Upscalers must not share one history."""
+        hint = "Make a new Upscaler, and give it the history: `new.load_state(old.save_state())`."
+        raise ArgumentError("upscaler", got="to be copied or pickled", want="one of its own", hint=hint)
 
     def __enter__(self) -> "Upscaler":
         self._check_open()

@@ -1,6 +1,6 @@
 """Acts as Blender for tests: it "renders" recorded frames, as the scene's file says.
 
-    fake_blender.py --background --python-exit-code 1 --python SCRIPT -- settings.json
+    SUPERSAMPLER_RENDER='{...}' fake_blender.py --background --python-exit-code 1 --python SCRIPT
 
 plan.json beside the scene's file says what goes wrong: "error" or "crash" before the first frame; "error at",
 "crash at" or "hang at" a frame's number; "wait at" a number "for" a file. "ocio" is the file of the
@@ -10,15 +10,15 @@ view transform. It prints "Fra:7" for each frame, as Blender does.
 import json
 import os
 import shutil
-import sys
 import time
 from pathlib import Path
 
+SETTINGS = json.loads(os.environ["SUPERSAMPLER_RENDER"])
 RECORDED = Path(__file__).with_name("recorded")
 
 
 def report(**content: object) -> None:
-    print("supersampler " + json.dumps(content), flush=True)
+    print(f"\n{SETTINGS['word']}{json.dumps(content)}", flush=True)
 
 
 def stop(error: str) -> None:
@@ -27,7 +27,7 @@ def stop(error: str) -> None:
 
 
 def main() -> None:
-    settings = json.loads(Path(sys.argv[-1]).read_text())
+    settings = SETTINGS
     record = json.loads((RECORDED / "render.json").read_text())
     plan = json.loads(Path(settings["blend"]).with_name("plan.json").read_text())
     print("Blender 4.5.15 LTS")
@@ -49,9 +49,9 @@ def main() -> None:
         if number == plan.get("wait at"):
             wait_for(Path(plan["for"]))
         print(f"Fra:{number} Mem:15.68M", flush=True)
-        part = Path(settings["folder"]) / f".{number:04d}.0123abcd.partial.exr"
+        part = Path(settings["folder"]) / f".{number:04d}.{settings['run']}.partial.exr"
         shutil.copyfile(RECORDED / f"{number:04d}.exr", part)
-        report(frame=number, file=str(part), **record["frames"][number - record["first"]])
+        report(frame=number, **record["frames"][number - record["first"]])
 
 
 def wait_for(path: Path) -> None:

@@ -90,7 +90,7 @@ def test_a_render_that_fails_keeps_its_frames_and_continues_to_the_same_images(
     blender(tmp_path / "whole")
     line = one_line(blender(tmp_path, **{how: 7}))
     assert "scene.blend: the render ended after 2 frames: " in line
-    assert ("Error: out of memory" if how == "error_at" else "ended with -6") in line
+    assert ("Error: out of memory" if how == "error_at" else "ended with SIGABRT") in line
     assert line.endswith("blender.log.")
     assert list(images(tmp_path)) == IMAGES[:2]
     assert blender(tmp_path).exit_code == 0
@@ -155,7 +155,7 @@ def test_a_file_of_others_in_the_way_is_named_and_kept(
             {"error": "scene 'Scene' has no active camera: add one"},
             "the render ended before the first frame: scene 'Scene' has no active camera: add one",
         ),
-        ({"crash": True}, "the render ended before the first frame: Blender ended with -6: Writing: /tmp/"),
+        ({"crash": True}, "the render ended before the first frame: Blender ended with SIGABRT: Writing: /tmp/"),
     ],
 )
 def test_what_blender_says_of_a_scene_is_one_line(tmp_path: Path, plan: dict[str, Any], message: str) -> None:

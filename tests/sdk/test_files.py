@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from supersampler import ShotError
-from supersampler.io.atomic import check_apart, check_inside, is_regular, remove_partial_files
+from supersampler.io.files import check_apart, check_inside, is_regular, remove_partial_files
 
 NAMES = re.compile(r"\d{4}\.exr|shot\.json")
 

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from OpenImageIO import ImageInput, ImageOutput, ImageSpec
 
 from supersampler import ShotError
-from supersampler.io.atomic import replacing
+from supersampler.io.files import replacing
 from supersampler.io.image_reading import read_exr, read_exr_channels
 from supersampler.io.images import encode_jpeg, encode_png, half_pixels, write_exr, write_png, write_tiff
 

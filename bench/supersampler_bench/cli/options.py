@@ -6,20 +6,20 @@ from pathlib import Path
 from typing import Annotated, Any, TypeVar, cast
 
 import typer
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from supersampler.cli.arguments import open_shot, parse_size
+from supersampler.cli.terminal import Terminal
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
-from supersampler.io.atomic import check_ours
+from supersampler.io.files import check_ours
 from supersampler.io.shot import Shot
 from supersampler.model import ExecutorName
 from supersampler_bench.markdown_blocks import find_block, update_blocks
 from supersampler_bench.record import Record, is_record, setting, write_json
 from supersampler_bench.shots import public_shots
 
-ERRORS = Console(stderr=True, highlight=False)
+ERRORS = Terminal(stderr=True)
 T = TypeVar("T")
 
 
@@ -67,12 +67,12 @@ Tables = Mapping[str, Callable[[Record], str]]
 
 def say(text: str) -> None:
     """Print a line on the error stream."""
-    ERRORS.print(text, soft_wrap=True, markup=False)
+    ERRORS.print(text, soft_wrap=True)
 
 
 def warn(text: str) -> None:
     """Print a warning."""
-    ERRORS.print(f"warning: {text}", style="yellow", soft_wrap=True, markup=False)
+    ERRORS.print(f"warning: {text}", style="yellow", soft_wrap=True)
 
 
 @contextmanager
@@ -169,7 +169,7 @@ def publish(
     record = {**measured, **setting()}
     texts = {name: make(record) for name, make in tables.items()}
     printed = [text for name, text in texts.items() if name not in page_only]
-    Console().print("\n\n".join(printed), markup=False, soft_wrap=True)
+    Terminal().print("\n\n".join(printed), soft_wrap=True)
     if json is not None:
         write_json(record, json)
     if page is not None:

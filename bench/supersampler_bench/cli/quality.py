@@ -4,8 +4,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.console import Console
 
+from supersampler.cli.terminal import Terminal
 from supersampler.io.shot import Shot
 from supersampler_bench.cli.options import (
     CACHE,
@@ -75,7 +75,7 @@ def quality(
         from supersampler_bench.quality.figures import draw_means  # needs matplotlib
 
         draw_means(record, output)
-    console = Console()
+    console = Terminal()
     for title, rows in [*score_table.shot_tables(record), *score_table.mean_tables(record).values()]:
         console.print(score_table.rich_table(title, rows))
         if (classes := rich_class_table(title, rows)) is not None:

@@ -4,9 +4,9 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
-from supersampler.io.atomic import check_ours
+from supersampler.cli.terminal import Terminal
+from supersampler.io.files import check_ours
 from supersampler_bench.cli.options import ERRORS, say
 from supersampler_bench.record import SHIPPED_PARETO, read_record
 
@@ -37,10 +37,10 @@ def tables(
             continue
         wrong += 1
         if check:
-            Console().print(f"{what}: is not what its record says", soft_wrap=True, markup=False)
+            Terminal().print(f"{what}: is not what its record says", soft_wrap=True)
         elif block.wanted is not None:
             write(block)
-            Console().print(f"{what}: written", soft_wrap=True, markup=False)
+            Terminal().print(f"{what}: written", soft_wrap=True)
     if check and wrong:
         raise typer.Exit(1)
 
@@ -86,4 +86,4 @@ def report(
         records["pareto"] = read_record(SHIPPED_PARETO)
     with ERRORS.status("writing"):
         write_page(output, records, folder, split_view(Shot.open("plaza")))
-    Console().print(f"{output}: {', '.join(records)}", soft_wrap=True, markup=False)
+    Terminal().print(f"{output}: {', '.join(records)}", soft_wrap=True)

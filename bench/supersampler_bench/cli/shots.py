@@ -4,9 +4,9 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
+from supersampler.cli.terminal import Terminal
 from supersampler_bench.cli.options import CACHE_ARGUMENT, counted, say, warn
 from supersampler_bench.shots import public_shots
 
@@ -42,7 +42,7 @@ def shots(
     table = Table("shot", "ratio", "pixels (SHA-256)", "as frozen", caption=found[0].driver)
     for shot in found:
         table.add_row(shot.shot.name, f"{shot.ratio:g}", shot.digest[:16], "yes" if shot.as_frozen else "no")
-    Console().print(table)
+    Terminal().print(table)
     for warning in filter(None, (shot.warning() for shot in found)):
         warn(warning)
     say(f"{len(found)} shots in {folder / public_shots.NAME}")

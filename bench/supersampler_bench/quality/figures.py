@@ -10,8 +10,8 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 
 from supersampler.frame import Float32
-from supersampler.io.atomic import replacing
 from supersampler.io.compare import false_color
+from supersampler.io.files import replacing
 from supersampler_bench.markdown_table import figure as figure_text
 from supersampler_bench.quality.confusion import GROUPS, Counts, confusions_of, fractions, overlap
 from supersampler_bench.quality.error_maps import ErrorMaps

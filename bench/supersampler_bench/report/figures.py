@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from supersampler.conventions import jitter_phase_count
-from supersampler.io.atomic import replacing
+from supersampler.io.files import replacing
 from supersampler_bench.quality.figures import draw_curves
 from supersampler_bench.quality.score_table import CLIP_COLUMNS, Column, sizes
 from supersampler_bench.quality.still import StillScores

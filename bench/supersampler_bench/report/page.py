@@ -12,8 +12,8 @@ from pathlib import Path
 from markdown_it import MarkdownIt
 
 from supersampler.errors import ArgumentError
-from supersampler.io.atomic import replacing
 from supersampler.io.compare import versions
+from supersampler.io.files import replacing
 from supersampler_bench.record import Record, machine_name
 from supersampler_bench.report.doc_tables import block_text, blocks_of
 from supersampler_bench.report.figures import draw_record

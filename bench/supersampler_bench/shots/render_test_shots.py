@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 
 from supersampler.errors import ShotError
-from supersampler.io.atomic import replacing
+from supersampler.io.files import replacing
 from supersampler_bench.shots.public_shots import PROVENANCE, TestShots, read_provenance, shot_folder
 from supersampler_model.data.processes import OnFrame, run_parts
 from supersampler_model.data.renderer.context import Graphics, open_graphics

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Sheet
 from matplotlib.ticker import MaxNLocator
 
-from supersampler.io.atomic import replacing
+from supersampler.io.files import replacing
 from supersampler_bench.markdown_table import table
 from supersampler_bench.record import Record
 from supersampler_bench.stress.runner import BAD_VALUES, FAMILIES, Outcome

@@ -11,7 +11,7 @@ import supersampler
 import supersampler_bench.stress
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
-from supersampler.io.atomic import replacing
+from supersampler.io.files import replacing
 from supersampler_bench.stress import hostile, light, recovery, sampling, sessions, steady, travel, two_passes
 from supersampler_bench.stress.scenario import Figure, Scenario, Subject
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from supersampler.errors import ArgumentError, ShotError
-from supersampler.io.atomic import check_ours, remove_files, replacing
+from supersampler.io.files import check_ours, remove_files, replacing
 from supersampler.io.json_fields import read_json
 from supersampler.methods.gpu_backends import gpu_program, with_shaders
 from supersampler.methods.model_file import model_names, read_upscaling_info

@@ -4,10 +4,10 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from supersampler.cli.arguments import parse_size, size_text
+from supersampler.cli.terminal import Terminal
 from supersampler.errors import ArgumentError
 from supersampler_model.data.sequences import APART_FAMILIES, TEST_FAMILIES, TRAIN_FAMILIES
 
@@ -78,7 +78,7 @@ def render(
         gltf=gltf,
         gltf_fraction=gltf_fraction,
     )
-    console = Console(stderr=True, highlight=False)
+    console = Terminal(stderr=True)
     dataset = create_dataset(output, plan_sequences(plan))
     turns = [None, *_others(also)]
     sets = [dataset, *(dataset.at(ratio) for ratio in turns if ratio)]

@@ -10,7 +10,7 @@ from safetensors.torch import save_file
 from torch import Tensor
 
 from supersampler.errors import ArgumentError
-from supersampler.io.atomic import replacing
+from supersampler.io.files import replacing
 
 
 class Trained(NamedTuple):

@@ -10,7 +10,7 @@ from typing import Any
 import torch
 
 from supersampler.errors import ArgumentError
-from supersampler.io.atomic import replacing
+from supersampler.io.files import replacing
 from supersampler_model.data.dataset import Dataset
 
 CHECKPOINT = "checkpoint.pt"

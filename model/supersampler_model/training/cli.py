@@ -8,12 +8,12 @@ from statistics import mean
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from supersampler.cli.arguments import open_shot
+from supersampler.cli.terminal import Terminal
 from supersampler.errors import ArgumentError, did_you_mean
-from supersampler.io.atomic import check_ours
+from supersampler.io.files import check_ours
 from supersampler.methods.catalog import LEARNED, listed_methods
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from supersampler_model.training.validate import Validated
 
 app = typer.Typer(help="Train a method that learns.")
-_CONSOLE = Console(stderr=True, highlight=False, soft_wrap=True)
+_CONSOLE = Terminal(stderr=True)
 
 
 @app.command()

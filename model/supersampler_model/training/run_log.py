@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from torch.utils.tensorboard import SummaryWriter
 
 from supersampler.frame import Float32
-from supersampler.io.atomic import replacing
 from supersampler.io.display import to_uint8
+from supersampler.io.files import replacing
 from supersampler.io.images import write_png
 
 FILES = ("log.csv", "curves.png", "image.png", "tensorboard")

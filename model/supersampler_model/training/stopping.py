@@ -4,7 +4,7 @@ import signal
 from types import FrameType, TracebackType
 from typing import Any, Self
 
-from rich.console import Console
+from supersampler.cli.terminal import Terminal
 
 
 class StopRequest:
@@ -17,7 +17,7 @@ class StopRequest:
         requested: whether a SIGINT came.
     """
 
-    def __init__(self, console: Console) -> None:
+    def __init__(self, console: Terminal) -> None:
         self._console, self.requested = console, False
         self._before: Any = None
 

@@ -9,8 +9,8 @@ import typer
 from typer.core import TyperGroup
 
 from supersampler import __version__
-from supersampler.cli.arguments import printable
-from supersampler.errors import SupersamplerError, did_you_mean
+from supersampler.cli.terminal import echo
+from supersampler.errors import SupersamplerError, did_you_mean, printable
 
 TOOLS = {
     "render": (
@@ -63,10 +63,10 @@ class Commands(TyperGroup):
             line = _line(error)
             if line is None or ctx.params.get("debug"):
                 raise
-            typer.echo(f"error: {printable(line)}", err=True)
+            echo(f"error: {printable(line)}", err=True)
             raise typer.Exit(1) from None
         except KeyboardInterrupt:
-            typer.echo("stopped", err=True)
+            echo("stopped", err=True)
             raise typer.Exit(130) from None
 
 
@@ -105,7 +105,7 @@ def _with_suggestion(message: str) -> str:
 
 def _print_version(wanted: bool) -> None:
     if wanted:
-        typer.echo(f"supersampler {__version__}, Python {sys.version.split()[0]}")
+        echo(f"supersampler {__version__}, Python {sys.version.split()[0]}")
         raise typer.Exit
 
 

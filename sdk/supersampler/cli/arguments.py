@@ -76,11 +76,6 @@ def parse_skip(text: str) -> Skip:
         raise ArgumentError("--skip", got=repr(text), want=want, hint=hint) from None
 
 
-def printable(text: str) -> str:
-    """Replace unprintable characters: names in files must not send control codes to the terminal."""
-    return "".join(character if character.isprintable() else "?" for character in text)
-
-
 def size_text(size: Size | None) -> str:
     """Format (1920, 1080) as "1920x1080", and None as "none"."""
     return "none" if size is None else f"{size[0]}x{size[1]}"

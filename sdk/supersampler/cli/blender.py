@@ -1,11 +1,13 @@
 """`supersampler blender`: renders a .blend file small, and upscales each frame while the next one renders."""
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from supersampler.cli.arguments import Compare, Format, parse_size
+from supersampler.cli.terminal import echo
 
 if TYPE_CHECKING:
     from supersampler.io.display_transforms import DisplayTransform
@@ -69,15 +71,14 @@ def blender(
       supersampler blender kitchen.blend -o out --frames 1-48
       supersampler blender kitchen.blend -o out --display-size 3840x2160 --samples 16 --denoise --format png
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
-    from rich.console import Console
-
     from supersampler.cli.image_options import image_options
     from supersampler.cli.job import UpscaleJob
     from supersampler.cli.run import run_job
+    from supersampler.cli.terminal import Terminal
     from supersampler.integrations.blender.render import RenderRequest, frame_range, rendering
 
     formats = [item.value for item in format or [Format.exr]]
-    console = Console(stderr=True, highlight=False)
+    console = Terminal(stderr=True)
     request = RenderRequest(
         blend=scene_file,
         frames=None if frames is None else frame_range(frames),
@@ -90,7 +91,8 @@ def blender(
         scene=scene,
         program=blender,
     )
-    with rendering(request, output / "render", overwrite=overwrite, note=console.print) as render:
+    note = partial(console.print, soft_wrap=True)
+    with rendering(request, output / "render", overwrite=overwrite, note=note) as render:
         job = UpscaleJob(
             shot=render.shot,
             output=output,
@@ -102,7 +104,7 @@ def blender(
             console=console,
         )
         run_job(job)
-    typer.echo(f"Frames: {output}")
+    echo(f"Frames: {output}")
 
 
 def _transform_of(scene: "RenderedScene", formats: list[str]) -> "DisplayTransform":

@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from supersampler.cli.arguments import ShotArgument, printable
+from supersampler.cli.arguments import ShotArgument
 from supersampler.cli.source_options import (
     ChannelsOption,
     ColorSpaceOption,
@@ -17,6 +17,7 @@ from supersampler.cli.source_options import (
     open_with,
     source_notes,
 )
+from supersampler.cli.terminal import echo
 
 
 def check(
@@ -57,10 +58,10 @@ def check(
         color_space=color_space,
     )
     detection = detect_conventions(opened, frames=frames)
-    typer.echo(f"{printable(opened.name)}: {min(frames, len(opened))} of {len(opened)} frames")
-    typer.echo(f"G-buffers: {listed(names_of(opened.read_raw(0)))}")
+    echo(f"{opened.name}: {min(frames, len(opened))} of {len(opened)} frames")
+    echo(f"G-buffers: {listed(names_of(opened.read_raw(0)))}")
     for note in source_notes(opened):
-        typer.echo(note)
-    typer.echo(detection.summary())
+        echo(note)
+    echo(detection.summary())
     if not detection.agrees:
         raise typer.Exit(1)

@@ -8,6 +8,8 @@ from typing import Annotated
 
 import typer
 
+from supersampler.cli.terminal import echo
+
 _NODE_MODULES = Path("node_modules")
 
 
@@ -65,9 +67,9 @@ def _upscale(output: Path, method: str) -> None:
         maps=True,
     )
     results = run_job(job)
-    typer.echo(f"EXR frames: {results.place('exr')}")
-    typer.echo(f"PNG frames: {results.place('png')}")
-    typer.echo(f"Open in a browser: {output / 'compare.html'}")
+    echo(f"EXR frames: {results.place('exr')}")
+    echo(f"PNG frames: {results.place('png')}")
+    echo(f"Open in a browser: {output / 'compare.html'}")
 
 
 def _serve(port: int, write: Path | None, node_modules: Path | None) -> None:
@@ -76,14 +78,14 @@ def _serve(port: int, write: Path | None, node_modules: Path | None) -> None:
     write_shaders = import_module("supersampler_export.shaders.folder").write_shader_folder
     if node_modules is None:
         names = " ".join(f"{name}@{version}" for name, version in PACKAGES.items())
-        typer.echo(f"Without three.js and the fallback; to have them: npm install {names}", err=True)
+        echo(f"Without three.js and the fallback; to have them: npm install {names}", err=True)
     if write is not None:
         write_site(write, write_shaders, node_modules=node_modules)
-        typer.echo(f"Page: {write / 'index.html'}")
+        echo(f"Page: {write / 'index.html'}")
         return
     with TemporaryDirectory(prefix="supersampler-") as folder:
         site = Path(folder) / "site"
         write_site(site, write_shaders, node_modules=node_modules)
         with serving(site, port) as url:
-            typer.echo(f"Open in a browser with WebGPU: {url}  (Ctrl-C stops)")
+            echo(f"Open in a browser with WebGPU: {url}  (Ctrl-C stops)")
             Event().wait()

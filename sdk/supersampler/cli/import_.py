@@ -18,6 +18,7 @@ from supersampler.cli.source_options import (
     open_with,
     source_notes,
 )
+from supersampler.cli.terminal import echo
 
 
 def import_shot(
@@ -50,8 +51,7 @@ def import_shot(
       supersampler import unreal_out -o shots/city --channels map.json --conventions unreal
       supersampler import 0001.safetensors -o shots/arm
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
-    from rich.console import Console
-
+    from supersampler.cli.terminal import Terminal
     from supersampler.io.shot import copy_shot
 
     shot = open_with(
@@ -65,9 +65,9 @@ def import_shot(
         reference=reference,
         color_space=color_space,
     )
-    with Console(stderr=True).status(f"copying {len(shot)} frames"):
+    with Terminal(stderr=True).status(f"copying {len(shot)} frames"):
         written = copy_shot(shot, output, resume=True)
-    typer.echo(f"{len(written)} frames of {size_text(written.render_size)} in {output}")
+    echo(f"{len(written)} frames of {size_text(written.render_size)} in {output}")
     for note in source_notes(shot):
-        typer.echo(note)
-    typer.echo(f"Next: supersampler check {output}")
+        echo(note)
+    echo(f"Next: supersampler check {output}")

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from supersampler.cli.arguments import open_shot, printable, size_text
+from supersampler.cli.arguments import open_shot, size_text
+from supersampler.cli.terminal import echo
 from supersampler.errors import ShotError, did_you_mean
 
 if TYPE_CHECKING:
@@ -66,7 +67,7 @@ def _print_rows(rows: dict[str, str]) -> None:
     width = max(map(len, rows))
     for name, value in rows.items():
         for number, line in enumerate(value.split("\n")):
-            typer.echo(printable(f"{name if number == 0 else '':{width}}  {line}".rstrip()))
+            echo(f"{name if number == 0 else '':{width}}  {line}".rstrip())
 
 
 def _ratio_text(ratios: tuple[float, float]) -> str:

@@ -5,13 +5,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from rich.console import Console
-
 from supersampler.cli.arguments import size_text
 from supersampler.cli.frame_plan import FramePlan, default_preroll, plan_frames
 from supersampler.cli.image_options import ImageOptions
 from supersampler.cli.results import PREROLL, model_settings
 from supersampler.cli.run_record import FIRST, FRAMES
+from supersampler.cli.terminal import Terminal
 from supersampler.frame import Size
 from supersampler.io.shot import Shot
 from supersampler.io.shot.frame_numbers import FrameNumbers
@@ -78,7 +77,7 @@ class UpscaleJob:
     holds_shot: bool = False
     profile: bool = False
     json: bool = False
-    console: Console = field(default_factory=lambda: Console(stderr=True, highlight=False))
+    console: Terminal = field(default_factory=lambda: Terminal(stderr=True))
 
     @property
     def has_preroll(self) -> bool:

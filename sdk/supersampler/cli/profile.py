@@ -2,9 +2,9 @@
 
 import os
 
-from rich.console import Console
 from rich.table import Table
 
+from supersampler.cli.terminal import Terminal
 from supersampler.io.stage_times import StageTimes
 
 _MEANINGS = {
@@ -18,7 +18,7 @@ _MEANINGS = {
 }
 
 
-def print_profile(console: Console, times: StageTimes, frames: int, wall: float, cpu: float) -> None:
+def print_profile(console: Terminal, times: StageTimes, frames: int, wall: float, cpu: float) -> None:
     """Print the milliseconds of each stage, for each of its calls.
 
     Args:

@@ -5,9 +5,10 @@ import time
 from types import TracebackType
 from typing import Any
 
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 from rich.progress import Progress as Bar
+
+from supersampler.cli.terminal import Terminal
 
 _LOG_SECONDS = 15.0
 
@@ -21,7 +22,7 @@ class RunProgress:
         json: whether to print lines of JSON for machines on the standard output.
     """
 
-    def __init__(self, console: Console, total: int, *, json: bool) -> None:
+    def __init__(self, console: Terminal, total: int, *, json: bool) -> None:
         self._console, self._total, self._json = console, total, json
         self._began = self._logged = time.monotonic()
         self._done = 0

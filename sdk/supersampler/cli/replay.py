@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from supersampler.cli.arguments import Executor, ImageFormat, Precision, parse_providers, printable, size_text
+from supersampler.cli.arguments import Executor, ImageFormat, Precision, parse_providers, size_text
+from supersampler.cli.terminal import echo
 
 if TYPE_CHECKING:
     from supersampler.cli.results import Results
@@ -82,13 +83,13 @@ def replay(
 
 def _say(*lines: str) -> None:
     for line in lines:
-        typer.echo(printable(line))
+        echo(line)
 
 
 def _begun(replay: "Replay", folder: Path, formats: list[str], *, overwrite: bool) -> "Results":
     from supersampler.cli.image_options import ImageOptions
     from supersampler.cli.results import Results, model_settings
-    from supersampler.io.atomic import check_apart
+    from supersampler.io.files import check_apart
 
     check_apart(folder, replay.recording.path)
     results = Results(folder, ImageOptions(formats=formats))
@@ -132,14 +133,13 @@ def _machine(setup: "Setup") -> str:
 
 def _run(replay: "Replay", steps: "list[Replayed]", results: "Results | None") -> None:
     """Repeat all calls; print their outcomes, append them to `steps` and write the images."""
-    from rich.console import Console
-
     from supersampler.cli.frame_warnings import frame_warnings
     from supersampler.cli.image_options import OutputImage
     from supersampler.cli.run_record import RECORDED
+    from supersampler.cli.terminal import Terminal
     from supersampler.recording import CloseCall, StepCall
 
-    console = Console(stderr=True, highlight=False)
+    console = Terminal(stderr=True)
     last: Replayed | None = None  # the last one that returned an image
     call: Call | None = None
     for call in replay.recording:

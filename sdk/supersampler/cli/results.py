@@ -21,7 +21,7 @@ from supersampler.cli.run_record import (
     read_run_record,
 )
 from supersampler.errors import ShotError
-from supersampler.io.atomic import is_regular, is_there, remove_files, remove_partial_files
+from supersampler.io.files import is_regular, is_there, remove_files, remove_partial_files
 from supersampler.io.video import check_encoder
 from supersampler.model import Model
 

@@ -19,8 +19,8 @@ from supersampler.cli.results import Results
 from supersampler.cli.run_page import RunPage, run_page
 from supersampler.cli.segment_steps import SegmentSteps
 from supersampler.history import StepResult
-from supersampler.io.atomic import check_apart
 from supersampler.io.display import ExposureMeter, usable_exposure
+from supersampler.io.files import check_apart
 from supersampler.io.images import Bytes
 from supersampler.io.stage_times import StageTimes
 from supersampler.io.video import VideoWriter, video_writer

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from supersampler.errors import ArgumentError, ShotError
-from supersampler.io.atomic import is_own_folder, is_regular, is_there, write_text
+from supersampler.io.files import is_own_folder, is_regular, is_there, write_text
 from supersampler.io.json_fields import read_json
 from supersampler.io.shot.format import LARGEST_NUMBER
 from supersampler.io.shot.frame_numbers import FrameNumbers

@@ -106,12 +106,11 @@ def open_with(
 
 def source_notes(shot: "Shot") -> list[str]:
     """Return lines to print of an opened shot: channels that are not read, and colours that are not known."""
-    from supersampler.cli.arguments import printable
     from supersampler.io.image_headers import UNKNOWN_COLOR_SPACE
 
     notes = []
     if shot.ignored_channels:
-        notes.append(f"Not read, as they cannot be blended: {printable(', '.join(shot.ignored_channels))}")
+        notes.append(f"Not read, as they cannot be blended: {', '.join(shot.ignored_channels)}")
     if shot.info.color_space == UNKNOWN_COLOR_SPACE:
         notes.append("Unknown primaries in the files' headers. State the colour space: --color-space NAME.")
     return notes
@@ -119,7 +118,7 @@ def source_notes(shot: "Shot") -> list[str]:
 
 def _conventions(text: str) -> "Conventions":
     from supersampler.conventions import Conventions
-    from supersampler.io.atomic import is_file
+    from supersampler.io.files import is_file
 
     if text in _PRESETS:
         preset: Conventions = getattr(Conventions, text)()

@@ -16,7 +16,6 @@ from supersampler.cli.arguments import (
     parse_providers,
     parse_size,
     parse_skip,
-    printable,
 )
 from supersampler.cli.display_options import Display, Exposure, Look, Ocio, View, display_transform_of
 from supersampler.cli.source_options import (
@@ -31,6 +30,7 @@ from supersampler.cli.source_options import (
     open_with,
     source_notes,
 )
+from supersampler.cli.terminal import echo
 from supersampler.errors import ArgumentError, SupersamplerError
 
 if TYPE_CHECKING:
@@ -234,13 +234,13 @@ def upscale(
             images = _image_options(shot, format, name, compression, shown)
             job = UpscaleJob(shot=shot, output=folder, images=images, **settings, record=record)
             if note:
-                job.console.print(note, markup=False, soft_wrap=True)
+                job.console.print(note, soft_wrap=True)
             _run(job)
         except (SupersamplerError, OSError) as error:
             if len(folders) == 1:
                 raise
             failed += 1
-            typer.echo(f"error: {printable(str(error))}", err=True)
+            echo(f"error: {error}", err=True)
     if failed:
         raise typer.Exit(1)
 
@@ -261,16 +261,16 @@ def _run(job: "UpscaleJob") -> None:
     from supersampler.cli.run import run_job
 
     for note in source_notes(job.shot):
-        job.console.print(note, markup=False, soft_wrap=True)
+        job.console.print(note, soft_wrap=True)
     results = run_job(job)
     if job.json:
         return
     if job.record is not None:
-        typer.echo(f"Replay: supersampler replay {job.record}")
+        echo(f"Replay: supersampler replay {job.record}")
     if job.images.video:
-        typer.echo(f"Video: {job.output / results.video}")
+        echo(f"Video: {job.output / results.video}")
     if job.compare:
-        typer.echo(f"Open in a browser: {job.output / results.page}")
+        echo(f"Open in a browser: {job.output / results.page}")
 
 
 def _image_options(

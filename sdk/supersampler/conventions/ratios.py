@@ -10,7 +10,8 @@ from supersampler.frame import Size
 def check_ratio(ratios: tuple[float, float], render_size: Size, display_size: Size) -> None:
     """Raise FrameError unless a method with these ratios (least, largest) upscales between the sizes.
 
-    A range allows for the rounding of either size to whole pixels. A method with one ratio computes whole
+    A range allows for the rounding of either size to whole pixels: some sizes less than a pixel larger or
+    smaller have a ratio in it. A method with one ratio computes whole
     blocks of display pixels for each render pixel, and needs exactly that multiple of the render size.
     """
     low, high = ratios
@@ -29,8 +30,9 @@ def check_ratio(ratios: tuple[float, float], render_size: Size, display_size: Si
         )
     for axis, name in enumerate(("width", "height")):
         ratio = display_size[axis] / render_size[axis]
-        slack = (1.0 + ratio) / render_size[axis]
-        if not low - slack <= ratio <= high + slack:
+        render, display = render_size[axis], display_size[axis]
+        at_most, at_least = (display - 1) / (render + 1), (display + 1) / max(render - 1, 1)
+        if at_most > high or (render > 1 and at_least < low):
             raise FrameError(
                 "size",
                 got=f"{render_size}, {ratio:.3g} times less in {name} than the display's {display_size}",

@@ -25,9 +25,9 @@ import numpy as np
 
 from supersampler.errors import ArgumentError
 from supersampler.frame import Array, Float32, Frame, Size
-from supersampler.io.atomic import replacing
 from supersampler.io.display import decibels, to_uint8
 from supersampler.io.display_transforms import DEFAULT_TRANSFORM, DisplayTransform
+from supersampler.io.files import replacing
 from supersampler.io.images import Bytes, encode_jpeg, encode_png
 from supersampler.io.machine import installed_versions
 

@@ -18,8 +18,8 @@ from supersampler.arguments import as_number
 from supersampler.conventions.srgb import srgb_encoded
 from supersampler.errors import ArgumentError, ShotError, did_you_mean, shown
 from supersampler.frame import Array, Float32
-from supersampler.io.atomic import check_is_file
 from supersampler.io.display import MAX_HALF, checked_image, display_transform
+from supersampler.io.files import check_is_file
 
 REC709 = "lin_rec709"
 """Linear light with the primaries of Rec. 709 and sRGB."""

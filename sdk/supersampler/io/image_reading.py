@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from OpenImageIO import ImageInput, ImageSpec, geterror
 
 from supersampler.errors import ShotError
-from supersampler.io.atomic import check_is_file, os_errors_as_shot_error
+from supersampler.io.files import check_is_file, os_errors_as_shot_error
 from supersampler.io.limits import IMAGE_BYTES, IMAGE_CHANNELS, IMAGE_PARTS, image_size_problem
 
 Channel: TypeAlias = NDArray[Any]

@@ -11,9 +11,9 @@ from OpenImageIO import ColorConfig, ImageOutput, ImageSpec, TypeDesc, geterror
 
 from supersampler.errors import ShotError
 from supersampler.frame import Array
-from supersampler.io.atomic import NO_ROOM, replacing
 from supersampler.io.display import MAX_HALF
 from supersampler.io.display_transforms import SRGB, STUDIO_CONFIG
+from supersampler.io.files import NO_ROOM, replacing
 from supersampler.io.image_headers import Metadata, TypedValues
 from supersampler.io.image_reading import NO_REASON, Channel, last_reason
 

@@ -10,7 +10,7 @@ from typing import Any, NoReturn, TypeVar
 
 from supersampler.errors import ModelError, ShotError
 from supersampler.frame import Size
-from supersampler.io.atomic import check_is_file, os_errors_as_shot_error
+from supersampler.io.files import check_is_file, os_errors_as_shot_error
 from supersampler.io.limits import IMAGE_PIXELS, IMAGE_SIDE, JSON_BYTES, image_size_problem
 
 _Value = TypeVar("_Value")

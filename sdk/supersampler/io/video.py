@@ -16,7 +16,7 @@ import numpy as np
 from supersampler.arguments import as_number
 from supersampler.errors import ArgumentError, ShotError, shown
 from supersampler.frame import Size
-from supersampler.io.atomic import NO_ROOM, replacing
+from supersampler.io.files import NO_ROOM, replacing
 from supersampler.io.images import Bytes
 
 if TYPE_CHECKING:

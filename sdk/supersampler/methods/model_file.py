@@ -9,7 +9,7 @@ from importlib import resources
 from pathlib import Path
 
 from supersampler.errors import ModelError, did_you_mean, shown
-from supersampler.io.atomic import is_file
+from supersampler.io.files import is_file
 from supersampler.io.json_fields import Field, read_fields
 from supersampler.methods.contract import check_contract, check_extrapolated
 from supersampler.methods.model_info import (

@@ -6,7 +6,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from supersampler.arguments import check_tensor_skip, checked_size
-from supersampler.backends.gpu.device_frame import DeviceFrame, checked_images, checked_target
+from supersampler.backends.gpu.device_frame import DeviceFrame, check_encoder, checked_images, checked_target
 from supersampler.backends.onnx.tensors import Tensor, checked_tensors, size_of_tensors
 from supersampler.conventions.ratios import display_size_of
 from supersampler.errors import ArgumentError
@@ -137,6 +137,7 @@ class DeviceSteps:
         self._check_open()
         started, memory, gpu = time.perf_counter(), self._memory, self.model.gpu
         self._check_device_step("step_textures", recorded=False)
+        check_encoder(encoder, gpu.device)
         names = [tensor.name for tensor in self.model.info.inputs]
         size = None if render_size is None else checked_size("render_size", render_size)
         given, size = checked_images(images, names, size, gpu.device)

@@ -5,7 +5,7 @@ import re
 from pathlib import Path
 
 from supersampler.errors import RecordingError
-from supersampler.io.atomic import is_own_folder, is_regular, is_there, remove_files
+from supersampler.io.files import is_own_folder, is_regular, is_there, remove_files
 
 SETUP = "recording.json"
 CALLS = "calls.jsonl"
@@ -19,7 +19,7 @@ STATE = "states/{:04d}.safetensors"
 _FOLDERS = ("display", "sampled", "states")
 _FILES = re.compile(
     r"((display|sampled)/)?\d{4,}\.exr|states/\d{4,}\.safetensors|last\.exr|(recording|shot)\.json|calls\.jsonl"
-    r"|((display|sampled|states)/)?\.\w+\.[0-9a-f]{8}\.partial\.\w+"  # of a killed process; see `io.atomic`
+    r"|((display|sampled|states)/)?\.\w+\.[0-9a-f]{8}\.partial\.\w+"  # of a killed process; see `io.files`
 )
 
 

@@ -16,7 +16,7 @@ from supersampler.conventions import Conventions
 from supersampler.errors import ArgumentError, RecordingError, ShotError
 from supersampler.frame import Float32, Frame
 from supersampler.history import StepResult
-from supersampler.io.atomic import NO_ROOM, remove_files, write_text
+from supersampler.io.files import NO_ROOM, remove_files, write_text
 from supersampler.io.images import write_exr
 from supersampler.io.shot.format import FILE_NAME, FrameEntry, ShotInfo, entry_json, files_of, shot_json
 from supersampler.io.shot.frame_files import write_frame

@@ -10,7 +10,7 @@ import numpy as np
 
 from supersampler.conventions import Conventions
 from supersampler.errors import RecordingError, ShotError, SupersamplerError
-from supersampler.io.atomic import check_inside, check_is_file
+from supersampler.io.files import check_inside, check_is_file
 from supersampler.io.json_fields import Field, parse_json
 from supersampler.io.shot.format import files_of, frame_entry
 from supersampler.io.shot.frame_files import read_frame, read_reference

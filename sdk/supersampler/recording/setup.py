@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from supersampler.arguments import Skip, checked_scale, checked_skip, checked_threads
 from supersampler.errors import RecordingError, ShotError, SupersamplerError
 from supersampler.frame import Size
-from supersampler.io.atomic import NOT_FOUND
+from supersampler.io.files import NOT_FOUND
 from supersampler.io.json_fields import Field, read_json
 from supersampler.io.machine import installed_versions, machine
 from supersampler.methods.model_file import CONTRACT

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from supersampler.errors import ShotError
 from supersampler.frame import GBUFFER_CHANNELS, GBUFFER_DISPLAY_CHANNELS, Frame
-from supersampler.io.atomic import os_errors_as_shot_error
+from supersampler.io.files import os_errors_as_shot_error
 
 MEMORY = 2.0**30
 """Bytes of frames and images that are kept in memory; what is more goes to the disk."""

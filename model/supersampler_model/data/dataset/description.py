@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from supersampler.errors import ShotError
-from supersampler.io.atomic import is_there, replacing
+from supersampler.io.files import is_there, replacing
 from supersampler.io.json_fields import read_json
 from supersampler_model.data.dataset.frame_file import TrainingFrame, read_rerendered, read_training_frame
 from supersampler_model.data.errors import DatasetError

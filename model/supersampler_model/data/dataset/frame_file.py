@@ -12,7 +12,7 @@ from safetensors.numpy import save
 
 from supersampler import Frame
 from supersampler.errors import ShotError
-from supersampler.io.atomic import replacing
+from supersampler.io.files import replacing
 from supersampler.io.shot.safetensors import open_safetensors
 from supersampler_model.data.errors import DatasetError
 from supersampler_model.data.rendered import UNIT_BUFFERS

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
-from supersampler.io.atomic import remove_partial_files
+from supersampler.io.files import remove_partial_files
 from supersampler_model.data.dataset.description import Dataset, open_dataset
 from supersampler_model.data.dataset.produce import render_sequence
 from supersampler_model.data.processes import OnFrame, run_parts

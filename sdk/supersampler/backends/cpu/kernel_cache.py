@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from supersampler.errors import KernelError, ShotError
-from supersampler.io.atomic import remove_partial_files, replacing
+from supersampler.io.files import remove_partial_files, replacing
 
 CALLED = ("memset", "memcpy", "memmove")  # LLVM generates these calls for loops that set or copy bytes
 NEVER_CALLED = (  # numba refers to these where Python code could raise; kernels never do
@@ -50,7 +50,10 @@ def cache_folder() -> Path:
     Raises:
         KernelError: numba or llvmlite is not installed.
     """
-    root = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    stated, home = os.environ.get("XDG_CACHE_HOME", ""), os.path.expanduser("~")  # noqa: PTH111  # never raises
+    root = Path(stated) if os.path.isabs(stated) else Path(home) / ".cache"  # noqa: PTH117
+    if not root.is_absolute():  # the user has no home: nothing can be written below this
+        root = Path(os.devnull)
     return root / "supersampler" / "kernels" / _key()
 
 
@@ -58,7 +61,7 @@ def make_writable(folder: Path) -> bool:
     """Make the folder if it is missing; return whether files can be written to it."""
     with suppress(OSError):
         folder.mkdir(parents=True, exist_ok=True)
-    return folder.is_dir() and os.access(folder, os.W_OK)
+    return os.path.isdir(folder) and os.access(folder, os.W_OK)  # noqa: PTH112  # Path.is_dir raises
 
 
 def read_kernel(folder: Path, name: str) -> Kernel | None:

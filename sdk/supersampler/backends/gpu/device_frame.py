@@ -99,6 +99,14 @@ def checked_target(image: Any, display: Size, device: "wgpu.GPUDevice") -> Any:
     return image
 
 
+def check_encoder(encoder: object, device: "wgpu.GPUDevice") -> None:
+    """Raise ArgumentError unless this is a command encoder of the device."""
+    if not hasattr(encoder, "begin_compute_pass"):
+        raise ArgumentError("encoder", got=shown(encoder), want="a GPUCommandEncoder of wgpu")
+    if device_of(encoder) is not device:
+        raise ArgumentError("encoder", got="of another device", want="of the Upscaler's", hint=_SAME_DEVICE)
+
+
 _SAME_DEVICE = "`Model.load(..., executor='gpu', device=device)` runs on the textures' device."
 
 

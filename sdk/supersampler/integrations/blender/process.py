@@ -1,23 +1,33 @@
-"""Rendering of a scene by Blender in a child process, and the messages that it prints."""
+"""Rendering of a scene by Blender in a child process, and the messages of its script.
+
+The script's messages and Blender's own output share one pipe. A message begins with a word that this process
+has drawn for the run, so that no other line can be taken for one: Blender prints names out of the .blend file
+as they are, line ends included.
+"""
 
 import json
 import os
+import secrets
 import shutil
-import subprocess
 import sys
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from threading import Condition, Thread
 from typing import Protocol
 
-from supersampler.errors import ArgumentError, ShotError
+from supersampler.errors import ArgumentError, ShotError, printable
+from supersampler.io.child_process import GRACE, ChildProcess, end_text
+from supersampler.io.files import LogFile
 from supersampler.io.json_fields import Field
 from supersampler.io.shot.render_record import Camera, RenderedScene
 
 _SCRIPT = Path(__file__).with_name("render_frames.py")  # imports bpy: not to be imported here
-_PREFIX = "supersampler "  # of the lines that the script prints
+_SETTINGS = "SUPERSAMPLER_RENDER"  # environment variable of the script
 _LAST_LINES = 20  # of Blender's own output, for an error of it
+_LINE_BYTES = 1 << 20  # longest line that is read at once
+_SILENT = "Blender gave no reason"
+_POLL = 0.5  # seconds between looks at a process that may have ended
 _USUAL_PLACES = {
     "darwin": ("/Applications/Blender.app/Contents/MacOS/Blender",),
     "win32": ("Program Files/Blender Foundation/Blender */blender.exe",),
@@ -57,23 +67,23 @@ class RenderTarget(Protocol):
     def describe(self, scene: RenderedScene) -> None:
         """Receive the description of the scene; once, before the first frame."""
 
-    def add(self, file: Path, camera: Camera) -> None:
-        """Receive the next frame: its file, of a temporary name, and its camera."""
+    def add(self, number: int, camera: Camera) -> None:
+        """Receive the next frame, whose file is complete."""
 
 
 class BlenderRender:
     """A running render; frames are complete in the order of their numbers.
 
-    >>> with BlenderRender(find_blender(), blend, folder, settings, target) as render:
+    >>> with BlenderRender(find_blender(), blend, log, settings, target) as render:
     ...     render.wait_for_scene()
     ...     render.wait_for(0)
 
     Args:
         program: as `find_blender` returns it.
         blend: the scene's file; it is never written.
-        folder: to render into. Blender's output is written to blender.log there.
-        settings: see `render_frames.main`, without "blend" and "folder".
-        target: receives the frames, in another thread; a ShotError that it raises ends the render.
+        log: receives Blender's output; it is closed with the render.
+        settings: see `render_frames.main`, without "blend" and "word".
+        target: receives the frames, in another thread; an error that it raises ends the render.
 
     Raises:
         ShotError: (of any method) Blender ended before its work was done; the message says why.
@@ -83,23 +93,20 @@ class BlenderRender:
         self,
         program: str,
         blend: Path,
-        folder: Path,
+        log: LogFile,
         settings: Mapping[str, object],
         target: RenderTarget,
     ) -> None:
-        self._blend, self._target = blend, target
+        self._blend, self._log, self._target = blend, log, target
+        self._word = secrets.token_hex(16)
         self._has_scene = False
         self._count = 0  # frames that are complete
-        self._error: str | ShotError = "Blender gave no reason"
+        self._error: str | ShotError = ""
         self._done = False
         self._changed = Condition()
-        file = folder / "settings.json"
-        own = {**settings, "blend": str(blend.resolve()), "folder": str(folder.resolve())}
-        file.write_text(json.dumps(own, indent=1), encoding="utf-8")
-        self._log = (folder / "blender.log").open("w", encoding="utf-8")
-        self._process = start_script(program, _SCRIPT, file)
-        self._reader = Thread(target=self._read, name="blender", daemon=True)
-        self._reader.start()
+        own = {**settings, "blend": str(blend.resolve()), "word": self._word}
+        self._child = start_script(program, _SCRIPT, {_SETTINGS: json.dumps(own)})
+        Thread(target=self._read, name="blender", daemon=True).start()
 
     def __enter__(self) -> "BlenderRender":
         return self
@@ -109,97 +116,106 @@ class BlenderRender:
 
     def wait_for_scene(self) -> None:
         """Wait until Blender has opened the file."""
-        with self._changed:
-            self._changed.wait_for(lambda: self._has_scene or self._done)
-            if not self._has_scene:
-                raise self._failure("before the first frame")
+        if not self._wait(lambda: self._has_scene):
+            raise self._failure("before the first frame")
 
     def wait_for(self, index: int) -> None:
         """Wait until a frame is complete, by its place among those that are rendered."""
-        with self._changed:
-            self._changed.wait_for(lambda: self._count > index or self._done)
-            if self._count <= index:
-                raise self._failure(f"after {self._count} frames" if self._count else "at the first frame")
+        if not self._wait(lambda: self._count > index):
+            raise self._failure(f"after {self._count} frames" if self._count else "at the first frame")
 
     def close(self) -> None:
         """End Blender, if it still runs; frames that are complete stay."""
-        if self._process.poll() is None:
-            self._process.terminate()
-            try:
-                self._process.wait(timeout=10)
-            except subprocess.TimeoutExpired:
-                self._process.kill()
-        self._reader.join()
-        if self._process.stdout is not None:
-            self._process.stdout.close()
+        self._child.stop()
+        self._wait(lambda: False)  # until its last messages are read
+        self._child.close()
         self._log.close()
 
-    def _read(self) -> None:
-        """Read Blender's output until it ends."""
-        lines: deque[str] = deque(maxlen=_LAST_LINES)
-        has_failed = False
-        assert self._process.stdout is not None  # noqa: S101  # it is a pipe
-        for line in self._process.stdout:
-            self._log.write(line)
-            if line.startswith(_PREFIX) and not has_failed:
-                has_failed = not self._take(line.removeprefix(_PREFIX))
-            elif line.strip():
-                lines.append(line.strip())
-        code = self._process.wait()
+    def _wait(self, is_true: Callable[[], bool]) -> bool:
+        """Wait until a condition holds, and return True; False where Blender has ended without it."""
         with self._changed:
+            while not (is_true() or self._done):
+                self._changed.wait(_POLL)
+                if self._child.poll() is not None:  # a program that Blender started may hold the pipe
+                    self._changed.wait_for(lambda: self._done, GRACE)
+                    self._done = True
+            return is_true()
+
+    def _read(self) -> None:
+        """Read Blender's output until it ends, or until there is an error, which ends Blender."""
+        lines: deque[str] = deque(maxlen=_LAST_LINES)
+        error: str | ShotError = ""
+        try:
+            for line in _lines(self._child):
+                if line.startswith(self._word):
+                    self._take(line.removeprefix(self._word))
+                else:
+                    self._log.write(line)
+                    lines.append(line)
+        except (ShotError, _ScriptError) as problem:
+            error = problem if isinstance(problem, ShotError) else str(problem)
+        except Exception as problem:  # a thread that ends in silence would leave the others waiting
+            error = f"{type(problem).__name__}: {problem}"
+        if not error:
+            code = self._child.wait(GRACE)
+            said = next((line for line in reversed(lines) if "Error" in line), lines[-1] if lines else "")
+            error = f"Blender ended with {end_text(code)}{said and f': {said}'}" if code or said else ""
+        self._child.stop()
+        with self._changed:
+            self._error = error
             self._done = True
-            if code and not has_failed:
-                said = next((line for line in reversed(lines) if "Error" in line), lines[-1] if lines else "")
-                self._error = f"Blender ended with {code}{said and f': {said}'}"
             self._changed.notify_all()
 
-    def _take(self, text: str) -> bool:
-        """Process a line of the script; return False at an error, which ends the render."""
+    def _take(self, text: str) -> None:
+        """Process a message of the script.
+
+        Raises:
+            ShotError: it is no such message, or the frame cannot be stored.
+            _ScriptError: the script reports an error.
+        """
+        content = Field(self._blend, "Blender's answer", json.loads(text))
         with self._changed:
-            try:
-                content = Field(self._blend, "Blender's answer", json.loads(text))
-                if "error" in content.value:
-                    self._error = content["error"].of(str)
-                    self._process.terminate()  # a bpy whose scene has Python drivers hangs at its end
-                    return False
-                if "scene" in content.value:
-                    self._target.describe(RenderedScene.of(content["scene"]))
-                    self._has_scene = True
-                elif "frame" in content.value:
-                    self._target.add(Path(content["file"].of(str)), Camera.of(content))
-                    self._count += 1
-                else:
-                    self._target.note(content["note"].of(str))
-            except ShotError as error:
-                self._error = error
-                self._process.terminate()
-                return False
-            finally:
-                self._changed.notify_all()
-        return True
+            if "error" in content.value:
+                raise _ScriptError(content["error"].of(str))
+            if "scene" in content.value:
+                self._target.describe(RenderedScene.of(content["scene"]))
+                self._has_scene = True
+            elif "frame" in content.value:
+                self._target.add(content["frame"].of(int), Camera.of(content))
+                self._count += 1
+            else:
+                self._target.note(printable(content["note"].of(str)))
+            self._changed.notify_all()
 
     def _failure(self, when: str) -> ShotError:
         if isinstance(self._error, ShotError):
             return self._error
-        hint = f"Blender's output is in {self._log.name}."
-        return ShotError(self._blend, f"the render ended {when}: {self._error.rstrip('.')}", hint)
+        problem = f"the render ended {when}: {printable(self._error or _SILENT).rstrip('.')}"
+        return ShotError(self._blend, problem, f"Blender's output is in {self._log.path}.")
 
 
-def start_script(program: str, script: Path, settings: Path) -> "subprocess.Popen[str]":
-    """Start a script in Blender with a file of settings; stdout has all that either prints.
+class _ScriptError(Exception):
+    """The script cannot render the scene; the text says why."""
 
-    Variables of this Python are not passed on: they would lead Blender's Python to packages of this one.
+
+def start_script(program: str, script: Path, variables: Mapping[str, str]) -> ChildProcess:
+    """Start a script in Blender; its output is all that either prints.
+
+    Args:
+        program: as `find_blender` returns it.
+        script: a file.
+        variables: environment variables for it. Those of this Python are not passed on: they would lead
+            Blender's Python to packages of this one.
     """
-    command = [program, str(script), str(settings)]
+    command = [program, str(script)]
     if not Path(program).stem.lower().startswith("python"):
-        options = ["--background", "--python-exit-code", "1", "--python"]
-        command = [program, *options, str(script), "--", str(settings)]
-    return subprocess.Popen(  # noqa: S603  # the user names the program
-        command,
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        encoding="utf-8",
-        errors="replace",
-        env={name: value for name, value in os.environ.items() if not name.startswith("PYTHON")},
-    )
+        command = [program, "--background", "--python-exit-code", "1", "--python", str(script)]
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
+    return ChildProcess(command, environment={**environment, **variables})
+
+
+def _lines(child: ChildProcess) -> Iterator[str]:
+    """Yield the lines of a program that are not empty; a very long one in parts."""
+    while line := child.output.readline(_LINE_BYTES):
+        if text := line.decode(errors="replace").strip():
+            yield text

@@ -2,6 +2,7 @@
 
 import hashlib
 import re
+import secrets
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -13,8 +14,9 @@ from supersampler.conventions import halton_jitter, jitter_phase_count
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.frame import Size
 from supersampler.integrations.blender.process import BlenderRender, find_blender
-from supersampler.io.atomic import (
+from supersampler.io.files import (
     NO_ROOM,
+    LogFile,
     check_apart,
     check_is_file,
     is_regular,
@@ -22,6 +24,7 @@ from supersampler.io.atomic import (
     os_errors_as_shot_error,
     remove_files,
     remove_partial_files,
+    rename_partial,
 )
 from supersampler.io.shot.blender_render import frame_file, rendered_shot
 from supersampler.io.shot.render_record import (
@@ -115,24 +118,32 @@ def rendering(
         yield rendered.rendering(lambda _: None, lambda: None)
         return
     program = find_blender(request.program)
-    rendered.prepare()
+    log = rendered.prepare()
     complete = len(rendered.record.cameras)
     script = {
         **rendered.record.settings,
         "frames": request.frames,
         "jitter": rendered.record.jitter,
         "complete": complete,
+        "folder": str(folder.resolve()),
+        "run": rendered.run,
     }
-    with BlenderRender(program, request.blend, folder, script, rendered) as render:
+    with BlenderRender(program, request.blend, log, script, rendered) as render:
         render.wait_for_scene()
         yield rendered.rendering(lambda index: render.wait_for(index - complete), render.close)
 
 
 class _RenderFolder:
-    """The folder of the frames: a file is listed in render.json before it has its name."""
+    """The folder of the frames: a file is listed in render.json before it has its name.
+
+    Attributes:
+        run: part of the temporary names of this run's files.
+    """
 
     def __init__(self, path: Path, request: RenderRequest, note: Callable[[str], None]) -> None:
         self.path, self.request, self.note = path, request, note
+        self.run = secrets.token_hex(4)
+        self._own: list[Path] = []  # files of an earlier run
         scale = request.scale
         settings = request.settings()
         jitter = tuple(halton_jitter(index, scale) for index in range(jitter_phase_count(scale)))
@@ -146,10 +157,10 @@ class _RenderFolder:
             ShotError: they are of another request; or files of another program are in the way.
         """
         earlier = read_render_record(self.path) if is_there(self.path / RENDER_FILE) else None
-        own = [] if earlier is None else [self.path / name for name in _files(earlier)]
-        self._check_free(own)
+        self._own = [] if earlier is None else [self.path / name for name in _files(earlier)]
+        self._check_free()
         if overwrite:
-            remove_files([*own, self.path / RENDER_FILE])
+            remove_files([*self._own, self.path / RENDER_FILE])
             return
         if earlier is None or not earlier.cameras:
             return
@@ -158,12 +169,14 @@ class _RenderFolder:
         cameras = earlier.cameras[: next(missing, len(earlier.cameras))]
         self.record = replace(earlier, cameras=cameras)
 
-    def prepare(self) -> None:
-        """Create the folder, and remove what killed runs have not completed."""
+    def prepare(self) -> LogFile:
+        """Create the folder, remove what killed runs have not completed, and return the log of this run."""
         with os_errors_as_shot_error(self.path, "written", NO_ROOM):
             self.path.mkdir(parents=True, exist_ok=True)
         remove_partial_files(self.path, _FRAMES.fullmatch)
+        log = LogFile(self.path / "blender.log", "Output of Blender, as `supersampler blender` ran it:")
         self.record.write(self.path)
+        return log
 
     def is_complete(self) -> bool:
         """Return whether all frames that are wanted are there."""
@@ -175,13 +188,21 @@ class _RenderFolder:
         self.record = replace(self.record, scene=scene, first=first)
         self.record.write(self.path)
 
-    def add(self, file: Path, camera: Camera) -> None:
-        """List the next frame, and give its file its name."""
+    def add(self, number: int, camera: Camera) -> None:
+        """List the next frame, and give its file its name.
+
+        Raises:
+            ShotError: another frame is next, another program's file has its name, or the disk refuses.
+        """
+        want = self.record.first + len(self.record.cameras)
+        if number != want:
+            raise ShotError(self.path, f"Blender reports frame {number}; want {want}, the next one")
+        path = self.path / frame_file(number)
+        if is_there(path) and path not in self._own:
+            raise _unlisted(path)
         self.record = replace(self.record, cameras=(*self.record.cameras, camera))
         self.record.write(self.path)
-        path = self.path / _files(self.record)[-1]
-        with os_errors_as_shot_error(path, "written", NO_ROOM):
-            file.replace(path)
+        rename_partial(self.path / f".{path.stem}.{self.run}.partial{path.suffix}", path)
 
     def rendering(self, wait: Callable[[int], None], stop_waiting: Callable[[], None]) -> Rendering:
         """Return scene and Shot; `wait` is called with a frame's index before it is read."""
@@ -199,11 +220,10 @@ class _RenderFolder:
         first, last = self.request.frames or self.record.scene.numbers
         return last - first + 1
 
-    def _check_free(self, own: list[Path]) -> None:
+    def _check_free(self) -> None:
         for path in sorted(self.path.glob("*.exr")) if self.path.is_dir() else ():
-            if path.name[0] != "." and path not in own:
-                problem = f"is there already, and {RENDER_FILE} does not list it"
-                raise ShotError(path, problem, "Move it away, or choose another folder.")
+            if path.name[0] != "." and not (path in self._own and is_regular(path)):
+                raise _unlisted(path)
 
     def _check_same(self, earlier: RenderRecord) -> None:
         hint = "Choose another folder, or --overwrite to start over."
@@ -218,6 +238,11 @@ class _RenderFolder:
         if wanted is not None and wanted[0] != earlier.first:
             problem = f"frames from {earlier.first} on are there; this render begins with {wanted[0]}"
             raise ShotError(self.path, problem, hint)
+
+
+def _unlisted(path: Path) -> ShotError:
+    problem = f"is there already, and {RENDER_FILE} does not list it"
+    return ShotError(path, problem, "Move it away, or choose another folder.")
 
 
 def _files(record: RenderRecord) -> list[str]:

@@ -1,26 +1,34 @@
 """Render the frames of a scene small and with jitter. Runs inside Blender without supersampler.
 
-    blender --background scene.blend --python-exit-code 1 --python render_frames.py -- settings.json
+    SUPERSAMPLER_RENDER='{...}' blender --background --python-exit-code 1 --python render_frames.py
 
-settings.json: see `main`. Each line on stdout that begins with "supersampler " is a JSON object:
-{"note": ...} for what is changed, {"scene": ...} once, {"frame": number, "file": path, "shift": ...,
-"camera": ...} for each frame that is rendered, {"error": ...} where the scene will not do. The .blend file is
-never saved.
+The environment variable holds the settings, JSON: see `main`. Each line on stdout that begins with the word
+of the settings is a message, JSON: {"note": ...} for what is changed, {"scene": ...} once, {"frame": number,
+"shift": ..., "camera": ...} for each frame that is rendered, {"error": ...} where the scene will not do. The
+.blend file is never saved.
 """
 
 import json
 import os
-import secrets
 import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-LINE = "supersampler "
+SETTINGS: dict[str, Any] = json.loads(os.environ.pop("SUPERSAMPLER_RENDER", "{}"))
+"""Popped: programs that Blender starts must not learn the word."""
+
+
+def report(**content: object) -> None:
+    """Print one message for the parent process, on a line of its own."""
+    sys.stdout.flush()
+    os.write(1, f"\n{SETTINGS['word']}{json.dumps(content)}\n".encode())
+
+
 try:
     import bpy
 except ImportError as error:
-    print(LINE + json.dumps({"error": f"{sys.executable} is no Blender, and cannot import bpy: {error}"}))
+    report(error=f"{sys.executable} is no Blender, and cannot import bpy: {error}")
     sys.exit(1)
 
 OLDEST = (3, 6)  # Blender
@@ -33,21 +41,17 @@ class SceneError(Exception):
     """The scene cannot be rendered so; the text says why and what to do."""
 
 
-def report(**content: object) -> None:
-    """Print one line for the parent process."""
-    print(LINE + json.dumps(content), flush=True)
-
-
 def main(settings: dict[str, Any]) -> None:
     """Render what the settings say.
 
     Args:
-        settings: "blend": file to open; "folder" to write to; "display_size": [width, height] of the images,
-            null for the scene's; "scale": display over render size; "frames": numbers of the first and the
-            last, null for the scene's; "complete": how many of them, from the first on, are not to be
-            rendered again; "jitter": [[x, y], ...] of the first frames, in render pixels, x right, y down,
-            which then repeat; "engine", "scene", "camera": null for the scene's own; "samples", "denoise":
-            null for SAMPLES and OIDN in Cycles, the scene's own elsewhere.
+        settings: "blend": file to open; "folder" to write to; "run": part of the files' temporary names;
+            "word": begins each message; "display_size": [width, height] of the images, null for the scene's;
+            "scale": display over render size; "frames": numbers of the first and the last, null for the
+            scene's; "complete": how many of them, from the first on, are not to be rendered again; "jitter":
+            [[x, y], ...] of the first frames, in render pixels, x right, y down, which then repeat;
+            "engine", "scene", "camera": null for the scene's own; "samples", "denoise": null for SAMPLES and
+            OIDN in Cycles, the scene's own elsewhere.
     """
     if bpy.app.version < OLDEST:
         raise SceneError(f"Blender {bpy.app.version_string} is too old: 3.6 and later will do")
@@ -68,8 +72,8 @@ def main(settings: dict[str, Any]) -> None:
     for number in numbers:
         own_shift = shift.set(number, jitter[(number - first) % len(jitter)])
         moved.warn()
-        path = render(scene, Path(settings["folder"]), number)
-        report(frame=number, file=path, shift=own_shift, camera=camera_matrix(scene))
+        render(scene, Path(settings["folder"]) / f".{number:04d}.{settings['run']}.partial.exr")
+        report(frame=number, shift=own_shift, camera=camera_matrix(scene))
 
 
 def own_range(scene: Any) -> tuple[int, int]:
@@ -295,12 +299,10 @@ class MovedObjects:
                 yield item.name, item.evaluated_get(depsgraph).matrix_world.copy()
 
 
-def render(scene: Any, folder: Path, number: int) -> str:
-    """Render the present frame into a file of a new name, and return its path."""
-    path = folder / f".{number:04d}.{secrets.token_hex(4)}.partial.exr"  # as supersampler.io.atomic has it
+def render(scene: Any, path: Path) -> None:
+    """Render the present frame into a file."""
     scene.render.filepath = str(path)
     bpy.ops.render.render(write_still=True, scene=scene.name)
-    return str(path)
 
 
 def camera_matrix(scene: Any) -> list[list[float]]:
@@ -343,7 +345,7 @@ def named(items: Any) -> str:
 
 if __name__ == "__main__":
     try:
-        main(json.loads(Path(sys.argv[-1]).read_text(encoding="utf-8")))
+        main(SETTINGS)
     except (SceneError, RuntimeError) as error:  # Blender's operators raise RuntimeError
         report(error=" ".join(str(error).split()))
         sys.exit(1)

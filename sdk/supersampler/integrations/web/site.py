@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from supersampler.errors import ShotError
-from supersampler.io.atomic import os_errors_as_shot_error, write_text
+from supersampler.io.files import os_errors_as_shot_error, write_text
 from supersampler.io.images import write_exr
 from supersampler.io.shot import Shot
 from supersampler.methods.model_file import shipped_model

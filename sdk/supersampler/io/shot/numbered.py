@@ -9,7 +9,7 @@ from pathlib import Path, PurePath, PurePosixPath
 from typing import TypeAlias
 
 from supersampler.errors import ArgumentError, ShotError
-from supersampler.io.atomic import NOT_FOUND, check_inside
+from supersampler.io.files import NOT_FOUND, check_inside
 from supersampler.io.json_fields import read_json
 from supersampler.io.limits import SHOT_FRAMES
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from supersampler.errors import ShotError
 from supersampler.frame import Size
-from supersampler.io.atomic import write_text
+from supersampler.io.files import write_text
 from supersampler.io.json_fields import Field, read_json
 from supersampler.io.limits import SHOT_FRAMES
 from supersampler.io.shot.format import LARGEST_NUMBER

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.errors import ShotError
-from supersampler.io.atomic import check_is_file, os_errors_as_shot_error, replacing
+from supersampler.io.files import check_is_file, os_errors_as_shot_error, replacing
 from supersampler.io.limits import JSON_BYTES
 
 _TYPES = {

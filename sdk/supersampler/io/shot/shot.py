@@ -10,7 +10,7 @@ from typing import TypeAlias
 from supersampler.conventions import Conventions, Converter, RawFrame
 from supersampler.errors import FrameError, ShotError
 from supersampler.frame import Float32, Frame, Size
-from supersampler.io.atomic import check_inside, is_file
+from supersampler.io.files import check_inside, is_file
 from supersampler.io.image_headers import Metadata, StoredAs, read_exr_metadata, read_stored_as
 from supersampler.io.shot.format import FILE_NAME, FrameEntry, ShotInfo, files_of, load_shot_json
 from supersampler.io.shot.frame_files import ClassMaps, read_classes, read_frame, read_reference, sky_depth

@@ -7,7 +7,7 @@ from typing import Literal, TypeAlias, get_args
 
 from supersampler.arguments import checked_choice, checked_path
 from supersampler.errors import ArgumentError, ShotError
-from supersampler.io.atomic import os_errors_as_shot_error
+from supersampler.io.files import os_errors_as_shot_error
 from supersampler.io.image_reading import read_types
 from supersampler.io.shot.arm import import_arm
 from supersampler.io.shot.blender import import_blender, is_blender

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from supersampler.conventions import Conventions, RawFrame
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.frame import Array, Frame, Size
-from supersampler.io.atomic import (
+from supersampler.io.display_transforms import REC709
+from supersampler.io.files import (
     NO_ROOM,
     check_apart,
     check_inside,
@@ -25,7 +26,6 @@ from supersampler.io.atomic import (
     remove_partial_files,
     write_text,
 )
-from supersampler.io.display_transforms import REC709
 from supersampler.io.image_headers import Metadata
 from supersampler.io.json_fields import read_json
 from supersampler.io.shot.format import FILE_NAME, FrameEntry, ShotInfo, files_of, load_shot_json, shot_json

@@ -11,7 +11,7 @@ from typing import Any, Literal, TypeAlias
 from urllib.parse import unquote, urlsplit
 
 from supersampler.errors import ShotError
-from supersampler.io.atomic import check_inside
+from supersampler.io.files import check_inside
 from supersampler_model.data.scenes.gltf.errors import MalformedError, at
 
 Json: TypeAlias = dict[str, Any]

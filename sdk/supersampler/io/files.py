@@ -1,7 +1,9 @@
-"""Atomic writes, removal of files, and checks of what a path is before anything is replaced.
+"""All that writes, renames or removes files, and checks of what a path is before that.
 
-A file is written under a temporary name beside its place (`.name.HEX.partial.exr`) and then renamed, so that
-a run that is killed leaves no half-written file.
+No other module of the project does any of it; tests/test_file_writes.py looks for calls that do. A file is
+written under a temporary name beside its place (`.name.HEX.partial.exr`) and then renamed, so that a run that
+is killed leaves no half-written file. Callers pass only names that they wrote themselves, or that a record of
+theirs lists and that they could have written.
 """
 
 import os
@@ -9,12 +11,14 @@ import re
 import secrets
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
+from io import FileIO
 from pathlib import Path
 
-from supersampler.errors import ShotError
+from supersampler.errors import ShotError, printable
 
 NO_ROOM = "Is the disk full or write-protected?"
 NOT_FOUND = "Is the path right, is the drive connected?"
+_LOG_BYTES = 1 << 24
 _PARTIAL = ".partial"
 _PARTIAL_NAME = re.compile(rf"\.(.+)\.[0-9a-f]{{8}}{re.escape(_PARTIAL)}((?:\.[^.]+)?)")
 
@@ -30,11 +34,16 @@ def os_errors_as_shot_error(path: Path | str, action: str = "read", hint: str = 
         raise ShotError(path, f"cannot be {action} ({error})", hint) from error
 
 
+def partial_name(path: Path) -> Path:
+    """Return a new temporary name beside `path`, which `remove_partial_files` knows."""
+    return path.with_name(f".{path.stem}.{secrets.token_hex(4)}{_PARTIAL}{path.suffix}")
+
+
 @contextmanager
 def replacing(path: Path | str) -> Iterator[Path]:
     """Yield a temporary name beside `path`; rename it to `path` at the end, or remove it after an error."""
     path = Path(path)
-    partial = path.with_name(f".{path.stem}.{secrets.token_hex(4)}{_PARTIAL}{path.suffix}")
+    partial = partial_name(path)
     try:
         with os_errors_as_shot_error(path, "written", NO_ROOM):
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -46,9 +55,67 @@ def replacing(path: Path | str) -> Iterator[Path]:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a UTF-8 text file atomically; ShotError where the disk refuses."""
+    """Write a UTF-8 text file atomically, line ends as they are; ShotError where the disk refuses."""
+    write_bytes(path, text.encode())
+
+
+def write_bytes(path: Path, data: bytes) -> None:
+    """Write a file atomically; ShotError where the disk refuses."""
     with replacing(path) as partial:
-        partial.write_text(text, encoding="utf-8", newline="\n")
+        partial.write_bytes(data)
+
+
+def rename_partial(partial: Path, path: Path) -> None:
+    """Give the file of a temporary name its own name; ShotError where the disk refuses, or it is no file."""
+    if not is_regular(partial):
+        raise ShotError(path, "was not written: its temporary file is missing, or a link", NO_ROOM)
+    with os_errors_as_shot_error(path, "written", NO_ROOM):
+        partial.replace(path)
+
+
+def new_file(path: Path) -> FileIO:
+    """Create a file for unbuffered writing; FileExistsError where anything has its name, a link included."""
+    return FileIO(path, "x")
+
+
+class LogFile:
+    """The text of another program, in a file that each run replaces.
+
+    The first line says whose file it is. A file without that line is not replaced.
+
+    Args:
+        path: the file.
+        mark: the first line.
+
+    Raises:
+        ShotError: another program's file has this name, or the disk refuses.
+    """
+
+    def __init__(self, path: Path, mark: str) -> None:
+        self.path, self._room = path, _LOG_BYTES
+        first = f"{mark}\n".encode()
+        check_ours(path, lambda found: _first_bytes(found, len(first)) == first, "a log of this command")
+        remove_files([path])
+        with os_errors_as_shot_error(path, "written", NO_ROOM):
+            self._file = new_file(path)
+            self._file.write(first)
+
+    def write(self, line: str) -> None:
+        """Append a line, without control characters; beyond 16 MiB nothing is written, nor after `close`."""
+        data = f"{printable(line)}\n".encode(errors="replace")
+        self._room -= len(data)
+        if self._room > 0 and not self._file.closed:
+            with suppress(OSError):  # the log is no reason to end the run
+                self._file.write(data)
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+
+def move_new_folder(partial: Path, folder: Path) -> None:
+    """Give a folder that the caller has made its own name; OSError where a folder that has files has it."""
+    partial.rename(folder)
 
 
 def remove_partial_files(folder: Path, is_own: Callable[[str], object], below: Iterable[str] = ()) -> None:
@@ -89,6 +156,13 @@ def remove_files(paths: Iterable[Path]) -> None:
     for path in paths:
         with os_errors_as_shot_error(path, "removed", "Is it in use or write-protected?"):
             path.unlink(missing_ok=True)
+
+
+def remove_empty_folders(folders: Iterable[Path]) -> None:
+    """Remove those of some folders that are empty; those inside others must come first."""
+    for folder in folders:
+        with suppress(OSError):  # it holds something, or is none
+            folder.rmdir()
 
 
 def is_file(path: Path) -> bool:
@@ -144,6 +218,12 @@ def check_inside(folder: Path, paths: Iterable[Path]) -> None:
         if not Path(real).is_relative_to(root):
             hint = "Copy the file into the folder; links and names that leave it are not followed."
             raise ShotError(path, f"leads out of {folder}", hint)
+
+
+def _first_bytes(path: Path, count: int) -> bytes:
+    with suppress(OSError), path.open("rb") as file:
+        return file.read(count)
+    return b""
 
 
 def _lies_in(path: Path, folder: Path) -> bool:

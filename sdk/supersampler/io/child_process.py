@@ -1,0 +1,198 @@
+"""Child processes that end with this process, however it ends: by an error, by a signal, or killed.
+
+A supervisor runs the program. A pipe connects it with this process, and closes when this process ends or
+calls `stop`. The supervisor then ends the program and what that has started: by SIGTERM, and after `GRACE`
+seconds by SIGKILL. On Windows it ends the program alone. A frozen application has no Python interpreter to
+run the supervisor: there `close` ends the program, but nothing does once the application is killed.
+
+This file is the supervisor's program, too. It imports nothing but the standard library.
+"""
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from types import TracebackType
+from typing import IO
+
+GRACE = 5.0
+"""Seconds that a program has to end by itself."""
+
+
+class ChildProcess:
+    """A running program, in a session of its own; its standard input is empty.
+
+    Args:
+        command: the program and its arguments.
+        environment: of the program; None is that of this process.
+        folder: its working directory; None is that of this process.
+        errors: whether stderr has a pipe of its own; else it is written to that of stdout.
+
+    Attributes:
+        output: the pipe of stdout, binary.
+
+    Raises:
+        OSError: the program cannot be started.
+    """
+
+    def __init__(
+        self,
+        command: Sequence[str],
+        *,
+        environment: Mapping[str, str] | None = None,
+        folder: Path | None = None,
+        errors: bool = False,
+    ) -> None:
+        if shutil.which(command[0]) is None:  # the supervisor could say so only later
+            raise FileNotFoundError(2, "there is no such program", command[0])
+        supervisor = [sys.executable, "-I", "-S", __file__] if has_interpreter() else []
+        self._supervised = bool(supervisor)
+        read_end, write_end = os.pipe()
+        self._lifeline: int | None = write_end
+        try:
+            self._process = subprocess.Popen(  # noqa: S603  # the caller names the program
+                [*supervisor, *command],
+                stdin=read_end if self._supervised else subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE if errors else subprocess.STDOUT,
+                cwd=folder,
+                env=environment,
+                start_new_session=True,  # Ctrl-C at a terminal is for this process, which ends the program
+                creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
+            )
+        except BaseException:
+            self.stop()
+            raise
+        finally:
+            os.close(read_end)
+        assert self._process.stdout is not None  # noqa: S101  # it is a pipe
+        self.output: IO[bytes] = self._process.stdout
+
+    def poll(self) -> int | None:
+        """Return the exit code, 128 + n where signal n ended the program; None while it runs."""
+        code = self._process.poll()
+        return code if code is None or code >= 0 else 128 - code
+
+    def wait(self, seconds: float) -> int | None:
+        """Wait until the program ends; return its exit code, or None if it still runs after `seconds`."""
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(seconds)
+        return self.poll()
+
+    def communicate(self, seconds: float | None) -> tuple[bytes, bytes]:
+        """Read all output until the program ends, and return what stdout and stderr had.
+
+        Raises:
+            subprocess.TimeoutExpired: it still runs after `seconds`.
+        """
+        output, errors = self._process.communicate(timeout=seconds)
+        return output, errors or b""
+
+    def stop(self) -> None:
+        """Tell the program to end; returns at once."""
+        if self._lifeline is not None:
+            os.close(self._lifeline)
+            self._lifeline = None
+            if not self._supervised:
+                _signal_group(self._process, _TERMINATE)
+
+    def close(self) -> None:
+        """End the program, if it still runs; waits for that 2 * `GRACE` seconds at most."""
+        self.stop()
+        if self.wait(2 * GRACE) is None:  # the supervisor hangs, or there is none
+            _signal_group(self._process, _KILL)
+            self.wait(GRACE)
+        for pipe in (self._process.stdout, self._process.stderr):
+            if pipe is not None:
+                pipe.close()
+
+    def __enter__(self) -> "ChildProcess":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def run(
+    command: Sequence[str],
+    *,
+    seconds: float | None,
+    environment: Mapping[str, str] | None = None,
+    folder: Path | None = None,
+) -> "subprocess.CompletedProcess[bytes]":
+    """Run a program to its end; its standard input is empty.
+
+    Args:
+        command: see `ChildProcess`.
+        seconds: time limit; None is no limit.
+        environment: see `ChildProcess`.
+        folder: see `ChildProcess`.
+
+    Raises:
+        OSError: it cannot be started.
+        subprocess.TimeoutExpired: it took longer, and was ended.
+    """
+    with ChildProcess(command, environment=environment, folder=folder, errors=True) as child:
+        output, errors = child.communicate(seconds)
+        return subprocess.CompletedProcess(command, child.poll() or 0, output, errors)
+
+
+def end_text(code: int | None) -> str:
+    """Return "code 3" or "SIGABRT" for an exit code of `ChildProcess.poll`."""
+    with suppress(ValueError):
+        if code is not None and code > 128:
+            return signal.Signals(code - 128).name
+    return f"code {code}"
+
+
+def has_interpreter() -> bool:
+    """Return whether `sys.executable` is a Python interpreter; in a frozen application it is that itself."""
+    return Path(sys.executable or "").stem.lower().startswith("python")
+
+
+_TERMINATE = signal.SIGTERM
+_KILL = getattr(signal, "SIGKILL", signal.SIGTERM)  # Windows has one way alone
+
+
+def _signal_group(process: "subprocess.Popen[bytes]", number: int) -> None:
+    """Send a signal to a process that has not been waited for, and to what it started."""
+    if process.poll() is None:
+        with suppress(ProcessLookupError, PermissionError):
+            os.killpg(process.pid, number) if hasattr(os, "killpg") else process.send_signal(number)
+
+
+def _supervise(command: Sequence[str]) -> int:
+    """Run a program until it ends or standard input closes; return its exit code."""
+    for name in ("SIGTERM", "SIGINT", "SIGHUP"):
+        if hasattr(signal, name):  # a handler, as the program would inherit that a signal is ignored
+            signal.signal(getattr(signal, name), lambda *_: None)
+    process = subprocess.Popen(command, stdin=subprocess.DEVNULL)  # noqa: S603  # the parent names it
+    threading.Thread(target=_end_when_closed, args=(process,), daemon=True).start()
+    code = process.wait()
+    if hasattr(os, "killpg"):  # what the program has started and left behind
+        os.killpg(0, _TERMINATE)
+    return code if code >= 0 else 128 - code
+
+
+def _end_when_closed(process: "subprocess.Popen[bytes]") -> None:
+    """Wait until standard input closes, then end a program and this process."""
+    while os.read(0, 4096):
+        pass
+    try:
+        os.killpg(0, _TERMINATE) if hasattr(os, "killpg") else process.terminate()
+        process.wait(GRACE)
+    except subprocess.TimeoutExpired:
+        process.kill()
+    finally:
+        os.killpg(0, _KILL) if hasattr(os, "killpg") else os._exit(1)
+
+
+if __name__ == "__main__":
+    sys.exit(_supervise(sys.argv[1:]))
