@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from supersampler.integrations.web import serving, write_site
-from supersampler_export.shaders.folder import write_shader_folder
-from web_page import CHROMIUM, NODE_MODULES, SOFTWARE
+from supersampler.integrations.web import serving, site_files, write_site
+from supersampler_export.shaders.folder import shader_files
+from web_page import CHROMIUM, NODE_MODULES, SOFTWARE, FolderFiles
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
@@ -20,14 +20,15 @@ KINDS = ("error", "warning")  # of messages on the console; uncaught errors of W
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("web") / "below" / "site"
-    write_site(folder, write_shader_folder, node_modules=Path(NODE_MODULES) if NODE_MODULES else None)
+    node_modules = Path(NODE_MODULES) if NODE_MODULES else None
+    write_site(folder, site_files(shader_files, node_modules=node_modules))
     (folder / "blank.html").write_text('<link rel="icon" href="data:,">')  # for tests of modules alone
     return folder
 
 
 @pytest.fixture(scope="module")
 def url(site: Path) -> Iterator[str]:
-    with serving(site.parents[1]) as root:
+    with serving(FolderFiles(site.parents[1])) as root:
         yield f"{root}below/site/"  # a sub-path, as file hosts have
 
 

@@ -6,6 +6,7 @@ SUPERSAMPLER_CHROMIUM is the browser, by default what PATH has; SUPERSAMPLER_NOD
 import base64
 import os
 import shutil
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -29,6 +30,24 @@ SOFTWARE = (
     "--enable-features=Vulkan,WebGPU",
 )
 BORDER = 8
+
+
+class FolderFiles(Mapping[str, Callable[[], bytes]]):
+    """The files of a folder, as `serving` takes them; tests may add some later."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def __getitem__(self, name: str) -> Callable[[], bytes]:
+        if not (self.folder / name).is_file():
+            raise KeyError(name)
+        return (self.folder / name).read_bytes
+
+    def __iter__(self) -> Iterator[str]:
+        return (path.relative_to(self.folder).as_posix() for path in self.folder.rglob("*") if path.is_file())
+
+    def __len__(self) -> int:
+        return len(list(iter(self)))
 
 
 def opened(page: "Page", address: str) -> "Page":

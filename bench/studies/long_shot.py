@@ -9,18 +9,19 @@ Results are deleted while they are written.
 import json as jsonlib
 import os
 import re
-import shutil
 import subprocess
 import sys
 import time
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Annotated, Any
 
 import typer
 
 from supersampler import Frame, halton_jitter
 from supersampler.frame import Size
+from supersampler.io.files import remove_files, write_text
 from supersampler.io.shot import ShotWriter
 from supersampler.io.shot.format import load_shot_json, shot_json
 from supersampler_bench.cli.options import JSON, UPDATE, check_page, publish, sizes_of
@@ -60,7 +61,8 @@ def main(
     record: dict[str, Any] = {"bench": "long_shot", "frames": frames, "cores": os.cpu_count(), "rows": rows}
     if long:
         source = rendered(folder, sizes_of(display_sizes)[0], ring)
-        run = upscaled(repeated(source, long), folder / "out", options.split())
+        with TemporaryDirectory(dir=folder) as output:
+            run = upscaled(repeated(source, long), Path(output), options.split())
         record["long"] = {"frames": long, "options": options, "size": rows[0]["size"], **run}
     publish(record, {RUNS: markdown_table}, json, update)
 
@@ -96,7 +98,7 @@ def repeated(source: Path, count: int) -> Path:
             os.link(source / entry.file, link)
         frames.append(replace(entry, file=f"links/{link.name}"))
     path = source / f"{count}.json"
-    path.write_text(shot_json(info, frames), encoding="utf-8")
+    write_text(path, shot_json(info, frames))
     return path
 
 
@@ -107,21 +109,18 @@ def upscaled(shot: Path, output: Path, options: list[str]) -> dict[str, Any]:
         Wall and CPU seconds of its frames (the start of the process is not included), and the memory in MiB
         at the frames at which it was sampled.
     """
-    shutil.rmtree(output, ignore_errors=True)
     command = [sys.executable, "-m", "supersampler", "upscale", str(shot), "-o", str(output), "--json"]
     with subprocess.Popen([*command, *options], stdout=subprocess.PIPE, text=True) as process:  # noqa: S603
         memory, last = [], 0.0
         for line in process.stdout or ():
             event = jsonlib.loads(line)
             if event["event"] == "frame":
-                for path in output.rglob(f"{event['number']:04d}.*"):
-                    path.unlink()
+                remove_files(output.rglob(f"{event['number']:04d}.*"))
             if event["event"] == "frame" and time.monotonic() - last >= EVERY:
                 last = time.monotonic()
                 memory.append([event["index"] + 1, resident(process.pid)])
     if process.returncode:
         sys.exit(f"upscale failed: {process.returncode}")
-    shutil.rmtree(output, ignore_errors=True)
     return {
         "wall": event["seconds"],
         "cpu": event["cpu_seconds"],

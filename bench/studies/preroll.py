@@ -24,6 +24,7 @@ from supersampler.arguments import SkipName
 from supersampler.conventions import jitter_phase_count
 from supersampler.frame import Float32, Frame
 from supersampler.io.display import CEILING_DB, ExposureMeter, decibels, display_transform
+from supersampler.io.files import write_text
 from supersampler_bench.cli.options import JSON, UPDATE, check_page, publish, say
 from supersampler_bench.markdown_table import figure, size_text, table
 from supersampler_bench.quality.metrics import psnr
@@ -272,8 +273,8 @@ def main(
     for row in measured_rows(tuple(found)):
         found.append(row)
         say(f"{row.scene} {row.ratio:g} {row.method} {row.skip}: {row.least}")
-        with rows.open("a", encoding="utf-8") as file:
-            file.write(json_text.dumps(asdict(row)) + "\n")
+        lines.append(json_text.dumps(asdict(row)))
+        write_text(rows, "\n".join(lines) + "\n")
     record: dict[str, Any] = {
         "bench": "preroll",
         "display": list(DISPLAY),

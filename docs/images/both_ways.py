@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler import Shot, upscale_sequence
-from supersampler.io.files import replacing
 from supersampler.io.display import auto_exposure, display_transform, to_uint8
+from supersampler.io.files import replacing
 from supersampler.io.images import encode_jpeg
 
 FRAME, ZOOM, GAP = 18, 4, 8

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler import Shot, Upscaler
-from supersampler.io.files import replacing
 from supersampler.io.display import auto_exposure, display_transform, to_uint8
+from supersampler.io.files import replacing
 from supersampler.io.images import encode_jpeg
 from supersampler_bench.shots.public_shots import CACHE_VARIABLE, default_cache, shot_folder
 from supersampler_model.data.shots import variant_name

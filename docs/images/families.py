@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.io.files import replacing
 from supersampler.io.display import display_transform, to_uint8
+from supersampler.io.files import replacing
 from supersampler.io.images import encode_jpeg
 from supersampler_model.data.class_map import overlay
 from supersampler_model.data.labels import label

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 import supersampler
 from supersampler import Shot, Upscaler
-from supersampler.io.files import replacing
 from supersampler.io.display import auto_exposure, display_transform, to_uint8
+from supersampler.io.files import replacing
 from supersampler.io.images import encode_jpeg
 
 FRAME, RATIO, ZOOM = 27, 2, 2

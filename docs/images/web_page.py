@@ -9,12 +9,11 @@ Chromium runs on its software adapter, so that the image needs no GPU; a frame t
 import shutil
 import sys
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from playwright.sync_api import sync_playwright
 
-from supersampler.integrations.web import serving, write_site
-from supersampler_export.shaders.folder import write_shader_folder
+from supersampler.integrations.web import serving, site_files
+from supersampler_export.shaders.folder import shader_files
 
 FRAMES = 16
 ADDRESS = "index.html?test&method=classifier&size=640x360&left=bilinear&right=ours"
@@ -31,13 +30,11 @@ SOFTWARE = (
 def main() -> None:
     """Write the image."""
     chromium = sys.argv[1] if len(sys.argv) > 1 else shutil.which("chromium")
-    with TemporaryDirectory() as folder, sync_playwright() as playwright:
-        site = Path(folder) / "site"
-        write_site(site, write_shader_folder)
+    with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=chromium, args=[*SOFTWARE])
         page = browser.new_page(viewport={"width": 1280, "height": 950})
         page.set_default_timeout(1_200_000)
-        with serving(site) as url:
+        with serving(site_files(shader_files)) as url:
             page.goto(url + ADDRESS)
             page.wait_for_function("window.supersamplerDemo")
             page.evaluate(f"supersamplerDemo.step({FRAMES})")

@@ -14,7 +14,7 @@ import torch
 
 from supersampler import __version__
 from supersampler.errors import ShotError
-from supersampler.io.files import check_ours
+from supersampler.io.files import check_ours, write_bytes
 from supersampler.io.json_fields import read_json
 from supersampler.methods.model_file import CONTRACT
 from supersampler.methods.model_info import EXTRAPOLATED
@@ -65,7 +65,7 @@ def write_model_folder(method: Method, folder: Path) -> None:
     _check_replaceable(folder, content)
     (folder / EXTRAPOLATED if inner else folder).mkdir(parents=True, exist_ok=True)
     for name, made in content.items():
-        _replace(folder / name, made)
+        write_bytes(folder / name, made)
 
 
 def _check_replaceable(folder: Path, names: Iterable[str]) -> None:
@@ -255,9 +255,3 @@ def _tensor(name: str, shape: Shape) -> dict[str, Any]:
 
 def _size(size: Sequence[int]) -> str:
     return f"{size[0]}x{size[1]}"
-
-
-def _replace(path: Path, content: bytes) -> None:
-    temporary = path.with_name(path.name + ".part")
-    temporary.write_bytes(content)
-    temporary.replace(path)

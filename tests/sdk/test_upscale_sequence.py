@@ -2,8 +2,11 @@
 
 import errno
 import gc
+import os
+import tempfile
 from collections.abc import Iterator
 from dataclasses import replace
+from io import FileIO
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +29,7 @@ from supersampler.io.image_reading import read_exr
 from supersampler.io.shot import ShotWriter
 from supersampler.sequence import both_ways
 from supersampler.sequence.backward_motion import reversed_frame
+from supersampler.sequence.frame_store import FrameStore, Stored
 from supersampler.sequence.merge import weight_of
 from supersampler_bench.compatibility import with_default_gbuffers
 from supersampler_model.data.scenes.analytic import DiscOverPlane, Plane, Scene, zone_plate
@@ -53,10 +57,6 @@ def frames(count: int = COUNT, cuts: tuple[int, ...] = ()) -> list[Frame]:
 
 def merged(given: Any, **options: Any) -> list[np.ndarray]:
     return list(upscale_sequence(given, display_size=DISPLAY_SIZE, **{"model": "taau", **options}))
-
-
-def scratch_of(folder: Path) -> list[Path]:
-    return list(folder.iterdir())
 
 
 def test_one_pass_is_step_bit_for_bit() -> None:
@@ -160,14 +160,41 @@ def test_live_images_come_two_blocks_late_at_most_and_cost_three_steps(
     assert all(map(np.array_equal, result, merged(frames(12), lookahead=lookahead)))
 
 
+@pytest.fixture
+def made(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+    """The scratch files that are made."""
+    files: list[Any] = []
+    make = tempfile.TemporaryFile
+
+    def kept(*given: Any, **options: Any) -> Any:
+        files.append(make(*given, **options))
+        return files[-1]
+
+    monkeypatch.setattr("supersampler.sequence.frame_store.tempfile.TemporaryFile", kept)
+    return files
+
+
 @pytest.mark.usefixtures("small_chunks", "on_disk")
-def test_no_more_than_a_chunk_and_its_overlap_are_kept(tmp_path: Path) -> None:
+def test_no_more_than_a_chunk_and_its_overlap_are_kept(tmp_path: Path, made: list[Any]) -> None:
+    image = 4 * 3 * DISPLAY_SIZE[0] * DISPLAY_SIZE[1]  # bytes; a frame has fewer
     most = 0
     for _ in merged_in(tmp_path, frames(20)):
-        (folder,) = scratch_of(tmp_path)
-        most = max(most, len(scratch_of(folder)))
-    assert most <= sum(SMALL) + SMALL.frames  # frames, and backward images
-    assert scratch_of(tmp_path) == []
+        (file,) = made
+        most = max(most, os.fstat(file.fileno()).st_size)
+    assert 0 < most <= (sum(SMALL) + SMALL.frames) * image  # frames, and backward images
+
+
+def test_arrays_of_changing_sizes_do_not_make_the_scratch_file_grow(made: list[Any]) -> None:
+    store, waiting, sizes = FrameStore(memory=0.0), list[Stored](), list[int]()
+    for index in range(400):
+        waiting.append(store.put({"a": np.full((1 + index * 7919 % 977,), index, np.float64)}))
+        if len(waiting) > 8:
+            first = waiting.pop(0)
+            assert (store.get(first)["a"] == index - 8).all()
+            store.drop(first)
+        sizes.append(os.fstat(made[0].fileno()).st_size)
+    store.close()
+    assert max(sizes) < 4 * 9 * 977 * 8
 
 
 def merged_in(scratch: Path, given: Any) -> Iterator[np.ndarray]:
@@ -175,18 +202,16 @@ def merged_in(scratch: Path, given: Any) -> Iterator[np.ndarray]:
 
 
 @pytest.mark.usefixtures("on_disk")
-def test_the_scratch_folder_is_removed_whatever_happens(tmp_path: Path) -> None:
+def test_the_scratch_file_has_no_name_and_is_closed_whatever_happens(tmp_path: Path, made: list[Any]) -> None:
     closed = merged_in(tmp_path, frames())
     next(closed)
-    assert len(scratch_of(tmp_path)) == 1
+    assert list(tmp_path.iterdir()) == []  # so that a process that is killed leaves nothing
     closed.close()  # type: ignore[attr-defined]
-    assert scratch_of(tmp_path) == []
 
     deleted = merged_in(tmp_path, frames())
     next(deleted)
     del deleted
     gc.collect()
-    assert scratch_of(tmp_path) == []
 
     def broken() -> Iterator[Frame]:
         yield from frames(3)
@@ -194,24 +219,24 @@ def test_the_scratch_folder_is_removed_whatever_happens(tmp_path: Path) -> None:
 
     with pytest.raises(ValueError, match="the renderer stopped"):
         list(merged_in(tmp_path, broken()))
-    assert scratch_of(tmp_path) == []
+    assert [file.closed for file in made] == [True, True, True]
 
 
 @pytest.mark.usefixtures("on_disk")
 def test_a_full_disk_is_one_line_and_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path_open = Path.open
+    class Full(FileIO):
+        def write(self, data: Any) -> int:
+            if self.tell() > 10_000:
+                raise OSError(errno.ENOSPC, "No space left on device")
+            return super().write(data)
 
-    def full(self: Path, *given: Any, **options: Any) -> Any:
-        if self.name == "2.bin":
-            raise OSError(errno.ENOSPC, "No space left on device")
-        return path_open(self, *given, **options)
-
-    monkeypatch.setattr(Path, "open", full)
+    opened = Full(tmp_path / "scratch", "x+")
+    monkeypatch.setattr("supersampler.sequence.frame_store.tempfile.TemporaryFile", lambda **_: opened)
     with pytest.raises(ShotError, match="No space left on device") as error:
         list(merged_in(tmp_path, frames()))
     assert "scratch" in str(error.value)
     assert "\n" not in str(error.value)
-    assert scratch_of(tmp_path) == []
+    assert opened.closed
 
 
 @pytest.mark.parametrize(

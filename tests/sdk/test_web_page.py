@@ -4,9 +4,9 @@ import json
 import re
 import shutil
 import socket
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
-from urllib.error import HTTPError
 from urllib.parse import urlsplit
 from urllib.request import urlopen
 
@@ -17,9 +17,10 @@ from typer.testing import CliRunner
 from supersampler import Shot
 from supersampler.cli import app
 from supersampler.errors import ArgumentError, ShotError
-from supersampler.integrations.web import PACKAGES, serving, write_site
+from supersampler.integrations.web import PACKAGES, serving, site_files, write_site
 from supersampler.integrations.web.site import METHODS, page_files
 from supersampler.io.image_reading import read_exr
+from web_page import FolderFiles
 
 BUDGET = 3_000_000
 """Bytes of all that the page loads, with all methods, without the shot and the fallback without WebGPU."""
@@ -36,12 +37,15 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def url(site: Path) -> Iterator[str]:
-    with serving(site) as root:
+    with serving(FolderFiles(site)) as root:
         yield root
 
 
-def no_shaders(_: str, folder: Path) -> None:
-    folder.mkdir(parents=True)
+FEW: dict[str, Callable[[], bytes]] = {"index.html": lambda: b"<p>", "main.js": lambda: b"1"}
+
+
+def no_shaders(_: str) -> dict[str, bytes]:
+    return {}
 
 
 def own_files(site: Path) -> list[Path]:
@@ -94,17 +98,13 @@ def test_files_are_served_with_the_types_that_browsers_demand(url: str, name: st
         assert answer.headers["Content-Type"] == kind
 
 
-def test_wasm_has_the_type_that_streaming_compilation_demands(tmp_path: Path) -> None:
-    (tmp_path / "a.wasm").write_bytes(b"")
-    with serving(tmp_path) as root, urlopen(f"{root}a.wasm") as answer:  # noqa: S310
+def test_wasm_has_the_type_that_streaming_compilation_demands() -> None:
+    with serving({"a.wasm": bytes}) as root, urlopen(f"{root}a.wasm") as answer:  # noqa: S310
         assert answer.headers["Content-Type"] == "application/wasm"
 
 
-def test_a_browser_that_stops_reading_leaves_no_traceback(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "large.exr").write_bytes(bytes(32 << 20))  # more than sockets hold
-    with serving(tmp_path) as root:
+def test_a_browser_that_stops_reading_leaves_no_traceback(capfd: pytest.CaptureFixture[str]) -> None:
+    with serving({"large.exr": lambda: bytes(32 << 20)}) as root:  # more than sockets hold
         with socket.create_connection(("127.0.0.1", urlsplit(root).port or 0)) as browser:
             browser.sendall(b"GET /large.exr HTTP/1.0\r\n\r\n")
             browser.recv(1)
@@ -113,17 +113,59 @@ def test_a_browser_that_stops_reading_leaves_no_traceback(
     assert capfd.readouterr().err == ""
 
 
-def test_nothing_outside_of_the_folder_is_served(site: Path, url: str) -> None:
-    (site.parent / "secret").write_text("x")
-    with pytest.raises(HTTPError) as refused:
-        urlopen(f"{url}%2e%2e/secret")  # noqa: S310
-    assert refused.value.code == 404
-    refused.value.close()
+def answer_to(url: str, request: bytes) -> bytes:
+    """The first line of the answer to a request."""
+    with socket.create_connection(("127.0.0.1", urlsplit(url).port or 0), timeout=20) as browser:
+        browser.sendall(request)
+        return browser.makefile("rb").readline()
 
 
-def test_a_port_in_use_is_one_line(url: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/%2e%2e/secret",
+        "/../secret",
+        "//etc/passwd",
+        "/a%00",
+        "/%00",
+        "/%ff",
+        "/\xff",
+        "http://x/y",
+        "/models",
+        "*",
+    ],
+)
+def test_other_paths_are_answered_with_404(url: str, path: str) -> None:
+    assert b" 404 " in answer_to(url, f"GET {path} HTTP/1.0\r\n\r\n".encode("latin-1"))
+
+
+@pytest.mark.parametrize("request_", [b"\r\n\r\n", b"\0\r\n\r\n", b"GET\r\n\r\n", b"PUT / HTTP/1.1\r\n\r\n"])
+def test_what_is_no_request_for_a_file_leaves_the_server_as_it_was(
+    url: str, request_: bytes, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert b" 200 " not in answer_to(url, request_)
+    assert b" 200 " in answer_to(url, b"GET / HTTP/1.0\r\n\r\n")
+    assert capfd.readouterr().err == ""
+
+
+@pytest.mark.parametrize(
+    ("host", "code"),
+    [
+        ("127.0.0.1:{port}", 200),
+        ("localhost:{port}", 200),
+        ("evil.example", 421),
+        ("evil.example:{port}", 421),
+    ],
+)
+def test_a_page_of_another_site_whose_name_leads_here_gets_nothing(url: str, host: str, code: int) -> None:
+    host = host.format(port=urlsplit(url).port)
+    request = f"GET /index.html HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n"
+    assert f" {code} ".encode() in answer_to(url, request.encode())
+
+
+def test_a_port_in_use_is_one_line(url: str) -> None:
     port = int(url.rstrip("/").rpartition(":")[2])
-    with pytest.raises(ArgumentError, match=f"^port is {port} .*; want a free port"), serving(tmp_path, port):
+    with pytest.raises(ArgumentError, match=f"^port is {port} .*; want a free port"), serving(FEW, port):
         pass
 
 
@@ -149,34 +191,90 @@ def test_all_files_of_the_shot_are_packed_in_a_way_that_the_page_reads(site: Pat
         assert header[start] in known, path
 
 
-def test_a_folder_with_other_files_is_left_alone(tmp_path: Path) -> None:
+def test_files_of_others_in_a_folder_are_left_alone(tmp_path: Path) -> None:
     (tmp_path / "thesis.tex").write_text("years of work")
-    with pytest.raises(ShotError, match="holds files that are not of this page"):
-        write_site(tmp_path, no_shaders)
-    assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
+    write_site(tmp_path, FEW)
+    write_site(tmp_path, {"main.js": FEW["main.js"]})
+    assert (tmp_path / "thesis.tex").read_text() == "years of work"
+    (tmp_path / "index.html").write_text("my home page")
+    with pytest.raises(ShotError, match=r"index\.html: is there already, and site\.json does not list it"):
+        write_site(tmp_path, FEW)
+    assert (tmp_path / "index.html").read_text() == "my home page"
 
 
-def test_a_page_is_written_over_an_earlier_one(tmp_path: Path) -> None:
-    write_site(tmp_path / "site", no_shaders)
-    (tmp_path / "site" / "models" / "old.wgsl").write_text("")
-    write_site(tmp_path / "site", no_shaders)
-    assert not (tmp_path / "site" / "models" / "old.wgsl").exists()
+@pytest.mark.parametrize(
+    "record",
+    ["", "[]", "{}", '{"written_by": "me"}', '{"written_by": "supersampler demo --web"}', '{"files": ["a"]}'],
+)
+def test_a_folder_with_the_record_of_another_program_is_left_alone(tmp_path: Path, record: str) -> None:
+    (tmp_path / "site.json").write_text(record)
+    (tmp_path / "index.html").write_text("mine")
+    with pytest.raises(ShotError, match=r"site\.json: "):
+        write_site(tmp_path, FEW)
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {
+        "site.json": record,
+        "index.html": "mine",
+    }
+
+
+def test_a_forged_record_removes_no_file_that_a_page_does_not_have(tmp_path: Path) -> None:
+    site = tmp_path / "site"
+    (site / "models").mkdir(parents=True)
+    kept = [tmp_path / "secret.js", site / "thesis.tex", site / "id_rsa", site / "models" / "thesis.tex"]
+    for path in kept:
+        path.write_text("years of work")
+    names = ["../secret.js", "models/../../secret.js", "thesis.tex", "id_rsa", "models/thesis.tex"]
+    names += [str(tmp_path / "secret.js"), "", ".", "/", "models"]
+    (site / "site.json").write_text(json.dumps({"written_by": "supersampler demo --web", "files": names}))
+    with suppress(ShotError):
+        write_site(site, FEW)
+    assert all(path.read_text() == "years of work" for path in kept)
+
+
+def test_links_that_lead_out_of_the_folder_are_not_followed(tmp_path: Path) -> None:
+    outside, site = tmp_path / "outside", tmp_path / "site"
+    outside.mkdir()
+    (outside / "old.wgsl").write_text("mine")
+    write_site(site, {**FEW, "models/taa/old.wgsl": bytes})
+    (site / "models" / "taa" / "old.wgsl").unlink()
+    (site / "models" / "taa").rmdir()
+    (site / "models" / "taa").symlink_to(outside)
+    with pytest.raises(ShotError, match="leads out of"):
+        write_site(site, FEW)
+    assert (outside / "old.wgsl").read_text() == "mine"
+
+
+def test_a_page_is_written_over_an_earlier_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_site(tmp_path, {**FEW, "models/taa/old.wgsl": bytes})
+    monkeypatch.chdir(tmp_path)
+    write_site(Path(), FEW)  # as `--write .`
+    assert {path.name for path in tmp_path.iterdir()} == {"index.html", "main.js", "site.json"}
+    (tmp_path.parent / "link").symlink_to(tmp_path)
+    write_site(tmp_path.parent / "link", {"index.html": lambda: b"new"})
+    assert (tmp_path / "index.html").read_bytes() == b"new"
 
 
 def test_packages_of_npm_are_copied_if_they_are_of_the_tested_version(tmp_path: Path) -> None:
-    three = tmp_path / "node_modules" / "three"
+    three = tmp_path / "three"
     (three / "build").mkdir(parents=True)
     for name in ("build/three.core.js", "build/three.webgpu.js", "build/three.tsl.js", "LICENSE"):
         (three / name).write_text("")
     (three / "package.json").write_text(json.dumps({"version": PACKAGES["three"]}))
-    write_site(tmp_path / "site", no_shaders, node_modules=tmp_path / "node_modules")
-    assert (tmp_path / "site/vendor/three/three.webgpu.js").is_file()
-    assert not (tmp_path / "site/vendor/onnxruntime-web").exists()
+    files = site_files(no_shaders, node_modules=tmp_path)
+    assert files["vendor/three/three.webgpu.js"]() == b""
+    assert not any(name.startswith("vendor/onnxruntime-web") for name in files)
 
     (three / "package.json").write_text(json.dumps({"version": "0.1.0"}))
     with pytest.raises(ShotError, match=rf"is version 0\.1\.0; .* npm install three@{PACKAGES['three']}"):
-        write_site(tmp_path / "other", no_shaders, node_modules=tmp_path / "node_modules")
-    assert not (tmp_path / "other").exists()
+        site_files(no_shaders, node_modules=tmp_path)
+
+
+@pytest.mark.parametrize("damaged", [b"", b"[]", b"{", b'{"version": 3}', b"\xff", b"[" * 100_000])
+def test_a_damaged_package_is_an_error_that_names_it(tmp_path: Path, damaged: bytes) -> None:
+    (tmp_path / "three").mkdir()
+    (tmp_path / "three" / "package.json").write_bytes(damaged)
+    with pytest.raises(ShotError, match=r"package\.json: "):
+        site_files(no_shaders, node_modules=tmp_path)
 
 
 def test_the_wheel_has_the_files_of_the_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

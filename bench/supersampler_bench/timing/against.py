@@ -20,6 +20,7 @@ import numpy as np
 
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
+from supersampler.io.files import replacing
 from supersampler.methods.gbuffers import GBUFFERS
 from supersampler.methods.model_file import find_model, read_model_info
 from supersampler_bench.compatibility import gbuffers_of, incompatibility, with_default_gbuffers
@@ -166,7 +167,8 @@ def _write_frames(path: Path, methods: Sequence[str], render: Size, display: Siz
         place, array = GBUFFERS[name], GBUFFERS[name].find(first)
         if array is not None:
             arrays[f"{place.group}.{place.key}"] = array
-    np.savez(path, **arrays)  # type: ignore[arg-type]  # its stub takes the names for other arguments
+    with replacing(path) as partial:
+        np.savez(partial, **arrays)  # type: ignore[arg-type]  # its stub takes the names for other arguments
 
 
 def _steps(

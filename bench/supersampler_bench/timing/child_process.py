@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from supersampler.errors import ArgumentError
+from supersampler.io.child_process import end_text, run
 
 FIRST_IMAGE = """
 import time
@@ -64,6 +65,7 @@ print(json.dumps({"wall": wall[request["warm_up"]:], "cores": cores[request["war
 
 Request: method, frames (NPZ file), display (width, height), threads, warm_up (steps not counted), steps.
 """
+_GIT_SECONDS = 30.0
 _ABOUT = """
 import json, os, platform, supersampler
 folder = os.path.dirname(os.path.abspath(supersampler.__file__))
@@ -112,13 +114,14 @@ class Version:
             environment.pop("PYTHONPATH", None)  # it may lead to this version
         command = [self.python, "-c", program.strip(), json.dumps(request)]
         try:
-            done = subprocess.run(command, capture_output=True, env=environment)  # noqa: S603  # the user's choice
+            done = run(command, environment=environment, seconds=None)
         except OSError as error:
             raise self._error(f"not to be started: {error.strerror}") from error
         answer = _last_line(done.stdout)
         if done.returncode or not answer:
-            ended = f"code {done.returncode}" if done.returncode >= 0 else f"signal {-done.returncode}"
-            raise self._error(f"ended with {ended}: {_last_line(done.stderr)[:200]}".removesuffix(": "))
+            raise self._error(
+                f"ended with {end_text(done.returncode)}: {_last_line(done.stderr)[:200]}".removesuffix(": ")
+            )
         try:
             return dict(json.loads(answer))
         except ValueError:
@@ -138,17 +141,13 @@ def _last_line(output: bytes) -> str:
 
 def _commit(folder: Path) -> str | None:
     """Return the commit that a package's folder is a checkout of; None if it is none or git is missing."""
-    with suppress(OSError, subprocess.CalledProcessError):
+    with suppress(OSError, subprocess.SubprocessError):
         _git(folder, "ls-files", "--error-unmatch", "__init__.py")
         return _git(folder, "describe", "--always", "--dirty", "--exclude=*", "--abbrev=12")
     return None
 
 
 def _git(folder: Path, *command: str) -> str:
-    done = subprocess.run(  # noqa: S603  # git alone
-        ["git", "-C", str(folder), *command],  # noqa: S607  # the one on PATH
-        check=True,
-        capture_output=True,
-        text=True,
-    )
-    return done.stdout.strip()
+    done = run(["git", "-C", str(folder), *command], seconds=_GIT_SECONDS)
+    done.check_returncode()
+    return done.stdout.decode(errors="replace").strip()

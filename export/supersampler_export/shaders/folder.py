@@ -2,12 +2,13 @@
 
 import hashlib
 import json
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
 
 from supersampler.errors import ArgumentError, ShotError
-from supersampler.io.files import check_ours, remove_files, replacing
+from supersampler.io.files import check_ours, remove_files, write_bytes
 from supersampler.io.json_fields import read_json
 from supersampler.methods.gpu_backends import gpu_program, with_shaders
 from supersampler.methods.model_file import model_names, read_upscaling_info
@@ -17,6 +18,7 @@ from supersampler_export.shaders.translation import Target, translate
 
 Images = Literal["textures", "buffers"]
 DESCRIPTION = "upscaler.json"
+_NAMES = re.compile(rf"\w+\.({'|'.join({*SUFFIXES.values(), 'bin'})})")
 LONGEST_LINE = 140
 """Of upscaler.json, for a list or object on one line."""
 
@@ -33,10 +35,32 @@ def write_shader_folder(
         images: whether the shaders take frame and image in textures or in buffers.
 
     Raises:
+        ShotError: files in the way were not written by an export; nothing is written.
+        ModelError, ArgumentError, TranslationError: see `shader_files`.
+    """
+    content = shader_files(model, target=target, images=images)
+    before = _listed(folder)
+    for name in content:
+        check_ours(folder / name, lambda path: path.name in before, f"listed by {DESCRIPTION} beside it")
+    remove_files(folder / name for name in before - content.keys())
+    for name, data in content.items():
+        write_bytes(folder / name, data)
+
+
+def shader_files(
+    model: str | Path, *, target: Target = "wgsl", images: Images = "textures"
+) -> dict[str, bytes]:
+    """Return the files of the shaders of a model by name; the description is the last one.
+
+    Args:
+        model: see `write_shader_folder`.
+        target: see there.
+        images: see there.
+
+    Raises:
         ModelError: there is no such model, or it is damaged.
         ArgumentError: the model has no shaders.
         TranslationError: the shaders cannot be translated.
-        ShotError: files in the way were not written by an export; nothing is written.
     """
     info = read_upscaling_info(model)
     program = gpu_program(info)
@@ -51,7 +75,7 @@ def write_shader_folder(
     content |= {f"{name}.bin": words.astype("<u4").tobytes() for name, words in program.weights.items()}
     description = described(info, program, images, target, list(zip(passes, files, shaders, strict=True)))
     description["files"] = {name: hashlib.sha256(data).hexdigest() for name, data in content.items()}
-    _write(folder, description, content)
+    return {**content, DESCRIPTION: f"{_json(description)}\n".encode()}
 
 
 def models_with_shaders() -> list[str]:
@@ -89,18 +113,8 @@ def _json(value: Any, indent: str = "") -> str:
     return f"{opening}\n{inner}{lines}\n{indent}{closing}"
 
 
-def _write(folder: Path, description: dict[str, Any], content: dict[str, bytes]) -> None:
-    before = _listed(folder)
-    for name in (*content, DESCRIPTION):
-        check_ours(folder / name, lambda path: path.name in before, f"listed by {DESCRIPTION} beside it")
-    remove_files(folder / name for name in before - {*content, DESCRIPTION})
-    for name, data in {**content, DESCRIPTION: f"{_json(description)}\n".encode()}.items():
-        with replacing(folder / name) as partial:
-            partial.write_bytes(data)
-
-
 def _listed(folder: Path) -> set[str]:
-    """Return the names of the files of an earlier export."""
+    """Return the names of the files of an earlier export; names that no export writes are left out."""
     try:
         found = read_json(folder / DESCRIPTION)
     except ShotError:
@@ -111,4 +125,4 @@ def _listed(folder: Path) -> set[str]:
         or not isinstance(found.get("files"), dict)
     ):
         return set()
-    return {DESCRIPTION, *(name for name in found["files"] if Path(name).name == name)}
+    return {DESCRIPTION, *filter(_NAMES.fullmatch, found["files"])}

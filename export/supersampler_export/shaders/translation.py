@@ -12,7 +12,9 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, Literal
 
-from supersampler.errors import SupersamplerError
+from supersampler.errors import SupersamplerError, printable
+from supersampler.io.child_process import run
+from supersampler.io.files import move_new_folder, write_bytes, write_text
 
 Target = Literal["wgsl", "spirv", "hlsl", "msl"]
 OPTIONS: Mapping[str, Mapping[str, Any]] = {
@@ -38,11 +40,17 @@ def translate(target: Target, sources: Mapping[str, str]) -> dict[str, bytes]:
     """
     request = {"to": target, "options": OPTIONS[target], "sources": dict(sources)}
     folder = _installed()
-    done = _run([_program("node"), str(folder / "translate.mjs")], folder, json.dumps(request))
-    answer = json.loads(done)
-    if "error" in answer:
-        raise TranslationError(f"naga refused a shader. {answer['error']}")
-    return {name: base64.b64decode(code) for name, code in answer.items()}
+    with tempfile.TemporaryDirectory() as scratch:
+        file = Path(scratch) / "request.json"
+        write_text(file, json.dumps(request))
+        done = _run([_program("node"), str(folder / "translate.mjs"), str(file)], folder)
+    try:
+        answer = {str(name): str(code) for name, code in json.loads(done).items()}
+        if "error" in answer:
+            raise TranslationError(f"naga refused a shader. {printable(answer['error'])}")
+        return {name: base64.b64decode(answer[name], validate=True) for name in sources}
+    except (ValueError, LookupError, AttributeError, RecursionError) as error:
+        raise TranslationError(f"naga gave no answer ({error}). Remove {folder}.") from error
 
 
 def _installed() -> Path:
@@ -61,10 +69,10 @@ def _installed() -> Path:
             partial = Path(made) / key
             partial.mkdir()
             for name, data in content.items():
-                (partial / name).write_bytes(data)
-            _run([npm, "ci", "--ignore-scripts", "--no-audit", "--no-fund"], partial, "")
+                write_bytes(partial / name, data)
+            _run([npm, "ci", "--ignore-scripts", "--no-audit", "--no-fund"], partial)
             if not folder.is_dir():  # another process may have been faster
-                partial.rename(folder)
+                move_new_folder(partial, folder)
     except OSError as error:
         raise TranslationError(
             f"{root}: naga cannot be installed there ({error}). Set XDG_CACHE_HOME."
@@ -82,15 +90,13 @@ def _program(name: str) -> str:
     return found
 
 
-def _run(command: list[str], folder: Path, given: str) -> str:
+def _run(command: list[str], folder: Path) -> str:
     try:
-        done = subprocess.run(  # noqa: S603  # node and npm, as PATH has them
-            command, cwd=folder, input=given, capture_output=True, text=True, timeout=SECONDS, check=False
-        )
+        done = run(command, folder=folder, seconds=SECONDS)
     except subprocess.TimeoutExpired:
         raise TranslationError(f"{Path(command[0]).name} took more than {SECONDS} s. Try again.") from None
     if done.returncode:
-        text = " ".join((done.stderr or done.stdout).split())[-400:]
+        text = printable(" ".join((done.stderr or done.stdout).decode(errors="replace").split())[-400:])
         hint = "The first time npm needs its registry" if command[1] == "ci" else f"Remove {folder}"
         raise TranslationError(f"{Path(command[0]).name} failed: {text}. {hint}.")
-    return done.stdout
+    return done.stdout.decode(errors="replace")

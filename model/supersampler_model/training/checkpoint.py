@@ -10,6 +10,7 @@ from typing import Any
 import torch
 
 from supersampler.errors import ArgumentError
+from supersampler.io.child_process import run
 from supersampler.io.files import replacing
 from supersampler_model.data.dataset import Dataset
 
@@ -57,10 +58,8 @@ def source_commit() -> str:
     """Commit of the running code, with `+` if it was modified; `unknown` outside a repository."""
     here = Path(__file__).parent
     try:
-        run = subprocess.run(
-            ["git", "describe", "--always", "--dirty=+", "--abbrev=12"],  # noqa: S607
-            cwd=here, capture_output=True, text=True, timeout=10, check=True,
-        )  # fmt: skip
+        done = run(["git", "describe", "--always", "--dirty=+", "--abbrev=12"], folder=here, seconds=10)
+        done.check_returncode()
     except (OSError, subprocess.SubprocessError):
         return "unknown"
-    return run.stdout.strip()
+    return done.stdout.decode().strip()

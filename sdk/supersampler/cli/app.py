@@ -9,6 +9,7 @@ import typer
 from typer.core import TyperGroup
 
 from supersampler import __version__
+from supersampler.cli.stopping import exit_code, stop_on_signals
 from supersampler.cli.terminal import echo
 from supersampler.errors import SupersamplerError, did_you_mean, printable
 
@@ -75,7 +76,11 @@ app = typer.Typer(cls=Commands, no_args_is_help=True, add_completion=False, rich
 
 def main() -> None:
     """Run the command line and exit."""
-    typer.main.get_command(app)(prog_name="supersampler")
+    stop_on_signals()
+    try:
+        typer.main.get_command(app)(prog_name="supersampler")
+    except SystemExit as ended:
+        sys.exit(exit_code(ended.code))
 
 
 def _line(error: Exception) -> str | None:

@@ -1,9 +1,8 @@
 """`supersampler demo`: upscales the shipped shot, or serves the page that upscales in a browser."""
 
+import time
 from importlib import import_module
 from pathlib import Path
-from tempfile import TemporaryDirectory
-from threading import Event
 from typing import Annotated
 
 import typer
@@ -73,19 +72,18 @@ def _upscale(output: Path, method: str) -> None:
 
 
 def _serve(port: int, write: Path | None, node_modules: Path | None) -> None:
-    from supersampler.integrations.web import PACKAGES, serving, write_site
+    from supersampler.integrations.web import PACKAGES, serving, site_files, write_site
 
-    write_shaders = import_module("supersampler_export.shaders.folder").write_shader_folder
+    shader_files = import_module("supersampler_export.shaders.folder").shader_files
     if node_modules is None:
         names = " ".join(f"{name}@{version}" for name, version in PACKAGES.items())
         echo(f"Without three.js and the fallback; to have them: npm install {names}", err=True)
+    files = site_files(shader_files, node_modules=node_modules)
     if write is not None:
-        write_site(write, write_shaders, node_modules=node_modules)
+        write_site(write, files)
         echo(f"Page: {write / 'index.html'}")
         return
-    with TemporaryDirectory(prefix="supersampler-") as folder:
-        site = Path(folder) / "site"
-        write_site(site, write_shaders, node_modules=node_modules)
-        with serving(site, port) as url:
-            echo(f"Open in a browser with WebGPU: {url}  (Ctrl-C stops)")
-            Event().wait()
+    with serving(files, port) as url:
+        echo(f"Open in a browser with WebGPU: {url}  (Ctrl-C stops)")
+        while True:  # a wait without a limit would not see Ctrl-C on Windows
+            time.sleep(0.5)

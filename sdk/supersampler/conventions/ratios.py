@@ -30,9 +30,9 @@ def check_ratio(ratios: tuple[float, float], render_size: Size, display_size: Si
         )
     for axis, name in enumerate(("width", "height")):
         ratio = display_size[axis] / render_size[axis]
-        render, display = render_size[axis], display_size[axis]
-        at_most, at_least = (display - 1) / (render + 1), (display + 1) / max(render - 1, 1)
-        if at_most > high or (render > 1 and at_least < low):
+        smallest = (display_size[axis] - 1) / (render_size[axis] + 1)
+        largest = (display_size[axis] + 1) / max(render_size[axis] - 1, 1)
+        if smallest > high or (largest < low and render_size[axis] > 1):
             raise FrameError(
                 "size",
                 got=f"{render_size}, {ratio:.3g} times less in {name} than the display's {display_size}",

@@ -18,7 +18,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
-from typing import IO
+from typing import IO, Literal
 
 GRACE = 5.0
 """Seconds that a program has to end by itself."""
@@ -31,10 +31,10 @@ class ChildProcess:
         command: the program and its arguments.
         environment: of the program; None is that of this process.
         folder: its working directory; None is that of this process.
-        errors: whether stderr has a pipe of its own; else it is written to that of stdout.
+        output: "joined": stdout and stderr have one pipe; "apart": one each; "none": both are dropped.
 
     Attributes:
-        output: the pipe of stdout, binary.
+        output: the pipe of stdout, binary, or None.
 
     Raises:
         OSError: the program cannot be started.
@@ -46,8 +46,9 @@ class ChildProcess:
         *,
         environment: Mapping[str, str] | None = None,
         folder: Path | None = None,
-        errors: bool = False,
+        output: Literal["joined", "apart", "none"] = "joined",
     ) -> None:
+        stderr = {"joined": subprocess.STDOUT, "apart": subprocess.PIPE, "none": subprocess.DEVNULL}[output]
         if shutil.which(command[0]) is None:  # the supervisor could say so only later
             raise FileNotFoundError(2, "there is no such program", command[0])
         supervisor = [sys.executable, "-I", "-S", __file__] if has_interpreter() else []
@@ -58,8 +59,8 @@ class ChildProcess:
             self._process = subprocess.Popen(  # noqa: S603  # the caller names the program
                 [*supervisor, *command],
                 stdin=read_end if self._supervised else subprocess.DEVNULL,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.PIPE if errors else subprocess.STDOUT,
+                stdout=subprocess.DEVNULL if output == "none" else subprocess.PIPE,
+                stderr=stderr,
                 cwd=folder,
                 env=environment,
                 start_new_session=True,  # Ctrl-C at a terminal is for this process, which ends the program
@@ -70,8 +71,7 @@ class ChildProcess:
             raise
         finally:
             os.close(read_end)
-        assert self._process.stdout is not None  # noqa: S101  # it is a pipe
-        self.output: IO[bytes] = self._process.stdout
+        self.output: IO[bytes] | None = self._process.stdout
 
     def poll(self) -> int | None:
         """Return the exit code, 128 + n where signal n ended the program; None while it runs."""
@@ -91,7 +91,7 @@ class ChildProcess:
             subprocess.TimeoutExpired: it still runs after `seconds`.
         """
         output, errors = self._process.communicate(timeout=seconds)
-        return output, errors or b""
+        return output or b"", errors or b""
 
     def stop(self) -> None:
         """Tell the program to end; returns at once."""
@@ -139,7 +139,7 @@ def run(
         OSError: it cannot be started.
         subprocess.TimeoutExpired: it took longer, and was ended.
     """
-    with ChildProcess(command, environment=environment, folder=folder, errors=True) as child:
+    with ChildProcess(command, environment=environment, folder=folder, output="apart") as child:
         output, errors = child.communicate(seconds)
         return subprocess.CompletedProcess(command, child.poll() or 0, output, errors)
 

@@ -118,6 +118,13 @@ def write_tiff(path: Path | str, image: Levels, encoding: str = SRGB) -> None:
     _write(path, spec, np.ascontiguousarray(image))
 
 
+def encode_exr(image: Channel) -> bytes:
+    """Return an (h, w, 3) image as the bytes of an EXR file; see `write_exr`."""
+    with tempfile.TemporaryDirectory() as folder:
+        write_exr(path := Path(folder) / "image.exr", image)
+        return path.read_bytes()
+
+
 def encode_png(image: Bytes) -> bytes:
     """Return (h, w, 3) uint8 sRGB pixels as the bytes of a PNG file."""
     with tempfile.TemporaryDirectory() as folder:

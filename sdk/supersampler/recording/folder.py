@@ -5,7 +5,7 @@ import re
 from pathlib import Path
 
 from supersampler.errors import RecordingError
-from supersampler.io.files import is_own_folder, is_regular, is_there, remove_files
+from supersampler.io.files import is_own_folder, is_regular, is_there, remove_empty_folders, remove_files
 
 SETUP = "recording.json"
 CALLS = "calls.jsonl"
@@ -60,4 +60,4 @@ def remove_recording(path: Path) -> None:
         raise RecordingError(path, "is no recording, or holds other files, too", "Move it away.")
     for place in (*(path / name for name in _FOLDERS if is_own_folder(path / name)), path):
         remove_files(file for file in place.iterdir() if file.is_file())
-        place.rmdir()
+        remove_empty_folders([place])

@@ -16,7 +16,7 @@ from supersampler.conventions import Conventions
 from supersampler.errors import ArgumentError, RecordingError, ShotError
 from supersampler.frame import Float32, Frame
 from supersampler.history import StepResult
-from supersampler.io.files import NO_ROOM, remove_files, write_text
+from supersampler.io.files import NO_ROOM, new_file, remove_files, write_text
 from supersampler.io.images import write_exr
 from supersampler.io.shot.format import FILE_NAME, FrameEntry, ShotInfo, entry_json, files_of, shot_json
 from supersampler.io.shot.frame_files import write_frame
@@ -61,7 +61,7 @@ class Recorder:
                 hint = "Choose another name, or move it away."
                 raise RecordingError(path, "is there already", hint) from None
             write_text(self.path / SETUP, json.dumps({"format": FORMAT, **asdict(setup)}, indent=1) + "\n")
-            self._log = FileIO(self.path / CALLS, "x")  # unbuffered: each line is in the file at once
+            self._log = new_file(self.path / CALLS)  # unbuffered: each line is in the file at once
             self._close_log = weakref.finalize(self, self._log.close)  # no ResourceWarning without `close`
 
     def step(
@@ -83,7 +83,7 @@ class Recorder:
         call = {"call": "extrapolate" if extrapolated else "step", "outputs": list(map(str, outputs))}
         return self._around(
             call,
-            lambda: replace(only_gbuffers(frame, self._inputs)),  # checks the shapes of G-buffers again
+            lambda: replace(only_gbuffers(frame, self._inputs)),  # checks G-buffers again
             run,
             lambda made: made if isinstance(made, StepResult) else StepResult(made),
         )

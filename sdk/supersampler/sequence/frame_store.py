@@ -1,11 +1,11 @@
-"""Arrays of frames and images that wait for their turn, in memory and in a scratch folder on disk."""
+"""Arrays of frames and images that wait for their turn, in memory and in a scratch file on disk."""
 
 import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ from supersampler.io.files import os_errors_as_shot_error
 
 MEMORY = 2.0**30
 """Bytes of frames and images that are kept in memory; what is more goes to the disk."""
-_ROOM = "Is the disk full? `scratch` names a folder on another; images that were written stay."
+_NO_ROOM = "Is the disk full? `scratch` names a folder on another; images that were written stay."
 _IMAGES = ("color", "depth", "motion", "aovs", "motion_next")
 _GROUPS = {"gbuffer": GBUFFER_CHANNELS, "gbuffer_display": GBUFFER_DISPLAY_CHANNELS}
 
@@ -50,12 +50,14 @@ class StoredFrame:
 
 
 class FrameStore:
-    """Keeps arrays until they are dropped: in memory up to a limit, the others in a scratch folder.
+    """Keeps arrays until they are dropped: in memory up to a limit, the others in a scratch file.
+
+    The file has no name, or one that the system removes: nothing of it is left however the process ends.
 
     Args:
         memory: bytes to keep in memory.
-        folder: where to make the scratch folder, when it is needed; None is the system's place for temporary
-            files. It is removed when the store is closed.
+        folder: where to make the scratch file, when it is needed; None is the system's place for temporary
+            files.
         names: optional arrays of frames to keep, by `input_name`; None keeps all.
 
     Raises:
@@ -67,10 +69,13 @@ class FrameStore:
     ) -> None:
         if folder is not None and not folder.is_dir():
             raise ShotError(folder, "is no folder", "`scratch` names an existing one.")
-        self._names, self._place, self._room = names, folder, memory
-        self._folder: tempfile.TemporaryDirectory[str] | None = None
+        self._names, self._place, self._room = names, folder or tempfile.gettempdir(), memory
         self._held: dict[int, dict[str, NDArray[Any]]] = {}
         self._next = 0
+        self._file: IO[bytes] | None = None
+        self._places: dict[int, tuple[int, int]] = {}  # offset and bytes in the file, by key
+        self._free: list[tuple[int, int]] = []
+        self._end = 0
 
     def put(self, arrays: Mapping[str, NDArray[Any]]) -> Stored:
         """Keep some arrays, which must not be changed later; ShotError where the disk is full."""
@@ -81,25 +86,26 @@ class FrameStore:
             self._held[key] = dict(arrays)
             self._room -= size
             return Stored(key, facts)
-        place = self._place or tempfile.gettempdir()
-        with os_errors_as_shot_error(place, "written", _ROOM), self._path(key).open("wb") as file:
+        offset, room = self._allocated(size)
+        with os_errors_as_shot_error(self._place, "written", _NO_ROOM):
+            if self._file is None:
+                self._file = tempfile.TemporaryFile(buffering=0, dir=self._place)  # noqa: SIM115  # see `close`
+            self._file.seek(offset)
             for array in arrays.values():
-                np.ascontiguousarray(array).tofile(file)
+                left = memoryview(np.ascontiguousarray(array).reshape(-1).view(np.uint8))  # type: ignore[arg-type]
+                while left:  # on a nearly full disk only a part is written
+                    left = left[self._file.write(left) :]
+        self._places[key] = offset, room
         return Stored(key, facts)
 
     def get(self, stored: Stored) -> dict[str, NDArray[Any]]:
         """Return the arrays, which must not be changed."""
         if stored.key in self._held:
             return dict(self._held[stored.key])
-        path, found = self._path(stored.key), {}
-        with os_errors_as_shot_error(path, "read"), path.open("rb") as file:
-            for name, (dtype, shape) in stored.arrays.items():
-                count = int(np.prod(shape))
-                values = np.fromfile(file, dtype, count)
-                if values.size != count:
-                    raise ShotError(path, "is shorter than it was written", "Does another program change it?")
-                found[name] = values.reshape(shape)
-        return found
+        assert self._file is not None  # noqa: S101  # `put` made it
+        with os_errors_as_shot_error(self._place, "read"):
+            self._file.seek(self._places[stored.key][0])
+            return {name: self._read(*fact) for name, fact in stored.arrays.items()}
 
     def put_frame(self, frame: Frame) -> StoredFrame:
         """Keep a copy of a frame, of the optional arrays those of `names`."""
@@ -123,18 +129,18 @@ class FrameStore:
         return Frame(**buffers, jitter=frame.jitter, reset=frame.reset, exposure=frame.exposure)
 
     def drop(self, stored: Stored) -> None:
-        """Forget arrays, and free their memory or file."""
+        """Forget arrays, and free their memory or their place in the file."""
         held = self._held.pop(stored.key, None)
-        if held is None:
-            self._path(stored.key).unlink(missing_ok=True)
-        else:
+        if held is not None:
             self._room += sum(array.nbytes for array in held.values())
+        elif stored.key in self._places:
+            self._free.append(self._places.pop(stored.key))
 
     def close(self) -> None:
-        """Remove all that is kept, and the scratch folder."""
+        """Remove all that is kept, and the scratch file."""
         self._held.clear()
-        if self._folder is not None:
-            self._folder.cleanup()
+        if self._file is not None:
+            self._file.close()
 
     def __enter__(self) -> "FrameStore":
         return self
@@ -144,9 +150,23 @@ class FrameStore:
     ) -> None:
         self.close()
 
-    def _path(self, key: int) -> Path:
-        if self._folder is None:
-            self._folder = tempfile.TemporaryDirectory(
-                prefix="supersampler-", dir=self._place, ignore_cleanup_errors=True
-            )
-        return Path(self._folder.name) / f"{key}.bin"
+    def _allocated(self, size: int) -> tuple[int, int]:
+        """Return offset and bytes of a free place: the smallest that fits, of at most twice the size."""
+        fitting = [place for place in self._free if size <= place[1] <= 2 * size]
+        if fitting:
+            best = min(fitting, key=lambda place: place[1])
+            self._free.remove(best)
+            return best
+        self._end += size
+        return self._end - size, size
+
+    def _read(self, dtype: np.dtype[Any], shape: tuple[int, ...]) -> NDArray[Any]:
+        """Read an array at the file's position."""
+        array = np.empty(shape, dtype)
+        left = memoryview(array.reshape(-1).view(np.uint8))  # type: ignore[arg-type]
+        while left:
+            count = self._file.readinto(left) if self._file is not None else 0  # type: ignore[attr-defined]
+            if not count:
+                raise ShotError(self._place, "its scratch file is shorter than it was written")
+            left = left[count:]
+        return array

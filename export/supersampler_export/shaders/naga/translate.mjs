@@ -1,13 +1,12 @@
 /**
- * Translate WGSL with naga. Reads {"to", "options", "sources": {name: code}} from stdin, and writes {name: base64}, or
- * {"error": text}, to stdout.
+ * Translate WGSL with naga. Reads {"to", "options", "sources": {name: code}} from the file that is named, and writes
+ * {name: base64}, or {"error": text}, to stdout.
  */
 
+import { readFileSync } from "node:fs";
 import { translate } from "naga-wasm";
 
-const chunks = [];
-for await (const chunk of process.stdin) chunks.push(chunk);
-const { to, options, sources } = JSON.parse(Buffer.concat(chunks).toString("utf8"));
+const { to, options, sources } = JSON.parse(readFileSync(process.argv[2], "utf8"));
 const translated = {};
 for (const [name, source] of Object.entries(sources)) {
   try {

@@ -9,7 +9,6 @@ import ctypes
 import itertools
 import os
 import struct
-import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -30,6 +29,7 @@ from supersampler.backends.cpu.kernel_cache import (
 from supersampler.backends.cpu.structs import SLOT
 from supersampler.backends.locks import ForkSafeLock
 from supersampler.errors import KernelError
+from supersampler.io.child_process import ChildProcess, has_interpreter
 
 if TYPE_CHECKING:
     import llvmlite.binding as llvm
@@ -89,7 +89,7 @@ def _compile_in_processes(folder: Path, names: Sequence[str]) -> None:
 
     It has ended when all kernels are cached, or after an error: this process then compiles those missing.
     """
-    if not Path(sys.executable or "").stem.startswith("python"):  # a program that embeds Python
+    if not has_interpreter():
         return
     no_bytecode = ["-B"] if sys.dont_write_bytecode else []
     module = "supersampler.backends.cpu.kernel_compiler"
@@ -97,19 +97,10 @@ def _compile_in_processes(folder: Path, names: Sequence[str]) -> None:
     passed_on = ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES")  # other variables could change the code
     environment = {key: v for key, v in os.environ.items() if key in passed_on or key[:6] != "NUMBA_"}
     environment["NUMBA_OPT"] = "1"  # higher levels compile longer and make no kernel faster
-    processes: list[subprocess.Popen[bytes]] = []
+    processes: list[ChildProcess] = []
     try:
         for order in (names, list(reversed(names)))[: len(names)]:
-            processes.append(
-                subprocess.Popen(  # noqa: S603  # this package
-                    [*command, *order],
-                    stdin=subprocess.DEVNULL,
-                    stdout=subprocess.DEVNULL,
-                    stderr=subprocess.DEVNULL,
-                    env=environment,
-                    creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
-                )
-            )
+            processes.append(ChildProcess([*command, *order], environment=environment, output="none"))
         latest = time.monotonic() + _COMPILE_SECONDS
         while all(process.poll() is None for process in processes) and time.monotonic() < latest:
             time.sleep(0.01)
@@ -117,8 +108,7 @@ def _compile_in_processes(folder: Path, names: Sequence[str]) -> None:
         pass
     finally:
         for process in processes:
-            process.kill()
-            process.wait()
+            process.close()
         remove_partial_kernels(folder, names)
 
 

@@ -216,6 +216,7 @@ def start_script(program: str, script: Path, variables: Mapping[str, str]) -> Ch
 
 def _lines(child: ChildProcess) -> Iterator[str]:
     """Yield the lines of a program that are not empty; a very long one in parts."""
+    assert child.output is not None  # noqa: S101  # it has a pipe
     while line := child.output.readline(_LINE_BYTES):
         if text := line.decode(errors="replace").strip():
             yield text

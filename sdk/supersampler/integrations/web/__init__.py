@@ -4,6 +4,6 @@ Its own files are in examples/web; the wheel has them here, in page/.
 """
 
 from supersampler.integrations.web.server import serving
-from supersampler.integrations.web.site import PACKAGES, write_site
+from supersampler.integrations.web.site import PACKAGES, site_files, write_site
 
-__all__ = ["PACKAGES", "serving", "write_site"]
+__all__ = ["PACKAGES", "serving", "site_files", "write_site"]

@@ -196,7 +196,7 @@ class ShotWriter:
                 raise ShotError(path, problem, _FOREIGN)
         with os_errors_as_shot_error(self._note, "written", NO_ROOM):
             self.path.mkdir(parents=True, exist_ok=True)
-            self._note.write_text(json.dumps(names), encoding="utf-8")
+            write_text(self._note, json.dumps(names))
         self._begun, before = frozenset(names), len(self._entries)
         try:
             yield

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from OpenImageIO import ImageInput, ImageSpec, geterror
 
+from supersampler.io.files import write_bytes
 from supersampler_model.data.scenes.gltf.document import Document
 from supersampler_model.data.scenes.gltf.errors import MalformedError, at
 from supersampler_model.data.values import Pixels
@@ -30,7 +31,7 @@ def _decoded(document: Document, data: bytes) -> Pixels:
         raise MalformedError(f"it is neither PNG nor JPEG (it begins with {data[:4]!r})")
     with tempfile.TemporaryDirectory() as folder:  # OpenImageIO's Python side reads files only
         path = Path(folder) / f"image{suffix}"
-        path.write_bytes(data)
+        write_bytes(path, data)
         pixels = _read(document, path)
     if pixels.shape[2] < 3:
         pixels = np.concatenate([pixels[..., :1]] * 3 + [pixels[..., 1:]], axis=-1)

@@ -2,12 +2,15 @@
 
 import json
 import os
-import signal
 import subprocess
 import sys
+import time
 from collections.abc import Sequence
 from pathlib import Path
 from threading import Thread
+
+_PATIENCE = 10.0  # seconds from each way to end a command to the next, harder one
+_LINES, _LINE = 1000, 4096  # of its messages, and characters of one
 
 
 class Run:
@@ -18,6 +21,8 @@ class Run:
         done: number of complete frames.
         notes: lines that the command has printed.
         error: why it failed; "" where it has not.
+
+    The command stops when this process ends: see `supersampler.cli.stopping`.
 
     Args:
         command: the program and its arguments.
@@ -32,16 +37,18 @@ class Run:
         self.total, self.done = total, 0
         self.notes: list[str] = []
         self.error = ""
-        self._output, self._cancelled = output, False
+        self._output = output
+        self._cancelled: float | None = None  # time
+        variables = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
         group = {"creationflags": 0x200} if sys.platform == "win32" else {"start_new_session": True}
         self._process = subprocess.Popen(  # noqa: S603  # the preferences name the program
             list(command),
-            stdin=subprocess.DEVNULL,
+            stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
             encoding="utf-8",
             errors="replace",
-            env={name: value for name, value in os.environ.items() if not name.startswith("PYTHON")},
+            env={**variables, "SUPERSAMPLER_END_WITH_STDIN": "1"},
             **group,
         )
         self._reader = Thread(target=self._read, daemon=True)
@@ -51,9 +58,10 @@ class Run:
         """Update the progress; return whether the command still runs."""
         self.done = min(self.total, self._count())
         if self._process.poll() is None:
+            self._end_if_late()
             return True
-        self._reader.join()
-        if self._process.returncode and not self._cancelled and not self.error:
+        self._reader.join(_PATIENCE)  # a program that the command started may hold the pipe
+        if self._process.returncode and self._cancelled is None and not self.error:
             last = self.notes[-1] if self.notes else f"the command ended with {self._process.returncode}"
             self.error = last.removeprefix("error: ")
         return False
@@ -64,23 +72,35 @@ class Run:
         return self.pump()
 
     def cancel(self) -> None:
-        """End the command as Ctrl-C does: complete frames are kept."""
-        self._cancelled = True
-        if self._process.poll() is None:
-            self._process.send_signal(signal.SIGTERM if sys.platform == "win32" else signal.SIGINT)
+        """Ask the command to end, as Ctrl-C does: complete frames are kept. `pump` insists."""
+        if self._cancelled is None:
+            self._cancelled = time.monotonic()
+            if self._process.stdin is not None:
+                self._process.stdin.close()
+
+    def _end_if_late(self) -> None:
+        """Terminate a cancelled command that goes on, and kill it where that does not help, either."""
+        waited = 0.0 if self._cancelled is None else time.monotonic() - self._cancelled
+        if waited > 2 * _PATIENCE:
+            self._process.kill()
+        elif waited > _PATIENCE:
+            self._process.terminate()
 
     def _read(self) -> None:
+        """Keep the last lines that the command prints, each of a bounded length."""
         if self._process.stderr is not None:
-            with self._process.stderr as lines:
-                self.notes.extend(line.strip() for line in lines if line.strip())
+            with self._process.stderr as pipe:
+                while line := pipe.readline(_LINE):
+                    self.notes += [text] if (text := line.strip()) else []
+                    del self.notes[:-_LINES]
 
     def _count(self) -> int:
         """Return how many frames upscale.json lists."""
         try:
             files = json.loads((self._output / "upscale.json").read_text(encoding="utf-8"))["files"]
-        except (OSError, ValueError, KeyError):  # not there yet
-            return 0
-        return min((count for pattern, count in files.items() if "#" in pattern), default=0)
+            return int(min((count for pattern, count in files.items() if "#" in pattern), default=0))
+        except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
+            return 0  # not there yet, or of something else
 
 
 def render_command(
