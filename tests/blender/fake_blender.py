@@ -3,13 +3,18 @@
     SUPERSAMPLER_RENDER='{...}' fake_blender.py --background --python-exit-code 1 --python SCRIPT
 
 plan.json beside the scene's file says what goes wrong: "error" or "crash" before the first frame; "error at",
-"crash at" or "hang at" a frame's number; "wait at" a number "for" a file. "ocio" is the file of the
-view transform. It prints "Fra:7" for each frame, as Blender does.
+"crash at" or "hang at" a frame's number; "wait at" a number "for" a file. "prints" is text before the first
+frame, "ours" lines that begin with the word, "note" a note; "stubborn" ignores SIGTERM; "daughter" is how
+long a program that it starts holds its output open. "scene" changes its description. It prints "Fra:7" for
+each frame, as Blender does.
 """
 
 import json
 import os
 import shutil
+import signal
+import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -30,14 +35,24 @@ def main() -> None:
     settings = SETTINGS
     record = json.loads((RECORDED / "render.json").read_text())
     plan = json.loads(Path(settings["blend"]).with_name("plan.json").read_text())
-    print("Blender 4.5.15 LTS")
+    print("Blender 4.5.15 LTS", flush=True)
+    Path(settings["blend"]).with_name("pid").write_text(str(os.getpid()))
+    if "stubborn" in plan:
+        for name in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
+            signal.signal(name, signal.SIG_IGN)
+    if "daughter" in plan:
+        subprocess.Popen(["/bin/sh", "-c", f"trap '' TERM; exec sleep {plan['daughter']}"])
+    sys.stdout.write(plan.get("prints", ""))
+    sys.stdout.flush()
+    for line in plan.get("ours", []):
+        print(f"\n{SETTINGS['word']}{line}", flush=True)
     if "error" in plan:
         stop(plan["error"])
     if "crash" in plan:
         print("Writing: /tmp/scene.crash.txt", flush=True)
         os.abort()
-    report(note="motion blur is off: it blurs what the history must follow")
-    report(scene=record["scene"] | ({"ocio": plan["ocio"]} if "ocio" in plan else {}))
+    report(note=plan.get("note", "motion blur is off: it blurs what the history must follow"))
+    report(scene=record["scene"] | plan.get("scene", {}))
     first, last = settings["frames"] or record["scene"]["numbers"]
     for number in range(first + settings["complete"], last + 1):
         if number == plan.get("error at"):

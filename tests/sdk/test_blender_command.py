@@ -155,7 +155,10 @@ def test_a_file_of_others_in_the_way_is_named_and_kept(
             {"error": "scene 'Scene' has no active camera: add one"},
             "the render ended before the first frame: scene 'Scene' has no active camera: add one",
         ),
-        ({"crash": True}, "the render ended before the first frame: Blender ended with SIGABRT: Writing: /tmp/"),
+        (
+            {"crash": True},
+            "the render ended before the first frame: Blender ended with SIGABRT: Writing: /tmp/",
+        ),
     ],
 )
 def test_what_blender_says_of_a_scene_is_one_line(tmp_path: Path, plan: dict[str, Any], message: str) -> None:
@@ -168,7 +171,7 @@ def test_a_program_that_is_no_blender_is_named(tmp_path: Path) -> None:
     assert "--blender is nowhere, which is no program" in one_line(blender(tmp_path, program="nowhere"))
     other = fake_blender(tmp_path)
     other.write_text("#!/bin/sh\n")
-    assert "before the first frame: Blender gave no reason" in one_line(blender(tmp_path, program=other))
+    assert "before the first frame: Blender ended with code 0" in one_line(blender(tmp_path, program=other))
 
 
 OCIO = """
@@ -181,20 +184,20 @@ colorspaces: [!<ColorSpace> {name: linear}]
 
 
 @pytest.fixture
-def view(tmp_path: Path) -> dict[str, str]:
+def view(tmp_path: Path) -> dict[str, dict[str, str]]:
     """The plan of a scene that can be shown."""
     path = tmp_path / "config.ocio"
     path.write_text(OCIO)
-    return {"ocio": str(path)}
+    return {"scene": {"ocio": str(path)}}
 
 
 def test_a_view_that_is_missing_is_one_line_before_the_first_result(
-    tmp_path: Path, view: dict[str, str]
+    tmp_path: Path, view: dict[str, dict[str, str]]
 ) -> None:
-    Path(view["ocio"]).write_text(OCIO.replace("name: AgX", "name: Filmic"))
+    Path(view["scene"]["ocio"]).write_text(OCIO.replace("name: AgX", "name: Filmic"))
     assert "view is 'AgX'; want one of Filmic" in one_line(blender(tmp_path, "--format", "png", **view))
     assert not list((tmp_path / "out").glob("*.png"))
-    Path(view["ocio"]).write_text(OCIO)
+    Path(view["scene"]["ocio"]).write_text(OCIO)
     done = blender(tmp_path, "--format", "png", **view)
     assert done.exit_code == 0, done.output
     assert len(list((tmp_path / "out").glob("*.png"))) == 4

@@ -15,7 +15,11 @@ from supersampler.cli import app
 
 EXTENSION = Path(supersampler.__file__).parent / "integrations" / "blender" / "extension"
 WORKS = """
-import json, pathlib, sys, time
+import json, os, pathlib, sys, threading, time
+def end():
+    sys.stdin.read()
+    os._exit(130)
+threading.Thread(target=end, daemon=True).start()
 out = pathlib.Path(sys.argv[1])
 print("motion blur is off", file=sys.stderr, flush=True)
 for count in (1, 2, 3):

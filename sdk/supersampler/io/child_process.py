@@ -15,7 +15,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from pathlib import Path
 from types import TracebackType
 from typing import IO, Literal
@@ -34,7 +34,7 @@ class ChildProcess:
         output: "joined": stdout and stderr have one pipe; "apart": one each; "none": both are dropped.
 
     Attributes:
-        output: the pipe of stdout, binary, or None.
+        output: the pipe of stdout, binary, or None; whoever reads it closes it.
 
     Raises:
         OSError: the program cannot be started.
@@ -84,15 +84,6 @@ class ChildProcess:
             self._process.wait(seconds)
         return self.poll()
 
-    def communicate(self, seconds: float | None) -> tuple[bytes, bytes]:
-        """Read all output until the program ends, and return what stdout and stderr had.
-
-        Raises:
-            subprocess.TimeoutExpired: it still runs after `seconds`.
-        """
-        output, errors = self._process.communicate(timeout=seconds)
-        return output or b"", errors or b""
-
     def stop(self) -> None:
         """Tell the program to end; returns at once."""
         if self._lifeline is not None:
@@ -107,9 +98,6 @@ class ChildProcess:
         if self.wait(2 * GRACE) is None:  # the supervisor hangs, or there is none
             _signal_group(self._process, _KILL)
             self.wait(GRACE)
-        for pipe in (self._process.stdout, self._process.stderr):
-            if pipe is not None:
-                pipe.close()
 
     def __enter__(self) -> "ChildProcess":
         return self
@@ -139,8 +127,9 @@ def run(
         OSError: it cannot be started.
         subprocess.TimeoutExpired: it took longer, and was ended.
     """
-    with ChildProcess(command, environment=environment, folder=folder, output="apart") as child:
-        output, errors = child.communicate(seconds)
+    child = ChildProcess(command, environment=environment, folder=folder, output="apart")
+    with child._process.stdout or nullcontext(), child._process.stderr or nullcontext(), child:
+        output, errors = child._process.communicate(timeout=seconds)
         return subprocess.CompletedProcess(command, child.poll() or 0, output, errors)
 
 

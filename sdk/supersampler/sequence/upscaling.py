@@ -47,7 +47,7 @@ def upscale_sequence(
     ...     show(image)  # (360, 640, 3) float32, linear RGB
 
     Frames are read once, in order, so that a generator serves as well as a list or a `Shot`. Those of a chunk
-    and its backward images are kept in memory up to 1 GiB, and beyond that in a scratch folder, which is
+    and its backward images are kept in memory up to 1 GiB, and beyond that in a scratch file, which is
     removed at the end, after an error, and when the iterator is closed or deleted.
 
     Args:
@@ -67,7 +67,7 @@ def upscale_sequence(
         extrapolation: model for frames without colour, such as "guided-warp". One pass takes their light from
             the shaded frame before, as `Upscaler.extrapolate`; two passes from those before and after.
         validate: see `Upscaler`.
-        scratch: existing folder for the scratch folder; None is the system's place for temporary files.
+        scratch: existing folder for the scratch file; None is the system's place for temporary files.
 
     Returns:
         An iterator over the images, (H, W, 3) float32 linear RGB, in order; each may be kept.
@@ -75,7 +75,7 @@ def upscale_sequence(
     Raises:
         ArgumentError: an argument is not usable; before anything is read.
         FrameError: a frame breaks the contract.
-        ShotError: a frame cannot be read, or the scratch folder is full.
+        ShotError: a frame cannot be read, or there is no room for the scratch file.
         ModelError, ProviderError: see `Upscaler`.
     """
     size = _checked_chunk(passes, lookahead)

@@ -26,7 +26,6 @@ _SCRIPT = Path(__file__).with_name("render_frames.py")  # imports bpy: not to be
 _SETTINGS = "SUPERSAMPLER_RENDER"  # environment variable of the script
 _LAST_LINES = 20  # of Blender's own output, for an error of it
 _LINE_BYTES = 1 << 20  # longest line that is read at once
-_SILENT = "Blender gave no reason"
 _POLL = 0.5  # seconds between looks at a process that may have ended
 _USUAL_PLACES = {
     "darwin": ("/Applications/Blender.app/Contents/MacOS/Blender",),
@@ -159,7 +158,7 @@ class BlenderRender:
         if not error:
             code = self._child.wait(GRACE)
             said = next((line for line in reversed(lines) if "Error" in line), lines[-1] if lines else "")
-            error = f"Blender ended with {end_text(code)}{said and f': {said}'}" if code or said else ""
+            error = f"Blender ended with {end_text(code)}{said and f': {said}'}"
         self._child.stop()
         with self._changed:
             self._error = error
@@ -174,6 +173,7 @@ class BlenderRender:
             _ScriptError: the script reports an error.
         """
         content = Field(self._blend, "Blender's answer", json.loads(text))
+        content.members()  # it is an object
         with self._changed:
             if "error" in content.value:
                 raise _ScriptError(content["error"].of(str))
@@ -190,7 +190,8 @@ class BlenderRender:
     def _failure(self, when: str) -> ShotError:
         if isinstance(self._error, ShotError):
             return self._error
-        problem = f"the render ended {when}: {printable(self._error or _SILENT).rstrip('.')}"
+        error = self._error or f"Blender ended with {end_text(self._child.poll())}"
+        problem = f"the render ended {when}: {printable(error).rstrip('.')}"
         return ShotError(self._blend, problem, f"Blender's output is in {self._log.path}.")
 
 
@@ -217,6 +218,7 @@ def start_script(program: str, script: Path, variables: Mapping[str, str]) -> Ch
 def _lines(child: ChildProcess) -> Iterator[str]:
     """Yield the lines of a program that are not empty; a very long one in parts."""
     assert child.output is not None  # noqa: S101  # it has a pipe
-    while line := child.output.readline(_LINE_BYTES):
-        if text := line.decode(errors="replace").strip():
-            yield text
+    with child.output as pipe:
+        while line := pipe.readline(_LINE_BYTES):
+            if text := line.decode(errors="replace").strip():
+                yield text

@@ -128,9 +128,12 @@ def rendering(
         "folder": str(folder.resolve()),
         "run": rendered.run,
     }
-    with BlenderRender(program, request.blend, log, script, rendered) as render:
-        render.wait_for_scene()
-        yield rendered.rendering(lambda index: render.wait_for(index - complete), render.close)
+    try:
+        with BlenderRender(program, request.blend, log, script, rendered) as render:
+            render.wait_for_scene()
+            yield rendered.rendering(lambda index: render.wait_for(index - complete), render.close)
+    finally:
+        rendered.remove_incomplete()
 
 
 class _RenderFolder:
@@ -173,10 +176,14 @@ class _RenderFolder:
         """Create the folder, remove what killed runs have not completed, and return the log of this run."""
         with os_errors_as_shot_error(self.path, "written", NO_ROOM):
             self.path.mkdir(parents=True, exist_ok=True)
-        remove_partial_files(self.path, _FRAMES.fullmatch)
+        self.remove_incomplete()
         log = LogFile(self.path / "blender.log", "Output of Blender, as `supersampler blender` ran it:")
         self.record.write(self.path)
         return log
+
+    def remove_incomplete(self) -> None:
+        """Remove what this run or killed ones have not completed."""
+        remove_partial_files(self.path, _FRAMES.fullmatch)
 
     def is_complete(self) -> bool:
         """Return whether all frames that are wanted are there."""

@@ -60,6 +60,7 @@ class Run:
         if self._process.poll() is None:
             self._end_if_late()
             return True
+        self._hang_up()
         self._reader.join(_PATIENCE)  # a program that the command started may hold the pipe
         if self._process.returncode and self._cancelled is None and not self.error:
             last = self.notes[-1] if self.notes else f"the command ended with {self._process.returncode}"
@@ -75,8 +76,12 @@ class Run:
         """Ask the command to end, as Ctrl-C does: complete frames are kept. `pump` insists."""
         if self._cancelled is None:
             self._cancelled = time.monotonic()
-            if self._process.stdin is not None:
-                self._process.stdin.close()
+            self._hang_up()
+
+    def _hang_up(self) -> None:
+        """Close the pipe that keeps the command running."""
+        if self._process.stdin is not None:
+            self._process.stdin.close()
 
     def _end_if_late(self) -> None:
         """Terminate a cancelled command that goes on, and kill it where that does not help, either."""

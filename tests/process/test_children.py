@@ -1,0 +1,241 @@
+"""Child processes end with what has started them, however that ends: commands, and the extension."""
+
+import importlib.util
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import supersampler
+from blender_files import fake_blender, scene_file
+from supersampler.io.child_process import ChildProcess, end_text, run
+
+SDK = Path(supersampler.__file__).parent
+SECONDS = 40.0
+
+
+def is_running(pid: int) -> bool:
+    try:
+        state = Path(f"/proc/{pid}/stat").read_text()
+    except FileNotFoundError:
+        return False
+    return state.rpartition(")")[2].split()[0] != "Z"
+
+
+def wait_until(what: Callable[[], object], seconds: float = SECONDS) -> None:
+    until = time.monotonic() + seconds
+    while not what():
+        assert time.monotonic() < until
+        time.sleep(0.05)
+
+
+def signals(*, ignored: bool) -> Callable[[], None]:
+    """What a shell does with a job in the background, or nohup; or what a terminal has."""
+    how = signal.SIG_IGN if ignored else signal.SIG_DFL
+    return lambda: [signal.signal(number, how) for number in (signal.SIGINT, signal.SIGHUP)] and None
+
+
+def command(folder: Path, *, ignored: bool = False, **plan: Any) -> "subprocess.Popen[str]":
+    """A `supersampler blender` whose Blender hangs at its second frame."""
+    program, scene = fake_blender(folder), scene_file(folder, hang_at=6, **plan)
+    words = [sys.executable, "-m", "supersampler", "blender", str(scene), "-o", str(folder / "out")]
+    process = subprocess.Popen(
+        [*words, "--method", "bilinear", "--blender", str(program)],
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        preexec_fn=signals(ignored=ignored),
+    )
+    wait_until(lambda: (folder / "out" / "0005.exr").exists())
+    return process
+
+
+@pytest.mark.parametrize(
+    ("number", "code", "stubborn"),
+    [
+        (signal.SIGINT, 130, False),
+        (signal.SIGHUP, 129, False),
+        (signal.SIGTERM, 143, True),  # Blender ignores it
+        (signal.SIGKILL, -9, True),
+    ],
+)
+def test_blender_ends_with_the_command(
+    tmp_path: Path, number: signal.Signals, code: int, *, stubborn: bool
+) -> None:
+    process = command(tmp_path, **({"stubborn": True} if stubborn else {}))
+    pid = int((tmp_path / "pid").read_text())
+    assert is_running(pid)
+    process.send_signal(number)
+    _, text = process.communicate(timeout=SECONDS)
+    assert process.returncode == code
+    wait_until(lambda: not is_running(pid))
+    if number != signal.SIGKILL:
+        assert "Stopped: 1 of 4 frames are complete." in text
+        assert not [path for path in (tmp_path / "out").rglob("*") if ".partial" in path.name]
+
+
+def test_signals_that_are_ignored_stay_ignored_and_sigterm_ends_the_command(tmp_path: Path) -> None:
+    process = command(tmp_path, ignored=True)
+    pid = int((tmp_path / "pid").read_text())
+    for number in (signal.SIGINT, signal.SIGHUP):
+        process.send_signal(number)
+    time.sleep(1.0)
+    assert process.poll() is None
+    process.send_signal(signal.SIGTERM)
+    process.communicate(timeout=SECONDS)
+    assert process.returncode == 143
+    wait_until(lambda: not is_running(pid))
+
+
+@pytest.fixture(scope="module")
+def extension() -> Any:
+    """The module run.py, whose package imports bpy."""
+    file = SDK / "integrations" / "blender" / "extension" / "run.py"
+    spec = importlib.util.spec_from_file_location("extension_run", file)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def started(extension: Any, folder: Path) -> Any:
+    words = [sys.executable, "-P", "-c", "from supersampler.cli import main; main()"]
+    given = ["blender", str(scene_file(folder, hang_at=6)), "-o", str(folder / "out"), "--method", "bilinear"]
+    run = extension.Run([*words, *given, "--blender", str(fake_blender(folder))], folder / "out", 4)
+    wait_until(lambda: (folder / "out" / "0005.exr").exists())
+    return run
+
+
+@pytest.fixture
+def ignored() -> Any:
+    """SIGINT is ignored in this process and those that it starts, as under `nohup` or `&`."""
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("ignored")
+def test_cancel_of_the_extension_ends_the_command_where_sigint_is_ignored(
+    extension: Any, tmp_path: Path
+) -> None:
+    running = started(extension, tmp_path)
+    pid = int((tmp_path / "pid").read_text())
+    began = time.monotonic()
+    running.cancel()
+    while running.wait(0.1):
+        assert time.monotonic() - began < SECONDS
+    assert (running.done, running.error) == (1, "")
+    assert running.notes[-2] == "Stopped: 1 of 4 frames are complete."
+    wait_until(lambda: not is_running(pid))
+
+
+def test_a_command_that_does_not_listen_is_terminated_and_then_killed(
+    extension: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(extension, "_PATIENCE", 0.3)
+    deaf = "import signal, time; {} open('begun', 'w').close(); time.sleep(600)"
+    for ignore, code in (("", -15), ("signal.signal(signal.SIGTERM, signal.SIG_IGN);", -9)):
+        folder = tmp_path / str(-code)
+        folder.mkdir()
+        monkeypatch.chdir(folder)
+        running = extension.Run([sys.executable, "-c", deaf.format(ignore)], folder, 3)
+        wait_until(lambda: (folder / "begun").exists())  # noqa: B023  # called at once
+        running.cancel()
+        while running.wait(0.05):
+            pass
+        assert (running._process.returncode, running.error) == (code, "")
+
+
+def test_a_command_of_the_extension_ends_with_blender(tmp_path: Path) -> None:
+    file = SDK / "integrations" / "blender" / "extension" / "run.py"
+    scene, program = scene_file(tmp_path, hang_at=6), fake_blender(tmp_path)
+    code = f"""
+import importlib.util, pathlib, sys, time
+spec = importlib.util.spec_from_file_location("run", {str(file)!r})
+module = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(module)
+words = ["from supersampler.cli import main; main()", "blender", {str(scene)!r}]
+words += ["-o", {str(tmp_path / "out")!r}, "--method", "bilinear", "--blender", {str(program)!r}]
+run = module.Run([sys.executable, "-P", "-c", *words], pathlib.Path("out"), 4)
+print(run._process.pid, flush=True)
+time.sleep(600)
+"""
+    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as blender:
+        assert blender.stdout is not None
+        command_pid = int(blender.stdout.readline())
+        wait_until(lambda: (tmp_path / "out" / "0005.exr").exists())
+        blender.kill()
+    pid = int((tmp_path / "pid").read_text())
+    wait_until(lambda: not is_running(command_pid) and not is_running(pid))
+
+
+@pytest.mark.parametrize(
+    "content",
+    ["", "[]", "{}", '{"files": []}', '{"files": {"#": "x"}}', '{"files": {"#": []}}', "[" * 100_000],
+)
+def test_a_record_of_something_else_is_no_progress(extension: Any, tmp_path: Path, content: str) -> None:
+    (tmp_path / "upscale.json").write_text(content)
+    running = extension.Run([sys.executable, "-c", "print('x' * 10**6)"], tmp_path, 3)
+    while running.wait(0.1):
+        pass
+    assert (running.done, running.error) == (0, "")
+
+
+def test_messages_of_a_command_are_bounded(extension: Any, tmp_path: Path) -> None:
+    code = "import sys; sys.stderr.write('x' * 10**6 + '\\n' + 'line\\n' * 5000 + 'last\\n'); sys.exit(1)"
+    running = extension.Run([sys.executable, "-c", code], tmp_path, 3)
+    while running.wait(0.1):
+        pass
+    assert running.error == "last"
+    assert len(running.notes) <= 1000
+    assert max(map(len, running.notes)) <= 4096
+
+
+def test_a_program_runs_with_its_output_its_folder_and_its_code(tmp_path: Path) -> None:
+    done = run(["sh", "-c", "pwd; echo e >&2; exit 3"], folder=tmp_path, seconds=SECONDS)
+    assert (done.returncode, done.stdout, done.stderr) == (3, f"{tmp_path}\n".encode(), b"e\n")
+    assert run(["sh", "-c", "kill -ABRT $$"], seconds=SECONDS).returncode == 128 + signal.SIGABRT
+    assert [end_text(code) for code in (0, 3, 134, 255, None)] == [
+        "code 0", "code 3", "SIGABRT", "code 255", "code None",
+    ]  # fmt: skip
+    with pytest.raises(FileNotFoundError, match="there is no such program"):
+        run(["no-such-program"], seconds=SECONDS)
+
+
+def test_a_program_that_takes_too_long_is_ended_with_what_it_started(tmp_path: Path) -> None:
+    script = f"trap '' TERM; sleep 300 & echo $! > {tmp_path}/pid; while :; do sleep 1; done"
+    with pytest.raises(subprocess.TimeoutExpired):
+        run(["sh", "-c", script], seconds=1.0)
+    pid = int((tmp_path / "pid").read_text())
+    wait_until(lambda: not is_running(pid))
+
+
+@pytest.mark.parametrize("frozen", [False, True])
+def test_close_ends_a_program_whose_supervisor_hangs_or_that_has_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, frozen: bool
+) -> None:
+    monkeypatch.setattr("supersampler.io.child_process.GRACE", 0.5)
+    if frozen:
+        monkeypatch.setattr(sys, "executable", str(shutil.which("sleep")))
+    child = ChildProcess(["sh", "-c", f"trap '' TERM; echo $$ > {tmp_path}/pid; sleep 300"], output="none")
+    wait_until(lambda: (tmp_path / "pid").exists() and (tmp_path / "pid").read_text())
+    if not frozen:
+        os.kill(child._process.pid, signal.SIGSTOP)
+    child.close()
+    assert not is_running(int((tmp_path / "pid").read_text()))
+
+
+def test_a_child_is_not_inherited_by_another_one() -> None:
+    """Else the pipe of the first would stay open as long as the second runs."""
+    words = ["sleep", "300"]
+    with ChildProcess(words, output="none") as first, ChildProcess(words, output="none"):
+        first.stop()
+        assert first.wait(SECONDS) is not None
