@@ -29,6 +29,10 @@ TOLERANCE = 0.5 / 255.0
 ACCUMULATE = math.inf
 """Tolerance of skip="accumulate": frames may differ as far as noise explains it."""
 
+ieee_arithmetic = np.errstate(all="ignore")
+"""Decorator of public functions that compute. NaN, infinities and denormals are values there: numpy neither
+warns nor raises, whatever the program has set by `numpy.seterr`."""
+
 SkipName = Literal["auto", "exact", "accumulate", "recurrent"]
 Skip = SkipName | float
 _Choice = TypeVar("_Choice")

@@ -18,6 +18,7 @@ from supersampler.arguments import (
     checked_size,
     checked_skip,
     checked_threads,
+    ieee_arithmetic,
     tolerance_of,
 )
 from supersampler.backends.base import Executor
@@ -152,6 +153,7 @@ class Model(DeviceRuns):
         render = checked_size("render_size", render_size)
         return History(display, render, self._executor.zeros(display, render), kind=self._kind)
 
+    @ieee_arithmetic
     def run(
         self,
         frame: Frame,

@@ -8,7 +8,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, NoReturn, overload
 
-from supersampler.arguments import checked_names, checked_path, checked_scale, checked_size
+from supersampler.arguments import checked_names, checked_path, checked_scale, checked_size, ieee_arithmetic
 from supersampler.backends.onnx.tensors import tensors_of_frame
 from supersampler.conventions.ratios import display_size_of
 from supersampler.errors import ArgumentError, FrameError, shown
@@ -148,6 +148,7 @@ class Upscaler(DeviceSteps):
     @overload
     def step(self, frame: Frame, *, out: Float32 | None = ..., outputs: Collection[str]) -> _Out: ...
 
+    @ieee_arithmetic
     def step(self, frame: Frame, *, out: Float32 | None = None, outputs: Collection[str] = ()) -> _Out:
         """Upscale the next frame.
 
@@ -181,6 +182,7 @@ class Upscaler(DeviceSteps):
     @overload
     def extrapolate(self, frame: Frame, *, out: Float32 | None = ..., outputs: Collection[str]) -> _Out: ...
 
+    @ieee_arithmetic
     def extrapolate(self, frame: Frame, *, out: Float32 | None = None, outputs: Collection[str] = ()) -> _Out:
         """Upscale the next frame, which was not shaded: its colour comes from the last shaded frame.
 
@@ -204,6 +206,7 @@ class Upscaler(DeviceSteps):
             return run()
         return self._recorder.step(frame, outputs, run, extrapolated=True)
 
+    @ieee_arithmetic
     def step_computed(self, frame: Frame, color: Float32, *, outputs: Collection[str] = ()) -> _Out:
         """Upscale the next frame, which was not shaded, with a colour that was computed elsewhere.
 
@@ -238,6 +241,7 @@ class Upscaler(DeviceSteps):
         self._memory = self._memory._replace(history=None, shaded=None)
         self._checker.reset()
 
+    @ieee_arithmetic
     def warm_up(self, render_size: Size | None = None) -> None:
         """Run once on a black frame, so that the first `step` is fast; the history is unchanged.
 

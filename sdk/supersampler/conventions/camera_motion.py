@@ -5,7 +5,7 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from supersampler.arguments import as_number, checked_choice
+from supersampler.arguments import as_number, checked_choice, ieee_arithmetic
 from supersampler.backends.cpu.kernel_loader import kernel_if_possible
 from supersampler.backends.cpu.structs import Floats, pack
 from supersampler.conventions.jitter import checked_jitter, checked_matrix
@@ -49,6 +49,7 @@ class MotionTables(NamedTuple):
     height: int
 
 
+@ieee_arithmetic
 def camera_motion(
     depth: Array,
     view_projection: ArrayLike,

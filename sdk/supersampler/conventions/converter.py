@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.arguments import checked_size
+from supersampler.arguments import checked_size, ieee_arithmetic
 from supersampler.conventions.depth import from_reversed_infinite, to_reversed_infinite
 from supersampler.conventions.factors import jitter_factor, motion_factor, motion_next_factor
 from supersampler.conventions.fields import ConventionFields
@@ -41,6 +41,7 @@ class Converter:
         self._previous_in: _Pair | None = None  # in UV, as the render size may change
         self._previous_out: _Pair | None = None
 
+    @ieee_arithmetic
     def to_frame(self, raw: RawFrame) -> Frame:
         """Return the frame in this package's conventions. Unchanged arrays are not copied.
 
@@ -70,6 +71,7 @@ class Converter:
         self._previous_in = _in_uv(jitter, size)
         return frame
 
+    @ieee_arithmetic
     def from_frame(self, frame: Frame) -> RawFrame:
         """Return the frame in these conventions: the inverse of `to_frame`.
 

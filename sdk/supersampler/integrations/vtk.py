@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from vtkmodules.vtkRenderingCore import vtkActor2D
 
-from supersampler.arguments import checked_scale
+from supersampler.arguments import checked_scale, ieee_arithmetic
 from supersampler.conventions import halton_jitter
 from supersampler.frame import Float32, Frame
 from supersampler.integrations.vtk_lines import LineWidths, changed
@@ -84,6 +84,7 @@ class SupersampledWindow:
         self._widths.restore()
         self._window.SetMultiSamples(self._samples)
 
+    @ieee_arithmetic
     def _before_render(self) -> None:
         """Make the window render this frame small and jittered, without 2D props and other renderers."""
         if self._nested:
@@ -110,6 +111,7 @@ class SupersampledWindow:
             stack.enter_context(changed(camera, "WindowCenter", *center))
             self._small = stack.pop_all(), view
 
+    @ieee_arithmetic
     def _after_render(self) -> None:
         """Upscale what was rendered, and show it."""
         if self._nested or self._small is None or self.upscaler is None:

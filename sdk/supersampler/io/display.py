@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.arguments import as_number
+from supersampler.arguments import as_number, ieee_arithmetic
 from supersampler.conventions.srgb import srgb_encoded
 from supersampler.errors import ArgumentError, shown
 from supersampler.frame import Array, Float32, as_array
@@ -38,6 +38,7 @@ _OUTLIER = 64.0  # a larger factor between two frames' exposures needs a second 
 BT709 = np.array([0.2126, 0.7152, 0.0722], np.float32)
 
 
+@ieee_arithmetic
 def display_transform(image: Array, exposure: float = 1.0) -> Float32:
     """Apply exposure, tone curve and sRGB encoding to linear RGB.
 
@@ -79,16 +80,19 @@ def decibels(mean_squared_error: float) -> float:
     return float(-10.0 * np.log10(max(mean_squared_error, 10.0 ** (-CEILING_DB / 10.0))))
 
 
+@ieee_arithmetic
 def to_uint8(shown: Array) -> NDArray[np.uint8]:
     """Round values in [0, 1] to 0..255, to nearest; values outside are clamped."""
     return (np.clip(shown, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
 
 
+@ieee_arithmetic
 def to_uint16(shown: Array) -> NDArray[np.uint16]:
     """Round values in [0, 1] to 0..65535, to nearest; values outside are clamped."""
     return (np.clip(shown, 0.0, 1.0) * 65535.0 + 0.5).astype(np.uint16)
 
 
+@ieee_arithmetic
 def auto_exposure(color: NDArray[Any]) -> float:
     """Return the exposure that maps an image's log-average luminance to 0.18.
 
@@ -163,6 +167,7 @@ class ExposureMeter:
     def __init__(self) -> None:
         self._before = 0.0
 
+    @ieee_arithmetic
     def read(self, color: Array | None, *, given: float | None = None, reset: bool = False) -> float:
         """Return this frame's exposure and keep it for the next frame.
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from OpenImageIO import FLOAT, ColorConfig, ImageBuf, ImageBufAlgo
 
-from supersampler.arguments import as_number
+from supersampler.arguments import as_number, ieee_arithmetic
 from supersampler.conventions.srgb import srgb_encoded
 from supersampler.errors import ArgumentError, ShotError, did_you_mean, shown
 from supersampler.frame import Array, Float32
@@ -51,6 +51,7 @@ class OcioView:
     gamma: float = 1.0
     encoding: str = SRGB
 
+    @ieee_arithmetic
     def show(self, light: Float32, color_space: str) -> Float32:
         """Return (h, w, 3) values in [0, 1] of (h, w, 3) linear RGB in a colour space of the configuration.
 
@@ -106,6 +107,7 @@ class DisplayTransform:
         """OpenImageIO's name of the encoding of what is shown, for the tags of files."""
         return SRGB if self.ocio is None else self.ocio.encoding
 
+    @ieee_arithmetic
     def show(self, image: Array, exposure: float = 1.0) -> Float32:
         """Return the encoded values of an image.
 

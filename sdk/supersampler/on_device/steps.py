@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from functools import partial
 from typing import TYPE_CHECKING
 
-from supersampler.arguments import check_tensor_skip, checked_size
+from supersampler.arguments import check_tensor_skip, checked_size, ieee_arithmetic
 from supersampler.backends.gpu.device_frame import DeviceFrame, check_encoder, checked_images, checked_target
 from supersampler.backends.onnx.tensors import Tensor, checked_tensors, size_of_tensors
 from supersampler.conventions.ratios import display_size_of
@@ -32,6 +32,7 @@ class DeviceSteps:
     _extrapolator: Extrapolator | None
     _recorder: "Recorder | None"
 
+    @ieee_arithmetic
     def step_tensors(
         self,
         tensors: Mapping[str, Tensor],
@@ -72,6 +73,7 @@ class DeviceSteps:
             return run()
         return self._recorder.step_tensors(tensors, jitter, exposure, reset, run)
 
+    @ieee_arithmetic
     def step_textures(
         self,
         images: Mapping[str, "wgpu.GPUTexture | wgpu.GPUBuffer"],

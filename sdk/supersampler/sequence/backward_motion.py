@@ -12,12 +12,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from supersampler.arguments import ieee_arithmetic
 from supersampler.backends.cpu.kernel_loader import kernel_if_possible
 from supersampler.backends.cpu.structs import pack
 from supersampler.frame import Float32, Frame
 from supersampler.sequence.kernels.structs import HIDDEN, OTHER_SURFACE, REACH, SAME_SURFACE, ScatterTables
 
 
+@ieee_arithmetic
 def reversed_frame(frame: Frame, following: Frame | None) -> Frame:
     """Return a frame as a run over reversed frames takes it: the following one is the previous one there.
 
@@ -30,6 +32,7 @@ def reversed_frame(frame: Frame, following: Frame | None) -> Frame:
     return replace(frame, motion=motion_to_next(frame, following), reset=False)
 
 
+@ieee_arithmetic
 def motion_to_next(frame: Frame, following: Frame) -> Float32:
     """Return (h, w, 2) render pixels, next minus current: `frame.motion_next`, or scattered.
 

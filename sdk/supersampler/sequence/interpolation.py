@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from supersampler.arguments import ieee_arithmetic
 from supersampler.errors import ArgumentError
 from supersampler.extrapolation import Extrapolator, ShadedHistory
 from supersampler.frame import Float32, Frame
@@ -65,6 +66,7 @@ class Interpolator:
         self._history: ShadedHistory | None = None  # before the window
         self._since = 0  # frames from the last shaded one to the window
 
+    @ieee_arithmetic
     def colors(self, frames: Sequence[StoredFrame], next_start: int, store: FrameStore) -> dict[int, Stored]:
         """Return the colours of the unshaded frames among some, by their indices, as arrays "color".
 
@@ -154,6 +156,7 @@ def interpolator_of(model: str | Path, upscaler: Upscaler, executor: ExecutorNam
     )
 
 
+@ieee_arithmetic
 def interpolated(before: Side, after: Side) -> Float32:
     """Return the colour between two sides, (h, w, 3)."""
     a = before.agreement * np.float32(after.frames)  # nearer in time: larger

@@ -4,6 +4,7 @@ from collections.abc import Collection
 
 import numpy as np
 
+from supersampler.arguments import ieee_arithmetic
 from supersampler.backends.cpu.kernel_loader import kernel_if_possible
 from supersampler.backends.cpu.structs import pack
 from supersampler.frame import Float32
@@ -26,6 +27,7 @@ def weight_outputs(maps: Collection[str]) -> tuple[str, ...]:
     return tuple(name for name in WEIGHT_MAPS if name in maps)
 
 
+@ieee_arithmetic
 def weight_of(result: StepResult, steps: int) -> Float32:
     """Return the weight (H, W) of a run's image in the merge, > 0.
 
@@ -44,6 +46,7 @@ def weight_of(result: StepResult, steps: int) -> Float32:
     return weight
 
 
+@ieee_arithmetic
 def merge_images(
     image: Float32, other: Float32, weight: Float32, other_weight: Float32, exposure: float
 ) -> None:
@@ -69,6 +72,7 @@ def merge_images(
     image += (b / np.maximum(a + b, np.float32(1e-30)))[..., None] * (other - image)
 
 
+@ieee_arithmetic
 def merge_aovs(aovs: Float32, other: Float32, weight: Float32, other_weight: Float32) -> None:
     """Write the weighted mean of two blended AOVs, (H, W, k), to the first."""
     aovs += (other_weight / (weight + other_weight))[..., None] * (other - aovs)

@@ -7,7 +7,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from supersampler.arguments import checked_choice
+from supersampler.arguments import checked_choice, ieee_arithmetic
 from supersampler.errors import FrameWarning
 from supersampler.frame import Frame, Size
 from supersampler.methods.convergence import MAX_STATIC_MOTION
@@ -65,6 +65,7 @@ class FrameChecker:
         self._held = 0  # frames in a row with `_jitter` in which nothing moved
         self._jitters: tuple[tuple[float, float], ...] = ()  # of the first shaded frames
 
+    @ieee_arithmetic
     def check(self, frame: Frame, display_size: Size, gbuffers: Collection[str] = ()) -> None:
         """Check one frame alone and against the earlier ones.
 

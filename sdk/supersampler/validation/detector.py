@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from supersampler.arguments import as_index
+from supersampler.arguments import as_index, ieee_arithmetic
 from supersampler.conventions import Conventions, RawFrame
 from supersampler.conventions.fields import Resolution
 from supersampler.errors import ArgumentError, FrameError, shown
@@ -40,6 +40,7 @@ _OF_VERDICTS = {
 }
 
 
+@ieee_arithmetic
 def detect_conventions(
     shot: "Shot | Sequence[RawFrame]", *, frames: int = 6, conventions: Conventions | None = None
 ) -> Detection:

@@ -1,0 +1,159 @@
+"""A program that makes numpy raise at every rounding gets the same results, warnings and errors."""
+
+import contextlib
+import warnings
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from supersampler import Conventions, Frame, Shot, Upscaler, halton_jitter, upscale_sequence
+from supersampler.cli import app
+from supersampler.conventions import camera_motion
+from supersampler.errors import FrameWarning, SupersamplerError
+from supersampler.io.display import ExposureMeter, display_transform, to_uint8
+from supersampler.io.display_transforms import display_transform_from
+from supersampler.methods.model_file import extrapolation_names, model_names
+from supersampler.validation import detect_conventions
+from supersampler_bench.compatibility import with_default_gbuffers
+
+SIZE = (24, 16)
+TINY = np.float32(1e-42)  # a denormal
+HOSTILE = [np.nan, np.inf, -np.inf, 0.0, -1.0, TINY, -TINY, 1e-30, 6e4, 7e4, 1e30, 3e38]
+
+
+def hostile(index: int, dtype: Any = np.float32) -> Frame:
+    """A frame with all kinds of values in each of its images."""
+    rng = np.random.default_rng(index)
+    height, width = SIZE[1], SIZE[0]
+    with np.errstate(all="ignore"):
+        values = np.array(HOSTILE).astype(dtype)
+
+    def image(channels: int, scale: float) -> Any:
+        made = (rng.random((height, width, channels)) * scale).astype(dtype)
+        chosen = rng.random(made.shape) < 0.15
+        made[chosen] = values[rng.integers(0, len(values), np.count_nonzero(chosen))]
+        return made
+
+    depth = image(1, 1.0)[..., 0].astype(np.float32)
+    return Frame(
+        color=image(3, 1.0),
+        depth=depth,
+        motion=image(2, 3.0),
+        jitter=halton_jitter(index, 2.0),
+        reset=index == 3,
+        aovs=image(2, 1.0).astype(np.float32),
+    )
+
+
+def images_of(method: str, how: dict[str, Any]) -> list[Any]:
+    found: list[Any] = []
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        upscaler = Upscaler(method, scale=2, **how)
+        for index in range(6):
+            frame = hostile(index, np.float16 if index == 2 else np.float32)
+            frame = with_default_gbuffers(frame, upscaler.gbuffers, (2 * SIZE[0], 2 * SIZE[1]))
+            try:
+                found.append(upscaler.step(frame, outputs=("aovs",) if index % 2 else ()))
+            except SupersamplerError as error:
+                found.append(str(error))
+    assert not [warning for warning in caught if not issubclass(warning.category, FrameWarning)]
+    return [*found, *(str(warning.message) for warning in caught)]
+
+
+def equal(left: Any, right: Any) -> bool:
+    if isinstance(left, str):
+        return bool(left == right)
+    pairs = [(left, right)] if isinstance(left, np.ndarray) else [(left.image, right.image)]
+    return all(np.array_equal(a, b, equal_nan=True) for a, b in pairs)
+
+
+@pytest.mark.parametrize("method", model_names())
+@pytest.mark.parametrize("executor", ["auto", "onnx"])
+def test_steps_are_the_same(method: str, executor: str) -> None:
+    how = {"validate": "warn", "executor": executor, "threads": 1}
+    plain = images_of(method, how)
+    with np.errstate(all="raise"):
+        raising = images_of(method, how)
+    assert len(plain) == len(raising)
+    assert all(map(equal, plain, raising))
+
+
+@pytest.mark.parametrize("extrapolation", extrapolation_names())
+def test_extrapolated_frames_raise_nothing(extrapolation: str) -> None:
+    with np.errstate(all="raise"), warnings.catch_warnings():
+        warnings.simplefilter("ignore", FrameWarning)
+        upscaler = Upscaler("taau", scale=2, extrapolation=extrapolation)
+        for index in range(4):
+            frame = with_default_gbuffers(hostile(index), upscaler.gbuffers, (2 * SIZE[0], 2 * SIZE[1]))
+            try:
+                upscaler.step(frame)
+                upscaler.extrapolate(Frame(**{**fields(frame), "color": None, "reset": False}))
+            except SupersamplerError:
+                pass
+
+
+def fields(frame: Frame) -> dict[str, Any]:
+    return {name: getattr(frame, name) for name in frame.__slots__}
+
+
+ENGINES = [
+    Conventions.fsr(),
+    Conventions.xess(),
+    Conventions.unreal(),
+    Conventions.unity(),
+    Conventions.blender(),
+]
+
+
+@pytest.mark.parametrize("conventions", ENGINES)
+def test_converters_raise_only_errors_of_ours(conventions: Conventions) -> None:
+    with np.errstate(all="raise"):
+        converter = conventions.converter(display_size=(48, 32))
+        for index in range(4):
+            with contextlib.suppress(SupersamplerError):
+                converter.to_frame(converter.from_frame(hostile(index)))
+
+
+def shot_at(folder: Path) -> Iterator[Callable[[], object]]:
+    """Calls on a shot, and on images."""
+    frames = [hostile(index) for index in range(3)]
+    yield lambda: list(upscale_sequence(frames, display_size=(48, 32), model="taau", passes=2))
+    yield lambda: detect_conventions(Shot.open("plaza"), frames=4)
+    yield lambda: ExposureMeter().read(frames[0].color, given=None, reset=True)
+    yield lambda: to_uint8(display_transform(np.float32(1.0) * frames[0].color))
+    yield lambda: display_transform_from(view="Un-tone-mapped").show(frames[0].color, 1.0)
+    yield lambda: camera_motion(frames[0].depth, np.eye(4), np.diag([1e-30, 1e30, 1.0, 1.0]))
+
+
+@pytest.mark.parametrize("index", range(6))
+def test_calls_on_images_raise_nothing(tmp_path: Path, index: int) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", FrameWarning)
+        with np.errstate(all="raise"):
+            list(shot_at(tmp_path))[index]()
+
+
+COMMANDS = {
+    "check": ["check", "plaza", "--frames", "4"],
+    "upscale": ["upscale", "plaza", "-o", "out", "--frames", "0-2", "--format", "png", "--method", "taau"],
+    "tiff": ["upscale", "plaza", "-o", "out", "--frames", "0-1", "--format", "tif", "--method", "bicubic"],
+    "import": ["import", "plaza", "-o", "copied"],
+    "replay": ["upscale", "plaza", "-o", "out", "--frames", "0-2", "--record", "rec", "--method", "taau"],
+    "info": ["info", "plaza"],
+}
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_commands_end_well(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    monkeypatch.chdir(tmp_path)
+    with np.errstate(all="raise"):
+        done = CliRunner().invoke(app, COMMANDS[name], catch_exceptions=False)
+        assert done.exit_code == 0, done.output
+        if name == "replay":
+            done = CliRunner().invoke(app, ["replay", "rec"], catch_exceptions=False)
+            assert done.exit_code == 0, done.output
