@@ -19,7 +19,7 @@ from supersampler.conventions.srgb import srgb_encoded
 from supersampler.errors import ArgumentError, ShotError, did_you_mean, shown
 from supersampler.frame import Array, Float32
 from supersampler.io.display import MAX_HALF, checked_image, display_transform
-from supersampler.io.files import check_is_file
+from supersampler.io.files import check_is_file, utf8_path
 
 REC709 = "lin_rec709"
 """Linear light with the primaries of Rec. 709 and sRGB."""
@@ -29,6 +29,7 @@ STUDIO_CONFIG = "ocio://studio-config-latest"
 """The configuration of OpenColorIO that OpenImageIO contains, with the views of ACES 2."""
 MAX_STOPS = 24.0
 
+_BUILT_IN_PREFIX = "ocio://"
 _BUILT_IN = ("ocio://default", "ocio://cg-config-latest", STUDIO_CONFIG)
 
 
@@ -217,6 +218,9 @@ def ocio_transform(
         ArgumentError: there is no such built-in configuration, display, view, look or colour space.
         ShotError: the configuration, or a file that it names, cannot be read.
     """
+    if not config.startswith(_BUILT_IN_PREFIX):
+        check_is_file(Path(config))
+        config = utf8_path(config)
     opened = _open_config(config)
     display = _checked("display", display or opened.getDefaultDisplayName(), opened.getDisplayNames())
     view = _checked("view", view or opened.getDefaultViewName(display), opened.getViewNames(display))
@@ -240,13 +244,10 @@ def ocio_transform(
 
 
 def _open_config(config: str) -> ColorConfig:
-    built_in = config.startswith("ocio://")
-    if not built_in:
-        check_is_file(Path(config))
     opened = ColorConfig(config)
     opened.getDisplayNames()  # reads it; until then there is no error
     if message := opened.geterror():
-        if built_in:
+        if config.startswith(_BUILT_IN_PREFIX):
             _checked("ocio", config, _BUILT_IN)
         raise ShotError(config, f"is no OpenColorIO configuration ({_first_line(message)})")
     return opened

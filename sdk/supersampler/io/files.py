@@ -55,8 +55,11 @@ def replacing(path: Path | str) -> Iterator[Path]:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a UTF-8 text file atomically, line ends as they are; ShotError where the disk refuses."""
-    write_bytes(path, text.encode())
+    """Write a UTF-8 text file atomically, line ends as they are; ShotError where the disk refuses.
+
+    Bytes of a path that the locale does not know are written as they were.
+    """
+    write_bytes(path, text.encode(errors="surrogateescape"))
 
 
 def write_bytes(path: Path, data: bytes) -> None:
@@ -163,6 +166,19 @@ def remove_empty_folders(folders: Iterable[Path]) -> None:
     for folder in folders:
         with suppress(OSError):  # it holds something, or is none
             folder.rmdir()
+
+
+def utf8_path(path: Path | str) -> str:
+    """Return a path as a library takes it that wants UTF-8, also where the locale is not UTF-8.
+
+    Raises:
+        ShotError: the path is not UTF-8.
+    """
+    try:
+        return os.fsencode(path).decode()
+    except UnicodeDecodeError:
+        hint = "Rename it, and the folders above it."
+        raise ShotError(path, "has a name that is not UTF-8", hint) from None
 
 
 def is_file(path: Path) -> bool:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from OpenImageIO import ImageInput, ImageSpec, geterror
 
 from supersampler.errors import ShotError
-from supersampler.io.files import check_is_file, os_errors_as_shot_error
+from supersampler.io.files import check_is_file, os_errors_as_shot_error, utf8_path
 from supersampler.io.limits import IMAGE_BYTES, IMAGE_CHANNELS, IMAGE_PARTS, image_size_problem
 
 Channel: TypeAlias = NDArray[Any]
@@ -122,7 +122,7 @@ def opened(path: Path | str, formats: Collection[str] = FORMATS) -> Iterator[tup
                 raise ShotError(path, f"is not an {listed} image (it begins with {begins!r})", _DAMAGED)
             as_stored = ImageSpec()
             as_stored.attribute("oiio:UnassociatedAlpha", 1)
-            source = ImageInput.open(str(path), as_stored)
+            source = ImageInput.open(utf8_path(path), as_stored)
             if source is None:
                 reason = last_reason(geterror) or NO_REASON
                 raise ShotError(path, f"is not an image that can be read ({reason})", _DAMAGED)

@@ -13,7 +13,7 @@ from supersampler.errors import ShotError
 from supersampler.frame import Array
 from supersampler.io.display import MAX_HALF
 from supersampler.io.display_transforms import SRGB, STUDIO_CONFIG
-from supersampler.io.files import NO_ROOM, replacing
+from supersampler.io.files import NO_ROOM, replacing, utf8_path
 from supersampler.io.image_headers import Metadata, TypedValues
 from supersampler.io.image_reading import NO_REASON, Channel, last_reason
 
@@ -183,11 +183,13 @@ def _spec(shape: tuple[int, ...], names: list[str], kind: str) -> ImageSpec:
 
 
 def _write(path: Path | str, spec: ImageSpec, pixels: NDArray[Any]) -> None:
+    utf8_path(path)  # raises, with the name that the caller knows
     with replacing(path) as partial:
-        target = ImageOutput.create(str(partial))
+        name = utf8_path(partial)
+        target = ImageOutput.create(name)
         if target is None:
             raise ShotError(path, f"cannot be written ({last_reason(geterror) or NO_REASON})")
-        done = target.open(str(partial), spec) and target.write_image(pixels)
+        done = target.open(name, spec) and target.write_image(pixels)
         message = last_reason(target.geterror)  # on a full disk the PNG writer returns True, with a message
         if not (target.close() and done) or message:
             reason = message or last_reason(target.geterror) or NO_REASON

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from OpenImageIO import ImageInput, geterror
 
+from supersampler.io.files import utf8_path
 from supersampler.io.limits import image_size_problem
 from supersampler_model.data.scenes.environment import Environment, directions
 from supersampler_model.data.scenes.gltf.errors import MalformedError, reading
@@ -88,7 +89,7 @@ def panorama(path: Path) -> Environment:
         with path.open("rb") as file:
             if file.read(2) != b"#?":
                 raise MalformedError("the panorama is no .hdr file")
-        source = ImageInput.open(str(path))
+        source = ImageInput.open(utf8_path(path))
         if source is None:
             raise MalformedError(f"the panorama is damaged ({geterror().strip()})")
         spec = source.spec()
