@@ -11,11 +11,13 @@
 import { mkdir, readFile, writeFile } from "node:fs/promises";
 import { join } from "node:path";
 import { create, globals } from "webgpu";
-import { Upscaler } from "../web/supersampler.js";
+import { Upscaler, UpscalerError } from "../web/supersampler.js";
+import { parsedJson } from "../web/supersampler_folder.js";
 
 Object.assign(globalThis, globals);
 const FORMATS = { color: "rgba32float", depth: "r32float", motion: "rg32float" };
 const CHANNELS = { color: 4, depth: 1, motion: 2 };
+const FRAMES = 1 << 20;
 const ROW = 256; // rows of a copied texture begin at multiples of this many bytes
 
 const [shaders, frames, output] = process.argv.slice(2);
@@ -35,11 +37,22 @@ device.addEventListener("uncapturederror", ({ error }) => {
   process.exit(1);
 });
 
-const shot = JSON.parse(await readFile(join(frames, "frames.json"), "utf8"));
-const upscaler = await Upscaler.load(device, (name) => readFile(join(shaders, name)), {
-  displaySize: shot.display,
+const shot = parsedJson(await readFile(join(frames, "frames.json"), "utf8"), (place, got, want) => {
+  return new UpscalerError(`frames.json: ${place}`, got, want, "examples/raw_frames.py writes it.");
 });
-const [width, height] = shot.display;
+const side = (one) => one.whole(1, device.limits.maxTextureDimension2D);
+const [width, height] = shot.at("display").pair(side);
+const list = shot
+  .at("frames")
+  .items(1, FRAMES)
+  .map((frame) => ({
+    ...frame.object(),
+    ...Object.fromEntries(Object.keys(FORMATS).map((name) => [name, frame.at(name).file()])),
+    size: frame.at("size").pair(side),
+  }));
+const upscaler = await Upscaler.load(device, (name) => readFile(join(shaders, name)), {
+  displaySize: [width, height],
+});
 const image = device.createTexture({
   size: [width, height],
   format: "rgba16float",
@@ -53,7 +66,7 @@ const copy = device.createBuffer({
 const textures = {};
 
 await mkdir(output, { recursive: true });
-for (const [index, frame] of shot.frames.entries()) {
+for (const [index, frame] of list.entries()) {
   for (const name of Object.keys(FORMATS)) await upload(name, frame);
   const encoder = device.createCommandEncoder();
   upscaler.encode(encoder, textures, image, {
@@ -66,7 +79,7 @@ for (const [index, frame] of shot.frames.entries()) {
   await writeFile(join(output, `${String(index).padStart(4, "0")}.rgba16f`), await pixels());
 }
 const { description, device: name } = adapter.info;
-console.log(`${shot.frames.length} images on ${description || name}: ${output}`);
+console.log(`${list.length} images on ${description || name}: ${output}`);
 upscaler.destroy();
 process.exit(0); // Dawn's event loop would keep Node
 
@@ -78,6 +91,10 @@ async function upload(name, frame) {
     textures[name] = device.createTexture({ size: [w, h], format: FORMATS[name], usage });
   }
   const data = await readFile(join(frames, frame[name]));
+  const wanted = 4 * CHANNELS[name] * w * h;
+  if (data.length !== wanted) {
+    throw new UpscalerError(frame[name], `${data.length} bytes`, wanted, "Write the frames again.");
+  }
   device.queue.writeTexture({ texture: textures[name] }, data, { bytesPerRow: 4 * CHANNELS[name] * w }, [
     w,
     h,

@@ -20,7 +20,8 @@ function say(text) {
 
 const stage = new Stage(document.getElementById("stage"));
 for (const [name, value] of query) {
-  if (form.elements[name]) form.elements[name].value = value;
+  const control = form.elements.namedItem(name);
+  if (control) control.value = value;
 }
 for (const side of ["left", "right"]) {
   if (query.has(side)) stage.setView(side, query.get(side));

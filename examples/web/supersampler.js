@@ -9,12 +9,14 @@
  */
 
 import {
+  CHANNELS,
   UpscalerError,
   bytesOf,
   checkDevice,
   checkMemory,
-  checkedInfo,
   compiled,
+  fitsRatio,
+  readInfo,
   reader,
   shown,
   sizeOf,
@@ -26,7 +28,6 @@ const MOST_GROUPS = 8; // bind groups that a pass keeps: frames and histories al
 const EXPOSURES = [2 ** -24, 2 ** 24];
 const BUFFER = { MAP_WRITE: 2, COPY_SRC: 4, COPY_DST: 8, UNIFORM: 64, STORAGE: 128 }; // GPUBufferUsage
 const TEXTURE = { COPY_SRC: 1, TEXTURE_BINDING: 4, STORAGE_BINDING: 8, RENDER_ATTACHMENT: 16 }; // GPUTextureUsage
-const CHANNELS = ["color", "depth", "motion"];
 
 /** Upscales the frames of one view; it holds the view's history. */
 export class Upscaler {
@@ -43,14 +44,15 @@ export class Upscaler {
    */
   static async load(device, source, { displaySize } = {}) {
     const read = reader(source);
-    const info = checkedInfo(await read("upscaler.json", "text"));
+    const info = await readInfo(read);
     checkDevice(device, info);
     const display = checkedSize("displaySize", displaySize, device.limits.maxTextureDimension2D);
-    checkMemory(device, info, display);
+    const sizes = { one: [1, 1], render: [1, 1], previous: [1, 1], display };
+    checkMemory(device, info, sizes, "displaySize", "display");
     const files = info.resources.filter((one) => one.file);
     const [passes, weights] = await Promise.all([
-      Promise.all(info.passes.map(async (one) => compiled(device, one, await read(one.file, "text")))),
-      Promise.all(files.map(async (one) => [one.name, await read(one.file, "bytes")])),
+      Promise.all(info.passes.map((one) => compiled(device, one, read))),
+      Promise.all(files.map(async (one) => [one.name, await read(one.file, "bytes", one.bytes)])),
     ]);
     return new Upscaler(device, info, display, passes, new Map(weights));
   }
@@ -105,12 +107,13 @@ export class Upscaler {
     checkedOutput(output, this.displaySize, images);
     const factor = checkedExposure(exposure);
     checkRatio(this.info.ratios, images.size, this.displaySize);
-    if (reset) this.reset();
-    const empty = this._previous === null;
-    const previous = this._previous ?? { size: images.size, jitter: [0, 0] };
+    const before = reset ? null : this._previous;
+    const previous = before ?? { size: images.size, jitter: [0, 0] };
     const size = { one: [1, 1], render: images.size, previous: previous.size, display: this.displaySize };
+    checkMemory(this.device, this.info, size, "render size", "render");
+    if (reset) this.reset();
     const bound = this._allocated(size, images.textures, output);
-    if (empty && this._dirty) this._clear(encoder);
+    if (!before && this._dirty) this._clear(encoder);
     this._writeParams(encoder, bound.get("params"), size, offset, previous.jitter, factor);
     const pass = encoder.beginComputePass({ label: "supersampler", timestampWrites: timestamps });
     for (const one of this._passes) {
@@ -224,12 +227,11 @@ export class Upscaler {
   }
 
   _upload(name, bytes) {
-    const { resource } = this._held(name, this._byName.get(name), [1, 1]);
-    const wanted = this._byName.get(name).bytes;
-    if (bytes.byteLength !== wanted) {
-      throw new UpscalerError(name, `${bytes.byteLength} bytes`, wanted, "Copy the folder again.");
+    const described = this._byName.get(name);
+    if (bytes.byteLength !== described.bytes) {
+      throw new UpscalerError(name, `${bytes.byteLength} bytes`, described.bytes, "Copy the folder again.");
     }
-    this.device.queue.writeBuffer(resource, 0, bytes);
+    this.device.queue.writeBuffer(this._held(name, described, [1, 1]).resource, 0, bytes);
   }
 
   /** Fill the history with zeros, in the order of the encoder. */
@@ -349,15 +351,11 @@ function checkedOutput(output, display, images) {
   }
 }
 
-/** Throw unless display size over render size is in the method's range, up to the rounding to whole pixels. */
+/** Throw unless display size over render size is in the method's range. */
 function checkRatio([low, high], render, display) {
-  for (const axis of [0, 1]) {
-    const ratio = display[axis] / render[axis];
-    const slack = (1 + ratio) / render[axis];
-    if (ratio < low - slack || ratio > high + slack) {
-      const got = `${render.join("x")} for a display of ${display.join("x")}`;
-      throw new UpscalerError("render size", got, `${low} to ${high} times less than the display's`);
-    }
+  if (!fitsRatio([low, high], render, display)) {
+    const got = `${render.join("x")} for a display of ${display.join("x")}`;
+    throw new UpscalerError("render size", got, `${low} to ${high} times less than the display's`);
   }
 }
 

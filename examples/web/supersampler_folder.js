@@ -8,6 +8,56 @@ const VERSION = 1;
 const LEAST_BYTES = 16; // of a buffer
 const COMPUTE = 4; // GPUShaderStage.COMPUTE
 const UPDATE = "Update the browser or the driver.";
+const EXPORT = "Export the folder again.";
+
+export const CHANNELS = ["color", "depth", "motion"];
+/** Fields of params, with their numbers of values. */
+const PARAMS = {
+  render: 2,
+  display: 2,
+  previous: 2,
+  jitter: 2,
+  previous_jitter: 2,
+  exposure: 1,
+  counts: 1,
+  writes_aux: 1,
+};
+/** Kinds of resources, by role. */
+const ROLES = {
+  params: ["uniform"],
+  weights: ["buffer"],
+  history: ["buffer", "texture"],
+  next: ["buffer", "texture"],
+  work: ["buffer", "texture"],
+  aux: ["buffer"],
+  frame: ["texture"],
+  image: ["texture"],
+};
+/** Kinds of bindings, by the kind of their resource. */
+const BINDINGS = {
+  uniform: ["uniform"],
+  buffer: ["storage", "read-only-storage"],
+  texture: ["texture", "uint-texture", "storage-texture"],
+};
+/** Bytes of a texel, by format. */
+const TEXELS = { rgba32float: 16, rgba32uint: 16, rgba16float: 8, rg32float: 8, rg32uint: 8 };
+const BASES = ["one", "render", "previous", "display"];
+
+// Limits of what a folder may state.
+const JSON_BYTES = 1 << 20;
+const SHADER_BYTES = 1 << 22;
+const BUFFER_BYTES = 1 << 28; // for each pixel of its size
+const PASSES = 256;
+const RESOURCES = 256;
+const PASS_BINDINGS = 64;
+const GROUPS = 4; // WebGPU's default, and that of bindings
+const GROUP_BINDINGS = 1000;
+const TEXTS = 1024; // in a list
+const TEXT = 4096; // characters
+const FACTOR = 1 << 16; // of a size, or pixels of a tile
+const RATIOS = [2 ** -4, 2 ** 4];
+const PIXEL_BYTES = 1024; // of all resources together, for each pixel; beyond FIXED_BYTES
+const FIXED_BYTES = 2 ** 29;
 
 /** Something is not as it must be; the message says what came, what was wanted, and what to do. */
 export class UpscalerError extends Error {
@@ -28,15 +78,44 @@ export function bytesOf(described, width, height) {
   return Math.max(Math.ceil((described.bytes * width * height) / 4) * 4, LEAST_BYTES);
 }
 
-/** Return a function that reads a file of the folder as "text" or "bytes". */
+/** Return whether display size over render size is in a range, up to the rounding of both to whole pixels. */
+export function fitsRatio([low, high], render, display) {
+  return [0, 1].every((axis) => {
+    const least = (display[axis] - 1) / (render[axis] + 1);
+    return least <= high && (render[axis] === 1 || (display[axis] + 1) / (render[axis] - 1) >= low);
+  });
+}
+
+/** Return the body of a Response as an ArrayBuffer; null where it has more than `most` bytes. */
+export async function bodyOf(response, most) {
+  if (!response.body?.getReader) {
+    const whole = await response.arrayBuffer();
+    return whole.byteLength > most ? null : whole;
+  }
+  const stream = response.body.getReader();
+  const parts = [];
+  let bytes = 0;
+  for (let part = await stream.read(); !part.done; part = await stream.read()) {
+    bytes += part.value.length;
+    if (bytes > most) {
+      stream.cancel().catch(() => {});
+      return null;
+    }
+    parts.push(part.value);
+  }
+  return new Blob(parts).arrayBuffer();
+}
+
+/** Return a function that reads a file of the folder, of at most `most` bytes, as "text" or "bytes". */
 export function reader(source) {
   const folder = typeof source === "function" ? null : String(source).replace(/\/?$/, "/");
   const get = folder === null ? source : (name) => fetch(folder + name);
-  return async (name, kind) => {
+  return async (name, kind, most) => {
     const where = `${folder ?? ""}${name}`;
     let got;
     try {
       got = await get(name);
+      if (got?.ok !== false && typeof got?.arrayBuffer === "function") got = await bodyOf(got, most);
     } catch (error) {
       throw new UpscalerError(where, `unreadable (${error.message})`, "a file of the exported folder");
     }
@@ -44,7 +123,9 @@ export function reader(source) {
       const hint = "Copy the whole folder; its files lie side by side.";
       throw new UpscalerError(where, `HTTP ${got.status}`, "a file of the exported folder", hint);
     }
-    if (typeof got?.arrayBuffer === "function") got = await got.arrayBuffer();
+    if (got === null || got?.byteLength > most || got?.length > most) {
+      throw new UpscalerError(where, "larger", `at most ${most} bytes`, EXPORT);
+    }
     if (typeof got === "string" && kind === "text") return got;
     if (!(got instanceof ArrayBuffer) && !ArrayBuffer.isView(got)) {
       throw new UpscalerError(where, shown(got), "a Response, an ArrayBuffer, a typed array or a string");
@@ -55,31 +136,263 @@ export function reader(source) {
   };
 }
 
-export function checkedInfo(text) {
-  let info;
-  try {
-    info = JSON.parse(text);
-  } catch (error) {
-    throw new UpscalerError(
-      "upscaler.json",
-      `no JSON (${error.message})`,
-      "a file that `supersampler export` wrote",
+/** A value of a JSON file, with its place in it. Reading what is not as wanted throws what `fail` makes. */
+export class Field {
+  /** `fail` takes the place, what is there, and what was wanted. */
+  constructor(place, value, fail) {
+    this.place = place;
+    this.value = value;
+    this.fail = fail;
+  }
+
+  refuse(want) {
+    throw this.fail(this.place, shown(this.value), want);
+  }
+
+  /** Return the value if it passes a test. */
+  as(want, test) {
+    return test(this.value) ? this.value : this.refuse(want);
+  }
+
+  object() {
+    return this.as(
+      "an object",
+      (value) => typeof value === "object" && value !== null && !Array.isArray(value),
     );
   }
-  if (info?.format !== FORMAT || info.version !== VERSION) {
-    const got = `${shown(info?.format)} version ${shown(info?.version)}`;
-    throw new UpscalerError("upscaler.json", got, `${FORMAT} version ${VERSION}`, "Export the folder again.");
+
+  /** Return a member of an object; its value is undefined where it is missing. */
+  at(name) {
+    const value = Object.hasOwn(this.object(), name) ? this.value[name] : undefined;
+    return new Field(this.place ? `${this.place}.${name}` : name, value, this.fail);
+  }
+
+  /** Return what `read` makes of a member; `otherwise` where it is missing or null. */
+  read(name, read, otherwise) {
+    const member = this.at(name);
+    return member.value === undefined || member.value === null ? otherwise : read(member);
+  }
+
+  items(least, most) {
+    const isList = (value) => Array.isArray(value) && value.length >= least && value.length <= most;
+    const items = this.as(`a list of ${least} to ${most} items`, isList);
+    return items.map((one, index) => new Field(`${this.place}[${index}]`, one, this.fail));
+  }
+
+  /** Return what `read` makes of each of two items. */
+  pair(read) {
+    return this.items(2, 2).map(read);
+  }
+
+  number(least, most) {
+    const isNumber = (value) => typeof value === "number" && value >= least && value <= most;
+    return this.as(`a number from ${least} to ${most}`, isNumber);
+  }
+
+  whole(least, most) {
+    const isWhole = (value) => Number.isInteger(value) && value >= least && value <= most;
+    return this.as(`a whole number from ${least} to ${most}`, isWhole);
+  }
+
+  positive() {
+    const isPositive = (value) =>
+      typeof value === "number" && Math.fround(value) > 0 && Math.fround(value) < Infinity;
+    return this.as("a number > 0", isPositive);
+  }
+
+  text(most = TEXT) {
+    return this.as(
+      `text of at most ${most} characters`,
+      (value) => typeof value === "string" && value.length <= most,
+    );
+  }
+
+  texts() {
+    return this.items(0, TEXTS).map((one) => one.text());
+  }
+
+  oneOf(choices) {
+    return this.as(choices.map(shown).join(" or ").slice(0, TEXT), (value) => choices.includes(value));
+  }
+
+  /** Return the name of a file beside this one. */
+  file() {
+    return this.as(
+      "the name of a file in the folder",
+      (value) => typeof value === "string" && /^\w[\w.-]{0,254}$/.test(value),
+    );
+  }
+}
+
+/** Return the content of a JSON file. */
+export function parsedJson(text, fail) {
+  try {
+    return new Field("", JSON.parse(text), fail);
+  } catch (error) {
+    throw fail("", `no JSON (${error.message})`, "a file that was written whole");
+  }
+}
+
+/** Read and check upscaler.json. */
+export async function readInfo(read) {
+  return checkedInfo(await read("upscaler.json", "text", JSON_BYTES));
+}
+
+/** Return the content of upscaler.json, checked: all names in it are there, and all numbers are in range. */
+export function checkedInfo(text) {
+  const file = parsedJson(
+    text,
+    (place, got, want) => new UpscalerError(`upscaler.json${place && `: ${place}`}`, got, want, EXPORT),
+  );
+  const info = file.object();
+  if (info.format !== FORMAT || info.version !== VERSION) {
+    const got = `${shown(info.format)} version ${shown(info.version)}`;
+    throw new UpscalerError("upscaler.json", got, `${FORMAT} version ${VERSION}`, EXPORT);
   }
   if (info.target !== "wgsl" || info.images !== "textures") {
     const hint = "`supersampler export METHOD --target wgsl -o FOLDER` writes it.";
     throw new UpscalerError(
       "upscaler.json",
-      `for ${info.target} and ${info.images}`,
+      `for ${shown(info.target)} and ${shown(info.images)}`,
       "wgsl and textures",
       hint,
     );
   }
+  checkFacts(file);
+  const resources = checkedResources(file);
+  checkHistory(file, resources);
+  file
+    .at("passes")
+    .items(1, PASSES)
+    .forEach((pass) => checkPass(pass, resources));
   return info;
+}
+
+function checkFacts(file) {
+  for (const name of ["method", "licence"]) file.at(name).text();
+  file.at("precision").oneOf(["fp32", "int8"]);
+  file.at("attributions").texts();
+  const [low, high] = file.at("ratios").pair((ratio) => ratio.number(...RATIOS));
+  file.at("ratios").as("the least ratio before the largest", () => low <= high);
+  const requires = file.at("requires");
+  requires.at("features").texts();
+  requires.at("wgsl_language_features").texts();
+  const limits = requires.at("limits");
+  for (const name of Object.keys(limits.object())) limits.at(name).number(0, Number.MAX_VALUE);
+  for (const input of file.at("inputs").items(1, CHANNELS.length)) {
+    input.at("unit").text();
+    input.at("range").pair((end) => end.number(-Number.MAX_VALUE, Number.MAX_VALUE));
+    input.at("formats").texts();
+  }
+  const params = file.at("params");
+  const bytes = params
+    .at("bytes")
+    .as("a multiple of 16 up to 1024", (value) => Number.isInteger(value / 16) && value > 0 && value <= 1024);
+  for (const field of params.at("fields").items(0, Object.keys(PARAMS).length)) {
+    const count = PARAMS[field.at("name").oneOf(Object.keys(PARAMS))];
+    field.at("count").oneOf([count]);
+    field
+      .at("offset")
+      .as(
+        "a multiple of 4 within params",
+        (value) => Number.isInteger(value / 4) && value >= 0 && value + 4 * count <= bytes,
+      );
+  }
+}
+
+/** Return the resources by name. */
+function checkedResources(file) {
+  const inputs = file
+    .at("inputs")
+    .items(1, CHANNELS.length)
+    .map((input) => input.at("name").oneOf(CHANNELS));
+  file
+    .at("inputs")
+    .as(
+      "a list with color, without one twice",
+      () => inputs.includes("color") && new Set(inputs).size === inputs.length,
+    );
+  const names = { params: ["params"], frame: inputs.map((name) => `frame_${name}`), image: ["image"] };
+  const resources = new Map();
+  for (const one of file.at("resources").items(1, RESOURCES)) {
+    const name = one.at("name").text();
+    const role = one.at("role").oneOf(Object.keys(ROLES));
+    const kind = one.at("kind").oneOf(ROLES[role]);
+    one.at("name").oneOf(names[role] ?? [name]);
+    one.at("name").as("a name of one resource", () => !resources.has(name));
+    checkSize(one.at("size"));
+    const formats = { frame: [undefined], image: ["rgba16float"] };
+    if (kind === "texture") one.at("format").oneOf(formats[role] ?? Object.keys(TEXELS));
+    else one.at("bytes").whole(0, BUFFER_BYTES);
+    if (role === "weights") one.at("file").file();
+    else one.at("file").oneOf([undefined]);
+    if (role === "params") one.at("bytes").oneOf([file.at("params").at("bytes").value]);
+    if (role === "weights") one.at("bytes").as("a multiple of 4", (bytes) => bytes % 4 === 0);
+    if (role === "params" || role === "weights") {
+      one.at("size").as("1x1", (size) => size.of === "one" && String(size.multiply) === "1,1");
+    }
+    resources.set(name, one.value);
+  }
+  file.at("resources").as("a list with params", () => resources.get("params")?.role === "params");
+  return resources;
+}
+
+function checkSize(size) {
+  size.at("of").oneOf(BASES);
+  size.at("divide").whole(1, FACTOR);
+  size.at("multiply").pair((factor) => factor.whole(1, FACTOR));
+}
+
+/** Check that each pair has two resources of a kind, and that all of their roles are in one. */
+function checkHistory(file, resources) {
+  const pairs = file.at("history").at("pairs");
+  const single = new Set(
+    [...resources.values()]
+      .filter(({ role }) => role === "history" || role === "next")
+      .map(({ name }) => name),
+  );
+  for (const pair of pairs.items(0, RESOURCES)) {
+    const [history, next] = pair.items(2, 2);
+    for (const [one, role] of [
+      [history, "history"],
+      [next, "next"],
+    ]) {
+      one.as(
+        `a resource of the role ${role}, in one pair`,
+        (name) => resources.get(name)?.role === role && single.delete(name),
+      );
+    }
+    const [before, after] = [resources.get(history.value), resources.get(next.value)];
+    pair.as("two of a kind", () => ["kind", "format", "bytes"].every((key) => before[key] === after[key]));
+  }
+  pairs.as(`a list with ${[...single].join(", ")}`.slice(0, TEXT), () => single.size === 0);
+}
+
+function checkPass(pass, resources) {
+  pass.at("name").text();
+  pass.at("file").file();
+  pass.at("entry_point").text();
+  checkSize(pass.at("covers"));
+  pass.at("tile").pair((side) => side.whole(1, FACTOR));
+  const places = new Set();
+  const groups = new Set();
+  for (const one of pass.at("bindings").items(0, PASS_BINDINGS)) {
+    const group = one.at("group").whole(0, GROUPS - 1);
+    const place = `${group}/${one.at("binding").whole(0, GROUP_BINDINGS - 1)}`;
+    one.as("a binding of its own", () => !places.has(place));
+    places.add(place);
+    groups.add(group);
+    const resource = resources.get(
+      one.at("resource").as("a name among resources", (name) => resources.has(name)),
+    );
+    const kind = one.at("kind").oneOf(BINDINGS[resource.kind]);
+    if (kind === "storage-texture") {
+      one
+        .at("format")
+        .as("that of the resource", (format) => format !== undefined && format === resource.format);
+    }
+  }
+  pass.at("bindings").as("a list of groups without a gap", () => Math.max(-1, ...groups) === groups.size - 1);
 }
 
 export function checkDevice(device, info) {
@@ -98,25 +411,47 @@ export function checkDevice(device, info) {
   }
 }
 
-/** Throw where a buffer or texture of the display's size is above the device's limits. */
-export function checkMemory(device, info, display) {
-  const size = { one: [1, 1], render: [1, 1], previous: [1, 1], display };
+/**
+ * Throw where a resource or a pass is above the device's limits. `name` is what the size in `sizes` with the key `of`
+ * is called.
+ */
+export function checkMemory(device, info, sizes, name, of) {
+  const { maxStorageBufferBindingSize, maxTextureDimension2D, maxComputeWorkgroupsPerDimension } =
+    device.limits;
+  const refuse = (got, want, hint) => {
+    throw new UpscalerError(name, `${sizes[of].join("x")}${got}`, want, hint);
+  };
+  let total = 0;
   for (const one of info.resources) {
-    const [width, height] = sizeOf(one.size, size);
-    const most = device.limits.maxStorageBufferBindingSize;
-    if (one.kind === "buffer" && bytesOf(one, width, height) > most) {
-      const got = `${display.join("x")}, which needs ${bytesOf(one, width, height)} bytes in one binding (${one.name})`;
-      throw new UpscalerError("displaySize", got, `at most ${most}`, "Request a device with larger limits.");
+    const [width, height] = sizeOf(one.size, sizes);
+    const bytes =
+      one.kind === "texture" ? (TEXELS[one.format] ?? 0) * width * height : bytesOf(one, width, height);
+    if (one.kind !== "texture" && bytes > maxStorageBufferBindingSize) {
+      const got = `, which needs ${bytes} bytes in one binding (${one.name})`;
+      refuse(got, `at most ${maxStorageBufferBindingSize}`, "Request a device with larger limits.");
     }
-    if (one.kind === "texture" && Math.max(width, height) > device.limits.maxTextureDimension2D) {
-      const want = `at most ${device.limits.maxTextureDimension2D} in one direction`;
-      throw new UpscalerError("displaySize", display.join("x"), want);
+    if (one.kind === "texture" && Math.max(width, height) > maxTextureDimension2D) {
+      refuse("", `at most ${maxTextureDimension2D} in one direction`);
+    }
+    total += bytes;
+  }
+  const most =
+    FIXED_BYTES + PIXEL_BYTES * BASES.reduce((sum, base) => sum + sizes[base][0] * sizes[base][1], 0);
+  if (total > most) refuse(`, which needs ${total} bytes`, `at most ${most}`, EXPORT);
+  for (const pass of info.passes) {
+    const groups = sizeOf(pass.covers, sizes).map((side, axis) => Math.ceil(side / pass.tile[axis]));
+    if (Math.max(...groups) > maxComputeWorkgroupsPerDimension) {
+      refuse(
+        `, which needs ${groups.join("x")} workgroups (${pass.name})`,
+        `at most ${maxComputeWorkgroupsPerDimension} in one direction`,
+      );
     }
   }
 }
 
 /** Compile a pass. */
-export async function compiled(device, described, code) {
+export async function compiled(device, described, read) {
+  const code = await read(described.file, "text", SHADER_BYTES);
   device.pushErrorScope("validation"); // messages have the errors
   const module = device.createShaderModule({ label: described.name, code });
   device.popErrorScope().catch(() => {}); // rejected where the device is lost
@@ -167,6 +502,11 @@ function adapterText(device) {
 
 export function shown(value) {
   if (typeof value === "function" || value === undefined) return typeof value;
-  const text = JSON.stringify(value) ?? String(value);
+  let text;
+  try {
+    text = JSON.stringify(value) ?? String(value);
+  } catch {
+    return "a value that JSON cannot hold"; // nested too deeply, or a BigInt
+  }
   return text.length > 80 ? `${text.slice(0, 80)}...` : text;
 }

@@ -13,10 +13,17 @@
  * @property {() => Promise<{ size: [number, number], planes: Plane[] } | null>} reference
  */
 
-import { readExr } from "./exr.js";
+import { Field, bodyOf, fitsRatio, parsedJson } from "../supersampler_folder.js";
+import { IMAGE_SIZE, isImageSize, readExr } from "./exr.js";
 
 const COLOR = ["R", "G", "B"], DEPTH = ["depth.Z"], MOTION = ["motion.X", "motion.Y"];
 const DEFAULT_SCALE = 2;
+const RATIOS = [1 / 8, 8]; // of display to render size, beyond those of all methods
+
+const JSON_BYTES = 1 << 24, FILE_BYTES = 2 ** 30, FRAMES = 1 << 20, TEXT = 4096;
+const NAME_BYTES = 255, FORBIDDEN = /[\\:\x00-\x1f\ud800-\udfff]/u; // of names of files, as in supersampler.io.shot.format
+const UTF8 = new TextEncoder();
+const DROPPED = 1 << 17, DEEPEST = 16; // files and folders of a dropped folder
 
 /** A shot that cannot be shown; the message names the file and what is missing. */
 export class ShotError extends Error {
@@ -27,38 +34,55 @@ export class ShotError extends Error {
   }
 }
 
+/**
+ * @typedef {object} Entry a frame of shot.json, checked
+ * @property {string} file @property {string | null} reference file
+ * @property {[number, number]} size @property {[number, number]} jitter
+ * @property {boolean} reset @property {number | null} exposure
+ * @typedef {(name: string, most: number) => Promise<ArrayBuffer>} Read reads a file of the folder, by its name in
+ *   shot.json; throws a ShotError where it has more than `most` bytes
+ */
+
 export class ShotFolder {
   /**
-   * @param {(name: string) => Promise<ArrayBuffer>} read a file of the folder, by its name in shot.json
+   * @param {Read} read
    * @returns {Promise<ShotFolder>}
    * @throws {ShotError} shot.json is missing or wrong, or in other conventions
    */
   static async open(read) {
-    const text = new TextDecoder().decode(await read("shot.json"));
-    let info;
-    try {
-      info = JSON.parse(text);
-    } catch (error) {
-      throw new ShotError(`shot.json is no JSON: ${error.message}.`);
-    }
-    if (info?.version !== 1 || !Array.isArray(info.frames) || !info.frames.length || !isSize(info.render_size)) {
-      throw new ShotError("shot.json is of another version, or lacks render_size or frames. docs/shots.md has the format.");
-    }
-    const foreign = Object.keys(info.conventions ?? {});
+    const text = new TextDecoder().decode(await read("shot.json", JSON_BYTES));
+    const info = parsedJson(text, (place, got, want) => new ShotError(
+      `shot.json: ${place || "the file"} is ${got}; want ${want}. docs/shots.md has the format.`,
+    ));
+    info.at("version").oneOf([1]);
+    const foreign = info.read("conventions", (conventions) => Object.keys(conventions.object()), []);
     if (foreign.length) {
-      throw new ShotError(`shot.json states conventions of its own (${foreign.join(", ")}). Convert it: supersampler import SHOT -o CONVERTED`);
+      throw new ShotError(`shot.json states conventions of its own (${foreign.join(", ").slice(0, TEXT)}). Convert it: supersampler import SHOT -o CONVERTED`);
     }
     return new ShotFolder(info, read);
   }
 
-  /** @param {any} info of shot.json @param {(name: string) => Promise<ArrayBuffer>} read */
+  /** @param {Field} info the content of shot.json @param {Read} read */
   constructor(info, read) {
-    this.info = info;
     this.read = read;
-    /** @type {string} */ this.name = info.name ?? "shot";
-    /** @type {number} */ this.length = info.frames.length;
+    const renderSize = sizeOf(info.at("render_size"));
+    /** @type {string} */ this.name = info.read("name", (name) => name.text(TEXT), "shot");
     /** @type {[number, number]} */
-    this.displaySize = isSize(info.display_size) ? info.display_size : info.render_size.map((side) => DEFAULT_SCALE * side);
+    this.displaySize = info.read("display_size", sizeOf, null) ?? renderSize.map((side) => DEFAULT_SCALE * side);
+    if (!isImageSize(...this.displaySize)) info.at("display_size").refuse(IMAGE_SIZE);
+    /** @type {number | null} frames a second */ this.frameRate = info.read("frame_rate", (rate) => rate.positive(), null);
+    /** @type {Entry[]} */
+    this.entries = info.at("frames").items(1, FRAMES).map((entry) => {
+      const size = entry.read("render_size", sizeOf, renderSize);
+      if (!fitsRatio(RATIOS, size, this.displaySize)) entry.refuse(`a frame of a size that display_size, ${this.displaySize.join(" x ")}, is at most 8 times`);
+      return {
+        file: fileOf(entry.at("file")), reference: entry.read("reference", fileOf, null), size,
+        jitter: entry.at("jitter").pair((one) => one.number(-0.5, 0.5)),
+        reset: entry.read("reset", (reset) => reset.oneOf([true, false]), false),
+        exposure: entry.read("exposure", (exposure) => exposure.positive(), null),
+      };
+    });
+    this.length = this.entries.length;
   }
 
   /**
@@ -66,11 +90,10 @@ export class ShotFolder {
    * @throws {ShotError} channels are missing, or the image has another size
    */
   async frame(index) {
-    const entry = this.info.frames[index], size = entry.render_size ?? this.info.render_size;
+    const entry = this.entries[index], { size, jitter, exposure } = entry;
     const [color, depth, motion] = await this.#planes(entry.file, size, [COLOR, DEPTH, MOTION]);
     return {
-      size, color, depth: depth[0], motion,
-      jitter: entry.jitter, reset: index === 0 || entry.reset === true, exposure: entry.exposure ?? null,
+      size, color, depth: depth[0], motion, jitter, reset: index === 0 || entry.reset, exposure,
       reference: async () => {
         if (!entry.reference) return null;
         const [planes] = await this.#planes(entry.reference, this.displaySize, [COLOR]);
@@ -81,59 +104,91 @@ export class ShotFolder {
 
   /** @param {string} file @param {[number, number]} size @param {string[][]} groups of channels @returns {Promise<Plane[][]>} */
   async #planes(file, size, groups) {
-    const { width, height, planes } = await readExr(await this.read(file), file);
-    if (width !== size[0] || height !== size[1]) {
-      throw new ShotError(`${file} is ${width} x ${height}; shot.json says ${size.join(" x ")}.`);
-    }
-    const missing = groups.flat().filter((channel) => !planes.has(channel));
-    if (missing.length) throw new ShotError(`${file} has no channel ${missing.join(", ")}; it has ${[...planes.keys()].join(", ")}.`);
+    const { planes } = await readExr(await this.read(file, FILE_BYTES), file, ({ width, height, channels }) => {
+      if (width !== size[0] || height !== size[1]) {
+        throw new ShotError(`${file} is ${width} x ${height}; shot.json says ${size.join(" x ")}.`);
+      }
+      const missing = groups.flat().filter((channel) => !channels.includes(channel));
+      if (missing.length) throw new ShotError(`${file} has no channel ${missing.join(", ")}; it has ${channels.join(", ").slice(0, TEXT)}.`);
+    });
     return groups.map((channels) => channels.map((channel) => planes.get(channel)));
   }
 }
 
-const isSize = (value) => Array.isArray(value) && value.length === 2 && value.every((side) => Number.isInteger(side) && side > 0);
+/** @param {Field} field @returns {[number, number]} */
+function sizeOf(field) {
+  const size = field.pair((side) => side.whole(1, Infinity));
+  return isImageSize(...size) ? size : field.refuse(IMAGE_SIZE);
+}
 
-/** @param {URL} folder @returns {(name: string) => Promise<ArrayBuffer>} reads files of a server's folder */
+/** @param {Field} field @returns {string} name of a file which is below the folder, for a file system and in a URL */
+function fileOf(field) {
+  const parts = field.text(TEXT).split("/");
+  const isBelow = parts.every((part) => !["", ".", ".."].includes(part) && !FORBIDDEN.test(part) && UTF8.encode(part).length <= NAME_BYTES);
+  return isBelow ? field.value : field.refuse(`a file inside the shot's folder, with forward slashes and names of at most ${NAME_BYTES} bytes`);
+}
+
+/**
+ * @template Value @param {string} name of a file @param {Promise<Value>} reading @returns {Promise<Value>}
+ * @throws {ShotError} what the browser throws, with the name
+ */
+const named = (name, reading) => reading.catch((error) => {
+  throw new ShotError(`${name} cannot be read: ${error.message}.`);
+});
+
+const tooLarge = (name, most) => new ShotError(`${name} is larger than ${most >> 20} MiB.`);
+
+/** @param {URL} folder @returns {Read} reads files of a server's folder */
 export function readerOfUrl(folder) {
-  return async (name) => {
-    const answer = await fetch(new URL(name, folder));
+  return async (name, most) => {
+    const encoded = name.split("/").map(encodeURIComponent).join("/"); // "%2e%2e" would leave the folder
+    const answer = await named(name, fetch(new URL(encoded, folder)));
     if (!answer.ok) throw new ShotError(`${name} cannot be read from the server: ${answer.status} ${answer.statusText}.`);
-    return answer.arrayBuffer();
+    const body = await named(name, bodyOf(answer, most));
+    if (!body) throw tooLarge(name, most);
+    return body;
   };
 }
 
 /**
  * @param {Map<string, File>} files by their paths below the dropped folder
- * @returns {(name: string) => Promise<ArrayBuffer>}
+ * @returns {Read}
  */
 export function readerOfFiles(files) {
-  return async (name) => {
+  return async (name, most) => {
     const file = files.get(name);
     if (!file) throw new ShotError(`${name} is missing among the ${files.size} files of the folder.`);
-    return file.arrayBuffer();
+    if (file.size > most) throw tooLarge(name, most);
+    return named(name, file.arrayBuffer());
   };
 }
 
 /**
  * The files of a dropped folder. Call it in the handler of the drop itself: its items are void afterwards.
  * @param {DataTransfer} dropped @returns {Promise<Map<string, File>>} by their paths below the folder
- * @throws {ShotError} what was dropped is no folder
+ * @throws {ShotError} what was dropped is no folder, or one of too many files or of folders in folders
  */
 export function droppedFiles(dropped) {
   const entry = dropped.items[0]?.webkitGetAsEntry();
   if (!entry?.isDirectory) return Promise.reject(new ShotError("Drop a folder that has a shot.json."));
-  return filesBelow(/** @type {FileSystemDirectoryEntry} */ (entry), "");
+  return filesBelow(/** @type {FileSystemDirectoryEntry} */ (entry));
 }
 
-/** @param {FileSystemDirectoryEntry} folder @param {string} prefix @returns {Promise<Map<string, File>>} */
-async function filesBelow(folder, prefix) {
-  const files = new Map(), reader = folder.createReader();
-  const read = () => new Promise((resolve, reject) => reader.readEntries(resolve, reject));
-  for (let entries = await read(); entries.length; entries = await read()) { // a reader gives a hundred at a time
-    for (const entry of entries) {
-      const path = prefix + entry.name;
-      if (entry.isDirectory) for (const [below, file] of await filesBelow(entry, `${path}/`)) files.set(below, file);
-      else files.set(path, await new Promise((resolve, reject) => entry.file(resolve, reject)));
+/** @param {FileSystemDirectoryEntry} root @returns {Promise<Map<string, File>>} */
+async function filesBelow(root) {
+  const files = new Map(), folders = [{ folder: root, prefix: "", depth: 0 }];
+  let count = 0;
+  for (const { folder, prefix, depth } of folders) { // it grows
+    const reader = folder.createReader();
+    const read = () => named(folder.name, new Promise((resolve, reject) => reader.readEntries(resolve, reject)));
+    for (let entries = await read(); entries.length; entries = await read()) { // a reader gives a hundred at a time
+      for (const entry of entries) {
+        const path = prefix + entry.name;
+        if (++count > DROPPED) throw new ShotError(`${root.name} has more than ${DROPPED} files.`);
+        if (!entry.isDirectory) files.set(path, await named(path, new Promise((resolve, reject) => entry.file(resolve, reject))));
+        else if (depth < DEEPEST) folders.push({ folder: entry, prefix: `${path}/`, depth: depth + 1 });
+        else throw new ShotError(`${path} is a folder in more than ${DEEPEST} others.`);
+      }
     }
   }
   return files;

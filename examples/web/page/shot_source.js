@@ -14,7 +14,7 @@ export class ShotSource {
     this.shot = shot;
     this.kind = kind;
     this.displaySize = shot.displaySize;
-    this.interval = 1 / (shot.info.frame_rate ?? 30);
+    this.interval = 1 / (shot.frameRate ?? 30);
     this.truthName = "reference";
     this.index = -1;
     this.meter = new ExposureMeter();

@@ -15,12 +15,13 @@ const STEP = 1 / 60, FIRST_TIME = 3, LONGEST_STEP = 1 / 15;
 export async function startThree({ canvas, split, query, show }) {
   const displaySize = (query.get("size") ?? "960x540").split("x").map(Number), ratio = Number(query.get("ratio") ?? 2);
   const method = query.get("method") ?? "classifier", frames = Number(query.get("frames") ?? Infinity);
+  if (!/^[a-z-]+$/.test(method)) throw new Error(`There is no method ${method}.`); // it is part of an address
   const renderer = new WebGPURenderer({ canvas, antialias: false });
   renderer.toneMapping = ACESFilmicToneMapping;
-  renderer.setSize(...displaySize, false);
   await renderer.init();
   if (!renderer.backend.isWebGPUBackend) throw new Error("This browser has no WebGPU; three.js fell back to WebGL, which cannot run the upscaler.");
   const upscaling = await ThreeUpscaling.make(renderer, { displaySize, ratio, models: new URL(`../models/${method}/`, import.meta.url) });
+  renderer.setSize(...displaySize, false);
   const { scene, camera, animate } = makeYard(displaySize[0] / displaySize[1], ratio);
   const edge = uniform(0.5), quad = new QuadMesh(new NodeMaterial());
   quad.material.fragmentNode = select(screenUV.x.lessThan(edge), texture(upscaling.target.textures[0]), texture(upscaling.texture)).renderOutput();

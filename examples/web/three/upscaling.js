@@ -11,7 +11,7 @@
 import { DepthTexture, ExternalTexture, FloatType, HalfFloatType, Matrix4, NearestFilter, RenderTarget } from "three/webgpu";
 import { mrt, output, velocity } from "three/tsl";
 import { haltonJitter } from "../jitter.js";
-import { Upscaler } from "../supersampler.js";
+import { Upscaler, UpscalerError } from "../supersampler.js";
 
 const FRAME_FLOATS = 24;
 
@@ -21,11 +21,14 @@ export class ThreeUpscaling {
    * @param {{ displaySize: [number, number], ratio: number, models: string | URL }} options models: a folder of
    *   `supersampler export METHOD --target wgsl`
    * @returns {Promise<ThreeUpscaling>}
+   * @throws {UpscalerError} as `Upscaler.load`, or the ratio is not the method's
    */
   static async make(renderer, { displaySize, ratio, models }) {
     const { device } = renderer.backend;
     const code = await (await fetch(new URL("inputs.wgsl", import.meta.url))).text();
-    return new ThreeUpscaling(renderer, displaySize, ratio, code, await Upscaler.load(device, models, { displaySize }));
+    const upscaler = await Upscaler.load(device, models, { displaySize }), [low, high] = upscaler.info.ratios;
+    if (!(ratio >= low && ratio <= high)) throw new UpscalerError("ratio", ratio, `${low} to ${high}`, "Take another method, or another ratio.");
+    return new ThreeUpscaling(renderer, displaySize, ratio, code, upscaler);
   }
 
   /** Use `ThreeUpscaling.make`. */
