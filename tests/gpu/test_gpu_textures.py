@@ -113,6 +113,10 @@ def test_wrong_images_are_refused_and_the_history_stays(device: Any, ours: Model
     target = device.create_texture(size=(*DISPLAY, 1), format="rgba8unorm", usage=STORED)
     with pytest.raises(ArgumentError, match="rgba16float"):
         upscaler.step_textures(good, jitter=(0.0, 0.0), out=target)
+    foreign_encoder = device_or_skip().create_command_encoder()
+    for encoder in (None, 1, device, foreign_encoder):
+        with pytest.raises(ArgumentError, match="encoder is"):
+            upscaler.encode_into(encoder, good, jitter=(0.0, 0.0))
     image, wanted = (one.step_textures(good, jitter=moving(1).jitter) for one in (upscaler, other))
     np.testing.assert_array_equal(pixels_of(device, image), pixels_of(device, wanted))
 

@@ -1,12 +1,20 @@
 """A damaged cache of kernels costs a compilation, and nothing else."""
 
+import os
 import shutil
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from apart import STEP, run_apart
-from supersampler.backends.cpu.kernel_cache import Kernel, read_kernel, write_kernel
+from supersampler.backends.cpu.kernel_cache import (
+    Kernel,
+    cache_folder,
+    make_writable,
+    read_kernel,
+    write_kernel,
+)
 from supersampler.backends.cpu.kernel_loader import load_kernels
 
 KERNEL_NAME = "backends.cpu.kernels.frame.measure"
@@ -44,6 +52,38 @@ def test_zeros_a_folder_and_another_kernels_entry_count_as_missing(entry: Path) 
     entry.unlink()
     entry.mkdir()
     assert read_kernel(entry.parent, KERNEL.name) is None
+
+
+@pytest.mark.parametrize("variable", ["HOME", "XDG_CACHE_HOME"])
+def test_a_home_that_cannot_be_read_is_no_reason_to_stop(
+    monkeypatch: pytest.MonkeyPatch, variable: str, tmp_path: Path
+) -> None:
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.setenv(variable, str(tmp_path))
+    look = os.stat
+
+    def refused(path: Any, *given: Any, **options: Any) -> Any:  # root may read everything
+        if str(path).startswith(str(tmp_path)):
+            raise PermissionError(13, "Permission denied")
+        return look(path, *given, **options)
+
+    for name in ("stat", "mkdir", "open", "access"):
+        monkeypatch.setattr(os, name, refused)
+    folder = cache_folder()
+    assert folder.is_relative_to(tmp_path)
+    assert not make_writable(folder)
+    assert read_kernel(folder, KERNEL.name) is None
+
+
+@pytest.mark.parametrize(("home", "cache"), [("~", ""), ("", "relative"), ("", "../x"), ("relative", "")])
+def test_without_a_home_nothing_is_written_into_the_working_directory(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, home: str, cache: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("HOME", home)
+    monkeypatch.setenv("XDG_CACHE_HOME", cache)
+    assert not make_writable(cache_folder()) or not cache_folder().is_relative_to(tmp_path)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_kernels_are_compiled_anew_where_the_cache_is_damaged_and_draw_the_same(tmp_path: Path) -> None:

@@ -1,8 +1,10 @@
 """`Upscaler` remembers one view, exactly, and a frame that is refused leaves it as it was."""
 
+import copy
 import itertools
 import pickle
 import threading
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -242,6 +244,18 @@ def test_warming_up_changes_nothing(models: dict[str, Model]) -> None:
     np.testing.assert_array_equal(warm.step(noise(1)), cold.step(noise(1)))
     with pytest.raises(ArgumentError, match="render_size"):
         make(models["taau"]).warm_up()
+
+
+@pytest.mark.parametrize("copied", [copy.copy, copy.deepcopy, pickle.dumps])
+def test_an_upscaler_is_not_copied_as_two_must_not_share_a_history(
+    models: dict[str, Model], copied: Callable[[Upscaler], object]
+) -> None:
+    upscaler, other = make(models["taau"]), make(models["taau"])
+    for one in (upscaler, other):
+        one.step(noise(0))
+    with pytest.raises(ArgumentError, match=r"new\.load_state\(old\.save_state\(\)\)"):
+        copied(upscaler)
+    np.testing.assert_array_equal(upscaler.step(noise(1)), other.step(noise(1)))
 
 
 def test_a_closed_upscaler_says_so(models: dict[str, Model]) -> None:

@@ -3,7 +3,6 @@
 import base64
 import hashlib
 import json
-import os
 import shutil
 import subprocess
 import tempfile
@@ -14,7 +13,7 @@ from typing import Any, Literal
 
 from supersampler.errors import SupersamplerError, printable
 from supersampler.io.child_process import run
-from supersampler.io.files import move_new_folder, write_bytes, write_text
+from supersampler.io.files import move_new_folder, user_cache, write_bytes, write_text
 
 Target = Literal["wgsl", "spirv", "hlsl", "msl"]
 OPTIONS: Mapping[str, Mapping[str, Any]] = {
@@ -58,7 +57,7 @@ def _installed() -> Path:
     source = files("supersampler_export.shaders") / "naga"
     content = {name: (source / name).read_bytes() for name in PACKAGE}
     key = hashlib.sha256(b"".join(content.values())).hexdigest()[:16]
-    root = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "supersampler" / "naga"
+    root = user_cache() / "naga"
     folder = root / key
     if folder.is_dir():
         return folder

@@ -168,6 +168,13 @@ def remove_empty_folders(folders: Iterable[Path]) -> None:
             folder.rmdir()
 
 
+def user_cache() -> Path:
+    """Return this package's folder in the user's cache; one that cannot be made where the user has no home."""
+    stated, home = os.environ.get("XDG_CACHE_HOME", ""), os.path.expanduser("~")  # noqa: PTH111  # never raises
+    root = Path(stated) if os.path.isabs(stated) else Path(home) / ".cache"  # noqa: PTH117
+    return (root if root.is_absolute() else Path(os.devnull)) / "supersampler"
+
+
 def utf8_path(path: Path | str) -> str:
     """Return a path as a library takes it that wants UTF-8, also where the locale is not UTF-8.
 

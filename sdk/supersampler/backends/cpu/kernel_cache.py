@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from supersampler.errors import KernelError, ShotError
-from supersampler.io.files import remove_partial_files, replacing
+from supersampler.io.files import remove_partial_files, replacing, user_cache
 
 CALLED = ("memset", "memcpy", "memmove")  # LLVM generates these calls for loops that set or copy bytes
 NEVER_CALLED = (  # numba refers to these where Python code could raise; kernels never do
@@ -50,11 +50,7 @@ def cache_folder() -> Path:
     Raises:
         KernelError: numba or llvmlite is not installed.
     """
-    stated, home = os.environ.get("XDG_CACHE_HOME", ""), os.path.expanduser("~")  # noqa: PTH111  # never raises
-    root = Path(stated) if os.path.isabs(stated) else Path(home) / ".cache"  # noqa: PTH117
-    if not root.is_absolute():  # the user has no home: nothing can be written below this
-        root = Path(os.devnull)
-    return root / "supersampler" / "kernels" / _key()
+    return user_cache() / "kernels" / _key()
 
 
 def make_writable(folder: Path) -> bool:
