@@ -49,31 +49,31 @@ blender: $(DEVELOPMENT) extension
 	    || rm -rf .venv-blender
 	test -n "$$SUPERSAMPLER_BLENDER" || ! test -d .venv-blender \
 	    || export SUPERSAMPLER_BLENDER=$(CURDIR)/.venv-blender/bin/python; \
-	    .venv-dev/bin/pytest -q -rs tests/integrations/test_blender.py
+	    .venv-dev/bin/pytest -q -rs --timeout=1800 tests/integrations/test_blender.py
 
 pyvista: $(DEVELOPMENT)
 	test -d .venv-pyvista || $(PYTHON) -m venv .venv-pyvista
-	.venv-pyvista/bin/python -c 'import pyvista, supersampler, pytest' 2>/dev/null \
-	    || .venv-pyvista/bin/pip install -q --disable-pip-version-check -e . pytest hypothesis 'pyvista>=0.45'
-	.venv-pyvista/bin/pytest -q -rs tests/integrations/test_pyvista.py
+	.venv-pyvista/bin/python -c 'import pyvista, supersampler, pytest_timeout' 2>/dev/null \
+	    || .venv-pyvista/bin/pip install -q --disable-pip-version-check -e . pytest pytest-timeout hypothesis 'pyvista>=0.45'
+	.venv-pyvista/bin/pytest -q -rs --timeout=1800 tests/integrations/test_pyvista.py
 
 panda3d: $(DEVELOPMENT)
 	test -d .venv-panda3d || $(PYTHON) -m venv .venv-panda3d
-	.venv-panda3d/bin/python -c 'import panda3d, supersampler, pytest' 2>/dev/null \
-	    || .venv-panda3d/bin/pip install -q --disable-pip-version-check -e . pytest hypothesis panda3d
-	.venv-panda3d/bin/pytest -q -rs tests/integrations/test_panda3d.py
+	.venv-panda3d/bin/python -c 'import panda3d, supersampler, pytest_timeout' 2>/dev/null \
+	    || .venv-panda3d/bin/pip install -q --disable-pip-version-check -e . pytest pytest-timeout hypothesis panda3d
+	.venv-panda3d/bin/pytest -q -rs --timeout=1800 tests/integrations/test_panda3d.py
 
 mitsuba: $(DEVELOPMENT)
 	test -d .venv-mitsuba || $(PYTHON) -m venv .venv-mitsuba
-	.venv-mitsuba/bin/python -c 'import mitsuba, supersampler, pytest' 2>/dev/null \
-	    || .venv-mitsuba/bin/pip install -q --disable-pip-version-check -e . pytest hypothesis mitsuba
-	.venv-mitsuba/bin/pytest -q -rs tests/integrations/test_mitsuba.py
+	.venv-mitsuba/bin/python -c 'import mitsuba, supersampler, pytest_timeout' 2>/dev/null \
+	    || .venv-mitsuba/bin/pip install -q --disable-pip-version-check -e . pytest pytest-timeout hypothesis mitsuba
+	.venv-mitsuba/bin/pytest -q -rs --timeout=1800 tests/integrations/test_mitsuba.py
 
 pygfx: $(DEVELOPMENT)
 	test -d .venv-pygfx || $(PYTHON) -m venv .venv-pygfx
-	.venv-pygfx/bin/python -c 'import pygfx, supersampler, pytest' 2>/dev/null \
-	    || .venv-pygfx/bin/pip install -q --disable-pip-version-check -e '.[gpu]' pytest hypothesis pygfx
-	.venv-pygfx/bin/pytest -q -rs tests/integrations/test_pygfx.py
+	.venv-pygfx/bin/python -c 'import pygfx, supersampler, pytest_timeout' 2>/dev/null \
+	    || .venv-pygfx/bin/pip install -q --disable-pip-version-check -e '.[gpu]' pytest pytest-timeout hypothesis pygfx
+	.venv-pygfx/bin/pytest -q -rs --timeout=1800 tests/integrations/test_pygfx.py
 
 # Dawn refuses Mesa's software adapter before 23; Chromium's SwiftShader, if it is there, is taken for it.
 DAWN_ICD ?= $(firstword $(wildcard /usr/lib/chromium/vk_swiftshader_icd.json))
@@ -83,7 +83,7 @@ webgpu: $(DEVELOPMENT) $(DXC)
 	npm ci --prefix examples/node_dawn --ignore-scripts --no-audit --no-fund
 	test -d .venv-vulkan || $(PYTHON) -m venv .venv-vulkan
 	.venv-vulkan/bin/python -c 'import vulkan' 2>/dev/null || .venv-vulkan/bin/pip install -q --disable-pip-version-check 'vulkan==1.3.275.1'
-	SUPERSAMPLER_DAWN_ICD=$(DAWN_ICD) .venv-dev/bin/pytest -q -rs tests/integrations/test_webgpu.py
+	SUPERSAMPLER_DAWN_ICD=$(DAWN_ICD) .venv-dev/bin/pytest -q -rs --timeout=1800 tests/integrations/test_webgpu.py
 
 $(DXC): tests/integrations/dxc.txt | $(DEVELOPMENT)
 	mkdir -p $(@D)
@@ -95,28 +95,28 @@ NODE := .node/node_modules
 
 web:
 	test -d .venv-web || $(PYTHON) -m venv .venv-web
-	.venv-web/bin/python -c 'import playwright, wgpu, supersampler, pytest' 2>/dev/null \
-	    || .venv-web/bin/pip install -q --disable-pip-version-check -e '.[gpu]' pytest hypothesis playwright
+	.venv-web/bin/python -c 'import playwright, wgpu, supersampler, pytest_timeout' 2>/dev/null \
+	    || .venv-web/bin/pip install -q --disable-pip-version-check -e '.[gpu]' pytest pytest-timeout hypothesis playwright
 	mkdir -p .node
 	test -d $(NODE)/three || npm install --silent --no-save --prefix .node $$(.venv-web/bin/python -c \
 	    'from supersampler.integrations.web import PACKAGES; print(*map("@".join, PACKAGES.items()))') || true
 	test ! -d $(NODE)/three || export SUPERSAMPLER_NODE_MODULES=$(CURDIR)/$(NODE); \
-	    .venv-web/bin/pytest -q -rsP tests/integrations/test_web_page_in_chromium.py tests/integrations/test_web_own_shots.py
+	    .venv-web/bin/pytest -q -rsP --timeout=1800 tests/integrations/test_web_page_in_chromium.py tests/integrations/test_web_own_shots.py
 
 # Needs CMake and a C++ compiler. Afterwards `make test` runs these tests, too, on fewer frames.
 cpp: $(DEVELOPMENT)
 	test -d .onnxruntime || sh examples/cpp_onnxruntime/get_onnxruntime.sh .onnxruntime .venv-dev/bin/python
-	SUPERSAMPLER_CPP_FRAMES=32 .venv-dev/bin/pytest -q -rs tests/integrations/test_cpp_onnxruntime.py
+	SUPERSAMPLER_CPP_FRAMES=32 .venv-dev/bin/pytest -q -rs --timeout=1800 tests/integrations/test_cpp_onnxruntime.py
 
 hashes: $(DEVELOPMENT)
 	.venv-dev/bin/python bench/studies/hashes.py --check bench/results/studies/hashes.json
 
 fuzz: $(DEVELOPMENT)
 	SUPERSAMPLER_FUZZ=$${SUPERSAMPLER_FUZZ:-2000} SUPERSAMPLER_INTERRUPTS=1500 SUPERSAMPLER_KILLS=200 SUPERSAMPLER_MODELS=3000 \
-	    .venv-dev/bin/pytest -q tests/fuzz tests/process tests/sdk/test_arguments.py
+	    .venv-dev/bin/pytest -q --timeout=14400 tests/fuzz tests/process tests/sdk/test_arguments.py
 
 traces: $(DEVELOPMENT)
-	SUPERSAMPLER_TRACES=all .venv-dev/bin/pytest -q tests/export/test_export_traced.py
+	SUPERSAMPLER_TRACES=all .venv-dev/bin/pytest -q --timeout=1800 tests/export/test_export_traced.py
 
 mutation: $(DEVELOPMENT)
 	PYTHONPATH=tests .venv-dev/bin/python -m mutation

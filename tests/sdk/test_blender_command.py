@@ -1,11 +1,7 @@
 """Tests of `supersampler blender` with a recorded render: resuming, errors, frames upscaled meanwhile."""
 
-import os
 import re
-import signal
-import subprocess
 import sys
-import time
 from pathlib import Path
 from typing import Any
 
@@ -244,33 +240,3 @@ def test_other_ranges_of_frames_are_refused(text: str) -> None:
 
 def test_ranges_of_frames_are_read() -> None:
     assert [frame_range(text) for text in ("1-48", "12", " 0 - 0 ")] == [(1, 48), (12, 12), (0, 0)]
-
-
-def test_ctrl_c_ends_blender_at_once_and_keeps_what_is_complete(tmp_path: Path) -> None:
-    program, scene = fake_blender(tmp_path), scene_file(tmp_path, hang_at=7)
-    command = [
-        sys.executable,
-        "-m",
-        "supersampler",
-        "blender",
-        str(scene),
-        "-o",
-        str(tmp_path / "out"),
-        *METHOD,
-    ]
-    process = subprocess.Popen(
-        [*command, "--blender", str(program)], stderr=subprocess.PIPE, text=True, start_new_session=True
-    )
-    until = time.monotonic() + 60
-    while not (tmp_path / "out" / "0006.exr").exists():
-        assert process.poll() is None
-        assert time.monotonic() < until
-        time.sleep(0.05)
-    os.kill(process.pid, signal.SIGINT)  # of it alone: Blender goes on unless it is ended
-    _, text = process.communicate(timeout=60)
-    assert process.returncode == 130
-    assert "Stopped: 2 of 4 frames are complete" in text
-    with pytest.raises(ProcessLookupError):
-        os.killpg(process.pid, 0)  # nothing is left of its group
-    assert blender(tmp_path).exit_code == 0
-    assert rendered(tmp_path) == [7, 8]

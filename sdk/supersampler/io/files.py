@@ -169,7 +169,7 @@ def remove_empty_folders(folders: Iterable[Path]) -> None:
 
 
 def user_cache() -> Path:
-    """Return this package's folder in the user's cache; one that cannot be made where the user has no home."""
+    """Return this package's folder in the user's cache; without a home, one that cannot be made."""
     stated, home = os.environ.get("XDG_CACHE_HOME", ""), os.path.expanduser("~")  # noqa: PTH111  # never raises
     root = Path(stated) if os.path.isabs(stated) else Path(home) / ".cache"  # noqa: PTH117
     return (root if root.is_absolute() else Path(os.devnull)) / "supersampler"
