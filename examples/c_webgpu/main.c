@@ -10,6 +10,7 @@
 #include <string.h>
 
 #include "files.h"
+#include "shot.h"
 #include "upscaler.h"
 #include "wgpu.h"
 
@@ -100,23 +101,21 @@ static WGPUTexture new_texture(
 
 /* Load an image of a frame: float32, row by row. An engine has it in a texture already. */
 static WGPUTexture load(
-    WGPUDevice device, WGPUQueue queue, const char *folder, const cJSON *frame, const char *name,
+    WGPUDevice device, WGPUQueue queue, const char *folder, const char *file, const uint32_t size[2],
     uint32_t channels
 )
 {
     const WGPUTextureFormat formats[] = {
         0, WGPUTextureFormat_R32Float, WGPUTextureFormat_RG32Float, 0, WGPUTextureFormat_RGBA32Float
     };
-    uint32_t width = (uint32_t)item_of(member(frame, "size"), 0),
-             height = (uint32_t)item_of(member(frame, "size"), 1);
-    size_t size, wanted = 4 * (size_t)channels * width * height;
-    char *data = read_file(folder, text_of(frame, name), &size);
-    if (size != wanted) fail("%s: %zu bytes; want %zu", text_of(frame, name), size, wanted);
+    uint32_t width = size[0], height = size[1];
+    size_t bytes = 4 * (size_t)channels * width * height;
+    char *data = read_bytes(folder, file, bytes);
     WGPUTexture texture = new_texture(
         device, formats[channels], width, height, WGPUTextureUsage_TextureBinding | WGPUTextureUsage_CopyDst
     );
     wgpuQueueWriteTexture(
-        queue, &(WGPUTexelCopyTextureInfo){.texture = texture, .aspect = WGPUTextureAspect_All}, data, size,
+        queue, &(WGPUTexelCopyTextureInfo){.texture = texture, .aspect = WGPUTextureAspect_All}, data, bytes,
         &(WGPUTexelCopyBufferLayout){.bytesPerRow = 4 * channels * width, .rowsPerImage = height},
         &(WGPUExtent3D){width, height, 1}
     );
@@ -156,9 +155,8 @@ int main(int count, char **arguments)
     WGPUInstance instance = wgpuCreateInstance(NULL);
     WGPUDevice device = open_device(instance);
     WGPUQueue queue = wgpuDeviceGetQueue(device);
-    cJSON *shot = read_json(frames, "frames.json");
-    uint32_t width = (uint32_t)item_of(member(shot, "display"), 0),
-             height = (uint32_t)item_of(member(shot, "display"), 1);
+    Shot shot = shot_load(frames);
+    uint32_t width = shot.display[0], height = shot.display[1];
     uint32_t pitch = (TEXEL * width + ROW - 1) / ROW * ROW;
     WGPUTexture image = new_texture(
         device, WGPUTextureFormat_RGBA16Float, width, height,
@@ -172,19 +170,16 @@ int main(int count, char **arguments)
     );
     Upscaler *upscaler = upscaler_load(device, shaders, width, height);
 
-    int index = 0;
-    const cJSON *item;
-    cJSON_ArrayForEach (item, member(shot, "frames")) {
-        const cJSON *exposure = member(item, "exposure"), *jitter = member(item, "jitter"),
-                    *size = member(item, "size");
+    for (int i = 0; i < shot.count; i++) {
+        const ShotFrame *item = &shot.frames[i];
         Frame frame = {
-            .color = load(device, queue, frames, item, "color", 4),
-            .depth = load(device, queue, frames, item, "depth", 1),
-            .motion = load(device, queue, frames, item, "motion", 2),
-            .size = {(uint32_t)item_of(size, 0), (uint32_t)item_of(size, 1)},
-            .jitter = {(float)item_of(jitter, 0), (float)item_of(jitter, 1)},
-            .exposure = cJSON_IsNumber(exposure) ? (float)exposure->valuedouble : 0.0f,
-            .reset = cJSON_IsTrue(member(item, "reset")),
+            .color = load(device, queue, frames, item->color, item->size, 4),
+            .depth = load(device, queue, frames, item->depth, item->size, 1),
+            .motion = load(device, queue, frames, item->motion, item->size, 2),
+            .size = {item->size[0], item->size[1]},
+            .jitter = {item->jitter[0], item->jitter[1]},
+            .exposure = item->exposure,
+            .reset = item->reset,
         };
         WGPUCommandEncoder encoder = wgpuDeviceCreateCommandEncoder(device, NULL);
         upscaler_encode(upscaler, encoder, &frame, image);
@@ -197,17 +192,17 @@ int main(int count, char **arguments)
         );
         WGPUCommandBuffer commands = wgpuCommandEncoderFinish(encoder, NULL);
         wgpuQueueSubmit(queue, 1, &commands);
-        write_image(device, copy, width, height, pitch, output, index++);
+        write_image(device, copy, width, height, pitch, output, i);
         wgpuCommandBufferRelease(commands);
         wgpuCommandEncoderRelease(encoder);
         wgpuTextureRelease(frame.color);
         wgpuTextureRelease(frame.depth);
         wgpuTextureRelease(frame.motion);
     }
-    printf("%d images: %s\n", index, output);
+    printf("%d images: %s\n", shot.count, output);
 
     upscaler_free(upscaler);
-    cJSON_Delete(shot);
+    shot_free(&shot);
     wgpuBufferRelease(copy);
     wgpuTextureRelease(image);
     wgpuQueueRelease(queue);

@@ -1,100 +1,123 @@
 #include "resources.h"
 
-#include <stdbool.h>
 #include <string.h>
 
 #include "files.h"
 
 enum { LEAST_BYTES = 16 };
 
+const char *const given_names[GIVEN] = {"frame_color", "frame_depth", "frame_motion", "image"};
+
 WGPUStringView view_of(const char *text)
 {
     return (WGPUStringView){text, WGPU_STRLEN};
 }
 
-Size read_size(const cJSON *json)
+/* ---------------------------------------------------------------- upscaler.json */
+
+Size read_size(const cJSON *object, const char *name)
 {
-    static const char *const names[BASES] = {"one", "render", "previous", "display"};
-    const char *of = text_of(json, "of");
-    Size size = {.divide = (uint32_t)number_of(json, "divide")};
-    while (size.of < BASES && strcmp(of, names[size.of]) != 0) size.of++;
-    if (size.of == BASES) fail("upscaler.json: unknown size \"%s\"", of);
-    for (int axis = 0; axis < 2; axis++)
-        size.multiply[axis] = (uint32_t)item_of(member(json, "multiply"), axis);
+    static const char *const bases[BASES] = {"one", "render", "previous", "display"};
+    const cJSON *json = member(object, name);
+    Size size = {
+        .of = choice_of(json, "of", bases, BASES), .divide = whole_of(json, "divide", 1, LARGEST_SIDE)
+    };
+    two_wholes_of(json, "multiply", LARGEST_SIDE, size.multiply);
+    uint32_t largest[BASES][2] = {{1, 1}}, extent[2];
+    for (int base = RENDER; base < BASES; base++) largest[base][0] = largest[base][1] = LARGEST_SIDE;
+    size_at(&size, largest, extent);
+    if (extent[0] > LARGEST_EXTENT || extent[1] > LARGEST_EXTENT)
+        refuse(object, name, "at most %d pixels a side", LARGEST_EXTENT);
     return size;
 }
 
-static WGPUTextureFormat read_format(const char *name)
+static WGPUTextureFormat read_format(const cJSON *object)
 {
-    static const struct {
-        const char *name;
-        WGPUTextureFormat format;
-    } known[] = {
-        {"rgba32float", WGPUTextureFormat_RGBA32Float}, {"rgba32uint", WGPUTextureFormat_RGBA32Uint},
-        {"rgba16float", WGPUTextureFormat_RGBA16Float}, {"rg32float", WGPUTextureFormat_RG32Float},
-        {"rg32uint", WGPUTextureFormat_RG32Uint},
+    static const char *const names[] = {"rgba32float", "rgba32uint", "rgba16float", "rg32float", "rg32uint"};
+    static const WGPUTextureFormat formats[] = {
+        WGPUTextureFormat_RGBA32Float, WGPUTextureFormat_RGBA32Uint, WGPUTextureFormat_RGBA16Float,
+        WGPUTextureFormat_RG32Float, WGPUTextureFormat_RG32Uint
     };
-    for (size_t i = 0; i < sizeof known / sizeof *known; i++)
-        if (strcmp(name, known[i].name) == 0) return known[i].format;
-    fail("upscaler.json: unknown format %s", name);
-    return WGPUTextureFormat_Undefined;
+    return formats[choice_of(object, "format", names, sizeof formats / sizeof *formats)];
 }
 
-static int pair_of(const cJSON *json, const char *name)
+/* The index of the pair (history, next) that has a resource on this side. */
+static int read_pair(const cJSON *json, const cJSON *item, int side)
 {
-    const cJSON *pairs = member(member(json, "history"), "pairs");
-    for (int i = 0; i < cJSON_GetArraySize(pairs); i++)
-        for (int side = 0; side < 2; side++)
-            if (strcmp(cJSON_GetStringValue(cJSON_GetArrayItem(cJSON_GetArrayItem(pairs, i), side)), name) ==
-                0)
-                return i;
-    return -1;
+    const cJSON *pairs = list_of(member(json, "history"), "pairs", 0, MOST_PAIRS);
+    for (int i = 0; i < cJSON_GetArraySize(pairs); i++) {
+        const char *name = cJSON_GetStringValue(cJSON_GetArrayItem(cJSON_GetArrayItem(pairs, i), side));
+        if (name != NULL && strcmp(name, text_of(item, "name")) == 0) return i;
+    }
+    refuse(item, "name", "one of \"pairs\" of \"history\", [history, next]");
+}
+
+bool is_given(const Resource *resource)
+{
+    return resource->role == FRAME || resource->role == IMAGE;
 }
 
 Resource read_resource(const cJSON *json, const cJSON *item)
 {
-    const char *role = text_of(item, "role"), *kind = text_of(item, "kind");
+    static const char *const roles[ROLES] = {"params", "weights", "history", "next",
+                                             "work",   "aux",     "frame",   "image"};
+    static const char *const kinds[KINDS] = {"uniform", "buffer", "texture"};
     Resource resource = {
-        .name = text_of(item, "name"), .size = read_size(member(item, "size")), .role = HELD
+        .name = text_of(item, "name"),
+        .role = choice_of(item, "role", roles, ROLES),
+        .kind = choice_of(item, "kind", kinds, KINDS),
+        .size = read_size(item, "size"),
     };
-    resource.pair = pair_of(json, resource.name);
-    if (strcmp(role, "history") == 0) resource.role = HISTORY;
-    if (strcmp(role, "next") == 0) resource.role = NEXT;
-    if (strcmp(role, "frame") == 0 || strcmp(role, "image") == 0) {
-        resource.role = GIVEN;
-    } else if (strcmp(kind, "texture") == 0) {
-        resource.format = read_format(text_of(item, "format"));
-    } else {
-        resource.bytes =
-            strcmp(role, "aux") == 0 ? 0 : (uint64_t)number_of(item, "bytes"); /* aux is not written */
-        resource.usage = strcmp(kind, "uniform") == 0 ? WGPUBufferUsage_Uniform : WGPUBufferUsage_Storage;
-    }
+    bool is_texture = resource.kind == TEXTURE;
+    if (is_given(&resource) && !is_texture) refuse(item, "kind", "\"texture\"");
+    if (resource.role == WEIGHTS && resource.kind != BUFFER) refuse(item, "kind", "\"buffer\"");
+    if (resource.role == FRAME) resource.index = choice_of(item, "name", given_names, GIVEN - 1);
+    if (resource.role == IMAGE)
+        resource.index = GIVEN - 1 + choice_of(item, "name", given_names + GIVEN - 1, 1);
+    if (resource.role == HISTORY) resource.index = read_pair(json, item, 0);
+    if (resource.role == NEXT) resource.index = read_pair(json, item, 1);
+    if (is_texture && resource.role != FRAME) resource.format = read_format(item);
+    if (resource.role == IMAGE && resource.format != WGPUTextureFormat_RGBA16Float)
+        refuse(item, "format", "\"rgba16float\", that of the image which the caller gives");
+    if (!is_texture) resource.bytes = whole_of(item, "bytes", 0, LARGEST_PIXEL);
+    if (resource.role == AUX) resource.bytes = 0; /* it is not written */
     return resource;
 }
 
-WGPUBindGroupLayoutEntry layout_entry(const cJSON *binding)
+WGPUBindGroupLayoutEntry layout_entry(const cJSON *binding, const Resource *resource)
 {
-    const char *kind = text_of(binding, "kind");
+    enum { UNIFORM_BUFFER, STORAGE, READ_ONLY, STORAGE_TEXTURE, SAMPLED, SAMPLED_UINT, BINDINGS };
+    static const char *const kinds[BINDINGS] = {"uniform",         "storage", "read-only-storage",
+                                                "storage-texture", "texture", "uint-texture"};
+    static const WGPUBufferBindingType types[] = {
+        WGPUBufferBindingType_Uniform, WGPUBufferBindingType_Storage, WGPUBufferBindingType_ReadOnlyStorage
+    };
     WGPUBindGroupLayoutEntry entry = {
-        .binding = (uint32_t)number_of(binding, "binding"),
+        .binding = whole_of(binding, "binding", 0, LARGEST_BINDING),
         .visibility = WGPUShaderStage_Compute,
     };
-    if (strcmp(kind, "uniform") == 0) entry.buffer.type = WGPUBufferBindingType_Uniform;
-    else if (strcmp(kind, "storage") == 0) entry.buffer.type = WGPUBufferBindingType_Storage;
-    else if (strcmp(kind, "read-only-storage") == 0)
-        entry.buffer.type = WGPUBufferBindingType_ReadOnlyStorage;
-    else if (strcmp(kind, "storage-texture") == 0) {
+    int kind = choice_of(binding, "kind", kinds, BINDINGS);
+    bool fits, is_uint = resource->format == WGPUTextureFormat_RGBA32Uint ||
+                         resource->format == WGPUTextureFormat_RG32Uint;
+    if (kind < STORAGE_TEXTURE) {
+        entry.buffer.type = types[kind];
+        fits = resource->kind == (kind == UNIFORM_BUFFER ? UNIFORM : BUFFER);
+    } else if (kind == STORAGE_TEXTURE) {
         entry.storageTexture.access = WGPUStorageTextureAccess_WriteOnly;
-        entry.storageTexture.format = read_format(text_of(binding, "format"));
+        entry.storageTexture.format = read_format(binding);
         entry.storageTexture.viewDimension = WGPUTextureViewDimension_2D;
+        fits = resource->kind == TEXTURE && resource->format == entry.storageTexture.format;
     } else {
-        bool is_uint = strcmp(kind, "uint-texture") == 0;
         entry.texture.sampleType =
             is_uint ? WGPUTextureSampleType_Uint : WGPUTextureSampleType_UnfilterableFloat;
         entry.texture.viewDimension = WGPUTextureViewDimension_2D;
+        fits = resource->kind == TEXTURE && resource->role != IMAGE && is_uint == (kind == SAMPLED_UINT);
     }
+    if (!fits) refuse(binding, "resource", "a resource that binds as \"%s\"", kinds[kind]);
     return entry;
 }
+
+/* ---------------------------------------------------------------- memory */
 
 void release(Memory *memory)
 {
@@ -112,23 +135,23 @@ void size_at(const Size *rule, uint32_t bases[BASES][2], uint32_t size[2])
 
 static uint64_t buffer_bytes(const Resource *resource, const uint32_t size[2])
 {
-    uint64_t bytes = (resource->bytes * size[0] * size[1] + 3) / 4 * 4;
+    uint64_t bytes = ((uint64_t)resource->bytes * size[0] * size[1] + 3) / 4 * 4;
     return bytes < LEAST_BYTES ? LEAST_BYTES : bytes;
 }
 
-/* Allocate memory, zeros, unless it has this size. A history that is read has it: it was written at this
- * size. */
 void hold(WGPUDevice device, const Resource *resource, Memory *memory, const uint32_t size[2])
 {
     bool exists = memory->buffer || memory->texture;
     if (exists && memory->size[0] == size[0] && memory->size[1] == size[1]) return;
     release(memory);
     memcpy(memory->size, size, sizeof memory->size);
-    if (resource->format == WGPUTextureFormat_Undefined) {
+    if (resource->kind != TEXTURE) {
+        bool is_uniform = resource->kind == UNIFORM;
+        WGPUBufferUsage usage = is_uniform ? WGPUBufferUsage_Uniform : WGPUBufferUsage_Storage;
         memory->buffer = wgpuDeviceCreateBuffer(
             device, &(WGPUBufferDescriptor){
                         .label = view_of(resource->name),
-                        .usage = resource->usage | WGPUBufferUsage_CopyDst,
+                        .usage = usage | WGPUBufferUsage_CopyDst,
                         .size = buffer_bytes(resource, size),
                     }
         );

@@ -4,9 +4,17 @@
 #define RESOURCES_H
 
 #include <cjson/cJSON.h>
+#include <stdbool.h>
 #include <stdint.h>
 
 #include "webgpu.h"
+
+enum {
+    MOST_PAIRS = 32,         /* of histories */
+    LARGEST_EXTENT = 65535,  /* of a resource or a pass, in pixels: the workgroups that WebGPU dispatches */
+    LARGEST_PIXEL = 1 << 28, /* of a buffer, in bytes */
+    LARGEST_BINDING = 999,   /* number of a binding in its group, of WebGPU */
+};
 
 /* A size by rule: ceil(base / divide) * multiply. */
 typedef struct {
@@ -24,24 +32,32 @@ typedef struct {
 
 typedef struct {
     const char *name;
-    enum { GIVEN, HELD, HISTORY, NEXT } role; /* GIVEN: by the caller */
-    WGPUTextureFormat format;                 /* of a texture; Undefined for a buffer */
-    WGPUBufferUsage usage;
-    Size size;
-    uint64_t bytes; /* of a buffer, for each pixel of its size */
-    int pair;       /* of HISTORY and NEXT */
+    enum { PARAMS, WEIGHTS, HISTORY, NEXT, WORK, AUX, FRAME, IMAGE, ROLES } role;
+    enum { UNIFORM, BUFFER, TEXTURE, KINDS } kind;
+    WGPUTextureFormat format; /* of a texture; Undefined for FRAME */
+    Size size;                /* of all but WEIGHTS, which have one pixel */
+    uint32_t bytes;           /* of a buffer, for each pixel of its size */
+    int index;                /* of the pair of HISTORY and NEXT; of FRAME and IMAGE in `given_names` */
     Memory held;
 } Resource;
 
+/* Names of what the caller gives: FRAME, and IMAGE last. */
+enum { GIVEN = 4 };
+extern const char *const given_names[GIVEN];
+
 WGPUStringView view_of(const char *text);
 
-Size read_size(const cJSON *json);
+/* A member of an object that is a size. */
+Size read_size(const cJSON *object, const char *name);
 
 /* A resource of `json`, the content of upscaler.json. */
 Resource read_resource(const cJSON *json, const cJSON *item);
 
-/* The entry of a bind group layout for a binding of a pass. */
-WGPUBindGroupLayoutEntry layout_entry(const cJSON *binding);
+/* Whether the caller gives it. */
+bool is_given(const Resource *resource);
+
+/* The entry of a bind group layout for a binding of a pass to a resource, which must be of its kind. */
+WGPUBindGroupLayoutEntry layout_entry(const cJSON *binding, const Resource *resource);
 
 /* A size at these sizes. */
 void size_at(const Size *rule, uint32_t bases[BASES][2], uint32_t size[2]);

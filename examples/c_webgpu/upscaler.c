@@ -6,7 +6,7 @@
 #include "files.h"
 #include "resources.h"
 
-enum { MOST = 64, GROUPS = 2 };
+enum { MOST_RESOURCES = 64, MOST_PASSES = 64, MOST_BINDINGS = 64, GROUPS = 2, PARAMS_BYTES = 64 };
 
 typedef struct {
     uint32_t group, binding;
@@ -16,7 +16,7 @@ typedef struct {
 typedef struct {
     WGPUComputePipeline pipeline;
     WGPUBindGroupLayout layouts[GROUPS];
-    Binding bindings[MOST];
+    Binding bindings[MOST_BINDINGS];
     int binding_count;
     Size covers;
     uint32_t tile[2];
@@ -26,22 +26,50 @@ struct Upscaler {
     WGPUDevice device;
     WGPUQueue queue;
     cJSON *json;
-    Resource resources[MOST];
-    Pass passes[MOST];
+    Resource resources[MOST_RESOURCES];
+    Pass passes[MOST_PASSES];
     int resource_count, pass_count;
-    Memory pairs[MOST][2]; /* histories: [current] is read, [1 - current] is written */
+    int params;                  /* index of the resource */
+    Memory pairs[MOST_PAIRS][2]; /* histories: [current] is read, [1 - current] is written */
     int current;
     uint32_t display[2], previous[2];
     float jitter[2]; /* of the previous frame */
     bool has_history;
 };
 
-static int find(const Upscaler *upscaler, const char *name)
+/* The index of the resource that a member of an object names. */
+static int find(const Upscaler *upscaler, const cJSON *object, const char *name)
 {
+    const char *wanted = text_of(object, name);
     for (int i = 0; i < upscaler->resource_count; i++)
-        if (strcmp(upscaler->resources[i].name, name) == 0) return i;
-    fail("upscaler.json: no resource \"%s\"", name);
-    return -1;
+        if (strcmp(upscaler->resources[i].name, wanted) == 0) return i;
+    refuse(object, name, "the name of a resource");
+}
+
+/* ---------------------------------------------------------------- resources */
+
+static void load_resource(Upscaler *upscaler, const char *folder, const cJSON *item)
+{
+    const uint32_t one[2] = {1, 1};
+    Resource resource = read_resource(upscaler->json, item);
+    bool is_history = resource.role == HISTORY || resource.role == NEXT;
+    for (int i = 0; i < upscaler->resource_count; i++) {
+        const Resource *other = &upscaler->resources[i];
+        if (strcmp(other->name, resource.name) == 0) refuse(item, "name", "another name for each resource");
+        bool is_paired =
+            is_history && (other->role == HISTORY || other->role == NEXT) && other->index == resource.index;
+        if (is_paired && (other->kind != resource.kind || other->format != resource.format ||
+                          other->bytes != resource.bytes))
+            refuse(item, "name", "the same kind, format and bytes in history and next: their memory swaps");
+    }
+    if (resource.role == WEIGHTS) {
+        if (resource.bytes % 4 != 0) refuse(item, "bytes", "a multiple of 4: what WebGPU writes");
+        char *data = read_bytes(folder, file_of(item, "file"), resource.bytes);
+        hold(upscaler->device, &resource, &resource.held, one);
+        wgpuQueueWriteBuffer(upscaler->queue, resource.held.buffer, 0, data, resource.bytes);
+        free(data);
+    }
+    upscaler->resources[upscaler->resource_count++] = resource;
 }
 
 /* ---------------------------------------------------------------- pipelines */
@@ -49,7 +77,7 @@ static int find(const Upscaler *upscaler, const char *name)
 static WGPUComputePipeline
 compile(WGPUDevice device, const char *folder, const cJSON *item, WGPUPipelineLayout layout)
 {
-    char *code = read_file(folder, text_of(item, "file"), NULL);
+    char *code = read_text(folder, file_of(item, "file"));
     WGPUShaderSourceWGSL source = {.chain.sType = WGPUSType_ShaderSourceWGSL, .code = view_of(code)};
     WGPUShaderModuleDescriptor described = {
         .nextInChain = &source.chain, .label = view_of(text_of(item, "name"))
@@ -70,18 +98,23 @@ compile(WGPUDevice device, const char *folder, const cJSON *item, WGPUPipelineLa
 static void load_pass(Upscaler *upscaler, const char *folder, const cJSON *item)
 {
     Pass *pass = &upscaler->passes[upscaler->pass_count++];
-    WGPUBindGroupLayoutEntry entries[GROUPS][MOST];
+    WGPUBindGroupLayoutEntry entries[GROUPS][MOST_BINDINGS];
     size_t counts[GROUPS] = {0}, groups = 0;
     const cJSON *binding;
-    cJSON_ArrayForEach (binding, member(item, "bindings")) {
-        uint32_t group = (uint32_t)number_of(binding, "group");
-        if (group >= GROUPS || pass->binding_count == MOST) fail("upscaler.json: too many bindings");
-        entries[group][counts[group]++] = layout_entry(binding);
-        Binding *one = &pass->bindings[pass->binding_count++];
-        *one = (Binding){
-            group, (uint32_t)number_of(binding, "binding"), find(upscaler, text_of(binding, "resource"))
-        };
+    cJSON_ArrayForEach (binding, list_of(item, "bindings", 1, MOST_BINDINGS)) {
+        int resource = find(upscaler, binding, "resource");
+        WGPUBindGroupLayoutEntry entry = layout_entry(binding, &upscaler->resources[resource]);
+        Binding one = {whole_of(binding, "group", 0, GROUPS - 1), entry.binding, resource};
+        for (int i = 0; i < pass->binding_count; i++) {
+            const Binding *other = &pass->bindings[i];
+            if (other->resource == one.resource) refuse(binding, "resource", "another in each binding");
+            if (other->group == one.group && other->binding == one.binding)
+                refuse(binding, "binding", "another in each binding of a group");
+        }
+        entries[one.group][counts[one.group]++] = entry;
+        pass->bindings[pass->binding_count++] = one;
     }
+    if (counts[0] == 0) refuse(item, "bindings", "group 0 before group 1");
     for (; groups < GROUPS && counts[groups] > 0; groups++)
         pass->layouts[groups] = wgpuDeviceCreateBindGroupLayout(
             upscaler->device, &(WGPUBindGroupLayoutDescriptor){
@@ -96,26 +129,9 @@ static void load_pass(Upscaler *upscaler, const char *folder, const cJSON *item)
                           }
     );
     pass->pipeline = compile(upscaler->device, folder, item, layout);
-    pass->covers = read_size(member(item, "covers"));
-    for (int axis = 0; axis < 2; axis++) pass->tile[axis] = (uint32_t)item_of(member(item, "tile"), axis);
+    pass->covers = read_size(item, "covers");
+    two_wholes_of(item, "tile", LARGEST_SIDE, pass->tile);
     wgpuPipelineLayoutRelease(layout);
-}
-
-static void load_weights(Upscaler *upscaler, const char *folder)
-{
-    const uint32_t one[2] = {1, 1};
-    const cJSON *item;
-    cJSON_ArrayForEach (item, member(upscaler->json, "resources")) {
-        const char *file = cJSON_GetStringValue(cJSON_GetObjectItemCaseSensitive(item, "file"));
-        if (file == NULL) continue;
-        size_t size;
-        char *data = read_file(folder, file, &size);
-        Resource *resource = &upscaler->resources[find(upscaler, text_of(item, "name"))];
-        hold(upscaler->device, resource, &resource->held, one);
-        if (size != resource->bytes) fail("%s: %zu bytes; want %zu", file, size, (size_t)resource->bytes);
-        wgpuQueueWriteBuffer(upscaler->queue, resource->held.buffer, 0, data, size);
-        free(data);
-    }
 }
 
 /* ---------------------------------------------------------------- the interface */
@@ -126,20 +142,19 @@ Upscaler *upscaler_load(WGPUDevice device, const char *folder, uint32_t width, u
     if (upscaler == NULL) fail("no memory");
     *upscaler = (Upscaler){.device = device, .queue = wgpuDeviceGetQueue(device), .display = {width, height}};
     const cJSON *json = upscaler->json = read_json(folder, "upscaler.json");
-    if (strcmp(text_of(json, "format"), "supersampler-shaders") != 0 || number_of(json, "version") != 1)
+    if (strcmp(text_of(json, "format"), "supersampler-shaders") != 0 ||
+        member(json, "version")->valuedouble != 1)
         fail("%s/upscaler.json: want supersampler-shaders version 1; export it again", folder);
     if (strcmp(text_of(json, "target"), "wgsl") != 0 || strcmp(text_of(json, "images"), "textures") != 0)
         fail("%s: want shaders in WGSL for textures: supersampler export METHOD --target wgsl", folder);
-    const cJSON *item;
-    cJSON_ArrayForEach (item, member(json, "resources")) {
-        if (upscaler->resource_count == MOST) fail("upscaler.json: too many resources");
-        upscaler->resources[upscaler->resource_count++] = read_resource(json, item);
-    }
-    cJSON_ArrayForEach (item, member(json, "passes")) {
-        if (upscaler->pass_count == MOST) fail("upscaler.json: too many passes");
-        load_pass(upscaler, folder, item);
-    }
-    load_weights(upscaler, folder);
+    const cJSON *item, *params = member(json, "params");
+    cJSON_ArrayForEach (item, list_of(json, "resources", 1, MOST_RESOURCES))
+        load_resource(upscaler, folder, item);
+    upscaler->params = find(upscaler, params, "resource");
+    const Resource *resource = &upscaler->resources[upscaler->params];
+    if (resource->role != PARAMS || resource->kind != UNIFORM || resource->bytes < PARAMS_BYTES)
+        refuse(params, "resource", "a uniform of role \"params\" with %d bytes", PARAMS_BYTES);
+    cJSON_ArrayForEach (item, list_of(json, "passes", 1, MOST_PASSES)) load_pass(upscaler, folder, item);
     return upscaler;
 }
 
@@ -147,7 +162,7 @@ Upscaler *upscaler_load(WGPUDevice device, const char *folder, uint32_t width, u
 static void write_params(Upscaler *upscaler, const Frame *frame)
 {
     bool moved = frame->jitter[0] != upscaler->jitter[0] || frame->jitter[1] != upscaler->jitter[1];
-    const float params[16] = {
+    const float params[PARAMS_BYTES / 4] = {
         (float)frame->size[0],
         (float)frame->size[1],
         (float)upscaler->display[0],
@@ -162,13 +177,13 @@ static void write_params(Upscaler *upscaler, const Frame *frame)
         moved ? 1.0f : 0.0f,
         0.0f,
     };
-    WGPUBuffer buffer = upscaler->resources[find(upscaler, "params")].held.buffer;
+    WGPUBuffer buffer = upscaler->resources[upscaler->params].held.buffer;
     wgpuQueueWriteBuffer(upscaler->queue, buffer, 0, params, sizeof params);
 }
 
 static WGPUBindGroup bind(Upscaler *upscaler, const Pass *pass, uint32_t group, Memory *bound[])
 {
-    WGPUBindGroupEntry entries[MOST];
+    WGPUBindGroupEntry entries[MOST_BINDINGS];
     size_t count = 0;
     for (int i = 0; i < pass->binding_count; i++) {
         const Binding *binding = &pass->bindings[i];
@@ -213,7 +228,7 @@ encode_passes(Upscaler *upscaler, WGPUCommandEncoder encoder, uint32_t bases[BAS
 void upscaler_encode(Upscaler *upscaler, WGPUCommandEncoder encoder, const Frame *frame, WGPUTexture image)
 {
     if (frame->reset || !upscaler->has_history) { /* new memory is zeros, which mean no history */
-        for (int pair = 0; pair < MOST; pair++) release(&upscaler->pairs[pair][upscaler->current]);
+        for (int pair = 0; pair < MOST_PAIRS; pair++) release(&upscaler->pairs[pair][upscaler->current]);
         memcpy(upscaler->previous, frame->size, sizeof upscaler->previous);
         upscaler->jitter[0] = upscaler->jitter[1] = 0.0f;
     }
@@ -223,26 +238,16 @@ void upscaler_encode(Upscaler *upscaler, WGPUCommandEncoder encoder, const Frame
         {upscaler->previous[0], upscaler->previous[1]},
         {upscaler->display[0], upscaler->display[1]},
     };
-    const struct {
-        const char *name;
-        WGPUTexture texture;
-    } given[] = {
-        {"frame_color", frame->color},
-        {"frame_depth", frame->depth},
-        {"frame_motion", frame->motion},
-        {"image", image}
-    };
-    Memory *bound[MOST];
+    const WGPUTexture given[GIVEN] = {frame->color, frame->depth, frame->motion, image};
+    Memory *bound[MOST_RESOURCES];
     for (int i = 0; i < upscaler->resource_count; i++) {
         Resource *resource = &upscaler->resources[i];
         bound[i] = &resource->held;
-        if (resource->role == HISTORY) bound[i] = &upscaler->pairs[resource->pair][upscaler->current];
-        if (resource->role == NEXT) bound[i] = &upscaler->pairs[resource->pair][1 - upscaler->current];
-        if (resource->role == GIVEN) {
-            for (int k = 0; k < 4; k++)
-                if (strcmp(resource->name, given[k].name) == 0)
-                    bound[i]->view = wgpuTextureCreateView(given[k].texture, NULL);
-        } else {
+        if (resource->role == HISTORY) bound[i] = &upscaler->pairs[resource->index][upscaler->current];
+        if (resource->role == NEXT) bound[i] = &upscaler->pairs[resource->index][1 - upscaler->current];
+        if (is_given(resource)) {
+            bound[i]->view = wgpuTextureCreateView(given[resource->index], NULL);
+        } else if (resource->role != WEIGHTS) {
             uint32_t size[2];
             size_at(&resource->size, bases, size);
             hold(upscaler->device, resource, bound[i], size);
@@ -251,7 +256,7 @@ void upscaler_encode(Upscaler *upscaler, WGPUCommandEncoder encoder, const Frame
     write_params(upscaler, frame);
     encode_passes(upscaler, encoder, bases, bound);
     for (int i = 0; i < upscaler->resource_count; i++)
-        if (upscaler->resources[i].role == GIVEN) release(&upscaler->resources[i].held);
+        if (is_given(&upscaler->resources[i])) release(&upscaler->resources[i].held);
     upscaler->current = 1 - upscaler->current;
     upscaler->has_history = true;
     memcpy(upscaler->previous, frame->size, sizeof upscaler->previous);
@@ -261,7 +266,7 @@ void upscaler_encode(Upscaler *upscaler, WGPUCommandEncoder encoder, const Frame
 void upscaler_free(Upscaler *upscaler)
 {
     for (int i = 0; i < upscaler->resource_count; i++) release(&upscaler->resources[i].held);
-    for (int pair = 0; pair < MOST; pair++)
+    for (int pair = 0; pair < MOST_PAIRS; pair++)
         for (int set = 0; set < 2; set++) release(&upscaler->pairs[pair][set]);
     for (int i = 0; i < upscaler->pass_count; i++) {
         wgpuComputePipelineRelease(upscaler->passes[i].pipeline);

@@ -19,13 +19,14 @@ typedef struct {
     WGPUTexture color;  /* rgba16float or rgba32float; all three have TextureBinding */
     WGPUTexture depth;  /* r32float */
     WGPUTexture motion; /* rg16float or rg32float */
-    uint32_t size[2];   /* (width, height) of what was rendered */
+    uint32_t size[2];   /* (width, height) of what was rendered, each 1 to 16384 */
     float jitter[2];    /* render pixels */
     float exposure;     /* 0: measured */
     bool reset;         /* true on the first frame after a cut */
 } Frame;
 
-/* Compile the shaders for images of this size. */
+/* Compile the shaders for images of this size, each side 1 to 16384. All that the folder says is checked
+ * here. */
 Upscaler *upscaler_load(WGPUDevice device, const char *folder, uint32_t width, uint32_t height);
 
 /* Encode one step; submit it before the next one is encoded. image: rgba16float with StorageBinding, of

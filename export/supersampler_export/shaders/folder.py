@@ -18,7 +18,8 @@ from supersampler_export.shaders.translation import Target, translate
 
 Images = Literal["textures", "buffers"]
 DESCRIPTION = "upscaler.json"
-_NAMES = re.compile(rf"\w+\.({'|'.join({*SUFFIXES.values(), 'bin'})})")
+_NAMES = re.compile(rf"\d+_\w+\.({'|'.join(SUFFIXES.values())})|network\.bin")
+"""Names that an export writes: of those that a description lists, no others are removed."""
 LONGEST_LINE = 140
 """Of upscaler.json, for a list or object on one line."""
 

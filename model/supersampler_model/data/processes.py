@@ -17,6 +17,7 @@ Part: TypeAlias = Callable[[OnFrame], None]
 """The work of one process; it is pickled, and calls its argument after each frame."""
 
 _WAIT = 0.5  # seconds between checks for dead processes
+_END = 10.0  # seconds that a process has to end
 
 
 def run_parts(parts: Sequence[Part], *, on_frame: OnFrame = lambda: None) -> None:
@@ -40,7 +41,11 @@ def run_parts(parts: Sequence[Part], *, on_frame: OnFrame = lambda: None) -> Non
     finally:
         for process in processes:
             process.terminate()
-            process.join()
+        for process in processes:
+            process.join(_END)
+            if process.is_alive():
+                process.kill()
+                process.join(_END)
 
 
 def _follow(processes: list[Any], results: Any, on_frame: OnFrame) -> None:
