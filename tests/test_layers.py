@@ -24,7 +24,7 @@ FLOORS = (  # of the SDK, the lowest first: a module imports from its own floor 
     ("errors",),
     ("arguments",),
     ("frame",),
-    ("io.files", "backends.locks"),
+    ("io.files", "io.child_process", "backends.locks"),
     ("backends.cpu.isa", "backends.cpu.memory", "backends.cpu.structs", "backends.cpu.kernel_cache"),
     ("backends.cpu.kernel_compiler", "backends.cpu.kernel_loader", "backends.cpu.simd"),
     ("conventions",),
