@@ -39,7 +39,12 @@ def wait_until(what: Callable[[], object], seconds: float = SECONDS) -> None:
 def signals(*, ignored: bool) -> Callable[[], None]:
     """What a shell does with a job in the background, or nohup; or what a terminal has."""
     how = signal.SIG_IGN if ignored else signal.SIG_DFL
-    return lambda: [signal.signal(number, how) for number in (signal.SIGINT, signal.SIGHUP)] and None
+
+    def apply() -> None:
+        for number in (signal.SIGINT, signal.SIGHUP):
+            signal.signal(number, how)
+
+    return apply
 
 
 def command(folder: Path, *, ignored: bool = False, **plan: Any) -> "subprocess.Popen[str]":

@@ -34,7 +34,7 @@ def classes() -> list[type[SupersamplerError]]:
 
 def made(kind: type[SupersamplerError]) -> SupersamplerError:
     """An error of the class, by whichever arguments it takes."""
-    attempts = (
+    attempts: tuple[Callable[[], SupersamplerError], ...] = (
         lambda: kind("name", got=(3, 4), want="(4, 3)", hint="Turn it."),  # type: ignore[call-arg]
         lambda: kind(Path("a/b.exr"), "is damaged", "Copy it."),
         lambda: kind("a message"),

@@ -166,7 +166,10 @@ def compare_page(path: Path | str, about: About) -> Iterator[ComparePage]:
         ArgumentError: the block has added no frame.
     """
     head, tail = files("supersampler").joinpath("compare.html").read_text("utf-8").split(_FRAMES_GO_HERE)
-    with replacing(path) as partial, partial.open("w", encoding="utf-8", errors="surrogateescape", newline="\n") as file:
+    with (
+        replacing(path) as partial,
+        partial.open("w", encoding="utf-8", errors="surrogateescape", newline="\n") as file,
+    ):
         file.write(head)
         page = ComparePage(file, about)
         yield page
