@@ -43,6 +43,17 @@ static Arguments parsed(int count, char** values) {
   return arguments;
 }
 
+constexpr int64_t LARGEST_SIDE = 16384;
+
+static bool is_size(const Size& size) {
+  return size.width >= 1 && size.width <= LARGEST_SIDE && size.height >= 1 && size.height <= LARGEST_SIDE;
+}
+
+// A name out of a file must not lead out of the folder.
+static bool is_plain(const std::string& name) {
+  return name[0] != '.' && name.find_first_of("/\\:") == std::string::npos;
+}
+
 static void run(const Arguments& arguments) {
   const fs::path folder = arguments.paths[1], out = arguments.paths[2];
   fs::create_directories(out);
@@ -59,7 +70,8 @@ static void run(const Arguments& arguments) {
     Frame frame;
     Size wanted;
     if (!(fields >> name >> frame.size.width >> frame.size.height >> wanted.width >> wanted.height >>
-          frame.jitter[0] >> frame.jitter[1] >> frame.exposure >> frame.reset))
+          frame.jitter[0] >> frame.jitter[1] >> frame.exposure >> frame.reset) ||
+        !is_plain(name) || !is_size(frame.size) || !is_size(wanted))
       throw std::runtime_error("frames.txt: cannot be read: " + line);
 
     std::map<std::string, std::string> files;  // must outlive the step, which reads this memory

@@ -133,6 +133,29 @@ def test_what_it_cannot_do_is_said_in_one_line(program: Path, tmp_path: Path) ->
     assert (done.returncode, done.stderr) == (1, "0.depth: has another size than frames.txt says\n")
 
 
+@pytest.mark.parametrize(
+    "line",
+    [
+        "../0 64 36 128 72 0 0 1 1",
+        "/0 64 36 128 72 0 0 1 1",
+        "0 0 36 128 72 0 0 1 1",
+        "0 64 36 -1 72 0 0 1 1",
+        "0 9223372036854775807 4 128 72 0 0 1 1",
+        "0 64 36 128 99999 0 0 1 1",
+        "0 64",
+    ],
+)
+def test_a_tampered_list_of_frames_is_refused(program: Path, tmp_path: Path, line: str) -> None:
+    write_raw(tmp_path / "raw", [noise_frame(0, (64, 36), reset=True)], [(128, 72)])
+    for file in (tmp_path / "raw").glob("0.*"):
+        shutil.copy(file, tmp_path / file.name)
+    (tmp_path / "raw/frames.txt").write_text(f"{line}\n")
+    done = run(program, "taau", tmp_path / "raw", tmp_path / "out")
+    assert (done.returncode, done.stderr) == (1, f"frames.txt: cannot be read: {line}\n")
+    assert {path.name for path in tmp_path.iterdir()} >= {"out", "raw"}
+    assert not list(tmp_path.rglob("*.image"))
+
+
 def test_the_library_writes_nothing_to_the_home_of_the_user(
     program: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
