@@ -248,6 +248,19 @@ def test_after_a_reset_or_another_size_the_scene_comes_to_rest_again(model: Mode
     assert psnr(again) > min(psnr(image) - 0.1, 43.0)
 
 
+@pytest.mark.parametrize("skip", ["auto", "accumulate"])
+def test_a_size_that_changes_in_every_frame_is_as_good_as_the_method_alone(model: Model, skip: str) -> None:
+    """Dynamic resolution in front of a still camera."""
+    one, alone = made(model, skip=skip), made(model, skip="exact")
+    run(one, map(scene, range(PERIOD + 8)))
+    run(alone, map(scene, range(PERIOD + 8)))
+    for k in range(3 * PERIOD):
+        size = RENDER[0] - 16 + round(16 * np.sin(k / 3)), RENDER[1] - 8 + round(8 * np.sin(k / 3))
+        frame = scene(PERIOD + 8 + k, size=size)
+        assert psnr(one.step(frame)) > psnr(alone.step(frame)) - 0.1
+    assert one.stats.converged == 0.0
+
+
 def test_jitter_that_never_repeats_leaves_the_method_to_itself(model: Model) -> None:
     one, alone = made(model), made(model, skip="exact")
     for k in range(PHASES + 20):

@@ -92,8 +92,8 @@ class TileReuse:
         if tolerance is not None and tolerance != ACCUMULATE:
             render = planes.depth.shape[1], planes.depth.shape[0]
             before = previous.static_tiles
-            if before is None or before.render != render:
-                before = StaticTiles.empty(render)
+            if before is None or before.render != render:  # no tile of it is a tile of this frame
+                before, previous = StaticTiles.empty(render), TileState(current.display)
             current.follow(previous, before.after(jitter, partial(self._fingerprints, planes)), jitter)
         required = np.ones(current.work.shape, bool)
         if current.active:
