@@ -211,7 +211,7 @@ def test_a_program_runs_with_its_output_its_folder_and_its_code(tmp_path: Path) 
     assert [end_text(code) for code in (0, 3, 134, 255, None)] == [
         "code 0", "code 3", "SIGABRT", "code 255", "code None",
     ]  # fmt: skip
-    with pytest.raises(FileNotFoundError, match="there is no such program"):
+    with pytest.raises(FileNotFoundError, match="No such file"):
         run(["no-such-program"], seconds=SECONDS)
 
 

@@ -294,8 +294,12 @@ def test_a_write_that_fails_leaves_the_shot_as_it_was_and_can_be_repeated(
     writer.write(frame(0))
     before = sorted(path.name for path in tmp_path.rglob("*"))
 
-    def full(*_: object) -> None:
-        raise OSError(28, "No space left on device")
+    rename = Path.replace
+
+    def full(path: Path, target: Path) -> None:
+        if path.suffix == ".exr":
+            raise OSError(28, "No space left on device")
+        rename(path, target)
 
     with monkeypatch.context() as patch:
         patch.setattr(Path, "replace", full)

@@ -11,7 +11,7 @@ from typer.core import TyperGroup
 from supersampler import __version__
 from supersampler.cli.stopping import exit_code, stop_on_signals
 from supersampler.cli.terminal import echo
-from supersampler.errors import SupersamplerError, did_you_mean, printable
+from supersampler.errors import SupersamplerError, did_you_mean
 
 TOOLS = {
     "render": (
@@ -64,7 +64,7 @@ class Commands(TyperGroup):
             line = _line(error)
             if line is None or ctx.params.get("debug"):
                 raise
-            echo(f"error: {printable(line)}", err=True)
+            echo(f"error: {line}", err=True)
             raise typer.Exit(1) from None
         except KeyboardInterrupt:
             echo("stopped", err=True)

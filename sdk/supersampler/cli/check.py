@@ -62,6 +62,7 @@ def check(
     echo(f"G-buffers: {listed(names_of(opened.read_raw(0)))}")
     for note in source_notes(opened):
         echo(note)
-    echo(detection.summary())
+    for line in detection.summary().splitlines():
+        echo(line)
     if not detection.agrees:
         raise typer.Exit(1)

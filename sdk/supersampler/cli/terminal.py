@@ -8,9 +8,9 @@ from rich.console import Console
 from supersampler.errors import printable
 
 
-def echo(text: str, *, err: bool = False) -> None:
-    """Print text to stdout, or to stderr."""
-    typer.echo(_safe(text), err=err)
+def echo(line: str, *, err: bool = False) -> None:
+    """Print a line to stdout, or to stderr."""
+    typer.echo(printable(line), err=err)
 
 
 class Terminal(Console):

@@ -8,6 +8,7 @@ run the supervisor: there `close` ends the program, but nothing does once the ap
 This file is the supervisor's program, too. It imports nothing but the standard library.
 """
 
+import errno
 import os
 import shutil
 import signal
@@ -50,7 +51,8 @@ class ChildProcess:
     ) -> None:
         stderr = {"joined": subprocess.STDOUT, "apart": subprocess.PIPE, "none": subprocess.DEVNULL}[output]
         if shutil.which(command[0]) is None:  # the supervisor could say so only later
-            raise FileNotFoundError(2, "there is no such program", command[0])
+            number = errno.EACCES if os.path.exists(command[0]) else errno.ENOENT  # noqa: PTH110  # never raises
+            raise OSError(number, os.strerror(number), command[0])
         supervisor = [sys.executable, "-I", "-S", __file__] if has_interpreter() else []
         self._supervised = bool(supervisor)
         read_end, write_end = os.pipe()

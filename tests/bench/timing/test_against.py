@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 from supersampler.cli import app as supersampler
 from supersampler.errors import ArgumentError
 from supersampler_bench.cli.app import app
+from supersampler_bench.timing import child_process
 from supersampler_bench.timing.against import (
     COVERAGE,
     FIRST,
@@ -40,7 +41,7 @@ class Measured(NamedTuple):
 
 @pytest.fixture(scope="module")
 def measured(tmp_path_factory: pytest.TempPathFactory) -> Measured:
-    folder, started, run = tmp_path_factory.mktemp("against"), [], subprocess.run
+    folder, started, run = tmp_path_factory.mktemp("against"), [], child_process.run
 
     def noted(command: list[str], **options: Any) -> Any:
         started.append(command)
@@ -50,7 +51,7 @@ def measured(tmp_path_factory: pytest.TempPathFactory) -> Measured:
     options = ["--methods", "bilinear", "--sizes", "32x18", "--threads", "1", "--steps", "1", "--starts", "0"]
     files = ["--json", str(folder / "against.json"), "--update", str(folder / "page.md")]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(subprocess, "run", noted)
+        patch.setattr(child_process, "run", noted)
         result = CliRunner().invoke(app, ["speed", "--against", sys.executable, *options, *files])
     assert result.exit_code == 0, result.output
     record = json.loads((folder / "against.json").read_text())
@@ -101,14 +102,14 @@ def test_first_images_are_of_programs_with_kernels_kept_and_without(
     empty: list[Path] = []
     filled: list[Path] = []
 
-    def compiled(command: list[str], *, env: dict[str, str], **options: Any) -> Any:
-        cache = Path(env["XDG_CACHE_HOME"])
+    def compiled(command: list[str], *, environment: dict[str, str], **options: Any) -> Any:
+        cache = Path(environment["XDG_CACHE_HOME"])
         (filled if (cache / "kernel").is_file() else empty).append(cache)
         cache.mkdir(exist_ok=True)
         (cache / "kernel").touch()
         return subprocess.CompletedProcess(command, 0, stdout=b'{"seconds": 0.25}\n')
 
-    monkeypatch.setattr(subprocess, "run", compiled)
+    monkeypatch.setattr(child_process, "run", compiled)
     rounds = Rounds(rounds=0, starts=7, fresh=6)
     found = list(_first_images(sides, "taa", SMALL, 2.0, rounds, lambda: None))
     assert [(row.what, len(row.rounds)) for row in found] == [(FIRST_FRESH, 6), (FIRST, 7)]
@@ -151,7 +152,7 @@ def test_a_method_that_the_other_version_lacks_and_a_process_that_dies_are_named
     request: dict[str, Any] = {"method": "no-such", "render": SMALL, "scale": 2.0}
     with pytest.raises(ArgumentError, match=r"ended with code 1: .*no-such.*want an interpreter"):
         other.run(FIRST_IMAGE, **request)
-    with pytest.raises(ArgumentError, match="ended with signal 9"):
+    with pytest.raises(ArgumentError, match="ended with SIGKILL"):
         other.run("import os; os.kill(os.getpid(), 9)")
     with pytest.raises(ArgumentError, match=r"--methods is .*want methods that run in this version"):
         Version("this", sys.executable, tmp_path).run(FIRST_IMAGE, **request)
