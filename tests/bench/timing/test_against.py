@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 
 from supersampler.cli import app as supersampler
 from supersampler.errors import ArgumentError
+from supersampler.io.child_process import run
 from supersampler_bench.cli.app import app
 from supersampler_bench.timing import child_process
 from supersampler_bench.timing.against import (
@@ -41,7 +42,7 @@ class Measured(NamedTuple):
 
 @pytest.fixture(scope="module")
 def measured(tmp_path_factory: pytest.TempPathFactory) -> Measured:
-    folder, started, run = tmp_path_factory.mktemp("against"), [], child_process.run
+    folder, started = tmp_path_factory.mktemp("against"), list[list[str]]()
 
     def noted(command: list[str], **options: Any) -> Any:
         started.append(command)
