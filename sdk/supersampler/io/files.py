@@ -1,6 +1,6 @@
 """All that writes, renames or removes files, and checks of what a path is before that.
 
-No other module of the project does any of it; tests/test_file_writes.py looks for calls that do. A file is
+No other module of the project does any of it; tests/test_owners.py looks for calls that do. A file is
 written under a temporary name beside its place (`.name.HEX.partial.exr`) and then renamed, so that a run that
 is killed leaves no half-written file. Callers pass only names that they wrote themselves, or that a record of
 theirs lists and that they could have written.

@@ -1,4 +1,7 @@
-"""One module writes, renames and removes files: a call elsewhere would not know whose they are."""
+"""One module owns each way out: to files, to programs, to the terminal.
+
+A call elsewhere would not know whose a file is, would leave a program running, or print control codes.
+"""
 
 import ast
 from collections.abc import Iterator
@@ -69,6 +72,42 @@ def changes(code: str) -> Iterator[tuple[int, str]]:
         used = {ast.unparse(value) for value in (*values, *call.args)}
         if is_of_a_file(call, name) and not used & {*temporary, *(f"str({one})" for one in temporary)}:
             yield call.lineno, ast.unparse(call)[:90]
+
+
+PROGRAMS = {
+    "sdk/supersampler/io/child_process.py",
+    "sdk/supersampler/integrations/blender/extension/run.py",  # runs in Blender, without the package
+}
+TERMINAL = {
+    "sdk/supersampler/cli/terminal.py",
+    "sdk/supersampler/cli/progress.py",  # prints JSON, in which control codes are escaped
+}
+
+
+def calls(folder: str, *names: str) -> set[str]:
+    """Modules of the packages that call one of these functions."""
+    return {
+        file.relative_to(ROOT).as_posix()
+        for file in sorted((ROOT / folder).rglob("*.py"))
+        if "studies" not in file.parts
+        for call in ast.walk(ast.parse(file.read_text("utf-8")))
+        if isinstance(call, ast.Call) and ast.unparse(call.func) in names
+    }
+
+
+@pytest.mark.parametrize("folder", FOLDERS)
+def test_no_other_module_starts_programs(folder: str) -> None:
+    names = ("Popen", "run", "call", "check_call", "check_output")
+    found = calls(folder, *(f"subprocess.{name}" for name in names), "os.system", "os.popen", "os.execv")
+    assert found <= PROGRAMS
+
+
+@pytest.mark.parametrize("folder", FOLDERS)
+def test_no_other_module_prints(folder: str) -> None:
+    found = calls(
+        folder, "print", "typer.echo", "click.echo", "Console", "sys.stdout.write", "sys.stderr.write"
+    )
+    assert found <= TERMINAL
 
 
 @pytest.mark.parametrize("folder", FOLDERS)
