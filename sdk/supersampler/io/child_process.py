@@ -21,7 +21,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import IO, Literal
 
-GRACE = 5.0
+GRACE = 3.0
 """Seconds that a program has to end by itself."""
 
 
