@@ -38,8 +38,8 @@ PRODUCTS = {
 """Multiply-adds a display pixel."""
 OPERATORS = {
     "bilinear": 125, "bicubic": 150, "taa": 515, "taau": 1325, "classifier": 1436, "classifier-small": 1396,
-    "gbuffer-small": 1850, "gbuffer-small-4x": 1850, "extrapolate": 1084, "guided-warp": 1120,
-    "guided-flow": 2700, "gbuffer-fast": 1828, "classifier-large": 1593,
+    "gbuffer-small": 1854, "gbuffer-small-4x": 1854, "extrapolate": 1084, "guided-warp": 1120,
+    "guided-flow": 2702, "gbuffer-fast": 1828, "classifier-large": 1593,
 }  # fmt: skip
 READS = {
     "bilinear": 0, "bicubic": 0, "taa": 5, "taau": 9, "classifier": 12, "classifier-small": 11,

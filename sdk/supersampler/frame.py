@@ -38,7 +38,8 @@ class Frame:
 
     Attributes:
         color: (h, w, 3) float32 or float16. Linear scene RGB, >= 0, before tone mapping, sampled with
-            `jitter`, not anti-aliased. None on a frame that was not shaded (extrapolation).
+            `jitter`, not anti-aliased. Values are clamped to [0, 65504]; NaN is a missing sample. None on a
+            frame that was not shaded (extrapolation).
         depth: (h, w) float32. Reversed, infinite far plane: near / view distance. 0 at the sky, larger is
             closer. Only ratios are used: any constant times 1 / distance is valid if the constant stays the
             same between resets.

@@ -279,10 +279,15 @@ def test_tone_and_ycocg_have_inverses(values: list[float]) -> None:
     torch.testing.assert_close(back, color, rtol=2e-3, atol=1e-4)
 
 
-def test_quarantine_and_valid_know_a_number_when_they_see_one() -> None:
-    bad = torch.tensor([float("nan"), float("inf"), -1e-3, 65505.0, 0.0, 65504.0]).reshape(1, 1, 1, 6)
-    torch.testing.assert_close(sanitize(bad, 7.0).ravel(), torch.tensor([7.0, 7, 7, 7, 0, 65504]))
-    assert valid(bad.expand(1, 3, 1, 6)).ravel().tolist() == [0, 0, 0, 0, 1, 1]
+def test_values_out_of_range_are_clamped_and_only_nan_is_missing() -> None:
+    nan, inf = float("nan"), float("inf")
+    bad = torch.tensor([nan, inf, -inf, -1e-3, 65505.0, 3e38, 0.0, 65504.0, 0.5]).reshape(1, 1, 1, 9)
+    wanted = [7.0, 65504, 0, 0, 65504, 65504, 0, 65504, 0.5]
+    torch.testing.assert_close(sanitize(bad, 7.0).ravel(), torch.tensor(wanted))
+    assert valid(bad.expand(1, 3, 1, 9)).ravel().tolist() == [0, 1, 1, 1, 1, 1, 1, 1, 1]
+    one = torch.ones(1, 3, 1, 1)
+    one[:, 1] = nan
+    assert valid(one).item() == 0.0
 
 
 @pytest.mark.parametrize("space", TONES)

@@ -63,9 +63,10 @@ def test_the_log_average_of_a_grey_image_comes_to_middle_grey() -> None:
     assert auto_exposure(grey(0.5)) == pytest.approx(0.36, rel=1e-5)
 
 
-def test_black_pixels_count_as_the_darkest_and_broken_ones_not_at_all() -> None:
-    assert auto_exposure(grey(0.0)) == pytest.approx(1800.0, rel=1e-4)
-    assert auto_exposure(grey(np.nan)) == auto_exposure(grey(np.inf)) == pytest.approx(1800.0)
+def test_black_pixels_count_as_the_darkest_too_bright_ones_as_65504_and_nan_not_at_all() -> None:
+    assert auto_exposure(grey(0.0)) == auto_exposure(grey(-1.0)) == pytest.approx(1800.0, rel=1e-4)
+    assert auto_exposure(grey(np.nan)) == pytest.approx(1800.0)
+    assert auto_exposure(grey(np.inf)) == auto_exposure(grey(1e30)) == pytest.approx(0.18 / 65504.0)
     half_broken = np.concatenate([grey(0.5), grey(np.nan)])
     assert auto_exposure(half_broken) == pytest.approx(0.36, rel=1e-5)
 

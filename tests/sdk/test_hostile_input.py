@@ -133,6 +133,33 @@ def test_a_hostile_frame_gives_a_clean_image_and_is_forgotten(
     assert np.quantile(off, 0.999) < 0.1
 
 
+LAMPS = {
+    "a channel a little below 0": ((0.9, 0.35, -1e-7), (0.9, 0.35, 0.0)),
+    "a channel below 0": ((0.9, 0.35, -0.02), (0.9, 0.35, 0.0)),
+    "beyond half floats": ((1e5, 9e4, 7e4), (65504.0, 65504.0, 65504.0)),
+    "infinite": ((np.inf, np.inf, np.inf), (65504.0, 65504.0, 65504.0)),
+}
+
+
+@pytest.mark.parametrize("lamp", LAMPS)
+@pytest.mark.parametrize("name", METHODS)
+def test_a_lamp_that_stays_out_of_range_is_shown_and_not_black(
+    models: dict[str, Model], name: str, lamp: str
+) -> None:
+    value, want = LAMPS[lamp]
+    upscaler = make(models[name])
+    color = np.full((SIZE[1], SIZE[0], 3), 0.4, np.float32)
+    center = SIZE[1] // 2, SIZE[0] // 2
+    color[center[0] - 4 : center[0] + 4, center[1] - 4 : center[1] + 4] = value
+    for index in range(24):
+        image = upscaler.step(still(index, color=color))
+        got = image[2 * center[0] - 1 : 2 * center[0] + 1, 2 * center[1] - 1 : 2 * center[1] + 1]
+        wanted = np.broadcast_to(np.float32(want), got.shape)
+        if index > 0:  # the first frame of a method may know an edge alone
+            off = np.abs(display_transform(got) - display_transform(wanted))
+            assert off.max() < 0.03, index
+
+
 def test_a_bad_color_pixel_is_filled_from_the_history(models: dict[str, Model]) -> None:
     upscaler = make(models["taau"])
     flat = np.full((SIZE[1], SIZE[0], 3), 0.5, np.float32)

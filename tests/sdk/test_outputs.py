@@ -148,6 +148,23 @@ def test_a_bad_value_in_a_channel_does_not_spread(model: Model) -> None:
         assert np.isfinite(result.aovs).all()
 
 
+def test_a_nan_in_a_channel_is_a_missing_sample_of_that_channel_alone(model: Model) -> None:
+    upscaler, whole = make(model), make(model)
+    aovs = np.full((18, 32, 2), 0.8, np.float32)
+    for seed in range(8):
+        given = aovs.copy()
+        if seed == 6:
+            given[6:10, 10:16, 0] = np.nan
+        result, other = (
+            stepped(one, noise(seed, aovs=values, motion=STILL), "aovs")
+            for one, values in ((upscaler, given), (whole, aovs))
+        )
+        assert result.aovs is not None
+        assert other.aovs is not None
+        np.testing.assert_allclose(result.aovs[..., 0], 0.8, atol=1e-4)
+        np.testing.assert_array_equal(result.aovs[..., 1], other.aovs[..., 1])
+
+
 def test_a_saved_state_holds_aovs(model: Model) -> None:
     upscaler, fork = make(model), make(model)
     stepped(upscaler, with_aovs(0), "aovs")

@@ -2,7 +2,7 @@
 
 import { HALF_ONE, floatsOf } from "./half.js";
 
-const KEY = 0.18, DARKEST = 1e-4, ADAPTATION = 0.1; // as supersampler.io.display has them
+const KEY = 0.18, DARKEST = 1e-4, ADAPTATION = 0.1, MAX_HALF = 65504; // as supersampler.io.display has them
 
 export class ShotSource {
   /**
@@ -86,6 +86,9 @@ export class ShotSource {
   }
 }
 
+/** @param {number} value @returns {number} within [0, 65504]; NaN stays */
+const withinHalf = (value) => Math.min(Math.max(value, 0), MAX_HALF);
+
 /** Exposure of frames: what the shot states, else the log-average luminance as middle grey, followed slowly. */
 export class ExposureMeter {
   /** @param {import("./shot_folder.js").ShotFrame} frame @returns {number} */
@@ -94,8 +97,8 @@ export class ExposureMeter {
     const [red, green, blue] = color.map((plane) => asFloat(plane).values);
     let sum = 0, count = 0;
     for (let i = 0; i < red.length; i++) {
-      const luminance = 0.2126 * red[i] + 0.7152 * green[i] + 0.0722 * blue[i];
-      if (!(Math.min(red[i], green[i], blue[i]) >= 0 && luminance < Infinity)) continue;
+      const luminance = 0.2126 * withinHalf(red[i]) + 0.7152 * withinHalf(green[i]) + 0.0722 * withinHalf(blue[i]);
+      if (Number.isNaN(luminance)) continue;
       sum += Math.log(Math.max(luminance, DARKEST));
       count++;
     }

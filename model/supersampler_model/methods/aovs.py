@@ -11,7 +11,7 @@ from torch import Tensor
 
 from supersampler.methods.aovs.spec import AOVS
 from supersampler_model.methods.base import Method
-from supersampler_model.ops.color import finite
+from supersampler_model.ops.color import MAX_HALF, finite, is_number, least_divisor
 from supersampler_model.ops.motion import (
     dilate_motion_2x2,
     read,
@@ -20,10 +20,11 @@ from supersampler_model.ops.motion import (
     usable_depth,
     usable_motion,
 )
-from supersampler_model.ops.sampling import gaussian, grid_of, normalised, pick_first_vector, upsample
+from supersampler_model.ops.sampling import gaussian, grid_of, pick_first_vector, upsample
 from supersampler_model.ops.size import display_size_of, render_size_of
 
 SIGMA = 0.4  # Gaussian that upsamples this frame, render pixels
+LEAST_CERTAINTY = 1e-3  # sum of the weights below which samples are too far away
 
 
 class BlendAovs(Method):
@@ -41,13 +42,21 @@ class BlendAovs(Method):
         weight: Tensor,  # (1, 1, H, W) weight of the history
         history_aovs: Tensor,  # (1, k, H, W)
     ) -> tuple[Tensor, Tensor]:
-        """Return the channels at display size, (1, k, H, W); NaN and Inf count as 0."""
+        """Return the channels at display size, (1, k, H, W).
+
+        Values are clamped to [-65504, 65504]. A NaN is a missing sample: where a channel has no others, the
+        history stays.
+        """
         display, render = display_size_of(display_size), render_size_of(aovs)
         grid = grid_of(display, render, jitter)
-        samples = torch.cat([finite(aovs), torch.ones_like(depth)], dim=1)
-        current = normalised(upsample(samples, grid, gaussian(SIGMA)))
+        known = is_number(aovs).float()
+        values = torch.where(known > 0.0, aovs.clamp(-MAX_HALF, MAX_HALF), 0.0)
+        sums = upsample(torch.cat([values, known], dim=1), grid, gaussian(SIGMA))
+        total, certainty = sums.split_with_sizes([aovs.shape[1], aovs.shape[1]], dim=1)
+        current = total / certainty.clamp(min=least_divisor(certainty, 1e-6))
         _, dilated = dilate_motion_2x2(usable_depth(depth), usable_motion(motion))
         vectors = pick_first_vector(to_display(dilated, display, render), grid)
         history = read(finite(history_aovs), reproject(vectors, display, grid).position)
-        blend = current + weight.clamp(0.0, 1.0) * (history - current)
+        keep = torch.where(certainty > LEAST_CERTAINTY, weight.clamp(0.0, 1.0), 1.0)
+        blend = current + keep * (history - current)
         return blend, blend * 1.0

@@ -27,9 +27,14 @@ CONFIRMED = 3.0
 """Consecutive frames after which such light is accumulated: one shaded, one extrapolated, one more."""
 
 
+def is_number(values: Tensor) -> Tensor:
+    """Boolean mask of the values that are not NaN."""
+    return (values >= 0.0) | (values < 0.0)
+
+
 def valid(color: Tensor) -> Tensor:
-    """(1, 1, h, w) 1 where every channel is a number in [0, 65504], else 0; NaN and Inf are 0."""
-    good = (color >= 0.0) & (color <= MAX_HALF)
+    """(1, 1, h, w) 1 where no channel is NaN, else 0: a missing sample."""
+    good = is_number(color)
     return (good[:, :1] & good[:, 1:2] & good[:, 2:3]).float()
 
 
@@ -45,9 +50,9 @@ def without_glare(values: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def sanitize(color: Tensor, fallback: Tensor | float) -> Tensor:
-    """Replace values that are not in [0, 65504], NaN included, by `fallback`."""
+    """Clamp to [0, 65504], infinity included; replace NaN by `fallback`."""
     fallback = torch.as_tensor(fallback, dtype=color.dtype)
-    return torch.where((color >= 0.0) & (color <= MAX_HALF), color, fallback)
+    return torch.where(is_number(color), color.clamp(0.0, MAX_HALF), fallback)
 
 
 def finite(values: Tensor) -> Tensor:

@@ -96,8 +96,8 @@ def to_uint16(shown: Array) -> NDArray[np.uint16]:
 def auto_exposure(color: NDArray[Any]) -> float:
     """Return the exposure that maps an image's log-average luminance to 0.18.
 
-    0.18 / exp(mean(log(max(luminance, 1e-4)))) with BT.709 luminance, over the pixels whose components are
-    all in [0, 65504].
+    0.18 / exp(mean(log(max(luminance, 1e-4)))) with BT.709 luminance of the pixels clamped to [0, 65504],
+    without those that have a NaN.
 
     Args:
         color: (h, w, 3) linear RGB.
@@ -109,7 +109,7 @@ def auto_exposure(color: NDArray[Any]) -> float:
         ArgumentError: it is not of that shape, or has no numbers.
     """
     color = checked_image("color", color)
-    usable = color[((color >= 0.0) & (color <= MAX_HALF)).all(axis=-1)].astype(np.float32, copy=False)
+    usable = color[~np.isnan(color).any(axis=-1)].astype(np.float32, copy=False).clip(0.0, MAX_HALF)
     if not usable.size:
         return EXPOSURE_KEY / _DARKEST
     logs = np.log(np.maximum(usable @ BT709, _DARKEST))

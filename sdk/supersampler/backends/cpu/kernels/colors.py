@@ -26,9 +26,14 @@ GLARE, CONFIRMED = 4.0, 3.0
 
 @device_function
 def usable(r: Any, g: Any, b: Any) -> Any:
-    """Return where every channel is in [0, MAX_HALF]."""
-    low = (r >= 0.0) & (g >= 0.0) & (b >= 0.0)
-    return low & (r <= MAX_HALF) & (g <= MAX_HALF) & (b <= MAX_HALF)
+    """Return where no channel is NaN."""
+    return is_number(r) & is_number(g) & is_number(b)
+
+
+@device_function
+def is_number(c: Any) -> Any:
+    """Return where values are not NaN."""
+    return (c >= 0.0) | (c < 0.0)
 
 
 @device_function
@@ -40,8 +45,8 @@ def without_glare(values: Any) -> Any:
 
 @device_function
 def sanitize(c: Any) -> Any:
-    """Replace values outside [0, MAX_HALF], and NaN, by 0."""
-    return select((c >= 0.0) & (c <= MAX_HALF), c, 0.0)
+    """Clamp to [0, MAX_HALF]; NaN becomes 0."""
+    return minimum(select(c > 0.0, c, 0.0), MAX_HALF)
 
 
 @device_function

@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from supersampler.backends.cpu.kernels.colors import MAX_HALF
 from supersampler.backends.cpu.kernels.frame import MAX_MOTION
-from supersampler.backends.cpu.kernels.sample_sums import begin_with
+from supersampler.backends.cpu.kernels.sample_sums import begin_with, within_half
 from supersampler.backends.cpu.kernels.tile_reuse import MIN_MOTION
 from supersampler.backends.cpu.layout import STATIC_TILE, SUM_VALUES
 from supersampler.backends.cpu.simd.device_function import device_function
@@ -41,8 +40,9 @@ def measure_noise(frame: NoisyFrame, y0: int, y1: int, x0: int, x1: int, measure
                     sample = row * tiles.samples_across + columns.sample[x]
                     if moves(frame.motion, sample):
                         moving = 1.0
-                    light = color[3 * sample] + color[3 * sample + 1] + color[3 * sample + 2]
-                    if light >= 0.0 and light <= MAX_HALF:
+                    r, g, b = color[3 * sample], color[3 * sample + 1], color[3 * sample + 2]
+                    if r == r and g == g and b == b:
+                        light = within_half(r) + within_half(g) + within_half(b)
                         toned = light * exposure / (3.0 + light * exposure)
                         close = depth[sample] if depth[sample] >= 0.0 else np.float32(0.0)
                         count += 1.0
@@ -97,8 +97,9 @@ def add_noisy_samples(
                     weight = tiles.weights[row_kind + columns.kind[x]]
                     sample = (row * tiles.samples_across + column) * 3
                     r, g, b = color[sample], color[sample + 1], color[sample + 2]
-                    if min(r, min(g, b)) >= np.float32(0.0) and max(r, max(g, b)) <= np.float32(MAX_HALF):
+                    if r == r and g == g and b == b:
                         at, to = (y * width + x) * SUM_VALUES, (y * width + x) * 4
                         for c in range(3):
-                            add_compensated(sums, at + c, compensation, to + c, weight * color[sample + c])
+                            value = weight * within_half(color[sample + c])
+                            add_compensated(sums, at + c, compensation, to + c, value)
                         add_compensated(sums, at + 3, compensation, to + 3, weight)

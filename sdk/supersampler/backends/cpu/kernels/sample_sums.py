@@ -29,17 +29,24 @@ def begin_with(sums, sums_before, begin, count, keep):
 
 
 @device_function
+def within_half(value):
+    """Clamp a number to [0, MAX_HALF]."""
+    return min(max(value, np.float32(0.0)), np.float32(MAX_HALF))
+
+
+@device_function
 def add_sample(sums, at, color, sample, weight):
-    """Add a sample to the sums of a pixel; leave out one that is not a number in [0, MAX_HALF]."""
+    """Add a sample to the sums of a pixel, clamped to [0, MAX_HALF]; leave out one with a NaN."""
     r, g, b = color[sample], color[sample + 1], color[sample + 2]
-    if not (min(r, min(g, b)) >= np.float32(0.0) and max(r, max(g, b)) <= np.float32(MAX_HALF)):
+    if r != r or g != g or b != b:
         return
+    r, g, b = within_half(r), within_half(g), within_half(b)
     before = sums[at + 3]
     after = before + weight
     if before > LEAST_WEIGHT:
         change = np.float32(0.0)
         for c in range(3):
-            value, total = color[sample + c], sums[at + c]
+            value, total = within_half(color[sample + c]), sums[at + c]
             change += (value - total / before) * (value - (total + weight * value) / after)
         sums[at + 4] += weight * change * np.float32(1.0 / 3.0)
     sums[at] += weight * r

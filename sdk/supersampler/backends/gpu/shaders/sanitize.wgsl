@@ -12,17 +12,17 @@ const INFINITY_BITS = 0x7f800000u;
 const DARKNESS = 1e-12;       // fading averages would otherwise end as denormals
 const DARKNESS_BITS = 0x2b8cbcccu;
 
-// Whether a value is in [0, 65504]; -0 is.
-fn is_valid(value: f32) -> bool {
-    let bits = bitcast<u32>(value);
-    return bits <= MAX_HALF_BITS || bits == SIGN;
+// Whether no channel is NaN.
+fn all_valid(color: vec3f) -> bool {
+    return all((bitcast<vec3u>(color) & vec3u(~SIGN)) <= vec3u(INFINITY_BITS));
 }
 
-fn all_valid(color: vec3f) -> bool { return is_valid(color.r) && is_valid(color.g) && is_valid(color.b); }
+// Clamp to [0, 65504], infinity included; NaN becomes 0.
+fn sanitize(color: vec3f) -> vec3f { return vec3f(sanitize1(color.r), sanitize1(color.g), sanitize1(color.b)); }
 
-// Channels that are not in [0, 65504] become 0.
-fn sanitize(color: vec3f) -> vec3f {
-    return select(vec3f(0.0), color, vec3<bool>(is_valid(color.r), is_valid(color.g), is_valid(color.b)));
+fn sanitize1(value: f32) -> f32 {
+    let bits = bitcast<u32>(value);   // negative values have the largest patterns
+    return select(select(value, MAX_HALF, bits > MAX_HALF_BITS), 0.0, bits > INFINITY_BITS);
 }
 
 // NaN and Inf become zero motion.
