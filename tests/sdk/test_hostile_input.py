@@ -154,7 +154,7 @@ def test_a_lamp_that_stays_out_of_range_is_shown_and_not_black(
     for index in range(24):
         image = upscaler.step(still(index, color=color))
         got = image[2 * center[0] - 1 : 2 * center[0] + 1, 2 * center[1] - 1 : 2 * center[1] + 1]
-        wanted = np.broadcast_to(np.float32(want), got.shape)
+        wanted = np.broadcast_to(np.array(want, np.float32), got.shape)
         if index > 0:  # the first frame of a method may know an edge alone
             off = np.abs(display_transform(got) - display_transform(wanted))
             assert off.max() < 0.03, index

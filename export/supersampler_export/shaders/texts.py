@@ -8,7 +8,7 @@ INPUTS: dict[str, dict[str, Any]] = {
         "unit": "linear scene RGB, before tone mapping, bloom, depth of field, motion blur and grain",
         "range": [0.0, 65504.0],
         "sampling": "once a pixel, at its centre + jitter",
-        "invalid": "negative values count as 0, larger ones and Inf as 65504; a pixel with a NaN is a missing sample",
+        "invalid": "negative values count as 0, larger ones as 65504; a pixel with a NaN is a missing sample",
         "formats": ["rgba16float", "rgba32float"],
     },
     "depth": {

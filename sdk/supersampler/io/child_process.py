@@ -57,6 +57,7 @@ class ChildProcess:
         self._supervised = bool(supervisor)
         read_end, write_end = os.pipe()
         self._lifeline: int | None = write_end
+        self._closing = threading.Lock()
         try:
             self._process = subprocess.Popen(  # noqa: S603  # the caller names the program
                 [*supervisor, *command],
@@ -69,7 +70,7 @@ class ChildProcess:
                 creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
             )
         except BaseException:
-            self.stop()
+            os.close(write_end)
             raise
         finally:
             os.close(read_end)
@@ -88,9 +89,10 @@ class ChildProcess:
 
     def stop(self) -> None:
         """Tell the program to end; returns at once."""
-        if self._lifeline is not None:
-            os.close(self._lifeline)
-            self._lifeline = None
+        with self._closing:  # a second close could be that of another file
+            lifeline, self._lifeline = self._lifeline, None
+        if lifeline is not None:
+            os.close(lifeline)
             if not self._supervised:
                 _signal_group(self._process, _TERMINATE)
 

@@ -125,9 +125,10 @@ class BlenderRender:
 
     def close(self) -> None:
         """End Blender, if it still runs; frames that are complete stay."""
-        self._child.stop()
-        self._wait(lambda: False)  # until its last messages are read
         self._child.close()
+        with self._changed:
+            self._changed.wait_for(lambda: self._done, GRACE)  # its last messages are read
+            self._done = True
         self._log.close()
 
     def _wait(self, is_true: Callable[[], bool]) -> bool:
