@@ -32,6 +32,8 @@ SIZES = [
 BYTES, LARGE, ROUNDING = (3e-3, 0.03), (3.3e-3, 0.03), (1e-5, 1e-3)
 """Mean difference, and that at 99 % of the pixels, of images in [0, 1]: with an int8 network, with one whose
 history is larger, without."""
+BRIGHT = (2e-5, 1e-3)
+"""Without a network, where light is beyond half floats: toned, it is a few steps of rounding below 1."""
 
 
 @pytest.fixture(scope="module")
@@ -53,10 +55,10 @@ def history_of(upscaler: Upscaler) -> Mapping[str, Any]:
     return history
 
 
-def compare(one: Float32, other: Float32, method: str) -> None:
+def compare(one: Float32, other: Float32, method: str, rounding: tuple[float, float] = ROUNDING) -> None:
     off = np.abs(display_transform(one) - display_transform(other))
     networks = {"classifier": BYTES, "classifier-small": BYTES, "classifier-large": LARGE}
-    mean, most = networks.get(method, ROUNDING)
+    mean, most = networks.get(method, rounding)
     assert off.mean() <= mean
     assert np.quantile(off, 0.99) <= most
 
@@ -101,7 +103,7 @@ def test_hostile_pixels_do_the_same_on_both(
     for one, other in step_both(models, method, frames, (64, 36)):
         assert np.isfinite(other.image).all()
         assert other.image.min() >= 0
-        compare(one.image, other.image, method)
+        compare(one.image, other.image, method, BRIGHT if bad > 1e4 else ROUNDING)
 
 
 def test_a_frame_that_is_a_flash_does_the_same_on_both(models: dict[tuple[str, str], Model]) -> None:
