@@ -129,8 +129,9 @@ def ignored() -> Any:
 
 @pytest.mark.usefixtures("ignored")
 def test_cancel_of_the_extension_ends_the_command_where_sigint_is_ignored(
-    extension: Any, tmp_path: Path
+    extension: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(extension, "_PATIENCE", 1e9)  # to ask is enough
     running = started(extension, tmp_path)
     pid = int((tmp_path / "pid").read_text())
     began = time.monotonic()
