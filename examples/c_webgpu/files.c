@@ -40,16 +40,16 @@ static FILE *opened(const char *folder, const char *name, const char *mode)
     return file;
 }
 
-/* Read a file of `least` to `most` bytes. */
-static char *content(const char *folder, const char *name, size_t least, size_t most)
+/* Read a file of `min` to `max` bytes. */
+static char *content(const char *folder, const char *name, size_t min, size_t max)
 {
     FILE *file = opened(folder, name, "rb");
     long length = fseek(file, 0, SEEK_END) == 0 ? ftell(file) : -1;
     size_t size = length < 0 ? SIZE_MAX : (size_t)length;
-    if (size < least || size > most) {
+    if (size < min || size > max) {
         fclose(file);
-        const char *limit = least == most ? "" : "at most ";
-        fail("%s/%s: %ld bytes; want %s%zu; export it again", folder, name, length, limit, most);
+        const char *limit = min == max ? "" : "at most ";
+        fail("%s/%s: %ld bytes; want %s%zu; export it again", folder, name, length, limit, max);
     }
     rewind(file);
     char *data = malloc(size + 1);
@@ -62,7 +62,7 @@ static char *content(const char *folder, const char *name, size_t least, size_t 
 
 static bool is_utf8(const char *text)
 {
-    static const uint32_t least[] = {0, 0x80, 0x800, 0x10000}; /* codes of 1 to 4 bytes */
+    static const uint32_t min[] = {0, 0x80, 0x800, 0x10000}; /* codes of 1 to 4 bytes */
     for (const unsigned char *at = (const unsigned char *)text; *at != 0;) {
         int more = *at < 0x80 ? 0 : *at < 0xe0 ? 1 : *at < 0xf0 ? 2 : 3;
         uint32_t code = more == 0 ? *at : *at & (0x3fu >> more);
@@ -72,7 +72,7 @@ static bool is_utf8(const char *text)
             if (*at >> 6 != 2) return false;
             code = code << 6 | (*at & 0x3fu);
         }
-        if (code < least[more] || code > 0x10ffff || (code >= 0xd800 && code < 0xe000)) return false;
+        if (code < min[more] || code > 0x10ffff || (code >= 0xd800 && code < 0xe000)) return false;
     }
     return true;
 }
@@ -115,12 +115,12 @@ const cJSON *member(const cJSON *object, const char *name)
     return found;
 }
 
-const cJSON *list_of(const cJSON *object, const char *name, int least, int most)
+const cJSON *list_of(const cJSON *object, const char *name, int min, int max)
 {
     const cJSON *list = member(object, name);
     int count = cJSON_GetArraySize(list);
-    if (!cJSON_IsArray(list) || count < least || count > most)
-        refuse(object, name, "a list of %d to %d items", least, most);
+    if (!cJSON_IsArray(list) || count < min || count > max)
+        refuse(object, name, "a list of %d to %d items", min, max);
     return list;
 }
 
@@ -159,50 +159,50 @@ bool flag_of(const cJSON *object, const char *name)
 }
 
 /* Whether a number is in a range; false for NaN, and for what is no number. */
-static bool is_within(const cJSON *number, double least, double most)
+static bool is_within(const cJSON *number, double min, double max)
 {
-    return cJSON_IsNumber(number) && number->valuedouble >= least && number->valuedouble <= most;
+    return cJSON_IsNumber(number) && number->valuedouble >= min && number->valuedouble <= max;
 }
 
-static bool is_whole(const cJSON *number, uint32_t least, uint32_t most)
+static bool is_whole(const cJSON *number, uint32_t min, uint32_t max)
 {
-    return is_within(number, least, most) && number->valuedouble == (uint32_t)number->valuedouble;
+    return is_within(number, min, max) && number->valuedouble == (uint32_t)number->valuedouble;
 }
 
-uint32_t whole_of(const cJSON *object, const char *name, uint32_t least, uint32_t most)
+uint32_t whole_of(const cJSON *object, const char *name, uint32_t min, uint32_t max)
 {
     const cJSON *number = member(object, name);
-    if (!is_whole(number, least, most)) refuse(object, name, "a whole number from %u to %u", least, most);
+    if (!is_whole(number, min, max)) refuse(object, name, "a whole number from %u to %u", min, max);
     return (uint32_t)number->valuedouble;
 }
 
-float number_of(const cJSON *object, const char *name, float least, float most)
+float number_of(const cJSON *object, const char *name, float min, float max)
 {
     const cJSON *number = member(object, name);
-    if (!is_within(number, least, most)) refuse(object, name, "a number from %g to %g", least, most);
+    if (!is_within(number, min, max)) refuse(object, name, "a number from %g to %g", min, max);
     return (float)number->valuedouble;
 }
 
-void two_wholes_of(const cJSON *object, const char *name, uint32_t most, uint32_t values[2])
+void two_wholes_of(const cJSON *object, const char *name, uint32_t max, uint32_t values[2])
 {
     const cJSON *list = member(object, name);
     bool is_pair = cJSON_IsArray(list) && cJSON_GetArraySize(list) == 2;
     for (int i = 0; i < 2; i++) {
         const cJSON *number = cJSON_GetArrayItem(list, i);
-        if (!is_pair || !is_whole(number, 1, most))
-            refuse(object, name, "two whole numbers from 1 to %u", most);
+        if (!is_pair || !is_whole(number, 1, max))
+            refuse(object, name, "two whole numbers from 1 to %u", max);
         values[i] = (uint32_t)number->valuedouble;
     }
 }
 
-void two_numbers_of(const cJSON *object, const char *name, float least, float most, float values[2])
+void two_numbers_of(const cJSON *object, const char *name, float min, float max, float values[2])
 {
     const cJSON *list = member(object, name);
     bool is_pair = cJSON_IsArray(list) && cJSON_GetArraySize(list) == 2;
     for (int i = 0; i < 2; i++) {
         const cJSON *number = cJSON_GetArrayItem(list, i);
-        if (!is_pair || !is_within(number, least, most))
-            refuse(object, name, "two numbers from %g to %g", least, most);
+        if (!is_pair || !is_within(number, min, max))
+            refuse(object, name, "two numbers from %g to %g", min, max);
         values[i] = (float)number->valuedouble;
     }
 }

@@ -37,8 +37,8 @@ cJSON *read_json(const char *folder, const char *name);
 /* A member of an object, which must be there. */
 const cJSON *member(const cJSON *object, const char *name);
 
-/* One that is a list of `least` to `most` items. */
-const cJSON *list_of(const cJSON *object, const char *name, int least, int most);
+/* One that is a list of `min` to `max` items. */
+const cJSON *list_of(const cJSON *object, const char *name, int min, int max);
 
 const char *text_of(const cJSON *object, const char *name);
 
@@ -50,12 +50,12 @@ int choice_of(const cJSON *object, const char *name, const char *const known[], 
 
 bool flag_of(const cJSON *object, const char *name);
 
-uint32_t whole_of(const cJSON *object, const char *name, uint32_t least, uint32_t most);
+uint32_t whole_of(const cJSON *object, const char *name, uint32_t min, uint32_t max);
 
-float number_of(const cJSON *object, const char *name, float least, float most);
+float number_of(const cJSON *object, const char *name, float min, float max);
 
 /* Lists of two, (x, y) or (width, height). */
-void two_wholes_of(const cJSON *object, const char *name, uint32_t most, uint32_t values[2]); /* from 1 */
-void two_numbers_of(const cJSON *object, const char *name, float least, float most, float values[2]);
+void two_wholes_of(const cJSON *object, const char *name, uint32_t max, uint32_t values[2]); /* from 1 */
+void two_numbers_of(const cJSON *object, const char *name, float min, float max, float values[2]);
 
 #endif

@@ -81,23 +81,23 @@ export function bytesOf(described, width, height) {
 /** Return whether display size over render size is in a range, up to the rounding of both to whole pixels. */
 export function fitsRatio([low, high], render, display) {
   return [0, 1].every((axis) => {
-    const least = (display[axis] - 1) / (render[axis] + 1);
-    return least <= high && (render[axis] === 1 || (display[axis] + 1) / (render[axis] - 1) >= low);
+    const min = (display[axis] - 1) / (render[axis] + 1);
+    return min <= high && (render[axis] === 1 || (display[axis] + 1) / (render[axis] - 1) >= low);
   });
 }
 
-/** Return the body of a Response as an ArrayBuffer; null where it has more than `most` bytes. */
-export async function bodyOf(response, most) {
+/** Return the body of a Response as an ArrayBuffer; null where it has more than `max` bytes. */
+export async function bodyOf(response, max) {
   if (!response.body?.getReader) {
     const whole = await response.arrayBuffer();
-    return whole.byteLength > most ? null : whole;
+    return whole.byteLength > max ? null : whole;
   }
   const stream = response.body.getReader();
   const parts = [];
   let bytes = 0;
   for (let part = await stream.read(); !part.done; part = await stream.read()) {
     bytes += part.value.length;
-    if (bytes > most) {
+    if (bytes > max) {
       stream.cancel().catch(() => {});
       return null;
     }
@@ -106,16 +106,16 @@ export async function bodyOf(response, most) {
   return new Blob(parts).arrayBuffer();
 }
 
-/** Return a function that reads a file of the folder, of at most `most` bytes, as "text" or "bytes". */
+/** Return a function that reads a file of the folder, of at most `max` bytes, as "text" or "bytes". */
 export function reader(source) {
   const folder = typeof source === "function" ? null : String(source).replace(/\/?$/, "/");
   const get = folder === null ? source : (name) => fetch(folder + name);
-  return async (name, kind, most) => {
+  return async (name, kind, max) => {
     const where = `${folder ?? ""}${name}`;
     let got;
     try {
       got = await get(name);
-      if (got?.ok !== false && typeof got?.arrayBuffer === "function") got = await bodyOf(got, most);
+      if (got?.ok !== false && typeof got?.arrayBuffer === "function") got = await bodyOf(got, max);
     } catch (error) {
       throw new UpscalerError(where, `unreadable (${error.message})`, "a file of the exported folder");
     }
@@ -123,8 +123,8 @@ export function reader(source) {
       const hint = "Copy the whole folder; its files lie side by side.";
       throw new UpscalerError(where, `HTTP ${got.status}`, "a file of the exported folder", hint);
     }
-    if (got === null || got?.byteLength > most || got?.length > most) {
-      throw new UpscalerError(where, "larger", `at most ${most} bytes`, EXPORT);
+    if (got === null || got?.byteLength > max || got?.length > max) {
+      throw new UpscalerError(where, "larger", `at most ${max} bytes`, EXPORT);
     }
     if (typeof got === "string" && kind === "text") return got;
     if (!(got instanceof ArrayBuffer) && !ArrayBuffer.isView(got)) {
@@ -173,9 +173,9 @@ export class Field {
     return member.value === undefined || member.value === null ? otherwise : read(member);
   }
 
-  items(least, most) {
-    const isList = (value) => Array.isArray(value) && value.length >= least && value.length <= most;
-    const items = this.as(`a list of ${least} to ${most} items`, isList);
+  items(min, max) {
+    const isList = (value) => Array.isArray(value) && value.length >= min && value.length <= max;
+    const items = this.as(`a list of ${min} to ${max} items`, isList);
     return items.map((one, index) => new Field(`${this.place}[${index}]`, one, this.fail));
   }
 
@@ -184,14 +184,14 @@ export class Field {
     return this.items(2, 2).map(read);
   }
 
-  number(least, most) {
-    const isNumber = (value) => typeof value === "number" && value >= least && value <= most;
-    return this.as(`a number from ${least} to ${most}`, isNumber);
+  number(min, max) {
+    const isNumber = (value) => typeof value === "number" && value >= min && value <= max;
+    return this.as(`a number from ${min} to ${max}`, isNumber);
   }
 
-  whole(least, most) {
-    const isWhole = (value) => Number.isInteger(value) && value >= least && value <= most;
-    return this.as(`a whole number from ${least} to ${most}`, isWhole);
+  whole(min, max) {
+    const isWhole = (value) => Number.isInteger(value) && value >= min && value <= max;
+    return this.as(`a whole number from ${min} to ${max}`, isWhole);
   }
 
   positive() {
@@ -200,10 +200,10 @@ export class Field {
     return this.as("a number > 0", isPositive);
   }
 
-  text(most = TEXT) {
+  text(max = TEXT) {
     return this.as(
-      `text of at most ${most} characters`,
-      (value) => typeof value === "string" && value.length <= most,
+      `text of at most ${max} characters`,
+      (value) => typeof value === "string" && value.length <= max,
     );
   }
 
@@ -273,7 +273,7 @@ function checkFacts(file) {
   file.at("precision").oneOf(["fp32", "int8"]);
   file.at("attributions").texts();
   const [low, high] = file.at("ratios").pair((ratio) => ratio.number(...RATIOS));
-  file.at("ratios").as("the least ratio before the largest", () => low <= high);
+  file.at("ratios").as("the smaller ratio first", () => low <= high);
   const requires = file.at("requires");
   requires.at("features").texts();
   requires.at("wgsl_language_features").texts();
@@ -396,7 +396,7 @@ function checkPass(pass, resources) {
 }
 
 export function checkDevice(device, info) {
-  const lacking = Object.entries(info.requires.limits).filter(([name, least]) => device.limits[name] < least);
+  const lacking = Object.entries(info.requires.limits).filter(([name, min]) => device.limits[name] < min);
   lacking.push(
     ...info.requires.features.filter((name) => !device.features.has(name)).map((name) => [name, ""]),
   );
@@ -406,7 +406,7 @@ export function checkDevice(device, info) {
     lacking.push(...wanted.filter((name) => !known.has(name)).map((name) => [`WGSL's ${name}`, ""]));
   }
   if (lacking.length) {
-    const want = lacking.map(([name, least]) => `${name} ${least}`.trimEnd()).join(", ");
+    const want = lacking.map(([name, min]) => `${name} ${min}`.trimEnd()).join(", ");
     throw new UpscalerError("device", `below that, on ${adapterText(device)}`, want, UPDATE);
   }
 }
@@ -435,9 +435,9 @@ export function checkMemory(device, info, sizes, name, of) {
     }
     total += bytes;
   }
-  const most =
+  const max =
     FIXED_BYTES + PIXEL_BYTES * BASES.reduce((sum, base) => sum + sizes[base][0] * sizes[base][1], 0);
-  if (total > most) refuse(`, which needs ${total} bytes`, `at most ${most}`, EXPORT);
+  if (total > max) refuse(`, which needs ${total} bytes`, `at most ${max}`, EXPORT);
   for (const pass of info.passes) {
     const groups = sizeOf(pass.covers, sizes).map((side, axis) => Math.ceil(side / pass.tile[axis]));
     if (Math.max(...groups) > maxComputeWorkgroupsPerDimension) {

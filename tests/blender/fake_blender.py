@@ -4,7 +4,7 @@
 
 plan.json beside the scene's file says what goes wrong: "error" or "crash" before the first frame; "error at",
 "crash at" or "hang at" a frame's number; "wait at" a number "for" a file. "prints" is text before the first
-frame, "ours" lines that begin with the word, "note" a note; "stubborn" ignores SIGTERM; "daughter" is how
+frame, "ours" lines that begin with the token, "note" a note; "stubborn" ignores SIGTERM; "daughter" is how
 long a program that it starts holds its output open. "scene" changes its description. It prints "Fra:7" for
 each frame, as Blender does.
 """
@@ -23,7 +23,7 @@ RECORDED = Path(__file__).with_name("recorded")
 
 
 def report(**content: object) -> None:
-    print(f"\n{SETTINGS['word']}{json.dumps(content)}", flush=True)
+    print(f"\n{SETTINGS['token']}{json.dumps(content)}", flush=True)
 
 
 def stop(error: str) -> None:
@@ -45,7 +45,7 @@ def main() -> None:
     sys.stdout.write(plan.get("prints", ""))
     sys.stdout.flush()
     for line in plan.get("ours", []):
-        print(f"\n{SETTINGS['word']}{line}", flush=True)
+        print(f"\n{SETTINGS['token']}{line}", flush=True)
     if "error" in plan:
         stop(plan["error"])
     if "crash" in plan:

@@ -37,7 +37,7 @@ def wait_until(what: Callable[[], object], seconds: float = SECONDS) -> None:
 
 
 def signals(*, ignored: bool) -> Callable[[], None]:
-    """What a shell does with a job in the background, or nohup; or what a terminal has."""
+    """Return a function that ignores SIGINT and SIGHUP, as `nohup` does, or restores their defaults."""
     how = signal.SIG_IGN if ignored else signal.SIG_DFL
 
     def apply() -> None:

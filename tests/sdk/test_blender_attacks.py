@@ -1,4 +1,4 @@
-"""What a .blend file, an add-on or a hanging Blender may not cause: files, hangs, text for the terminal."""
+"""Attacks by a .blend file, an add-on or a hanging Blender: on files, on the terminal, and hangs."""
 
 import json
 import threading

@@ -129,7 +129,7 @@ def attacks_by_images() -> dict[str, tuple[bytes, str]]:
         ),
         "a bomb that blocks share": (
             exr((1024, 3200), [bomb] * 200, channels=wide, offsets=lambda found: [found[0]] * 200)[:200_000],
-            "row 16 is said to be where row 0 is",
+            "the block of row 16 states row 0",
         ),
         "a block in another": (nested(), "have bytes of something else"),
         "a block in the header": (exr((8, 16), [rows], offsets=lambda _: [8]), "damaged"),
@@ -148,7 +148,7 @@ def attacks_by_images() -> dict[str, tuple[bytes, str]]:
         ),
         "rows of another block": (
             exr((8, 32), [rows, rows], offsets=lambda found: found[::-1]),
-            "row 0 is said to be where row 16 is",
+            "the block of row 0 states row 16",
         ),
         "too little": (exr((8, 16), [zlib.compress(bytes(10))]), "a block becomes 10 bytes; want 256"),
         "a stream cut off": (exr((8, 16), [zlib.compress(bytes(256))[:-3]]), "damaged or cut off"),
@@ -394,7 +394,7 @@ def shader_edits(content: dict[str, Any]) -> dict[str, tuple[Edit, str]]:
         ),
         "no pairs": ((("history", "pairs"), []), "want a list with history_"),
         "ratios that are none": ((("ratios",), [0, 3]), "ratios[0] is 0"),
-        "ratios in another order": ((("ratios",), [3, 1]), "ratios is [3,1]; want the least ratio before"),
+        "ratios in another order": ((("ratios",), [3, 1]), "ratios is [3,1]; want the smaller ratio first"),
         "no colour": ((("inputs",), content["inputs"][1:]), "want a list with color"),
         "an input that is none": ((("inputs", 0, "name"), "length"), "inputs[0].name is"),
         "no requirements": ((("requires",), GONE), "requires is undefined"),

@@ -156,7 +156,7 @@ function readBlocks(view, table, { rows, height, first, rowBytes, isPacked }, na
     const at = Number(view.getBigUint64(table + 8 * index, true)) + 8, top = index * rows;
     const count = Math.min(rows, height - top), bytes = rowBytes * count;
     const y = view.getInt32(at - 8, true), size = view.getInt32(at - 4, true);
-    if (y !== first + top) throw damaged(name, `row ${first + top} is said to be where row ${y} is`);
+    if (y !== first + top) throw damaged(name, `the block of row ${first + top} states row ${y}`);
     if (size > bytes || size < (isPacked ? bytes / EXPANSION : bytes)) {
       throw damaged(name, `rows from ${top} on are ${size} bytes, which cannot be ${bytes}`);
     }
@@ -186,7 +186,7 @@ async function inflate(packed, bytes, name) {
   });
   for (let part = await next(); !part.done; part = await next()) {
     if (part.value.length > bytes - at) {
-      reader.cancel().catch(() => {}); // what it was cannot be told any more
+      reader.cancel().catch(() => {}); // the file is refused whatever the stream answers
       throw damaged(name, `a block becomes more than ${bytes} bytes`);
     }
     inflated.set(part.value, at);

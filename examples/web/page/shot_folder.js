@@ -39,8 +39,8 @@ export class ShotError extends Error {
  * @property {string} file @property {string | null} reference file
  * @property {[number, number]} size @property {[number, number]} jitter
  * @property {boolean} reset @property {number | null} exposure
- * @typedef {(name: string, most: number) => Promise<ArrayBuffer>} Read reads a file of the folder, by its name in
- *   shot.json; throws a ShotError where it has more than `most` bytes
+ * @typedef {(name: string, max: number) => Promise<ArrayBuffer>} Read reads a file of the folder, by its name in
+ *   shot.json; throws a ShotError where it has more than `max` bytes
  */
 
 export class ShotFolder {
@@ -136,16 +136,16 @@ const named = (name, reading) => reading.catch((error) => {
   throw new ShotError(`${name} cannot be read: ${error.message}.`);
 });
 
-const tooLarge = (name, most) => new ShotError(`${name} is larger than ${most >> 20} MiB.`);
+const tooLarge = (name, max) => new ShotError(`${name} is larger than ${max >> 20} MiB.`);
 
 /** @param {URL} folder @returns {Read} reads files of a server's folder */
 export function readerOfUrl(folder) {
-  return async (name, most) => {
+  return async (name, max) => {
     const encoded = name.split("/").map(encodeURIComponent).join("/"); // "%2e%2e" would leave the folder
     const answer = await named(name, fetch(new URL(encoded, folder)));
     if (!answer.ok) throw new ShotError(`${name} cannot be read from the server: ${answer.status} ${answer.statusText}.`);
-    const body = await named(name, bodyOf(answer, most));
-    if (!body) throw tooLarge(name, most);
+    const body = await named(name, bodyOf(answer, max));
+    if (!body) throw tooLarge(name, max);
     return body;
   };
 }
@@ -155,10 +155,10 @@ export function readerOfUrl(folder) {
  * @returns {Read}
  */
 export function readerOfFiles(files) {
-  return async (name, most) => {
+  return async (name, max) => {
     const file = files.get(name);
     if (!file) throw new ShotError(`${name} is missing among the ${files.size} files of the folder.`);
-    if (file.size > most) throw tooLarge(name, most);
+    if (file.size > max) throw tooLarge(name, max);
     return named(name, file.arrayBuffer());
   };
 }

@@ -56,7 +56,7 @@ class ChildProcess:
         supervisor = [sys.executable, "-I", "-S", __file__] if has_interpreter() else []
         self._supervised = bool(supervisor)
         read_end, write_end = os.pipe()
-        self._lifeline: int | None = write_end
+        self._stop_pipe: int | None = write_end
         self._closing = threading.Lock()
         try:
             self._process = subprocess.Popen(  # noqa: S603  # the caller names the program
@@ -90,9 +90,9 @@ class ChildProcess:
     def stop(self) -> None:
         """Tell the program to end; returns at once."""
         with self._closing:  # a second close could be that of another file
-            lifeline, self._lifeline = self._lifeline, None
-        if lifeline is not None:
-            os.close(lifeline)
+            stop_pipe, self._stop_pipe = self._stop_pipe, None
+        if stop_pipe is not None:
+            os.close(stop_pipe)
             if not self._supervised:
                 _signal_group(self._process, _TERMINATE)
 
@@ -155,7 +155,7 @@ _KILL = getattr(signal, "SIGKILL", signal.SIGTERM)  # Windows has one way alone
 
 
 def _signal_group(process: "subprocess.Popen[bytes]", number: int) -> None:
-    """Send a signal to a process that has not been waited for, and to what it started."""
+    """Send a signal to a running process and to the processes that it started."""
     if process.poll() is None:
         with suppress(ProcessLookupError, PermissionError):
             os.killpg(process.pid, number) if hasattr(os, "killpg") else process.send_signal(number)
@@ -169,7 +169,7 @@ def _supervise(command: Sequence[str]) -> int:
     process = subprocess.Popen(command, stdin=subprocess.DEVNULL)  # noqa: S603  # the parent names it
     threading.Thread(target=_end_when_closed, args=(process,), daemon=True).start()
     code = process.wait()
-    if hasattr(os, "killpg"):  # what the program has started and left behind
+    if hasattr(os, "killpg"):  # ends processes that the program started and left running
         os.killpg(0, _TERMINATE)
     return code if code >= 0 else 128 - code
 

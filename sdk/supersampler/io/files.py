@@ -34,9 +34,14 @@ def os_errors_as_shot_error(path: Path | str, action: str = "read", hint: str = 
         raise ShotError(path, f"cannot be {action} ({error})", hint) from error
 
 
-def partial_name(path: Path) -> Path:
-    """Return a new temporary name beside `path`, which `remove_partial_files` knows."""
-    return path.with_name(f".{path.stem}.{secrets.token_hex(4)}{_PARTIAL}{path.suffix}")
+def partial_name(path: Path, run: str = "") -> Path:
+    """Return a temporary name beside `path`, as `remove_partial_files` finds it.
+
+    Args:
+        path: the file.
+        run: eight hexadecimal digits; "" generates them.
+    """
+    return path.with_name(f".{path.stem}.{run or secrets.token_hex(4)}{_PARTIAL}{path.suffix}")
 
 
 @contextmanager

@@ -1,7 +1,7 @@
 """Write EXR, PNG, TIFF and JPEG files by OpenImageIO. Channel types are kept; writes are atomic."""
 
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -120,26 +120,30 @@ def write_tiff(path: Path | str, image: Levels, encoding: str = SRGB) -> None:
 
 def encode_exr(image: Channel) -> bytes:
     """Return an (h, w, 3) image as the bytes of an EXR file; see `write_exr`."""
-    with tempfile.TemporaryDirectory() as folder:
-        write_exr(path := Path(folder) / "image.exr", image)
-        return path.read_bytes()
+    return _encoded("image.exr", lambda path: write_exr(path, image))
 
 
 def encode_png(image: Bytes) -> bytes:
     """Return (h, w, 3) uint8 sRGB pixels as the bytes of a PNG file."""
-    with tempfile.TemporaryDirectory() as folder:
-        write_png(path := Path(folder) / "image.png", image)
-        return path.read_bytes()
+    return _encoded("image.png", lambda path: write_png(path, image))
 
 
 def encode_jpeg(image: Bytes, quality: int = 90) -> bytes:
     """Return (h, w, 3) uint8 sRGB pixels as the bytes of a JPEG file; `quality` is 1 (smallest) to 100."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "image.jpg"
+
+    def write(path: Path) -> None:
         spec = _integer_spec(path, image, np.uint8)
         spec.attribute("Compression", f"jpeg:{quality}")
         spec.attribute("jpeg:subsampling", "4:4:4")  # 4:2:0 would blur thin lines
         _write(path, spec, np.ascontiguousarray(image))
+
+    return _encoded("image.jpg", write)
+
+
+def _encoded(name: str, write: Callable[[Path], None]) -> bytes:
+    """Return the bytes of a file that `write` writes: OpenImageIO's Python side has no encoder to memory."""
+    with tempfile.TemporaryDirectory() as folder:
+        write(path := Path(folder) / name)
         return path.read_bytes()
 
 

@@ -1,8 +1,8 @@
 """Rendering of a scene by Blender in a child process, and the messages of its script.
 
-The script's messages and Blender's own output share one pipe. A message begins with a word that this process
-has drawn for the run, so that no other line can be taken for one: Blender prints names out of the .blend file
-as they are, line ends included.
+The script's messages and Blender's own output share one pipe. Each message begins with a random token that
+this process generates for the run. No other line can pass for a message, although Blender prints names from
+the .blend file verbatim, including their line breaks.
 """
 
 import json
@@ -81,7 +81,7 @@ class BlenderRender:
         program: as `find_blender` returns it.
         blend: the scene's file; it is never written.
         log: receives Blender's output; it is closed with the render.
-        settings: see `render_frames.main`, without "blend" and "word".
+        settings: see `render_frames.main`, without "blend" and "token".
         target: receives the frames, in another thread; an error that it raises ends the render.
 
     Raises:
@@ -97,13 +97,13 @@ class BlenderRender:
         target: RenderTarget,
     ) -> None:
         self._blend, self._log, self._target = blend, log, target
-        self._word = secrets.token_hex(16)
+        self._token = secrets.token_hex(16)
         self._has_scene = False
         self._count = 0  # frames that are complete
         self._error: str | ShotError = ""
         self._done = False
         self._changed = Condition()
-        own = {**settings, "blend": str(blend.resolve()), "word": self._word}
+        own = {**settings, "blend": str(blend.resolve()), "token": self._token}
         self._child = start_script(program, _SCRIPT, {_SETTINGS: json.dumps(own)})
         Thread(target=self._read, name="blender", daemon=True).start()
 
@@ -147,8 +147,8 @@ class BlenderRender:
         error: str | ShotError = ""
         try:
             for line in _lines(self._child):
-                if line.startswith(self._word):
-                    self._take(line.removeprefix(self._word))
+                if line.startswith(self._token):
+                    self._take(line.removeprefix(self._token))
                 else:
                     self._log.write(line)
                     lines.append(line)
@@ -174,7 +174,7 @@ class BlenderRender:
             _ScriptError: the script reports an error.
         """
         content = Field(self._blend, "Blender's answer", json.loads(text))
-        content.members()  # it is an object
+        content.members()  # raises unless it is an object
         with self._changed:
             if "error" in content.value:
                 raise _ScriptError(content["error"].of(str))

@@ -22,6 +22,7 @@ from supersampler.io.files import (
     is_regular,
     is_there,
     os_errors_as_shot_error,
+    partial_name,
     remove_files,
     remove_partial_files,
     rename_partial,
@@ -209,7 +210,7 @@ class _RenderFolder:
             raise _unlisted(path)
         self.record = replace(self.record, cameras=(*self.record.cameras, camera))
         self.record.write(self.path)
-        rename_partial(self.path / f".{path.stem}.{self.run}.partial{path.suffix}", path)
+        rename_partial(partial_name(path, self.run), path)
 
     def rendering(self, wait: Callable[[int], None], stop_waiting: Callable[[], None]) -> Rendering:
         """Return scene and Shot; `wait` is called with a frame's index before it is read."""

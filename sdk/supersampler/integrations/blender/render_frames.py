@@ -2,10 +2,10 @@
 
     SUPERSAMPLER_RENDER='{...}' blender --background --python-exit-code 1 --python render_frames.py
 
-The environment variable holds the settings, JSON: see `main`. Each line on stdout that begins with the word
-of the settings is a message, JSON: {"note": ...} for what is changed, {"scene": ...} once, {"frame": number,
-"shift": ..., "camera": ...} for each frame that is rendered, {"error": ...} where the scene will not do. The
-.blend file is never saved.
+The environment variable holds the settings as JSON: see `main`. A line on stdout that begins with the token
+of the settings is a message in JSON: {"note": ...} for a changed setting, {"scene": ...} once, {"frame":
+number, "shift": ..., "camera": ...} for each rendered frame, {"error": ...} if the scene cannot be rendered.
+The .blend file is never saved.
 """
 
 import json
@@ -16,13 +16,13 @@ from pathlib import Path
 from typing import Any
 
 SETTINGS: dict[str, Any] = json.loads(os.environ.pop("SUPERSAMPLER_RENDER", "{}"))
-"""Popped: programs that Blender starts must not learn the word."""
+"""Settings of the render; removed from the environment, which programs that Blender starts inherit."""
 
 
 def report(**content: object) -> None:
     """Print one message for the parent process, on a line of its own."""
     sys.stdout.flush()
-    os.write(1, f"\n{SETTINGS['word']}{json.dumps(content)}\n".encode())
+    os.write(1, f"\n{SETTINGS['token']}{json.dumps(content)}\n".encode())
 
 
 try:
@@ -46,7 +46,7 @@ def main(settings: dict[str, Any]) -> None:
 
     Args:
         settings: "blend": file to open; "folder" to write to; "run": part of the files' temporary names;
-            "word": begins each message; "display_size": [width, height] of the images, null for the scene's;
+            "token": begins each message; "display_size": [width, height] of the images, null for the scene's;
             "scale": display over render size; "frames": numbers of the first and the last, null for the
             scene's; "complete": how many of them, from the first on, are not to be rendered again; "jitter":
             [[x, y], ...] of the first frames, in render pixels, x right, y down, which then repeat;

@@ -33,7 +33,7 @@ RECORD = "site.json"
 PACKAGES: Mapping[str, str] = {"three": "0.187.0", "onnxruntime-web": "1.30.0"}
 """Packages of npm and their versions, for three.html and for the fallback without WebGPU."""
 SiteFiles: TypeAlias = Mapping[str, Callable[[], bytes]]
-"""What returns the content of each file, by its path below the page's folder, parts separated by "/"."""
+"""Functions that return the content of a file, by the file's path relative to the page's folder, with "/"."""
 _FILES: Mapping[str, tuple[str, ...]] = {
     "three": ("build/three.core.js", "build/three.webgpu.js", "build/three.tsl.js", "LICENSE"),
     "onnxruntime-web": (
@@ -149,7 +149,7 @@ def _reference(shot: Shot, index: int) -> bytes:
 def _packages(node_modules: Path | None) -> dict[str, Path]:
     """Return the folders of the packages that are installed."""
     found = {}
-    for name, wanted in PACKAGES.items():
+    for name, tested_version in PACKAGES.items():
         if node_modules is None:
             continue
         package = node_modules / name
@@ -157,8 +157,8 @@ def _packages(node_modules: Path | None) -> dict[str, Path]:
         if not is_there(file):
             continue
         version = Field(file, "the file", read_json(file))["version"].text()
-        if version != wanted:
-            hint = f"Install it: npm install {name}@{wanted}"
-            raise ShotError(package, f"is version {version}; the page is tested with {wanted}", hint)
+        if version != tested_version:
+            hint = f"Install it: npm install {name}@{tested_version}"
+            raise ShotError(package, f"is version {version}; the page is tested with {tested_version}", hint)
         found[name] = package
     return found
