@@ -171,6 +171,7 @@ def bands(
     reach: int = 2,
     scale: float = 1.0,
     aligned: bool = False,
+    inside: bool = False,
 ) -> Bands:
     """Weigh the `reach` samples to either side of each `position` along an axis, clamped at the border.
 
@@ -182,6 +183,7 @@ def bands(
         reach: of the kernel.
         scale: of the distances.
         aligned: whether n is a multiple of BLOCK.
+        inside: whether samples beyond the border have a weight of 0, and are not clamped.
     """
     count = None if aligned else position.shape[0]
     if count is not None:
@@ -193,6 +195,8 @@ def bands(
     sample = first + torch.arange(spanned + 2 * reach - 1, device=position.device)  # (blocks, 1, reach)
     distance, steps = sample - at, sample - at.floor()
     near = (steps >= 1.0 - reach) & (steps <= float(reach))
+    if inside:
+        near = near & (sample >= 0.0) & (sample <= size - 1.0)
     weights = torch.where(near, kernel(distance * scale), 0.0)
     return Bands(sample.squeeze(1).long().clamp(0, size - 1), weights, count)
 
@@ -230,11 +234,17 @@ def upsample(image: Tensor, grid: Grid, kernel: Kernel, scale: tuple[float, floa
 
 
 def grid_bands(
-    grid: Grid, render: Size, kernel: Kernel, *, reach: int = 2, scale: tuple[float, float] = (1.0, 1.0)
+    grid: Grid,
+    render: Size,
+    kernel: Kernel,
+    *,
+    reach: int = 2,
+    scale: tuple[float, float] = (1.0, 1.0),
+    inside: bool = False,
 ) -> tuple[Bands, Bands]:
     """Weights of the display pixels in an input of size `render`, per axis; see `bands`."""
     across, down = (
-        bands(position, size, spanned, kernel, reach=reach, scale=factor, aligned=grid.aligned)
+        bands(position, size, spanned, kernel, reach=reach, scale=factor, aligned=grid.aligned, inside=inside)
         for position, size, spanned, factor in zip(
             (grid.x, grid.y), render, (grid.across, grid.down), scale, strict=True
         )

@@ -32,6 +32,10 @@ LARGE = ("large_height", "large_width")
 """1.4 times the display size, rounded up: the history of `classifier-large`."""
 LARGE_HALF = ("large_half_height", "large_half_width")
 """Half of that, rounded up."""
+BLOCKS = ("previous_blocks_down", "previous_blocks_across")
+"""Blocks of 4x4 samples of the previous frame, at its edges of fewer."""
+PHASES = "phases"
+"""Phases of the jitter of which history is kept: int(9 ratio^2) + 2."""
 CHANNELS = "channels"
 """Number of a frame's AOV channels."""
 

@@ -1,0 +1,51 @@
+"""History tensors and constants of the convergence of what stands still (ops/at_rest.py of the model)."""
+
+from collections.abc import Mapping
+
+from supersampler.methods.spec import BLOCKS, DISPLAY, PHASES, MapOf, Shape
+
+AT_REST_HISTORY: Mapping[str, Shape] = {
+    "static_mean": (1, 4, *DISPLAY),
+    "static_blocks": (1, 4, *BLOCKS),
+    "signatures": (PHASES, 4, *BLOCKS),
+    "phases": (PHASES, 4),
+}
+"""`static_mean`: mean of the samples, linear RGB, and the sum of their weights. `static_blocks`: frames since
+the block last changed, negative once it is frozen, and the sums of three tests. `signatures`: of each block, by
+phase of the jitter. `phases`: jitter x and y, frames since it was last seen, frames between its last two."""
+CONVERGED: Mapping[str, MapOf] = {"converged": MapOf("converged", 0, 1)}
+"""1 where the image is frozen, else 0: an auxiliary output of shape (1, 1, *DISPLAY)."""
+BLOCK = 4
+"""Side of a block, samples: what is compared with the frame of the same jitter."""
+TILE = 32
+"""Side of a tile, display pixels, whose own history a method keeps while all its blocks are frozen."""
+MAX_STATIC_MOTION = 1.0 / 256.0
+"""Longest motion of a static sample, render pixels."""
+PHASES_PER_SAMPLE, SPARE_PHASES = 9, 2
+"""Phases of which signatures are kept: int(9 ratio^2) + 2. A jitter sequence has int(8 ratio^2), of a ratio that
+sizes are rounded from."""
+TOLERANCE = 1.0 / 1024.0
+"""Largest difference of two equal signatures, as a part of their mean: 0.4 % of the light of a block."""
+DARK = 1e-3
+"""Exposed light below which differences do not show: less than 1/255 of the display is."""
+INNER, OUTER = 0.35, 0.65
+"""Distances from a pixel's centre along an axis, display pixels, up to which a sample has the weight 1, and from
+which it has none. They were chosen by error: 0.4 and 0.6 lose 0.4 dB in rendered scenes, 0.25 and 0.75 lose 1.8
+dB where patterns are fine."""
+SHOWN_FROM, SHOWN = 1.5, 1.75
+"""Periods after which the mean begins to show, and after which it is shown alone. A block freezes after 2."""
+LEAST_WEIGHT = 3.5
+"""Least weight of a mean that is shown. A whole period has about 8, one for each sample in a pixel."""
+FLICKER = 0.02
+"""Largest root mean square residual of a window that counts as none, as a part of its mean."""
+WINDOWS = (2, 8)
+"""Sides of the two windows in which residuals are averaged, blocks."""
+UNIFORM, COMMON = 2.5, 0.06
+"""Mean square residual of the small and of the large window, over the variance of the residuals in it, above
+which light changes with the jitter. Of static scenes nearly all windows are below 1 and 0.02; light that changes
+by one factor has the reciprocal of the squared contrast of the ground."""
+UNRESOLVED = 0.85
+"""Variance of the residuals in a small window, over that of the samples, above which the mean says nothing of
+the samples: they are of a pattern that moves in step with the jitter. Patterns reach 0.8 where they stand."""
+SPARKLING = 2.0
+"""Variance of the samples, over the square of their mean, above which single bright samples stand out. There the limit rises towards 1."""
