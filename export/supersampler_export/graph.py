@@ -17,6 +17,7 @@ from supersampler.conventions.ratios import only_ratio, scaled
 from supersampler.errors import SupersamplerError
 from supersampler.methods.model_info import extents
 from supersampler.methods.spec import (
+    BLOCKS,
     BETWEEN,
     CHANNELS,
     DISPLAY,
@@ -24,6 +25,9 @@ from supersampler.methods.spec import (
     HALF,
     LARGE,
     LARGE_HALF,
+    NEXT_BLOCKS,
+    NEXT_PHASES,
+    PHASES,
     PREVIOUS,
     RENDER,
     SHADED,
@@ -72,7 +76,8 @@ def export_graph(method: Method) -> onnx.ModelProto:
     dynamic = [_free(shape, dims) for shape in shapes.values()]
     inputs = [history_name(name) for name in names]
     outputs = ["image", *(f"next.{name}" for name in method.history), *method.spec.aux_outputs]
-    current = dict(zip(PREVIOUS, RENDER, strict=True))  # this frame's size is the next one's previous size
+    # this frame's size is the next one's previous size
+    current = dict(zip((*PREVIOUS, *BLOCKS, PHASES), (*RENDER, *NEXT_BLOCKS, NEXT_PHASES), strict=True))
     next_history = [
         [current.get(n, n) if isinstance(n, str) else n for n in s] for s in method.history.values()
     ]
@@ -95,7 +100,8 @@ def traced_sizes(method: Method) -> tuple[Size, Size]:
 
 def _dims(method: Method) -> dict[str, Any]:
     """Dim of each name in shapes; at one whole ratio, display sizes are multiples of render sizes."""
-    free = (*RENDER, *DISPLAY, *HALF, *LARGE, *LARGE_HALF, *PREVIOUS, *SHADED, *EARLIER, *BETWEEN, CHANNELS)
+    free = (*RENDER, *DISPLAY, *HALF, *LARGE, *LARGE_HALF, *PREVIOUS, *BLOCKS, PHASES)
+    free += (*SHADED, *EARLIER, *BETWEEN, CHANNELS)
     dims: dict[str, Any] = {n: torch.export.Dim(n, min=1, max=1 << 15) for n in free}
     ratio = only_ratio(method.ratios)
     if ratio is not None and ratio.is_integer():

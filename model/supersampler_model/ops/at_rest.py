@@ -76,13 +76,31 @@ class RestHistory(NamedTuple):
     phases: Tensor  # (phases, 4) jitter x and y, frames since it was seen, frames between its last two
 
 
+class Stillness(NamedTuple):
+    """What stands still in this frame, by block, (1, 1, hb, wb)."""
+
+    known: Tensor  # 1 where the block has a signature of this phase
+    stands: Tensor  # 1 where nothing moves or changes nearby, else 0
+    adds: Tensor  # 1 where this frame's samples belong into the mean
+    stays: Tensor  # 1 where the image is frozen and stays so
+    age: Tensor  # frames since the block changed, with this one
+    history: RestHistory  # of this frame's sizes, with the next signatures and phases
+    cycle: "Cycle"
+    at_pixels: "BlocksAtPixels"
+
+    def resting(self, size: Size) -> Tensor:
+        """(1, 1, n, m) 1 in tiles of an image of this size where the method's own history is kept."""
+        stays = self.at_pixels.resized(size).pick(self.stays)
+        tiles = -F.max_pool2d(-cut(cut(stays, 2, size.height + TILE - 1), 3, size.width + TILE - 1), TILE)
+        return spread(tiles, TILE, size)
+
+
 class Rested(NamedTuple):
     """The image and the next history."""
 
     image: Tensor  # (1, 3, H, W) linear RGB
     history: RestHistory
     frozen: Tensor  # (1, 1, H, W) 1 where the image is frozen, else 0
-    resting: Tensor  # (1, 1, H, W) 1 in tiles where the method's own history is kept
 
 
 class Cycle(NamedTuple):
@@ -95,60 +113,81 @@ class Cycle(NamedTuple):
     phases: Tensor  # (phases, 4) the next table
 
 
-def converge(image: Tensor, frame: RestFrame, history: RestHistory, previous: Size, grid: Grid) -> Rested:
+def compare(frame: RestFrame, history: RestHistory, previous: Size, display: Size) -> Stillness:
+    """Compare each block with its signature of this phase.
+
+    Args:
+        frame: this frame.
+        history: of the previous frame.
+        previous: render size of the previous frame.
+        display: (width, height) of the image.
+    """
+    render = render_size_of(frame.color)
+    history = of_frame(history, previous, display, render)
+    cycle = follow_jitter(frame, history.phases)
+    sampled = (frame.adds_samples > 0.0).float()
+    before = history.blocks[:, :1]
+    age, was_frozen = before.abs(), (before < 0.0).float()
+    known = (cycle.age > 0.0).float() * (cycle.age <= age).float() * sampled
+    signature = signatures_of(sanitize(frame.color, 0.0) * valid(frame.color))
+    reference = history.signatures.index_select(0, cycle.slot)
+    changed = differing(signature, reference, frame.exposure) * known
+    restarts = widened(torch.maximum(changed, was_frozen * (1.0 - known) * sampled))
+    moving = (squared_length(usable_motion(frame.motion)) > MAX_STATIC_MOTION * MAX_STATIC_MOTION).float()
+    moves = widened(F.max_pool2d(to_blocks(moving), BLOCK))
+    stands = (1.0 - moves) * (1.0 - restarts)
+    signatures = write_slot(history.signatures, cycle.slot, torch.where(known * stands > 0.0, reference, signature))
+    return Stillness(
+        known=known,
+        stands=stands,
+        adds=cycle.counts * (1.0 - moves) * torch.maximum(restarts, 1.0 - known),
+        stays=was_frozen * stands,
+        age=((age * stands + cycle.counts) * (1.0 - moves)).clamp(max=OLDEST),
+        history=history._replace(signatures=signatures, phases=cycle.phases),
+        cycle=cycle,
+        at_pixels=BlocksAtPixels(display, render, render_size_of(age)),
+    )
+
+
+def converge(image: Tensor, frame: RestFrame, still: Stillness, grid: Grid) -> Rested:
     """Fade the image to the mean of the samples where nothing changes, and freeze it there.
 
     Args:
         image: (1, 3, H, W) the method's, linear RGB.
         frame: this frame.
-        history: of the previous frame.
-        previous: render size of the previous frame.
+        still: what stands still in it.
         grid: of the frame; it may extend beyond the image.
     """
     display, render = render_size_of(image), render_size_of(frame.color)
     usable, color = valid(frame.color), sanitize(frame.color, 0.0)
-    history = of_frame(history, previous, display, render)
-    cycle = follow_jitter(frame, history.phases)
-    sampled = (frame.adds_samples > 0.0).float()
+    history, cycle, pick = still.history, still.cycle, still.at_pixels.pick
+    was_frozen = (history.blocks[:, :1] < 0.0).float()
+    mean = add_samples(history.mean, color, usable, pick(still.stands), pick(still.adds), grid, display)
+    verifies = still.known * still.stands * cycle.counts * (1.0 - was_frozen)
+    tests = verifies * (history.blocks[:, 1:] + test_residuals(color, usable, mean, frame, verifies))
+    steady = (tests.amax(dim=1, keepdim=True) <= 0.0).float() * still.stands
+    periods = still.age / cycle.period.clamp(min=1.0) * (cycle.period > 0.0)
+    fade = ((periods - SHOWN_FROM) / (SHOWN - SHOWN_FROM)).clamp(0.0, 1.0) * steady * (1.0 - still.adds)
 
-    age, was_frozen = history.blocks[:, :1].abs(), (history.blocks[:, :1] < 0.0).float()
-    known = (cycle.age > 0.0).float() * (cycle.age <= age).float() * sampled
-    signature = signatures_of(color * usable)
-    reference = history.signatures.index_select(0, cycle.slot)
-    changed = differing(signature, reference, frame.exposure) * known
-    moving = (squared_length(usable_motion(frame.motion)) > MAX_STATIC_MOTION * MAX_STATIC_MOTION).float()
-    moves = widened(F.max_pool2d(to_blocks(moving), BLOCK))
-    restarts = widened(torch.maximum(changed, was_frozen * (1.0 - known) * sampled))
-    stands = (1.0 - moves) * (1.0 - restarts)
-    adds = cycle.counts * (1.0 - moves) * torch.maximum(restarts, 1.0 - known)
-    signatures = write_slot(history.signatures, cycle.slot, torch.where(known * stands > 0.0, reference, signature))
-
-    at_pixels = BlocksAtPixels(display, render, render_size_of(age), image.device)
-    mean = add_samples(history.mean, color, usable, at_pixels.pick(stands), at_pixels.pick(adds), grid, display)
-    verifies = known * stands * cycle.counts * (1.0 - was_frozen)
-    tests = history.blocks[:, 1:] * verifies + verifies * test_residuals(color, usable, mean, frame, age)
-    age = ((age * stands + cycle.counts) * (1.0 - moves)).clamp(max=OLDEST)
-    periods = age / cycle.period.clamp(min=1.0) * (cycle.period > 0.0)
-    steady = (tests.amax(dim=1, keepdim=True) <= 0.0).float() * stands
-    fade = ((periods - SHOWN_FROM) / (SHOWN - SHOWN_FROM)).clamp(0.0, 1.0) * steady * (1.0 - adds)
     enough = (mean[:, 3:] >= LEAST_WEIGHT).float()
-    share = at_pixels.pick(fade) * enough
-
-    complete = at_pixels.pick(torch.maximum(was_frozen, (periods >= 1.0).float())) * enough
-    corrected = at_centres(mean[:, :3], complete, offsets_of(cycle, grid, display, render))
-    stays = at_pixels.pick(was_frozen * stands)
-    shown = torch.where(stays > 0.0, mean[:, :3], bounded(image + share * (corrected - image)))
+    complete = pick(torch.maximum(was_frozen, (periods >= 1.0).float())) * enough
+    centred = at_centres(mean[:, :3], complete, offsets_of(cycle, display, render))
+    shown = bounded(image + pick(fade) * enough * (centred - image))
+    shown = torch.where(pick(still.stays) > 0.0, mean[:, :3], shown)
 
     due = verifies * (periods >= 2.0).float()
-    freezes = due * steady * at_pixels.least(enough)
-    frozen = torch.maximum(was_frozen * stands, freezes)
-    retries = due * (1.0 - freezes)
-    age = torch.where(retries > 0.0, cycle.period, age) * (1.0 - 2.0 * frozen)
-    tests = tests * (1.0 - retries) * (1.0 - frozen)
-    frozen_pixels = at_pixels.pick(frozen)
+    freezes = due * steady * still.at_pixels.least(enough)
+    frozen, retries = torch.maximum(still.stays, freezes), due * (1.0 - freezes)
+    age = torch.where(retries > 0.0, cycle.period, still.age) * (1.0 - 2.0 * frozen)
+    blocks = torch.cat([age, tests * (1.0 - due)], dim=1)
+    frozen_pixels = pick(frozen)
     mean = torch.cat([torch.where(frozen_pixels > 0.0, shown, mean[:, :3]), mean[:, 3:]], dim=1)
-    next_history = RestHistory(mean, torch.cat([age, tests], dim=1), signatures, cycle.phases)
-    return Rested(shown, next_history, frozen_pixels, whole_tiles(stays))
+    return Rested(shown, history._replace(mean=mean, blocks=blocks), frozen_pixels)
+
+
+def kept(resting: Tensor, before: Tensor, after: Tensor) -> Tensor:
+    """Return a method's own next history, (1, c, H, W), as it was in tiles that rest."""
+    return torch.where(resting > 0.0, before, after)
 
 
 def of_frame(history: RestHistory, previous: Size, display: Size, render: Size) -> RestHistory:
@@ -174,7 +213,7 @@ def follow_jitter(frame: RestFrame, phases: Tensor) -> Cycle:
     row = torch.arange(phases.shape[0], device=phases.device)
     same = ((phases[:, :2] - frame.jitter).abs().sum(dim=1) < 1e-6) & (ages > 0.0)
     rank = torch.where(same, 4.0 * OLDEST, torch.where(ages > 0.0, ages, 2.0 * OLDEST)) - row
-    here = rank == rank.max()
+    here = rank == rank.amax(dim=0, keepdim=True)
     age = (ages * (same & here)).sum().reshape(1)
     latest = (periods * (ages == 1.0)).sum().reshape(1)
     sampled = (frame.adds_samples > 0.0).float()
@@ -204,7 +243,22 @@ def _signature_weights(device: torch.device) -> Tensor:
 
 def to_blocks(image: Tensor) -> Tensor:
     """Repeat the last row and column, so that blocks at the edges are whole."""
-    return F.pad(image, (0, BLOCK - 1, 0, BLOCK - 1), mode="replicate")
+    return cut(cut(image, 2, image.shape[2] + BLOCK - 1), 3, image.shape[3] + BLOCK - 1)
+
+
+def means_of(image: Tensor, side: int) -> Tensor:
+    """Mean of each channel over squares of `side` pixels: (1, c, h, w) -> (1, c, h // side, w // side)."""
+    channels = image.shape[1]
+    weights = image.new_full((channels, 1, side, side), 1.0 / (side * side))
+    return F.conv2d(image, weights, stride=side, groups=channels)
+
+
+def spread(image: Tensor, side: int, size: Size) -> Tensor:
+    """Repeat each pixel `side` times on both axes, up to a size."""
+    for axis, extent in ((3, size.width), (2, size.height)):
+        index = ((torch.arange(extent, device=image.device) + 0.5) / side).floor().long()
+        image = image.index_select(axis, index)
+    return image
 
 
 def differing(signature: Tensor, reference: Tensor, exposure: Tensor) -> Tensor:
@@ -228,25 +282,29 @@ def write_slot(signatures: Tensor, slot: Tensor, signature: Tensor) -> Tensor:
 class BlocksAtPixels:
     """Which block each display pixel is of, and the pixel nearest to the centre of each sample."""
 
-    def __init__(self, display: Size, render: Size, blocks: Size, device: torch.device) -> None:
-        self._display = display
+    def __init__(self, display: Size, render: Size, blocks: Size) -> None:
+        self._render, self._blocks = render, blocks
         self._columns, self._rows = (
-            ((2 * torch.arange(full, device=device) + 1) * size // (2 * full * BLOCK)).clamp(max=count - 1)
+            ((2.0 * torch.arange(full) + 1.0) * size / (2 * BLOCK * full)).floor().long().clamp(max=count - 1)
             for full, size, count in zip(display, render, blocks, strict=True)
         )
         self._sample_columns, self._sample_rows = (
-            ((2 * torch.arange(size, device=device) + 1) * full // (2 * size)).clamp(max=full - 1)
+            ((2.0 * torch.arange(size) + 1.0) * full / (2 * size)).floor().long().clamp(max=full - 1)
             for full, size in zip(display, render, strict=True)
         )
 
+    def resized(self, display: Size) -> "BlocksAtPixels":
+        """Return the blocks at the pixels of an image of another size."""
+        return BlocksAtPixels(display, self._render, self._blocks)
+
     def pick(self, blocks: Tensor) -> Tensor:
         """Read the block of each display pixel: (1, 1, hb, wb) -> (1, 1, H, W)."""
-        return pick_columns(blocks, self._columns).index_select(2, self._rows)
+        return pick_columns(blocks, self._columns.to(blocks.device)).index_select(2, self._rows.to(blocks.device))
 
     def least(self, pixels: Tensor) -> Tensor:
         """Minimum over each block, of the pixels at the centres of its samples: (1, 1, H, W) -> (1, 1, hb, wb)."""
-        samples = pick_columns(pixels, self._sample_columns).index_select(2, self._sample_rows)
-        return -F.max_pool2d(to_blocks(-samples), BLOCK)
+        columns, rows = self._sample_columns.to(pixels.device), self._sample_rows.to(pixels.device)
+        return -F.max_pool2d(to_blocks(-pick_columns(pixels, columns).index_select(2, rows)), BLOCK)
 
 
 def trapezoid(distance: Tensor) -> Tensor:
@@ -274,7 +332,7 @@ def add_samples(
     return torch.cat([colors, total], dim=1)
 
 
-def offsets_of(cycle: Cycle, grid: Grid, display: Size, render: Size) -> tuple[Tensor, Tensor]:
+def offsets_of(cycle: Cycle, display: Size, render: Size) -> tuple[Tensor, Tensor]:
     """Mean offsets (H, W) of the samples of a period from each pixel's centre, x and y, display pixels."""
     ages = cycle.phases[:, 2]
     used = ((ages > 0.0) & (ages <= cycle.period)).float()
@@ -336,7 +394,7 @@ def test_residuals(color: Tensor, usable: Tensor, mean: Tensor, frame: RestFrame
     difference = (color - expected) * counted
     squares = [(part * part).sum(dim=1, keepdim=True) for part in (difference, color * counted)]
     values = torch.cat([counted, difference, color * counted, expected * counted, *squares], dim=1)
-    sums, size = F.avg_pool2d(to_blocks(values), BLOCK), render_size_of(blocks)
+    sums, size = means_of(to_blocks(values), BLOCK), render_size_of(blocks)
     small, large = (windows_of(sums, side, size) for side in WINDOWS)
     sparkling = (small.contrast - SPARKLING * small.level.square()).clamp(min=0.0)
     explained = small.contrast + (1.0 / UNRESOLVED - 1.0) * sparkling
@@ -359,9 +417,8 @@ class Windows(NamedTuple):
 
 def windows_of(sums: Tensor, side: int, size: Size) -> Windows:
     """Average the sums of blocks over windows of `side` blocks; see `test_residuals`."""
-    pooled = F.avg_pool2d(F.pad(sums, (0, side - 1, 0, side - 1)), side)
-    for axis, extent in ((3, size.width), (2, size.height)):
-        pooled = pooled.index_select(axis, torch.arange(extent, device=sums.device) // side)
+    whole = cut(cut(sums, 2, size.height + side - 1), 3, size.width + side - 1)
+    pooled = spread(means_of(whole, side), side, size)
     count, difference, color, expected, square, color_square = pooled.split_with_sizes([1, 3, 3, 3, 1, 1], dim=1)
     share = 1.0 / count.clamp(min=1e-6)
     residual = (difference * share).square().sum(dim=1, keepdim=True)
@@ -400,12 +457,3 @@ def sample_positions(render: int, display: int, jitter: Tensor) -> Tensor:
     """(render,) positions of the samples of one axis in display pixels, 0 is a pixel's centre."""
     sample = torch.arange(render, dtype=torch.float32, device=jitter.device)
     return (sample + 0.5 + jitter) * display / render - 0.5
-
-
-def whole_tiles(stays: Tensor) -> Tensor:
-    """(1, 1, H, W) 1 in the tiles of TILE pixels in which all pixels stay frozen, else 0."""
-    width, height = render_size_of(stays)
-    tiles = -F.max_pool2d(F.pad(-stays, (0, TILE - 1, 0, TILE - 1), value=-1.0), TILE)
-    for axis, extent in ((3, width), (2, height)):
-        tiles = tiles.index_select(axis, torch.arange(extent, device=stays.device) // TILE)
-    return tiles

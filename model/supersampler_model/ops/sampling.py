@@ -378,3 +378,14 @@ def catmull_rom(distance: Tensor) -> Tensor:
 def gaussian(sigma: float) -> Kernel:
     """Gaussian of height one."""
     return lambda distance: (distance * distance * (-0.5 / (sigma * sigma))).exp()
+
+
+def of_size(image: Tensor, size: Size) -> Tensor:
+    """Nearest resampling to a size: identity where it is the image's own."""
+    own = render_size_of(image)
+    x = torch.arange(size.width, device=image.device)
+    y = torch.arange(size.height, device=image.device)
+    columns = nearest((x + 0.5) * own.width / size.width - 0.5, own.width)
+    return image.index_select(3, columns).index_select(
+        2, nearest((y + 0.5) * own.height / size.height - 0.5, own.height)
+    )

@@ -11,7 +11,7 @@ from supersampler.io.display import decibels, display_transform
 from supersampler_model.data.dataset import Dataset, TrainingFrame
 from supersampler_model.data.dataset.description import SequenceEntry
 from supersampler_model.methods.base import Method
-from supersampler_model.ops.convergence import of_size
+from supersampler_model.ops.sampling import of_size
 from supersampler_model.ops.size import Size
 from supersampler_model.training.sequence_runner import SequenceRunner
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 
+from supersampler.frame import Size
 from supersampler.methods.spec import BLOCKS, DISPLAY, PHASES, MapOf, Shape
 
 AT_REST_HISTORY: Mapping[str, Shape] = {
@@ -49,3 +50,13 @@ UNRESOLVED = 0.85
 the samples: they are of a pattern that moves in step with the jitter. Patterns reach 0.8 where they stand."""
 SPARKLING = 2.0
 """Variance of the samples, over the square of their mean, above which single bright samples stand out. There the limit rises towards 1."""
+
+
+def block_count(render: Size) -> Size:
+    """Return the blocks of a frame of a size, (across, down)."""
+    return -(-render[0] // BLOCK), -(-render[1] // BLOCK)
+
+
+def phase_count(display: Size, render: Size) -> int:
+    """Return the number of phases of the jitter of which signatures are kept."""
+    return PHASES_PER_SAMPLE * display[0] * display[1] // (render[0] * render[1]) + SPARE_PHASES

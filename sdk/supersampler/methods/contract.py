@@ -7,11 +7,13 @@ from typing import NoReturn
 from supersampler.errors import ModelError
 from supersampler.methods.model_info import ModelInfo, TensorInfo
 from supersampler.methods.spec import (
+    BLOCKS,
     DISPLAY,
     HALF,
     INPUTS,
     LARGE,
     LARGE_HALF,
+    PHASES,
     PREVIOUS,
     RENDER,
     WEIGHT,
@@ -52,7 +54,7 @@ def check_extrapolated(outer: ModelInfo, inner: ModelInfo) -> None:
 def _check_upscaling(info: ModelInfo) -> None:
     if "color" not in (tensor.name for tensor in info.inputs):
         _refuse(info, "inputs", "without 'color'", "with it: the model upscales")
-    known = {*RENDER, *DISPLAY, *HALF, *LARGE, *LARGE_HALF, *PREVIOUS}
+    known = {*RENDER, *DISPLAY, *HALF, *LARGE, *LARGE_HALF, *PREVIOUS, *BLOCKS, PHASES}
     for tensor in (h.input for h in info.history):
         if tensor.type != "float32" or not _named(tensor) <= known or tensor.name == "history.aovs":
             _refuse(info, f"history {tensor.name!r}", _text(tensor), f"float32 of {', '.join(sorted(known))}")

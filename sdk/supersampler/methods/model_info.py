@@ -11,7 +11,22 @@ from supersampler.methods.array_spec import ArraySpec, values_of
 from supersampler.methods.convergence import CONVERGENCE_HISTORY
 from supersampler.methods.gbuffers import GBUFFERS
 from supersampler.methods.sizes import half_size, large_size
-from supersampler.methods.spec import DISPLAY, HALF, LARGE, LARGE_HALF, PREVIOUS, RENDER, MapOf, Shape, sized
+from supersampler.methods.at_rest import block_count, phase_count
+from supersampler.methods.spec import (
+    BLOCKS,
+    DISPLAY,
+    HALF,
+    LARGE,
+    LARGE_HALF,
+    NEXT_BLOCKS,
+    NEXT_PHASES,
+    PHASES,
+    PREVIOUS,
+    RENDER,
+    MapOf,
+    Shape,
+    sized,
+)
 
 EXTRAPOLATED = "extrapolated"
 """Subfolder of a model's folder with the model for extrapolated frames."""
@@ -148,9 +163,11 @@ def extents(*, render: Size, display: Size, previous: Size) -> dict[str, int]:
         LARGE_HALF: half_size(large),
         PREVIOUS: previous,
     }
-    return {
+    sizes |= {BLOCKS: block_count(previous), NEXT_BLOCKS: block_count(render)}
+    extents = {
         name: extent for pair, size in sizes.items() for name, extent in zip(pair, size[::-1], strict=True)
     }
+    return extents | {PHASES: phase_count(display, previous), NEXT_PHASES: phase_count(display, render)}
 
 
 def map_size(shape: Shape, display: Size) -> Size:

@@ -34,8 +34,12 @@ LARGE_HALF = ("large_half_height", "large_half_width")
 """Half of that, rounded up."""
 BLOCKS = ("previous_blocks_down", "previous_blocks_across")
 """Blocks of 4x4 samples of the previous frame, at its edges of fewer."""
-PHASES = "phases"
-"""Phases of the jitter of which history is kept: int(9 ratio^2) + 2."""
+NEXT_BLOCKS = ("blocks_down", "blocks_across")
+"""The same of this frame."""
+PHASES = "previous_phases"
+"""Phases of the jitter of which history is kept: int(9 ratio^2) + 2, for the previous frame."""
+NEXT_PHASES = "phases"
+"""The same for this frame."""
 CHANNELS = "channels"
 """Number of a frame's AOV channels."""
 

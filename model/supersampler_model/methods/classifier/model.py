@@ -59,7 +59,7 @@ from supersampler_model.ops.color import (
     ycocg,
 )
 from supersampler_model.ops.compositing import composite
-from supersampler_model.ops.convergence import FrameSamples, settle
+from supersampler_model.ops.at_rest import RestFrame, RestHistory, Stillness, compare, converge, kept
 from supersampler_model.ops.motion import (
     Reprojection,
     dilate_motion_2x2,
@@ -79,6 +79,7 @@ from supersampler_model.ops.sampling import (
     View,
     catmull_rom,
     gaussian,
+    grid_of,
     local_moments,
     neighbourhood_samples,
     pick,
@@ -136,14 +137,50 @@ class Classifier(LearnedMethod):
         """Return the image (1, 3, H, W), linear RGB >= 0, the next history and the auxiliary outputs."""
         history_tensors, now, before = self.group_history(history, color, jitter, display_size)
         gathered = self.gather(color, depth, motion, exposure, history_tensors, now, before)
-        logits, blend = self.infer(gathered)
-        outputs = self.step_outputs(gathered, logits, blend, jitter)
-        if "still" not in self.history:
-            return outputs
-        image, *next_history, weight = outputs
-        frame = FrameSamples(color, motion, jitter, before.jitter, gathered.exposure)
-        settled = settle(image, frame, history[-2], history[-1], gathered.grid)
-        return (settled.image, *next_history, settled.still, settled.opening, weight, settled.converged)
+        if "static_mean" not in self.history:
+            return self.step_outputs(gathered, *self.infer(gathered), jitter)
+        frame = RestFrame(color, motion, jitter, gathered.exposure, torch.ones_like(gathered.exposure))
+        return self.converged_outputs(gathered, frame, history_tensors, RestHistory(*history[-4:]))
+
+    def converged_outputs(
+        self,
+        gathered: Gathered,
+        frame: RestFrame,
+        history: History,
+        rest: RestHistory,
+        others: Sequence[tuple[Tensor, Tensor]] = (),
+    ) -> tuple[Tensor, ...]:
+        """Return the outputs of a step that converges where nothing changes.
+
+        Args:
+            gathered: from `gather`.
+            frame: this frame.
+            history: the method's own.
+            rest: that of `ops.at_rest`.
+            others: more planes of the method's own history, as they were and as this frame leaves them.
+        """
+        display = render_size_of(rest.mean)
+        still = compare(frame, rest, render_size_of(history.depth), display)
+        resting = still.resting(gathered.display)
+        image, color, state, classes, surfaces, jitter, followed, weight = self.step_outputs(
+            gathered, *self.infer(gathered), frame.jitter, resting
+        )
+        own = (
+            kept(resting, history.color, color),
+            kept(resting, history.state, state),
+            kept(resting[:, :, ::2, ::2], history.classes, classes),
+            surfaces,
+            jitter,
+            followed,
+            *(kept(resting, before, after) for before, after in others),
+        )
+        grid = grid_of(display, render_size_of(frame.color), frame.jitter)
+        rested = converge(self.displayed(image, display, gathered), frame, still, grid)
+        return (rested.image, *own, *rested.history, weight, rested.frozen)
+
+    def displayed(self, image: Tensor, display: Size, gathered: Gathered) -> Tensor:  # noqa: ARG002  # of classifier-large
+        """Return the image at the size of the display."""
+        return image
 
     @staticmethod
     def group_history(
@@ -157,10 +194,17 @@ class Classifier(LearnedMethod):
         return History(history_color, state, classes, depth, exposure), now, before
 
     def step_outputs(
-        self, gathered: Gathered, logits: Tensor, blend: Tensor, jitter: Tensor
+        self, gathered: Gathered, logits: Tensor, blend: Tensor, jitter: Tensor, resting: Tensor | None = None
     ) -> tuple[Tensor, ...]:
-        """Return the method's own image, the next history without a mean, and the weight of the history."""
-        done = self.finish(gathered, logits, blend)
+        """Return the method's own image and next history, and the weight of the history.
+
+        Args:
+            gathered: from `gather`.
+            logits, blend: from `infer`.
+            jitter: (1, 2) of this frame.
+            resting: (1, 1, H, W) 1 where the history will be kept; None: nowhere.
+        """
+        done = self.finish(gathered, logits, blend, resting)
         history = (done.image, done.state, done.classes, gathered.surfaces, jitter * 1.0, gathered.followed)
         return (done.image, *history, done.weight)
 
@@ -305,13 +349,16 @@ class Classifier(LearnedMethod):
             found.append((warped.own, other))
         return found
 
-    def finish(self, gathered: Gathered, logits: Tensor, blend: Tensor) -> Finished:
+    def finish(
+        self, gathered: Gathered, logits: Tensor, blend: Tensor, resting: Tensor | None = None
+    ) -> Finished:
         """Blend, update count, luma range and classes, and return to linear RGB.
 
         Args:
             gathered: from `gather`.
             logits: (1, 6, H / 2, W / 2).
             blend: (1, m, H, W) blend parameters.
+            resting: see `step_outputs`.
         """
         current, warped = gathered.current, gathered.warped
         parts = (self.config.candidates, *self.config.filters)
@@ -339,9 +386,8 @@ class Classifier(LearnedMethod):
         low, high = luma + trust * (low - luma), luma + trust * (high - luma)
         glares = (current.glare > 0.0) & ((warped.samples > 0.0) | (warped.glare > 0.0))
         still_bright = (luma > WHITE) & (warped.glare > 0.0)
-        unconfirmed = (
-            glares | still_bright | unexplained_light(luma, current.mean[:, :1], warped, gathered.display)
-        )
+        unexplained = unexplained_light(luma, current.mean[:, :1], warped, gathered.display, resting)
+        unconfirmed = glares | still_bright | unexplained
         unconfirmed = unconfirmed & (warped.glare < CONFIRMED - 1.0)
         count = torch.where(unconfirmed | gathered.flash, 0.0, count)
         glared = torch.where(unconfirmed, warped.glare + 1.0, (CONFIRMED * current.glare).float())
@@ -357,7 +403,9 @@ def edge_of(depth: Tensor) -> Tensor:
     return ((closest - farthest.clamp(min=0.0)) / closest.clamp(min=1e-12)).clamp(0.0, 1.0)
 
 
-def unexplained_light(luma: Tensor, around: Tensor, warped: WarpedHistory, display: Size) -> Tensor:
+def unexplained_light(
+    luma: Tensor, around: Tensor, warped: WarpedHistory, display: Size, resting: Tensor | None
+) -> Tensor:
     """(1, 1, H, W) bool: where light rises over all samples of the history, in a frame that is a flash.
 
     Args:
@@ -365,8 +413,11 @@ def unexplained_light(luma: Tensor, around: Tensor, warped: WarpedHistory, displ
         around: (1, 1, H, W) mean luma of a neighbourhood, toned.
         warped: the history.
         display: (width, height) of the image; planes may extend beyond it.
+        resting: (1, 1, H, W) 1 where pixels do not count; None: all do.
     """
     known = warped.samples * warped.surface > 0.0
     rises = (luma > WHITE) & (luma > warped.range[:, 1:2] + RISE) & known
-    sparse = cut_to((rises & (luma > around + CONTRAST)).float(), display).sum(dim=(2, 3), keepdim=True)
+    bright = cut_to((rises & (luma > around + CONTRAST)).float(), display)
+    counted = bright if resting is None else bright * (1.0 - resting)
+    sparse = counted.sum(dim=(2, 3), keepdim=True)
     return rises & (sparse / (display.width * display.height) > FLASH_FRACTION)

@@ -12,12 +12,12 @@ from torch import Tensor
 from supersampler.methods.classifier_large.spec import CLASSIFIER_LARGE
 from supersampler.methods.spec import LARGE_HALF
 from supersampler_model.methods.base import Fused
-from supersampler_model.methods.classifier.model import Classifier
+from supersampler_model.methods.classifier.model import Classifier, Gathered
 from supersampler_model.methods.classifier.transfer import transferred
 from supersampler_model.methods.weights_file import Trained
-from supersampler_model.ops.convergence import of_size
 from supersampler_model.ops.downsampling import downsample
-from supersampler_model.ops.size import display_size_of
+from supersampler_model.ops.sampling import of_size
+from supersampler_model.ops.size import Size, display_size_of
 
 
 class LargeClassifier(Classifier):
@@ -64,10 +64,9 @@ class LargeClassifier(Classifier):
         large = (1.4 * display_size + 0.9).floor().long()  # integer division is not portable
         image, *rest = super().forward(color, depth, motion, jitter, exposure, large, *history)
         count, display = len(self.history), display_size_of(display_size)
-        next_history, maps = rest[:count], rest[count:]
-        exposure = next_history[list(self.history).index("exposure")].abs()
-        return (
-            downsample(image, display, exposure),
-            *next_history,
-            *(of_size(plane, display) for plane in maps),
-        )
+        weight, frozen = rest[count:]
+        return (image, *rest[:count], of_size(weight, display), frozen)
+
+    def displayed(self, image: Tensor, display: Size, gathered: Gathered) -> Tensor:
+        """See `Classifier`."""
+        return downsample(image, display, gathered.exposure)

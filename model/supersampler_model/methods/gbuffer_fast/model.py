@@ -37,7 +37,7 @@ from supersampler_model.ops.color import (
     without_glare,
     ycocg,
 )
-from supersampler_model.ops.convergence import FrameSamples, settle
+from supersampler_model.ops.at_rest import RestFrame, RestHistory
 from supersampler_model.ops.motion import (
     Reprojection,
     dilate_motion_2x2,
@@ -124,14 +124,9 @@ class GuidedClassifier(Classifier):
         shared, now, before = self.group_history(history, color, jitter, display_size)
         frame = FrameInputs(color, depth, motion, exposure, render, display, now)
         gathered = self.gather_guided(frame, GuidedHistory(shared, history[6], before))
-        image, *next_history, weight = self.step_outputs(gathered, *self.infer(gathered), jitter)
-        reflectance = self.reflectance_of(display)
-        samples = FrameSamples(color, motion, jitter, before.jitter, gathered.exposure)
-        settled = settle(image, samples, history[7], history[8], gathered.grid)
-        return (
-            settled.image, *next_history, reflectance, settled.still, settled.opening, weight,
-            settled.converged,
-        )  # fmt: skip
+        samples = RestFrame(color, motion, jitter, gathered.exposure, torch.ones_like(gathered.exposure))
+        reflectance = history[6], self.reflectance_of(display)
+        return self.converged_outputs(gathered, samples, shared, RestHistory(*history[-4:]), [reflectance])
 
     @staticmethod
     def surfaces_of(gbuffers: Mapping[str, Tensor], depth: Tensor) -> tuple[Surfaces, Surfaces]:

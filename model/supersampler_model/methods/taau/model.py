@@ -46,7 +46,7 @@ from supersampler_model.ops.color import (
     without_glare,
     ycocg,
 )
-from supersampler_model.ops.convergence import FrameSamples, settle
+from supersampler_model.ops.at_rest import RestFrame, RestHistory, compare, converge, kept
 from supersampler_model.ops.motion import (
     Reprojection,
     dilate_motion_2x2,
@@ -129,8 +129,10 @@ class Step(NamedTuple):
     history_jitter: Tensor
     history_exposure: Tensor
     history_light: Tensor
-    history_still: Tensor
-    history_opening: Tensor
+    history_static_mean: Tensor
+    history_static_blocks: Tensor
+    history_signatures: Tensor
+    history_phases: Tensor
     weight: Tensor
     converged: Tensor
 
@@ -155,8 +157,10 @@ class Taau(Method):
         history_jitter: Tensor,  # (1, 2)
         history_exposure: Tensor,  # (1,)
         history_light: Tensor,  # (1, 4)
-        history_still: Tensor,  # (1, 4, H, W)
-        history_opening: Tensor,  # (1, 3, h', w')
+        history_static_mean: Tensor,  # (1, 4, H, W)
+        history_static_blocks: Tensor,  # (1, 4, hb', wb')
+        history_signatures: Tensor,  # (phases, 4, hb', wb')
+        history_phases: Tensor,  # (phases, 4)
     ) -> Step:
         """Return the image (1, 3, H, W), linear RGB >= 0, the next history and the weight of the history."""
         display, render = display_size_of(display_size), render_size_of(color)
@@ -182,20 +186,22 @@ class Taau(Method):
         image, samples = self.finish(current, warped, blend, exposure)
         next_color = torch.where(blend.unconfirmed, warped.light, image)
         weight = (1.0 - blend.weight) * (blend.samples > MIN_SAMPLES)
-        frame = FrameSamples(given_color, motion, jitter, history_jitter, exposure)
-        settled = settle(image, frame, history_still, history_opening, grid)
+        frame = RestFrame(given_color, motion, jitter, exposure, torch.ones_like(exposure))
+        rest = RestHistory(history_static_mean, history_static_blocks, history_signatures, history_phases)
+        still = compare(frame, rest, render_size_of(history_surface), display)
+        resting = still.resting(display)
+        rested = converge(image, frame, still, grid)
         return Step(
-            settled.image,
-            next_color,
-            samples,
+            rested.image,
+            kept(resting, history_color, next_color),
+            kept(resting, history_samples, samples),
             surface,
             jitter * 1.0,
             followed,
             next_light,
-            settled.still,
-            settled.opening,
+            *rested.history,
             weight,
-            settled.converged,
+            rested.frozen,
         )
 
     def gather_current(

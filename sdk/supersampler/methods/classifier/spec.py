@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
-from supersampler.methods.convergence import CONVERGED, CONVERGENCE_HISTORY
+from supersampler.methods.at_rest import AT_REST_HISTORY, CONVERGED
 from supersampler.methods.spec import DISPLAY, HALF, PREVIOUS, MapOf, MethodSpec, Number, Sigma
 
 CLASSES = 6
@@ -171,7 +171,7 @@ BASE = MethodSpec(
 """What all methods with a classifier have."""
 CLASSIFIER = replace(
     BASE,
-    history={**BASE.history, **CONVERGENCE_HISTORY},
+    history={**BASE.history, **AT_REST_HISTORY},
     aux_outputs=(*BASE.aux_outputs, "converged"),
     maps={**BASE.maps, **CONVERGED},
 )

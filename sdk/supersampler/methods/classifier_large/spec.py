@@ -3,7 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from supersampler.methods.classifier.spec import CLASSIFIER, ClassifierConfig
+from supersampler.methods.at_rest import AT_REST_HISTORY
+from supersampler.methods.classifier.spec import BASE, CLASSIFIER, ClassifierConfig
 from supersampler.methods.spec import DISPLAY, HALF, LARGE, LARGE_HALF, Shape
 
 SHARPNESS = 1.15
@@ -26,6 +27,7 @@ CLASSIFIER_LARGE = replace(
     config=LargeConfig,
     ratios=(1.0, 2.0),  # the history of `classifier` is up to three times the frame, this one 2.8 times
     history={
-        name: (*shape[:2], *_LARGER.get(shape[2:], shape[2:])) for name, shape in CLASSIFIER.history.items()
+        **{name: (*shape[:2], *_LARGER.get(shape[2:], shape[2:])) for name, shape in BASE.history.items()},
+        **AT_REST_HISTORY,
     },
 )

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from supersampler.methods.convergence import CONVERGED, CONVERGENCE_HISTORY
+from supersampler.methods.at_rest import AT_REST_HISTORY, CONVERGED
 from supersampler.methods.spec import DISPLAY, PREVIOUS, MapOf, MethodSpec, Number, Sigma
 
 FLASH, LEAST_FLASH, FLASH_MEMORY = 1.25, 1e-3, 0.9
@@ -75,7 +75,7 @@ TAAU = MethodSpec(
         "jitter": (1, 2),  # of `surface`
         "exposure": (1,),  # as `followed_exposure` returns it; 0 where there is none
         "light": (1, 4),  # mean luma, mean square deviation; the latter of frames before; flashes in a row
-        **CONVERGENCE_HISTORY,
+        **AT_REST_HISTORY,
     },
     aux_outputs=("weight", "converged"),
     maps={"weight": MapOf("weight", 0, 1), "count": MapOf("next.samples", 0, 1), **CONVERGED},
