@@ -185,18 +185,21 @@ def noise(render: Size, display: Size, frames: int) -> Iterator[dict[str, Tensor
     """
     random = np.random.default_rng(render.width * 1000 + render.height)
     y, x = np.mgrid[: render.height, : render.width].astype(np.float32)
-    for _ in range(frames):
+    for index in range(frames):
         a, b, c = random.uniform(0.05, 0.4, 3)
         waves = np.stack([np.sin(a * x + b * y), np.cos(b * x - c * y), np.sin(c * x + a * y)])
         color = np.exp(waves + 0.2 * random.standard_normal(waves.shape))
         depth = 0.02 + 0.01 * (waves[:1] > 0.3) + 1e-4 * x + 1e-5 * random.random(x.shape)
         motion = 2.3 * waves[:2] + 0.31
         yield {
-            "color": _tensor(color),
+            "color": _tensor(2.0**index * color),
             "depth": _tensor(depth),
             "motion": _tensor(motion),
             "jitter": torch.tensor(random.uniform(-0.5, 0.5, (1, 2)).astype(np.float32)),
             "exposure": torch.zeros(1),
+            "pre_exposure": torch.tensor([2.0**index]),
+            "adds_samples": torch.tensor([float(index != 1)]),
+            "reactive": _tensor((waves[:1] - 0.5).clip(0.0, 1.0)),
             "display_size": torch.tensor(display),
             "aovs": _tensor(0.5 + 0.5 * waves),
             "weight": _tensor(random.random((1, display.height, display.width))),

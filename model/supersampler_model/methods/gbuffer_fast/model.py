@@ -17,6 +17,7 @@ from torch import Tensor
 from supersampler.methods.gbuffer_fast.spec import GBUFFER_FAST, GBUFFERS_READ, GuidedConfig
 from supersampler_model.methods.classifier.buffers import CurrentFrame, Gathered, History, WarpedHistory
 from supersampler_model.methods.classifier.model import DIM, HEIGHT, Classifier, edge_of
+from supersampler_model.methods.classifier.network import cut_to
 from supersampler_model.methods.classifier.network_inputs import root
 from supersampler_model.methods.classifier.transfer import transferred
 from supersampler_model.methods.gbuffer.model import NEIGHBOUR_WEIGHTS
@@ -37,6 +38,7 @@ from supersampler_model.ops.color import (
     without_glare,
     ycocg,
 )
+from supersampler_model.ops.compositing import reactive_at
 from supersampler_model.ops.convergence import FrameSamples, settle
 from supersampler_model.ops.motion import (
     Reprojection,
@@ -107,14 +109,16 @@ class GuidedClassifier(Classifier):
         method.learned = trained.facts
         return method.eval()
 
-    def forward(
+    def compute(
         self,
         color: Tensor,  # (1, 3, h, w) linear RGB
         depth: Tensor,  # (1, 1, h, w) reversed
         motion: Tensor,  # (1, 2, h, w) render pixels, previous minus current
+        reactive: Tensor,  # (1, 1, h, w) in [0, 1]
         jitter: Tensor,  # (1, 2) render pixels
         exposure: Tensor,  # (1,) 0: measure
         display_size: Tensor,  # (2,) int64
+        adds_samples: Tensor,  # (1,) 0: none
         *others: Tensor,  # G-buffers in the order of `inputs`, then the history in the order of `history`
     ) -> tuple[Tensor, ...]:
         """Return the image (1, 3, H, W), linear RGB >= 0, the next history and the auxiliary outputs."""
@@ -124,9 +128,13 @@ class GuidedClassifier(Classifier):
         shared, now, before = self.group_history(history, color, jitter, display_size)
         frame = FrameInputs(color, depth, motion, exposure, render, display, now)
         gathered = self.gather_guided(frame, GuidedHistory(shared, history[6], before))
+        gathered = gathered._replace(reactive=reactive_at(reactive, valid(color), gathered.grid))
         image, *next_history, weight = self.step_outputs(gathered, *self.infer(gathered), jitter)
         reflectance = self.reflectance_of(display)
-        samples = FrameSamples(color, motion, jitter, before.jitter, gathered.exposure)
+        shown_reactive = cut_to(gathered.reactive, gathered.display)
+        samples = FrameSamples(
+            color, motion, jitter, before.jitter, gathered.exposure, shown_reactive, adds_samples
+        )
         settled = settle(image, samples, history[7], history[8], gathered.grid)
         return (
             settled.image, *next_history, reflectance, settled.still, settled.opening, weight,

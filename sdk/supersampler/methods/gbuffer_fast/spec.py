@@ -2,7 +2,8 @@
 
 from dataclasses import dataclass
 
-from supersampler.methods.classifier.spec import CLASSIFIER, DEFAULT_INPUTS, ClassifierConfig
+from supersampler.methods.classifier.spec import BASE, CLASSIFIER, DEFAULT_INPUTS, ClassifierConfig
+from supersampler.methods.convergence import CONVERGENCE_HISTORY
 from supersampler.methods.spec import DISPLAY, MethodSpec, Number, Share, Sigma
 
 _REPLACED = {
@@ -44,9 +45,9 @@ GBUFFER_FAST = MethodSpec(
     source="Guo et al. 2022, on light resampled as by Wang et al. 2025 (docs/methods.md)",
     inputs=(*CLASSIFIER.inputs, *GBUFFERS_READ),
     history={
-        **{name: shape for name, shape in CLASSIFIER.history.items() if name not in ("still", "opening")},
+        **BASE.history,
         "reflectance": (1, 3, *DISPLAY),
-        **{name: shape for name, shape in CLASSIFIER.history.items() if name in ("still", "opening")},
+        **CONVERGENCE_HISTORY,
     },
     aux_outputs=CLASSIFIER.aux_outputs,
     maps=CLASSIFIER.maps,
