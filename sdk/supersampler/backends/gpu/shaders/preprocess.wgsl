@@ -34,7 +34,7 @@ struct Sample {
 fn sample_at(p: vec2i) -> Sample {
     let given = color_at(p);
     let usable = select(0.0, 1.0, all_valid(given));
-    let exposed = min(sanitize(given) * usable * exposure_of(next_state), vec3f(MAX_HALF));
+    let exposed = min(scene_color(given) * usable * exposure_of(next_state), vec3f(MAX_HALF));
     return Sample(exposed, usable, largest(exposed) > GLARING);
 }
 

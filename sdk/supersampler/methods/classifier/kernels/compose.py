@@ -14,6 +14,7 @@ from supersampler.backends.cpu.kernels.colors import (
     ycocg,
 )
 from supersampler.backends.cpu.kernels.filters import places_in, tap
+from supersampler.backends.cpu.kernels.frame import reactive_at
 from supersampler.backends.cpu.layout import HISTORY_PLANES, PAD, SAMPLE_PLANES
 from supersampler.backends.cpu.simd.device_function import device_function
 from supersampler.backends.cpu.simd.shuffles import (
@@ -234,6 +235,11 @@ def make_compose_row(variant: Variant):
                 filtered,
             )
             current_weight = current[3]
+            if samples.has_reactive > 0:
+                reactive, now = reactive_at(samples, tables, x, y), maximum(current_weight, 1e-12)
+                kept = (1.0 - reactive) * (now / (now + reactive * history_weight))
+                history = history[0] * kept, history[1] * kept, history[2] * kept, history[3] * kept
+                history_weight = history[3]
             scale = 1.0 / maximum(history_weight + current_weight, 1e-12)
             r, g, b = (
                 (history[0] + current[0]) * scale,

@@ -25,7 +25,7 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local
     for (var i = i32(index); i < WIDE * WIDE; i += SIDE * SIDE) {
         let q = clamped(origin - 1 + vec2i(i % WIDE, i / WIDE), render_size());
         let given = color_at(q);
-        let toned = ycocg(tone(sanitize(given) * exposure_of(next_state)));
+        let toned = ycocg(tone(scene_color(given) * exposure_of(next_state)));
         colors[i] = vec4f(toned, select(0.0, 1.0, all_valid(given)));
         motions[i] = usable_motion(motion_at(q));
     }
