@@ -119,7 +119,7 @@ fn compose(p: vec2i, cell: u32, corner: u32) {
     current = add(current, sampled * exp(parameter(&blend, COLORS - 3u)), now.sample);
     current = add(current, 0.05 * sampled_here * exp(parameter(&blend, COLORS - 2u)), now.frame);
     current = add(current, 0.05 * sampled_here * exp(parameter(&blend, COLORS - 1u)), learned);
-    let reactive = select(0.0, reactive_of(nearest(at)), textureLoad(samples, nearest(at), 0).a != 0.0);
+    let reactive = mask_in(textureLoad(dilated, nearest(at), 0).w);
     if (reactive > 0.0) {
         let present = max(current.weight, 1e-12);
         let kept = (1.0 - reactive) * (present / (present + reactive * history.weight));

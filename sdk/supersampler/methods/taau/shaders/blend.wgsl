@@ -213,8 +213,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let now = gather_current(p);
     let before = gather_history(p);
     var blend = decide(now, before);
-    let at = nearest(render_position(p));
-    let reactive = select(0.0, reactive_of(at), textureLoad(samples, at, 0).a != 0.0);
+    let reactive = mask_in(textureLoad(dilated, nearest(render_position(p)), 0).w);
     let settled_part = min(blend.samples / SETTLED, 1.0);
     let sample = now.frame + settled_part * (now.sample - now.frame);
     var color = blend.history + blend.weight * (sample - blend.history);
