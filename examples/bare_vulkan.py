@@ -251,7 +251,7 @@ class Host:
         values = {**sizes, "jitter": frame["jitter"], "previous_jitter": before}
         values |= {"exposure": [frame["exposure"] or 0.0], "writes_aux": [0.0]}
         values["counts"] = [float(frame["jitter"] != before)]
-        values |= {"pre_exposure": [1.0], "has_reactive": [0.0]}  # without a mask nothing reads frame_reactive
+        values |= {"pre_exposure": [1.0], "has_reactive": [0.0]}  # no mask: frame_reactive is not read
         params = bytearray(self.about["params"]["bytes"])
         for field in self.about["params"]["fields"]:
             struct.pack_into(f"<{field['count']}f", params, field["offset"], *values[field["name"]])

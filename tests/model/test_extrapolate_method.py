@@ -45,7 +45,7 @@ def from_classifier(weights: Trained) -> Extrapolate:
 
 def given(index: int, render: Sizes = RENDER, display: Sizes = DISPLAY) -> dict[str, Tensor]:
     frame = SCENE.frame(index, render, halton_jitter(index, 2.0))
-    names = [*UnshadedExtrapolate.inputs(), "gbuffer_normal"]
+    names = [*UnshadedExtrapolate.inputs(), "gbuffer_normal", "adds_samples"]
     return {name: torch.from_numpy(a) for name, a in frame_inputs(frame, display, names).items()}
 
 

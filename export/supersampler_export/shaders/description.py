@@ -195,8 +195,8 @@ def _output(images: str) -> dict[str, Any]:
         "textures": "linear RGB, alpha 1",
         "buffers": "float32 (display height, display width, 3), linear RGB",
     }
-    return {"resource": "image", "layout": layout[images], "unit": "that of color, params.pre_exposure included",
-            "range": [0.0, 65504.0]}
+    unit = "that of color, params.pre_exposure included"
+    return {"resource": "image", "layout": layout[images], "unit": unit, "range": [0.0, 65504.0]}
 
 
 def _params() -> dict[str, Any]:

@@ -5,8 +5,8 @@ from typing import Any
 INPUTS: dict[str, dict[str, Any]] = {
     "color": {
         "channels": 3,
-        "unit": "linear scene RGB times params.pre_exposure, before tone mapping, bloom, depth of field, motion "
-        "blur and grain",
+        "unit": "linear scene RGB times params.pre_exposure, before tone mapping, bloom, depth of field, "
+        "motion blur and grain",
         "range": [0.0, 65504.0],
         "sampling": "once a pixel, at its centre + jitter",
         "invalid": "negative values count as 0, larger ones as 65504; a pixel with a NaN is a missing sample",
@@ -38,7 +38,8 @@ INPUTS: dict[str, dict[str, Any]] = {
         "sampling": "where the colour was",
         "invalid": "NaN and negative values count as 0, larger ones as 1",
         "formats": ["r8unorm", "r16float", "r32float"],
-        "optional": "without a mask set params.has_reactive = 0, and bind a texture of 1x1 or a buffer of 16 bytes",
+        "optional": "without a mask set params.has_reactive = 0, and bind a texture of 1x1 or a buffer of "
+        "16 bytes",
     },
 }
 """Images of a frame; a buffer holds float32 values, row by row from the top, channels side by side."""
@@ -66,7 +67,7 @@ FIELDS: tuple[tuple[str, int, str], ...] = (
         "previous_jitter and the colour was rendered, not extrapolated; else 0",
     ),
     ("writes_aux", 1, "1 where `aux` is written, else 0; 16 bytes of `aux` suffice for 0"),
-    ("pre_exposure", 1, "what the renderer has multiplied the colour by, in [2^-24, 2^24]; 1 where it does not"),
+    ("pre_exposure", 1, "what the renderer has multiplied the colour by, in [2^-24, 2^24]; 1: nothing"),
     ("has_reactive", 1, "1 where the frame has a reactive mask, else 0"),
 )
 """Fields of `Params` in order: name, number of f32 values, meaning."""

@@ -158,9 +158,8 @@ class DeviceSteps:
         given, size = checked_images(images, names, size, gpu.device)
         kept = None if checked_reset(reset) else memory.history
         display = memory.display_size or display_size_of(size, self._scale)
-        frame = DeviceFrame(
-            given, size, checked_jitter(jitter), checked_exposure(exposure), checked_pre_exposure(pre_exposure)
-        )
+        values = checked_jitter(jitter), checked_exposure(exposure), checked_pre_exposure(pre_exposure)
+        frame = DeviceFrame(given, size, *values)
         image = gpu.new_image(display) if out is None else checked_target(out, display, gpu.device)
         history = self.model.first_history(display, size) if kept is None else kept
         adds_samples = self.skip != "recurrent"

@@ -179,9 +179,7 @@ class BothWays:
         if backward is not None:
             other, weight = self._store.get(backward), weight_of(result, self._steps)
             self._store.drop(backward)
-            merge_images(
-                result.image, other["image"], weight, other["weight"], exposure / frame.pre_exposure
-            )
+            merge_images(result.image, other["image"], weight, other["weight"], exposure / frame.pre_exposure)
             if result.aovs is not None:
                 merge_aovs(result.aovs, other["aovs"], weight, other["weight"])
         return Merged(frame, result)

@@ -118,13 +118,12 @@ class GuidedClassifier(Classifier):
         jitter: Tensor,  # (1, 2) render pixels
         exposure: Tensor,  # (1,) 0: measure
         display_size: Tensor,  # (2,) int64
-        adds_samples: Tensor,  # (1,) 0: none
-        *others: Tensor,  # G-buffers in the order of `inputs`, then the history in the order of `history`
+        *others: Tensor,  # `adds_samples`, G-buffers in the order of `inputs`, the history
     ) -> tuple[Tensor, ...]:
         """Return the image (1, 3, H, W), linear RGB >= 0, the next history and the auxiliary outputs."""
-        count = len(GBUFFERS_READ)
-        render, display = self.surfaces_of(dict(zip(GBUFFERS_READ, others[:count], strict=True)), depth)
-        history = others[count:]
+        adds_samples, *buffers = others[: 1 + len(GBUFFERS_READ)]
+        render, display = self.surfaces_of(dict(zip(GBUFFERS_READ, buffers, strict=True)), depth)
+        history = others[1 + len(GBUFFERS_READ) :]
         shared, now, before = self.group_history(history, color, jitter, display_size)
         frame = FrameInputs(color, depth, motion, exposure, render, display, now)
         gathered = self.gather_guided(frame, GuidedHistory(shared, history[6], before))

@@ -76,9 +76,7 @@ class Taa(Method):
         usable, color = valid(color), sanitize(color, 0.0)
         followed = exposure_for(color, usable, exposure, history_exposure)
         exposure = followed.abs()
-        gathered = self.gather(
-            color, usable, motion, reactive, jitter, exposure, display_size, history_color
-        )
+        gathered = self.gather(color, usable, motion, reactive, jitter, exposure, display_size, history_color)
         weight = self.network(gathered, history_exposure)
         image = self.finish(gathered, weight, exposure)
         return image, image, followed, 1.0 - weight

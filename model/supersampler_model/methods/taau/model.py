@@ -152,20 +152,15 @@ class Taau(Method):
         exposure: Tensor,  # (1,) 0: measure
         display_size: Tensor,  # (2,) int64
         adds_samples: Tensor,  # (1,) 0: none
-        history_color: Tensor,  # (1, 3, H, W)
-        history_samples: Tensor,  # (1, 2, H, W)
-        history_surface: Tensor,  # (1, 3, h', w')
-        history_jitter: Tensor,  # (1, 2)
-        history_exposure: Tensor,  # (1,)
-        history_light: Tensor,  # (1, 4)
-        history_static_mean: Tensor,  # (1, 4, H, W)
-        history_residual_range: Tensor,  # (1, 3, h', w')
+        *history: Tensor,  # as in `TAAU.history`
     ) -> Step:
         """Return the image (1, 3, H, W), linear RGB >= 0, the next history and the weight of the history."""
         display, render = display_size_of(display_size), render_size_of(color)
+        history_color, samples_before, surface_before, jitter_before, *others = history
+        exposed_before, light, mean, residuals = others
         grid = grid_of(display, render, jitter)
         given_color, usable, color = color, valid(color), sanitize(color, 0.0)
-        followed = exposure_for(color, usable, exposure, history_exposure)
+        followed = exposure_for(color, usable, exposure, exposed_before)
         exposure = followed.abs()
         exposed = color * exposure
         toned, glare = ycocg(tone(exposed)) * usable, glaring(exposed, usable)
@@ -176,20 +171,18 @@ class Taau(Method):
         closest, dilated = dilate_motion_2x2(depth, motion)
         closest = pick_first(closest, grid)
         reprojection = reproject(pick_first_vector(to_display(dilated, display, render), grid), display, grid)
-        exposure_before = history_exposure.abs()
+        exposure_before = exposed_before.abs()
         change = exposure / torch.where(exposure_before > 0.0, exposure_before, exposure)
-        before = self.gather_surface(history_surface, history_jitter, reprojection, closest, display, change)
-        warped = self.gather_history(history_color, history_samples, reprojection, before, exposure)
-        next_light = light_after(light_of(surface[:, 1:3]), history_light, change)
+        before = self.gather_surface(surface_before, jitter_before, reprojection, closest, display, change)
+        warped = self.gather_history(history_color, samples_before, reprojection, before, exposure)
+        next_light = light_after(light_of(surface[:, 1:3]), light, change)
         blend = self.network(current, warped, next_light[:, 3:4])
         reactive = reactive_at(reactive, usable, grid)
         image, samples = self.finish(current, warped, blend, exposure, reactive)
         next_color = torch.where(blend.unconfirmed, warped.light, image)
         weight = (1.0 - blend.weight) * (blend.samples > MIN_SAMPLES) * (1.0 - reactive)
-        frame = FrameSamples(
-            given_color, motion, jitter, history_jitter, exposure, reactive, adds_samples
-        )
-        settled = settle(image, frame, history_static_mean, history_residual_range, grid)
+        frame = FrameSamples(given_color, motion, jitter, jitter_before, exposure, reactive, adds_samples)
+        settled = settle(image, frame, mean, residuals, grid)
         return Step(
             settled.image,
             next_color,

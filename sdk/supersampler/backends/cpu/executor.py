@@ -121,13 +121,16 @@ class CpuExecutor(ABC, Generic[Space]):
             tolerance=tolerance, adds_samples=adds_samples,
         )  # fmt: skip
         if frame.pre_exposure != 1.0:
-            factor = np.float32(frame.pre_exposure)
-            self.pool.run_rows(
-                "finish",
-                len(image),
-                lambda y0, y1, _: np.multiply(image[y0:y1], factor, out=image[y0:y1]),
-            )
+            self._multiply(image, frame.pre_exposure)
         return aux
+
+    def _multiply(self, image: Float32, factor: float) -> None:
+        """Multiply an image in place."""
+
+        def multiply(y0: int, y1: int, _: int) -> None:
+            image[y0:y1] *= np.float32(factor)
+
+        self.pool.run_rows("finish", len(image), multiply)
 
     def _step(
         self,

@@ -34,8 +34,8 @@ def step_params(
     """Return the shader's `Params` of a step from `history`."""
     counts = adds_samples and np.any(np.array(jitter, np.float32) != np.array(history.jitter, np.float32))
     values = [*render, *history.display, *history.render, *jitter, *history.jitter]
-    values += [usable_exposure(exposure) or 0.0, counts, writes_aux, pre_exposure, has_reactive, 0.0]
-    return np.array(values, np.float32)
+    flags = bool(counts), writes_aux, pre_exposure, has_reactive, 0.0
+    return np.array([*values, usable_exposure(exposure) or 0.0, *flags], np.float32)
 
 
 def frame_buffers(names: Collection[str]) -> dict[str, PixelMemory]:

@@ -217,7 +217,7 @@ def clip_to_center(color, mean, deviations, gamma, box_floor):
 @device_function
 def blend(
     numbers, current, around, warped_color, warped_light, warped_samples, warped_power, surface, unchanged,
-    fit, glare, flash, speed, blur, reactive, has_reactive,
+    fit, glare, flash, moved, mask,
 ):  # fmt: skip
     """Compute `Taau.network` and `Taau.finish` of sixteen pixels.
 
@@ -234,15 +234,13 @@ def blend(
         fit: whether 3x3 samples are on a plane, [0, 1].
         glare: 1 where this frame has light over GLARING nearby.
         flash: 1 where the light of this frame is unconfirmed.
-        speed: display pixels.
-        blur: of the resampling, 0 on a pixel's centre, 1 on a corner of four.
-        reactive: fraction of the image that is this frame alone.
-        has_reactive: 0 where that is 0 everywhere.
+        moved: speed, display pixels; blur of the resampling, 0 on a pixel's centre, 1 on a corner of four.
+        mask: fraction of the image that is this frame alone; 0 where the frame has no reactive mask, else 1.
 
     Returns:
         Linear RGB of the image; of the next history linear RGB, samples and power; weight of the history.
     """
-    n = numbers
+    n, (speed, blur), (reactive, has_reactive) = numbers, moved, mask
     frame, sample, confidence, mean, deviations = current
     gamma = minimum(speed / n[C.gamma_speed], 1.0) * (n[C.gamma_moving] - n[C.gamma_still]) + n[C.gamma_still]
     warped_glare = warped_power * 0.0
@@ -376,8 +374,9 @@ def step_rows(
                 reactive = reactive_at(samples, tables, x, y)
             color, next_color, next_samples, next_power, weight = blend(
                 numbers, current, mean, warped_color, warped_light, q[6], q[7], same, 1.0 - changed,
-                fit, glare, flash, square_root(mx * mx + my * my),
-                (tx * (1.0 - tx) + ty * (1.0 - ty)) * 2.0, reactive, samples.has_reactive,
+                fit, glare, flash,
+                (square_root(mx * mx + my * my), (tx * (1.0 - tx) + ty * (1.0 - ty)) * 2.0),
+                (reactive, samples.has_reactive),
             )  # fmt: skip
             if output.has_weight:
                 store(output.weight, y * width + x, weight)
