@@ -155,8 +155,8 @@ def markdown_table(record: Record) -> str:
     ]  # fmt: skip
     caption = (
         f"Ratio {RATIO:g} to {DISPLAY[0]}x{DISPLAY[1]}; the last {SCORED} of {FRAMES} frames, without a "
-        f"border of {BORDER} pixels. Masks are {SCALE:g} times the largest difference of a toned channel that "
-        f"particles make, at most {MOST:g}; on the screen, {MOST:g}."
+        f"border of {BORDER} pixels. Masks are {SCALE:g} times the largest difference of a toned channel "
+        f"that particles make, at most {MOST:g}; on the screen, {MOST:g}."
     )
     return table(heads, cells, caption)
 
