@@ -20,6 +20,8 @@ if len(given) not in (0, 3):
     sys.exit(__doc__)
 model, shot, out = given or [shipped / "models" / "classifier", shipped / "shots" / "plaza", Path("out")]
 contract = json.loads((model / "model.json").read_text())
+if contract["contract"] != 4:
+    sys.exit(f"{model} is of contract {contract['contract']}; this file drives 4. Export the method again.")
 description = json.loads((shot / "shot.json").read_text())
 if description["conventions"]:
     sys.exit(f"{shot} is in other conventions; convert it: supersampler import {shot} -o CONVERTED")
@@ -41,6 +43,9 @@ for entry in description["frames"]:
         "motion": np.stack([planes["motion.X"], planes["motion.Y"]])[None],  # (1, 2, h, w)
         "jitter": np.array([entry["jitter"]], np.float32),
         "exposure": np.array([entry["exposure"] or 0.0], np.float32),  # 0: the graph measures it
+        "reactive": planes.get("reactive.Y", np.zeros((h, w), np.float32))[None, None],  # (1, 1, h, w)
+        "pre_exposure": np.array([entry.get("pre_exposure", 1.0)], np.float32),
+        "adds_samples": np.ones(1, np.float32),  # 0 on frames that were not shaded
         "display_size": np.array([display_w, display_h]),
     }
     if entry["reset"]:

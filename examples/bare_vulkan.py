@@ -22,7 +22,7 @@ FORMATS = {
     "rgba16float": (vk.VK_FORMAT_R16G16B16A16_SFLOAT, 8), "rg32float": (vk.VK_FORMAT_R32G32_SFLOAT, 8),
     "rg32uint": (vk.VK_FORMAT_R32G32_UINT, 8), "r32float": (vk.VK_FORMAT_R32_SFLOAT, 4),
 }  # fmt: skip
-FRAME_FORMATS = {"color": "rgba32float", "depth": "r32float", "motion": "rg32float"}
+FRAME_FORMATS = {"color": "rgba32float", "depth": "r32float", "motion": "rg32float", "reactive": "r32float"}
 KINDS = {
     "uniform": vk.VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER,
     "storage": vk.VK_DESCRIPTOR_TYPE_STORAGE_BUFFER,
@@ -53,7 +53,7 @@ def main() -> None:
     gpu = Gpu()
     host = Host(gpu, shaders, shot["display"])
     for index, frame in enumerate(shot["frames"]):
-        files = {name: (frames / frame[name]).read_bytes() for name in FRAME_FORMATS}
+        files = {name: (frames / frame[name]).read_bytes() for name in FRAME_FORMATS if name in frame}
         (output / f"{index:04d}.rgba16f").write_bytes(host.step(frame, files))
     print(f"{len(shot['frames'])} images on {gpu.name}: {output}")
 
@@ -196,7 +196,7 @@ class Host:
         for one in self.about["resources"]:
             name, size = one["name"], size_of(one["size"], sizes)
             bound[name] = self.history.get(name) or self._allocated(one, size)
-            if one["role"] == "frame":
+            if one["role"] == "frame" and name.removeprefix("frame_") in files:
                 self._upload(commands, bound[name], files[name.removeprefix("frame_")], held)
             elif "file" in one:
                 self._upload(commands, bound[name], (self.folder / one["file"]).read_bytes(), held)
@@ -251,6 +251,7 @@ class Host:
         values = {**sizes, "jitter": frame["jitter"], "previous_jitter": before}
         values |= {"exposure": [frame["exposure"] or 0.0], "writes_aux": [0.0]}
         values["counts"] = [float(frame["jitter"] != before)]
+        values |= {"pre_exposure": [1.0], "has_reactive": [0.0]}  # no mask: frame_reactive is not read
         params = bytearray(self.about["params"]["bytes"])
         for field in self.about["params"]["fields"]:
             struct.pack_into(f"<{field['count']}f", params, field["offset"], *values[field["name"]])

@@ -69,6 +69,11 @@ class Host:
         bound["image"] = textures["image"].create_view()
         for resource in self.about["resources"]:
             name = resource["name"]
+            if name == "frame_reactive" and name not in bound:  # no mask: nothing reads it
+                usage = SAMPLED | STORED
+                bound[name] = self.device.create_texture(
+                    size=(1, 1, 1), format="r32float", usage=usage
+                ).create_view()
             if resource["role"] not in ("frame", "image"):
                 bound[name] = self.held[name] if name in self.held else self._allocated(resource, sizes)
             if resource["role"] == "weights":
@@ -94,6 +99,7 @@ class Host:
         values = {**sizes, "jitter": frame["jitter"], "previous_jitter": before}
         values |= {"exposure": [frame["exposure"] or 0.0], "writes_aux": [0.0]}
         values["counts"] = [float(frame["jitter"] != before)]
+        values |= {"pre_exposure": [1.0], "has_reactive": [0.0]}
         params = bytearray(self.about["params"]["bytes"])
         for field in self.about["params"]["fields"]:
             struct.pack_into(f"<{field['count']}f", params, field["offset"], *values[field["name"]])

@@ -51,7 +51,7 @@ class Demodulated(Method):
         ratios=(float(RATIO), float(RATIO)),
     )
 
-    def forward(
+    def compute(
         self,
         color: Tensor,  # (1, 3, h, w)
         jitter: Tensor,  # (1, 2)

@@ -6,7 +6,7 @@
 
 enum { LEAST_BYTES = 16 };
 
-const char *const given_names[GIVEN] = {"frame_color", "frame_depth", "frame_motion", "image"};
+const char *const given_names[GIVEN] = {"frame_color", "frame_depth", "frame_motion", "frame_reactive", "image"};
 
 WGPUStringView view_of(const char *text)
 {

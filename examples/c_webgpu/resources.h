@@ -42,7 +42,7 @@ typedef struct {
 } Resource;
 
 /* Names of what the caller gives: FRAME, and IMAGE last. */
-enum { GIVEN = 4 };
+enum { GIVEN = 5 };
 extern const char *const given_names[GIVEN];
 
 WGPUStringView view_of(const char *text);

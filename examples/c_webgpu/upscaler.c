@@ -33,7 +33,8 @@ struct Upscaler {
     Memory pairs[MOST_PAIRS][2]; /* histories: [current] is read, [1 - current] is written */
     int current;
     uint32_t display[2], previous[2];
-    float jitter[2]; /* of the previous frame */
+    float jitter[2];     /* of the previous frame */
+    WGPUTexture no_mask; /* of 1x1, bound in place of a missing reactive mask; no shader reads it */
     bool has_history;
 };
 
@@ -143,8 +144,8 @@ Upscaler *upscaler_load(WGPUDevice device, const char *folder, uint32_t width, u
     *upscaler = (Upscaler){.device = device, .queue = wgpuDeviceGetQueue(device), .display = {width, height}};
     const cJSON *json = upscaler->json = read_json(folder, "upscaler.json");
     if (strcmp(text_of(json, "format"), "supersampler-shaders") != 0 ||
-        member(json, "version")->valuedouble != 1)
-        fail("%s/upscaler.json: want supersampler-shaders version 1; export it again", folder);
+        member(json, "version")->valuedouble != 2)
+        fail("%s/upscaler.json: want supersampler-shaders version 2; export it again", folder);
     if (strcmp(text_of(json, "target"), "wgsl") != 0 || strcmp(text_of(json, "images"), "textures") != 0)
         fail("%s: want shaders in WGSL for textures: supersampler export METHOD --target wgsl", folder);
     const cJSON *item, *params = member(json, "params");
@@ -155,6 +156,16 @@ Upscaler *upscaler_load(WGPUDevice device, const char *folder, uint32_t width, u
     if (resource->role != PARAMS || resource->kind != UNIFORM || resource->bytes < PARAMS_BYTES)
         refuse(params, "resource", "a uniform of role \"params\" with %d bytes", PARAMS_BYTES);
     cJSON_ArrayForEach (item, list_of(json, "passes", 1, MOST_PASSES)) load_pass(upscaler, folder, item);
+    upscaler->no_mask = wgpuDeviceCreateTexture(
+        device, &(WGPUTextureDescriptor){
+                    .usage = WGPUTextureUsage_TextureBinding,
+                    .dimension = WGPUTextureDimension_2D,
+                    .size = {1, 1, 1},
+                    .format = WGPUTextureFormat_R32Float,
+                    .mipLevelCount = 1,
+                    .sampleCount = 1,
+                }
+    );
     return upscaler;
 }
 
@@ -176,6 +187,8 @@ static void write_params(Upscaler *upscaler, const Frame *frame)
         frame->exposure,
         moved ? 1.0f : 0.0f,
         0.0f,
+        frame->pre_exposure > 0.0f ? frame->pre_exposure : 1.0f,
+        frame->reactive ? 1.0f : 0.0f,
     };
     WGPUBuffer buffer = upscaler->resources[upscaler->params].held.buffer;
     wgpuQueueWriteBuffer(upscaler->queue, buffer, 0, params, sizeof params);
@@ -238,7 +251,8 @@ void upscaler_encode(Upscaler *upscaler, WGPUCommandEncoder encoder, const Frame
         {upscaler->previous[0], upscaler->previous[1]},
         {upscaler->display[0], upscaler->display[1]},
     };
-    const WGPUTexture given[GIVEN] = {frame->color, frame->depth, frame->motion, image};
+    WGPUTexture mask = frame->reactive ? frame->reactive : upscaler->no_mask;
+    const WGPUTexture given[GIVEN] = {frame->color, frame->depth, frame->motion, mask, image};
     Memory *bound[MOST_RESOURCES];
     for (int i = 0; i < upscaler->resource_count; i++) {
         Resource *resource = &upscaler->resources[i];
@@ -274,6 +288,7 @@ void upscaler_free(Upscaler *upscaler)
             if (upscaler->passes[i].layouts[group])
                 wgpuBindGroupLayoutRelease(upscaler->passes[i].layouts[group]);
     }
+    wgpuTextureRelease(upscaler->no_mask);
     wgpuQueueRelease(upscaler->queue);
     cJSON_Delete(upscaler->json);
     free(upscaler);

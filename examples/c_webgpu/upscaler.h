@@ -16,13 +16,15 @@ typedef struct Upscaler Upscaler;
 
 /* A frame. Units are those of "inputs" in upscaler.json. */
 typedef struct {
-    WGPUTexture color;  /* rgba16float or rgba32float; all three have TextureBinding */
-    WGPUTexture depth;  /* r32float */
-    WGPUTexture motion; /* rg16float or rg32float */
-    uint32_t size[2];   /* (width, height) of what was rendered, each 1 to 16384 */
-    float jitter[2];    /* render pixels */
-    float exposure;     /* 0: measured */
-    bool reset;         /* true on the first frame after a cut */
+    WGPUTexture color;    /* rgba16float or rgba32float; all have TextureBinding */
+    WGPUTexture depth;    /* r32float */
+    WGPUTexture motion;   /* rg16float or rg32float */
+    WGPUTexture reactive; /* r8unorm, r16float or r32float; NULL: none */
+    uint32_t size[2];     /* (width, height) of what was rendered, each 1 to 16384 */
+    float jitter[2];      /* render pixels */
+    float exposure;       /* 0: measured */
+    float pre_exposure;   /* what the colour was multiplied by, in [2^-24, 2^24]; 0: 1 */
+    bool reset;           /* true on the first frame after a cut */
 } Frame;
 
 /* Compile the shaders for images of this size, each side 1 to 16384. All that the folder says is checked

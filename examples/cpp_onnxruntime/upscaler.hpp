@@ -20,12 +20,15 @@ struct Size {
 };
 
 // One rendered frame. Images are planes of float32, channel by channel, the top row first: "color" is
-// (3, h, w), "depth" (1, h, w), "motion" (2, h, w), and so on by the names of the contract.
+// (3, h, w), "depth" (1, h, w), "motion" (2, h, w), and so on by the names of the contract. "reactive" (1, h, w) may
+// be missing.
 struct Frame {
   Size size;                                  // (w, h), the render size
   std::map<std::string, const float*> images; // those that the graph does not take are not read
   std::array<float, 2> jitter{};              // render pixels
   float exposure = 0.0f;                      // 0: the graph measures it
+  float pre_exposure = 1.0f;                  // what the renderer has multiplied the colour by
+  float adds_samples = 1.0f;                  // 0: the colour was extrapolated, not rendered
   bool reset = false;                         // the first frame after a cut
 };
 
@@ -108,6 +111,7 @@ class Upscaler {
     const auto by_name = [](const Tensor& a, const Tensor& b) { return a.name < b.name; };
     std::sort(history_.begin(), history_.end(), by_name);  // history.NAME beside its next.NAME
     std::sort(next_.begin(), next_.end(), by_name);
+    check_contract();
     resize(display);
   }
 
@@ -134,6 +138,7 @@ class Upscaler {
     fit(next, next_, sizes, device_);
     fit(images_, {image_}, sizes, cpu_);
 
+    no_mask_.resize(static_cast<size_t>(frame.size.width * frame.size.height));  // zeros
     binding_.ClearBoundInputs();
     binding_.ClearBoundOutputs();
     const std::array<int64_t, 2> display{display_.width, display_.height};
@@ -188,6 +193,14 @@ class Upscaler {
     }
   }
 
+  // The graph says which version of docs/contract.md it follows.
+  void check_contract() {
+    const auto found = session_.GetModelMetadata().LookupCustomMetadataMapAllocated("supersampler.contract", cpu_);
+    const std::string version = found ? found.get() : "none";
+    if (version != "4")
+      throw std::invalid_argument("the graph is of contract " + version + "; this code drives 4: export it again");
+  }
+
   static void clear(Ort::Value& value) {
     std::fill_n(value.GetTensorMutableData<float>(), value.GetTensorTypeAndShapeInfo().GetElementCount(), 0.0f);
   }
@@ -202,7 +215,10 @@ class Upscaler {
     const float* data = nullptr;
     if (tensor.name == "jitter") data = frame.jitter.data();
     else if (tensor.name == "exposure") data = &frame.exposure;
+    else if (tensor.name == "pre_exposure") data = &frame.pre_exposure;
+    else if (tensor.name == "adds_samples") data = &frame.adds_samples;
     else if (const auto found = frame.images.find(tensor.name); found != frame.images.end()) data = found->second;
+    else if (tensor.name == "reactive") data = no_mask_.data();
     if (!data) throw std::invalid_argument("the frame has no " + tensor.name + ", which the graph takes");
     size_t count = 1;
     for (const int64_t extent : shape) count *= static_cast<size_t>(extent);
@@ -219,6 +235,7 @@ class Upscaler {
   Tensor image_;
   std::vector<Ort::Value> sets_[2], images_;  // two sets of history buffers, swapped; the image
   int current_ = 0;                           // the set that the next step reads
+  std::vector<float> no_mask_;                // zeros in place of a missing reactive mask
   Size display_, previous_;
   bool has_history_ = false;
 };

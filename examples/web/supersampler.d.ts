@@ -5,7 +5,7 @@ export type Size = [width: number, height: number];
 /** Contents of upscaler.json; docs/how-to/run-the-shaders.md describes them. */
 export interface UpscalerInfo {
   format: "supersampler-shaders";
-  version: 1;
+  version: 2;
   method: string;
   precision: "fp32" | "int8";
   target: "wgsl";
@@ -13,7 +13,12 @@ export interface UpscalerInfo {
   ratios: [least: number, largest: number];
   licence: string;
   attributions: string[];
-  inputs: { name: "color" | "depth" | "motion"; unit: string; range: [number, number]; formats: string[] }[];
+  inputs: {
+    name: "color" | "depth" | "motion" | "reactive";
+    unit: string;
+    range: [number, number];
+    formats: string[];
+  }[];
   [other: string]: unknown;
 }
 
@@ -22,12 +27,15 @@ export interface UpscalerFrame {
   /** Not read by every method; see `info.inputs`. */
   depth?: GPUTexture;
   motion?: GPUTexture;
+  /** May be missing, whatever the method. */
+  reactive?: GPUTexture | null;
 }
 
 export interface EncodeOptions {
   jitter: [x: number, y: number];
   renderSize?: Size;
   exposure?: number | null;
+  preExposure?: number;
   reset?: boolean;
   timestamps?: GPUComputePassTimestampWrites;
 }

@@ -86,26 +86,32 @@ export class Upscaler {
    * Encode one step. Submit steps in order, each once; call `reset` after an encoder that is not submitted.
    *
    * @param {GPUCommandEncoder} encoder of the device.
-   * @param {{color: GPUTexture, depth: GPUTexture, motion: GPUTexture}} frame textures with TEXTURE_BINDING, of float
-   *   formats: colour rgba16float or rgba32float, depth r32float (or a z-buffer depth32float, reversed with an infinite
-   *   far plane), motion rg16float or rg32float. Units are those of `info.inputs`. A method that does not read one
-   *   takes none.
+   * @param {{color: GPUTexture, depth: GPUTexture, motion: GPUTexture, reactive?: GPUTexture}} frame textures with
+   *   TEXTURE_BINDING, of float formats: colour rgba16float or rgba32float, depth r32float (or a z-buffer depth32float,
+   *   reversed with an infinite far plane), motion rg16float or rg32float, reactive r8unorm, r16float or r32float. Units
+   *   are those of `info.inputs`. A method that does not read one takes none; reactive may be missing.
    * @param {GPUTexture} output rgba16float with STORAGE_BINDING, of display size.
    * @param {object} options
    * @param {[number, number]} options.jitter (x, y) in render pixels, in [-0.5, 0.5].
    * @param {[number, number]} [options.renderSize] the part of the frame's textures that was rendered, from the upper
    *   left; all of it if not given.
    * @param {?number} [options.exposure] factor of the colour before the tone curve; not given: measured.
+   * @param {number} [options.preExposure] what the renderer has multiplied the colour by; 1 if not given.
    * @param {boolean} [options.reset] true on the first frame after a cut.
    * @param {GPUComputePassTimestampWrites} [options.timestamps] of the compute pass.
    * @throws {UpscalerError} an argument is not as described; the history is unchanged.
    */
-  encode(encoder, frame, output, { jitter, renderSize, exposure = null, reset = false, timestamps } = {}) {
+  encode(
+    encoder,
+    frame,
+    output,
+    { jitter, renderSize, exposure = null, preExposure = 1, reset = false, timestamps } = {},
+  ) {
     this._checkUsable();
     const offset = checkedJitter(jitter);
     const images = this._checkedFrame(frame, renderSize);
     checkedOutput(output, this.displaySize, images);
-    const factor = checkedExposure(exposure);
+    const factors = { exposure: checkedExposure(exposure), preExposure: checkedPreExposure(preExposure) };
     checkRatio(this.info.ratios, images.size, this.displaySize);
     const before = reset ? null : this._previous;
     const previous = before ?? { size: images.size, jitter: [0, 0] };
@@ -114,7 +120,10 @@ export class Upscaler {
     if (reset) this.reset();
     const bound = this._allocated(size, images.textures, output);
     if (!before && this._dirty) this._clear(encoder);
-    this._writeParams(encoder, bound.get("params"), size, offset, previous.jitter, factor);
+    this._writeParams(encoder, bound.get("params"), size, offset, previous.jitter, {
+      ...factors,
+      hasReactive: images.textures.has("frame_reactive"),
+    });
     const pass = encoder.beginComputePass({ label: "supersampler", timestampWrites: timestamps });
     for (const one of this._passes) {
       pass.setPipeline(one.pipeline);
@@ -155,6 +164,7 @@ export class Upscaler {
     const textures = new Map();
     for (const name of CHANNELS.filter((channel) => read.includes(channel))) {
       const texture = frame?.[name];
+      if (name === "reactive" && (texture === undefined || texture === null)) continue;
       if (!texture?.createView) throw new UpscalerError(`frame.${name}`, shown(texture), "a GPUTexture");
       const isDepth = texture.format.startsWith("depth32float");
       const isFloat = isDepth ? name === "depth" : /^r.*(float|norm)|^bgra8unorm/.test(texture.format);
@@ -183,7 +193,10 @@ export class Upscaler {
   /** Return what each resource is bound to, by name; allocates what is missing or too small. */
   _allocated(size, textures, output) {
     const bound = new Map(
-      [...textures, ["image", output]].map(([name, texture]) => [name, { resource: texture }]),
+      [["frame_reactive", this._noMask()], ...textures, ["image", output]].map(([name, texture]) => [
+        name,
+        { resource: texture },
+      ]),
     );
     const sets = { history: this._current, next: 1 - this._current };
     for (const one of this.info.resources) {
@@ -212,6 +225,12 @@ export class Upscaler {
       this._memory.set(key, held);
     }
     return { resource: held.resource, bytes };
+  }
+
+  /** Return a texture in place of a missing reactive mask, which no shader reads. */
+  _noMask() {
+    const described = { kind: "texture", name: "no mask", format: "rgba16float", role: "work" };
+    return this._held("no mask", described, [1, 1]).resource;
   }
 
   _newBuffer(described, bytes) {
@@ -250,7 +269,7 @@ export class Upscaler {
   }
 
   /** Write params in the order of the encoder, which may hold several steps. */
-  _writeParams(encoder, { resource }, size, jitter, previousJitter, exposure) {
+  _writeParams(encoder, { resource }, size, jitter, previousJitter, { exposure, preExposure, hasReactive }) {
     const values = {
       render: size.render,
       display: size.display,
@@ -260,6 +279,8 @@ export class Upscaler {
       exposure: [exposure],
       counts: [same(jitter, previousJitter) ? 0 : 1],
       writes_aux: [0],
+      pre_exposure: [preExposure],
+      has_reactive: [hasReactive ? 1 : 0],
     };
     const { bytes, fields } = this.info.params;
     const staging = this.device.createBuffer({ size: bytes, usage: BUFFER.COPY_SRC, mappedAtCreation: true });
@@ -334,6 +355,14 @@ function checkedExposure(exposure) {
     throw new UpscalerError("exposure", shown(exposure), "a number > 0, or null to measure it");
   }
   return exposure >= EXPOSURES[0] && exposure <= EXPOSURES[1] ? exposure : 0;
+}
+
+function checkedPreExposure(factor) {
+  if (!(factor >= EXPOSURES[0] && factor <= EXPOSURES[1])) {
+    const want = "a number in [2^-24, 2^24]: what the renderer has multiplied the colour by";
+    throw new UpscalerError("preExposure", shown(factor), want);
+  }
+  return factor;
 }
 
 function checkedOutput(output, display, images) {

@@ -4,13 +4,13 @@
  */
 
 const FORMAT = "supersampler-shaders";
-const VERSION = 1;
+const VERSION = 2;
 const LEAST_BYTES = 16; // of a buffer
 const COMPUTE = 4; // GPUShaderStage.COMPUTE
 const UPDATE = "Update the browser or the driver.";
 const EXPORT = "Export the folder again.";
 
-export const CHANNELS = ["color", "depth", "motion"];
+export const CHANNELS = ["color", "depth", "motion", "reactive"];
 /** Fields of params, with their numbers of values. */
 const PARAMS = {
   render: 2,
@@ -21,6 +21,8 @@ const PARAMS = {
   exposure: 1,
   counts: 1,
   writes_aux: 1,
+  pre_exposure: 1,
+  has_reactive: 1,
 };
 /** Kinds of resources, by role. */
 const ROLES = {

@@ -1,8 +1,9 @@
 """The parity gate: ONNX Runtime must reproduce the images of torch over several frames."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from operator import truediv
+from typing import Any
 
 import numpy as np
 import torch
@@ -116,7 +117,7 @@ def check_half(method: Method, half: Method) -> None:
             with torch.no_grad():
                 image, ours, _ = method.step(*arguments, *ours)
                 other, theirs, _ = half.step(*arguments, *theirs)
-            differences.append((tone(image) - tone(other)).abs().numpy().ravel())
+            differences.append(_difference(image, other, frame))
         difference = np.quantile(np.concatenate(differences), SHARE)
         if not difference <= (tolerance := tolerance_of_half(method)):
             raise ExportError(
@@ -172,31 +173,41 @@ def compare(method: Method, session: ort.InferenceSession, render: Size, display
         feeds = {name: value.numpy() for name, value in zip(names, [*arguments, *theirs], strict=True)}
         results = [torch.from_numpy(array) for array in session.run(None, feeds)]
         other, theirs = results[0], results[1 : 1 + len(ours)]
-        differences.append((tone(image) - tone(other)).abs().numpy().ravel())
+        differences.append(_difference(image, other, frame))
     difference = np.concatenate(differences)
     median, at_share = np.quantile(difference, [0.5, SHARE])
     return Parity(render, display, float(median), float(at_share), float(difference.max()))
 
 
+def _difference(image: Tensor, other: Tensor, frame: Mapping[str, Tensor]) -> "np.ndarray[Any, Any]":
+    """Difference of the values of two images of a frame, toned without pre-exposure."""
+    unit = frame["pre_exposure"]
+    return (tone(image / unit) - tone(other / unit)).abs().numpy().ravel()
+
+
 def noise(render: Size, display: Size, frames: int) -> Iterator[dict[str, Tensor]]:
     """Yield frames of smooth colour plus noise, sloping depth with steps, motion of a few pixels.
 
-    G-buffers are other waves at both sizes; depth at display size is the same surface as at render size.
+    G-buffers are other waves at both sizes; depth at display size is the same surface as at render size. Each
+    frame has another pre-exposure, and the second one adds no samples to the mean.
     """
     random = np.random.default_rng(render.width * 1000 + render.height)
     y, x = np.mgrid[: render.height, : render.width].astype(np.float32)
-    for _ in range(frames):
+    for index in range(frames):
         a, b, c = random.uniform(0.05, 0.4, 3)
         waves = np.stack([np.sin(a * x + b * y), np.cos(b * x - c * y), np.sin(c * x + a * y)])
         color = np.exp(waves + 0.2 * random.standard_normal(waves.shape))
         depth = 0.02 + 0.01 * (waves[:1] > 0.3) + 1e-4 * x + 1e-5 * random.random(x.shape)
         motion = 2.3 * waves[:2] + 0.31
         yield {
-            "color": _tensor(color),
+            "color": _tensor(2.0**index * color),
             "depth": _tensor(depth),
             "motion": _tensor(motion),
             "jitter": torch.tensor(random.uniform(-0.5, 0.5, (1, 2)).astype(np.float32)),
             "exposure": torch.zeros(1),
+            "pre_exposure": torch.tensor([2.0**index]),
+            "adds_samples": torch.tensor([float(index != 1)]),
+            "reactive": _tensor((waves[:1] - 0.5).clip(0.0, 1.0)),
             "display_size": torch.tensor(display),
             "aovs": _tensor(0.5 + 0.5 * waves),
             "weight": _tensor(random.random((1, display.height, display.width))),

@@ -173,12 +173,6 @@ def tolerance_of(skip: Skip, outputs: Collection[str]) -> float | None:
     return named[skip] if isinstance(skip, str) else float(skip)
 
 
-def check_tensor_skip(skip: Skip, *, converges: bool) -> None:
-    """Raise ArgumentError where a graph on tensors cannot do what `skip` says: it always converges."""
-    if skip == "recurrent" and converges:
-        raise ArgumentError("skip", got=repr(skip), want="another for step_tensors", hint="Use `step`.")
-
-
 def check_out(out: NDArray[np.float32], shape: tuple[int, ...], inputs: Collection[NDArray[Any]]) -> None:
     """Raise ArgumentError unless `out` can hold an image of this shape and shares no memory with `inputs`."""
     want = f"{shape} float32 numpy array"

@@ -79,6 +79,8 @@ class Extrapolator:
     def after_shaded(self, frame: Frame, history: ShadedHistory | None = None) -> ShadedHistory:
         """Return the history after a shaded frame: copies of the frame's arrays, and no motion.
 
+        The colour is kept without pre-exposure.
+
         Args:
             frame: a frame with colour.
             history: history before this frame, of which a model may keep parts; not changed. None where there
@@ -103,6 +105,8 @@ class Extrapolator:
             else:
                 input_name = _FRAME_INPUTS.get(name, f"gbuffer_{name}")
                 array = frame_inputs(frame, frame.size, (input_name,))[input_name]
+                if name == "color" and frame.pre_exposure != 1.0:
+                    array = array / np.float32(frame.pre_exposure)
                 # engines reuse their buffers, so a view of the frame is copied
                 tensors[full_name] = self._executor.upload(array if array.base is None else array.copy())
         return ShadedHistory(tensors)

@@ -25,6 +25,7 @@ GBUFFER_DISPLAY_CHANNELS: Mapping[str, int] = {**GBUFFER_CHANNELS, "depth": 1}
 _GROUPS = {"gbuffer": GBUFFER_CHANNELS, "gbuffer_display": GBUFFER_DISPLAY_CHANNELS}
 _MIN_EXPOSURE = float(np.finfo(np.float32).smallest_subnormal)
 _MAX_EXPOSURE = float(np.finfo(np.float32).max)
+_MIN_PRE_EXPOSURE, _MAX_PRE_EXPOSURE = 2.0**-24, 2.0**24
 _SINGLE = (np.dtype(np.float32),)
 _HALF_OR_SINGLE = (np.dtype(np.float16), *_SINGLE)
 
@@ -48,7 +49,12 @@ class Frame:
         jitter: (x, y). Where in the pixel the sample was taken: pixel centre + jitter, render pixels,
             in [-0.5, 0.5].
         reset: True on the first frame after a cut: the history is dropped.
+        reactive: (h, w) float32 or float16 in [0, 1]. How little the history says there (particles, screens,
+            glass): the weight w of this frame becomes w + (1 - w) reactive. None is 0 everywhere.
         exposure: > 0, multiplies the colour before the tone curve. None measures it from the frames.
+        pre_exposure: in [2^-24, 2^24]. What the renderer has multiplied the colour by. It may change from
+            frame to frame: the history is kept without it, `exposure` applies to the colour without it, and
+            the image is multiplied by it again.
         gbuffer: render-size buffers by name: base_color (h, w, 3), normal (h, w, 3; world space, unit length,
             0 at the sky), roughness, metallic, specular (each (h, w); dielectric F0 = 0.08 specular).
             Linear, in [0, 1] except for the normal. Where a method reads a missing one at both sizes, it is
@@ -70,19 +76,24 @@ class Frame:
     jitter: tuple[float, float]
     reset: bool = False
     exposure: float | None = None
+    pre_exposure: float = 1.0
+    reactive: Array | None = None
     gbuffer: Mapping[str, Array] | None = None
     gbuffer_display: Mapping[str, Array] | None = None
     aovs: Array | None = None
     motion_next: Array | None = None
 
     def __post_init__(self) -> None:
-        for name in ("color", "depth", "motion", "aovs", "motion_next"):
+        for name in ("color", "depth", "motion", "reactive", "aovs", "motion_next"):
             value = getattr(self, name)
             if value is not None or name in ("depth", "motion"):
                 object.__setattr__(self, name, as_array(name, value))
         self.check_shapes()
+        if self.reactive is not None:
+            _check_reactive(self.reactive)
         object.__setattr__(self, "jitter", checked_jitter(self.jitter))
         object.__setattr__(self, "exposure", checked_exposure(self.exposure))
+        object.__setattr__(self, "pre_exposure", checked_pre_exposure(self.pre_exposure))
         object.__setattr__(self, "reset", checked_reset(self.reset))
         for name in _GROUPS:
             buffers = getattr(self, name)
@@ -110,6 +121,8 @@ class Frame:
             _check("color", self.color, (h, w, 3), _HALF_OR_SINGLE)
         _check("depth", self.depth, (h, w), _SINGLE)
         _check("motion", self.motion, (h, w, 2), _HALF_OR_SINGLE)
+        if self.reactive is not None:
+            _check("reactive", self.reactive, (h, w), _HALF_OR_SINGLE)
         if self.motion_next is not None:
             _check("motion_next", self.motion_next, (h, w, 2), _HALF_OR_SINGLE)
         if self.aovs is not None:
@@ -130,7 +143,7 @@ def checked_frame(frame: Frame) -> Frame:
 def arrays_of(frame: Frame) -> list[NDArray[Any]]:
     """Return all arrays of a frame, G-buffers included."""
     buffers = [*(frame.gbuffer or {}).values(), *(frame.gbuffer_display or {}).values()]
-    images = frame.color, frame.depth, frame.motion, frame.aovs, frame.motion_next, *buffers
+    images = frame.color, frame.depth, frame.motion, frame.reactive, frame.aovs, frame.motion_next, *buffers
     return [a for a in images if a is not None]
 
 
@@ -159,6 +172,16 @@ def checked_exposure(exposure: float | None) -> float | None:
     if number is None or not _MIN_EXPOSURE <= number <= _MAX_EXPOSURE:
         hint = "Single precision must hold it; None measures it from the frames."
         raise FrameError("exposure", got=shown(exposure), want="a finite number > 0, or None", hint=hint)
+    return number
+
+
+def checked_pre_exposure(pre_exposure: float) -> float:
+    """Return a frame's pre-exposure; raise FrameError unless it is in [2^-24, 2^24]."""
+    number = as_number(pre_exposure)
+    if number is None or not _MIN_PRE_EXPOSURE <= number <= _MAX_PRE_EXPOSURE:
+        hint = "It is what the renderer has multiplied the colour by; 1 where it does not."
+        want = "a number > 0, in [2^-24, 2^24]"
+        raise FrameError("pre_exposure", got=shown(pre_exposure), want=want, hint=hint)
     return number
 
 
@@ -251,6 +274,15 @@ def checked_buffers(name: str, buffers: Mapping[str, Array]) -> Mapping[str, Arr
             hint = did_you_mean(key, known)
             raise FrameError(f"{name}[{shown(key)}]", got="not a G-buffer's name", want=want, hint=hint)
     return buffers
+
+
+def _check_reactive(mask: Array) -> None:
+    """Raise FrameError unless all values are in [0, 1]."""
+    with np.errstate(invalid="ignore"):
+        least, most = float(mask.min()), float(mask.max())
+    if not (least >= 0.0 and most <= 1.0):  # written so that NaN fails
+        hint = "0 keeps the history, 1 shows this frame alone: np.clip(mask, 0, 1), say."
+        raise FrameError("reactive", got=f"from {least:g} to {most:g}", want="values in [0, 1]", hint=hint)
 
 
 def _checked_gbuffer(name: str, buffers: Mapping[str, Array], size: Size | None) -> dict[str, Array]:

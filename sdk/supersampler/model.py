@@ -279,7 +279,7 @@ class Model(DeviceRuns):
             return resting
         if history is None:
             return 0.0
-        return float(converged_of(self._executor.tensor(history.buffers, "history.still")).mean())
+        return float(converged_of(self._executor.tensor(history.buffers, "history.static_mean")).mean())
 
     def load_history(
         self, display_size: Size, render_size: Size, arrays: Mapping[str, NDArray[Any]]

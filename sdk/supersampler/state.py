@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from supersampler.model import Model
 
 
-STATE_VERSION = 2
+STATE_VERSION = 3
 """Version of the contents of a State. Other versions are refused: the meaning of arrays may differ."""
 
 
@@ -70,7 +70,7 @@ class State:
         """
         version = getattr(self, "version", None)
         if type(version) is not int or version != STATE_VERSION:
-            hint = "Load it with the version of supersampler that saved it."
+            hint = "Load it with the version of supersampler that saved it, or start without a state."
             raise ArgumentError("state", got=f"of version {version!r}", want=f"{STATE_VERSION}", hint=hint)
         if self.method != model.info.method:
             raise ArgumentError("state", got=f"of {self.method!r}", want=f"of {model.info.method!r}")

@@ -277,7 +277,7 @@ def test_the_gate_measures_in_both_directions() -> None:
 
         spec: ClassVar = MethodSpec(name="same", source="a test", inputs=("color",))
 
-        def forward(self, color: Tensor) -> tuple[Tensor]:
+        def compute(self, color: Tensor) -> tuple[Tensor]:
             return (color * 1.0,)
 
     node = helper.make_node("Identity", ["color"], ["image"])
@@ -297,9 +297,9 @@ def gbuffer_model(tmp_path_factory: pytest.TempPathFactory) -> Path:
 class Darker(Demodulated):
     """Reads another base colour than was exported."""
 
-    def forward(self, *inputs: Tensor) -> Any:
+    def compute(self, *inputs: Tensor) -> Any:
         color, jitter, low, high, *others = inputs
-        return super().forward(color, jitter, low, 0.9 * high, *others)
+        return super().compute(color, jitter, low, 0.9 * high, *others)
 
     @classmethod
     def inputs(cls) -> list[str]:

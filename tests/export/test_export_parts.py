@@ -43,11 +43,11 @@ class Kept(Method):
         },
     )
 
-    def forward(
+    def compute(
         self, color: Tensor, display_size: Tensor, aovs: Tensor, gbuffer_display_depth: Tensor,
         history_color: Tensor, history_classes: Tensor, history_depth: Tensor, history_old: Tensor,
         history_jitter: Tensor,
-    ) -> Tensor:  # fmt: skip
+    ) -> tuple[Tensor, ...]:  # fmt: skip
         raise NotImplementedError
 
 

@@ -182,13 +182,14 @@ def test_frames_and_images_are_in_buffers_where_that_is_asked_for(folders: dict[
         "frame_color": ("buffer", 12, "render"),
         "frame_depth": ("buffer", 4, "render"),
         "frame_motion": ("buffer", 8, "render"),
+        "frame_reactive": ("buffer", 4, "render"),
         "image": ("buffer", 12, "display"),
     }
     assert {one["formats"][0] for one in described["inputs"]} == {"float32"}
 
 
 def test_a_method_that_reads_no_depth_asks_for_none(folders: dict[str, Path]) -> None:
-    assert [one["name"] for one in about(folders["taa"])["inputs"]] == ["color", "motion"]
+    assert [one["name"] for one in about(folders["taa"])["inputs"]] == ["color", "motion", "reactive"]
     assert "frame_depth" not in (folders["taa"] / "02_boxes.wgsl").read_text()
 
 

@@ -15,6 +15,7 @@ from supersampler_export.graph import history_name
 from supersampler_model.data.scenes.still_life import still_scene
 from supersampler_model.ops.color import tone
 from supersampler_model.ops.size import Size
+from torch_inputs import plain_inputs
 
 METHODS = ["taau", "classifier", "classifier-small"]
 RENDER, DISPLAY = Size(40, 22), Size(80, 44)
@@ -42,6 +43,7 @@ def inputs_of(index: int) -> dict[str, torch.Tensor]:
         "jitter": torch.tensor([frame.jitter]),
         "exposure": torch.ones(1),
         "display_size": torch.tensor(DISPLAY),
+        **plain_inputs(RENDER),
     }
 
 
@@ -80,10 +82,10 @@ def test_a_mean_of_many_samples_still_takes_a_small_difference(name: str, file: 
     method, session = load_method(name), session_of(find_model(name) / file)
     frame = inputs_of(1) | {"color": torch.full((1, 3, RENDER.height, RENDER.width), 0.52)}
     before = dict(zip(method.history, method.first_history(DISPLAY, RENDER), strict=True))
-    before["still"][:, :3], before["still"][:, 3:] = 0.5, 2000.0
+    before["static_mean"][:, :3], before["static_mean"][:, 3:] = 0.5, 2000.0
     feeds = {name: frame[name].numpy() for name in method.inputs()}
     feeds |= {history_name(f"history_{name}"): value.numpy() for name, value in before.items()}
-    (still,) = session.run(["next.still"], feeds)
+    (still,) = session.run(["next.static_mean"], feeds)
     sampled = still[:, 3:] > 2000.2
     assert sampled.mean() > 0.2
     assert (still[:, :3][np.repeat(sampled, 3, axis=1)] > 0.5).all()

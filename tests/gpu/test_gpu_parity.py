@@ -123,7 +123,7 @@ def _learned(upscaler: Upscaler) -> Any:
     """Return the samples of which each range of residuals is learned, (h, w)."""
     history = upscaler.save_state().history
     assert history is not None
-    return history["history.opening"][0, 2]
+    return history["history.residual_range"][0, 2]
 
 
 @pytest.mark.parametrize("method", WITH_LARGE)

@@ -1,5 +1,6 @@
 """Frames and images on the caller's device: textures and buffers in and out, without a copy."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,12 @@ from supersampler import Frame, Upscaler
 from supersampler.errors import ArgumentError, FrameError
 from supersampler.model import Model
 
-FORMATS = {"color": ("rgba32float", 4), "depth": ("r32float", 1), "motion": ("rg32float", 2)}
+FORMATS = {
+    "color": ("rgba32float", 4),
+    "depth": ("r32float", 1),
+    "motion": ("rg32float", 2),
+    "reactive": ("r32float", 1),
+}
 SAMPLED, COPY_DST, COPY_SRC, STORED, STORAGE = 4, 2, 1, 8, 128
 
 
@@ -36,7 +42,8 @@ def texture_of(device: Any, image: Any, texel: str, channels: int) -> Any:
 
 
 def textures_of(device: Any, frame: Frame) -> dict[str, Any]:
-    return {name: texture_of(device, getattr(frame, name), *form) for name, form in FORMATS.items()}
+    given = {name: getattr(frame, name) for name in FORMATS}
+    return {name: texture_of(device, a, *FORMATS[name]) for name, a in given.items() if a is not None}
 
 
 def buffers_of(device: Any, frame: Frame) -> dict[str, Any]:
@@ -45,6 +52,7 @@ def buffers_of(device: Any, frame: Frame) -> dict[str, Any]:
             data=np.ascontiguousarray(getattr(frame, name), np.float32), usage=STORAGE
         )
         for name in FORMATS
+        if getattr(frame, name) is not None
     }
 
 
@@ -59,6 +67,24 @@ def test_textures_give_the_images_of_arrays_as_half_floats(device: Any, ours: Mo
     for index in range(4):
         frame = moving(index)
         image = upscaler.step_textures(textures_of(device, frame), jitter=frame.jitter, reset=frame.reset)
+        np.testing.assert_allclose(pixels_of(device, image), arrays.step(frame), rtol=2e-3, atol=1e-6)
+
+
+@pytest.mark.parametrize("kind", [textures_of, buffers_of])
+def test_they_have_a_mask_or_none_and_a_pre_exposure(device: Any, ours: Model, kind: Any) -> None:
+    upscaler, arrays = Upscaler(ours, display_size=DISPLAY), make("taau")
+    for index, factor in enumerate((1.0, 4.0, 0.5, 2.0)):
+        frame = moving(index)
+        mask = np.full(RENDER[::-1], 0.5, np.float32) if index > 1 else None
+        color = np.asarray(frame.color) * np.float32(factor)
+        frame = replace(frame, color=color, pre_exposure=factor, reactive=mask)
+        image = upscaler.step_textures(
+            kind(device, frame),
+            jitter=frame.jitter,
+            pre_exposure=factor,
+            reset=frame.reset,
+            render_size=RENDER if kind is buffers_of else None,
+        )
         np.testing.assert_allclose(pixels_of(device, image), arrays.step(frame), rtol=2e-3, atol=1e-6)
 
 

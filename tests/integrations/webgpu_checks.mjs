@@ -106,6 +106,28 @@ found["reset: true begins again"] =
   apart === (await steps(again, [{ ...list[0], reset: true }, list[1], list[2]]));
 found["a history counts"] = apart !== (await steps(again, list));
 
+/** The list with a mask of one value in each frame. */
+const masked = (value) =>
+  list.map((step) => {
+    const mask = new Float32Array(RENDER[0] * RENDER[1]).fill(value);
+    const usage = GPUTextureUsage.TEXTURE_BINDING | GPUTextureUsage.COPY_DST;
+    const reactive = device.createTexture({ size: RENDER, format: "r32float", usage });
+    device.queue.writeTexture({ texture: reactive }, mask, { bytesPerRow: 4 * RENDER[0] }, RENDER);
+    return { ...step, images: { ...step.images, reactive } };
+  });
+found["a mask of zeros changes no bit"] = apart === (await steps(await load(), masked(0)));
+found["a full mask leaves this frame alone"] =
+  (await steps(await load(), masked(1))) === (await steps(await load(), [list[2]]));
+found["a mask counts"] = apart !== (await steps(await load(), masked(0.5)));
+const preExposed = list.map((step) => ({ ...step, preExposure: 2 }));
+found["pre-exposure is divided out"] = apart !== (await steps(await load(), preExposed));
+for (const preExposure of [0, -1, NaN, Infinity, "2x"]) {
+  found[`a pre-exposure of ${preExposure}`] = await refuses(
+    () => steps(again, [{ ...list[0], preExposure }]),
+    "what the renderer has multiplied the colour by",
+  );
+}
+
 const sizes = [
   [20, 12],
   [23, 14],
@@ -224,7 +246,7 @@ found["a missing file"] = await refuses(() => load(async () => ({ ok: false, sta
 found["another file"] = await refuses(() => load(async () => "<html>"), "no JSON");
 const patched = (patch) => async (name) =>
   name === "upscaler.json" ? JSON.stringify({ ...JSON.parse(await from(name)), ...patch }) : from(name);
-found["another version"] = await refuses(() => load(patched({ version: 2 })), "version 1");
+found["another version"] = await refuses(() => load(patched({ version: 1 })), "version 2");
 found["another target"] = await refuses(() => load(patched({ target: "hlsl" })), "--target wgsl");
 const described = (await load()).info;
 const requires = { ...described.requires, limits: { maxComputeWorkgroupSizeX: 1 << 20 } };

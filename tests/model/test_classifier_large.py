@@ -11,6 +11,7 @@ from supersampler_model.methods.classifier_large.model import LargeClassifier
 from supersampler_model.methods.weights_file import load_trained, shipped_weights
 from supersampler_model.ops.downsampling import downsample
 from supersampler_model.ops.size import Size
+from torch_inputs import plain_inputs
 
 
 @pytest.mark.parametrize(("render", "display"), [((16, 9), (32, 18)), ((13, 7), (21, 11)), ((1, 1), (1, 1))])
@@ -29,10 +30,13 @@ def test_the_image_is_that_of_the_classifier_at_the_larger_size_filtered(
     for _ in range(3):
         color, depth = (torch.rand(1, c, *render[::-1], generator=generator) for c in (3, 1))
         motion, jitter = torch.zeros(1, 2, *render[::-1]), torch.rand(1, 2, generator=generator) - 0.5
-        frame = color, depth, motion, jitter, torch.tensor([2.0])
+        frame = {"color": color, "depth": depth, "motion": motion, "jitter": jitter, **plain_inputs(render)}
+        frame["exposure"] = torch.tensor([2.0])
+        sizes = {"display_size": torch.tensor(display)}, {"display_size": torch.tensor(inner)}
+        outer, larger = ([({**frame, **one})[name] for name in large.inputs()] for one in sizes)
         with torch.no_grad():
-            image, ours, maps = large.step(*frame, torch.tensor(display), *ours)
-            whole, theirs, _ = classifier.step(*frame, torch.tensor(inner), *theirs)
+            image, ours, maps = large.step(*outer, *ours)
+            whole, theirs, _ = classifier.step(*larger, *theirs)
         torch.testing.assert_close(image, downsample(whole, Size(*display), torch.tensor([2.0])))
         assert image.shape[2:] == display[::-1]
         assert [m.shape[2:] for m in maps] == [display[::-1]] * 2

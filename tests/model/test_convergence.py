@@ -19,6 +19,7 @@ from supersampler_model.data.scenes.analytic import DiscOverPlane, Plane, Scene
 from supersampler_model.data.scenes.still_life import still_life, still_scene
 from supersampler_model.methods.base import Method
 from supersampler_model.ops.size import Size as TorchSize
+from torch_inputs import plain_inputs
 
 DISPLAY: Size = (160, 90)
 METHODS = ["taau", "classifier", "classifier-small"]
@@ -69,6 +70,7 @@ class Steps:
             "jitter": torch.tensor([frame.jitter]),
             "exposure": torch.tensor([frame.exposure or 0.0]),
             "display_size": torch.tensor(self._display),
+            **plain_inputs(frame.size),
         }
         with torch.no_grad():
             done = method.step(*(tensors[name] for name in method.inputs()), *self._history)
@@ -189,8 +191,8 @@ def test_a_mover_leaves_nothing_of_itself_in_the_mean(name: str) -> None:
     steps = Steps(method_of(name))
     for frame in frames(3 * HALTON, scene=MOVER):
         steps.step(frame)
-    settled_again = steps.history("still")[..., 3] > PERIOD
-    error = np.abs(display_transform(steps.history("still")[..., :3]) - display_transform(truth()))
+    settled_again = steps.history("static_mean")[..., 3] > PERIOD
+    error = np.abs(display_transform(steps.history("static_mean")[..., :3]) - display_transform(truth()))
     assert settled_again[: DISPLAY[1] // 2].mean() > 0.3
     assert error[settled_again].max() < 0.2  # the disc's rings differ from what is behind by up to 1
 
@@ -212,7 +214,7 @@ def test_a_change_of_8_of_255_opens_in_its_first_frame_and_restarts_in_its_secon
     np.testing.assert_array_equal(image[BLOCK][4:-4, 4:-4], steps.own[BLOCK][4:-4, 4:-4])
     assert steps.converged[65:].min() == 1.0  # nothing else opened
     steps.step(second)
-    assert (np.abs(steps.history("still")[BLOCK][..., 3]) < 1.5).mean() > 0.9
+    assert (np.abs(steps.history("static_mean")[BLOCK][..., 3]) < 1.5).mean() > 0.9
 
 
 @pytest.mark.parametrize("name", METHODS)
@@ -256,14 +258,14 @@ def test_one_frame_of_another_pattern_only_doubts_the_mean_and_a_second_restarts
         steps.step(frame)
     first, second = frames(2 * HALTON + 3, scene=waves("x", np.pi), display=display)[-2:]
     steps.step(first)
-    doubted = (steps.history("still")[..., 3] < 0.0) & (steps.converged > 0.0)
+    doubted = (steps.history("static_mean")[..., 3] < 0.0) & (steps.converged > 0.0)
     assert doubted.mean() > 0.2
     assert (steps.converged[doubted] == 1.0).all()
     confirmed, refuted = steps.copy(), steps.copy()
     confirmed.step(second)
-    assert (confirmed.history("still")[..., 3][doubted] < 1.0).mean() > 0.5
+    assert (confirmed.history("static_mean")[..., 3][doubted] < 1.0).mean() > 0.5
     refuted.step(frames(2 * HALTON + 3, scene=waves("x"), display=display)[-1])
-    assert (refuted.history("still")[..., 3][doubted] >= PERIOD).all()
+    assert (refuted.history("static_mean")[..., 3][doubted] >= PERIOD).all()
 
 
 @pytest.mark.parametrize("name", METHODS)
@@ -288,7 +290,7 @@ def test_one_firefly_hardly_shows_in_the_mean(name: str, at: int, light: float) 
     assert np.abs(differences[-1]).max() < 0.1
     if at > HALTON:
         assert np.abs(differences[0]).max() < 0.05
-        assert steps.history("still")[..., 3].min() > PERIOD  # nothing restarted
+        assert steps.history("static_mean")[..., 3].min() > PERIOD  # nothing restarted
 
 
 @pytest.mark.parametrize("name", METHODS)
@@ -302,11 +304,11 @@ def test_a_reset_forgets_all(name: str) -> None:
 @pytest.mark.parametrize("name", METHODS)
 def test_another_render_size_keeps_the_mean(name: str) -> None:
     steps = settled(name, 2 * HALTON)
-    before = steps.history("still")[..., 3]
+    before = steps.history("static_mean")[..., 3]
     for frame in frames(12, ratio=1.5):
         image = steps.step(dataclasses.replace(frame, reset=False))
         assert psnr(image, truth()) > 42.0
-    assert (steps.history("still")[..., 3] > before).all()
+    assert (steps.history("static_mean")[..., 3] > before).all()
 
 
 @pytest.mark.parametrize("name", METHODS)

@@ -45,13 +45,15 @@ def torch_step(frame: Frame, own: Float32, before: dict[str, Float32], exposure:
         torch.tensor([frame.jitter], dtype=torch.float32),
         torch.from_numpy(before["history.jitter"]),
         torch.tensor([exposure]),
+        torch.zeros(()),
+        torch.ones(1),
     )
     image = torch.from_numpy(own)
     return settle(
         image,
         samples,
-        torch.from_numpy(before["history.still"]),
-        torch.from_numpy(before["history.opening"]),
+        torch.from_numpy(before["history.static_mean"]),
+        torch.from_numpy(before["history.residual_range"]),
         grid_of(render_size_of(image), render_size_of(samples.color), samples.jitter),
     )
 
@@ -77,9 +79,10 @@ def compare(frames: list[Frame], *, confirmed: bool = True) -> NDArray[np.float3
         exposure = abs(float(after["history.exposure"][0]))
         settled = torch_step(frame, after["history.color"], before, exposure)
         weighted = (settled.still[:, 3:] != 0.0).float()  # a color without weight has no effect
-        assert_close(after["history.still"] * weighted.numpy(), settled.still * weighted, err_msg=f"{index}")
-        assert_close(after["history.still"][:, 3:], settled.still[:, 3:], err_msg=f"{index}")
-        assert_close(after["history.opening"], settled.opening, err_msg=f"{index}")
+        mean = after["history.static_mean"]
+        assert_close(mean * weighted.numpy(), settled.still * weighted, err_msg=f"{index}")
+        assert_close(mean[:, 3:], settled.still[:, 3:], err_msg=f"{index}")
+        assert_close(after["history.residual_range"], settled.opening, err_msg=f"{index}")
         assert_close(result.converged, settled.converged[0, 0], rtol=0, atol=1e-6, err_msg=f"{index}")
         if confirmed:
             image = settled.image[0].numpy().transpose(1, 2, 0)

@@ -12,7 +12,7 @@ from supersampler import Model, Upscaler, halton_jitter
 from supersampler.backends.onnx.session import frame_inputs
 from supersampler.errors import ArgumentError
 from supersampler.frame import Float32
-from supersampler.methods.convergence import CONVERGENCE_HISTORY
+from supersampler.methods.at_rest import AT_REST_HISTORY
 from supersampler_model.methods import LEARNED
 from supersampler_model.methods.base import Method
 from supersampler_model.methods.classifier.model import Classifier
@@ -45,7 +45,7 @@ def from_classifier(weights: Trained) -> Extrapolate:
 
 def given(index: int, render: Sizes = RENDER, display: Sizes = DISPLAY) -> dict[str, Tensor]:
     frame = SCENE.frame(index, render, halton_jitter(index, 2.0))
-    names = [*UnshadedExtrapolate.inputs(), "gbuffer_normal"]
+    names = [*UnshadedExtrapolate.inputs(), "gbuffer_normal", "adds_samples"]
     return {name: torch.from_numpy(a) for name, a in frame_inputs(frame, display, names).items()}
 
 
@@ -121,7 +121,7 @@ def test_once_trained_extrapolated_frames_depend_on_base_colour(from_classifier:
 
 def test_the_method_on_extrapolated_frames_has_the_same_history_and_asks_for_one_input_more() -> None:
     assert UnshadedExtrapolate.history == Extrapolate.history
-    assert {**Extrapolate.history, **CONVERGENCE_HISTORY} == Classifier.history
+    assert {**Extrapolate.history, **AT_REST_HISTORY} == Classifier.history
     assert set(UnshadedExtrapolate.inputs()) - set(Extrapolate.inputs()) == {"gbuffer_base_color"}
     assert UnshadedExtrapolate.spec.only_extrapolated
     assert UnshadedExtrapolate.name not in LEARNED

@@ -28,6 +28,7 @@ from supersampler_model.methods.gbuffer.surfaces import (
 from supersampler_model.ops.color import tone
 from supersampler_model.ops.size import Size
 from supersampler_model.training.structure import dissimilarity
+from torch_inputs import plain_inputs
 
 BOTH = [SmallGBuffer, SmallGBuffer4]
 
@@ -54,6 +55,7 @@ def frame(
         "jitter": torch.tensor([jitter]),
         "exposure": torch.ones(1),
         "display_size": torch.tensor([width, height]),
+        **plain_inputs((color.shape[3], color.shape[2])),
     }
 
 

@@ -20,6 +20,7 @@ from supersampler_model.methods import LEARNED
 from supersampler_model.methods.base import Method
 from supersampler_model.methods.taa.model import Taa
 from supersampler_model.ops.size import Size
+from torch_inputs import plain_inputs
 
 RENDER, DISPLAY = (64, 36), (128, 72)
 PATTERNS = [zone_plate, thin_lines, dots]
@@ -55,6 +56,7 @@ def run_torch(method: Method, scene: Scene, count: int) -> list[Float32]:
             "jitter": torch.tensor([frame.jitter]),
             "exposure": torch.ones(1),
             "display_size": torch.tensor(DISPLAY),
+            **plain_inputs(frame.size),
         }
         with torch.no_grad():
             image, history, _ = method.step(*(tensors[name] for name in method.inputs()), *history)

@@ -9,6 +9,7 @@ from supersampler_model.methods.taa.model import Gathered, Taa
 from supersampler_model.ops.color import tone, ycocg
 from supersampler_model.ops.rectification import Rect
 from supersampler_model.ops.size import Size
+from torch_inputs import plain_inputs
 
 SIZE = Size(6, 4)
 
@@ -19,7 +20,7 @@ def plane(value: float, channels: int = 3) -> Tensor:
 
 def gathered(box: Rect, has_history: float = 1.0) -> Gathered:
     """A sample of 0.2 and a history of 0.6, toned RGB."""
-    return Gathered(plane(0.2), plane(0.6), plane(has_history, 1), plane(1.0, 1), box)
+    return Gathered(plane(0.2), plane(0.6), plane(has_history, 1), plane(1.0, 1), plane(0.0, 1), box)
 
 
 def test_a_frame_is_a_tenth_of_the_image_and_the_history_the_rest() -> None:
@@ -71,7 +72,7 @@ def test_the_weight_that_is_told_is_that_of_the_history() -> None:
         "jitter": torch.zeros(1, 2),
         "exposure": torch.ones(1),
     }
-    planes["display_size"] = torch.tensor(SIZE)
+    planes |= {"display_size": torch.tensor(SIZE), **plain_inputs(SIZE)}
     inputs = [planes[name] for name in method.inputs()]
     first = method.step(*inputs, *method.first_history(SIZE, SIZE))
     assert not first.aux_outputs[0].any()

@@ -182,7 +182,7 @@ def finished(
         torch.zeros(1, 1, 1, 1, dtype=torch.bool),
     )
     current = present(confidence, shade=(around, 0.1), fit=fit)
-    image, state = RULES.finish(current, history, blend, torch.tensor([2.0]))
+    image, state = RULES.finish(current, history, blend, torch.tensor([2.0]), plane(0.0))
     green = float(image[0, 1] * 2.0)
     return green / (1.0 + green), float(state[0, 0]), float(state[0, 1])
 
@@ -247,5 +247,5 @@ def test_the_image_is_exposed_back_and_never_negative(
         plane(4.0),
         torch.zeros(1, 1, 1, 1, dtype=torch.bool),
     )
-    image, *_ = RULES.finish(present(), remembered(), blend, torch.tensor([4.0]))
+    image, *_ = RULES.finish(present(), remembered(), blend, torch.tensor([4.0]), plane(0.0))
     torch.testing.assert_close(image, inverse_tone(plane(*toned)) / 4.0, rtol=1e-3, atol=1e-6)

@@ -22,8 +22,8 @@ Case = tuple[Sequence[str | int], Any, str]
 """Where in the JSON, the value there, and a part of the message."""
 
 SHADERS: dict[str, Case] = {
-    "another format": (["format"], "other", "want supersampler-shaders version 1"),
-    "another version": (["version"], "1", "want supersampler-shaders version 1"),
+    "another format": (["format"], "other", "want supersampler-shaders version 2"),
+    "another version": (["version"], "1", "want supersampler-shaders version 2"),
     "another target": (["target"], "spirv", "want shaders in WGSL"),
     "a format that is no text": (["format"], 1, "want a text"),
     "no passes": (["passes"], [], "want a list of 1 to 64 items"),
@@ -104,7 +104,7 @@ SHADERS: dict[str, Case] = {
     "an unknown frame": (["resources", "rising"], {
         "name": "frame_x", "role": "frame", "kind": "texture",
         "size": {"of": "render", "divide": 1, "multiply": [1, 1]},
-    }, "want one of: frame_color, frame_depth, frame_motion"),
+    }, "want one of: frame_color, frame_depth, frame_motion, frame_reactive"),
     "no entry point": (["passes", 0, "entry_point"], None, "want a text"),
 }  # fmt: skip
 

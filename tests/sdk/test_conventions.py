@@ -59,6 +59,8 @@ def make_frame(seed: int, size: Size, *, reset: bool = False) -> Frame:
         jitter=(random.uniform(-0.49, 0.49), random.uniform(-0.49, 0.49)),
         reset=reset,
         exposure=1.5,
+        pre_exposure=0.7,
+        reactive=random.random((h, w), np.float32),
         gbuffer={"roughness": random.random((h, w), np.float32)},
         gbuffer_display={"depth": depth},
         aovs=random.random((h, w, 2), np.float32),
@@ -73,7 +75,9 @@ def assert_same(got: Frame, want: Frame) -> None:
     np.testing.assert_array_equal(got.depth == 0, want.depth == 0)
     np.testing.assert_allclose(got.motion, want.motion, rtol=1e-5, atol=1e-5)
     assert got.jitter == pytest.approx(want.jitter, abs=1e-9)
-    assert (got.reset, got.exposure) == (want.reset, want.exposure)
+    assert (got.reset, got.exposure, got.pre_exposure) == (want.reset, want.exposure, want.pre_exposure)
+    assert got.reactive is not None
+    np.testing.assert_array_equal(got.reactive, want.reactive)
     assert got.gbuffer is not None
     assert got.gbuffer_display is not None
     assert want.gbuffer is not None

@@ -34,7 +34,7 @@ def at_rest(index: int) -> Frame:
 def mean_of(upscaler: Upscaler) -> Float32:
     history = upscaler.save_state().history
     assert history is not None
-    return np.array(history["history.still"][0])
+    return np.array(history["history.static_mean"][0])
 
 
 @pytest.mark.parametrize("executor", ["onnx", "cpu"])
@@ -72,7 +72,7 @@ def test_an_unshaded_frame_of_another_pattern_doubts_no_mean_and_leaves_doubts(
         _, history = model.run_checked(
             frame, history, (), out=None, history_out=None, skip="exact", shaded=index not in (once, second)
         )
-        weight = model.save_history(history)["history.still"][0, 3, :, 16:48]
+        weight = model.save_history(history)["history.static_mean"][0, 3, :, 16:48]
         doubted[index] = float((weight < 0.0).mean())
     assert doubted[once] == 0.0
     assert doubted[first] > 0.9

@@ -354,7 +354,7 @@ def test_a_graph_of_a_stranger_is_read_before_onnx_runtime_sees_it(folder: Path)
     with pytest.raises(ModelError, match=r"step\.onnx: has data in other files"):
         Model.load(folder, executor="onnx")
     replace_file(folder, "step.onnx", model_of(IDENTITY).SerializeToString())
-    with pytest.raises(ModelError, match=r"step\.onnx: inputs are color; model\.json says color, depth"):
+    with pytest.raises(ModelError, match=r"inputs are color; model\.json says adds_samples, color, depth"):
         Model.load(folder, executor="onnx")
 
 
@@ -363,6 +363,7 @@ def test_a_graph_that_fails_as_it_runs_is_an_error_of_ours_and_changes_nothing(t
     nodes = [helper.make_node("Identity", ["color"], ["image"])]  # of the frame's size, not the display's
     model = model_of(*nodes)
     model.graph.input.append(helper.make_tensor_value_info("jitter", TensorProto.FLOAT, [1, 2]))
+    model.graph.input.append(helper.make_tensor_value_info("pre_exposure", TensorProto.FLOAT, [1]))
     model.graph.input.append(helper.make_tensor_value_info("display_size", TensorProto.INT64, [2]))
     replace_file(folder, "step.onnx", model.SerializeToString())
     upscaler = Upscaler(folder, scale=2.0, executor="onnx")

@@ -45,6 +45,8 @@ def with_all_inputs(seed: int, size: tuple[int, int]) -> Frame:
         color=plain.color.astype(np.float16),
         motion=np.asfortranarray(plain.motion),
         exposure=0.7 + 0.1 * seed,
+        pre_exposure=1.3 + seed,
+        reactive=random.random((height, width), np.float32).astype(np.float16),
         gbuffer={"normal": random.random((height, width, 3), np.float32)},
         gbuffer_display={"depth": random.random((high, wide), np.float32)},
         aovs=random.random((height, width, 4), np.float32)[..., ::2],
@@ -162,7 +164,10 @@ def test_tensors_are_recorded_and_come_as_tensors_again(file: Path) -> None:
             frame = noise(seed)
             images = {name: planes_of(getattr(frame, name)) for name in ("color", "depth", "motion")}
             images["color"][0, :, 3, 5] = np.nan  # which `step` would refuse
-            upscaler.step_tensors(images, jitter=frame.jitter, exposure=0.5, reset=frame.reset)
+            images["reactive"] = np.full((1, 1, *frame.depth.shape), 0.25, np.float32)
+            upscaler.step_tensors(
+                images, jitter=frame.jitter, exposure=0.5, pre_exposure=3.0, reset=frame.reset
+            )
         for broken in ({**images, "depth": np.zeros((1, 1, 4, 4), np.float32)}, {"color": images["color"]}):
             with pytest.raises(FrameError, match="depth"):
                 upscaler.step_tensors(broken, jitter=(0.0, 0.0))

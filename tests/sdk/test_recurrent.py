@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from supersampler import Frame, Model, Upscaler, halton_jitter
-from supersampler.errors import ArgumentError
+from supersampler.backends.onnx.tensors import tensors_of_frame
 from supersampler.model import ExecutorName
 
 RENDER, DISPLAY = (40, 24), (80, 48)
@@ -58,12 +58,11 @@ def test_a_mean_that_a_loaded_state_holds_ends_when_its_pixels_move() -> None:
     assert not after.converged.any()
 
 
-def test_a_graph_on_tensors_refuses_it() -> None:
-    session = upscaler("onnx", "recurrent")
-    tensors = {
-        "color": np.zeros((1, 3, 24, 40), np.float32),
-        "depth": np.zeros((1, 1, 24, 40), np.float32),
-        "motion": np.zeros((1, 2, 24, 40), np.float32),
-    }
-    with pytest.raises(ArgumentError, match="skip is 'recurrent'; want another for step_tensors"):
-        session.step_tensors(tensors, jitter=(0.0, 0.0))
+def test_a_graph_on_tensors_averages_nothing_either() -> None:
+    session, arrays = upscaler("onnx", "recurrent"), upscaler("onnx", "recurrent")
+    for index in range(PERIOD):
+        frame = still(index)
+        image = session.step_tensors(tensors_of_frame(frame, "cpu"), jitter=frame.jitter, exposure=1.0)
+        expected = arrays.step(frame).transpose(2, 0, 1)[None]
+        np.testing.assert_array_equal(np.from_dlpack(image), expected)  # type: ignore[arg-type]
+    assert session.stats.converged == 0.0

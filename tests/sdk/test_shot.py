@@ -42,14 +42,14 @@ def write_shot(folder: Path, count: int = 4, **options: Any) -> Shot:
 
 def assert_same(a: Frame | RawFrame, b: Frame | RawFrame, *, tolerance: float = 0.0) -> None:
     """All fields of two frames are equal; arrays within a tolerance, and of one type."""
-    for name in ("color", "depth", "motion", "aovs"):
+    for name in ("color", "depth", "motion", "reactive", "aovs"):
         x, y = getattr(a, name), getattr(b, name)
         assert (x is None) == (y is None), name
         if x is not None:
             assert tolerance or x.dtype == y.dtype, name
             np.testing.assert_allclose(x, y, rtol=0, atol=tolerance, err_msg=name)
     np.testing.assert_allclose(a.jitter or (0, 0), b.jitter or (0, 0), rtol=0, atol=tolerance)
-    assert (a.reset, a.exposure) == (b.reset, b.exposure)
+    assert (a.reset, a.exposure, a.pre_exposure) == (b.reset, b.exposure, b.pre_exposure)
     for name in ("gbuffer", "gbuffer_display"):
         x, y = getattr(a, name) or {}, getattr(b, name) or {}
         assert x.keys() == y.keys(), name
@@ -88,6 +88,8 @@ def test_every_input_a_frame_can_have_is_kept(tmp_path: Path) -> None:
         motion=pixels(SIZE, 2),
         jitter=(0.25, -0.125),
         exposure=1.5,
+        pre_exposure=0.375,
+        reactive=pixels(SIZE),
         gbuffer={
             "base_color": pixels(SIZE, 3),
             "roughness": pixels(SIZE, kind=np.float32),

@@ -302,8 +302,8 @@ def test_a_damaged_model_folder_is_refused(tmp_path: Path, models: dict[str, Mod
     (folder / "step.onnx").write_bytes((source / "step.onnx").read_bytes()[:-1])
     with pytest.raises(ModelError, match="sha256"):
         Model.load(folder)
-    (folder / "model.json").write_text(description.replace('"contract": 3', '"contract": 99'))
-    with pytest.raises(ModelError, match="contract is 99; this runtime drives 3"):
+    (folder / "model.json").write_text(description.replace('"contract": 4', '"contract": 99'))
+    with pytest.raises(ModelError, match="contract is 99; this runtime drives 4"):
         Model.load(folder)
     (folder / "model.json").write_text("{")
     with pytest.raises(ModelError, match="is not JSON"):

@@ -6,6 +6,7 @@
 import { asFloat } from "./shot_source.js";
 
 const RUNTIME = new URL("../vendor/onnxruntime-web/", import.meta.url);
+const CONTRACT = 4;
 const MODELS = new URL("../onnx/", import.meta.url);
 
 /**
@@ -27,6 +28,7 @@ export class OnnxStep {
   static async load({ ort, providers }, method) {
     const folder = new URL(`${method}/`, MODELS);
     const contract = await (await fetch(new URL("model.json", folder))).json();
+    if (contract.contract !== CONTRACT) throw new TypeError(`${folder}: contract ${contract.contract}; want ${CONTRACT}`);
     const session = await ort.InferenceSession.create(new URL("step.onnx", folder).href, { executionProviders: providers });
     return new OnnxStep(ort, contract, session);
   }
@@ -50,6 +52,9 @@ export class OnnxStep {
       color: image(frame.color), depth: image([frame.depth]), motion: image(frame.motion),
       jitter: new Tensor("float32", Float32Array.from(frame.jitter), [1, 2]),
       exposure: new Tensor("float32", Float32Array.of(exposure), [1]),
+      reactive: new Tensor("float32", new Float32Array(w * h), [1, 1, h, w]), // none
+      pre_exposure: new Tensor("float32", Float32Array.of(1), [1]),
+      adds_samples: new Tensor("float32", Float32Array.of(1), [1]),
       display_size: new Tensor("int64", BigInt64Array.from([displayW, displayH], BigInt), [2]),
     };
     const sizes = {

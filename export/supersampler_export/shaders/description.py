@@ -14,7 +14,7 @@ from supersampler.methods.model_info import ModelInfo
 from supersampler_export.shaders import texts
 from supersampler_export.shaders.targets import Placed, needs
 
-FORMAT, VERSION = "supersampler-shaders", 1
+FORMAT, VERSION = "supersampler-shaders", 2
 """The name of the format, and its version, raised when hosts must change."""
 LANGUAGE_FEATURES = {"fp32": [], "int8": ["packed_4x8_integer_dot_product"]}
 """WGSL language features by precision."""
@@ -195,7 +195,8 @@ def _output(images: str) -> dict[str, Any]:
         "textures": "linear RGB, alpha 1",
         "buffers": "float32 (display height, display width, 3), linear RGB",
     }
-    return {"resource": "image", "layout": layout[images], "unit": "that of color", "range": [0.0, 65504.0]}
+    unit = "that of color, params.pre_exposure included"
+    return {"resource": "image", "layout": layout[images], "unit": unit, "range": [0.0, 65504.0]}
 
 
 def _params() -> dict[str, Any]:

@@ -5,7 +5,8 @@ from typing import Any
 INPUTS: dict[str, dict[str, Any]] = {
     "color": {
         "channels": 3,
-        "unit": "linear scene RGB, before tone mapping, bloom, depth of field, motion blur and grain",
+        "unit": "linear scene RGB times params.pre_exposure, before tone mapping, bloom, depth of field, "
+        "motion blur and grain",
         "range": [0.0, 65504.0],
         "sampling": "once a pixel, at its centre + jitter",
         "invalid": "negative values count as 0, larger ones as 65504; a pixel with a NaN is a missing sample",
@@ -28,6 +29,17 @@ INPUTS: dict[str, dict[str, Any]] = {
         "sampling": "where the colour was",
         "invalid": "NaN and Inf count as no motion; longer vectors are clamped",
         "formats": ["rg16float", "rg32float"],
+    },
+    "reactive": {
+        "channels": 1,
+        "unit": "how little the history says there (particles, screens, glass): the weight w of this frame "
+        "becomes w + (1 - w) reactive",
+        "range": [0.0, 1.0],
+        "sampling": "where the colour was",
+        "invalid": "NaN and negative values count as 0, larger ones as 1",
+        "formats": ["r8unorm", "r16float", "r32float"],
+        "optional": "without a mask set params.has_reactive = 0, and bind a texture of 1x1 or a buffer of "
+        "16 bytes",
     },
 }
 """Images of a frame; a buffer holds float32 values, row by row from the top, channels side by side."""
@@ -55,6 +67,8 @@ FIELDS: tuple[tuple[str, int, str], ...] = (
         "previous_jitter and the colour was rendered, not extrapolated; else 0",
     ),
     ("writes_aux", 1, "1 where `aux` is written, else 0; 16 bytes of `aux` suffice for 0"),
+    ("pre_exposure", 1, "what the renderer has multiplied the colour by, in [2^-24, 2^24]; 1: nothing"),
+    ("has_reactive", 1, "1 where the frame has a reactive mask, else 0"),
 )
 """Fields of `Params` in order: name, number of f32 values, meaning."""
 

@@ -32,7 +32,7 @@ class BlendAovs(Method):
 
     spec: ClassVar = AOVS
 
-    def forward(
+    def compute(
         self,
         aovs: Tensor,  # (1, k, h, w) at the samples of the colour
         depth: Tensor,  # (1, 1, h, w) reversed

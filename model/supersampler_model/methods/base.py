@@ -2,10 +2,11 @@
 
 The method's `spec`, in the SDK, gives names, shapes, ratios and constants. `forward` takes the spec's inputs,
 then its history tensors; it returns the image, the next history and the auxiliary outputs, all in the order
-of the spec. A history of zeros means no history.
+of the spec. A history of zeros means no history. A method is written as `compute`, of colours without
+pre-exposure.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, ClassVar, NamedTuple
 
@@ -43,6 +44,8 @@ class Method(nn.Module):
         spec: the facts of the method.
         name, history, ratios: those of the spec.
         config: its constants, an instance of `spec.config`.
+        compute: the step without pre-exposure: takes the inputs but for `pre_exposure`, returns what
+            `forward` returns.
         learned: provenance of the weights, plain data; empty for methods without a network.
     """
 
@@ -51,6 +54,7 @@ class Method(nn.Module):
     history: ClassVar[Mapping[str, Shape]]
     ratios: ClassVar[tuple[float, float]]
     config: Any
+    compute: Callable[..., tuple[Tensor, ...]]
     learned: Mapping[str, Any] = MappingProxyType({})
 
     def __init__(self, config: Any = None) -> None:
@@ -61,6 +65,18 @@ class Method(nn.Module):
         super().__init_subclass__()
         if "spec" in cls.__dict__:
             cls.name, cls.history, cls.ratios = cls.spec.name, cls.spec.history, cls.spec.ratios
+
+    def forward(self, *arguments: Tensor) -> tuple[Tensor, ...]:
+        """Run `compute` on the colour over `pre_exposure`, and multiply the image by it again."""
+        names = self.inputs()
+        if "pre_exposure" not in names:
+            return self.compute(*arguments)
+        given = dict(zip(names, arguments, strict=False))
+        pre_exposure = given.pop("pre_exposure")
+        if "color" in given:
+            given["color"] = given["color"] / pre_exposure
+        image, *others = self.compute(*given.values(), *arguments[len(names) :])
+        return image * pre_exposure, *others
 
     @classmethod
     def inputs(cls) -> list[str]:
@@ -78,7 +94,7 @@ class Method(nn.Module):
     ) -> list[Tensor]:
         """Return the history of an extrapolating method after a shaded frame (docs/contract.md).
 
-        Such methods take no step on shaded frames: the history is a copy of the frame.
+        Such methods take no step on shaded frames: the history is a copy of the frame, without pre-exposure.
 
         Args:
             frame: the inputs of the step and `color`, by name.
@@ -92,6 +108,8 @@ class Method(nn.Module):
                 next_history[name] = next_history[own] if previous is None else previous[own]
             elif name == "motion" or (name == "shaded_motion" and previous is None):
                 next_history[name] = torch.zeros_like(frame["motion"])
+            elif name == "color":
+                next_history[name] = frame["color"] / frame["pre_exposure"]
             else:
                 source = {"motion_jitter": "jitter", "shaded_motion": "motion"}.get(name, name)
                 next_history[name] = frame[source] if source in frame else frame[f"gbuffer_{source}"]

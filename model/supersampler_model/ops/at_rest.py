@@ -9,7 +9,7 @@ The frame is divided into blocks of 4x4 samples. Each has a signature for each p
 roots of its samples, and a weighted sum of them that depends on their order. A signature is written once and
 never updated, so that slow changes add up. A block restarts, with its neighbours, where a signature differs or
 something moves. So light that fades, jumps or flickers, an edge that creeps, a screen that scrolls and a camera
-that moves less than can be seen show the method's own image.
+that moves less than can be seen show the method's own image. So does what is marked as reactive.
 
 What repeats with the jitter itself would pass this test: light that blinks with a divisor of its period. So
 residuals of the samples from the mean are compared over the period, too. Aliasing averages out over a window
@@ -64,6 +64,7 @@ class RestFrame(NamedTuple):
     motion: Tensor  # (1, 2, h, w) render pixels
     jitter: Tensor  # (1, 2) render pixels
     exposure: Tensor  # (1,) > 0
+    reactive: Tensor  # (1, 1, h, w) over 0 where the history says little
     adds_samples: Tensor  # (1,) 0 where `color` was not sampled in this frame
 
 
@@ -134,6 +135,7 @@ def compare(frame: RestFrame, history: RestHistory, previous: Size, display: Siz
     changed = differing(signature, reference, frame.exposure) * known
     restarts = widened(torch.maximum(changed, was_frozen * (1.0 - known) * sampled))
     moving = (squared_length(usable_motion(frame.motion)) > MAX_STATIC_MOTION * MAX_STATIC_MOTION).float()
+    moving = torch.maximum(moving, (frame.reactive > 0.0).float())
     moves = widened(F.max_pool2d(to_blocks(moving), BLOCK))
     stands = (1.0 - moves) * (1.0 - restarts)
     signatures = write_slot(history.signatures, cycle.slot, torch.where(known * stands > 0.0, reference, signature))

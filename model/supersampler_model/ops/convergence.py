@@ -27,8 +27,8 @@ are finer than a sample: the image still shows the mean, and only its weight is 
 restarts the mean.
 
 A frame that adds nothing compares no pattern, leaves doubts to the next frame, and is no part of the learning
-time, which must be more than a period of the jitter. Nor does an extrapolated
-frame add samples, of which backends know, but not this module: see `without_samples`.
+time, which must be more than a period of the jitter. Nor does a frame whose `adds_samples` is 0, as an
+extrapolated one. Where a frame is reactive, the image shows that much less of the mean.
 """
 
 from typing import NamedTuple
@@ -85,6 +85,8 @@ class FrameSamples(NamedTuple):
     jitter: Tensor  # (1, 2) render pixels
     previous_jitter: Tensor  # (1, 2) of the previous frame
     exposure: Tensor  # (1,) > 0
+    reactive: Tensor  # (1, 1, H, W) of `reactive_at`
+    adds_samples: Tensor  # (1,) 0: the frame adds none, as extrapolated ones
 
 
 class Settled(NamedTuple):
@@ -121,7 +123,8 @@ def settle(
     usable = usable * (1.0 - glaring(color * frame.exposure, usable))
     color = without_fireflies(color * usable, frame.exposure)
     moving = (squared_length(usable_motion(frame.motion)) > MAX_STATIC_MOTION * MAX_STATIC_MOTION).float()
-    adds = ((frame.jitter - frame.previous_jitter).abs().sum() > 0.0).float()
+    jitters = (frame.jitter - frame.previous_jitter).abs().sum() > 0.0
+    adds = (jitters & (frame.adds_samples > 0.0)).float()
     opening, opens = measure_residuals(frame, color, usable, moving, adds, history_still, history_opening)
 
     moves = torch.maximum(moving, shifted(moving, 1, 0))
@@ -146,6 +149,7 @@ def settle(
     samples = samples * darkening(sample_peak, torch.where(weight > 0.0, mean_peak, sample_peak))
     mean = mean + share * (samples - mean)
     converged = ((total - READY) / (PERIOD - READY)).clamp(0.0, 1.0) * (1.0 - shows_own)
+    converged = converged * (1.0 - frame.reactive)
     next_weight = torch.where(rejected | stays, -total.clamp(max=PERIOD), total)
     return Settled(
         bounded(image + converged * (mean - image)),

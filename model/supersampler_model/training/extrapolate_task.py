@@ -123,6 +123,7 @@ class ExtrapolateTask(ClassifierTask):
             return Crop(sample, unshaded=False, twin=None, next_history=[])
         extrapolator = self._extrapolator.to(sample.color.device)
         given = {**sample.gbuffer, "jitter": sample.view.jitter}
+        given["pre_exposure"] = sample.exposure.new_ones(1)
         given |= {name: getattr(sample, name) for name in ("color", "depth", "motion", "exposure")}
         shaded = extrapolator.after_shaded(given, history or None)
         if not history:

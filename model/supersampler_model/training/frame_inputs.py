@@ -23,6 +23,9 @@ def frame_inputs(frame: TrainingFrame, names: Sequence[str]) -> list[Tensor]:
     numbers = {
         "jitter": torch.tensor([frame.jitter], dtype=torch.float32),
         "exposure": torch.tensor([frame.exposure], dtype=torch.float32),
+        "pre_exposure": torch.ones(1),
+        "adds_samples": torch.ones(1),
+        "reactive": torch.zeros(1, 1, *frame.depth.shape),
         "display_size": torch.tensor(frame.reference.shape[1::-1]),
     }
     if missing := [name for name in names if name not in images and name not in numbers]:

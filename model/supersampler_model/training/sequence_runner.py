@@ -6,6 +6,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from supersampler.methods.at_rest import ADDS_SAMPLES
+from supersampler.methods.spec import FRAME_INPUTS
 from supersampler_model.data.dataset import TrainingFrame
 from supersampler_model.methods.base import Method
 from supersampler_model.ops.size import Size
@@ -63,12 +65,13 @@ class AlternatingRunner(SequenceRunner):
     def _image(self, frame: TrainingFrame) -> Tensor | None:
         history = None if frame.reset else self._extrapolator_history
         self.unshaded = history is not None and not self.unshaded
-        names = ["color", "depth", "motion", "jitter", "exposure", "display_size", *gbuffers(frame)]
+        names = [*FRAME_INPUTS, ADDS_SAMPLES, *gbuffers(frame)]
         given = dict(zip(names, frame_inputs(frame, names), strict=True))
         method = self._method
         if history is not None and self.unshaded:
             inputs = [given[name] for name in self._extrapolator.inputs()]
             given["color"], self._extrapolator_history, _ = self._extrapolator.step(*inputs, *history)
+            given[ADDS_SAMPLES] = torch.zeros(1)
             method = self._on_unshaded
         else:
             self._extrapolator_history = self._extrapolator.after_shaded(given, history)

@@ -139,7 +139,9 @@ class _Run:
         for item in frames:
             frame = item.frame
             with self._times.measure("exposure"):
-                exposure = meter.read(frame.color, given=frame.exposure, reset=frame.reset)
+                exposure = meter.read(
+                    frame.color, given=frame.exposure, reset=frame.reset, pre_exposure=frame.pre_exposure
+                )
         return exposure
 
     def _needed(self, segment: Segment, begins: int) -> int:
@@ -171,7 +173,10 @@ class _Run:
         ) as stepped:
             for item, aov_names, result, seconds in stepped:
                 frame = item.frame
-                exposure = meter.read(frame.color, given=frame.exposure, reset=frame.reset)
+                exposure = meter.read(
+                    frame.color, given=frame.exposure, reset=frame.reset, pre_exposure=frame.pre_exposure
+                )
+                exposure /= frame.pre_exposure  # of the images
                 position = self._plan.position(item.index)
                 if position is None:
                     continue

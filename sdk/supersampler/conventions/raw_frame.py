@@ -17,6 +17,8 @@ class RawFrame:
         jitter: (x, y) in the unit `Conventions.jitter_unit`; None is no jitter.
         reset: True on the first frame after a cut.
         exposure: > 0, multiplies the colour before the tone curve, or None.
+        pre_exposure: what the renderer has multiplied the colour by.
+        reactive: (h, w) at render size, in [0, 1], or None.
         gbuffer: G-buffers at render size, with the names of `Frame`.
         gbuffer_display: G-buffers at display size, with the names of `Frame`; its depth is of `depth`'s kind.
         aovs: (h, w, k) at render size.
@@ -31,6 +33,8 @@ class RawFrame:
     jitter: tuple[float, float] | None = None
     reset: bool = False
     exposure: float | None = None
+    pre_exposure: float = 1.0
+    reactive: Array | None = None
     gbuffer: Mapping[str, Array] | None = None
     gbuffer_display: Mapping[str, Array] | None = None
     aovs: Array | None = None

@@ -168,19 +168,29 @@ class ExposureMeter:
         self._before = 0.0
 
     @ieee_arithmetic
-    def read(self, color: Array | None, *, given: float | None = None, reset: bool = False) -> float:
-        """Return this frame's exposure and keep it for the next frame.
+    def read(
+        self,
+        color: Array | None,
+        *,
+        given: float | None = None,
+        reset: bool = False,
+        pre_exposure: float = 1.0,
+    ) -> float:
+        """Return this frame's exposure, of colour without pre-exposure, and keep it for the next frame.
 
         Args:
             color: (h, w, 3) linear RGB; None on an unshaded frame, which keeps the previous exposure.
             given: the engine's exposure.
             reset: True on the first frame after a cut.
+            pre_exposure: what `color` has been multiplied by.
         """
         if reset:
             self._before = 0.0
         given = usable_exposure(given)
         if given is None and color is None:
             return abs(self._before) or 1.0
-        target = auto_exposure(color) if given is None and color is not None else None
+        target = None
+        if given is None and color is not None:
+            target = auto_exposure(color if pre_exposure == 1.0 else color / np.float32(pre_exposure))
         self._before = followed_exposure(given, target, self._before)
         return abs(self._before)

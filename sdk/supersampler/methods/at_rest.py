@@ -14,6 +14,8 @@ AT_REST_HISTORY: Mapping[str, Shape] = {
 """`static_mean`: mean of the samples, linear RGB, and the sum of their weights. `static_blocks`: frames since
 the block last changed, negative once it is frozen, and the sums of three tests. `signatures`: of each block, by
 phase of the jitter. `phases`: jitter x and y, frames since it was last seen, frames between its last two."""
+ADDS_SAMPLES = "adds_samples"
+"""Input of the step: 0 on frames whose colour was not sampled, else 1."""
 CONVERGED: Mapping[str, MapOf] = {"converged": MapOf("converged", 0, 1)}
 """1 where the image is frozen, else 0: an auxiliary output of shape (1, 1, *DISPLAY)."""
 BLOCK = 4

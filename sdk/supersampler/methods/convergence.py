@@ -12,12 +12,14 @@ from supersampler.frame import Float32
 from supersampler.methods.spec import DISPLAY, PREVIOUS, MapOf, Shape
 
 CONVERGENCE_HISTORY: Mapping[str, Shape] = {
-    "still": (1, 4, *DISPLAY),
-    "opening": (1, 3, *PREVIOUS),
+    "static_mean": (1, 4, *DISPLAY),
+    "residual_range": (1, 3, *PREVIOUS),
 }
-"""`still`: mean of the samples, linear RGB, and the sum of their weights, negative after a frame that opened
-or doubted the pixel. `opening`: least and largest residual, and the samples per display pixel from which they
-were learned."""
+"""`static_mean`: mean of the samples, linear RGB, and the sum of their weights, negative after a frame that
+opened or doubted the pixel. `residual_range`: least and largest residual, and the samples per display pixel
+from which they were learned."""
+ADDS_SAMPLES = "adds_samples"
+"""Input of the step: 0 on frames that add nothing to the mean, else 1."""
 CONVERGED: Mapping[str, MapOf] = {"converged": MapOf("converged", 0, 1)}
 """The fraction of the mean in the image, an auxiliary output of shape (1, 1, *DISPLAY)."""
 SIGMA = 0.4
@@ -64,23 +66,7 @@ UNBOUNDED = 4.0
 """Limit of the range that no residual passes: the frame after one that opened opens on the same side only."""
 
 
-def converged_of(still: Float32) -> Float32:
-    """Return the map `converged`, (H, W), of the step that wrote the history tensor `still`."""
-    converged: Float32 = np.clip((still[0, 3] - READY) / (PERIOD - READY), 0.0, 1.0)
+def converged_of(static_mean: Float32) -> Float32:
+    """Return the map `converged`, (H, W), of the step that wrote the history tensor `static_mean`."""
+    converged: Float32 = np.clip((static_mean[0, 3] - READY) / (PERIOD - READY), 0.0, 1.0)
     return converged
-
-
-def without_samples(still: Float32, before: Float32, converged: Float32) -> Float32:
-    """Return the history tensor `still`, (1, 4, H, W), as if its step had added no sample to the mean.
-
-    Args:
-        still: as the step wrote it.
-        before: as the step read it.
-        converged: (1, 1, H, W) the map of the step: over 0 where only the pattern is doubted.
-    """
-    after, weight = still[:, 3:], before[:, 3:]
-    restarted = (after >= 0.0) & (after < np.abs(weight))  # or moved
-    doubted = np.where(weight < 0.0, ~restarted, (after < 0.0) & (converged <= 0.0))
-    kept = np.where(restarted, 0.0, np.abs(weight))
-    kept = np.where(doubted, -np.minimum(kept, PERIOD), kept)
-    return np.concatenate([before[:, :3], kept], axis=1)

@@ -21,7 +21,7 @@ from supersampler.methods.model_info import (
 )
 from supersampler.methods.spec import MapOf
 
-CONTRACT = 3
+CONTRACT = 4
 """Version of the graph contract (docs/contract.md), raised when engines must change their integration."""
 MAX_FILE, MAX_DESCRIPTION = 256 << 20, 1 << 20
 """Maximum bytes of a model's file and of model.json."""

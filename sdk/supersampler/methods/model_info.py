@@ -8,7 +8,7 @@ from typing import Any
 from supersampler.conventions.ratios import only_ratio
 from supersampler.frame import Size
 from supersampler.methods.array_spec import ArraySpec, values_of
-from supersampler.methods.convergence import CONVERGENCE_HISTORY
+from supersampler.methods.at_rest import AT_REST_HISTORY
 from supersampler.methods.gbuffers import GBUFFERS
 from supersampler.methods.sizes import half_size, large_size
 from supersampler.methods.at_rest import block_count, phase_count
@@ -122,7 +122,7 @@ class ModelInfo:
     def converges(self) -> bool:
         """Whether the image becomes the mean of its samples where nothing moves (`methods.convergence`)."""
         channels = {h.input.name: h.input.shape[:2] for h in self.history}
-        wanted = {f"history.{name}": shape[:2] for name, shape in CONVERGENCE_HISTORY.items()}
+        wanted = {f"history.{name}": shape[:2] for name, shape in AT_REST_HISTORY.items()}
         return wanted.items() <= channels.items()
 
     def history_size(self, display: Size) -> Size:

@@ -47,8 +47,11 @@ INPUTS: Mapping[str, Shape] = {
     "color": (1, 3, *RENDER),
     "depth": (1, 1, *RENDER),
     "motion": (1, 2, *RENDER),
+    "reactive": (1, 1, *RENDER),
     "jitter": (1, 2),
     "exposure": (1,),  # 0: the graph measures it
+    "pre_exposure": (1,),
+    "adds_samples": (1,),  # 0: the frame adds none to the mean of what stands still
     "display_size": (2,),  # (width, height)
     **{
         name: (1, place.channels, *(DISPLAY if place.of_display else RENDER))
@@ -56,6 +59,10 @@ INPUTS: Mapping[str, Shape] = {
     },
 }
 """Shapes of the inputs that a step may take, by tensor name."""
+FRAME_INPUTS = (
+    "color", "depth", "motion", "reactive", "jitter", "exposure", "pre_exposure", "display_size",
+)  # fmt: skip
+"""Inputs of every step with a history of its own surfaces."""
 WEIGHT: Shape = (1, 1, *DISPLAY)
 """Shape of the auxiliary outputs "weight" and "converged": weight of the history, or of the mean of what
 stands still, in the image."""

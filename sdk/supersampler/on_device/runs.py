@@ -9,7 +9,7 @@ from supersampler.backends.onnx.session import vector_inputs
 from supersampler.backends.onnx.tensors import Tensor, checked_tensors, graph_inputs, render_size_of, taken
 from supersampler.conventions.ratios import check_ratio
 from supersampler.errors import ArgumentError
-from supersampler.frame import Size, checked_exposure, checked_jitter
+from supersampler.frame import Size, checked_exposure, checked_jitter, checked_pre_exposure
 from supersampler.history import History, check_histories
 from supersampler.methods.model_info import ModelInfo
 
@@ -44,8 +44,10 @@ class DeviceRuns:
         *,
         jitter: tuple[float, float],
         exposure: float | None = None,
+        pre_exposure: float = 1.0,
         out: Tensor | None = None,
         history_out: History | None = None,
+        adds_samples: bool = True,
     ) -> tuple[Tensor, History]:
         """Upscale a frame on the provider's device; see `Upscaler.step_tensors`.
 
@@ -59,8 +61,11 @@ class DeviceRuns:
             raise ArgumentError("executor", got=repr(self._executor.name), want=want)
         check_histories(history, history_out, self._kind, self._executor.fits)
         jitter, exposure = checked_jitter(jitter), checked_exposure(exposure)
-        vectors = vector_inputs(jitter, exposure, history.display_size)
-        given = graph_inputs(self.info.inputs, checked_tensors(tensors), vectors)
+        pre_exposure = checked_pre_exposure(pre_exposure)
+        vectors = vector_inputs(
+            jitter, exposure, history.display_size, pre_exposure, adds_samples=adds_samples
+        )
+        given = graph_inputs(self.info.inputs, checked_tensors(tensors), vectors, self.device)
         render_size = render_size_of(given["color"])
         check_ratio(self.info.ratios, render_size, history.display_size)
         next_history = self._prepared(history_out, history.display_size, render_size)

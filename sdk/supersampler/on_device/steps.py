@@ -5,13 +5,19 @@ from collections.abc import Mapping
 from functools import partial
 from typing import TYPE_CHECKING
 
-from supersampler.arguments import check_tensor_skip, checked_size, ieee_arithmetic
+from supersampler.arguments import checked_size, ieee_arithmetic
 from supersampler.backends.gpu.device_frame import DeviceFrame, check_encoder, checked_images, checked_target
 from supersampler.backends.onnx.tensors import Tensor, checked_tensors, size_of_tensors
 from supersampler.conventions.ratios import display_size_of
 from supersampler.errors import ArgumentError
 from supersampler.extrapolation import Extrapolator
-from supersampler.frame import Size, checked_exposure, checked_jitter, checked_reset
+from supersampler.frame import (
+    Size,
+    checked_exposure,
+    checked_jitter,
+    checked_pre_exposure,
+    checked_reset,
+)
 from supersampler.model import Model, Skip
 from supersampler.state import Memory
 
@@ -39,6 +45,7 @@ class DeviceSteps:
         *,
         jitter: tuple[float, float],
         exposure: float | None = None,
+        pre_exposure: float = 1.0,
         reset: bool = False,
         out: Tensor | None = None,
     ) -> Tensor:
@@ -52,9 +59,10 @@ class DeviceSteps:
         Args:
             tensors: inputs by name, as float32 contiguous tensors with DLPack (torch, CuPy, JAX): "color"
                 (1, 3, h, w), "depth" (1, 1, h, w), "motion" (1, 2, h, w), and the method's G-buffers; see
-                docs/contract.md.
+                docs/contract.md. "reactive" (1, 1, h, w) may be missing.
             jitter: see `Frame`.
             exposure: see `Frame`.
+            pre_exposure: see `Frame`.
             reset: see `Frame`.
             out: (1, 3, H, W) to write the image to; None allocates it.
 
@@ -68,10 +76,11 @@ class DeviceSteps:
         """
         self._check_open()
         tensors, reset = checked_tensors(tensors), checked_reset(reset)
-        run = partial(self._step_tensors, tensors, jitter, exposure, reset, out)
+        pre_exposure = checked_pre_exposure(pre_exposure)
+        run = partial(self._step_tensors, tensors, jitter, exposure, pre_exposure, reset, out)
         if self._recorder is None:
             return run()
-        return self._recorder.step_tensors(tensors, jitter, exposure, reset, run)
+        return self._recorder.step_tensors(tensors, jitter, exposure, pre_exposure, reset, run)
 
     @ieee_arithmetic
     def step_textures(
@@ -80,6 +89,7 @@ class DeviceSteps:
         *,
         jitter: tuple[float, float],
         exposure: float | None = None,
+        pre_exposure: float = 1.0,
         reset: bool = False,
         render_size: Size | None = None,
         out: "wgpu.GPUTexture | wgpu.GPUBuffer | None" = None,
@@ -95,10 +105,11 @@ class DeviceSteps:
 
         Args:
             images: by name, of the model's device, in the units of `Frame`. Textures of a float format, with
-                TEXTURE_BINDING: "color" (RGB), "depth" (R), "motion" (RG). Or buffers of float32, with
-                STORAGE: the arrays of a `Frame`, row by row.
+                TEXTURE_BINDING: "color" (RGB), "depth" (R), "motion" (RG), "reactive" (R), which may be
+                missing. Or buffers of float32, with STORAGE: the arrays of a `Frame`, row by row.
             jitter: see `Frame`.
             exposure: see `Frame`.
+            pre_exposure: see `Frame`.
             reset: see `Frame`.
             render_size: (width, height) of buffers; textures have theirs.
             out: to write the image to: a texture rgba16float with STORAGE_BINDING, or a buffer of float32
@@ -115,8 +126,9 @@ class DeviceSteps:
         """
         encoder = self.model.gpu.device.create_command_encoder()
         image = self.encode_into(
-            encoder, images, jitter=jitter, exposure=exposure, reset=reset, render_size=render_size, out=out
-        )
+            encoder, images, jitter=jitter, exposure=exposure, pre_exposure=pre_exposure, reset=reset,
+            render_size=render_size, out=out,
+        )  # fmt: skip
         self.model.gpu.device.queue.submit([encoder.finish()])
         return image
 
@@ -127,6 +139,7 @@ class DeviceSteps:
         *,
         jitter: tuple[float, float],
         exposure: float | None = None,
+        pre_exposure: float = 1.0,
         reset: bool = False,
         render_size: Size | None = None,
         out: "wgpu.GPUTexture | wgpu.GPUBuffer | None" = None,
@@ -145,7 +158,8 @@ class DeviceSteps:
         given, size = checked_images(images, names, size, gpu.device)
         kept = None if checked_reset(reset) else memory.history
         display = memory.display_size or display_size_of(size, self._scale)
-        frame = DeviceFrame(given, size, checked_jitter(jitter), checked_exposure(exposure))
+        values = checked_jitter(jitter), checked_exposure(exposure), checked_pre_exposure(pre_exposure)
+        frame = DeviceFrame(given, size, *values)
         image = gpu.new_image(display) if out is None else checked_target(out, display, gpu.device)
         history = self.model.first_history(display, size) if kept is None else kept
         adds_samples = self.skip != "recurrent"
@@ -161,18 +175,19 @@ class DeviceSteps:
         tensors: Mapping[str, Tensor],
         jitter: tuple[float, float],
         exposure: float | None,
+        pre_exposure: float,
         reset: bool,
         out: Tensor | None,
     ) -> Tensor:
         started, memory = time.perf_counter(), self._memory
         self._check_device_step("step_tensors")
-        check_tensor_skip(self.skip, converges=self.model.info.converges)
         size, kept = size_of_tensors(tensors), None if reset else memory.history
         display = memory.display_size or display_size_of(size, self._scale)
         history = self.model.first_history(display, size) if kept is None else kept
         image, next_history = self.model.run_tensors(
-            tensors, history, jitter=jitter, exposure=exposure, out=out, history_out=memory.spare
-        )
+            tensors, history, jitter=jitter, exposure=exposure, pre_exposure=pre_exposure, out=out,
+            history_out=memory.spare, adds_samples=self.skip != "recurrent",
+        )  # fmt: skip
         stats = memory.stats.after_step(fresh=kept is None, work=1.0, seconds=time.perf_counter() - started)
         self._memory = Memory(display, next_history, history, None, stats)
         return image

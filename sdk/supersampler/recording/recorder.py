@@ -93,6 +93,7 @@ class Recorder:
         tensors: Mapping[str, Tensor],
         jitter: tuple[float, float],
         exposure: float | None,
+        pre_exposure: float,
         reset: bool,
         run: Callable[[], Tensor],
     ) -> Tensor:
@@ -104,7 +105,9 @@ class Recorder:
         """
         return self._around(
             {"call": "step_tensors", "outputs": []},
-            lambda: frame_of_tensors(tensors, jitter, exposure, reset=reset, inputs=self._inputs),
+            lambda: frame_of_tensors(
+                tensors, jitter, exposure, pre_exposure=pre_exposure, reset=reset, inputs=self._inputs
+            ),
             run,
             lambda image: StepResult(image_of_tensor(image)),
         )
@@ -148,6 +151,7 @@ class Recorder:
             jitter=frame.jitter,
             reset=frame.reset,
             exposure=frame.exposure,
+            pre_exposure=frame.pre_exposure,
             display_file=DISPLAY.format(index) if frame.gbuffer_display else None,
             render_size=frame.size,
             shaded=frame.color is not None,

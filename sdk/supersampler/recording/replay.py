@@ -171,7 +171,10 @@ class Replay:
         except Exception as error:  # any type: the recorded step may have raised the same
             return _refused(call, raised(error))
         frame, recorded = call.frame, call.outcome
-        exposure = self._meter.read(frame.color, given=frame.exposure, reset=frame.reset)
+        exposure = self._meter.read(
+            frame.color, given=frame.exposure, reset=frame.reset, pre_exposure=frame.pre_exposure
+        )
+        exposure /= frame.pre_exposure  # of the images
         if recorded is None:
             return Replayed(call.index, result, exposure)
         if any(recorded.error):
@@ -188,8 +191,9 @@ class Replay:
         if call.tensors and self.model.executor == "onnx":  # the CPU backend takes no tensors
             tensors = tensors_of_frame(frame, self.model.device)
             image = upscaler.step_tensors(
-                tensors, jitter=frame.jitter, exposure=frame.exposure, reset=frame.reset
-            )
+                tensors, jitter=frame.jitter, exposure=frame.exposure, pre_exposure=frame.pre_exposure,
+                reset=frame.reset,
+            )  # fmt: skip
             return StepResult(image_of_tensor(image))
         step = upscaler.extrapolate if call.extrapolated else upscaler.step
         made = step(frame, outputs=call.outputs)

@@ -19,7 +19,7 @@ from supersampler.recording.folder import SETUP, is_recording
 if TYPE_CHECKING:
     from supersampler.model import Model
 
-FORMAT = 3
+FORMAT = 4
 """Version of a recording's files; other versions are refused."""
 
 _PACKAGES = ("numpy", "onnxruntime", "onnxruntime-gpu", "onnxruntime-directml", "numba", "llvmlite")

@@ -173,11 +173,13 @@ class BothWays:
         with self._around(index, "forward"):
             result = self._step(self._forward, frame, place, outputs)
         self._steps = 1 if frame.reset else self._steps + 1
-        exposure = self._meter.read(frame.color, given=frame.exposure, reset=frame.reset)
+        exposure = self._meter.read(
+            frame.color, given=frame.exposure, reset=frame.reset, pre_exposure=frame.pre_exposure
+        )
         if backward is not None:
             other, weight = self._store.get(backward), weight_of(result, self._steps)
             self._store.drop(backward)
-            merge_images(result.image, other["image"], weight, other["weight"], exposure)
+            merge_images(result.image, other["image"], weight, other["weight"], exposure / frame.pre_exposure)
             if result.aovs is not None:
                 merge_aovs(result.aovs, other["aovs"], weight, other["weight"])
         return Merged(frame, result)

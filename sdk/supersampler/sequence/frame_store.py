@@ -17,7 +17,7 @@ from supersampler.io.files import os_errors_as_shot_error
 MEMORY = 2.0**30
 """Bytes of frames and images that are kept in memory; what is more goes to the disk."""
 _NO_ROOM = "Is the disk full? `scratch` names a folder on another; images that were written stay."
-_IMAGES = ("color", "depth", "motion", "aovs", "motion_next")
+_IMAGES = ("color", "depth", "motion", "reactive", "aovs", "motion_next")
 _GROUPS = {"gbuffer": GBUFFER_CHANNELS, "gbuffer_display": GBUFFER_DISPLAY_CHANNELS}
 
 
@@ -40,13 +40,14 @@ class StoredFrame:
 
     Attributes:
         stored: its arrays.
-        jitter, reset, exposure: see `Frame`.
+        jitter, reset, exposure, pre_exposure: see `Frame`.
     """
 
     stored: Stored
     jitter: tuple[float, float]
     reset: bool
     exposure: float | None
+    pre_exposure: float
 
 
 class FrameStore:
@@ -114,10 +115,11 @@ class FrameStore:
             buffers = getattr(frame, group) or {}
             arrays |= {f"{group}_{name}": array for name, array in buffers.items()}
         if self._names is not None:
-            required = {"color", "depth", "motion", "motion_next", "aovs"} | self._names
+            required = {*_IMAGES, *self._names}
             arrays = {name: array for name, array in arrays.items() if name in required}
         copies = {name: array.copy() for name, array in arrays.items()}  # engines reuse their buffers
-        return StoredFrame(self.put(copies), frame.jitter, frame.reset, frame.exposure)
+        values = frame.jitter, frame.reset, frame.exposure, frame.pre_exposure
+        return StoredFrame(self.put(copies), *values)
 
     def get_frame(self, frame: StoredFrame) -> Frame:
         """Return a frame."""
@@ -126,7 +128,10 @@ class FrameStore:
         for group, channels in _GROUPS.items():
             found = {name: arrays[f"{group}_{name}"] for name in channels if f"{group}_{name}" in arrays}
             buffers[group] = found or None
-        return Frame(**buffers, jitter=frame.jitter, reset=frame.reset, exposure=frame.exposure)
+        return Frame(
+            **buffers, jitter=frame.jitter, reset=frame.reset, exposure=frame.exposure,
+            pre_exposure=frame.pre_exposure,
+        )  # fmt: skip
 
     def drop(self, stored: Stored) -> None:
         """Forget arrays, and free their memory or their place in the file."""

@@ -10,7 +10,7 @@ import numpy as np
 from supersampler.arguments import checked_choice, ieee_arithmetic
 from supersampler.errors import FrameWarning
 from supersampler.frame import Frame, Size
-from supersampler.methods.convergence import MAX_STATIC_MOTION
+from supersampler.methods.at_rest import MAX_STATIC_MOTION
 from supersampler.validation.evidence import Evidence
 from supersampler.validation.gbuffers import gbuffer_mistakes
 from supersampler.validation.mistakes import (

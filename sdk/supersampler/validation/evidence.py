@@ -24,7 +24,7 @@ class Evidence:
     """One frame with row 0 on top and linear luminance; depth, motion and jitter are not converted.
 
     Attributes:
-        light: (h, w) luminance; None where the frame was not shaded.
+        light: (h, w) luminance without pre-exposure; None where the frame was not shaded.
         depth: (h, w).
         motion: (h, w, 2), or (H, W, 2) at display size.
         jitter: (x, y).
@@ -43,6 +43,8 @@ class Evidence:
     def of_frame(cls, frame: Frame) -> "Evidence":
         """Return the evidence of a `Frame`; its arrays are not copied."""
         light = None if frame.color is None else luminance(frame.color)
+        if light is not None and frame.pre_exposure != 1.0:
+            light = light / np.float32(frame.pre_exposure)
         return cls(light, frame.depth, frame.motion, frame.jitter, frame.reset, frame.motion_next)
 
     @classmethod
@@ -55,7 +57,7 @@ class Evidence:
         light = None
         if raw.color is not None:
             color = _rows("color", raw.color, stated)
-            light = luminance(srgb_decoded(color) if stated.srgb else color)
+            light = luminance(srgb_decoded(color) if stated.srgb else color) / np.float32(raw.pre_exposure)
         return cls(light, depth, motion, raw.jitter or (0.0, 0.0), raw.reset)
 
     @property

@@ -16,6 +16,7 @@ from supersampler_model.training.class_loss import class_loss
 from supersampler_model.training.classifier_task import ClassifierTask
 from supersampler_model.training.crops import Sample
 from supersampler_model.training.shots import UNKNOWN
+from torch_inputs import plain_inputs
 
 RENDER, DISPLAY = Size(12, 8), Size(24, 16)
 SMALL = ClassifierConfig(network=NetworkConfig(levels=(8, 16, 32, 64), decoder=8, hidden=8))
@@ -109,7 +110,7 @@ def test_a_state_is_what_a_whole_frame_would_leave(task: ClassifierTask) -> None
     """The same tensors in the same order as those of the method's own step, without the mean of samples."""
     frame = sample(labels(Ghost.NONE), motion=0.3)
     inputs = {name: getattr(frame, name) for name in ("color", "depth", "motion", "exposure")}
-    inputs |= {"jitter": frame.view.jitter, "display_size": torch.tensor(DISPLAY)}
+    inputs |= {"jitter": frame.view.jitter, "display_size": torch.tensor(DISPLAY), **plain_inputs(RENDER)}
     history = task.method.first_history(DISPLAY, RENDER)
     state = task.first_state(frame)
     assert torch.equal(state[4], frame.view.jitter)

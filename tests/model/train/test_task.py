@@ -40,7 +40,7 @@ class Mixture(Method):
         super().__init__()
         self.net = nn.Conv2d(9, 3, 1)
 
-    def forward(
+    def compute(
         self, color: Tensor, exposure: Tensor, gbuffer_display_base_color: Tensor, history_color: Tensor
     ) -> tuple[Tensor, Tensor]:
         image = self.mixed(self.seen(color * exposure, gbuffer_display_base_color, history_color))

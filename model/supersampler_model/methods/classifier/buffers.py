@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import NamedTuple
 
+import torch
 from torch import Tensor
 
 from supersampler_model.ops.motion import Reprojection
@@ -58,6 +59,7 @@ class Gathered(NamedTuple):
     display: Size
     grid: Grid
     further_inputs: Mapping[str, Tensor] = MappingProxyType({})  # of the network, (1, 1, H, W) by name
+    reactive: Tensor = torch.zeros(())  # (1, 1, H, W) of `reactive_at`
 
 
 class History(NamedTuple):

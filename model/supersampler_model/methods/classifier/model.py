@@ -58,8 +58,8 @@ from supersampler_model.ops.color import (
     without_glare,
     ycocg,
 )
-from supersampler_model.ops.compositing import composite
-from supersampler_model.ops.at_rest import RestFrame, RestHistory, Stillness, compare, converge, kept
+from supersampler_model.ops.at_rest import RestFrame, RestHistory, compare, converge, kept
+from supersampler_model.ops.compositing import composite, reactive_at
 from supersampler_model.ops.motion import (
     Reprojection,
     dilate_motion_2x2,
@@ -124,22 +124,25 @@ class Classifier(LearnedMethod):
             {"logits": (1, CLASSES, *HALF), "blend_parameters": (1, 4 * c.blend_parameters, *HALF)},
         )
 
-    def forward(
+    def compute(
         self,
         color: Tensor,  # (1, 3, h, w) linear RGB
         depth: Tensor,  # (1, 1, h, w) reversed
         motion: Tensor,  # (1, 2, h, w) render pixels, previous minus current
+        reactive: Tensor,  # (1, 1, h, w) in [0, 1]
         jitter: Tensor,  # (1, 2) render pixels
         exposure: Tensor,  # (1,) 0: measure
         display_size: Tensor,  # (2,) int64
-        *history: Tensor,  # as in `Classifier.history`
+        *others: Tensor,  # `adds_samples`, where there is a mean, and `Classifier.history`
     ) -> tuple[Tensor, ...]:
         """Return the image (1, 3, H, W), linear RGB >= 0, the next history and the auxiliary outputs."""
+        history = others[-len(self.history) :]
         history_tensors, now, before = self.group_history(history, color, jitter, display_size)
         gathered = self.gather(color, depth, motion, exposure, history_tensors, now, before)
+        gathered = gathered._replace(reactive=reactive_at(reactive, valid(color), gathered.grid))
         if "static_mean" not in self.history:
             return self.step_outputs(gathered, *self.infer(gathered), jitter)
-        frame = RestFrame(color, motion, jitter, gathered.exposure, torch.ones_like(gathered.exposure))
+        frame = RestFrame(color, motion, jitter, gathered.exposure, reactive, others[0])
         return self.converged_outputs(gathered, frame, history_tensors, RestHistory(*history[-4:]))
 
     def converged_outputs(
@@ -372,7 +375,7 @@ class Classifier(LearnedMethod):
             (current.frame, 0.05 * sampled),
             (kernel, 0.05 * sampled),
         ]
-        color, weight, odds = composite(history_colors, current_colors, factors)
+        color, weight, odds = composite(history_colors, current_colors, factors, gathered.reactive)
         image = bounded(TONES[self.config.tone_space].inverse(color) / gathered.exposure)
 
         classes = classes_of(logits.float(), warped.samples[:, :, ::2, ::2] > 0.0)

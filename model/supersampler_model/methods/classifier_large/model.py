@@ -50,19 +50,20 @@ class LargeClassifier(Classifier):
         )
         return network._replace(inputs=inputs, outputs=outputs)
 
-    def forward(
+    def compute(
         self,
         color: Tensor,
         depth: Tensor,
         motion: Tensor,
+        reactive: Tensor,
         jitter: Tensor,
         exposure: Tensor,
         display_size: Tensor,
-        *history: Tensor,
+        *others: Tensor,
     ) -> tuple[Tensor, ...]:
         """See `Classifier`."""
         large = (1.4 * display_size + 0.9).floor().long()  # integer division is not portable
-        image, *rest = super().forward(color, depth, motion, jitter, exposure, large, *history)
+        image, *rest = super().compute(color, depth, motion, reactive, jitter, exposure, large, *others)
         count, display = len(self.history), display_size_of(display_size)
         weight, frozen = rest[count:]
         return (image, *rest[:count], of_size(weight, display), frozen)

@@ -129,12 +129,12 @@ class PaperClassifier(Classifier):
         weight: Tensor = self.net.get_submodule("compositor")(
             torch.cat([current.frame, warped.color, classes, count, warped.difference], dim=1)
         )
-        weight = weight * known  # of the history (WO 2024/043984)
+        weight = weight * known * (1.0 - gathered.reactive)  # of the history (WO 2024/043984)
         color = current.frame + weight * (warped.color - current.frame)
         image = bounded(TONES[self.config.tone_space].inverse(color) / gathered.exposure)
 
         occluded = (classes[:, 1:2] > torch.maximum(classes[:, :1], classes[:, 2:3])).float()
-        kept = known * (1.0 - occluded)
+        kept = known * (1.0 - occluded) * (1.0 - gathered.reactive)
         next_count = warped.samples * kept + 1.0  # 0: no history
         now = current.frame
         low, high = warped.range[:, :3], warped.range[:, 3:]

@@ -84,7 +84,7 @@ class GuidedFlow(LearnedMethod):
         inputs = dict.fromkeys(("later", "earlier"), (1, LIGHT, *HALF))
         return Fused(self.net, inputs, {"flow": (1, sum(OUTPUTS), *HALF)}, ratio=1)
 
-    def forward(
+    def compute(
         self,
         depth: Tensor,  # (1, 1, h, w) reversed
         motion: Tensor,  # (1, 2, h, w) render pixels, previous minus current

@@ -34,7 +34,7 @@ class GuidedWarp(Method):
     spec: ClassVar = GUIDED_WARP
     config: GuidedWarpConfig
 
-    def forward(
+    def compute(
         self,
         depth: Tensor,  # (1, 1, h, w) reversed
         motion: Tensor,  # (1, 2, h, w) render pixels, previous minus current

@@ -19,7 +19,8 @@ from supersampler_model.methods.classifier.network import pack, unpack
 from supersampler_model.methods.classifier.small import SmallClassifier
 from supersampler_model.methods.extrapolation.network import ExtraSSNetwork
 from supersampler_model.methods.weights_file import Trained
-from supersampler_model.ops.color import finite
+from supersampler_model.ops.color import finite, valid
+from supersampler_model.ops.compositing import reactive_at
 from supersampler_model.ops.sampling import View, pick
 from supersampler_model.ops.size import render_size_of
 
@@ -86,20 +87,22 @@ class UnshadedExtrapolate(TwoEncoders):
         fused = super().fused()
         return fused and fused._replace(inputs={**fused.inputs, "surface": (1, 4 * SURFACE, *HALF)})
 
-    def forward(  # type: ignore[override]  # one more input
+    def compute(  # type: ignore[override]  # one more input
         self,
         color: Tensor,  # (1, 3, h, w) linear RGB, extrapolated
         depth: Tensor,  # (1, 1, h, w) reversed
         motion: Tensor,  # (1, 2, h, w) render pixels, previous minus current
+        reactive: Tensor,  # (1, 1, h, w) in [0, 1]
         jitter: Tensor,  # (1, 2) render pixels
         exposure: Tensor,  # (1,) 0: measure
         display_size: Tensor,  # (2,) int64
         gbuffer_base_color: Tensor,  # (1, 3, h, w)
         *history: Tensor,  # as in `Classifier.history`
     ) -> tuple[Tensor, ...]:
-        """Return the results of `Classifier.forward`."""
+        """Return the results of `Classifier.compute`."""
         history_tensors, now, before = self.group_history(history, color, jitter, display_size)
         gathered = self.gather(color, depth, motion, exposure, history_tensors, now, before)
+        gathered = gathered._replace(reactive=reactive_at(reactive, valid(color), gathered.grid))
         surface = packed_base_color(gbuffer_base_color, now).to(self.dtype)
         logits, blend = self.net(*self.network_inputs(gathered), surface)
         return self.step_outputs(gathered, logits, unpack(blend), jitter)

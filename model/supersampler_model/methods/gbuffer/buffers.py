@@ -6,6 +6,7 @@ precision; all others are float32.
 
 from typing import NamedTuple
 
+import torch
 from torch import Tensor
 
 from supersampler_model.methods.gbuffer.network import NetworkInputs
@@ -91,6 +92,7 @@ class Gathered(NamedTuple):
     current: CurrentFrame
     warped: WarpedHistory
     frame: Tensor  # (1, FRAME, h, w) the channels of this frame that the history stores
+    reactive: Tensor = torch.zeros(())  # (1, 1, H, W) of `reactive_at`
 
     @property
     def previous_normal(self) -> Tensor:

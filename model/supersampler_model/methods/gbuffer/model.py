@@ -59,7 +59,7 @@ from supersampler_model.ops.color import (
     tone,
     valid,
 )
-from supersampler_model.ops.compositing import composite
+from supersampler_model.ops.compositing import composite, reactive_at
 from supersampler_model.ops.motion import (
     Reprojection,
     dilate_motion_2x2,
@@ -110,11 +110,12 @@ class GBuffer(LearnedMethod):
         outputs = {"blend_parameters": (1, sum(self.config.parts), *DISPLAY)}
         return Fused(self.net, inputs, outputs, self.config.ratio)
 
-    def forward(
+    def compute(
         self,
         color: Tensor,  # (1, 3, h, w) linear RGB
         depth: Tensor,  # (1, 1, h, w) reversed
         motion: Tensor,  # (1, 2, h, w) render pixels, previous minus current
+        reactive: Tensor,  # (1, 1, h, w) in [0, 1]
         jitter: Tensor,  # (1, 2) render pixels
         exposure: Tensor,  # (1,) 0: measure
         display_size: Tensor,  # (2,) int64
@@ -126,6 +127,8 @@ class GBuffer(LearnedMethod):
         history = History(*others[len(names) :])
         view = View(display_size_of(display_size), render_size_of(color), jitter)
         gathered = self.gather(FrameInputs(color, motion, exposure, render, display, view), history)
+        mask = reactive_at(reactive, valid(color), view.grid(render_size_of(color)))
+        gathered = gathered._replace(reactive=mask)
         (blend,) = self.net(*gathered.inputs)
         done = self.finish(gathered, blend, history)
         return (done.image, *done.history, done.weight)
@@ -245,7 +248,7 @@ class GBuffer(LearnedMethod):
             (guided, 0.2 * confidence + 0.05),
             (current.near, 0.2 * confidence + 1e-3),
         ]
-        color, weight, odds = composite(history_colors, current_colors, factors)
+        color, weight, odds = composite(history_colors, current_colors, factors, gathered.reactive)
         image = bounded(inverse_tone(color) / current.inputs.exposure)
         next_history = History(
             color=image,

@@ -17,6 +17,7 @@ from torch import Tensor
 from supersampler.methods.gbuffer_fast.spec import GBUFFER_FAST, GBUFFERS_READ, GuidedConfig
 from supersampler_model.methods.classifier.buffers import CurrentFrame, Gathered, History, WarpedHistory
 from supersampler_model.methods.classifier.model import DIM, HEIGHT, Classifier, edge_of
+from supersampler_model.methods.classifier.network import cut_to
 from supersampler_model.methods.classifier.network_inputs import root
 from supersampler_model.methods.classifier.transfer import transferred
 from supersampler_model.methods.gbuffer.model import NEIGHBOUR_WEIGHTS
@@ -38,6 +39,7 @@ from supersampler_model.ops.color import (
     ycocg,
 )
 from supersampler_model.ops.at_rest import RestFrame, RestHistory
+from supersampler_model.ops.compositing import reactive_at
 from supersampler_model.ops.motion import (
     Reprojection,
     dilate_motion_2x2,
@@ -107,24 +109,26 @@ class GuidedClassifier(Classifier):
         method.learned = trained.facts
         return method.eval()
 
-    def forward(
+    def compute(
         self,
         color: Tensor,  # (1, 3, h, w) linear RGB
         depth: Tensor,  # (1, 1, h, w) reversed
         motion: Tensor,  # (1, 2, h, w) render pixels, previous minus current
+        reactive: Tensor,  # (1, 1, h, w) in [0, 1]
         jitter: Tensor,  # (1, 2) render pixels
         exposure: Tensor,  # (1,) 0: measure
         display_size: Tensor,  # (2,) int64
-        *others: Tensor,  # G-buffers in the order of `inputs`, then the history in the order of `history`
+        *others: Tensor,  # `adds_samples`, G-buffers in the order of `inputs`, the history
     ) -> tuple[Tensor, ...]:
         """Return the image (1, 3, H, W), linear RGB >= 0, the next history and the auxiliary outputs."""
-        count = len(GBUFFERS_READ)
-        render, display = self.surfaces_of(dict(zip(GBUFFERS_READ, others[:count], strict=True)), depth)
-        history = others[count:]
+        adds_samples, *buffers = others[: 1 + len(GBUFFERS_READ)]
+        render, display = self.surfaces_of(dict(zip(GBUFFERS_READ, buffers, strict=True)), depth)
+        history = others[1 + len(GBUFFERS_READ) :]
         shared, now, before = self.group_history(history, color, jitter, display_size)
         frame = FrameInputs(color, depth, motion, exposure, render, display, now)
         gathered = self.gather_guided(frame, GuidedHistory(shared, history[6], before))
-        samples = RestFrame(color, motion, jitter, gathered.exposure, torch.ones_like(gathered.exposure))
+        gathered = gathered._replace(reactive=reactive_at(reactive, valid(color), gathered.grid))
+        samples = RestFrame(color, motion, jitter, gathered.exposure, reactive, adds_samples)
         reflectance = history[6], self.reflectance_of(display)
         return self.converged_outputs(gathered, samples, shared, RestHistory(*history[-4:]), [reflectance])
 

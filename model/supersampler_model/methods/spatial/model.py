@@ -20,7 +20,7 @@ class Spatial(Method):
         """Weight of a sample at `distance` render pixels, 0 from `reach` on."""
         raise NotImplementedError
 
-    def forward(
+    def compute(
         self,
         color: Tensor,  # (1, 3, h, w) linear RGB
         jitter: Tensor,  # (1, 2) render pixels

@@ -27,6 +27,7 @@ from supersampler_model.ops.color import (
     valid,
     ycocg,
 )
+from supersampler_model.ops.compositing import reactive_at
 from supersampler_model.ops.motion import longest, read_cubic, reproject, to_display, usable_motion
 from supersampler_model.ops.rectification import (
     Rect,
@@ -50,6 +51,7 @@ class Gathered(NamedTuple):
     history: Tensor  # (1, 3, H, W)
     has_history: Tensor  # (1, 1, H, W) 0 or 1
     usable: Tensor  # (1, 1, H, W) 1 where all samples of the neighbourhood are usable, else 0
+    reactive: Tensor  # (1, 1, H, W) in [0, 1], 0 where one of them is not usable
     box: Rect
 
 
@@ -59,10 +61,11 @@ class Taa(Method):
     spec: ClassVar = TAA
     config: TaaConfig
 
-    def forward(
+    def compute(
         self,
         color: Tensor,  # (1, 3, h, w) linear RGB
         motion: Tensor,  # (1, 2, h, w) render pixels, previous minus current
+        reactive: Tensor,  # (1, 1, h, w) in [0, 1]
         jitter: Tensor,  # (1, 2) render pixels
         exposure: Tensor,  # (1,) 0: measure
         display_size: Tensor,  # (2,) int64
@@ -73,7 +76,7 @@ class Taa(Method):
         usable, color = valid(color), sanitize(color, 0.0)
         followed = exposure_for(color, usable, exposure, history_exposure)
         exposure = followed.abs()
-        gathered = self.gather(color, usable, motion, jitter, exposure, display_size, history_color)
+        gathered = self.gather(color, usable, motion, reactive, jitter, exposure, display_size, history_color)
         weight = self.network(gathered, history_exposure)
         image = self.finish(gathered, weight, exposure)
         return image, image, followed, 1.0 - weight
@@ -83,6 +86,7 @@ class Taa(Method):
         color: Tensor,
         usable: Tensor,
         motion: Tensor,
+        reactive: Tensor,
         jitter: Tensor,
         exposure: Tensor,
         display_size: Tensor,
@@ -99,13 +103,23 @@ class Taa(Method):
         reprojection = reproject(pick_vector(vectors, grid), display, grid)
         warped = read_cubic(history_color, reprojection.position)
         history = self.to_space(sanitize(warped, 0.0) * exposure)
-        usable = pick(minimum_3x3(usable), grid)
-        return Gathered(sample, history, reprojection.on_screen, usable, box)
+        usable = minimum_3x3(usable)
+        return Gathered(
+            sample=sample,
+            history=history,
+            has_history=reprojection.on_screen,
+            usable=pick(usable, grid),
+            reactive=reactive_at(reactive, usable, grid),
+            box=box,
+        )
 
     def network(self, gathered: Gathered, history_exposure: Tensor) -> Tensor:
-        """Weight of the new sample (1, 1, H, W): alpha, 0 where it is not usable, 1 without history."""
+        """Weight of the new sample (1, 1, H, W): alpha, 0 where it is not usable, 1 without history.
+
+        The reactive mask raises it.
+        """
         has_history = gathered.has_history * (history_exposure.abs() > 0.0)
-        return 1.0 - has_history * (1.0 - self.config.alpha * gathered.usable)
+        return 1.0 - has_history * (1.0 - self.config.alpha * gathered.usable) * (1.0 - gathered.reactive)
 
     def finish(self, gathered: Gathered, weight: Tensor, exposure: Tensor) -> Tensor:
         """Clip the history, blend, and return to linear RGB."""

@@ -47,6 +47,7 @@ from supersampler_model.ops.color import (
     ycocg,
 )
 from supersampler_model.ops.at_rest import RestFrame, RestHistory, compare, converge, kept
+from supersampler_model.ops.compositing import reactive_at
 from supersampler_model.ops.motion import (
     Reprojection,
     dilate_motion_2x2,
@@ -143,30 +144,25 @@ class Taau(Method):
     spec: ClassVar = TAAU
     config: TaauConfig
 
-    def forward(
+    def compute(
         self,
         color: Tensor,  # (1, 3, h, w) linear RGB
         depth: Tensor,  # (1, 1, h, w) reversed
         motion: Tensor,  # (1, 2, h, w) render pixels, previous minus current
+        reactive: Tensor,  # (1, 1, h, w) in [0, 1]
         jitter: Tensor,  # (1, 2) render pixels
         exposure: Tensor,  # (1,) 0: measure
         display_size: Tensor,  # (2,) int64
-        history_color: Tensor,  # (1, 3, H, W)
-        history_samples: Tensor,  # (1, 2, H, W)
-        history_surface: Tensor,  # (1, 3, h', w')
-        history_jitter: Tensor,  # (1, 2)
-        history_exposure: Tensor,  # (1,)
-        history_light: Tensor,  # (1, 4)
-        history_static_mean: Tensor,  # (1, 4, H, W)
-        history_static_blocks: Tensor,  # (1, 4, hb', wb')
-        history_signatures: Tensor,  # (phases, 4, hb', wb')
-        history_phases: Tensor,  # (phases, 4)
+        adds_samples: Tensor,  # (1,) 0: none
+        *history: Tensor,  # as in `TAAU.history`
     ) -> Step:
         """Return the image (1, 3, H, W), linear RGB >= 0, the next history and the weight of the history."""
         display, render = display_size_of(display_size), render_size_of(color)
+        history_color, samples_before, surface_before, jitter_before, *others = history
+        exposed_before, light, *rest = others
         grid = grid_of(display, render, jitter)
         given_color, usable, color = color, valid(color), sanitize(color, 0.0)
-        followed = exposure_for(color, usable, exposure, history_exposure)
+        followed = exposure_for(color, usable, exposure, exposed_before)
         exposure = followed.abs()
         exposed = color * exposure
         toned, glare = ycocg(tone(exposed)) * usable, glaring(exposed, usable)
@@ -177,18 +173,18 @@ class Taau(Method):
         closest, dilated = dilate_motion_2x2(depth, motion)
         closest = pick_first(closest, grid)
         reprojection = reproject(pick_first_vector(to_display(dilated, display, render), grid), display, grid)
-        exposure_before = history_exposure.abs()
+        exposure_before = exposed_before.abs()
         change = exposure / torch.where(exposure_before > 0.0, exposure_before, exposure)
-        before = self.gather_surface(history_surface, history_jitter, reprojection, closest, display, change)
-        warped = self.gather_history(history_color, history_samples, reprojection, before, exposure)
-        next_light = light_after(light_of(surface[:, 1:3]), history_light, change)
+        before = self.gather_surface(surface_before, jitter_before, reprojection, closest, display, change)
+        warped = self.gather_history(history_color, samples_before, reprojection, before, exposure)
+        next_light = light_after(light_of(surface[:, 1:3]), light, change)
         blend = self.network(current, warped, next_light[:, 3:4])
-        image, samples = self.finish(current, warped, blend, exposure)
+        frame = RestFrame(given_color, motion, jitter, exposure, reactive, adds_samples)
+        reactive = reactive_at(reactive, usable, grid)
+        image, samples = self.finish(current, warped, blend, exposure, reactive)
         next_color = torch.where(blend.unconfirmed, warped.light, image)
-        weight = (1.0 - blend.weight) * (blend.samples > MIN_SAMPLES)
-        frame = RestFrame(given_color, motion, jitter, exposure, torch.ones_like(exposure))
-        rest = RestHistory(history_static_mean, history_static_blocks, history_signatures, history_phases)
-        still = compare(frame, rest, render_size_of(history_surface), display)
+        weight = (1.0 - blend.weight) * (blend.samples > MIN_SAMPLES) * (1.0 - reactive)
+        still = compare(frame, RestHistory(*rest), render_size_of(surface_before), display)
         resting = still.resting(display)
         rested = converge(image, frame, still, grid)
         return Step(
@@ -319,13 +315,23 @@ class Taau(Method):
         return ((moved / noise - 1.0) / c.change_ramp).clamp(0.0, 1.0)
 
     def finish(
-        self, current: CurrentFrame, warped: WarpedHistory, blend: Blend, exposure: Tensor
+        self,
+        current: CurrentFrame,
+        warped: WarpedHistory,
+        blend: Blend,
+        exposure: Tensor,
+        reactive: Tensor,
     ) -> tuple[Tensor, Tensor]:
-        """Blend, or use this frame alone with few samples; return linear RGB and the next samples."""
+        """Blend, or use this frame alone with few samples; return linear RGB and the next samples.
+
+        `reactive`, (1, 1, H, W), is how much of the image is this frame alone whatever the samples.
+        """
         settled = (blend.samples / self.config.settled).clamp(max=1.0)
         sample = current.frame + settled * (current.sample - current.frame)
         color = blend.history + blend.weight * (sample - blend.history)
         color = torch.where(blend.samples > MIN_SAMPLES, color, current.frame)
+        color = color + reactive * (current.frame - color)
+        samples = blend.samples * (1.0 - reactive)
         image = bounded(inverse_tone(from_ycocg(color).clamp(min=0.0)) / exposure)
 
         reach = warped.power.sqrt() + self.config.spread_step
@@ -334,11 +340,11 @@ class Taau(Method):
         about_plane = (luma - current.moments.center[:, :1]).abs().minimum(contrast)
         contrast = contrast + current.fit * (about_plane - contrast)
         error = (luma - warped.color[:, :1]).abs().minimum(reach).minimum(contrast)
-        counted = blend.samples.clamp(max=self.config.spread_samples) + current.confidence
+        counted = samples.clamp(max=self.config.spread_samples) + current.confidence
         rate = current.confidence / counted.clamp(min=1e-6)
         known = (blend.samples > MIN_SAMPLES).float() * blend.spreads
         power = known * (warped.power + rate * (error * error - warped.power) - DARKNESS).clamp(min=0.0)
-        now = [blend.samples + current.confidence, power + GLARE * CONFIRMED * current.glare]
+        now = [samples + current.confidence, power + GLARE * CONFIRMED * current.glare]
         glare = (warped.glare + current.glare).clamp(max=CONFIRMED)
         before = [blend.kept, blend.trusted * warped.power + GLARE * glare]
         return image, torch.where(blend.unconfirmed, torch.cat(before, dim=1), torch.cat(now, dim=1))

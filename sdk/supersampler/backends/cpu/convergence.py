@@ -40,7 +40,7 @@ CONVERGENCE_KERNELS = (
     f"{_KERNELS}.residuals.widen_openings",
     f"{_KERNELS}.convergence.add_samples",
 )
-CONVERGENCE_PLANES = {"still": Plane(("still",), 4), "opening": Plane(("opening",), 4)}
+CONVERGENCE_PLANES = {"still": Plane(("static_mean",), 4), "opening": Plane(("residual_range",), 4)}
 """The history of the mean, for a `HistoryLayout`."""
 MEAN_FILTER = Filter(lambda distance: gaussian(SIGMA)(distance) * linear(distance), True)
 """Weight of a sample in the mean, of which all but the two samples around a pixel are 0."""
@@ -75,8 +75,9 @@ class ConvergingFrame(ResampledFrame):
         (w, h), (moving, moving_2x2, opens, opened) = self._size, self._planes
         counts = float(step.adds_samples and step.frame.jitter != step.history.jitter)
         return StillSamples(
-            self._color, moving, moving_2x2, opens, opened, self.rows_opened, w, h, self.padded_width,
-            step.inputs.exposure, self._learned_step * counts, counts,
+            self._color, moving, moving_2x2, opens, opened, self.rows_opened, step.inputs.reactive,
+            step.inputs.has_reactive, w, h, self.padded_width, step.inputs.exposure,
+            self._learned_step * counts, counts,
         )  # fmt: skip
 
 

@@ -4,6 +4,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping
 from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 
+import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.backends.cpu.frame_preprocess import (
@@ -115,7 +116,38 @@ class CpuExecutor(ABC, Generic[Space]):
         adds_samples: bool,
     ) -> Mapping[str, Float32]:
         """See `Executor`."""
+        aux = self._step(
+            frame, display, history, next_history, image, aux_outputs,
+            tolerance=tolerance, adds_samples=adds_samples,
+        )  # fmt: skip
+        if frame.pre_exposure != 1.0:
+            self._multiply(image, frame.pre_exposure)
+        return aux
+
+    def _multiply(self, image: Float32, factor: float) -> None:
+        """Multiply an image in place."""
+
+        def multiply(y0: int, y1: int, _: int) -> None:
+            image[y0:y1] *= np.float32(factor)
+
+        self.pool.run_rows("finish", len(image), multiply)
+
+    def _step(
+        self,
+        frame: Frame,
+        display: Size,
+        history: CpuHistory,
+        next_history: CpuHistory,
+        image: Float32,
+        aux_outputs: Collection[str],
+        *,
+        tolerance: float | None,
+        adds_samples: bool,
+    ) -> Mapping[str, Float32]:
+        """Run `step`; the image is without pre-exposure."""
         inputs, aux = frame_inputs(frame), AuxOutputs(aux_outputs, display)
+        if inputs.has_reactive:  # may change where no other input does
+            tolerance = None
         states = history.tile_state, next_history.tile_state
         images = history.tiled(), next_history.tiled()
         inputs = inputs._replace(exposure=abs(history.exposure))
@@ -140,6 +172,8 @@ class CpuExecutor(ABC, Generic[Space]):
     def _resample(self, step: Step, view: ResampledFrame) -> None:
         """Preprocess the frame of a step into `view`; note whether it or its history has glare."""
         view.set_jitter(step.frame.jitter)
+        mask, has_mask = step.inputs.reactive, step.inputs.has_reactive
+        view.samples = view.samples._replace(reactive=mask, has_reactive=has_mask)
         self._preprocess.read(step.inputs, view.samples)
         kept = step.history.glares and not step.tiles.all
         step.next_history.glares = bool(view.samples.glares.any()) or kept

@@ -9,7 +9,7 @@ from supersampler.backends.cpu.kernel_loader import Call
 from supersampler.backends.cpu.layout import FILTER_LINES, LANES, PAD, SAMPLE_PLANES
 from supersampler.backends.cpu.memory import address, aligned
 from supersampler.backends.cpu.resample_tables import Filter, Kernel, ResampleTableCache, up_to
-from supersampler.backends.cpu.structs import FrameInputs, FrameSamples, Output, ResampleTables, pack
+from supersampler.backends.cpu.structs import NO_MASK, FrameInputs, FrameSamples, Output, ResampleTables, pack
 from supersampler.backends.cpu.threads import ThreadPool
 from supersampler.frame import Float32, Frame, Size
 from supersampler.io.display import EXPOSURE_KEY, followed_exposure, usable_exposure
@@ -21,11 +21,19 @@ READ_KERNELS = (f"{_KERNELS}.prepare", f"{_KERNELS}.dilate")
 
 
 def frame_inputs(frame: Frame) -> FrameInputs:
-    """Return the arrays of a frame as C-contiguous float32, converted where needed."""
+    """Return the arrays of a frame as C-contiguous float32, converted where needed.
+
+    The colour is without pre-exposure. A reactive mask of zeros counts as none.
+    """
     color, depth, motion = (
         np.ascontiguousarray(a, np.float32) for a in (frame.color, frame.depth, frame.motion)
     )
-    return FrameInputs(color, depth, motion)
+    if frame.pre_exposure != 1.0:
+        color = color / np.float32(frame.pre_exposure)
+    if frame.reactive is None or not frame.reactive.any():
+        return FrameInputs(color, depth, motion)
+    mask = np.where(np.isnan(color).any(axis=2), np.float32(0.0), frame.reactive).astype(np.float32)
+    return FrameInputs(color, depth, motion, mask, 1)
 
 
 def empty_samples(render: Size) -> FrameSamples:
@@ -37,8 +45,9 @@ def empty_samples(render: Size) -> FrameSamples:
     dilated, own = aligned((2, h, stride, 4))
     color, glares, still_rows = aligned((h, SAMPLE_PLANES, padded_width)), aligned((h,)), aligned((h,))
     return FrameSamples(
-        color, depth, motion_x, motion_y, eroded_depth, dilated, own, glares, still_rows, w, h, stride
-    )
+        color, depth, motion_x, motion_y, eroded_depth, dilated, own, glares, still_rows, NO_MASK, 0,
+        w, h, stride,
+    )  # fmt: skip
 
 
 class ResampledFrame:

@@ -56,19 +56,27 @@ def _slots(values: tuple[Any, ...]) -> list[Any]:
     return slots
 
 
+NO_MASK = np.zeros(1, np.float32)
+"""In place of a reactive mask, where a frame has none."""
+
+
 class FrameInputs(NamedTuple):
     """The arrays of a frame of (height, width) samples.
 
     Attributes:
-        color: (height, width, 3) linear RGB.
+        color: (height, width, 3) linear RGB without pre-exposure.
         depth: (height, width) reversed depth; see `Frame`.
         motion: (height, width, 2) render pixels.
+        reactive: (height, width) reactive mask, 0 where a sample is missing.
+        has_reactive: 1 if there is one, else 0.
         exposure: multiplies the color before the tone curve; 0 before it is known.
     """
 
     color: Floats
     depth: Floats
     motion: Floats
+    reactive: Floats = NO_MASK
+    has_reactive: int = 0
     exposure: float = 0.0
 
 
@@ -86,6 +94,7 @@ class FrameSamples(NamedTuple):
             these is over GLARING.
         glares: (height,) 1 where a sample of the row is over GLARING, else 0.
         still_rows: (height,) 1 where a sample of the row does not move, else 0.
+        reactive, has_reactive: see `FrameInputs`.
         width, height: size of the frame.
         stride: width, rounded up to whole vectors.
     """
@@ -99,6 +108,8 @@ class FrameSamples(NamedTuple):
     own: Floats
     glares: Floats
     still_rows: Floats
+    reactive: Floats
+    has_reactive: int
     width: int
     height: int
     stride: int
@@ -235,6 +246,7 @@ class StillSamples(NamedTuple):
         opens: 1 where the sample contradicts the mean, DOUBTED where only the pattern around it does.
         opened: the largest of 5x5 samples.
         rows_opened: (height,) 1 where any of a row does.
+        reactive, has_reactive: see `FrameInputs`.
         width, height: of the frame.
         padded_width: of a row.
         exposure: of the frame.
@@ -249,6 +261,8 @@ class StillSamples(NamedTuple):
     opens: Floats
     opened: Floats
     rows_opened: Floats
+    reactive: Floats
+    has_reactive: int
     width: int
     height: int
     padded_width: int

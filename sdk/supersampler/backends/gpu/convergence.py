@@ -9,10 +9,13 @@ from supersampler.backends.gpu.program import PassSpec
 SIDE = 16
 """Samples of a workgroup of `preprocess` in either direction."""
 CONVERGENCE_PASSES = (PassSpec("residuals", RENDER), PassSpec("flags", RENDER))
-CONVERGENCE_PLANES = {"still": Plane("still"), "opening": Plane("opening", 2, "rgba16float", HALVES)}
+CONVERGENCE_PLANES = {
+    "still": Plane("static_mean"),
+    "opening": Plane("residual_range", 2, "rgba16float", HALVES),
+}
 CONVERGENCE_CHANNELS = {
-    "still": of_plane("still", 0, 1, 2, 3),
-    "opening": of_plane("opening", 0, 1, 2),
+    "static_mean": of_plane("still", 0, 1, 2, 3),
+    "residual_range": of_plane("opening", 0, 1, 2),
 }
 
 

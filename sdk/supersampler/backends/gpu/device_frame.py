@@ -20,16 +20,18 @@ class DeviceFrame:
     """A frame on the GPU.
 
     Attributes:
-        images: textures, or buffers, by name: "color", "depth", "motion".
+        images: textures, or buffers, by name: "color", "depth", "motion", perhaps "reactive".
         size: (width, height).
         jitter: see `Frame`.
         exposure: see `Frame`.
+        pre_exposure: see `Frame`.
     """
 
     images: Mapping[str, Any]
     size: Size
     jitter: tuple[float, float]
     exposure: float | None
+    pre_exposure: float = 1.0
 
     @property
     def in_textures(self) -> bool:
@@ -59,6 +61,8 @@ def checked_images(
     if not isinstance(images, Mapping):
         raise FrameError("images", got=shown(images), want="textures or buffers by name")
     wanted = [name for name in CHANNELS if name in names]
+    if images.get("reactive") is None and "reactive" in wanted:
+        wanted.remove("reactive")
     for name in wanted:
         if images.get(name) is None:
             raise FrameError(name, got=None, want="a texture or buffer of wgpu")

@@ -3,6 +3,7 @@
 from collections import OrderedDict
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
@@ -126,7 +127,9 @@ class GpuExecutor:
                 render,
                 frame.jitter,
                 frame.exposure,
+                frame.pre_exposure,
                 history,
+                has_reactive=frame.reactive is not None,
                 adds_samples=adds_samples,
                 writes_aux=bool(wanted),
             )
@@ -166,12 +169,27 @@ class GpuExecutor:
         kinds = {"frame": frame.in_textures, "image": is_texture(image)}
         variants = {name: (TEXTURES if kind else ARRAYS)[name] for name, kind in kinds.items()}
         display = history.display
-        params = step_params(frame.size, frame.jitter, frame.exposure, history, adds_samples=adds_samples)
+        params = step_params(
+            frame.size,
+            frame.jitter,
+            frame.exposure,
+            frame.pre_exposure,
+            history,
+            has_reactive="reactive" in frame.images,
+            adds_samples=adds_samples,
+        )
         with self._lock.lock, raising(self.device, f"encoding a step to {display}"):
             space = self._space(frame.size, display)
             inputs = {f"frame_{name}": self._resource(image) for name, image in frame.images.items()}
+            if frame.in_textures and "reactive" not in frame.images:
+                inputs["frame_reactive"] = self._no_mask
             inputs["image"] = self._resource(image)
             self._encode(encoder, variants, params, history, next_history, inputs, space)
+
+    @cached_property
+    def _no_mask(self) -> Resource:
+        """A texture in place of a missing reactive mask, which no shader reads."""
+        return image_of(self.device, (1, 1), IMAGE_FORMAT).create_view()
 
     def new_image(self, display: Size) -> "wgpu.GPUTexture":
         """Allocate a texture for an image."""

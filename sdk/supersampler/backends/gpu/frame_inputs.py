@@ -14,25 +14,28 @@ from supersampler.io.display import usable_exposure
 if TYPE_CHECKING:
     import wgpu
 
-PARAMS = 14
+PARAMS = 16
 """Values of the shader's `Params`."""
-CHANNELS = {"color": 3, "depth": 1, "motion": 2}
-"""Images of a frame that shaders read, and their channels."""
+CHANNELS = {"color": 3, "depth": 1, "motion": 2, "reactive": 1}
+"""Images of a frame that shaders read, and their channels; the last may be missing."""
 
 
 def step_params(
     render: Size,
     jitter: tuple[float, float],
     exposure: float | None,
+    pre_exposure: float,
     history: GpuHistory,
     *,
+    has_reactive: bool,
     adds_samples: bool = True,
     writes_aux: bool = False,
 ) -> Float32:
     """Return the shader's `Params` of a step from `history`."""
     counts = adds_samples and np.any(np.array(jitter, np.float32) != np.array(history.jitter, np.float32))
     values = [*render, *history.display, *history.render, *jitter, *history.jitter]
-    return np.array([*values, usable_exposure(exposure) or 0.0, counts, writes_aux, 0.0], np.float32)
+    flags = bool(counts), writes_aux, pre_exposure, has_reactive, 0.0
+    return np.array([*values, usable_exposure(exposure) or 0.0, *flags], np.float32)
 
 
 def frame_buffers(names: Collection[str]) -> dict[str, PixelMemory]:
@@ -49,6 +52,6 @@ def write_frame(
 ) -> None:
     """Copy the images of a frame that the method reads to its buffers."""
     for name in CHANNELS:
-        if name in names:
-            image: Any = getattr(frame, name)
+        image: Any = getattr(frame, name)
+        if name in names and image is not None:
             write_to(device, memory[f"frame_{name}"], np.asarray(image, np.float32))

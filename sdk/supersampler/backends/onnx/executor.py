@@ -12,12 +12,16 @@ from supersampler.backends.locks import ForkSafeLock
 from supersampler.backends.onnx.cuda_graph import FixedStep
 from supersampler.backends.onnx.providers import capturing, check_provider_in_use, device_of
 from supersampler.backends.onnx.runtime import ort
-from supersampler.backends.onnx.session import frame_inputs, open_session, running, session_options
+from supersampler.backends.onnx.session import (
+    VECTORS,
+    frame_inputs,
+    open_session,
+    running,
+    session_options,
+)
 from supersampler.backends.onnx.tensors import check_tensor, render_size_of
 from supersampler.frame import Float32, Frame, Size
-from supersampler.methods.convergence import without_samples
 from supersampler.methods.model_info import ModelInfo
-from supersampler.methods.sizes import resized
 
 Tensors = dict[str, ort.OrtValue]
 
@@ -80,22 +84,17 @@ class OnnxExecutor:
     ) -> Mapping[str, Float32]:
         """See `Executor`."""
         planes = np.empty((1, 3, *display[::-1]), np.float32)
-        corrects = not adds_samples and self._info.converges  # the graph has no input for it
-        wanted = {*aux_outputs, "converged"} if corrects else aux_outputs
         outputs = {
             t.name: np.empty(t.shape_for(render=display, display=display, previous=display), np.float32)
             for t in self._info.aux_outputs
-            if t.name in wanted
+            if t.name in aux_outputs
         }
-        given = frame_inputs(frame, display, [t.name for t in self._info.inputs])
+        names = [t.name for t in self._info.inputs]
+        given = frame_inputs(frame, display, names, adds_samples=adds_samples)
         results = _values({**outputs, self._info.image.name: planes})
         self._run(_values(given), history, next_history, results)
-        if corrects:
-            before, after = (np.asarray(h["history.still"].numpy()) for h in (history, next_history))
-            converged = resized(outputs["converged"], after.shape[:1:-1])
-            next_history["history.still"].update_inplace(without_samples(after, before, converged))
         np.copyto(image, planes[0].transpose(1, 2, 0))
-        return {name: outputs[name] for name in outputs if name in aux_outputs}
+        return outputs
 
     def step_tensors(
         self,
@@ -123,8 +122,7 @@ class OnnxExecutor:
         if image is None:
             shape = info.image.shape_for(**sizes)
             image = ort.OrtValue.ortvalue_from_shape_and_type(list(shape), np.float32, self.device, 0)
-        vectors = ("jitter", "exposure", "display_size")  # small, and in CPU memory
-        for tensor in (*(t for t in info.inputs if t.name not in vectors), info.image):
+        for tensor in (*(t for t in info.inputs if t.name not in VECTORS), info.image):
             value = image if tensor is info.image else given[tensor.name]
             check_tensor(value, tensor, tensor.shape_for(**sizes), self.device)
         if self.capture and self.fits(history, display, render):  # else the render size has changed

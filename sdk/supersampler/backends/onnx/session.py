@@ -14,10 +14,13 @@ from supersampler.backends.onnx.runtime import ort
 from supersampler.errors import ModelError
 from supersampler.frame import Float32, Frame, Size
 from supersampler.io.display import usable_exposure
+from supersampler.methods.at_rest import ADDS_SAMPLES
 from supersampler.methods.gbuffers import GBUFFERS
 from supersampler.methods.model_file import MAX_FILE, is_shipped
 from supersampler.methods.model_info import TensorInfo
 
+VECTORS = ("jitter", "exposure", "pre_exposure", ADDS_SAMPLES, "display_size")
+"""Inputs of a graph that are not images: small, and in CPU memory."""
 ORT_TYPES = {"float32": "tensor(float)", "int64": "tensor(int64)"}
 """Names of types in ONNX Runtime."""
 Provider = str | tuple[str, dict[str, str]]
@@ -113,25 +116,38 @@ def _check_tensors(path: Path, kind: str, wanted: Sequence[TensorInfo], nodes: S
             )
 
 
-def frame_inputs(frame: Frame, display_size: Size, names: Collection[str]) -> dict[str, np.ndarray[Any, Any]]:
+def frame_inputs(
+    frame: Frame, display_size: Size, names: Collection[str], *, adds_samples: bool = True
+) -> dict[str, np.ndarray[Any, Any]]:
     """Return a frame's inputs of a graph, by name: images as contiguous NCHW, and vectors."""
-    vectors = vector_inputs(frame.jitter, frame.exposure, display_size)
+    vectors = vector_inputs(
+        frame.jitter, frame.exposure, display_size, frame.pre_exposure, adds_samples=adds_samples
+    )
     return {name: vectors[name] if name in vectors else planes_of(image_of(frame, name)) for name in names}
 
 
 def image_of(frame: Frame, name: str) -> np.ndarray[Any, Any]:
     """Return the image of a frame that a graph reads by this name."""
+    if name == "reactive" and frame.reactive is None:
+        return np.zeros(frame.depth.shape, np.float32)
     image: Any = GBUFFERS[name].find(frame) if name in GBUFFERS else getattr(frame, name)
     return np.asarray(image)
 
 
 def vector_inputs(
-    jitter: tuple[float, float], exposure: float | None, display_size: Size
+    jitter: tuple[float, float],
+    exposure: float | None,
+    display_size: Size,
+    pre_exposure: float,
+    *,
+    adds_samples: bool,
 ) -> dict[str, np.ndarray[Any, Any]]:
-    """Return a frame's inputs of a graph that are not images, by name."""
+    """Return a frame's inputs of a graph that are not images, by name: VECTORS."""
     return {
         "jitter": np.array([jitter], np.float32),
         "exposure": np.array([usable_exposure(exposure) or 0.0], np.float32),
+        "pre_exposure": np.array([pre_exposure], np.float32),
+        ADDS_SAMPLES: np.array([adds_samples], np.float32),
         "display_size": np.array(display_size, np.int64),
     }
 

@@ -1,6 +1,7 @@
 """Tensors of other libraries (torch, CuPy, JAX), shared with a graph by DLPack without copies."""
 
 from collections.abc import Collection, Iterable, Mapping
+from functools import lru_cache
 from typing import Any, Protocol
 
 import numpy as np
@@ -53,9 +54,12 @@ def taken(tensor: Tensor, name: str) -> ort.OrtValue:
 
 
 def graph_inputs(
-    infos: Iterable[TensorInfo], tensors: Mapping[str, Tensor], vectors: Mapping[str, NDArray[Any]]
+    infos: Iterable[TensorInfo],
+    tensors: Mapping[str, Tensor],
+    vectors: Mapping[str, NDArray[Any]],
+    device: str,
 ) -> dict[str, ort.OrtValue]:
-    """Return the inputs of a graph, by name: a frame's tensors, and `vectors`.
+    """Return the inputs of a graph, by name: a frame's tensors, and `vectors`; a missing mask is zeros.
 
     Raises:
         FrameError: a tensor is missing or cannot be shared.
@@ -64,11 +68,19 @@ def graph_inputs(
     for info in infos:
         if info.name in vectors:
             values[info.name] = ort.OrtValue.ortvalue_from_numpy(vectors[info.name])
+        elif info.name == "reactive" and info.name not in tensors:
+            values[info.name] = _zeros(render_size_of(values["color"]), device)
         elif info.name not in tensors:
             raise FrameError(info.name, got=None, want=f"a tensor {info.shape}")
         else:
             values[info.name] = taken(tensors[info.name], info.name)
     return values
+
+
+@lru_cache(2)
+def _zeros(size: Size, device: str) -> ort.OrtValue:
+    """Return a reactive mask of zeros, which graphs only read."""
+    return ort.OrtValue.ortvalue_from_numpy(np.zeros((1, 1, *size[::-1]), np.float32), device, 0)
 
 
 def render_size_of(color: ort.OrtValue) -> Size:
@@ -108,6 +120,7 @@ def frame_of_tensors(
     jitter: tuple[float, float],
     exposure: float | None,
     *,
+    pre_exposure: float,
     reset: bool,
     inputs: Collection[str],
 ) -> Frame:
@@ -117,6 +130,7 @@ def frame_of_tensors(
         tensors: tensors by name.
         jitter: see `Frame`.
         exposure: see `Frame`.
+        pre_exposure: see `Frame`.
         reset: see `Frame`.
         inputs: names of the tensors that the method reads. Depth and motion that it does not read may be
             missing, and are then 0; other G-buffers are ignored.
@@ -126,7 +140,8 @@ def frame_of_tensors(
     """
     images: dict[str, Any] = {}
     gbuffers = [name for name in inputs if name in GBUFFERS]
-    for name in (*_IMAGES, *gbuffers):
+    masks = ["reactive"] if "reactive" in tensors and "reactive" in inputs else []
+    for name in (*_IMAGES, *masks, *gbuffers):
         if name not in tensors and name in ("depth", "motion") and name not in inputs:
             images[name] = np.zeros_like(images["color"][..., 0 if name == "depth" else slice(2)])
             continue
@@ -138,14 +153,15 @@ def frame_of_tensors(
         images[name] = pixels_of(planes)
     gbuffer, gbuffer_display = grouped({name: images.pop(name) for name in gbuffers})
     return Frame(
-        **images, jitter=jitter, exposure=exposure, reset=reset,
+        **images, jitter=jitter, exposure=exposure, pre_exposure=pre_exposure, reset=reset,
         gbuffer=gbuffer, gbuffer_display=gbuffer_display,
     )  # fmt: skip
 
 
 def tensors_of_frame(frame: Frame, device: str) -> dict[str, Tensor]:
     """Return copies of a frame's images as tensors on a device; see `Model.device`."""
-    images = {name: planes_of(image_of(frame, name)) for name in (*_IMAGES, *names_of(frame))}
+    masks = [] if frame.reactive is None else ["reactive"]
+    images = {name: planes_of(image_of(frame, name)) for name in (*_IMAGES, *masks, *names_of(frame))}
     return {name: ort.OrtValue.ortvalue_from_numpy(planes, device, 0) for name, planes in images.items()}
 
 

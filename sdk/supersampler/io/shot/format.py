@@ -63,6 +63,7 @@ class FrameEntry:
         jitter: (x, y) in the shot's conventions.
         reset: True on the first frame after a cut.
         exposure: > 0, multiplies colour before the tone curve; None: it is measured.
+        pre_exposure: what the renderer has multiplied the colour by.
         display_file: EXR file of the display-size channels, or None.
         reference: EXR file of the ideal output, or None.
         render_size: (width, height) where it differs from the shot's.
@@ -73,6 +74,7 @@ class FrameEntry:
     jitter: tuple[float, float]
     reset: bool = False
     exposure: float | None = None
+    pre_exposure: float = 1.0
     display_file: str | None = None
     reference: str | None = None
     render_size: Size | None = None
@@ -137,6 +139,8 @@ def entry_json(entry: FrameEntry) -> dict[str, object]:
     for key in ("display_file", "reference", "render_size"):
         if getattr(entry, key) is not None:
             item[key] = getattr(entry, key)
+    if entry.pre_exposure != 1.0:
+        item["pre_exposure"] = entry.pre_exposure
     if not entry.shaded:
         item["shaded"] = False
     return item
@@ -150,6 +154,7 @@ def frame_entry(data: Field) -> FrameEntry:
         jitter=data["jitter"].pair(),
         reset=data.read("reset", Field.flag, default=False),
         exposure=data.read("exposure", Field.number, None),
+        pre_exposure=data.read("pre_exposure", Field.number, 1.0),
         display_file=data.read("display_file", _file, None),
         reference=data.read("reference", _file, None),
         render_size=data.read("render_size", Field.size, None),

@@ -19,6 +19,7 @@ from supersampler.io.shot.format import FrameEntry
 COLOR = ("R", "G", "B")
 DEPTH = ("depth.Z",)
 MOTION = ("motion.X", "motion.Y")
+REACTIVE = ("reactive.Y",)
 MOTION_NEXT = ("motion_next.X", "motion_next.Y")
 GBUFFER: Mapping[str, Sequence[str]] = {
     "base_color": ("base_color.R", "base_color.G", "base_color.B"),
@@ -105,6 +106,8 @@ def read_frame(
         jitter=entry.jitter,
         reset=entry.reset,
         exposure=entry.exposure,
+        pre_exposure=entry.pre_exposure,
+        reactive=take(path, channels, REACTIVE) if REACTIVE[0] in channels else None,
         gbuffer=_take_gbuffer(path, channels, GBUFFER),
         gbuffer_display=_take_gbuffer(display_path, display, _GBUFFER_DISPLAY),
         aovs=aovs,
@@ -169,6 +172,8 @@ def write_frame(
     """
     render = {} if raw.color is None else _named(COLOR, raw.color)
     render |= _named(DEPTH, raw.depth)
+    if raw.reactive is not None:
+        render |= _named(REACTIVE, raw.reactive)
     motion = _named(MOTION, raw.motion)
     if raw.motion.shape[:2] == raw.depth.shape:
         render, motion = render | motion, {}

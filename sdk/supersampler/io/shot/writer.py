@@ -158,6 +158,7 @@ class ShotWriter:
             jitter=(0.0, 0.0) if raw.jitter is None else (float(raw.jitter[0]), float(raw.jitter[1])),
             reset=bool(raw.reset),
             exposure=None if raw.exposure is None else float(raw.exposure),
+            pre_exposure=float(raw.pre_exposure),
             display_file=f"{_DISPLAY}/{number}" if has_display_file(raw) else None,
             reference=None if reference is None else f"{_REFERENCE}/{number}",
             render_size=None if (width, height) == info.render_size else (width, height),

@@ -3,8 +3,8 @@
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
-from supersampler.methods.at_rest import AT_REST_HISTORY, CONVERGED
-from supersampler.methods.spec import DISPLAY, HALF, PREVIOUS, MapOf, MethodSpec, Number, Sigma
+from supersampler.methods.at_rest import ADDS_SAMPLES, AT_REST_HISTORY, CONVERGED
+from supersampler.methods.spec import DISPLAY, FRAME_INPUTS, HALF, PREVIOUS, MapOf, MethodSpec, Number, Sigma
 
 CLASSES = 6
 """Of a pixel. Ghosting: none, visibility, shading; aliasing: none, geometry, texture."""
@@ -150,7 +150,7 @@ class PaperConfig(ClassifierConfig):
 BASE = MethodSpec(
     name="classifier",
     source="Guo, Chen, Dong and Tong 2022 (docs/methods.md)",
-    inputs=("color", "depth", "motion", "jitter", "exposure", "display_size"),
+    inputs=FRAME_INPUTS,
     history={
         "color": (1, 3, *DISPLAY),  # linear RGB
         "state": (1, 3, *DISPLAY),  # count, minimum luma, maximum luma + GLARE * glaring frames
@@ -171,6 +171,7 @@ BASE = MethodSpec(
 """What all methods with a classifier have."""
 CLASSIFIER = replace(
     BASE,
+    inputs=(*BASE.inputs, ADDS_SAMPLES),
     history={**BASE.history, **AT_REST_HISTORY},
     aux_outputs=(*BASE.aux_outputs, "converged"),
     maps={**BASE.maps, **CONVERGED},

@@ -46,7 +46,7 @@ class LargeCpu(ClassifierCpu):
         """See `Executor`."""
         return super().fits(buffers, large_size(display), render)
 
-    def step(
+    def _step(
         self,
         frame: Frame,
         display: Size,
@@ -58,10 +58,10 @@ class LargeCpu(ClassifierCpu):
         tolerance: float | None,
         adds_samples: bool,
     ) -> Mapping[str, Float32]:
-        """See `Executor`."""
+        """See `CpuExecutor`."""
         large = large_size(display)
         with self._tables.borrow(display) as tables:
-            planes = super().step(
+            planes = super()._step(
                 frame, large, history, next_history, tables.image, aux_outputs,
                 tolerance=tolerance, adds_samples=adds_samples,
             )  # fmt: skip

@@ -103,5 +103,7 @@ class GuidedWarpCpu:
 
             self._pool.run_rows("preprocess", shaded_h, read)
             self._pool.run_rows("compute", h, extrapolate)
+        if frame.pre_exposure != 1.0:
+            image *= np.float32(frame.pre_exposure)
         motion_jitter = np.array([frame.jitter], np.float32)
         return image, {**history, "history.motion": next_motion, "history.motion_jitter": motion_jitter}

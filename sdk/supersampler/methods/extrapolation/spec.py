@@ -54,7 +54,7 @@ class GuidedFlowConfig:
 GUIDED_WARP = MethodSpec(
     name="guided-warp",
     source="Wu et al. 2023 (ExtraSS), section 4.2",
-    inputs=("depth", "motion", "jitter", "gbuffer_base_color", "gbuffer_normal"),
+    inputs=("depth", "motion", "jitter", "pre_exposure", "gbuffer_base_color", "gbuffer_normal"),
     history={
         "color": (1, 3, *SHADED),  # of the last shaded frame, as the next four
         "base_color": (1, 3, *SHADED),

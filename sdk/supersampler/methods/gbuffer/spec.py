@@ -4,7 +4,7 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from supersampler.methods.gbuffers import GBUFFERS
-from supersampler.methods.spec import DISPLAY, PREVIOUS, MethodSpec
+from supersampler.methods.spec import DISPLAY, FRAME_INPUTS, PREVIOUS, MethodSpec
 
 FRAME = 11
 """Channels of a stored frame: linear RGB, depth, base colour, normal, 1 where usable."""
@@ -91,11 +91,10 @@ class SmallGBuffer4Config(SmallGBufferConfig):
     ratio: int = 4
 
 
-_FRAME_INPUTS = ("color", "depth", "motion", "jitter", "exposure", "display_size")
 GBUFFER = MethodSpec(
     name="gbuffer",
     source="Wang et al. 2025 (docs/methods.md)",
-    inputs=(*_FRAME_INPUTS, *GBUFFERS),
+    inputs=(*FRAME_INPUTS, *GBUFFERS),
     history={
         "color": (1, 3, *DISPLAY),  # linear RGB
         "reflectance": (1, 3, *DISPLAY),
@@ -117,6 +116,6 @@ GBUFFER_SMALL_4X = replace(GBUFFER, name="gbuffer-small-4x", ratios=(4.0, 4.0), 
 GBUFFER_DEPTH = replace(
     GBUFFER,
     name="gbuffer-depth",
-    inputs=(*_FRAME_INPUTS, "gbuffer_display_depth"),
+    inputs=(*FRAME_INPUTS, "gbuffer_display_depth"),
     config=SmallGBufferConfig,
 )

@@ -7,7 +7,7 @@ from supersampler.backends.cpu.history import HistoryLayout, Plane
 from supersampler.backends.cpu.layout import LANES, PAD, TAA_BOX, TAA_PIXEL, TAA_PLANES, TILE
 from supersampler.backends.cpu.memory import address, aligned
 from supersampler.backends.cpu.resample_tables import Columns, Filter, ResampleTableCache, linear, up_to
-from supersampler.backends.cpu.structs import pack
+from supersampler.backends.cpu.structs import NO_MASK, pack
 from supersampler.backends.cpu.threads import Rect, ThreadPool
 from supersampler.frame import Size
 from supersampler.methods.model_info import ModelInfo
@@ -28,7 +28,7 @@ class _Space:
         stride = up_to(w, LANES)
         self.tables = ResampleTableCache(render, display, [Filter(linear, False)], rows=Columns)
         planes, boxes = aligned((h, TAA_PLANES, stride + 2 * PAD)), aligned((h, TAA_BOX, stride))
-        self.samples = TaaSamples(planes, boxes, gamma, w, h, stride)
+        self.samples = TaaSamples(planes, boxes, NO_MASK, 0, gamma, w, h, stride)
         self.scratch = [
             TaaScratch(
                 aligned((10, LANES), np.int32),
@@ -63,6 +63,8 @@ class TaaCpu(CpuExecutor[_Space]):
 
     def _read(self, step: Step, space: _Space) -> None:
         """Tone the samples, and compute the variance box around each."""
+        mask, has_mask = step.inputs.reactive, step.inputs.has_reactive
+        space.samples = space.samples._replace(reactive=mask, has_reactive=has_mask)
         inputs, samples, h = pack(step.inputs), pack(space.samples), space.samples.height
         read_samples, fill_boxes = self.kernels[READ], self.kernels[FILL]
 

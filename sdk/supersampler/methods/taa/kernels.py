@@ -194,6 +194,10 @@ def step_rows(
             good = low[0] < UNUSABLE
             warped_color = select3(good, clip_to_sample(warped_color, sample, low, high), warped_color)
             weight = select(on, select(good, alpha, lane * 0.0 + kept), 1.0)
+            if samples.has_reactive > 0:
+                nearest = load16(columns.nearest, x) + np.int32(rows.nearest[y] * samples.width)
+                reactive = select(good, gather(samples.reactive, nearest), lane * 0.0)
+                weight = weight + (1.0 - weight) * reactive
             r, g, b = from_ycocg(*lerp3(warped_color, sample, weight))
             r, g, b = linear_of(maximum(r, 0.0), maximum(g, 0.0), maximum(b, 0.0), exposure)
             if output.has_weight:

@@ -29,7 +29,7 @@ class TaaConfig:
 TAA = MethodSpec(
     name="taa",
     source="Salvi, An Excursion in Temporal Supersampling, GDC 2016",
-    inputs=("color", "motion", "jitter", "exposure", "display_size"),
+    inputs=("color", "motion", "reactive", "jitter", "exposure", "pre_exposure", "display_size"),
     history={
         "color": (1, 3, *DISPLAY),  # linear RGB
         "exposure": (1,),  # as `followed_exposure` returns it; 0 where there is none

@@ -11,6 +11,7 @@ class TaaSamples(NamedTuple):
     Attributes:
         planes: (height, TAA_PLANES, PAD + stride + PAD) toned YCoCg, motion in render pixels.
         boxes: (height, TAA_BOX, stride) minimum and maximum YCoCg of the box, the longest motion.
+        reactive, has_reactive: see `FrameInputs`.
         gamma: half extent of the box, in standard deviations.
         width, height: size of the frame.
         stride: width, rounded up to whole vectors.
@@ -18,6 +19,8 @@ class TaaSamples(NamedTuple):
 
     planes: Floats
     boxes: Floats
+    reactive: Floats
+    has_reactive: int
     gamma: float
     width: int
     height: int

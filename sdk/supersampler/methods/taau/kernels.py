@@ -29,7 +29,7 @@ from supersampler.backends.cpu.kernels.filters import (
     filter_line_across,
     span,
 )
-from supersampler.backends.cpu.kernels.frame import occluding_at, repeat_ends, store4
+from supersampler.backends.cpu.kernels.frame import occluding_at, reactive_at, repeat_ends, store4
 from supersampler.backends.cpu.kernels.warp import (
     disocclusion,
     linear_taps,
@@ -217,7 +217,7 @@ def clip_to_center(color, mean, deviations, gamma, box_floor):
 @device_function
 def blend(
     numbers, current, around, warped_color, warped_light, warped_samples, warped_power, surface, unchanged,
-    fit, glare, flash, speed, blur,
+    fit, glare, flash, moved, mask,
 ):  # fmt: skip
     """Compute `Taau.network` and `Taau.finish` of sixteen pixels.
 
@@ -234,13 +234,13 @@ def blend(
         fit: whether 3x3 samples are on a plane, [0, 1].
         glare: 1 where this frame has light over GLARING nearby.
         flash: 1 where the light of this frame is unconfirmed.
-        speed: display pixels.
-        blur: of the resampling, 0 on a pixel's centre, 1 on a corner of four.
+        moved: speed, display pixels; blur of the resampling, 0 on a pixel's centre, 1 on a corner of four.
+        mask: fraction of the image that is this frame alone; 0 where the frame has no reactive mask, else 1.
 
     Returns:
         Linear RGB of the image; of the next history linear RGB, samples and power; weight of the history.
     """
-    n = numbers
+    n, (speed, blur), (reactive, has_reactive) = numbers, moved, mask
     frame, sample, confidence, mean, deviations = current
     gamma = minimum(speed / n[C.gamma_speed], 1.0) * (n[C.gamma_moving] - n[C.gamma_still]) + n[C.gamma_still]
     warped_glare = warped_power * 0.0
@@ -258,7 +258,11 @@ def blend(
     weight = confidence / maximum(samples + confidence, 1e-6)
     known, settled = samples > MIN_SAMPLES, minimum(samples / n[C.settled], 1.0)
     blended = lerp3(rectified, lerp3(frame, sample, settled), weight)
-    r, g, b = from_ycocg(*select3(known, blended, frame))
+    shown, history_weight = select3(known, blended, frame), select(known, 1.0 - weight, 0.0)
+    if has_reactive > 0:
+        shown, history_weight = lerp3(shown, frame, reactive), history_weight * (1.0 - reactive)
+        samples = samples * (1.0 - reactive)
+    r, g, b = from_ycocg(*shown)
     color = linear_of(maximum(r, 0.0), maximum(g, 0.0), maximum(b, 0.0), n[EXPOSURE])
 
     contrast = absolute(sample[0] - around)
@@ -281,7 +285,7 @@ def blend(
             trusted * warped_power + minimum(warped_glare + glare, CONFIRMED) * GLARE,
         )
         next_samples = select(adds_sample, next_samples, kept)
-    return color, next_color, next_samples, next_power, select(known, 1.0 - weight, 0.0)
+    return color, next_color, next_samples, next_power, history_weight
 
 
 def step_rows(
@@ -365,10 +369,14 @@ def step_rows(
                 load16(across, 20 * width + x), down[4 * (5 * display_h + y)], fit,
                 numbers[C.frame_sharpness],
             )  # fmt: skip
+            reactive = depth * 0.0
+            if samples.has_reactive > 0:
+                reactive = reactive_at(samples, tables, x, y)
             color, next_color, next_samples, next_power, weight = blend(
                 numbers, current, mean, warped_color, warped_light, q[6], q[7], same, 1.0 - changed,
-                fit, glare, flash, square_root(mx * mx + my * my),
-                (tx * (1.0 - tx) + ty * (1.0 - ty)) * 2.0,
+                fit, glare, flash,
+                (square_root(mx * mx + my * my), (tx * (1.0 - tx) + ty * (1.0 - ty)) * 2.0),
+                (reactive, samples.has_reactive),
             )  # fmt: skip
             if output.has_weight:
                 store(output.weight, y * width + x, weight)

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from supersampler.methods.at_rest import AT_REST_HISTORY, CONVERGED
-from supersampler.methods.spec import DISPLAY, PREVIOUS, MapOf, MethodSpec, Number, Sigma
+from supersampler.methods.at_rest import ADDS_SAMPLES, AT_REST_HISTORY, CONVERGED
+from supersampler.methods.spec import DISPLAY, FRAME_INPUTS, PREVIOUS, MapOf, MethodSpec, Number, Sigma
 
 FLASH, LEAST_FLASH, FLASH_MEMORY = 1.25, 1e-3, 0.9
 """The light of a frame is unconfirmed where its mean local variance is over FLASH times that of the previous
@@ -67,7 +67,7 @@ class TaauConfig:
 TAAU = MethodSpec(
     name="taau",
     source="temporal upsampling after Karis 2014, Salvi 2016 and FSR2 (docs/methods.md)",
-    inputs=("color", "depth", "motion", "jitter", "exposure", "display_size"),
+    inputs=(*FRAME_INPUTS, ADDS_SAMPLES),
     history={
         "color": (1, 3, *DISPLAY),  # linear RGB
         "samples": (1, 2, *DISPLAY),  # count; mean square of sample - history in toned luma, and GLARE

@@ -16,7 +16,7 @@ from supersampler.backends.cpu.kernels.colors import (
     scaled3,
 )
 from supersampler.backends.cpu.kernels.filters import places_in, span
-from supersampler.backends.cpu.kernels.frame import color_at, sample_indices, store4
+from supersampler.backends.cpu.kernels.frame import color_at, reactive_at, sample_indices, store4
 from supersampler.backends.cpu.layout import PAD, RENDER_TILE, SAMPLE_PLANES
 from supersampler.backends.cpu.simd.device_function import device_function
 from supersampler.backends.cpu.simd.shuffles import (
@@ -218,6 +218,8 @@ def add_samples(
             mean_r, mean_g, mean_b = blended(mean, sample, kept, added, still.exposure)
             converged = clamped((total - READY) / (PERIOD - READY), 0.0, 1.0)
             converged = select(opened > DOUBTED, zero, converged)
+            if still.has_reactive > 0:
+                converged = converged * (1.0 - reactive_at(still, tables, x, y))
             weight = select(doubted, minimum(total, PERIOD) * -1.0, total)
             index = minimum(ramp16() + np.int32(x), np.int32(width - 1)) + np.int32(y * width)
             r, g, b = color_at(image, index)

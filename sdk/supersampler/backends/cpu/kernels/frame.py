@@ -61,6 +61,13 @@ def motion_at(motion, index):
     return select(absolute(mx) <= MAX_MOTION, x, 0.0), select(absolute(my) <= MAX_MOTION, y, 0.0)
 
 
+@device_function
+def reactive_at(samples, tables, x, y):
+    """Return the reactive mask at the samples nearest to sixteen pixels of row y; see `FrameInputs`."""
+    row = np.int32(tables.nearest_row[y] * samples.width)
+    return gather(samples.reactive, load16(tables.nearest_column, x) + row)
+
+
 def measure(color: Floats, w: int, y0: int, y1: int, rows: Floats):
     """Write sums of rows y0 to y1 to `rows`, (h, 2): log luminance of usable samples, and their number."""
     zero = spread16(np.float32(0.0))

@@ -3,6 +3,7 @@
 @group(1) @binding(0) var<storage, read> frame_color: array<f32>;
 @group(1) @binding(1) var<storage, read> frame_depth: array<f32>;
 @group(1) @binding(2) var<storage, read> frame_motion: array<f32>;
+@group(1) @binding(3) var<storage, read> frame_reactive: array<f32>;
 
 fn color_at(p: vec2i) -> vec3f {
     let i = 3u * index_of(p, render_size());
@@ -15,3 +16,5 @@ fn motion_at(p: vec2i) -> vec2f {
     let i = 2u * index_of(p, render_size());
     return vec2f(frame_motion[i], frame_motion[i + 1u]);
 }
+
+fn reactive_at(p: vec2i) -> f32 { return frame_reactive[index_of(p, render_size())]; }

@@ -19,7 +19,7 @@ fn main(@builtin(local_invocation_index) thread: u32, @builtin(workgroup_id) gro
     var sum = vec2f(0.0);
     for (var i = group.x * THREADS + thread; i < count; i += THREADS * PARTS) {
         let color = color_at(vec2i(i32(i) % size.x, i32(i) / size.x));
-        if (all_valid(color)) { sum += vec2f(log(max(luminance(sanitize(color)), DARKEST)), 1.0); }
+        if (all_valid(color)) { sum += vec2f(log(max(luminance(scene_color(color)), DARKEST)), 1.0); }
     }
     sums[thread] = sum;
     for (var half = THREADS / 2u; half > 0u; half /= 2u) {

@@ -10,6 +10,8 @@ struct Params {
     exposure: f32,            // given by the engine; 0: measure it
     counts: f32,              // 1 where this frame adds samples to the mean of static pixels, else 0
     writes_aux: f32,          // 1 where the auxiliary outputs are written
+    pre_exposure: f32,        // what the engine has multiplied the colour by, and the image is
+    has_reactive: f32,        // 1 where there is a reactive mask, else 0
 }
 
 @group(0) @binding(0) var<uniform> params: Params;

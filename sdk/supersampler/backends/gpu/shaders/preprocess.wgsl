@@ -3,6 +3,7 @@
 // import sanitize
 // import colors
 // import state
+// import reactive
 // import frame
 // import surface
 
@@ -16,7 +17,7 @@ const WIDE = SIDE + 2;     // with one sample around
 
 @group(0) @binding(1) var<storage, read> next_state: State;
 @group(0) @binding(2) var samples: texture_storage_2d<rgba16float, write>;       // see samples.wgsl
-@group(0) @binding(3) var dilated: texture_storage_2d<rgba32float, write>;       // motion, depth, edge
+@group(0) @binding(3) var dilated: texture_storage_2d<rgba32float, write>;       // motion, depth, edge and mask
 @group(0) @binding(5) var<storage, read_write> own_motion: array<vec2f>;
 @group(0) @binding(6) var<storage, read_write> light: array<vec2f>;           // sums of shade, by workgroup
 
@@ -34,7 +35,7 @@ struct Sample {
 fn sample_at(p: vec2i) -> Sample {
     let given = color_at(p);
     let usable = select(0.0, 1.0, all_valid(given));
-    let exposed = min(sanitize(given) * usable * exposure_of(next_state), vec3f(MAX_HALF));
+    let exposed = min(scene_color(given) * usable * exposure_of(next_state), vec3f(MAX_HALF));
     return Sample(exposed, usable, largest(exposed) > GLARING);
 }
 
@@ -165,7 +166,9 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: ve
         let most = FIREFLY * (1.0 + shaded.z);
         let factor = most / max(largest(s.exposed), most);
         textureStore(samples, p, vec4f(s.exposed, select(s.usable * factor, -1.0, s.glares)));
-        textureStore(dilated, p, dilate(p, origin));
+        var closest = dilate(p, origin);
+        if (params.has_reactive > 0.0) { closest.w = with_mask(closest.w, usable_mask(reactive_at(p), s.usable)); }
+        textureStore(dilated, p, closest);
         store_surface(p, depth_near(p, origin), occluding(p, origin), shaded.xy);
         own_motion[index_of(p, render_size())] = usable_motion(motion_at(p));
         shades[index] = vec2f(shaded.x, shaded.y * shaded.y);

@@ -1,5 +1,6 @@
 // Invalid values, by bit pattern: WGSL lets an implementation assume that NaN and Inf do not occur,
 // so that comparisons of floats may not find them. Patterns of positive floats have the order of the floats.
+// import params
 
 const MAX_HALF = 65504.0;
 const UNKNOWN_DEPTH = -1.0;   // below the sky's 0: never the closest, never disoccluded
@@ -19,6 +20,9 @@ fn all_valid(color: vec3f) -> bool {
 
 // Clamp to [0, 65504], infinity included; NaN becomes 0.
 fn sanitize(color: vec3f) -> vec3f { return vec3f(sanitize1(color.r), sanitize1(color.g), sanitize1(color.b)); }
+
+// The same of a frame's colour, without pre-exposure.
+fn scene_color(given: vec3f) -> vec3f { return sanitize(given / params.pre_exposure); }
 
 fn sanitize1(value: f32) -> f32 {
     let bits = bitcast<u32>(value);   // negative values have the largest patterns

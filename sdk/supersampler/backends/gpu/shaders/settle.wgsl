@@ -36,7 +36,7 @@ fn samples_near(samples: texture_2d<f32>, at: vec2f) -> vec4f {
 }
 
 fn settle(image: vec3f, history: vec4f, p: vec2i, samples: texture_2d<f32>, flags: texture_2d<u32>,
-          exposure: f32) -> Settled {
+          exposure: f32, reactive: f32) -> Settled {
     let at = render_position(p);
     if (has_flag(flags, upper_left(at), MOVES_2X2)) {
         return Settled(bounded(image), vec4f(history.rgb, 0.0), 0.0);
@@ -57,7 +57,8 @@ fn settle(image: vec3f, history: vec4f, p: vec2i, samples: texture_2d<f32>, flag
     mean *= darkening(mean_peak, select(mean_peak, sample_peak, early));
     sample *= darkening(sample_peak, select(sample_peak, mean_peak, weight > 0.0));
     mean += share * (sample - mean);
-    let converged = select(clamp((total - READY) / (PERIOD - READY), 0.0, 1.0), 0.0, opened);
+    let fraction = select(clamp((total - READY) / (PERIOD - READY), 0.0, 1.0), 0.0, opened);
+    let converged = fraction * (1.0 - reactive);
     let stays = history.a < 0.0 && params.counts <= 0.0;
     let next_weight = select(total, -min(total, PERIOD), rejected || stays);
     return Settled(bounded(image + converged * (mean - image)), vec4f(mean, next_weight), converged);

@@ -14,6 +14,7 @@ from supersampler.backends.cpu.kernels.colors import (
     ycocg,
 )
 from supersampler.backends.cpu.kernels.filters import places_in, tap
+from supersampler.backends.cpu.kernels.frame import reactive_at
 from supersampler.backends.cpu.layout import HISTORY_PLANES, PAD, SAMPLE_PLANES
 from supersampler.backends.cpu.simd.device_function import device_function
 from supersampler.backends.cpu.simd.shuffles import (
@@ -140,45 +141,9 @@ def make_compose_row(variant: Variant):
             pixels = x // 2
             for line in range(0, 16 * planes, HALVES):
                 prefetch(rest, rest_at + 16 * planes + line)
-            # history colours
-            strength = clamped(
-                blend_parameters(blend, blend_pitch, m + sharpness, parameters, pixels), 0.0, SHARPEST
-            )
-            detail = three(rest, rest_at + 16 * DETAIL)
-            warped = three(warped_planes, at)
-            color = (
-                sharpened(warped[0], strength, detail[0]),
-                sharpened(warped[1], strength, detail[1]),
-                sharpened(warped[2], strength, detail[2]),
-            )
-            count = load16(rest, rest_at + 16 * COUNT)
-            known = count > 0.0
-            other = select(known, count * 0.1 + 1e-3, 0.0)
-            initial = select(known, count * load16(rest, rest_at + 16 * SURFACE) + 1e-3, 0.0)
-            none = zero, zero, zero, zero
-            history = added(
-                none, initial * factor(blend_parameters(blend, blend_pitch, m, parameters, pixels)), color
-            )
-            if rectified:
-                clipped = clip_to_center(
-                    color, three(rest, rest_at + 16 * mean), three(rest, rest_at + 16 * (mean + 3))
-                )
-                history = added(
-                    history,
-                    other * factor(blend_parameters(blend, blend_pitch, m + 1, parameters, pixels)),
-                    clipped,
-                )
-            if own_motion:
-                warped = three(rest, rest_at + 16 * own)
-                number = m + sample_weight - 1
-                history = added(
-                    history,
-                    other * factor(blend_parameters(blend, blend_pitch, number, parameters, pixels)),
-                    warped,
-                )
-            history_weight = history[3]
             # current colours
-            sums = zero, zero, zero, zero
+            none = zero, zero, zero, zero
+            sums = none
             if guided:
                 for k in range(9):
                     number, row = m + kernel + k, min(max(y + k // 3 - 1, 0), big_h - 1)
@@ -233,6 +198,43 @@ def make_compose_row(variant: Variant):
                 frame_weight * factor(blend_parameters(blend, blend_pitch, number + 2, parameters, pixels)),
                 filtered,
             )
+            # history colours
+            number, count = m + sample_weight - 1, load16(rest, rest_at + 16 * COUNT)
+            known = count > 0.0
+            initial = select(known, count * load16(rest, rest_at + 16 * SURFACE) + 1e-3, 0.0)
+            other = select(known, count * 0.1 + 1e-3, 0.0)
+            first = initial * factor(blend_parameters(blend, blend_pitch, m, parameters, pixels))
+            second = third = zero
+            history_weight = zero + first
+            if rectified:
+                second = other * factor(blend_parameters(blend, blend_pitch, m + 1, parameters, pixels))
+                history_weight = history_weight + second
+            if own_motion:
+                third = other * factor(blend_parameters(blend, blend_pitch, number, parameters, pixels))
+                history_weight = history_weight + third
+            if samples.has_reactive > 0:
+                reactive, now = reactive_at(samples, tables, x, y), maximum(current[3], 1e-12)
+                kept = (1.0 - reactive) * (now / (now + reactive * history_weight))
+                first, second, third = first * kept, second * kept, third * kept
+                history_weight = history_weight * kept
+            strength = clamped(
+                blend_parameters(blend, blend_pitch, m + sharpness, parameters, pixels), 0.0, SHARPEST
+            )
+            detail = three(rest, rest_at + 16 * DETAIL)
+            warped = three(warped_planes, at)
+            color = (
+                sharpened(warped[0], strength, detail[0]),
+                sharpened(warped[1], strength, detail[1]),
+                sharpened(warped[2], strength, detail[2]),
+            )
+            history = added(none, first, color)
+            if rectified:
+                clipped = clip_to_center(
+                    color, three(rest, rest_at + 16 * mean), three(rest, rest_at + 16 * (mean + 3))
+                )
+                history = added(history, second, clipped)
+            if own_motion:
+                history = added(history, third, three(rest, rest_at + 16 * own))
             current_weight = current[3]
             scale = 1.0 / maximum(history_weight + current_weight, 1e-12)
             r, g, b = (

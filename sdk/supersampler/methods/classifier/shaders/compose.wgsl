@@ -9,6 +9,7 @@
 // import variance_box
 // import settle
 // import decode
+// import reactive
 // import store
 
 const SIDE = 16;
@@ -109,7 +110,7 @@ fn compose(p: vec2i, cell: u32, corner: u32) {
         next_classes[index_of(p / 2, (display_size() + 1) / 2)] = class_bytes(cell, before.samples > 0.0);
     }
 
-    let history = blend_history(p, now, before, visibility, &blend);
+    var history = blend_history(p, now, before, visibility, &blend);
     let filtered = filter_samples(at, &blend);
     let learned = select(now.frame, filtered.color / max(filtered.weight, 1e-12), filtered.weight > 1e-9);
     let sampled_here = select(0.0, 1.0, filtered.weight > 0.0);
@@ -118,6 +119,12 @@ fn compose(p: vec2i, cell: u32, corner: u32) {
     current = add(current, sampled * exp(parameter(&blend, COLORS - 3u)), now.sample);
     current = add(current, 0.05 * sampled_here * exp(parameter(&blend, COLORS - 2u)), now.frame);
     current = add(current, 0.05 * sampled_here * exp(parameter(&blend, COLORS - 1u)), learned);
+    let reactive = mask_in(textureLoad(dilated, nearest(at), 0).w);
+    if (reactive > 0.0) {
+        let present = max(current.weight, 1e-12);
+        let kept = (1.0 - reactive) * (present / (present + reactive * history.weight));
+        history = Sum(history.color * kept, history.weight * kept);
+    }
     let total = max(history.weight + current.weight, 1e-12);
     let image = bounded(inverse_tone((history.color + current.color) / total) / exposure);
 
@@ -134,7 +141,7 @@ fn compose(p: vec2i, cell: u32, corner: u32) {
     next_ranges[pixel] = next_range(luma, now, before, odds, glared);
     textureStore(next_pixels, p, vec4f(image, select(count, 0.0, unconfirmed || next_state.flash > 0.0)));
 
-    let settled = settle(image, textureLoad(history_still, p, 0), p, samples, flags, exposure);
+    let settled = settle(image, textureLoad(history_still, p, 0), p, samples, flags, exposure, reactive);
     textureStore(next_still, p, settled.still);
     store(p, settled.image, vec2f(history.weight / total, settled.converged));
 }

@@ -6,6 +6,7 @@
 // import current_frame
 // import warped_history
 // import unexplained_light
+// import reactive
 
 const SIDE = 16;
 const WIDE = SIDE + 2;
@@ -63,7 +64,7 @@ fn write_inputs(p: vec2i, origin: vec2i) -> f32 {
     let history_luma_here = luminance(history);
     let around = history_contrast(p, origin);
     let contrast = largest(now.second - now.first * now.first);
-    let edge = textureLoad(dilated, nearest(at), 0).w;
+    let edge = edge_in(textureLoad(dilated, nearest(at), 0).w);
     textureStore(inputs, p, vec4u(
         pack4x8unorm(vec4f(luminance(frame), luma, history_luma_here, largest(abs(history - sample)))),
         pack4x8unorm(vec4f(largest(abs(history - frame)), root(root(contrast)), around.y - around.x,

@@ -50,7 +50,8 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     var history = ycocg(tone(sanitize(warped) * exposure));
     if (usable) { history = clip_to_sample(history, sample, box); }
     let known = there.on_screen && history_state.followed != 0.0;
-    let weight = select(1.0, select(0.0, ALPHA, usable), known);
+    let given = select(1.0, select(0.0, ALPHA, usable), known);
+    let weight = given + (1.0 - given) * motion.w;
     let blend = from_ycocg(history + weight * (sample - history));
     let image = bounded(inverse_tone(max(blend, vec3f(0.0))) / exposure);
     textureStore(next_pixels, p, vec4f(image, 0.0));

@@ -4,6 +4,7 @@
 // import colors
 // import state
 // import variance_box
+// import reactive
 // import frame
 
 const SIDE = 16;
@@ -13,7 +14,7 @@ const WIDE = SIDE + 2;
 @group(0) @binding(2) var tones: texture_storage_2d<rgba32float, write>;     // toned YCoCg
 @group(0) @binding(3) var lows: texture_storage_2d<rgba32float, write>;      // corners of the box, YCoCg
 @group(0) @binding(4) var highs: texture_storage_2d<rgba32float, write>;
-@group(0) @binding(5) var longest: texture_storage_2d<rgba32float, write>;   // motion; 1 where all are usable
+@group(0) @binding(5) var longest: texture_storage_2d<rgba32float, write>;   // motion; 1 where all are usable; reactive mask
 
 var<workgroup> colors: array<vec4f, WIDE * WIDE>;    // toned YCoCg, 1 where usable
 var<workgroup> motions: array<vec2f, WIDE * WIDE>;
@@ -25,7 +26,7 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local
     for (var i = i32(index); i < WIDE * WIDE; i += SIDE * SIDE) {
         let q = clamped(origin - 1 + vec2i(i % WIDE, i / WIDE), render_size());
         let given = color_at(q);
-        let toned = ycocg(tone(sanitize(given) * exposure_of(next_state)));
+        let toned = ycocg(tone(scene_color(given) * exposure_of(next_state)));
         colors[i] = vec4f(toned, select(0.0, 1.0, all_valid(given)));
         motions[i] = usable_motion(motion_at(q));
     }
@@ -53,5 +54,7 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local
     textureStore(tones, p, vec4f(colors[center].xyz, 0.0));
     textureStore(lows, p, vec4f(max(box.low, extent.low), 0.0));
     textureStore(highs, p, vec4f(min(box.high, extent.high), 0.0));
-    textureStore(longest, p, vec4f(motion, usable, 0.0));
+    var mask = 0.0;
+    if (params.has_reactive > 0.0) { mask = usable_mask(reactive_at(p), usable); }
+    textureStore(longest, p, vec4f(motion, usable, mask));
 }

@@ -10,6 +10,7 @@
 // import contrast
 // import settle
 // import samples
+// import reactive
 // import store
 
 const MIN_CHANGE = 0.004;       // of toned luma: one step of an 8-bit image
@@ -194,7 +195,7 @@ fn decide(now: Current, before: Warped) -> Blend {
 }
 
 // The next spread: mean square of sample - history; see `Taau.finish`.
-fn power_after(now: Current, before: Warped, blend: Blend) -> f32 {
+fn power_after(now: Current, before: Warped, blend: Blend, known: bool) -> f32 {
     let reach = sqrt(before.power) + SPREAD_STEP;
     var contrast = abs(now.sample.x - now.shade.x);
     contrast = mix(contrast, min(contrast, abs(now.sample.x - now.center.x)), now.fit);
@@ -202,7 +203,7 @@ fn power_after(now: Current, before: Warped, blend: Blend) -> f32 {
     let counted = min(blend.samples, SPREAD_SAMPLES) + now.confidence;
     let rate = now.confidence / max(counted, 1e-6);
     let power = max(before.power + rate * (error * error - before.power) - DARKNESS, 0.0);
-    return select(0.0, blend.holds, blend.samples > MIN_SAMPLES) * power;
+    return select(0.0, blend.holds, known) * power;
 }
 
 @compute @workgroup_size(16, 16)
@@ -211,16 +212,20 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     if (!inside(p, display_size())) { return; }
     let now = gather_current(p);
     let before = gather_history(p);
-    let blend = decide(now, before);
+    var blend = decide(now, before);
+    let reactive = mask_in(textureLoad(dilated, nearest(render_position(p)), 0).w);
     let settled_part = min(blend.samples / SETTLED, 1.0);
     let sample = now.frame + settled_part * (now.sample - now.frame);
     var color = blend.history + blend.weight * (sample - blend.history);
-    if (blend.samples <= MIN_SAMPLES) { color = now.frame; }
+    let known = blend.samples > MIN_SAMPLES;
+    if (!known) { color = now.frame; }
+    color += reactive * (now.frame - color);
+    blend.samples *= 1.0 - reactive;
     let exposure = exposure_of(next_state);
     let linear = bounded(inverse_tone(max(from_ycocg(color), vec3f(0.0))) / exposure);
 
     var pixel = vec4f(linear, blend.samples + now.confidence);
-    var power = power_after(now, before, blend) + select(0.0, GLARE * CONFIRMED, now.glares);
+    var power = power_after(now, before, blend, known) + select(0.0, GLARE * CONFIRMED, now.glares);
     if (blend.unconfirmed) {
         let glare = min(before.glare + select(0.0, 1.0, now.glares), CONFIRMED);
         pixel = vec4f(before.light, blend.kept);
@@ -229,8 +234,8 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     textureStore(next_pixels, p, pixel);
     next_power[index_of(p, display_size())] = power;
 
-    let settled = settle(linear, textureLoad(history_still, p, 0), p, samples, flags, exposure);
+    let settled = settle(linear, textureLoad(history_still, p, 0), p, samples, flags, exposure, reactive);
     textureStore(next_still, p, settled.still);
-    let weight = select(0.0, 1.0 - blend.weight, blend.samples > MIN_SAMPLES);
+    let weight = select(0.0, 1.0 - blend.weight, known) * (1.0 - reactive);
     store(p, settled.image, vec2f(weight, settled.converged));
 }

@@ -1,0 +1,50 @@
+"""All shipped methods on the backends of the CPU that have them, and frames that all of them take."""
+
+from functools import cache
+from typing import Any
+
+from noise import noise
+from supersampler import Frame, Model, Upscaler
+from supersampler.conventions.ratios import only_ratio
+from supersampler.errors import ArgumentError
+from supersampler.methods.model_file import find_model, model_names, read_model_info
+from supersampler_bench.compatibility import with_default_gbuffers
+
+RENDER = (17, 13)
+DISPLAY = (33, 25)
+
+
+@cache
+def model(method: str, executor: Any) -> Model:
+    return Model.load(method, executor=executor, threads=1)
+
+
+def has(method: str, executor: str) -> bool:
+    """Return whether a method runs on a backend."""
+    try:
+        model(method, executor)
+    except ArgumentError:
+        return False
+    return True
+
+
+def display_of(method: str) -> tuple[int, int]:
+    """Return a display size that a method takes for frames of RENDER."""
+    ratio = only_ratio(read_model_info(find_model(method)).ratios)
+    return DISPLAY if ratio is None else (round(ratio * RENDER[0]), round(ratio * RENDER[1]))
+
+
+BACKENDS = [(name, kind) for name in model_names() for kind in ("onnx", "cpu") if has(name, kind)]
+"""(method, executor)."""
+
+
+def make(method: str, executor: Any, **options: Any) -> Upscaler:
+    fixed: dict[str, Any] = {"skip": "exact", "validate": "off", **options}
+    return Upscaler(model(method, executor), display_size=display_of(method), **fixed)
+
+
+def frame_for(upscaler: Upscaler, index: int, **fields: Any) -> Frame:
+    """A frame of noise with the G-buffers that an Upscaler asks for."""
+    display = upscaler.display_size
+    assert display is not None
+    return with_default_gbuffers(noise(index, RENDER, **fields), upscaler.gbuffers, display)

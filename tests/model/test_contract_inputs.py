@@ -1,0 +1,121 @@
+"""What torch promises of the inputs `reactive`, `pre_exposure` and `adds_samples`, in every method."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from torch import Tensor
+
+from supersampler_export.parity import noise
+from supersampler_model.methods import LEARNED, METHODS
+from supersampler_model.methods.base import Method, Outputs
+from supersampler_model.ops.compositing import composite, reactive_at
+from supersampler_model.ops.sampling import grid_of
+from supersampler_model.ops.size import Size
+
+RENDER = Size(17, 11)
+ALL = {**METHODS, **LEARNED}
+TEMPORAL = [name for name, kind in ALL.items() if "reactive" in kind.inputs()]
+CONVERGING = [name for name, kind in ALL.items() if "adds_samples" in kind.inputs()]
+
+
+def made(name: str) -> tuple[Method, Size]:
+    """An untrained method, the same each time, and a display size that it takes."""
+    torch.manual_seed(0)
+    method = ALL[name]().eval()
+    ratio = 1 if method.extrapolates() else max(2, round(method.ratios[0]))
+    return method, Size(ratio * RENDER.width, ratio * RENDER.height)
+
+
+def run(name: str, changes: Sequence[Mapping[str, Tensor]]) -> list[Outputs]:
+    """Steps on frames of noise without a mask and pre-exposure, but for these inputs."""
+    method, display = made(name)
+    history, done = method.first_history(display, RENDER), []
+    for index, (frame, change) in enumerate(zip(noise(RENDER, display, len(changes)), changes, strict=True)):
+        plain = {**frame, "color": frame["color"] / frame["pre_exposure"], "pre_exposure": torch.ones(1)}
+        plain |= {"reactive": torch.zeros_like(frame["depth"]), "adds_samples": torch.ones(1)}
+        given = {**plain, **change}
+        given["color"] = given["color"] * given["pre_exposure"]
+        if method.extrapolates() and index % 2 == 0:
+            history = method.after_shaded(given, history if index else None)
+            continue
+        with torch.no_grad():
+            done.append(method.step(*(given[key] for key in method.inputs()), *history))
+        history = done[-1].history
+    return done
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_a_power_of_two_is_in_the_image_alone(name: str) -> None:
+    factors = [torch.tensor([2.0**power]) for power in (3, -7, 0, 11)]
+    plain, exposed = run(name, [{}] * 4), run(name, [{"pre_exposure": k} for k in factors])
+    if len(plain) < len(factors):  # the unshaded ones
+        factors = factors[1::2]
+    for one, other, factor in zip(plain, exposed, factors, strict=True):
+        assert torch.equal(factor * one.image, other.image)
+        for kept, also in zip(one.history, other.history, strict=True):
+            torch.testing.assert_close(kept, also, rtol=0.0, atol=0.0, equal_nan=True)
+
+
+@pytest.mark.parametrize("name", TEMPORAL)
+@settings(max_examples=3, deadline=None)
+@given(value=st.floats(0.0, 1.0, width=32))
+def test_the_weight_of_the_history_is_what_the_mask_leaves(name: str, value: float) -> None:
+    mask = {"reactive": torch.full((1, 1, RENDER.height, RENDER.width), value)}
+    plain, masked = run(name, [{}] * 3)[-1], run(name, [{}, {}, mask])[-1]
+    assert plain.aux_outputs[0].max() > 0.05
+    torch.testing.assert_close(
+        masked.aux_outputs[0], (1.0 - value) * plain.aux_outputs[0], rtol=1e-4, atol=1e-6
+    )
+
+
+@pytest.mark.parametrize("name", CONVERGING)
+def test_a_frame_that_adds_no_samples_leaves_the_mean(name: str) -> None:
+    still = {"motion": torch.zeros(1, 2, RENDER.height, RENDER.width)}
+    nothing = {**still, "adds_samples": torch.zeros(1)}
+    steps = run(name, [still, still, nothing, still])
+    at = list(ALL[name].history).index("static_mean")
+    before, without, after = (step.history[at] for step in steps[1:])
+    assert before[:, 3].max() > 0.1
+    assert torch.equal(without[:, :3], before[:, :3])
+    assert torch.equal(without[:, 3:].abs(), before[:, 3:].abs())
+    assert not torch.equal(after[:, :3], before[:, :3])
+
+
+def test_bad_values_of_a_mask_count_as_the_nearest_ones_and_missing_samples_as_0() -> None:
+    mask = torch.tensor([[[[-1.0, float("nan"), 0.25, 3.0, float("inf"), 1.0]]]])
+    usable = torch.tensor([[[[1.0, 1.0, 1.0, 1.0, 1.0, 0.0]]]])
+    grid = grid_of(Size(6, 1), Size(6, 1), torch.zeros(1, 2))
+    assert reactive_at(mask, usable, grid).flatten().tolist() == [0.0, 0.0, 0.25, 1.0, 1.0, 0.0]
+
+
+@settings(max_examples=30, deadline=None)
+@given(value=st.floats(0.0, 1.0, width=32), seed=st.integers(0, 99))
+def test_the_compositor_moves_the_image_towards_the_colours_of_this_frame(value: float, seed: int) -> None:
+    generator = torch.Generator().manual_seed(seed)
+    colors = torch.rand(4, 1, 3, 2, 2, generator=generator)
+    weights = torch.rand(4, 1, 1, 2, 2, generator=generator) + 0.01
+    factors = torch.randn(1, 4, 2, 2, generator=generator)
+    pairs = list(zip(colors, weights, strict=True))
+
+    def blended(mask: float) -> tuple[Tensor, Tensor]:
+        result = composite(pairs[:2], pairs[2:], factors, torch.tensor(mask))
+        return result.color, result.weight
+
+    (plain, weight), (alone, none) = blended(0.0), blended(1.0)
+    color, left = blended(value)
+    assert none.max() == 0.0
+    torch.testing.assert_close(left, (1.0 - value) * weight, rtol=1e-4, atol=1e-6)
+    torch.testing.assert_close(color, plain + value * (alone - plain), rtol=1e-4, atol=1e-5)
+
+
+def test_an_ordinary_frame_is_bit_for_bit_that_of_a_mask_of_zeros() -> None:
+    pairs = [(torch.rand(1, 3, 4, 4), torch.rand(1, 1, 4, 4)) for _ in range(3)]
+    factors = torch.randn(1, 3, 4, 4)
+    whole = composite(pairs[:1], pairs[1:], factors, torch.zeros(()))
+    planes = composite(pairs[:1], pairs[1:], factors, torch.zeros(1, 1, 4, 4))
+    for one, other in zip(whole, planes, strict=True):
+        np.testing.assert_array_equal(one.numpy(), other.numpy())
