@@ -190,7 +190,7 @@ class Taau(Method):
         return Step(
             rested.image,
             kept(resting, history_color, next_color),
-            kept(resting, history_samples, samples),
+            kept(resting, samples_before, samples),
             surface,
             jitter * 1.0,
             followed,
