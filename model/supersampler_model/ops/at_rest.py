@@ -16,6 +16,10 @@ residuals of the samples from the mean are compared over the period, too. Aliasi
 of samples, light does not: a block is not shown where the window's mean residual is large for the variance in
 it (UNIFORM in 8x8 samples, COMMON in 32x32), or where the mean says nothing of the samples (UNRESOLVED).
 
+Frames of a path tracer never come again. Where `adds_samples` is NOISY, all samples are added, and nothing is
+confirmed nor frozen. A block restarts where the mean residual of its small window, averaged over about eight
+frames, is more than NOISE_FLICKER and what the variance of the residuals explains.
+
 A block that has been confirmed for a whole period is frozen: its image is the mean, bit by bit, and no sample
 is added. In a tile of the display whose blocks are all frozen, the method's own history is kept as it is. A
 backend may therefore leave out the method there.
@@ -35,6 +39,11 @@ from supersampler.methods.at_rest import (
     INNER,
     LEAST_WEIGHT,
     MAX_STATIC_MOTION,
+    NOISE_FLICKER,
+    NOISE_RATE,
+    NOISE_SIGMAS,
+    NOISE_WEIGHT,
+    NOISY,
     OUTER,
     PHASES_PER_SAMPLE,
     SHOWN,
@@ -65,14 +74,14 @@ class RestFrame(NamedTuple):
     jitter: Tensor  # (1, 2) render pixels
     exposure: Tensor  # (1,) > 0
     reactive: Tensor  # (1, 1, h, w) over 0 where the history says little
-    adds_samples: Tensor  # (1,) 0 where `color` was not sampled in this frame
+    adds_samples: Tensor  # (1,) 0 where `color` was not sampled in this frame, NOISY where it is never the same
 
 
 class RestHistory(NamedTuple):
     """The history tensors of `AT_REST_HISTORY`; zeros without a history."""
 
     mean: Tensor  # (1, 4, H, W) linear RGB, and the sum of weights
-    blocks: Tensor  # (1, 4, hb, wb) age, negative where frozen; sums of the tests UNIFORM, COMMON, UNRESOLVED
+    blocks: Tensor  # (1, 4, hb, wb) age, negative where frozen; sums of three tests, or mean residual of noise
     signatures: Tensor  # (phases, 4, hb, wb)
     phases: Tensor  # (phases, 4) jitter x and y, frames since it was seen, frames between its last two
 
@@ -85,6 +94,8 @@ class Stillness(NamedTuple):
     adds: Tensor  # 1 where this frame's samples belong into the mean
     stays: Tensor  # 1 where the image is frozen and stays so
     age: Tensor  # frames since the block changed, with this one
+    verifies: Tensor  # 1 where this frame confirms the mean
+    tests: Tensor  # (1, 3, hb, wb) of the next history
     history: RestHistory  # of this frame's sizes, with the next signatures and phases
     cycle: "Cycle"
     at_pixels: "BlocksAtPixels"
@@ -126,18 +137,27 @@ def compare(frame: RestFrame, history: RestHistory, previous: Size, display: Siz
     render = render_size_of(frame.color)
     history = of_frame(history, previous, display, render)
     cycle = follow_jitter(frame, history.phases)
-    sampled = (frame.adds_samples > 0.0).float()
-    before = history.blocks[:, :1]
+    sampled, noisy = ((frame.adds_samples >= least).float() for least in (1.0, NOISY))
+    usable, color = valid(frame.color), sanitize(frame.color, 0.0)
+    before, tests = history.blocks.split_with_sizes([1, 3], dim=1)
     age, was_frozen = before.abs(), (before < 0.0).float()
-    known = (cycle.age > 0.0).float() * (cycle.age <= age).float() * sampled
-    signature = signatures_of(sanitize(frame.color, 0.0) * valid(frame.color))
+    known = (cycle.age > 0.0).float() * (cycle.age <= age).float() * (sampled - noisy)
+    signature = signatures_of(color * usable)
     reference = history.signatures.index_select(0, cycle.slot)
-    changed = differing(signature, reference, frame.exposure) * known
+    small, large = residuals_of(color, usable, history.mean, frame.jitter, age)
+    drift = tests + NOISE_RATE * (small.residuals / (small.level + DARK / frame.exposure) - tests)
+    drift = drift * (small.count > 0.0)
+
+    changed = torch.maximum(
+        differing(signature, reference, frame.exposure) * known, drifting(drift, small, frame.exposure) * noisy
+    )
     restarts = widened(torch.maximum(changed, was_frozen * (1.0 - known) * sampled))
     moving = (squared_length(usable_motion(frame.motion)) > MAX_STATIC_MOTION * MAX_STATIC_MOTION).float()
     moving = torch.maximum(moving, (frame.reactive > 0.0).float())
     moves = widened(F.max_pool2d(to_blocks(moving), BLOCK))
     stands = (1.0 - moves) * (1.0 - restarts)
+    verifies = known * stands * cycle.counts * (1.0 - was_frozen)
+    confirmed = verifies * (tests + steadiness(small, large, frame.exposure))
     signatures = write_slot(history.signatures, cycle.slot, torch.where(known * stands > 0.0, reference, signature))
     return Stillness(
         known=known,
@@ -145,6 +165,8 @@ def compare(frame: RestFrame, history: RestHistory, previous: Size, display: Siz
         adds=cycle.counts * (1.0 - moves) * torch.maximum(restarts, 1.0 - known),
         stays=was_frozen * stands,
         age=((age * stands + cycle.counts) * (1.0 - moves)).clamp(max=OLDEST),
+        verifies=verifies,
+        tests=torch.where(noisy > 0.0, drift * stands, confirmed),
         history=history._replace(signatures=signatures, phases=cycle.phases),
         cycle=cycle,
         at_pixels=BlocksAtPixels(display, render, render_size_of(age)),
@@ -162,26 +184,25 @@ def converge(image: Tensor, frame: RestFrame, still: Stillness, grid: Grid) -> R
     """
     display, render = render_size_of(image), render_size_of(frame.color)
     usable, color = valid(frame.color), sanitize(frame.color, 0.0)
+    noisy = (frame.adds_samples >= NOISY).float()
     history, cycle, pick = still.history, still.cycle, still.at_pixels.pick
-    was_frozen = (history.blocks[:, :1] < 0.0).float()
     mean = add_samples(history.mean, color, usable, pick(still.stands), pick(still.adds), grid, display)
-    verifies = still.known * still.stands * cycle.counts * (1.0 - was_frozen)
-    tests = verifies * (history.blocks[:, 1:] + test_residuals(color, usable, mean, frame, verifies))
-    steady = (tests.amax(dim=1, keepdim=True) <= 0.0).float() * still.stands
+    steady = (still.tests.amax(dim=1, keepdim=True) <= 0.0).float() * still.stands
     periods = still.age / cycle.period.clamp(min=1.0) * (cycle.period > 0.0)
     fade = ((periods - SHOWN_FROM) / (SHOWN - SHOWN_FROM)).clamp(0.0, 1.0) * steady * (1.0 - still.adds)
 
     enough = (mean[:, 3:] >= LEAST_WEIGHT).float()
-    complete = pick(torch.maximum(was_frozen, (periods >= 1.0).float())) * enough
+    complete = pick(torch.maximum(still.stays, (periods >= 1.0).float())) * enough * (1.0 - noisy)
     centred = at_centres(mean[:, :3], complete, offsets_of(cycle, display, render))
-    shown = bounded(image + pick(fade) * enough * (centred - image))
+    share = torch.where(noisy > 0.0, (mean[:, 3:] / NOISE_WEIGHT - 1.0).clamp(0.0, 1.0), pick(fade) * enough)
+    shown = bounded(image + share * (centred - image))
     shown = torch.where(pick(still.stays) > 0.0, mean[:, :3], shown)
 
-    due = verifies * (periods >= 2.0).float()
+    due = still.verifies * (periods >= 2.0).float()
     freezes = due * steady * still.at_pixels.least(enough)
     frozen, retries = torch.maximum(still.stays, freezes), due * (1.0 - freezes)
     age = torch.where(retries > 0.0, cycle.period, still.age) * (1.0 - 2.0 * frozen)
-    blocks = torch.cat([age, tests * (1.0 - due)], dim=1)
+    blocks = torch.cat([age, still.tests * (1.0 - due)], dim=1)
     frozen_pixels = pick(frozen)
     mean = torch.cat([torch.where(frozen_pixels > 0.0, shown, mean[:, :3]), mean[:, 3:]], dim=1)
     return Rested(shown, history._replace(mean=mean, blocks=blocks), frozen_pixels)
@@ -218,8 +239,8 @@ def follow_jitter(frame: RestFrame, phases: Tensor) -> Cycle:
     here = rank == rank.amax(dim=0, keepdim=True)
     age = (ages * (same & here)).sum().reshape(1)
     latest = (periods * (ages == 1.0)).sum().reshape(1)
-    sampled = (frame.adds_samples > 0.0).float()
-    counts = sampled * (age != 1.0).float()
+    sampled, noisy = ((frame.adds_samples >= least).float() for least in (1.0, NOISY))
+    counts = sampled * torch.maximum((age != 1.0).float(), noisy)
     period = torch.where((age > 0.0) & (counts > 0.0), age, latest)
     older = (ages + counts * (ages > 0.0)).clamp(max=OLDEST)
     fresh = torch.cat([frame.jitter[0], frame.jitter.new_ones(1), period])
@@ -378,65 +399,86 @@ def neighbours(image: Tensor, axis: int) -> tuple[Tensor, Tensor]:
     return image.index_select(axis, (index - 1).clamp(min=0)), image.index_select(axis, (index + 1).clamp(max=last))
 
 
-def test_residuals(color: Tensor, usable: Tensor, mean: Tensor, frame: RestFrame, blocks: Tensor) -> Tensor:
-    """(1, 3, hb, wb) how far the residuals of this frame's samples are over UNIFORM, COMMON and UNRESOLVED.
+class Windows(NamedTuple):
+    """Moments over the window of each block, (1, 1, hb, wb)."""
+
+    count: Tensor  # samples
+    level: Tensor  # largest channel of the mean
+    residuals: Tensor  # (1, 3, hb, wb) mean of the samples less that of the mean
+    variance: Tensor  # of the residuals, summed over channels
+    contrast: Tensor  # variance of the samples
+
+    @property
+    def square(self) -> Tensor:
+        """Squared mean residual, summed over channels."""
+        return self.residuals.square().sum(dim=1, keepdim=True)
+
+
+def residuals_of(
+    color: Tensor, usable: Tensor, mean: Tensor, jitter: Tensor, blocks: Tensor
+) -> tuple[Windows, Windows]:
+    """Compare the samples with the mean, in the small and the large windows.
 
     Args:
         color: (1, 3, h, w) linear RGB.
         usable: (1, 1, h, w) 1 where a sample counts.
         mean: (1, 4, H, W) the mean, and the sum of its weights.
-        frame: this frame.
+        jitter: (1, 2) of the frame.
         blocks: (1, 1, hb, wb) any image of this size.
     """
-    known = (mean[:, 3:] >= LEAST_WEIGHT).float()
-    expected, known = at_samples(
-        torch.cat([mean[:, :3], known], dim=1), render_size_of(color), frame.jitter
+    enough = (mean[:, 3:] >= LEAST_WEIGHT).float()
+    expected, enough = at_samples(
+        torch.cat([mean[:, :3], enough], dim=1), render_size_of(color), jitter
     ).split_with_sizes([3, 1], dim=1)
-    counted = usable * (known > COVERED)
+    counted = usable * (enough > COVERED)
     difference = (color - expected) * counted
     squares = [(part * part).sum(dim=1, keepdim=True) for part in (difference, color * counted)]
     values = torch.cat([counted, difference, color * counted, expected * counted, *squares], dim=1)
     sums, size = means_of(to_blocks(values), BLOCK), render_size_of(blocks)
     small, large = (windows_of(sums, side, size) for side in WINDOWS)
-    sparkling = (small.contrast - SPARKLING * small.level.square()).clamp(min=0.0)
-    explained = small.contrast + (1.0 / UNRESOLVED - 1.0) * sparkling
-    tests = [
-        excess(small.residual, small.variance, UNIFORM, small, frame.exposure),
-        excess(large.residual, large.variance, COMMON, large, frame.exposure),
-        excess(small.variance, explained, UNRESOLVED, small, frame.exposure),
-    ]
-    return torch.cat(tests, dim=1)
-
-
-class Windows(NamedTuple):
-    """Moments over the window of each block, (1, 1, hb, wb)."""
-
-    level: Tensor  # largest channel of the mean
-    residual: Tensor  # squared mean residual, summed over channels
-    variance: Tensor  # of the residuals
-    contrast: Tensor  # variance of the samples
+    return small, large
 
 
 def windows_of(sums: Tensor, side: int, size: Size) -> Windows:
-    """Average the sums of blocks over windows of `side` blocks; see `test_residuals`."""
+    """Average the sums of blocks over windows of `side` blocks; see `residuals_of`."""
     whole = cut(cut(sums, 2, size.height + side - 1), 3, size.width + side - 1)
     pooled = spread(means_of(whole, side), side, size)
     count, difference, color, expected, square, color_square = pooled.split_with_sizes([1, 3, 3, 3, 1, 1], dim=1)
     share = 1.0 / count.clamp(min=1e-6)
-    residual = (difference * share).square().sum(dim=1, keepdim=True)
-    mean_square = (color * share).square().sum(dim=1, keepdim=True)
+    residuals = difference * share
     return Windows(
+        count * (side * BLOCK) ** 2,
         (expected * share).amax(dim=1, keepdim=True),
-        residual,
-        (square * share - residual).clamp(min=0.0),
-        (color_square * share - mean_square).clamp(min=0.0),
+        residuals,
+        (square * share - residuals.square().sum(dim=1, keepdim=True)).clamp(min=0.0),
+        (color_square * share - (color * share).square().sum(dim=1, keepdim=True)).clamp(min=0.0),
     )
+
+
+def steadiness(small: Windows, large: Windows, exposure: Tensor) -> Tensor:
+    """(1, 3, hb, wb) how far the residuals are over UNIFORM, COMMON and UNRESOLVED; below 0 is steady."""
+    sparkling = (small.contrast - SPARKLING * small.level.square()).clamp(min=0.0)
+    explained = small.contrast + (1.0 / UNRESOLVED - 1.0) * sparkling
+    tests = [
+        excess(small.square, small.variance, UNIFORM, small, exposure),
+        excess(large.square, large.variance, COMMON, large, exposure),
+        excess(small.variance, explained, UNRESOLVED, small, exposure),
+    ]
+    return torch.cat(tests, dim=1)
 
 
 def excess(square: Tensor, variance: Tensor, ratio: float, window: Windows, exposure: Tensor) -> Tensor:
     """How far a square is over `ratio` times a variance and FLICKER, as a part of the light squared."""
     level = window.level + DARK / exposure
     return ((square - ratio * variance) / (level * level) - FLICKER * FLICKER).clamp(-OLDEST, OLDEST)
+
+
+def drifting(drift: Tensor, window: Windows, exposure: Tensor) -> Tensor:
+    """(1, 1, hb, wb) 1 where a running mean of relative residuals is more than noise, else 0."""
+    level = window.level + DARK / exposure
+    frames = NOISE_RATE / (2.0 - NOISE_RATE)  # the variance of the running mean, over that of one frame
+    noise = (window.variance * frames / window.count.clamp(min=1.0)).sqrt() / level
+    return (drift.abs().amax(dim=1, keepdim=True) > NOISE_FLICKER + NOISE_SIGMAS * noise).float()
 
 
 def at_samples(image: Tensor, render: Size, jitter: Tensor) -> Tensor:

@@ -14,8 +14,8 @@ AT_REST_HISTORY: Mapping[str, Shape] = {
 """`static_mean`: mean of the samples, linear RGB, and the sum of their weights. `static_blocks`: frames since
 the block last changed, negative once it is frozen, and the sums of three tests. `signatures`: of each block, by
 phase of the jitter. `phases`: jitter x and y, frames since it was last seen, frames between its last two."""
-ADDS_SAMPLES = "adds_samples"
-"""Input of the step: 0 on frames whose colour was not sampled, else 1."""
+ADDS_SAMPLES, NOISY = "adds_samples", 2.0
+"""Input of the step: 0 on frames whose colour was not sampled, 1 on others, NOISY on those of a path tracer."""
 CONVERGED: Mapping[str, MapOf] = {"converged": MapOf("converged", 0, 1)}
 """1 where the image is frozen, else 0: an auxiliary output of shape (1, 1, *DISPLAY)."""
 BLOCK = 4
@@ -52,6 +52,12 @@ UNRESOLVED = 0.85
 the samples: they are of a pattern that moves in step with the jitter. Patterns reach 0.8 where they stand."""
 SPARKLING = 2.0
 """Variance of the samples, over the square of their mean, above which single bright samples stand out. There the limit rises towards 1."""
+NOISE_RATE = 0.125
+"""Part of a frame in the running mean of the residuals of noisy samples."""
+NOISE_FLICKER, NOISE_SIGMAS = 0.05, 5.0
+"""Limits of that mean: a part of the light, and standard deviations of noise."""
+NOISE_WEIGHT = 2.0
+"""Weight from which on a mean of noisy samples shows; from twice that it is shown alone."""
 
 
 def block_count(render: Size) -> Size:
