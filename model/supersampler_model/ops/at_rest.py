@@ -157,7 +157,9 @@ def compare(frame: RestFrame, history: RestHistory, previous: Size, display: Siz
     moves = widened(F.max_pool2d(to_blocks(moving), BLOCK))
     stands = (1.0 - moves) * (1.0 - restarts)
     verifies = known * stands * cycle.counts * (1.0 - was_frozen)
-    confirmed = verifies * (tests + steadiness(small, large, frame.exposure))
+    confirmed = torch.where(
+        cycle.counts > 0.0, verifies * (tests + steadiness(small, large, frame.exposure)), tests * stands
+    )
     signatures = write_slot(history.signatures, cycle.slot, torch.where(known * stands > 0.0, reference, signature))
     return Stillness(
         known=known,
