@@ -21,8 +21,8 @@ confirmed nor frozen. A block restarts where the mean residual of its small wind
 frames, is more than NOISE_FLICKER and what the variance of the residuals explains.
 
 A block that has been confirmed for a whole period is frozen: its image is the mean, bit by bit, and no sample
-is added. In a tile of the display whose blocks are all frozen, the method's own history is kept as it is. A
-backend may therefore leave out the method there.
+is added. In a tile of the display whose blocks are all frozen, the method's own history is kept as it is, and
+where all of the frame is frozen, all of it. A backend may therefore leave out the method there.
 """
 
 from typing import NamedTuple
@@ -213,6 +213,19 @@ def converge(image: Tensor, frame: RestFrame, still: Stillness, grid: Grid) -> R
 def kept(resting: Tensor, before: Tensor, after: Tensor) -> Tensor:
     """Return a method's own next history, (1, c, H, W), as it was in tiles that rest."""
     return torch.where(resting > 0.0, before, after)
+
+
+def kept_frame(still: Stillness, before: Tensor, after: Tensor) -> Tensor:
+    """Return a tensor of a method's own next history as it was where the whole frame rests.
+
+    Args:
+        still: what stands still.
+        before: the tensor of the history, of any size where the frame does not rest.
+        after: as this frame leaves it.
+    """
+    for axis in range(2, after.dim()):
+        before = cut(before, axis, after.shape[axis])
+    return torch.where((-still.stays).amax(dim=(1, 2, 3)) < 0.0, before, after)
 
 
 def of_frame(history: RestHistory, previous: Size, display: Size, render: Size) -> RestHistory:

@@ -58,7 +58,7 @@ from supersampler_model.ops.color import (
     without_glare,
     ycocg,
 )
-from supersampler_model.ops.at_rest import RestFrame, RestHistory, compare, converge, kept
+from supersampler_model.ops.at_rest import RestFrame, RestHistory, compare, converge, kept, kept_frame
 from supersampler_model.ops.compositing import composite, reactive_at
 from supersampler_model.ops.motion import (
     Reprojection,
@@ -143,13 +143,16 @@ class Classifier(LearnedMethod):
         if "static_mean" not in self.history:
             return self.step_outputs(gathered, *self.infer(gathered), jitter)
         frame = RestFrame(color, motion, jitter, gathered.exposure, reactive, others[0])
-        return self.converged_outputs(gathered, frame, history_tensors, RestHistory(*history[-4:]))
+        return self.converged_outputs(
+            gathered, frame, history_tensors, before.jitter, RestHistory(*history[-4:])
+        )
 
     def converged_outputs(
         self,
         gathered: Gathered,
         frame: RestFrame,
         history: History,
+        before: Tensor,
         rest: RestHistory,
         others: Sequence[tuple[Tensor, Tensor]] = (),
     ) -> tuple[Tensor, ...]:
@@ -159,6 +162,7 @@ class Classifier(LearnedMethod):
             gathered: from `gather`.
             frame: this frame.
             history: the method's own.
+            before: (1, 2) jitter of the previous frame.
             rest: that of `ops.at_rest`.
             others: more planes of the method's own history, as they were and as this frame leaves them.
         """
@@ -172,10 +176,10 @@ class Classifier(LearnedMethod):
             kept(resting, history.color, color),
             kept(resting, history.state, state),
             kept(resting[:, :, ::2, ::2], history.classes, classes),
-            surfaces,
-            jitter,
-            followed,
-            *(kept(resting, before, after) for before, after in others),
+            kept_frame(still, history.depth, surfaces),
+            kept_frame(still, before, jitter),
+            kept_frame(still, history.exposure, followed),
+            *(kept(resting, old, new) for old, new in others),
         )
         grid = grid_of(display, render_size_of(frame.color), frame.jitter)
         rested = converge(self.displayed(image, display, gathered), frame, still, grid)

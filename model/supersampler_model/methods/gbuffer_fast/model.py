@@ -130,7 +130,8 @@ class GuidedClassifier(Classifier):
         gathered = gathered._replace(reactive=reactive_at(reactive, valid(color), gathered.grid))
         samples = RestFrame(color, motion, jitter, gathered.exposure, reactive, adds_samples)
         reflectance = history[6], self.reflectance_of(display)
-        return self.converged_outputs(gathered, samples, shared, RestHistory(*history[-4:]), [reflectance])
+        rest = RestHistory(*history[-4:])
+        return self.converged_outputs(gathered, samples, shared, before.jitter, rest, [reflectance])
 
     @staticmethod
     def surfaces_of(gbuffers: Mapping[str, Tensor], depth: Tensor) -> tuple[Surfaces, Surfaces]:

@@ -46,7 +46,7 @@ from supersampler_model.ops.color import (
     without_glare,
     ycocg,
 )
-from supersampler_model.ops.at_rest import RestFrame, RestHistory, compare, converge, kept
+from supersampler_model.ops.at_rest import RestFrame, RestHistory, compare, converge, kept, kept_frame
 from supersampler_model.ops.compositing import reactive_at
 from supersampler_model.ops.motion import (
     Reprojection,
@@ -191,10 +191,10 @@ class Taau(Method):
             rested.image,
             kept(resting, history_color, next_color),
             kept(resting, samples_before, samples),
-            surface,
-            jitter * 1.0,
-            followed,
-            next_light,
+            kept_frame(still, surface_before, surface),
+            kept_frame(still, jitter_before, jitter),
+            kept_frame(still, exposed_before, followed),
+            kept_frame(still, light, next_light),
             *rested.history,
             weight,
             rested.frozen,
