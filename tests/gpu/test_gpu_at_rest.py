@@ -156,10 +156,13 @@ def compare_steps(
     skip: bool = False,
     largest: float = LARGEST,
     decisions: float = 1.0,
+    strict: bool = False,
 ) -> tuple[OnGpu, list[float]]:
     """Step both through a sequence and compare what each step gives; return frozen parts of the image.
 
-    `decisions` is the least part of blocks that are decided alike in each frame.
+    `decisions` is the least part of blocks that are decided alike in each frame. Frozen pixels differ by at most
+    `largest`, and all of a `strict` sequence by twice that. In others the images of `taau` itself, which reads samples as half
+    floats, may differ more in single pixels.
     """
     ours, theirs = OnGpu("taau", display, skip=skip), InTorch(Taau(), display)
     frozen = []
@@ -180,8 +183,9 @@ def compare_steps(
             assert off.max() <= largest, text
         off = np.abs(shown(image) - shown(wanted))
         assert off.mean() <= MEAN, text
-        assert np.quantile(off, QUANTILE) <= largest, text
-        assert off.max() <= 4.0 * largest, text
+        assert off.max(initial=0.0, where=(stands > 0.0)[..., None]) <= largest, text
+        assert np.quantile(off, QUANTILE) <= largest * (1.0 if strict else 8.0), text
+        assert not strict or off.max() <= 2.0 * largest, text
         frozen.append(float(stands.mean()))
     return ours, frozen
 
@@ -195,6 +199,216 @@ def still(frames: int, *args: Any, **options: Any) -> list[Given]:
 
 
 def test_a_still_scene_freezes_as_in_torch_borders_included() -> None:
-    _, frozen = compare_steps(still(2 * PERIOD + 8))
+    _, frozen = compare_steps(still(2 * PERIOD + 8), strict=True)
     assert frozen[2 * PERIOD - 2] == 0.0
     assert frozen[-1] > 0.8
+
+
+def test_a_frozen_image_is_the_same_bit_for_bit_and_equal_with_and_without_skipping() -> None:
+    whole, skipping = OnGpu("taau", DISPLAY, skip=False), OnGpu("taau", DISPLAY)
+    held: Float32 | None = None
+    for index, given in enumerate(still(3 * PERIOD)):
+        (image, converged), (left_out, _) = whole.step(given), skipping.step(given)
+        np.testing.assert_array_equal(left_out, image, f"frame {index}")
+        assert converged is not None
+        if held is not None:
+            np.testing.assert_array_equal(image[frozen], held[frozen], f"frame {index}")
+        frozen, held = converged > 0.0, image.copy()
+    assert frozen.mean() > 0.8
+    for name in ("color", "samples", "surface", "static_mean", "static_blocks", "signatures", "jitter", "light"):
+        np.testing.assert_array_equal(whole.tensor(name), skipping.tensor(name), name)
+
+
+def uniform(frames: int, **options: Any) -> list[Given]:
+    """Frames of plain light, which freeze everywhere."""
+    color = np.full((*RENDER[::-1], 3), 0.5, np.float32)
+    return [Given(frame_at(index, color=color, **options)) for index in range(frames)]
+
+
+def test_a_frame_that_is_frozen_everywhere_keeps_all_of_its_history() -> None:
+    sequence = uniform(2 * PERIOD + 6)
+    ours, frozen = compare_steps(sequence)
+    assert frozen[-1] == 1.0
+    names = "color", "samples", "surface", "jitter", "exposure", "light"
+    before = {name: ours.tensor(name) for name in names}
+    skipping = OnGpu("taau", DISPLAY)
+    for given in sequence:
+        skipping.step(given)
+    for one in (ours, skipping):
+        one.step(Given(frame_at(len(sequence), color=np.asarray(sequence[-1].frame.color))))
+        for name, kept in before.items():
+            np.testing.assert_array_equal(one.tensor(name), kept, name)
+
+
+def test_what_changes_after_it_froze_restarts_as_in_torch() -> None:
+    """A jump of light in a part of the image, and then a slow fade in another."""
+    light = np.ones((*RENDER[::-1], 1), np.float32)
+    sequence = still(2 * PERIOD + 2)
+    light[:5, :7] = 1.3
+    sequence += [Given(frame_at(index, light=light)) for index in range(len(sequence), len(sequence) + 9)]
+    for index in range(len(sequence), len(sequence) + 40):
+        light[9:, 12:] *= 1.0004
+        sequence.append(Given(frame_at(index, light=light)))
+    _, frozen = compare_steps(sequence, decisions=0.95)
+    assert frozen[2 * PERIOD + 1] > 0.8
+    assert frozen[2 * PERIOD + 8] < frozen[2 * PERIOD + 1]
+
+
+def test_fading_light_never_freezes() -> None:
+    sequence = [Given(frame_at(index, light=1.0 + 0.004 * index)) for index in range(2 * PERIOD + 10)]
+    _, frozen = compare_steps(sequence)
+    assert max(frozen) == 0.0
+
+
+def test_light_that_blinks_with_the_jitter_never_freezes() -> None:
+    sequence = [
+        Given(frame_at(index, light=1.2 if index % 2 else 1.0)) for index in range(2 * PERIOD + 10)
+    ]
+    _, frozen = compare_steps(sequence)
+    assert frozen[-1] < 0.1
+
+
+def movers() -> Iterator[Given]:
+    """An object crosses a still scene, passes, and comes back once all is frozen."""
+    for index in range(3 * PERIOD + 10):
+        frame = frame_at(index)
+        at = index if index < 12 else index - 2 * PERIOD - 10
+        if 0 <= at < 12:
+            motion, color = np.array(frame.motion), np.array(frame.color)
+            motion[4:8, at : at + 3] = (-1.0, 0.0)
+            color[4:8, at : at + 3] = 2.0
+            frame = frame_at(index, motion=motion, color=color)
+        yield Given(frame)
+
+
+def test_what_moves_is_not_added_and_restarts_what_it_covers() -> None:
+    _, frozen = compare_steps(list(movers()), decisions=0.95)
+    assert frozen[2 * PERIOD + 9] > 0.3
+    assert frozen[2 * PERIOD + 20] < frozen[2 * PERIOD + 9]
+
+
+def test_motion_below_the_limit_stands_still_and_above_it_moves() -> None:
+    for length, most in ((1.0 / 300.0, 1.0), (1.0 / 200.0, 0.0)):
+        motion = np.zeros((*RENDER[::-1], 2), np.float32)
+        motion[..., 1] = length
+        sequence = [Given(frame_at(index, motion=motion)) for index in range(2 * PERIOD + 4)]
+        _, frozen = compare_steps(sequence)
+        assert (frozen[-1] > 0.5) == (most > 0.0)
+
+
+def test_a_reactive_mask_restarts_its_blocks() -> None:
+    mask = np.zeros(RENDER[::-1], np.float32)
+    mask[5, 6], mask[10, 15] = 0.25, 1e-6
+    sequence = still(2 * PERIOD + 4)
+    sequence += [
+        Given(frame_at(index, reactive=mask)) for index in range(len(sequence), len(sequence) + 6)
+    ]
+    _, frozen = compare_steps(sequence)
+    assert 0.0 < frozen[-1] < frozen[2 * PERIOD + 3]
+
+
+def test_repeated_jitter_and_frames_without_samples_add_nothing() -> None:
+    frames: list[Given] = []
+    for index in range(2 * PERIOD + 6):
+        frames.append(Given(frame_at(index)))
+        if index % 3 == 0:
+            frames.append(Given(frame_at(index)))
+        if index % 7 == 0:
+            frames.append(Given(frame_at(index), 0.0))
+    _, frozen = compare_steps(frames)
+    assert frozen[-1] > 0.5
+
+
+def noisy(frames: int, jitter_period: int = PERIOD) -> list[Given]:
+    """Path-traced frames: every sample has its own noise; the light of a part jumps."""
+    rng = np.random.default_rng(7)
+    sequence = []
+    for index in range(frames):
+        light = rng.gamma(4.0, 0.25, (*RENDER[::-1], 1)).astype(np.float32)
+        if index >= 24:
+            light[:6, :10] *= 2.0
+        sequence.append(Given(frame_at(index, light=light, period=jitter_period), NOISY))
+    return sequence
+
+
+def test_noisy_frames_are_averaged_as_in_torch_and_never_freeze() -> None:
+    _, frozen = compare_steps(noisy(50))
+    assert max(frozen) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("render", "display", "ratio"),
+    [((21, 13), (32, 20), 1.5), ((17, 9), (17, 9), 1.0), ((9, 5), (27, 15), 3.0), ((1, 1), (2, 3), 2.0)],
+)
+def test_odd_sizes_and_ratios_freeze_as_in_torch(render: Size, display: Size, ratio: float) -> None:
+    period = int(8 * ratio * ratio)
+    sequence = still(2 * period + 4, render, period=period, ratio=ratio)
+    compare_steps(sequence, display)
+
+
+def test_blocks_restart_where_the_render_size_changes() -> None:
+    sizes = [RENDER] * 40 + [(33, 21)] * 3 + [RENDER] * 40 + [(25, 16)] * 60
+    sequence = [Given(frame_at(index, size)) for index, size in enumerate(sizes)]
+    ours, frozen = compare_steps(sequence, decisions=0.95)
+    assert max(frozen[:-1]) == 0.0
+    assert ours.tensor("signatures").shape[0] == 9 * 44 * 28 // (25 * 16) + 2
+
+
+def test_a_cut_forgets_what_stood_still() -> None:
+    sequence = still(2 * PERIOD + 4)
+    sequence[PERIOD + 8] = Given(frame_at(PERIOD + 8, reset=True))
+    _, frozen = compare_steps(sequence)
+    assert max(frozen) == 0.0
+
+
+def test_invalid_samples_and_pre_exposure_are_those_of_torch() -> None:
+    def frame(index: int) -> Frame:
+        given = frame_at(index)
+        color = 4.0 * np.asarray(given.color)
+        color[3, 4], color[8, 9, 1], color[2, 15], color[12, 3] = np.nan, np.nan, np.inf, -1.0
+        return frame_at(index, color=color, pre_exposure=4.0)
+
+    compare_steps([Given(frame(index)) for index in range(2 * PERIOD + 4)])
+
+
+def test_signatures_are_right_whichever_buffers_a_history_is_written_to() -> None:
+    """A step that is repeated, from a history that is kept, and into buffers that hold another history."""
+    gpu = executor("taau")
+
+    def run(history: GpuHistory, into: GpuHistory, index: int) -> GpuHistory:
+        image = np.empty((*DISPLAY[::-1], 3), np.float32)
+        gpu.step(frame_at(index), DISPLAY, history, into, image, (), adds_samples=1.0)
+        return into
+
+    sets = [gpu.zeros(DISPLAY, RENDER) for _ in range(4)]
+    history = sets[0]
+    for index in range(40):  # in turns of three sets; each third step is done twice
+        into = sets[(index + 1) % 3]
+        if index % 3 == 0:
+            run(history, into, index + 5)
+            run(history, sets[3], index + 7)
+        history = run(history, into, index)
+    plain = OnGpu("taau", DISPLAY)
+    for index in range(40):
+        plain.step(Given(frame_at(index)))
+    for name in ("phases", "static_blocks", "static_mean"):
+        np.testing.assert_array_equal(gpu.tensor(history, name), plain.tensor(name), name)
+    used = plain.tensor("phases")[:, 2] > 0.0
+    np.testing.assert_array_equal(
+        gpu.tensor(history, "signatures")[used], plain.tensor("signatures")[used]
+    )
+
+
+def test_a_saved_history_goes_on_where_it_was() -> None:
+    gpu, ours = executor("taau"), OnGpu("taau", DISPLAY)
+    sequence = list(movers())
+    for given in sequence[:70]:
+        ours.step(given)
+    loaded = OnGpu("taau", DISPLAY)
+    loaded.history = gpu.zeros(DISPLAY, RENDER)
+    names = gpu.program.layout.spec.history
+    gpu.load(loaded.history, {name: ours.tensor(name) for name in names})
+    for name in names:
+        np.testing.assert_array_equal(loaded.tensor(name), ours.tensor(name), name)
+    for given in sequence[70:]:
+        np.testing.assert_array_equal(loaded.step(given)[0], ours.step(given)[0])
