@@ -20,7 +20,8 @@ import vulkan as vk
 FORMATS = {
     "rgba32float": (vk.VK_FORMAT_R32G32B32A32_SFLOAT, 16), "rgba32uint": (vk.VK_FORMAT_R32G32B32A32_UINT, 16),
     "rgba16float": (vk.VK_FORMAT_R16G16B16A16_SFLOAT, 8), "rg32float": (vk.VK_FORMAT_R32G32_SFLOAT, 8),
-    "rg32uint": (vk.VK_FORMAT_R32G32_UINT, 8), "r32float": (vk.VK_FORMAT_R32_SFLOAT, 4),
+    "rg32uint": (vk.VK_FORMAT_R32G32_UINT, 8), "r32uint": (vk.VK_FORMAT_R32_UINT, 4),
+    "r32float": (vk.VK_FORMAT_R32_SFLOAT, 4),
 }  # fmt: skip
 FRAME_FORMATS = {"color": "rgba32float", "depth": "r32float", "motion": "rg32float", "reactive": "r32float"}
 KINDS = {
@@ -189,9 +190,12 @@ class Host:
         commands = gpu.begin()
         if frame["reset"] or self.previous is None:
             held += self.history.values()
-            self.history, self.previous = {}, {"size": frame["size"], "jitter": [0.0, 0.0]}
-        sizes = {"render": frame["size"], "previous": self.previous["size"]}
-        sizes |= {"one": [1, 1], "display": self.display}
+            self.history, self.previous = {}, frame
+        before = self.previous["size"]
+        if before != frame["size"]:
+            outgrown = [after for _, after in self.about["history"]["pairs"] if after in self.history]
+            held += [self.history.pop(after) for after in outgrown]
+        sizes = bases_of(frame["size"], before, self.display)
         bound: dict[str, Memory] = {}
         for one in self.about["resources"]:
             name, size = one["name"], size_of(one["size"], sizes)
@@ -213,7 +217,11 @@ class Host:
         gpu.run()
         image = gpu.read(copied)
         vk.vkDestroyDescriptorPool(gpu.device, pool, None)
-        self.history = {before: bound[after] for before, after in self.about["history"]["pairs"]}
+        self.history = {}
+        for history, following in self.about["history"]["pairs"]:
+            self.history[history] = bound[following]
+            if before == frame["size"]:  # they swap: shaders write only a part of the signatures
+                self.history[following] = bound[history]
         self.previous = frame
         kept = {id(one) for one in self.history.values()}
         for one in (*held, copied, *(b for b in bound.values() if id(b) not in kept)):
@@ -247,11 +255,9 @@ class Host:
         )  # fmt: skip
 
     def _params(self, frame: dict[str, Any], sizes: dict[str, list[int]]) -> bytes:
-        before = self.previous["jitter"] if self.previous else [0.0, 0.0]
-        values = {**sizes, "jitter": frame["jitter"], "previous_jitter": before}
+        values = {**sizes, "jitter": frame["jitter"]}
         values |= {"exposure": [frame["exposure"] or 0.0], "writes_aux": [0.0]}
-        values["counts"] = [float(frame["jitter"] != before)]
-        values |= {"pre_exposure": [1.0], "has_reactive": [0.0]}  # no mask: frame_reactive is not read
+        values |= {"adds_samples": [1.0], "pre_exposure": [1.0], "has_reactive": [0.0], "skips": [1.0]}  # no mask: frame_reactive is not read
         params = bytearray(self.about["params"]["bytes"])
         for field in self.about["params"]["fields"]:
             struct.pack_into(f"<{field['count']}f", params, field["offset"], *values[field["name"]])
@@ -313,6 +319,15 @@ class Host:
         )
         described = vk.VkComputePipelineCreateInfo(stage=stage, layout=layout)
         return vk.vkCreateComputePipelines(device, None, 1, [described], None)[0], layout, set_layouts
+
+
+def bases_of(render: list[int], previous: list[int], display: list[int]) -> dict[str, list[int]]:
+    """Return the sizes that the rules of upscaler.json are of."""
+    bases = {"one": [1, 1], "render": render, "previous": previous, "display": display}
+    for name, (width, height) in (("signatures", render), ("previous_signatures", previous)):
+        phases = 9 * display[0] * display[1] // (width * height) + 2
+        bases[name] = [-(-width // 4), -(-height // 4) * phases]
+    return bases
 
 
 def size_of(rule: dict[str, Any], sizes: dict[str, list[int]]) -> list[int]:

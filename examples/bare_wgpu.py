@@ -59,12 +59,15 @@ class Host:
 
     def step(self, frame: dict[str, Any], textures: dict[str, Any]) -> None:
         """Upscale a frame, and submit it."""
-        histories = [before for before, _ in self.about["history"]["pairs"]]
-        if frame["reset"] or self.previous is None:
-            self.held = {name: held for name, held in self.held.items() if name not in histories}
-            self.previous = {"size": frame["size"], "jitter": [0.0, 0.0]}
-        sizes = {"render": frame["size"], "previous": self.previous["size"]}
-        sizes |= {"one": [1, 1], "display": self.display}
+        pairs = self.about["history"]["pairs"]
+        reset = frame["reset"] or self.previous is None
+        before = frame["size"] if self.previous is None or reset else self.previous["size"]
+        for history, following in pairs:
+            if reset:
+                self.held.pop(history, None)
+            if self.previous is None or self.previous["size"] != frame["size"]:
+                self.held.pop(following, None)
+        sizes = bases_of(frame["size"], before, self.display)
         bound = {f"frame_{name}": texture.create_view() for name, texture in textures.items()}
         bound["image"] = textures["image"].create_view()
         for resource in self.about["resources"]:
@@ -91,15 +94,16 @@ class Host:
             compute.dispatch_workgroups(*(-(-extent // side) for extent, side in covered))
         compute.end()
         self.device.queue.submit([encoder.finish()])
-        self.held |= {before: bound[after] for before, after in self.about["history"]["pairs"]}
+        for history, following in pairs:  # they swap: shaders write only a part of the signatures
+            self.held |= {history: bound[following], following: bound[history]}
+        if before != frame["size"]:
+            self.held = {name: held for name, held in self.held.items() if not name.startswith("next_")}
         self.previous = frame
 
     def _params(self, frame: dict[str, Any], sizes: dict[str, list[int]]) -> bytes:
-        before = self.previous["jitter"] if self.previous else [0.0, 0.0]
-        values = {**sizes, "jitter": frame["jitter"], "previous_jitter": before}
+        values = {**sizes, "jitter": frame["jitter"]}
         values |= {"exposure": [frame["exposure"] or 0.0], "writes_aux": [0.0]}
-        values["counts"] = [float(frame["jitter"] != before)]
-        values |= {"pre_exposure": [1.0], "has_reactive": [0.0]}
+        values |= {"adds_samples": [1.0], "pre_exposure": [1.0], "has_reactive": [0.0], "skips": [1.0]}
         params = bytearray(self.about["params"]["bytes"])
         for field in self.about["params"]["fields"]:
             struct.pack_into(f"<{field['count']}f", params, field["offset"], *values[field["name"]])
@@ -133,6 +137,15 @@ class Host:
             compute={"module": module, "entry_point": one["entry_point"]},
         )
         return pipeline, list(zip(layouts, groups, strict=True))
+
+
+def bases_of(render: list[int], previous: list[int], display: list[int]) -> dict[str, list[int]]:
+    """Return the sizes that the rules of upscaler.json are of."""
+    bases = {"one": [1, 1], "render": render, "previous": previous, "display": display}
+    for name, (width, height) in (("signatures", render), ("previous_signatures", previous)):
+        phases = 9 * display[0] * display[1] // (width * height) + 2
+        bases[name] = [-(-width // 4), -(-height // 4) * phases]
+    return bases
 
 
 def size_of(rule: dict[str, Any], sizes: dict[str, list[int]]) -> list[int]:

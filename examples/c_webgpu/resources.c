@@ -17,14 +17,16 @@ WGPUStringView view_of(const char *text)
 
 Size read_size(const cJSON *object, const char *name)
 {
-    static const char *const bases[BASES] = {"one", "render", "previous", "display"};
+    static const char *const bases[BASES] = {"one",     "render",     "previous",
+                                               "display", "signatures", "previous_signatures"};
     const cJSON *json = member(object, name);
     Size size = {
         .of = choice_of(json, "of", bases, BASES), .divide = whole_of(json, "divide", 1, LARGEST_SIDE)
     };
     two_wholes_of(json, "multiply", LARGEST_SIDE, size.multiply);
     uint32_t largest[BASES][2] = {{1, 1}}, extent[2];
-    for (int base = RENDER; base < BASES; base++) largest[base][0] = largest[base][1] = LARGEST_SIDE;
+    for (int base = RENDER; base < BASES; base++)
+        largest[base][0] = largest[base][1] = base < SIGNATURES ? LARGEST_SIDE : LARGEST_EXTENT;
     size_at(&size, largest, extent);
     if (extent[0] > LARGEST_EXTENT || extent[1] > LARGEST_EXTENT)
         refuse(object, name, "at most %d pixels a side", LARGEST_EXTENT);
@@ -33,10 +35,11 @@ Size read_size(const cJSON *object, const char *name)
 
 static WGPUTextureFormat read_format(const cJSON *object)
 {
-    static const char *const names[] = {"rgba32float", "rgba32uint", "rgba16float", "rg32float", "rg32uint"};
+    static const char *const names[] = {"rgba32float", "rgba32uint", "rgba16float", "rg32float", "rg32uint",
+                                        "r32uint"};
     static const WGPUTextureFormat formats[] = {
         WGPUTextureFormat_RGBA32Float, WGPUTextureFormat_RGBA32Uint, WGPUTextureFormat_RGBA16Float,
-        WGPUTextureFormat_RG32Float, WGPUTextureFormat_RG32Uint
+        WGPUTextureFormat_RG32Float, WGPUTextureFormat_RG32Uint,  WGPUTextureFormat_R32Uint
     };
     return formats[choice_of(object, "format", names, sizeof formats / sizeof *formats)];
 }
@@ -98,7 +101,8 @@ WGPUBindGroupLayoutEntry layout_entry(const cJSON *binding, const Resource *reso
     };
     int kind = choice_of(binding, "kind", kinds, BINDINGS);
     bool fits, is_uint = resource->format == WGPUTextureFormat_RGBA32Uint ||
-                         resource->format == WGPUTextureFormat_RG32Uint;
+                         resource->format == WGPUTextureFormat_RG32Uint ||
+                         resource->format == WGPUTextureFormat_R32Uint;
     if (kind < STORAGE_TEXTURE) {
         entry.buffer.type = types[kind];
         fits = resource->kind == (kind == UNIFORM_BUFFER ? UNIFORM : BUFFER);

@@ -18,7 +18,7 @@ enum {
 
 /* A size by rule: ceil(base / divide) * multiply. */
 typedef struct {
-    enum { ONE, RENDER, PREVIOUS, DISPLAY, BASES } of;
+    enum { ONE, RENDER, PREVIOUS, DISPLAY, SIGNATURES, PREVIOUS_SIGNATURES, BASES } of;
     uint32_t divide, multiply[2];
 } Size;
 

@@ -33,7 +33,6 @@ struct Upscaler {
     Memory pairs[MOST_PAIRS][2]; /* histories: [current] is read, [1 - current] is written */
     int current;
     uint32_t display[2], previous[2];
-    float jitter[2];     /* of the previous frame */
     WGPUTexture no_mask; /* of 1x1, bound in place of a missing reactive mask; no shader reads it */
     bool has_history;
 };
@@ -144,8 +143,8 @@ Upscaler *upscaler_load(WGPUDevice device, const char *folder, uint32_t width, u
     *upscaler = (Upscaler){.device = device, .queue = wgpuDeviceGetQueue(device), .display = {width, height}};
     const cJSON *json = upscaler->json = read_json(folder, "upscaler.json");
     if (strcmp(text_of(json, "format"), "supersampler-shaders") != 0 ||
-        member(json, "version")->valuedouble != 2)
-        fail("%s/upscaler.json: want supersampler-shaders version 2; export it again", folder);
+        member(json, "version")->valuedouble != 3)
+        fail("%s/upscaler.json: want supersampler-shaders version 3; export it again", folder);
     if (strcmp(text_of(json, "target"), "wgsl") != 0 || strcmp(text_of(json, "images"), "textures") != 0)
         fail("%s: want shaders in WGSL for textures: supersampler export METHOD --target wgsl", folder);
     const cJSON *item, *params = member(json, "params");
@@ -172,7 +171,6 @@ Upscaler *upscaler_load(WGPUDevice device, const char *folder, uint32_t width, u
 /* Write the step's parameters, fields of "params" in upscaler.json. */
 static void write_params(Upscaler *upscaler, const Frame *frame)
 {
-    bool moved = frame->jitter[0] != upscaler->jitter[0] || frame->jitter[1] != upscaler->jitter[1];
     const float params[PARAMS_BYTES / 4] = {
         (float)frame->size[0],
         (float)frame->size[1],
@@ -182,13 +180,12 @@ static void write_params(Upscaler *upscaler, const Frame *frame)
         (float)upscaler->previous[1],
         frame->jitter[0],
         frame->jitter[1],
-        upscaler->jitter[0],
-        upscaler->jitter[1],
         frame->exposure,
-        moved ? 1.0f : 0.0f,
+        1.0f, /* adds_samples */
         0.0f,
         frame->pre_exposure > 0.0f ? frame->pre_exposure : 1.0f,
         frame->reactive ? 1.0f : 0.0f,
+        1.0f, /* skips */
     };
     WGPUBuffer buffer = upscaler->resources[upscaler->params].held.buffer;
     wgpuQueueWriteBuffer(upscaler->queue, buffer, 0, params, sizeof params);
@@ -238,12 +235,19 @@ encode_passes(Upscaler *upscaler, WGPUCommandEncoder encoder, uint32_t bases[BAS
     wgpuComputePassEncoderRelease(compute);
 }
 
+/* The size of the signatures of a frame's blocks, those of each phase of the jitter below each other. */
+static void signatures_at(const uint32_t render[2], const uint32_t display[2], uint32_t size[2])
+{
+    uint64_t phases = 9ull * display[0] * display[1] / ((uint64_t)render[0] * render[1]) + 2;
+    size[0] = (render[0] + 3) / 4;
+    size[1] = (uint32_t)((render[1] + 3) / 4 * phases);
+}
+
 void upscaler_encode(Upscaler *upscaler, WGPUCommandEncoder encoder, const Frame *frame, WGPUTexture image)
 {
     if (frame->reset || !upscaler->has_history) { /* new memory is zeros, which mean no history */
         for (int pair = 0; pair < MOST_PAIRS; pair++) release(&upscaler->pairs[pair][upscaler->current]);
         memcpy(upscaler->previous, frame->size, sizeof upscaler->previous);
-        upscaler->jitter[0] = upscaler->jitter[1] = 0.0f;
     }
     uint32_t bases[BASES][2] = {
         {1, 1},
@@ -251,6 +255,8 @@ void upscaler_encode(Upscaler *upscaler, WGPUCommandEncoder encoder, const Frame
         {upscaler->previous[0], upscaler->previous[1]},
         {upscaler->display[0], upscaler->display[1]},
     };
+    signatures_at(frame->size, upscaler->display, bases[SIGNATURES]);
+    signatures_at(upscaler->previous, upscaler->display, bases[PREVIOUS_SIGNATURES]);
     WGPUTexture mask = frame->reactive ? frame->reactive : upscaler->no_mask;
     const WGPUTexture given[GIVEN] = {frame->color, frame->depth, frame->motion, mask, image};
     Memory *bound[MOST_RESOURCES];
@@ -274,7 +280,6 @@ void upscaler_encode(Upscaler *upscaler, WGPUCommandEncoder encoder, const Frame
     upscaler->current = 1 - upscaler->current;
     upscaler->has_history = true;
     memcpy(upscaler->previous, frame->size, sizeof upscaler->previous);
-    memcpy(upscaler->jitter, frame->jitter, sizeof upscaler->jitter);
 }
 
 void upscaler_free(Upscaler *upscaler)

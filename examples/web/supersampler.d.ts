@@ -36,6 +36,7 @@ export interface EncodeOptions {
   renderSize?: Size;
   exposure?: number | null;
   preExposure?: number;
+  addsSamples?: 0 | 1 | 2;
   reset?: boolean;
   timestamps?: GPUComputePassTimestampWrites;
 }

@@ -11,6 +11,7 @@
 import {
   CHANNELS,
   UpscalerError,
+  basesOf,
   bytesOf,
   checkDevice,
   checkMemory,
@@ -47,7 +48,8 @@ export class Upscaler {
     const info = await readInfo(read);
     checkDevice(device, info);
     const display = checkedSize("displaySize", displaySize, device.limits.maxTextureDimension2D);
-    const sizes = { one: [1, 1], render: [1, 1], previous: [1, 1], display };
+    const least = [1, 1]; // of what depends on frames, which `encode` checks
+    const sizes = { ...basesOf(least, least, display), signatures: least, previous_signatures: least };
     checkMemory(device, info, sizes, "displaySize", "display");
     const files = info.resources.filter((one) => one.file);
     const [passes, weights] = await Promise.all([
@@ -69,7 +71,7 @@ export class Upscaler {
     this._memory = new Map(); // by name; of history and next: by name and set, "history_pixels/0"
     this._pairs = info.history.pairs;
     this._current = 0; // the set that holds the history
-    this._previous = null; // { size, jitter } of the frame that wrote it; null: no history
+    this._previous = null; // size of the frame that wrote it; null: no history
     this._dirty = false; // whether the set that holds the history has been written
     this._ids = new WeakMap(); // of textures and buffers, in keys of bind groups
     this._views = new WeakMap();
@@ -97,6 +99,8 @@ export class Upscaler {
    *   left; all of it if not given.
    * @param {?number} [options.exposure] factor of the colour before the tone curve; not given: measured.
    * @param {number} [options.preExposure] what the renderer has multiplied the colour by; 1 if not given.
+   * @param {number} [options.addsSamples] 1 if not given; 0 where the colour was not sampled in this frame; 2 for the
+   *   frames of a path tracer.
    * @param {boolean} [options.reset] true on the first frame after a cut.
    * @param {GPUComputePassTimestampWrites} [options.timestamps] of the compute pass.
    * @throws {UpscalerError} an argument is not as described; the history is unchanged.
@@ -105,22 +109,25 @@ export class Upscaler {
     encoder,
     frame,
     output,
-    { jitter, renderSize, exposure = null, preExposure = 1, reset = false, timestamps } = {},
+    { jitter, renderSize, exposure = null, preExposure = 1, addsSamples = 1, reset = false, timestamps } = {},
   ) {
     this._checkUsable();
     const offset = checkedJitter(jitter);
     const images = this._checkedFrame(frame, renderSize);
     checkedOutput(output, this.displaySize, images);
-    const factors = { exposure: checkedExposure(exposure), preExposure: checkedPreExposure(preExposure) };
+    const factors = {
+      exposure: checkedExposure(exposure),
+      preExposure: checkedPreExposure(preExposure),
+      addsSamples: checkedSamples(addsSamples),
+    };
     checkRatio(this.info.ratios, images.size, this.displaySize);
     const before = reset ? null : this._previous;
-    const previous = before ?? { size: images.size, jitter: [0, 0] };
-    const size = { one: [1, 1], render: images.size, previous: previous.size, display: this.displaySize };
+    const size = basesOf(images.size, before ?? images.size, this.displaySize);
     checkMemory(this.device, this.info, size, "render size", "render");
     if (reset) this.reset();
     const bound = this._allocated(size, images.textures, output);
     if (!before && this._dirty) this._clear(encoder);
-    this._writeParams(encoder, bound.get("params"), size, offset, previous.jitter, {
+    this._writeParams(encoder, bound.get("params"), size, offset, {
       ...factors,
       hasReactive: images.textures.has("frame_reactive"),
     });
@@ -133,7 +140,7 @@ export class Upscaler {
     }
     pass.end();
     this._current = 1 - this._current;
-    this._previous = { size: images.size, jitter: offset };
+    this._previous = images.size;
     this._dirty = true;
   }
 
@@ -269,18 +276,18 @@ export class Upscaler {
   }
 
   /** Write params in the order of the encoder, which may hold several steps. */
-  _writeParams(encoder, { resource }, size, jitter, previousJitter, { exposure, preExposure, hasReactive }) {
+  _writeParams(encoder, { resource }, size, jitter, { exposure, preExposure, hasReactive, addsSamples }) {
     const values = {
       render: size.render,
       display: size.display,
       previous: size.previous,
       jitter,
-      previous_jitter: previousJitter,
       exposure: [exposure],
-      counts: [same(jitter, previousJitter) ? 0 : 1],
+      adds_samples: [addsSamples],
       writes_aux: [0],
       pre_exposure: [preExposure],
       has_reactive: [hasReactive ? 1 : 0],
+      skips: [1],
     };
     const { bytes, fields } = this.info.params;
     const staging = this.device.createBuffer({ size: bytes, usage: BUFFER.COPY_SRC, mappedAtCreation: true });
@@ -363,6 +370,14 @@ function checkedPreExposure(factor) {
     throw new UpscalerError("preExposure", shown(factor), want);
   }
   return factor;
+}
+
+function checkedSamples(addsSamples) {
+  if (![0, 1, 2].includes(addsSamples)) {
+    const want = "1; 0 where the colour was not sampled in this frame, or 2 for the frames of a path tracer";
+    throw new UpscalerError("addsSamples", shown(addsSamples), want);
+  }
+  return addsSamples;
 }
 
 function checkedOutput(output, display, images) {

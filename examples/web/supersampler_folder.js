@@ -4,7 +4,7 @@
  */
 
 const FORMAT = "supersampler-shaders";
-const VERSION = 2;
+const VERSION = 3;
 const LEAST_BYTES = 16; // of a buffer
 const COMPUTE = 4; // GPUShaderStage.COMPUTE
 const UPDATE = "Update the browser or the driver.";
@@ -17,12 +17,12 @@ const PARAMS = {
   display: 2,
   previous: 2,
   jitter: 2,
-  previous_jitter: 2,
   exposure: 1,
-  counts: 1,
+  adds_samples: 1,
   writes_aux: 1,
   pre_exposure: 1,
   has_reactive: 1,
+  skips: 1,
 };
 /** Kinds of resources, by role. */
 const ROLES = {
@@ -42,8 +42,8 @@ const BINDINGS = {
   texture: ["texture", "uint-texture", "storage-texture"],
 };
 /** Bytes of a texel, by format. */
-const TEXELS = { rgba32float: 16, rgba32uint: 16, rgba16float: 8, rg32float: 8, rg32uint: 8 };
-const BASES = ["one", "render", "previous", "display"];
+const TEXELS = { rgba32float: 16, rgba32uint: 16, rgba16float: 8, rg32float: 8, rg32uint: 8, r32uint: 4 };
+const BASES = ["one", "render", "previous", "display", "signatures", "previous_signatures"];
 
 // Limits of what a folder may state.
 const JSON_BYTES = 1 << 20;
@@ -67,6 +67,16 @@ export class UpscalerError extends Error {
     super(`${name} is ${got}; want ${want}. ${hint}`.trimEnd());
     this.name = "UpscalerError";
   }
+}
+
+/** Return the sizes that rules of upscaler.json are of, from those of this frame, the one before and the image. */
+export function basesOf(render, previous, display) {
+  const signatures = ([width, height]) => {
+    const phases = Math.floor((9 * display[0] * display[1]) / (width * height)) + 2;
+    return [Math.ceil(width / 4), Math.ceil(height / 4) * phases];
+  };
+  const of = { signatures: signatures(render), previous_signatures: signatures(previous) };
+  return { one: [1, 1], render, previous, display, ...of };
 }
 
 /** Return (width, height) of a size of upscaler.json. */

@@ -106,7 +106,11 @@ def test_every_resource_that_a_shader_declares_is_described(folders: dict[str, P
 def test_sizes_by_rule_are_those_of_the_gpu_backend_and_of_the_larger_display_at_least_as_large(
     folders: dict[str, Path], method: str, render: tuple[int, int], display: tuple[int, int]
 ) -> None:
+    across, down = (-(-extent // 4) for extent in render)
+    phases = 9 * display[0] * display[1] // (render[0] * render[1]) + 2
+    signatures = across, down * phases
     sizes = {"one": (1, 1), "render": render, "previous": render, "display": display}
+    sizes |= {"signatures": signatures, "previous_signatures": signatures}
     specs, exact = program(method).specs(render, display), method != "classifier-large"
     described = about(folders[method])
     held = [one for one in described["resources"] if one["role"] in ("history", "next", "work", "aux")]
@@ -126,10 +130,13 @@ def test_sizes_by_rule_are_those_of_the_gpu_backend_and_of_the_larger_display_at
 
 def test_a_history_of_render_size_has_that_of_the_frame_that_wrote_it(folders: dict[str, Path]) -> None:
     resources = {one["name"]: one for one in about(folders["classifier"])["resources"]}
-    assert (
-        resources["history_surface"]["size"]["of"] == resources["history_opening"]["size"]["of"] == "previous"
-    )
-    assert resources["next_surface"]["size"]["of"] == resources["next_opening"]["size"]["of"] == "render"
+    for name, before, after in (
+        ("surface", "previous", "render"),
+        ("blocks", "previous", "render"),
+        ("signatures", "previous_signatures", "signatures"),
+    ):
+        assert resources[f"history_{name}"]["size"]["of"] == before
+        assert resources[f"next_{name}"]["size"]["of"] == after
     assert resources["history_pixels"]["size"]["of"] == resources["next_pixels"]["size"]["of"] == "display"
 
 

@@ -244,19 +244,23 @@ def uniform(frames: int, **options: Any) -> list[Given]:
     return [Given(frame_at(index, color=color, **options)) for index in range(frames)]
 
 
-def test_a_frame_that_is_frozen_everywhere_keeps_all_of_its_history() -> None:
+@pytest.mark.parametrize("method", ["taau", "classifier", "classifier-large"])
+def test_a_frame_that_is_frozen_everywhere_keeps_all_of_its_history(method: str) -> None:
     sequence = uniform(2 * PERIOD + 6)
-    ours, frozen = compare_steps(sequence)
+    ours, frozen = compare_steps(sequence, method=method)
     assert frozen[-1] == 1.0
-    names = "color", "samples", "surface", "jitter", "exposure", "light"
-    before = {name: ours.tensor(name) for name in names}
-    skipping = OnGpu("taau", DISPLAY)
+    counted = "phases", "signatures", "static_blocks"
+    before = {name: ours.tensor(name) for name in module(method).history if name not in counted}
+    skipping = OnGpu(method, DISPLAY)
     for given in sequence:
         skipping.step(given)
+    last = Given(frame_at(len(sequence), color=np.asarray(sequence[-1].frame.color)))
     for one in (ours, skipping):
-        one.step(Given(frame_at(len(sequence), color=np.asarray(sequence[-1].frame.color))))
+        one.step(last)
         for name, kept in before.items():
             np.testing.assert_array_equal(one.tensor(name), kept, name)
+    changed = Given(frame_at(len(sequence) + 1, light=3.0))
+    np.testing.assert_array_equal(ours.step(changed)[0], skipping.step(changed)[0])
 
 
 def test_what_changes_after_it_froze_restarts_as_in_torch() -> None:

@@ -48,7 +48,7 @@ SHADERS: dict[str, Case] = {
     "a huge division": (["passes", 2, "covers", "divide"], 4294967295, "want a whole number from 1"),
     "a huge size": (["resources", "light", "size", "multiply"], [16384, 1], "want at most 65535 pixels"),
     "a size without an end": (["passes", 2, "covers", "multiply"], [1e300, 1], "want two whole numbers"),
-    "a size of 0": (["resources", "flags", "size", "multiply"], [0, 1], "want two whole numbers from 1"),
+    "a size of 0": (["resources", "samples", "size", "multiply"], [0, 1], "want two whole numbers from 1"),
     "a size of one number": (["passes", 2, "covers", "multiply"], [1], "want two whole numbers from 1"),
     "a size of an unknown base": (["passes", 2, "covers", "of"], "x", "want one of: one, render, previous"),
     "a tile of 0": (["passes", 2, "tile"], [0, 16], "want two whole numbers from 1 to 16384"),

@@ -14,7 +14,7 @@ from supersampler.methods.model_info import ModelInfo
 from supersampler_export.shaders import texts
 from supersampler_export.shaders.targets import Placed, needs
 
-FORMAT, VERSION = "supersampler-shaders", 2
+FORMAT, VERSION = "supersampler-shaders", 3
 """The name of the format, and its version, raised when hosts must change."""
 LANGUAGE_FEATURES = {"fp32": [], "int8": ["packed_4x8_integer_dot_product"]}
 """WGSL language features by precision."""

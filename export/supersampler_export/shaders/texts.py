@@ -53,7 +53,6 @@ FIELDS: tuple[tuple[str, int, str], ...] = (
         2,
         "(x, y) of this frame in render pixels, in [-0.5, 0.5]: samples were taken at pixel centres + jitter",
     ),
-    ("previous_jitter", 2, "jitter of the previous frame; (0, 0) after a reset"),
     (
         "exposure",
         1,
@@ -61,18 +60,23 @@ FIELDS: tuple[tuple[str, int, str], ...] = (
         "0: the shaders measure it and adapt",
     ),
     (
-        "counts",
+        "adds_samples",
         1,
-        "1 where this frame adds samples to the mean of static pixels: where jitter differs from "
-        "previous_jitter and the colour was rendered, not extrapolated; else 0",
+        "1; 0 where the colour was not sampled in this frame, but extrapolated, say; 2 where samples are never the "
+        "same, as those of a path tracer: what stands still is then averaged, and never frozen",
     ),
     ("writes_aux", 1, "1 where `aux` is written, else 0; 16 bytes of `aux` suffice for 0"),
     ("pre_exposure", 1, "what the renderer has multiplied the colour by, in [2^-24, 2^24]; 1: nothing"),
     ("has_reactive", 1, "1 where the frame has a reactive mask, else 0"),
+    (
+        "skips",
+        1,
+        "1: shaders leave out the method where the image is frozen; the image is the same. 0 where `aux` is read",
+    ),
 )
 """Fields of `Params` in order: name, number of f32 values, meaning."""
 
-AUX = "float32 (display height, display width, 2): weight of the history in the image; part of the mean in it"
+AUX = "float32 (display height, display width, 2): weight of the history in the image; 1 where it is frozen"
 STEP = (
     "Write params, then dispatch the passes in order. A pass covers a size: dispatch ceil(size / tile) "
     "workgroups in x and y, 1 in z. Each pass reads what earlier ones wrote."
@@ -80,13 +84,18 @@ STEP = (
 SIZES = (
     "A size is (ceil(width / divide) * multiply[0], ceil(height / divide) * multiply[1]) of the size that "
     "`of` names: render, of this frame; previous, of the frame before; display, of the image; one, which is "
-    "1x1. A buffer has `bytes` for each pixel of its size, rounded up to 4, and at least 16; bind that many. "
+    "1x1; signatures, which is (ceil(w / 4), ceil(h / 4) * phases) of the render size (w, h), with phases = "
+    "floor(9 * W * H / (w * h)) + 2 of the display size (W, H); previous_signatures, the same of the previous "
+    "render size. A buffer has `bytes` for each pixel of its size, rounded up to 4, and at least 16; bind that many. "
     "Textures may be larger."
 )
-SWAP = "After a step, each `next` is what the following step reads as `history`: two buffers that swap."
+SWAP = (
+    "After a step, each `next` is what the following step reads as `history`: two buffers that swap. A step writes "
+    "only a part of `next_signatures`: the rest is of the step before the last, which wrote the same buffer."
+)
 RESET = (
     "All zeros mean no history: clear every `history` resource before the first frame and on a cut, and set "
-    "params.previous = params.render and params.previous_jitter = (0, 0)."
+    "params.previous = params.render."
 )
 RESIZE = (
     "The history stays when the render size changes: a `history` resource of size `previous` has that of the "

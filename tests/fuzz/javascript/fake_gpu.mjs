@@ -6,6 +6,7 @@ const FORMATS = [
   "rgba16float",
   "rg32float",
   "rg32uint",
+  "r32uint",
   "r32float",
   "rg16float",
 ];

@@ -2,6 +2,7 @@
 // Chunks are sixteen bytes, the channels of a pixel side by side.
 // import params
 // import int8
+// import state
 //
 // Files that import this define input_chunk(p, c): chunk c of the input at pixel p.
 // Constants of a level: LEVEL; TILE_X, TILE_Y; INPUTS, CHANNELS, KEPT, POOLED: chunks of the input, of the
@@ -11,6 +12,7 @@
 @group(0) @binding(1) var<storage, read> network: array<vec4u>;
 @group(0) @binding(2) var kept: texture_storage_2d<rgba32uint, write>;
 @group(0) @binding(3) var<storage, read_write> pooled: array<vec4u>;
+@group(0) @binding(8) var<storage, read> next_state: State;
 
 const THREADS = 128u;
 const WIDE_X = TILE_X + 2;
@@ -90,6 +92,7 @@ fn pool(origin: vec2i, thread: u32) {
 
 @compute @workgroup_size(THREADS)
 fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) thread: u32) {
+    if (next_state.rests * params.skips > 0.0) { return; }   // nothing is read of it
     let origin = vec2i(group.xy) * vec2i(TILE_X, TILE_Y);
     let size = level_size(LEVEL);
     for (var i = thread; i < WIDE_X * WIDE_Y * CHANNELS; i += THREADS) {
