@@ -172,9 +172,9 @@ def test_workgroups_and_limits_are_within_webgpus_defaults(folders: dict[str, Pa
     described = about(folders["classifier"])
     threads = {one["name"]: one["workgroup_size"] for one in described["passes"]}
     assert threads["00_measure"] == [256, 1, 1]
-    assert threads["02_preprocess"] == [16, 16, 1]
-    assert threads["07_encode_pooled"] == [128, 1, 1]
-    assert threads["10_compose"] == [256, 1, 1]
+    assert threads["06_preprocess"] == [16, 16, 1]
+    assert threads["09_encode_pooled"] == [128, 1, 1]
+    assert threads["12_compose"] == [256, 1, 1]
     limits = described["requires"]["limits"]
     assert limits["maxStorageBuffersPerShaderStage"] <= LIMITS["max-storage-buffers-per-shader-stage"]
     assert limits["maxStorageTexturesPerShaderStage"] <= LIMITS["max-storage-textures-per-shader-stage"]
@@ -332,7 +332,7 @@ kernel void main_(
 
 
 def test_arguments_of_metal_are_numbered_by_kind() -> None:
-    spec = program("classifier").passes[7]
+    spec = program("classifier").passes[9]
     names = {"params", "pooled", "pooled_above", "kept"}
     bindings = [b for b in program("classifier").shader(spec, TEXTURES).bindings if b.name in names]
     placed = PLACE["msl"](METAL, bindings)

@@ -22,8 +22,8 @@ Case = tuple[Sequence[str | int], Any, str]
 """Where in the JSON, the value there, and a part of the message."""
 
 SHADERS: dict[str, Case] = {
-    "another format": (["format"], "other", "want supersampler-shaders version 2"),
-    "another version": (["version"], "1", "want supersampler-shaders version 2"),
+    "another format": (["format"], "other", "want supersampler-shaders version 3"),
+    "another version": (["version"], "1", "want supersampler-shaders version 3"),
     "another target": (["target"], "spirv", "want shaders in WGSL"),
     "a format that is no text": (["format"], 1, "want a text"),
     "no passes": (["passes"], [], "want a list of 1 to 64 items"),
@@ -33,11 +33,11 @@ SHADERS: dict[str, Case] = {
     "too many resources": (["resources"], [{}] * 65, "want a list of 1 to 64 items"),
     "a resource that is no object": (["resources", 0], 5, "want a value"),
     "a resource that is gone": (["resources", "measured"], GONE, "want the name of a resource"),
-    "a resource twice": (["resources", "rising", "name"], "measured", "want another name for each"),
-    "a name that is no text": (["resources", "rising", "name"], None, "want a text"),
-    "an unknown role": (["resources", "rising", "role"], "x", "want one of: params, weights, history"),
-    "an unknown kind": (["resources", "rising", "kind"], "x", "want one of: uniform, buffer, texture"),
-    "an unknown format of a texture": (["resources", "flags", "format"], "x", "want one of: rgba32float"),
+    "a resource twice": (["resources", "awake", "name"], "measured", "want another name for each"),
+    "a name that is no text": (["resources", "awake", "name"], None, "want a text"),
+    "an unknown role": (["resources", "awake", "role"], "x", "want one of: params, weights, history"),
+    "an unknown kind": (["resources", "awake", "kind"], "x", "want one of: uniform, buffer, texture"),
+    "an unknown format of a texture": (["resources", "dilated", "format"], "x", "want one of: rgba32float"),
     "bytes < 0": (["resources", "measured", "bytes"], -1, "want a whole number from 0 to 268435456"),
     "bytes without an end": (["resources", "measured", "bytes"], 1e300, "want a whole number from 0 to"),
     "bytes that are no number": (["resources", "measured", "bytes"], "4", "want a whole number from 0 to"),
@@ -62,7 +62,7 @@ SHADERS: dict[str, Case] = {
     "a history outside of pairs": (["resources", "measured", "role"], "history", 'want one of "pairs"'),
     "a history of other memory": (["resources", "next_power", "bytes"], 8, "want the same kind, format and"),
     "a history of another kind": (["resources", "next_power", "kind"], "uniform", "want the same kind"),
-    "a history of another format": (["resources", "next_still", "format"], "rgba16float", "want the same"),
+    "a history of another format": (["resources", "next_mean", "format"], "rgba16float", "want the same"),
     "weights without a file": (["resources", "network", "file"], GONE, "want a value"),
     "weights in a texture": (["resources", "network", "kind"], "texture", 'want "buffer"'),
     "weights of other bytes": (["resources", "network", "bytes"], 4, "network.bin: 74160 bytes; want 4;"),
@@ -85,7 +85,7 @@ SHADERS: dict[str, Case] = {
     "a binding too high": (["passes", 0, "bindings", 1, "binding"], 5000, "want a whole number from 0 to 9"),
     "a resource bound twice": (["passes", 1, "bindings", 3, "resource"], "history_state", "want another in"),
     "a binding to nothing": (["passes", 0, "bindings", 1, "resource"], "x", "want the name of a resource"),
-    "a texture bound as a buffer": (["passes", 0, "bindings", 1, "resource"], "flags", "binds as"),
+    "a texture bound as a buffer": (["passes", 0, "bindings", 1, "resource"], "dilated", "binds as"),
     "a buffer bound as a texture": (["passes", 0, "bindings", 1, "kind"], "texture", 'binds as "texture"'),
     "a buffer bound as a uniform": (["passes", 0, "bindings", 1, "kind"], "uniform", 'binds as "uniform"'),
     "a frame that is written": (["passes", 0, "bindings", 2], {
@@ -98,10 +98,10 @@ SHADERS: dict[str, Case] = {
     "params gone": (["params", "resource"], "x", "want the name of a resource"),
     "params too small": (["resources", "params", "bytes"], 16, 'role "params" with 64 bytes'),
     "params that are not theirs": (["params", "resource"], "measured", 'want a uniform of role "params"'),
-    "params in a texture": (["params", "resource"], "flags", 'want a uniform of role "params"'),
+    "params in a texture": (["params", "resource"], "dilated", 'want a uniform of role "params"'),
     "params among the histories": (["resources", "params", "role"], "history", 'want one of "pairs"'),
     "a frame in a buffer": (["resources", "frame_color", "kind"], "buffer", 'want "texture"'),
-    "an unknown frame": (["resources", "rising"], {
+    "an unknown frame": (["resources", "awake"], {
         "name": "frame_x", "role": "frame", "kind": "texture",
         "size": {"of": "render", "divide": 1, "multiply": [1, 1]},
     }, "want one of: frame_color, frame_depth, frame_motion, frame_reactive"),

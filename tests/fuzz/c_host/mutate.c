@@ -22,7 +22,7 @@ static const char *const hostile[] = {
     "[1,1,1]", "[0,0]", "[16384,16384]", "[[]]", "\"\"", "\"x\"", "\"../x\"", "\"/etc/passwd\"",
     "\"\\u0000\"", "\"00_measure.wgsl\"", "\"network.bin\"", "\"params\"", "\"image\"", "\"history\"",
     "\"next\"", "\"texture\"", "\"buffer\"", "\"uniform\"", "\"storage-texture\"", "\"uint-texture\"",
-    "\"rg32uint\"", "\"rgba32float\"",
+    "\"rg32uint\"", "\"r32uint\"", "\"rgba32float\"",
 };
 /* clang-format on */
 

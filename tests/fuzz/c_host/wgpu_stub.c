@@ -284,7 +284,8 @@ wgpuDeviceCreateComputePipeline(WGPUDevice device, const WGPUComputePipelineDesc
 
 static bool is_uint(WGPUTextureFormat format)
 {
-    return format == WGPUTextureFormat_RGBA32Uint || format == WGPUTextureFormat_RG32Uint;
+    return format == WGPUTextureFormat_RGBA32Uint || format == WGPUTextureFormat_RG32Uint ||
+           format == WGPUTextureFormat_R32Uint;
 }
 
 static void check_binding(const WGPUBindGroupLayoutEntry *wanted, const WGPUBindGroupEntry *given)
