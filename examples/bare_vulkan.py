@@ -257,7 +257,12 @@ class Host:
     def _params(self, frame: dict[str, Any], sizes: dict[str, list[int]]) -> bytes:
         values = {**sizes, "jitter": frame["jitter"]}
         values |= {"exposure": [frame["exposure"] or 0.0], "writes_aux": [0.0]}
-        values |= {"adds_samples": [1.0], "pre_exposure": [1.0], "has_reactive": [0.0], "skips": [1.0]}  # no mask: frame_reactive is not read
+        values |= {
+            "adds_samples": [1.0],
+            "pre_exposure": [1.0],
+            "has_reactive": [0.0],
+            "skips": [1.0],
+        }  # no mask: frame_reactive is not read
         params = bytearray(self.about["params"]["bytes"])
         for field in self.about["params"]["fields"]:
             struct.pack_into(f"<{field['count']}f", params, field["offset"], *values[field["name"]])

@@ -29,7 +29,7 @@ from supersampler_bench.record import Record
 from supersampler_bench.timing.gpu_traffic import Access, accesses, closing
 
 BLOCK, STEPS = "study gpu accesses", 3
-ELEMENTS = {"vec4u": 16, "vec2u": 8, "vec2f": 8, "f32": 4, "u32": 4}
+ELEMENTS = {"Sums": 64, "vec4f": 16, "vec4u": 16, "vec2u": 8, "vec2f": 8, "f32": 4, "u32": 4}
 """Bytes of the elements of storage buffers; others hold values of a whole frame."""
 MARKS = Binding(0, 31, "marks", "storage")
 HELPERS = """

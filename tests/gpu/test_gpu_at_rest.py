@@ -1,6 +1,6 @@
 """What stands still on the GPU is what stands still in torch: decisions, means, images, frozen pixels."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -20,13 +20,14 @@ from supersampler.methods.model_file import read_upscaling_info
 from supersampler_model.methods import LEARNED, METHODS
 from supersampler_model.methods.base import Method
 from supersampler_model.methods.weights_file import load_trained, shipped_weights
+from supersampler_model.ops.size import Size as Extent
 
 RENDER, DISPLAY = (22, 14), (44, 28)
 PERIOD = 32
 MEAN, LARGEST = 1e-3, 1.0 / 255.0
 QUANTILE = 0.999
 OWN = {"taau": 8.0, "classifier": 40.0, "classifier-large": 40.0}
-"""That quantile of the methods' own images, over LARGEST: networks here are of int8, and those of torch are not."""
+"""That quantile of the methods' own images, over LARGEST: networks here are of int8, not in torch."""
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -119,7 +120,7 @@ class InTorch:
     def step(self, given: Given) -> tuple[Float32, Float32]:
         frame = given.frame
         if self.history is None or frame.reset:
-            zeros = self.method.first_history(self.display, frame.size)
+            zeros = self.method.first_history(Extent(*self.display), Extent(*frame.size))
             self.history = dict(zip(self.method.history, zeros, strict=True))
         reactive = np.zeros(frame.size[::-1]) if frame.reactive is None else np.asarray(frame.reactive)
         values = {
@@ -171,9 +172,9 @@ def compare_steps(
 ) -> tuple[OnGpu, list[float]]:
     """Step both through a sequence and compare what each step gives; return frozen parts of the image.
 
-    `decisions` is the least part of blocks that are decided alike in each frame. Frozen pixels differ by at most
-    `largest`. The images of `taau` itself, which reads samples as half floats, may differ more in single pixels:
-    in a `strict` sequence in one of a thousand.
+    `decisions` is the least part of blocks that are decided alike in each frame. Frozen pixels differ by at
+    most `largest`. The images of `taau` itself, which reads samples as half floats, may differ more in
+    single pixels: in a `strict` sequence in one of a thousand.
     """
     ours, theirs = OnGpu(method, display, skip=skip), InTorch(module(method), display)
     frozen = []
@@ -225,13 +226,12 @@ def test_networks_images_freeze_as_in_torch(method: str) -> None:
 @pytest.mark.parametrize("method", ["taau", "classifier", "classifier-large"])
 def test_a_frozen_image_is_the_same_bit_for_bit_and_equal_with_and_without_skipping(method: str) -> None:
     whole, skipping = OnGpu(method, DISPLAY, skip=False), OnGpu(method, DISPLAY)
-    held: Float32 | None = None
+    held, frozen = np.zeros((*DISPLAY[::-1], 3), np.float32), np.zeros(DISPLAY[::-1], bool)
     for index, given in enumerate(still(3 * PERIOD)):
         (image, converged), (left_out, _) = whole.step(given), skipping.step(given)
         np.testing.assert_array_equal(left_out, image, f"frame {index}")
         assert converged is not None
-        if held is not None:
-            np.testing.assert_array_equal(image[frozen], held[frozen], f"frame {index}")
+        np.testing.assert_array_equal(image[frozen], held[frozen], f"frame {index}")
         frozen, held = converged > 0.0, image.copy()
     assert frozen.mean() > 0.8
     for name in whole.executor.program.layout.spec.history:
@@ -284,9 +284,7 @@ def test_fading_light_never_freezes() -> None:
 
 
 def test_light_that_blinks_with_the_jitter_never_freezes() -> None:
-    sequence = [
-        Given(frame_at(index, light=1.2 if index % 2 else 1.0)) for index in range(2 * PERIOD + 10)
-    ]
+    sequence = [Given(frame_at(index, light=1.2 if index % 2 else 1.0)) for index in range(2 * PERIOD + 10)]
     _, frozen = compare_steps(sequence)
     assert frozen[-1] < 0.1
 
@@ -323,9 +321,7 @@ def test_a_reactive_mask_restarts_its_blocks() -> None:
     mask = np.zeros(RENDER[::-1], np.float32)
     mask[5, 6], mask[10, 15] = 0.25, 1e-6
     sequence = still(2 * PERIOD + 4)
-    sequence += [
-        Given(frame_at(index, reactive=mask)) for index in range(len(sequence), len(sequence) + 6)
-    ]
+    sequence += [Given(frame_at(index, reactive=mask)) for index in range(len(sequence), len(sequence) + 6)]
     _, frozen = compare_steps(sequence)
     assert 0.0 < frozen[-1] < frozen[2 * PERIOD + 3]
 
@@ -417,9 +413,7 @@ def test_signatures_are_right_whichever_buffers_a_history_is_written_to() -> Non
     for name in ("phases", "static_blocks", "static_mean"):
         np.testing.assert_array_equal(gpu.tensor(history, name), plain.tensor(name), name)
     used = plain.tensor("phases")[:, 2] > 0.0
-    np.testing.assert_array_equal(
-        gpu.tensor(history, "signatures")[used], plain.tensor("signatures")[used]
-    )
+    np.testing.assert_array_equal(gpu.tensor(history, "signatures")[used], plain.tensor("signatures")[used])
 
 
 def test_a_saved_history_goes_on_where_it_was() -> None:

@@ -62,8 +62,8 @@ FIELDS: tuple[tuple[str, int, str], ...] = (
     (
         "adds_samples",
         1,
-        "1; 0 where the colour was not sampled in this frame, but extrapolated, say; 2 where samples are never the "
-        "same, as those of a path tracer: what stands still is then averaged, and never frozen",
+        "1; 0 where the colour was not sampled in this frame, but extrapolated, say; 2 where samples are "
+        "never the same, as those of a path tracer: what stands still is then averaged, and never frozen",
     ),
     ("writes_aux", 1, "1 where `aux` is written, else 0; 16 bytes of `aux` suffice for 0"),
     ("pre_exposure", 1, "what the renderer has multiplied the colour by, in [2^-24, 2^24]; 1: nothing"),
@@ -71,7 +71,8 @@ FIELDS: tuple[tuple[str, int, str], ...] = (
     (
         "skips",
         1,
-        "1: shaders leave out the method where the image is frozen; the image is the same. 0 where `aux` is read",
+        "1: shaders leave out the method where the image is frozen; the image is the same. "
+        "0 where `aux` is read",
     ),
 )
 """Fields of `Params` in order: name, number of f32 values, meaning."""
@@ -85,13 +86,15 @@ SIZES = (
     "A size is (ceil(width / divide) * multiply[0], ceil(height / divide) * multiply[1]) of the size that "
     "`of` names: render, of this frame; previous, of the frame before; display, of the image; one, which is "
     "1x1; signatures, which is (ceil(w / 4), ceil(h / 4) * phases) of the render size (w, h), with phases = "
-    "floor(9 * W * H / (w * h)) + 2 of the display size (W, H); previous_signatures, the same of the previous "
-    "render size. A buffer has `bytes` for each pixel of its size, rounded up to 4, and at least 16; bind that many. "
+    "floor(9 * W * H / (w * h)) + 2 of the display size (W, H); previous_signatures, the same of the "
+    "previous render size. A buffer has `bytes` for each pixel of its size, rounded up to 4, and at least "
+    "16; bind that many. "
     "Textures may be larger."
 )
 SWAP = (
-    "After a step, each `next` is what the following step reads as `history`: two buffers that swap. A step writes "
-    "only a part of `next_signatures`: the rest is of the step before the last, which wrote the same buffer."
+    "After a step, each `next` is what the following step reads as `history`: two buffers that swap. A step "
+    "writes only a part of `next_signatures`: the rest is of the step before the last, which wrote the same "
+    "buffer."
 )
 RESET = (
     "All zeros mean no history: clear every `history` resource before the first frame and on a cut, and set "

@@ -1,4 +1,4 @@
-"""Passes on the samples of a frame and on what stands still, for all methods that have it (ops/at_rest.py)."""
+"""Passes on the samples of a frame and on what stands still (ops/at_rest.py), for all methods with them."""
 
 from collections.abc import Mapping
 

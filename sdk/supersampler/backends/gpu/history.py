@@ -233,7 +233,8 @@ class GpuHistory:
             np.minimum((2 * np.arange(full) + 1) * size // (2 * BLOCK * full), count - 1)
             for full, size, count in zip(self.display[::-1], self.render[::-1], ages.shape, strict=True)
         )
-        return (ages[rows[:, None], columns] != 0.0).astype(np.float32)
+        has_mean: Float32 = (ages[rows[:, None], columns] != 0.0).astype(np.float32)
+        return has_mean
 
     def _words(self, name: str) -> NDArray[np.uint32]:
         return read_back(self.device, self.memory[name])
