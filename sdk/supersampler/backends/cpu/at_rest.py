@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from supersampler.backends.cpu.kernel_loader import Call
 from supersampler.backends.cpu.layout import LANES, TILE
 from supersampler.backends.cpu.memory import address, aligned
+from supersampler.backends.cpu.resample_tables import up_to
 from supersampler.backends.cpu.structs import NO_MASK, AddedSamples, BlockSums, FrameInputs, RestSamples, ShownMean, pack
 from supersampler.backends.cpu.threads import Rect, ThreadPool
 from supersampler.backends.cpu.tiles import Bool, dilated, runs_of, scaled
@@ -182,6 +183,9 @@ def blocks_at(display: Size, render: Size) -> BlocksAt:
 
 def any_in_tiles(blocks: Bool, display: Size, render: Size) -> Bool:
     """Return the tiles of a display, (rows, columns), with a pixel of one of these blocks."""
+    shape = [-(-extent // TILE) for extent in display[::-1]]
+    if not blocks.any() or blocks.all():
+        return np.full(shape, blocks[0, 0])
     at = blocks_at(display, render)
     sums = np.pad(blocks.astype(np.int32), ((1, 0), (1, 0))).cumsum(0).cumsum(1)
     (top, bottom), (left, right) = ((a[::TILE], np.append(a[TILE - 1 :: TILE], a[-1:])[: len(a[::TILE])] + 1) for a in at)
@@ -339,17 +343,22 @@ class AtRest:
         if not shown.any():
             return
         at, complete = blocks_at(display, render), still.complete.astype(np.uint8)
-        column_moments, row_moments = (
-            moments_of(still.cycle, axis, display[axis], render[axis]) for axis in (0, 1)
-        )
+        cycle = still.cycle if ((still.shares > 0.0) & (still.shares <= 1.0)).any() else None
+        across, row_moments = (moments_of(cycle, axis, display[axis], render[axis]) for axis in (0, 1))
+        pitch = up_to(display[0], LANES)
+        column_moments = aligned((len(across), 2, pitch))
+        column_moments[..., : display[0]] = across.transpose(0, 2, 1)
         packed = pack(
             ShownMean(
                 following.allocated_mean(), image, still.shares, complete, at.rows, at.columns,
-                row_moments, column_moments, len(row_moments), complete.shape[1], *display, NOISE_WEIGHT,
+                row_moments, column_moments, len(row_moments), pitch, complete.shape[1], *display, NOISE_WEIGHT,
             )
         )  # fmt: skip
         boxes = scaled(runs_of(any_in_tiles(shown, display, render)), TILE, display)
-        self._pool.run_rects("rest", boxes, lambda box, _: self._show(packed, *box))
+        scratch = aligned((self._pool.threads, 3 * LANES))
+        self._pool.run_rects(
+            "rest", boxes, lambda box, worker: self._show(packed, address(scratch[worker]), *box)
+        )
         if still.freezes.any():
             frozen, tiles = still.freezes.astype(np.uint8), any_in_tiles(still.freezes, display, render)
             boxes = scaled(runs_of(tiles), TILE, display)
@@ -492,11 +501,17 @@ def least_enough(mean: Float32, blocks: Bool, display: Size, render: Size) -> Bo
     return np.asarray(~padded.reshape(down, BLOCK, across, BLOCK).any(axis=(1, 3)))
 
 
-def moments_of(cycle: Cycle, axis: int, display: int, render: int) -> Float32:
-    """Return the weights of samples near the pixels of an axis in each phase, and these times offsets: (phases, n, 2)."""
+def moments_of(cycle: Cycle | None, axis: int, display: int, render: int) -> Float32:
+    """Return the weights of samples near the pixels of an axis in each phase, and these times offsets.
+
+    Returns:
+        (phases, n, 2); without a cycle, of no phase.
+    """
+    if cycle is None:
+        return np.zeros((0, display, 2), np.float32)
     ages = cycle.phases[:, 2]
     jitter = cycle.phases[(ages > 0.0) & (ages <= cycle.period), axis]
-    return np.stack([_moments(float(j), display, render) for j in jitter]) if len(jitter) else np.zeros((0, display, 2), np.float32)
+    return np.stack([_moments(float(j), display, render) for j in jitter])
 
 
 @lru_cache(1024)
