@@ -13,7 +13,6 @@ from supersampler.backends.cpu.simd.vector import (
     all_lanes,
     load16,
     maximum,
-    minimum,
     spread16,
     square_root,
     store,
@@ -222,7 +221,12 @@ def add_samples(added: AddedSamples, y0: int, y1: int, x0: int, x1: int):
             zero = np.float32(0.0)
             r, g, b, weight = zero, zero, zero, zero
             if mode != RESTARTS:
-                r, g, b, weight = added.before[at], added.before[at + 1], added.before[at + 2], added.before[at + 3]
+                r, g, b, weight = (
+                    added.before[at],
+                    added.before[at + 1],
+                    added.before[at + 2],
+                    added.before[at + 3],
+                )
             if mode != KEEPS:
                 r, g, b, weight = with_samples(added, y, x, (r, g, b, weight))
             added.after[at] = r
@@ -249,10 +253,9 @@ def with_samples(added, y, x, mean):
     if not near > zero:
         return mean
     total = mean[3] + near
-    share = np.float32(1.0) / max(total, np.float32(1e-6))
-    return (
-        (mean[0] * mean[3] + r) * share, (mean[1] * mean[3] + g) * share, (mean[2] * mean[3] + b) * share, total
-    )  # fmt: skip
+    share, weight = np.float32(1.0) / max(total, np.float32(1e-6)), mean[3]
+    r, g, b = mean[0] * weight + r, mean[1] * weight + g, mean[2] * weight + b
+    return r * share, g * share, b * share, total
 
 
 @device_function
