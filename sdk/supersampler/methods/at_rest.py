@@ -2,7 +2,9 @@
 
 from collections.abc import Mapping
 
-from supersampler.frame import Size
+import numpy as np
+
+from supersampler.frame import Float32, Size
 from supersampler.methods.spec import BLOCKS, DISPLAY, PHASES, MapOf, Shape
 
 AT_REST_HISTORY: Mapping[str, Shape] = {
@@ -68,3 +70,21 @@ def block_count(render: Size) -> Size:
 def phase_count(display: Size, render: Size) -> int:
     """Return the number of phases of the jitter of which signatures are kept."""
     return PHASES_PER_SAMPLE * display[0] * display[1] // (render[0] * render[1]) + SPARE_PHASES
+
+
+def converged_share(static_blocks: Float32, display: Size, render: Size) -> float:
+    """Return the share of an image's pixels whose block is frozen, [0, 1].
+
+    Args:
+        static_blocks: (1, 4, down, across) the history tensor.
+        display: (width, height) of the image.
+        render: (width, height) of the frame that the tensor is of.
+    """
+    frozen = static_blocks[0, 0] < 0.0
+    columns, rows = (
+        np.bincount(
+            np.minimum((2 * np.arange(full) + 1) * size // (2 * BLOCK * full), count - 1), minlength=count
+        )
+        for full, size, count in zip(display, render, block_count(render), strict=True)
+    )
+    return float(rows @ frozen @ columns) / (display[0] * display[1])
