@@ -166,7 +166,7 @@ def checked_skip(skip: object) -> bool:
     now = _NOW.get(skip, "") if isinstance(skip, str) else ""
     if as_number(skip) is not None:
         now = "leave `skip` out: there are no tolerances"
-    hint = f"Since version 0.3 it is a flag: {now}." if now else ""
+    hint = f"It is a flag now: {now}." if now else ""
     raise ArgumentError("skip", got=shown(skip), want="True or False", hint=hint)
 
 

@@ -1,10 +1,14 @@
 """History tensors and constants of the convergence of what stands still (ops/at_rest.py of the model)."""
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from supersampler.arguments import AtRest
 from supersampler.frame import Float32, Size
+from supersampler.methods.array_spec import Refusal
 from supersampler.methods.spec import BLOCKS, DISPLAY, PHASES, MapOf, Shape
 
 AT_REST_HISTORY: Mapping[str, Shape] = {
@@ -18,6 +22,12 @@ the block last changed, negative once it is frozen, and the sums of three tests.
 phase of the jitter. `phases`: jitter x and y, frames since it was last seen, frames between its last two."""
 ADDS_SAMPLES, NOISY = "adds_samples", 2.0
 """Input of the step: 0 on frames whose colour was not sampled, 1 on others, NOISY on those of a path tracer."""
+ADDED: Mapping[AtRest, float] = {"off": 0.0, "converge": 1.0, "accumulate": NOISY}
+"""`adds_samples` of shaded frames, by what is done at rest."""
+OLDEST = 1 << 20
+"""Limit of counted frames: float32 counts on exactly."""
+BRIGHTEST = 65536.0
+"""Limit of a mean of samples, each at most 65504, in single precision."""
 CONVERGED: Mapping[str, MapOf] = {"converged": MapOf("converged", 0, 1)}
 """1 where the image is frozen, else 0: an auxiliary output of shape (1, 1, *DISPLAY)."""
 BLOCK = 4
@@ -88,3 +98,26 @@ def converged_share(static_blocks: Float32, display: Size, render: Size) -> floa
         for full, size, count in zip(display, render, block_count(render), strict=True)
     )
     return float(rows @ frozen @ columns) / (display[0] * display[1])
+
+
+def check_history(arrays: Mapping[str, NDArray[Any]], refusal: Refusal) -> None:
+    """Raise unless the values of the history tensors, by their names in the graph, are those that steps write.
+
+    Args:
+        arrays: of the right types and shapes; other tensors are ignored.
+        refusal: makes the exception that is raised.
+    """
+    mean, phases = arrays["history.static_mean"], arrays["history.phases"]
+    ranges = (
+        ("colours", mean[:, :3], 0.0, BRIGHTEST, False),
+        ("weights", mean[:, 3:], 0.0, np.inf, False),
+        ("ages of blocks", arrays["history.static_blocks"][:, 0], -OLDEST, OLDEST, True),
+        ("jitter of phases", phases[:, :2], -0.5, 0.5, False),
+        ("ages of phases", phases[:, 2:], 0.0, OLDEST, True),
+    )
+    for name, values, least, most, whole in ranges:
+        low, high = float(values.min()), float(values.max())
+        if not (least <= low and high <= most):
+            raise refusal(f"with {name} from {low:g} to {high:g}", f"from {least:g} to {most:g}")
+        if whole and (values % 1.0).any():
+            raise refusal(f"with {name} such as {float(values[values % 1.0 != 0.0][0])!r}", "whole numbers")
