@@ -60,8 +60,9 @@ from supersampler.methods.at_rest import (
 )
 from supersampler_model.ops.color import bounded, sanitize, valid
 from supersampler_model.ops.motion import squared_length, usable_motion
-from supersampler_model.ops.sampling import Grid, grid_bands, pick_columns, resample
+from supersampler_model.ops.sampling import Grid, grid_bands, resample
 from supersampler_model.ops.size import Size, render_size_of
+from supersampler_model.ops.windows import pick_columns
 
 COVERED = 0.999  # of four bilinear weights
 

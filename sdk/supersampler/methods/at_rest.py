@@ -1,8 +1,14 @@
 """History tensors and constants of the convergence of what stands still (ops/at_rest.py of the model)."""
 
 from collections.abc import Mapping
+from typing import Any
 
-from supersampler.frame import Size
+import numpy as np
+from numpy.typing import NDArray
+
+from supersampler.arguments import AtRest
+from supersampler.frame import Float32, Size
+from supersampler.methods.array_spec import Refusal
 from supersampler.methods.spec import BLOCKS, DISPLAY, PHASES, MapOf, Shape
 
 AT_REST_HISTORY: Mapping[str, Shape] = {
@@ -17,6 +23,10 @@ by phase of the jitter. `phases`: jitter x and y, frames since it was last seen,
 two."""
 ADDS_SAMPLES, NOISY = "adds_samples", 2.0
 """Input of the step: 0 on frames whose colour was not sampled, NOISY on those of a path tracer, else 1."""
+ADDED: Mapping[AtRest, float] = {"off": 0.0, "converge": 1.0, "accumulate": NOISY}
+"""`adds_samples` of shaded frames, by what is done at rest."""
+BRIGHTEST = 65536.0
+"""Limit of a mean of samples, each at most 65504, in single precision."""
 CONVERGED: Mapping[str, MapOf] = {"converged": MapOf("converged", 0, 1)}
 """1 where the image is frozen, else 0: an auxiliary output of shape (1, 1, *DISPLAY)."""
 BLOCK = 4
@@ -74,3 +84,44 @@ def block_count(render: Size) -> Size:
 def phase_count(display: Size, render: Size) -> int:
     """Return the number of phases of the jitter of which signatures are kept."""
     return PHASES_PER_SAMPLE * display[0] * display[1] // (render[0] * render[1]) + SPARE_PHASES
+
+
+def converged_share(static_blocks: Float32, display: Size, render: Size) -> float:
+    """Return the share of an image's pixels whose block is frozen, [0, 1].
+
+    Args:
+        static_blocks: (1, 4, down, across) the history tensor.
+        display: (width, height) of the image.
+        render: (width, height) of the frame that the tensor is of.
+    """
+    frozen = static_blocks[0, 0] < 0.0
+    columns, rows = (
+        np.bincount(
+            np.minimum((2 * np.arange(full) + 1) * size // (2 * BLOCK * full), count - 1), minlength=count
+        )
+        for full, size, count in zip(display, render, block_count(render), strict=True)
+    )
+    return float(rows @ frozen @ columns) / (display[0] * display[1])
+
+
+def check_history(arrays: Mapping[str, NDArray[Any]], refusal: Refusal) -> None:
+    """Raise unless the values of the history tensors, by their names in the graph, are those that steps write.
+
+    Args:
+        arrays: of the right types and shapes; other tensors are ignored.
+        refusal: makes the exception that is raised.
+    """
+    mean, phases = arrays["history.static_mean"], arrays["history.phases"]
+    ranges = (
+        ("colours", mean[:, :3], 0.0, BRIGHTEST, False),
+        ("weights", mean[:, 3:], 0.0, np.inf, False),
+        ("ages of blocks", arrays["history.static_blocks"][:, 0], -OLDEST, OLDEST, True),
+        ("jitter of phases", phases[:, :2], -0.5, 0.5, False),
+        ("ages of phases", phases[:, 2:], 0.0, OLDEST, True),
+    )
+    for name, values, least, most, whole in ranges:
+        low, high = float(values.min()), float(values.max())
+        if not (least <= low and high <= most):
+            raise refusal(f"with {name} from {low:g} to {high:g}", f"from {least:g} to {most:g}")
+        if whole and (values % 1.0).any():
+            raise refusal(f"with {name} such as {float(values[values % 1.0 != 0.0][0])!r}", "whole numbers")

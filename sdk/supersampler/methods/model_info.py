@@ -119,7 +119,7 @@ class ModelInfo:
 
     @property
     def converges(self) -> bool:
-        """Whether the image becomes the mean of its samples where nothing moves (`methods.convergence`)."""
+        """Whether the image becomes the mean of its samples where nothing moves (`methods.at_rest`)."""
         channels = {h.input.name: h.input.shape[:2] for h in self.history}
         wanted = {f"history.{name}": shape[:2] for name, shape in AT_REST_HISTORY.items()}
         return wanted.items() <= channels.items()
