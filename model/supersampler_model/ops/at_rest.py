@@ -248,7 +248,7 @@ def of_frame(history: RestHistory, previous: Size, display: Size, render: Size) 
     )
     blocks = cut(cut(history.blocks, 2, down), 3, across) * same
     signatures = cut(cut(cut(history.signatures, 0, count), 2, down), 3, across)
-    return RestHistory(history.mean, blocks, signatures, cut(history.phases, 0, count) * same)
+    return RestHistory(history.mean * same, blocks, signatures, cut(history.phases, 0, count) * same)
 
 
 def cut(tensor: Tensor, axis: int, extent: int) -> Tensor:
