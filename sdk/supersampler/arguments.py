@@ -4,10 +4,9 @@
 `checked_...` return the value, converted, or raise ArgumentError.
 """
 
-import math
 import operator
 import os
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, TypeVar, get_args
 
@@ -23,18 +22,19 @@ MAX_PIXELS = 2**26
 IMAGE_SIZES = f"each at least 1 and at most {MAX_SIDE}, at most {MAX_PIXELS} pixels together"
 """The sizes that `is_image_size` accepts, for error messages."""
 MAX_THREADS = 256
-TOLERANCE = 0.5 / 255.0
-"""Tolerance of skip="auto": half a step of an 8-bit screen."""
-
-ACCUMULATE = math.inf
-"""Tolerance of skip="accumulate": frames may differ as far as noise explains it."""
 
 ieee_arithmetic = np.errstate(all="ignore")
 """Decorator of public functions that compute. NaN, infinities and denormals are values there: numpy neither
 warns nor raises, whatever the program has set by `numpy.seterr`."""
 
-SkipName = Literal["auto", "exact", "accumulate", "recurrent"]
-Skip = SkipName | float
+AtRest = Literal["converge", "accumulate", "off"]
+_NOW: Mapping[object, str] = {
+    "auto": "leave `skip` out",
+    "exact": "write skip=False",
+    "accumulate": 'write at_rest="accumulate"',
+    "recurrent": 'write at_rest="off"',
+}
+"""What to write in place of former values of `skip`."""
 _Choice = TypeVar("_Choice")
 
 
@@ -153,24 +153,21 @@ def checked_path(name: str, path: str | Path) -> str | Path:
     return path
 
 
-def checked_skip(skip: Skip) -> Skip:
-    """Return a SkipName, or a tolerance in [0, 1]."""
-    words = get_args(SkipName)
-    if isinstance(skip, str) and skip in words:
-        return skip
-    number = as_number(skip)
-    if number is None or not 0.0 <= number <= 1.0:
-        want = f"{', '.join(map(repr, words))} or a number in [0, 1]"
-        raise ArgumentError("skip", got=shown(skip), want=want, hint=did_you_mean(skip, words))
-    return number
+def checked_at_rest(at_rest: AtRest) -> AtRest:
+    """Return what an Upscaler does where nothing moves."""
+    return checked_choice("at_rest", at_rest, get_args(AtRest))
 
 
-def tolerance_of(skip: Skip, outputs: Collection[str]) -> float | None:
-    """Return the tolerance of static-tile reuse; None where every pixel is to be computed."""
-    if skip in ("exact", "recurrent") or "aovs" in outputs:  # AOVs may change where no other input does
-        return None
-    named = {"auto": TOLERANCE, "accumulate": ACCUMULATE}
-    return named[skip] if isinstance(skip, str) else float(skip)
+def checked_skip(skip: object) -> bool:
+    """Return a bool; the error for a former value says what to write now."""
+    flag = as_flag(skip)
+    if flag is not None:
+        return flag
+    now = _NOW.get(skip, "") if isinstance(skip, str) else ""
+    if as_number(skip) is not None:
+        now = "leave `skip` out: there are no tolerances"
+    hint = f"It is a flag now: {now}." if now else ""
+    raise ArgumentError("skip", got=shown(skip), want="True or False", hint=hint)
 
 
 def check_out(out: NDArray[np.float32], shape: tuple[int, ...], inputs: Collection[NDArray[Any]]) -> None:

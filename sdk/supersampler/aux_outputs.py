@@ -1,10 +1,9 @@
-"""False-colour images of auxiliary outputs: class map, weight of the history, sample count, work."""
+"""False-colour images of auxiliary outputs: class map, weight of the history, sample count, what is frozen."""
 
 from collections.abc import Mapping
 
 import numpy as np
 
-from supersampler.backends.cpu.layout import TILE
 from supersampler.frame import Float32
 from supersampler.history import StepResult
 from supersampler.io.compare import Legend, false_color, false_color_legend
@@ -28,8 +27,7 @@ LEGENDS: Mapping[str, Legend] = {
     "classes": Legend(colors=[f"rgb{color}" for color in CLASS_COLORS.values()], names=tuple(CLASS_COLORS)),
     "weight": false_color_legend("this frame", "history"),
     "count": false_color_legend("no sample", f"{MOST_SAMPLES:.0f}, by logarithm"),
-    "converged": false_color_legend("the method's image", "mean of the samples"),
-    "work": false_color_legend("reused", "computed"),
+    "converged": false_color_legend("the method's image", "frozen mean of the samples"),
 }
 """Legend of each layer, for `compare.About`."""
 
@@ -37,7 +35,7 @@ LEGENDS: Mapping[str, Legend] = {
 def aux_output_layers(result: StepResult) -> dict[str, Bytes]:
     """Return an image for each auxiliary output of `result`, by the names of `LEGENDS`.
 
-    Each is (h, w, 3) uint8 sRGB in the size of the output; "work" has the size of `result.image`.
+    Each is (h, w, 3) uint8 sRGB in the size of the output.
     """
     layers = {}
     if result.class_map is not None:
@@ -48,10 +46,6 @@ def aux_output_layers(result: StepResult) -> dict[str, Bytes]:
         layers["count"] = false_color(np.log1p(result.count) / np.log1p(MOST_SAMPLES))
     if result.converged is not None:
         layers["converged"] = false_color(result.converged)
-    if result.work is not None:
-        height, width = result.image.shape[:2]
-        pixels = np.kron(result.work, np.ones((TILE, TILE), np.float32))[:height, :width]
-        layers["work"] = false_color(pixels)
     return layers
 
 

@@ -7,14 +7,13 @@ from typing import Any
 from numpy.typing import NDArray
 
 from supersampler.backends.base import Buffers
-from supersampler.backends.cpu.tile_state import tile_state_specs
 from supersampler.errors import ArgumentError, shown
 from supersampler.frame import Float32, Size
 from supersampler.methods.array_spec import ArraySpec, checked_arrays, values_of
+from supersampler.methods.at_rest import check_history
 from supersampler.methods.model_info import ModelInfo
 
 AOVS = "history.aovs"
-WORK = "work"
 
 
 @dataclass(eq=False)
@@ -71,10 +70,8 @@ class StepResult:
             detail.
         weight: (H, W) float32 weight of the history in the image, [0, 1].
         count: (H, W) float32 number of samples that each pixel has accumulated.
-        converged: (H, W) float32 fraction of the mean of all samples since the pixel stands still, [0, 1]: 1
-            after about one period of the jitter, 0 where something moves or changed.
-        work: (H / 32, W / 32) float32, sizes rounded up: fraction of a full step's work done in each tile of
-            32x32 pixels, [0, 1].
+        converged: (H, W) float32 1 where the image is frozen, else 0: it is the mean of one jitter period of
+            samples, and stays the same, bit for bit, until something moves or changes there.
     """
 
     image: Float32
@@ -83,7 +80,6 @@ class StepResult:
     weight: Float32 | None = None
     count: Float32 | None = None
     converged: Float32 | None = None
-    work: Float32 | None = None
 
 
 def checked_history(info: ModelInfo, arrays: object, display: Size, render: Size) -> dict[str, NDArray[Any]]:
@@ -104,8 +100,14 @@ def checked_history(info: ModelInfo, arrays: object, display: Size, render: Size
     names = {name for name in arrays if isinstance(name, str)} if isinstance(arrays, Mapping) else set()
     if AOVS in names:
         specs[AOVS] = ArraySpec("float32", (1, "k", *display[::-1]), values_of(AOVS))
-    specs |= tile_state_specs(names, info.history_size(display), render)
-    return checked_arrays(arrays, specs, lambda got, want: ArgumentError("state", got=got, want=want))
+
+    def refusal(got: str, want: str) -> ArgumentError:
+        return ArgumentError("state", got=got, want=want)
+
+    checked = checked_arrays(arrays, specs, refusal)
+    if info.converges:
+        check_history(checked, refusal)
+    return checked
 
 
 @dataclass(frozen=True)
@@ -118,12 +120,9 @@ class Stats:
         resets: number of frames without a history, the first one included.
         seconds: wall time of the steps, without extrapolation.
         extrapolation_seconds: wall time of extrapolating the colour of unshaded frames.
-        work: work done, in full steps; static-tile reuse saved `frames - work`.
-        full_frames: number of frames of which every pixel was computed.
-        full_seconds: wall time of the steps on those frames.
-        converged: fraction of the image, in [0, 1], that hardly changes while the scene stands still, as of
-            the last frame. At 1 a viewer may stop rendering. With static-tile reuse the share of tiles that
-            rest; else the mean of `StepResult.converged`, or None where the method has no such map.
+        converged: fraction of the image, in [0, 1], that is frozen after the last frame: it stays the same
+            until something moves or changes. At 1 a viewer may stop rendering. None where the method does
+            not converge.
     """
 
     frames: int = 0
@@ -131,16 +130,12 @@ class Stats:
     resets: int = 0
     seconds: float = 0.0
     extrapolation_seconds: float = 0.0
-    work: float = 0.0
-    full_frames: int = 0
-    full_seconds: float = 0.0
     converged: float | None = 0.0
 
     def after_step(
         self,
         *,
         fresh: bool,
-        work: float,
         seconds: float,
         extrapolation_seconds: float | None = None,
     ) -> "Stats":
@@ -148,26 +143,14 @@ class Stats:
 
         Args:
             fresh: whether the step had no history.
-            work: fraction of a full step's work that was done.
             seconds: wall time of the step.
             extrapolation_seconds: wall time of extrapolating the frame's colour; None for a shaded frame.
         """
-        full, extrapolated = work == 1.0, extrapolation_seconds is not None
         return replace(
             self,
             frames=self.frames + 1,
-            extrapolated=self.extrapolated + extrapolated,
+            extrapolated=self.extrapolated + (extrapolation_seconds is not None),
             extrapolation_seconds=self.extrapolation_seconds + (extrapolation_seconds or 0.0),
             resets=self.resets + fresh,
             seconds=self.seconds + seconds,
-            work=self.work + work,
-            full_frames=self.full_frames + full,
-            full_seconds=self.full_seconds + (seconds if full else 0.0),
         )
-
-    @property
-    def saved_seconds(self) -> float:
-        """Seconds saved by static-tile reuse: the time of as many full frames, minus the time measured."""
-        if not self.full_frames:
-            return 0.0
-        return self.full_seconds / self.full_frames * self.frames - self.seconds

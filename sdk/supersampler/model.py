@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.arguments import (
-    TOLERANCE,
-    Skip,
+    AtRest,
     check_out,
+    checked_at_rest,
     checked_choice,
     checked_flag,
     checked_names,
@@ -19,7 +19,6 @@ from supersampler.arguments import (
     checked_skip,
     checked_threads,
     ieee_arithmetic,
-    tolerance_of,
 )
 from supersampler.backends.base import Executor
 from supersampler.backends.cpu.memory import aligned
@@ -37,8 +36,8 @@ from supersampler.frame import (
     arrays_of,
     checked_frame,
 )
-from supersampler.history import AOVS, WORK, History, StepResult, check_histories, checked_history
-from supersampler.methods.convergence import converged_of
+from supersampler.history import AOVS, History, StepResult, check_histories, checked_history
+from supersampler.methods.at_rest import ADDED, converged_share
 from supersampler.methods.executors import ExecutorName, Precision, choose_executor
 from supersampler.methods.gbuffers import check_gbuffers, sampled
 from supersampler.methods.model_file import read_model_info, read_upscaling_info
@@ -50,7 +49,7 @@ if TYPE_CHECKING:
     import wgpu
 
 
-__all__ = ["TOLERANCE", "ExecutorName", "Model", "Precision", "Skip"]
+__all__ = ["AtRest", "ExecutorName", "Model", "Precision"]
 
 
 class Model(DeviceRuns):
@@ -188,21 +187,25 @@ class Model(DeviceRuns):
         *,
         out: Float32 | None = None,
         history_out: History | None = None,
-        skip: Skip = "exact",
+        at_rest: AtRest = "converge",
+        skip: bool = True,
     ) -> tuple[StepResult, History]:
         """Upscale like `run`, and return the fields of `StepResult` that `outputs` names, with the image.
 
-        Other fields cost nothing. See `Upscaler` for `skip`.
+        Other fields cost nothing. See `Upscaler` for `at_rest` and `skip`.
 
         Raises:
             FrameError: as `run`; or `outputs` has "aovs", and the frame has no AOVs, or not as many channels
                 as the previous one.
             ArgumentError: as `run`; or the model has no such output.
         """
+        at_rest, skip = checked_at_rest(at_rest), checked_skip(skip)
         outputs = checked_names("outputs", outputs)
         check_histories(history, history_out, self._kind, self._executor.fits)
         self.check(frame, history.display_size, outputs, history.aovs, out)
-        return self.run_checked(frame, history, outputs, out=out, history_out=history_out, skip=skip)
+        return self.run_checked(
+            frame, history, outputs, out=out, history_out=history_out, adds_samples=ADDED[at_rest], skip=skip
+        )
 
     def run_checked(
         self,
@@ -212,14 +215,14 @@ class Model(DeviceRuns):
         *,
         out: Float32 | None,
         history_out: History | None,
-        skip: Skip,
-        shaded: bool = True,
+        adds_samples: float,
+        skip: bool,
     ) -> tuple[StepResult, History]:
         """Run `run_outputs` without its checks of frame, outputs and histories; see `check`.
 
-        `shaded` is False if the frame's colour is extrapolated.
+        `adds_samples`: see `Executor.step`.
         """
-        tolerance, display_size = tolerance_of(checked_skip(skip), outputs), history.display_size
+        display_size = history.display_size
         image = aligned((*display_size[::-1], 3)) if out is None else out
         next_history = self._prepared(history_out, display_size, frame.size)
         needed = {self.info.maps[name].output for name in outputs if name in self.info.maps}
@@ -232,8 +235,8 @@ class Model(DeviceRuns):
             next_history.buffers,
             computed,
             needed,
-            tolerance=tolerance,
-            adds_samples=shaded and skip != "recurrent",
+            adds_samples=adds_samples,
+            skip=skip,
         )
         if computed is not image:
             np.copyto(image, computed)
@@ -265,21 +268,16 @@ class Model(DeviceRuns):
         """Return copies of all history tensors; each executor of the model can load them."""
         buffers, names = history.buffers, [h.input.name for h in self.info.history]
         copies = {name: np.array(self._executor.tensor(buffers, name)) for name in names}
-        copies |= self._executor.memory(buffers)
         return copies if history.aovs is None else {**copies, AOVS: history.aovs.copy()}
 
-    def work(self, history: History) -> Float32:
-        """Return `StepResult.work` for the step that returned this history."""
-        return self._executor.work(history.buffers, history.display_size)
-
     def converged(self, history: History | None) -> float | None:
-        """Return `Stats.converged` of the step that returned this history; None before the first frame."""
-        resting = None if history is None else self._executor.resting(history.buffers)
-        if resting is not None or not self.info.converges:
-            return resting
+        """Return `Stats.converged` of the step that returned this history; 0 before the first frame."""
+        if not self.info.converges:
+            return None
         if history is None:
             return 0.0
-        return float(converged_of(self._executor.tensor(history.buffers, "history.static_mean")).mean())
+        blocks = self._executor.tensor(history.buffers, "history.static_blocks")
+        return converged_share(blocks, history.display_size, history.render_size)
 
     def load_history(
         self, display_size: Size, render_size: Size, arrays: Mapping[str, NDArray[Any]]
@@ -319,7 +317,7 @@ class Model(DeviceRuns):
         check_ratio(self.info.ratios, frame.size, display_size)
         check_gbuffers(frame, self.info.gbuffers, display_size, self.info.method)
         for name in checked_names("outputs", outputs):
-            checked_choice("outputs", name, ("aovs", WORK, *self.info.maps))
+            checked_choice("outputs", name, ("aovs", *self.info.maps))
         if "aovs" in outputs:
             check_aovs(frame, previous_aovs)
         if out is not None:
@@ -343,6 +341,4 @@ class Model(DeviceRuns):
                 planes = resized(planes, map_size(shapes[source.output], next_history.display_size))
             maps[name] = pixels_of(planes[:, source.first : source.first + source.channels])
         aovs = None if next_history.aovs is None else next_history.aovs[0].transpose(1, 2, 0).copy()
-        if WORK in outputs:
-            maps[WORK] = self.work(next_history).copy()
         return StepResult(image, aovs=aovs, **maps)

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, get_args
 
-from supersampler.arguments import Skip, as_flag, as_index, checked_choice, checked_skip
+from supersampler.arguments import as_flag, as_index, checked_choice
 from supersampler.errors import ArgumentError
 from supersampler.model import ExecutorName, Model, Precision
 
@@ -16,32 +16,30 @@ class Preset(NamedTuple):
 
     model: str
     precision: Precision
-    skip: Skip
 
 
 PRESETS: Mapping[PresetName, Preset] = {
-    "fast": Preset("taau", "auto", "auto"),
-    "balanced": Preset("classifier-small", "auto", "auto"),
-    "high": Preset("classifier", "auto", "exact"),
+    "fast": Preset("taau", "auto"),
+    "balanced": Preset("classifier-small", "auto"),
+    "high": Preset("classifier", "auto"),
 }
 """As `supersampler bench pareto` chooses them."""
 
 
 def chosen(
-    preset: PresetName | None, model: Model | str | Path | None, precision: Precision, skip: Skip
-) -> tuple[Model | str | Path, Precision, Skip]:
-    """Return model, precision and skip: those given, or those of a preset.
+    preset: PresetName | None, model: Model | str | Path | None, precision: Precision
+) -> tuple[Model | str | Path, Precision]:
+    """Return model and precision: those given, or those of a preset.
 
     Raises:
         ArgumentError: a value is unknown, or a preset is given together with a value that it sets.
     """
     precision = checked_choice("precision", precision, get_args(Precision))
-    skip = checked_skip(skip)
     if preset is None:
-        return "classifier" if model is None else model, precision, skip
+        return "classifier" if model is None else model, precision
     checked_choice("preset", preset, get_args(PresetName))
-    if model is not None or (precision, skip) != ("auto", "auto"):
-        got = f"{preset!r} beside a model, a precision or skip"
+    if model is not None or precision != "auto":
+        got = f"{preset!r} beside a model or a precision"
         raise ArgumentError("preset", got=got, want="it alone, which sets them, or these alone")
     return PRESETS[preset]
 

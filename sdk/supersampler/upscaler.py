@@ -8,15 +8,24 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, NoReturn, overload
 
-from supersampler.arguments import checked_names, checked_path, checked_scale, checked_size, ieee_arithmetic
+from supersampler.arguments import (
+    checked_at_rest,
+    checked_names,
+    checked_path,
+    checked_scale,
+    checked_size,
+    checked_skip,
+    ieee_arithmetic,
+)
 from supersampler.backends.onnx.tensors import tensors_of_frame
 from supersampler.conventions.ratios import display_size_of
 from supersampler.errors import ArgumentError, FrameError, shown
 from supersampler.extrapolation import Extrapolator, ShadedHistory
 from supersampler.frame import Float32, Frame, Size, checked_frame
 from supersampler.history import Stats, StepResult
+from supersampler.methods.at_rest import ADDED
 from supersampler.methods.gbuffers import GBUFFERS, black
-from supersampler.model import ExecutorName, Model, Precision, Skip
+from supersampler.model import AtRest, ExecutorName, Model, Precision
 from supersampler.on_device.steps import DeviceSteps
 from supersampler.planning import plan
 from supersampler.presets import PresetName, chosen, loaded_model
@@ -49,15 +58,14 @@ class Upscaler(DeviceSteps):
             size before the first frame. Frames may have other sizes.
         providers, threads, precision, capture: see `Model.load`; not with a `Model`.
         executor: see `Model.load`; "auto" with a `Model`. "onnx" runs extrapolation in ONNX Runtime, too.
-        skip: the tolerance of static-tile reuse. Where nothing moves and each frame is, bit for bit, what it
-            was one jitter period before, a tile's image fades to the mean of a period's samples, and then is
-            a copy. With a number, tiles settle earlier, once the estimated error of the mean is at most
-            this: root mean square of display values, in [0, 1]. "auto" is half a step of an 8-bit image;
-            "exact" computes every pixel by the method, as the ONNX backend always does. "accumulate" is for
-            path tracers: where only noise changes, all samples are averaged without end. "recurrent" averages
-            nothing: images depend on recent frames only, as chunks of a shot need.
-        preset: "fast", "balanced" or "high" in place of `model`, `precision` and `skip`: Pareto-optimal
-            settings of time and error (docs/pareto.md).
+        at_rest: "converge": where nothing moves or changes, the image becomes the mean of one jitter period
+            of samples, and is then frozen. "accumulate" is for path tracers: where only noise changes, all
+            samples are averaged without end. "off": images depend on recent frames only, as chunks of a shot
+            need. Methods without a history of this kind do the last.
+        skip: whether tiles whose image is frozen may be left out, as the CPU and the GPU backend do. The
+            images are the same, bit for bit.
+        preset: "fast", "balanced" or "high" in place of `model` and `precision`: Pareto-optimal settings of
+            time and error (docs/pareto.md).
         extrapolation: model for `extrapolate`, which computes the colour of unshaded frames: "guided-warp",
             "guided-flow", or a model folder. It uses the providers and threads of `model`. None disables
             `extrapolate`.
@@ -67,7 +75,7 @@ class Upscaler(DeviceSteps):
 
     Attributes:
         model: the model in use.
-        skip: tolerance of static-tile reuse, as given.
+        at_rest, skip: as given.
         gbuffers: names of the G-buffers that frames must have; see `ModelInfo.gbuffers`.
 
     Raises:
@@ -89,7 +97,8 @@ class Upscaler(DeviceSteps):
         executor: ExecutorName = "auto",
         precision: Precision = "auto",
         capture: bool = False,
-        skip: Skip = "auto",
+        at_rest: AtRest = "converge",
+        skip: bool = True,
         preset: PresetName | None = None,
         extrapolation: str | Path | None = None,
         validate: Validate = "warn",
@@ -102,7 +111,8 @@ class Upscaler(DeviceSteps):
         self._scale = 1.0 if scale is None else checked_scale(scale)
         self._render_size = None if render_size is None else checked_size("render_size", render_size)
         record = None if record is None else checked_path("record", record)
-        model, precision, self.skip = chosen(preset, model, precision, skip)
+        self.at_rest, self.skip = checked_at_rest(at_rest), checked_skip(skip)
+        model, precision = chosen(preset, model, precision)
         self.model = loaded_model(model, providers, threads, executor, precision, capture=capture)
         if self._render_size is not None and display_size is None:
             display_size = display_size_of(self._render_size, self._scale)
@@ -122,7 +132,8 @@ class Upscaler(DeviceSteps):
             from supersampler.recording import recorder
             from supersampler.recording.setup import setup_here
 
-            made = {"display_size": display_size, "scale": self._scale, "skip": self.skip}
+            rest = {"at_rest": self.at_rest, "skip": self.skip}
+            made = {"display_size": display_size, "scale": self._scale, **rest}
             setup = setup_here(self.model, infos, **made, validate=validate)
             self._recorder = recorder.Recorder(record, setup, inputs)
 
@@ -155,9 +166,9 @@ class Upscaler(DeviceSteps):
         Args:
             frame: see `Frame`. Its render size may differ from that of the previous frame; the history stays.
             out: (H, W, 3) float32 to write the image to.
-            outputs: names of further outputs: "aovs", "class_map", "weight", "count", "converged",
-                "work"; see `StepResult`. A method may lack some. Others than those named cost nothing. "aovs"
-                disables static-tile reuse, and starts without AOV history after a frame without "aovs".
+            outputs: names of further outputs: "aovs", "class_map", "weight", "count", "converged";
+                see `StepResult`. A method may lack some. Others than those named cost nothing. With "aovs"
+                no tile is left out; after a frame without "aovs" it starts without AOV history.
 
         Returns:
             (H, W, 3) float32 linear RGB, finite and >= 0, in the units of `frame.color`; `out` if given.
@@ -352,11 +363,10 @@ class Upscaler(DeviceSteps):
         history = model.first_history(display, frame.size) if kept is None else kept
         result, next_history = model.run_checked(
             frame, history, outputs, out=out, history_out=memory.spare, skip=self.skip,
-            shaded=given.color is not None,
+            adds_samples=0.0 if given.color is None else ADDED[self.at_rest],
         )  # fmt: skip
         stats = memory.stats.after_step(
             fresh=kept is None,
-            work=float(model.work(next_history).mean()),
             seconds=time.perf_counter() - started,
             extrapolation_seconds=extrapolation_seconds,
         )

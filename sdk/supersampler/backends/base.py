@@ -1,4 +1,4 @@
-"""`Executor`: the protocol of the ONNX backend and the CPU backend."""
+"""`Executor`: the protocol of the ONNX, CPU and GPU backends."""
 
 from collections.abc import Collection, Mapping
 from typing import Any, Protocol
@@ -15,7 +15,7 @@ class Executor(Protocol):
     """Runs steps of one model. Results depend on no state of an executor; threads may share it.
 
     Attributes:
-        name: "onnx" or "cpu".
+        name: "onnx", "cpu" or "gpu".
         precision: precision of the network: "fp32", "fp16" or "int8".
     """
 
@@ -37,8 +37,8 @@ class Executor(Protocol):
         image: Float32,
         aux_outputs: Collection[str],
         *,
-        tolerance: float | None,
-        adds_samples: bool,
+        adds_samples: float,
+        skip: bool,
     ) -> Mapping[str, Float32]:
         """Upscale a frame that has been checked.
 
@@ -49,11 +49,9 @@ class Executor(Protocol):
             next_history: written to; not `history`.
             image: (H, W, 3), written to.
             aux_outputs: names of auxiliary outputs to return.
-            tolerance: of static-tile reuse: a tile of a static scene settles on the mean of its samples
-                before a period is whole if its estimated error is at most this, root mean square of display
-                values. ACCUMULATE: see `skip` of `Upscaler`. None: no tile is reused.
-            adds_samples: whether the frame adds samples to the mean of what stands still. Extrapolated frames
-                do not.
+            adds_samples: 1 adds the frame's samples to the mean of what stands still; 0 adds none, as of
+                extrapolated frames; NOISY: see `methods.at_rest`.
+            skip: whether tiles whose image is frozen may be left out. It changes no bit of the result.
 
         Returns:
             The auxiliary outputs, NCHW, by name.
@@ -68,14 +66,5 @@ class Executor(Protocol):
     def tensor(self, buffers: Buffers, name: str) -> Float32:
         """Return a history tensor of the contract as an array, NCHW."""
 
-    def memory(self, buffers: Buffers) -> Mapping[str, NDArray[Any]]:
-        """Return copies of the state that only this executor has, such as tile states, by name."""
-
-    def work(self, buffers: Buffers, display: Size) -> Float32:
-        """Return the work that the step on these buffers did in each tile; see `StepResult.work`."""
-
-    def resting(self, buffers: Buffers) -> float | None:
-        """Return the share of tiles that static-tile reuse copies; None where the step reused no tiles."""
-
     def load(self, buffers: Buffers, tensors: Mapping[str, NDArray[Any]]) -> None:
-        """Fill buffers from all history tensors, already checked, and optionally arrays of `memory`."""
+        """Fill buffers from all history tensors, already checked."""

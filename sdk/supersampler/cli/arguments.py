@@ -2,12 +2,11 @@
 
 import re
 from enum import StrEnum
-from typing import TYPE_CHECKING, Annotated, Literal, cast, get_args
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from supersampler.arguments import Skip, SkipName
-from supersampler.errors import ArgumentError, did_you_mean
+from supersampler.errors import ArgumentError
 from supersampler.frame import Size
 
 if TYPE_CHECKING:
@@ -22,6 +21,7 @@ Validate = Literal["off", "warn", "strict"]
 Precision = Literal["auto", "fp32", "fp16", "int8"]
 Executor = Literal["auto", "onnx", "cpu", "gpu"]
 Preset = Literal["fast", "balanced", "high"]
+AtRest = Literal["converge", "accumulate", "off"]
 
 
 class ImageFormat(StrEnum):  # a Literal cannot be given several times
@@ -62,18 +62,6 @@ def parse_providers(text: str) -> str | list[str]:
     """Parse "cuda,cpu" as a list of names; one name stays text, as "auto" is not allowed in a list."""
     names = [name.strip() for name in text.split(",")]
     return names[0] if len(names) == 1 else names
-
-
-def parse_skip(text: str) -> Skip:
-    """Parse a SkipName or a number; `Upscaler` checks its range."""
-    words = get_args(SkipName)
-    if text in words:
-        return cast("Skip", text)
-    try:
-        return float(text)
-    except ValueError:
-        want, hint = f"{', '.join(words)} or a number in [0, 1]", did_you_mean(text, words)
-        raise ArgumentError("--skip", got=repr(text), want=want, hint=hint) from None
 
 
 def size_text(size: Size | None) -> str:

@@ -15,7 +15,7 @@ from supersampler.frame import Size
 from supersampler.io.shot import Shot
 from supersampler.io.shot.frame_numbers import FrameNumbers
 from supersampler.methods.model_file import find_model, read_model_info
-from supersampler.model import Model, Precision, Skip
+from supersampler.model import AtRest, Model, Precision
 from supersampler.presets import PresetName, chosen
 from supersampler.upscaler import Upscaler
 
@@ -40,7 +40,8 @@ class UpscaleJob:
         compare: whether to write the page.
         maps: whether the page has auxiliary outputs, too.
         providers, threads, precision, preset, validate: see `Upscaler`.
-        skip: see `Upscaler`; None is "auto", or "recurrent" with a preroll.
+        at_rest: see `Upscaler`; None is "converge", or "off" with a preroll.
+        skip: see `Upscaler`.
         passes: 2 merges a forward and a backward run.
         scratch: where the frames of two passes are kept meanwhile; None is the system's place.
         extrapolation: name or folder of the model for unshaded frames.
@@ -66,7 +67,8 @@ class UpscaleJob:
     providers: str | Sequence[str] = "auto"
     threads: int = 0
     precision: Precision = "auto"
-    skip: Skip | None = None
+    at_rest: AtRest | None = None
+    skip: bool = True
     preset: PresetName | None = None
     passes: int = 1
     scratch: Path | None = None
@@ -90,9 +92,7 @@ class UpscaleJob:
 
     def upscaler(self) -> Upscaler:
         """Return an Upscaler for the run."""
-        model, precision, skip = chosen(self.preset, self.model, self.precision, self.skip or "auto")
-        if self.has_preroll and self.skip is None:
-            skip = "recurrent"
+        model, precision = chosen(self.preset, self.model, self.precision)
         size = self.display_size or (self.shot.display_size if self.scale is None else None)
         info = model.info if isinstance(model, Model) else read_model_info(find_model(model))
         return Upscaler(
@@ -103,7 +103,8 @@ class UpscaleJob:
             providers=self.providers,
             threads=self.threads,
             precision=precision,
-            skip=skip,
+            at_rest=self.at_rest or ("off" if self.has_preroll else "converge"),
+            skip=self.skip,
             extrapolation=self.extrapolation if self.passes == 1 else None,
             validate=self.validate,
         )
@@ -114,6 +115,7 @@ class UpscaleJob:
             forward.model,
             display_size=forward.display_size,
             render_size=self.shot.render_size,
+            at_rest=forward.at_rest,
             skip=forward.skip,
             validate="off",  # the forward run checks the frames
         )
@@ -134,6 +136,7 @@ class UpscaleJob:
             opened.model,
             display_size=opened.display_size,
             render_size=self.shot.render_size,
+            at_rest=opened.at_rest,
             skip=opened.skip,
             extrapolation=self.extrapolation,
             validate=self.validate,
@@ -154,7 +157,7 @@ class UpscaleJob:
             PREROLL: self._preroll(upscaler) if self.has_preroll else None,
             "render size": size_text(self.shot.render_size),
             "conventions": self.shot.conventions.to_json(),
-            "skip": upscaler.skip,
+            "at rest": upscaler.at_rest,
             "passes": None if self.passes == 1 else self.passes,
             "extrapolation": None if extrapolation is None else dict(extrapolation.files),
             "display size": size_text(upscaler.display_size),

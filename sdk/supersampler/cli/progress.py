@@ -48,17 +48,12 @@ class RunProgress:
     ) -> None:
         self._bar.stop()
 
-    def advance(self, what: str, skipped: float) -> None:
-        """Count a frame.
-
-        Args:
-            what: happens to it: "upscaling", "replaying".
-            skipped: fraction of the work that was skipped so far.
-        """
+    def advance(self, what: str) -> None:
+        """Count a frame; `what` happens to it: "upscaling", "replaying"."""
         self._done += 1
         now = time.monotonic()
         rate = self._done / max(now - self._began, 1e-9)
-        text = f"{rate:.1f} frames/s" + (f", {skipped:.0%} of the work skipped" if skipped >= 0.01 else "")
+        text = f"{rate:.1f} frames/s"
         self._bar.update(self._task, advance=1, description=what, rate=text)
         if not self._console.is_terminal and not self._json and now - self._logged >= _LOG_SECONDS:
             self._logged = now

@@ -161,11 +161,11 @@ class _Run:
         job, meter = self._job, ExposureMeter()
 
         def advance(index: int, direction: str) -> None:
-            stats, position = self._upscaler.stats, self._plan.position(index)
+            position = self._plan.position(index)
             writes = position is not None and position >= self._first
             what = "upscaling" if writes and index < segment.stop else "replaying"
             what = "stepping backward" if direction == "backward" else what
-            progress.advance(what, 1.0 - stats.work / max(stats.frames, 1))
+            progress.advance(what)
 
         exposure_at_start, references = self._exposure_at(segment), page is not None
         with closing(
@@ -232,5 +232,3 @@ class _Run:
         if stats.extrapolated:
             each = stats.extrapolation_seconds / stats.extrapolated
             console.print(f"{stats.extrapolated} were not shaded; extrapolating one took {each:.2f} s")
-        if stats.work < stats.frames:
-            console.print(f"{1 - stats.work / stats.frames:.0%} of the work was skipped: nothing moved.")

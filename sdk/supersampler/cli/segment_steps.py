@@ -178,7 +178,7 @@ class SegmentSteps:
                 index, before = index + 1, time.perf_counter()
 
     def _maps(self) -> tuple[str, ...]:
-        return (*self._upscaler.model.info.maps, "work") if self._job.maps else ()
+        return tuple(self._upscaler.model.info.maps) if self._job.maps else ()
 
     def _step(self, frame: Frame) -> StepResult:
         """Step with the auxiliary outputs that the files and the page show."""

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from supersampler.cli.arguments import (
+    AtRest,
     Compare,
     Format,
     Precision,
@@ -15,7 +16,6 @@ from supersampler.cli.arguments import (
     Validate,
     parse_providers,
     parse_size,
-    parse_skip,
 )
 from supersampler.cli.display_options import Display, Exposure, Look, Ocio, View, display_transform_of
 from supersampler.cli.source_options import (
@@ -101,7 +101,9 @@ def upscale(
     compare: Compare = False,
     maps: Annotated[
         bool,
-        typer.Option("--maps", help="With --compare: also classes, weight of the history, samples, work."),
+        typer.Option(
+            "--maps", help="With --compare: also classes, weight of the history, samples, what is frozen."
+        ),
     ] = False,
     layout: LayoutOption = "auto",
     jitter: JitterOption = None,
@@ -121,16 +123,19 @@ def upscale(
     precision: Annotated[
         Precision, typer.Option(help="Of the network. int8: fast on a CPU. fp32, fp16: a graph that ships.")
     ] = "auto",
-    skip: Annotated[
-        str | None,
+    at_rest: Annotated[
+        AtRest | None,
         typer.Option(
-            help="exact: compute every pixel. auto, or the error to settle at: converge where nothing moves. "
-            "accumulate: also where noise does. recurrent: average nothing.",
-            show_default="auto; recurrent with --frames or --preroll",
+            help="Where nothing moves. converge: to the mean of the samples. accumulate: also where noise "
+            "changes, for path tracers. off: depend on recent frames only.",
+            show_default="converge; off with --frames or --preroll",
         ),
     ] = None,
+    no_skip: Annotated[
+        bool, typer.Option("--no-skip", help="Compute frozen tiles, too; the images are the same.")
+    ] = False,
     preset: Annotated[
-        Preset | None, typer.Option(help="Sets method, precision and skip for the best error at its speed.")
+        Preset | None, typer.Option(help="Sets method and precision for the best error at its speed.")
     ] = None,
     passes: Annotated[
         int,
@@ -211,7 +216,8 @@ def upscale(
         "providers": parse_providers(providers),
         "threads": threads,
         "precision": precision,
-        "skip": None if skip is None else parse_skip(skip),
+        "at_rest": at_rest,
+        "skip": not no_skip,
         "preset": preset,
         "passes": passes,
         "scratch": scratch,

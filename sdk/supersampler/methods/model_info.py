@@ -8,10 +8,9 @@ from typing import Any
 from supersampler.conventions.ratios import only_ratio
 from supersampler.frame import Size
 from supersampler.methods.array_spec import ArraySpec, values_of
-from supersampler.methods.at_rest import AT_REST_HISTORY
+from supersampler.methods.at_rest import AT_REST_HISTORY, block_count, phase_count
 from supersampler.methods.gbuffers import GBUFFERS
 from supersampler.methods.sizes import half_size, large_size
-from supersampler.methods.at_rest import block_count, phase_count
 from supersampler.methods.spec import (
     BLOCKS,
     DISPLAY,
@@ -120,7 +119,7 @@ class ModelInfo:
 
     @property
     def converges(self) -> bool:
-        """Whether the image becomes the mean of its samples where nothing moves (`methods.convergence`)."""
+        """Whether the image becomes the mean of its samples where nothing moves (`methods.at_rest`)."""
         channels = {h.input.name: h.input.shape[:2] for h in self.history}
         wanted = {f"history.{name}": shape[:2] for name, shape in AT_REST_HISTORY.items()}
         return wanted.items() <= channels.items()

@@ -47,7 +47,7 @@ class DeviceRuns:
         pre_exposure: float = 1.0,
         out: Tensor | None = None,
         history_out: History | None = None,
-        adds_samples: bool = True,
+        adds_samples: float = 1.0,
     ) -> tuple[Tensor, History]:
         """Upscale a frame on the provider's device; see `Upscaler.step_tensors`.
 
@@ -84,7 +84,7 @@ class DeviceRuns:
         image: "wgpu.GPUTexture | wgpu.GPUBuffer",
         history_out: History | None = None,
         *,
-        adds_samples: bool = True,
+        adds_samples: float = 1.0,
     ) -> History:
         """Encode a step on a frame in memory of the GPU; see `Upscaler.encode_into`.
 

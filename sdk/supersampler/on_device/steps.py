@@ -18,7 +18,8 @@ from supersampler.frame import (
     checked_pre_exposure,
     checked_reset,
 )
-from supersampler.model import Model, Skip
+from supersampler.methods.at_rest import ADDED
+from supersampler.model import AtRest, Model
 from supersampler.state import Memory
 
 if TYPE_CHECKING:
@@ -31,7 +32,8 @@ class DeviceSteps:
     """Base of `Upscaler`; its attributes are those of it."""
 
     model: Model
-    skip: Skip
+    at_rest: AtRest
+    skip: bool
     _memory: Memory
     _scale: float
     _closed: bool
@@ -162,11 +164,11 @@ class DeviceSteps:
         frame = DeviceFrame(given, size, *values)
         image = gpu.new_image(display) if out is None else checked_target(out, display, gpu.device)
         history = self.model.first_history(display, size) if kept is None else kept
-        adds_samples = self.skip != "recurrent"
+        adds_samples = ADDED[self.at_rest]
         next_history = self.model.encode(
             encoder, frame, history, image, memory.spare, adds_samples=adds_samples
         )
-        stats = memory.stats.after_step(fresh=kept is None, work=1.0, seconds=time.perf_counter() - started)
+        stats = memory.stats.after_step(fresh=kept is None, seconds=time.perf_counter() - started)
         self._memory = Memory(display, next_history, history, None, stats)
         return image
 
@@ -186,9 +188,9 @@ class DeviceSteps:
         history = self.model.first_history(display, size) if kept is None else kept
         image, next_history = self.model.run_tensors(
             tensors, history, jitter=jitter, exposure=exposure, pre_exposure=pre_exposure, out=out,
-            history_out=memory.spare, adds_samples=self.skip != "recurrent",
+            history_out=memory.spare, adds_samples=ADDED[self.at_rest],
         )  # fmt: skip
-        stats = memory.stats.after_step(fresh=kept is None, work=1.0, seconds=time.perf_counter() - started)
+        stats = memory.stats.after_step(fresh=kept is None, seconds=time.perf_counter() - started)
         self._memory = Memory(display, next_history, history, None, stats)
         return image
 

@@ -140,6 +140,7 @@ class Replay:
             self.model,
             display_size=setup.display_size,
             scale=setup.scale if setup.display_size is None else None,
+            at_rest=setup.at_rest,
             skip=setup.skip,
             extrapolation=extrapolation,
             validate=setup.validate,

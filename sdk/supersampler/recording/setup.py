@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from supersampler.arguments import Skip, checked_scale, checked_skip, checked_threads
+from supersampler.arguments import AtRest, checked_at_rest, checked_scale, checked_skip, checked_threads
 from supersampler.errors import RecordingError, ShotError, SupersamplerError
 from supersampler.frame import Size
 from supersampler.io.files import NOT_FOUND
@@ -19,7 +19,7 @@ from supersampler.recording.folder import SETUP, is_recording
 if TYPE_CHECKING:
     from supersampler.model import Model
 
-FORMAT = 4
+FORMAT = 5
 """Version of a recording's files; other versions are refused."""
 
 _PACKAGES = ("numpy", "onnxruntime", "onnxruntime-gpu", "onnxruntime-directml", "numba", "llvmlite")
@@ -67,7 +67,7 @@ class Setup(RecordedModel):
         threads: requested CPU threads; 0 is every core.
         display_size: (width, height); None where `scale` and the first frame determine it.
         scale: display over render size; unused with a display size.
-        skip, validate: see `Upscaler`.
+        at_rest, skip, validate: see `Upscaler`.
         versions: versions of this package, Python and the packages that images depend on.
         machine: see `supersampler.io.machine`.
     """
@@ -80,7 +80,8 @@ class Setup(RecordedModel):
     threads: int
     display_size: Size | None
     scale: float
-    skip: Skip
+    at_rest: AtRest
+    skip: bool
     validate: Any  # of `Upscaler`
     versions: Mapping[str, str]
     machine: Mapping[str, Any]
@@ -89,7 +90,7 @@ class Setup(RecordedModel):
 def setup_here(model: "Model", extrapolation: Sequence[ModelInfo], **arguments: Any) -> Setup:
     """Return the setup of an Upscaler with this model, and at most one extrapolation, on this machine.
 
-    `arguments` are display_size, scale, skip and validate; see `Setup`.
+    `arguments` are display_size, scale, at_rest, skip and validate; see `Setup`.
     """
     return Setup(
         contract=CONTRACT,
@@ -142,6 +143,7 @@ def _setup(data: Field) -> Setup:
         threads=checked_threads(data["threads"].of(int)),
         display_size=data.read("display_size", Field.size, None),
         scale=checked_scale(data["scale"].number()),
+        at_rest=checked_at_rest(data["at_rest"].value),
         skip=checked_skip(data["skip"].value),
         validate=data["validate"].one_of("off", "warn", "strict"),
         versions=_texts_by_name(data["versions"]),

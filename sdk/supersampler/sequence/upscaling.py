@@ -8,7 +8,7 @@ from supersampler.arguments import checked_path
 from supersampler.errors import ArgumentError, shown
 from supersampler.frame import Float32, Frame, Size, checked_frame
 from supersampler.io.shot import Shot, ShotFrame
-from supersampler.model import ExecutorName, Model, Precision, Skip
+from supersampler.model import AtRest, ExecutorName, Model, Precision
 from supersampler.sequence.both_ways import BothWays, ChunkSize
 from supersampler.sequence.frame_store import MEMORY, FrameStore
 from supersampler.sequence.interpolation import Interpolator, interpolator_of
@@ -32,7 +32,8 @@ def upscale_sequence(
     threads: int = 0,
     executor: ExecutorName = "auto",
     precision: Precision = "auto",
-    skip: Skip = "auto",
+    at_rest: AtRest = "converge",
+    skip: bool = True,
     extrapolation: str | Path | None = None,
     validate: Validate = "warn",
     scratch: str | Path | None = None,
@@ -63,6 +64,7 @@ def upscale_sequence(
         threads: see `Upscaler`.
         executor: see `Upscaler`.
         precision: see `Upscaler`.
+        at_rest: see `Upscaler`.
         skip: see `Upscaler`.
         extrapolation: model for frames without colour, such as "guided-warp". One pass takes their light from
             the shaded frame before, as `Upscaler.extrapolate`; two passes from those before and after.
@@ -84,14 +86,14 @@ def upscale_sequence(
         raise ArgumentError("frames", got=shown(frames), want="a Shot, or an iterable of Frames")
     forward = Upscaler(
         model, display_size=display_size, scale=scale, providers=providers, threads=threads,
-        executor=executor, precision=precision, skip=skip, validate=validate,
+        executor=executor, precision=precision, at_rest=at_rest, skip=skip, validate=validate,
         extrapolation=extrapolation if passes == 1 else None,
     )  # fmt: skip
     if passes == 1:
         return _in_order(frames, forward, extrapolates=extrapolation is not None)
     interpolator = None if extrapolation is None else interpolator_of(extrapolation, forward, executor)
     backward = Upscaler(
-        forward.model, display_size=display_size, scale=scale, skip=skip, validate="off"
+        forward.model, display_size=display_size, scale=scale, at_rest=at_rest, skip=skip, validate="off"
     )  # the same frames: one check is enough
     memory = MEMORY if lookahead is None else math.inf
     store = FrameStore(memory=memory, folder=place, names=buffers_of(forward, interpolator))

@@ -2,11 +2,13 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping
+from functools import partial
 from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from supersampler.backends.cpu.at_rest import AT_REST_KERNELS, AtRest, Stillness, next_generation
 from supersampler.backends.cpu.frame_preprocess import (
     MEASURE,
     AuxOutputs,
@@ -18,12 +20,12 @@ from supersampler.backends.cpu.history import CpuHistory, HistoryLayout
 from supersampler.backends.cpu.kernel_loader import load_kernels
 from supersampler.backends.cpu.resample_tables import ResampleTableCache
 from supersampler.backends.cpu.structs import FrameInputs, Output
-from supersampler.backends.cpu.threads import ThreadPool
-from supersampler.backends.cpu.tile_reuse import TILE_REUSE_KERNELS, TileReuse
-from supersampler.backends.cpu.tiles import Tiles
+from supersampler.backends.cpu.threads import Rect, ThreadPool
+from supersampler.backends.cpu.tiles import Bool, Tiles, runs_of, scaled
 from supersampler.backends.cpu.workspaces import Workspaces
 from supersampler.backends.plan import held_bytes
 from supersampler.frame import Float32, Frame, Size
+from supersampler.methods.at_rest import block_count, phase_count
 
 
 class WorkBuffers(Protocol):
@@ -44,9 +46,8 @@ class Step(NamedTuple):
         history: history after the previous frame; not changed.
         next_history: written to, except for the pixels of reused tiles.
         output: the other outputs.
-        converged: (1, 1, H, pitch) to write the fraction of the mean to, if requested.
         tiles: the tiles to compute.
-        adds_samples: see `Executor.step`.
+        resting: (rows, columns) tiles whose history is kept, whether they are computed or not.
     """
 
     frame: Frame
@@ -54,9 +55,8 @@ class Step(NamedTuple):
     history: CpuHistory
     next_history: CpuHistory
     output: Output
-    converged: Float32 | None
     tiles: Tiles
-    adds_samples: bool
+    resting: Bool
 
     @property
     def display(self) -> Size:
@@ -81,10 +81,10 @@ class CpuExecutor(ABC, Generic[Space]):
 
     def __init__(self, layout: HistoryLayout, pool: ThreadPool, *kernels: str) -> None:
         first, *others = kernels
-        self.kernels = load_kernels(first, MEASURE, *TILE_REUSE_KERNELS, *others)
+        self.kernels = load_kernels(first, MEASURE, *AT_REST_KERNELS, *others)
         self.pool, self._layout = pool, layout
         self._preprocess = FramePreprocess(self.kernels, pool)
-        self._tile_reuse = TileReuse(self.kernels, pool)
+        self._rest = AtRest(self.kernels, pool)
         self._spaces = Workspaces(self._space)
 
     @abstractmethod
@@ -97,11 +97,11 @@ class CpuExecutor(ABC, Generic[Space]):
 
     def zeros(self, display: Size, render: Size) -> CpuHistory:
         """See `Executor`."""
-        return CpuHistory(self._layout, display, render)
+        return CpuHistory(self._layout, self.own_size(display), render, display)
 
     def fits(self, buffers: CpuHistory, display: Size, render: Size) -> bool:
         """See `Executor`."""
-        return buffers.fits(display, render)
+        return buffers.fits(self.own_size(display), render, display)
 
     def step(
         self,
@@ -112,17 +112,87 @@ class CpuExecutor(ABC, Generic[Space]):
         image: Float32,
         aux_outputs: Collection[str],
         *,
-        tolerance: float | None,
-        adds_samples: bool,
+        adds_samples: float,
+        skip: bool,
     ) -> Mapping[str, Float32]:
         """See `Executor`."""
-        aux = self._step(
-            frame, display, history, next_history, image, aux_outputs,
-            tolerance=tolerance, adds_samples=adds_samples,
-        )  # fmt: skip
+        inputs, own, aux = frame_inputs(frame), self.own_size(display), AuxOutputs(aux_outputs, display)
+        exposure = self._preprocess.exposure(frame, inputs.color, history.exposure)
+        inputs = inputs._replace(exposure=abs(exposure))
+        still, generation = (
+            self._compare(frame, inputs, history, next_history, adds_samples),
+            next_generation(),
+        )
+        resting = np.zeros(next_history.generations.shape, bool)
+        if still is not None and still.stays.any():
+            resting = still.resting(own, frame.size)
+        leaves_out = skip and "weight" not in aux_outputs  # AOVs may change where no colour does
+        tiles = Tiles(~resting if leaves_out else np.ones_like(resting))
+        if tiles.any:
+            next_history.jitter, next_history.exposure = frame.jitter, exposure
+            self._run(
+                frame,
+                inputs,
+                history,
+                next_history,
+                image,
+                aux,
+                tiles=tiles,
+                resting=resting,
+                display=display,
+            )
+        self._keep(history, next_history, tiles, resting, generation)
+        if still is not None and history.rest is not None and next_history.rest is not None:
+            rested = history.rest, next_history.rest, still
+            self._rest.show(frame, inputs, *rested, image, generation)
+            aux.fill("converged", still.frozen, frame.size)
         if frame.pre_exposure != 1.0:
             self._multiply(image, frame.pre_exposure)
-        return aux
+        return aux.results()
+
+    def own_size(self, display: Size) -> Size:
+        """Return the size of the images that the method keeps."""
+        return display
+
+    def _compare(
+        self, frame: Frame, inputs: FrameInputs, history: CpuHistory, next_history: CpuHistory, adds: float
+    ) -> Stillness | None:
+        if history.rest is None or next_history.rest is None:
+            return None
+        return self._rest.compare(frame, inputs, history.rest, next_history.rest, adds)
+
+    def _run(
+        self,
+        frame: Frame,
+        inputs: FrameInputs,
+        history: CpuHistory,
+        next_history: CpuHistory,
+        image: Float32,
+        aux: AuxOutputs,
+        *,
+        tiles: Tiles,
+        resting: Bool,
+        display: Size,
+    ) -> None:
+        """Compute tiles of the method's own image and next history."""
+        output = aux.output(next_history.tiled()[0][1], image)
+        with self._spaces.borrow(frame.size, display) as space:
+            self._compute_tiles(Step(frame, inputs, history, next_history, output, tiles, resting), space)
+
+    def _keep(
+        self, history: CpuHistory, next_history: CpuHistory, tiles: Tiles, resting: Bool, generation: int
+    ) -> None:
+        """Make tiles that rest in the next history those of the history."""
+        stale = resting & (tiles.computed | (next_history.generations != history.generations))
+        next_history.generations = np.where(resting, history.generations, generation)
+        if resting.all():
+            next_history.keep_frame(history)
+        if not stale.any():
+            return
+        runs = runs_of(stale)
+        for (unit, source), (_, target) in zip(history.tiled(), next_history.tiled(), strict=True):
+            boxes = scaled(runs, unit, (source.shape[1], source.shape[0]))
+            self.pool.run_rects("rest", boxes, partial(_copy, source, target))
 
     def _multiply(self, image: Float32, factor: float) -> None:
         """Multiply an image in place."""
@@ -132,56 +202,26 @@ class CpuExecutor(ABC, Generic[Space]):
 
         self.pool.run_rows("finish", len(image), multiply)
 
-    def _step(
-        self,
-        frame: Frame,
-        display: Size,
-        history: CpuHistory,
-        next_history: CpuHistory,
-        image: Float32,
-        aux_outputs: Collection[str],
-        *,
-        tolerance: float | None,
-        adds_samples: bool,
-    ) -> Mapping[str, Float32]:
-        """Run `step`; the image is without pre-exposure."""
-        inputs, aux = frame_inputs(frame), AuxOutputs(aux_outputs, display)
-        if inputs.has_reactive:  # may change where no other input does
-            tolerance = None
-        states = history.tile_state, next_history.tile_state
-        images = history.tiled(), next_history.tiled()
-        inputs = inputs._replace(exposure=abs(history.exposure))
-        tiles = self._tile_reuse.begin(inputs, frame.jitter, *states, tolerance=tolerance)
-        if tiles.any:
-            next_history.jitter = frame.jitter
-            next_history.exposure = self._preprocess.exposure(frame, inputs.color, history.exposure)
-            inputs = inputs._replace(exposure=abs(next_history.exposure))
-            output, converged = aux.output(images[1][0][1], image), aux.planes.get("converged")
-            with self._spaces.borrow(frame.size, display) as space:
-                self._compute_tiles(
-                    Step(frame, inputs, history, next_history, output, converged, tiles, adds_samples),
-                    space,
-                )
-        else:
-            next_history.keep_frame(history)
-        inputs = inputs._replace(exposure=abs(next_history.exposure))
-        mean = next_history.arrays.get("still"), next_history.arrays.get("opening")
-        self._tile_reuse.end(inputs, frame.jitter, *states, *images, mean, image, tolerance=tolerance)
-        return aux.results()
-
     def _resample(self, step: Step, view: ResampledFrame) -> None:
         """Preprocess the frame of a step into `view`; note whether it or its history has glare."""
         view.set_jitter(step.frame.jitter)
         mask, has_mask = step.inputs.reactive, step.inputs.has_reactive
         view.samples = view.samples._replace(reactive=mask, has_reactive=has_mask)
         self._preprocess.read(step.inputs, view.samples)
-        kept = step.history.glares and not step.tiles.all
+        kept = step.history.glares and bool(step.resting.any())
         step.next_history.glares = bool(view.samples.glares.any()) or kept
 
     def required_bytes(self, display: Size, render: Size) -> tuple[int, int | None]:
         """See `Executor`."""
-        working = self._working_bytes(display, render) + self._tile_reuse.most_bytes(display, render)
-        return held_bytes(self.zeros(display, render)), working
+        history = held_bytes(self.zeros(display, render)) + self._rest_bytes(display, render)
+        return history, self._working_bytes(self.own_size(display), render)
+
+    def _rest_bytes(self, display: Size, render: Size) -> int:
+        """Return the bytes of the mean and the signatures of one history, which are allocated at rest."""
+        if not self._layout.rests:
+            return 0
+        across, down = block_count(render)
+        return 16 * display[0] * display[1] + 8 * across * down * phase_count(display, render)
 
     def _working_bytes(self, display: Size, render: Size) -> int:
         """Return the bytes of the work buffers."""
@@ -201,15 +241,7 @@ class CpuExecutor(ABC, Generic[Space]):
         """See `Executor`."""
         buffers.load(tensors)
 
-    def memory(self, buffers: CpuHistory) -> Mapping[str, NDArray[Any]]:
-        """See `Executor`."""
-        return buffers.tile_state.arrays()
 
-    def work(self, buffers: CpuHistory, display: Size) -> Float32:  # noqa: ARG002  # not needed
-        """See `Executor`."""
-        return buffers.tile_state.work
-
-    def resting(self, buffers: CpuHistory) -> float | None:
-        """See `Executor`."""
-        state = buffers.tile_state
-        return None if state.static_tiles is None else state.converged
+def _copy(source: NDArray[Any], target: NDArray[Any], box: Rect, worker: int) -> None:  # noqa: ARG001  # any
+    y0, y1, x0, x1 = box
+    target[y0:y1, x0:x1] = source[y0:y1, x0:x1]

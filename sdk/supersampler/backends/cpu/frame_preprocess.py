@@ -4,7 +4,9 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
+from supersampler.backends.cpu.at_rest import blocks_at
 from supersampler.backends.cpu.kernel_loader import Call
 from supersampler.backends.cpu.layout import FILTER_LINES, LANES, PAD, SAMPLE_PLANES
 from supersampler.backends.cpu.memory import address, aligned
@@ -93,7 +95,7 @@ class ResampledFrame:
 
 
 class AuxOutputs:
-    """The auxiliary outputs: weight of the history, fraction of the mean; both are 1 in reused tiles.
+    """The auxiliary outputs: weight of the history, and where the image is frozen.
 
     Args:
         names: of the requested outputs; others than these two are ignored.
@@ -104,10 +106,10 @@ class AuxOutputs:
     """
 
     def __init__(self, names: Collection[str], display: Size) -> None:
-        self._width = display[0]
+        self._display, self._width = display, display[0]
         shape = (1, 1, display[1], up_to(display[0], LANES))
         own = [name for name in ("weight", "converged") if name in names]
-        self.planes = {name: np.ones(shape, np.float32) for name in own}
+        self.planes = {name: np.zeros(shape, np.float32) for name in own}
 
     def output(self, next_history: Float32, image: Float32) -> Output:
         """Return the outputs of a step."""
@@ -115,6 +117,12 @@ class AuxOutputs:
         rows = self.planes.get("weight", np.zeros(1, np.float32))
         has_weight = int("weight" in self.planes)
         return Output(next_history, image, rows, has_weight, width, height, up_to(width, LANES))
+
+    def fill(self, name: str, blocks: NDArray[np.bool_], render: Size) -> None:
+        """Write 1 at the pixels of these blocks, if the output is requested."""
+        if name in self.planes:
+            at = blocks_at(self._display, render)
+            self.planes[name][0, 0, :, : self._width] = blocks[at.rows][:, at.columns]
 
     def results(self) -> dict[str, Float32]:
         """Return the requested outputs, (1, 1, H, W) each."""

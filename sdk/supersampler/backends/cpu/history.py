@@ -6,12 +6,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.backends.cpu.layout import LANES, PAD, RENDER_TILE, TILE
+from supersampler.backends.cpu.at_rest import RestState, next_generation
+from supersampler.backends.cpu.layout import LANES, PAD, TILE
 from supersampler.backends.cpu.memory import aligned
 from supersampler.backends.cpu.resample_tables import up_to
-from supersampler.backends.cpu.static_weights import LEAST_SAMPLES
-from supersampler.backends.cpu.tile_state import TileState
 from supersampler.frame import Float32, Size
+from supersampler.methods.at_rest import AT_REST_HISTORY
 from supersampler.methods.spec import HALF, PREVIOUS, MethodSpec, Shape
 
 _UINT8_ONE = np.float32(255.0)
@@ -39,10 +39,10 @@ class HistoryLayout:
         planes: the arrays by name; the first one starts with linear RGB at display size.
         glare: name of the tensor whose last channel, in [0, 1], is increased by GLARE times the number of
             glaring frames; None for a method that does not count them.
-        least_samples: of a pixel of the history, for static-tile reuse; see `static_weights.LEAST_SAMPLES`.
 
     Attributes:
-        planes, glare, least_samples: as given.
+        planes, glare: as given.
+        rests: whether the method converges at rest.
         values: number of values of each other tensor of shape (1, n), by name.
     """
 
@@ -51,13 +51,13 @@ class HistoryLayout:
         spec: MethodSpec,
         planes: Mapping[str, Plane],
         glare: str | None = None,
-        least_samples: float = LEAST_SAMPLES,
     ) -> None:
-        self.planes, self.glare, self.least_samples, self._spec = planes, glare, least_samples, spec
+        self.planes, self.glare, self._spec = planes, glare, spec
+        self.rests = "static_mean" in spec.history
         self.values = {
             name: int(shape[1])
             for name, shape in spec.history.items()
-            if len(shape) == 2 and name != "jitter"
+            if len(shape) == 2 and name not in ("jitter", *AT_REST_HISTORY)
         }
 
     def size(self, plane: Plane) -> Shape:
@@ -87,44 +87,41 @@ class CpuHistory:
 
     Args:
         layout: layout of the method's history.
-        display: size of the image.
+        display: size of the planes.
         render: size of the frame.
+        image: size of the image; None: that of the planes.
 
     Attributes:
         render: size of the frame.
         arrays: planes by name; the padding of those of PREVIOUS size repeats the border.
         values: other tensors, (n,) each, by name.
-        tile_state: state of static-tile reuse.
+        rest: what stands still; None for a method without it.
+        generations: (rows, columns) of tiles; in two histories equal ones mean equal planes.
         jitter: jitter of the frame.
         exposure: exposure of the frame by `followed_exposure`; 0 before the first frame.
         glares: whether pixels may hold counts of glaring frames.
-        means: (rows, columns) of display tiles, of which the plane "still" may not be zero.
-        ranges: (rows, columns) of tiles of the frame, of which the plane "opening" may not be zero.
     """
 
-    def __init__(self, layout: HistoryLayout, display: Size, render: Size) -> None:
+    def __init__(self, layout: HistoryLayout, display: Size, render: Size, image: Size | None = None) -> None:
         self._layout, self._display, self.render = layout, display, render
         self.arrays: dict[str, NDArray[Any]] = {
             name: aligned(layout.shape(plane, display, render), plane.dtype)
             for name, plane in layout.planes.items()
         }
         self.values = {name: np.zeros(count, np.float32) for name, count in layout.values.items()}
-        self.tile_state = TileState(display, layout.least_samples)
+        self.rest = RestState(image or display, render) if layout.rests else None
+        self.generations = np.zeros([-(-extent // TILE) for extent in display[::-1]], np.int64)
         self.jitter, self.exposure, self.glares = (0.0, 0.0), 0.0, False
-        self.means, self.ranges = (
-            np.zeros((-(-size[1] // side), -(-size[0] // side)), bool)
-            for size, side in ((display, TILE), (render, RENDER_TILE))
-        )
 
-    def fits(self, display: Size, render: Size) -> bool:
-        """Return whether these arrays can hold the history after a frame of this size."""
+    def fits(self, display: Size, render: Size, image: Size) -> bool:
+        """Return whether these arrays can hold the history after a frame of this size; see `__init__`."""
         free = PREVIOUS not in map(self._layout.size, self._layout.planes.values())
-        return self._display == display and (free or self.render == render)
+        same = self._display == display and (self.rest is None or self.rest.display == image)
+        return same and (free or self.render == render)
 
     def keep_frame(self, previous: "CpuHistory") -> None:
         """Copy everything except tiles from the previous history: no tile of this frame is computed."""
         self.jitter, self.exposure, self.glares = previous.jitter, previous.exposure, previous.glares
-        self.means, self.ranges = previous.means.copy(), previous.ranges.copy()
         for name, values in previous.values.items():
             self.values[name][:] = values
         for name, plane in self._layout.planes.items():
@@ -143,6 +140,8 @@ class CpuHistory:
     def tensor(self, name: str) -> Float32:
         """Return a copy of a history tensor, NCHW, by its name in the graph."""
         own = name.removeprefix("history.")
+        if self.rest is not None and own in AT_REST_HISTORY:
+            return self.rest.tensor(own)
         if own == "jitter":
             return np.array([self.jitter], np.float32)
         if own == "exposure":
@@ -158,8 +157,10 @@ class CpuHistory:
         return np.ascontiguousarray(pixels.transpose(2, 0, 1)[None])
 
     def load(self, tensors: Mapping[str, NDArray[Any]]) -> None:
-        """Fill from all history tensors, NCHW, and from arrays of `TileState.arrays`, if present."""
-        self.tile_state.load(tensors, self.render)
+        """Fill from all history tensors, NCHW."""
+        self.generations[:] = generation = next_generation()
+        if self.rest is not None:
+            self.rest.load(tensors, generation)
         for key, plane in self._layout.planes.items():
             array = self.arrays[key]
             for name, channels in self._layout.channels(plane).items():
@@ -172,7 +173,6 @@ class CpuHistory:
                 array[..., channels] = pixels
         for name, values in self.values.items():
             values[:] = tensors[f"history.{name}"][0]
-        self.means[:] = self.ranges[:] = True
         self.exposure = float(tensors["history.exposure"][0])
         if "history.jitter" in tensors:
             x, y = (float(j) for j in tensors["history.jitter"][0])

@@ -1,17 +1,11 @@
 """Memory layout of the arrays that kernels share with Python."""
 
+from supersampler.methods.at_rest import TILE as TILE
+
 LANES = 16
 """Lanes of a vector. Rows of pixels are padded to a multiple of it."""
 PAD = 16
 """Columns of padding before and after each row of samples, so that neighbourhoods need no bounds checks."""
-TILE = 32
-"""Side of a display tile, display pixels: a step computes or reuses whole tiles."""
-STATIC_TILE = 8
-"""Side of a static tile, display pixels: static-tile reuse copies whole ones, also within computed tiles."""
-RENDER_TILE = 4
-"""Side of a tile of the frame, samples: static-tile reuse compares whole tiles."""
-SUM_VALUES = 5
-"""Values of a pixel's sum of samples: weighted linear RGB, weights, squares."""
 
 SAMPLE_PLANES = 10
 """Planes of a row of samples: toned RGB, 1 where usable, YCoCg, squares of YCoCg."""

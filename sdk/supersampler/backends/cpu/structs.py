@@ -141,80 +141,6 @@ class ResampleTables(NamedTuple):
     nearest_column: Words
 
 
-class AxisSamples(NamedTuple):
-    """Samples of a frame in the columns or rows of the display; see `static_weights.StaticAxis`.
-
-    Attributes:
-        sample: (n,) index of the sample near each, or -1.
-        kind: (n,) index of the weights.
-    """
-
-    sample: Words
-    kind: Words
-
-
-class AddedSamples(NamedTuple):
-    """Samples of a frame that are added to the sums of tiles.
-
-    Attributes:
-        modes: (rows, columns) of tiles: 0 or a sum of KEEP and ADD.
-        sums_before: (height, width, SUM_VALUES) of the previous frame.
-        sums: likewise, written to.
-        color: (samples down, samples across, 3) linear RGB.
-        rows, columns: samples in these.
-        weights: (row kinds, column kinds) of the frame's samples.
-        column_kinds: number of different ones.
-        samples_across: of the frame.
-        width, height: of the display.
-    """
-
-    modes: Bytes
-    sums_before: Floats
-    sums: Floats
-    color: Floats
-    rows: AxisSamples
-    columns: AxisSamples
-    weights: Floats
-    column_kinds: int
-    samples_across: int
-    width: int
-    height: int
-
-
-class NoisyFrame(NamedTuple):
-    """The samples of a frame that tiles with noise are measured by.
-
-    Attributes:
-        samples: color, and the places of the samples; see `AddedSamples`.
-        depth, motion: see `FrameInputs`.
-        exposure: of the statistics.
-    """
-
-    samples: AddedSamples
-    depth: Floats
-    motion: Floats
-    exposure: float
-
-
-class MeanErrors(NamedTuple):
-    """Errors of the means of tiles.
-
-    Attributes:
-        sums: (height, width, SUM_VALUES).
-        errors: (rows, columns) of tiles, mean square errors, written to.
-        width, height: of the display.
-        share: variance of a mean as a part of that of its samples.
-        exposure: of the frame.
-    """
-
-    sums: Floats
-    errors: Floats
-    width: int
-    height: int
-    share: float
-    exposure: float
-
-
 class Output(NamedTuple):
     """The outputs of a step.
 
@@ -236,97 +162,126 @@ class Output(NamedTuple):
     pitch: int
 
 
-class StillSamples(NamedTuple):
-    """The samples of a frame for the mean where nothing moves; rows of `padded_width` as of `FrameSamples`.
+class RestSamples(NamedTuple):
+    """The samples of a frame, and what `kernels.at_rest.sign_blocks` finds.
 
     Attributes:
-        color: (height, 4, padded_width) linear RGB of samples that are usable and do not glare; 1 for these.
-        moving: (height, padded_width) 1 where the sample moves, else 0.
-        moving_2x2: the same of any of it, its right, lower and lower right neighbour.
-        opens: 1 where the sample contradicts the mean, DOUBTED where only the pattern around it does.
-        opened: the largest of 5x5 samples.
-        rows_opened: (height,) 1 where any of a row does.
-        reactive, has_reactive: see `FrameInputs`.
+        color, motion: see `FrameInputs`.
+        reactive, has_reactive: (height, width) reactive mask; 1 if there is one, else 0.
+        weights: (4, 48) weights of the values of four rows of sixteen samples in the last of a signature.
+        moving: (down, across) written to: 1 where a sample of the block moves, else 0.
+        signatures: (4, down, across) written to where none does.
         width, height: of the frame.
-        padded_width: of a row.
-        exposure: of the frame.
-        learned_step: samples per display pixel that this frame adds to the learning time.
-        counts: 1, or 0 if the frame is extrapolated, or has the previous one's jitter: no sample is added, no
-            pattern is compared, and doubts stay.
+        across, down: blocks of the frame.
     """
 
     color: Floats
-    moving: Floats
-    moving_2x2: Floats
-    opens: Floats
-    opened: Floats
-    rows_opened: Floats
+    motion: Floats
     reactive: Floats
     has_reactive: int
+    weights: Floats
+    moving: Bytes
+    signatures: Floats
     width: int
     height: int
-    padded_width: int
-    exposure: float
-    learned_step: float
-    counts: float
+    across: int
+    down: int
 
 
-class MeanHistory(NamedTuple):
-    """The mean of the previous frames where nothing moves.
+class BlockSums(NamedTuple):
+    """The samples of a frame and the mean of the display, whose residuals `sum_blocks` adds up.
 
     Attributes:
-        pixels: (display height, width, 4) linear RGB, and the weight.
-        opening: (height, padded_width, 4) of the frame's size: range of the residuals, samples learned of.
-        width: of the display.
-        has_opening: 0 where the previous frame was of another size, so that `opening` does not apply.
+        color: (height, width, 3) linear RGB.
+        mean: (display height, display width, 4).
+        rows, row_weights: (height, 2) rows of the display around each row of samples, and their weights.
+        columns, column_weights: (width, 2) likewise.
+        row_blocks, column_blocks: block of each row and column of the display.
+        ages: (down, across) of blocks before this frame; where 0, there is no mean.
+        wanted: (down, across) 1 for blocks to sum.
+        sums: (SUMS, down, across) written to.
+        width, height: of the frame.
+        across, down: blocks of the frame.
+        display_width: of the mean.
     """
 
-    pixels: Floats
-    opening: Floats
-    width: int
-    has_opening: int
-
-
-class SampleTables(NamedTuple):
-    """The display pixels around each sample, and their bilinear weights.
-
-    Attributes:
-        columns: (2, columns_pitch) of the pixels to the left and right.
-        column_weights: (2, columns_pitch).
-        rows: (height, 2) of the pixels above and below.
-        row_weights: (height, 2).
-        columns_pitch: samples of a row, rounded up to whole vectors.
-    """
-
-    columns: Words
-    column_weights: Floats
+    color: Floats
+    mean: Floats
     rows: Words
     row_weights: Floats
-    columns_pitch: int
-
-
-class ConvergedOutput(NamedTuple):
-    """What the mean is written to.
-
-    Attributes:
-        next_pixels: see `MeanHistory.pixels`.
-        image: (height, width, 3) linear RGB, changed in place.
-        converged: (height, pitch) fraction of the mean in the image.
-        has_converged: 1 if `converged` is wanted, else 0.
-        any_opened: 1 if any sample contradicts the mean.
-        columns: (pitch,) of the pixels of a row; the last one is repeated.
-        filter: index of the filter of the samples among those of `ResampleTables`.
-        width, height: of the display.
-        pitch: width, rounded up to whole vectors.
-    """
-
-    next_pixels: Floats
-    image: Floats
-    converged: Floats
-    has_converged: int
-    any_opened: int
     columns: Words
-    filter: int
+    column_weights: Floats
+    row_blocks: Words
+    column_blocks: Words
+    ages: Floats
+    wanted: Bytes
+    sums: Floats
     width: int
     height: int
+    across: int
+    down: int
+    display_width: int
+
+
+class AddedSamples(NamedTuple):
+    """What `kernels.at_rest.add_samples` adds to a mean.
+
+    Attributes:
+        color: (h, samples_across, 3) linear RGB.
+        before, after: (height, width, 4) the mean before this frame, and after it.
+        rows, row_weights: (height, 2) samples around each row of the display, and their weights.
+        columns, column_weights: (width, 2) likewise.
+        row_blocks, column_blocks: see `BlockSums`.
+        modes: (down, across) of KEEPS, ADDS, RESTARTS, or 0.
+        samples_across: width of the frame.
+        across: blocks of a row.
+        width: of the display.
+    """
+
+    color: Floats
+    before: Floats
+    after: Floats
+    rows: Words
+    row_weights: Floats
+    columns: Words
+    column_weights: Floats
+    row_blocks: Words
+    column_blocks: Words
+    modes: Bytes
+    samples_across: int
+    across: int
+    width: int
+
+
+class ShownMean(NamedTuple):
+    """What `kernels.at_rest.show_mean` shows.
+
+    Attributes:
+        mean: (height, width, 4).
+        image: (height, width, 3) faded to the mean.
+        shares, complete: (down, across); see `show_mean`; 1 where the mean has a whole period of samples.
+        row_blocks, column_blocks: see `BlockSums`.
+        row_moments: (phases, height, 2) weight of the samples near each row in each phase, and this times
+            their offset.
+        column_moments: (phases, 2, pitch) likewise.
+        phases: of the jitter's period.
+        pitch: width, rounded up to whole vectors.
+        across: blocks of a row.
+        width, height: of the image.
+        noise_weight: see `methods.at_rest.NOISE_WEIGHT`.
+    """
+
+    mean: Floats
+    image: Floats
+    shares: Floats
+    complete: Bytes
+    row_blocks: Words
+    column_blocks: Words
+    row_moments: Floats
+    column_moments: Floats
+    phases: int
     pitch: int
+    across: int
+    width: int
+    height: int
+    noise_weight: float

@@ -1,21 +1,15 @@
 """The tiles of an image that a step computes, and rectangles that cover them."""
 
 from collections.abc import Sequence
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.backends.cpu.layout import RENDER_TILE, STATIC_TILE, TILE
 from supersampler.backends.cpu.threads import Rect
-from supersampler.frame import Float32, Size
+from supersampler.frame import Size
 
 Bool = NDArray[np.bool_]
 
-FILTER_REACH = 4
-"""Largest distance between a display pixel and the samples that it reads, in samples."""
-SAMPLE_REACH = 1
-"""The same for the samples that lie in it: jitter moves them by half a sample."""
 HALO = 2
 """Tiles around computed ones that are gathered, too: the receptive field of the network is 36 pixels."""
 MIN_GAP = 3
@@ -23,8 +17,6 @@ MIN_GAP = 3
 
 Kernels may write 5 pixels beyond a rectangle: 80 display pixels at the last level of the network.
 """
-GATHER_WORK = 0.5
-"""Fraction of a full step's work in a tile that is only gathered, as network input for its neighbours."""
 
 
 class Tiles:
@@ -56,25 +48,6 @@ class Tiles:
             halo: cover the gathered tiles instead.
         """
         return scaled(self._runs[halo], unit, size)
-
-    def work(self) -> Float32:
-        """Return the fraction of a full step's work done in each tile, (rows, columns) in [0, 1]."""
-        return np.where(self.computed, 1.0, np.where(self.gathered, GATHER_WORK, 0.0)).astype(np.float32)
-
-
-def tiles_with(mask: Bool, display: Size) -> Bool:
-    """Return the tiles that hold one of these static tiles of the display."""
-    side = TILE // STATIC_TILE
-    rows, columns = (-(-extent // TILE) for extent in display[::-1])
-    whole = np.zeros((rows * side, columns * side), bool)
-    whole[: mask.shape[0], : mask.shape[1]] = mask
-    return np.asarray(whole.reshape(rows, side, columns, side).any((1, 3)))
-
-
-def static_tiles_in(mask: Bool, shape: tuple[int, ...]) -> Bool:
-    """Return the static tiles, of this shape, that lie in these tiles."""
-    side = TILE // STATIC_TILE
-    return mask.repeat(side, 0).repeat(side, 1)[: shape[0], : shape[1]]
 
 
 def dilated(mask: Bool, tiles: int) -> Bool:
@@ -131,47 +104,3 @@ def _covered(runs: Sequence[Rect], shape: tuple[int, ...]) -> Bool:
     for y0, y1, x0, x1 in runs:
         mask[y0:y1, x0:x1] = True
     return mask
-
-
-def tiles_reading(
-    changed: Bool, display: Size, render: Size, reach: int = FILTER_REACH, side: int = TILE
-) -> Bool:
-    """Return the tiles of the display that read changed tiles of the frame.
-
-    Args:
-        changed: (rows, columns) of tiles of RENDER_TILE samples.
-        display: (width, height).
-        render: (width, height).
-        reach: samples around a tile that it reads.
-        side: of a tile, pixels: TILE or STATIC_TILE.
-    """
-    if not changed.any():
-        return np.zeros((-(-display[1] // side), -(-display[0] // side)), bool)
-    sums = np.zeros((changed.shape[0] + 1, changed.shape[1] + 1), np.int64)
-    np.cumsum(np.cumsum(changed, axis=0), axis=1, out=sums[1:, 1:])
-    (top, bottom), (left, right) = (_read_tiles(display[axis], render[axis], side, reach) for axis in (1, 0))
-    inside: NDArray[np.int64] = sums[np.ix_(bottom, right)] - sums[np.ix_(top, right)]
-    inside += sums[np.ix_(top, left)] - sums[np.ix_(bottom, left)]
-    return np.asarray(inside > 0)
-
-
-def tiles_read_by(tiles: Bool, display: Size, render: Size) -> Bool:
-    """Return the tiles of the frame that display tiles read; see `tiles_reading`."""
-    (top, bottom), (left, right) = (
-        _read_tiles(display[axis], render[axis], TILE, FILTER_REACH) for axis in (1, 0)
-    )
-    read = np.zeros((int(bottom[-1]), int(right[-1])), bool)
-    for y0, y1, x0, x1 in runs_of(tiles):
-        read[top[y0] : bottom[y1 - 1], left[x0] : right[x1 - 1]] = True
-    return read
-
-
-@lru_cache
-def _read_tiles(
-    display: int, render: int, side: int, reach: int
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the first and one past the last tile of the frame that each tile reads on an axis."""
-    edges = np.minimum(np.arange(-(-display // side) + 1) * side, display) * (render / display)
-    first = np.clip(np.floor(edges[:-1]) - reach, 0, None) // RENDER_TILE
-    last = np.clip(np.ceil(edges[1:]) + reach, None, render) / RENDER_TILE
-    return first.astype(np.int64), np.ceil(last).astype(np.int64)

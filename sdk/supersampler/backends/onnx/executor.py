@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.backends.cpu.layout import TILE
 from supersampler.backends.locks import ForkSafeLock
 from supersampler.backends.onnx.cuda_graph import FixedStep
 from supersampler.backends.onnx.providers import capturing, check_provider_in_use, device_of
@@ -79,8 +78,8 @@ class OnnxExecutor:
         image: Float32,
         aux_outputs: Collection[str],
         *,
-        tolerance: float | None,  # noqa: ARG002  # a graph computes every pixel
-        adds_samples: bool,
+        adds_samples: float,
+        skip: bool,  # noqa: ARG002  # a graph computes every pixel
     ) -> Mapping[str, Float32]:
         """See `Executor`."""
         planes = np.empty((1, 3, *display[::-1]), np.float32)
@@ -166,17 +165,6 @@ class OnnxExecutor:
     def tensor(self, buffers: Tensors, name: str) -> Float32:
         """See `Executor`."""
         return np.asarray(buffers[name].numpy())
-
-    def memory(self, buffers: Tensors) -> Mapping[str, NDArray[Any]]:  # noqa: ARG002  # has none
-        """See `Executor`."""
-        return {}
-
-    def work(self, buffers: Tensors, display: Size) -> Float32:  # noqa: ARG002  # constant
-        """See `Executor`."""
-        return np.ones([-(-extent // TILE) for extent in display[::-1]], np.float32)
-
-    def resting(self, buffers: Tensors) -> None:  # a graph computes every pixel
-        """See `Executor`."""
 
     def load(self, buffers: Tensors, tensors: Mapping[str, NDArray[Any]]) -> None:
         """See `Executor`."""

@@ -117,7 +117,7 @@ def _check_tensors(path: Path, kind: str, wanted: Sequence[TensorInfo], nodes: S
 
 
 def frame_inputs(
-    frame: Frame, display_size: Size, names: Collection[str], *, adds_samples: bool = True
+    frame: Frame, display_size: Size, names: Collection[str], *, adds_samples: float = 1.0
 ) -> dict[str, np.ndarray[Any, Any]]:
     """Return a frame's inputs of a graph, by name: images as contiguous NCHW, and vectors."""
     vectors = vector_inputs(
@@ -140,7 +140,7 @@ def vector_inputs(
     display_size: Size,
     pre_exposure: float,
     *,
-    adds_samples: bool,
+    adds_samples: float,
 ) -> dict[str, np.ndarray[Any, Any]]:
     """Return a frame's inputs of a graph that are not images, by name: VECTORS."""
     return {

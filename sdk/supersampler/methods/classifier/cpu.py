@@ -4,23 +4,18 @@ from typing import ClassVar
 
 import numpy as np
 
-from supersampler.backends.cpu.convergence import (
-    CONVERGENCE_KERNELS,
-    CONVERGENCE_PLANES,
-    Convergence,
-    ConvergingFrame,
-)
 from supersampler.backends.cpu.executor import CpuExecutor, Step
-from supersampler.backends.cpu.frame_preprocess import READ_KERNELS
+from supersampler.backends.cpu.frame_preprocess import READ_KERNELS, ResampledFrame
 from supersampler.backends.cpu.history import HistoryLayout, Plane
 from supersampler.backends.cpu.layout import CLASSIFIER_PIXEL, HISTORY_PLANES, INPUT_PLANES, LANES, PAD, TILE
 from supersampler.backends.cpu.memory import LINE, address, aligned
 from supersampler.backends.cpu.resample_tables import Filter, catmull_rom, gaussian, up_to
 from supersampler.backends.cpu.structs import pack
 from supersampler.backends.cpu.threads import Rect, RectTask, ThreadPool
+from supersampler.backends.cpu.tiles import Bool
 from supersampler.backends.cpu.workspaces import Workspaces
 from supersampler.backends.plan import held_bytes
-from supersampler.frame import Size
+from supersampler.frame import Float32, Size
 from supersampler.io.display import is_flash, usable_exposure
 from supersampler.methods.classifier.int8_network import LEVEL, Encoder, Int8Network
 from supersampler.methods.classifier.spec import CLASSIFIER, FLASH_FRACTION
@@ -45,7 +40,6 @@ LAYOUT = HistoryLayout(
         "pixels": Plane(("color", "state"), CLASSIFIER_PIXEL),
         "classes": Plane(("classes",), 8, np.uint8),
         "depth": Plane(("depth",), 2),
-        **CONVERGENCE_PLANES,
     },
     glare="state",
 )
@@ -102,7 +96,7 @@ class _Scratch:
         )
 
 
-class ClassifierCpu(CpuExecutor[ConvergingFrame]):
+class ClassifierCpu(CpuExecutor[ResampledFrame]):
     """Runs `classifier` and its relatives; see `Executor`.
 
     Args:
@@ -123,9 +117,8 @@ class ClassifierCpu(CpuExecutor[ConvergingFrame]):
     def __init__(self, info: ModelInfo, pool: ThreadPool) -> None:
         self.variant = Variant.of(info.config, guided=self.guided)
         names = self.variant.kernel(GATHER), KEEP_DEPTH, LEVEL, self.variant.kernel(FINISH)
-        others = *READ_KERNELS, *names[1:-1], *CONVERGENCE_KERNELS, *self.preparing
+        others = *READ_KERNELS, *names[1:-1], *self.preparing
         super().__init__(self.layout, pool, names[0], *others, names[-1])
-        self._convergence = Convergence(self.kernels, pool)
         self._gather, self._keep_depth, level, self._finish = (self.kernels[name] for name in names)
         self.network = Int8Network(info, self.variant.outputs, level)
         self._config = c = info.config
@@ -138,25 +131,24 @@ class ClassifierCpu(CpuExecutor[ConvergingFrame]):
         self._windows = [gaussian(c["kernel_sigma"])]
         self._display_spaces = Workspaces(lambda display: _Space(self, display))
 
-    def _space(self, render: Size, display: Size) -> ConvergingFrame:
-        return ConvergingFrame(render, display, self._filters, self.pool.threads, self._windows)
+    def _space(self, render: Size, display: Size) -> ResampledFrame:
+        return ResampledFrame(render, display, self._filters, self.pool.threads, self._windows)
 
     def _working_bytes(self, display: Size, render: Size) -> int:
         return super()._working_bytes(display, render) + held_bytes(_Space(self, display))
 
-    def _compute_tiles(self, step: Step, space: ConvergingFrame) -> None:
+    def _compute_tiles(self, step: Step, space: ResampledFrame) -> None:
         self._resample(step, space)
         with self._display_spaces.borrow(step.display) as buffers:
             self._gather_all(step, space, buffers)
             buffers.encoder.run(step.tiles)
             self._compose(step, space, buffers)
-        self._convergence.run(step, space)
 
-    def guide_of(self, step: Step, view: ConvergingFrame) -> Guide:  # noqa: ARG002  # of this variant
+    def guide_of(self, step: Step, view: ResampledFrame) -> Guide:  # noqa: ARG002  # of this variant
         """Return what the variant `guided` reads and writes; of others, nothing."""
         return NO_GUIDE
 
-    def _gather_all(self, step: Step, view: ConvergingFrame, space: _Space) -> None:
+    def _gather_all(self, step: Step, view: ResampledFrame, space: _Space) -> None:
         """Compute the network inputs and all that finish needs, and the depth for the next frame."""
         history, (w, h) = step.history, step.frame.size
         numbers = np.array(
@@ -185,11 +177,13 @@ class ClassifierCpu(CpuExecutor[ConvergingFrame]):
         boxes = step.tiles.boxes(TILE, (space.width, step.display[1]), halo=True)
         self.pool.run_tasks("gather", RectTask(boxes, gather, 2), RectTask([Rect(0, h, 0, 1)], write_depth))
 
-    def _compose(self, step: Step, view: ConvergingFrame, space: _Space) -> None:
+    def _compose(self, step: Step, view: ResampledFrame, space: _Space) -> None:
         """Run the last layers; compose the image and the next history from what was gathered."""
         given, before = usable_exposure(step.frame.exposure), step.history.exposure
         flash = is_flash(given, step.next_history.exposure, before)
         n, c, encoder, (big_w, big_h) = self.network, self._config, space.encoder, step.display
+        if step.resting.any():
+            _clear(space.gathered.rising, step.resting)
         rises = bool(space.gathered.rising.sum() > FLASH_FRACTION * big_w * big_h)
         step.next_history.glares |= rises
         streams = (big_w % 2 == 0) + 2 * (big_w % LANES == 0 and address(step.output.image) % LINE == 0)
@@ -208,3 +202,9 @@ class ClassifierCpu(CpuExecutor[ConvergingFrame]):
             self._finish(*inputs, scratch[worker], *outputs, *box)
 
         self.pool.run_rects("finish", step.tiles.boxes(TILE // 2, space.half), finish)
+
+
+def _clear(groups: Float32, tiles: Bool) -> None:
+    """Write 0 to groups of LANES pixels, (height, groups), that lie in these tiles."""
+    mask = tiles.repeat(TILE, 0).repeat(TILE // LANES, 1)
+    groups[mask[: groups.shape[0], : groups.shape[1]]] = 0.0

@@ -5,8 +5,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from supersampler.backends.cpu.convergence import CONVERGENCE_PLANES, ConvergingFrame
 from supersampler.backends.cpu.executor import Step
+from supersampler.backends.cpu.frame_preprocess import ResampledFrame
 from supersampler.backends.cpu.history import HistoryLayout, Plane
 from supersampler.backends.cpu.layout import CLASSIFIER_PIXEL, LANES, PAD, SURFACE_PLANES
 from supersampler.backends.cpu.memory import address, aligned
@@ -24,7 +24,7 @@ _KERNELS = "methods.classifier.kernels.guided"
 PREPARE_SURFACES, PREPARE_DEPTH = f"{_KERNELS}.prepare_surfaces", f"{_KERNELS}.prepare_depth"
 
 
-class GuidedFrame(ConvergingFrame):
+class GuidedFrame(ResampledFrame):
     """A resampled frame, and buffers for its surfaces.
 
     Attributes:
@@ -55,7 +55,6 @@ class GuidedCpu(ClassifierCpu):
             "classes": Plane(("classes",), 8, np.uint8),
             "depth": Plane(("depth",), 2),
             "reflectance": Plane(("reflectance",), 4, np.uint8),
-            **CONVERGENCE_PLANES,
         },
         glare="state",
     )
@@ -73,7 +72,7 @@ class GuidedCpu(ClassifierCpu):
     def _space(self, render: Size, display: Size) -> GuidedFrame:
         return GuidedFrame(render, display, self._filters, self.pool.threads, self._windows)
 
-    def guide_of(self, step: Step, view: ConvergingFrame) -> Guide:
+    def guide_of(self, step: Step, view: ResampledFrame) -> Guide:
         """Prepare the surfaces of a frame."""
         assert isinstance(view, GuidedFrame)  # noqa: S101 - from `_space`
         frame, (w, h), (big_w, big_h) = step.frame, step.frame.size, step.display

@@ -4,14 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from supersampler.backends.cpu.convergence import (
-    CONVERGENCE_KERNELS,
-    CONVERGENCE_PLANES,
-    Convergence,
-    ConvergingFrame,
-)
 from supersampler.backends.cpu.executor import CpuExecutor, Step
-from supersampler.backends.cpu.frame_preprocess import READ_KERNELS
+from supersampler.backends.cpu.frame_preprocess import READ_KERNELS, ResampledFrame
 from supersampler.backends.cpu.history import HistoryLayout, Plane
 from supersampler.backends.cpu.layout import LANES, TAAU_PIXEL, TILE
 from supersampler.backends.cpu.memory import address, aligned
@@ -31,13 +25,12 @@ LAYOUT = HistoryLayout(
     {
         "pixels": Plane(("color", "samples"), TAAU_PIXEL),
         "surface": Plane(("surface",), 4),
-        **CONVERGENCE_PLANES,
     },
     glare="samples",
 )
 
 
-class _Space(ConvergingFrame):
+class _Space(ResampledFrame):
     """Buffers for frames of one size; `scratch` and `shade_lines` have one entry per thread."""
 
     def __init__(self, render: Size, display: Size, filters: Sequence[Filter], threads: int) -> None:
@@ -61,8 +54,7 @@ class TaauCpu(CpuExecutor[_Space]):
     precision = "fp32"
 
     def __init__(self, info: ModelInfo, pool: ThreadPool) -> None:
-        super().__init__(LAYOUT, pool, STEP, *READ_KERNELS, *CONVERGENCE_KERNELS, SHADE)
-        self._convergence = Convergence(self.kernels, pool)
+        super().__init__(LAYOUT, pool, STEP, *READ_KERNELS, SHADE)
         c, self._constants = info.config, constants_array(TAAU, info.config)
         mean, *line = (Filter(kernel, False) for kernel in line_filters(c["moment_sigma"]))
         self._filters = [
@@ -83,7 +75,6 @@ class TaauCpu(CpuExecutor[_Space]):
         change = abs(step.inputs.exposure / before) if before else 1.0
         self._write_light(step, space, change)
         self._blend(step, space, change)
-        self._convergence.run(step, space)
 
     def _write_surface(self, step: Step, space: _Space) -> None:
         """Write the surface, for disocclusion and lighting tests of the next frame."""

@@ -33,7 +33,7 @@ from supersampler.backends.cpu.simd.vector import (
     to_int,
 )
 from supersampler.backends.cpu.structs import Floats, FrameInputs, FrameSamples
-from supersampler.methods.convergence import MAX_STATIC_MOTION
+from supersampler.methods.at_rest import MAX_STATIC_MOTION
 
 DARKEST = 1e-4
 LEAVES, COVERS = 1.0, 0.95  # see `occluding_depth` of the torch methods
