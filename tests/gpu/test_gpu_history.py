@@ -27,6 +27,7 @@ from supersampler.backends.gpu.executor import GpuExecutor
 from supersampler.backends.gpu.memory import TEXELS, write_to
 from supersampler.backends.gpu.program import ARRAYS
 from supersampler.history import StepResult
+from supersampler.io.display import display_transform
 from supersampler.model import ExecutorName
 from supersampler.recording.recording import open_recording
 from supersampler.recording.replay import Replay
@@ -78,15 +79,13 @@ def test_outputs_beside_the_image_are_those_of_the_cpu(method: str) -> None:
     names = MAPS.get(method, ALL_MAPS)
     ours, theirs = make(method), make(method, "cpu")
     for index in range(4):
-        found, wanted = (u.step(moving(index), outputs=(*names, "work")) for u in (ours, theirs))
+        found, wanted = (u.step(moving(index), outputs=names) for u in (ours, theirs))
     assert isinstance(found, StepResult)
     assert isinstance(wanted, StepResult)
     for name in names:
         mine, cpu = getattr(found, name), getattr(wanted, name)
         assert mine.shape == cpu.shape
         assert np.abs(mine - cpu).mean() <= 0.02 * max(1.0, np.abs(cpu).max()), name
-    assert found.work is not None
-    assert found.work.min() == 1.0
 
 
 @pytest.mark.parametrize("method", ["classifier", "classifier-small"])
@@ -127,17 +126,19 @@ def test_blended_aovs_are_those_of_the_cpu() -> None:
 @pytest.mark.parametrize("method", CONVERGING)
 def test_a_still_scene_converges_as_on_the_cpu(method: str) -> None:
     ours, theirs = make(method), make(method, "cpu")
-    frames = 144 if method == "classifier-large" else 72  # a pixel of its history has half as many samples
+    frames = 72
     for index in range(frames):
         image, wanted = ours.step(still(index)), theirs.step(still(index))
-    assert distance(image, wanted) <= 1e-3
     share = ours.stats.converged
     assert share is not None
-    assert share > 0.99
+    assert share == pytest.approx(theirs.stats.converged)
+    assert share > 0.3
     one, other = (u.step(still(frames), outputs=("converged",)).converged for u in (ours, theirs))
     assert one is not None
     assert other is not None
-    np.testing.assert_allclose(one, other, atol=0.02)
+    np.testing.assert_array_equal(one, other)
+    off = np.abs(display_transform(image, 1.0) - display_transform(wanted, 1.0)) * one[..., None]
+    assert off.max() <= 1.0 / 255.0
 
 
 def test_where_each_jitter_comes_twice_as_much_converges_as_on_the_cpu() -> None:
@@ -149,8 +150,8 @@ def test_where_each_jitter_comes_twice_as_much_converges_as_on_the_cpu() -> None
     assert ours.stats.converged == 1.0
 
 
-def test_recurrent_skipping_averages_nothing() -> None:
-    upscaler = make("taau", skip="recurrent")
+def test_without_convergence_nothing_freezes() -> None:
+    upscaler = make("taau", at_rest="off")
     for index in range(40):
         upscaler.step(still(index))
     assert upscaler.stats.converged == 0.0
@@ -163,7 +164,7 @@ def test_extrapolated_frames_are_upscaled_as_on_the_cpu() -> None:
     for executor in ("gpu", "auto"):
         upscaler = Upscaler(
             "taau", display_size=DISPLAY, executor=executor, extrapolation="guided-warp",
-            validate="off", skip="exact",
+            validate="off",
         )  # fmt: skip
         for index in range(6):
             frame = replace(moving(index), gbuffer=guides)

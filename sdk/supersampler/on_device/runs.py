@@ -85,6 +85,7 @@ class DeviceRuns:
         history_out: History | None = None,
         *,
         adds_samples: float = 1.0,
+        skip: bool = True,
     ) -> History:
         """Encode a step on a frame in memory of the GPU; see `Upscaler.encode_into`.
 
@@ -95,7 +96,7 @@ class DeviceRuns:
         check_ratio(self.info.ratios, frame.size, history.display_size)
         next_history = self._prepared(history_out, history.display_size, frame.size)
         self.gpu.encode(
-            encoder, frame, history.buffers, next_history.buffers, image, adds_samples=adds_samples
+            encoder, frame, history.buffers, next_history.buffers, image, adds_samples=adds_samples, skip=skip
         )
         return next_history
 

@@ -166,7 +166,7 @@ class DeviceSteps:
         history = self.model.first_history(display, size) if kept is None else kept
         adds_samples = ADDED[self.at_rest]
         next_history = self.model.encode(
-            encoder, frame, history, image, memory.spare, adds_samples=adds_samples
+            encoder, frame, history, image, memory.spare, adds_samples=adds_samples, skip=self.skip
         )
         stats = memory.stats.after_step(fresh=kept is None, seconds=time.perf_counter() - started)
         self._memory = Memory(display, next_history, history, None, stats)

@@ -10,7 +10,6 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.backends.cpu.layout import TILE
 from supersampler.backends.gpu.device import default_device, raising, storage_limit
 from supersampler.backends.gpu.device_frame import IMAGE_FORMAT, DeviceFrame, is_texture
 from supersampler.backends.gpu.frame_inputs import PARAMS, frame_buffers, step_params, write_frame
@@ -116,8 +115,7 @@ class GpuExecutor:
         aux_outputs: Collection[str],
         *,
         adds_samples: float,
-        skip: bool = True,
-        tolerance: float | None = None,  # noqa: ARG002  # until callers do not give it
+        skip: bool,
     ) -> Mapping[str, Float32]:
         """See `Executor`."""
         render, wanted = frame.size, [name for name in AUX if name in aux_outputs]
@@ -284,15 +282,3 @@ class GpuExecutor:
         """See `Executor`."""
         with self._lock.lock, raising(self.device, "loading a history"):
             buffers.load(tensors)
-
-    def memory(self, buffers: GpuHistory) -> Mapping[str, NDArray[Any]]:  # noqa: ARG002  # has none
-        """See `Executor`."""
-        return {}
-
-    def work(self, buffers: GpuHistory, display: Size) -> Float32:  # noqa: ARG002  # constant
-        """See `Executor`."""
-        return np.ones([-(-extent // TILE) for extent in display[::-1]], np.float32)
-
-    def resting(self, buffers: GpuHistory) -> float | None:  # noqa: ARG002  # every pixel is computed
-        """See `Executor`."""
-        return None
