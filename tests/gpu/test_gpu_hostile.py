@@ -7,7 +7,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gpu_steps import METHODS, TOLERANCES, WITH_LARGE, device_or_skip, distance, make, moving
+from gpu_steps import (
+    DISPLAY,
+    METHODS,
+    RENDER,
+    TOLERANCES,
+    WITH_LARGE,
+    device_or_skip,
+    distance,
+    make,
+    model,
+    moving,
+)
 from supersampler import Frame
 from supersampler.errors import FrameError
 
@@ -72,16 +83,17 @@ def test_a_refused_frame_leaves_the_history_as_it_was(method: str) -> None:
 
 @pytest.mark.parametrize("method", METHODS)
 def test_a_history_of_huge_values_gives_finite_images(method: str) -> None:
-    upscaler = make(method)
-    upscaler.step(moving(0))
-    state = upscaler.save_state()
-    assert state.history is not None
-    history = {
+    gpu = model(method).gpu
+    sets = [gpu.zeros(DISPLAY, RENDER) for _ in range(2)]
+    tensors = {name: gpu.tensor(sets[0], name) for name in gpu.program.layout.spec.history}
+    huge = {
         name: tensor if "jitter" in name else np.where(np.indices(tensor.shape).sum(axis=0) % 2, 3e38, -3e38)
-        for name, tensor in state.history.items()
+        for name, tensor in tensors.items()
     }
-    upscaler.load_state(replace(state, history={name: t.astype(np.float32) for name, t in history.items()}))
+    gpu.load(sets[0], {name: tensor.astype(np.float32) for name, tensor in huge.items()})
+    image = np.empty((*DISPLAY[::-1], 3), np.float32)
     for index in range(1, 4):
-        image = upscaler.step(moving(index))
+        gpu.step(moving(index), DISPLAY, *sets, image, (), adds_samples=1.0, skip=True)
+        sets.reverse()
         assert np.isfinite(image).all()
         assert image.min() >= 0.0

@@ -246,7 +246,7 @@ found["a missing file"] = await refuses(() => load(async () => ({ ok: false, sta
 found["another file"] = await refuses(() => load(async () => "<html>"), "no JSON");
 const patched = (patch) => async (name) =>
   name === "upscaler.json" ? JSON.stringify({ ...JSON.parse(await from(name)), ...patch }) : from(name);
-found["another version"] = await refuses(() => load(patched({ version: 1 })), "version 2");
+found["another version"] = await refuses(() => load(patched({ version: 1 })), "version 3");
 found["another target"] = await refuses(() => load(patched({ target: "hlsl" })), "--target wgsl");
 const described = (await load()).info;
 const requires = { ...described.requires, limits: { maxComputeWorkgroupSizeX: 1 << 20 } };

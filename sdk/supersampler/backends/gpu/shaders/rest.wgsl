@@ -85,7 +85,7 @@ fn offset_of(p: vec2i, period: f32) -> vec2f {
         for (var k = 0; k < 2; k++) {
             let q = floor(at) + f32(k);
             let offset = (q - at) * params.display / params.render;
-            let is_inside = q >= vec2f(0.0) & q < params.render;
+            let is_inside = (q >= vec2f(0.0)) & (q < params.render);
             let weight = select(vec2f(0.0), vec2f(trapezoid(offset.x), trapezoid(offset.y)), is_inside);
             weights += weight;
             offsets += weight * offset;
