@@ -18,10 +18,12 @@ AT_REST_HISTORY: Mapping[str, Shape] = {
     "phases": (PHASES, 4),
 }
 """`static_mean`: mean of the samples, linear RGB, and the sum of their weights. `static_blocks`: frames since
-the block last changed, negative once it is frozen, and the sums of three tests. `signatures`: of each block, by
-phase of the jitter. `phases`: jitter x and y, frames since it was last seen, frames between its last two."""
+the block last changed, negative once it is frozen, and the sums of three tests. `signatures`: of each block,
+by phase of the jitter. `phases`: jitter x and y, frames since it was last seen, frames between its last
+two."""
 ADDS_SAMPLES, NOISY = "adds_samples", 2.0
-"""Input of the step: 0 on frames whose colour was not sampled, 1 on others, NOISY on those of a path tracer."""
+"""Input of the step: 0 on frames whose colour was not sampled, 1 on others, NOISY on those of a path
+tracer."""
 ADDED: Mapping[AtRest, float] = {"off": 0.0, "converge": 1.0, "accumulate": NOISY}
 """`adds_samples` of shaded frames, by what is done at rest."""
 OLDEST = 1 << 20
@@ -37,16 +39,16 @@ TILE = 32
 MAX_STATIC_MOTION = 1.0 / 256.0
 """Longest motion of a static sample, render pixels."""
 PHASES_PER_SAMPLE, SPARE_PHASES = 9, 2
-"""Phases of which signatures are kept: int(9 ratio^2) + 2. A jitter sequence has int(8 ratio^2), of a ratio that
-sizes are rounded from."""
+"""Phases of which signatures are kept: int(9 ratio^2) + 2. A jitter sequence has int(8 ratio^2), of a ratio
+that sizes are rounded from."""
 TOLERANCE = 1.0 / 1024.0
 """Largest difference of two equal signatures, as a part of their mean: 0.4 % of the light of a block."""
 DARK = 1e-3
 """Exposed light below which differences do not show: less than 1/255 of the display is."""
 INNER, OUTER = 0.35, 0.65
-"""Distances from a pixel's centre along an axis, display pixels, up to which a sample has the weight 1, and from
-which it has none. They were chosen by error: 0.4 and 0.6 lose 0.4 dB in rendered scenes, 0.25 and 0.75 lose 1.8
-dB where patterns are fine."""
+"""Distances from a pixel's centre along an axis, display pixels, up to which a sample has the weight 1, and
+from which it has none. They were chosen by error: 0.4 and 0.6 lose 0.4 dB in rendered scenes, 0.25 and 0.75
+lose 1.8 dB where patterns are fine."""
 SHOWN_FROM, SHOWN = 1.5, 1.75
 """Periods after which the mean begins to show, and after which it is shown alone. A block freezes after 2."""
 LEAST_WEIGHT = 3.5
@@ -57,13 +59,14 @@ WINDOWS = (2, 8)
 """Sides of the two windows in which residuals are averaged, blocks."""
 UNIFORM, COMMON = 2.5, 0.06
 """Mean square residual of the small and of the large window, over the variance of the residuals in it, above
-which light changes with the jitter. Of static scenes nearly all windows are below 1 and 0.02; light that changes
-by one factor has the reciprocal of the squared contrast of the ground."""
+which light changes with the jitter. Of static scenes nearly all windows are below 1 and 0.02; light that
+changes by one factor has the reciprocal of the squared contrast of the ground."""
 UNRESOLVED = 0.85
 """Variance of the residuals in a small window, over that of the samples, above which the mean says nothing of
 the samples: they are of a pattern that moves in step with the jitter. Patterns reach 0.8 where they stand."""
 SPARKLING = 2.0
-"""Variance of the samples, over the square of their mean, above which single bright samples stand out. There the limit rises towards 1."""
+"""Variance of the samples, over the square of their mean, above which single bright samples stand out. There
+the limit rises towards 1."""
 NOISE_RATE = 0.125
 """Part of a frame in the running mean of the residuals of noisy samples."""
 NOISE_FLICKER, NOISE_SIGMAS = 0.05, 5.0
@@ -101,10 +104,10 @@ def converged_share(static_blocks: Float32, display: Size, render: Size) -> floa
 
 
 def check_history(arrays: Mapping[str, NDArray[Any]], refusal: Refusal) -> None:
-    """Raise unless the values of the history tensors, by their names in the graph, are those that steps write.
+    """Raise unless the values of the history tensors are such as steps write.
 
     Args:
-        arrays: of the right types and shapes; other tensors are ignored.
+        arrays: by name in the graph, of the right types and shapes; others are ignored.
         refusal: makes the exception that is raised.
     """
     mean, phases = arrays["history.static_mean"], arrays["history.phases"]
