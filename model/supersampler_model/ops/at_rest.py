@@ -1,15 +1,15 @@
 """What stands still: the mean of one jitter period of samples, shown once another period has confirmed it.
 
 A method keeps its own image. Beside it, the samples of each phase of the jitter are added once to a mean: its
-weights, its jitter and its light are then those of exactly one period. Nothing is shown of it until the samples
+weights, its jitter and its light are then those of exactly one period. Nothing of it is shown until samples
 have come again, phase by phase, as they were one period before. Only what is the same twice is known to stand
 still, whatever moves, fades or flickers.
 
 The frame is divided into blocks of 4x4 samples. Each has a signature for each phase: the means of the fourth
 roots of its samples, and a weighted sum of them that depends on their order. A signature is written once and
-never updated, so that slow changes add up. A block restarts, with its neighbours, where a signature differs or
-something moves. So light that fades, jumps or flickers, an edge that creeps, a screen that scrolls and a camera
-that moves less than can be seen show the method's own image. So does what is marked as reactive.
+never updated, so that slow changes add up. A block restarts, with its neighbours, where a signature differs,
+something moves, or the frame is marked as reactive. So light that fades, jumps or flickers, an edge that
+creeps, a screen that scrolls and a camera that moves less than can be seen show the method's own image.
 
 What repeats with the jitter itself would pass this test: light that blinks with a divisor of its period. So
 residuals of the samples from the mean are compared over the period, too. Aliasing averages out over a window
@@ -44,12 +44,14 @@ from supersampler.methods.at_rest import (
     NOISE_SIGMAS,
     NOISE_WEIGHT,
     NOISY,
+    OLDEST,
+    ORDER,
     OUTER,
     PHASES_PER_SAMPLE,
     SHOWN,
     SHOWN_FROM,
-    SPARKLING,
     SPARE_PHASES,
+    SPARKLING,
     TILE,
     TOLERANCE,
     UNIFORM,
@@ -58,12 +60,11 @@ from supersampler.methods.at_rest import (
 )
 from supersampler_model.ops.color import bounded, sanitize, valid
 from supersampler_model.ops.motion import squared_length, usable_motion
-from supersampler_model.ops.sampling import Grid, grid_bands, pick_columns, resample
+from supersampler_model.ops.sampling import Grid, grid_bands, resample
 from supersampler_model.ops.size import Size, render_size_of
+from supersampler_model.ops.windows import pick_columns
 
 COVERED = 0.999  # of four bilinear weights
-OLDEST = float(1 << 20)
-"""Limit of counted frames: float32 counts on exactly."""
 
 
 class RestFrame(NamedTuple):
@@ -74,14 +75,18 @@ class RestFrame(NamedTuple):
     jitter: Tensor  # (1, 2) render pixels
     exposure: Tensor  # (1,) > 0
     reactive: Tensor  # (1, 1, h, w) over 0 where the history says little
-    adds_samples: Tensor  # (1,) 0 where `color` was not sampled in this frame, NOISY where it is never the same
+    adds_samples: (
+        Tensor  # (1,) 0 where `color` was not sampled in this frame, NOISY where it is never the same
+    )
 
 
 class RestHistory(NamedTuple):
     """The history tensors of `AT_REST_HISTORY`; zeros without a history."""
 
     mean: Tensor  # (1, 4, H, W) linear RGB, and the sum of weights
-    blocks: Tensor  # (1, 4, hb, wb) age, negative where frozen; sums of three tests, or mean residual of noise
+    blocks: (
+        Tensor  # (1, 4, hb, wb) age, negative where frozen; sums of three tests, or mean residual of noise
+    )
     signatures: Tensor  # (phases, 4, hb, wb)
     phases: Tensor  # (phases, 4) jitter x and y, frames since it was seen, frames between its last two
 
@@ -121,7 +126,9 @@ class Cycle(NamedTuple):
     slot: Tensor  # (1,) int64, its row in `phases`
     age: Tensor  # (1,) frames since it was last seen; 0 if it is new
     period: Tensor  # (1,) frames of a jitter period; 0 while it is unknown
-    counts: Tensor  # (1,) 1 where the frame adds a phase: 0 after a frame of the same jitter, or without samples
+    counts: (
+        Tensor  # (1,) 1 where the frame adds a phase: 0 after a frame of the same jitter, or without samples
+    )
     phases: Tensor  # (phases, 4) the next table
 
 
@@ -146,10 +153,11 @@ def compare(frame: RestFrame, history: RestHistory, previous: Size, display: Siz
     reference = history.signatures.index_select(0, cycle.slot)
     small, large = residuals_of(color, usable, history.mean, frame.jitter, age)
     drift = tests + NOISE_RATE * (small.residuals / (small.level + DARK / frame.exposure) - tests)
-    drift = drift * (small.count > 0.0)
+    drift = drift * (small.samples > 0.0)
 
     changed = torch.maximum(
-        differing(signature, reference, frame.exposure) * known, drifting(drift, small, frame.exposure) * noisy
+        differing(signature, reference, frame.exposure) * known,
+        drifting(drift, small, frame.exposure) * noisy,
     )
     restarts = widened(torch.maximum(changed, was_frozen * (1.0 - known) * sampled))
     moving = (squared_length(usable_motion(frame.motion)) > MAX_STATIC_MOTION * MAX_STATIC_MOTION).float()
@@ -160,7 +168,9 @@ def compare(frame: RestFrame, history: RestHistory, previous: Size, display: Siz
     confirmed = torch.where(
         cycle.counts > 0.0, verifies * (tests + steadiness(small, large, frame.exposure)), tests * stands
     )
-    signatures = write_slot(history.signatures, cycle.slot, torch.where(known * stands > 0.0, reference, signature))
+    signatures = write_slot(
+        history.signatures, cycle.slot, torch.where(known * stands > 0.0, reference, signature)
+    )
     return Stillness(
         known=known,
         stands=stands,
@@ -233,10 +243,12 @@ def of_frame(history: RestHistory, previous: Size, display: Size, render: Size) 
     one = history.phases.new_ones(1)
     same = ((one * previous.width == render.width) & (one * previous.height == render.height)).float()
     across, down = ((extent + BLOCK - 1) // BLOCK for extent in render)
-    count = PHASES_PER_SAMPLE * display.width * display.height // (render.width * render.height) + SPARE_PHASES
+    count = (
+        PHASES_PER_SAMPLE * display.width * display.height // (render.width * render.height) + SPARE_PHASES
+    )
     blocks = cut(cut(history.blocks, 2, down), 3, across) * same
     signatures = cut(cut(cut(history.signatures, 0, count), 2, down), 3, across)
-    return RestHistory(history.mean, blocks, signatures, cut(history.phases, 0, count) * same)
+    return RestHistory(history.mean * same, blocks, signatures, cut(history.phases, 0, count) * same)
 
 
 def cut(tensor: Tensor, axis: int, extent: int) -> Tensor:
@@ -275,8 +287,10 @@ def _signature_weights(device: torch.device) -> Tensor:
     """(4, 3, BLOCK, BLOCK) weights of the samples of a block."""
     samples = BLOCK * BLOCK
     means = torch.eye(3)[:, :, None, None].expand(3, 3, BLOCK, BLOCK) / samples
-    order = torch.arange(3 * samples, dtype=torch.float32) * 0.7548776662466927  # of the plastic number
-    return torch.cat([means, (2.0 * (order - order.floor()) - 1.0).reshape(1, 3, BLOCK, BLOCK) / samples]).to(device)
+    order = torch.arange(3 * samples, dtype=torch.float32) * ORDER
+    return torch.cat([means, (2.0 * (order - order.floor()) - 1.0).reshape(1, 3, BLOCK, BLOCK) / samples]).to(
+        device
+    )
 
 
 def to_blocks(image: Tensor) -> Tensor:
@@ -337,10 +351,12 @@ class BlocksAtPixels:
 
     def pick(self, blocks: Tensor) -> Tensor:
         """Read the block of each display pixel: (1, 1, hb, wb) -> (1, 1, H, W)."""
-        return pick_columns(blocks, self._columns.to(blocks.device)).index_select(2, self._rows.to(blocks.device))
+        return pick_columns(blocks, self._columns.to(blocks.device)).index_select(
+            2, self._rows.to(blocks.device)
+        )
 
     def least(self, pixels: Tensor) -> Tensor:
-        """Minimum over each block, of the pixels at the centres of its samples: (1, 1, H, W) -> (1, 1, hb, wb)."""
+        """Minimum over the pixels at the centres of a block's samples: (1, 1, H, W) -> (1, 1, hb, wb)."""
         columns, rows = self._sample_columns.to(pixels.device), self._sample_rows.to(pixels.device)
         return -F.max_pool2d(to_blocks(-pick_columns(pixels, columns).index_select(2, rows)), BLOCK)
 
@@ -374,16 +390,14 @@ def offsets_of(cycle: Cycle, display: Size, render: Size) -> tuple[Tensor, Tenso
     """Mean offsets (H, W) of the samples of a period from each pixel's centre, x and y, display pixels."""
     ages = cycle.phases[:, 2]
     used = ((ages > 0.0) & (ages <= cycle.period)).float()
-    (gx, dx), (gy, dy) = (
-        _moments(cycle.phases[:, axis], display[axis], render[axis]) for axis in (0, 1)
-    )
+    (gx, dx), (gy, dy) = (_moments(cycle.phases[:, axis], display[axis], render[axis]) for axis in (0, 1))
     gx, dx = gx * used[:, None], dx * used[:, None]
     weight = (gy.T @ gx).clamp(min=1e-6)
     return gy.T @ dx / weight, dy.T @ gx / weight
 
 
 def _moments(jitter: Tensor, display: int, render: int) -> tuple[Tensor, Tensor]:
-    """(phases, n) weights of the samples near the pixels of an axis in each phase, and these times offsets."""
+    """(phases, n) weights of the samples near the pixels of an axis by phase, and these times offsets."""
     pixel = torch.arange(display, device=jitter.device)
     place = (pixel + 0.5) * render / display - 0.5 - jitter[:, None]
     sample = place.floor()[:, :, None] + torch.arange(2, device=jitter.device)
@@ -398,26 +412,29 @@ def at_centres(mean: Tensor, complete: Tensor, offsets: tuple[Tensor, Tensor]) -
     The slope is that between the neighbours, at most twice the smaller of those to each neighbour: none at
     edges and on thin lines. Where a neighbour is not complete, it is none.
     """
+    moved = torch.zeros_like(mean)
     for axis, offset in zip((3, 2), offsets, strict=True):
         before, after = neighbours(mean, axis)
         has_before, has_after = neighbours(complete, axis)
         below, above = mean - before, after - mean
         most = 2.0 * torch.minimum(below.abs(), above.abs()) * has_before * has_after
         slope = torch.maximum(torch.minimum(0.5 * (below + above), most), -most)
-        moved = slope * offset if axis == 3 else moved + slope * offset
+        moved = moved + slope * offset
     return (mean - moved).clamp(min=0.0)
 
 
 def neighbours(image: Tensor, axis: int) -> tuple[Tensor, Tensor]:
     """The pixels before and after each along an axis; edges are repeated."""
     index, last = torch.arange(image.shape[axis], device=image.device), image.shape[axis] - 1
-    return image.index_select(axis, (index - 1).clamp(min=0)), image.index_select(axis, (index + 1).clamp(max=last))
+    return image.index_select(axis, (index - 1).clamp(min=0)), image.index_select(
+        axis, (index + 1).clamp(max=last)
+    )
 
 
 class Windows(NamedTuple):
     """Moments over the window of each block, (1, 1, hb, wb)."""
 
-    count: Tensor  # samples
+    samples: Tensor  # number of them
     level: Tensor  # largest channel of the mean
     residuals: Tensor  # (1, 3, hb, wb) mean of the samples less that of the mean
     variance: Tensor  # of the residuals, summed over channels
@@ -458,7 +475,9 @@ def windows_of(sums: Tensor, side: int, size: Size) -> Windows:
     """Average the sums of blocks over windows of `side` blocks; see `residuals_of`."""
     whole = cut(cut(sums, 2, size.height + side - 1), 3, size.width + side - 1)
     pooled = spread(means_of(whole, side), side, size)
-    count, difference, color, expected, square, color_square = pooled.split_with_sizes([1, 3, 3, 3, 1, 1], dim=1)
+    count, difference, color, expected, square, color_square = pooled.split_with_sizes(
+        [1, 3, 3, 3, 1, 1], dim=1
+    )
     share = 1.0 / count.clamp(min=1e-6)
     residuals = difference * share
     return Windows(
@@ -492,7 +511,7 @@ def drifting(drift: Tensor, window: Windows, exposure: Tensor) -> Tensor:
     """(1, 1, hb, wb) 1 where a running mean of relative residuals is more than noise, else 0."""
     level = window.level + DARK / exposure
     frames = NOISE_RATE / (2.0 - NOISE_RATE)  # the variance of the running mean, over that of one frame
-    noise = (window.variance * frames / window.count.clamp(min=1.0)).sqrt() / level
+    noise = (window.variance * frames / window.samples.clamp(min=1.0)).sqrt() / level
     return (drift.abs().amax(dim=1, keepdim=True) > NOISE_FLICKER + NOISE_SIGMAS * noise).float()
 
 

@@ -3,8 +3,8 @@
 import torch
 
 from supersampler.methods.sizes import large_size
-from supersampler_model.ops.sampling import of_size
 from supersampler_model.ops.downsampling import downsample
+from supersampler_model.ops.sampling import of_size
 from supersampler_model.ops.size import Size
 from supersampler_model.training.classifier_task import ClassifierTask
 from supersampler_model.training.crops import Sample

@@ -18,16 +18,13 @@ AT_REST_HISTORY: Mapping[str, Shape] = {
     "phases": (PHASES, 4),
 }
 """`static_mean`: mean of the samples, linear RGB, and the sum of their weights. `static_blocks`: frames since
-the block last changed, negative once it is frozen, and the sums of three tests. `signatures`: of each block,
+the block changed, negative once it is frozen, and the sums of three tests. `signatures`: of each block,
 by phase of the jitter. `phases`: jitter x and y, frames since it was last seen, frames between its last
 two."""
 ADDS_SAMPLES, NOISY = "adds_samples", 2.0
-"""Input of the step: 0 on frames whose colour was not sampled, 1 on others, NOISY on those of a path
-tracer."""
+"""Input of the step: 0 on frames whose colour was not sampled, NOISY on those of a path tracer, else 1."""
 ADDED: Mapping[AtRest, float] = {"off": 0.0, "converge": 1.0, "accumulate": NOISY}
 """`adds_samples` of shaded frames, by what is done at rest."""
-OLDEST = 1 << 20
-"""Limit of counted frames: float32 counts on exactly."""
 BRIGHTEST = 65536.0
 """Limit of a mean of samples, each at most 65504, in single precision."""
 CONVERGED: Mapping[str, MapOf] = {"converged": MapOf("converged", 0, 1)}
@@ -41,6 +38,10 @@ MAX_STATIC_MOTION = 1.0 / 256.0
 PHASES_PER_SAMPLE, SPARE_PHASES = 9, 2
 """Phases of which signatures are kept: int(9 ratio^2) + 2. A jitter sequence has int(8 ratio^2), of a ratio
 that sizes are rounded from."""
+OLDEST = float(1 << 20)
+"""Limit of counted frames, up to which float32 counts exactly."""
+ORDER = 0.7548776662466927
+"""Step of the weights in the last value of a signature: the inverse of the plastic number."""
 TOLERANCE = 1.0 / 1024.0
 """Largest difference of two equal signatures, as a part of their mean: 0.4 % of the light of a block."""
 DARK = 1e-3

@@ -40,6 +40,7 @@ from supersampler_model.methods.classifier.buffers import (
 from supersampler_model.methods.classifier.network import ClassifierNetwork, classes_of, cut_to, pack
 from supersampler_model.methods.classifier.network_inputs import neighbourhood_inputs, pixel_inputs
 from supersampler_model.methods.learned import LearnedMethod
+from supersampler_model.ops.at_rest import RestFrame, RestHistory, compare, converge, kept, kept_frame
 from supersampler_model.ops.color import (
     CONFIRMED,
     GLARE,
@@ -58,7 +59,6 @@ from supersampler_model.ops.color import (
     without_glare,
     ycocg,
 )
-from supersampler_model.ops.at_rest import RestFrame, RestHistory, compare, converge, kept, kept_frame
 from supersampler_model.ops.compositing import composite, reactive_at
 from supersampler_model.ops.motion import (
     Reprojection,
@@ -207,7 +207,8 @@ class Classifier(LearnedMethod):
 
         Args:
             gathered: from `gather`.
-            logits, blend: from `infer`.
+            logits: from `infer`.
+            blend: likewise.
             jitter: (1, 2) of this frame.
             resting: (1, 1, H, W) 1 where the history will be kept; None: nowhere.
         """

@@ -12,7 +12,8 @@ from torch import Tensor
 from supersampler.methods.classifier_large.spec import CLASSIFIER_LARGE
 from supersampler.methods.spec import LARGE_HALF
 from supersampler_model.methods.base import Fused
-from supersampler_model.methods.classifier.model import Classifier, Gathered
+from supersampler_model.methods.classifier.buffers import Gathered
+from supersampler_model.methods.classifier.model import Classifier
 from supersampler_model.methods.classifier.transfer import transferred
 from supersampler_model.methods.weights_file import Trained
 from supersampler_model.ops.downsampling import downsample

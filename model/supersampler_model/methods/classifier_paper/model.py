@@ -111,7 +111,13 @@ class PaperClassifier(Classifier):
         ]
         return pack(torch.cat(planes, dim=1)), warped.classes[:, :0, ::2, ::2]
 
-    def finish(self, gathered: Gathered, logits: Tensor, blend: Tensor) -> Finished:
+    def finish(
+        self,
+        gathered: Gathered,
+        logits: Tensor,
+        blend: Tensor,
+        resting: Tensor | None = None,  # noqa: ARG002  # it keeps no history at rest
+    ) -> Finished:
         """Upsample the logits, compute the weight, blend; update sample count and range."""
         del blend
         current, warped = gathered.current, gathered.warped

@@ -17,13 +17,13 @@ from torch import Tensor
 from supersampler.methods.gbuffer_fast.spec import GBUFFER_FAST, GBUFFERS_READ, GuidedConfig
 from supersampler_model.methods.classifier.buffers import CurrentFrame, Gathered, History, WarpedHistory
 from supersampler_model.methods.classifier.model import DIM, HEIGHT, Classifier, edge_of
-from supersampler_model.methods.classifier.network import cut_to
 from supersampler_model.methods.classifier.network_inputs import root
 from supersampler_model.methods.classifier.transfer import transferred
 from supersampler_model.methods.gbuffer.model import NEIGHBOUR_WEIGHTS
 from supersampler_model.methods.gbuffer.surfaces import lit
 from supersampler_model.methods.gbuffer_fast.surfaces import Surfaces, guide
 from supersampler_model.methods.weights_file import Trained
+from supersampler_model.ops.at_rest import RestFrame, RestHistory
 from supersampler_model.ops.color import (
     MAX_HALF,
     TONED,
@@ -38,7 +38,6 @@ from supersampler_model.ops.color import (
     without_glare,
     ycocg,
 )
-from supersampler_model.ops.at_rest import RestFrame, RestHistory
 from supersampler_model.ops.compositing import reactive_at
 from supersampler_model.ops.motion import (
     Reprojection,

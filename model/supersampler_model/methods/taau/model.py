@@ -31,6 +31,7 @@ from torch import Tensor
 from supersampler.methods.taau.spec import FLASH, FLASH_MEMORY, LEAST_FLASH, TAAU, TaauConfig
 from supersampler_model.methods.base import Method
 from supersampler_model.methods.taau.planes import Moments, fit_of, plane_moments
+from supersampler_model.ops.at_rest import RestFrame, RestHistory, compare, converge, kept, kept_frame
 from supersampler_model.ops.color import (
     CONFIRMED,
     DARKNESS,
@@ -46,7 +47,6 @@ from supersampler_model.ops.color import (
     without_glare,
     ycocg,
 )
-from supersampler_model.ops.at_rest import RestFrame, RestHistory, compare, converge, kept, kept_frame
 from supersampler_model.ops.compositing import reactive_at
 from supersampler_model.ops.motion import (
     Reprojection,

@@ -1,4 +1,4 @@
-"""What stands still, on the CPU: twin of `supersampler_model.ops.at_rest`, and the tiles that need no step."""
+"""What stands still, on the CPU: twin of `supersampler_model.ops.at_rest`; tiles that need no step."""
 
 import itertools
 from collections.abc import Mapping
@@ -12,11 +12,21 @@ from numpy.typing import NDArray
 from supersampler.backends.cpu.kernel_loader import Call
 from supersampler.backends.cpu.layout import LANES, TILE
 from supersampler.backends.cpu.memory import address, aligned
-from supersampler.backends.cpu.structs import NO_MASK, AddedSamples, BlockSums, FrameInputs, RestSamples, ShownMean, pack
-from supersampler.backends.cpu.threads import Rect, ThreadPool
+from supersampler.backends.cpu.resample_tables import up_to
+from supersampler.backends.cpu.structs import (
+    NO_MASK,
+    AddedSamples,
+    BlockSums,
+    FrameInputs,
+    RestSamples,
+    ShownMean,
+    pack,
+)
+from supersampler.backends.cpu.threads import ThreadPool
 from supersampler.backends.cpu.tiles import Bool, dilated, runs_of, scaled
 from supersampler.frame import Float32, Frame, Size
 from supersampler.methods.at_rest import (
+    AT_REST_HISTORY,
     BLOCK,
     COMMON,
     DARK,
@@ -28,6 +38,8 @@ from supersampler.methods.at_rest import (
     NOISE_SIGMAS,
     NOISE_WEIGHT,
     NOISY,
+    OLDEST,
+    ORDER,
     OUTER,
     SHOWN,
     SHOWN_FROM,
@@ -48,7 +60,6 @@ Bytes = NDArray[np.uint8]
 _SUMS = 12  # of `kernels.at_rest`
 _KEEPS, _ADDS, _RESTARTS = 1, 2, 3
 _SCRATCH = 3 * 3 * LANES
-OLDEST = float(1 << 20)
 _GENERATIONS = itertools.count(1)
 
 
@@ -116,10 +127,12 @@ class RestState:
 
     def load(self, tensors: Mapping[str, NDArray[np.generic]], generation: int) -> None:
         """Fill from history tensors of the contract."""
-        get = lambda name: np.array(tensors[f"history.{name}"], np.float32)  # noqa: E731
-        blocks, self.phases = get("static_blocks")[0], get("phases")
-        self.ages, self.tests, self.signatures = blocks[0].copy(), blocks[1:].copy(), list(get("signatures"))
-        self.allocated_mean()[:] = get("static_mean")[0].transpose(1, 2, 0)
+        mean, blocks, signatures, phases = (
+            np.array(tensors[f"history.{name}"], np.float32) for name in AT_REST_HISTORY
+        )
+        self.ages, self.tests = blocks[0, 0].copy(), blocks[0, 1:].copy()
+        self.signatures, self.phases = list(signatures), phases
+        self.allocated_mean()[:] = mean[0].transpose(1, 2, 0)
         self.generations[:] = generation
 
 
@@ -133,20 +146,59 @@ class Cycle(NamedTuple):
     phases: Float32
 
 
+class _Seen(NamedTuple):
+    """A frame as it is compared."""
+
+    frame: Frame
+    inputs: FrameInputs
+    cycle: Cycle
+    sampled: bool
+    noisy: bool
+    moving: Bool  # blocks with a sample that moves
+    signature: Float32
+    dark: float  # linear light below which differences do not show
+
+
 class Stillness(NamedTuple):
-    """What stands still in a frame, by block, (down, across)."""
+    """What stands still in a frame, by block, (down, across): see `Stillness` of the torch module."""
 
     cycle: Cycle
     noisy: bool
+    known: Bool
     stands: Bool
+    moves: Bool
+    verifies: Bool
     adds: Bool
     stays: Bool
     ages: Float32
     tests: Float32
-    shares: Float32
-    complete: Bool
-    freezes: Bool
-    retries: Bool
+    shares: Float32 = np.zeros((1, 1), np.float32)  # of `kernels.at_rest.show_mean`
+    complete: Bool = np.zeros((1, 1), bool)  # blocks whose mean has the samples of a whole period
+    freezes: Bool = np.zeros((1, 1), bool)
+
+    def write(self, history: RestState, following: RestState, signature: Float32) -> "Stillness":
+        """Write the next history but for its mean; return what is shown and frozen, too."""
+        cycle = self.cycle
+        periods = self.ages / max(cycle.period, 1.0) * (cycle.period > 0.0)
+        steady = (self.tests.max(axis=0) <= 0.0) & self.stands
+        fade = np.clip((periods - SHOWN_FROM) / (SHOWN - SHOWN_FROM), 0.0, 1.0) * (steady & ~self.adds)
+        shares = np.where(self.ages > 0.0, -1.0, 0.0) if self.noisy else np.where(self.stays, 2.0, fade)
+        due = self.verifies & (periods >= 2.0)
+        freezes = due & steady
+        if freezes.any() and history.mean is not None:
+            freezes &= least_enough(history.mean, history.display, history.render)
+        ages = np.where(due & ~freezes, np.float32(cycle.period), self.ages)
+        following.ages = np.where(self.stays | freezes, -ages, ages).astype(np.float32)
+        following.tests = np.where(due, np.float32(0.0), self.tests).astype(np.float32)
+        following.render, following.phases = history.render, cycle.phases
+        following.signatures = list(history.signatures)
+        kept, reference = self.known & self.stands, history.signatures[cycle.slot]
+        if cycle.counts and not (kept | self.moves).all():
+            following.signatures[cycle.slot] = (
+                signature if reference is None else np.where(kept, reference, signature)
+            )
+        complete = (self.stays | (periods >= 1.0)) & (not self.noisy)
+        return self._replace(shares=shares.astype(np.float32), complete=complete, freezes=freezes)
 
     def resting(self, display: Size, render: Size) -> Bool:
         """Return the tiles of a display, (rows, columns), where the method's own history is kept."""
@@ -174,7 +226,9 @@ class BlocksAt(NamedTuple):
 def blocks_at(display: Size, render: Size) -> BlocksAt:
     """Return the blocks at the pixels of a display."""
     columns, rows = (
-        np.minimum((2 * np.arange(full) + 1) * size // (2 * BLOCK * full), -(-size // BLOCK) - 1).astype(np.int32)
+        np.minimum((2 * np.arange(full) + 1) * size // (2 * BLOCK * full), -(-size // BLOCK) - 1).astype(
+            np.int32
+        )
         for full, size in zip(display, render, strict=True)
     )
     return BlocksAt(rows, columns)
@@ -182,10 +236,20 @@ def blocks_at(display: Size, render: Size) -> BlocksAt:
 
 def any_in_tiles(blocks: Bool, display: Size, render: Size) -> Bool:
     """Return the tiles of a display, (rows, columns), with a pixel of one of these blocks."""
+    shape = [-(-extent // TILE) for extent in display[::-1]]
+    if not blocks.any() or blocks.all():
+        return np.full(shape, blocks[0, 0])
     at = blocks_at(display, render)
     sums = np.pad(blocks.astype(np.int32), ((1, 0), (1, 0))).cumsum(0).cumsum(1)
-    (top, bottom), (left, right) = ((a[::TILE], np.append(a[TILE - 1 :: TILE], a[-1:])[: len(a[::TILE])] + 1) for a in at)
-    count = sums[np.ix_(bottom, right)] - sums[np.ix_(top, right)] - sums[np.ix_(bottom, left)] + sums[np.ix_(top, left)]
+    (top, bottom), (left, right) = (
+        (a[::TILE], np.append(a[TILE - 1 :: TILE], a[-1:])[: len(a[::TILE])] + 1) for a in at
+    )
+    count = (
+        sums[np.ix_(bottom, right)]
+        - sums[np.ix_(top, right)]
+        - sums[np.ix_(bottom, left)]
+        + sums[np.ix_(top, left)]
+    )
     return np.asarray(count > 0)
 
 
@@ -199,7 +263,9 @@ class AtRest:
 
     def __init__(self, kernels: Mapping[str, Call], pool: ThreadPool) -> None:
         self._pool = pool
-        self._sign, self._sum, self._add, self._show, self._freeze = (kernels[name] for name in AT_REST_KERNELS)
+        self._sign, self._sum, self._add, self._show, self._freeze = (
+            kernels[name] for name in AT_REST_KERNELS
+        )
 
     def compare(
         self, frame: Frame, inputs: FrameInputs, history: RestState, following: RestState, adds_samples: float
@@ -219,60 +285,54 @@ class AtRest:
         sampled, noisy = adds_samples >= 1.0, adds_samples >= NOISY
         cycle = follow_jitter(frame.jitter, history.phases, sampled=sampled, noisy=noisy)
         moving, signature = self._signatures(frame, inputs)
+        seen = _Seen(frame, inputs, cycle, sampled, noisy, moving, signature, DARK / inputs.exposure)
         age, was_frozen = np.abs(history.ages), history.ages < 0.0
         known = (age >= cycle.age) & (cycle.age > 0.0 and sampled and not noisy)
-        reference, dark = history.signatures[cycle.slot], DARK / inputs.exposure
-        changed = np.zeros(age.shape, bool)
-        if reference is not None and known.any():
-            changed = differing(signature, reference, dark) & known & ~moving
-        drift = history.tests
-        if noisy and age.any():
-            small = windows_of(self._sums(frame, inputs, history, np.ones(age.shape, bool)), WINDOWS[0])
-            drift = (history.tests + NOISE_RATE * (small.residuals / (small.level + dark) - history.tests)) * (small.count > 0.0)
-            drift = drift.astype(np.float32)
-            changed = changed | drifting(drift, small, dark)
-        lost = was_frozen & ~known if sampled else np.zeros_like(moving)
-        restarts, moves = (dilated(mask, 1) if mask.any() else mask for mask in (changed | lost, moving))
+        changed, drift = self._changed(seen, history, known)
+        if sampled:
+            changed = changed | (was_frozen & ~known)
+        restarts, moves = (dilated(mask, 1) if mask.any() else mask for mask in (changed, moving))
         stands = ~(moves | restarts)
         verifies = known & stands & ~was_frozen & cycle.counts
-        tests = np.where(stands, drift, np.float32(0.0)) if noisy or not cycle.counts else np.zeros_like(history.tests)
-        if verifies.any() and not noisy:
-            wanted = spread(windowed(verifies, WINDOWS[1]), WINDOWS[1], age.shape) & (age > 0.0)
-            sums = self._sums(frame, inputs, history, wanted)
-            steadiness = steadiness_of(windows_of(sums, WINDOWS[0]), windows_of(sums, WINDOWS[1]), dark)
-            tests = np.where(verifies, history.tests + steadiness, np.float32(0.0))
-        ages = np.minimum((age * stands + cycle.counts) * ~moves, OLDEST).astype(np.float32)
-        adds = ~moves & (restarts | ~known) & cycle.counts
-        return self._decided(
-            history, following, cycle, noisy, (known, stands, moves, verifies, adds), ages, tests, reference, signature
+        still = Stillness(
+            cycle=cycle,
+            noisy=noisy,
+            known=known,
+            stands=stands,
+            moves=moves,
+            verifies=verifies,
+            adds=~moves & (restarts | ~known) & cycle.counts,
+            stays=was_frozen & stands,
+            ages=np.minimum((age * stands + cycle.counts) * ~moves, OLDEST).astype(np.float32),
+            tests=self._tests(seen, history, verifies, np.where(stands, drift, np.float32(0.0))),
         )
+        return still.write(history, following, signature)
 
-    def _decided(self, history, following, cycle, noisy, masks, ages, tests, reference, signature) -> Stillness:  # noqa
-        known, stands, moves, verifies, adds = masks
-        stays = (history.ages < 0.0) & stands
-        periods = ages / max(cycle.period, 1.0) * (cycle.period > 0.0)
-        steady = (tests.max(axis=0) <= 0.0) & stands
-        fade = np.clip((periods - SHOWN_FROM) / (SHOWN - SHOWN_FROM), 0.0, 1.0) * (steady & ~adds)
-        shares = np.where(stays, 2.0, fade)
-        if noisy:
-            shares = np.where(ages > 0.0, -1.0, 0.0)
-        due = verifies & (periods >= 2.0)
-        freezes = due & steady
-        if freezes.any() and history.mean is not None:
-            freezes &= least_enough(history.mean, freezes, history.display, history.render)
-        retries = due & ~freezes
-        following.render, following.phases = history.render, cycle.phases
-        following.signatures = list(history.signatures)
-        kept = known & stands
-        if cycle.counts and not (kept | moves).all():
-            following.signatures[cycle.slot] = signature if reference is None else np.where(kept, reference, signature)
-        next_ages = np.where(retries, np.float32(cycle.period), ages)
-        following.ages = np.where(stays | freezes, -next_ages, next_ages).astype(np.float32)
-        following.tests = np.where(due, np.float32(0.0), tests).astype(np.float32)
-        complete = (stays | (periods >= 1.0)) & (not noisy)
-        return Stillness(
-            cycle, noisy, stands, adds, stays, ages, tests, shares.astype(np.float32), complete, freezes, retries
-        )
+    def _changed(self, seen: "_Seen", history: RestState, known: Bool) -> tuple[Bool, Float32]:
+        """Return the blocks that changed, and the mean residuals of noisy samples, or else the tests."""
+        if seen.noisy:
+            if not history.ages.any():
+                return np.zeros_like(known), history.tests
+            small = windows_of(self._sums(seen, history, np.ones_like(known)), WINDOWS[0])
+            relative = small.residuals / (small.level + seen.dark)
+            drift = history.tests + NOISE_RATE * (relative - history.tests)
+            drift = (drift * (small.samples > 0.0)).astype(np.float32)
+            return drifting(drift, small, seen.dark), drift
+        reference = history.signatures[seen.cycle.slot]
+        if reference is None or not known.any():
+            return np.zeros_like(known), history.tests
+        return differing(seen.signature, reference, seen.dark) & known & ~seen.moving, history.tests
+
+    def _tests(self, seen: "_Seen", history: RestState, verifies: Bool, kept: Float32) -> Float32:
+        """Return the tests of the next history; `kept`: where the frame confirms no mean."""
+        if seen.noisy or not seen.cycle.counts:
+            return kept
+        if not verifies.any():
+            return np.zeros_like(kept)
+        wanted = spread(windowed(verifies, WINDOWS[1]), WINDOWS[1], verifies.shape) & (history.ages != 0.0)
+        sums = self._sums(seen, history, wanted)
+        steadiness = steadiness_of(windows_of(sums, WINDOWS[0]), windows_of(sums, WINDOWS[1]), seen.dark)
+        return np.where(verifies, history.tests + steadiness, np.float32(0.0))
 
     def _signatures(self, frame: Frame, inputs: FrameInputs) -> tuple[Bool, Float32]:
         (w, h), (across, down) = frame.size, block_count(frame.size)
@@ -290,15 +350,17 @@ class AtRest:
         )
         return moving > 0, signature
 
-    def _sums(self, frame: Frame, inputs: FrameInputs, history: RestState, wanted: Bool) -> Float32:
+    def _sums(self, seen: "_Seen", history: RestState, wanted: Bool) -> Float32:
         """Return the sums of the residuals of blocks, (SUMS, down, across); 0 where they are not wanted."""
+        frame, inputs = seen.frame, seen.inputs
         (w, h), (across, down) = frame.size, block_count(frame.size)
         sums = np.zeros((_SUMS, down, across), np.float32)
         if history.mean is None:
             return sums
         at = blocks_at(history.display, frame.size)
         (columns, column_weights), (rows, row_weights) = (
-            _pixels_around(frame.size[axis], history.display[axis], float(frame.jitter[axis])) for axis in (0, 1)
+            _pixels_around(frame.size[axis], history.display[axis], float(frame.jitter[axis]))
+            for axis in (0, 1)
         )
         ages, asked = np.abs(history.ages), wanted.astype(np.uint8)
         packed = pack(
@@ -339,17 +401,23 @@ class AtRest:
         if not shown.any():
             return
         at, complete = blocks_at(display, render), still.complete.astype(np.uint8)
-        column_moments, row_moments = (
-            moments_of(still.cycle, axis, display[axis], render[axis]) for axis in (0, 1)
-        )
+        cycle = still.cycle if ((still.shares > 0.0) & (still.shares <= 1.0)).any() else None
+        across, row_moments = (moments_of(cycle, axis, display[axis], render[axis]) for axis in (0, 1))
+        pitch = up_to(display[0], LANES)
+        column_moments = aligned((len(across), 2, pitch))
+        column_moments[..., : display[0]] = across.transpose(0, 2, 1)
         packed = pack(
             ShownMean(
                 following.allocated_mean(), image, still.shares, complete, at.rows, at.columns,
-                row_moments, column_moments, len(row_moments), complete.shape[1], *display, NOISE_WEIGHT,
+                row_moments, column_moments, len(row_moments), pitch, complete.shape[1], *display,
+                NOISE_WEIGHT,
             )
         )  # fmt: skip
         boxes = scaled(runs_of(any_in_tiles(shown, display, render)), TILE, display)
-        self._pool.run_rects("rest", boxes, lambda box, _: self._show(packed, *box))
+        scratch = aligned((self._pool.threads, 3 * LANES))
+        self._pool.run_rects(
+            "rest", boxes, lambda box, worker: self._show(packed, address(scratch[worker]), *box)
+        )
         if still.freezes.any():
             frozen, tiles = still.freezes.astype(np.uint8), any_in_tiles(still.freezes, display, render)
             boxes = scaled(runs_of(tiles), TILE, display)
@@ -368,10 +436,14 @@ class AtRest:
         same = history.render == render
         before = np.abs(history.ages) > 0.0 if same else np.zeros(still.ages.shape, bool)
         begins = still.adds & ~(still.stands & before)
-        modes = np.where(still.adds, np.where(begins, _RESTARTS, _ADDS), np.where(still.ages > 0.0, _KEEPS, 0))
+        modes = np.where(
+            still.adds, np.where(begins, _RESTARTS, _ADDS), np.where(still.ages > 0.0, _KEEPS, 0)
+        )
         written = any_in_tiles(still.adds | still.freezes, display, render)
         stale = any_in_tiles(modes != 0, display, render) & (following.generations != history.generations)
-        following.generations = np.where(written, generation, np.where(stale, history.generations, following.generations))
+        following.generations = np.where(
+            written, generation, np.where(stale, history.generations, following.generations)
+        )
         tiles, packed_modes = written | stale, modes.astype(np.uint8)
         if not tiles.any():
             return
@@ -382,7 +454,8 @@ class AtRest:
         packed = pack(
             AddedSamples(
                 inputs.color, history.allocated_mean(), following.allocated_mean(), rows, row_weights,
-                columns, column_weights, at.rows, at.columns, packed_modes, render[0], still.ages.shape[1], display[0],
+                columns, column_weights, at.rows, at.columns, packed_modes, render[0], still.ages.shape[1],
+                display[0],
             )
         )  # fmt: skip
         boxes = scaled(runs_of(tiles), TILE, display)
@@ -415,7 +488,7 @@ def differing(signature: Float32, reference: Float32, dark: float) -> Bool:
 class Windows(NamedTuple):
     """Moments over the window of each block: see `Windows` of the torch module."""
 
-    count: Float32
+    samples: Float32
     level: Float32
     residuals: Float32
     square: Float32
@@ -424,7 +497,7 @@ class Windows(NamedTuple):
 
 
 def windowed(blocks: NDArray[Any], side: int) -> NDArray[Any]:
-    """Return the sums of (..., down, across) blocks in windows of `side` blocks; of masks, whether any is set.
+    """Return the sums of (..., down, across) blocks in windows of `side` blocks; of masks, if any is set.
 
     At the edges, blocks are repeated.
     """
@@ -456,7 +529,7 @@ def windows_of(sums: Float32, side: int) -> Windows:
 
 
 def steadiness_of(small: Windows, large: Windows, dark: float) -> Float32:
-    """Return how far residuals are over the limits, (3, down, across); see `steadiness` of the torch module."""
+    """Return how far residuals are over the limits, (3, down, across); see `steadiness` in torch."""
     sparkling = np.maximum(small.contrast - SPARKLING * np.square(small.level), 0.0)
     explained = small.contrast + (1.0 / UNRESOLVED - 1.0) * sparkling
     tests = [
@@ -467,7 +540,9 @@ def steadiness_of(small: Windows, large: Windows, dark: float) -> Float32:
     return np.stack(tests).astype(np.float32)
 
 
-def _excess(square: Float32, variance: Float32, ratio: float, window: Windows, dark: float) -> Float32:
+def _excess(
+    square: NDArray[Any], variance: NDArray[Any], ratio: float, window: Windows, dark: float
+) -> Float32:
     level = np.square(window.level + dark)
     excess: Float32 = np.clip((square - ratio * variance) / level - FLICKER * FLICKER, -OLDEST, OLDEST)
     return excess
@@ -476,11 +551,11 @@ def _excess(square: Float32, variance: Float32, ratio: float, window: Windows, d
 def drifting(drift: Float32, window: Windows, dark: float) -> Bool:
     """Return where a running mean of relative residuals is more than noise."""
     frames = NOISE_RATE / (2.0 - NOISE_RATE)
-    noise = np.sqrt(window.variance * frames / np.maximum(window.count[0], 1.0)) / (window.level + dark)
+    noise = np.sqrt(window.variance * frames / np.maximum(window.samples[0], 1.0)) / (window.level + dark)
     return np.asarray(np.abs(drift).max(axis=0) > NOISE_FLICKER + NOISE_SIGMAS * noise)
 
 
-def least_enough(mean: Float32, blocks: Bool, display: Size, render: Size) -> Bool:
+def least_enough(mean: Float32, display: Size, render: Size) -> Bool:
     """Return the blocks whose pixels nearest to samples have enough samples."""
     columns, rows = (
         np.minimum((2 * np.arange(size) + 1) * full // (2 * size), full - 1)
@@ -492,11 +567,17 @@ def least_enough(mean: Float32, blocks: Bool, display: Size, render: Size) -> Bo
     return np.asarray(~padded.reshape(down, BLOCK, across, BLOCK).any(axis=(1, 3)))
 
 
-def moments_of(cycle: Cycle, axis: int, display: int, render: int) -> Float32:
-    """Return the weights of samples near the pixels of an axis in each phase, and these times offsets: (phases, n, 2)."""
+def moments_of(cycle: Cycle | None, axis: int, display: int, render: int) -> Float32:
+    """Return the weights of samples near the pixels of an axis in each phase, and these times offsets.
+
+    Returns:
+        (phases, n, 2); without a cycle, of no phase.
+    """
+    if cycle is None:
+        return np.zeros((0, display, 2), np.float32)
     ages = cycle.phases[:, 2]
     jitter = cycle.phases[(ages > 0.0) & (ages <= cycle.period), axis]
-    return np.stack([_moments(float(j), display, render) for j in jitter]) if len(jitter) else np.zeros((0, display, 2), np.float32)
+    return np.stack([_moments(float(j), display, render) for j in jitter])
 
 
 @lru_cache(1024)
@@ -523,7 +604,7 @@ def _offsets(render: int, display: int, jitter: float) -> Float32:
 
 @lru_cache(512)
 def _samples_around(render: int, display: int, jitter: float) -> tuple[NDArray[np.int32], Float32]:
-    """Return the two samples around each pixel of an axis and their weights in the mean, (display, 2) each."""
+    """Return the two samples around each pixel of an axis and their weights, (display, 2) each."""
     place = _places(render, display, jitter)[:, None]
     sample = np.floor(place) + np.arange(2, dtype=np.float32)
     weight = np.clip((OUTER - np.abs(_offsets(render, display, jitter))) / (OUTER - INNER), 0.0, 1.0)
@@ -545,8 +626,8 @@ def _pixels_around(render: int, display: int, jitter: float) -> tuple[NDArray[np
 
 @lru_cache
 def _order_weights() -> Float32:
-    """Return the weights of the values of sixteen samples of four rows in the last of a signature: (4, 48)."""
-    order = np.arange(3 * BLOCK * BLOCK, dtype=np.float32) * np.float32(0.7548776662466927)
+    """Return the weights of four rows of sixteen samples in the last value of a signature: (4, 48)."""
+    order = np.arange(3 * BLOCK * BLOCK, dtype=np.float32) * np.float32(ORDER)
     weights = (2.0 * (order - np.floor(order)) - 1.0) / (BLOCK * BLOCK)
     by_sample = weights.reshape(3, BLOCK, BLOCK).transpose(1, 2, 0)  # rows, columns, channels
     return np.ascontiguousarray(np.tile(by_sample.reshape(BLOCK, -1), (1, LANES // BLOCK)), np.float32)

@@ -119,7 +119,10 @@ class CpuExecutor(ABC, Generic[Space]):
         inputs, own, aux = frame_inputs(frame), self.own_size(display), AuxOutputs(aux_outputs, display)
         exposure = self._preprocess.exposure(frame, inputs.color, history.exposure)
         inputs = inputs._replace(exposure=abs(exposure))
-        still, generation = self._compare(frame, inputs, history, next_history, adds_samples), next_generation()
+        still, generation = (
+            self._compare(frame, inputs, history, next_history, adds_samples),
+            next_generation(),
+        )
         resting = np.zeros(next_history.generations.shape, bool)
         if still is not None and still.stays.any():
             resting = still.resting(own, frame.size)
@@ -128,7 +131,15 @@ class CpuExecutor(ABC, Generic[Space]):
         if tiles.any:
             next_history.jitter, next_history.exposure = frame.jitter, exposure
             self._run(
-                frame, inputs, history, next_history, image, aux, tiles=tiles, resting=resting, display=display
+                frame,
+                inputs,
+                history,
+                next_history,
+                image,
+                aux,
+                tiles=tiles,
+                resting=resting,
+                display=display,
             )
         self._keep(history, next_history, tiles, resting, generation)
         if still is not None and history.rest is not None and next_history.rest is not None:

@@ -102,9 +102,7 @@ class CpuHistory:
         glares: whether pixels may hold counts of glaring frames.
     """
 
-    def __init__(
-        self, layout: HistoryLayout, display: Size, render: Size, image: Size | None = None
-    ) -> None:
+    def __init__(self, layout: HistoryLayout, display: Size, render: Size, image: Size | None = None) -> None:
         self._layout, self._display, self.render = layout, display, render
         self.arrays: dict[str, NDArray[Any]] = {
             name: aligned(layout.shape(plane, display, render), plane.dtype)

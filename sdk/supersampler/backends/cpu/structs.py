@@ -263,8 +263,9 @@ class ShownMean(NamedTuple):
         row_blocks, column_blocks: see `BlockSums`.
         row_moments: (phases, height, 2) weight of the samples near each row in each phase, and this times
             their offset.
-        column_moments: (phases, width, 2) likewise.
+        column_moments: (phases, 2, pitch) likewise.
         phases: of the jitter's period.
+        pitch: width, rounded up to whole vectors.
         across: blocks of a row.
         width, height: of the image.
         noise_weight: see `methods.at_rest.NOISE_WEIGHT`.
@@ -279,6 +280,7 @@ class ShownMean(NamedTuple):
     row_moments: Floats
     column_moments: Floats
     phases: int
+    pitch: int
     across: int
     width: int
     height: int

@@ -14,7 +14,7 @@ from supersampler.backends.cpu.layout import TILE
 from supersampler.backends.gpu.device import default_device, raising, storage_limit
 from supersampler.backends.gpu.device_frame import IMAGE_FORMAT, DeviceFrame, is_texture
 from supersampler.backends.gpu.frame_inputs import PARAMS, frame_buffers, step_params, write_frame
-from supersampler.backends.gpu.history import GpuHistory
+from supersampler.backends.gpu.history import SIGNATURES, GpuHistory
 from supersampler.backends.gpu.memory import (
     BufferSpec,
     Memory,
@@ -115,8 +115,9 @@ class GpuExecutor:
         image: Float32,
         aux_outputs: Collection[str],
         *,
-        tolerance: float | None,  # noqa: ARG002  # every pixel is computed
-        adds_samples: bool,
+        adds_samples: float,
+        skip: bool = True,
+        tolerance: float | None = None,  # noqa: ARG002  # until callers do not give it
     ) -> Mapping[str, Float32]:
         """See `Executor`."""
         render, wanted = frame.size, [name for name in AUX if name in aux_outputs]
@@ -132,6 +133,7 @@ class GpuExecutor:
                 has_reactive=frame.reactive is not None,
                 adds_samples=adds_samples,
                 writes_aux=bool(wanted),
+                skip=skip,
             )
             encoder = self.device.create_command_encoder()
             self._encode(encoder, ARRAYS, params, history, next_history, {"image": space.image.buffer}, space)
@@ -154,7 +156,8 @@ class GpuExecutor:
         next_history: GpuHistory,
         image: Any,
         *,
-        adds_samples: bool,
+        adds_samples: float,
+        skip: bool = True,
     ) -> None:
         """Encode a step on a frame in textures or buffers of this device.
 
@@ -165,6 +168,7 @@ class GpuExecutor:
             next_history: written to; not `history`.
             image: texture or buffer to write to, checked.
             adds_samples: see `Executor.step`.
+            skip: see there.
         """
         kinds = {"frame": frame.in_textures, "image": is_texture(image)}
         variants = {name: (TEXTURES if kind else ARRAYS)[name] for name, kind in kinds.items()}
@@ -177,6 +181,7 @@ class GpuExecutor:
             history,
             has_reactive="reactive" in frame.images,
             adds_samples=adds_samples,
+            skip=skip,
         )
         with self._lock.lock, raising(self.device, f"encoding a step to {display}"):
             space = self._space(frame.size, display)
@@ -216,7 +221,6 @@ class GpuExecutor:
     ) -> None:
         """Encode all passes; `inputs`: the image, and the frame unless it is in the buffers of `space`."""
         render = int(params[0]), int(params[1])
-        next_history.jitter = float(params[6]), float(params[7])
         resources: dict[str, Resource] = {
             "params": space.params,
             "aux": space.aux.buffer,
@@ -225,6 +229,9 @@ class GpuExecutor:
             **{f"next_{name}": memory.resource for name, memory in next_history.memory.items()},
             **inputs,
         }
+        if next_history.follow(history):
+            source, target = (one.memory[SIGNATURES].resource for one in (history, next_history))
+            encoder.copy_buffer_to_buffer(source, 0, target, 0, target.size)
         encode_write(self.device, encoder, space.params, params)
         compute = encoder.begin_compute_pass()
         for spec, one in zip(self.program.passes, self.passes(variants), strict=True):

@@ -4,9 +4,12 @@ from typing import Literal, NamedTuple
 
 from supersampler.backends.gpu.memory import BufferSpec, MemorySpec, TextureSpec
 from supersampler.frame import Size
+from supersampler.methods.at_rest import BLOCK, PHASES_PER_SAMPLE, SPARE_PHASES, block_count, phase_count
 from supersampler.methods.sizes import large_size
 
-Base = Literal["one", "render", "previous", "display", "large"]
+Base = Literal["one", "render", "previous", "display", "large", "signatures", "previous_signatures"]
+MOST_PHASES = PHASES_PER_SAMPLE * 4 * 4 + SPARE_PHASES
+"""Phases of the largest ratio."""
 
 
 class Extent(NamedTuple):
@@ -14,7 +17,8 @@ class Extent(NamedTuple):
 
     Attributes:
         of: "render" and "previous", sizes of this frame and of the one before; "display", of the image;
-            "large", 1.4 times the display (`large_size`); "one", which is (1, 1).
+            "large", 1.4 times the display (`large_size`); "one", which is (1, 1); "signatures" and
+            "previous_signatures", the blocks of that frame, one phase of the jitter below the other.
         divide: of both axes.
         multiply: of each axis, (x, y).
     """
@@ -25,8 +29,7 @@ class Extent(NamedTuple):
 
     def size(self, render: Size, display: Size, previous: Size | None = None) -> Size:
         """Return (width, height) at these sizes; `previous` is as `render` if not given."""
-        sizes = {"one": (1, 1), "render": render, "display": display, "previous": previous or render}
-        width, height = large_size(display) if self.of == "large" else sizes[self.of]
+        width, height = _size_of(self.of, render, display, previous or render)
         return -(-width // self.divide) * self.multiply[0], -(-height // self.divide) * self.multiply[1]
 
     @property
@@ -35,8 +38,19 @@ class Extent(NamedTuple):
         return self._replace(of="large") if self.of == "display" else self
 
 
+def _size_of(base: Base, render: Size, display: Size, previous: Size) -> Size:
+    if base == "large":
+        return large_size(display)
+    if base.endswith("signatures"):
+        frame = render if base == "signatures" else previous
+        across, down = block_count(frame)
+        return across, down * phase_count(display, frame)
+    return {"one": (1, 1), "render": render, "display": display}.get(base, previous)
+
+
 ONE, RENDER, PREVIOUS, DISPLAY = Extent("one"), Extent("render"), Extent("previous"), Extent("display")
 HALF, LARGE, LARGE_HALF = Extent("display", 2), Extent("large"), Extent("large", 2)
+BLOCKS, PHASES = Extent("render", BLOCK), Extent("one", multiply=(MOST_PHASES, 1))
 
 
 class PixelBuffer(NamedTuple):

@@ -28,14 +28,14 @@ def step_params(
     history: GpuHistory,
     *,
     has_reactive: bool,
-    adds_samples: bool = True,
+    adds_samples: float = 1.0,
     writes_aux: bool = False,
+    skip: bool = True,
 ) -> Float32:
-    """Return the shader's `Params` of a step from `history`."""
-    counts = adds_samples and np.any(np.array(jitter, np.float32) != np.array(history.jitter, np.float32))
-    values = [*render, *history.display, *history.render, *jitter, *history.jitter]
-    flags = bool(counts), writes_aux, pre_exposure, has_reactive, 0.0
-    return np.array([*values, usable_exposure(exposure) or 0.0, *flags], np.float32)
+    """Return the shader's `Params` of a step from `history`; auxiliary outputs are of the whole method."""
+    values = [*render, *history.display, *history.render, *jitter, usable_exposure(exposure) or 0.0]
+    flags = adds_samples, writes_aux, pre_exposure, has_reactive, skip and not writes_aux
+    return np.array([*values, *flags, 0.0, 0.0], np.float32)
 
 
 def frame_buffers(names: Collection[str]) -> dict[str, PixelMemory]:

@@ -12,6 +12,7 @@ from supersampler.backends.gpu.extents import (
     HALF,
     LARGE,
     LARGE_HALF,
+    PHASES,
     Extent,
     PixelBuffer,
     PixelMemory,
@@ -19,6 +20,8 @@ from supersampler.backends.gpu.extents import (
 )
 from supersampler.backends.gpu.memory import Memory, MemorySpec, allocate, read_back, write_to
 from supersampler.frame import Float32, Size
+from supersampler.methods.at_rest import BLOCK, phase_count
+from supersampler.methods.spec import BLOCKS as BLOCKS_SHAPE
 from supersampler.methods.spec import DISPLAY as DISPLAY_SHAPE
 from supersampler.methods.spec import HALF as HALF_SHAPE
 from supersampler.methods.spec import LARGE as LARGE_SHAPE
@@ -30,9 +33,11 @@ if TYPE_CHECKING:
 
 STATE = "state"
 MAX_HALF = 65504.0
-STATE_VALUES = 8
-"""Of the shader's `State`: signed exposure, flash, two unused, light."""
-_STATE_TENSORS = {"exposure": slice(0, 1), "light": slice(4, 8)}
+STATE_VALUES = 16
+"""Of the shader's `State`: signed exposure, flash, jitter, light, and what is of one step."""
+_STATE_TENSORS = {"exposure": slice(0, 1), "jitter": slice(2, 4), "light": slice(4, 8)}
+SIGNATURES, PHASE_TABLE = "signatures", "phases"
+_MEAN, _BLOCKS = "static_mean", "static_blocks"
 Packed = NDArray[Any]
 
 
@@ -94,14 +99,20 @@ class HistoryLayout:
 
     def extent(self, plane: str, frame: Literal["previous", "render"]) -> Extent:
         """Return the size of a plane after the previous frame, or after this one."""
+        tensor = self.planes[plane].tensor
+        if tensor == PHASE_TABLE:
+            return PHASES
+        if tensor == SIGNATURES:
+            return Extent("previous_signatures" if frame == "previous" else "signatures")
         extents: dict[object, Extent] = {
             DISPLAY_SHAPE: DISPLAY,
             HALF_SHAPE: HALF,
             LARGE_SHAPE: LARGE,
             LARGE_HALF_SHAPE: LARGE_HALF,
             PREVIOUS: Extent(frame),
+            BLOCKS_SHAPE: Extent(frame, BLOCK),
         }
-        return extents[self.spec.history[self.planes[plane].tensor][2:]]
+        return extents[self.spec.history[tensor][2:]]
 
     def size(self, plane: str, display: Size, render: Size) -> Size:
         """Return the size of a plane after a frame of size `render`, (width, height)."""
@@ -122,6 +133,16 @@ def of_plane(plane: str, *channels: int) -> tuple[tuple[str, int], ...]:
     return tuple((plane, channel) for channel in channels)
 
 
+def _image_of(tensor: str, values: NDArray[Any], channel: int) -> NDArray[Any]:
+    """Return a channel of a history tensor as an image of its plane; see `HistoryLayout.extent`."""
+    if tensor == PHASE_TABLE:
+        return values[None, :, channel]
+    if tensor == SIGNATURES:
+        return values[:, channel].reshape(-1, values.shape[3])
+    image: NDArray[Any] = values[0, channel]
+    return image
+
+
 @dataclass(eq=False)
 class GpuHistory:
     """Buffers of a history; zeros at first, which mean no history.
@@ -131,16 +152,18 @@ class GpuHistory:
         layout: where the tensors are.
         display: (width, height) of the images.
         render: (width, height) of the previous frame.
-        jitter: of the previous frame, render pixels.
         memory: by name; "state" is that of a whole frame.
+        step: of the step that wrote it; each has its own.
+        previous: the same of the history that this step read.
     """
 
     device: "wgpu.GPUDevice"
     layout: HistoryLayout
     display: Size
     render: Size
-    jitter: tuple[float, float] = (0.0, 0.0)
     memory: dict[str, Memory] = field(init=False)
+    step: object = field(default_factory=object)
+    previous: object = None
 
     def __post_init__(self) -> None:
         specs = self.layout.specs(self.display, self.render)
@@ -150,23 +173,39 @@ class GpuHistory:
         """Return whether it is of these sizes."""
         return (self.display, self.render) == (display, render)
 
+    def follow(self, history: "GpuHistory") -> bool:
+        """Note that a step from `history` is written to this one.
+
+        Returns:
+            Whether `signatures` must be copied first. A step writes only those of its own phase and of the
+            step before. The others are those of `history` if this was written two steps before.
+        """
+        is_second = self.step is history.previous
+        self.step, self.previous = object(), history.step
+        return SIGNATURES in self.memory and self.render == history.render and not is_second
+
     def tensor(self, name: str) -> Float32:
         """Return a history tensor of the contract (`history.NAME` or NAME), NCHW."""
         name = name.removeprefix("history.")
-        if name == "jitter":
-            return np.array([self.jitter], np.float32)
         if name in _STATE_TENSORS:
             values = self._words(STATE)[_STATE_TENSORS[name]].view(np.float32)
             return values.copy().reshape(sized(self.layout.spec.history[name], {}))
         where = self.layout.channels[name]
         pixels = {plane: self._pixels(plane) for plane, _ in where}
-        return np.stack([pixels[plane][..., channel] for plane, channel in where])[None]
+        planes = np.stack([pixels[plane][..., channel] for plane, channel in where])
+        if name == PHASE_TABLE:
+            return np.ascontiguousarray(planes[:, 0, : self._phases].T)
+        if name == SIGNATURES:
+            split = planes.reshape(4, self._phases, -1, planes.shape[2])
+            return np.ascontiguousarray(split.transpose(1, 0, 2, 3))
+        if name == _MEAN:
+            planes = planes * self._has_mean()
+        return planes[None]
 
     def load(self, tensors: Mapping[str, NDArray[Any]]) -> None:
         """Fill the buffers from all history tensors of the contract."""
         tensors = {name.removeprefix("history."): tensor for name, tensor in tensors.items()}
-        x, y = tensors["jitter"][0].tolist() if "jitter" in tensors else (0.0, 0.0)
-        self.jitter = x, y
+        self.step, self.previous = object(), None
         state = np.zeros(STATE_VALUES, np.float32)
         for name, part in _STATE_TENSORS.items():
             if name in tensors:
@@ -178,9 +217,23 @@ class GpuHistory:
             for tensor, where in self.layout.channels.items():
                 for i, (of, channel) in enumerate(where):
                     if of == name:
-                        pixels[..., channel] = tensors[tensor][0, i]
+                        plane_of = _image_of(tensor, tensors[tensor], i)
+                        pixels[: plane_of.shape[0], : plane_of.shape[1], channel] = plane_of
             packed = pixels if plane.codec is None else plane.codec.pack(pixels)
             write_to(self.device, self.memory[name], packed)
+
+    @property
+    def _phases(self) -> int:
+        return phase_count(self.display, self.render)
+
+    def _has_mean(self) -> Float32:
+        """(H, W) 1 where there is a mean: shaders leave that of other blocks as it was."""
+        ages = self.tensor(_BLOCKS)[0, 0]
+        rows, columns = (
+            np.minimum((2 * np.arange(full) + 1) * size // (2 * BLOCK * full), count - 1)
+            for full, size, count in zip(self.display[::-1], self.render[::-1], ages.shape, strict=True)
+        )
+        return (ages[rows[:, None], columns] != 0.0).astype(np.float32)
 
     def _words(self, name: str) -> NDArray[np.uint32]:
         return read_back(self.device, self.memory[name])

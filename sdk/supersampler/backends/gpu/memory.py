@@ -13,7 +13,9 @@ if TYPE_CHECKING:
 
 ROW = 256
 """Rows of textures are copied to buffers at multiples of this many bytes."""
-TEXELS = {"rgba32float": 16, "rgba32uint": 16, "rgba16float": 8, "rg32float": 8, "rg32uint": 8}
+TEXELS = {
+    "rgba32float": 16, "rgba32uint": 16, "rgba16float": 8, "rg32float": 8, "rg32uint": 8, "r32uint": 4,
+}  # fmt: skip
 """Bytes of a pixel by format."""
 # usages, as WebGPU numbers them
 _MAP_READ = 1

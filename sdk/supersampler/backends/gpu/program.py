@@ -47,7 +47,7 @@ EXPOSURE_PASSES = (
     PassSpec("follow_exposure", ONE, (1, 1)),
 )
 """The first passes of every method."""
-EXPOSURE_MEMORY: Mapping[str, PixelMemory] = {"measured": PixelBuffer(8 * PARTS), "rising": PixelBuffer(4)}
+EXPOSURE_MEMORY: Mapping[str, PixelMemory] = {"measured": PixelBuffer(8 * PARTS)}
 
 
 @dataclass(frozen=True)

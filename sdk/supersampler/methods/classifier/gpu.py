@@ -2,17 +2,23 @@
 
 import numpy as np
 
-from supersampler.backends.gpu.convergence import (
-    CONVERGENCE_CHANNELS,
-    CONVERGENCE_PASSES,
-    CONVERGENCE_PLANES,
+from supersampler.backends.gpu.at_rest import (
+    BLOCK_PASSES,
+    REST_CHANNELS,
+    REST_CONSTANTS,
+    REST_MEMORY,
+    REST_PLANES,
     SAMPLE_MEMORY,
+    TILE_MEMORY,
+    TILE_PASS,
     preprocess,
+    showing,
 )
 from supersampler.backends.gpu.extents import (
     DISPLAY,
     HALF,
     ONE,
+    RENDER,
     Extent,
     PixelBuffer,
     PixelMemory,
@@ -69,17 +75,17 @@ LAYOUT = HistoryLayout(
     CLASSIFIER,
     {
         "pixels": Plane("color"),
-        "ranges": Plane("state", 1, None, Codec(_unpack_ranges, _pack_ranges)),
+        "ranges": Plane("state", 1, "r32uint", Codec(_unpack_ranges, _pack_ranges)),
         "classes": Plane("classes", 2, None, Codec(_unpack_classes, _pack_classes)),
         "surface": Plane("depth", 2, "rg32float"),
-        **CONVERGENCE_PLANES,
+        **REST_PLANES,
     },
     {
         "color": of_plane("pixels", 0, 1, 2),
         "state": (("pixels", 3), ("ranges", 0), ("ranges", 1)),
         "classes": of_plane("classes", *range(CLASSES)),
         "depth": of_plane("surface", 0, 1),
-        **CONVERGENCE_CHANNELS,
+        **REST_CHANNELS,
     },
 )
 
@@ -102,11 +108,14 @@ def classifier_program(info: ModelInfo) -> GpuProgram:
     }
     levels = [_level_pass(one, tile) for one, tile in zip(network.levels, TILES, strict=True)]
     passes = (
-        preprocess("depth"), *CONVERGENCE_PASSES, PassSpec("gather"), *levels,
-        PassSpec("compose", constants={**network.last, **blend}),
+        *BLOCK_PASSES, TILE_PASS, preprocess("depth"), PassSpec("gather", constants=REST_CONSTANTS), *levels,
+        showing("compose", {**network.last, **blend}),
     )  # fmt: skip
     memory: dict[str, PixelMemory] = {
+        **REST_MEMORY,
+        **TILE_MEMORY,
         **SAMPLE_MEMORY,
+        "own_motion": PixelTexture(RENDER, "rg32float"),
         "inputs": PixelTexture(DISPLAY, "rgba32uint"),
         "differences": PixelBuffer(4, HALF),
     }

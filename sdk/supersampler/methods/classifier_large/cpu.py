@@ -3,7 +3,7 @@
 from supersampler.backends.cpu.frame_preprocess import AuxOutputs
 from supersampler.backends.cpu.history import CpuHistory
 from supersampler.backends.cpu.kernel_loader import load_kernels
-from supersampler.backends.cpu.layout import LANES, TILE
+from supersampler.backends.cpu.layout import LANES
 from supersampler.backends.cpu.memory import address
 from supersampler.backends.cpu.resample_tables import up_to
 from supersampler.backends.cpu.structs import FrameInputs, pack
@@ -51,7 +51,15 @@ class LargeCpu(ClassifierCpu):
         own = AuxOutputs(aux.planes, large)
         with self._tables.borrow(display) as tables:
             super()._run(
-                frame, inputs, history, next_history, tables.image, own, tiles=tiles, resting=resting, display=large
+                frame,
+                inputs,
+                history,
+                next_history,
+                tables.image,
+                own,
+                tiles=tiles,
+                resting=resting,
+                display=large,
             )
             self._downsample(tables, exposure, image)
         for name in {"weight"} & {*aux.planes}:

@@ -3,14 +3,15 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
+from supersampler.backends.gpu.at_rest import showing
 from supersampler.backends.gpu.extents import LARGE, PixelMemory, PixelTexture
 from supersampler.backends.gpu.history import HistoryLayout
-from supersampler.backends.gpu.program import GpuProgram, PassSpec
+from supersampler.backends.gpu.program import GpuProgram
 from supersampler.methods.classifier.gpu import LAYOUT, classifier_program
 from supersampler.methods.classifier_large.spec import CLASSIFIER_LARGE, REACH, SHARPNESS
 from supersampler.methods.model_info import ModelInfo
 
-_VARIANTS: Mapping[str, str] = {"display": "display_large", "store": "store_large"}
+_VARIANTS: Mapping[str, str] = {"display": "display_large", "show": "show_large"}
 """Shader files with which the passes of `classifier` compute images of the larger display."""
 
 
@@ -34,7 +35,7 @@ def large_program(info: ModelInfo) -> GpuProgram:
         packages=("supersampler.methods.classifier_large", *program.packages),
         method_passes=(
             *passes,
-            PassSpec("downsample", constants={"sharpness": SHARPNESS, "taps": 2 * REACH}),
+            showing("downsample", {"sharpness": SHARPNESS, "taps": 2 * REACH}),
         ),
         method_memory={**memory, "large_image": PixelTexture(LARGE)},
     )

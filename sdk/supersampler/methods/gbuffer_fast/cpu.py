@@ -55,7 +55,7 @@ class GuidedCpu(ClassifierCpu):
             "classes": Plane(("classes",), 8, np.uint8),
             "depth": Plane(("depth",), 2),
             "reflectance": Plane(("reflectance",), 4, np.uint8),
-            },
+        },
         glare="state",
     )
     guided: ClassVar = True

@@ -1,11 +1,15 @@
 """Shaders of `taau`."""
 
-from supersampler.backends.gpu.convergence import (
-    CONVERGENCE_CHANNELS,
-    CONVERGENCE_PASSES,
-    CONVERGENCE_PLANES,
+from supersampler.backends.gpu.at_rest import (
+    BLOCK_PASSES,
+    REST_CHANNELS,
+    REST_MEMORY,
+    REST_PLANES,
     SAMPLE_MEMORY,
+    TILE_MEMORY,
+    TILE_PASS,
     preprocess,
+    showing,
 )
 from supersampler.backends.gpu.extents import ONE
 from supersampler.backends.gpu.history import HistoryLayout, Plane, of_plane
@@ -20,13 +24,13 @@ LAYOUT = HistoryLayout(
         "pixels": Plane("color"),
         "power": Plane("samples", 1, None),
         "surface": Plane("surface"),
-        **CONVERGENCE_PLANES,
+        **REST_PLANES,
     },
     {
         "color": of_plane("pixels", 0, 1, 2),
         "samples": (("pixels", 3), ("power", 0)),
         "surface": of_plane("surface", 1, 2, 3),
-        **CONVERGENCE_CHANNELS,
+        **REST_CHANNELS,
     },
 )
 
@@ -41,5 +45,8 @@ def taau_program(info: ModelInfo) -> GpuProgram:
         "unfit": UNFIT,
         "fit": FIT,
     }
-    passes = preprocess("shade"), PassSpec("light", ONE, (1, 1)), *CONVERGENCE_PASSES, PassSpec("blend")
-    return GpuProgram(LAYOUT, ("supersampler.methods.taau",), constants, passes, SAMPLE_MEMORY)
+    passes = (
+        *BLOCK_PASSES, TILE_PASS, preprocess("shade"), PassSpec("light", ONE, (1, 1)), showing("blend"),
+    )  # fmt: skip
+    memory = {**REST_MEMORY, **TILE_MEMORY, **SAMPLE_MEMORY}
+    return GpuProgram(LAYOUT, ("supersampler.methods.taau",), constants, passes, memory)

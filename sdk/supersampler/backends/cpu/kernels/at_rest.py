@@ -13,7 +13,6 @@ from supersampler.backends.cpu.simd.vector import (
     all_lanes,
     load16,
     maximum,
-    minimum,
     spread16,
     square_root,
     store,
@@ -222,7 +221,12 @@ def add_samples(added: AddedSamples, y0: int, y1: int, x0: int, x1: int):
             zero = np.float32(0.0)
             r, g, b, weight = zero, zero, zero, zero
             if mode != RESTARTS:
-                r, g, b, weight = added.before[at], added.before[at + 1], added.before[at + 2], added.before[at + 3]
+                r, g, b, weight = (
+                    added.before[at],
+                    added.before[at + 1],
+                    added.before[at + 2],
+                    added.before[at + 3],
+                )
             if mode != KEEPS:
                 r, g, b, weight = with_samples(added, y, x, (r, g, b, weight))
             added.after[at] = r
@@ -249,10 +253,9 @@ def with_samples(added, y, x, mean):
     if not near > zero:
         return mean
     total = mean[3] + near
-    share = np.float32(1.0) / max(total, np.float32(1e-6))
-    return (
-        (mean[0] * mean[3] + r) * share, (mean[1] * mean[3] + g) * share, (mean[2] * mean[3] + b) * share, total
-    )  # fmt: skip
+    share, weight = np.float32(1.0) / max(total, np.float32(1e-6)), mean[3]
+    r, g, b = mean[0] * weight + r, mean[1] * weight + g, mean[2] * weight + b
+    return r * share, g * share, b * share, total
 
 
 @device_function
@@ -272,55 +275,79 @@ def is_complete(shown, y, x):
 
 
 @device_function
-def offsets_at(shown, y, x):
-    """Return the mean offset of a period's samples from a pixel's centre, x and y."""
-    weight, across, down = np.float32(0.0), np.float32(0.0), np.float32(0.0)
+def write_offsets(shown, y, x, scratch):
+    """Write the mean offsets of a period's samples from sixteen pixels' centres: x, then y."""
+    zero = spread16(np.float32(0.0))
+    weight, across, down = zero, zero, zero
     for phase in range(shown.phases):
-        gx, gy = shown.column_moments[2 * (phase * shown.width + x)], shown.row_moments[2 * (phase * shown.height + y)]
-        weight += gx * gy
-        across += gy * shown.column_moments[2 * (phase * shown.width + x) + 1]
-        down += gx * shown.row_moments[2 * (phase * shown.height + y) + 1]
-    share = np.float32(1.0) / max(weight, np.float32(1e-6))
-    return across * share, down * share
+        at, row = 2 * phase * shown.pitch + x, 2 * (phase * shown.height + y)
+        gx, gy = load16(shown.column_moments, at), shown.row_moments[row]
+        weight = weight + gx * gy
+        across = across + load16(shown.column_moments, at + shown.pitch) * gy
+        down = down + gx * shown.row_moments[row + 1]
+    weight = maximum(weight, spread16(np.float32(1e-6)))
+    store(scratch, 0, across / weight)
+    store(scratch, LANES, down / weight)
 
 
-def show_mean(shown: ShownMean, y0: int, y1: int, x0: int, x1: int):
+@device_function
+def fades(shown, blocks, x, end):
+    """Return whether a pixel of a row from x to end fades to a mean that is moved to its centre."""
+    for i in range(x, end):
+        share = shown.shares[blocks + shown.column_blocks[i]]
+        if share > np.float32(0.0) and share < np.float32(1.5):
+            return True
+    return False
+
+
+@device_function
+def show_pixel(shown, y, x, share, dx, dy):
+    """Fade a pixel to its mean, which is moved by an offset along its slope."""
+    mean, four = shown.mean, 4 * shown.width
+    at, to = 4 * (y * shown.width + x), 3 * (y * shown.width + x)
+    left, right = at - (4 if x > 0 else 0), at + (4 if x < shown.width - 1 else 0)
+    above, under = at - (four if y > 0 else 0), at + (four if y < shown.height - 1 else 0)
+    known_x = known_y = np.float32(0.0)
+    if dx != np.float32(0.0) or dy != np.float32(0.0):
+        known_x = is_complete(shown, y, max(x - 1, 0)) * is_complete(shown, y, min(x + 1, shown.width - 1))
+        known_y = is_complete(shown, max(y - 1, 0), x) * is_complete(shown, min(y + 1, shown.height - 1), x)
+    for c in range(3):
+        here = mean[at + c]
+        moved = slope(mean[left + c], here, mean[right + c], known_x) * dx
+        moved += slope(mean[above + c], here, mean[under + c], known_y) * dy
+        own = shown.image[to + c]
+        value = min(own + share * (max(here - moved, np.float32(0.0)) - own), np.float32(MAX_HALF))
+        shown.image[to + c] = value if value >= DARKNESS else np.float32(0.0)
+
+
+def show_mean(shown: ShownMean, scratch: Floats, y0: int, y1: int, x0: int, x1: int):
     """Fade the image to the mean in rows y0 to y1 and columns x0 to x1.
 
     shares: of each block: 0 nothing, up to 1 the share of the mean, 2 the mean as it is, -1 by its weight.
+    scratch: 2 * LANES.
     """
-    last_x, last_y, four = shown.width - 1, shown.height - 1, 4 * shown.width
     for y in range(y0, y1):
         blocks = shown.row_blocks[y] * shown.across
-        for x in range(x0, x1):
-            share = shown.shares[blocks + shown.column_blocks[x]]
-            if share == np.float32(0.0):
-                continue
-            at, to = 4 * (y * shown.width + x), 3 * (y * shown.width + x)
-            mean = shown.mean
-            if share > np.float32(1.5):
-                for c in range(3):
-                    shown.image[to + c] = mean[at + c]
-                continue
-            known_x = known_y = dx = dy = np.float32(0.0)
-            left, right = at - (4 if x > 0 else 0), at + (4 if x < last_x else 0)
-            above, under = at - (four if y > 0 else 0), at + (four if y < last_y else 0)
-            if share < np.float32(0.0):
-                share = min(max(mean[at + 3] / shown.noise_weight - np.float32(1.0), np.float32(0.0)), np.float32(1.0))
-            elif mean[at + 3] < LEAST:
-                share = np.float32(0.0)
-            else:
-                known_x = is_complete(shown, y, max(x - 1, 0)) * is_complete(shown, y, min(x + 1, last_x))
-                known_y = is_complete(shown, max(y - 1, 0), x) * is_complete(shown, min(y + 1, last_y), x)
-                dx, dy = offsets_at(shown, y, x)
-            for c in range(3):
-                here = mean[at + c]
-                moved = slope(mean[left + c], here, mean[right + c], known_x) * dx
-                moved += slope(mean[above + c], here, mean[under + c], known_y) * dy
-                own = shown.image[to + c]
-                value = own + share * (max(here - moved, np.float32(0.0)) - own)
-                value = min(value, np.float32(MAX_HALF))
-                shown.image[to + c] = value if value >= DARKNESS else np.float32(0.0)
+        for first in range(x0, x1, LANES):
+            end = min(first + LANES, x1)
+            if fades(shown, blocks, first, end):
+                write_offsets(shown, y, first, scratch)
+            for x in range(first, end):
+                share = shown.shares[blocks + shown.column_blocks[x]]
+                at, to = 4 * (y * shown.width + x), 3 * (y * shown.width + x)
+                if share == np.float32(0.0):
+                    continue
+                weight, dx, dy = shown.mean[at + 3], scratch[x - first], scratch[LANES + x - first]
+                if share > np.float32(1.5):
+                    for c in range(3):
+                        shown.image[to + c] = shown.mean[at + c]
+                elif share < np.float32(0.0):
+                    part = max(weight / shown.noise_weight - np.float32(1.0), np.float32(0.0))
+                    show_pixel(shown, y, x, min(part, np.float32(1.0)), np.float32(0.0), np.float32(0.0))
+                elif weight >= LEAST:
+                    show_pixel(shown, y, x, share, dx, dy)
+                else:
+                    show_pixel(shown, y, x, np.float32(0.0), np.float32(0.0), np.float32(0.0))
 
 
 def freeze_mean(shown: ShownMean, frozen: Bytes, y0: int, y1: int, x0: int, x1: int):

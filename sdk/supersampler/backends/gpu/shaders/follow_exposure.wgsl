@@ -7,7 +7,6 @@ const PARTS = 64u;
 @group(0) @binding(1) var<storage, read> measured: array<vec2f>;
 @group(0) @binding(2) var<storage, read> history_state: State;
 @group(0) @binding(3) var<storage, read_write> next_state: State;
-@group(0) @binding(4) var<storage, read_write> rising: array<u32>;   // counted by a later pass
 
 var<workgroup> sums: array<vec2f, PARTS>;
 
@@ -23,6 +22,8 @@ fn main(@builtin(local_invocation_index) thread: u32) {
         let followed = exposure_after(sums[0], before);
         next_state.followed = followed;
         next_state.flash = select(0.0, 1.0, is_flash(followed, before));
-        rising[0] = 0u;
+        next_state.previous_jitter = history_state.jitter;
+        next_state.jitter = params.jitter;
+        next_state.rests = 0.0;
     }
 }

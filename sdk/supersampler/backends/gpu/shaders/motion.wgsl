@@ -16,9 +16,9 @@ fn reproject(p: vec2i, motion: vec2f) -> Reprojection {
     return Reprojection(clamp(at, vec2f(-2.0), edge + 1.5), on_screen, moved);
 }
 
-// A position in the previous image, in samples of the previous frame.
-fn previous_render_position(at: vec2f) -> vec2f {
-    return (at + 0.5) * params.previous / display_extent() - 0.5 - params.previous_jitter;
+// A position in the previous image, in samples of the previous frame, which had this jitter.
+fn previous_render_position(at: vec2f, jitter: vec2f) -> vec2f {
+    return (at + 0.5) * params.previous / display_extent() - 0.5 - jitter;
 }
 
 // (before - depth) over the closer depth (equation 10 of the supplement of Guo et al. 2022).

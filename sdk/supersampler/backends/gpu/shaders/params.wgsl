@@ -6,12 +6,12 @@ struct Params {
     display: vec2f,           // size of the image
     previous: vec2f,          // render size of the previous frame
     jitter: vec2f,            // of this frame, render pixels
-    previous_jitter: vec2f,
     exposure: f32,            // given by the engine; 0: measure it
-    counts: f32,              // 1 where this frame adds samples to the mean of static pixels, else 0
+    adds_samples: f32,        // 0 where the colour was not sampled in this frame, NOISY where it is never the same
     writes_aux: f32,          // 1 where the auxiliary outputs are written
     pre_exposure: f32,        // what the engine has multiplied the colour by, and the image is
     has_reactive: f32,        // 1 where there is a reactive mask, else 0
+    skips: f32,               // 1 where the method may be left out of what is frozen, else 0
 }
 
 @group(0) @binding(0) var<uniform> params: Params;

@@ -7,7 +7,6 @@
 // import frame
 // import surface
 
-const FIREFLY = 2.0;    // largest ratio of an exposed sample to its brightest neighbour plus white
 const MIN_WEIGHT = 1e-3;
 const LEAVES = 1.0;     // as in torch
 const COVERS = 0.95;
@@ -18,12 +17,11 @@ const WIDE = SIDE + 2;     // with one sample around
 @group(0) @binding(1) var<storage, read> next_state: State;
 @group(0) @binding(2) var samples: texture_storage_2d<rgba16float, write>;       // see samples.wgsl
 @group(0) @binding(3) var dilated: texture_storage_2d<rgba32float, write>;       // motion, depth, edge and mask
-@group(0) @binding(5) var<storage, read_write> own_motion: array<vec2f>;
 @group(0) @binding(6) var<storage, read_write> light: array<vec2f>;           // sums of shade, by workgroup
 
 var<workgroup> depths: array<f32, DEPTHS * DEPTHS>;
 var<workgroup> eroded: array<f32, WIDE * WIDE>;
-var<workgroup> near: array<vec3f, WIDE * WIDE>;   // luma, 1 where usable, peak of the sample in the mean
+var<workgroup> near: array<vec3f, WIDE * WIDE>;   // luma, 1 where usable, 1 where it glares
 var<workgroup> shades: array<vec2f, SIDE * SIDE>;
 
 struct Sample {
@@ -65,7 +63,7 @@ fn load_tile(origin: vec2i, thread: i32) {
     }
     for (var i = thread; i < WIDE * WIDE; i += SIDE * SIDE) {
         let s = sample_at(clamped(origin - 1 + vec2i(i % WIDE, i / WIDE), render_size()));
-        near[i] = vec3f(ycocg(tone(s.exposed)).x, s.usable, select(largest(s.exposed), 0.0, s.glares));
+        near[i] = vec3f(ycocg(tone(s.exposed)).x, s.usable, select(0.0, 1.0, s.glares));
     }
 }
 
@@ -130,21 +128,21 @@ fn closest_around(place: vec2f) -> f32 {
                max(usable_depth(depth_at(vec2i(first.x, last.y))), usable_depth(depth_at(last))));
 }
 
-// Mean and deviation of luma, and the brightest neighbour of the sample itself.
+// Mean and deviation of luma, and 1 where one of 3x3 samples glares.
 fn shade(p: vec2i, origin: vec2i) -> vec3f {
     var sums = vec3f(0.0);
-    var brightest = 0.0;
+    var glares = 0.0;
     for (var j = -1; j <= 1; j++) {
         for (var i = -1; i <= 1; i++) {
             let n = near[wide_index(p + vec2i(i, j), origin)];
             sums += vec3f(n.x, n.x * n.x, n.y);
-            if (i != 0 || j != 0) { brightest = max(brightest, n.z); }
+            glares = max(glares, n.z);
         }
     }
     sums /= 9.0;
     let mean = sums.xy / max(sums.z, 1e-6);
     let deviation = sqrt(max(mean.y - mean.x * mean.x, 0.0));
-    return vec3f(mean.x, select(1.0, deviation, sums.z > MIN_WEIGHT), brightest);
+    return vec3f(mean.x, select(1.0, deviation, sums.z > MIN_WEIGHT), glares);
 }
 
 @compute @workgroup_size(SIDE, SIDE)
@@ -153,6 +151,10 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: ve
     let origin = SIDE * vec2i(group.xy);
     let p = origin + vec2i(local.xy);
     let thread = i32(index);
+    if (next_state.rests * params.skips > 0.0) {   // later passes read nothing else
+        if (inside(p, render_size())) { keep_surface(p); }
+        return;
+    }
     load_tile(origin, thread);
     workgroupBarrier();
     for (var i = thread; i < WIDE * WIDE; i += SIDE * SIDE) {
@@ -163,14 +165,16 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: ve
     if (inside(p, render_size())) {
         let s = sample_at(p);
         let shaded = shade(p, origin);
-        let most = FIREFLY * (1.0 + shaded.z);
-        let factor = most / max(largest(s.exposed), most);
-        textureStore(samples, p, vec4f(s.exposed, select(s.usable * factor, -1.0, s.glares)));
+        textureStore(samples, p, vec4f(s.exposed, s.usable + 2.0 * shaded.z));
         var closest = dilate(p, origin);
         if (params.has_reactive > 0.0) { closest.w = with_mask(closest.w, usable_mask(reactive_at(p), s.usable)); }
         textureStore(dilated, p, closest);
-        store_surface(p, depth_near(p, origin), occluding(p, origin), shaded.xy);
-        own_motion[index_of(p, render_size())] = usable_motion(motion_at(p));
+        if (next_state.rests > 0.0) {
+            keep_surface(p);
+        } else {
+            store_surface(p, depth_near(p, origin), occluding(p, origin), shaded.xy);
+        }
+        store_motion(p, usable_motion(motion_at(p)));
         shades[index] = vec2f(shaded.x, shaded.y * shaded.y);
     }
     for (var half = SIDE * SIDE / 2; half > 0; half /= 2) {

@@ -1,7 +1,13 @@
-// What the next frame needs of this one's surfaces: depth, and occluding depth.
+// What the next frame needs of this one's surfaces: depth, and occluding depth; and each sample's own motion.
 
 @group(0) @binding(4) var next_surface: texture_storage_2d<rg32float, write>;
+@group(0) @binding(5) var own_motion: texture_storage_2d<rg32float, write>;
+@group(0) @binding(7) var history_surface: texture_2d<f32>;
 
 fn store_surface(p: vec2i, depth: f32, occluding: f32, shade: vec2f) {
     textureStore(next_surface, p, vec4f(depth, occluding, 0.0, 0.0));
 }
+
+fn keep_surface(p: vec2i) { textureStore(next_surface, p, textureLoad(history_surface, p, 0)); }
+
+fn store_motion(p: vec2i, motion: vec2f) { textureStore(own_motion, p, vec4f(motion, 0.0, 0.0)); }

@@ -7,10 +7,10 @@
 // import warped_history
 // import unexplained_light
 // import variance_box
-// import settle
 // import decode
 // import reactive
-// import store
+// import tiles
+// import show
 
 const SIDE = 16;
 const SHARPEST = 2.0;       // maximum factor of the detail that is added
@@ -19,21 +19,20 @@ const SHARPEST = 2.0;       // maximum factor of the detail that is added
 @group(0) @binding(3) var<storage, read> next_state: State;
 @group(0) @binding(4) var samples: texture_2d<f32>;
 @group(0) @binding(5) var dilated: texture_2d<f32>;
-@group(0) @binding(6) var flags: texture_2d<u32>;
+@group(0) @binding(6) var own_motion: texture_2d<f32>;
 @group(0) @binding(7) var history_surface: texture_2d<f32>;
 @group(0) @binding(8) var history_pixels: texture_2d<f32>;
-@group(0) @binding(9) var history_still: texture_2d<f32>;
+@group(0) @binding(9) var<storage, read> history_classes: array<vec2u>;
 @group(0) @binding(10) var inputs: texture_2d<u32>;
 @group(0) @binding(11) var kept0: texture_2d<u32>;
 @group(0) @binding(12) var kept1: texture_2d<u32>;
 @group(0) @binding(13) var kept2: texture_2d<u32>;
 @group(0) @binding(14) var kept3: texture_2d<u32>;
-@group(0) @binding(15) var<storage, read> rising: array<u32>;
+@group(0) @binding(15) var<storage, read> tiles: array<vec2u>;
 @group(0) @binding(16) var next_pixels: texture_storage_2d<rgba32float, write>;
-@group(0) @binding(17) var next_still: texture_storage_2d<rgba32float, write>;
-@group(0) @binding(18) var<storage, read_write> next_ranges: array<u32>;
-@group(0) @binding(19) var<storage, read_write> next_classes: array<vec2u>;
-@group(0) @binding(20) var<storage, read_write> aux: array<vec2f>;   // weight, converged
+@group(0) @binding(17) var next_ranges: texture_storage_2d<r32uint, write>;
+@group(0) @binding(18) var<storage, read_write> next_classes: array<vec2u>;
+@group(0) @binding(19) var<storage, read_write> aux: array<vec2f>;   // weight, converged
 
 struct Sum {
     color: vec3f,
@@ -65,7 +64,7 @@ fn blend_history(p: vec2i, now: CurrentFrame, before: WarpedHistory, visibility:
         sum = add(sum, other * exp(parameter(blend, 1u)), clipped);
     }
     if (OWN_MOTION) {
-        let motion = motion_of(flags, nearest(render_position(p)));
+        let motion = textureLoad(own_motion, nearest(render_position(p)), 0).xy;
         let own = read_linear(history_pixels, reproject(p, motion).at, display_size()).rgb;
         let toned = toned_history(own, exposure_of(next_state));
         sum = add(sum, other * exp(parameter(blend, COLORS - 4u)), toned);
@@ -97,7 +96,7 @@ fn next_range(luma: f32, now: CurrentFrame, before: WarpedHistory, odds: f32, gl
     return pack_range(luma + trust * (low - luma), luma + trust * (high - luma), glared);
 }
 
-fn compose(p: vec2i, cell: u32, corner: u32) {
+fn compose(p: vec2i, cell: u32, corner: u32, rests: bool) {
     var blend = blend_parameters(cell, corner);
     let at = render_position(p);
     let depth = textureLoad(dilated, upper_left(at), 0).z;
@@ -106,7 +105,7 @@ fn compose(p: vec2i, cell: u32, corner: u32) {
     let now = gather_current(samples, at);
     let before = gather_history(history_pixels, there, exposure);
     let visibility = gather_surface(history_surface, there, depth).visibility;
-    if (corner == 0u) {
+    if (corner == 0u && !rests) {
         next_classes[index_of(p / 2, (display_size() + 1) / 2)] = class_bytes(cell, before.samples > 0.0);
     }
 
@@ -130,20 +129,29 @@ fn compose(p: vec2i, cell: u32, corner: u32) {
 
     let odds = history.weight / max(current.weight, 1e-12) * (sampled + 0.1 * sampled_here);
     let luma = luminance(now.sample);
-    let glares = has_flag(flags, nearest(at), GLARES_3X3);
+    let glares = glares_near(samples, nearest(at));
     let bright = (glares && (before.samples > 0.0 || before.glare > 0.0)) || (luma > WHITE && before.glare > 0.0);
-    let share = f32(rising[0]) / (display_extent().x * display_extent().y);
+    let share = f32(tiles[0].y) / (display_extent().x * display_extent().y);
     let rises = share > FLASH_FRACTION && light_rises(luma, before, visibility);
     let unconfirmed = (bright || rises) && before.glare < CONFIRMED - 1.0;
     let count = min(min(odds, before.samples), SAMPLES) + now.confidence;
     let glared = select(select(0.0, CONFIRMED, glares), before.glare + 1.0, unconfirmed);
-    let pixel = index_of(p, display_size());
-    next_ranges[pixel] = next_range(luma, now, before, odds, glared);
-    textureStore(next_pixels, p, vec4f(image, select(count, 0.0, unconfirmed || next_state.flash > 0.0)));
+    if (rests) {
+        keep_history(p, corner);
+    } else {
+        textureStore(next_ranges, p, vec4u(next_range(luma, now, before, odds, glared), 0u, 0u, 0u));
+        textureStore(next_pixels, p, vec4f(image, select(count, 0.0, unconfirmed || next_state.flash > 0.0)));
+    }
+    show(p, image, history.weight / total);
+}
 
-    let settled = settle(image, textureLoad(history_still, p, 0), p, samples, flags, exposure, reactive);
-    textureStore(next_still, p, settled.still);
-    store(p, settled.image, vec2f(history.weight / total, settled.converged));
+fn keep_history(p: vec2i, corner: u32) {
+    textureStore(next_pixels, p, textureLoad(history_pixels, p, 0));
+    textureStore(next_ranges, p, textureLoad(history_ranges, p, 0));
+    if (corner == 0u) {
+        let packed = index_of(p / 2, (display_size() + 1) / 2);
+        next_classes[packed] = history_classes[packed];
+    }
 }
 
 @compute @workgroup_size(SIDE * SIDE)
@@ -154,10 +162,18 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) th
     let size = (display_size() + 1) / 2;
     let packed = origin / 2 + vec2i(vec2u(cell % 8u, cell / 8u));
     let on_image = inside(packed, size);
+    let p = 2 * packed + vec2i(vec2u(corner & 1u, corner >> 1u));
+    let tile = tiles[tile_of(origin)];
+    if (is_left_out(tile)) {
+        if (inside(p, display_size())) {
+            keep_history(p, corner);
+            show(p, vec3f(0.0), 0.0);
+        }
+        return;
+    }
     if (on_image && corner < FEATURES) { decode(packed, cell, corner); }
     workgroupBarrier();
     if (on_image) { hide(packed, cell, corner); }
     workgroupBarrier();
-    let p = 2 * packed + vec2i(vec2u(corner & 1u, corner >> 1u));
-    if (inside(p, display_size())) { compose(p, cell, corner); }
+    if (inside(p, display_size())) { compose(p, cell, corner, tile.x > 0u); }
 }

@@ -7,6 +7,7 @@
 // import warped_history
 // import unexplained_light
 // import reactive
+// import tiles
 
 const SIDE = 16;
 const WIDE = SIDE + 2;
@@ -18,7 +19,7 @@ const WIDE = SIDE + 2;
 @group(0) @binding(6) var history_pixels: texture_2d<f32>;
 @group(0) @binding(7) var inputs: texture_storage_2d<rgba32uint, write>;
 @group(0) @binding(8) var<storage, read_write> differences: array<u32>;    // of history and frame: mean, absolute
-@group(0) @binding(9) var<storage, read_write> rising: array<atomic<u32>>;
+@group(0) @binding(9) var<storage, read_write> tiles: array<atomic<u32>>;   // see tiles.wgsl; two words a tile
 
 var<workgroup> history_luma: array<f32, WIDE * WIDE>;
 var<workgroup> apart: array<f32, SIDE * SIDE>;
@@ -55,7 +56,7 @@ fn write_inputs(p: vec2i, origin: vec2i) -> f32 {
 
     let luma_now = luminance(now.sample);
     if (luma_now > now.first.x + CONTRAST && light_rises(luma_now, before, surface.visibility)) {
-        atomicAdd(&rising[0], 1u);
+        if (atomicLoad(&tiles[2u * tile_of(p)]) == 0u) { atomicAdd(&tiles[1], 1u); }
     }
     let frame = roots(now.frame);
     let sample = roots(now.sample);
@@ -90,6 +91,7 @@ fn write_difference(p: vec2i, origin: vec2i) {
 @compute @workgroup_size(SIDE, SIDE)
 fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local: vec3u,
         @builtin(local_invocation_index) index: u32) {
+    if (next_state.rests * params.skips > 0.0) { return; }
     let origin = SIDE * vec2i(group.xy);
     for (var i = i32(index); i < WIDE * WIDE; i += SIDE * SIDE) {
         let q = clamped(origin - 1 + vec2i(i % WIDE, i / WIDE), display_size());

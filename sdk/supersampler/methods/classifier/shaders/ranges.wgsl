@@ -2,7 +2,7 @@
 // number of frames with glare.
 // import colors
 
-@group(0) @binding(1) var<storage, read> history_ranges: array<u32>;
+@group(0) @binding(1) var history_ranges: texture_2d<u32>;
 
 fn pack_range(low: f32, high: f32, glare: f32) -> u32 {
     let least = u32(clamp(low, 0.0, 1.0) * 65535.0 + 0.5);
@@ -11,7 +11,7 @@ fn pack_range(low: f32, high: f32, glare: f32) -> u32 {
 }
 
 fn range_at(p: vec2i) -> vec2f {
-    let packed = history_ranges[index_of(clamped(p, display_size()), display_size())];
+    let packed = textureLoad(history_ranges, clamped(p, display_size()), 0).x;
     let high = f32((packed >> 16u) & 0x3fffu) / 16383.0 + GLARE * f32(packed >> 30u);
     return vec2f(f32(packed & 0xffffu) / 65535.0, high);
 }

@@ -7,7 +7,7 @@
 // import ranges
 // import sampling
 //
-// Files that import this declare the texture `dilated`.
+// Files that import this declare the texture `dilated` and `next_state`.
 
 struct WarpedHistory {
     color: vec3f,           // toned RGB
@@ -41,7 +41,7 @@ fn warped_color(pixels: texture_2d<f32>, there: Reprojection, exposure: f32) -> 
 
 //   surface: depth, and occluding depth, of the previous frame; depth: of the pixel
 fn gather_surface(surface: texture_2d<f32>, there: Reprojection, depth: f32) -> WarpedSurface {
-    let at = previous_render_position(there.at);
+    let at = previous_render_position(there.at, next_state.previous_jitter);
     let visible = visibility(surface, depth, at, DEPTH_MARGIN, DEPTH_RAMP);
     let sample = textureLoad(surface, clamped(vec2i(floor(at + 0.5)), previous_size()), 0).x;
     let change = relative_depth_change(select(0.0, sample, there.on_screen), depth);

@@ -5,8 +5,7 @@
 // import state
 // import sanitize
 // import colors
-// import packed_maps
-// import store
+// import show
 
 const SIDE = 16;
 const TONED = 1.0 - 1e-4;   // maximum of a toned colour
@@ -58,6 +57,9 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     if (!inside(p, display_size())) { return; }
     let exposure = exposure_of(next_state);
     let nearest = (2 * p + 1) * large_size() / (2 * display_size());
-    let maps = unpack_maps(textureLoad(large_image, nearest, 0).a);
-    store(p, bounded(inverse_tone(filtered(p, exposure)) / exposure), maps);
+    var image = vec3f(0.0);
+    if (params.skips <= 0.0 || !stays_frozen(p)) {
+        image = bounded(inverse_tone(filtered(p, exposure)) / exposure);
+    }
+    show(p, image, textureLoad(large_image, nearest, 0).a);
 }

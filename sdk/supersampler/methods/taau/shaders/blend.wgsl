@@ -8,10 +8,9 @@
 // import disocclusion
 // import variance_box
 // import contrast
-// import settle
 // import samples
 // import reactive
-// import store
+// import show
 
 const MIN_CHANGE = 0.004;       // of toned luma: one step of an 8-bit image
 const MIN_SAMPLES = 1e-3;       // with fewer samples the history is not used
@@ -21,16 +20,14 @@ const MIN_BOX_WEIGHT = 0.5;
 @group(0) @binding(2) var<storage, read> next_state: State;
 @group(0) @binding(3) var samples: texture_2d<f32>;
 @group(0) @binding(4) var dilated: texture_2d<f32>;
-@group(0) @binding(5) var flags: texture_2d<u32>;
-@group(0) @binding(6) var history_surface: texture_2d<f32>;    // depth, occluding depth, mean and deviation of luma
-@group(0) @binding(7) var next_surface: texture_2d<f32>;
-@group(0) @binding(8) var history_pixels: texture_2d<f32>;     // linear RGB, number of samples
-@group(0) @binding(9) var<storage, read> history_power: array<f32>;
-@group(0) @binding(10) var history_still: texture_2d<f32>;
-@group(0) @binding(11) var next_pixels: texture_storage_2d<rgba32float, write>;
-@group(0) @binding(12) var<storage, read_write> next_power: array<f32>;
-@group(0) @binding(13) var next_still: texture_storage_2d<rgba32float, write>;
-@group(0) @binding(14) var<storage, read_write> aux: array<vec2f>;   // weight, converged
+@group(0) @binding(5) var history_surface: texture_2d<f32>;    // depth, occluding depth, mean and deviation of luma
+@group(0) @binding(6) var next_surface: texture_2d<f32>;
+@group(0) @binding(7) var history_pixels: texture_2d<f32>;     // linear RGB, number of samples
+@group(0) @binding(8) var<storage, read> history_power: array<f32>;
+@group(0) @binding(9) var next_pixels: texture_storage_2d<rgba32float, write>;
+@group(0) @binding(10) var<storage, read_write> next_power: array<f32>;
+@group(0) @binding(11) var<storage, read> tiles: array<vec2u>;
+@group(0) @binding(12) var<storage, read_write> aux: array<vec2f>;   // weight, converged
 
 struct Current {          // this frame; colours are toned YCoCg
     frame: vec3f,         // smooth upsampling
@@ -124,7 +121,7 @@ fn gather_current(p: vec2i) -> Current {
         select(vec3f(1.0), variance, moment.w > MIN_BOX_WEIGHT),
         fit,
         shade,
-        has_flag(flags, sample, GLARES_3X3));
+        glares_near(samples, sample));
 }
 
 fn power_at(p: vec2i) -> f32 { return history_power[index_of(clamped(p, display_size()), display_size())]; }
@@ -132,7 +129,7 @@ fn power_at(p: vec2i) -> f32 { return history_power[index_of(clamped(p, display_
 fn gather_history(p: vec2i) -> Warped {
     let moved = textureLoad(dilated, upper_left(render_position(p)), 0);
     let there = reproject(p, moved.xy);
-    let at = previous_render_position(there.at);
+    let at = previous_render_position(there.at, next_state.previous_jitter);
     let same = select(0.0, visibility(history_surface, moved.z, at, DEPTH_MARGIN, DEPTH_RAMP), there.on_screen);
     let change = exposure_change(history_state, next_state);
     let shade = read_linear(history_surface, at, previous_size()).zw;
@@ -206,10 +203,21 @@ fn power_after(now: Current, before: Warped, blend: Blend, known: bool) -> f32 {
     return select(0.0, blend.holds, known) * power;
 }
 
+fn store_history(p: vec2i, pixel: vec4f, power: f32) {
+    textureStore(next_pixels, p, pixel);
+    next_power[index_of(p, display_size())] = power;
+}
+
 @compute @workgroup_size(16, 16)
 fn main(@builtin(global_invocation_id) id: vec3u) {
     let p = vec2i(id.xy);
     if (!inside(p, display_size())) { return; }
+    let tile = tiles[tile_of(p)];
+    if (is_left_out(tile)) {
+        store_history(p, textureLoad(history_pixels, p, 0), power_at(p));
+        show(p, vec3f(0.0), 0.0);
+        return;
+    }
     let now = gather_current(p);
     let before = gather_history(p);
     var blend = decide(now, before);
@@ -231,11 +239,10 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         pixel = vec4f(before.light, blend.kept);
         power = blend.trusted * before.power + GLARE * glare;
     }
-    textureStore(next_pixels, p, pixel);
-    next_power[index_of(p, display_size())] = power;
-
-    let settled = settle(linear, textureLoad(history_still, p, 0), p, samples, flags, exposure, reactive);
-    textureStore(next_still, p, settled.still);
-    let weight = select(0.0, 1.0 - blend.weight, known) * (1.0 - reactive);
-    store(p, settled.image, vec2f(weight, settled.converged));
+    if (tile.x > 0u) {
+        pixel = textureLoad(history_pixels, p, 0);
+        power = power_at(p);
+    }
+    store_history(p, pixel, power);
+    show(p, linear, select(0.0, 1.0 - blend.weight, known) * (1.0 - reactive));
 }

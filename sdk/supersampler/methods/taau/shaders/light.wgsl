@@ -20,7 +20,7 @@ fn main(@builtin(local_invocation_index) thread: u32) {
         workgroupBarrier();
         if (thread < half) { sums[thread] += sums[thread + half]; }
     }
-    if (thread == 0u) {
+    if (thread == 0u && next_state.rests <= 0.0) {
         let mean = sums[0] / (params.render.x * params.render.y);
         next_state.light = light_after(mean, history_state.light, exposure_change(history_state, next_state));
     }

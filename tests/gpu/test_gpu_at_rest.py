@@ -1,0 +1,433 @@
+"""What stands still on the GPU is what stands still in torch: decisions, means, images, frozen pixels."""
+
+from collections.abc import Callable, Iterator, Sequence
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+import torch
+
+from gpu_steps import INT8, device_or_skip
+from supersampler import Frame, halton_jitter
+from supersampler.backends.gpu.executor import GpuExecutor
+from supersampler.backends.gpu.history import GpuHistory
+from supersampler.frame import Float32, Size
+from supersampler.io.display import display_transform
+from supersampler.methods.at_rest import NOISY
+from supersampler.methods.gpu_backends import gpu_program
+from supersampler.methods.model_file import read_upscaling_info
+from supersampler_model.methods import LEARNED, METHODS
+from supersampler_model.methods.base import Method
+from supersampler_model.methods.weights_file import load_trained, shipped_weights
+
+RENDER, DISPLAY = (22, 14), (44, 28)
+PERIOD = 32
+MEAN, LARGEST = 1e-3, 1.0 / 255.0
+QUANTILE = 0.999
+OWN = {"taau": 8.0, "classifier": 40.0, "classifier-large": 40.0}
+"""That quantile of the methods' own images, over LARGEST: networks here are of int8, and those of torch are not."""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def device() -> Any:
+    return device_or_skip()
+
+
+class Given(NamedTuple):
+    """A frame of a sequence."""
+
+    frame: Frame
+    adds_samples: float = 1.0
+
+
+def scene(x: Any, y: Any) -> Float32:
+    """Linear RGB at places of a unit square: shades, edges, and a fine pattern."""
+    shade = 0.4 + 0.3 * np.sin(9.0 * x + 4.0 * y)
+    edge = np.where((x - 0.5) * 0.8 + (y - 0.45) * 1.7 > 0.0, 0.9, 0.2)
+    pattern = np.where(np.floor(13.0 * x) % 2 == 0, 1.2, 0.3)
+    return np.stack([shade, edge, np.where(y > 0.6, pattern, 0.5 * shade)], -1).astype(np.float32)
+
+
+def frame_at(
+    index: int,
+    render: Size = RENDER,
+    *,
+    period: int = PERIOD,
+    ratio: float = 2.0,
+    light: Any = 1.0,
+    **fields: Any,
+) -> Frame:
+    """A static scene, sampled with jitter; `light` multiplies its colour, a number or (h, w, 1)."""
+    jitter = halton_jitter(index % period, ratio)
+    y, x = np.mgrid[: render[1], : render[0]]
+    place = (x + 0.5 + jitter[0]) / render[0], (y + 0.5 + jitter[1]) / render[1]
+    given: dict[str, Any] = {
+        "color": scene(*place) * np.float32(light),
+        "depth": np.full(render[::-1], 0.5, np.float32),
+        "motion": np.zeros((*render[::-1], 2), np.float32),
+        "jitter": jitter,
+        "exposure": 1.0,
+    }
+    return Frame(**{**given, **fields})
+
+
+@cache
+def executor(method: str) -> GpuExecutor:
+    program = gpu_program(read_upscaling_info(method))
+    assert program is not None
+    return GpuExecutor(program)
+
+
+class OnGpu:
+    """Steps of the GPU backend on two sets of buffers, as `Upscaler` takes them."""
+
+    def __init__(self, method: str, display: Size, *, skip: bool = True) -> None:
+        self.executor, self.display, self.skip = executor(method), display, skip
+        self.history: GpuHistory | None = None
+        self.spare: GpuHistory | None = None
+
+    def step(self, given: Given) -> tuple[Float32, Float32 | None]:
+        """Return image and `converged`, which is None where the method is skipped."""
+        frame, gpu = given.frame, self.executor
+        if self.history is None or frame.reset:
+            self.history = gpu.zeros(self.display, frame.size)
+        if self.spare is None or not self.spare.fits(self.display, frame.size):
+            self.spare = gpu.zeros(self.display, frame.size)
+        image = np.empty((*self.display[::-1], 3), np.float32)
+        wanted = () if self.skip else ("weight", "converged")
+        found = gpu.step(
+            frame, self.display, self.history, self.spare, image, wanted,
+            adds_samples=given.adds_samples, skip=self.skip,
+        )  # fmt: skip
+        before, self.history, self.spare = self.history, self.spare, None
+        self.spare = before if before.fits(self.display, frame.size) else None
+        return image, found["converged"][0, 0] if wanted else None
+
+    def tensor(self, name: str) -> Float32:
+        assert self.history is not None
+        return self.executor.tensor(self.history, name)
+
+
+class InTorch:
+    """Steps of the module, from the same constants."""
+
+    def __init__(self, method: Method, display: Size) -> None:
+        self.method, self.display = method, display
+        self.history: dict[str, torch.Tensor] | None = None
+
+    def step(self, given: Given) -> tuple[Float32, Float32]:
+        frame = given.frame
+        if self.history is None or frame.reset:
+            zeros = self.method.first_history(self.display, frame.size)
+            self.history = dict(zip(self.method.history, zeros, strict=True))
+        reactive = np.zeros(frame.size[::-1]) if frame.reactive is None else np.asarray(frame.reactive)
+        values = {
+            "color": planes(frame.color),
+            "depth": planes(np.asarray(frame.depth)[..., None]),
+            "motion": planes(frame.motion),
+            "reactive": planes(reactive[..., None]),
+            "jitter": torch.tensor([frame.jitter]),
+            "exposure": torch.tensor([frame.exposure or 0.0]),
+            "pre_exposure": torch.tensor([frame.pre_exposure]),
+            "display_size": torch.tensor(self.display),
+            "adds_samples": torch.tensor([given.adds_samples]),
+        }
+        with torch.no_grad():
+            arguments = [values[name] for name in self.method.inputs()]
+            done = self.method.step(*arguments, *self.history.values())
+        self.history = dict(zip(self.method.history, done.history, strict=True))
+        return done.image[0].permute(1, 2, 0).numpy(), done.aux_outputs[-1][0, 0].numpy()
+
+    def tensor(self, name: str) -> Float32:
+        assert self.history is not None
+        return self.history[name].numpy()
+
+
+def planes(image: Any) -> torch.Tensor:
+    return torch.from_numpy(np.asarray(image, np.float32)).permute(2, 0, 1)[None].contiguous()
+
+
+def shown(image: Float32, exposure: float | None = None) -> Float32:
+    return display_transform(image, exposure or 1.0)
+
+
+@cache
+def module(method: str) -> Method:
+    learned = LEARNED.get(method)
+    made = METHODS[method]() if learned is None else learned.of(load_trained(shipped_weights(method)))
+    return made.eval()
+
+
+def compare_steps(
+    sequence: Sequence[Given],
+    display: Size = DISPLAY,
+    *,
+    method: str = "taau",
+    skip: bool = False,
+    largest: float = LARGEST,
+    decisions: float = 1.0,
+    strict: bool = False,
+) -> tuple[OnGpu, list[float]]:
+    """Step both through a sequence and compare what each step gives; return frozen parts of the image.
+
+    `decisions` is the least part of blocks that are decided alike in each frame. Frozen pixels differ by at most
+    `largest`. The images of `taau` itself, which reads samples as half floats, may differ more in single pixels:
+    in a `strict` sequence in one of a thousand.
+    """
+    ours, theirs = OnGpu(method, display, skip=skip), InTorch(module(method), display)
+    frozen = []
+    for index, given in enumerate(sequence):
+        (image, converged), (wanted, stands) = ours.step(given), theirs.step(given)
+        text = f"frame {index}"
+        found, known = ours.tensor("static_blocks"), theirs.tensor("static_blocks")
+        same = (found[:, 0] == known[:, 0]).mean()
+        assert same >= decisions, f"{text}: {found[0, 0]} {known[0, 0]}"
+        np.testing.assert_array_equal(ours.tensor("phases"), theirs.tensor("phases"), text)
+        if converged is not None and decisions == 1.0:
+            np.testing.assert_array_equal(converged, stands, text)
+        if decisions == 1.0:
+            np.testing.assert_allclose(found[:, 1:], known[:, 1:], rtol=1e-3, atol=2e-3, err_msg=text)
+            ours_mean, mean = ours.tensor("static_mean")[0], theirs.tensor("static_mean")[0]
+            np.testing.assert_allclose(ours_mean[3], mean[3], rtol=1e-4, atol=1e-4, err_msg=text)
+            off = np.abs(shown_planes(ours_mean) - shown_planes(mean)) * (mean[3] > 1e-3)
+            assert off.max() <= largest, text
+        off = np.abs(shown(image) - shown(wanted))
+        assert off.mean() <= (MEAN if method == "taau" else INT8), text
+        assert off.max(initial=0.0, where=(stands > 0.0)[..., None]) <= largest, text
+        assert np.quantile(off, QUANTILE) <= largest * (1.0 if strict else OWN[method]), text
+        frozen.append(float(stands.mean()))
+    return ours, frozen
+
+
+def shown_planes(mean: Float32) -> Float32:
+    return shown(np.ascontiguousarray(mean[:3].transpose(1, 2, 0))).transpose(2, 0, 1)
+
+
+def still(frames: int, *args: Any, **options: Any) -> list[Given]:
+    return [Given(frame_at(index, *args, **options)) for index in range(frames)]
+
+
+def test_a_still_scene_freezes_as_in_torch_borders_included() -> None:
+    _, frozen = compare_steps(still(2 * PERIOD + 8), strict=True)
+    assert frozen[2 * PERIOD - 2] == 0.0
+    assert frozen[-1] > 0.8
+
+
+@pytest.mark.parametrize("method", ["classifier", "classifier-large"])
+def test_networks_images_freeze_as_in_torch(method: str) -> None:
+    sequence = list(movers())
+    _, frozen = compare_steps(sequence, method=method, decisions=0.95)
+    assert frozen[2 * PERIOD + 9] > 0.3
+    assert frozen[2 * PERIOD + 20] < frozen[2 * PERIOD + 9]
+
+
+@pytest.mark.parametrize("method", ["taau", "classifier", "classifier-large"])
+def test_a_frozen_image_is_the_same_bit_for_bit_and_equal_with_and_without_skipping(method: str) -> None:
+    whole, skipping = OnGpu(method, DISPLAY, skip=False), OnGpu(method, DISPLAY)
+    held: Float32 | None = None
+    for index, given in enumerate(still(3 * PERIOD)):
+        (image, converged), (left_out, _) = whole.step(given), skipping.step(given)
+        np.testing.assert_array_equal(left_out, image, f"frame {index}")
+        assert converged is not None
+        if held is not None:
+            np.testing.assert_array_equal(image[frozen], held[frozen], f"frame {index}")
+        frozen, held = converged > 0.0, image.copy()
+    assert frozen.mean() > 0.8
+    for name in whole.executor.program.layout.spec.history:
+        np.testing.assert_array_equal(whole.tensor(name), skipping.tensor(name), name)
+
+
+def uniform(frames: int, **options: Any) -> list[Given]:
+    """Frames of plain light, which freeze everywhere."""
+    color = np.full((*RENDER[::-1], 3), 0.5, np.float32)
+    return [Given(frame_at(index, color=color, **options)) for index in range(frames)]
+
+
+def test_a_frame_that_is_frozen_everywhere_keeps_all_of_its_history() -> None:
+    sequence = uniform(2 * PERIOD + 6)
+    ours, frozen = compare_steps(sequence)
+    assert frozen[-1] == 1.0
+    names = "color", "samples", "surface", "jitter", "exposure", "light"
+    before = {name: ours.tensor(name) for name in names}
+    skipping = OnGpu("taau", DISPLAY)
+    for given in sequence:
+        skipping.step(given)
+    for one in (ours, skipping):
+        one.step(Given(frame_at(len(sequence), color=np.asarray(sequence[-1].frame.color))))
+        for name, kept in before.items():
+            np.testing.assert_array_equal(one.tensor(name), kept, name)
+
+
+def test_what_changes_after_it_froze_restarts_as_in_torch() -> None:
+    """A jump of light in a part of the image, and then a slow fade in another."""
+    light = np.ones((*RENDER[::-1], 1), np.float32)
+    sequence = still(2 * PERIOD + 2)
+    light[:5, :7] = 1.3
+    sequence += [Given(frame_at(index, light=light)) for index in range(len(sequence), len(sequence) + 9)]
+    for index in range(len(sequence), len(sequence) + 40):
+        light[9:, 12:] *= 1.0004
+        sequence.append(Given(frame_at(index, light=light)))
+    _, frozen = compare_steps(sequence, decisions=0.95)
+    assert frozen[2 * PERIOD + 1] > 0.8
+    assert frozen[2 * PERIOD + 8] < frozen[2 * PERIOD + 1]
+
+
+def test_fading_light_never_freezes() -> None:
+    sequence = [Given(frame_at(index, light=1.0 + 0.004 * index)) for index in range(2 * PERIOD + 10)]
+    _, frozen = compare_steps(sequence)
+    assert max(frozen) == 0.0
+
+
+def test_light_that_blinks_with_the_jitter_never_freezes() -> None:
+    sequence = [
+        Given(frame_at(index, light=1.2 if index % 2 else 1.0)) for index in range(2 * PERIOD + 10)
+    ]
+    _, frozen = compare_steps(sequence)
+    assert frozen[-1] < 0.1
+
+
+def movers() -> Iterator[Given]:
+    """An object crosses a still scene, passes, and comes back once all is frozen."""
+    for index in range(3 * PERIOD + 10):
+        frame = frame_at(index)
+        at = index if index < 12 else index - 2 * PERIOD - 10
+        if 0 <= at < 12:
+            motion, color = np.array(frame.motion), np.array(frame.color)
+            motion[4:8, at : at + 3] = (-1.0, 0.0)
+            color[4:8, at : at + 3] = 2.0
+            frame = frame_at(index, motion=motion, color=color)
+        yield Given(frame)
+
+
+def test_what_moves_is_not_added_and_restarts_what_it_covers() -> None:
+    _, frozen = compare_steps(list(movers()), decisions=0.95)
+    assert frozen[2 * PERIOD + 9] > 0.3
+    assert frozen[2 * PERIOD + 20] < frozen[2 * PERIOD + 9]
+
+
+def test_motion_below_the_limit_stands_still_and_above_it_moves() -> None:
+    for length, most in ((1.0 / 300.0, 1.0), (1.0 / 200.0, 0.0)):
+        motion = np.zeros((*RENDER[::-1], 2), np.float32)
+        motion[..., 1] = length
+        sequence = [Given(frame_at(index, motion=motion)) for index in range(2 * PERIOD + 4)]
+        _, frozen = compare_steps(sequence)
+        assert (frozen[-1] > 0.5) == (most > 0.0)
+
+
+def test_a_reactive_mask_restarts_its_blocks() -> None:
+    mask = np.zeros(RENDER[::-1], np.float32)
+    mask[5, 6], mask[10, 15] = 0.25, 1e-6
+    sequence = still(2 * PERIOD + 4)
+    sequence += [
+        Given(frame_at(index, reactive=mask)) for index in range(len(sequence), len(sequence) + 6)
+    ]
+    _, frozen = compare_steps(sequence)
+    assert 0.0 < frozen[-1] < frozen[2 * PERIOD + 3]
+
+
+def test_repeated_jitter_and_frames_without_samples_add_nothing() -> None:
+    frames: list[Given] = []
+    for index in range(2 * PERIOD + 6):
+        frames.append(Given(frame_at(index)))
+        if index % 3 == 0:
+            frames.append(Given(frame_at(index)))
+        if index % 7 == 0:
+            frames.append(Given(frame_at(index), 0.0))
+    _, frozen = compare_steps(frames)
+    assert frozen[-1] > 0.5
+
+
+def noisy(frames: int, jitter_period: int = PERIOD) -> list[Given]:
+    """Path-traced frames: every sample has its own noise; the light of a part jumps."""
+    rng = np.random.default_rng(7)
+    sequence = []
+    for index in range(frames):
+        light = rng.gamma(4.0, 0.25, (*RENDER[::-1], 1)).astype(np.float32)
+        if index >= 24:
+            light[:6, :10] *= 2.0
+        sequence.append(Given(frame_at(index, light=light, period=jitter_period), NOISY))
+    return sequence
+
+
+def test_noisy_frames_are_averaged_as_in_torch_and_never_freeze() -> None:
+    _, frozen = compare_steps(noisy(50))
+    assert max(frozen) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("render", "display", "ratio"),
+    [((21, 13), (32, 20), 1.5), ((17, 9), (17, 9), 1.0), ((9, 5), (27, 15), 3.0), ((1, 1), (2, 3), 2.0)],
+)
+def test_odd_sizes_and_ratios_freeze_as_in_torch(render: Size, display: Size, ratio: float) -> None:
+    period = int(8 * ratio * ratio)
+    sequence = still(2 * period + 4, render, period=period, ratio=ratio)
+    compare_steps(sequence, display)
+
+
+def test_blocks_restart_where_the_render_size_changes() -> None:
+    sizes = [RENDER] * 40 + [(33, 21)] * 3 + [RENDER] * 40 + [(25, 16)] * 60
+    sequence = [Given(frame_at(index, size)) for index, size in enumerate(sizes)]
+    ours, frozen = compare_steps(sequence, decisions=0.95)
+    assert max(frozen[:-1]) == 0.0
+    assert ours.tensor("signatures").shape[0] == 9 * 44 * 28 // (25 * 16) + 2
+
+
+def test_a_cut_forgets_what_stood_still() -> None:
+    sequence = still(2 * PERIOD + 4)
+    sequence[PERIOD + 8] = Given(frame_at(PERIOD + 8, reset=True))
+    _, frozen = compare_steps(sequence)
+    assert max(frozen) == 0.0
+
+
+def test_invalid_samples_and_pre_exposure_are_those_of_torch() -> None:
+    def frame(index: int) -> Frame:
+        given = frame_at(index)
+        color = 4.0 * np.asarray(given.color)
+        color[3, 4], color[8, 9, 1], color[2, 15], color[12, 3] = np.nan, np.nan, np.inf, -1.0
+        return frame_at(index, color=color, pre_exposure=4.0)
+
+    compare_steps([Given(frame(index)) for index in range(2 * PERIOD + 4)])
+
+
+def test_signatures_are_right_whichever_buffers_a_history_is_written_to() -> None:
+    """A step that is repeated, from a history that is kept, and into buffers that hold another history."""
+    gpu = executor("taau")
+
+    def run(history: GpuHistory, into: GpuHistory, index: int) -> GpuHistory:
+        image = np.empty((*DISPLAY[::-1], 3), np.float32)
+        gpu.step(frame_at(index), DISPLAY, history, into, image, (), adds_samples=1.0)
+        return into
+
+    sets = [gpu.zeros(DISPLAY, RENDER) for _ in range(4)]
+    history = sets[0]
+    for index in range(40):  # in turns of three sets; each third step is done twice
+        into = sets[(index + 1) % 3]
+        if index % 3 == 0:
+            run(history, into, index + 5)
+            run(history, sets[3], index + 7)
+        history = run(history, into, index)
+    plain = OnGpu("taau", DISPLAY)
+    for index in range(40):
+        plain.step(Given(frame_at(index)))
+    for name in ("phases", "static_blocks", "static_mean"):
+        np.testing.assert_array_equal(gpu.tensor(history, name), plain.tensor(name), name)
+    used = plain.tensor("phases")[:, 2] > 0.0
+    np.testing.assert_array_equal(
+        gpu.tensor(history, "signatures")[used], plain.tensor("signatures")[used]
+    )
+
+
+def test_a_saved_history_goes_on_where_it_was() -> None:
+    gpu, ours = executor("taau"), OnGpu("taau", DISPLAY)
+    sequence = list(movers())
+    for given in sequence[:70]:
+        ours.step(given)
+    loaded = OnGpu("taau", DISPLAY)
+    loaded.history = gpu.zeros(DISPLAY, RENDER)
+    names = gpu.program.layout.spec.history
+    gpu.load(loaded.history, {name: ours.tensor(name) for name in names})
+    for name in names:
+        np.testing.assert_array_equal(loaded.tensor(name), ours.tensor(name), name)
+    for given in sequence[70:]:
+        np.testing.assert_array_equal(loaded.step(given)[0], ours.step(given)[0])
