@@ -168,9 +168,8 @@ def compare(frame: RestFrame, history: RestHistory, previous: Size, display: Siz
     confirmed = torch.where(
         cycle.counts > 0.0, verifies * (tests + steadiness(small, large, frame.exposure)), tests * stands
     )
-    signatures = write_slot(
-        history.signatures, cycle.slot, torch.where(known * stands > 0.0, reference, signature)
-    )
+    kept = torch.maximum(known * stands, 1.0 - cycle.counts) > 0.0  # no phase is added: nor is its signature
+    signatures = write_slot(history.signatures, cycle.slot, torch.where(kept, reference, signature))
     return Stillness(
         known=known,
         stands=stands,
