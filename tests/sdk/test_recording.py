@@ -87,7 +87,7 @@ def test_what_rested_rests_again(models: dict[str, Model], file: Path) -> None:
         assert upscaler.stats.converged == 1.0
         upscaler.step(noise(1))
         upscaler.load_state(state)
-        upscaler.step(period[1], outputs=("converged",))
+        upscaler.step(replace(period[1], reset=False), outputs=("converged",))
         assert upscaler.stats.converged == 1.0
     assert all(step.exact for step in replayed(file))
 
@@ -115,7 +115,7 @@ def test_what_is_read_is_what_was_handed_in(models: dict[str, Model], file: Path
     assert isinstance(close, CloseCall)
     np.testing.assert_array_equal(close.image, image)
     setup = recording.setup
-    assert (setup.method, setup.display_size, setup.scale, setup.skip) == ("taau", None, 2.0, 0.25)
+    assert (setup.method, setup.display_size, setup.scale, setup.at_rest) == ("taau", None, 2.0, "off")
     assert setup.versions["supersampler"]
     assert setup.machine["cores"]
     for item in file.rglob("*.*"):
