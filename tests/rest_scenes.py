@@ -18,7 +18,7 @@ from supersampler.methods.spec import sized
 from supersampler_model.methods.base import Method
 from torch_inputs import plain_inputs
 
-FINE = 4
+FINE = 3
 """Side of the grid of truth samples in a display pixel."""
 Values = NDArray[np.float64]
 Pattern = Callable[[Values, Values], Values]
@@ -32,10 +32,8 @@ def flat(x: Values, _: Values) -> Values:
 
 def wave(x: Values, y: Values) -> Values:
     squares = (np.floor(x / 4) + np.floor(y / 4)) % 2
-    return np.stack(
-        [0.3 + 0.25 * np.sin(x / 5) * np.cos(y / 7), 0.3 + 0.2 * np.sin((x + y) / 3), 0.25 + 0.2 * squares],
-        -1,
-    )
+    red, green = 0.25 * np.sin(x / 5) * np.cos(y / 7), 0.2 * np.sin((x + y) / 3)
+    return np.stack([0.3 + red, 0.3 + green, 0.25 + 0.2 * squares], -1)
 
 
 def cells(x: Values, y: Values) -> Values:

@@ -1,4 +1,4 @@
-"""At rest, no image is worse than the method's own, whatever the light does; what is known to stand is exact."""
+"""At rest, no image is worse than the method's own; what is known to stand is exact."""
 
 import os
 from collections.abc import Callable, Iterator
@@ -52,7 +52,7 @@ def assert_never_worse(scene: RestScene, count: int) -> list[float]:
 
 
 @settings(
-    max_examples=int(os.environ.get("SUPERSAMPLER_FUZZ", "5")),
+    max_examples=int(os.environ.get("SUPERSAMPLER_FUZZ", "4")),
     derandomize="SUPERSAMPLER_FUZZ" not in os.environ,
     deadline=None,
     database=None,
@@ -75,7 +75,7 @@ def test_no_image_at_rest_is_worse_than_the_methods_own(scene: RestScene) -> Non
     ids=["fade", "pulse with the jitter", "blink with the jitter", "spot", "screen"],
 )
 def test_light_that_changes_leaves_the_methods_own_image(scene: RestScene) -> None:
-    assert_never_worse(replace(scene, render=(40, 24)), 100)
+    assert_never_worse(replace(scene, render=(32, 24)), 90)
 
 
 def test_the_analytic_scene_reaches_48_db_after_two_periods() -> None:
@@ -150,16 +150,11 @@ def test_what_moves_or_is_reactive_ends_it_there_and_nowhere_else() -> None:
 
 
 def test_a_size_that_changes_begins_anew_without_a_jump() -> None:
-    other = replace(WAVE, render=(40, 26), ratio=2.4)
-    assert other.display == (96, 62)
-    wide = Stepped(taau(), WAVE.display)
-    images = []
+    run, images = Stepped(taau(), WAVE.display), []
     for index in range(FROZEN + 8):
-        scene = replace(WAVE, render=(48, 32) if index < FROZEN or index % 2 else (40, 27), ratio=2.0)
-        frame = sampled(scene.render, index)
-        images.append(display_transform(wide.step(frame), 1.0))
-        if index >= FROZEN:
-            assert not wide.frozen.any()
+        size = (40, 27) if index >= FROZEN and index % 2 else (48, 32)
+        images.append(display_transform(run.step(sampled(size, index)), 1.0))
+        assert bool(run.frozen.any()) == (index in (FROZEN - 2, FROZEN - 1))
     assert max(float(np.abs(a - b).mean()) for a, b in pairwise(images[FROZEN - 1 :])) < 6.0 / 255.0
 
 
@@ -208,14 +203,15 @@ def test_a_missing_sample_is_filled_by_its_neighbours_and_ends_nothing_if_it_las
 
 @pytest.mark.parametrize("value", [-1e-7, 1e5, np.inf])
 def test_a_value_out_of_range_that_lasts_is_clamped(value: float) -> None:
-    run = Stepped(taau(), WAVE.display)
+    run, size = Stepped(taau(), WAVE.display), WAVE.render
+    rows, columns = np.mgrid[0 : size[1], 0 : size[0]]
     for frame, _ in WAVE.frames(FROZEN):
+        x, y = (at + 0.5 + offset for at, offset in zip((columns, rows), frame.jitter, strict=True))
         color = np.array(frame.color)
-        color[8:16, 8:16] = (0.9, 0.35, value)
+        color[(np.maximum(np.abs(x - 16.0), np.abs(y - 16.0)) < 9.0)] = (0.9, 0.35, value)
         image = run.step(replace(frame, color=color))
-    assert run.frozen[20:28, 20:28].all()
-    want = np.clip(value, 0.0, 65504.0)
-    assert image[24, 24] == pytest.approx([0.9, 0.35, want], rel=1e-3, abs=1e-5)
+    assert run.frozen[28:36, 28:36].all()
+    assert image[32, 32] == pytest.approx([0.9, 0.35, np.clip(value, 0.0, 65504.0)], rel=1e-3, abs=1e-5)
 
 
 def noisy(scene: RestScene, count: int, light: Callable[[int], float]) -> Iterator[tuple[Frame, Float32]]:
@@ -232,9 +228,9 @@ def test_samples_of_a_path_tracer_average_out_and_a_change_is_right_in_8_frames(
         images, shown = [run.step(frame) for run in (ours, own)], display_transform(truth, 1.0)
         difference = [display_transform(image, 1.0) - shown for image in images]
         errors.append([float(np.abs(d).mean()) for d in difference])
-        bias.append(float(difference[0].mean()))
+        bias.append([abs(float(d.mean())) for d in difference])
         assert not ours.frozen.any()
     assert errors[59][0] < 0.8 * errors[59][1]
     assert errors[59][0] < errors[20][0]
-    assert max(abs(b) for b in bias[68:]) < 2.0 / 255.0
+    assert all(a <= b + 1.5 / 255.0 for a, b in bias[68:])
     assert all(a <= b + 2.0 / 255.0 for a, b in errors[68:])

@@ -262,7 +262,9 @@ def follow_jitter(frame: RestFrame, phases: Tensor) -> Cycle:
     row = torch.arange(phases.shape[0], device=phases.device)
     same = ((phases[:, :2] - frame.jitter).abs().sum(dim=1) < 1e-6) & (ages > 0.0)
     rank = torch.where(same, 4.0 * OLDEST, torch.where(ages > 0.0, ages, 2.0 * OLDEST)) - row
-    here = rank == rank.amax(dim=0, keepdim=True)
+    first = torch.where(rank == rank.amax(dim=0, keepdim=True), -row.float(), -OLDEST)  # of rows of one rank
+    slot = (-first.amax(dim=0, keepdim=True)).long()
+    here = row == slot
     age = (ages * (same & here)).sum().reshape(1)
     latest = (periods * (ages == 1.0)).sum().reshape(1)
     sampled, noisy = ((frame.adds_samples >= least).float() for least in (1.0, NOISY))
@@ -272,7 +274,6 @@ def follow_jitter(frame: RestFrame, phases: Tensor) -> Cycle:
     fresh = torch.cat([frame.jitter[0], frame.jitter.new_ones(1), period])
     written = (here.float() * counts)[:, None]
     table = torch.cat([phases[:, :2], older[:, None], periods[:, None]], dim=1)
-    slot = (here * row).sum().reshape(1)
     return Cycle(slot, age, period, counts, table * (1.0 - written) + fresh * written)
 
 
