@@ -108,7 +108,7 @@ def test_pixels_of_a_shaded_frame_that_are_none_are_taken_as_a_frames_are() -> N
 @pytest.mark.parametrize(
     ("changes", "match"),
     [
-        ({"version": 1}, "state is of version 1; want 3"),
+        ({"version": 1}, "state is of version 1; want 4"),
         ({"version": True}, "version True"),
         ({"version": "2"}, "version '2'"),
         ({"method": "taa"}, "of 'taa'"),
@@ -144,7 +144,7 @@ def test_an_array_of_no_known_name_is_refused() -> None:
 def test_a_state_that_was_pickled_before_states_had_a_version_is_refused() -> None:
     old = pickle.loads(pickle.dumps(still_state()))  # noqa: S301  # of our own
     del vars(old)["version"]
-    assert_refused(pickle.loads(pickle.dumps(old)), "of version None; want 3")  # noqa: S301
+    assert_refused(pickle.loads(pickle.dumps(old)), "of version None; want 4")  # noqa: S301
 
 
 def test_sizes_that_arrays_claim_without_memory_are_refused() -> None:
