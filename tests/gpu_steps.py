@@ -40,7 +40,7 @@ def model(method: str, executor: Any = "gpu") -> Model:
 
 
 def make(method: str, executor: Any = "gpu", display: Size = DISPLAY, **options: Any) -> Upscaler:
-    fixed: dict[str, Any] = {"skip": "exact", "validate": "off", **options}
+    fixed: dict[str, Any] = {"skip": False, "validate": "off", **options}
     return Upscaler(model(method, executor), display_size=display, **fixed)
 
 

@@ -1,4 +1,4 @@
-"""No image at rest is worse than the method's own: drawn scenes on the CPU backend, for long by `make fuzz`."""
+"""No image at rest is worse than the method's own: scenes by chance, on the CPU backend."""
 
 import os
 from functools import cache

@@ -144,7 +144,8 @@ def test_what_moves_or_is_reactive_ends_it_there_and_nowhere_else() -> None:
             run.step(frame)
         image = np.zeros((32, 48, 2) if field == "motion" else (32, 48), np.float32)
         image[8:12, 8:12] = value
-        run.step(replace(frames[-1], **{field: image}))
+        changed: dict[str, Any] = {field: image}
+        run.step(replace(frames[-1], **changed))
         assert not run.frozen[16:24, 16:24].any()
         assert run.frozen[40:, 40:].all()
 
@@ -164,7 +165,10 @@ def sampled(size: Size, index: int) -> Frame:
     jitter = halton_jitter(index, ratio)
     y, x = np.mgrid[0:h, 0:w].astype(float)
     color = wave((x + 0.5 + jitter[0]) * 96 / w, (y + 0.5 + jitter[1]) * 64 / h).astype(np.float32)
-    fields = {"depth": np.full((h, w), 0.1, np.float32), "motion": np.zeros((h, w, 2), np.float32)}
+    fields: dict[str, Any] = {
+        "depth": np.full((h, w), 0.1, np.float32),
+        "motion": np.zeros((h, w, 2), np.float32),
+    }
     return Frame(color=color, **fields, jitter=jitter, exposure=1.0, reset=index == 0)
 
 
