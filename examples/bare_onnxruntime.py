@@ -30,6 +30,8 @@ session = ort.InferenceSession(str(model / "step.onnx"), providers=["CPUExecutio
 sizes = {
     "display_height": display_h, "display_width": display_w, "previous_height": h, "previous_width": w,
     "half_height": (display_h + 1) // 2, "half_width": (display_w + 1) // 2,
+    "previous_blocks_down": (h + 3) // 4, "previous_blocks_across": (w + 3) // 4,
+    "previous_phases": 9 * display_w * display_h // (w * h) + 2,
 }  # fmt: skip
 out.mkdir(parents=True, exist_ok=True)
 
@@ -45,7 +47,7 @@ for entry in description["frames"]:
         "exposure": np.array([entry["exposure"] or 0.0], np.float32),  # 0: the graph measures it
         "reactive": planes.get("reactive.Y", np.zeros((h, w), np.float32))[None, None],  # (1, 1, h, w)
         "pre_exposure": np.array([entry.get("pre_exposure", 1.0)], np.float32),
-        "adds_samples": np.ones(1, np.float32),  # 0 on frames that were not shaded
+        "adds_samples": np.ones(1, np.float32),  # 0 on frames that were not shaded, 2 of a path tracer
         "display_size": np.array([display_w, display_h]),
     }
     if entry["reset"]:

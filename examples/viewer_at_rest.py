@@ -39,7 +39,7 @@ def main(options: Namespace) -> None:
 
 
 def is_final(upscaler: Upscaler) -> bool:
-    """Whether another frame of the same scene would hardly change the image."""
+    """Whether another frame of the same scene would not change the image."""
     return (upscaler.stats.converged or 0.0) >= 0.999  # 1, but for pixels that never come to rest
 
 
@@ -59,7 +59,7 @@ def render(camera: float, speed: float, index: int) -> Frame:
     stripes = (np.floor(0.55 * x + 0.31 * y) % 2) * 0.8
     level = np.where(y < 60.0, rings, stripes).astype(np.float32)
     motion = np.zeros((height, width, 2), np.float32)
-    motion[..., 0] = speed  # previous minus current: the poster moved to the left. Exact zeros at rest
+    motion[..., 0] = speed  # previous minus current: the poster moved to the left. Zeros at rest
     return Frame(
         color=level[..., None] * np.array([1.0, 0.9, 0.7], np.float32),
         depth=np.full((height, width), 0.1, np.float32),

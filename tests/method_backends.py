@@ -39,7 +39,7 @@ BACKENDS = [(name, kind) for name in model_names() for kind in ("onnx", "cpu") i
 
 
 def make(method: str, executor: Any, **options: Any) -> Upscaler:
-    fixed: dict[str, Any] = {"skip": "exact", "validate": "off", **options}
+    fixed: dict[str, Any] = {"validate": "off", **options}
     return Upscaler(model(method, executor), display_size=display_of(method), **fixed)
 
 

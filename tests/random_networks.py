@@ -49,7 +49,7 @@ def with_random_weights(method: Classifier, folder: Path) -> Made:
 def step_both(made: Made, frames: list[Frame], display: Size) -> list[tuple[Float32, Float32]]:
     """Images of torch and of the CPU backend, (H, W, 3)."""
     method, model = made
-    upscaler = Upscaler(model, display_size=display, validate="off", skip="exact")
+    upscaler = Upscaler(model, display_size=display, validate="off")
     history: Any = method.first_history(ModelSize(*display), ModelSize(*frames[0].size))
     pairs = []
     for frame in frames:

@@ -10,7 +10,7 @@ from supersampler import Frame, Model, Upscaler, halton_jitter
 from supersampler.state import State
 
 RENDER, DISPLAY = (40, 24), (80, 48)
-FRAMES = 40  # a period of jitter, and some in which tiles settle
+FRAMES = 66  # two periods of jitter, after which all is frozen
 
 
 @lru_cache
@@ -40,7 +40,7 @@ def frame(index: int, **overrides: Any) -> Frame:
 
 @lru_cache
 def still_state(method: str = "taau", executor: str = "cpu") -> State:
-    """The state after FRAMES frames; with `static.sums` where kernels ran."""
+    """The state after FRAMES frames."""
     made = upscaler(method, executor)
     for index in range(FRAMES):
         made.step(frame(index))

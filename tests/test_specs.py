@@ -32,7 +32,7 @@ ALL: dict[str, type[Method]] = {
     AOVS.name: BlendAovs,
 }
 PACKAGES = ("sdk/supersampler", "model/supersampler_model", "export/supersampler_export")
-SHARED_SPEC = Path("sdk/supersampler/methods/convergence.py")  # of methods that converge
+SHARED_SPEC = Path("sdk/supersampler/methods/at_rest.py")  # of methods that converge
 METHOD_FOLDERS = ("model/supersampler_model/methods",)
 KERNELS = (TAA, TAAU, CLASSIFIER, GUIDED_WARP)  # methods that have some
 FACTS = {field.name for field in dataclasses.fields(MethodSpec)}

@@ -3,9 +3,9 @@
     python bench/studies/hashes.py --check bench/results/studies/hashes.json     # also: make hashes
     python bench/studies/hashes.py --json hashes.json
 
-Every shipped model steps through 24 frames at five sizes, or 48 where tiles are reused, in every way that it
-runs on a CPU. Hashes depend on the processor's instructions, on ONNX Runtime and on numba, so compare records
-of one machine.
+Every shipped model steps through 24 frames at five sizes, or 48 where most of the frame stands still, in
+every way that it runs on a CPU. Hashes depend on the processor's instructions, on ONNX Runtime and on numba, so
+compare records of one machine.
 
 A record also has sketches, which estimate how far images are apart although no image is kept. A sketch is the
 sum of an image's values with random signs: the squared difference of two sketches is on average the squared
@@ -28,14 +28,14 @@ from supersampler import ArgumentError, Frame, Model, Upscaler
 from supersampler.cli.terminal import Terminal
 from supersampler.frame import Float32, Size
 from supersampler.methods.model_file import model_names
-from supersampler.model import ExecutorName, Precision, Skip
+from supersampler.model import ExecutorName, Precision
 from supersampler_bench.cli.options import JSON, counted, listed, publish, say, warn
 from supersampler_bench.compatibility import incompatibility
 from supersampler_bench.record import Record, machine_name, read_record, setting
 from supersampler_bench.timing.speed import frames_of
 
 FRAMES, STILL_FRAMES = 24, 48
-"""Frames of a run; of one with static-tile reuse."""
+"""Frames of a run; of one in which most of the frame stands still."""
 SIZES: tuple[tuple[Size, Size], ...] = (
     ((64, 36), (128, 72)),
     ((53, 31), (106, 62)),
@@ -49,14 +49,16 @@ MEASURED_EXPOSURE = (53, 31)
 """Render size at which frames have no exposure, so that the method measures it."""
 EXTRAPOLATED = tuple(product(("classifier", "extrapolate"), ("guided-warp", "guided-flow")))
 """Pairs of an upscaler and the model that extrapolates every second frame for it."""
-RUNS: tuple[tuple[ExecutorName, Precision, Skip], ...] = (
-    ("onnx", "fp32", "exact"),
-    ("onnx", "fp16", "exact"),
-    ("cpu", "auto", "exact"),
-    ("cpu", "auto", "auto"),
+RUNS: tuple[tuple[ExecutorName, Precision, bool], ...] = (
+    ("onnx", "fp32", False),
+    ("onnx", "fp16", False),
+    ("cpu", "auto", False),
+    ("cpu", "auto", True),
 )
+STILL = ", at rest"
+"""What names of runs end with in which most of the frame stands still."""
 PHASES = 16
-"""Frames of the scene for static-tile reuse, which repeat: enough samples for tiles to settle."""
+"""Frames of the scene that stands still, which repeat."""
 THREADS = 2
 _SKETCHES = 8  # sketches of a run
 
@@ -69,11 +71,11 @@ class Subject:
     extrapolation: str | None
     executor: ExecutorName
     precision: Precision
-    skip: Skip
+    still: bool
 
     def __str__(self) -> str:
         name = self.method if self.extrapolation is None else f"{self.method}+{self.extrapolation}"
-        return f"{name}, {self.executor} {self.precision}, skip {self.skip}"
+        return f"{name}, {self.executor} {self.precision}{STILL * self.still}"
 
 
 @dataclass(frozen=True)
@@ -120,13 +122,13 @@ def subjects(methods: Sequence[str] | None = None) -> list[Subject]:
     pairs: list[tuple[str, str | None]] = [(name, None) for name in names]
     pairs += [pair for pair in EXTRAPOLATED if pair[0] in names]
     found = []
-    for (name, extrapolation), (executor, precision, skip) in product(pairs, RUNS):
+    for (name, extrapolation), (executor, precision, still) in product(pairs, RUNS):
         try:
             model = _model(name, executor, precision)
         except ArgumentError:  # the model has no such executor or precision
             continue
         precision = cast("Precision", model.precision)
-        found.append(Subject(name, extrapolation, executor, precision, skip))
+        found.append(Subject(name, extrapolation, executor, precision, still))
     return found
 
 
@@ -157,7 +159,7 @@ def measure_hashes(
 def _hashed(subject: Subject, render: Size, display: Size) -> Hashed:
     upscaler = _upscaler(subject, display)
     frames, sketches = [], np.zeros(_SKETCHES)
-    run = scene(render, display, subject.skip)
+    run = scene(render, display, still=subject.still)
     for index, frame in enumerate(run):
         unshaded = subject.extrapolation is not None and index % 2 == 1
         image = upscaler.extrapolate(replace(frame, color=None)) if unshaded else upscaler.step(frame)
@@ -171,7 +173,7 @@ def _hashed(subject: Subject, render: Size, display: Size) -> Hashed:
 
 
 def _upscaler(subject: Subject, display: Size) -> Upscaler:
-    runs: dict[str, Any] = {"display_size": display, "skip": subject.skip, "validate": "off"}
+    runs: dict[str, Any] = {"display_size": display, "validate": "off"}
     if subject.extrapolation is None:
         return Upscaler(_model(subject.method, subject.executor, subject.precision), **runs)
     runs |= {"executor": subject.executor, "precision": subject.precision, "threads": THREADS}
@@ -184,14 +186,13 @@ def _model(method: str, executor: ExecutorName, precision: Precision) -> Model:
 
 
 @lru_cache(maxsize=8)
-def scene(render: Size, display: Size, skip: Skip = "exact") -> list[Frame]:
-    """Return `FRAMES` frames of the shipped shot with all G-buffers; `STILL_FRAMES` for static-tile reuse.
+def scene(render: Size, display: Size, *, still: bool = False) -> list[Frame]:
+    """Return `FRAMES` frames of the shipped shot with all G-buffers; `STILL_FRAMES` where it stands still.
 
-    For static-tile reuse (`skip` other than "exact") PHASES frames of it repeat, with little contrast so that
-    tiles soon settle; only one corner changes from frame to frame.
+    Then PHASES frames of it repeat; only one corner changes from frame to frame.
     """
     shot = frames_of(render, 0, FRAMES)
-    if skip != "exact":
+    if still:
         shot = [_still(shot[index % PHASES], index) for index in range(STILL_FRAMES)]
     exposures = (None if render == MEASURED_EXPOSURE else frame.exposure for frame in shot)
     shaded = (replace(frame, exposure=exposure) for frame, exposure in zip(shot, exposures, strict=True))
@@ -245,8 +246,8 @@ def _signs(count: int) -> NDArray[np.float64]:
 
 def hashes_record(results: Sequence[Hashed]) -> dict[str, Any]:
     """Return all values, ready for JSON, with hashes of the input frames."""
-    kinds = sorted({(r.render, r.display, r.subject.skip) for r in results})
-    inputs = {f"{_sizes(*kind[:2])}, skip {kind[2]}": _hash_of_scene(*kind) for kind in kinds}
+    kinds = sorted({(r.render, r.display, r.subject.still) for r in results})
+    inputs = {_sizes(*sizes) + STILL * still: _hash_of_scene(*sizes, still=still) for *sizes, still in kinds}
     return {
         "bench": "hashes",
         "frames": FRAMES,
@@ -256,9 +257,9 @@ def hashes_record(results: Sequence[Hashed]) -> dict[str, Any]:
     }
 
 
-def _hash_of_scene(render: Size, display: Size, skip: Skip) -> str:
+def _hash_of_scene(render: Size, display: Size, *, still: bool) -> str:
     whole = hashlib.sha256()
-    for frame in scene(render, display, skip):
+    for frame in scene(render, display, still=still):
         arrays = [frame.color, frame.depth, frame.motion]
         arrays += [*(frame.gbuffer or {}).values(), *(frame.gbuffer_display or {}).values()]
         for array in arrays:
@@ -295,7 +296,7 @@ def differences(before: Record, after: Record, *, partly: bool = False) -> Itera
     changed = [kind for kind, digest in inputs.items() if after["inputs"].get(kind, digest) != digest]
     yield from (f"{kind}: the input frames differ, so images are not compared" for kind in changed)
     for old in hashed_of(before):
-        if f"{_sizes(old.render, old.display)}, skip {old.subject.skip}" in changed:
+        if _sizes(old.render, old.display) + STILL * old.subject.still in changed:
             continue
         if old.name in new:
             yield from _difference(old, new[old.name])

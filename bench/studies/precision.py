@@ -75,7 +75,7 @@ class _Runner:
             self._step = stepper_of_torch(method, render, display, half=True)
         else:
             model = Model.load(method, providers="cpu", precision=precision)
-            self._step = Upscaler(model, display_size=display, skip="exact", validate="off").step
+            self._step = Upscaler(model, display_size=display, validate="off").step
         self._before: Float32 | None = None
         self.psnr: list[float] = []
         self.tpsnr: list[float] = []

@@ -2,7 +2,7 @@
 
 A chunk starts with a reset, N frames before its first one. The table compares its first images with those of
 a run that starts with the shot, and gives the floor that no preroll passes: the PSNR between two runs whose
-histories once differed by SMALLEST. At rest it also gives what `skip="recurrent"` costs against the truth.
+histories once differed by SMALLEST. At rest it also gives what `at_rest="off"` costs against the truth.
 
     python bench/studies/preroll.py --json FILE --update docs/how-to/farm.md
 
@@ -20,7 +20,7 @@ import numpy as np
 import typer
 
 from supersampler import Model, Upscaler, halton_jitter
-from supersampler.arguments import SkipName
+from supersampler.arguments import AtRest
 from supersampler.conventions import jitter_phase_count
 from supersampler.frame import Float32, Frame
 from supersampler.io.display import CEILING_DB, ExposureMeter, decibels, display_transform
@@ -61,7 +61,7 @@ class Row:
         still: whether the camera stands still.
         ratio: display over render size.
         method: the model's name.
-        skip: as `Upscaler` takes it.
+        at_rest: as `Upscaler` takes it.
         least: PSNR in dB of the worst compared image, for each of PREROLLS and for one jitter period.
         mean: of the compared images, likewise.
         floor: PSNR in dB of the worst compared image of two unbroken runs whose histories once differed by
@@ -74,7 +74,7 @@ class Row:
     still: bool
     ratio: float
     method: str
-    skip: SkipName
+    at_rest: AtRest
     least: list[float]
     mean: list[float]
     floor: float
@@ -83,7 +83,7 @@ class Row:
     @property
     def key(self) -> tuple[object, ...]:
         """What no two rows have in common."""
-        return self.scene, self.still, self.ratio, self.method, self.skip
+        return self.scene, self.still, self.ratio, self.method, self.at_rest
 
 
 def moving_scene(family: str, ratio: float, *, gbuffers: bool) -> list[Frame]:
@@ -111,10 +111,10 @@ def exposures_of(frames: Sequence[Frame]) -> list[float]:
 
 
 def images_of(
-    model: Model, skip: SkipName, frames: Sequence[Frame], exposures: Sequence[float]
+    model: Model, at_rest: AtRest, frames: Sequence[Frame], exposures: Sequence[float]
 ) -> list[Float32]:
     """Return the images of a run over these frames, (H, W, 3) display values."""
-    upscaler = Upscaler(model, display_size=DISPLAY, skip=skip, validate="off")
+    upscaler = Upscaler(model, display_size=DISPLAY, at_rest=at_rest, validate="off")
     return [
         display_transform(upscaler.step(frame), exposure)
         for frame, exposure in zip(frames, exposures, strict=True)
@@ -122,13 +122,13 @@ def images_of(
 
 
 def chunk_scores(
-    model: Model, skip: SkipName, frames: Sequence[Frame], whole: Sequence[Float32], preroll: int
+    model: Model, at_rest: AtRest, frames: Sequence[Frame], whole: Sequence[Float32], preroll: int
 ) -> list[float]:
     """Return the PSNR of each compared image of the chunks with this preroll, dB.
 
     Args:
         model: of the run.
-        skip: of the run.
+        at_rest: of the run.
         frames: of the scene.
         whole: images of the unbroken run.
         preroll: number of frames before a chunk's first one.
@@ -137,23 +137,23 @@ def chunk_scores(
     for cut in CUTS:
         start, stop = cut - preroll, cut + COMPARED
         first = replace(frames[start], reset=True, exposure=exposures[start])
-        images = images_of(model, skip, [first, *frames[start + 1 : stop]], exposures[start:stop])
+        images = images_of(model, at_rest, [first, *frames[start + 1 : stop]], exposures[start:stop])
         for image, other in zip(images[preroll:], whole[cut:stop], strict=True):
             scores.append(decibels(float(np.square(image - other, dtype=np.float64).mean())))
     return scores
 
 
-def floor_of(model: Model, skip: SkipName, frames: Sequence[Frame], whole: Sequence[Float32]) -> float:
+def floor_of(model: Model, at_rest: AtRest, frames: Sequence[Frame], whole: Sequence[Float32]) -> float:
     """Return the PSNR of the worst compared image after a difference of SMALLEST in the history, dB.
 
     Args:
         model: of the run.
-        skip: of the run.
+        at_rest: of the run.
         frames: of the scene.
         whole: images of the run without the difference.
     """
     exposures, start = exposures_of(frames), CUTS[0] - PREROLLS[-1]
-    upscaler = Upscaler(model, display_size=DISPLAY, skip=skip, validate="off")
+    upscaler = Upscaler(model, display_size=DISPLAY, at_rest=at_rest, validate="off")
     scores = []
     for index, frame in enumerate(frames[: CUTS[-1] + COMPARED]):
         if index == start:
@@ -170,20 +170,20 @@ def floor_of(model: Model, skip: SkipName, frames: Sequence[Frame], whole: Seque
 
 
 def measured_row(
-    name: str, ratio: float, method: str, skip: SkipName, frames: Sequence[Frame], scene: StillScene | None
+    name: str, ratio: float, method: str, at_rest: AtRest, frames: Sequence[Frame], scene: StillScene | None
 ) -> Row:
     """Measure one method in one scene; `scene` is that of the frames if its camera stands still."""
     model = Model.load(method, providers="cpu")
-    whole, truth = images_of(model, skip, frames, exposures_of(frames)), None
+    whole, truth = images_of(model, at_rest, frames, exposures_of(frames)), None
     if scene is not None:
         last = whole[-len(whole) // 4 :]
         truth = fmean(psnr(image, scene.truth, scene.still) for image in last)
     period = jitter_phase_count(ratio)
-    by_preroll = {n: chunk_scores(model, skip, frames, whole, n) for n in {*PREROLLS, period}}
+    by_preroll = {n: chunk_scores(model, at_rest, frames, whole, n) for n in {*PREROLLS, period}}
     scores = [by_preroll[n] for n in (*PREROLLS, period)]
     least, mean = [min(values) for values in scores], [fmean(values) for values in scores]
-    floor = floor_of(model, skip, frames, whole)
-    return Row(name, scene is not None, ratio, method, skip, least, mean, floor, truth)
+    floor = floor_of(model, at_rest, frames, whole)
+    return Row(name, scene is not None, ratio, method, at_rest, least, mean, floor, truth)
 
 
 def measured_rows(done: Sequence[Row]) -> Iterator[Row]:
@@ -192,17 +192,19 @@ def measured_rows(done: Sequence[Row]) -> Iterator[Row]:
     for name, ratio in MOVING:
         gbuffers = ratio == 2.0 and name in FEW
         methods = [*METHODS, *([WITH_GBUFFERS] if gbuffers else [])]
-        missing = [m for m in methods if (name, False, ratio, m, "recurrent") not in keys]
+        missing = [m for m in methods if (name, False, ratio, m, "off") not in keys]
         frames = moving_scene(name, ratio, gbuffers=gbuffers) if missing else []
         for method in missing:
-            yield measured_row(name, ratio, method, "recurrent", frames, None)
-    skips: tuple[SkipName, ...] = ("auto", "recurrent")
+            yield measured_row(name, ratio, method, "off", frames, None)
+    ways: tuple[AtRest, ...] = ("converge", "off")
     for name in STILL:
-        pairs = [(m, skip) for m in METHODS for skip in skips if (name, True, 2.0, m, skip) not in keys]
+        pairs = [
+            (m, at_rest) for m in METHODS for at_rest in ways if (name, True, 2.0, m, at_rest) not in keys
+        ]
         scene = make_scene(name, DISPLAY, 2.0, TEST_SHOTS.samples) if pairs else None
-        for method, skip in pairs:
+        for method, at_rest in pairs:
             assert scene is not None  # noqa: S101 - rendered for these pairs
-            yield measured_row(name, 2.0, method, skip, scene.frames, scene)
+            yield measured_row(name, 2.0, method, at_rest, scene.frames, scene)
 
 
 def markdown_table(record: Record) -> str:
@@ -226,22 +228,22 @@ def markdown_table(record: Record) -> str:
         "Floor: of the worst image of two unbroken runs whose histories once differed by a factor of 1 + "
         f"{SMALLEST:g} times noise. Chunks at frames {CUTS[0]} and {CUTS[1]} of test shots with a moving "
         f"camera ({scenes}; for `{WITH_GBUFFERS}` and at ratios other than 2 {' and '.join(FEW)}), images of "
-        f'{size_text(record["display"])}, `skip="recurrent"`, CPU backend where the method has kernels. '
+        f'{size_text(record["display"])}, `at_rest="off"`, CPU backend where the method has kernels. '
         f"{machine_name(record)}."
     )
     return table(["method", "ratio:", *_HEADINGS, "worst scene"], cells, caption)
 
 
 def still_table(record: Record) -> str:
-    """Return a row for each scene with a fixed camera, method and skip, as Markdown with its caption."""
+    """Return a row for each scene with a fixed camera, method and `at_rest`, as Markdown with its caption."""
     rows = [row for row in rows_of(record) if row.still]
-    cells = [[row.scene, row.method, row.skip, *scores_of([row]), figure(row.truth, 1)] for row in rows]
+    cells = [[row.scene, row.method, row.at_rest, *scores_of([row]), figure(row.truth, 1)] for row in rows]
     caption = (
         'The same before a fixed camera at ratio 2; objects move in scenes that end with "-mover". Truth: '
         "PSNR of the unbroken run against the reference in the last jitter period, of pixels that never "
         f"change. {machine_name(record)}."
     )
-    return table(["scene", "method", "skip", *_HEADINGS, "truth:"], cells, caption)
+    return table(["scene", "method", "at rest", *_HEADINGS, "truth:"], cells, caption)
 
 
 def rows_of(record: Record) -> list[Row]:
@@ -272,7 +274,7 @@ def main(
     found = [Row(**json_text.loads(line)) for line in lines]
     for row in measured_rows(tuple(found)):
         found.append(row)
-        say(f"{row.scene} {row.ratio:g} {row.method} {row.skip}: {row.least}")
+        say(f"{row.scene} {row.ratio:g} {row.method} {row.at_rest}: {row.least}")
         lines.append(json_text.dumps(asdict(row)))
         write_text(rows, "\n".join(lines) + "\n")
     record: dict[str, Any] = {
@@ -286,7 +288,7 @@ def main(
 
 def _order(row: Row) -> tuple[object, ...]:
     methods = (*METHODS, WITH_GBUFFERS)
-    return row.still, row.ratio, methods.index(row.method), row.scene, row.skip
+    return row.still, row.ratio, methods.index(row.method), row.scene, row.at_rest
 
 
 if __name__ == "__main__":

@@ -114,7 +114,7 @@ def scores(content: str, shown: list[Shown]) -> list[dict[str, Any]]:
     for method in METHODS:
         row: dict[str, Any] = {"scene": content, "method": method, "masked": 0.0}
         for name in ("without", "with"):
-            upscaler = Upscaler(method, display_size=DISPLAY, skip="exact", validate="off")
+            upscaler = Upscaler(method, display_size=DISPLAY, validate="off")
             whole, inside = list[float](), list[float]()
             for frame, reference, exposure in shown:
                 image = upscaler.step(frame if name == "with" else replace(frame, reactive=None))

@@ -34,9 +34,7 @@ COUNTED: Mapping[str, Callable[[int], int]] = {"frames": lambda i: i, "shaded fr
 
 def scores(scene: Scene, method: str, counted: Callable[[int], int]) -> list[float]:
     """Return the mean PSNR of shaded and of unshaded frames, over the last SCORED of FRAMES."""
-    upscaler = Upscaler(
-        method, display_size=DISPLAY, skip="exact", extrapolation="guided-warp", validate="off"
-    )
+    upscaler = Upscaler(method, display_size=DISPLAY, extrapolation="guided-warp", validate="off")
     found: list[list[float]] = [[], []]
     for index in range(FRAMES):
         frame = scene.frame(index, RENDER, halton_jitter(counted(index), RATIO))

@@ -129,7 +129,7 @@ def _steppers(method: str, render: Size, display: Size) -> Iterator[tuple[str, S
             model = Model.load(method, providers="cpu", executor=executor, precision=precision)
         except (ArgumentError, DeviceError):  # the method or this machine has no such executor
             continue
-        upscaler = Upscaler(model, display_size=display, skip="exact", validate="off")
+        upscaler = Upscaler(model, display_size=display, validate="off")
         yield f"{executor}, {model.precision}", upscaler.step
 
 

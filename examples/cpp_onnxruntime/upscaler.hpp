@@ -28,16 +28,21 @@ struct Frame {
   std::array<float, 2> jitter{};              // render pixels
   float exposure = 0.0f;                      // 0: the graph measures it
   float pre_exposure = 1.0f;                  // what the renderer has multiplied the colour by
-  float adds_samples = 1.0f;                  // 0: the colour was extrapolated, not rendered
+  float adds_samples = 1.0f;                  // 0: the colour was extrapolated; 2: of a path tracer
   bool reset = false;                         // the first frame after a cut
 };
 
 // Dimensions of the graph by their names, for a frame, an image, and the frame before.
 inline std::map<std::string, int64_t> extents(Size render, Size display, Size previous) {
+  const auto blocks = [](int64_t samples) { return (samples + 3) / 4; };
+  const auto phases = [&](Size size) { return 9 * display.width * display.height / (size.width * size.height) + 2; };
   return {{"render_width", render.width},       {"render_height", render.height},
           {"display_width", display.width},     {"display_height", display.height},
           {"half_width", (display.width + 1) / 2}, {"half_height", (display.height + 1) / 2},
-          {"previous_width", previous.width},   {"previous_height", previous.height}};
+          {"previous_width", previous.width},   {"previous_height", previous.height},
+          {"blocks_across", blocks(render.width)}, {"blocks_down", blocks(render.height)}, {"phases", phases(render)},
+          {"previous_blocks_across", blocks(previous.width)}, {"previous_blocks_down", blocks(previous.height)},
+          {"previous_phases", phases(previous)}};
 }
 
 // Official builds since 1.29 write a device id to the user's cache and send names of models to Microsoft, unless this

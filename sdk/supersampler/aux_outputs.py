@@ -1,4 +1,4 @@
-"""False-colour images of auxiliary outputs: class map, weight of the history, sample count, what is frozen."""
+"""False-colour images of auxiliary outputs: class map, weight of the history, sample count, frozen pixels."""
 
 from collections.abc import Mapping
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from supersampler.model import Model
 
 
-STATE_VERSION = 3
+STATE_VERSION = 4
 """Version of the contents of a State. Other versions are refused: the meaning of arrays may differ."""
 
 

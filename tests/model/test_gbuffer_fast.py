@@ -133,4 +133,4 @@ def test_the_history_shows_the_light_of_then_on_the_surfaces_of_now() -> None:
 def test_the_history_has_reflectance_beside_that_of_the_classifier() -> None:
     names = list(GBUFFER_FAST.history)
     assert names[6] == "reflectance"
-    assert names[-2:] == ["static_mean", "residual_range"]
+    assert names[-4:] == ["static_mean", "static_blocks", "signatures", "phases"]

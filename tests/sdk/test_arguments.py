@@ -157,7 +157,16 @@ PURE: dict[str, Call] = {
     **{f"Conventions({name})": _convention(name) for name in Conventions.__dataclass_fields__},
     **{
         f"Upscaler({name})": _upscaler(name)
-        for name in ("display_size", "scale", "render_size", "skip", "extrapolation", "validate", "record")
+        for name in (
+            "display_size",
+            "scale",
+            "render_size",
+            "at_rest",
+            "skip",
+            "extrapolation",
+            "validate",
+            "record",
+        )
     },
     **{
         f"Upscaler({name})": _loading(name)
@@ -265,7 +274,7 @@ def test_a_refused_call_changes_no_history(name: str, executor: ExecutorName) ->
     np.testing.assert_array_equal(disturbed.step(GOOD), innocent.step(GOOD))
 
 
-@pytest.mark.parametrize("name", ["frame", "history", "outputs", "out", "history_out", "skip"])
+@pytest.mark.parametrize("name", ["frame", "history", "outputs", "out", "history_out", "at_rest", "skip"])
 def test_a_model_takes_hostile_arguments_or_refuses_them(name: str) -> None:
     model = Model.load("taau", threads=1)
     given: dict[str, Any] = {"frame": GOOD, "history": model.first_history(DISPLAY, SIZE), "outputs": ()}

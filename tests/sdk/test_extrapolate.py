@@ -263,20 +263,6 @@ def test_stats_tell_extrapolated_frames_from_shaded_ones(taau: Model) -> None:
     assert stats.seconds > 0.0
 
 
-@pytest.mark.parametrize("model", ["taau", "classifier-small"])
-def test_static_tiles_are_reused_where_frames_are_extrapolated(model: str) -> None:
-    """Static-tile reuse compares extrapolated colours like rendered ones."""
-    still = LitScene()
-    upscaler = make(Model.load(model, threads=1), skip=0.05)
-    for index in range(80):
-        jitter = halton_jitter(index % 8, 2.0)
-        color = {} if index % 2 == 0 else {"color": None}
-        frame = still.frame(index, SIZE, jitter, **color)
-        image = upscaler.extrapolate(frame) if index % 2 else upscaler.step(frame)
-    assert upscaler.stats.work < upscaler.stats.frames
-    assert np.abs(image - still.truth(0, DISPLAY)).mean() < 0.15
-
-
 def test_checks_find_nothing_wrong_with_right_frames_of_either_kind() -> None:
     scene = LitScene(velocity=(2.0, 1.0), radius=8.0, disc_velocity=(-1.0, 0.5), sky=6.0)
     upscaler = make(Model.load("bilinear", threads=1), validate="strict", display_size=(256, 144))

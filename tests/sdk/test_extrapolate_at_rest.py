@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-import pattern_changes
 from alternating import alternate
 from lit_scene import LitScene
 from supersampler import Frame, Model, Upscaler, halton_jitter
@@ -42,41 +41,20 @@ def mean_of(upscaler: Upscaler) -> Float32:
 def test_unshaded_frames_add_no_samples_to_the_mean_of_what_stands_still(
     method: str, executor: ExecutorName
 ) -> None:
-    upscaler = make(method, executor, skip="exact")
+    upscaler = make(method, executor)
     alternate(upscaler, at_rest, "s" * 24)
     for index, kind in enumerate("uusu", 24):
         before = mean_of(upscaler)
         alternate(upscaler, at_rest, kind, index)
         after = mean_of(upscaler)
         kept = after[3] > 0.0
-        assert kept.mean() > 0.8
+        assert kept.mean() > 0.6
         if kind == "u":
             np.testing.assert_array_equal(after[:3, kept], before[:3, kept])
-            np.testing.assert_array_equal(after[3, kept], np.abs(before[3, kept]))
+            np.testing.assert_array_equal(after[3, kept], before[3, kept])
             assert (after[3] == 0.0).any(), "where the disc moves, the mean ends"
         else:
             assert (after[3] > before[3] + 0.01).mean() > 0.3
-
-
-@pytest.mark.parametrize("executor", ["onnx", "cpu"])
-def test_an_unshaded_frame_of_another_pattern_doubts_no_mean_and_leaves_doubts(
-    executor: ExecutorName,
-) -> None:
-    """A fine pattern is inverted in an unshaded frame; then in a shaded one, before an unshaded one."""
-    model, frames = Model.load("taau", threads=1, executor=executor), pattern_changes.frames(SIZE)
-    history = model.first_history(DISPLAY, SIZE)
-    once, (first, second) = pattern_changes.ONCE, pattern_changes.TWICE
-    frames[second] = frames[second + 1]  # as before `first`
-    doubted = {}
-    for index, frame in enumerate(frames[: second + 1]):
-        _, history = model.run_checked(
-            frame, history, (), out=None, history_out=None, skip="exact", shaded=index not in (once, second)
-        )
-        weight = model.save_history(history)["history.static_mean"][0, 3, :, 16:48]
-        doubted[index] = float((weight < 0.0).mean())
-    assert doubted[once] == 0.0
-    assert doubted[first] > 0.9
-    assert doubted[second] == doubted[first]
 
 
 @pytest.mark.parametrize("unshaded", [True, False])
@@ -84,10 +62,10 @@ def test_an_unshaded_frame_of_another_pattern_doubts_no_mean_and_leaves_doubts(
 def test_where_each_jitter_comes_twice_all_that_stands_still_converges_and_stays_so(
     executor: ExecutorName, unshaded: bool
 ) -> None:
-    """The second frame of a jitter is extrapolated, or shaded again; it is no part of the learning time."""
+    """The second frame of a jitter is extrapolated, or shaded again; it is no part of the period."""
     upscaler = Upscaler(
         Model.load("taau", threads=1, executor=executor),
-        display_size=(48, 32), extrapolation="guided-warp", validate="off", skip="exact",
+        display_size=(48, 32), extrapolation="guided-warp", validate="off",
     )  # fmt: skip
     frames, shares = still((24, 16), 2), []
     for index in range(4 * len(frames)):

@@ -74,7 +74,7 @@ def test_the_count_of_a_still_scene_grows() -> None:
 @pytest.mark.parametrize("method", ["taau", "classifier", "classifier-small"])
 def test_stats_hold_the_mean_of_the_map_of_what_has_converged(method: str, executor: ExecutorName) -> None:
     model = Model.load(method, executor=executor, threads=2)
-    upscaler = Upscaler(model, display_size=DISPLAY, skip="exact", validate="off")
+    upscaler = Upscaler(model, display_size=DISPLAY, validate="off")
     assert upscaler.stats.converged == 0.0
     means = []
     for index in range(34):

@@ -10,8 +10,7 @@ import pytest
 
 from noise import noise
 from recorded_files import DISPLAY, recorded, replayed
-from supersampler import ArgumentError, Frame, FrameError, Model, Upscaler
-from supersampler.backends.cpu.tile_state import SPARSE_FRAMES
+from supersampler import ArgumentError, Frame, FrameError, Model, Upscaler, halton_jitter
 from supersampler.backends.onnx.session import planes_of
 from supersampler.errors import RecordingError
 from supersampler.frame import Float32
@@ -56,7 +55,7 @@ def with_all_inputs(seed: int, size: tuple[int, int]) -> Frame:
 @pytest.mark.parametrize("name", ["taau", "classifier"])
 def test_a_replay_is_bit_for_bit_what_was_recorded(models: dict[str, Model], name: str, file: Path) -> None:
     made: list[Float32 | None] = []
-    with recorded(models[name], file, skip="exact") as upscaler:
+    with recorded(models[name], file, skip=False) as upscaler:
         maps = ("aovs", *models[name].info.maps)
         for seed, size in enumerate([(32, 18), (32, 18), (43, 24)]):
             result = upscaler.step(with_all_inputs(seed, size), outputs=maps)
@@ -78,24 +77,24 @@ def test_a_replay_is_bit_for_bit_what_was_recorded(models: dict[str, Model], nam
 
 
 def test_what_rested_rests_again(models: dict[str, Model], file: Path) -> None:
-    """Static tiles are part of a state, in numbers of other types than images."""
+    """What is frozen is part of a state."""
     still = noise(0, motion=np.zeros((18, 32, 2), np.float32), exposure=1.0)
-    jitter = [(0.25 * (index % 2), 0.0) for index in range(SPARSE_FRAMES + 6)]
-    frames = [replace(still, jitter=place, reset=index == 0) for index, place in enumerate(jitter)]
-    with recorded(models["taau"], file, skip=0.1) as upscaler:
-        for frame in frames:
-            upscaler.step(frame, outputs=("work",))
+    period = [replace(still, jitter=halton_jitter(index, 2.0)) for index in range(32)]
+    with recorded(models["taau"], file) as upscaler:
+        for index in range(65):
+            upscaler.step(replace(period[index % 32], reset=index == 0), outputs=("converged",))
         state = upscaler.save_state()
+        assert upscaler.stats.converged == 1.0
         upscaler.step(noise(1))
         upscaler.load_state(state)
-        upscaler.step(replace(frames[1], reset=False), outputs=("work",))
-        assert upscaler.stats.work < upscaler.stats.frames
+        upscaler.step(replace(period[1], reset=False), outputs=("converged",))
+        assert upscaler.stats.converged == 1.0
     assert all(step.exact for step in replayed(file))
 
 
 def test_what_is_read_is_what_was_handed_in(models: dict[str, Model], file: Path) -> None:
     frame = with_all_inputs(1, (32, 18))
-    with recorded(models["taau"], file, scale=2.0, display_size=None, skip=0.25) as upscaler:
+    with recorded(models["taau"], file, scale=2.0, display_size=None, at_rest="off") as upscaler:
         image = upscaler.step(frame, outputs=["aovs"]).image  # type: ignore[union-attr]
         state = upscaler.save_state()
         upscaler.load_state(state)
@@ -116,7 +115,7 @@ def test_what_is_read_is_what_was_handed_in(models: dict[str, Model], file: Path
     assert isinstance(close, CloseCall)
     np.testing.assert_array_equal(close.image, image)
     setup = recording.setup
-    assert (setup.method, setup.display_size, setup.scale, setup.skip) == ("taau", None, 2.0, 0.25)
+    assert (setup.method, setup.display_size, setup.scale, setup.at_rest) == ("taau", None, 2.0, "off")
     assert setup.versions["supersampler"]
     assert setup.machine["cores"]
     for item in file.rglob("*.*"):

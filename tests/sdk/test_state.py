@@ -10,16 +10,9 @@ import pytest
 
 from still_states import FRAMES, frame, loaded, still_state, upscaler
 from supersampler import ArgumentError, Upscaler
-from supersampler.backends.cpu.static_tiles import PHASES
 from supersampler.state import STATE_VERSION, State
 
-STILL = (
-    "static.frames", "static.unsteady", "static.jitter", "static.phase_frames", "static.phase_rows",
-    "static.phase_tiles",
-    "static.changes", "static.matched", "static.confirmed", "static.states", "static.fades",
-    "static.matched_reads", "static.phases", "static.failed", "static.motionless", "static.sequence",
-    "static.sums",
-)  # fmt: skip
+STILL = ("history.static_mean", "history.static_blocks", "history.signatures", "history.phases")
 CUTS: dict[str, Callable[[Any], Any]] = {
     "gone": lambda _: None,
     "empty": lambda array: array[..., :0] if array.ndim else np.zeros(0, array.dtype),
@@ -59,7 +52,7 @@ def test_the_state_of_these_tests_holds_all_that_there_is() -> None:
     state = still_state()
     assert state.version == STATE_VERSION
     assert {*STILL, "history.color", "history.aovs"} <= set(state.history or ())
-    assert (state.history or {})["static.states"].any()
+    assert ((state.history or {})["history.static_blocks"][0, 0] < 0.0).any()
 
 
 @pytest.mark.parametrize("cut", CUTS)
@@ -92,26 +85,12 @@ def test_an_array_to_extrapolate_from_is_refused_likewise(name: str, cut: str) -
         ("history.surface", -np.inf),
         ("history.aovs", np.nan),
         ("history.jitter", 0.51),
-        ("static.sums", np.nan),
-        ("static.frames", 0),
-        ("static.frames", 2**62),
-        ("static.jitter", np.nan),
-        ("static.phase_frames", -1),
-        ("static.phase_frames", FRAMES),
-        ("static.matched", -1),
-        ("static.states", 3),
-        ("static.fades", 1.5),
-        ("static.sequence", 0.6),
+        ("history.static_mean", np.nan),
+        ("history.signatures", np.inf),
     ],
 )
 def test_a_value_that_no_frame_leaves_is_refused(name: str, value: Any) -> None:
     assert_refused(with_values(still_state(), name, value), f"'{name.replace('.', '[.]')}'")
-
-
-def test_a_truth_value_of_another_byte_is_refused() -> None:
-    tiles = (still_state().history or {})["static.confirmed"]
-    strange = np.full(tiles.shape, 7, np.uint8).view(bool)
-    assert_refused(with_array(still_state(), "static.confirmed", strange), "static.confirmed.*bytes")
 
 
 def test_pixels_of_a_shaded_frame_that_are_none_are_taken_as_a_frames_are() -> None:
@@ -129,7 +108,7 @@ def test_pixels_of_a_shaded_frame_that_are_none_are_taken_as_a_frames_are() -> N
 @pytest.mark.parametrize(
     ("changes", "match"),
     [
-        ({"version": 1}, "state is of version 1; want 3"),
+        ({"version": 1}, "state is of version 1; want 4"),
         ({"version": True}, "version True"),
         ({"version": "2"}, "version '2'"),
         ({"method": "taa"}, "of 'taa'"),
@@ -157,7 +136,7 @@ def test_a_field_that_is_not_a_states_is_refused(changes: dict[str, Any], match:
 def test_an_array_of_no_known_name_is_refused() -> None:
     state = still_state()
     assert_refused(
-        with_array(state, "static.speed", np.zeros(1)), "with 'static.speed'; want only history.color"
+        with_array(state, "history.speed", np.zeros(1)), "with 'history.speed'; want only history.color"
     )
     assert_refused(with_array(state, "history.more", np.zeros(1), "shaded"), "with 'history.more'")
 
@@ -165,7 +144,7 @@ def test_an_array_of_no_known_name_is_refused() -> None:
 def test_a_state_that_was_pickled_before_states_had_a_version_is_refused() -> None:
     old = pickle.loads(pickle.dumps(still_state()))  # noqa: S301  # of our own
     del vars(old)["version"]
-    assert_refused(pickle.loads(pickle.dumps(old)), "of version None; want 3")  # noqa: S301
+    assert_refused(pickle.loads(pickle.dumps(old)), "of version None; want 4")  # noqa: S301
 
 
 def test_sizes_that_arrays_claim_without_memory_are_refused() -> None:
@@ -199,17 +178,3 @@ def test_a_state_shares_no_memory_with_whoever_loads_it() -> None:
         np.testing.assert_array_equal(one.step(frame(index)), other.step(frame(index)))
     images = [each.extrapolate(frame(9, color=None, reset=False)) for each in (one, other)]
     np.testing.assert_array_equal(images[0], images[1])
-
-
-def test_phases_of_a_stranger_are_bounded() -> None:
-    state, count = still_state(), PHASES + 50
-    history = dict(state.history or {})
-    history["static.jitter"] = np.linspace(-0.5, 0.5, 2 * count).reshape(count, 2)
-    history["static.sequence"] = history["static.jitter"]
-    history["static.phase_frames"] = np.zeros(count, np.int64)
-    for name in ("static.phase_rows", "static.phase_tiles"):
-        history[name] = np.repeat(history[name][:1], count, axis=0)
-    one = upscaler()
-    one.load_state(replace(state, history=history))
-    one.step(frame(1))
-    assert len((one.save_state().history or {})["static.phase_frames"]) <= PHASES

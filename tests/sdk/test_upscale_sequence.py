@@ -376,9 +376,9 @@ def test_progress_counts_the_steps_of_both_passes(
         totals.append(total)
         begin(self, console, total, json=json)
 
-    def advanced(self: RunProgress, what: str, skipped: float) -> None:
+    def advanced(self: RunProgress, what: str) -> None:
         whats.append(what)
-        advance(self, what, skipped)
+        advance(self, what)
 
     monkeypatch.setattr(RunProgress, "__init__", begun)
     monkeypatch.setattr(RunProgress, "advance", advanced)

@@ -326,17 +326,14 @@ def test_an_odd_chain_of_sizes_in_one_process(models: dict[str, Model]) -> None:
 
 
 @pytest.mark.parametrize("name", PRESETS)
-def test_a_preset_sets_model_precision_and_skipping(name: PresetName) -> None:
+def test_a_preset_sets_model_and_precision(name: PresetName) -> None:
     upscaler = Upscaler(preset=name, scale=2.0)
-    model, precision, skip = PRESETS[name]
+    model, precision = PRESETS[name]
     assert upscaler.model.info.method == model
-    assert upscaler.skip == skip
     assert precision in ("auto", upscaler.model.precision)
 
 
-@pytest.mark.parametrize(
-    "beside", [{"model": "taau"}, {"precision": "fp32"}, {"skip": "exact"}, {"preset": "fastest"}]
-)
+@pytest.mark.parametrize("beside", [{"model": "taau"}, {"precision": "fp32"}, {"preset": "fastest"}])
 def test_a_preset_goes_alone_and_exists(beside: dict[str, Any]) -> None:
     with pytest.raises(ArgumentError, match="preset"):
         Upscaler(**{"preset": "fast", "scale": 2.0, **beside})

@@ -49,8 +49,8 @@ def still(
 ) -> None:
     """Measure images of scenes that stand still, after 1, 2 and 4 jitter periods, and the time of a frame.
 
-    Compared with the reference, and with the best weighted mean of the same samples, made offline. Test shots
-    are rendered here, with OpenGL. Times are measured well only if nothing else runs on the machine.
+    Compared with the reference. Test shots are rendered here, with OpenGL. Times are measured well only if
+    nothing else runs on the machine.
 
     \b
     Examples:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from supersampler.cli.arguments import parse_size, parse_skip
+from supersampler.cli.arguments import parse_size
 from supersampler.errors import ArgumentError, DeviceError
 from supersampler.model import Precision
 from supersampler_bench.cli.options import (
@@ -145,7 +145,6 @@ def speed(
         typer.Option(help="CPU threads, with commas between.", show_default="1,2; with --against all cores"),
     ] = None,
     precisions: Annotated[str, typer.Option(help="auto, fp32, fp16, int8, with commas between.")] = "auto",
-    skip: Annotated[str, typer.Option(help="exact, auto or numbers, with commas between.")] = "exact",
     ratio: ONE_RATIO = 2.0,
     steps: STEPS = 30,
     against: Annotated[
@@ -172,7 +171,7 @@ def speed(
       supersampler bench speed --against ../before/.venv/bin/python --json against.json
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     if against is not None:
-        only = ("executors", "precisions", "skip")
+        only = ("executors", "precisions")
         _check_not_given(context, only, "with --against methods run as they do by default")
         taken = {"rounds": rounds, "steps": steps, "starts": starts, "fresh": fresh}
         _compare_speed(against, listed(methods), sizes, threads, ratio, taken, json, update)
@@ -190,7 +189,6 @@ def speed(
             executors_of(executors),
             [int(text) for text in listed(threads or "1,2")],
             precisions=words_of("--precisions", precisions, known),
-            skips=[parse_skip(text) for text in listed(skip)],
             ratio=ratio,
             steps=steps,
             on_left_out=warn,
@@ -290,7 +288,7 @@ def skip(
     json: JSON = None,
     update: UPDATE = None,
 ) -> None:
-    """Measure the time that static-tile reuse saves, what looking for static tiles costs, and the error.
+    """Measure the time saved where nothing moves, what looking for it costs, and the error.
 
     In test shots with a fixed camera, static and with moving objects, and with a moving camera, where there
     is nothing to save. Methods need kernels. Frames are rendered here, with OpenGL. Nothing else should run

@@ -210,7 +210,9 @@ def both_ways_images(
         outputs: names of further outputs, such as "class_map".
         interpolator: of the colours of unshaded frames.
     """
-    backward = Upscaler(forward.model, display_size=forward.display_size, skip=forward.skip, validate="off")
+    backward = Upscaler(
+        forward.model, display_size=forward.display_size, at_rest=forward.at_rest, validate="off"
+    )
     names = buffers_of(forward, interpolator)
     with FrameStore(names=names) as store:
         runs = BothWays(
@@ -229,7 +231,7 @@ def upscaler_of(
         spec.model,
         display_size=display_size,
         precision=spec.precision,
-        skip=spec.skip,
+        at_rest=spec.at_rest,
         executor=spec.executor,
         extrapolation=extrapolation,
         validate="off",

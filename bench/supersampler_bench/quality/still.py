@@ -8,11 +8,10 @@ from statistics import median
 import numpy as np
 
 from supersampler import Model, Upscaler, halton_jitter
-from supersampler.backends.cpu.static_weights import StaticWeights
 from supersampler.conventions import jitter_phase_count
 from supersampler.frame import Float32, Frame, Size
 from supersampler.io.display import display_transform
-from supersampler.model import ExecutorName, Skip
+from supersampler.model import ExecutorName
 from supersampler_bench.quality.metrics import Bool, psnr
 from supersampler_bench.shots.public_shots import TEST_SHOTS
 from supersampler_bench.shots.rendered_frame import rendered_frame
@@ -45,7 +44,6 @@ class StillScores:
         executor: "cpu" or "onnx".
         scored: fraction of the pixels that never change.
         psnr: dB of each frame.
-        best: dB of the best weighted mean of the last period's samples.
         flicker: mean over pixels of the standard deviation of display values in the last period, [0, 1].
     """
 
@@ -55,7 +53,6 @@ class StillScores:
     executor: str
     scored: float
     psnr: list[float]
-    best: float
     flicker: float
 
     def after(self, periods: int) -> float:
@@ -70,7 +67,7 @@ class StillTimes:
 
     Attributes:
         method: the model's name.
-        milliseconds: of a full step, with `skip="exact"`, in the last period.
+        milliseconds: of a full step, with `skip=False`, in the last period.
         settling: of a frame in the second period, over that of a full step on the same frames.
         rest: likewise in the last period.
     """
@@ -89,13 +86,11 @@ class StillScene:
         frames: of PERIODS[-1] jitter periods.
         truth: (H, W, 3) reference of the last frame, as a screen shows it.
         still: (H, W) pixels that never change.
-        best: dB of the best weighted mean of the last period's samples.
     """
 
     frames: list[Frame]
     truth: Float32
     still: Bool
-    best: float
 
 
 def frame_count(ratio: float) -> int:
@@ -145,14 +140,14 @@ def measure_times(
         display: (width, height) of the images.
         on_frame: called after each frame of the scene.
     """
-    skips: tuple[Skip, ...] = ("auto", "exact")
+    skips = (True, False)
     image = np.empty((*display[::-1], 3), np.float32)
     upscalers = {
         (name, skip): Upscaler(model, display_size=display, skip=skip, validate="off")
         for (name, _), model in _models(methods, ["cpu"]).items()
         for skip in skips
     }
-    times: dict[tuple[str, Skip], list[float]] = {key: [] for key in upscalers}
+    times: dict[tuple[str, bool], list[float]] = {key: [] for key in upscalers}
     size, scene, period = render_size(display, TIMED_RATIO), still_scene(), jitter_phase_count(TIMED_RATIO)
     for index in range(frame_count(TIMED_RATIO)):
         frame = scene.frame(index, size, halton_jitter(index, TIMED_RATIO))
@@ -206,7 +201,6 @@ class _Run:
             executor=self._executor,
             scored=float(self._scene.still.mean()),
             psnr=[round(value, 2) for value in self._psnr],
-            best=self._scene.best,
             flicker=float(deviation[self._scene.still].mean()),
         )
 
@@ -234,26 +228,8 @@ def make_scene(name: str, display: Size, ratio: float, samples: int) -> StillSce
             rendered_frame(renderer, sequence.scene(index), size, jitter[index]) for index in range(count)
         ]
         truth = renderer.reference(sequence.scene(count - 1)).color
-    period, exposure, still = jitter_phase_count(ratio), frames[-1].exposure or 1.0, _still(frames, display)
-    shown = display_transform(truth, exposure)
-    best = display_transform(offline_mean(frames[-period:], display), exposure)
-    return StillScene(frames, shown, still, psnr(best, shown, still))
-
-
-def offline_mean(frames: Sequence[Frame], display: Size) -> Float32:
-    """Return the best weighted mean of the samples of one jitter period that we found: (H, W, 3) linear RGB.
-
-    Args:
-        frames: of one period, of one size.
-        display: (width, height).
-    """
-    weights = StaticWeights(display, frames[0].size, [frame.jitter for frame in frames])
-    total = np.zeros((*display[::-1], 4))  # sums of weight times RGB, and of weights
-    for index, frame in enumerate(frames):
-        color = np.insert(np.asarray(frame.color, np.float64), 3, 1.0, axis=-1)
-        rows, columns = (np.maximum(axis.sample[index], 0) for axis in (weights.rows, weights.columns))
-        total += weights.of_frame(index)[..., None] * color[rows][:, columns]
-    return (total[..., :3] / np.maximum(total[..., 3:], 1e-6)).astype(np.float32)
+    shown = display_transform(truth, frames[-1].exposure or 1.0)
+    return StillScene(frames, shown, _still(frames, display))
 
 
 def _still(frames: Sequence[Frame], display: Size) -> Bool:

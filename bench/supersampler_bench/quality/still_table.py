@@ -54,20 +54,18 @@ def markdown_table(record: Record) -> str:
             score.executor,
             figure(100.0 * score.scored, 0, " %"),
             *(figure(score.after(count), 1) for count in PERIODS),
-            figure(score.best, 1),
-            figure(round(score.best - score.after(PERIODS[-1]), 1) + 0.0, 1),  # not -0.0
             figure(score.flicker, 4),
         ]
         for score in scores_of(record)
     ]
     headings = [
         "scene", "ratio:", "method", "backend", "pixels:", *(f"PSNR dB, {count}:" for count in PERIODS),
-        "best mean:", "distance:", "flicker:",
+        "flicker:",
     ]  # fmt: skip
     caption = (
         f"Images of {size_text(record['display'])}, of the part of the pixels that never change: PSNR after "
-        "1, 2 and 4 jitter periods; that of the best weighted mean of one period's samples, and the distance "
-        f"to it; flicker within the last period. {machine_name(record)}."
+        "1, 2 and 4 jitter periods; "
+        f"flicker within the last period. {machine_name(record)}."
     )
     return table(headings, rows, caption)
 
@@ -91,9 +89,6 @@ def summary_table(record: Record) -> str:
                 figure(timed.rest if timed else 1.0, 2),
             ]
         )
-    best = {score.scene: figure(score.best, 1) for score in shown}
-    rows.append(["best mean of the samples", "", *([best[scenes[0]]] * len(PERIODS))])
-    rows[-1] += [*(best[scene] for scene in scenes[1:]), "", ""]
     headings = [
         "method", "backend",
         *(f"{scenes[0]}, {count} period{'s' * (count > 1)}:" for count in PERIODS),

@@ -150,7 +150,6 @@ def _draw_scene(axes: Axes, scores: Sequence[StillScores]) -> None:
             linewidth=1.4,
             label=f"{score.method}, {score.executor}",
         )
-    axes.axhline(scores[0].best, color=_GREY, linestyle="--", label="best mean of the samples")
     axes.set(xlabel="jitter periods", ylabel="PSNR, dB")
     axes.grid(alpha=0.3)
 

@@ -30,7 +30,7 @@ def split_view(shot: Shot, methods: Sequence[str] = METHODS, frames: Sequence[in
     display_size = reference_size(shot)
     if not set(frames) <= set(shot.reference_indices):
         raise ArgumentError("frames", got=list(frames), want=f"some of {shot.reference_indices}")
-    upscalers = {m: Upscaler(m, display_size=display_size, skip="exact", validate="off") for m in methods}
+    upscalers = {m: Upscaler(m, display_size=display_size, validate="off") for m in methods}
     about = About(title=shot.name, method="methods side by side", display_size=display_size, frame_rate=2.0)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "compare.html"

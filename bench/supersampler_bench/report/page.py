@@ -45,7 +45,7 @@ SECTIONS = (
     Section("startup", "First-frame time", "From the start of a process, with cold and warm kernel cache."),
     Section("device", "Devices", "A step of the ONNX backend, with frame and image in device memory."),
     Section("still", "Still scenes", "Convergence before a fixed camera, and the time of a frame."),
-    Section("skip", "Static tiles", "Static-tile reuse: time saved, and error."),
+    Section("skip", "At rest", "Time saved where nothing moves, and error."),
     Section("stress", "Stress", "Long runs and hostile input; figures out of bounds are bold."),
     Section("parity", "Parity", "Difference of both backends from torch, over long sequences."),
     Section("traffic", "Traffic", "Bytes, multiply-adds and operators of a step, counted by ONNX Runtime."),

@@ -9,13 +9,12 @@ import numpy as np
 
 from supersampler import Frame
 from supersampler.frame import Float32, Size
-from supersampler.model import TOLERANCE
 from supersampler.state import State
 
 STEP = 1.0 / 255.0
 """Of an 8-bit image: what images that should be alike may differ by on average."""
-REST = TOLERANCE
-"""What an image at rest may change by in a period: skipping leaves it as it is from there on."""
+REST = 0.5 / 255.0
+"""What an image at rest may change by in a period: half a step of an 8-bit image."""
 ROUNDING = 1e-5
 """Mean difference of images that single precision causes, without int8."""
 RECOVERY = 48

@@ -70,7 +70,7 @@ class _SessionFactory:
         upscaler = Upscaler(
             self.model(threads),
             display_size=display,
-            skip="exact",
+            skip=False,
             extrapolation=self.extrapolation,
             validate="off",
         )

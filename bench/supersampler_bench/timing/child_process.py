@@ -51,7 +51,7 @@ frames = [
 ]
 width, height = request["display"]
 upscaler = Upscaler(request["method"], display_size=(width, height), providers="cpu",
-                    threads=request["threads"], skip="exact", validate="off")
+                    threads=request["threads"], validate="off")
 image = np.empty((height, width, 3), np.float32)
 wall, cores = [], []
 for index in range(request["warm_up"] + request["steps"]):

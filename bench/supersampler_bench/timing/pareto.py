@@ -37,7 +37,7 @@ class Point:
     """One setting at one ratio.
 
     Attributes:
-        spec: method, precision and skip.
+        spec: method, precision, and what it does at rest.
         runs: executor and precision that were chosen.
         ratio: display over render size.
         milliseconds: median wall time of a step; for two passes, of a frame: that of a step, times the ratio
@@ -80,14 +80,16 @@ def measure_pareto(
         on_left_out(f"{model} is left out: {reason}")
     for ratio, scores in scored.items():
         wanted = {
-            Setting(spec.model, display, "auto", threads, spec.precision, spec.skip): spec
+            spec: Setting(spec.model, display, "auto", threads, spec.precision)
             for spec in scores
             if spec.passes == 1 and spec.model not in missing
         }
-        found = measure_settings(list(wanted), ratio=ratio, steps=steps, on_left_out=on_left_out)
-        timed = {wanted[t.setting]: t for t in found if t.setting in wanted}
+        settings = list(dict.fromkeys(wanted.values()))
+        found = measure_settings(settings, ratio=ratio, steps=steps, on_left_out=on_left_out)
+        timed = {t.setting: t for t in found}
         for spec in scores:
-            if (t := timed.get(replace(spec, passes=1))) is not None:
+            setting = wanted.get(replace(spec, passes=1))
+            if setting is not None and (t := timed.get(setting)) is not None:
                 factor = 1.0
                 if spec.passes == 2:
                     factor = measure_passes(spec, display, ratio=ratio, threads=threads).ratio
@@ -150,16 +152,16 @@ def presets(points: Sequence[Point]) -> dict[str, Spec]:
     """Choose "fast", "balanced" and "high" from the frontier of time and PSNR, at one ratio.
 
     fast: the fastest that is better by `LEAST_GAIN` than images without a history.
-    high: the fastest within `NEGLIGIBLE_GAIN` of the best; it computes every pixel.
+    high: the fastest within `NEGLIGIBLE_GAIN` of the best.
     balanced: of those between, the one that gains most over fast per additional millisecond; else high.
 
-    Only settings with the default `skip` compete, because shots in motion do not show what skipping saves.
+    Only settings with the default `at_rest` compete, because shots in motion do not show what it gains.
     Methods that read G-buffers are left out, because not all frames have them, those that do not serve
     PRESET_RATIOS, because a preset is for any ratio, and two passes, because a live view has no later frames.
     """
     special = {name for name in model_names() if gbuffers_of([name]) or not _serves_presets(name)}
     live = [p for p in points if p.spec.model not in special and p.spec.passes == 1]
-    line = frontier([p for p in live if p.spec.skip == "auto"], CLIP_COLUMNS[0])
+    line = frontier([p for p in live if p.spec.at_rest == "converge"], CLIP_COLUMNS[0])
     floor = max(p.scores["psnr"] for p in points if p.spec.model in SPATIAL)
     good = [p for p in line if p.scores["psnr"] >= floor + LEAST_GAIN] or line[-1:]
     best = max(p.scores["psnr"] for p in line)
@@ -167,8 +169,7 @@ def presets(points: Sequence[Point]) -> dict[str, Spec]:
     high = next(p for p in line if p.scores["psnr"] >= best - NEGLIGIBLE_GAIN)
     between = [p for p in good if fast.milliseconds < p.milliseconds < high.milliseconds]
     balanced = max(between, key=lambda p: _gain(p, fast), default=high)
-    exact = replace(high.spec, skip="exact")
-    return {"fast": fast.spec, "balanced": exact if balanced is high else balanced.spec, "high": exact}
+    return {"fast": fast.spec, "balanced": balanced.spec, "high": high.spec}
 
 
 def _serves_presets(model: str) -> bool:

@@ -30,7 +30,7 @@ class UnshadedPoint:
     """One upscaler and the model that extrapolates every second frame for it.
 
     Attributes:
-        upscaler: method, precision and skip.
+        upscaler: method, precision, and what it does at rest.
         model: that extrapolates.
         ratio: display over render size.
         shaded: median wall time of a step on a shaded frame, milliseconds.
@@ -60,7 +60,7 @@ class _Runner:
             providers="cpu",
             threads=threads,
             precision=spec.precision,
-            skip=spec.skip,
+            at_rest=spec.at_rest,
             extrapolation=scored.model,
             validate="off",
         )

@@ -16,7 +16,7 @@ from supersampler import Frame, Model, Shot, Upscaler
 from supersampler.errors import ArgumentError
 from supersampler.frame import Float32, Size
 from supersampler.methods.gbuffers import GBUFFERS
-from supersampler.model import ExecutorName, Precision, Skip
+from supersampler.model import ExecutorName, Precision
 from supersampler_bench.compatibility import compatible, with_default_gbuffers
 from supersampler_bench.markdown_table import size_text, table
 from supersampler_bench.record import Record, machine_name
@@ -37,7 +37,6 @@ class Setting:
     executor: ExecutorName
     threads: int
     precision: Precision = "auto"
-    skip: Skip = "exact"
 
 
 @dataclass(frozen=True)
@@ -95,7 +94,7 @@ class _Runner:
             precision=setting.precision,
         )
         frames = [with_default_gbuffers(frame, model.info.gbuffers, setting.display) for frame in frames]
-        self._upscaler = Upscaler(model, display_size=setting.display, skip=setting.skip, validate="off")
+        self._upscaler = Upscaler(model, display_size=setting.display, validate="off")
         self._image = np.empty((*setting.display[::-1], 3), np.float32)
         self._frames = itertools.cycle([replace(frame, reset=False) for frame in frames])
         first = frames[0]
@@ -168,7 +167,6 @@ def measure_speed(
     threads: Sequence[int],
     *,
     precisions: Sequence[Precision] = ("auto",),
-    skips: Sequence[Skip] = ("exact",),
     ratio: float = 2.0,
     steps: int = 30,
     on_left_out: Callable[[str], None] = lambda _: None,
@@ -181,15 +179,14 @@ def measure_speed(
         executors: those that a method lacks are left out.
         threads: numbers of CPU threads.
         precisions: those that an executor lacks are left out.
-        skips: see `Upscaler`.
         ratio: display over render size.
         steps: that count, of each setting.
         on_left_out: called with the reason why a method is left out.
     """
     results = []
     for display, count in itertools.product(displays, threads):
-        kinds = itertools.product(methods, executors, precisions, skips)
-        settings = [Setting(m, display, e, count, p, s) for m, e, p, s in kinds]
+        kinds = itertools.product(methods, executors, precisions)
+        settings = [Setting(m, display, e, count, p) for m, e, p in kinds]
         results += measure_settings(settings, ratio=ratio, steps=steps, on_left_out=on_left_out)
     return results
 
@@ -309,10 +306,10 @@ def markdown_table(record: Record) -> str:
 
 
 def _row(r: Timed, limits: Limits) -> list[object]:
-    seconds, skip = 1e-3 * r.median, r.setting.skip
+    seconds = 1e-3 * r.median
     return [
         *_subject(r),
-        f"{r.executor}, {r.precision}" + ("" if skip == "exact" else f", skip {skip}"),
+        f"{r.executor}, {r.precision}",
         *(f"{time:.1f}" for time in (r.median, r.p95, r.p99, r.processor, r.multiple)),
         f"{r.moved / limits.moved / seconds:.0%}",
         f"{1e-9 * r.multiply_adds / seconds:.0f}" if r.multiply_adds else "–",

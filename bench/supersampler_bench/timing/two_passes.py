@@ -58,7 +58,7 @@ def measure_passes(
         given = itertools.islice(itertools.cycle(ring), frames)
         began = time.perf_counter()
         for _ in upscale_sequence(
-            given, display_size=display, model=model, passes=passes, skip=spec.skip, validate="off"
+            given, display_size=display, model=model, passes=passes, at_rest=spec.at_rest, validate="off"
         ):
             pass
         return time.perf_counter() - began

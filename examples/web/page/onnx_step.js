@@ -60,6 +60,8 @@ export class OnnxStep {
     const sizes = {
       display_width: displayW, display_height: displayH, previous_width: w, previous_height: h,
       half_width: Math.ceil(displayW / 2), half_height: Math.ceil(displayH / 2),
+      previous_blocks_across: Math.ceil(w / 4), previous_blocks_down: Math.ceil(h / 4),
+      previous_phases: Math.floor((9 * displayW * displayH) / (w * h)) + 2,
     };
     const feeds = {};
     for (const { name } of this.contract.inputs) feeds[name] = inputs[name];

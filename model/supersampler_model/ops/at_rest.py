@@ -168,9 +168,8 @@ def compare(frame: RestFrame, history: RestHistory, previous: Size, display: Siz
     confirmed = torch.where(
         cycle.counts > 0.0, verifies * (tests + steadiness(small, large, frame.exposure)), tests * stands
     )
-    signatures = write_slot(
-        history.signatures, cycle.slot, torch.where(known * stands > 0.0, reference, signature)
-    )
+    kept = torch.maximum(known * stands, 1.0 - cycle.counts) > 0.0  # no phase is added: nor is its signature
+    signatures = write_slot(history.signatures, cycle.slot, torch.where(kept, reference, signature))
     return Stillness(
         known=known,
         stands=stands,
@@ -263,7 +262,9 @@ def follow_jitter(frame: RestFrame, phases: Tensor) -> Cycle:
     row = torch.arange(phases.shape[0], device=phases.device)
     same = ((phases[:, :2] - frame.jitter).abs().sum(dim=1) < 1e-6) & (ages > 0.0)
     rank = torch.where(same, 4.0 * OLDEST, torch.where(ages > 0.0, ages, 2.0 * OLDEST)) - row
-    here = rank == rank.amax(dim=0, keepdim=True)
+    first = torch.where(rank == rank.amax(dim=0, keepdim=True), -row.float(), -OLDEST)  # of rows of one rank
+    slot = (-first.amax(dim=0, keepdim=True)).long()
+    here = row == slot
     age = (ages * (same & here)).sum().reshape(1)
     latest = (periods * (ages == 1.0)).sum().reshape(1)
     sampled, noisy = ((frame.adds_samples >= least).float() for least in (1.0, NOISY))
@@ -273,7 +274,6 @@ def follow_jitter(frame: RestFrame, phases: Tensor) -> Cycle:
     fresh = torch.cat([frame.jitter[0], frame.jitter.new_ones(1), period])
     written = (here.float() * counts)[:, None]
     table = torch.cat([phases[:, :2], older[:, None], periods[:, None]], dim=1)
-    slot = (here * row).sum().reshape(1)
     return Cycle(slot, age, period, counts, table * (1.0 - written) + fresh * written)
 
 

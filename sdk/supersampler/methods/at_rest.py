@@ -1,6 +1,6 @@
 """History tensors and constants of the convergence of what stands still (ops/at_rest.py of the model)."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from supersampler.arguments import AtRest
 from supersampler.frame import Float32, Size
-from supersampler.methods.array_spec import Refusal
 from supersampler.methods.spec import BLOCKS, DISPLAY, PHASES, MapOf, Shape
 
 AT_REST_HISTORY: Mapping[str, Shape] = {
@@ -104,11 +103,11 @@ def converged_share(static_blocks: Float32, display: Size, render: Size) -> floa
     return float(rows @ frozen @ columns) / (display[0] * display[1])
 
 
-def check_history(arrays: Mapping[str, NDArray[Any]], refusal: Refusal) -> None:
-    """Raise unless the values of the history tensors, by their names in the graph, are those that steps write.
+def check_history(arrays: Mapping[str, NDArray[Any]], refusal: Callable[[str, str], Exception]) -> None:
+    """Raise unless the values of the history tensors are such as steps write.
 
     Args:
-        arrays: of the right types and shapes; other tensors are ignored.
+        arrays: by name in the graph, of the right types and shapes; others are ignored.
         refusal: makes the exception that is raised.
     """
     mean, phases = arrays["history.static_mean"], arrays["history.phases"]

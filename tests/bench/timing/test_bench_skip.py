@@ -6,7 +6,7 @@ from supersampler_bench.timing.skip import MOVES, frame_count, markdown_table, m
 RATIO = 1.0  # of the shortest jitter sequence, so of the fewest frames
 
 
-def test_a_scene_in_which_nothing_moves_rests_and_looks_as_good() -> None:
+def test_a_scene_in_which_nothing_moves_is_frozen() -> None:
     frames = []
     results = measure_skipping(
         ["machine_hall"], ["taau"], (96, 64), ratio=RATIO, samples=16, on_frame=lambda: frames.append(1)
@@ -16,8 +16,7 @@ def test_a_scene_in_which_nothing_moves_rests_and_looks_as_good() -> None:
     assert [each.moves for each in results] == ["nothing", "objects", "camera"]
     assert still.converged == 1.0
     assert 1.0 > objects.converged >= camera.converged == 0.0
-    assert still.psnr["auto"] > still.psnr["exact"] - 0.1
-    assert camera.psnr["auto"] == camera.psnr["exact"]
+    assert still.psnr > camera.psnr
     record = {**skip_record(results, (96, 64), RATIO), **setting()}
     table = markdown_table(record)
     assert f"| machine_hall | nothing | taau | {still.milliseconds:.1f} | {still.first:.2f} |" in table

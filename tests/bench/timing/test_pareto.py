@@ -40,7 +40,7 @@ KNOWN = [
     point("taa", 5.0, 26.8),
     point("taau", 8.0, 29.2),
     point("classifier-small", 13.0, 30.1),
-    point("classifier:exact", 15.5, 30.6),
+    point("classifier:off", 15.5, 30.6),
     point("classifier", 16.0, 30.48),
     point("classifier:fp32", 380.0, 30.50),
 ]
@@ -77,9 +77,9 @@ def test_presets_are_points_of_the_frontier_by_their_rule() -> None:
     assert chosen == {
         "fast": Spec("taau"),
         "balanced": Spec("classifier-small"),
-        "high": Spec("classifier", skip="exact"),
+        "high": Spec("classifier"),
     }
-    assert presets([*KNOWN, point("better", 100.0, 31.0)])["high"] == Spec("better", skip="exact")
+    assert presets([*KNOWN, point("better", 100.0, 31.0)])["high"] == Spec("better")
     assert presets([p for p in KNOWN if p.spec.model != "classifier-small"])["balanced"] == chosen["high"]
 
 
@@ -88,8 +88,8 @@ def test_presets_are_points_of_the_frontier_by_their_rule() -> None:
     [
         ("taau", Spec("taau")),
         ("classifier:fp32", Spec("classifier", "fp32")),
-        ("classifier:int8:exact", Spec("classifier", "int8", "exact")),
-        ("taau:0.01", Spec("taau", skip=0.01)),
+        ("classifier:int8:off", Spec("classifier", "int8", "off")),
+        ("taau:accumulate", Spec("taau", at_rest="accumulate")),
         ("C:/models/mine", Spec("C:/models/mine")),
         ("classifier:fp32:x2", Spec("classifier", "fp32", passes=2)),
         ("C:/models/mine:fp16", Spec("C:/models/mine", "fp16")),
@@ -110,13 +110,13 @@ def quality() -> dict[str, Any]:
         scores = {"psnr": psnr, "ssim": 0.9, "flip": 0.1, "tpsnr": 27.0, "strred": None}
         return {"ratio": 2.0, "method": method, "summary": {"warm_cropped": scores}}
 
-    means = [("bilinear", 26.0), ("taau", 29.0), ("classifier-small:exact", 30.0)]
+    means = [("bilinear", 26.0), ("taau", 29.0), ("classifier-small:off", 30.0)]
     return {"bench": "quality", "means": [mean(*m) for m in means]}
 
 
 def test_settings_with_scores_are_timed_plotted_and_come_back_from_their_record(tmp_path: Path) -> None:
     points = measure_pareto([quality()], (48, 27), threads=1, steps=1)
-    assert [str(p.spec) for p in points] == ["bilinear", "taau", "classifier-small:exact"]
+    assert [str(p.spec) for p in points] == ["bilinear", "taau", "classifier-small:off"]
     assert [p.runs for p in points] == ["onnx, fp32", "cpu, fp32", "cpu, int8"]
     assert all(p.milliseconds > 0.0 for p in points)
     record = {**pareto_record(points, ["a", "b"], (48, 27), 1), **setting()}

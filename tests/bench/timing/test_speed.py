@@ -7,9 +7,8 @@ import pytest
 from typer.testing import CliRunner
 
 from supersampler_bench.cli.app import app
-from supersampler_bench.record import setting
 from supersampler_bench.timing import speed
-from supersampler_bench.timing.speed import Limits, frames_of, markdown_table, measure_speed, speed_record
+from supersampler_bench.timing.speed import frames_of, measure_speed
 
 
 def test_settings_that_a_method_has_are_timed_beside_taa() -> None:
@@ -34,14 +33,6 @@ def test_slow_settings_take_no_turns_with_fast_ones(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(speed._Runner, "step", noted)
     measure_speed(["taau", "bilinear"], [(64, 36)], ["onnx"], [1], steps=2)
     assert steps == ["taa", "bilinear"] * 2 + ["taau"] * 2
-
-
-def test_skipping_is_a_setting_like_others() -> None:
-    results = measure_speed(["taa"], [(64, 36)], ["cpu"], [1], skips=["exact", "auto"], steps=1)
-    assert [r.setting.skip for r in results] == ["exact", "auto"]
-    table = markdown_table({**speed_record(results, Limits(1e10, 1e11), 2.0), **setting()})
-    assert "| cpu, fp32 |" in table
-    assert "| cpu, fp32, skip auto |" in table
 
 
 def test_frames_of_any_size_show_the_shipped_shot() -> None:

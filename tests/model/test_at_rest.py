@@ -1,0 +1,240 @@
+"""At rest, no image is worse than the method's own; what is known to stand is exact."""
+
+import os
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import cache
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+
+from rest_scenes import SCENES, RestScene, Stepped, cells, flat, stripes, wave, worse_by
+from supersampler import Frame, halton_jitter
+from supersampler.frame import Float32, Size
+from supersampler.io.display import decibels, display_transform
+from supersampler.methods.at_rest import NOISY
+from supersampler_model.data.scenes.still_life import still_scene
+from supersampler_model.methods.base import Method
+from supersampler_model.methods.taau.model import Taau
+
+MEAN, QUANTILE = 1.0, 4.0
+"""What an image may be worse by than the method's own, 1/255 of the display."""
+WAVE = RestScene(wave)
+FROZEN = 2 * WAVE.period + 1
+"""Frames after which a still scene is frozen."""
+
+
+@cache
+def taau() -> Method:
+    return Taau().eval()
+
+
+def stepped(scene: RestScene, count: int = FROZEN, adds_samples: float = 1.0) -> Stepped:
+    run = Stepped(taau(), scene.display, adds_samples)
+    for frame, _ in scene.frames(count):
+        run.step(frame)
+    return run
+
+
+def assert_never_worse(scene: RestScene, count: int) -> list[float]:
+    """Return the frozen share of each frame."""
+    ours, own = (Stepped(taau(), scene.display, adds) for adds in (1.0, 0.0))
+    frozen = []
+    for index, (frame, truth) in enumerate(scene.frames(count)):
+        mean, quantile = worse_by(ours.step(frame), own.step(frame), truth)
+        assert mean <= MEAN, f"frame {index}: {mean:.2f}/255"
+        assert quantile <= QUANTILE, f"frame {index}: {quantile:.2f}/255 in the 99.9 % quantile"
+        frozen.append(float(ours.frozen.mean()))
+    return frozen
+
+
+@settings(
+    max_examples=int(os.environ.get("SUPERSAMPLER_FUZZ", "4")),
+    derandomize="SUPERSAMPLER_FUZZ" not in os.environ,
+    deadline=None,
+    database=None,
+    suppress_health_check=[HealthCheck.too_slow],
+)
+@given(scene=SCENES)
+def test_no_image_at_rest_is_worse_than_the_methods_own(scene: RestScene) -> None:
+    assert_never_worse(scene, 3 * scene.period + 20 if "SUPERSAMPLER_FUZZ" in os.environ else 80)
+
+
+@pytest.mark.parametrize(
+    "scene",
+    [
+        RestScene(flat, lambda t: 1.0 - 0.5 * min(max(0, t - 66), 64) / 64),
+        RestScene(wave, lambda t: 1.0 + 0.2 * np.sin(2 * np.pi * t / 32)),
+        RestScene(wave, lambda t: 1.0 if t // 8 % 2 else 0.4),
+        RestScene(cells, lambda t: 1.0 if t // 4 % 2 else 0.4, place="spot"),
+        RestScene(wave, place="spot", speed=1.0),
+    ],
+    ids=["fade", "pulse with the jitter", "blink with the jitter", "spot", "screen"],
+)
+def test_light_that_changes_leaves_the_methods_own_image(scene: RestScene) -> None:
+    assert_never_worse(replace(scene, render=(32, 24)), 90)
+
+
+def test_the_analytic_scene_reaches_48_db_after_two_periods() -> None:
+    render, display = (160, 90), (320, 180)
+    run, scene = Stepped(taau(), display), still_scene()
+    for index in range(FROZEN):
+        frame = scene.frame(index, render, halton_jitter(index, 2.0))
+        image = run.step(replace(frame, reset=index == 0))
+    exposure = frame.exposure or 1.0
+    shown, truth = (display_transform(i, exposure) for i in (image, scene.truth(index, display)))
+    assert decibels(float(np.mean((shown - truth)[8:-8, 8:-8] ** 2))) >= 48.0
+    assert run.frozen.mean() > 0.99
+
+
+@pytest.mark.parametrize("pattern", [flat, wave, cells, stripes(2.2, 0.3)])
+def test_what_is_frozen_stays_bit_for_bit(pattern: Any) -> None:
+    scene = replace(WAVE, pattern=pattern, ratio=1.5)
+    run, images = Stepped(taau(), scene.display), []
+    for index, (frame, _) in enumerate(scene.frames(3 * scene.period)):
+        image = run.step(frame)
+        if index > 2 * scene.period:
+            assert run.frozen.mean() > 0.99
+            images.append(image[run.frozen > 0.0])
+    for before, after in pairwise(images):
+        np.testing.assert_array_equal(before, after)
+
+
+CHANGES: dict[str, Callable[[Frame, int], Frame]] = {
+    "a jump of 2 %": lambda f, _: times(f, 1.02),
+    "a hue of equal luma": lambda f, k: times(f, np.array([1.0 + 0.002 * k, 1.0, 1.0 - 0.002 * k * 2.9])),
+    "a slow fade": lambda f, k: times(f, 1.0 - 0.0015 * k),
+    "one sample much brighter": lambda f, _: brighter(f),
+}
+
+
+def times(frame: Frame, factor: Any) -> Frame:
+    return replace(frame, color=(np.asarray(frame.color) * factor).astype(np.float32))
+
+
+def brighter(frame: Frame) -> Frame:
+    color = np.array(frame.color)
+    color[10, 12] *= 3.0
+    return replace(frame, color=color)
+
+
+@pytest.mark.parametrize("name", CHANGES)
+def test_a_change_ends_what_was_frozen(name: str) -> None:
+    run = stepped(WAVE)
+    assert run.frozen.all()
+    for k, (frame, _) in enumerate(WAVE.frames(FROZEN + 12)):
+        if k >= FROZEN:
+            run.step(CHANGES[name](frame, k - FROZEN + 1))
+    assert not run.frozen[20, 24]
+
+
+def test_motion_below_the_limit_adds_up_and_ends_it() -> None:
+    scene = RestScene(wave, creep=0.0038)
+    assert not stepped(scene, 3 * scene.period).frozen.any()
+
+
+def test_what_moves_or_is_reactive_ends_it_there_and_nowhere_else() -> None:
+    frames = [frame for frame, _ in WAVE.frames(FROZEN + 1)]
+    for field, value in (("motion", 0.01), ("reactive", 0.5)):
+        run = Stepped(taau(), WAVE.display)
+        for frame in frames[:-1]:
+            run.step(frame)
+        image = np.zeros((32, 48, 2) if field == "motion" else (32, 48), np.float32)
+        image[8:12, 8:12] = value
+        changed: dict[str, Any] = {field: image}
+        run.step(replace(frames[-1], **changed))
+        assert not run.frozen[16:24, 16:24].any()
+        assert run.frozen[40:, 40:].all()
+
+
+def test_a_size_that_changes_begins_anew_without_a_jump() -> None:
+    run, images = Stepped(taau(), WAVE.display), []
+    for index in range(FROZEN + 8):
+        size = (40, 27) if index >= FROZEN and index % 2 else (48, 32)
+        images.append(display_transform(run.step(sampled(size, index)), 1.0))
+        assert bool(run.frozen.any()) == (index in (FROZEN - 2, FROZEN - 1))
+    assert max(float(np.abs(a - b).mean()) for a, b in pairwise(images[FROZEN - 1 :])) < 6.0 / 255.0
+
+
+def sampled(size: Size, index: int) -> Frame:
+    """The wave at any render size, for a display of 96 x 64."""
+    (w, h), ratio = size, 96 / size[0]
+    jitter = halton_jitter(index, ratio)
+    y, x = np.mgrid[0:h, 0:w].astype(float)
+    color = wave((x + 0.5 + jitter[0]) * 96 / w, (y + 0.5 + jitter[1]) * 64 / h).astype(np.float32)
+    fields: dict[str, Any] = {
+        "depth": np.full((h, w), 0.1, np.float32),
+        "motion": np.zeros((h, w, 2), np.float32),
+    }
+    return Frame(color=color, **fields, jitter=jitter, exposure=1.0, reset=index == 0)
+
+
+@pytest.mark.parametrize("adds_samples", [1.0, 0.0])
+def test_a_repeated_jitter_is_no_part_of_the_period(adds_samples: float) -> None:
+    """Each jitter comes twice: again, or with another light in a frame that was not sampled."""
+    run = Stepped(taau(), WAVE.display)
+    for frame, _ in WAVE.frames(FROZEN):
+        run.adds_samples = 1.0
+        run.step(frame)
+        run.adds_samples = adds_samples
+        run.step(frame if adds_samples else times(replace(frame, reset=False), 1.3))
+    assert run.frozen.all()
+
+
+def test_jitter_that_never_repeats_freezes_nothing() -> None:
+    run = Stepped(taau(), WAVE.display)
+    for index, (frame, _) in enumerate(WAVE.frames(80)):
+        run.step(replace(frame, jitter=(index / 200.0, 0.1)))
+    assert not run.frozen.any()
+
+
+def test_a_missing_sample_is_filled_by_its_neighbours_and_ends_nothing_if_it_lasts() -> None:
+    run, plain = (Stepped(taau(), WAVE.display) for _ in range(2))
+    for frame, _ in WAVE.frames(FROZEN):
+        color = np.array(frame.color)
+        color[5, 7] = np.nan
+        image = run.step(replace(frame, color=color))
+        expected = plain.step(frame)
+    assert np.isfinite(image).all()
+    off = np.abs(display_transform(image, 1.0) - display_transform(expected, 1.0)).max(-1)
+    assert off[10:12, 14:16].max() < 0.2
+    assert off[30:, 30:].max() < 1.0 / 255.0
+    assert run.frozen[30:, 30:].all()
+
+
+@pytest.mark.parametrize("value", [-1e-7, 1e5, np.inf])
+def test_a_value_out_of_range_that_lasts_is_clamped(value: float) -> None:
+    run, size = Stepped(taau(), WAVE.display), WAVE.render
+    rows, columns = np.mgrid[0 : size[1], 0 : size[0]]
+    for frame, _ in WAVE.frames(FROZEN):
+        x, y = (at + 0.5 + offset for at, offset in zip((columns, rows), frame.jitter, strict=True))
+        color = np.array(frame.color)
+        color[(np.maximum(np.abs(x - 16.0), np.abs(y - 16.0)) < 9.0)] = (0.9, 0.35, value)
+        image = run.step(replace(frame, color=color))
+    assert run.frozen[28:36, 28:36].all()
+    assert image[32, 32] == pytest.approx([0.9, 0.35, np.clip(value, 0.0, 65504.0)], rel=1e-3, abs=1e-5)
+
+
+def noisy(scene: RestScene, count: int, light: Callable[[int], float]) -> Iterator[tuple[Frame, Float32]]:
+    rng = np.random.default_rng(1)
+    for index, (frame, truth) in enumerate(scene.frames(count)):
+        grain = rng.gamma(16.0, 1.0 / 16.0, (*frame.size[::-1], 1)) * light(index)
+        yield times(frame, grain), truth * np.float32(light(index))
+
+
+def test_samples_of_a_path_tracer_average_out_and_a_change_is_right_in_8_frames() -> None:
+    ours, own = (Stepped(taau(), WAVE.display, adds) for adds in (NOISY, 0.0))
+    errors, bias = [], []
+    for frame, truth in noisy(WAVE, 76, lambda t: 1.0 if t < 60 else 0.6):
+        images, shown = [run.step(frame) for run in (ours, own)], display_transform(truth, 1.0)
+        difference = [display_transform(image, 1.0) - shown for image in images]
+        errors.append([float(np.abs(d).mean()) for d in difference])
+        bias.append([abs(float(d.mean())) for d in difference])
+        assert not ours.frozen.any()
+    assert errors[59][0] < 0.8 * errors[59][1]
+    assert errors[59][0] < errors[20][0]
+    assert all(a <= b + 1.5 / 255.0 for a, b in bias[68:])
+    assert all(a <= b + 2.0 / 255.0 for a, b in errors[68:])

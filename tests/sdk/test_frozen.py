@@ -1,0 +1,253 @@
+"""What stands still is frozen, and stays so bit for bit; `skip` changes no image; "off" averages nothing."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from still_states import still_state
+from supersampler import ArgumentError, Frame, Model, Upscaler, halton_jitter
+from supersampler.backends.onnx.tensors import tensors_of_frame
+from supersampler.conventions import jitter_phase_count
+from supersampler.frame import Float32, Size
+from supersampler.history import StepResult
+from supersampler.io.display import display_transform
+from supersampler.methods.at_rest import converged_share
+
+RENDER, DISPLAY = (54, 38), (81, 57)  # neither whole blocks nor whole tiles
+RATIO = 1.5
+PERIOD = jitter_phase_count(RATIO)
+WAYS = [("taau", "cpu"), ("taau", "onnx"), ("classifier", "cpu"), ("classifier-large", "cpu")]
+
+
+@cache
+def model(method: str, executor: Any, threads: int = 1) -> Model:
+    return Model.load(method, executor=executor, threads=threads)
+
+
+def make(method: str = "taau", executor: str = "cpu", threads: int = 1, **options: Any) -> Upscaler:
+    return Upscaler(model(method, executor, threads), display_size=DISPLAY, validate="off", **options)
+
+
+def waves(x: Any, y: Any) -> Float32:
+    light = 0.4 + 0.25 * np.sin(0.9 * x) * np.sin(0.7 * y) + 0.1 * np.sin(0.11 * x + 0.17 * y)
+    return np.asarray(light[..., None] * [0.5, 0.3, 0.2], np.float32)
+
+
+def scene(index: int, *, spot: bool = False, size: Size = RENDER, **fields: Any) -> Frame:
+    """A pattern that jitter samples, and a bright spot or none."""
+    w, h = size
+    jitter = halton_jitter(index, DISPLAY[0] / w)
+    x, y = (
+        (np.arange(w) + 0.5 + jitter[0]) * RENDER[0] / w,
+        (np.arange(h)[:, None] + 0.5 + jitter[1]) * RENDER[1] / h,
+    )
+    color = waves(x, y)
+    if spot:
+        color[20:24, 40:44] = 3.0
+    given = {"depth": np.full((h, w), 0.1, np.float32), "motion": np.zeros((h, w, 2), np.float32)}
+    return Frame(**{"color": color, **given, "jitter": jitter, "exposure": 1.0, **fields})
+
+
+def run(upscaler: Upscaler, frames: Iterator[Frame] | range) -> StepResult:
+    for frame in frames:
+        frame = scene(frame) if isinstance(frame, int) else frame
+        result = upscaler.step(frame, outputs=("converged",))
+    return result
+
+
+def shown(image: Float32) -> Float32:
+    return display_transform(image, 1.0)
+
+
+@pytest.mark.parametrize(("method", "executor"), WAYS)
+def test_a_still_scene_is_frozen_after_two_periods_and_stays_bit_for_bit(method: str, executor: str) -> None:
+    upscaler = make(method, executor)
+    assert upscaler.stats.converged == 0.0
+    run(upscaler, range(2 * PERIOD - 1))
+    assert upscaler.stats.converged == 0.0
+    result = run(upscaler, range(2 * PERIOD - 1, 2 * PERIOD + 2))
+    assert upscaler.stats.converged == 1.0
+    assert result.converged is not None
+    assert result.converged.min() == 1.0
+    for index in range(2 * PERIOD + 2, 3 * PERIOD + 3):
+        np.testing.assert_array_equal(upscaler.step(scene(index)), result.image)
+    y, x = np.mgrid[0 : 4 * DISPLAY[1], 0 : 4 * DISPLAY[0]]
+    fine = waves((x + 0.5) / (4 * RATIO), (y + 0.5) / (4 * RATIO))
+    truth = fine.reshape(DISPLAY[1], 4, DISPLAY[0], 4, 3).mean((1, 3))
+    assert np.abs(shown(result.image) - shown(truth.astype(np.float32))).mean() < 1.0 / 255.0
+
+
+@pytest.mark.parametrize("method", ["taau", "classifier", "classifier-large"])
+def test_what_is_left_out_changes_no_bit_of_images_maps_and_states(method: str) -> None:
+    ours, theirs = make(method, threads=2), make(method, skip=False)
+    changes = {2 * PERIOD + 5, 2 * PERIOD + 6, 4 * PERIOD + 9}
+    for index in range(5 * PERIOD):
+        frame = scene(index, spot=index in changes)
+        mine, other = (each.step(frame, outputs=("converged",)) for each in (ours, theirs))
+        np.testing.assert_array_equal(mine.image, other.image)
+        np.testing.assert_array_equal(mine.converged, other.converged)
+        if index == 3 * PERIOD:
+            ours.load_state(ours.save_state())
+    mine_state, other_state = (each.save_state().history or {} for each in (ours, theirs))
+    for name, array in mine_state.items():
+        np.testing.assert_array_equal(array, other_state[name], err_msg=name)
+
+
+@pytest.mark.parametrize(("method", "executor"), WAYS)
+def test_a_change_ends_it_around_itself_in_its_own_frame(method: str, executor: str) -> None:
+    upscaler = make(method, executor)
+    before = run(upscaler, range(2 * PERIOD + 2)).image
+    after = run(upscaler, iter([scene(2 * PERIOD + 2, spot=True)]))
+    frozen = after.converged
+    assert frozen is not None
+    assert not frozen[30:36, 60:66].any()
+    assert 0.7 < frozen.mean() < 1.0
+    assert upscaler.stats.converged == pytest.approx(float(frozen.mean()))
+    np.testing.assert_array_equal(after.image[frozen > 0.0], before[frozen > 0.0])
+    assert after.image[30:36, 60:66].mean() > before.max()
+
+
+@pytest.mark.parametrize("change", [{"reset": True}, {"motion": np.full((38, 54, 2), 0.01, np.float32)}])
+@pytest.mark.parametrize("executor", ["cpu", "onnx"])
+def test_a_cut_and_a_camera_that_moves_end_it_everywhere(executor: str, change: dict[str, Any]) -> None:
+    upscaler = make("taau", executor)
+    run(upscaler, range(2 * PERIOD + 2))
+    run(upscaler, iter([scene(2 * PERIOD + 2, **change)]))
+    assert upscaler.stats.converged == 0.0
+
+
+@pytest.mark.parametrize("executor", ["cpu", "onnx"])
+def test_off_shows_the_methods_own_image(executor: str) -> None:
+    mean, own = make("taau", executor), make("taau", executor, at_rest="off")
+    rested = run(mean, range(2 * PERIOD + 2))
+    result = run(own, range(2 * PERIOD + 2))
+    assert own.stats.converged == 0.0
+    assert result.converged is not None
+    assert not result.converged.any()
+    assert np.abs(result.image - rested.image).max() > 0.003
+    assert np.abs(own.step(scene(3)) - result.image).max() > 0.0
+
+
+def test_off_on_tensors_is_off_on_arrays() -> None:
+    session, arrays = (make("taau", "onnx", at_rest="off") for _ in range(2))
+    for index in range(2 * PERIOD + 2):
+        frame = scene(index)
+        image = session.step_tensors(tensors_of_frame(frame, "cpu"), jitter=frame.jitter, exposure=1.0)
+        expected = arrays.step(frame).transpose(2, 0, 1)[None]
+        np.testing.assert_array_equal(np.from_dlpack(image), expected)
+    assert session.stats.converged == 0.0
+
+
+@pytest.mark.parametrize("executor", ["cpu", "onnx"])
+def test_accumulate_averages_noise_without_end(executor: str) -> None:
+    rng = np.random.default_rng(3)
+    errors = {}
+    upscalers = {way: make("taau", executor, at_rest=way) for way in ("accumulate", "converge", "off")}
+    truth = run(make("taau", executor), range(2 * PERIOD + 2)).image
+    for index in range(10 * PERIOD):
+        frame = scene(index)
+        noisy = (np.asarray(frame.color) * rng.gamma(4.0, 0.25, (*RENDER[::-1], 1))).astype(np.float32)
+        for way, upscaler in upscalers.items():
+            image = upscaler.step(replace(frame, color=noisy))
+            errors[way] = float(np.abs(shown(image) - shown(truth)).mean())
+    assert errors["converge"] == errors["off"]
+    assert errors["accumulate"] < 0.7 * errors["off"]
+    assert upscalers["accumulate"].stats.converged == 0.0
+
+
+@pytest.mark.parametrize("executor", ["cpu", "onnx"])
+def test_every_frame_may_have_another_size_and_what_rests_begins_anew(executor: str) -> None:
+    upscaler = make("taau", executor)
+    sizes = (RENDER, (48, 34), (81, 57), (41, 29))
+    for index in range(24):
+        result = run(upscaler, iter([scene(index, size=sizes[index % 4])]))
+        again = make("taau", executor)
+        again.load_state(upscaler.save_state())
+        assert np.isfinite(result.image).all()
+    assert upscaler.stats.converged == 0.0
+    frame = scene(99, size=sizes[1])
+    np.testing.assert_array_equal(again.step(frame), upscaler.step(frame))
+    run(upscaler, range(2 * PERIOD + 1))
+    assert upscaler.stats.converged == 1.0
+
+
+@pytest.mark.parametrize("executor", ["cpu", "onnx"])
+def test_where_half_of_the_frames_are_extrapolated_it_converges_on_the_shaded_ones(executor: Any) -> None:
+    upscaler = Upscaler(model("taau", executor), display_size=DISPLAY, validate="off")
+    for index in range(4 * PERIOD + 2):
+        frame = scene(index // 2)
+        if index % 2:
+            upscaler.step_computed(replace(frame, color=None), np.asarray(frame.color) * np.float32(1.3))
+        else:
+            upscaler.step(frame)
+    assert upscaler.stats.converged == 1.0
+
+
+@pytest.mark.parametrize("method", ["taa", "bilinear"])
+def test_a_method_without_a_mean_says_so(method: str) -> None:
+    upscaler = Upscaler(method, display_size=DISPLAY, validate="off")
+    upscaler.step(scene(0))
+    assert upscaler.stats.converged is None
+
+
+def test_the_share_weighs_each_block_by_its_pixels() -> None:
+    blocks = np.ones((1, 4, 3, 2), np.float32)
+    blocks[0, 0, 2, 1] = -5.0
+    assert converged_share(blocks, (16, 24), (8, 12)) == pytest.approx(1.0 / 6.0)
+    assert converged_share(blocks, (10, 18), (5, 9)) == pytest.approx(4.0 / 180.0)
+    assert converged_share(-blocks, (10, 18), (5, 9)) == pytest.approx(1.0 - 4.0 / 180.0)
+
+
+@pytest.mark.parametrize(
+    ("value", "now"),
+    [
+        ("auto", "leave `skip` out"),
+        ("exact", "write skip=False"),
+        ("accumulate", 'write at_rest="accumulate"'),
+        ("recurrent", 'write at_rest="off"'),
+        (0.02, "there are no tolerances"),
+    ],
+)
+def test_a_former_value_of_skip_is_answered_with_what_to_write_now(value: Any, now: str) -> None:
+    with pytest.raises(
+        ArgumentError, match=f"skip is {value!r}; want True or False. It is a flag now: .*{now}"
+    ):
+        Upscaler("bilinear", scale=2.0, skip=value)
+
+
+@pytest.mark.parametrize(
+    ("name", "at", "value", "match"),
+    [
+        ("static_blocks", (0, 0, 0, 0), 1.5, "ages of blocks such as 1.5"),
+        ("static_blocks", (0, 0, 0, 0), -(2.0**20) - 2.0, "ages of blocks from -1.04"),
+        ("static_blocks", (0, 1, 0, 0), np.nan, "history.static_blocks"),
+        ("static_mean", (0, 0, 3, 3), -1.0, "colours from -1"),
+        ("static_mean", (0, 2, 3, 3), 1e5, "colours from .* to 100000"),
+        ("static_mean", (0, 3, 3, 3), -1.0, "weights from -1"),
+        ("phases", (0, 0), 0.51, "jitter of phases"),
+        ("phases", (0, 2), -1.0, "ages of phases"),
+        ("phases", (0, 3), 0.25, "ages of phases such as 0.25"),
+        ("signatures", (0, 0, 0, 0), np.inf, "history.signatures"),
+    ],
+)
+def test_a_state_with_what_no_step_writes_is_refused(name: str, at: Any, value: float, match: str) -> None:
+    state = still_state()
+    history = {key: array.copy() for key, array in (state.history or {}).items()}
+    history[f"history.{name}"][at] = value
+    with pytest.raises(ArgumentError, match=match):
+        Upscaler(model("taau", "cpu"), scale=2.0).load_state(replace(state, history=history))
+
+
+def test_a_state_holds_the_tensors_of_the_contract_and_every_backend_loads_it() -> None:
+    upscaler = make("taau", "cpu")
+    run(upscaler, range(2 * PERIOD + 2))
+    state = upscaler.save_state()
+    assert set(state.history or {}) == {h.input.name for h in upscaler.model.info.history}
+    graph = make("taau", "onnx")
+    graph.load_state(state)
+    assert graph.stats.converged == 1.0
+    np.testing.assert_array_equal(graph.step(scene(2 * PERIOD + 2)), upscaler.step(scene(2 * PERIOD + 2)))
