@@ -24,6 +24,7 @@ CONVERGING = [(method, kind) for method, kind in WEIGHED if method not in ("taa"
 PLACED = [(method, kind) for method, kind in TEMPORAL if method != "classifier-large"]
 """Those whose image is not filtered from a larger one."""
 W, H = RENDER
+PHASES = 16  # of the jitter of what stands still
 
 
 def mask(value: float = 1.0) -> Float32:
@@ -148,6 +149,23 @@ def test_at_rest_the_image_shows_that_much_less_of_the_mean(method: str, executo
     assert plain.converged.mean() > 0.05
     np.testing.assert_allclose(masked.converged, 0.75 * plain.converged, rtol=1e-5)
     np.testing.assert_array_equal(kept, mean)
+
+
+@pytest.mark.parametrize("method", ["taau", "classifier-small"])
+def test_no_tile_of_a_masked_frame_is_a_copy(method: str) -> None:
+    upscaler = make(method, "cpu", skip="auto")
+    for index in range(4 * PHASES):
+        frame = still(upscaler, index % PHASES)
+        upscaler.step(replace(frame, reset=index == 0))
+    assert upscaler.stats.saved_seconds > 0.0
+    resting = upscaler.step(replace(frame, reset=False), outputs=("work", "weight"))
+    masked = upscaler.step(replace(frame, reset=False, reactive=mask()), outputs=("work", "weight"))
+    assert isinstance(resting, StepResult)
+    assert isinstance(masked, StepResult)
+    assert masked.work is not None
+    assert masked.weight is not None
+    assert masked.work.min() == 1.0
+    assert masked.weight.max() == 0.0
 
 
 def still(upscaler: Upscaler, index: int) -> Frame:
