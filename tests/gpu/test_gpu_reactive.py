@@ -78,6 +78,7 @@ def test_at_rest_the_image_shows_that_much_less_of_the_mean(method: str) -> None
             frame = replace(frame, jitter=halton_jitter(index, 2.0), reset=index == 0)
             masked = replace(frame, reactive=np.full((12, 20), value, np.float32))
             result = upscaler.step(masked if index == 24 else frame, outputs=("converged",))
+        assert result.converged is not None
         converged.append(result.converged)
     assert converged[0].mean() > 0.2
     np.testing.assert_allclose(converged[1], 0.5 * converged[0], atol=2e-3)
