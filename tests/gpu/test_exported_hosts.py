@@ -63,7 +63,7 @@ def test_a_host_of_wgpu_alone_does_so_with_textures_larger_than_needed(exported:
     [
         ("upscaler.json", None, "cannot be opened"),
         ("upscaler.json", "{", "is no JSON"),
-        ("upscaler.json", '{"format": "other"}', "want supersampler-shaders version 1"),
+        ("upscaler.json", '{"format": "other"}', "want supersampler-shaders version 2"),
         ("02_boxes.wgsl", "fn main( {", "expected"),
     ],
 )
