@@ -28,7 +28,7 @@ FORMATS = {
     "image": ("rgba16float", 8),
 }
 """Formats of an engine's textures, and bytes of a pixel."""
-NOT_ASKED = ("aux", "params")
+NOT_ASKED = ("aux", "params", "frame_reactive")
 """Resources of an ordinary step that are not, or hardly, touched."""
 _PART = re.compile(r"// (\d+) a thread$", re.MULTILINE)
 
