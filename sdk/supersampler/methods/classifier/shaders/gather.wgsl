@@ -35,8 +35,8 @@ fn luma_index(p: vec2i, origin: vec2i) -> i32 {
 // Range of the luma of the warped history in 3x3 pixels.
 fn history_contrast(p: vec2i, origin: vec2i) -> vec2f {
     var range = vec2f(1.0, 0.0);
-    for (var j = -1; j <= 1; j++) {
-        for (var i = -1; i <= 1; i++) {
+    /* unroll */ for (var j = -1; j <= 1; j++) {
+        /* unroll */ for (var i = -1; i <= 1; i++) {
             let luma = history_luma[luma_index(p + vec2i(i, j), origin)];
             range = vec2f(min(range.x, luma), max(range.y, luma));
         }
@@ -79,7 +79,7 @@ fn write_inputs(p: vec2i, origin: vec2i) -> f32 {
 // Mean of the differences of 2x2 pixels and of their absolute values; an odd last row or column repeats.
 fn write_difference(p: vec2i, origin: vec2i) {
     var sums = vec2f(0.0);
-    for (var k = 0; k < 4; k++) {
+    /* unroll */ for (var k = 0; k < 4; k++) {
         let q = min(p + vec2i(k & 1, k >> 1), display_size() - 1) - origin;
         let difference = apart[q.y * SIDE + q.x];
         sums += 0.25 * vec2f(difference, abs(difference));
