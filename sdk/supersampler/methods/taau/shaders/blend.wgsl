@@ -206,7 +206,7 @@ fn power_after(now: Current, before: Warped, blend: Blend, known: bool) -> f32 {
     return select(0.0, blend.holds, known) * power;
 }
 
-@compute @workgroup_size(16, 16)
+@compute @workgroup_size(32, 4)
 fn main(@builtin(global_invocation_id) id: vec3u) {
     let p = vec2i(id.xy);
     if (!inside(p, display_size())) { return; }
