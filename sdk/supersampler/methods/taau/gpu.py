@@ -41,5 +41,7 @@ def taau_program(info: ModelInfo) -> GpuProgram:
         "unfit": UNFIT,
         "fit": FIT,
     }
-    passes = preprocess("shade"), PassSpec("light", ONE, (1, 1)), *CONVERGENCE_PASSES, PassSpec("blend")
+    passes = (
+        preprocess("shade"), PassSpec("light", ONE, (1, 1)), *CONVERGENCE_PASSES, PassSpec("blend", tile=(32, 4)),
+    )  # fmt: skip
     return GpuProgram(LAYOUT, ("supersampler.methods.taau",), constants, passes, SAMPLE_MEMORY)

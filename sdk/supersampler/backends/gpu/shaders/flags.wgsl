@@ -13,8 +13,8 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let p = vec2i(id.xy);
     if (!inside(p, render_size())) { return; }
     var found = 0u;
-    for (var j = -2; j <= 2; j++) {
-        for (var i = -2; i <= 2; i++) {
+    /* unroll */ for (var j = -2; j <= 2; j++) {
+        /* unroll */ for (var i = -2; i <= 2; i++) {
             let q = clamped(p + vec2i(i, j), render_size());
             let opens = textureLoad(next_opening, q, 0).w;
             if (opens > DOUBTED) { found |= OPENED_5X5; }

@@ -47,7 +47,7 @@ fn mean_at(sample: vec2i) -> Mean {
     let at = (vec2f(sample) + 0.5 + params.jitter) * display_extent() / params.render - 0.5;
     let first = floor(at);
     var mean = Mean(vec3f(0.0), 0.0, 0.0, 0.0);
-    for (var k = 0; k < 4; k++) {
+    /* unroll */ for (var k = 0; k < 4; k++) {
         let q = first + vec2f(f32(k & 1), f32(k >> 1));
         let weight = tent(q.x - at.x) * tent(q.y - at.y);
         let pixel = textureLoad(history_still, clamped(vec2i(q), display_size()), 0);
@@ -81,8 +81,8 @@ struct Residual {
 fn residual_near(cell: vec2i) -> Residual {
     var sums = vec3f(0.0);
     var products = vec3f(0.0);
-    for (var j = 0; j < 5; j++) {
-        for (var i = 0; i < 5; i++) {
+    /* unroll */ for (var j = 0; j < 5; j++) {
+        /* unroll */ for (var i = 0; i < 5; i++) {
             let r = residuals[(cell.y + j) * WIDE + cell.x + i];
             sums += r;
             products += vec3f(r.x * r.x, r.y * r.y, r.x * r.y);

@@ -26,7 +26,7 @@ fn samples_near(samples: texture_2d<f32>, at: vec2f) -> vec4f {
     let scale = display_extent() / params.render;
     let first = floor(at);
     var sums = vec4f(0.0);
-    for (var k = 0; k < 4; k++) {
+    /* unroll */ for (var k = 0; k < 4; k++) {
         let q = first + vec2f(f32(k & 1), f32(k >> 1));
         let distance = (q - at) * scale;
         let weight = tent_gaussian(distance.x) * tent_gaussian(distance.y);

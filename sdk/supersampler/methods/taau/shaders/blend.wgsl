@@ -91,8 +91,8 @@ fn gather_current(p: vec2i) -> Current {
     var slope = vec2f(0.0);
     let sample = nearest(at);
     var steps = vec3f(0.0);    // sums over 3x3 samples: to the right less to the left, below less above; usable
-    for (var j = 0; j < 4; j++) {
-        for (var i = 0; i < 4; i++) {
+    /* unroll */ for (var j = 0; j < 4; j++) {
+        /* unroll */ for (var i = 0; i < 4; i++) {
             let tap = toned_sample(samples, vec2i(first) + vec2i(i, j));
             let color = ycocg(tap.rgb);
             let value = vec4f(color, tap.a);
@@ -206,7 +206,7 @@ fn power_after(now: Current, before: Warped, blend: Blend, known: bool) -> f32 {
     return select(0.0, blend.holds, known) * power;
 }
 
-@compute @workgroup_size(16, 16)
+@compute @workgroup_size(32, 4)
 fn main(@builtin(global_invocation_id) id: vec3u) {
     let p = vec2i(id.xy);
     if (!inside(p, display_size())) { return; }
