@@ -1,7 +1,8 @@
 """Write out the loops of a shader that are marked with `/* unroll */`.
 
-wgpu adds a counter to every loop, and drivers then unroll none: vectors and arrays that a loop indexes stay in
-memory. Written out, the indices are constants. Mark small loops that index; others only cost time to compile.
+wgpu adds a counter to every loop, and drivers then unroll none: vectors and arrays that a loop indexes stay
+in memory. Written out, the indices are constants. Mark small loops that index; others only cost time to
+compile.
 """
 
 import re
@@ -19,8 +20,8 @@ _COMMENT = re.compile(r"//[^\n]*")
 def unrolled(code: str) -> str:
     """Write out marked loops: a block with a constant for each round.
 
-    A marked loop is `/* unroll */ for (var i = FIRST; i < END; i++) {`, or with `<=`. FIRST is a number; END is
-    a number or a constant of the module that is a number. The loop neither breaks nor continues.
+    A marked loop is `/* unroll */ for (var i = FIRST; i < END; i++) {`, or with `<=`. FIRST is a number; END
+    is a number or a constant of the module that is a number. The loop neither breaks nor continues.
 
     Raises:
         ValueError: a marked loop is of another form.

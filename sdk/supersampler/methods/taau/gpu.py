@@ -42,6 +42,9 @@ def taau_program(info: ModelInfo) -> GpuProgram:
         "fit": FIT,
     }
     passes = (
-        preprocess("shade"), PassSpec("light", ONE, (1, 1)), *CONVERGENCE_PASSES, PassSpec("blend", tile=(32, 4)),
-    )  # fmt: skip
+        preprocess("shade"),
+        PassSpec("light", ONE, (1, 1)),
+        *CONVERGENCE_PASSES,
+        PassSpec("blend", tile=(32, 4)),
+    )
     return GpuProgram(LAYOUT, ("supersampler.methods.taau",), constants, passes, SAMPLE_MEMORY)
