@@ -105,7 +105,7 @@ def masked_pixels(mask: Float32, jitter: tuple[float, float], display: Size) -> 
         np.clip(np.floor((np.arange(big) + 0.5) * small / big - offset), 0, small - 1).astype(int)
         for big, small, offset in zip(display, mask.shape[::-1], jitter, strict=True)
     )
-    return mask[rows[:, None], columns] > 0.05
+    return np.asarray(mask[rows[:, None], columns] > 0.05)
 
 
 def scores(content: str, shown: list[Shown]) -> list[dict[str, Any]]:

@@ -133,15 +133,20 @@ def _steppers(method: str, render: Size, display: Size) -> Iterator[tuple[str, S
         yield f"{executor}, {model.precision}", upscaler.step
 
 
+def method_of(name: str) -> Method:
+    """Return the torch module of a shipped method."""
+    learned = LEARNED.get(name)
+    method: Method = METHODS[name]() if learned is None else learned.of(load_trained(shipped_weights(name)))
+    return method.eval()
+
+
 def stepper_of_torch(name: str, render: Size, display: Size, *, half: bool = False) -> Step:
     """Return the step of a shipped method in torch, with a history of its own; `half`: in half floats.
 
     Raises:
         ArgumentError: the method has no network, and thus no half precision.
     """
-    learned = LEARNED.get(name)
-    method: Method = METHODS[name]() if learned is None else learned.of(load_trained(shipped_weights(name)))
-    method.eval()
+    method = method_of(name)
     if half:
         lowered = to_half(method)
         if lowered is None:

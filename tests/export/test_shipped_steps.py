@@ -37,7 +37,7 @@ def assert_alike(name: str, ours: Tensor, theirs: Tensor) -> None:
     usual = theirs.abs().mean(dim=tuple(range(2, theirs.ndim)), keepdim=True).clamp(min=1e-6)
     one, other = (torch.sign(t) * (t.abs() / usual).log1p() for t in (ours, theirs))
     off = (one - other).abs().numpy().ravel()
-    assert np.quantile(off, 0.98) <= 1e-3, name
+    assert np.quantile(off, 0.98) <= 2e-3, name  # a mask shows more of what is made of bad rows
     assert off.mean() <= 1e-3, name
 
 

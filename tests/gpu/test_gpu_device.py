@@ -109,9 +109,9 @@ def test_without_an_adapter_the_error_says_what_to_install(monkeypatch: pytest.M
 
 
 def test_an_adapter_below_the_limits_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    name = re.escape(devices.name_of(model("taau").gpu.device.adapter))  # opened with the limits as they are
     monkeypatch.setattr(devices, "_devices", [])
     monkeypatch.setitem(LIMITS, "max-texture-dimension-2d", 1 << 30)
-    name = re.escape(devices.name_of(model("taau").gpu.device.adapter))
     with pytest.raises(DeviceError, match=f"{name} is below .*max-texture-dimension-2d"):
         Upscaler("taau", scale=2.0, executor="gpu")
 

@@ -8,7 +8,7 @@ import pytest
 
 from gpu_steps import WITH_LARGE, device_or_skip, make
 from noise import Size, noise
-from supersampler import Frame
+from supersampler import Frame, halton_jitter
 from supersampler.io.display import display_transform
 
 SIZES: list[tuple[Size, Size]] = [((17, 9), (33, 18)), ((21, 13), (21, 13)), ((3, 9), (5, 17))]
@@ -66,3 +66,19 @@ def test_a_missing_sample_shows_the_history_whatever_the_mask_says(method: str) 
     missing = noise(3, (20, 12), exposure=1.0, color=np.full((12, 20, 3), np.nan, np.float32))
     everywhere = replace(missing, reactive=np.ones((12, 20), np.float32))
     np.testing.assert_array_equal(full.step(everywhere), plain.step(missing))
+
+
+@pytest.mark.parametrize("method", ["taau", "classifier-small"])
+def test_at_rest_the_image_shows_that_much_less_of_the_mean(method: str) -> None:
+    converged = []
+    for value in (0.0, 0.5):
+        upscaler = make(method)
+        for index in range(25):
+            frame = noise(7, (20, 12), exposure=1.0, motion=np.zeros((12, 20, 2), np.float32))
+            frame = replace(frame, jitter=halton_jitter(index, 2.0), reset=index == 0)
+            masked = replace(frame, reactive=np.full((12, 20), value, np.float32))
+            result = upscaler.step(masked if index == 24 else frame, outputs=("converged",))
+        assert result.converged is not None
+        converged.append(result.converged)
+    assert converged[0].mean() > 0.2
+    np.testing.assert_allclose(converged[1], 0.5 * converged[0], atol=2e-3)

@@ -4,13 +4,14 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from supersampler.methods.gbuffer_fast.spec import GBUFFER_FAST, GBUFFERS_READ, GuidedConfig
+from supersampler.methods.gbuffer_fast.spec import GBUFFER_FAST, GuidedConfig
 from supersampler_model.methods.gbuffer.surfaces import lit
 from supersampler_model.methods.gbuffer_fast.model import GuidedClassifier, neighbours
 from supersampler_model.methods.gbuffer_fast.surfaces import Guided, Surfaces, guide
 from supersampler_model.ops.color import inverse_tone, tone
 from supersampler_model.ops.sampling import View
 from supersampler_model.ops.size import Size
+from torch_inputs import plain_inputs
 
 RENDER, DISPLAY = Size(16, 8), Size(32, 16)
 VIEW = View(DISPLAY, RENDER, torch.zeros(1, 2))
@@ -91,8 +92,14 @@ def step(method: GuidedClassifier, base: Tensor, history: list[Tensor]) -> tuple
     display = display._replace(base_color=base, depth=plane(DISPLAY, 1, 0.1))
     least = method.config.min_reflectance
     color = (least + (1.0 - least) * base)[..., ::2, ::2]
-    frame = [color, plane(RENDER, 1, 0.1), plane(RENDER, 2, 0.0), torch.zeros(1, 2), torch.ones(1)]
     found = {
+        **plain_inputs(RENDER),
+        "color": color,
+        "depth": plane(RENDER, 1, 0.1),
+        "motion": plane(RENDER, 2, 0.0),
+        "jitter": torch.zeros(1, 2),
+        "exposure": torch.ones(1),
+        "display_size": torch.tensor(DISPLAY),
         "gbuffer_base_color": base[..., ::2, ::2],
         "gbuffer_normal": render.normal,
         "gbuffer_display_base_color": base,
@@ -100,9 +107,7 @@ def step(method: GuidedClassifier, base: Tensor, history: list[Tensor]) -> tuple
         "gbuffer_display_depth": display.depth,
     }
     with torch.no_grad():
-        image, after, _ = method.step(
-            *frame, torch.tensor(DISPLAY), *(found[name] for name in GBUFFERS_READ), *history
-        )
+        image, after, _ = method.step(*(found[name] for name in method.inputs()), *history)
     return image, after
 
 

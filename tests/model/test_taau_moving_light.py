@@ -22,6 +22,7 @@ from supersampler_model.data.scenes.analytic import (
 )
 from supersampler_model.methods.taau.model import Taau
 from supersampler_model.ops.size import Size
+from torch_inputs import plain_inputs
 
 DISPLAY = (128, 72)
 STEP = 1.0 / 255.0
@@ -92,9 +93,13 @@ def errors(scene: Ball, ratio: float, count: int = 20) -> list[Float32]:
 
 def inputs(frame: Frame) -> list[torch.Tensor]:
     assert frame.color is not None
-    images = (frame.color, frame.depth[..., None], frame.motion)
-    tensors = [torch.from_numpy(np.array(image.transpose(2, 0, 1)))[None] for image in images]
-    return [*tensors, torch.tensor([frame.jitter]), torch.ones(1), torch.tensor(DISPLAY)]
+    images = {"color": frame.color, "depth": frame.depth[..., None], "motion": frame.motion}
+    found = {
+        name: torch.from_numpy(np.array(image.transpose(2, 0, 1)))[None] for name, image in images.items()
+    }
+    found |= {"jitter": torch.tensor([frame.jitter]), "exposure": torch.ones(1)}
+    found |= {"display_size": torch.tensor(DISPLAY), **plain_inputs(frame.size)}
+    return [found[name] for name in Taau.inputs()]
 
 
 def grid(error: Float32) -> float:

@@ -75,6 +75,11 @@ def test_the_meter_takes_the_engines_exposure_as_it_is() -> None:
     assert ExposureMeter().read(grey(1.0), given=2.5) == 2.5
 
 
+def test_a_measured_exposure_is_of_colour_without_pre_exposure() -> None:
+    assert ExposureMeter().read(grey(0.72), pre_exposure=4.0) == pytest.approx(1.0)
+    assert ExposureMeter().read(grey(0.72), given=2.5, pre_exposure=4.0) == 2.5
+
+
 def test_the_meter_follows_slowly_until_a_cut() -> None:
     meter = ExposureMeter()
     assert meter.read(grey(0.18)) == pytest.approx(1.0)

@@ -14,9 +14,12 @@ from method_backends import BACKENDS, DISPLAY, RENDER, frame_for, make
 from noise import noise
 from supersampler import Frame, FrameError, Upscaler
 from supersampler.backends.onnx.tensors import tensors_of_frame
+from supersampler.conventions import Conventions, RawFrame
 from supersampler.frame import Float32
 from supersampler.io.display import display_transform
 from supersampler.methods.model_file import extrapolation_names
+from supersampler.sequence.frame_store import FrameStore
+from supersampler.validation.evidence import Evidence
 
 POWERS = st.lists(st.integers(-20, 20).map(lambda power: 2.0**power), min_size=3, max_size=5)
 
@@ -119,7 +122,7 @@ def test_tensors_have_it_too() -> None:
             tensors_of_frame(frame, "cpu"), jitter=frame.jitter, exposure=1.0, pre_exposure=factor
         )
         expected = theirs.step(frame).transpose(2, 0, 1)[None]
-        np.testing.assert_array_equal(np.from_dlpack(image), expected)  # type: ignore[arg-type]
+        np.testing.assert_array_equal(np.from_dlpack(image), expected)
 
 
 def test_two_passes_and_the_display_of_a_run_are_in_the_unit_of_the_frame() -> None:
@@ -133,3 +136,25 @@ def test_two_passes_and_the_display_of_a_run_are_in_the_unit_of_the_frame() -> N
     )
     for plain, image in zip(*made, strict=True):
         np.testing.assert_array_equal(image, 4.0 * plain)
+
+
+def test_checks_compare_the_light_of_frames_without_it() -> None:
+    frame = noise(0, RENDER)
+    color = np.asarray(frame.color) * np.float32(4.0)
+    exposed = replace(frame, color=color, pre_exposure=4.0)
+    raw = RawFrame(color=color, depth=frame.depth, motion=frame.motion, pre_exposure=4.0)
+    plain = Evidence.of_frame(frame).light
+    assert plain is not None
+    for evidence in (Evidence.of_frame(exposed), Evidence.of_raw(raw, Conventions())):
+        assert evidence.light is not None
+        np.testing.assert_allclose(evidence.light, plain, rtol=1e-6)
+
+
+@pytest.mark.parametrize("memory", [0.0, 2.0**20])
+def test_frames_that_wait_for_their_turn_keep_it_and_their_mask(memory: float) -> None:
+    frame = noise(0, RENDER, pre_exposure=3.0, reactive=np.full(RENDER[::-1], 0.5, np.float16))
+    with FrameStore(memory=memory, names=frozenset()) as store:
+        kept = store.get_frame(store.put_frame(frame))
+    assert kept.pre_exposure == 3.0
+    assert kept.reactive is not None
+    np.testing.assert_array_equal(kept.reactive, frame.reactive)

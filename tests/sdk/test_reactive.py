@@ -24,6 +24,7 @@ CONVERGING = [(method, kind) for method, kind in WEIGHED if method not in ("taa"
 PLACED = [(method, kind) for method, kind in TEMPORAL if method != "classifier-large"]
 """Those whose image is not filtered from a larger one."""
 W, H = RENDER
+PHASES = 16  # of the jitter of what stands still
 
 
 def mask(value: float = 1.0) -> Float32:
@@ -51,7 +52,7 @@ def at_pixels(image: Float32, jitter: tuple[float, float], display: Size) -> NDA
         np.clip(np.floor((np.arange(big) + 0.5) * small / big - offset), 0, small - 1).astype(int)
         for big, small, offset in zip(display, RENDER, jitter, strict=True)
     )
-    return image[rows[:, None], columns]
+    return np.asarray(image[rows[:, None], columns])
 
 
 @pytest.mark.parametrize(("method", "executor"), BACKENDS)
@@ -110,7 +111,7 @@ def test_of_a_fully_reactive_history_nothing_is_left(method: str, executor: str)
         upscaler.step(replace(frame, color=dark, reset=False))
         images.append(stepped(upscaler, 4, mask()).image)
     if method in ("taa", "taau"):
-        np.testing.assert_allclose(*images, rtol=1e-4, atol=1e-5)
+        np.testing.assert_allclose(images[0], images[1], rtol=1e-4, atol=1e-5)
     off = np.abs(display_transform(images[0]) - display_transform(images[1]))
     assert off.mean() < 0.05  # a network sees the history, and weighs the samples of this frame by it
 
@@ -148,6 +149,23 @@ def test_at_rest_the_image_shows_that_much_less_of_the_mean(method: str, executo
     assert plain.converged.mean() > 0.05
     np.testing.assert_allclose(masked.converged, 0.75 * plain.converged, rtol=1e-5)
     np.testing.assert_array_equal(kept, mean)
+
+
+@pytest.mark.parametrize("method", ["taau", "classifier-small"])
+def test_no_tile_of_a_masked_frame_is_a_copy(method: str) -> None:
+    upscaler = make(method, "cpu", skip="auto")
+    for index in range(4 * PHASES):
+        frame = still(upscaler, index % PHASES)
+        upscaler.step(replace(frame, reset=index == 0))
+    assert upscaler.stats.saved_seconds > 0.0
+    resting = upscaler.step(replace(frame, reset=False), outputs=("work", "weight"))
+    masked = upscaler.step(replace(frame, reset=False, reactive=mask()), outputs=("work", "weight"))
+    assert isinstance(resting, StepResult)
+    assert isinstance(masked, StepResult)
+    assert masked.work is not None
+    assert masked.weight is not None
+    assert masked.work.min() == 1.0
+    assert masked.weight.max() == 0.0
 
 
 def still(upscaler: Upscaler, index: int) -> Frame:
@@ -207,4 +225,4 @@ def test_half_floats_and_tensors_are_taken() -> None:
         half = replace(frame, reactive=mask(0.25).astype(np.float16))
         np.testing.assert_array_equal(second.step(half), image)
         made = third.step_tensors(tensors_of_frame(frame, "cpu"), jitter=frame.jitter, exposure=1.0)
-        np.testing.assert_array_equal(np.from_dlpack(made), image.transpose(2, 0, 1)[None])  # type: ignore[arg-type]
+        np.testing.assert_array_equal(np.from_dlpack(made), image.transpose(2, 0, 1)[None])

@@ -2,7 +2,7 @@
 
 import typer
 
-from supersampler_bench.cli import parity, quality, report, shots, still, stress, timing
+from supersampler_bench.cli import device, parity, quality, report, shots, still, stress, timing
 
 app = typer.Typer(no_args_is_help=True)
 
@@ -19,7 +19,7 @@ for command in (
     timing.traffic,
     timing.speed,
     timing.startup,
-    timing.device,
+    device.device,
     timing.skip,
     still.still,
     timing.pareto,

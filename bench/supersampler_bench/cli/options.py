@@ -107,6 +107,18 @@ def sizes_of(text: str) -> list[Size]:
     return [parse_size(part) for part in listed(text)]
 
 
+def numbers_of(option: str, text: str) -> list[float]:
+    """Return the numbers of an option.
+
+    Raises:
+        ArgumentError: a part is no number.
+    """
+    try:
+        return [float(part) for part in listed(text)]
+    except ValueError as error:
+        raise ArgumentError(option, got=repr(text), want="numbers with commas between: 1.5,2") from error
+
+
 def size_pairs_of(text: str) -> list[tuple[Size, Size]]:
     """Return the render and display sizes of an option, as 960x540:1920x1080.
 
@@ -187,10 +199,7 @@ def opened_shots(shot: str, cache: Path | None, ratio: str) -> tuple[str, list[t
     if shots is None:
         one = open_shot(shot)
         return one.name, [(one, {})]
-    try:
-        ratios = [float(text) for text in listed(ratio)]
-    except ValueError as error:
-        raise ArgumentError("--ratio", got=repr(ratio), want="numbers with commas between: 1.5,2") from error
+    ratios = numbers_of("--ratio", ratio)
     folder = cache or public_shots.default_cache()
     found = public_shots.open_test_shots(folder, ratios, shots, public_shots.FROZEN)
     for public in found:

@@ -1,4 +1,4 @@
-"""`supersampler bench ...` cost, speed, startup, device, skip and pareto: how long methods take."""
+"""`supersampler bench ...` cost, speed, startup, skip and pareto: how long methods take."""
 
 import os
 from collections.abc import Iterable, Mapping
@@ -12,7 +12,6 @@ from supersampler.errors import ArgumentError, DeviceError
 from supersampler.model import Precision
 from supersampler_bench.cli.options import (
     DISPLAY_SIZE,
-    DISPLAY_SIZES,
     ERRORS,
     EXECUTORS,
     JSON,
@@ -226,57 +225,6 @@ def _compare_speed(
             python, methods, displays, counts, ratio=ratio, rounds=rounds, on_round=advance, on_left_out=warn
         )
     publish(bench.against_record(sides, results, ratio, rounds), tables, json, update)
-
-
-def device(
-    methods: METHODS = "taau,classifier-small,classifier",
-    sizes: DISPLAY_SIZES = "1920x1080,3840x2160",
-    precisions: Annotated[str, typer.Option(help="fp32, fp16, with commas between.")] = "fp32,fp16",
-    provider: Annotated[str, typer.Option(help="Of ONNX Runtime.")] = "auto",
-    executor: Annotated[str, typer.Option(help="onnx, or gpu: the shaders, by timestamp queries.")] = "onnx",
-    ratio: ONE_RATIO = 2.0,
-    steps: STEPS = 100,
-    capture: Annotated[
-        bool, typer.Option("--capture", help="Also with the step captured, as a CUDA graph.")
-    ] = False,
-    json: JSON = None,
-    update: UPDATE = None,
-) -> None:
-    """Time the ONNX or the GPU backend on a device: frames and images stay in its memory.
-
-    Examples:
-      supersampler bench device --provider cuda --capture --json device.json
-      supersampler bench device --executor gpu --json device-gpu.json
-    """
-    from supersampler.model import Model
-    from supersampler_bench.timing import device as bench
-
-    tables = {"device": bench.markdown_table}
-    check_page(update, tables)
-    known: tuple[Precision, ...] = ("fp32", "fp16")
-    wanted = words_of("--precisions", precisions, known)
-    if words_of("--executor", executor, ("onnx", "gpu")) == ["gpu"]:
-        from supersampler_bench.timing.device_gpu import measure_gpu
-
-        with ERRORS.status("timing"):
-            results = measure_gpu(
-                listed(methods), sizes_of(sizes), ratio=ratio, steps=steps, on_left_out=warn
-            )
-        publish(bench.device_record(results, 0.0, ratio), tables, json, update)
-        return
-    with ERRORS.status("timing"):
-        results = bench.measure_device(
-            listed(methods),
-            sizes_of(sizes),
-            wanted,
-            provider=provider,
-            ratio=ratio,
-            steps=steps,
-            captures=(False, True) if capture else (False,),
-            on_left_out=warn,
-        )
-        copied = bench.measure_copy(Model.load("bilinear", providers=provider, executor="onnx").device)
-    publish(bench.device_record(results, copied, ratio), tables, json, update)
 
 
 def skip(

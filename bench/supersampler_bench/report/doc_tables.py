@@ -13,7 +13,7 @@ from supersampler_bench.quality import extrapolation, still_table
 from supersampler_bench.quality.score_table import block_names, blocks
 from supersampler_bench.record import SHIPPED_PARETO, Record, read_record
 from supersampler_bench.stress import report as stress
-from supersampler_bench.timing import against, device, pareto, skip, speed, startup, traffic
+from supersampler_bench.timing import against, device, device_record, pareto, skip, speed, startup, traffic
 from supersampler_bench.timing import network_cost as cost
 from supersampler_bench.timing.pareto_extrapolated import unshaded_table
 from supersampler_bench.timing.roofline import roofline_table
@@ -62,6 +62,12 @@ def blocks_of(name: str, record: Record) -> Blocks:
         return {
             block: partial(still_table.markdown_table, record),
             f"{block} summary": partial(still_table.summary_table, record),
+        }
+    if bench == device_record.BENCH:
+        return {
+            block: partial(device_record.step_table, record),
+            f"{block} passes": partial(device_record.pass_table, record),
+            f"{block} images": partial(device_record.image_table, record),
         }
     if bench == "traffic":
         return {

@@ -96,7 +96,7 @@ class Version:
             ArgumentError: there is no such interpreter, or it has no supersampler.
         """
         about = self.run(_ABOUT)
-        return {**about, "commit": _commit(Path(about.pop("folder")))}
+        return {**about, "commit": commit(Path(about.pop("folder")))}
 
     def run(self, program: str, *, cache: Path | None = None, **request: Any) -> dict[str, Any]:
         """Run a program in a new process, and return its answer.
@@ -139,7 +139,7 @@ def _last_line(output: bytes) -> str:
     return next((line.strip() for line in reversed(lines) if line.strip()), "")
 
 
-def _commit(folder: Path) -> str | None:
+def commit(folder: Path) -> str | None:
     """Return the commit that a package's folder is a checkout of; None if it is none or git is missing."""
     with suppress(OSError, subprocess.SubprocessError):
         _git(folder, "ls-files", "--error-unmatch", "__init__.py")

@@ -35,15 +35,17 @@ class OnDevice:
 
     Attributes:
         method: its name.
+        render: (width, height) of the frames.
         display: (width, height) of the images.
         precision: of the network.
-        provider: of ONNX Runtime.
-        capture: see `Model.load`.
+        provider: of ONNX Runtime; or torch and its device.
+        capture: see `Model.load`; in torch, whether `torch.compile` compiled the step.
         median, p95, p99: wall time of a step, including the wait for the device.
         moved: bytes that a step must move: the frame, the history before and after, the image.
     """
 
     method: str
+    render: Size
     display: Size
     precision: str
     provider: str
@@ -58,7 +60,7 @@ class _Runner:
     """One model, with its frames on the device."""
 
     def __init__(self, model: Model, display: Size, frames: Sequence[Frame]) -> None:
-        self._model, self._display = model, display
+        self._model, self._render, self._display = model, frames[0].size, display
         self._upscaler = Upscaler(model, display_size=display, validate="off")
         images = [tensor.name for tensor in model.info.inputs if len(tensor.shape) == 4]
         placed = []
@@ -89,7 +91,8 @@ class _Runner:
     def timed(self) -> OnDevice:
         """Summarise."""
         model = self._model
-        setting = (model.info.method, self._display, model.precision, model.providers[0], model.capture)
+        sizes = self._render, self._display
+        setting = (model.info.method, *sizes, model.precision, model.providers[0], model.capture)
         return OnDevice(*setting, *quantiles(self._wall), self._moved)
 
 
@@ -99,7 +102,7 @@ def measure_device(
     precisions: Sequence[Precision],
     *,
     provider: str,
-    ratio: float = 2.0,
+    ratios: Sequence[float] = (2.0,),
     steps: int = 100,
     captures: Sequence[bool] = (False,),
     on_left_out: Callable[[str], None] = lambda _: None,
@@ -111,13 +114,13 @@ def measure_device(
         displays: (width, height) of the images.
         precisions: those that a method lacks are left out.
         provider: see `Model.load`.
-        ratio: display over render size.
+        ratios: display over render size; those that a method lacks are left out.
         steps: that count, of each.
         captures: each `capture` to time; see `Model.load`.
         on_left_out: called with the reason why a method is left out.
     """
     results = []
-    for display in displays:
+    for display, ratio in itertools.product(displays, ratios):
         frames = frames_of(render_size(display, ratio))
         kept = compatible(methods, frames[0].size, display, on_left_out)
         runners = []
@@ -153,10 +156,9 @@ def measure_copy(device: str) -> float:
     return 2 * COPIED / fastest(20, copy)
 
 
-def device_record(results: Sequence[OnDevice], copied: float, ratio: float) -> dict[str, Any]:
+def device_record(results: Sequence[OnDevice], copied: float) -> dict[str, Any]:
     """Return all values, ready for JSON."""
-    timed = [asdict(result) for result in results]
-    return {"bench": "device", "ratio": ratio, "timed": timed, "copied": copied}
+    return {"bench": "device", "timed": [asdict(result) for result in results], "copied": copied}
 
 
 def markdown_table(record: Record) -> str:
@@ -164,7 +166,7 @@ def markdown_table(record: Record) -> str:
     copied = record["copied"]
     rows = [
         [
-            size_text(r.display),
+            f"{size_text(r.render)} to {size_text(r.display)}",
             r.method,
             r.precision,
             r.provider,
@@ -177,9 +179,9 @@ def markdown_table(record: Record) -> str:
     ]
     limit = f", at the {1e-9 * copied:.0f} GB/s that a copy there reaches" if copied else ""
     caption = (
-        f"A step at ratio {record['ratio']:g}, frame and image in the device's memory; settings of a size "
-        f"take turns. {machine_name(record)}. MB: frame, history before and after, and image. Of a copy: "
+        "A step, frame and image in the device's memory; settings of a size take turns, but those of torch. "
+        f"{machine_name(record)}. MB: frame, history before and after, and image. Of a copy: "
         f"how many times as long as moving these{limit}."
     )
-    headings = ["display", "method", "precision", "provider", "capture", "ms:", "p95:", "p99:", "MB:"]
+    headings = ["size", "method", "precision", "provider", "capture", "ms:", "p95:", "p99:", "MB:"]
     return table([*headings, "of a copy:"], rows, caption)

@@ -1,115 +1,203 @@
-"""Step time of the GPU backend, by timestamp queries of the device."""
+"""Step time of the GPU backend, and that of each pass, by timestamp queries of the device."""
 
 import itertools
-from collections.abc import Callable, Sequence
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from supersampler import Frame, Model, Upscaler
-from supersampler.backends.gpu.device import LIMITS, default_device, name_of
-from supersampler.errors import ArgumentError, DeviceError
+from supersampler.errors import ArgumentError
 from supersampler.frame import Size
 from supersampler_bench.compatibility import compatible
-from supersampler_bench.timing.device import OnDevice
-from supersampler_bench.timing.speed import WARM_UP, frames_of, quantiles, take_turns
+from supersampler_bench.timing.device_stopwatch import EachDispatch, Stopwatch
+from supersampler_bench.timing.gpu_traffic import pass_costs
+from supersampler_bench.timing.speed import frames_of, quantiles, take_turns
 from supersampler_model.data.shots import render_size
 
 if TYPE_CHECKING:
     import wgpu
 
-TIMESTAMPS = "timestamp-query"
-_RESOLVE, _COPY_SRC = 512, 4  # usages, as WebGPU numbers them
-_SAMPLED, _COPY_DST, _STORED = 4, 2, 8
+BURST = 10
+"""Steps in a command buffer, so that the device does not rest between them."""
+WALL_STEPS = 20
+_SAMPLED, _COPY_DST = 4, 2  # usages, as WebGPU numbers them
 _CHANNELS = {"color": ("rgba16float", 4), "depth": ("r32float", 1), "motion": ("rg16float", 2)}
+Textures = tuple[Frame, dict[str, Any]]
+
+
+@dataclass(frozen=True)
+class GpuPass:
+    """A pass of a step.
+
+    Attributes:
+        name: of its shader.
+        median, p95: milliseconds.
+        moved: bytes that it declares.
+        multiply_adds: of the network.
+    """
+
+    name: str
+    median: float
+    p95: float
+    moved: int
+    multiply_adds: int
+
+
+@dataclass(frozen=True)
+class GpuStep:
+    """Times of a method at a size, milliseconds.
+
+    Attributes:
+        method: its name.
+        render: (width, height) of the frames.
+        display: (width, height) of the images.
+        precision: of the network.
+        steps: that were timed.
+        median, p95, p99: of a step on frame and image in textures, by the device's clock.
+        wall, wall_p95: of `step`, from arrays to an array, by the program's clock.
+        first: seconds of loading the model and of its first steps, with shaders that are not yet compiled.
+        passes: in order; each waits for the one before.
+    """
+
+    method: str
+    render: Size
+    display: Size
+    precision: str
+    steps: int
+    median: float
+    p95: float
+    p99: float
+    wall: float
+    wall_p95: float
+    first: float
+    passes: tuple[GpuPass, ...]
+
+    @property
+    def moved(self) -> int:
+        """Bytes that all passes declare."""
+        return sum(one.moved for one in self.passes)
+
+    @property
+    def multiply_adds(self) -> int:
+        """Multiply-adds of the network, in all passes."""
+        return sum(one.multiply_adds for one in self.passes)
 
 
 def measure_gpu(
+    device: "wgpu.GPUDevice",
     methods: Sequence[str],
     displays: Sequence[Size],
+    ratios: Sequence[float],
     *,
-    ratio: float = 2.0,
     steps: int = 100,
     on_left_out: Callable[[str], None] = lambda _: None,
-) -> list[OnDevice]:
-    """Time methods; those of one size take turns, step by step. See `measure_device`.
+) -> Iterator[GpuStep]:
+    """Time methods; those of one size take turns, BURST steps each. Results come size by size.
 
-    Raises:
-        DeviceError: there is no device, or it has no timestamp queries.
+    The exposure of the frames is measured, so that all passes do their work.
+
+    Args:
+        device: see `device_with_timestamps`.
+        methods: names of shipped models, or model folders.
+        displays: (width, height) of the images.
+        ratios: display over render size; those that a method lacks are left out.
+        steps: that count, of each.
+        on_left_out: called with the reason why a method is left out.
     """
-    device = _device_with_timestamps()
-    results = []
-    for display in displays:
-        frames = frames_of(render_size(display, ratio))
+    for display, ratio in itertools.product(displays, ratios):
+        frames = [replace(frame, exposure=None) for frame in frames_of(render_size(display, ratio))]
+        placed = [(frame, frame_textures(device, frame)) for frame in frames]
         runners = []
         for method in compatible(methods, frames[0].size, display, on_left_out):
             try:
-                runners.append(_Runner(Model.load(method, executor="gpu", device=device), display, frames))
+                runners.append(_Runner(device, method, display, placed))
             except ArgumentError as error:  # it has no shaders
                 on_left_out(f"{method}: {error}")
-        take_turns(runners, steps)
-        results += [runner.timed() for runner in runners]
-    return results
+        take_turns(runners, -(-steps // BURST))
+        for runner in runners:
+            yield runner.timed()
 
 
-def _device_with_timestamps() -> "wgpu.GPUDevice":
-    adapter = default_device().adapter
-    if TIMESTAMPS not in adapter.features:
-        raise DeviceError(f"adapter {name_of(adapter)} has no timestamp queries: steps cannot be timed on it")
-    return adapter.request_device_sync(required_features=[TIMESTAMPS], required_limits=dict(LIMITS))
+def frame_textures(device: "wgpu.GPUDevice", frame: Frame) -> dict[str, "wgpu.GPUTexture"]:
+    """Return textures of a frame's images, of the formats that `bench traffic` counts."""
+    width, height = frame.size
+    textures = {}
+    for name, (texel, channels) in _CHANNELS.items():
+        values = np.zeros((height, width, channels), np.float32 if texel == "r32float" else np.float16)
+        image = np.atleast_3d(np.asarray(getattr(frame, name)))
+        values[..., : image.shape[2]] = image
+        texture = device.create_texture(size=(width, height, 1), format=texel, usage=_SAMPLED | _COPY_DST)
+        layout = {"bytes_per_row": values.strides[0], "rows_per_image": height}
+        device.queue.write_texture({"texture": texture}, values, layout, (width, height, 1))
+        textures[name] = texture
+    return textures
 
 
 class _Runner:
-    """One model, with its frames in textures. A step is the time between two queries around its passes."""
+    """One model, with its frames in textures. A turn is BURST steps, and as many with timed passes."""
 
-    def __init__(self, model: Model, display: Size, frames: Sequence[Frame]) -> None:
-        self._model, self._display, self._device = model, display, model.gpu.device
-        self._upscaler = Upscaler(model, display_size=display, validate="off")
-        self._frames = itertools.cycle([(frame, self._textures(frame)) for frame in frames])
-        self._image = model.gpu.new_image(display)
-        self._queries = self._device.create_query_set(type="timestamp", count=2)
-        self._times = self._device.create_buffer(size=16, usage=_RESOLVE | _COPY_SRC)
-        self._milliseconds: list[float] = []
-        for _ in range(WARM_UP):
-            self.step()
-        self._milliseconds.clear()
-
-    def _textures(self, frame: Frame) -> dict[str, Any]:
-        width, height = frame.size
-        textures = {}
-        for name, (texel, channels) in _CHANNELS.items():
-            values = np.zeros((height, width, channels), np.float32 if texel == "r32float" else np.float16)
-            image = np.atleast_3d(np.asarray(getattr(frame, name)))
-            values[..., : image.shape[2]] = image
-            texture = self._device.create_texture(
-                size=(width, height, 1), format=texel, usage=_SAMPLED | _COPY_DST
-            )
-            layout = {"bytes_per_row": values.strides[0], "rows_per_image": height}
-            self._device.queue.write_texture({"texture": texture}, values, layout, (width, height, 1))
-            textures[name] = texture
-        return textures
+    def __init__(
+        self, device: "wgpu.GPUDevice", method: str, display: Size, placed: Sequence[Textures]
+    ) -> None:
+        began = time.perf_counter()
+        self._device, self._display = device, display
+        self._model = Model.load(method, executor="gpu", device=device)
+        self._upscaler = Upscaler(self._model, display_size=display, validate="off")
+        self._placed, self._frames = placed, itertools.cycle(placed)
+        self._image = self._model.gpu.new_image(display)
+        self._number = len(self._model.gpu.program.passes)
+        self._watch = Stopwatch(device, BURST * self._number)
+        self._steps: list[NDArray[np.float64]] = []
+        self._passes: list[NDArray[np.float64]] = []
+        self.step()
+        self._first = time.perf_counter() - began
+        self._steps.clear()
+        self._passes.clear()
 
     def step(self) -> None:
-        """Time one step."""
-        frame, textures = next(self._frames)
+        """Time a turn."""
         encoder = self._device.create_command_encoder()
-        self._mark(encoder, "beginning_of_pass_write_index", 0)
+        for _ in range(BURST):
+            self._watch.around(encoder, lambda: self._encode(encoder))
+        self._steps.append(self._watch.submit(encoder))
+        encoder = self._device.create_command_encoder()
+        for _ in range(BURST):
+            self._encode(EachDispatch(encoder, self._watch))
+        self._passes.append(self._watch.submit(encoder).reshape(BURST, self._number))
+
+    def _encode(self, encoder: Any) -> None:
+        frame, textures = next(self._frames)
         self._upscaler.encode_into(
             encoder, textures, jitter=frame.jitter, exposure=frame.exposure, out=self._image
         )
-        self._mark(encoder, "end_of_pass_write_index", 1)
-        encoder.resolve_query_set(self._queries, 0, 2, self._times, 0)
-        self._device.queue.submit([encoder.finish()])
-        begin, end = np.frombuffer(self._device.queue.read_buffer(self._times), np.uint64)
-        self._milliseconds.append(1e-6 * float(end - begin))
 
-    def _mark(self, encoder: "wgpu.GPUCommandEncoder", place: str, index: int) -> None:
-        encoder.begin_compute_pass(timestamp_writes={"query_set": self._queries, place: index}).end()
+    def timed(self) -> GpuStep:
+        """Summarise, after the last turn; time steps on arrays."""
+        model, render = self._model, self._placed[0][0].size
+        costs = pass_costs(model.gpu, render, self._display)
+        passes = tuple(
+            GpuPass(cost.name, *quantiles(times)[:2], cost.moved, cost.multiply_adds)
+            for cost, times in zip(costs, np.concatenate(self._passes).T.tolist(), strict=True)
+        )
+        setting = model.info.method, render, self._display, model.precision, BURST * len(self._steps)
+        return GpuStep(
+            *setting,
+            *quantiles(np.concatenate(self._steps).tolist()),
+            *quantiles(self._wall())[:2],
+            self._first,
+            passes,
+        )
 
-    def timed(self) -> OnDevice:
-        """Summarise."""
-        model, (width, height) = self._model, self._display
-        history = model.plan(next(self._frames)[0].size, self._display).history_bytes
-        frame = sum(texture.size[0] * texture.size[1] * 4 for texture in next(self._frames)[1].values())
-        setting = model.info.method, self._display, model.precision, name_of(self._device.adapter), False
-        return OnDevice(*setting, *quantiles(self._milliseconds), frame + history + 8 * width * height)
+    def _wall(self) -> list[float]:
+        upscaler = Upscaler(self._model, display_size=self._display, validate="off")
+        image = np.empty((*self._display[::-1], 3), np.float32)
+        times = []
+        for frame, _ in itertools.islice(itertools.cycle(self._placed), WALL_STEPS + 2):
+            began = time.perf_counter()
+            upscaler.step(frame, out=image)
+            times.append(1e3 * (time.perf_counter() - began))
+        return times[2:]

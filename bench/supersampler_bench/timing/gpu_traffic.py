@@ -14,8 +14,9 @@ from typing import NamedTuple
 from supersampler.backends.gpu.executor import GpuExecutor
 from supersampler.backends.gpu.memory import TEXELS
 from supersampler.backends.gpu.program import TEXTURES
-from supersampler.backends.gpu.shader import Binding, Shader
+from supersampler.backends.gpu.shader import Binding, Constants, Shader
 from supersampler.frame import Size
+from supersampler.methods.classifier.gpu_network import CHUNK, CORNERS, INPUTS
 from supersampler.methods.model_file import find_model, read_model_info
 from supersampler.model import Model
 from supersampler_bench.timing.traffic import Traffic
@@ -28,7 +29,7 @@ FORMATS = {
     "image": ("rgba16float", 8),
 }
 """Formats of an engine's textures, and bytes of a pixel."""
-NOT_ASKED = ("aux", "params")
+NOT_ASKED = ("aux", "params", "frame_reactive")
 """Resources of an ordinary step that are not, or hardly, touched."""
 _PART = re.compile(r"// (\d+) a thread$", re.MULTILINE)
 
@@ -98,6 +99,47 @@ def part_of(shader: Shader, binding: Binding, threads: int) -> int | None:
     line = re.search(rf"^@group\(.*\b{binding.name}: .*$", shader.code, re.MULTILINE)
     found = _PART.search(line[0]) if line else None
     return int(found[1]) * TEXELS["rgba32float"] * threads if found else None
+
+
+class PassCost(NamedTuple):
+    """What a pass of a step declares.
+
+    Attributes:
+        name: of its shader; with its level, where a method has it several times.
+        moved: bytes, read and written.
+        multiply_adds: of the network, with the channels that fill up chunks.
+    """
+
+    name: str
+    moved: int
+    multiply_adds: int
+
+
+def pass_costs(executor: GpuExecutor, render: Size, display: Size) -> list[PassCost]:
+    """Return the cost of each pass of a step, on a frame and an image in textures."""
+    moved = [0] * len(executor.program.passes)
+    for access in accesses(executor, render, display):
+        moved[access.number] += access.bytes
+    costs = []
+    for spec, count in zip(executor.program.passes, moved, strict=True):
+        width, height = spec.extent.size(render, display)
+        level = f" {spec.constants['level']}" if "level" in spec.constants else ""
+        products = round(products_of(spec.constants) * width * height)
+        costs.append(PassCost(spec.shader + level, count, products))
+    return costs
+
+
+def products_of(constants: Constants) -> float:
+    """Return the multiply-adds of the network in a pass, for each pixel of its extent."""
+    if "level" in constants:  # 1x1, depthwise 3x3, 1x1
+        names = ("inputs", "channels", "kept", "pooled")
+        inputs, channels, kept, pooled = (CHUNK * constants[name] for name in names)
+        return channels * (inputs + 9 + kept + pooled)
+    if "decoder" in constants:  # of a packed pixel, which is four of the display
+        features, hidden = 2 * CHUNK, CORNERS * CHUNK
+        layers = features * features + hidden * (features + CORNERS * INPUTS)
+        return (layers + CORNERS * 4 * constants["quads"] * hidden) / CORNERS
+    return 0.0
 
 
 def closing(code: str, opening: int) -> int:

@@ -37,11 +37,13 @@ def test_each_precision_that_a_method_has_is_timed_with_and_without_recording() 
 
 
 def test_the_table_says_how_many_copies_long_a_step_is() -> None:
-    timed = OnDevice("taau", (1920, 1080), "fp32", "CUDAExecutionProvider", True, 2.0, 3.0, 4.0, 100_000_000)
-    table = markdown_table({**device_record([timed], 1e12, 2.0), **setting()})
-    assert "| taau | fp32 | CUDAExecutionProvider | yes | 2.00 | 3.00 | 4.00 | 100 | 20x |" in table
+    sizes = (960, 540), (1920, 1080)
+    timed = OnDevice("taau", *sizes, "fp32", "CUDAExecutionProvider", True, 2.0, 3.0, 4.0, 100_000_000)
+    table = markdown_table({**device_record([timed], 1e12), **setting()})
+    assert "| 960x540 to 1920x1080 | taau | fp32 | CUDAExecutionProvider | yes |" in table
+    assert "| 2.00 | 3.00 | 4.00 | 100 | 20x |" in table
     assert "1000 GB/s" in table
-    assert "| – |" in markdown_table({**device_record([timed], 0.0, 2.0), **setting()})
+    assert "| – |" in markdown_table({**device_record([timed], 0.0), **setting()})
 
 
 def test_a_device_whose_copies_cannot_be_timed_has_no_limit() -> None:
@@ -53,3 +55,19 @@ def test_graphs_have_no_other_precisions(precisions: str) -> None:
     result = CliRunner().invoke(app, ["bench", "device", "--precisions", precisions])
     assert result.exit_code != 0
     assert "want fp32, fp16, or some" in result.output
+
+
+def test_torch_is_timed_on_cuda_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("torch.cuda.is_available", lambda: False)
+    result = CliRunner().invoke(app, ["bench", "device", "--executor", "torch", "--sizes", "32x18"])
+    assert result.exit_code != 0
+    assert "torch has no CUDA device" in result.output
+
+
+@pytest.mark.parametrize(
+    ("options", "want"), [(["--executor", "cpu"], "one of onnx, gpu, torch"), (["--ratio", "2,x"], "1.5,2")]
+)
+def test_unknown_options_are_refused_before_anything_is_timed(options: list[str], want: str) -> None:
+    result = CliRunner().invoke(app, ["bench", "device", *options])
+    assert result.exit_code != 0
+    assert want in result.output

@@ -1,4 +1,4 @@
-"""`bench traffic` and `bench device` of the GPU backend, and the times computed for named GPUs."""
+"""`bench traffic` of the GPU backend, and the times computed for named GPUs."""
 
 import pytest
 
@@ -6,8 +6,7 @@ from gpu_steps import device_or_skip, model
 from supersampler.backends.gpu.program import TEXTURES
 from supersampler.backends.gpu.shader import Binding, Shader
 from supersampler_bench.specs import Spec, parse_spec
-from supersampler_bench.timing.device_gpu import measure_gpu
-from supersampler_bench.timing.gpu_traffic import accesses, count_gpu, part_of
+from supersampler_bench.timing.gpu_traffic import accesses, count_gpu, part_of, pass_costs, products_of
 from supersampler_bench.timing.roofline import Gpu, least_ms, roofline_table
 from supersampler_bench.timing.traffic import Traffic, traffic_record
 
@@ -57,14 +56,22 @@ def test_the_traffic_of_taa_is_that_of_its_textures() -> None:
     assert (counted.bytes, counted.multiply_adds, counted.dispatches) == (sum(moved.values()), 0, 4)
 
 
-def test_steps_are_timed_by_the_devices_clock_and_methods_without_shaders_are_named() -> None:
+@pytest.mark.parametrize("method", ["classifier", "classifier-large"])
+def test_passes_declare_what_their_step_is_counted_to_move(method: str) -> None:
     device_or_skip()
-    notes: list[str] = []
-    timed = measure_gpu(["taa", "bilinear"], [DISPLAY], steps=3, on_left_out=notes.append)
-    assert [(one.method, one.display) for one in timed] == [("taa", DISPLAY)]
-    assert 0.0 < timed[0].median <= timed[0].p95 <= timed[0].p99
-    assert len(notes) == 1
-    assert "bilinear" in notes[0]
+    counted, passes = count_gpu(method, RENDER, DISPLAY), pass_costs(model(method).gpu, RENDER, DISPLAY)
+    assert sum(one.moved for one in passes) == counted.bytes
+    products = sum(one.multiply_adds for one in passes)
+    assert counted.multiply_adds <= products <= 1.5 * counted.multiply_adds, "channels fill up chunks"
+    named = [one.name for one in passes if one.multiply_adds]
+    assert named == ["encode_inputs 0", *(f"encode_pooled {level}" for level in (1, 2, 3)), "compose"]
+
+
+def test_the_multiply_adds_of_a_pass_are_those_of_its_layers() -> None:
+    level = {"level": 1, "inputs": 2, "channels": 3, "kept": 2, "pooled": 1}
+    assert products_of(level) == 48 * 32 + 48 * 9 + 48 * 48
+    assert products_of({"decoder": 0, "quads": 4}) == (32 * 32 + 64 * (32 + 64) + 4 * 16 * 64) / 4
+    assert products_of({"alpha": 0.1}) == 0
 
 
 @pytest.mark.parametrize("text", ["taau:gpu", "classifier:gpu"])

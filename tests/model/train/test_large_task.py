@@ -18,6 +18,7 @@ from supersampler_model.training.large_task import LargeTask
 from supersampler_model.training.tasks import TASKS
 from supersampler_model.training.trainer import Plan, Trainer
 from supersampler_model.training.validate import validate, validation_entries
+from torch_inputs import plain_inputs
 
 SIZE = 24
 TINY = ClassifierConfig(network=NetworkConfig(levels=(8, 16, 32, 64), decoder=8, hidden=8))
@@ -74,9 +75,14 @@ def test_a_crop_of_a_whole_frame_gives_the_image_that_the_method_gives() -> None
         sample = Sample(color, depth, motion, exposure, view, index == 0, truth, classes, classes)
         states = [task.first_state(sample)] if states is None else states
         with torch.no_grad():
-            image, history, _ = method.step(
-                color, depth, motion, jitter, exposure, torch.tensor(display), *history
-            )
+            given = plain_inputs(render) | {
+                "color": color,
+                "depth": depth,
+                "motion": motion,
+                "jitter": jitter,
+            }
+            given |= {"exposure": exposure, "display_size": torch.tensor(display)}
+            image, history, _ = method.step(*(given[name] for name in method.inputs()), *history)
             stepped = task.step([sample], states)
         states = stepped.states
         torch.testing.assert_close(stepped.images, image, rtol=1e-3, atol=1e-4)

@@ -61,6 +61,8 @@ def preprocess(surface: str) -> PassSpec:
     return PassSpec("preprocess", RENDER, (SIDE, SIDE), variants={"surface": f"surface_{surface}"})
 
 
-def showing(shader: str, constants: Constants | None = None) -> PassSpec:
-    """Return a pass that writes the image, at display size."""
-    return PassSpec(shader, DISPLAY, constants={**REST_CONSTANTS, **(constants or {})})
+def showing(
+    shader: str, constants: Constants | None = None, tile: tuple[int, int] = (16, 16)
+) -> PassSpec:
+    """Return a pass that writes the image, at display size; `tile`: of `PassSpec`."""
+    return PassSpec(shader, DISPLAY, tile, constants={**REST_CONSTANTS, **(constants or {})})

@@ -17,8 +17,8 @@ from supersampler.frame import Size
 ARRAYS = {"frame": "frame_arrays", "image": "image_array"}
 TEXTURES = {"frame": "frame_textures", "image": "image_texture"}
 """Files that shaders import for frames and images in buffers, and in textures of the caller."""
-PARTS = 64
-"""Workgroups of the pass `measure`."""
+PARTS = 256
+"""Workgroups of the pass `measure`, and sums that `follow_exposure` adds up."""
 AUX = ("weight", "converged")
 
 
@@ -43,8 +43,8 @@ class PassSpec(NamedTuple):
 
 
 EXPOSURE_PASSES = (
-    PassSpec("measure", Extent("one", multiply=(PARTS, 1)), (1, 1)),
-    PassSpec("follow_exposure", ONE, (1, 1)),
+    PassSpec("measure", Extent("one", multiply=(PARTS, 1)), (1, 1), {"parts": PARTS}),
+    PassSpec("follow_exposure", ONE, (1, 1), {"parts": PARTS}),
 )
 """The first passes of every method."""
 EXPOSURE_MEMORY: Mapping[str, PixelMemory] = {"measured": PixelBuffer(8 * PARTS)}

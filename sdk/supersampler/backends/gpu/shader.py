@@ -8,6 +8,7 @@ from importlib.resources import files
 from typing import Any
 
 from supersampler.backends.gpu.declarations import Part, needed, parsed
+from supersampler.backends.gpu.unrolling import unrolled
 
 SHARED = "supersampler.backends.gpu"
 _IMPORT = re.compile(r"^// import (\w+)\n", re.MULTILINE)
@@ -77,6 +78,8 @@ def load_shader(
 ) -> Shader:
     """Return a shader after what it needs of the files that it imports (`// import NAME`), each once.
 
+    Loops that are marked with `/* unroll */` are written out (`unrolled`).
+
     Args:
         name: of its file, without the suffix.
         folders: packages with a folder `shaders`; those of `backends.gpu` are found always.
@@ -85,7 +88,7 @@ def load_shader(
     """
     parts: dict[str, Part] = {"": parsed(_constants_text(constants))}
     _collect(name, (*folders, SHARED), variants or {}, parts)
-    code = needed(parts.values())
+    code = unrolled(needed(parts.values()))
     return Shader(name, code, tuple(_bindings(code)))
 
 

@@ -9,7 +9,7 @@ fn visibility(surface: texture_2d<f32>, depth: f32, at: vec2f, margin: f32, ramp
     let first = floor(at);
     let t = at - first;
     var occluded = 0.0;
-    for (var k = 0; k < 4; k++) {
+    /* unroll */ for (var k = 0; k < 4; k++) {
         let corner = vec2f(f32(k & 1), f32(k >> 1));
         let before = textureLoad(surface, clamped(vec2i(first + corner), previous_size()), 0).y;
         let weights = mix(1.0 - t, t, corner);

@@ -1,8 +1,6 @@
-// The exposure of this frame, from the sums of `measure`.
+// The exposure of this frame, from the PARTS sums of `measure`.
 // import params
 // import state
-
-const PARTS = 64u;
 
 @group(0) @binding(1) var<storage, read> measured: array<vec2f>;
 @group(0) @binding(2) var<storage, read> history_state: State;

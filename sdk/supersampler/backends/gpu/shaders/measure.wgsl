@@ -1,4 +1,4 @@
-// Sums of logarithms of luminance for the exposure, one pair for each workgroup.
+// Sums of logarithms of luminance for the exposure, one pair for each of PARTS workgroups.
 // import params
 // import sanitize
 // import colors
@@ -6,7 +6,6 @@
 // import frame
 
 const THREADS = 256u;
-const PARTS = 64u;   // workgroups of this pass, and sums that `exposure` adds up
 
 @group(0) @binding(1) var<storage, read_write> measured: array<vec2f>;
 

@@ -53,14 +53,16 @@ fn resample(history: texture_2d<f32>, at: vec2f, sharpness: f32) -> Resampled {
     var cubic = vec4f(0.0);
     var linear = vec4f(0.0);
     var total = 0.0;
-    for (var j = 0; j < 4; j++) {
-        for (var i = 0; i < 4; i++) {
-            if ((i == 0 || i == 3) && (j == 0 || j == 3)) { continue; }
-            let value = textureLoad(history, clamped(first + vec2i(i, j), display_size()), 0);
-            let weight = across[i] * down[j];
-            cubic += weight * value;
-            total += weight;
-            linear += mix_x[i] * mix_y[j] * value;
+    /* unroll */ for (var j = 0; j < 4; j++) {
+        /* unroll */ for (var i = 0; i < 4; i++) {
+            let is_corner = (i == 0 || i == 3) && (j == 0 || j == 3);
+            if (!is_corner) {
+                let value = textureLoad(history, clamped(first + vec2i(i, j), display_size()), 0);
+                let weight = across[i] * down[j];
+                cubic += weight * value;
+                total += weight;
+                linear += mix_x[i] * mix_y[j] * value;
+            }
         }
     }
     return Resampled(cubic / total, linear);

@@ -40,8 +40,8 @@ fn sample_at(p: vec2i) -> Sample {
 // Erosion of the depth at a sample inside the image.
 fn erode(p: vec2i, origin: vec2i) -> f32 {
     var farthest = 1e30;
-    for (var j = -1; j <= 1; j++) {
-        for (var i = -1; i <= 1; i++) { farthest = min(farthest, depth_near(p + vec2i(i, j), origin)); }
+    /* unroll */ for (var j = -1; j <= 1; j++) {
+        /* unroll */ for (var i = -1; i <= 1; i++) { farthest = min(farthest, depth_near(p + vec2i(i, j), origin)); }
     }
     return farthest;
 }
@@ -70,14 +70,14 @@ fn load_tile(origin: vec2i, thread: i32) {
 // Motion, depth and relative range of depth: of the closest of each sample and its right and lower neighbours.
 fn dilate(p: vec2i, origin: vec2i) -> vec4f {
     var best = p;
-    for (var k = 1; k < 4; k++) {
+    /* unroll */ for (var k = 1; k < 4; k++) {
         let q = clamped(p + vec2i(k & 1, k >> 1), render_size());
         if (depth_near(q, origin) > depth_near(best, origin)) { best = q; }
     }
     var closest = depth_near(p, origin);
     var farthest = closest;
-    for (var j = -1; j <= 1; j++) {
-        for (var i = -1; i <= 1; i++) {
+    /* unroll */ for (var j = -1; j <= 1; j++) {
+        /* unroll */ for (var i = -1; i <= 1; i++) {
             let depth = depth_near(p + vec2i(i, j), origin);
             closest = max(closest, depth);
             farthest = min(farthest, depth);
@@ -90,8 +90,8 @@ fn dilate(p: vec2i, origin: vec2i) -> vec4f {
 // Without thin things, but with those that leave: see `occluding_depth` of the torch methods.
 fn occluding(p: vec2i, origin: vec2i) -> f32 {
     var opened = -1e30;
-    for (var j = -1; j <= 1; j++) {
-        for (var i = -1; i <= 1; i++) { opened = max(opened, eroded[wide_index(p + vec2i(i, j), origin)]); }
+    /* unroll */ for (var j = -1; j <= 1; j++) {
+        /* unroll */ for (var i = -1; i <= 1; i++) { opened = max(opened, eroded[wide_index(p + vec2i(i, j), origin)]); }
     }
     let depth = depth_near(p, origin);
     if (depth <= opened) { return opened; }
@@ -110,8 +110,8 @@ fn outward(k: i32) -> i32 {
 // The farthest of 3x3 samples: of equals, the one nearest to the centre.
 fn farthest_near(p: vec2i, origin: vec2i) -> vec2i {
     var found = clamped(p, render_size());
-    for (var j = 0; j < 3; j++) {
-        for (var i = 0; i < 3; i++) {
+    /* unroll */ for (var j = 0; j < 3; j++) {
+        /* unroll */ for (var i = 0; i < 3; i++) {
             let q = clamped(p + vec2i(outward(i), outward(j)), render_size());
             if (depth_near(q, origin) < depth_near(found, origin)) { found = q; }
         }
@@ -132,8 +132,8 @@ fn closest_around(place: vec2f) -> f32 {
 fn shade(p: vec2i, origin: vec2i) -> vec3f {
     var sums = vec3f(0.0);
     var glares = 0.0;
-    for (var j = -1; j <= 1; j++) {
-        for (var i = -1; i <= 1; i++) {
+    /* unroll */ for (var j = -1; j <= 1; j++) {
+        /* unroll */ for (var i = -1; i <= 1; i++) {
             let n = near[wide_index(p + vec2i(i, j), origin)];
             sums += vec3f(n.x, n.x * n.x, n.y);
             glares = max(glares, n.z);

@@ -212,11 +212,6 @@ def make_compose_row(variant: Variant):
             if own_motion:
                 third = other * factor(blend_parameters(blend, blend_pitch, number, parameters, pixels))
                 history_weight = history_weight + third
-            if samples.has_reactive > 0:
-                reactive, now = reactive_at(samples, tables, x, y), maximum(current[3], 1e-12)
-                kept = (1.0 - reactive) * (now / (now + reactive * history_weight))
-                first, second, third = first * kept, second * kept, third * kept
-                history_weight = history_weight * kept
             strength = clamped(
                 blend_parameters(blend, blend_pitch, m + sharpness, parameters, pixels), 0.0, SHARPEST
             )
@@ -227,6 +222,12 @@ def make_compose_row(variant: Variant):
                 sharpened(warped[1], strength, detail[1]),
                 sharpened(warped[2], strength, detail[2]),
             )
+            kept = zero + 1.0
+            if samples.has_reactive > 0:
+                reactive, now = reactive_at(samples, tables, x, y), maximum(current[3], 1e-12)
+                kept = (1.0 - reactive) * (now / (now + reactive * history_weight))
+            first, second, third = first * kept, second * kept, third * kept
+            history_weight = history_weight * kept
             history = added(none, first, color)
             if rectified:
                 clipped = clip_to_center(

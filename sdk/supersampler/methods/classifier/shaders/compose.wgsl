@@ -76,7 +76,7 @@ fn blend_history(p: vec2i, now: CurrentFrame, before: WarpedHistory, visibility:
 fn filter_samples(at: vec2f, blend: ptr<function, array<vec4f, QUADS>>) -> Sum {
     let center = nearest(at);
     var sum = Sum(vec3f(0.0), 0.0);
-    for (var k = 0; k < 9; k++) {
+    /* unroll */ for (var k = 0; k < 9; k++) {
         let q = center + vec2i(k % 3, k / 3) - 1;
         let distance = vec2f(q) - at;
         let initial = gaussian1(distance.x, KERNEL_SIGMA) * gaussian1(distance.y, KERNEL_SIGMA) + 1e-4;

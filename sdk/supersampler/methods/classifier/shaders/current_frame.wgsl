@@ -30,8 +30,8 @@ fn gather_current(samples: texture_2d<f32>, at: vec2f) -> CurrentFrame {
     var sharp = vec4f(0.0);
     var moment = vec4f(0.0);
     var square = vec3f(0.0);
-    for (var j = 0; j < 4; j++) {
-        for (var i = 0; i < 4; i++) {
+    /* unroll */ for (var j = 0; j < 4; j++) {
+        /* unroll */ for (var i = 0; i < 4; i++) {
             let tap = toned_sample(samples, vec2i(start) + vec2i(i, j));
             let color = ycocg(tap.rgb);
             near += near_x[i] * near_y[j] * tap;

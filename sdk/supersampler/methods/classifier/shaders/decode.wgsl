@@ -6,6 +6,7 @@
 
 const PACKED = 64u;        // packed pixels of a tile
 const FEATURES = 2u;       // chunks of the decoder's input and output
+const HIDDEN_CHUNKS = 6u;  // of the hidden layer's input: four display pixels, and FEATURES
 
 var<workgroup> decoded: array<vec4u, PACKED * FEATURES>;
 var<workgroup> hidden: array<vec4u, PACKED * 4u>;
@@ -26,34 +27,33 @@ fn decode(p: vec2i, cell: u32, group: u32) {
     var sums = array<vec4i, 4>();
     for (var c = 0u; c < FEATURES; c++) {
         let x = feature_chunk(p, c);
-        for (var q = 0u; q < 4u; q++) {
+        /* unroll */ for (var q = 0u; q < 4u; q++) {
             sums[q] += products16(x, DECODER + ((4u * group + q) * FEATURES + c) * 4u);
         }
     }
     let values = DECODER + 8u * FEATURES * 4u;
     var bytes = vec4u();
-    for (var q = 0u; q < 4u; q++) { bytes[q] = to_bytes(scaled(sums[q], values, 8u, 4u * group + q)); }
+    /* unroll */ for (var q = 0u; q < 4u; q++) { bytes[q] = to_bytes(scaled(sums[q], values, 8u, 4u * group + q)); }
     decoded[cell * FEATURES + group] = bytes;
 }
 
 // Sixteen outputs of the hidden layer.
 fn hide(p: vec2i, cell: u32, group: u32) {
-    let chunks = 4u + FEATURES;
     var sums = array<vec4i, 4>();
-    for (var c = 0u; c < chunks; c++) {
+    for (var c = 0u; c < HIDDEN_CHUNKS; c++) {
         var x = vec4u();
         if (c < 4u) {
             x = textureLoad(inputs, min(2 * p + vec2i(vec2u(c & 1u, c >> 1u)), display_size() - 1), 0);
         } else {
             x = decoded[cell * FEATURES + c - 4u];
         }
-        for (var q = 0u; q < 4u; q++) {
-            sums[q] += products16(x, HIDDEN + ((4u * group + q) * chunks + c) * 4u);
+        /* unroll */ for (var q = 0u; q < 4u; q++) {
+            sums[q] += products16(x, HIDDEN + ((4u * group + q) * HIDDEN_CHUNKS + c) * 4u);
         }
     }
-    let values = HIDDEN + 16u * chunks * 4u;
+    let values = HIDDEN + 16u * HIDDEN_CHUNKS * 4u;
     var bytes = vec4u();
-    for (var q = 0u; q < 4u; q++) { bytes[q] = to_bytes(scaled(sums[q], values, 16u, 4u * group + q)); }
+    /* unroll */ for (var q = 0u; q < 4u; q++) { bytes[q] = to_bytes(scaled(sums[q], values, 16u, 4u * group + q)); }
     hidden[cell * 4u + group] = bytes;
 }
 
@@ -61,7 +61,7 @@ fn hide(p: vec2i, cell: u32, group: u32) {
 fn blend_parameters(cell: u32, corner: u32) -> array<vec4f, QUADS> {
     var found = array<vec4f, QUADS>();
     let values = BLEND + 4u * QUADS * 16u;
-    for (var i = 0u; i < QUADS; i++) {
+    /* unroll */ for (var i = 0u; i < QUADS; i++) {
         let quad = corner * QUADS + i;
         var sums = vec4i(0);
         for (var c = 0u; c < 4u; c++) { sums += products16(hidden[cell * 4u + c], BLEND + (quad * 4u + c) * 4u); }
@@ -73,7 +73,7 @@ fn blend_parameters(cell: u32, corner: u32) -> array<vec4f, QUADS> {
 // Class probabilities of a packed pixel, 255 is one: twice a softmax of three. Without history, ghosting is visibility.
 fn class_bytes(cell: u32, known: bool) -> vec2u {
     var likely = array<f32, 6>();
-    for (var i = 0u; i < 6u; i++) {
+    /* unroll */ for (var i = 0u; i < 6u; i++) {
         let byte = LOGITS + i;
         let value = hidden[cell * 4u + byte / 16u][byte / 4u % 4u] >> (8u * (byte % 4u));
         likely[i] = exp(clamp((f32(value & 0xffu) - 128.0) * LOGITS_SCALE, -16.0, 16.0));

@@ -29,13 +29,13 @@ fn first_layer(p: vec2i, chunk: u32) -> vec4u {
     var sums = array<vec4i, 4>();
     for (var c = 0u; c < INPUTS; c++) {
         let x = input_chunk(p, c);
-        for (var q = 0u; q < 4u; q++) {
+        /* unroll */ for (var q = 0u; q < 4u; q++) {
             sums[q] += products16(x, FIRST + ((4u * chunk + q) * INPUTS + c) * 4u);
         }
     }
     let values = FIRST + 4u * CHANNELS * INPUTS * 4u;
     var bytes = vec4u();
-    for (var q = 0u; q < 4u; q++) {
+    /* unroll */ for (var q = 0u; q < 4u; q++) {
         bytes[q] = to_bytes(scaled(sums[q], values, 4u * CHANNELS, 4u * chunk + q));
     }
     return bytes;
@@ -43,13 +43,13 @@ fn first_layer(p: vec2i, chunk: u32) -> vec4u {
 
 fn spatial_layer(cell: vec2u, chunk: u32) -> vec4u {
     var sums = array<vec4i, 4>();
-    for (var k = 0u; k < 9u; k++) {
+    /* unroll */ for (var k = 0u; k < 9u; k++) {
         let weights = network[SPATIAL + k * CHANNELS + chunk];
         let x = features[((cell.y + k / 3u) * WIDE_X + cell.x + k % 3u) * CHANNELS + chunk];
-        for (var q = 0u; q < 4u; q++) { sums[q] += vec4i(unpack4xU8(x[q])) * unpack4xI8(weights[q]); }
+        /* unroll */ for (var q = 0u; q < 4u; q++) { sums[q] += vec4i(unpack4xU8(x[q])) * unpack4xI8(weights[q]); }
     }
     var bytes = vec4u();
-    for (var q = 0u; q < 4u; q++) {
+    /* unroll */ for (var q = 0u; q < 4u; q++) {
         bytes[q] = to_bytes(scaled(sums[q], SPATIAL + 9u * CHANNELS, 4u * CHANNELS, 4u * chunk + q));
     }
     return bytes;
@@ -59,13 +59,13 @@ fn last_layer(cell: u32, chunk: u32) -> vec4u {
     var sums = array<vec4i, 4>();
     for (var c = 0u; c < CHANNELS; c++) {
         let x = spatial[cell * CHANNELS + c];
-        for (var q = 0u; q < 4u; q++) {
+        /* unroll */ for (var q = 0u; q < 4u; q++) {
             sums[q] += products16(x, LAST + ((4u * chunk + q) * CHANNELS + c) * 4u);
         }
     }
     let values = LAST + 4u * OUTPUTS * CHANNELS * 4u;
     var bytes = vec4u();
-    for (var q = 0u; q < 4u; q++) {
+    /* unroll */ for (var q = 0u; q < 4u; q++) {
         bytes[q] = to_bytes(scaled(sums[q], values, 4u * OUTPUTS, 4u * chunk + q));
     }
     return bytes;

@@ -36,8 +36,8 @@ fn luma_index(p: vec2i, origin: vec2i) -> i32 {
 // Range of the luma of the warped history in 3x3 pixels.
 fn history_contrast(p: vec2i, origin: vec2i) -> vec2f {
     var range = vec2f(1.0, 0.0);
-    for (var j = -1; j <= 1; j++) {
-        for (var i = -1; i <= 1; i++) {
+    /* unroll */ for (var j = -1; j <= 1; j++) {
+        /* unroll */ for (var i = -1; i <= 1; i++) {
             let luma = history_luma[luma_index(p + vec2i(i, j), origin)];
             range = vec2f(min(range.x, luma), max(range.y, luma));
         }
@@ -46,12 +46,11 @@ fn history_contrast(p: vec2i, origin: vec2i) -> vec2f {
 }
 
 // Write the inputs of a pixel; return the difference of the luma of history and frame.
-fn write_inputs(p: vec2i, origin: vec2i) -> f32 {
+//   there, before: of the pixel in the previous frame
+fn write_inputs(p: vec2i, origin: vec2i, there: Reprojection, before: WarpedHistory) -> f32 {
     let at = render_position(p);
     let closest = textureLoad(dilated, upper_left(at), 0);
-    let there = reproject(p, closest.xy);
     let now = gather_current(samples, at);
-    let before = gather_history(history_pixels, there, exposure_of(next_state));
     let surface = gather_surface(history_surface, there, closest.z);
 
     let luma_now = luminance(now.sample);
@@ -80,7 +79,7 @@ fn write_inputs(p: vec2i, origin: vec2i) -> f32 {
 // Mean of the differences of 2x2 pixels and of their absolute values; an odd last row or column repeats.
 fn write_difference(p: vec2i, origin: vec2i) {
     var sums = vec2f(0.0);
-    for (var k = 0; k < 4; k++) {
+    /* unroll */ for (var k = 0; k < 4; k++) {
         let q = min(p + vec2i(k & 1, k >> 1), display_size() - 1) - origin;
         let difference = apart[q.y * SIDE + q.x];
         sums += 0.25 * vec2f(difference, abs(difference));
@@ -88,19 +87,34 @@ fn write_difference(p: vec2i, origin: vec2i) {
     differences[index_of(p / 2, (display_size() + 1) / 2)] = pack2x16float(sums);
 }
 
+// Cells of the border around a tile, in the wide tile: its first and last row, then its columns between them.
+fn border_cell(i: i32) -> vec2i {
+    if (i < 2 * WIDE) { return vec2i(i % WIDE, i / WIDE * (WIDE - 1)); }
+    let j = i - 2 * WIDE;
+    return vec2i(j / SIDE * (WIDE - 1), j % SIDE + 1);
+}
+
+// The luma of the history around a tile; that inside of it is known of its pixels.
+fn load_border(origin: vec2i, thread: i32) {
+    if (thread >= 2 * WIDE + 2 * SIDE) { return; }
+    let cell = border_cell(thread);
+    let there = previous_position(clamped(origin - 1 + cell, display_size()));
+    let color = warped_color(history_pixels, there, exposure_of(next_state));
+    history_luma[cell.y * WIDE + cell.x] = luminance(roots(color));
+}
+
 @compute @workgroup_size(SIDE, SIDE)
 fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local: vec3u,
         @builtin(local_invocation_index) index: u32) {
     if (next_state.rests * params.skips > 0.0) { return; }
     let origin = SIDE * vec2i(group.xy);
-    for (var i = i32(index); i < WIDE * WIDE; i += SIDE * SIDE) {
-        let q = clamped(origin - 1 + vec2i(i % WIDE, i / WIDE), display_size());
-        let color = warped_color(history_pixels, previous_position(q), exposure_of(next_state));
-        history_luma[i] = luminance(roots(color));
-    }
-    workgroupBarrier();
     let p = origin + vec2i(local.xy);
-    if (inside(p, display_size())) { apart[index] = write_inputs(p, origin); }
+    let there = previous_position(clamped(p, display_size()));
+    let before = gather_history(history_pixels, there, exposure_of(next_state));
+    history_luma[(local.y + 1u) * u32(WIDE) + local.x + 1u] = luminance(roots(before.color));
+    load_border(origin, i32(index));
+    workgroupBarrier();
+    if (inside(p, display_size())) { apart[index] = write_inputs(p, origin, there, before); }
     workgroupBarrier();
     if (inside(p, display_size()) && all((p & vec2i(1)) == vec2i(0))) { write_difference(p, origin); }
 }

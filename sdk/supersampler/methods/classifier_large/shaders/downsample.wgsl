@@ -25,11 +25,11 @@ fn lanczos(distance: f32) -> f32 {
 fn weights_of(first: f32, at: f32, scale: f32) -> array<f32, TAPS> {
     var weights = array<f32, TAPS>();
     var sum = 0.0;
-    for (var i = 0; i < TAPS; i++) {
+    /* unroll */ for (var i = 0; i < TAPS; i++) {
         weights[i] = lanczos((first + f32(i) - at) * scale);
         sum += weights[i];
     }
-    for (var i = 0; i < TAPS; i++) { weights[i] /= sum; }
+    /* unroll */ for (var i = 0; i < TAPS; i++) { weights[i] /= sum; }
     return weights;
 }
 
@@ -40,9 +40,9 @@ fn filtered(p: vec2i, exposure: f32) -> vec3f {
     var across = weights_of(first.x, at.x, SHARPNESS / ratio.x);
     var down = weights_of(first.y, at.y, SHARPNESS / ratio.y);
     var sum = vec3f(0.0);
-    for (var j = 0; j < TAPS; j++) {
+    /* unroll */ for (var j = 0; j < TAPS; j++) {
         var row = vec3f(0.0);
-        for (var i = 0; i < TAPS; i++) {
+        /* unroll */ for (var i = 0; i < TAPS; i++) {
             let q = clamped(vec2i(first) + vec2i(i, j), large_size());
             row += across[i] * tone(textureLoad(large_image, q, 0).rgb * exposure);
         }

@@ -9,6 +9,7 @@
 // import store
 
 const CATMULL_ROM = 0.5;
+const SLACK = 1e-5;   // more than rounding: a box of one colour is a point, where enter and leave are equal but for it
 
 @group(0) @binding(1) var<storage, read> history_state: State;
 @group(0) @binding(2) var<storage, read> next_state: State;
@@ -30,7 +31,7 @@ fn clip_to_sample(color: vec3f, sample: vec3f, box: Box) -> vec3f {
     let enter = largest(min(near, far));
     let latest = max(near, far);
     let leave = min(min(latest.x, latest.y), latest.z);
-    if (enter <= leave && enter <= 1.0 && leave >= 0.0) { return color + clamp(enter, 0.0, 1.0) * step; }
+    if (enter <= leave + SLACK && enter <= 1.0 + SLACK && leave >= -SLACK) { return color + clamp(enter, 0.0, 1.0) * step; }
     return clip_to_center(color, box);
 }
 

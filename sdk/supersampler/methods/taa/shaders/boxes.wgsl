@@ -39,8 +39,8 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local
     var extent = Box(colors[center].xyz, colors[center].xyz);
     var usable = 1.0;
     var motion = motions[center];
-    for (var j = -1; j <= 1; j++) {
-        for (var i = -1; i <= 1; i++) {
+    /* unroll */ for (var j = -1; j <= 1; j++) {
+        /* unroll */ for (var i = -1; i <= 1; i++) {
             let color = colors[center + j * WIDE + i];
             first += color.xyz;
             second += color.xyz * color.xyz;

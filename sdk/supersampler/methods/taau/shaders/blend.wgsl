@@ -88,8 +88,8 @@ fn gather_current(p: vec2i) -> Current {
     var slope = vec2f(0.0);
     let sample = nearest(at);
     var steps = vec3f(0.0);    // sums over 3x3 samples: to the right less to the left, below less above; usable
-    for (var j = 0; j < 4; j++) {
-        for (var i = 0; i < 4; i++) {
+    /* unroll */ for (var j = 0; j < 4; j++) {
+        /* unroll */ for (var i = 0; i < 4; i++) {
             let tap = toned_sample(samples, vec2i(first) + vec2i(i, j));
             let color = ycocg(tap.rgb);
             let value = vec4f(color, tap.a);
@@ -208,7 +208,7 @@ fn store_history(p: vec2i, pixel: vec4f, power: f32) {
     next_power[index_of(p, display_size())] = power;
 }
 
-@compute @workgroup_size(16, 16)
+@compute @workgroup_size(32, 4)
 fn main(@builtin(global_invocation_id) id: vec3u) {
     let p = vec2i(id.xy);
     if (!inside(p, display_size())) { return; }

@@ -1,0 +1,154 @@
+"""`bench device --executor gpu`: what is timed, compared and recorded, and its tables."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from gpu_steps import device_or_skip
+from supersampler.cli import app
+from supersampler.methods.model_file import find_model, sha256
+from supersampler_bench.record import setting
+from supersampler_bench.report.doc_tables import blocks_of
+from supersampler_bench.timing import device_limits
+from supersampler_bench.timing.device_gpu import BURST, GpuPass, GpuStep, measure_gpu
+from supersampler_bench.timing.device_images import GpuImages
+from supersampler_bench.timing.device_limits import DeviceLimits, measure_limits
+from supersampler_bench.timing.device_record import (
+    GpuSubject,
+    gpu_record,
+    image_table,
+    pass_table,
+    step_table,
+    steps_of,
+)
+from supersampler_bench.timing.device_stopwatch import Stopwatch, device_with_timestamps
+
+DISPLAY = (128, 72)
+LIMITS = DeviceLimits(buffers=1e12, textures=2e12, multiplied=1e13)
+PASSES = (
+    GpuPass("gather", 0.2, 0.3, 400_000_000, 0),
+    GpuPass("compose", 0.9, 1.0, 200_000_000, 4_000_000_000),
+)
+STEP = GpuStep(
+    "classifier", (960, 540), (1920, 1080), "int8", 300, 1.2, 1.3, 1.4, 20.0, 25.0, 3.0,
+    (GpuPass("measure", 0.01, 0.01, 0, 0), *PASSES),
+)  # fmt: skip
+IMAGES = GpuImages("classifier", "arrays", (161, 91), (321, 181), 8, 4e-4, 8e-3, 0.03)
+ADAPTER = {"device": "Some GPU", "backend_type": "Vulkan", "description": "1.2.3"}
+SUBJECT = GpuSubject(ADAPTER, {"wgpu": "0.32.0"}, "0123456789ab", {"classifier": {"model.json": "00"}})
+
+
+@pytest.fixture(scope="module")
+def device() -> Any:
+    device_or_skip()
+    return device_with_timestamps()
+
+
+def record() -> dict[str, Any]:
+    measured = gpu_record(SUBJECT, LIMITS, [STEP, replace(STEP, display=(1440, 810))], [IMAGES])
+    return dict(json.loads(json.dumps({**measured, **setting()})))
+
+
+def test_steps_are_timed_by_the_devices_clock_and_methods_without_shaders_are_named(device: Any) -> None:
+    notes: list[str] = []
+    timed = list(
+        measure_gpu(device, ["taa", "bilinear"], [DISPLAY], [2.0, 4.0], steps=3, on_left_out=notes.append)
+    )
+    assert [(one.method, one.render, one.display) for one in timed] == [
+        ("taa", (64, 36), DISPLAY),
+        ("taa", (32, 18), DISPLAY),
+    ]
+    for one in timed:
+        assert one.steps == BURST
+        assert 0.0 < one.median <= one.p95 <= one.p99
+        assert 0.0 < one.wall <= one.wall_p95
+        assert [part.name for part in one.passes] == ["measure", "follow_exposure", "boxes", "blend"]
+        assert all(0.0 <= part.median <= part.p95 for part in one.passes)
+    assert len(notes) == 2
+    assert "bilinear" in notes[0]
+
+
+def test_a_stopwatch_counts_from_the_start_in_each_command_buffer(device: Any) -> None:
+    watch = Stopwatch(device, 2)
+    for pairs in (2, 1, 2):
+        encoder = device.create_command_encoder()
+        for _ in range(pairs):
+            watch.around(encoder, lambda: None)
+        times = watch.submit(encoder)
+        assert times.shape == (pairs,)
+        assert (times >= 0.0).all()
+
+
+def test_copies_and_products_of_a_device_are_measured(device: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(device_limits, "RUNS", 2)
+    limits = measure_limits(device, size=(4096, 16))
+    assert min(limits.buffers, limits.textures, limits.multiplied) > 0.0
+
+
+def test_the_least_time_is_of_the_faster_copy_or_of_the_products() -> None:
+    assert LIMITS.least_ms(2_000_000_000, 0) == pytest.approx(1.0)
+    assert LIMITS.least_ms(2_000_000_000, 20_000_000_000) == pytest.approx(2.0)
+
+
+def test_a_record_gives_its_steps_back() -> None:
+    assert steps_of(json.loads(json.dumps(record())))[0].passes == STEP.passes
+    assert (STEP.moved, STEP.multiply_adds) == (600_000_000, 4_000_000_000)
+
+
+def test_tables_set_each_time_beside_the_least_one() -> None:
+    text = step_table(record())
+    assert "| 960x540 to 1920x1080 | classifier | 1.20 | 1.30 | 0.60 | 4.0 | 0.40 | 3.0x | 20 | 3.0 |" in text
+    assert "Some GPU, Vulkan, driver 1.2.3, wgpu 0.32.0. 300 steps" in text
+    passes = pass_table(record())
+    assert "| classifier | compose | 0.900 | 1.000 | 200 | 4.0 | 2.2x |" in passes
+    assert "measure" not in passes, "less than 5 % of the step"
+    assert passes.count("gather") == 1, "of the first size alone"
+    assert "classifier 1.11 of 1.20" in passes
+    assert "| classifier | arrays | 4.0e-04 | 8.0e-03 | 0.030 |" in image_table(record())
+
+
+def test_a_record_without_results_has_tables() -> None:
+    empty = {**gpu_record(SUBJECT, LIMITS, [], []), **setting()}
+    assert all(make(empty) for make in (step_table, pass_table, image_table))
+
+
+def test_the_three_tables_of_a_record_fill_blocks_of_its_name() -> None:
+    blocks = blocks_of("device-some", record())
+    assert list(blocks) == ["device some", "device some passes", "device some images"]
+    assert blocks["device some images"]() == image_table(record())
+
+
+def test_the_command_records_what_it_measured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    device_or_skip()
+    monkeypatch.setattr(device_limits, "RUNS", 1)
+    path, page = tmp_path / "device.json", tmp_path / "page.md"
+    names = ("device", "device passes", "device images")
+    page.write_text("\n".join(f"<!-- bench:{name} -->\n<!-- /bench -->" for name in names), encoding="utf-8")
+    command = [
+        "bench",
+        "device",
+        "--executor",
+        "gpu",
+        "--methods",
+        "taa",
+        "--sizes",
+        "128x72",
+        "--steps",
+        "1",
+    ]
+    result = CliRunner().invoke(app, [*command, "--json", str(path), "--update", str(page)])
+    assert result.exit_code == 0, result.output
+    found = json.loads(path.read_text("utf-8"))
+    assert found["models"]["taa"]["model.json"] == sha256(find_model("taa") / "model.json")
+    assert found["adapter"]["device"] in step_table(found)
+    assert [(one["method"], one["memory"]) for one in found["images"]] == [
+        ("taa", "arrays"),
+        ("taa", "textures"),
+    ]
+    assert all(one["mean"] < 1e-3 for one in found["images"])
+    text = page.read_text("utf-8")
+    assert all(make(found) in text for make in (step_table, pass_table, image_table))
