@@ -14,7 +14,8 @@ class Plan:
         executor: "onnx" or "cpu"; see `Model.load`.
         precision: precision of the network: "fp32", "fp16" or "int8".
         history_bytes: bytes of two histories: a step reads one and writes the other.
-        working_bytes: bytes of the buffers of a step, which Upscalers of one Model share. None with the ONNX backend, where ONNX Runtime allocates them.
+        working_bytes: bytes of the buffers of a step, which Upscalers of one Model share. None with the ONNX
+            backend, where ONNX Runtime allocates them.
         multiply_adds: multiply-adds of the network per frame; 0 without a network.
     """
 
