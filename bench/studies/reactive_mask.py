@@ -1,4 +1,4 @@
-"""What a reactive mask gains on particles and on a screen, which have no motion vectors of their own.
+"""Gain by a reactive mask on particles and on a screen, which have no motion vectors of their own.
 
 The mask of the rendered shots is what FSR2's helper makes of the colour before and after transparency:
 SCALE times the largest difference of a toned channel, at most MOST. That of the screen is MOST on it.
@@ -47,7 +47,7 @@ class Shown(NamedTuple):
 
 @dataclass(frozen=True)
 class Screen(Scene):
-    """A wall that stands still, with a screen on it whose picture moves without motion vectors."""
+    """A static wall, with a screen on it that shows moving images without motion vectors."""
 
     def surface(self, index: int, x: Values, y: Values) -> Surface:
         """See `Scene`."""
@@ -93,7 +93,7 @@ def frames_of_shot(family: str) -> Iterator[Shown]:
 
 
 def difference_mask(color: NDArray[Any], opaque: NDArray[Any], exposure: float) -> Float32:
-    """Return the mask of what was drawn over an opaque image, (h, w)."""
+    """Return the mask (h, w) of the pixels that transparent objects cover."""
     after, before = (display_transform(each.astype(np.float32), exposure) for each in (color, opaque))
     mask: Float32 = np.minimum(SCALE * np.abs(after - before).max(axis=2), np.float32(MOST))
     return mask.astype(np.float32)

@@ -1,4 +1,4 @@
-"""What torch promises of the inputs `reactive`, `pre_exposure` and `adds_samples`, in every method."""
+"""The inputs `reactive`, `pre_exposure` and `adds_samples` keep their promises in every torch method."""
 
 from collections.abc import Mapping, Sequence
 

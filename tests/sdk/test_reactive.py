@@ -19,10 +19,10 @@ from supersampler.io.display import display_transform
 
 TEMPORAL = [(method, kind) for method, kind in BACKENDS if method not in ("bilinear", "bicubic")]
 WEIGHED = [(method, kind) for method, kind in TEMPORAL if not method.startswith("gbuffer-small")]
-"""Those with the map `weight`."""
+"""Methods with the map `weight`."""
 CONVERGING = [(method, kind) for method, kind in WEIGHED if method not in ("taa", "extrapolate")]
 PLACED = [(method, kind) for method, kind in TEMPORAL if method != "classifier-large"]
-"""Those whose image is not filtered from a larger one."""
+"""Methods whose image is not downsampled from a larger one."""
 W, H = RENDER
 PHASES = 16  # of the jitter of what stands still
 

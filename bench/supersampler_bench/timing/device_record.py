@@ -26,7 +26,7 @@ SLOW = 0.05
 
 @dataclass(frozen=True)
 class GpuSubject:
-    """What was measured.
+    """Results of one run of `bench device`.
 
     Attributes:
         adapter: as wgpu describes it, with the driver.

@@ -102,7 +102,7 @@ def part_of(shader: Shader, binding: Binding, threads: int) -> int | None:
 
 
 class PassCost(NamedTuple):
-    """What a pass of a step declares.
+    """Cost of one pass of a step, as it declares its resources.
 
     Attributes:
         name: of its shader; with its level, where a method has it several times.
