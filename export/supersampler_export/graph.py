@@ -17,8 +17,8 @@ from supersampler.conventions.ratios import only_ratio, scaled
 from supersampler.errors import SupersamplerError
 from supersampler.methods.model_info import extents
 from supersampler.methods.spec import (
-    BLOCKS,
     BETWEEN,
+    BLOCKS,
     CHANNELS,
     DISPLAY,
     EARLIER,
@@ -100,7 +100,7 @@ def traced_sizes(method: Method) -> tuple[Size, Size]:
 
 def _dims(method: Method) -> dict[str, Any]:
     """Dim of each name in shapes; at one whole ratio, display sizes are multiples of render sizes."""
-    free = (*RENDER, *DISPLAY, *HALF, *LARGE, *LARGE_HALF, *PREVIOUS, *BLOCKS, PHASES)
+    free: tuple[str, ...] = (*RENDER, *DISPLAY, *HALF, *LARGE, *LARGE_HALF, *PREVIOUS, *BLOCKS, PHASES)
     free += (*SHADED, *EARLIER, *BETWEEN, CHANNELS)
     dims: dict[str, Any] = {n: torch.export.Dim(n, min=1, max=1 << 15) for n in free}
     ratio = only_ratio(method.ratios)

@@ -84,16 +84,16 @@ def test_a_refused_frame_leaves_the_history_as_it_was(method: str) -> None:
 @pytest.mark.parametrize("method", METHODS)
 def test_a_history_of_huge_values_gives_finite_images(method: str) -> None:
     gpu = model(method).gpu
-    sets = [gpu.zeros(DISPLAY, RENDER) for _ in range(2)]
-    tensors = {name: gpu.tensor(sets[0], name) for name in gpu.program.layout.spec.history}
+    history, next_history = (gpu.zeros(DISPLAY, RENDER) for _ in range(2))
+    tensors = {name: gpu.tensor(history, name) for name in gpu.program.layout.spec.history}
     huge = {
         name: tensor if "jitter" in name else np.where(np.indices(tensor.shape).sum(axis=0) % 2, 3e38, -3e38)
         for name, tensor in tensors.items()
     }
-    gpu.load(sets[0], {name: tensor.astype(np.float32) for name, tensor in huge.items()})
+    gpu.load(history, {name: tensor.astype(np.float32) for name, tensor in huge.items()})
     image = np.empty((*DISPLAY[::-1], 3), np.float32)
     for index in range(1, 4):
-        gpu.step(moving(index), DISPLAY, *sets, image, (), adds_samples=1.0, skip=True)
-        sets.reverse()
+        gpu.step(moving(index), DISPLAY, history, next_history, image, (), adds_samples=1.0, skip=True)
+        history, next_history = next_history, history
         assert np.isfinite(image).all()
         assert image.min() >= 0.0

@@ -23,17 +23,17 @@ def spots(count: int) -> Tensor:
 
 def test_sparse_light_over_all_of_the_history_is_unexplained_where_it_is() -> None:
     luma, around = spots(4), torch.full((1, 1, 8, 16), DARK)
-    assert torch.equal(unexplained_light(luma, around, HISTORY, SIZE), luma > DARK)
+    assert torch.equal(unexplained_light(luma, around, HISTORY, SIZE, None), luma > DARK)
 
 
 def test_a_few_bright_pixels_are_a_glint() -> None:
-    assert not unexplained_light(spots(2), torch.full((1, 1, 8, 16), DARK), HISTORY, SIZE).any()
+    assert not unexplained_light(spots(2), torch.full((1, 1, 8, 16), DARK), HISTORY, SIZE, None).any()
 
 
 def test_an_area_that_comes_to_light_is_explained() -> None:
     luma = torch.full((1, 1, 8, 16), DARK)
     luma[..., 8:] = LIT
-    assert not unexplained_light(luma, luma, HISTORY, SIZE).any()
+    assert not unexplained_light(luma, luma, HISTORY, SIZE, None).any()
 
 
 def test_light_that_the_history_has_seen_or_that_it_cannot_know_is_explained() -> None:
@@ -44,4 +44,11 @@ def test_light_that_the_history_has_seen_or_that_it_cannot_know_is_explained() -
         HISTORY._replace(samples=torch.zeros(1, 1, 8, 16)),
         HISTORY._replace(surface=torch.zeros(1, 1, 8, 16)),
     ):
-        assert not unexplained_light(luma, around, history, SIZE).any()
+        assert not unexplained_light(luma, around, history, SIZE, None).any()
+
+
+def test_light_where_the_history_is_kept_does_not_count() -> None:
+    luma, around, resting = spots(4), torch.full((1, 1, 8, 16), DARK), torch.zeros(1, 1, 8, 16)
+    resting.view(-1)[5:20] = 1.0
+    assert not unexplained_light(luma, around, HISTORY, SIZE, resting).any()
+    assert unexplained_light(luma, around, HISTORY, SIZE, torch.zeros_like(resting)).any()

@@ -88,7 +88,7 @@ def _halves(image: Any) -> Float32:
 
 
 def _stepper(model: Model) -> Callable[[Frame], Float32]:
-    return Upscaler(model, display_size=DISPLAY, skip="exact", validate="off").step
+    return Upscaler(model, display_size=DISPLAY, skip=False, validate="off").step
 
 
 def _texture_stepper(model: Model) -> Callable[[Frame], Float32]:

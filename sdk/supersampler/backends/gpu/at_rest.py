@@ -7,19 +7,44 @@ from supersampler.backends.gpu.extents import PixelTexture as Texture
 from supersampler.backends.gpu.history import Plane, of_plane
 from supersampler.backends.gpu.program import PassSpec
 from supersampler.backends.gpu.shader import Constants
-from supersampler.methods import at_rest
+from supersampler.methods.at_rest import (
+    BLOCK,
+    COMMON,
+    DARK,
+    FLICKER,
+    INNER,
+    LEAST_WEIGHT,
+    MAX_STATIC_MOTION,
+    NOISE_FLICKER,
+    NOISE_RATE,
+    NOISE_SIGMAS,
+    NOISE_WEIGHT,
+    NOISY,
+    OUTER,
+    PHASES_PER_SAMPLE,
+    SHOWN,
+    SHOWN_FROM,
+    SPARE_PHASES,
+    SPARKLING,
+    TILE,
+    TOLERANCE,
+    UNIFORM,
+    UNRESOLVED,
+    WINDOWS,
+)
 
 SIDE = 16
 """Samples of a workgroup of `preprocess` in either direction."""
-CONSTANTS = (
-    "BLOCK", "TILE", "MAX_STATIC_MOTION", "PHASES_PER_SAMPLE", "SPARE_PHASES", "TOLERANCE", "DARK", "INNER",
-    "OUTER", "SHOWN_FROM", "SHOWN", "LEAST_WEIGHT", "FLICKER", "UNIFORM", "COMMON", "UNRESOLVED", "SPARKLING",
-    "NOISY", "NOISE_RATE", "NOISE_FLICKER", "NOISE_SIGMAS", "NOISE_WEIGHT",
-)  # fmt: skip
 REST_CONSTANTS: Constants = {
-    **{name: getattr(at_rest, name) for name in CONSTANTS},
-    **dict(zip(("SMALL_WINDOW", "LARGE_WINDOW"), at_rest.WINDOWS, strict=True)),
-}
+    "BLOCK": BLOCK, "TILE": TILE, "MAX_STATIC_MOTION": MAX_STATIC_MOTION,
+    "PHASES_PER_SAMPLE": PHASES_PER_SAMPLE, "SPARE_PHASES": SPARE_PHASES, "TOLERANCE": TOLERANCE,
+    "DARK": DARK, "INNER": INNER, "OUTER": OUTER, "SHOWN_FROM": SHOWN_FROM, "SHOWN": SHOWN,
+    "LEAST_WEIGHT": LEAST_WEIGHT,
+    "FLICKER": FLICKER, "UNIFORM": UNIFORM, "COMMON": COMMON, "UNRESOLVED": UNRESOLVED,
+    "SPARKLING": SPARKLING, "NOISY": NOISY, "NOISE_RATE": NOISE_RATE, "NOISE_FLICKER": NOISE_FLICKER,
+    "NOISE_SIGMAS": NOISE_SIGMAS, "NOISE_WEIGHT": NOISE_WEIGHT,
+    **dict(zip(("SMALL_WINDOW", "LARGE_WINDOW"), WINDOWS, strict=True)),
+}  # fmt: skip
 """Constants of methods/at_rest.py for the shaders."""
 BLOCK_PASSES = (
     PassSpec("follow_jitter", ONE, (1, 1), REST_CONSTANTS),
@@ -27,7 +52,7 @@ BLOCK_PASSES = (
     PassSpec("decide_blocks", BLOCKS, (8, 8), REST_CONSTANTS),
 )
 """Passes that decide what stands still. They read the frame, the exposure and the history alone."""
-TILES = Extent("display", at_rest.TILE)
+TILES = Extent("display", TILE)
 TILE_PASS = PassSpec("rest_tiles", TILES, (8, 8), REST_CONSTANTS)
 REST_PLANES = {
     "mean": Plane("static_mean"),
@@ -61,8 +86,6 @@ def preprocess(surface: str) -> PassSpec:
     return PassSpec("preprocess", RENDER, (SIDE, SIDE), variants={"surface": f"surface_{surface}"})
 
 
-def showing(
-    shader: str, constants: Constants | None = None, tile: tuple[int, int] = (16, 16)
-) -> PassSpec:
+def showing(shader: str, constants: Constants | None = None, tile: tuple[int, int] = (16, 16)) -> PassSpec:
     """Return a pass that writes the image, at display size; `tile`: of `PassSpec`."""
     return PassSpec(shader, DISPLAY, tile, constants={**REST_CONSTANTS, **(constants or {})})

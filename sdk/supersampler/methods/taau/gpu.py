@@ -46,7 +46,11 @@ def taau_program(info: ModelInfo) -> GpuProgram:
         "fit": FIT,
     }
     passes = (
-        *BLOCK_PASSES, TILE_PASS, preprocess("shade"), PassSpec("light", ONE, (1, 1)), showing("blend", tile=(32, 4)),
-    )  # fmt: skip
+        *BLOCK_PASSES,
+        TILE_PASS,
+        preprocess("shade"),
+        PassSpec("light", ONE, (1, 1)),
+        showing("blend", tile=(32, 4)),
+    )
     memory = {**REST_MEMORY, **TILE_MEMORY, **SAMPLE_MEMORY}
     return GpuProgram(LAYOUT, ("supersampler.methods.taau",), constants, passes, memory)
