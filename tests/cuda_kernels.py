@@ -19,6 +19,8 @@ CUDA_KERNELS = {
     ),
     **dict.fromkeys(("Reciprocal", "Relu", "Sigmoid", "Sqrt"), _FLOATS),
     "And": {"bool"},
+    "Equal": _ANY,
+    "Not": {"bool"},
     "Or": {"bool"},
     "Clip": {*_FLOATS, "int64"},
     "GridSample": {"float"},
