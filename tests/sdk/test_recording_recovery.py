@@ -126,9 +126,9 @@ def test_damage_is_an_error_after_the_frames_before(
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        ({"format": 99}, "is of format 99; this package reads 4"),
-        ({"format": 4, "contract": 99}, "is of contract 99; this package reads"),
-        ({"format": 4, "contract": CONTRACT}, "has no 'folder'"),
+        ({"format": 99}, "is of format 99; this package reads 5"),
+        ({"format": 5, "contract": 99}, "is of contract 99; this package reads"),
+        ({"format": 5, "contract": CONTRACT}, "has no 'folder'"),
         ([], "want an object"),
     ],
 )

@@ -55,6 +55,7 @@ class Subject:
         reach: display pixels around a bad one that may look different.
         begin: makes a session for a display size, on so many threads.
         exact: the same method in the graph, in single precision; None where this is it.
+        own: the same without the mean of what stands still; None where it has none.
         recovery: frames in which what was bad is forgotten.
         every: frames from one shaded frame to the next; 1: all are shaded.
         ratios: of display to render size, the least and the largest.
@@ -68,6 +69,7 @@ class Subject:
     reach: float
     begin: Callable[[Size, int], Session]
     exact: Callable[[Size, int], Session] | None = None
+    own: Callable[[Size, int], Session] | None = None
     recovery: int = RECOVERY
     every: int = 1
     ratios: tuple[float, float] = (1.0, 4.0)

@@ -109,8 +109,9 @@ def contraction_in_motion(trial: Trial) -> Measured:
 
 def _contraction(trial: Trial, frames: Sequence[Frame]) -> Measured:
     size = SMALL if trial.subject.precision == "fp32" else 4.0 * STEP
-    rounds = trial.frames // EVERY
-    found = contraction(trial.begin(), trial.begin(), frames, rounds, size, warm_up=6 * PERIOD * trial.every)
+    rounds, begin = trial.frames // EVERY, trial.subject.own or trial.subject.begin
+    base, other = (begin(trial.display, 1) for _ in range(2))
+    found = contraction(base, other, frames, rounds, size, warm_up=6 * PERIOD * trial.every)
     figures = (Figure("rate a frame", found.rate, 1.0), Figure("rate, worst 16 frames", max(found.last), 1.0))
     return Measured(figures, found.rates)
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from functools import cache, partial
 
 from supersampler import Frame, Model, Upscaler, upscale_sequence
+from supersampler.arguments import AtRest
 from supersampler.errors import ArgumentError
 from supersampler.frame import Float32, Size
 from supersampler.methods.model_info import ModelInfo
@@ -49,6 +50,7 @@ def _of(method: str, executors: Sequence[ExecutorName]) -> Iterator[Subject]:
             reach=REACH + _receptive_radius(model.info),
             begin=begin,
             exact=None if is_exact else replace(begin, executor="onnx", precision="fp32"),
+            own=replace(begin, at_rest="off"),
             recovery=SLOW.get(spec.model, RECOVERY),
             every=2 if extrapolation else 1,
             ratios=model.info.ratios,
@@ -62,6 +64,7 @@ class _SessionFactory:
     executor: ExecutorName
     precision: Precision
     extrapolation: str | None
+    at_rest: AtRest = "converge"
 
     def model(self, threads: int) -> Model:
         return _model(self.method, self.executor, self.precision, threads)
@@ -70,6 +73,7 @@ class _SessionFactory:
         upscaler = Upscaler(
             self.model(threads),
             display_size=display,
+            at_rest=self.at_rest,
             skip=False,
             extrapolation=self.extrapolation,
             validate="off",
