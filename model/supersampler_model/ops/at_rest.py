@@ -95,6 +95,7 @@ class Stillness(NamedTuple):
     """What stands still in this frame, by block, (1, 1, hb, wb)."""
 
     known: Tensor  # 1 where the block has a signature of this phase
+    moves: Tensor  # 1 where something moves nearby, or is reactive
     stands: Tensor  # 1 where nothing moves or changes nearby, else 0
     adds: Tensor  # 1 where this frame's samples belong into the mean
     stays: Tensor  # 1 where the image is frozen and stays so
@@ -172,6 +173,7 @@ def compare(frame: RestFrame, history: RestHistory, previous: Size, display: Siz
     signatures = write_slot(history.signatures, cycle.slot, torch.where(kept, reference, signature))
     return Stillness(
         known=known,
+        moves=moves,
         stands=stands,
         adds=cycle.counts * (1.0 - moves) * torch.maximum(restarts, 1.0 - known),
         stays=was_frozen * stands,
@@ -354,6 +356,10 @@ class BlocksAtPixels:
         return pick_columns(blocks, self._columns.to(blocks.device)).index_select(
             2, self._rows.to(blocks.device)
         )
+
+    def nearest(self, step: int) -> tuple[Tensor, Tensor]:
+        """Return columns and rows of the pixels nearest to every `step`-th sample of an axis, int64."""
+        return self._sample_columns[::step], self._sample_rows[::step]
 
     def least(self, pixels: Tensor) -> Tensor:
         """Minimum over the pixels at the centres of a block's samples: (1, 1, H, W) -> (1, 1, hb, wb)."""

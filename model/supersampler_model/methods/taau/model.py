@@ -6,6 +6,7 @@ where
 
 * the pixel is disoccluded (foreground broader than two samples was closer in the previous frame),
 * the lighting changed: the mean of a neighbourhood changed by more than jitter explains,
+* light changes slowly while nothing moves, so that the history lags behind (`lag`),
 * its colour lies outside a variance box of this frame's colours (Salvi 2016); it is then clipped to the box,
 * motion resamples it: each resampling blurs, so more blur keeps fewer samples.
 
@@ -30,6 +31,7 @@ from torch import Tensor
 
 from supersampler.methods.taau.spec import FLASH, FLASH_MEMORY, LEAST_FLASH, TAAU, TaauConfig
 from supersampler_model.methods.base import Method
+from supersampler_model.methods.taau.lag import samples_kept
 from supersampler_model.methods.taau.planes import Moments, fit_of, plane_moments
 from supersampler_model.ops.at_rest import RestFrame, RestHistory, compare, converge, kept, kept_frame
 from supersampler_model.ops.color import (
@@ -178,13 +180,16 @@ class Taau(Method):
         before = self.gather_surface(surface_before, jitter_before, reprojection, closest, display, change)
         warped = self.gather_history(history_color, samples_before, reprojection, before, exposure)
         next_light = light_after(light_of(surface[:, 1:3]), light, change)
-        blend = self.network(current, warped, next_light[:, 3:4])
         frame = RestFrame(given_color, motion, jitter, exposure, reactive, adds_samples)
+        still = compare(frame, RestHistory(*rest), render_size_of(surface_before), display)
+        kept_samples = samples_kept(exposed, usable, history_color * exposure, still, self.config)
+        samples = torch.minimum(warped.samples, still.at_pixels.pick(kept_samples))
+        warped = warped._replace(samples=samples)
+        blend = self.network(current, warped, next_light[:, 3:4])
         reactive = reactive_at(reactive, usable, grid)
         image, samples = self.finish(current, warped, blend, exposure, reactive)
         next_color = torch.where(blend.unconfirmed, warped.light, image)
         weight = (1.0 - blend.weight) * (blend.samples > MIN_SAMPLES) * (1.0 - reactive)
-        still = compare(frame, RestHistory(*rest), render_size_of(surface_before), display)
         resting = still.resting(display)
         rested = converge(image, frame, still, grid)
         return Step(

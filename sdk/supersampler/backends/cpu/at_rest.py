@@ -555,12 +555,19 @@ def drifting(drift: Float32, window: Windows, dark: float) -> Bool:
     return np.asarray(np.abs(drift).max(axis=0) > NOISE_FLICKER + NOISE_SIGMAS * noise)
 
 
-def least_enough(mean: Float32, display: Size, render: Size) -> Bool:
-    """Return the blocks whose pixels nearest to samples have enough samples."""
+@lru_cache
+def nearest_pixels(display: Size, render: Size) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the columns and rows of the pixels nearest to the centres of samples."""
     columns, rows = (
         np.minimum((2 * np.arange(size) + 1) * full // (2 * size), full - 1)
         for full, size in zip(display, render, strict=True)
     )
+    return columns, rows
+
+
+def least_enough(mean: Float32, display: Size, render: Size) -> Bool:
+    """Return the blocks whose pixels nearest to samples have enough samples."""
+    columns, rows = nearest_pixels(display, render)
     lacks = ~(mean[..., 3][rows][:, columns] >= LEAST_WEIGHT)
     across, down = block_count(render)
     padded = np.pad(lacks, ((0, down * BLOCK - render[1]), (0, across * BLOCK - render[0])), "edge")

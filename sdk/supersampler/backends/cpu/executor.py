@@ -48,6 +48,7 @@ class Step(NamedTuple):
         output: the other outputs.
         tiles: the tiles to compute.
         resting: (rows, columns) tiles whose history is kept, whether they are computed or not.
+        still: what stands still; None where the method does not ask.
     """
 
     frame: Frame
@@ -57,6 +58,7 @@ class Step(NamedTuple):
     output: Output
     tiles: Tiles
     resting: Bool
+    still: Stillness | None
 
     @property
     def display(self) -> Size:
@@ -139,6 +141,7 @@ class CpuExecutor(ABC, Generic[Space]):
                 aux,
                 tiles=tiles,
                 resting=resting,
+                still=still,
                 display=display,
             )
         self._keep(history, next_history, tiles, resting, generation)
@@ -172,12 +175,14 @@ class CpuExecutor(ABC, Generic[Space]):
         *,
         tiles: Tiles,
         resting: Bool,
+        still: Stillness | None,
         display: Size,
     ) -> None:
         """Compute tiles of the method's own image and next history."""
         output = aux.output(next_history.tiled()[0][1], image)
         with self._spaces.borrow(frame.size, display) as space:
-            self._compute_tiles(Step(frame, inputs, history, next_history, output, tiles, resting), space)
+            step = Step(frame, inputs, history, next_history, output, tiles, resting, still)
+            self._compute_tiles(step, space)
 
     def _keep(
         self, history: CpuHistory, next_history: CpuHistory, tiles: Tiles, resting: Bool, generation: int

@@ -3,18 +3,21 @@
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
+from supersampler.backends.cpu.at_rest import blocks_at
 from supersampler.backends.cpu.executor import CpuExecutor, Step
 from supersampler.backends.cpu.frame_preprocess import READ_KERNELS, ResampledFrame
 from supersampler.backends.cpu.history import HistoryLayout, Plane
-from supersampler.backends.cpu.layout import LANES, TAAU_PIXEL, TILE
+from supersampler.backends.cpu.layout import LANES, PAD, TAAU_PIXEL, TILE
 from supersampler.backends.cpu.memory import address, aligned
-from supersampler.backends.cpu.resample_tables import Filter, catmull_rom, gaussian, line_filters
-from supersampler.backends.cpu.structs import pack
+from supersampler.backends.cpu.resample_tables import Filter, catmull_rom, gaussian, line_filters, up_to
+from supersampler.backends.cpu.structs import NO_MASK, pack
 from supersampler.backends.cpu.threads import Rect, ThreadPool
-from supersampler.frame import Size
+from supersampler.frame import Float32, Size
 from supersampler.methods.model_info import ModelInfo
 from supersampler.methods.spec import constants_array
+from supersampler.methods.taau.lag import samples_kept
 from supersampler.methods.taau.spec import FLASH, FLASH_MEMORY, LEAST_FLASH, TAAU
 from supersampler.methods.taau.structs import TaauHistoryInput, TaauScratch
 
@@ -55,7 +58,8 @@ class TaauCpu(CpuExecutor[_Space]):
 
     def __init__(self, info: ModelInfo, pool: ThreadPool) -> None:
         super().__init__(LAYOUT, pool, STEP, *READ_KERNELS, SHADE)
-        c, self._constants = info.config, constants_array(TAAU, info.config)
+        self._config = c = info.config
+        self._constants = constants_array(TAAU, c)
         mean, *line = (Filter(kernel, False) for kernel in line_filters(c["moment_sigma"]))
         self._filters = [
             Filter(gaussian(c["frame_sigma"]), False),
@@ -107,9 +111,10 @@ class TaauCpu(CpuExecutor[_Space]):
             np.float32,
         )
         pixels, surface = history.arrays["pixels"], history.arrays["surface"]
+        kept = self._kept(step, space)  # alive until the kernels have run
         inputs = (
             pack(space.samples), address(step.next_history.arrays["surface"]),
-            pack(TaauHistoryInput(pixels, surface, surface.shape[1])),
+            pack(TaauHistoryInput(pixels, surface, surface.shape[1], *kept)),
             pack(space.current_tables()), address(numbers),
         )  # fmt: skip
         kernel, output, scratch = self.kernels[STEP], pack(step.output), [pack(s) for s in space.scratch]
@@ -118,3 +123,17 @@ class TaauCpu(CpuExecutor[_Space]):
             kernel(*inputs, scratch[worker], output, *box)
 
         self.pool.run_rects("compute", step.tiles.boxes(TILE, step.display), compute)
+
+    def _kept(self, step: Step, space: _Space) -> tuple[Float32, NDArray[np.int32], int, int]:
+        """Return the last members of `TaauHistoryInput`."""
+        render, display, pixels = step.frame.size, step.display, step.history.arrays["pixels"]
+        at, kept = blocks_at(display, render), None
+        if step.still is not None:
+            samples = space.samples.color[:, :, PAD : PAD + render[0]]
+            exposure, config = step.inputs.exposure, self._config
+            kept = samples_kept(samples[:, :3], samples[:, 3], pixels, exposure, step.still, config)
+        if kept is None:
+            return NO_MASK, at.rows, 0, 0
+        across = aligned((len(kept), up_to(display[0], LANES)))
+        across[:, : display[0]] = kept[:, at.columns]
+        return across, at.rows, across.shape[1], 1

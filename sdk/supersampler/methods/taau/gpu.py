@@ -3,6 +3,7 @@
 from supersampler.backends.gpu.at_rest import (
     BLOCK_PASSES,
     REST_CHANNELS,
+    REST_CONSTANTS,
     REST_MEMORY,
     REST_PLANES,
     SAMPLE_MEMORY,
@@ -11,12 +12,22 @@ from supersampler.backends.gpu.at_rest import (
     preprocess,
     showing,
 )
-from supersampler.backends.gpu.extents import ONE
+from supersampler.backends.gpu.extents import BLOCKS, ONE, PixelTexture
 from supersampler.backends.gpu.history import HistoryLayout, Plane, of_plane
 from supersampler.backends.gpu.program import GpuProgram, PassSpec
 from supersampler.methods.model_info import ModelInfo
 from supersampler.methods.spec import constants_of
-from supersampler.methods.taau.spec import FIT, FLASH, FLASH_MEMORY, LEAST_FLASH, TAAU, UNFIT
+from supersampler.methods.taau.spec import (
+    FIT,
+    FLASH,
+    FLASH_MEMORY,
+    LAG_STEP,
+    LEAST_BLOCKS,
+    LEAST_FLASH,
+    MOST_SAMPLES,
+    TAAU,
+    UNFIT,
+)
 
 LAYOUT = HistoryLayout(
     TAAU,
@@ -44,13 +55,18 @@ def taau_program(info: ModelInfo) -> GpuProgram:
         "flash_memory": FLASH_MEMORY,
         "unfit": UNFIT,
         "fit": FIT,
+        "lag_step": LAG_STEP,
+        "least_blocks": LEAST_BLOCKS,
+        "most_samples": MOST_SAMPLES,
     }
     passes = (
         *BLOCK_PASSES,
         TILE_PASS,
         preprocess("shade"),
         PassSpec("light", ONE, (1, 1)),
+        PassSpec("lag", BLOCKS, (8, 8), REST_CONSTANTS),
         showing("blend", tile=(32, 4)),
     )
-    memory = {**REST_MEMORY, **TILE_MEMORY, **SAMPLE_MEMORY}
+    kept = {"kept_samples": PixelTexture(BLOCKS, "rg32float")}
+    memory = {**REST_MEMORY, **TILE_MEMORY, **SAMPLE_MEMORY, **kept}
     return GpuProgram(LAYOUT, ("supersampler.methods.taau",), constants, passes, memory)

@@ -372,8 +372,12 @@ def step_rows(
             reactive = depth * 0.0
             if samples.has_reactive > 0:
                 reactive = reactive_at(samples, tables, x, y)
+            before_samples = q[6]
+            if history.has_kept > 0:
+                kept = load16(history.kept, history.kept_rows[y] * history.kept_pitch + x)
+                before_samples = minimum(before_samples, kept)
             color, next_color, next_samples, next_power, weight = blend(
-                numbers, current, mean, warped_color, warped_light, q[6], q[7], same, 1.0 - changed,
+                numbers, current, mean, warped_color, warped_light, before_samples, q[7], same, 1.0 - changed,
                 fit, glare, flash,
                 (square_root(mx * mx + my * my), (tx * (1.0 - tx) + ty * (1.0 - ty)) * 2.0),
                 (reactive, samples.has_reactive),

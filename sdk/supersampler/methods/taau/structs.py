@@ -12,11 +12,18 @@ class TaauHistoryInput(NamedTuple):
         pixels: (display height, display width, TAAU_PIXEL).
         surface: (height, pitch, 4) of the previous frame, see the kernel `shade`.
         pitch: samples from row to row: PAD + stride + PAD.
+        kept: (blocks down, `kept_pitch`) number of samples that are kept, by column of the display.
+        kept_rows: (display height,) row of `kept`.
+        has_kept: 1 where `kept` has numbers, else 0.
     """
 
     pixels: Floats
     surface: Floats
     pitch: int
+    kept: Floats
+    kept_rows: Words
+    kept_pitch: int
+    has_kept: int
 
 
 class TaauScratch(NamedTuple):

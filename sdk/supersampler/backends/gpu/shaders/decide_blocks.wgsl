@@ -125,7 +125,7 @@ fn decide(block: vec2i, origin: vec2i, restarts: bool, moves: bool) {
         let small = window_of(block, origin, SMALL_WINDOW);
         tests = before.yzw + steadiness(small, window_of(block, origin, LARGE_WINDOW));
     }
-    if (known && stands) {
+    if (!counts || (known && stands)) {   // no phase is added: nor is its signature
         let here = signature_index(next_state.slot, block);
         next_signatures[here] = history_signatures[here];
     }
@@ -137,7 +137,8 @@ fn decide(block: vec2i, origin: vec2i, restarts: bool, moves: bool) {
     var freezes = false;   // no sample is added now: the mean of the history is that of this frame
     if (due && steady) { freezes = has_enough(block); }
     let flags = flag(KEEPS, stands && before.x != 0.0) | flag(ADDS, adds) | flag(HOLDS, age != 0.0)
-        | flag(STAYS, stays) | flag(FREEZES, freezes) | flag(COMPLETE, !is_noisy() && (stays || periods >= 1.0));
+        | flag(STAYS, stays) | flag(FREEZES, freezes) | flag(COMPLETE, !is_noisy() && (stays || periods >= 1.0))
+        | flag(FREE, !moves && !(known && stands));
     textureStore(block_states, block, vec4u(flags, bitcast<u32>(select(0.0, fade, steady && !adds)), 0u, 0u));
 
     if (due && !freezes) { age = next_state.period; }

@@ -28,6 +28,7 @@ const MIN_BOX_WEIGHT = 0.5;
 @group(0) @binding(10) var<storage, read_write> next_power: array<f32>;
 @group(0) @binding(11) var<storage, read> tiles: array<vec2u>;
 @group(0) @binding(12) var<storage, read_write> aux: array<vec2f>;   // weight, converged
+@group(0) @binding(13) var kept_samples: texture_2d<f32>;            // x: of the history, by block
 
 struct Current {          // this frame; colours are toned YCoCg
     frame: vec3f,         // smooth upsampling
@@ -143,7 +144,7 @@ fn gather_history(p: vec2i) -> Warped {
     return Warped(
         light,
         ycocg(tone(light * exposure_of(next_state))),
-        history.linear.w,
+        min(history.linear.w, textureLoad(kept_samples, block_of(p, image_size()), 0).x),
         without_glare(power),
         vec2f(change * shade.x / dim, change * shade.y / (dim * dim)),
         glare_of(power),
