@@ -88,7 +88,7 @@ def test_missing_samples_and_blocks_that_move_are_not_compared() -> None:
 def test_backends_keep_as_many_samples(executor: Any, ratio: float) -> None:
     scene = RestScene(wave, fade(0.4, 24), place="edge", speed=1.0, render=(75, 47), ratio=ratio)
     run = Stepped(taau(), scene.display, 0.0)
-    upscaler = Upscaler("taau", scene.display, executor=executor, at_rest="off", threads=1)
+    upscaler = Upscaler("taau", display_size=scene.display, executor=executor, at_rest="off", threads=1)
     for frame, _ in scene.frames(START + 40):
         images = run.step(frame), upscaler.step(frame)
         shown, expected = (display_transform(image, 1.0) for image in images)
