@@ -113,8 +113,8 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) in
     workgroupBarrier();
     if (!exists || row > 0) { return; }
     var sums = array<vec4f, 4>();
-    for (var i = 0; i < ROWS; i++) {
-        for (var part = 0; part < 4; part++) { sums[part] += rows[first + i].parts[part]; }
+    /* unroll */ for (var i = 0; i < ROWS; i++) {
+        /* unroll */ for (var part = 0; part < 4; part++) { sums[part] += rows[first + i].parts[part]; }
     }
     // A block that moves and had no mean is not compared before its signature of this phase is written again.
     let known = next_state.cycle > 0.0 && next_state.cycle <= abs(before) && is_sampled() && !is_noisy();

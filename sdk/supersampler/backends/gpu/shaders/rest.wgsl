@@ -30,7 +30,7 @@ fn sample_position(p: vec2i, jitter: vec2f) -> vec2f {
 fn samples_near(p: vec2i) -> vec4f {
     let at = sample_position(p, params.jitter);
     var sum = vec4f(0.0);
-    for (var k = 0; k < 4; k++) {
+    /* unroll */ for (var k = 0; k < 4; k++) {
         let q = floor(at) + vec2f(f32(k & 1), f32(k >> 1));
         let distance = (q - at) * params.display / params.render;
         let weight = trapezoid(distance.x) * trapezoid(distance.y);
@@ -82,7 +82,7 @@ fn offset_of(p: vec2i, period: f32) -> vec2f {
         let at = sample_position(p, phase.xy);
         var weights = vec2f(0.0);
         var offsets = vec2f(0.0);
-        for (var k = 0; k < 2; k++) {
+        /* unroll */ for (var k = 0; k < 2; k++) {
             let q = floor(at) + f32(k);
             let offset = (q - at) * params.display / params.render;
             let is_inside = (q >= vec2f(0.0)) & (q < params.render);

@@ -29,9 +29,9 @@ fn warp_classes(p: vec2i, size: vec2i) -> vec2u {
 // border repeats before each of the two.
 fn tent_weights(at: i32, size: i32) -> array<f32, 5> {
     var weights = array<f32, 5>();
-    for (var first = -1; first <= 1; first++) {
+    /* unroll */ for (var first = -1; first <= 1; first++) {
         let middle = clamp(at + first, 0, size - 1);
-        for (var second = -1; second <= 1; second++) {
+        /* unroll */ for (var second = -1; second <= 1; second++) {
             weights[clamp(middle + second, 0, size - 1) - at + 2] += 1.0;
         }
     }
@@ -43,8 +43,8 @@ fn difference_means(p: vec2i, size: vec2i) -> u32 {
     var across = tent_weights(p.x, size.x);
     var down = tent_weights(p.y, size.y);
     var sums = vec2f(0.0);
-    for (var j = 0; j < 5; j++) {
-        for (var i = 0; i < 5; i++) {
+    /* unroll */ for (var j = 0; j < 5; j++) {
+        /* unroll */ for (var i = 0; i < 5; i++) {
             let q = clamped(p + vec2i(i, j) - 2, size);
             sums += across[i] * down[j] * unpack2x16float(differences[index_of(q, size)]);
         }
