@@ -124,11 +124,6 @@ class ModelInfo:
         wanted = {f"history.{name}": shape[:2] for name, shape in AT_REST_HISTORY.items()}
         return wanted.items() <= channels.items()
 
-    def history_size(self, display: Size) -> Size:
-        """Return the (width, height) of the images that the history holds."""
-        is_large = any(h.input.shape[2:] == LARGE for h in self.history)
-        return large_size(display) if is_large else display
-
     @property
     def takes(self) -> list[TensorInfo]:
         """All inputs of the graph."""
