@@ -146,6 +146,7 @@ class Stepped:
         given = plain_inputs((width, height)) | {
             "jitter": torch.tensor([frame.jitter]),
             "exposure": torch.tensor([frame.exposure or 0.0]),
+            "pre_exposure": torch.tensor([frame.pre_exposure]),
             "display_size": torch.tensor(self._display),
             "adds_samples": torch.tensor([self.adds_samples]),
             **{name: planes(np.asarray(image)) for name, image in images.items()},
