@@ -1,8 +1,8 @@
 """How far the accumulated samples lag behind light that changes while nothing moves.
 
-The variance box does not find it on textured ground: colours that light has left are still in the box. But the
-samples of a window have the mean of the history there, whatever its texture. Where these differ by more than
-the differences within the window explain, few samples of the history are kept.
+The variance box does not find it on textured ground: colours that light has left are still in the box. But
+the samples of a window have the mean of the history there, whatever its texture. Where these differ by more
+than the differences within the window explain, few samples of the history are kept.
 """
 
 import torch
