@@ -156,7 +156,7 @@ class Stepped:
                 *(given[name] for name in self._method.inputs()), *self._history.values()
             )
         self._history = dict(zip(self._method.history, outputs.history, strict=True))
-        self.frozen: Float32 = outputs.aux_outputs[-1][0, 0].numpy()
+        self.frozen: Float32 = (outputs.aux_outputs or [torch.zeros(1, 1, 1, 1)])[-1][0, 0].numpy()
         return np.asarray(outputs.image[0].permute(1, 2, 0).numpy())
 
     def tensor(self, name: str) -> NDArray[Any]:

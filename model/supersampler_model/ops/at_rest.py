@@ -62,7 +62,7 @@ from supersampler_model.ops.color import bounded, sanitize, valid
 from supersampler_model.ops.motion import squared_length, usable_motion
 from supersampler_model.ops.sampling import Grid, grid_bands, resample
 from supersampler_model.ops.size import Size, render_size_of
-from supersampler_model.ops.windows import pick_columns
+from supersampler_model.ops.windows import cut, means_of, pick_columns, spread
 
 COVERED = 0.999  # of four bilinear weights
 
@@ -252,12 +252,6 @@ def of_frame(history: RestHistory, previous: Size, display: Size, render: Size) 
     return RestHistory(history.mean * same, blocks, signatures, cut(history.phases, 0, count) * same)
 
 
-def cut(tensor: Tensor, axis: int, extent: int) -> Tensor:
-    """Return the tensor with another extent along an axis: cut, or its last entry repeated."""
-    index = torch.arange(extent, device=tensor.device).clamp(max=tensor.shape[axis] - 1)
-    return tensor.index_select(axis, index)
-
-
 def follow_jitter(frame: RestFrame, phases: Tensor) -> Cycle:
     """Find the frame's jitter in the table of phases, or give it the row that was not used for longest."""
     ages, periods = phases[:, 2], phases[:, 3]
@@ -298,21 +292,6 @@ def _signature_weights(device: torch.device) -> Tensor:
 def to_blocks(image: Tensor) -> Tensor:
     """Repeat the last row and column, so that blocks at the edges are whole."""
     return cut(cut(image, 2, image.shape[2] + BLOCK - 1), 3, image.shape[3] + BLOCK - 1)
-
-
-def means_of(image: Tensor, side: int) -> Tensor:
-    """Mean of each channel over squares of `side` pixels: (1, c, h, w) -> (1, c, h // side, w // side)."""
-    channels = image.shape[1]
-    weights = image.new_full((channels, 1, side, side), 1.0 / (side * side))
-    return F.conv2d(image, weights, stride=side, groups=channels)
-
-
-def spread(image: Tensor, side: int, size: Size) -> Tensor:
-    """Repeat each pixel `side` times on both axes, up to a size."""
-    for axis, extent in ((3, size.width), (2, size.height)):
-        index = ((torch.arange(extent, device=image.device) + 0.5) / side).floor().long()
-        image = image.index_select(axis, index)
-    return image
 
 
 def differing(signature: Tensor, reference: Tensor, exposure: Tensor) -> Tensor:

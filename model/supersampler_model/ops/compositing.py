@@ -26,6 +26,7 @@ def composite(
     current: Sequence[tuple[Tensor, Tensor]],
     factors: Tensor,
     reactive: Tensor,
+    frame: Tensor,
 ) -> Composite:
     """Blend colours of the history and of this frame.
 
@@ -34,6 +35,7 @@ def composite(
         current: the same of this frame.
         factors: (1, n, H, W) logarithms of factors to the weights of all n colours, the history's first.
         reactive: (1, 1, H, W) `reactive_at`: the weight w of this frame becomes w + (1 - w) reactive.
+        frame: (1, 3, H, W) shown where all weights are 0: no sample is near, and there is no history.
 
     Weights are float32. Colours of this frame may be half floats, and so is their part of the sum: its
     rounding errors are in proportion to it, and do not keep a small difference out of the history.
@@ -46,10 +48,12 @@ def composite(
     kept = (1.0 - reactive) * (known / (known + reactive * of_history))
     of_history = of_history * kept
     weights[: len(history)] = [weight * kept for weight in weights[: len(history)]]
-    total = (of_history + of_current).clamp(min=1e-12)
+    sums = of_history + of_current
+    total = sums.clamp(min=1e-12)
     parts = [(weight / total).to(c.dtype) * c for weight, (c, _) in zip(weights, colors, strict=True)]
     color = sum_of(parts[: len(history)]) + sum_of(parts[len(history) :])
     odds = of_history / known * sum_of([weight for _, weight in current])
+    color = torch.where(sums > 0.0, color, frame.to(color.dtype))
     return Composite(color, of_history / total, odds)
 
 

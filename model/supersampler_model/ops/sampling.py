@@ -260,15 +260,15 @@ def normalised(sums: Tensor) -> Tensor:
 
 def local_moments(
     color: Tensor, usable: Tensor, grid: Grid, sigma: float, least: float = MIN_WEIGHT
-) -> tuple[Tensor, Tensor]:
+) -> tuple[Tensor, Tensor, Tensor]:
     """E[c] and E[c^2], (1, 3, H, W) each, of the usable samples under a Gaussian at every display pixel.
 
-    Where the sum of the Gaussian's weights is `least` or below, there is no sample: E[c^2] is 1.
+    Where the sum of the Gaussian's weights, which is returned last, is `least` or below, E[c^2] is 1.
     """
     window = upsample(torch.cat([color, color * color, usable], dim=1), grid, gaussian(sigma))
     first, second, weight = window.split_with_sizes([3, 3, 1], dim=1)
     total = weight.clamp(min=1e-6)
-    return first / total, torch.where(weight > least, second / total, 1.0)
+    return first / total, torch.where(weight > least, second / total, 1.0), weight
 
 
 class Window(NamedTuple):

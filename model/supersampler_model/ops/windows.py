@@ -89,3 +89,24 @@ def shifted(image: Tensor, across: int, down: int, size: Size | None = None) -> 
     axis, offset, extent = (3, across, width) if across else (2, down, height)
     index = (torch.arange(image.shape[axis], device=image.device) + offset).clamp(0, extent - 1)
     return pick_columns(image, index) if across else image.index_select(2, index)
+
+
+def cut(tensor: Tensor, axis: int, extent: int) -> Tensor:
+    """Return the tensor with another extent along an axis: cut, or its last entry repeated."""
+    index = torch.arange(extent, device=tensor.device).clamp(max=tensor.shape[axis] - 1)
+    return tensor.index_select(axis, index)
+
+
+def means_of(image: Tensor, side: int) -> Tensor:
+    """Mean of each channel over squares of `side` pixels: (1, c, h, w) -> (1, c, h // side, w // side)."""
+    channels = image.shape[1]
+    weights = image.new_full((channels, 1, side, side), 1.0 / (side * side))
+    return F.conv2d(image, weights, stride=side, groups=channels)
+
+
+def spread(image: Tensor, side: int, size: Size) -> Tensor:
+    """Repeat each pixel `side` times on both axes, up to a size."""
+    for axis, extent in ((3, size.width), (2, size.height)):
+        index = ((torch.arange(extent, device=image.device) + 0.5) / side).floor().long()
+        image = image.index_select(axis, index)
+    return image

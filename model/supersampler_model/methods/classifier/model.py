@@ -60,6 +60,7 @@ from supersampler_model.ops.color import (
     ycocg,
 )
 from supersampler_model.ops.compositing import composite, reactive_at
+from supersampler_model.ops.missing import filled
 from supersampler_model.ops.motion import (
     Reprojection,
     dilate_motion_2x2,
@@ -75,6 +76,7 @@ from supersampler_model.ops.motion import (
 )
 from supersampler_model.ops.rectification import Box, step_to_box
 from supersampler_model.ops.sampling import (
+    MIN_WEIGHT,
     Grid,
     View,
     catmull_rom,
@@ -239,10 +241,10 @@ class Classifier(LearnedMethod):
         vectors, own_vectors = (to_display(vector, now.display, now.extent) for vector in (dilated, motion))
         front = reproject(pick_first_vector(vectors, grid), now.display, grid)
         own = reproject(pick_vector(own_vectors, grid), now.display, grid)
-        exposed = color * exposure
+        exposed = filled(color, usable, exposure) * exposure
         planes = [maximum_3x3(glaring(exposed, usable)), edge_of(depth), maximum_3x3(usable)]
         at_pixel = channels_of(pick(torch.cat(planes, dim=1).to(self.dtype), grid))
-        current = self.gather_current(self.toned(exposed) * usable, usable, at_pixel, now, grid)
+        current = self.gather_current(self.toned(exposed), usable, at_pixel, now, grid)
         warped = self.gather_history(history, front, own, closest, before, exposure)
         return Gathered(
             current, warped, front, closest, surfaces, exposure, followed, flash, now.display, grid
@@ -255,16 +257,25 @@ class Classifier(LearnedMethod):
     def gather_current(
         self, toned: Tensor, usable: Tensor, at_pixel: Sequence[Tensor], view: View, grid: Grid
     ) -> CurrentFrame:
-        """Upsample the usable samples of this frame; `at_pixel`: its glare, edge, sampled."""
+        """Upsample the usable samples of this frame.
+
+        Args:
+            toned: (1, 3, h, w), filled where samples are missing; shown where no other is near.
+            usable: (1, 1, h, w) 0 where a sample is missing, else 1.
+            at_pixel: its glare, edge, sampled.
+            view: of the frame.
+            grid: of the display.
+        """
         c, most = self.config, TONED[self.dtype]
         ratio = view.display.width / view.extent.width, view.display.height / view.extent.height
+        fill, toned = pick(toned, grid), toned * usable
         samples = torch.cat([toned, usable], dim=1).to(self.dtype)
         near = upsample(samples, grid, lambda d: HEIGHT * gaussian(c.sample_sigma)(d), ratio)
         sharp = upsample(samples, grid, catmull_rom)
-        first, second = local_moments(ycocg(toned), usable, grid, c.moment_sigma)
+        first, second, found = local_moments(ycocg(toned), usable, grid, c.moment_sigma)
         deviation = (second - first * first).clamp(min=0.0).sqrt()  # a small difference: in float32
         mean = first.to(self.dtype)
-        smooth = from_ycocg(mean)
+        smooth = torch.where(found > MIN_WEIGHT, from_ycocg(mean), fill.to(self.dtype))
         sharp, whole = sharp.split_with_sizes([3, 1], dim=1)
         near, weight = near.split_with_sizes([3, 1], dim=1)
         # with missing samples the negative weights dominate
@@ -380,7 +391,9 @@ class Classifier(LearnedMethod):
             (current.frame, 0.05 * sampled),
             (kernel, 0.05 * sampled),
         ]
-        color, weight, odds = composite(history_colors, current_colors, factors, gathered.reactive)
+        color, weight, odds = composite(
+            history_colors, current_colors, factors, gathered.reactive, current.frame
+        )
         image = bounded(TONES[self.config.tone_space].inverse(color) / gathered.exposure)
 
         classes = classes_of(logits.float(), warped.samples[:, :, ::2, ::2] > 0.0)

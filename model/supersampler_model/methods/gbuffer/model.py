@@ -60,6 +60,7 @@ from supersampler_model.ops.color import (
     valid,
 )
 from supersampler_model.ops.compositing import composite, reactive_at
+from supersampler_model.ops.missing import filled
 from supersampler_model.ops.motion import (
     Reprojection,
     dilate_motion_2x2,
@@ -83,6 +84,7 @@ from supersampler_model.ops.windows import channels_of, neighbours_3x3
 
 MOST_FACTOR: Mapping[torch.dtype, float] = {torch.float32: 12.0, torch.float16: 8.0}
 """Maximum of the logarithm of a factor, and minus its minimum: sums of nine such factors are half floats."""
+FILLED = 1e-4  # weight of a sample that is missing, 1 of others
 NEIGHBOUR_WEIGHTS = (0.03, 0.12, 0.03, 0.12, 1.0, 0.12, 0.03, 0.12, 0.03)
 """Initial weights of a pixel and its eight neighbours in the learned kernel, row by row."""
 
@@ -145,7 +147,7 @@ class GBuffer(LearnedMethod):
         usable, color = valid(frame.color), sanitize(frame.color, 0.0)
         followed = exposure_for(color, usable, frame.exposure, history.exposure)
         frame = frame._replace(
-            color=color,
+            color=filled(color, usable, followed.abs()),
             motion=usable_motion(frame.motion),
             exposure=followed.abs(),
             render=usable_surfaces(frame.render, self.dtype),
@@ -170,14 +172,15 @@ class GBuffer(LearnedMethod):
         """
         c, exposed = self.config, frame.color * frame.exposure
         grid = frame.view.grid(render_size_of(exposed))
-        toned, reflected = tone(exposed) * usable, reflectance(frame.display)
+        toned, reflected = tone(exposed), reflectance(frame.display)
+        counted = usable.clamp(min=FILLED)  # what is filled shows where there is nothing else
         light = limited(tone(exposed / reflectance(frame.render)).to(self.dtype))
-        samples = samples_of(light, usable, frame.render, frame.display, grid)
-        colors = torch.cat([toned, usable], dim=1).to(self.dtype)
+        samples = samples_of(light, counted, frame.render, frame.display, grid)
+        colors = torch.cat([toned * counted, counted], dim=1).to(self.dtype)
         near = upsample(colors, grid, gaussian(c.sample_sigma), (float(c.ratio), float(c.ratio)))
         smooth = normalised(upsample(colors, grid, gaussian(c.smooth_sigma))).clamp(0.0, TONED[self.dtype])
         return CurrentFrame(
-            toned=toned,
+            toned=toned * usable,
             usable=usable,
             inputs=frame,
             reflectance=reflected,
@@ -248,7 +251,9 @@ class GBuffer(LearnedMethod):
             (guided, 0.2 * confidence + 0.05),
             (current.near, 0.2 * confidence + 1e-3),
         ]
-        color, weight, odds = composite(history_colors, current_colors, factors, gathered.reactive)
+        color, weight, odds = composite(
+            history_colors, current_colors, factors, gathered.reactive, current.smooth
+        )
         image = bounded(inverse_tone(color) / current.inputs.exposure)
         next_history = History(
             color=image,

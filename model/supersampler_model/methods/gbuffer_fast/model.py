@@ -39,6 +39,7 @@ from supersampler_model.ops.color import (
     ycocg,
 )
 from supersampler_model.ops.compositing import reactive_at
+from supersampler_model.ops.missing import filled
 from supersampler_model.ops.motion import (
     Reprojection,
     dilate_motion_2x2,
@@ -153,7 +154,7 @@ class GuidedClassifier(Classifier):
         render, whole = (surfaces.usable(self.dtype) for surfaces in (frame.render, frame.display))
         grid = view.grid(render_size_of(color), aligned=True)
         display = Surfaces(*(at_pixels(image, grid) for image in whole))
-        exposed = color * exposure
+        exposed = filled(color, usable, exposure) * exposure
         light = limited(tone(exposed / render.reflectance(c.min_reflectance)).to(self.dtype))
         guided = guide(light, usable, motion, render, display, grid, c)
         reflectance = display.reflectance(c.min_reflectance)
@@ -193,7 +194,7 @@ class GuidedClassifier(Classifier):
         samples = torch.cat([toned, usable], dim=1).to(self.dtype)
         near = upsample(samples, grid, lambda d: HEIGHT * gaussian(c.sample_sigma)(d), ratio)
         near, weight = near.split_with_sizes([3, 1], dim=1)
-        first, second = local_moments(ycocg(toned), usable, grid, c.moment_sigma)
+        first, second, _ = local_moments(ycocg(toned), usable, grid, c.moment_sigma)
         deviation = (second - first * first).clamp(min=0.0).sqrt()  # a small difference: in float32
         planes = [maximum_3x3(glaring(exposed, usable)), maximum_3x3(usable)]
         glare, sampled = channels_of(pick(torch.cat(planes, dim=1).to(self.dtype), grid))

@@ -8,7 +8,7 @@ from torch import Tensor
 from supersampler.methods.gbuffer_fast.spec import GuidedConfig
 from supersampler_model.methods.gbuffer.surfaces import depth_difference, samples_3x3, squared_norm
 from supersampler_model.ops.motion import usable_depth
-from supersampler_model.ops.sampling import Grid, gaussian, sum_of
+from supersampler_model.ops.sampling import Grid, gaussian, pick, sum_of
 
 LEAST_WEIGHT = 1e-4
 """Of the farthest sample, and of the least similar surface: some light is found everywhere."""
@@ -63,7 +63,7 @@ def guide(
     Motion is that of the sample whose depth is most similar.
 
     Args:
-        light: (1, 3, h, w) colour over reflectance, toned, in the working type.
+        light: (1, 3, h, w) colour over reflectance, toned, in the working type; filled where `usable` is 0.
         usable: (1, 1, h, w) 1 where the colour is valid, else 0.
         motion: (1, 2, h, w) render pixels.
         render: surfaces of the samples.
@@ -90,8 +90,10 @@ def guide(
         chosen = moved if chosen is None else torch.where(cost < least, moved, chosen)
         least = torch.minimum(cost, least)
     assert chosen is not None  # noqa: S101 - nine samples
-    total = sum_of(weights).clamp(min=1e-9)
+    found = sum_of(weights)
+    total = found.clamp(min=1e-9)
     mean = sum_of([c * (w / total).to(c.dtype) for c, w in zip(colors, weights, strict=True)])
+    mean = torch.where(found > 0.0, mean, pick(light, grid))
     return Guided(mean, sum_of(similar).clamp(max=1.0), chosen)
 
 

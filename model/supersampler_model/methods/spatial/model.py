@@ -2,17 +2,19 @@
 
 from typing import ClassVar
 
+import torch
 from torch import Tensor
 
 from supersampler.methods.spatial.spec import BICUBIC, BILINEAR
 from supersampler_model.methods.base import Method
-from supersampler_model.ops.color import bounded, sanitize
+from supersampler_model.ops.color import bounded, sanitize, valid
+from supersampler_model.ops.missing import filled
 from supersampler_model.ops.sampling import catmull_rom, grid_bands, grid_of, linear, resample
 from supersampler_model.ops.size import display_size_of, render_size_of
 
 
 class Spatial(Method):
-    """Separable interpolation with `kernel`; invalid samples count as black."""
+    """Separable interpolation with `kernel`; missing samples are filled from those around."""
 
     reach: ClassVar[int]
 
@@ -30,7 +32,7 @@ class Spatial(Method):
         display, render = display_size_of(display_size), render_size_of(color)
         grid = grid_of(display, render, jitter)
         kernels = grid_bands(grid, render, self.kernel, reach=self.reach)
-        return (bounded(resample(sanitize(color, 0.0), *kernels)),)
+        return (bounded(resample(filled(sanitize(color, 0.0), valid(color), torch.ones(1)), *kernels)),)
 
 
 class Bilinear(Spatial):

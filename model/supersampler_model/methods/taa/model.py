@@ -28,6 +28,7 @@ from supersampler_model.ops.color import (
     ycocg,
 )
 from supersampler_model.ops.compositing import reactive_at
+from supersampler_model.ops.missing import filled
 from supersampler_model.ops.motion import longest, read_cubic, reproject, to_display, usable_motion
 from supersampler_model.ops.rectification import (
     Rect,
@@ -76,6 +77,7 @@ class Taa(Method):
         usable, color = valid(color), sanitize(color, 0.0)
         followed = exposure_for(color, usable, exposure, history_exposure)
         exposure = followed.abs()
+        color = filled(color, usable, exposure)
         gathered = self.gather(color, usable, motion, reactive, jitter, exposure, display_size, history_color)
         weight = self.network(gathered, history_exposure)
         image = self.finish(gathered, weight, exposure)

@@ -10,9 +10,10 @@ from torch import Tensor
 
 from supersampler.methods.at_rest import BLOCK, DARK, WINDOWS
 from supersampler.methods.taau.spec import LAG_STEP, LEAST_BLOCKS, MOST_SAMPLES, TaauConfig
-from supersampler_model.ops.at_rest import Stillness, cut, means_of, spread
+from supersampler_model.ops.at_rest import Stillness
 from supersampler_model.ops.color import tone
 from supersampler_model.ops.size import render_size_of
+from supersampler_model.ops.windows import cut, means_of, spread
 
 
 def samples_kept(

@@ -50,6 +50,7 @@ from supersampler_model.ops.color import (
     ycocg,
 )
 from supersampler_model.ops.compositing import reactive_at
+from supersampler_model.ops.missing import filled
 from supersampler_model.ops.motion import (
     Reprojection,
     dilate_motion_2x2,
@@ -166,10 +167,10 @@ class Taau(Method):
         given_color, usable, color = color, valid(color), sanitize(color, 0.0)
         followed = exposure_for(color, usable, exposure, exposed_before)
         exposure = followed.abs()
-        exposed = color * exposure
-        toned, glare = ycocg(tone(exposed)) * usable, glaring(exposed, usable)
+        exposed = filled(color, usable, exposure) * exposure
+        toned, glare = ycocg(tone(exposed)), glaring(exposed, usable)
         depth, motion = usable_depth(depth), usable_motion(motion)
-        surface = torch.cat([occluding_depth(depth, motion), shade_of(toned[:, :1], usable)], dim=1)
+        surface = torch.cat([occluding_depth(depth, motion), shade_of(toned[:, :1] * usable, usable)], dim=1)
 
         current = self.gather_current(toned, usable, glare, surface, grid, display, render)
         closest, dilated = dilate_motion_2x2(depth, motion)
@@ -215,11 +216,16 @@ class Taau(Method):
         display: Size,
         render: Size,
     ) -> CurrentFrame:
-        """Upsample the usable samples of this frame four ways, all separable."""
+        """Upsample the usable samples of this frame four ways, all separable.
+
+        `toned`: (1, 3, h, w), filled where samples are missing; shown where no other is near.
+        """
         ratio = display.width / render.width, display.height / render.height
+        fill, toned = pick(toned, grid), toned * usable
         samples = torch.cat([toned, usable], dim=1)
         c = self.config
-        smooth = normalised(upsample(samples, grid, gaussian(c.frame_sigma)))
+        smooth, found = upsample(samples, grid, gaussian(c.frame_sigma)).split_with_sizes([3, 1], dim=1)
+        smooth = torch.where(found > MIN_WEIGHT, smooth / found.clamp(min=MIN_WEIGHT), fill)
         sharp, whole = upsample(samples, grid, catmull_rom).split_with_sizes([3, 1], dim=1)
         sharpness = c.frame_sharpness * (whole > 0.9)  # with missing samples the negative weights dominate
         near, weight = upsample(samples, grid, gaussian(c.sample_sigma), ratio).split_with_sizes(

@@ -15,6 +15,7 @@ from supersampler.backends.cpu.frame_preprocess import (
     FramePreprocess,
     ResampledFrame,
     frame_inputs,
+    with_exposure,
 )
 from supersampler.backends.cpu.history import CpuHistory, HistoryLayout
 from supersampler.backends.cpu.kernel_loader import load_kernels
@@ -120,7 +121,7 @@ class CpuExecutor(ABC, Generic[Space]):
         """See `Executor`."""
         inputs, own, aux = frame_inputs(frame), self.own_size(display), AuxOutputs(aux_outputs, display)
         exposure = self._preprocess.exposure(frame, inputs.color, history.exposure)
-        inputs = inputs._replace(exposure=abs(exposure))
+        inputs = with_exposure(inputs, abs(exposure))
         still, generation = (
             self._compare(frame, inputs, history, next_history, adds_samples),
             next_generation(),
@@ -210,8 +211,7 @@ class CpuExecutor(ABC, Generic[Space]):
     def _resample(self, step: Step, view: ResampledFrame) -> None:
         """Preprocess the frame of a step into `view`; note whether it or its history has glare."""
         view.set_jitter(step.frame.jitter)
-        mask, has_mask = step.inputs.reactive, step.inputs.has_reactive
-        view.samples = view.samples._replace(reactive=mask, has_reactive=has_mask)
+        view.set_masks(step.inputs)
         self._preprocess.read(step.inputs, view.samples)
         kept = step.history.glares and bool(step.resting.any())
         step.next_history.glares = bool(view.samples.glares.any()) or kept

@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.backends.cpu.at_rest import blocks_at
+from supersampler.backends.cpu.at_rest import blocks_at, windowed
 from supersampler.backends.cpu.kernel_loader import Call
 from supersampler.backends.cpu.layout import FILTER_LINES, LANES, PAD, SAMPLE_PLANES
 from supersampler.backends.cpu.memory import address, aligned
@@ -14,7 +14,8 @@ from supersampler.backends.cpu.resample_tables import Filter, Kernel, ResampleTa
 from supersampler.backends.cpu.structs import NO_MASK, FrameInputs, FrameSamples, Output, ResampleTables, pack
 from supersampler.backends.cpu.threads import ThreadPool
 from supersampler.frame import Float32, Frame, Size
-from supersampler.io.display import EXPOSURE_KEY, followed_exposure, usable_exposure
+from supersampler.io.display import EXPOSURE_KEY, MAX_HALF, followed_exposure, usable_exposure
+from supersampler.methods.missing import FILL_WINDOW, GREY_SHARE
 
 _KERNELS = "backends.cpu.kernels.frame"
 MEASURE = f"{_KERNELS}.measure"
@@ -38,6 +39,30 @@ def frame_inputs(frame: Frame) -> FrameInputs:
     return FrameInputs(color, depth, motion, mask, 1)
 
 
+def with_exposure(inputs: FrameInputs, exposure: float) -> FrameInputs:
+    """Return the arrays with the exposure to use, and what fills missing samples."""
+    fill = missing_fill(inputs.color, exposure)
+    if fill is None:
+        return inputs._replace(exposure=exposure)
+    return inputs._replace(exposure=exposure, fill=fill, fill_across=fill.shape[1])
+
+
+def missing_fill(color: Float32, exposure: float) -> Float32 | None:
+    """Return the linear RGB of missing samples by window, (down, across, 3); None where none is missing.
+
+    Twin of `supersampler_model.ops.missing.filled`.
+    """
+    if not np.isnan(color.min()):
+        return None
+    usable = ~np.isnan(color).any(axis=2, keepdims=True)
+    roots = np.sqrt(np.where(usable, np.clip(color, 0.0, MAX_HALF), np.float32(0.0)))
+    sums = windowed(np.concatenate([roots, usable], axis=2).transpose(2, 0, 1), FILL_WINDOW)
+    means = sums / np.float32(FILL_WINDOW * FILL_WINDOW)
+    grey = np.sqrt(np.float32(EXPOSURE_KEY / exposure))
+    fill: Float32 = np.square((means[:3] + GREY_SHARE * grey) / (means[3] + GREY_SHARE))
+    return np.ascontiguousarray(fill.transpose(1, 2, 0), np.float32)
+
+
 def empty_samples(render: Size) -> FrameSamples:
     """Allocate buffers for the samples of a frame."""
     w, h = render
@@ -48,7 +73,7 @@ def empty_samples(render: Size) -> FrameSamples:
     color, glares, still_rows = aligned((h, SAMPLE_PLANES, padded_width)), aligned((h,)), aligned((h,))
     return FrameSamples(
         color, depth, motion_x, motion_y, eroded_depth, dilated, own, glares, still_rows, NO_MASK, 0,
-        w, h, stride,
+        NO_MASK, 0, w, h, stride,
     )  # fmt: skip
 
 
@@ -85,6 +110,20 @@ class ResampledFrame:
     def set_jitter(self, jitter: tuple[float, float]) -> None:
         """Set the jitter of the current frame."""
         self.x, self.y = self.tables.at(jitter)
+
+    def set_masks(self, inputs: FrameInputs) -> None:
+        """Set the reactive mask of the current frame, and what fills its missing samples."""
+        fill = NO_MASK, 0
+        if inputs.fill_across:
+            toned = inputs.fill * np.float32(inputs.exposure)
+            toned = (toned / (1.0 + toned.max(axis=2, keepdims=True))).transpose(0, 2, 1)
+            pitch = up_to(len(self.x.near), LANES)
+            across = aligned((len(toned), 3, pitch))
+            across[..., : len(self.x.near)] = toned[..., self.x.near // FILL_WINDOW]
+            fill = across, pitch
+        self.samples = self.samples._replace(
+            reactive=inputs.reactive, has_reactive=inputs.has_reactive, fill=fill[0], fill_pitch=fill[1]
+        )
 
     def current_tables(self) -> ResampleTables:
         """Return the tables for the current jitter."""

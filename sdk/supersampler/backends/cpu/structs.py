@@ -69,6 +69,8 @@ class FrameInputs(NamedTuple):
         motion: (height, width, 2) render pixels.
         reactive: (height, width) reactive mask, 0 where a sample is missing.
         has_reactive: 1 if there is one, else 0.
+        fill: (down, across, 3) linear RGB of the missing samples of each window; see `missing_fill`.
+        fill_across: windows in a row; 0 where no sample is missing.
         exposure: multiplies the color before the tone curve; 0 before it is known.
     """
 
@@ -77,6 +79,8 @@ class FrameInputs(NamedTuple):
     motion: Floats
     reactive: Floats = NO_MASK
     has_reactive: int = 0
+    fill: Floats = NO_MASK
+    fill_across: int = 0
     exposure: float = 0.0
 
 
@@ -95,6 +99,9 @@ class FrameSamples(NamedTuple):
         glares: (height,) 1 where a sample of the row is over GLARING, else 0.
         still_rows: (height,) 1 where a sample of the row does not move, else 0.
         reactive, has_reactive: see `FrameInputs`.
+        fill: (down, 3, `fill_pitch`) toned RGB of missing samples, by row of windows and column of the
+            display: what is shown where no sample is near.
+        fill_pitch: 0 where no sample is missing.
         width, height: size of the frame.
         stride: width, rounded up to whole vectors.
     """
@@ -110,6 +117,8 @@ class FrameSamples(NamedTuple):
     still_rows: Floats
     reactive: Floats
     has_reactive: int
+    fill: Floats
+    fill_pitch: int
     width: int
     height: int
     stride: int

@@ -32,6 +32,7 @@ from supersampler.methods.at_rest import (
     UNRESOLVED,
     WINDOWS,
 )
+from supersampler.methods.missing import FILL_CONSTANTS
 
 SIDE = 16
 """Samples of a workgroup of `preprocess` in either direction."""
@@ -83,7 +84,9 @@ SAMPLE_MEMORY: Mapping[str, PixelMemory] = {
 
 def preprocess(surface: str) -> PassSpec:
     """Return the pass on the samples of a frame; `surface`: what it stores of them, "depth" or "shade"."""
-    return PassSpec("preprocess", RENDER, (SIDE, SIDE), variants={"surface": f"surface_{surface}"})
+    return PassSpec(
+        "preprocess", RENDER, (SIDE, SIDE), FILL_CONSTANTS, variants={"surface": f"surface_{surface}"}
+    )
 
 
 def showing(shader: str, constants: Constants | None = None, tile: tuple[int, int] = (16, 16)) -> PassSpec:

@@ -3,6 +3,7 @@
 from supersampler.backends.gpu.extents import RENDER, PixelTexture
 from supersampler.backends.gpu.history import HistoryLayout, Plane, of_plane
 from supersampler.backends.gpu.program import GpuProgram, PassSpec
+from supersampler.methods.missing import FILL_CONSTANTS
 from supersampler.methods.model_info import ModelInfo
 from supersampler.methods.spec import constants_of
 from supersampler.methods.taa.spec import TAA
@@ -16,6 +17,6 @@ def taa_program(info: ModelInfo) -> GpuProgram:
         LAYOUT,
         ("supersampler.methods.taa",),
         {name: info.config[name] for name in constants_of(TAA)},
-        (PassSpec("boxes", RENDER), PassSpec("blend")),
+        (PassSpec("boxes", RENDER, constants=FILL_CONSTANTS), PassSpec("blend")),
         {name: PixelTexture(RENDER) for name in ("tones", "lows", "highs", "longest")},
     )

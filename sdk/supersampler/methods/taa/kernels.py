@@ -14,10 +14,9 @@ from supersampler.backends.cpu.kernels.colors import (
     scaled3,
     select3,
     toned,
-    usable,
     ycocg,
 )
-from supersampler.backends.cpu.kernels.frame import color_at, motion_at, repeat_ends, sample_indices
+from supersampler.backends.cpu.kernels.frame import filled_at, motion_at, repeat_ends, sample_indices
 from supersampler.backends.cpu.kernels.warp import cubic4, on_screen, prepare_warp, previous_position
 from supersampler.backends.cpu.layout import PAD, TAA_BOX, TAA_PIXEL, TAA_PLANES
 from supersampler.backends.cpu.simd.device_function import device_function
@@ -45,15 +44,14 @@ UNUSABLE = 2.0
 
 def read_samples(frame: FrameInputs, samples: TaaSamples, y0: int, y1: int):
     """Fill rows y0 to y1 of `samples.planes`, see TAA_PLANES; the padding repeats the border."""
-    color, motion, exposure = frame.color, frame.motion, frame.exposure
+    motion, exposure = frame.motion, frame.exposure
     planes, w = samples.planes, samples.width
     padded_width = samples.stride + 2 * PAD
     for y in range(y0, y1):
         for x in range(0, w, 16):
             index = sample_indices(x, y, w)
-            r, g, b = color_at(color, index)
-            good = usable(r, g, b)
-            r, g, b = toned(sanitize(r) * exposure, sanitize(g) * exposure, sanitize(b) * exposure)
+            color, good = filled_at(frame, x, y, index)
+            r, g, b = toned(*scaled3(color, exposure))
             luma, co, cg = ycocg(r, g, b)
             mx, my = motion_at(motion, index)
             for c, value in enumerate((luma, co, cg, mx, my, select(good, 1.0, luma * 0.0))):

@@ -29,7 +29,7 @@ from supersampler.backends.cpu.kernels.filters import (
     filter_line_across,
     span,
 )
-from supersampler.backends.cpu.kernels.frame import occluding_at, reactive_at, repeat_ends, store4
+from supersampler.backends.cpu.kernels.frame import occluding_at, or_fill, reactive_at, repeat_ends, store4
 from supersampler.backends.cpu.kernels.warp import (
     disocclusion,
     linear_taps,
@@ -369,6 +369,10 @@ def step_rows(
                 load16(across, 20 * width + x), down[4 * (5 * display_h + y)], fit,
                 numbers[C.frame_sharpness],
             )  # fmt: skip
+            if samples.fill_pitch > 0:
+                found = sums[3] > MIN_WEIGHT
+                frame = ycocg(*or_fill(found, from_ycocg(*current[0]), samples, tables, x, y))
+                current = frame, current[1], current[2], current[3], current[4]
             reactive = depth * 0.0
             if samples.has_reactive > 0:
                 reactive = reactive_at(samples, tables, x, y)

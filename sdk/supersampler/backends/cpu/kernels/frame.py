@@ -9,6 +9,7 @@ from supersampler.backends.cpu.kernels.colors import (
     logarithm,
     luminance,
     sanitize,
+    select3,
     toned,
     usable,
     ycocg,
@@ -34,6 +35,7 @@ from supersampler.backends.cpu.simd.vector import (
 )
 from supersampler.backends.cpu.structs import Floats, FrameInputs, FrameSamples
 from supersampler.methods.at_rest import MAX_STATIC_MOTION
+from supersampler.methods.missing import FILL_WINDOW
 
 DARKEST = 1e-4
 LEAVES, COVERS = 1.0, 0.95  # see `occluding_depth` of the torch methods
@@ -51,6 +53,31 @@ def sample_indices(x, y, w):
 def color_at(color, index):
     """Return the RGB of sixteen samples."""
     return gather(color, index * 3), gather(color, index * 3 + 1), gather(color, index * 3 + 2)
+
+
+@device_function
+def filled_at(frame, x, y, index):
+    """Return the RGB of sixteen samples of row y from x on, missing ones filled, and which are usable."""
+    r, g, b = color_at(frame.color, index)
+    good = usable(r, g, b)
+    color = sanitize(r), sanitize(g), sanitize(b)
+    if frame.fill_across > 0:
+        at = 3 * (y // FILL_WINDOW * frame.fill_across + x // FILL_WINDOW)
+        fill, zero = frame.fill, color[0] * 0.0
+        color = select3(good, color, (zero + fill[at], zero + fill[at + 1], zero + fill[at + 2]))
+    return color, good
+
+
+@device_function
+def or_fill(found, color, samples, tables, x, y):
+    """Return toned RGB of sixteen pixels of row y, or what fills missing samples where none was found."""
+    row = 3 * (tables.nearest_row[y] // FILL_WINDOW) * samples.fill_pitch + x
+    fill = (
+        load16(samples.fill, row),
+        load16(samples.fill, row + samples.fill_pitch),
+        load16(samples.fill, row + 2 * samples.fill_pitch),
+    )
+    return select3(found, color, fill)
 
 
 @device_function

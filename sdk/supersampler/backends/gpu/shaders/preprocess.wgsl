@@ -5,6 +5,7 @@
 // import state
 // import reactive
 // import frame
+// import missing
 // import surface
 
 const MIN_WEIGHT = 1e-3;
@@ -25,16 +26,16 @@ var<workgroup> near: array<vec3f, WIDE * WIDE>;   // luma, 1 where usable, 1 whe
 var<workgroup> shades: array<vec2f, SIDE * SIDE>;
 
 struct Sample {
-    exposed: vec3f,   // linear RGB, 0 where not usable
+    exposed: vec3f,   // linear RGB, filled where not usable
     usable: f32,
     glares: bool,
 }
 
 fn sample_at(p: vec2i) -> Sample {
-    let given = color_at(p);
-    let usable = select(0.0, 1.0, all_valid(given));
-    let exposed = min(scene_color(given) * usable * exposure_of(next_state), vec3f(MAX_HALF));
-    return Sample(exposed, usable, largest(exposed) > GLARING);
+    let exposure = exposure_of(next_state);
+    let found = sample_of_frame(p, exposure);
+    let exposed = min(found.color * exposure, vec3f(MAX_HALF));
+    return Sample(exposed, found.usable, largest(exposed) * found.usable > GLARING);
 }
 
 // Erosion of the depth at a sample inside the image.
@@ -63,7 +64,7 @@ fn load_tile(origin: vec2i, thread: i32) {
     }
     for (var i = thread; i < WIDE * WIDE; i += SIDE * SIDE) {
         let s = sample_at(clamped(origin - 1 + vec2i(i % WIDE, i / WIDE), render_size()));
-        near[i] = vec3f(ycocg(tone(s.exposed)).x, s.usable, select(0.0, 1.0, s.glares));
+        near[i] = vec3f(ycocg(tone(s.exposed)).x * s.usable, s.usable, select(0.0, 1.0, s.glares));
     }
 }
 

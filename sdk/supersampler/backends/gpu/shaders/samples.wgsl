@@ -1,12 +1,16 @@
-// The samples of this frame, as `preprocess` writes them to `samples`: exposed linear RGB, and in alpha 1 where a
-// sample is usable, plus 2 where one of 3x3 samples glares.
+// The samples of this frame, as `preprocess` writes them to `samples`: exposed linear RGB, filled where a sample is
+// missing, and in alpha 1 where it is usable, plus 2 where one of 3x3 samples glares.
 // import params
 // import colors
 
 // Toned RGB, and 1 where the sample is usable; zeros where it is not.
 fn toned_sample(samples: texture_2d<f32>, p: vec2i) -> vec4f {
     let sample = textureLoad(samples, clamped(p, render_size()), 0);
-    return vec4f(tone(sample.rgb), sample.a - 2.0 * floor(0.5 * sample.a));
+    let usable = sample.a - 2.0 * floor(0.5 * sample.a);
+    return vec4f(usable * tone(sample.rgb), usable);
 }
+
+// Toned RGB, filled where the sample is missing.
+fn filled_sample(samples: texture_2d<f32>, p: vec2i) -> vec3f { return tone(textureLoad(samples, p, 0).rgb); }
 
 fn glares_near(samples: texture_2d<f32>, p: vec2i) -> bool { return textureLoad(samples, p, 0).a >= 2.0; }

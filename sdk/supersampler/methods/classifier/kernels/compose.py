@@ -237,11 +237,12 @@ def make_compose_row(variant: Variant):
             if own_motion:
                 history = added(history, third, three(rest, rest_at + 16 * own))
             current_weight = current[3]
-            scale = 1.0 / maximum(history_weight + current_weight, 1e-12)
+            total = history_weight + current_weight
+            scale, found = 1.0 / maximum(total, 1e-12), total > 0.0
             r, g, b = (
-                (history[0] + current[0]) * scale,
-                (history[1] + current[1]) * scale,
-                (history[2] + current[2]) * scale,
+                select(found, (history[0] + current[0]) * scale, frame[0]),
+                select(found, (history[1] + current[1]) * scale, frame[1]),
+                select(found, (history[2] + current[2]) * scale, frame[2]),
             )
             r, g, b = linear_of(r, g, b, exposure)
             if output.has_weight:

@@ -19,7 +19,7 @@ from supersampler.backends.cpu.kernels.colors import (
     without_glare,
 )
 from supersampler.backends.cpu.kernels.filters import filter_all_across, filter_all_down
-from supersampler.backends.cpu.kernels.frame import repeat_ends, sample_indices
+from supersampler.backends.cpu.kernels.frame import or_fill, repeat_ends, sample_indices
 from supersampler.backends.cpu.kernels.warp import (
     disocclusion,
     linear_taps,
@@ -297,6 +297,8 @@ def make_gather_rows(*parts: str):
                 )
                 sums = filter_all_across(line, stride + 2 * PAD, starts, across, width, x, not guided)
                 frame, sample, confidence, mean, extents, variance = current_frame(sums, numbers[C.gamma])
+                if samples.fill_pitch > 0:
+                    frame = or_fill(sums[14] > 1e-3, frame, samples, tables, x, y)
                 if guided:
                     frame = lit(light, reflected)
                     image_row = 3 * y * padded_width + PAD

@@ -15,7 +15,7 @@ from supersampler.backends.cpu.kernels.colors import (
     toned,
 )
 from supersampler.backends.cpu.kernels.filters import add_tap, places_in
-from supersampler.backends.cpu.kernels.frame import color_at, repeat_ends, sample_indices
+from supersampler.backends.cpu.kernels.frame import color_at, filled_at, repeat_ends, sample_indices
 from supersampler.backends.cpu.layout import PAD, SAMPLE_PLANES, SURFACE_PLANES
 from supersampler.backends.cpu.simd.device_function import device_function
 from supersampler.backends.cpu.simd.shuffles import load_columns4
@@ -80,10 +80,10 @@ def prepare_surfaces(
     for y in range(y0, y1):
         for x in range(0, w, 16):
             index = sample_indices(x, y, w)
-            r, g, b = color_at(frame.color, index)
+            (r, g, b), _ = filled_at(frame, x, y, index)
             base, facing = surface_at(base_color, normal, index)
             i, j, k = reflectance(base, facing, guide.min_reflectance)
-            light = toned(sanitize(r) * exposure / i, sanitize(g) * exposure / j, sanitize(b) * exposure / k)
+            light = toned(r * exposure / i, g * exposure / j, b * exposure / k)
             facing = facing[0] * of_normal, facing[1] * of_normal, facing[2] * of_normal
             base = base[0] * of_color, base[1] * of_color, base[2] * of_color
             to = SURFACE_PLANES * y * padded_width + PAD + x
@@ -167,9 +167,15 @@ def guide_pixels(samples, guide, tables, y, x, width, base, facing, depth):
         least = select(better, cost, least)
         move_x = select(better, gather_nearby(samples.motion_x, at, step, index), move_x)
         move_y = select(better, gather_nearby(samples.motion_y, at, step, index), move_y)
-    scale = 1.0 / maximum(total, 1e-9)
+    scale, found = 1.0 / maximum(total, 1e-9), total > 0.0
+    center = SURFACE_PLANES * near * padded_width + PAD + first
+    light = (
+        select(found, r * scale, gather_nearby(planes, center, step, index)),
+        select(found, g * scale, gather_nearby(planes, center + padded_width, step, index)),
+        select(found, b * scale, gather_nearby(planes, center + 2 * padded_width, step, index)),
+    )
     sampled = select(known > 0.0, 1.0, zero)
-    return (r * scale, g * scale, b * scale), minimum(similar, 1.0), sampled, move_x, move_y
+    return light, minimum(similar, 1.0), sampled, move_x, move_y
 
 
 @device_function

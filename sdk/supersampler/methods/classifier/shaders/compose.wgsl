@@ -124,8 +124,10 @@ fn compose(p: vec2i, cell: u32, corner: u32, rests: bool) {
         let kept = (1.0 - reactive) * (present / (present + reactive * history.weight));
         history = Sum(history.color * kept, history.weight * kept);
     }
-    let total = max(history.weight + current.weight, 1e-12);
-    let image = bounded(inverse_tone((history.color + current.color) / total) / exposure);
+    let weights = history.weight + current.weight;
+    let total = max(weights, 1e-12);
+    let toned = select(now.frame, (history.color + current.color) / total, weights > 0.0);
+    let image = bounded(inverse_tone(toned) / exposure);
 
     let odds = history.weight / max(current.weight, 1e-12) * (sampled + 0.1 * sampled_here);
     let luma = luminance(now.sample);

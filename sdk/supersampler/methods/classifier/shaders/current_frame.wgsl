@@ -44,7 +44,8 @@ fn gather_current(samples: texture_2d<f32>, at: vec2f) -> CurrentFrame {
     let first = moment.xyz / total;
     let second = select(vec3f(1.0), square / total, moment.w > MIN_WEIGHT);
     // with missing samples the negative weights of the cubic dominate
-    let frame = select(from_ycocg(first), sharp.rgb / max(sharp.w, 1e-6), sharp.w > 0.9);
+    var frame = select(from_ycocg(first), sharp.rgb / max(sharp.w, 1e-6), sharp.w > 0.9);
+    if (moment.w <= MIN_WEIGHT) { frame = filled_sample(samples, nearest(at)); }
     return CurrentFrame(
         clamp(frame, vec3f(0.0), vec3f(TONED)),
         clamp(near.rgb / max(near.w, 1e-6), vec3f(0.0), vec3f(TONED)),

@@ -6,6 +6,7 @@
 // import variance_box
 // import reactive
 // import frame
+// import missing
 
 const SIDE = 16;
 const WIDE = SIDE + 2;
@@ -25,9 +26,8 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local
     let origin = SIDE * vec2i(group.xy);
     for (var i = i32(index); i < WIDE * WIDE; i += SIDE * SIDE) {
         let q = clamped(origin - 1 + vec2i(i % WIDE, i / WIDE), render_size());
-        let given = color_at(q);
-        let toned = ycocg(tone(scene_color(given) * exposure_of(next_state)));
-        colors[i] = vec4f(toned, select(0.0, 1.0, all_valid(given)));
+        let found = sample_of_frame(q, exposure_of(next_state));
+        colors[i] = vec4f(ycocg(tone(found.color * exposure_of(next_state))), found.usable);
         motions[i] = usable_motion(motion_at(q));
     }
     workgroupBarrier();

@@ -15,6 +15,7 @@
 const MIN_CHANGE = 0.004;       // of toned luma: one step of an 8-bit image
 const MIN_SAMPLES = 1e-3;       // with fewer samples the history is not used
 const MIN_BOX_WEIGHT = 0.5;
+const MIN_WEIGHT = 1e-3;
 
 @group(0) @binding(1) var<storage, read> history_state: State;
 @group(0) @binding(2) var<storage, read> next_state: State;
@@ -104,7 +105,8 @@ fn gather_current(p: vec2i) -> Current {
             if (all(abs(away) <= vec2i(1))) { steps += vec3f(vec2f(away) * color.x, tap.a); }
         }
     }
-    let frame = smoothed.xyz / max(smoothed.w, 1e-6);
+    var frame = smoothed.xyz / max(smoothed.w, MIN_WEIGHT);
+    if (smoothed.w <= MIN_WEIGHT) { frame = ycocg(filled_sample(samples, sample)); }
     let sharpness = select(0.0, FRAME_SHARPNESS, sharp.w > 0.9);
     var center = moment.xyz / max(moment.w, 1e-6);
     var variance = max(square / max(moment.w, 1e-6) - center * center, vec3f(0.0));
