@@ -72,6 +72,32 @@ class _Injected:
         )
 
 
+COUNTS_AS: Mapping[str, float] = {"infinite": LARGEST, "negative": 0.0, "denormal": 0.0, "huge": LARGEST}
+"""What such a colour is shown as. What is not a number shows what is near."""
+
+
+class _Lasting:
+    """In a disc of every frame's colour: images are those of frames with what counts there instead."""
+
+    def __init__(self, value: float, counts_as: float | None) -> None:
+        self._value, self._counts_as = value, counts_as
+
+    def __call__(self, trial: Trial) -> Measured:
+        width, height = trial.render
+        y, x = np.mgrid[:height, :width]
+        disc = np.hypot(x - width / 2, y - height / 2) < height / 8
+        pairs = []
+        for frame in islice(cycle(still(trial.render, trial.every)), trial.frames):
+            near = float(np.mean(np.asarray(frame.color)[~disc]))
+            right = near if self._counts_as is None else self._counts_as
+            pairs.append(
+                (with_values(frame, "color", disc, self._value), with_values(frame, "color", disc, right))
+            )
+        differences = [o.mean for o in step_both(trial.begin(), trial.begin(), pairs)]
+        most = 2.0 * STEP if self._counts_as is None else STEP  # a black disc would be 4 steps
+        return Measured((Figure("apart", max(differences), most),), differences)
+
+
 def spread(trial: Trial) -> Measured:
     """Colour, depth and motion of one pixel are NaN in each frame of 192x96: only its surroundings change."""
     disturbed, baseline = trial.begin(WIDE), trial.begin(WIDE)
@@ -136,6 +162,18 @@ SCENARIOS = (
             cpu=_CASES * WATCHED,
             onnx=_CASES * WATCHED,
             quick=_CASES * WATCHED if name == "not a number" else 0,
+            remembers=False,
+        )
+        for name, values in VALUES.items()
+    ),
+    *(
+        Scenario(
+            f"a region {name}",
+            "difference / frame",
+            _Lasting(values[0], COUNTS_AS.get(name)),
+            cpu=96,
+            onnx=96,
+            quick=80 if name == "not a number" else 0,
             remembers=False,
         )
         for name, values in VALUES.items()

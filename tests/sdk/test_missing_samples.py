@@ -1,0 +1,91 @@
+"""What is missing in every frame shows what is near, on every method and backend: never black."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from gpu_steps import device_or_skip
+from method_backends import BACKENDS, make
+from supersampler import Frame, Upscaler, halton_jitter
+from supersampler.errors import ArgumentError
+from supersampler.methods.missing import FILL_WINDOW, GREY_SHARE
+from supersampler_bench.compatibility import with_default_gbuffers
+from supersampler_model.ops.color import EXPOSURE_KEY
+from supersampler_model.ops.missing import filled
+
+RENDER = (17, 13)
+SHADED = [(name, kind) for name, kind in BACKENDS if not name.startswith(("guided", "extrapolate"))]
+
+
+def plate(index: int, upscaler: Upscaler, lost: Any) -> Frame:
+    """A grey plate, of which samples are missing where `lost`, (h, w), is True."""
+    width, height = RENDER
+    color = np.full((height, width, 3), 0.4, np.float32)
+    color[lost] = np.nan
+    frame = Frame(
+        color=color,
+        depth=np.full((height, width), 0.5, np.float32),
+        motion=np.zeros((height, width, 2), np.float32),
+        jitter=halton_jitter(index, 2.0),
+        exposure=1.0,
+        reset=index == 0,
+    )
+    return with_default_gbuffers(frame, upscaler.gbuffers, upscaler.display_size or RENDER)
+
+
+def assert_shows_what_is_near(upscaler: Upscaler) -> None:
+    y, x = np.mgrid[: RENDER[1], : RENDER[0]]
+    lost = np.hypot(x - 8, y - 6) < 4.5
+    for index in range(12):
+        image = upscaler.step(plate(index, upscaler, lost))
+        assert image.min() > 0.3, f"frame {index}"
+        assert image.max() < 0.5, f"frame {index}"
+
+
+@pytest.mark.parametrize(("method", "executor"), SHADED)
+def test_a_hole_in_every_frame_shows_what_is_around_it(method: str, executor: str) -> None:
+    assert_shows_what_is_near(make(method, executor))
+
+
+@pytest.mark.parametrize("method", ["taa", "taau", "classifier", "classifier-large"])
+def test_so_it_does_on_the_gpu(method: str) -> None:
+    device_or_skip()
+    try:
+        upscaler = make(method, "gpu")
+    except ArgumentError as error:
+        pytest.skip(str(error))
+    assert_shows_what_is_near(upscaler)
+
+
+@pytest.mark.parametrize(
+    ("method", "executor"), [pair for pair in SHADED if pair[0] in ("taau", "classifier")]
+)
+def test_a_hole_in_one_frame_shows_the_history(method: str, executor: str) -> None:
+    upscaler = make(method, executor)
+    nothing, all_of_it = np.zeros(RENDER[::-1], bool), np.ones(RENDER[::-1], bool)
+    for index in range(8):
+        image = upscaler.step(plate(index, upscaler, nothing))
+    lost = upscaler.step(plate(8, upscaler, all_of_it))
+    np.testing.assert_allclose(lost, image, atol=0.02)
+
+
+def test_a_missing_sample_gets_the_mean_of_its_window_and_grey_where_that_is_empty() -> None:
+    side = FILL_WINDOW
+    color, usable = torch.full((1, 3, side, 2 * side), 0.09), torch.ones(1, 1, side, 2 * side)
+    color[..., : side // 2, :side] = 0.25
+    usable[..., 3, 5], usable[..., side:] = 0.0, 0.0
+    done = filled(color, usable, torch.tensor([2.0]))
+    np.testing.assert_allclose(done[0, :, 3, 5], 0.16, rtol=2e-3 + GREY_SHARE)
+    np.testing.assert_allclose(done[..., side:], EXPOSURE_KEY / 2.0, rtol=1e-5)
+    kept = usable.expand_as(color) > 0.0
+    assert torch.equal(done[kept], color[kept])
+
+
+def test_fills_are_never_brighter_than_the_brightest_sample_nor_not_a_number() -> None:
+    color, usable = torch.full((1, 3, 5, 7), 65504.0), torch.zeros(1, 1, 5, 7)
+    usable[..., 2:] = 1.0
+    done = filled(color, usable, torch.tensor([1.0]))
+    assert torch.isfinite(done).all()
+    assert done.max() <= 65504.0
