@@ -1,12 +1,15 @@
-"""No image at rest is worse than the method's own: scenes by chance, on the CPU backend."""
+"""No image at rest is worse than the method's own: scenes by chance."""
 
 import os
 from functools import cache
+from typing import Any
 
+import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from fuzzing import examples
+from gpu_steps import device_or_skip
 from rest_scenes import SCENES, RestScene, worse_by
 from supersampler import Model, Upscaler
 
@@ -14,23 +17,47 @@ MEAN, QUANTILE = 1.0, 4.0
 """What an image may be worse by, 1/255 of the display."""
 
 
+LONG = "SUPERSAMPLER_FUZZ" in os.environ
+
+
 @cache
-def model(method: str) -> Model:
-    return Model.load(method, executor="cpu", threads=1)
+def model(method: str, executor: Any) -> Model:
+    return Model.load(method, executor=executor, threads=1)
 
 
-@settings(
-    max_examples=examples(6),
-    derandomize="SUPERSAMPLER_FUZZ" not in os.environ,
-    deadline=None,
-    suppress_health_check=[HealthCheck.too_slow],
-)
-@given(scene=SCENES, method=st.sampled_from(["taau", "classifier"]))
-def test_no_image_at_rest_is_worse_than_the_methods_own(scene: RestScene, method: str) -> None:
-    options = {"display_size": scene.display, "validate": "off"}
-    ours = Upscaler(model(method), **options)  # type: ignore[arg-type]
-    own = Upscaler(model(method), at_rest="off", **options)  # type: ignore[arg-type]
+def assert_never_worse(scene: RestScene, method: str, executor: str) -> None:
+    options: dict[str, Any] = {"display_size": scene.display, "validate": "off"}
+    ours = Upscaler(model(method, executor), **options)
+    own = Upscaler(model(method, executor), at_rest="off", **options)
     for index, (frame, truth) in enumerate(scene.frames(4 * scene.period)):
         mean, quantile = worse_by(ours.step(frame), own.step(frame), truth)
         assert mean <= MEAN, f"frame {index}: {mean:.2f}/255"
         assert quantile <= QUANTILE, f"frame {index}: {quantile:.2f}/255 in the 99.9 % quantile"
+
+
+def drawn(count: int) -> Any:
+    """Run a test on so many scenes and methods, or in `make fuzz` on many more."""
+    settled = settings(
+        max_examples=examples(count),
+        derandomize=not LONG,
+        deadline=None,
+        suppress_health_check=[HealthCheck.too_slow],
+    )
+    return lambda test: settled(given(SCENES, st.sampled_from(["taau", "classifier"]))(test))
+
+
+@drawn(6)
+def test_no_image_at_rest_is_worse_than_the_methods_own_on_the_cpu(scene: RestScene, method: str) -> None:
+    assert_never_worse(scene, method, "cpu")
+
+
+@drawn(2)
+def test_nor_is_it_in_the_graph(scene: RestScene, method: str) -> None:
+    assert_never_worse(scene, method, "onnx")
+
+
+@pytest.mark.skipif(not LONG, reason="without a GPU it takes minutes; make fuzz runs it")
+@drawn(2)
+def test_nor_is_it_on_the_gpu(scene: RestScene, method: str) -> None:
+    device_or_skip()
+    assert_never_worse(scene, method, "gpu")

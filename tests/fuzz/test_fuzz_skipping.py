@@ -1,0 +1,107 @@
+"""What is left out changes no bit: rest, motion, light, sizes, masks, cuts and outputs by chance."""
+
+import os
+from collections.abc import Iterator
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from fuzzing import examples
+from rest_scenes import wave
+from supersampler import Frame, Model, Upscaler, halton_jitter
+
+DISPLAY = (100, 70)
+"""More than one tile, and parts of tiles."""
+SIZES = ((100, 70), (67, 47))
+"""Of ratios 1 and about 1.5: their jitter repeats soon, and so tiles rest soon."""
+
+
+class Segment(NamedTuple):
+    """Some frames in a row.
+
+    `size`: index of the render size; `speed`: of a square, pixels a frame; `light`: of that square; `masked`:
+    whether it is reactive; `wants`: outputs beside the image; `cut`: whether the first frame is a cut.
+    """
+
+    frames: int
+    size: int
+    speed: float
+    light: float
+    masked: bool
+    wants: tuple[str, ...]
+    cut: bool
+
+
+SEGMENTS = st.lists(
+    st.builds(
+        Segment,
+        st.sampled_from([1, 2, 9, 25, 45]),
+        st.sampled_from([0, 0, 0, 1]),
+        st.sampled_from([0.0, 0.0, 0.0, 0.002, 1.3]),
+        st.sampled_from([1.0, 1.0, 1.001, 1.5]),
+        st.sampled_from([False, False, False, True]),
+        st.sampled_from([(), (), ("converged",), ("weight",), ("aovs",)]),
+        st.sampled_from([False, False, False, True]),
+    ),
+    min_size=2,
+    max_size=7,
+)
+
+
+def frames(segments: list[Segment]) -> Iterator[tuple[Frame, tuple[str, ...]]]:
+    """Yield frames of a pattern with a square in the middle, and the outputs that are asked for."""
+    index, place = 0, 30.0
+    for segment in segments:
+        width, height = SIZES[segment.size]
+        ratio = DISPLAY[0] / width
+        rows, columns = np.mgrid[:height, :width]
+        for first in (True, *[False] * (segment.frames - 1)):
+            jitter = halton_jitter(index, ratio)
+            x, y = (columns + 0.5 + jitter[0]) * ratio, (rows + 0.5 + jitter[1]) * ratio
+            place += segment.speed * ratio
+            square = (np.abs(x - place) < 12.0) & (np.abs(y - 30.0) < 9.0)
+            color = wave(x, y) * np.where(square, segment.light, 1.0)[..., None]
+            motion = np.zeros((height, width, 2), np.float32)
+            motion[square, 0] = -segment.speed
+            frame = Frame(
+                color=color.astype(np.float32),
+                depth=np.where(square, 0.5, 0.1).astype(np.float32),
+                motion=motion,
+                jitter=jitter,
+                exposure=1.0,
+                reset=index == 0 or (first and segment.cut),
+                reactive=square.astype(np.float32) if segment.masked else None,
+                aovs=color[..., :1].astype(np.float32),
+            )
+            yield frame, segment.wants
+            index += 1
+
+
+@cache
+def model(method: str) -> Model:
+    return Model.load(method, executor="cpu", threads=1)
+
+
+@settings(
+    max_examples=examples(6),
+    derandomize="SUPERSAMPLER_FUZZ" not in os.environ,
+    deadline=None,
+    suppress_health_check=[HealthCheck.too_slow],
+)
+@given(SEGMENTS, st.sampled_from(["taau", "classifier"]))
+def test_what_is_left_out_changes_no_bit(segments: list[Segment], method: str) -> None:
+    options: dict[str, Any] = {"display_size": DISPLAY, "validate": "off"}
+    ours, whole = Upscaler(model(method), **options), Upscaler(model(method), skip=False, **options)
+    for index, (frame, wanted) in enumerate(frames(segments)):
+        mine, theirs = (upscaler.step(frame, outputs=wanted) for upscaler in (ours, whole))
+        for name in ("image", *wanted) if wanted else ():
+            found, expected = getattr(mine, name), getattr(theirs, name)
+            np.testing.assert_array_equal(found, expected, f"{name} of frame {index}")
+        if not wanted:
+            np.testing.assert_array_equal(mine, theirs, f"frame {index}")
+    mine_state, other_state = (upscaler.save_state().history or {} for upscaler in (ours, whole))
+    for name, array in mine_state.items():
+        np.testing.assert_array_equal(array, other_state[name], name)
