@@ -176,6 +176,23 @@ class Stillness(NamedTuple):
     complete: Bool = np.zeros((1, 1), bool)  # blocks whose mean has the samples of a whole period
     freezes: Bool = np.zeros((1, 1), bool)
 
+    @classmethod
+    def of_all(
+        cls, cycle: Cycle, noisy: bool, history: RestState, following: RestState, *, moves: bool
+    ) -> "Stillness":
+        """Write the next history but for its mean where every block moves, or else every one stays frozen."""
+        shape, blank = history.ages.shape, np.zeros_like(history.tests)
+        all_of_them, none = np.ones(shape, bool), np.zeros(shape, bool)
+        moving, staying = (all_of_them, none) if moves else (none, all_of_them)
+        ages = blank[0] if moves else np.minimum(np.abs(history.ages) + np.float32(cycle.counts), OLDEST)
+        following.ages, following.tests = (ages if moves else -ages), blank
+        following.render, following.phases = history.render, cycle.phases
+        following.signatures = list(history.signatures)
+        shares = np.where(staying, np.float32(2.0), np.float32(0.0))
+        return cls(
+            cycle, noisy, staying, staying, moving, none, none, staying, ages, blank, shares, staying, none
+        )
+
     def write(self, history: RestState, following: RestState, signature: Float32) -> "Stillness":
         """Write the next history but for its mean; return what is shown and frozen, too."""
         cycle = self.cycle
@@ -285,12 +302,16 @@ class AtRest:
         sampled, noisy = adds_samples >= 1.0, adds_samples >= NOISY
         cycle = follow_jitter(frame.jitter, history.phases, sampled=sampled, noisy=noisy)
         moving, signature = self._signatures(frame, inputs)
+        if moving.all():
+            return Stillness.of_all(cycle, noisy, history, following, moves=True)
         seen = _Seen(frame, inputs, cycle, sampled, noisy, moving, signature, DARK / inputs.exposure)
         age, was_frozen = np.abs(history.ages), history.ages < 0.0
         known = (age >= cycle.age) & (cycle.age > 0.0 and sampled and not noisy)
         changed, drift = self._changed(seen, history, known)
         if sampled:
             changed = changed | (was_frozen & ~known)
+        if was_frozen.all() and not (changed.any() or moving.any()):
+            return Stillness.of_all(cycle, noisy, history, following, moves=False)
         restarts, moves = (dilated(mask, 1) if mask.any() else mask for mask in (changed, moving))
         stands = ~(moves | restarts)
         verifies = known & stands & ~was_frozen & cycle.counts
@@ -434,6 +455,10 @@ class AtRest:
     ) -> None:
         display, render = following.display, frame.size
         same = history.render == render
+        if not (still.adds.any() or still.freezes.any()) and np.array_equal(
+            following.generations, history.generations
+        ):
+            return
         before = np.abs(history.ages) > 0.0 if same else np.zeros(still.ages.shape, bool)
         begins = still.adds & ~(still.stands & before)
         modes = np.where(

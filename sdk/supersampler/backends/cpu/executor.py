@@ -145,6 +145,7 @@ class CpuExecutor(ABC, Generic[Space]):
                 still=still,
                 display=display,
             )
+            next_history.frame_generation = generation
         self._keep(history, next_history, tiles, resting, generation)
         if still is not None and history.rest is not None and next_history.rest is not None:
             rested = history.rest, next_history.rest, still

@@ -100,6 +100,7 @@ class CpuHistory:
         jitter: jitter of the frame.
         exposure: exposure of the frame by `followed_exposure`; 0 before the first frame.
         glares: whether pixels may hold counts of glaring frames.
+        frame_generation: in two histories equal ones mean equal arrays of the frame's size.
     """
 
     def __init__(self, layout: HistoryLayout, display: Size, render: Size, image: Size | None = None) -> None:
@@ -112,6 +113,7 @@ class CpuHistory:
         self.rest = RestState(image or display, render) if layout.rests else None
         self.generations = np.zeros([-(-extent // TILE) for extent in display[::-1]], np.int64)
         self.jitter, self.exposure, self.glares = (0.0, 0.0), 0.0, False
+        self.frame_generation = 0
 
     def fits(self, display: Size, render: Size, image: Size) -> bool:
         """Return whether these arrays can hold the history after a frame of this size; see `__init__`."""
@@ -124,6 +126,9 @@ class CpuHistory:
         self.jitter, self.exposure, self.glares = previous.jitter, previous.exposure, previous.glares
         for name, values in previous.values.items():
             self.values[name][:] = values
+        if self.frame_generation == previous.frame_generation:
+            return
+        self.frame_generation = previous.frame_generation
         for name, plane in self._layout.planes.items():
             if self._layout.size(plane) == PREVIOUS:
                 self.arrays[name][:] = previous.arrays[name]
@@ -158,7 +163,7 @@ class CpuHistory:
 
     def load(self, tensors: Mapping[str, NDArray[Any]]) -> None:
         """Fill from all history tensors, NCHW."""
-        self.generations[:] = generation = next_generation()
+        self.generations[:] = self.frame_generation = generation = next_generation()
         if self.rest is not None:
             self.rest.load(tensors, generation)
         for key, plane in self._layout.planes.items():

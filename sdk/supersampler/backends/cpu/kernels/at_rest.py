@@ -10,6 +10,7 @@ from supersampler.backends.cpu.kernels.frame import MAX_MOTION
 from supersampler.backends.cpu.layout import LANES
 from supersampler.backends.cpu.simd.device_function import device_function
 from supersampler.backends.cpu.simd.vector import (
+    absolute,
     all_lanes,
     load16,
     maximum,
@@ -35,6 +36,8 @@ SUMS = 12
 """Sums of a block: samples; residuals, RGB; samples, RGB; the mean there, RGB; squares of the first two."""
 KEEPS, ADDS, RESTARTS = 1, 2, 3
 """Modes of a block's mean: it stays, takes the samples, or begins with them. 0: it has none."""
+SLOW = np.float32(0.7 * MAX_STATIC_MOTION)
+"""On both axes a sample that moves no more than this stands."""
 DARKNESS = np.float32(1e-12)
 LEAST = np.float32(LEAST_WEIGHT)
 
@@ -61,6 +64,19 @@ def moves(samples, y, x):
     if mx * mx + my * my > np.float32(MAX_STATIC_MOTION * MAX_STATIC_MOTION):
         return True
     return samples.has_reactive != 0 and samples.reactive[at] > np.float32(0.0)
+
+
+@device_function
+def all_stand(samples, y, x):
+    """Return True only where none of sixteen samples moves or is reactive; False says nothing."""
+    at = y * samples.width + x
+    stand = x + LANES <= samples.width
+    if stand:
+        for part in range(0, 2 * LANES, LANES):
+            stand = stand and all_lanes(absolute(load16(samples.motion, 2 * at + part)) <= SLOW)
+        if samples.has_reactive != 0:
+            stand = stand and all_lanes(load16(samples.reactive, at) <= np.float32(0.0))
+    return stand
 
 
 @device_function
@@ -121,9 +137,11 @@ def sign_blocks(samples: RestSamples, scratch: Floats, y0: int, y1: int):
     """Write which blocks of rows y0 to y1 move, and the signatures of all others; scratch: 3 * RGB."""
     for by in range(y0, y1):
         for first in range(0, samples.across, LANES // BLOCK):
-            end, stands = min(first + LANES // BLOCK, samples.across), False
+            end, stands, still = min(first + LANES // BLOCK, samples.across), False, True
+            for y in range(by * BLOCK, min(by * BLOCK + BLOCK, samples.height)):
+                still = still and all_stand(samples, y, BLOCK * first)
             for bx in range(first, end):
-                block_is_moving = block_moves(samples, by, bx)
+                block_is_moving = not still and block_moves(samples, by, bx)
                 samples.moving[by * samples.across + bx] = 1 if block_is_moving else 0
                 stands = stands or not block_is_moving
             if not stands:
