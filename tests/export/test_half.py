@@ -103,7 +103,7 @@ def test_small_divisors_and_weights_are_not_rounded_to_zero() -> None:
     assert least_divisor(zero.float(), 1e-12) == 1e-12
     dark, bright, one = torch.zeros(1, 3, 1, 1), torch.ones(1, 3, 1, 1), torch.ones(1, 1, 1, 1)
     factors = torch.tensor([-16.0, -15.5], dtype=torch.float16).reshape(1, 2, 1, 1)
-    mean = composite([(dark, one)], [(bright, one)], factors, torch.zeros(())).color
+    mean = composite([(dark, one)], [(bright, one)], factors, torch.zeros(()), dark).color
     assert mean.mean().item() == pytest.approx(1.0 / (1.0 + math.exp(-0.5)), rel=1e-4)
 
 

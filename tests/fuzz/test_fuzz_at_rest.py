@@ -1,8 +1,9 @@
 """No image at rest is worse than the method's own: scenes by chance."""
 
 import os
+from collections.abc import Callable
 from functools import cache
-from typing import Any
+from typing import Any, cast
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -17,6 +18,7 @@ MEAN, QUANTILE = 1.0, 4.0
 """What an image may be worse by, 1/255 of the display."""
 
 
+Promise = Callable[[RestScene, str], None]
 LONG = "SUPERSAMPLER_FUZZ" in os.environ
 
 
@@ -35,7 +37,7 @@ def assert_never_worse(scene: RestScene, method: str, executor: str) -> None:
         assert quantile <= QUANTILE, f"frame {index}: {quantile:.2f}/255 in the 99.9 % quantile"
 
 
-def drawn(count: int) -> Any:
+def drawn(count: int) -> Callable[[Promise], Promise]:
     """Run a test on so many scenes and methods, or in `make fuzz` on many more."""
     settled = settings(
         max_examples=examples(count),
@@ -43,7 +45,8 @@ def drawn(count: int) -> Any:
         deadline=None,
         suppress_health_check=[HealthCheck.too_slow],
     )
-    return lambda test: settled(given(SCENES, st.sampled_from(["taau", "classifier"]))(test))
+    draws = given(SCENES, st.sampled_from(["taau", "classifier"]))
+    return lambda test: cast(Promise, settled(draws(test)))
 
 
 @drawn(6)

@@ -116,7 +116,7 @@ def test_the_compositor_moves_the_image_towards_the_colours_of_this_frame(value:
     pairs = list(zip(colors, weights, strict=True))
 
     def blended(mask: float) -> tuple[Tensor, Tensor]:
-        result = composite(pairs[:2], pairs[2:], factors, torch.tensor(mask))
+        result = composite(pairs[:2], pairs[2:], factors, torch.tensor(mask), colors[2])
         return result.color, result.weight
 
     (plain, weight), (alone, none) = blended(0.0), blended(1.0)
@@ -129,7 +129,7 @@ def test_the_compositor_moves_the_image_towards_the_colours_of_this_frame(value:
 def test_an_ordinary_frame_is_bit_for_bit_that_of_a_mask_of_zeros() -> None:
     pairs = [(torch.rand(1, 3, 4, 4), torch.rand(1, 1, 4, 4)) for _ in range(3)]
     factors = torch.randn(1, 3, 4, 4)
-    whole = composite(pairs[:1], pairs[1:], factors, torch.zeros(()))
-    planes = composite(pairs[:1], pairs[1:], factors, torch.zeros(1, 1, 4, 4))
+    whole = composite(pairs[:1], pairs[1:], factors, torch.zeros(()), pairs[1][0])
+    planes = composite(pairs[:1], pairs[1:], factors, torch.zeros(1, 1, 4, 4), pairs[1][0])
     for one, other in zip(whole, planes, strict=True):
         np.testing.assert_array_equal(one.numpy(), other.numpy())

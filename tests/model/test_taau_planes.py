@@ -56,7 +56,7 @@ def test_where_no_plane_fits_moments_are_those_of_salvi() -> None:
     luma, usable = torch.rand(9, 12, generator=torch.Generator().manual_seed(1)), torch.ones(1, 1, 9, 12)
     grid = grid_of(Size(24, 18), RENDER, torch.tensor([[0.3, -0.2]]))
     found = plane_moments(grey(luma), usable, torch.zeros(1, 1, 18, 24), grid, SIGMA, 0.5)
-    first, second = local_moments(grey(luma), usable, grid, SIGMA)
+    first, second, _ = local_moments(grey(luma), usable, grid, SIGMA)
     torch.testing.assert_close(found, Moments(first, second - first * first), rtol=0.0, atol=1e-5)
 
 
