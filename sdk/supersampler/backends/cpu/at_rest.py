@@ -421,7 +421,7 @@ class AtRest:
         shown = still.shares != 0.0
         if not shown.any():
             return
-        at, complete = blocks_at(display, render), still.complete.astype(np.uint8)
+        at, complete = blocks_at(display, render), still.complete.astype(np.float32)
         cycle = still.cycle if ((still.shares > 0.0) & (still.shares <= 1.0)).any() else None
         across, row_moments = (moments_of(cycle, axis, display[axis], render[axis]) for axis in (0, 1))
         pitch = up_to(display[0], LANES)
@@ -435,7 +435,7 @@ class AtRest:
             )
         )  # fmt: skip
         boxes = scaled(runs_of(any_in_tiles(shown, display, render)), TILE, display)
-        scratch = aligned((self._pool.threads, 3 * LANES))
+        scratch = aligned((self._pool.threads, 5 * LANES))
         self._pool.run_rects(
             "rest", boxes, lambda box, worker: self._show(packed, address(scratch[worker]), *box)
         )

@@ -283,7 +283,7 @@ class ShownMean(NamedTuple):
     mean: Floats
     image: Floats
     shares: Floats
-    complete: Bytes
+    complete: Floats
     row_blocks: Words
     column_blocks: Words
     row_moments: Floats

@@ -9,11 +9,16 @@ from supersampler.backends.cpu.kernels.colors import MAX_HALF
 from supersampler.backends.cpu.kernels.frame import MAX_MOTION
 from supersampler.backends.cpu.layout import LANES
 from supersampler.backends.cpu.simd.device_function import device_function
+from supersampler.backends.cpu.simd.shuffles import first_third, last_third, load_columns4, second_third
 from supersampler.backends.cpu.simd.vector import (
     absolute,
     all_lanes,
+    gather,
     load16,
     maximum,
+    minimum,
+    ramp16,
+    select,
     spread16,
     square_root,
     store,
@@ -288,7 +293,7 @@ def slope(before, here, after, known):
 def is_complete(shown, y, x):
     """Return 1 where a pixel has the samples of a whole period, else 0."""
     block = shown.row_blocks[y] * shown.across + shown.column_blocks[x]
-    enough = shown.complete[block] != 0 and shown.mean[4 * (y * shown.width + x) + 3] >= LEAST
+    enough = shown.complete[block] > 0.0 and shown.mean[4 * (y * shown.width + x) + 3] >= LEAST
     return np.float32(1.0) if enough else np.float32(0.0)
 
 
@@ -338,11 +343,52 @@ def show_pixel(shown, y, x, share, dx, dy):
         shown.image[to + c] = value if value >= DARKNESS else np.float32(0.0)
 
 
+@device_function
+def slopes(before, here, after, known):
+    """Return `slope` of sixteen pixels."""
+    below, above = here - before, after - here
+    most = minimum(absolute(below), absolute(above)) * known * np.float32(2.0)
+    return maximum(minimum((below + above) * np.float32(0.5), most), most * np.float32(-1.0))
+
+
+@device_function
+def are_complete(shown, y, x, weights):
+    """Return `is_complete` of sixteen pixels of these weights."""
+    blocks = load16(shown.column_blocks, x) + np.int32(shown.row_blocks[y] * shown.across)
+    return select(weights >= LEAST, gather(shown.complete, blocks), 0.0)
+
+
+@device_function
+def show_sixteen(shown, y, x, shares, scratch):
+    """Show sixteen pixels that have neighbours on either side; see `show_pixel`."""
+    above, under = max(y - 1, 0), min(y + 1, shown.height - 1)
+    at, image, mean = 4 * (y * shown.width + x), shown.image, shown.mean
+    here, left, right = load_columns4(mean, at), load_columns4(mean, at - 4), load_columns4(mean, at + 4)
+    over = load_columns4(mean, 4 * (above * shown.width + x))
+    below = load_columns4(mean, 4 * (under * shown.width + x))
+    known_x = are_complete(shown, y, x - 1, left[3]) * are_complete(shown, y, x + 1, right[3])
+    known_y = are_complete(shown, above, x, over[3]) * are_complete(shown, under, x, below[3])
+    share, dx, dy = select(here[3] >= LEAST, shares, 0.0), load16(scratch, 0), load16(scratch, LANES)
+    to = 3 * (y * shown.width + x)
+    index = ramp16() * np.int32(3) + np.int32(to)
+    for c in range(3):
+        moved = slopes(left[c], here[c], right[c], known_x) * dx
+        moved = moved + slopes(over[c], here[c], below[c], known_y) * dy
+        own = gather(image, index + np.int32(c))
+        value = minimum(own + share * (maximum(here[c] - moved, 0.0) - own), np.float32(MAX_HALF))
+        value = select(value >= DARKNESS, value, 0.0)
+        store(scratch, (2 + c) * LANES, value)
+    r, g, b = (load16(scratch, 2 * LANES), load16(scratch, 3 * LANES), load16(scratch, 4 * LANES))
+    store(image, to, first_third(r, g, b))
+    store(image, to + LANES, second_third(r, g, b))
+    store(image, to + 2 * LANES, last_third(r, g, b))
+
+
 def show_mean(shown: ShownMean, scratch: Floats, y0: int, y1: int, x0: int, x1: int):
     """Fade the image to the mean in rows y0 to y1 and columns x0 to x1.
 
     shares: of each block: 0 nothing, up to 1 the share of the mean, 2 the mean as it is, -1 by its weight.
-    scratch: 2 * LANES.
+    scratch: 5 * LANES.
     """
     for y in range(y0, y1):
         blocks = shown.row_blocks[y] * shown.across
@@ -350,6 +396,11 @@ def show_mean(shown: ShownMean, scratch: Floats, y0: int, y1: int, x0: int, x1: 
             end = min(first + LANES, x1)
             if fades(shown, blocks, first, end):
                 write_offsets(shown, y, first, scratch)
+                if end - first == LANES and first > 0 and end < shown.width:
+                    shares = gather(shown.shares, load16(shown.column_blocks, first) + np.int32(blocks))
+                    if all_lanes((shares > 0.0) & (shares < 1.5)):
+                        show_sixteen(shown, y, first, shares, scratch)
+                        continue
             for x in range(first, end):
                 share = shown.shares[blocks + shown.column_blocks[x]]
                 at, to = 4 * (y * shown.width + x), 3 * (y * shown.width + x)
