@@ -21,7 +21,7 @@ def samples_kept(
 ) -> Tensor:
     """Return the number of samples of the history that are kept, by block, (1, 1, hb, wb).
 
-    Of each block that neither moves nor is known to be as it was, some samples are compared with the nearest
+    Of each block that neither moves nor stays frozen, some samples are compared with the nearest
     pixels of the history, toned. Windows of such blocks have a mean difference, and its standard error.
 
     Args:
@@ -34,7 +34,7 @@ def samples_kept(
     columns, rows = still.at_pixels.nearest(LAG_STEP)
     before = tone(history.index_select(3, columns).index_select(2, rows))
     now = tone(color[:, :, ::LAG_STEP, ::LAG_STEP])
-    free = (1.0 - still.moves) * (1.0 - still.known * still.stands)
+    free = (1.0 - still.moves) * (1.0 - still.stays)
     size, side = render_size_of(free), WINDOWS[1]
     parts = torch.cat([now - before, before], dim=1) * usable[:, :, ::LAG_STEP, ::LAG_STEP]
     parts = cut(cut(parts, 2, size.height * BLOCK // LAG_STEP), 3, size.width * BLOCK // LAG_STEP)

@@ -28,12 +28,12 @@ def samples_kept(
         still: what stands still.
         config: constants of the model.
     """
-    free = ~still.moves & ~(still.known & still.stands)
+    free = ~still.moves & ~still.stays
     if not free.any():
         return None
     (height, _, width), side = toned.shape, WINDOWS[1]
     columns, rows = nearest_pixels(pixels.shape[1::-1], (width, height))
-    before = pixels[rows[::LAG_STEP]][:, columns[::LAG_STEP], :3] * np.float32(exposure)
+    before = pixels[rows[::LAG_STEP, None], columns[::LAG_STEP], :3] * np.float32(exposure)
     before = (before / (1.0 + before.max(axis=2, keepdims=True))).transpose(2, 0, 1)
     now, counts = toned[::LAG_STEP, :, ::LAG_STEP].transpose(1, 0, 2), usable[::LAG_STEP, ::LAG_STEP]
     parts = windowed(np.concatenate([now - before, before]) * counts, BLOCK // LAG_STEP)

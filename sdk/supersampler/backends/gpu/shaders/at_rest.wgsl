@@ -11,7 +11,7 @@ const HOLDS = 4u;       // there is a mean after this frame; without it nothing 
 const STAYS = 8u;       // the image is frozen and stays so
 const FREEZES = 16u;    // it is frozen from this frame on
 const COMPLETE = 32u;   // the mean has a whole period
-const FREE = 64u;       // nothing moves, but the samples are not known to be as they were
+const FREE = 64u;       // nothing moves, and nothing is frozen
 
 fn image_size() -> vec2i { return vec2i(params.display); }
 

@@ -138,7 +138,7 @@ fn decide(block: vec2i, origin: vec2i, restarts: bool, moves: bool) {
     if (due && steady) { freezes = has_enough(block); }
     let flags = flag(KEEPS, stands && before.x != 0.0) | flag(ADDS, adds) | flag(HOLDS, age != 0.0)
         | flag(STAYS, stays) | flag(FREEZES, freezes) | flag(COMPLETE, !is_noisy() && (stays || periods >= 1.0))
-        | flag(FREE, !moves && !(known && stands));
+        | flag(FREE, !moves && !stays);
     textureStore(block_states, block, vec4u(flags, bitcast<u32>(select(0.0, fade, steady && !adds)), 0u, 0u));
 
     if (due && !freezes) { age = next_state.period; }
