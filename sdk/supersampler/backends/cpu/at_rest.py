@@ -581,10 +581,10 @@ def drifting(drift: Float32, window: Windows, dark: float) -> Bool:
 
 
 @lru_cache
-def nearest_pixels(display: Size, render: Size) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def nearest_pixels(display: Size, render: Size) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """Return the columns and rows of the pixels nearest to the centres of samples."""
     columns, rows = (
-        np.minimum((2 * np.arange(size) + 1) * full // (2 * size), full - 1)
+        np.minimum((2 * np.arange(size) + 1) * full // (2 * size), full - 1).astype(np.int32)
         for full, size in zip(display, render, strict=True)
     )
     return columns, rows

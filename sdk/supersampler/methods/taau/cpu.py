@@ -5,24 +5,25 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.backends.cpu.at_rest import blocks_at
+from supersampler.backends.cpu.at_rest import blocks_at, nearest_pixels
 from supersampler.backends.cpu.executor import CpuExecutor, Step
 from supersampler.backends.cpu.frame_preprocess import READ_KERNELS, ResampledFrame
 from supersampler.backends.cpu.history import HistoryLayout, Plane
-from supersampler.backends.cpu.layout import LANES, PAD, TAAU_PIXEL, TILE
+from supersampler.backends.cpu.layout import LANES, TAAU_PIXEL, TILE
 from supersampler.backends.cpu.memory import address, aligned
 from supersampler.backends.cpu.resample_tables import Filter, catmull_rom, gaussian, line_filters, up_to
 from supersampler.backends.cpu.structs import NO_MASK, pack
 from supersampler.backends.cpu.threads import Rect, ThreadPool
 from supersampler.frame import Float32, Size
+from supersampler.methods.at_rest import block_count
 from supersampler.methods.model_info import ModelInfo
 from supersampler.methods.spec import constants_array
-from supersampler.methods.taau.lag import samples_kept
+from supersampler.methods.taau.lag import compared, samples_kept
 from supersampler.methods.taau.spec import FLASH, FLASH_MEMORY, LEAST_FLASH, TAAU
-from supersampler.methods.taau.structs import TaauHistoryInput, TaauScratch
+from supersampler.methods.taau.structs import ComparedBlocks, TaauHistoryInput, TaauScratch
 
 KERNELS = "methods.taau.kernels"
-STEP, SHADE = f"{KERNELS}.step_rows", f"{KERNELS}.shade"
+STEP, COMPARE, SHADE = (f"{KERNELS}.{name}" for name in ("step_rows", "compare_with_history", "shade"))
 LAYOUT = HistoryLayout(
     TAAU,
     {
@@ -57,7 +58,7 @@ class TaauCpu(CpuExecutor[_Space]):
     precision = "fp32"
 
     def __init__(self, info: ModelInfo, pool: ThreadPool) -> None:
-        super().__init__(LAYOUT, pool, STEP, *READ_KERNELS, SHADE)
+        super().__init__(LAYOUT, pool, STEP, COMPARE, *READ_KERNELS, SHADE)
         self._config = c = info.config
         self._constants = constants_array(TAAU, c)
         mean, *line = (Filter(kernel, False) for kernel in line_filters(c["moment_sigma"]))
@@ -126,14 +127,29 @@ class TaauCpu(CpuExecutor[_Space]):
 
     def _kept(self, step: Step, space: _Space) -> tuple[Float32, NDArray[np.int32], int, int]:
         """Return the last members of `TaauHistoryInput`."""
-        render, display, pixels = step.frame.size, step.display, step.history.arrays["pixels"]
-        at, kept = blocks_at(display, render), None
-        if step.still is not None:
-            samples = space.samples.color[:, :, PAD : PAD + render[0]]
-            exposure, config = step.inputs.exposure, self._config
-            kept = samples_kept(samples[:, :3], samples[:, 3], pixels, exposure, step.still, config)
+        at, kept = blocks_at(step.display, step.frame.size), None
+        if step.still is not None and compared(step.still).any():
+            kept = samples_kept(self._difference(step, space), step.still, self._config)
         if kept is None:
             return NO_MASK, at.rows, 0, 0
-        across = aligned((len(kept), up_to(display[0], LANES)))
-        across[:, : display[0]] = kept[:, at.columns]
+        across = aligned((len(kept), up_to(step.display[0], LANES)))
+        across[:, : step.display[0]] = kept[:, at.columns]
         return across, at.rows, across.shape[1], 1
+
+    def _difference(self, step: Step, space: _Space) -> Float32:
+        """Return differences of samples and history by block; see `ComparedBlocks`."""
+        across, down = block_count(step.frame.size)
+        columns, rows = nearest_pixels(step.display, step.frame.size)
+        pixels, sums = step.history.arrays["pixels"], aligned((6, down, up_to(across, LANES)))
+        samples, blocks = (
+            pack(space.samples),
+            pack(
+                ComparedBlocks(
+                    pixels, columns, rows, sums, across, sums.shape[2], down, step.display[0],
+                    step.inputs.exposure,
+                )
+            ),
+        )  # fmt: skip
+        compare = self.kernels[COMPARE]
+        self.pool.run_rows("preprocess", down, lambda y0, y1, _: compare(samples, blocks, y0, y1))
+        return sums[..., :across]

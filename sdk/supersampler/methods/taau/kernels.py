@@ -65,12 +65,15 @@ from supersampler.backends.cpu.simd.vector import (
     to_float,
 )
 from supersampler.backends.cpu.structs import Floats, FrameSamples, Output, ResampleTables
+from supersampler.methods.at_rest import BLOCK
 from supersampler.methods.spec import constant_indices
-from supersampler.methods.taau.spec import FIT, FLASH, LEAST_FLASH, TAAU, UNFIT
-from supersampler.methods.taau.structs import TaauHistoryInput, TaauScratch
+from supersampler.methods.taau.spec import FIT, FLASH, LAG_STEP, LEAST_FLASH, TAAU, UNFIT
+from supersampler.methods.taau.structs import ComparedBlocks, TaauHistoryInput, TaauScratch
 
 MIN_CHANGE, MIN_SAMPLES, MIN_WEIGHT, MIN_BOX_WEIGHT = 0.004, 1e-3, 1e-3, 0.5
 """As in the torch method and in `supersampler_model.ops.sampling`."""
+STEPS = BLOCK // LAG_STEP
+"""Samples of a block that are compared with the history, along an axis."""
 C = constant_indices(TAAU)
 EXPOSURE, PREVIOUS_W, PREVIOUS_H, JITTER_X, JITTER_Y, CHANGE, GLARES, UNCONFIRMED = range(len(C), len(C) + 8)
 """Indices into `numbers`, after the constants of `taau`.
@@ -212,6 +215,48 @@ def clip_to_center(color, mean, deviations, gamma, box_floor):
         absolute(color[2] - mean[2]) / maximum(deviations[2] * gamma + box_floor, 1e-5),
     )
     return lerp3(mean, color, 1.0 / maximum(overshoot, 1.0)), overshoot
+
+
+@device_function
+def color_at_places(pixels, place):
+    """Return the RGB of sixteen pixels."""
+    return gather(pixels, place), gather(pixels, place + 1), gather(pixels, place + 2)
+
+
+def compare_with_history(samples: FrameSamples, blocks: ComparedBlocks, y0: int, y1: int):
+    """Write the sums of rows y0 to y1 of blocks; see `lag`. Sixteen blocks at once."""
+    colors, stride = samples.color, samples.stride + 2 * PAD
+    last_row = (samples.height - 1) // LAG_STEP * LAG_STEP
+    last_column = np.int32((samples.width - 1) // LAG_STEP * LAG_STEP)
+    plane = blocks.down * blocks.pitch
+    for by in range(y0, y1):
+        for first in range(0, blocks.across, 16):
+            block = minimum(ramp16() + np.int32(first), np.int32(blocks.across - 1)) * np.int32(BLOCK)
+            zero = to_float(block) * np.float32(0.0)
+            apart, level = (zero, zero, zero), (zero, zero, zero)
+            for i in range(STEPS * STEPS):
+                row = min(BLOCK * by + LAG_STEP * (i // STEPS), last_row)
+                column = minimum(block + np.int32(LAG_STEP * (i % STEPS)), last_column)
+                at = column + np.int32(SAMPLE_PLANES * row * stride + PAD)
+                place = gather(blocks.columns, column) + np.int32(blocks.rows[row] * blocks.width)
+                place = place * np.int32(TAAU_PIXEL)
+                r, g, b = (
+                    gather(blocks.pixels, place),
+                    gather(blocks.pixels, place + 1),
+                    gather(blocks.pixels, place + 2),
+                )
+                r, g, b = toned(*scaled3((r, g, b), blocks.exposure))
+                r, g, b = scaled3((r, g, b), gather(colors, at + np.int32(3 * stride)))
+                level = level[0] + r, level[1] + g, level[2] + b
+                apart = (
+                    apart[0] + gather(colors, at) - r,
+                    apart[1] + gather(colors, at + np.int32(stride)) - g,
+                    apart[2] + gather(colors, at + np.int32(2 * stride)) - b,
+                )
+            to = by * blocks.pitch + first
+            for c in range(3):
+                store(blocks.sums, c * plane + to, apart[c])
+                store(blocks.sums, (3 + c) * plane + to, level[c])
 
 
 @device_function

@@ -26,6 +26,30 @@ class TaauHistoryInput(NamedTuple):
     has_kept: int
 
 
+class ComparedBlocks(NamedTuple):
+    """What the kernel `compare_with_history` reads and writes.
+
+    Attributes:
+        pixels: (display height, display width, TAAU_PIXEL) of the history.
+        columns, rows: the pixel nearest to each column and row of samples.
+        sums: (6, blocks down, `pitch`) RGB of the difference of samples and history, toned; of the history.
+        across, pitch: blocks of a row; rounded up to whole vectors.
+        down: rows of blocks.
+        width: of the display.
+        exposure: of this frame.
+    """
+
+    pixels: Floats
+    columns: Words
+    rows: Words
+    sums: Floats
+    across: int
+    pitch: int
+    down: int
+    width: int
+    exposure: float
+
+
 class TaauScratch(NamedTuple):
     """Scratch of one thread: filtered rows; offsets and weights of the warp; warped and final pixels."""
 
