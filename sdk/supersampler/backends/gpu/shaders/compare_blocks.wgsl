@@ -119,13 +119,17 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) in
     // A block that moves and had no mean is not compared before its signature of this phase is written again.
     let known = next_state.cycle > 0.0 && next_state.cycle <= abs(before) && is_sampled() && !is_noisy();
     let here = signature_index(next_state.slot, block);
-    var changed = before < 0.0 && !known && is_sampled();
-    if (known) { changed = changed || differs(sums[0], history_signatures[here]); }
+    var changed = 0.0;
+    if (known) {
+        if (differs(sums[0], history_signatures[here])) { changed = 1.0; }
+    } else if (is_sampled() && before < 0.0) {
+        changed = 1.0;
+    }
     if (has_blocks() && next_state.last_slot != next_state.slot) {
         let last = signature_index(next_state.last_slot, block);   // the other set lacks it
         next_signatures[last] = history_signatures[last];
     }
     next_signatures[here] = sums[0];
-    let marks = vec4f(select(0.0, 1.0, changed), select(0.0, 1.0, is_moving), 0.0, 0.0);
+    let marks = vec4f(changed, select(0.0, 1.0, is_moving), 0.0, 0.0);
     block_sums[index_of(block, blocks_size())] = Sums(sums[1], sums[2], sums[3], marks);
 }
