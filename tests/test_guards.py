@@ -37,9 +37,9 @@ PRODUCTS = {
 }  # fmt: skip
 """Multiply-adds a display pixel."""
 OPERATORS = {
-    "bilinear": 125, "bicubic": 152, "taa": 525, "taau": 1823, "classifier": 1883, "classifier-small": 1840,
-    "gbuffer-small": 1872, "gbuffer-small-4x": 1872, "extrapolate": 1099, "guided-warp": 1121,
-    "guided-flow": 2703, "gbuffer-fast": 2275, "classifier-large": 2010,
+    "bilinear": 167, "bicubic": 195, "taa": 568, "taau": 1865, "classifier": 1926, "classifier-small": 1883,
+    "gbuffer-small": 1914, "gbuffer-small-4x": 1914, "extrapolate": 1142, "guided-warp": 1121,
+    "guided-flow": 2703, "gbuffer-fast": 2318, "classifier-large": 2053,
 }  # fmt: skip
 READS = {
     "bilinear": 0, "bicubic": 0, "taa": 5, "taau": 9, "classifier": 12, "classifier-small": 11,

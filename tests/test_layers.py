@@ -30,7 +30,7 @@ FLOORS = (  # of the SDK, the lowest first: a module imports from its own floor 
     ("conventions",),
     ("io",),
     ("methods.gbuffers",),
-    ("methods.at_rest", "methods.sizes", "methods.spec"),  # and methods.NAME.spec
+    ("methods.at_rest", "methods.missing", "methods.sizes", "methods.spec"),  # and methods.NAME.spec
     ("methods.array_spec", "methods.catalog", "methods.model_info", "methods.model_file", "methods.contract"),
     ("backends",),
     ("methods",),

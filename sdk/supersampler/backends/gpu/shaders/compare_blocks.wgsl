@@ -31,14 +31,15 @@ fn sample_of(block: vec2i, column: i32, row: i32) -> vec2i {
 }
 
 fn moves(block: vec2i, row: i32) -> bool {
-    var found = false;
+    var square = 0.0;
+    var mask = 0.0;
     for (var i = 0; i < BLOCK; i++) {
         let p = sample_of(block, i, row);
         let motion = usable_motion(motion_at(p));
-        found = found || dot(motion, motion) > MAX_STATIC_MOTION * MAX_STATIC_MOTION;
-        if (params.has_reactive > 0.0) { found = found || sanitize1(reactive_at(p)) > 0.0; }
+        square = max(square, dot(motion, motion));
+        if (params.has_reactive > 0.0) { mask = max(mask, sanitize1(reactive_at(p))); }
     }
-    return found;
+    return square > MAX_STATIC_MOTION * MAX_STATIC_MOTION || mask > 0.0;
 }
 
 // The mean of a pixel, and 1 where it has enough samples. Where a block has no mean, the texture is not up to date.
@@ -119,7 +120,7 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) in
     // A block that moves and had no mean is not compared before its signature of this phase is written again.
     let known = next_state.cycle > 0.0 && next_state.cycle <= abs(before) && is_sampled() && !is_noisy();
     let here = signature_index(next_state.slot, block);
-    var changed = 0.0;
+    var changed = 0.0;   // a number: NVIDIA's driver 580 gets a bool wrong that an `if` may assign with `||`
     if (known) {
         if (differs(sums[0], history_signatures[here])) { changed = 1.0; }
     } else if (is_sampled() && before < 0.0) {
