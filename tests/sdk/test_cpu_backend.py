@@ -135,7 +135,8 @@ def test_taa_keeps_its_history_where_a_sample_is_not_usable(models: dict[tuple[s
         assert kept[18:20].all(), "the row itself"
         assert not kept[:14].any()
         assert not kept[24:].any()
-        assert upscaler.step(replace(bad, reset=True))[18:20].min() < 0.01, "it is black without a history"
+        alone = upscaler.step(replace(bad, reset=True))[18:20]
+        assert alone.min() > 0.5 * np.asarray(frames[6].color).min(), "what is near, without a history"
 
 
 @pytest.mark.parametrize("method", ["classifier", "classifier-small"])
