@@ -240,11 +240,7 @@ def compare_with_history(samples: FrameSamples, blocks: ComparedBlocks, y0: int,
                 at = column + np.int32(SAMPLE_PLANES * row * stride + PAD)
                 place = gather(blocks.columns, column) + np.int32(blocks.rows[row] * blocks.width)
                 place = place * np.int32(TAAU_PIXEL)
-                r, g, b = (
-                    gather(blocks.pixels, place),
-                    gather(blocks.pixels, place + 1),
-                    gather(blocks.pixels, place + 2),
-                )
+                r, g, b = color_at_places(blocks.pixels, place)
                 r, g, b = toned(*scaled3((r, g, b), blocks.exposure))
                 r, g, b = scaled3((r, g, b), gather(colors, at + np.int32(3 * stride)))
                 level = level[0] + r, level[1] + g, level[2] + b
