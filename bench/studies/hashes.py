@@ -3,7 +3,7 @@
     python bench/studies/hashes.py --check bench/results/studies/hashes.json     # also: make hashes
     python bench/studies/hashes.py --json hashes.json
 
-Every shipped model steps through 24 frames at five sizes, or 48 where most of the frame stands still, in
+Every shipped model steps through 24 frames at five sizes, or 48 where most of the frame is static, in
 every way that it runs on a CPU. Hashes depend on the processor's instructions, on ONNX Runtime and on numba,
 so compare records of one machine.
 
@@ -35,7 +35,7 @@ from supersampler_bench.record import Record, machine_name, read_record, setting
 from supersampler_bench.timing.speed import frames_of
 
 FRAMES, STILL_FRAMES = 24, 48
-"""Frames of a run; of one in which most of the frame stands still."""
+"""Frames of a run; frames of a run in which most of the frame is static."""
 SIZES: tuple[tuple[Size, Size], ...] = (
     ((64, 36), (128, 72)),
     ((53, 31), (106, 62)),
@@ -56,9 +56,9 @@ RUNS: tuple[tuple[ExecutorName, Precision, bool], ...] = (
     ("cpu", "auto", True),
 )
 STILL = ", at rest"
-"""What names of runs end with in which most of the frame stands still."""
+"""Suffix of the name of a run in which most of the frame is static."""
 PHASES = 16
-"""Frames of the scene that stands still, which repeat."""
+"""Frames of the static scene, which repeat."""
 THREADS = 2
 _SKETCHES = 8  # sketches of a run
 
@@ -187,7 +187,7 @@ def _model(method: str, executor: ExecutorName, precision: Precision) -> Model:
 
 @lru_cache(maxsize=8)
 def scene(render: Size, display: Size, *, still: bool = False) -> list[Frame]:
-    """Return `FRAMES` frames of the shipped shot with all G-buffers; `STILL_FRAMES` where it stands still.
+    """Return `FRAMES` frames of the shipped shot with all G-buffers; `STILL_FRAMES` where it is static.
 
     Then PHASES frames of it repeat; only one corner changes from frame to frame.
     """

@@ -34,7 +34,7 @@ _NOW: Mapping[object, str] = {
     "accumulate": 'write at_rest="accumulate"',
     "recurrent": 'write at_rest="off"',
 }
-"""What to write in place of former values of `skip`."""
+"""Replacements of former values of `skip`, as an error names them."""
 _Choice = TypeVar("_Choice")
 
 

@@ -73,11 +73,11 @@ class _Injected:
 
 
 COUNTS_AS: Mapping[str, float] = {"infinite": LARGEST, "negative": 0.0, "denormal": 0.0, "huge": LARGEST}
-"""What such a colour is shown as."""
+"""Linear value that replaces a colour of each kind."""
 
 
 class _Lasting:
-    """In a disc of every frame's colour: images are those of frames with what counts there instead."""
+    """A disc of every frame's colour has the value: images equal those of frames with its replacement."""
 
     def __init__(self, value: float, counts_as: float) -> None:
         self._value, self._counts_as = value, counts_as

@@ -14,7 +14,7 @@ from supersampler.state import State
 STEP = 1.0 / 255.0
 """Of an 8-bit image: what images that should be alike may differ by on average."""
 REST = 0.5 / 255.0
-"""What an image at rest may change by in a period: half a step of an 8-bit image."""
+"""Largest mean change of an image at rest in a jitter period: half a step of an 8-bit image."""
 ROUNDING = 1e-5
 """Mean difference of images that single precision causes, without int8."""
 RECOVERY = 48
@@ -55,7 +55,7 @@ class Subject:
         reach: display pixels around a bad one that may look different.
         begin: makes a session for a display size, on so many threads.
         exact: the same method in the graph, in single precision; None where this is it.
-        own: the same without the mean of what stands still; None where it has none.
+        own: the same with `at_rest="off"`.
         recovery: frames in which what was bad is forgotten.
         every: frames from one shaded frame to the next; 1: all are shaded.
         ratios: of display to render size, the least and the largest.
@@ -154,7 +154,7 @@ class Trial:
     def pair(self) -> tuple[Watched, Watched]:
         """Begin two sessions of the method's own images: one to disturb, and one to compare it with.
 
-        The mean of what stands still would differ while it is confirmed anew.
+        With `at_rest="converge"` they would differ until the disturbed blocks have converged again.
         """
         begin = self.subject.own or self.subject.begin
         both = Watched(begin(self.display, 1)), Watched(begin(self.display, 1))

@@ -24,7 +24,7 @@ from supersampler_model.data.specs import SequenceSpec
 
 SKIPS = (False, True)
 MOVES: tuple[Literal["nothing", "objects", "camera"], ...] = ("nothing", "objects", "camera")
-"""What moves in a scene. With the camera, objects move, too, and nothing stands still."""
+"""Moving parts of a scene. Where the camera moves, objects move, too, and nothing is static."""
 HELD_FRAME = 12  # frame of the test shot whose camera is kept
 WARM_UP = 4  # first frames, which are not timed
 SCORED = 16  # frames at the end, after four periods of the jitter

@@ -1,4 +1,4 @@
-"""What stands still: the mean of one jitter period of samples, shown once another period has confirmed it.
+"""Convergence of static blocks: the mean of one jitter period of samples, shown once the next confirms it.
 
 A method keeps its own image. Beside it, the samples of each phase of the jitter are added once to a mean: its
 weights, its jitter and its light are then those of exactly one period. Nothing of it is shown until samples
@@ -92,7 +92,7 @@ class RestHistory(NamedTuple):
 
 
 class Stillness(NamedTuple):
-    """What stands still in this frame, by block, (1, 1, hb, wb)."""
+    """Static blocks of this frame, (1, 1, hb, wb) each."""
 
     known: Tensor  # 1 where the block has a signature of this phase
     moves: Tensor  # 1 where something moves nearby, or is reactive
@@ -487,7 +487,7 @@ def steadiness(small: Windows, large: Windows, exposure: Tensor) -> Tensor:
 
 
 def excess(square: Tensor, variance: Tensor, ratio: float, window: Windows, exposure: Tensor) -> Tensor:
-    """How far a square is over `ratio` times a variance and FLICKER, as a part of the light squared."""
+    """Return a square less `ratio` times a variance and FLICKER, as a part of the light squared."""
     level = window.level + DARK / exposure
     return ((square - ratio * variance) / (level * level) - FLICKER * FLICKER).clamp(-OLDEST, OLDEST)
 

@@ -5,4 +5,4 @@ FILL_WINDOW = 32
 GREY_SHARE = 1e-3
 """Weight of grey of the exposure's key beside that of a full window: it shows where the window is empty."""
 FILL_CONSTANTS = {"FILL_WINDOW": FILL_WINDOW, "GREY_SHARE": GREY_SHARE}
-"""The same for shaders."""
+"""FILL_WINDOW and GREY_SHARE, by the names that shaders use."""

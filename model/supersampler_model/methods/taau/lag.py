@@ -1,4 +1,4 @@
-"""How far the accumulated samples lag behind light that changes while nothing moves.
+"""Lag of the accumulated samples behind light that changes while nothing moves.
 
 The variance box does not find it on textured ground: colours that light has left are still in the box. But
 the samples of a window have the mean of the history there, whatever its texture. Where these differ by more

@@ -1,4 +1,4 @@
-"""What stands still, on the CPU: twin of `supersampler_model.ops.at_rest`; tiles that need no step."""
+"""Convergence of static blocks on the CPU: twin of `supersampler_model.ops.at_rest`."""
 
 import itertools
 from collections.abc import Mapping
@@ -160,7 +160,7 @@ class _Seen(NamedTuple):
 
 
 class Stillness(NamedTuple):
-    """What stands still in a frame, by block, (down, across): see `Stillness` of the torch module."""
+    """Static blocks of a frame, (down, across) each: see `Stillness` of the torch module."""
 
     cycle: Cycle
     noisy: bool

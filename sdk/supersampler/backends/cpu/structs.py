@@ -233,7 +233,7 @@ class BlockSums(NamedTuple):
 
 
 class AddedSamples(NamedTuple):
-    """What `kernels.at_rest.add_samples` adds to a mean.
+    """Arguments of `kernels.at_rest.add_samples`.
 
     Attributes:
         color: (h, samples_across, 3) linear RGB.
@@ -263,7 +263,7 @@ class AddedSamples(NamedTuple):
 
 
 class ShownMean(NamedTuple):
-    """What `kernels.at_rest.show_mean` shows.
+    """Arguments of `kernels.at_rest.show_mean`.
 
     Attributes:
         mean: (height, width, 4).

@@ -72,14 +72,14 @@ REST_MEMORY: Mapping[str, PixelMemory] = {
     "block_sums": PixelBuffer(64, BLOCKS),
     "block_states": Texture(BLOCKS, "rg32uint"),
 }
-"""What BLOCK_PASSES write for later passes."""
+"""Memory that BLOCK_PASSES write for later passes."""
 TILE_MEMORY: Mapping[str, PixelMemory] = {"tiles": PixelBuffer(8, TILES)}
 SAMPLE_MEMORY: Mapping[str, PixelMemory] = {
     "samples": Texture(RENDER, "rgba16float"),
     "dilated": Texture(RENDER),
     "light": PixelBuffer(8, Extent("render", SIDE)),
 }
-"""What `preprocess` writes for later passes, beside the history."""
+"""Memory that `preprocess` writes for later passes, beside the history."""
 
 
 def preprocess(surface: str) -> PassSpec:

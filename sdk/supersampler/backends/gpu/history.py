@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 STATE = "state"
 MAX_HALF = 65504.0
 STATE_VALUES = 16
-"""Of the shader's `State`: signed exposure, flash, jitter, light, and what is of one step."""
+"""Fields of the shader's `State`: signed exposure, flash, jitter, light, and values of one step."""
 _STATE_TENSORS = {"exposure": slice(0, 1), "jitter": slice(2, 4), "light": slice(4, 8)}
 SIGNATURES, PHASE_TABLE = "signatures", "phases"
 _MEAN, _BLOCKS = "static_mean", "static_blocks"

@@ -27,7 +27,7 @@ class TaauHistoryInput(NamedTuple):
 
 
 class ComparedBlocks(NamedTuple):
-    """What the kernel `compare_with_history` reads and writes.
+    """Arguments of the kernel `compare_with_history`.
 
     Attributes:
         pixels: (display height, display width, TAAU_PIXEL) of the history.

@@ -36,7 +36,7 @@ from supersampler.methods.at_rest import BLOCK, LEAST_WEIGHT, MAX_STATIC_MOTION
 RGB = 3 * LANES
 """Values of the samples that are read together: LANES // BLOCK blocks."""
 COVERED = np.float32(0.999)
-"""Of four bilinear weights, as in the torch module."""
+"""Least sum of the bilinear weights of known pixels, as in the torch module."""
 SUMS = 12
 """Sums of a block: samples; residuals, RGB; samples, RGB; the mean there, RGB; squares of the first two."""
 KEEPS, ADDS, RESTARTS = 1, 2, 3
