@@ -59,7 +59,7 @@ def device(
     if executor not in (known := ("onnx", "gpu", "torch")):
         raise ArgumentError("--executor", got=repr(executor), want=f"one of {', '.join(known)}")
     kinds: tuple[Precision, ...] = ("fp32", "fp16")
-    wanted = words_of("--precisions", precisions, kinds)
+    chosen = words_of("--precisions", precisions, kinds)
     names, displays, ratios = listed(methods), sizes_of(sizes), numbers_of("--ratio", ratio)
     if executor == "gpu":
         _time_shaders(names, displays, ratios, steps, json, update)
@@ -74,7 +74,7 @@ def device(
 
             results, name = measure_torch(names, displays, compiled=both, **taken), "cuda"
         else:
-            results = bench.measure_device(names, displays, wanted, provider=provider, captures=both, **taken)
+            results = bench.measure_device(names, displays, chosen, provider=provider, captures=both, **taken)
             name = Model.load("bilinear", providers=provider, executor="onnx").device
         copied = bench.measure_copy(name)
     publish(bench.device_record(results, copied), tables, json, update)

@@ -68,9 +68,9 @@ def compare_images(
         steppers = {"arrays": _stepper(model), "textures": _texture_stepper(model)}
         found: dict[str, list[Float32]] = {memory: [] for memory in steppers}
         for frame in frames:
-            wanted = display_transform(expected(frame))
+            reference = display_transform(expected(frame))
             for memory, step in steppers.items():
-                found[memory].append(np.abs(display_transform(step(frame)) - wanted))
+                found[memory].append(np.abs(display_transform(step(frame)) - reference))
         for memory, off in found.items():
             p999 = max(float(np.quantile(one, 0.999)) for one in off)
             mean, largest = float(np.mean(off)), float(np.max(off))

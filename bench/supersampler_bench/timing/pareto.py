@@ -79,16 +79,16 @@ def measure_pareto(
     for model, reason in missing.items():
         on_left_out(f"{model} is left out: {reason}")
     for ratio, scores in scored.items():
-        wanted = {
+        setting_of = {
             spec: Setting(spec.model, display, "auto", threads, spec.precision)
             for spec in scores
             if spec.passes == 1 and spec.model not in missing
         }
-        settings = list(dict.fromkeys(wanted.values()))
+        settings = list(dict.fromkeys(setting_of.values()))
         found = measure_settings(settings, ratio=ratio, steps=steps, on_left_out=on_left_out)
         timed = {t.setting: t for t in found}
         for spec in scores:
-            setting = wanted.get(replace(spec, passes=1))
+            setting = setting_of.get(replace(spec, passes=1))
             if setting is not None and (t := timed.get(setting)) is not None:
                 factor = 1.0
                 if spec.passes == 2:
