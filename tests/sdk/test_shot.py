@@ -16,6 +16,7 @@ import pytest
 
 from supersampler import ArgumentError, Frame, FrameError, ShotError
 from supersampler.conventions import Conventions, RawFrame
+from supersampler.io.files import partial_name
 from supersampler.io.image_reading import read_exr
 from supersampler.io.images import write_exr
 from supersampler.io.shot import Shot, ShotWriter, copy_shot
@@ -361,6 +362,18 @@ def test_a_killed_run_leaves_a_whole_shot_and_is_resumed_after_its_last_frame(tm
     assert len(again) == count
     assert_same(again.read(count - 1).frame, frame(count - 1))
     assert not list(tmp_path.rglob("*.partial.*"))
+
+
+@pytest.mark.parametrize(
+    "name", ["0003.exr", "display/0003.exr", "reference/0003.exr", "shot.json", ".shot.json.writing"]
+)
+def test_a_writer_removes_the_temporary_file_that_a_killed_one_left(tmp_path: Path, name: str) -> None:
+    write_shot(tmp_path, 3)
+    left = partial_name(tmp_path / name)
+    left.parent.mkdir(exist_ok=True)
+    left.write_bytes(b"half")
+    write_shot(tmp_path, 4, resume=True)
+    assert not left.exists()
 
 
 def wait_for_frame(folder: Path, index: int, process: subprocess.Popen[bytes]) -> None:

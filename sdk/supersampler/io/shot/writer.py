@@ -101,7 +101,7 @@ class ShotWriter:
         if is_there(self._description):
             self._continue(resume)
         self._begun = self._read_note()
-        names = re.compile(rf"\d{{4,}}\.exr|{re.escape(self._description.name)}")
+        names = re.compile(rf"\d{{4,}}\.exr|{re.escape(self._description.name)}|{re.escape(self._note.name)}")
         remove_partial_files(
             self.path, names.fullmatch, (self._frames_below.rstrip("/"), _DISPLAY, _REFERENCE)
         )
