@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler import Frame
-from supersampler.frame import Float32
+from supersampler.frame import Float32, Size
 from supersampler.io.display import display_transform
 from supersampler_bench.stress.compare import recovery, recovery_figure, same_frames, step_both
 from supersampler_bench.stress.scenario import LARGEST, RECOVERY, STEP, Figure, Measured, Scenario, Trial
@@ -57,7 +57,7 @@ class _Injected:
         self._values = dict(zip(FIELDS, values, strict=True))
 
     def __call__(self, trial: Trial) -> Measured:
-        disturbed, baseline = trial.begin(), trial.begin()
+        disturbed, baseline = trial.pair()
         frames = cycle(still(trial.render, trial.every))
         step_both(disturbed, baseline, same_frames(frames, PERIOD))
         differences, worst = [], 0.0
@@ -73,29 +73,41 @@ class _Injected:
 
 
 COUNTS_AS: Mapping[str, float] = {"infinite": LARGEST, "negative": 0.0, "denormal": 0.0, "huge": LARGEST}
-"""What such a colour is shown as. What is not a number shows what is near."""
+"""What such a colour is shown as."""
 
 
 class _Lasting:
     """In a disc of every frame's colour: images are those of frames with what counts there instead."""
 
-    def __init__(self, value: float, counts_as: float | None) -> None:
+    def __init__(self, value: float, counts_as: float) -> None:
         self._value, self._counts_as = value, counts_as
 
     def __call__(self, trial: Trial) -> Measured:
-        width, height = trial.render
-        y, x = np.mgrid[:height, :width]
-        disc = np.hypot(x - width / 2, y - height / 2) < height / 8
-        pairs = []
+        disc, pairs = _disc(trial.render), []
         for frame in islice(cycle(still(trial.render, trial.every)), trial.frames):
-            near = float(np.mean(np.asarray(frame.color)[~disc]))
-            right = near if self._counts_as is None else self._counts_as
-            pairs.append(
-                (with_values(frame, "color", disc, self._value), with_values(frame, "color", disc, right))
-            )
+            bad = with_values(frame, "color", disc, self._value)
+            pairs.append((bad, with_values(frame, "color", disc, self._counts_as)))
         differences = [o.mean for o in step_both(trial.begin(), trial.begin(), pairs)]
-        most = 2.0 * STEP if self._counts_as is None else STEP  # a black disc would be 4 steps
-        return Measured((Figure("apart", max(differences), most),), differences)
+        return Measured((Figure("apart", max(differences), STEP),), differences)
+
+
+def lasting_hole(trial: Trial) -> Measured:
+    """A disc of every frame's colour is not a number: its middle is not much darker than around it."""
+    disc, session = _disc(trial.render), trial.begin()
+    curve: list[float] = []
+    width, height = trial.display
+    middle = slice(height // 2 - 2, height // 2 + 2), slice(width // 2 - 2, width // 2 + 2)
+    for frame in islice(cycle(still(trial.render, trial.every)), trial.frames):
+        image = session.step(with_values(frame, "color", disc, np.nan))
+        around = float(np.mean(np.asarray(frame.color)[~disc]))
+        curve.append(1.0 - float(image[middle].mean()) / around)
+    return Measured((Figure("darker than around", max(curve), 0.5),), curve)
+
+
+def _disc(render: Size) -> NDArray[np.bool_]:
+    width, height = render
+    y, x = np.mgrid[:height, :width]
+    return np.asarray(np.hypot(x - width / 2, y - height / 2) < height / 8)
 
 
 def spread(trial: Trial) -> Measured:
@@ -130,7 +142,7 @@ def _reach(image: Float32, baseline: Float32, x: int, y: int) -> float:
 
 def spike(trial: Trial) -> Measured:
     """2x2 pixels have the brightest light of half floats, in one frame."""
-    disturbed, baseline = trial.begin(), trial.begin()
+    disturbed, baseline = trial.pair()
     frames = cycle(still(trial.render, trial.every))
     step_both(disturbed, baseline, same_frames(frames, 2 * PERIOD))
     frame = next(frames)
@@ -142,7 +154,7 @@ def spike(trial: Trial) -> Measured:
 
 def fireflies(trial: Trial) -> Measured:
     """In motion, for a period, half a percent of the pixels are far too bright."""
-    disturbed, baseline = trial.begin(), trial.begin()
+    disturbed, baseline = trial.pair()
     frames, random = cycle(moving(trial.render, trial.every)), np.random.default_rng(3)
     step_both(disturbed, baseline, same_frames(frames, PERIOD))
     during = []
@@ -170,13 +182,22 @@ SCENARIOS = (
         Scenario(
             f"a region {name}",
             "difference / frame",
-            _Lasting(values[0], COUNTS_AS.get(name)),
+            _Lasting(VALUES[name][0], counts_as),
             cpu=96,
             onnx=96,
-            quick=80 if name == "not a number" else 0,
             remembers=False,
         )
-        for name, values in VALUES.items()
+        for name, counts_as in COUNTS_AS.items()
+    ),
+    Scenario(
+        "a region not a number",
+        "darker / frame",
+        lasting_hole,
+        cpu=96,
+        onnx=96,
+        quick=80,
+        remembers=False,
+        logarithmic=False,
     ),
     Scenario(
         "one pixel not a number",

@@ -21,7 +21,7 @@ HELD = 16  # frames between jumps
 
 def exposure_jumps(trial: Trial) -> Measured:
     """Exposure, every 16 frames for four periods; the scene's light stays."""
-    disturbed, baseline = trial.begin(), trial.begin()
+    disturbed, baseline = trial.pair()
     frames = cycle(still(trial.render, trial.every))
     step_both(disturbed, baseline, same_frames(frames, PERIOD))
     jumping = (
@@ -34,7 +34,7 @@ def exposure_jumps(trial: Trial) -> Measured:
 
 def light_jumps(trial: Trial) -> Measured:
     """Light, every 16 frames for four periods; exposure is measured. Against a session that begins then."""
-    disturbed, baseline = trial.begin(), trial.begin()
+    disturbed, baseline = trial.pair()
     frames = cycle(still(trial.render, trial.every))
     for i, frame in enumerate(islice(frames, 4 * PERIOD)):
         disturbed.step(_lit(frame, _level(i // HELD)))

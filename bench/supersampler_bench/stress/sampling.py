@@ -47,7 +47,7 @@ def _disturbed(trial: Trial, frames: Sequence[Frame], more: int = 0) -> Measured
     """These frames in place of the right ones: images settle even so, and recover."""
     wrong = [replace(frame, reset=False) for frame in frames]
     settles = repeat(trial, wrong)
-    disturbed, baseline = trial.begin(), trial.begin()
+    disturbed, baseline = trial.pair()
     right = still(trial.render, trial.every)
     during = step_both(disturbed, baseline, zip(wrong * 4, [*right] * 4, strict=True))
     watched = max(5 * PERIOD, trial.subject.recovery + more + 8)

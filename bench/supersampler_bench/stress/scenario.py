@@ -151,6 +151,16 @@ class Trial:
         self.opened.append(Watched(self.subject.begin(display or self.display, threads)))
         return self.opened[-1]
 
+    def pair(self) -> tuple[Watched, Watched]:
+        """Begin two sessions of the method's own images: one to disturb, and one to compare it with.
+
+        The mean of what stands still would differ while it is confirmed anew.
+        """
+        begin = self.subject.own or self.subject.begin
+        both = Watched(begin(self.display, 1)), Watched(begin(self.display, 1))
+        self.opened.extend(both)
+        return both
+
 
 @dataclass(frozen=True)
 class Figure:

@@ -56,7 +56,7 @@ def far_vectors(trial: Trial) -> Measured:
 
 def jump(trial: Trial) -> Measured:
     """The scene is replaced without a reset or motion."""
-    disturbed, baseline = trial.begin(), trial.begin()
+    disturbed, baseline = trial.pair()
     for frame in (*moving(trial.render, trial.every), *_elsewhere(trial.render, trial.every)):
         disturbed.step(frame)
     frames = cycle(still(trial.render, trial.every))
@@ -106,7 +106,7 @@ class _Between:
 
 def extreme_depth(trial: Trial) -> Measured:
     """Depth is all sky, all infinitely near, one after the other, or anything between, frame by frame."""
-    disturbed, baseline = trial.begin(), trial.begin()
+    disturbed, baseline = trial.pair()
     frames, random = cycle(still(trial.render, trial.every)), np.random.default_rng(2)
     step_both(disturbed, baseline, same_frames(frames, PERIOD))
     during = []
@@ -119,7 +119,7 @@ def extreme_depth(trial: Trial) -> Measured:
 
 def lost_frames(trial: Trial) -> Measured:
     """Every eighth frame is lost, so that motion is too short after it; every eighth is handed in twice."""
-    disturbed, baseline = trial.begin(), trial.begin()
+    disturbed, baseline = trial.pair()
     frames = cycle(moving(trial.render, trial.every))
     during = [
         difference(*_with_losses(disturbed, baseline, f, i)) for i, f in enumerate(islice(frames, 4 * PERIOD))
