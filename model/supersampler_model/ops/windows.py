@@ -94,7 +94,7 @@ def shifted(image: Tensor, across: int, down: int, size: Size | None = None) -> 
 def cut(tensor: Tensor, axis: int, extent: int) -> Tensor:
     """Return the tensor with another extent along an axis: cut, or its last entry repeated."""
     index = torch.arange(extent, device=tensor.device).clamp(max=tensor.shape[axis] - 1)
-    return tensor.index_select(axis, index)
+    return pick_columns(tensor, index) if axis == 3 else tensor.index_select(axis, index)
 
 
 def means_of(image: Tensor, side: int) -> Tensor:
