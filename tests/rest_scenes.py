@@ -170,11 +170,15 @@ def planes(image: NDArray[Any]) -> torch.Tensor:
 
 
 def worse_by(image: Float32, own: Float32, truth: Float32) -> tuple[float, float]:
-    """Return how much farther an image is from the truth than another, in 1/255: mean, 99.9 % quantile."""
+    """Return how much farther an image is from the truth than another, in 1/255: mean, 99.9 % quantile.
+
+    The quantile is compared with 1.1 times the other's: of 6,000 pixels it is that of six, and behind what moves
+    in front of noise these are off by 100/255 in either image, by chance of each frame.
+    """
     ours, theirs = (np.abs(display_transform(i, 1.0) - display_transform(truth, 1.0)) for i in (image, own))
     quantiles = (float(np.quantile(error, 0.999)) for error in (ours, theirs))
     high, low = quantiles
-    return 255.0 * float(ours.mean() - theirs.mean()), 255.0 * (high - low)
+    return 255.0 * float(ours.mean() - theirs.mean()), 255.0 * (high - 1.1 * low)
 
 
 def _fade(start: int, length: int, depth: float) -> Light:
@@ -188,14 +192,15 @@ def _hue(slow: float) -> Light:
 _shares = st.floats(0.05, 0.6)
 PATTERNS = st.one_of(
     st.sampled_from([flat, wave, cells]),
-    st.builds(stripes, st.floats(2.2, 9.0), st.floats(0.2, 1.3)),
+    st.builds(stripes, st.floats(2.6, 9.0), st.floats(0.2, 1.3)),
 )
-"""Stripes along an axis are left out: where they scroll by half their length a frame, their samples are those
+"""Light that is on in every second frame alone is left out: a pattern of half a pixel would have these samples.
+Stripes along an axis are left out: where they scroll by half their length a frame, their samples are those
 of a finer pattern that stands still, as every second jitter lies on one side of the pixel."""
 LIGHTS = st.one_of(
     st.just(lambda _: 1.0),
     st.builds(_fade, st.integers(0, 70), st.sampled_from([1, 2, 8, 32, 64, 200]), _shares),
-    st.builds(lambda p, low: lambda t: 1.0 if t // p % 2 else low, st.integers(1, 20), _shares),
+    st.builds(lambda p, low: lambda t: 1.0 if t // p % 2 else low, st.integers(2, 20), _shares),
     st.builds(lambda p, low: lambda t: low if t % p else 1.5, st.integers(2, 40), _shares),
     st.builds(
         lambda p, a: lambda t: 1.0 + a * np.sin(2 * np.pi * t / p),

@@ -78,6 +78,16 @@ def test_light_that_changes_leaves_the_methods_own_image(scene: RestScene) -> No
     assert_never_worse(replace(scene, render=(32, 24)), 90)
 
 
+@pytest.mark.parametrize("mover", [False, True])
+@pytest.mark.parametrize(("pattern", "low"), [(flat, 0.5), (wave, 0.3)])
+def test_a_spot_that_blinks_with_every_other_jitter_is_not_averaged(
+    pattern: Any, low: float, mover: bool
+) -> None:
+    """Windows at its rim have a part of it; the mover hides another part."""
+    scene = RestScene(pattern, lambda t: 1.0 if t % 2 else low, place="spot", mover=mover, ratio=1.5)
+    assert_never_worse(scene, 66)
+
+
 def test_the_analytic_scene_reaches_48_db_after_two_periods() -> None:
     render, display = (160, 90), (320, 180)
     run, scene = Stepped(taau(), display), still_scene()

@@ -14,7 +14,8 @@ creeps, a screen that scrolls and a camera that moves less than can be seen show
 What repeats with the jitter itself would pass this test: light that blinks with a divisor of its period. So
 residuals of the samples from the mean are compared over the period, too. Aliasing averages out over a window
 of samples, light does not: a block is not shown where the window's mean residual is large for the variance in
-it (UNIFORM in 8x8 samples, COMMON in 32x32), or where the mean says nothing of the samples (UNRESOLVED).
+it (UNIFORM in 8x8 samples, BLATANT in a window beside it, COMMON in 32x32), or where the mean says nothing of
+the samples (UNRESOLVED).
 
 Frames of a path tracer never come again. Where `adds_samples` is NOISY, all samples are added, and nothing is
 confirmed nor frozen. A block restarts where the mean residual of its small window, averaged over about eight
@@ -32,6 +33,7 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from supersampler.methods.at_rest import (
+    BLATANT,
     BLOCK,
     COMMON,
     DARK,
@@ -475,11 +477,16 @@ def windows_of(sums: Tensor, side: int, size: Size) -> Windows:
 
 
 def steadiness(small: Windows, large: Windows, exposure: Tensor) -> Tensor:
-    """(1, 3, hb, wb) how far the residuals are over UNIFORM, COMMON and UNRESOLVED; below 0 is steady."""
+    """(1, 3, hb, wb) how far the residuals are over UNIFORM, COMMON and UNRESOLVED; below 0 is steady.
+
+    The first is at least how far those of the windows around are over BLATANT.
+    """
+    blatant = excess(small.square, small.variance, BLATANT, small, exposure)
+    around = F.max_pool2d(blatant, 2 * WINDOWS[0] + 1, 1, WINDOWS[0])
     sparkling = (small.contrast - SPARKLING * small.level.square()).clamp(min=0.0)
     explained = small.contrast + (1.0 / UNRESOLVED - 1.0) * sparkling
     tests = [
-        excess(small.square, small.variance, UNIFORM, small, exposure),
+        torch.maximum(excess(small.square, small.variance, UNIFORM, small, exposure), around),
         excess(large.square, large.variance, COMMON, large, exposure),
         excess(small.variance, explained, UNRESOLVED, small, exposure),
     ]

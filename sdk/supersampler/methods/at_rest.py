@@ -57,10 +57,14 @@ FLICKER = 0.02
 """Largest root mean square residual of a window that counts as none, as a part of its mean."""
 WINDOWS = (2, 8)
 """Sides of the two windows in which residuals are averaged, blocks."""
-UNIFORM, COMMON = 2.5, 0.06
+UNIFORM, COMMON = 0.8, 0.06
 """Mean square residual of the small and of the large window, over the variance of the residuals in it, above
-which light changes with the jitter. Of static scenes nearly all windows are below 1 and 0.02; light that
-changes by one factor has the reciprocal of the squared contrast of the ground."""
+which light changes with the jitter. Of static scenes nearly all windows are below 0.6 and 0.02; light that
+changes by one factor has the reciprocal of the squared contrast of the ground, and f / (1 - f) where it
+changes in a part f of a window."""
+BLATANT = 2.5
+"""Mean square residual of the small window, over the variance of the residuals in it, above which light changes
+in the windows around it, too: they have a part of what changes."""
 UNRESOLVED = 0.85
 """Variance of the residuals in a small window, over that of the samples, above which the mean says nothing of
 the samples: they are of a pattern that moves in step with the jitter. Patterns reach 0.8 where they stand."""

@@ -40,8 +40,7 @@ def samples_kept(
     parts = cut(cut(parts, 2, size.height * BLOCK // LAG_STEP), 3, size.width * BLOCK // LAG_STEP)
     difference, level = means_of(parts, BLOCK // LAG_STEP).split_with_sizes([3, 3], dim=1)
     values = torch.cat([difference, difference * difference, level, torch.ones_like(free)], dim=1) * free
-    values = cut(cut(values, 2, size.height + side - 1), 3, size.width + side - 1)
-    sums = spread(means_of(values, side), side, size)
+    sums = spread(means_of(extended(values, side - 1), side), side, size)
     difference, square, level, share = sums.split_with_sizes([3, 3, 3, 1], dim=1)
     difference, square, level = (part / share.clamp(min=1e-6) for part in (difference, square, level))
     variance = (square - difference * difference).clamp(min=0.0)
@@ -50,3 +49,12 @@ def samples_kept(
     excess = lag / (level.amax(dim=1, keepdim=True) + DARK) - config.lag
     fewest = config.lag_samples / excess.clamp(min=config.lag_samples / MOST_SAMPLES)
     return torch.where(free * (share >= LEAST_BLOCKS) > 0.0, fewest, MOST_SAMPLES)
+
+
+def extended(blocks: Tensor, count: int) -> Tensor:
+    """Append so many rows and columns of zeros."""
+    height, width = blocks.shape[2:]
+    down, across = (
+        (torch.arange(extent + count, device=blocks.device) < extent).float() for extent in (height, width)
+    )
+    return cut(cut(blocks, 2, height + count), 3, width + count) * down[:, None] * across

@@ -27,6 +27,7 @@ from supersampler.backends.cpu.tiles import Bool, dilated, runs_of, scaled
 from supersampler.frame import Float32, Frame, Size
 from supersampler.methods.at_rest import (
     AT_REST_HISTORY,
+    BLATANT,
     BLOCK,
     COMMON,
     DARK,
@@ -557,8 +558,9 @@ def steadiness_of(small: Windows, large: Windows, dark: float) -> Float32:
     """Return how far residuals are over the limits, (3, down, across); see `steadiness` in torch."""
     sparkling = np.maximum(small.contrast - SPARKLING * np.square(small.level), 0.0)
     explained = small.contrast + (1.0 / UNRESOLVED - 1.0) * sparkling
+    around = _widened(_excess(small.square, small.variance, BLATANT, small, dark), WINDOWS[0])
     tests = [
-        _excess(small.square, small.variance, UNIFORM, small, dark),
+        np.maximum(_excess(small.square, small.variance, UNIFORM, small, dark), around),
         _excess(large.square, large.variance, COMMON, large, dark),
         _excess(small.variance, explained, UNRESOLVED, small, dark),
     ]
@@ -571,6 +573,15 @@ def _excess(
     level = np.square(window.level + dark)
     excess: Float32 = np.clip((square - ratio * variance) / level - FLICKER * FLICKER, -OLDEST, OLDEST)
     return excess
+
+
+def _widened(blocks: Float32, reach: int) -> Float32:
+    """Return the maxima over the blocks up to `reach` away on both axes."""
+    for axis, extent in enumerate(blocks.shape):
+        index = np.arange(extent)
+        shifts = (np.clip(index + step, 0, extent - 1) for step in range(-reach, reach + 1))
+        blocks = np.maximum.reduce([blocks.take(shift, axis) for shift in shifts])
+    return blocks
 
 
 def drifting(drift: Float32, window: Windows, dark: float) -> Bool:

@@ -26,7 +26,9 @@ def samples_kept(sums: Float32, still: Stillness, config: Mapping[str, float]) -
     """
     free, side = compared(still), WINDOWS[1]
     difference, level = sums.reshape(2, 3, *free.shape) / np.float32((BLOCK // LAG_STEP) ** 2)
-    sums = windowed(np.concatenate([difference, np.square(difference), level, free[None]]) * free, side)
+    values = np.concatenate([difference, np.square(difference), level, free[None]]) * free
+    down, across = free.shape
+    sums = windowed(np.pad(values, ((0, 0), (0, -down % side), (0, -across % side))), side)
     count = sums[9]
     difference, square, level = sums[:9].reshape(3, 3, *count.shape) / np.maximum(count, 1.0)
     variance = np.maximum(square - np.square(difference), 0.0)

@@ -14,7 +14,7 @@ UNFIT, FIT = 0.8, 0.95
 """Fraction of the variance of luma over 3x3 samples that their plane must explain before they count as a
 smooth surface, and from which on they do so fully. Of a straight edge it explains 0.75 at most."""
 
-LAG_STEP, LEAST_BLOCKS, MOST_SAMPLES = 2, 0.25, 1024.0
+LAG_STEP, LEAST_BLOCKS, MOST_SAMPLES = 2, 0.125, 1024.0
 """Samples along an axis of which one is compared for the lag; least part of a window's blocks that are; a
 number of samples that limits nothing."""
 
@@ -66,11 +66,11 @@ class TaauConfig:
     """... plus this fraction of itself ..."""
     change_ramp: Number = 0.65
     """... and the ramp softens the test."""
-    lag: Number = 0.02
+    lag: Number = 0.015
     """Mean difference of the samples of a window from the history that counts as none, as a part of it ..."""
     lag_deviations: Number = 3.0
     """... and in its standard errors."""
-    lag_samples: Number = 0.015
+    lag_samples: Number = 0.014
     """Number of samples that are kept, times the difference over that."""
 
 

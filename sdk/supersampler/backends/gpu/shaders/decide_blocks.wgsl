@@ -64,13 +64,29 @@ fn excess(square: f32, variance: f32, ratio: f32, window: Window) -> f32 {
     return clamp((square - ratio * variance) / (level * level) - FLICKER * FLICKER, -OLDEST, OLDEST);
 }
 
+fn square(window: Window) -> f32 { return dot(window.residuals, window.residuals); }
+
+// How far the residuals of the small windows around a block are over BLATANT.
+fn blatant_around(block: vec2i, origin: vec2i) -> f32 {
+    var most = -OLDEST;
+    for (var i = 0; i < 9; i++) {
+        let near = block / SMALL_WINDOW * SMALL_WINDOW + SMALL_WINDOW * vec2i(i % 3 - 1, i / 3 - 1);
+        if (!inside(near, blocks_size())) { continue; }
+        let window = window_of(near, origin, SMALL_WINDOW);
+        most = max(most, excess(square(window), window.variance, BLATANT, window));
+    }
+    return most;
+}
+
 // How far the residuals are over UNIFORM, COMMON and UNRESOLVED; below 0 is steady.
-fn steadiness(small: Window, large: Window) -> vec3f {
+fn steadiness(block: vec2i, origin: vec2i) -> vec3f {
+    let small = window_of(block, origin, SMALL_WINDOW);
+    let large = window_of(block, origin, LARGE_WINDOW);
     let sparkling = max(small.contrast - SPARKLING * small.level * small.level, 0.0);
     let explained = small.contrast + (1.0 / UNRESOLVED - 1.0) * sparkling;
     return vec3f(
-        excess(dot(small.residuals, small.residuals), small.variance, UNIFORM, small),
-        excess(dot(large.residuals, large.residuals), large.variance, COMMON, large),
+        max(excess(square(small), small.variance, UNIFORM, small), blatant_around(block, origin)),
+        excess(square(large), large.variance, COMMON, large),
         excess(small.variance, explained, UNRESOLVED, small));
 }
 
@@ -122,8 +138,7 @@ fn decide(block: vec2i, origin: vec2i, restarts: bool, moves: bool) {
     } else if (!counts) {
         if (stands) { tests = before.yzw; }
     } else if (verifies) {
-        let small = window_of(block, origin, SMALL_WINDOW);
-        tests = before.yzw + steadiness(small, window_of(block, origin, LARGE_WINDOW));
+        tests = before.yzw + steadiness(block, origin);
     }
     if (!counts || (known && stands)) {   // no phase is added: nor is its signature
         let here = signature_index(next_state.slot, block);

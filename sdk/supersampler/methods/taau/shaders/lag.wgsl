@@ -50,8 +50,9 @@ fn samples_kept(window: Sums) -> f32 {
 
 @compute @workgroup_size(SIDE, SIDE)
 fn main(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_index) thread: u32) {
-    let block = clamped(vec2i(id.xy), blocks_size());   // at edges they repeat
-    let free = (textureLoad(block_states, block, 0).x & FREE) != 0u;
+    let block = vec2i(id.xy);
+    let exists = inside(block, blocks_size());
+    let free = exists && (textureLoad(block_states, clamped(block, blocks_size()), 0).x & FREE) != 0u;
     sums[thread] = Sums();
     if (free) { sums[thread] = compared(block); }
     for (var half = THREADS / 2u; half > 0u; half /= 2u) {
@@ -65,5 +66,5 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_inde
     workgroupBarrier();
     var kept = f32(MOST_SAMPLES);
     if (free) { kept = samples_kept(sums[0]); }
-    if (inside(vec2i(id.xy), blocks_size())) { textureStore(kept_samples, block, vec4f(kept)); }
+    if (exists) { textureStore(kept_samples, block, vec4f(kept)); }
 }
