@@ -172,8 +172,8 @@ def planes(image: NDArray[Any]) -> torch.Tensor:
 def worse_by(image: Float32, own: Float32, truth: Float32) -> tuple[float, float]:
     """Return how much farther an image is from the truth than another, in 1/255: mean, 99.9 % quantile.
 
-    The quantile is compared with 1.1 times the other's: of 6,000 pixels it is that of six, and behind what moves
-    in front of noise these are off by 100/255 in either image, by chance of each frame.
+    The quantile is compared with 1.1 times the other's: of 6,000 pixels it is that of six, and behind what
+    moves in front of noise these are off by 100/255 in either image, by chance of each frame.
     """
     ours, theirs = (np.abs(display_transform(i, 1.0) - display_transform(truth, 1.0)) for i in (image, own))
     quantiles = (float(np.quantile(error, 0.999)) for error in (ours, theirs))
@@ -194,8 +194,7 @@ PATTERNS = st.one_of(
     st.sampled_from([flat, wave, cells]),
     st.builds(stripes, st.floats(2.6, 9.0), st.floats(0.2, 1.3)),
 )
-"""Light that is on in every second frame alone is left out: a pattern of half a pixel would have these samples.
-Stripes along an axis are left out: where they scroll by half their length a frame, their samples are those
+"""Stripes along an axis are left out: where they scroll by half their length a frame, their samples are those
 of a finer pattern that stands still, as every second jitter lies on one side of the pixel."""
 LIGHTS = st.one_of(
     st.just(lambda _: 1.0),
@@ -210,6 +209,7 @@ LIGHTS = st.one_of(
     st.builds(lambda rate: lambda t: 1.0 + rate * t, st.floats(-0.004, 0.004)),
     st.builds(_hue, st.floats(10.0, 90.0)),
 )
+"""Light that is on in every second frame is left out: a pattern of half a pixel would have its samples."""
 SCENES = st.builds(
     RestScene,
     PATTERNS,

@@ -5,6 +5,7 @@ import re
 import sys
 from importlib import import_module
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -73,6 +74,37 @@ def test_the_tutorial_of_an_engine_loop_runs() -> None:
     for snippet in re.findall("```python\n(.*?)```", page, re.DOTALL):
         exec(snippet, found)  # noqa: S102
     assert found["image"].shape == (1080, 1920, 3)
+
+
+class EmptyScene:
+    """An engine for README's loop, that draws a grey wall."""
+
+    texture_mip_bias = 0.0
+
+    def draw(self, _: Any, size: tuple[int, int]) -> tuple[Any, Any]:
+        return np.full((size[1], size[0], 3), 0.5, np.float32), np.full((size[1], size[0]), 0.1, np.float32)
+
+    def add_motion_of_objects(self, motion: Any) -> Any:
+        np.testing.assert_allclose(motion[5:-5, 5:-5, 1], 0.0, atol=1e-3)
+        return motion
+
+
+def test_the_engine_loop_of_the_readme_runs() -> None:
+    projection = np.array([[1.0, 0, 0, 0], [0, 16 / 9, 0, 0], [0, 0, 0, 0.1], [0, 0, -1.0, 0]])
+    moved = np.eye(4)
+    moved[0, 3] = 0.01
+    cameras = [
+        SimpleNamespace(projection=projection, view=view, is_cut=False, near=0.1)
+        for view in (np.eye(4), moved)
+    ]
+    scene = EmptyScene()
+    found: dict[str, Any] = {"scene": scene, "cameras": cameras}
+    page = (ROOT / "README.md").read_text(encoding="utf-8")
+    snippet = next(s for s in re.findall("```python\n(.*?)```", page, re.DOTALL) if "upscaler.step" in s)
+    exec(snippet, found)  # noqa: S102
+    assert scene.texture_mip_bias == -1.0
+    assert found["image"].shape == (1080, 1920, 3)
+    np.testing.assert_allclose(found["image"][100:-100, 100:-100], 0.5, atol=1e-3)
 
 
 def packages_with_public_names() -> list[str]:

@@ -32,7 +32,7 @@ from supersampler.model import ExecutorName, Precision
 from supersampler_bench.cli.options import JSON, counted, listed, publish, say, warn
 from supersampler_bench.compatibility import incompatibility
 from supersampler_bench.record import Record, machine_name, read_record, setting
-from supersampler_bench.timing.speed import frames_of
+from supersampler_bench.timing.latency import frames_of
 
 FRAMES, STILL_FRAMES = 24, 48
 """Frames of a run; frames of a run in which most of the frame is static."""

@@ -14,7 +14,7 @@ from supersampler.cli.arguments import parse_size
 from supersampler.errors import ArgumentError
 from supersampler_bench.cli.options import ERRORS, JSON, UPDATE, check_page, listed, publish
 from supersampler_bench.record import Record
-from supersampler_bench.timing import speed
+from supersampler_bench.timing import latency
 
 _FEATURES = (
     "sse", "sse2", "sse3", "ssse3", "sse4.1", "sse4.2", "popcnt", "avx", "avx2", "fma", "f16c", "bmi", "bmi2",
@@ -50,9 +50,9 @@ def compile_for(instructions: str) -> None:
 
 
 def markdown_table(record: Record) -> str:
-    """Return the tables of `bench speed`, and for which processor the kernels were compiled."""
+    """Return the tables of `bench latency`, and for which processor the kernels were compiled."""
     lacks = _LACKS[record["instructions"]]
-    return f"{speed.markdown_table(record)}\n\nKernels are compiled as for a processor that has {lacks}."
+    return f"{latency.markdown_table(record)}\n\nKernels are compiled as for a processor that has {lacks}."
 
 
 def main(
@@ -68,13 +68,13 @@ def main(
 ) -> None:
     """Time a step on the CPU backend; nothing else should run."""
     compile_for(instructions)
-    tables = {f"study speed {instructions}": markdown_table}
+    tables = {f"study latency {instructions}": markdown_table}
     check_page(update, tables)
     displays = [parse_size(size) for size in listed(sizes)]
     with ERRORS.status("timing"):
-        timed = speed.measure_speed(listed(methods), displays, ["cpu"], [threads], steps=steps)
-        limits = speed.measure_limits()
-    record = {**speed.speed_record(timed, limits, 2.0), "instructions": instructions.value}
+        timed = latency.measure_latency(listed(methods), displays, ["cpu"], [threads], steps=steps)
+        limits = latency.measure_limits()
+    record = {**latency.latency_record(timed, limits, 2.0), "instructions": instructions.value}
     publish(record, tables, json, update)
 
 

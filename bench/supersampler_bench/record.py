@@ -1,18 +1,22 @@
-"""Records: the values of a measurement with machine, versions, date and command, as a JSON file."""
+"""Records: the values of a measurement with machine, versions, models, date and command, as a JSON file."""
 
 import json
 import math
 import platform
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from subprocess import TimeoutExpired
 from typing import Any, TypeAlias
 
 from supersampler.errors import ArgumentError
+from supersampler.io.child_process import run
 from supersampler.io.files import replacing
 from supersampler.io.machine import machine
+from supersampler.methods.model_file import extrapolation_names, model_names, sha256, shipped_model
 
 Record: TypeAlias = Mapping[str, Any]
 """The values of a measurement, ready for JSON or read back from it."""
@@ -23,13 +27,56 @@ _PACKAGES = ("supersampler", "numpy", "onnxruntime", "flip-evaluator")
 
 
 def setting() -> dict[str, Any]:
-    """Return the setting of a measurement: versions, machine, command and date."""
+    """Return the setting of a measurement: versions, commit, models, machine, command and date."""
     return {
+        "commit": _commit(),
+        "model_digests": dict(model_digests()),
         "versions": {"python": platform.python_version(), **{name: _version(name) for name in _PACKAGES}},
         "machine": machine(),
         "command": ["supersampler", *sys.argv[1:]],
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
     }
+
+
+@cache
+def model_digests() -> Mapping[str, str]:
+    """Return the digest of each shipped model's model.json, which has the hashes of its other files."""
+    names = (*model_names(), *extrapolation_names())
+    return {name: sha256(shipped_model(name) / "model.json")[:16] for name in names}
+
+
+def age_of(record: Record) -> str:
+    """Return a sentence that says which models of a record have changed since; "" where none has."""
+    now = model_digests()
+    named = {
+        text.split(":")[0] for text in _texts({**record, "model_digests": None, "command": None})
+    } & now.keys()
+    then = record.get("model_digests")
+    when = f"Measured on {str(record.get('date'))[:10]}"
+    if then is None:
+        return f"{when}, before records named the models' versions." if named else ""
+    changed = sorted(name for name in named if then.get(name) != now[name])
+    at = f" at commit {record['commit'][:8]}" if record.get("commit") else ""
+    return f"{when}{at} with another version of {', '.join(changed)}." if changed else ""
+
+
+def _texts(values: object) -> Iterator[str]:
+    if isinstance(values, str):
+        yield values
+    elif isinstance(values, Mapping):
+        yield from (text for key, value in values.items() for text in (key, *_texts(value)))
+    elif isinstance(values, list):
+        yield from (text for value in values for text in _texts(value))
+
+
+def _commit() -> str | None:
+    """Return the commit of the repository that this package is in; None outside of one."""
+    command = ["git", "rev-parse", "HEAD"]
+    try:
+        found = run(command, seconds=10.0, folder=Path(__file__).parent)
+    except (OSError, TimeoutExpired):
+        return None
+    return found.stdout.decode().strip() if found.returncode == 0 else None
 
 
 def machine_name(record: Record) -> str:

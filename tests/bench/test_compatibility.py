@@ -18,7 +18,7 @@ from supersampler_bench.quality.measure import ScoredImage, measure_quality, run
 from supersampler_bench.stress.runner import chosen, left_out, measure, runs
 from supersampler_bench.stress.subjects import subjects
 from supersampler_bench.timing.device import measure_device
-from supersampler_bench.timing.speed import measure_speed
+from supersampler_bench.timing.latency import measure_latency
 
 RENDER, DISPLAY = (32, 18), (64, 36)
 
@@ -60,7 +60,7 @@ def test_a_method_is_left_out_for_its_ratio_or_for_what_frames_lack(gbuffer_mode
 def test_speed_times_a_method_with_buffers_where_it_renders(gbuffer_model: Path) -> None:
     name, unfit = str(gbuffer_model), list[str]()
     sizes = [DISPLAY, (65, 36)]
-    results = measure_speed([name, "bilinear"], sizes, ["onnx"], [1], steps=1, on_left_out=unfit.append)
+    results = measure_latency([name, "bilinear"], sizes, ["onnx"], [1], steps=1, on_left_out=unfit.append)
     assert [(r.setting.method, r.setting.display[0]) for r in results] == [
         ("taa", 64), (name, 64), ("bilinear", 64), ("taa", 65), ("bilinear", 65),
     ]  # fmt: skip

@@ -17,7 +17,7 @@ for command in (
     quality.extrapolation,
     timing.cost,
     timing.traffic,
-    timing.speed,
+    timing.latency,
     timing.startup,
     device.device,
     timing.skip,

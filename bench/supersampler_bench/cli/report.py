@@ -61,7 +61,7 @@ def report(
     """Make one HTML page of all records: tables, figures, machine and versions, images side by side.
 
     The page needs no other file and no network. With --quick it shows rough numbers of this machine: quality
-    of the shipped shot, speed, one against the other, parity, stress.
+    of the shipped shot, latency, one against the other, parity, stress.
 
     \b
     Examples:

@@ -1,4 +1,4 @@
-"""`supersampler bench ...` cost, speed, startup, skip and pareto: how long methods take."""
+"""`supersampler bench ...` cost, latency, startup, skip and pareto: how long methods take."""
 
 import os
 from collections.abc import Iterable, Mapping
@@ -9,6 +9,7 @@ import typer
 
 from supersampler.cli.arguments import parse_size
 from supersampler.errors import ArgumentError, DeviceError
+from supersampler.frame import Size
 from supersampler.model import Precision
 from supersampler_bench.cli.options import (
     DISPLAY_SIZE,
@@ -128,24 +129,27 @@ def startup(
     publish(bench.startup_record(results, render, 2.0), tables, json, update)
 
 
-def speed(
+def latency(
     context: typer.Context,
-    methods: METHODS = "taa,taau,classifier-small,classifier,gbuffer-fast",
-    sizes: Annotated[
+    methods: METHODS = "taa,taau,classifier-small,classifier",
+    display_sizes: Annotated[
         str | None,
         typer.Option(
-            help="Display sizes, with commas between.",
-            show_default="960x540,1920x1080; with --against 960x540",
+            help="Display sizes, with commas between.", show_default="1920x1080; with --against 960x540"
         ),
     ] = None,
-    executors: EXECUTORS = "cpu,onnx",
+    executors: EXECUTORS = "cpu",
+    providers: Annotated[str, typer.Option(help="Of ONNX Runtime: auto, cpu, cuda, directml, ...")] = "cpu",
     threads: Annotated[
-        str | None,
-        typer.Option(help="CPU threads, with commas between.", show_default="1,2; with --against all cores"),
+        str | None, typer.Option(help="CPU threads, with commas between.", show_default="all cores")
     ] = None,
     precisions: Annotated[str, typer.Option(help="auto, fp32, fp16, int8, with commas between.")] = "auto",
     ratio: ONE_RATIO = 2.0,
-    steps: STEPS = 30,
+    warm_up: Annotated[int, typer.Option(min=1, help="Steps of each setting that do not count.")] = 20,
+    steps: Annotated[
+        int | None,
+        typer.Option(min=1, help="Timed steps of each setting.", show_default="200; with --against 30"),
+    ] = None,
     against: Annotated[
         str | None,
         typer.Option(
@@ -160,40 +164,46 @@ def speed(
     json: JSON = None,
     update: UPDATE = None,
 ) -> None:
-    """Time a step of methods, on this machine, beside plain variance clipping in the same run.
+    """Time the steps of methods on this machine: median, p95, p99, stages, CPU time, memory, first image.
 
-    Nothing else should run on the machine.
+    A step is timed from a frame in memory to its image in memory. Settings of one size take turns, beside
+    plain variance clipping (taa). Nothing else should run on the machine.
 
     \b
     Examples:
-      supersampler bench speed --sizes 1920x1080 --executors cpu --json speed.json
-      supersampler bench speed --against ../before/.venv/bin/python --json against.json
+      supersampler bench latency
+      supersampler bench latency --methods classifier --executors cpu,onnx,gpu --json latency.json
+      supersampler bench latency --against ../before/.venv/bin/python --json against.json
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
+    counts = [int(text) for text in listed(threads or str(os.cpu_count() or 1))]
     if against is not None:
-        only = ("executors", "precisions")
+        only = ("executors", "providers", "precisions", "warm_up")
         _check_not_given(context, only, "with --against methods run as they do by default")
-        taken = {"rounds": rounds, "steps": steps, "starts": starts, "fresh": fresh}
-        _compare_speed(against, listed(methods), sizes, threads, ratio, taken, json, update)
+        taken = {"rounds": rounds, "steps": steps or 30, "starts": starts, "fresh": fresh}
+        displays = sizes_of(display_sizes or "960x540")
+        _compare_versions(against, listed(methods), displays, counts, ratio, taken, json, update)
         return
     _check_not_given(context, ("rounds", "starts", "fresh"), "they are of --against")
-    from supersampler_bench.timing import speed as bench
+    from supersampler_bench.timing import latency as bench
 
-    tables = {"speed": bench.markdown_table}
+    tables = {"latency": bench.markdown_table}
     check_page(update, tables)
     known: tuple[Precision, ...] = ("auto", "fp32", "fp16", "int8")
     with ERRORS.status("timing"):
-        results = bench.measure_speed(
+        results = bench.measure_latency(
             listed(methods),
-            sizes_of(sizes or "960x540,1920x1080"),
+            sizes_of(display_sizes or "1920x1080"),
             executors_of(executors),
-            [int(text) for text in listed(threads or "1,2")],
+            counts,
             precisions=words_of("--precisions", precisions, known),
+            providers=providers,
             ratio=ratio,
-            steps=steps,
+            steps=steps or 200,
+            warm_up=warm_up,
             on_left_out=warn,
         )
         limits = bench.measure_limits()
-    publish(bench.speed_record(results, limits, ratio), tables, json, update)
+    publish(bench.latency_record(results, limits, ratio), tables, json, update)
 
 
 def _check_not_given(context: typer.Context, names: Iterable[str], why: str) -> None:
@@ -201,14 +211,14 @@ def _check_not_given(context: typer.Context, names: Iterable[str], why: str) -> 
     for name in names:
         source = context.get_parameter_source(name)
         if source is not None and source.name == "COMMANDLINE":
-            raise ArgumentError(f"--{name}", got="given", want=f"left out: {why}")
+            raise ArgumentError(f"--{name.replace('_', '-')}", got="given", want=f"left out: {why}")
 
 
-def _compare_speed(
+def _compare_versions(
     python: str,
     methods: list[str],
-    sizes: str | None,
-    threads: str | None,
+    displays: list[Size],
+    threads: list[int],
     ratio: float,
     taken: Mapping[str, int],
     json: Path | None,
@@ -218,11 +228,10 @@ def _compare_speed(
 
     tables = {"against": bench.markdown_table}
     check_page(update, tables)
-    displays, rounds = sizes_of(sizes or "960x540"), bench.Rounds(**taken)
-    counts = [int(text) for text in listed(threads or str(os.cpu_count() or 1))]
-    with counted("rounds", len(methods) * rounds.total(len(displays) * len(counts))) as advance:
+    rounds = bench.Rounds(**taken)
+    with counted("rounds", len(methods) * rounds.total(len(displays) * len(threads))) as advance:
         sides, results = bench.measure_against(
-            python, methods, displays, counts, ratio=ratio, rounds=rounds, on_round=advance, on_left_out=warn
+            python, methods, displays, threads, ratio=ratio, rounds=rounds, on_round=advance, on_left_out=warn
         )
     publish(bench.against_record(sides, results, ratio, rounds), tables, json, update)
 

@@ -11,9 +11,9 @@ from supersampler_bench import parity
 from supersampler_bench.markdown_blocks import find_block, update_block
 from supersampler_bench.quality import extrapolation, still_table
 from supersampler_bench.quality.score_table import block_names, blocks
-from supersampler_bench.record import SHIPPED_PARETO, Record, read_record
+from supersampler_bench.record import SHIPPED_PARETO, Record, age_of, read_record
 from supersampler_bench.stress import report as stress
-from supersampler_bench.timing import against, device, device_record, pareto, skip, speed, startup, traffic
+from supersampler_bench.timing import against, device, device_record, latency, pareto, skip, startup, traffic
 from supersampler_bench.timing import network_cost as cost
 from supersampler_bench.timing.pareto_extrapolated import unshaded_table
 from supersampler_bench.timing.roofline import roofline_table
@@ -32,7 +32,6 @@ _TABLES: Mapping[str, Callable[[Record], str]] = {
     "extrapolation": extrapolation.markdown_table,
     "parity": parity.markdown_table,
     "skip": skip.markdown_table,
-    "speed": speed.markdown_table,
     "startup": startup.markdown_table,
     "traffic": traffic.markdown_table,
 }
@@ -68,6 +67,11 @@ def blocks_of(name: str, record: Record) -> Blocks:
             block: partial(device_record.step_table, record),
             f"{block} passes": partial(device_record.pass_table, record),
             f"{block} images": partial(device_record.image_table, record),
+        }
+    if bench == "latency":
+        return {
+            block: partial(latency.markdown_table, record),
+            f"{block} summary": partial(latency.summary_table, record),
         }
     if bench == "traffic":
         return {
@@ -140,12 +144,22 @@ def find_all(root: Path) -> Iterator[Block]:
     records = read_records(root / RESULTS)
     if (pareto_path := root / "bench" / "supersampler_bench" / SHIPPED_PARETO.name).is_file():
         records["pareto"] = read_record(pareto_path)
-    makers = {block: maker for name in records for block, maker in blocks_of(name, records[name]).items()}
+    makers = {
+        block: partial(_with_age, maker, record)
+        for name, record in records.items()
+        for block, maker in blocks_of(name, record).items()
+    }
     for page in (root / "README.md", *sorted((root / "docs").rglob("*.md"))):
         for name in re.findall(r"<!-- bench:(.+?) -->", page.read_text(encoding="utf-8")):
             if name.startswith(STUDY):
                 continue
             yield _block(page, name, makers.get(name))
+
+
+def _with_age(maker: Callable[[], str], record: Record) -> str:
+    """Return the text of a block, which says where models have changed since it was measured."""
+    age = age_of(record)
+    return f"{maker()}\n\n{age}" if age else maker()
 
 
 def _block(page: Path, name: str, maker: Callable[[], str] | None) -> Block:

@@ -14,8 +14,8 @@ from supersampler_bench.quality.score_table import CLIP_COLUMNS, Column, sizes
 from supersampler_bench.quality.still import StillScores
 from supersampler_bench.quality.still_table import scores_at_one_ratio
 from supersampler_bench.record import Record
+from supersampler_bench.timing.latency import Timed, timed_of
 from supersampler_bench.timing.pareto import Point, by_ratio, frontier, points_of
-from supersampler_bench.timing.speed import Timed, timed_of
 
 _GREY = "0.65"
 _NEAR = 0.04  # fraction of the time and of the range of scores within which points share a label
@@ -33,8 +33,8 @@ def draw_record(record: Record, folder: Path) -> list[tuple[str, Path]]:
     """
     if record["bench"] == "pareto":
         return _pareto(record, folder)
-    if record["bench"] == "speed":
-        return _speed(record, folder)
+    if record["bench"] == "latency":
+        return _latency(record, folder)
     if record["bench"] == "quality":
         return _curves(record, folder)
     if record["bench"] == "still":
@@ -50,11 +50,11 @@ def _pareto(record: Record, folder: Path) -> list[tuple[str, Path]]:
     return [(f"{headings[path.stem]} against time", path) for path in written]
 
 
-def _speed(record: Record, folder: Path) -> list[tuple[str, Path]]:
-    timed, path = timed_of(record), folder / "speed.png"
+def _latency(record: Record, folder: Path) -> list[tuple[str, Path]]:
+    timed, path = timed_of(record), folder / "latency.png"
     if not any(r.stages for r in timed):
         return []
-    draw_speed(timed, path)
+    draw_latency(timed, path)
     return [("Stages of a step on the CPU backend", path)]
 
 
@@ -69,7 +69,7 @@ def _curves(record: Record, folder: Path) -> list[tuple[str, Path]]:
     return curves
 
 
-def draw_speed(results: Sequence[Timed], path: Path) -> None:
+def draw_latency(results: Sequence[Timed], path: Path) -> None:
     """Draw a panel for each size and number of threads: a bar for each method, split by stage.
 
     Args:

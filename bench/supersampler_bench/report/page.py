@@ -41,7 +41,7 @@ SECTIONS = (
     Section("quality", "Quality", "Images after the display transform, against references."),
     Section("pareto", "Time and error", "Settings that no other beats in both, and the presets."),
     Section("extrapolation", "Unshaded frames", "Extrapolated or warped, against references."),
-    Section("speed", "Speed", "A step on the CPU, beside variance clipping (`taa`) in the same run."),
+    Section("latency", "Latency", "A step on the CPU, beside variance clipping (`taa`) in the same run."),
     Section("startup", "First-frame time", "From the start of a process, with cold and warm kernel cache."),
     Section("device", "Devices", "A step of ONNX Runtime or torch, with frame and image in device memory."),
     Section("device-gpu", "GPUs", "A step of the shaders and its passes, by timestamps of the device."),
@@ -52,7 +52,7 @@ SECTIONS = (
     Section("traffic", "Traffic", "Bytes, multiply-adds and operators of a step, counted by ONNX Runtime."),
     Section("cost", "Networks", "Multiply-adds and parameters, counted in the graphs."),
 )
-_OPENED = ("pareto", "speed", "still")
+_OPENED = ("pareto", "latency", "still")
 """Benches whose first figure is shown unfolded."""
 _COLUMNS = ("record", "date, UTC", "machine", "versions", "command")
 

@@ -16,8 +16,8 @@ from supersampler_bench.stress.report import draw_sheets, stress_record
 from supersampler_bench.stress.runner import chosen
 from supersampler_bench.stress.runner import measure as measure_stress
 from supersampler_bench.stress.subjects import subjects
+from supersampler_bench.timing.latency import latency_record, measure_latency, measure_limits
 from supersampler_bench.timing.pareto import measure_pareto, pareto_record, shots_of
-from supersampler_bench.timing.speed import measure_limits, measure_speed, speed_record
 from supersampler_model.data.errors import GraphicsError
 
 _WITH_KERNELS = METHODS[1:]
@@ -59,9 +59,9 @@ def _quality(_: Mapping[str, Record], __: Path) -> dict[str, Any]:
     return quality_record([shot_scores(shot, measure_quality(shot, METHODS))])
 
 
-def _speed(_: Mapping[str, Record], __: Path) -> dict[str, Any]:
-    timed = measure_speed(_WITH_KERNELS, [_DISPLAY], ["cpu"], [1, 2], steps=_STEPS)
-    return speed_record(timed, measure_limits(), 2.0)
+def _latency(_: Mapping[str, Record], __: Path) -> dict[str, Any]:
+    timed = measure_latency(_WITH_KERNELS, [_DISPLAY], ["cpu"], [1, 2], steps=_STEPS)
+    return latency_record(timed, measure_limits(), 2.0)
 
 
 def _pareto(records: Mapping[str, Record], _: Path) -> dict[str, Any]:
@@ -83,7 +83,7 @@ def _stress(_: Mapping[str, Record], folder: Path) -> dict[str, Any]:
 _PARTS: Mapping[str, Callable[[Mapping[str, Record], Path], dict[str, Any]]] = {
     _QUALITY: _quality,
     "pareto": _pareto,
-    "speed": _speed,
+    "latency": _latency,
     "parity": _parity,
     "stress": _stress,
 }

@@ -27,7 +27,7 @@ from supersampler_bench.compatibility import gbuffers_of, incompatibility, with_
 from supersampler_bench.markdown_table import size_text, table
 from supersampler_bench.record import Record, machine_name
 from supersampler_bench.timing.child_process import FIRST_IMAGE, STEPS, Version
-from supersampler_bench.timing.speed import frames_of
+from supersampler_bench.timing.latency import frames_of
 from supersampler_model.data.shots import render_size
 
 COVERAGE = 0.95

@@ -17,7 +17,7 @@ from supersampler.model import Precision
 from supersampler_bench.compatibility import compatible, with_default_gbuffers
 from supersampler_bench.markdown_table import size_text, table
 from supersampler_bench.record import Record, machine_name
-from supersampler_bench.timing.speed import (
+from supersampler_bench.timing.latency import (
     COPIED,
     WARM_UP,
     fastest,

@@ -15,7 +15,7 @@ from supersampler.frame import Size
 from supersampler_bench.compatibility import compatible
 from supersampler_bench.timing.device_stopwatch import EachDispatch, Stopwatch
 from supersampler_bench.timing.gpu_traffic import pass_costs
-from supersampler_bench.timing.speed import frames_of, quantiles, take_turns
+from supersampler_bench.timing.latency import frames_of, quantiles, take_turns
 from supersampler_model.data.shots import render_size
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from supersampler.frame import Float32, Size
 from supersampler.io.display import display_transform
 from supersampler_bench.compatibility import compatible
 from supersampler_bench.timing.device_gpu import frame_textures
-from supersampler_bench.timing.speed import frames_of
+from supersampler_bench.timing.latency import frames_of
 
 if TYPE_CHECKING:
     import wgpu

@@ -14,7 +14,7 @@ from supersampler.frame import Size
 from supersampler_bench.compatibility import compatible
 from supersampler_bench.parity import method_of
 from supersampler_bench.timing.device import OnDevice
-from supersampler_bench.timing.speed import WARM_UP, frames_of, quantiles
+from supersampler_bench.timing.latency import WARM_UP, frames_of, quantiles
 from supersampler_model.data.shots import render_size
 from supersampler_model.ops.size import Size as Extent
 

@@ -19,7 +19,7 @@ from supersampler_bench.quality.score_record import rows_by_ratio
 from supersampler_bench.quality.score_table import CLIP_COLUMNS, Column
 from supersampler_bench.record import Record, machine_name
 from supersampler_bench.specs import Spec, parse_spec
-from supersampler_bench.timing.speed import Setting, measure_settings
+from supersampler_bench.timing.latency import Setting, measure_settings
 from supersampler_bench.timing.two_passes import measure_passes
 
 if TYPE_CHECKING:

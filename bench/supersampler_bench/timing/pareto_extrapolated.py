@@ -18,7 +18,7 @@ from supersampler_bench.quality.score_record import rows_by_ratio
 from supersampler_bench.quality.score_table import CLIP_COLUMNS
 from supersampler_bench.record import Record, machine_name
 from supersampler_bench.specs import parse_spec
-from supersampler_bench.timing.speed import WARM_UP, frames_of, take_turns
+from supersampler_bench.timing.latency import WARM_UP, frames_of, take_turns
 from supersampler_model.data.shots import render_size
 
 BENCH = "extrapolation"

@@ -9,7 +9,7 @@ from supersampler import Model, upscale_sequence
 from supersampler.frame import Size
 from supersampler_bench.compatibility import with_default_gbuffers
 from supersampler_bench.specs import Spec
-from supersampler_bench.timing.speed import frames_of
+from supersampler_bench.timing.latency import frames_of
 from supersampler_model.data.shots import render_size
 
 FRAMES, PAIRS, ALL_FRAMES = 192, 5, 32

@@ -1,8 +1,10 @@
 """Output of a measurement: JSON record, table on the terminal, block of a Markdown file."""
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,7 +20,7 @@ from supersampler_bench.quality.score_record import quality_record, scores_row, 
 from supersampler_bench.quality.score_table import NO_CLASSES, block_names, blocks, caption, markdown_table
 from supersampler_bench.quality.summaries import FRAME_METRICS as FRAME_METRICS
 from supersampler_bench.quality.summaries import FrameScores, MethodScores
-from supersampler_bench.record import read_record, write_json
+from supersampler_bench.record import age_of, read_record, setting, write_json
 from supersampler_model.data.scenes.analytic import Plane, checker
 
 README = "# Title\n<!-- bench:quality plaza -->\nold\n<!-- /bench -->\ntext\n<!-- /bench -->\n"
@@ -213,3 +215,17 @@ def test_a_file_that_no_bench_wrote_is_kept(tmp_path: Path, command: tuple[str, 
     assert (answer.exit_code, answer.stderr.count("\n")) == (1, 1)
     assert "notes: is there already, and is not a" in answer.stderr
     assert (tmp_path / "notes").read_text() == '{"mine": 1}'
+
+
+def test_a_table_says_which_models_have_changed_since_it_was_measured() -> None:
+    record: dict[str, Any] = {"rows": [{"method": "taau:fp32"}, {"method": "classifier"}], **setting()}
+    assert age_of(record) == ""
+    record["model_digests"]["bilinear"] = "other"
+    assert age_of(record) == ""  # the record has no row of it
+    record["model_digests"]["taau"] = "other"
+    assert re.fullmatch(
+        r"Measured on 20\d\d-\d\d-\d\d( at commit [0-9a-f]{8})? with another version of taau.", age_of(record)
+    )
+    del record["model_digests"]
+    assert age_of(record).endswith("before records named the models' versions.")
+    assert age_of({"rows": ["some text"], "date": "2026-01-01"}) == ""

@@ -159,14 +159,14 @@ def test_quick_measures_part_by_part_and_goes_on_without_opengl(
     parts = {
         "parity": without_opengl,
         "pareto": lambda *_: of_pareto(),
-        "speed": lambda known, _: {"bench": "speed", "known": list(known)},
+        "latency": lambda known, _: {"bench": "latency", "known": list(known)},
     }
     monkeypatch.setattr(quick, "_PARTS", parts)
     said: dict[str, str] = {}
     quick.measure_quickly(tmp_path, said.__setitem__)
     assert said["parity"] == "not measured: no OpenGL"
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["pareto.json", "speed.json"]
-    record = read_record(tmp_path / "speed.json")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["latency.json", "pareto.json"]
+    record = read_record(tmp_path / "latency.json")
     assert record["quick"] is True
     assert record["known"] == ["pareto"]
     quick.measure_quickly(tmp_path, said.__setitem__)  # over its own, but over no others
@@ -186,7 +186,7 @@ def test_quick_makes_the_page_of_what_it_measured_beside_it(
     html = (tmp_path / "here.html").read_text(encoding="utf-8")
     assert "images of plaza" in html
     assert "measured quickly</span>" in html
-    assert '<section id="speed">' not in html
+    assert '<section id="latency">' not in html
     assert (tmp_path / "here-records" / "parity.json").is_file()
 
 

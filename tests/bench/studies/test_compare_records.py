@@ -41,7 +41,7 @@ def test_a_lower_psnr_is_worse_by_decibels_and_a_longer_step_by_its_share() -> N
     assert last.what.endswith("flip")
     assert last.worse == pytest.approx(-0.5)
 
-    before = record("speed")
+    before = record("latency")
     after = copy.deepcopy(before)
     after["timed"][3]["median"] *= 1.25
     (first, *_) = changes(before, after)
@@ -84,8 +84,8 @@ def test_rows_are_told_apart_by_sizes_and_names_and_not_by_which_frames_have_ref
 
 
 def test_records_of_different_benches_are_refused() -> None:
-    with pytest.raises(ArgumentError, match="speed"):
-        changes(record("parity"), record("speed"))
+    with pytest.raises(ArgumentError, match="latency"):
+        changes(record("parity"), record("latency"))
 
 
 @pytest.mark.parametrize("content", ["", "[]", "{}", '{"bench": 3}'])

@@ -49,11 +49,22 @@ def measured(tmp_path_factory: pytest.TempPathFactory) -> Measured:
         return run(command, **options)
 
     (folder / "page.md").write_text("<!-- bench:against -->\n<!-- /bench -->\n")
-    options = ["--methods", "bilinear", "--sizes", "32x18", "--threads", "1", "--steps", "1", "--starts", "0"]
+    options = [
+        "--methods",
+        "bilinear",
+        "--display-sizes",
+        "32x18",
+        "--threads",
+        "1",
+        "--steps",
+        "1",
+        "--starts",
+        "0",
+    ]
     files = ["--json", str(folder / "against.json"), "--update", str(folder / "page.md")]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(child_process, "run", noted)
-        result = CliRunner().invoke(app, ["speed", "--against", sys.executable, *options, *files])
+        result = CliRunner().invoke(app, ["latency", "--against", sys.executable, *options, *files])
     assert result.exit_code == 0, result.output
     record = json.loads((folder / "against.json").read_text())
     return Measured(record, (folder / "page.md").read_text(), started)
@@ -134,7 +145,7 @@ def test_a_program_says_how_long_its_first_image_took(tmp_path: Path) -> None:
     ],
 )
 def test_what_is_no_interpreter_is_one_line(python: str, message: str) -> None:
-    result = CliRunner().invoke(supersampler, ["bench", "speed", "--against", python])
+    result = CliRunner().invoke(supersampler, ["bench", "latency", "--against", python])
     assert result.exit_code == 1
     assert result.output.startswith(f"error: --against is {python}: {message}")
     assert result.output.count("\n") == 1
@@ -161,9 +172,9 @@ def test_a_method_that_the_other_version_lacks_and_a_process_that_dies_are_named
 
 def test_too_few_rounds_for_an_interval_and_options_without_effect_are_refused() -> None:
     run = CliRunner().invoke
-    few = run(supersampler, ["bench", "speed", "--against", sys.executable, "--starts", "5"])
+    few = run(supersampler, ["bench", "latency", "--against", sys.executable, "--starts", "5"])
     assert few.output.startswith("error: --starts is 5; want at least 6, or 0.")
-    both = run(supersampler, ["bench", "speed", "--against", sys.executable, "--executors", "cpu"])
+    both = run(supersampler, ["bench", "latency", "--against", sys.executable, "--executors", "cpu"])
     assert both.output.startswith("error: --executors is given; want left out")
-    alone = run(supersampler, ["bench", "speed", "--fresh", "6"])
+    alone = run(supersampler, ["bench", "latency", "--fresh", "6"])
     assert alone.output.startswith("error: --fresh is given; want left out: they are of --against")

@@ -165,7 +165,7 @@ def test_ratios_come_from_several_records_of_the_same_shots() -> None:
 
 def test_a_record_without_means_is_refused() -> None:
     with pytest.raises(ArgumentError, match="test-shots"):
-        measure_pareto([{"bench": "speed"}], (48, 27), threads=1)
+        measure_pareto([{"bench": "latency"}], (48, 27), threads=1)
 
 
 def test_the_best_within_a_budget_is_named_and_beside_it_the_best_without_gbuffers() -> None:

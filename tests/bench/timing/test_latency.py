@@ -1,4 +1,4 @@
-"""`bench speed` times settings in turns beside `taa`, and lists only those that a method has."""
+"""`bench latency` times settings in turns beside `taa`, and lists only those that a method has."""
 
 from pathlib import Path
 
@@ -7,12 +7,12 @@ import pytest
 from typer.testing import CliRunner
 
 from supersampler_bench.cli.app import app
-from supersampler_bench.timing import speed
-from supersampler_bench.timing.speed import frames_of, measure_speed
+from supersampler_bench.timing import latency
+from supersampler_bench.timing.latency import frames_of, measure_latency
 
 
 def test_settings_that_a_method_has_are_timed_beside_taa() -> None:
-    results = measure_speed(["taau", "bilinear"], [(64, 36)], ["cpu", "onnx"], [1], steps=2)
+    results = measure_latency(["taau", "bilinear"], [(64, 36)], ["cpu", "onnx"], [1], steps=2)
     found = [(r.setting.method, r.setting.executor) for r in results]
     assert found == [("taa", "cpu"), ("taau", "cpu"), ("taau", "onnx"), ("bilinear", "onnx")]
     assert results[0].multiple == 1.0
@@ -23,15 +23,15 @@ def test_settings_that_a_method_has_are_timed_beside_taa() -> None:
 
 def test_slow_settings_take_no_turns_with_fast_ones(monkeypatch: pytest.MonkeyPatch) -> None:
     steps: list[str] = []
-    step = speed._Runner.step
+    step = latency._Runner.step
 
-    def noted(runner: speed._Runner, *, counts: bool = True) -> float:
+    def noted(runner: latency._Runner, *, counts: bool = True) -> float:
         if counts:
             steps.append(runner.setting.method)
         return step(runner, counts=counts) * (1e3 if runner.setting.method == "taau" else 1.0)
 
-    monkeypatch.setattr(speed._Runner, "step", noted)
-    measure_speed(["taau", "bilinear"], [(64, 36)], ["onnx"], [1], steps=2)
+    monkeypatch.setattr(latency._Runner, "step", noted)
+    measure_latency(["taau", "bilinear"], [(64, 36)], ["onnx"], [1], steps=2)
     assert steps == ["taa", "bilinear"] * 2 + ["taau"] * 2
 
 
@@ -45,11 +45,11 @@ def test_frames_of_any_size_show_the_shipped_shot() -> None:
 
 def test_the_command_writes_a_record_and_a_table(tmp_path: Path) -> None:
     page = tmp_path / "page.md"
-    page.write_text("<!-- bench:speed -->\n<!-- /bench -->\n")
-    arguments = ["speed", "--methods", "taa", "--sizes", "32x18", "--threads", "1", "--steps", "1"]
+    page.write_text("<!-- bench:latency -->\n<!-- /bench -->\n")
+    arguments = ["latency", "--methods", "taa", "--display-sizes", "32x18", "--threads", "1", "--steps", "1"]
     result = CliRunner().invoke(
-        app, [*arguments, "--json", str(tmp_path / "speed.json"), "--update", str(page)]
+        app, [*arguments, "--json", str(tmp_path / "latency.json"), "--update", str(page)]
     )
     assert result.exit_code == 0, result.output
     assert "| 32x18 | 1 | taa | cpu, fp32 |" in page.read_text()
-    assert '"multiplied"' in (tmp_path / "speed.json").read_text()
+    assert '"multiplied"' in (tmp_path / "latency.json").read_text()

@@ -7,13 +7,14 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 
 from supersampler import Frame, Model, Shot, Upscaler
-from supersampler.errors import ArgumentError
+from supersampler.errors import ArgumentError, DeviceError
 from supersampler.frame import Float32, Size
 from supersampler.methods.gbuffers import GBUFFERS
 from supersampler.model import ExecutorName, Precision
@@ -55,6 +56,7 @@ class Timed:
         multiply_adds: of the network.
         resident: bytes by which the process grew while the setting was loaded and warmed up; 0 where the
             system does not say.
+        first: milliseconds from a model's name to its first image: loading, kernels, one step.
     """
 
     setting: Setting
@@ -70,6 +72,7 @@ class Timed:
     moved: int
     multiply_adds: int
     resident: int
+    first: float
 
 
 @dataclass(frozen=True)
@@ -83,12 +86,12 @@ class Limits:
 class _Runner:
     """One setting, ready to step."""
 
-    def __init__(self, setting: Setting, frames: Sequence[Frame]) -> None:
-        before = _resident()
+    def __init__(self, setting: Setting, frames: Sequence[Frame], providers: str, warm_up: int) -> None:
+        before, began = _resident(), time.perf_counter()
         self.setting = setting
         self._model = model = Model.load(
             setting.method,
-            providers="cpu",
+            providers=providers,
             threads=setting.threads,
             executor=setting.executor,
             precision=setting.precision,
@@ -104,7 +107,9 @@ class _Runner:
         self._moved = sum(i.nbytes for i in images if i is not None) + self._plan.history_bytes
         self.wall: list[float] = []
         self._processor = 0.0
-        self.least = min(self.step(counts=False) for _ in range(WARM_UP))
+        self.step(counts=False)
+        self._first = 1e3 * (time.perf_counter() - began)
+        self.least = min(self.step(counts=False) for _ in range(warm_up))
         self._resident = max(_resident() - before, 0)
         self._seconds = model.note_stages()
 
@@ -137,6 +142,7 @@ class _Runner:
             moved=self._moved,
             multiply_adds=self._plan.multiply_adds,
             resident=self._resident,
+            first=self._first,
         )
 
 
@@ -160,15 +166,17 @@ def quantiles(milliseconds: Sequence[float]) -> tuple[float, float, float]:
     return statistics.median(milliseconds), p95, p99
 
 
-def measure_speed(
+def measure_latency(
     methods: Sequence[str],
     displays: Sequence[Size],
     executors: Sequence[ExecutorName],
     threads: Sequence[int],
     *,
     precisions: Sequence[Precision] = ("auto",),
+    providers: str = "cpu",
     ratio: float = 2.0,
     steps: int = 30,
+    warm_up: int = WARM_UP,
     on_left_out: Callable[[str], None] = lambda _: None,
 ) -> list[Timed]:
     """Time all settings; those of one size and number of threads take turns, step by step.
@@ -179,20 +187,30 @@ def measure_speed(
         executors: those that a method lacks are left out.
         threads: numbers of CPU threads.
         precisions: those that an executor lacks are left out.
+        providers: of ONNX Runtime, see `Model.load`.
         ratio: display over render size.
         steps: that count, of each setting.
+        warm_up: steps of each setting before those, the first image's left out.
         on_left_out: called with the reason why a method is left out.
     """
     results = []
     for display, count in itertools.product(displays, threads):
         kinds = itertools.product(methods, executors, precisions)
         settings = [Setting(m, display, e, count, p) for m, e, p in kinds]
-        results += measure_settings(settings, ratio=ratio, steps=steps, on_left_out=on_left_out)
+        results += measure_settings(
+            settings, providers=providers, ratio=ratio, steps=steps, warm_up=warm_up, on_left_out=on_left_out
+        )
     return results
 
 
 def measure_settings(
-    settings: Sequence[Setting], *, ratio: float, steps: int, on_left_out: Callable[[str], None]
+    settings: Sequence[Setting],
+    *,
+    ratio: float,
+    steps: int,
+    providers: str = "cpu",
+    warm_up: int = WARM_UP,
+    on_left_out: Callable[[str], None],
 ) -> list[Timed]:
     """Time settings of one size and number of threads, and `REFERENCE`, in turns; the slow after the fast.
 
@@ -200,6 +218,8 @@ def measure_settings(
         settings: those that a method lacks are left out. Missing G-buffers get default values.
         ratio: display over render size.
         steps: that count, of each.
+        providers: of ONNX Runtime, see `Model.load`.
+        warm_up: steps of each before those.
         on_left_out: called with the reason why a method is left out.
 
     Returns:
@@ -211,7 +231,8 @@ def measure_settings(
     kept = compatible(methods, frames[0].size, display, on_left_out)
     first = Setting(REFERENCE, display, "cpu", threads)
     others = [s for s in settings if s != first and s.method in kept]
-    runners = [_Runner(first, frames), *_runners(others, frames)]
+    make = partial(_Runner, frames=frames, providers=providers, warm_up=warm_up)
+    runners = [make(first), *_made(make, others, on_left_out)]
     slow = [runner for runner in runners if runner.least > SLOW * runners[0].least]
     take_turns([runner for runner in runners if runner not in slow], steps)
     take_turns(slow, steps)
@@ -219,12 +240,16 @@ def measure_settings(
     return [runner.timed(reference) for runner in runners]
 
 
-def _runners(settings: Sequence[Setting], frames: Sequence[Frame]) -> Iterator[_Runner]:
+def _made(
+    make: Callable[[Setting], _Runner], settings: Sequence[Setting], on_left_out: Callable[[str], None]
+) -> Iterator[_Runner]:
     for setting in settings:
         try:
-            yield _Runner(setting, frames)
+            yield make(setting)
         except ArgumentError:  # the method has no such executor or precision
             continue
+        except DeviceError as error:
+            on_left_out(f"{setting.method} on {setting.executor} is left out: {error}")
 
 
 def frames_of(render: Size, first: int = 8, count: int = 8) -> list[Frame]:
@@ -278,14 +303,14 @@ def _resident() -> int:
     return pages * os.sysconf("SC_PAGE_SIZE")
 
 
-def speed_record(results: Sequence[Timed], limits: Limits, ratio: float) -> dict[str, Any]:
+def latency_record(results: Sequence[Timed], limits: Limits, ratio: float) -> dict[str, Any]:
     """Return all values, ready for JSON."""
     timed = [asdict(result) for result in results]
-    return {"bench": "speed", "ratio": ratio, "timed": timed, "limits": asdict(limits)}
+    return {"bench": "latency", "ratio": ratio, "timed": timed, "limits": asdict(limits)}
 
 
 def timed_of(record: Record) -> list[Timed]:
-    """Return the results in a record by `speed_record`."""
+    """Return the results in a record by `latency_record`."""
     return [Timed(**{**row, "setting": Setting(**row["setting"])}) for row in record["timed"]]
 
 
@@ -298,11 +323,25 @@ def markdown_table(record: Record) -> str:
         "Cores: milliseconds of all together. Memory: share of the step in which frame, history and image "
         f"could be moved, at the {1e-9 * limits.moved:.1f} GB/s of a copy on all cores. G/s: multiply-adds "
         "of the network over the time of the whole step; a product of matrices in single precision reaches "
-        f"{1e-9 * limits.multiplied:.0f}. MiB: what the process grew by."
+        f"{1e-9 * limits.multiplied:.0f}. MiB: growth of the process. First: milliseconds from the model to "
+        "its first image."
     )
     headings = ["display", "threads:", "method", "executor", "ms:", "p95:", "p99:", "cores:", "of taa:"]
-    headings += ["memory:", "G/s:", "MiB:"]
+    headings += ["memory:", "G/s:", "MiB:", "first:"]
     return f"{table(headings, (_row(r, limits) for r in results), caption)}\n\n{_stage_table(results)}"
+
+
+def summary_table(record: Record) -> str:
+    """Return the times of the largest size on the most threads as Markdown, for README."""
+    results = timed_of(record)
+    most = max((r.setting.display, r.setting.threads) for r in results)
+    rows = [
+        [r.setting.method, *(f"{ms:.1f}" for ms in (r.median, r.p95, r.p99, r.processor)), f"{r.first:.0f}"]
+        for r in results
+        if (r.setting.display, r.setting.threads) == most
+    ]
+    headings = ["method", "ms:", "p95:", "p99:", "ms of all cores:", "first image, ms:"]
+    return table(headings, rows, f"{machine_name(record)}, {results[0].setting.executor} backend.")
 
 
 def _row(r: Timed, limits: Limits) -> list[object]:
@@ -314,6 +353,7 @@ def _row(r: Timed, limits: Limits) -> list[object]:
         f"{r.moved / limits.moved / seconds:.0%}",
         f"{1e-9 * r.multiply_adds / seconds:.0f}" if r.multiply_adds else "–",
         f"{r.resident / 2**20:.0f}",
+        f"{r.first:.0f}",
     ]
 
 
