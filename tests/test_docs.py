@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from typer.core import TyperGroup
+from typer.main import get_command
 from typer.testing import CliRunner
 
 import supersampler.methods
@@ -105,6 +107,34 @@ def test_the_engine_loop_of_the_readme_runs() -> None:
     assert scene.texture_mip_bias == -1.0
     assert found["image"].shape == (1080, 1920, 3)
     np.testing.assert_allclose(found["image"][100:-100, 100:-100], 0.5, atol=1e-3)
+
+
+def commands_of(page: Path) -> list[str]:
+    """Return the commands of a page, of its blocks of shell lines and in its sentences."""
+    text = page.read_text(encoding="utf-8")
+    blocks = "\n".join(re.findall("```sh\n(.*?)```", text, re.DOTALL)).replace("\\\n", " ")
+    lines = [line.split("#")[0].strip() for line in blocks.splitlines()]
+    sentences = re.sub("```.*?```", "", text, flags=re.DOTALL)
+    spans = [" ".join(span.split()) for span in re.findall("`([^`]+)`", sentences)]
+    return [one for one in (*lines, *spans) if re.match("supersampler [a-z]", one)]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_commands_and_options_that_a_page_names_are_there(page: Path) -> None:
+    for line in commands_of(page):
+        command: Any = get_command(app)
+        words = line.split("|")[0].split()[1:]
+        while isinstance(command, TyperGroup) and words and re.fullmatch("[a-z-]+", words[0]):
+            context = command.context_class(command)
+            assert words[0] in command.list_commands(context), line
+            command = command.resolve_command(context, words[:1])[1]  # imports train, export, bench, render
+            words.pop(0)
+        options = {
+            name for parameter in command.params for name in (*parameter.opts, *parameter.secondary_opts)
+        }
+        for word in words:
+            if re.match("--?[a-z]", word):
+                assert word.split("=")[0].rstrip(",.") in options | {"--help"}, line
 
 
 def packages_with_public_names() -> list[str]:
