@@ -121,6 +121,8 @@ def commands_of(page: Path) -> list[str]:
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 def test_commands_and_options_that_a_page_names_are_there(page: Path) -> None:
+    if page.name == "CHANGELOG.md":  # names of before, too
+        return
     for line in commands_of(page):
         command: Any = get_command(app)
         words = line.split("|")[0].split()[1:]
