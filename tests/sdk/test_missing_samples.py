@@ -19,11 +19,11 @@ RENDER = (17, 13)
 SHADED = [(name, kind) for name, kind in BACKENDS if not name.startswith(("guided", "extrapolate"))]
 
 
-def plate(index: int, upscaler: Upscaler, lost: Any) -> Frame:
-    """A grey plate, of which samples are missing where `lost`, (h, w), is True."""
+def plate(index: int, upscaler: Upscaler, lost: Any, channels: Any = slice(None)) -> Frame:
+    """A grey plate, of which `channels` of samples are missing where `lost`, (h, w), is True."""
     width, height = RENDER
     color = np.full((height, width, 3), 0.4, np.float32)
-    color[lost] = np.nan
+    color[..., channels][lost] = np.nan
     frame = Frame(
         color=color,
         depth=np.full((height, width), 0.5, np.float32),
@@ -47,6 +47,17 @@ def assert_shows_what_is_near(upscaler: Upscaler) -> None:
 @pytest.mark.parametrize(("method", "executor"), SHADED)
 def test_a_hole_in_every_frame_shows_what_is_around_it(method: str, executor: str) -> None:
     assert_shows_what_is_near(make(method, executor))
+
+
+@pytest.mark.parametrize(("method", "executor"), SHADED)
+def test_a_sample_that_lacks_one_channel_is_missing_as_a_whole(method: str, executor: str) -> None:
+    y, x = np.mgrid[: RENDER[1], : RENDER[0]]
+    one, all_of_them = (make(method, executor) for _ in range(2))
+    for index in range(3):
+        lost = np.hypot(x - 8 - index, y - 6) < 3.5
+        images = [one.step(plate(index, one, lost, slice(0, 1))).copy()]
+        images.append(all_of_them.step(plate(index, all_of_them, lost)))
+        np.testing.assert_array_equal(*images)
 
 
 @pytest.mark.parametrize("method", ["taa", "taau", "classifier", "classifier-large"])

@@ -16,7 +16,7 @@ def filled(color: Tensor, usable: Tensor, exposure: Tensor) -> Tensor:
     that highlights do not dominate. Where all of a window is missing, grey is shown.
 
     Args:
-        color: (1, 3, h, w) linear RGB, finite; 0 where a sample is missing.
+        color: (1, 3, h, w) linear RGB, finite.
         usable: (1, 1, h, w) 0 where a sample is missing, else 1.
         exposure: (1,) of the frame; it maps grey to EXPOSURE_KEY.
 
@@ -28,4 +28,4 @@ def filled(color: Tensor, usable: Tensor, exposure: Tensor) -> Tensor:
     whole = cut(cut(values, 2, size.height + side - 1), 3, size.width + side - 1)
     roots, share = spread(means_of(whole, side), side, size).split_with_sizes([3, 1], dim=1)
     mean = (roots + GREY_SHARE * (EXPOSURE_KEY / exposure).sqrt()) / (share + GREY_SHARE)
-    return color + (1.0 - usable) * mean * mean
+    return torch.where(usable > 0.0, color, mean * mean)
