@@ -1,6 +1,7 @@
 # make demo   upscale the shipped shot, with runtime dependencies only; see out/compare.html
 # make test   all tests
 # make check  style and types
+# make records  measures all published records whose models have changed since, and rewrites the tables: hours
 # make docs   the documentation as a site, out/site; a broken link or an undocumented public name fails
 # make hashes compare every image of every method with bench/results/studies/hashes.json, bit for bit
 # make fuzz   what is tested by chance, at length: SUPERSAMPLER_FUZZ cases of each kind of file and argument
@@ -26,7 +27,7 @@ SOURCES := $(shell find sdk model export bench examples/web -name '*.py' -o -nam
 
 EXTENSION := sdk/supersampler/integrations/blender/extension
 
-.PHONY: demo extension test hashes fuzz traces mutation check docs clean test-integrations blender pyvista panda3d mitsuba pygfx webgpu web cpp
+.PHONY: demo extension test hashes fuzz traces mutation check records docs clean test-integrations blender pyvista panda3d mitsuba pygfx webgpu web cpp
 
 demo: $(RUNTIME)
 	.venv/bin/supersampler demo -o out
@@ -125,6 +126,11 @@ check: $(DEVELOPMENT)
 	.venv-dev/bin/ruff check .
 	.venv-dev/bin/ruff format --check .
 	.venv-dev/bin/mypy
+
+# Hours; nothing else should run. Ctrl-C stops it, and the same command continues.
+records: $(DEVELOPMENT)
+	.venv-dev/bin/supersampler bench records
+	.venv-dev/bin/supersampler bench tables
 
 docs: $(DOCS)
 	NO_MKDOCS_2_WARNING=1 .venv-docs/bin/mkdocs build --quiet

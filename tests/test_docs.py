@@ -3,6 +3,7 @@
 import ast
 import re
 import sys
+import tomllib
 from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
@@ -109,6 +110,11 @@ def test_the_engine_loop_of_the_readme_runs() -> None:
     np.testing.assert_allclose(found["image"][100:-100, 100:-100], 0.5, atol=1e-3)
 
 
+def test_commands_and_options_of_records_are_there() -> None:
+    for line in tomllib.loads((ROOT / "bench/records.toml").read_text(encoding="utf-8"))["commands"].values():
+        assert_options_are_there(line)
+
+
 def commands_of(page: Path) -> list[str]:
     """Return the commands of a page, of its blocks of shell lines and in its sentences."""
     text = page.read_text(encoding="utf-8")
@@ -124,19 +130,21 @@ def test_commands_and_options_that_a_page_names_are_there(page: Path) -> None:
     if page.name == "CHANGELOG.md":  # names of before, too
         return
     for line in commands_of(page):
-        command: Any = get_command(app)
-        words = line.split("|")[0].split()[1:]
-        while isinstance(command, TyperGroup) and words and re.fullmatch("[a-z-]+", words[0]):
-            context = command.context_class(command)
-            assert words[0] in command.list_commands(context), line
-            command = command.resolve_command(context, words[:1])[1]  # imports train, export, bench, render
-            words.pop(0)
-        options = {
-            name for parameter in command.params for name in (*parameter.opts, *parameter.secondary_opts)
-        }
-        for word in words:
-            if re.match("--?[a-z]", word):
-                assert word.split("=")[0].rstrip(",.") in options | {"--help"}, line
+        assert_options_are_there(line)
+
+
+def assert_options_are_there(line: str) -> None:
+    command: Any = get_command(app)
+    words = line.split("|")[0].split()[1:]
+    while isinstance(command, TyperGroup) and words and re.fullmatch("[a-z-]+", words[0]):
+        context = command.context_class(command)
+        assert words[0] in command.list_commands(context), line
+        command = command.resolve_command(context, words[:1])[1]  # imports train, export, bench, render
+        words.pop(0)
+    options = {name for parameter in command.params for name in (*parameter.opts, *parameter.secondary_opts)}
+    for word in words:
+        if re.match("--?[a-z]", word):
+            assert word.split("=")[0].rstrip(",.") in options | {"--help"}, line
 
 
 def packages_with_public_names() -> list[str]:

@@ -4,6 +4,7 @@ import json
 import math
 import platform
 import sys
+import time
 from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime
 from functools import cache
@@ -23,6 +24,7 @@ Record: TypeAlias = Mapping[str, Any]
 
 SHIPPED_PARETO = Path(__file__).parent / "pareto.json"
 """Times and scores of the shipped methods; presets are chosen from it."""
+_BEGAN = time.monotonic()  # of a command, nearly
 _PACKAGES = ("supersampler", "numpy", "onnxruntime", "flip-evaluator")
 
 
@@ -35,6 +37,7 @@ def setting() -> dict[str, Any]:
         "machine": machine(),
         "command": ["supersampler", *sys.argv[1:]],
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
+        "seconds": round(time.monotonic() - _BEGAN, 1),
     }
 
 

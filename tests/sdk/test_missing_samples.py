@@ -55,9 +55,8 @@ def test_a_sample_that_lacks_one_channel_is_missing_as_a_whole(method: str, exec
     one, all_of_them = (make(method, executor) for _ in range(2))
     for index in range(3):
         lost = np.hypot(x - 8 - index, y - 6) < 3.5
-        images = [one.step(plate(index, one, lost, slice(0, 1))).copy()]
-        images.append(all_of_them.step(plate(index, all_of_them, lost)))
-        np.testing.assert_array_equal(*images)
+        image = one.step(plate(index, one, lost, slice(0, 1)))
+        np.testing.assert_array_equal(image, all_of_them.step(plate(index, all_of_them, lost)))
 
 
 @pytest.mark.parametrize("method", ["taa", "taau", "classifier", "classifier-large"])

@@ -27,6 +27,7 @@ for command in (
     parity.parity,
     shots.shots,
     shots.product_shot,
+    report.records,
     report.tables,
     report.report,
 ):

@@ -1,5 +1,6 @@
-"""`supersampler bench tables` and `report`: all records as Markdown tables and as one HTML page."""
+"""`supersampler bench records`, `tables` and `report`: records anew, as Markdown tables, as one HTML page."""
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -42,6 +43,43 @@ def tables(
             write(block)
             Terminal().print(f"{what}: written", soft_wrap=True)
     if check and wrong:
+        raise typer.Exit(1)
+
+
+def records(
+    names: Annotated[list[str] | None, typer.Argument(help="Records of bench/results; none are all.")] = None,
+    root: Annotated[Path, typer.Option(help="The repository.")] = Path(),
+    list_only: Annotated[
+        bool, typer.Option("--list", help="Measure nothing; say what would be, and how long it took last.")
+    ] = False,
+) -> None:
+    """Measure the records of bench/results again whose models or command have changed since.
+
+    Nothing else should run on the machine. A record is replaced when its command has ended well, so that the
+    same command continues a stopped run. `supersampler bench tables` writes the tables afterwards.
+
+    \b
+    Examples:
+      supersampler bench records --list
+      supersampler bench records latency quality-plaza
+    """  # noqa: D301  # \b is click's mark for lines that are not to be joined
+    from supersampler_bench.report import remeasure
+
+    due = [recipe for recipe in remeasure.recipes(root, names or []) if recipe.problem]
+    out = Terminal()
+    total, failed = sum(recipe.seconds for recipe in due), 0
+    out.print(f"{len(due)} records are due; they took {remeasure.clock(total)}", soft_wrap=True)
+    for recipe in due:
+        if list_only:
+            out.print(f"{recipe.name}: {recipe.problem} ({remeasure.clock(recipe.seconds)})", soft_wrap=True)
+            continue
+        with ERRORS.status(recipe.name):
+            ended, seconds = remeasure.timed(partial(remeasure.measure, root, recipe, say))
+        failed += not ended
+        out.print(
+            f"{recipe.name}: {'measured' if ended else 'failed'}, {remeasure.clock(seconds)}", soft_wrap=True
+        )
+    if failed:
         raise typer.Exit(1)
 
 
