@@ -19,6 +19,7 @@ def test_settings_that_a_method_has_are_timed_beside_taa() -> None:
     for result in results:
         assert 0.0 < result.least <= result.median <= result.p95 <= result.p99
         assert result.processor > 0.0
+        assert result.first > result.least
 
 
 def test_slow_settings_take_no_turns_with_fast_ones(monkeypatch: pytest.MonkeyPatch) -> None:
