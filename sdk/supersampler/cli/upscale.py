@@ -310,13 +310,16 @@ def _hashes(field: re.Match[str]) -> str:
 
 def _folders(shots: list[str], output: Path) -> dict[str, Path]:
     """Return the folder of the results of each shot; with several, a subfolder of its name."""
+    from supersampler.io.shot.numbered import is_pattern
+
     if len(shots) == 1:
         return {shots[0]: output}
     folders: dict[str, Path] = {}
     for text in shots:
         path = Path(text).resolve()
         name = path.stem if path.suffix.lower() in _SUFFIXES else path.name
-        name = re.sub(r"[._ -]*(#+|%0?\d*d|[*?]+)", "", name)
+        if is_pattern(path):
+            name = re.sub(r"[._ -]*(#+|%0?\d*d|[*?]+)", "", name)
         folder = output / (path.parent.name if name == "" or path.name == "shot.json" else name)
         if folder in folders.values():
             other = next(shot for shot, given in folders.items() if given == folder)

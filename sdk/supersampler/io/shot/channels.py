@@ -14,13 +14,13 @@ from supersampler.frame import GBUFFER_CHANNELS, Array, Float32, Size
 from supersampler.io.image_headers import read_color_space
 from supersampler.io.image_reading import read_image, read_types
 from supersampler.io.json_fields import Field, read_json
-from supersampler.io.shot.format import LARGEST_NUMBER, FrameEntry, ShotInfo
+from supersampler.io.shot.format import FrameEntry, ShotInfo, is_frame_range
 from supersampler.io.shot.frame_files import check_size, read_reference, sky_depth, take
 from supersampler.io.shot.numbered import Jitter, Range, file_names, numbered_files, of_range, read_jitter
 from supersampler.io.shot.shot import Shot
 
 _INTEGERS = ("uint8", "uint16", "int8", "int16")
-_MAPPED = re.compile(r"(.*\.(?:exr|png|tiff?)):(.*)", re.DOTALL)
+_MAPPED = re.compile(r"(.*\.(?:exr|png|tiff?)):(.*)", re.DOTALL | re.IGNORECASE)
 MAP_FILE_NAME = "channels.json"
 ChannelMap: TypeAlias = Mapping[str, str | Sequence[str]]
 _COUNTS: Mapping[str, int] = {
@@ -61,7 +61,7 @@ def import_channels(
             number), reference (3). `motion/*.exr:R` is channel R of the files of that pattern; without one,
             of `files`. References are matched by frame number; frames without one are allowed.
         conventions: conventions of these channels and of the jitter.
-        files: pattern of the frames' files: `beauty.####.exr`, `beauty.%04d.exr` or a glob.
+        files: pattern of the frames' files: `beauty.####.exr`, `beauty.%04d.exr` or `beauty_*.exr`.
         frames: first and last number of the frames to open, both included; a gap outside is no error. By
             default all. Jitter and cuts are counted from the first file, whatever the range is.
         display_size: (width, height) of references and display-size motion; by default the first reference's.
@@ -95,7 +95,7 @@ def import_channels(
         display_size=display_size,
         frame_rate=float(frame_rate),
         conventions=conventions,
-        first_number=found.numbers[0] if found.numbers[-1] <= LARGEST_NUMBER else 0,
+        first_number=found.numbers[0] if is_frame_range(found.numbers[0], found.numbers[-1]) else 0,
         file_names=file_names(found.frame_file(0), found.frame_pattern),
         aov_names=tuple(aov_names),
         color_space=color_space or read_color_space(found.frame_file(0)),

@@ -114,7 +114,7 @@ def guess_layout(
         if (path / MAP_FILE_NAME).exists():
             return "channels"
         names = sorted(item.name for item in path.iterdir())
-    frames = [path / name for name in names if name.endswith(".exr") and not name.startswith(".")]
+    frames = [path / name for name in names if name.lower().endswith(".exr") and not name.startswith(".")]
     if files is not None:
         frames = list(numbered_files(path, files).values())
     if not frames:
