@@ -20,7 +20,7 @@ def write_frames(folder: Path, *names: str) -> Path:
     """Frames whose colour is 100 + their place in `names`."""
     for place, name in enumerate(names):
         values = np.full((6, 8), 100 + place, np.float32)
-        write_exr(folder / "frame.exr", {channel: values for channel in FRAME})
+        write_exr(folder / "frame.exr", dict.fromkeys(FRAME, values))
         (folder / "frame.exr").rename(folder / name)
     return folder
 

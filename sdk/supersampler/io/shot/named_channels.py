@@ -55,6 +55,8 @@ def import_named_channels(
     if channel_map is None:
         hint = "docs/shots.md lists the names that are recognised; a channels.json states others."
         raise ShotError(first, f"has no depth or no motion among {', '.join(types)}", hint)
+    if conventions.motion_jittered:  # the next frame's jitter is in it
+        channel_map.pop("motion_next", None)
     aovs, ignored = blended_and_ignored(types, channel_map)
     if aovs:
         channel_map["aovs"] = aovs
