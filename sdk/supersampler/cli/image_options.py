@@ -11,6 +11,7 @@ from supersampler.io.display import to_uint8, to_uint16
 from supersampler.io.display_transforms import DEFAULT_TRANSFORM, REC709, DisplayTransform
 from supersampler.io.image_headers import Metadata
 from supersampler.io.images import Bytes, half_pixels, write_exr, write_png, write_tiff
+from supersampler.io.result_headers import pixel_aspect
 from supersampler.io.shot.frame_files import COLOR, aov_channels
 
 _VIDEO = "mp4"
@@ -25,7 +26,7 @@ class OutputImage:
         exposure: > 0, of what is shown.
         aovs: (H, W, k) AOVs for the EXR.
         aov_names: of their channels; None: A for k = 1, else aovs.0, aovs.1 and so on.
-        metadata: entries of the EXR's header.
+        metadata: entries of the header: of EXR all, of PNG and TIFF the pixel aspect ratio.
     """
 
     image: Float32
@@ -102,14 +103,15 @@ class ImageOptions:
             ShotError: the disk refused.
         """
         shown, encoding = None, self.transform.encoding
+        aspect = pixel_aspect(output.metadata or {})
         if self._shows:
             shown = self.transform.show(output.image, output.exposure)
         for pattern in self.patterns:
             path = frame_path(folder, f"{below}{pattern}", number)
             if shown is not None and path.suffix == ".png":
-                write_png(path, to_uint8(shown) if self.bits == 8 else to_uint16(shown), encoding)
+                write_png(path, to_uint8(shown) if self.bits == 8 else to_uint16(shown), encoding, aspect)
             elif shown is not None and path.suffix == ".tif":
-                write_tiff(path, to_uint16(shown), encoding)
+                write_tiff(path, to_uint16(shown), encoding, aspect)
             else:
                 self._write_exr(path, output)
         return to_uint8(shown) if shown is not None and self.video else None

@@ -82,37 +82,43 @@ def half_pixels(images: Sequence[Array]) -> NDArray[np.float16]:
     return pixels
 
 
-def write_png(path: Path | str, image: Levels, encoding: str = SRGB) -> None:
+def write_png(path: Path | str, image: Levels, encoding: str = SRGB, pixel_aspect: float = 1.0) -> None:
     """Write pixels as PNG, atomically.
 
     Args:
         path: the file; its folder is created where it is missing.
         image: (h, w, 3) uint8 or uint16.
         encoding: of the pixels, by OpenImageIO's name; tags of the file state it.
+        pixel_aspect: width of a pixel over its height; the file states it where it is not 1.
 
     Raises:
         ShotError: the array has another shape or type, or the disk refused.
     """
     spec = _integer_spec(path, image, np.uint8, np.uint16)
     spec.attribute("oiio:ColorSpace", encoding)
+    if pixel_aspect != 1.0:
+        spec.attribute("PixelAspectRatio", pixel_aspect)
     spec.attribute("png:compressionLevel", 3)  # costs far less than the default, for files little larger
     spec.attribute("png:filter", _PAETH)
     _write(path, spec, np.ascontiguousarray(image))
 
 
-def write_tiff(path: Path | str, image: Levels, encoding: str = SRGB) -> None:
+def write_tiff(path: Path | str, image: Levels, encoding: str = SRGB, pixel_aspect: float = 1.0) -> None:
     """Write pixels as TIFF, deflated, atomically.
 
     Args:
         path: the file; its folder is created where it is missing.
         image: (h, w, 3) uint8 or uint16.
         encoding: of the pixels, by OpenImageIO's name; TIFF has a tag for sRGB only.
+        pixel_aspect: see `write_png`.
 
     Raises:
         ShotError: the array has another shape or type, or the disk refused.
     """
     spec = _integer_spec(path, image, np.uint8, np.uint16)
     spec.attribute("oiio:ColorSpace", encoding)
+    if pixel_aspect != 1.0:
+        spec.attribute("PixelAspectRatio", pixel_aspect)
     spec.attribute("compression", "zip")
     spec.attribute("DateTime", "")
     _write(path, spec, np.ascontiguousarray(image))

@@ -5,6 +5,7 @@ from itertools import chain
 from pathlib import Path
 
 from supersampler.errors import ShotError
+from supersampler.io.image_headers import read_other_views
 
 _XYZ, _RGB = ("xyz", "rgb"), ("rgb",)
 _VALUE = ("y", "v", "x")
@@ -74,6 +75,18 @@ def recognised_map(path: Path, channels: Iterable[str]) -> dict[str, list[str]] 
     if following and not _is_named(found["motion"][0], "backward"):
         del found["motion_next"]
     return found if {"depth", "motion"} <= found.keys() else None
+
+
+def of_first_view(path: Path, types: Mapping[str, str]) -> tuple[dict[str, str], list[str]]:
+    """Return the channels of a stereo file's first view with their types, and the names of the others.
+
+    Args:
+        path: the file.
+        types: names of all of its channels, with their types.
+    """
+    views = set(read_other_views(path))
+    others = [name for name in types if not views.isdisjoint(name.split(".")[:-1])]
+    return {name: kind for name, kind in types.items() if name not in others}, others
 
 
 def blended_and_ignored(
