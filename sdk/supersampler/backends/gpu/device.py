@@ -1,4 +1,4 @@
-"""The GPU device: opened once per process, with WebGPU's default limits, and textures as large as they can be."""
+"""The GPU device: opened once per process, with WebGPU's default limits and the adapter's largest textures."""
 
 import os
 from collections.abc import Iterator
