@@ -33,6 +33,8 @@ _NAMES: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 
 Letters are in any case. A name of one number may also stand alone, as `Z` and `roughness` do.
 """
+_LUMINANCE = "Y"
+"""Channel of EXR files without colours."""
 _ALONE = ("depth", "roughness", "metallic", "specular")
 _DATA = {
     "id", "objectid", "object_id", "materialid", "material_id", "instanceid", "instance_id", "object index",
@@ -64,6 +66,8 @@ def recognised_map(path: Path, channels: Iterable[str]) -> dict[str, list[str]] 
             raise ShotError(path, f"has several channels for {ours}: {listed}", hint)
         if candidates:
             found[ours] = candidates[0]
+    if "color" not in found and _LUMINANCE in there:
+        found["color"] = [_LUMINANCE] * 3
     following = found.get("motion_next", [])
     if following and "motion" not in found:
         problem = f"has motion to the next frame, {', '.join(following)}, and none to the previous frame"
