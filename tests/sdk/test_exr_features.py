@@ -1,4 +1,4 @@
-"""Tests of EXR files with features of OpenEXR's public test images: each is read right, or refused by name."""
+"""Tests of EXR files with features of OpenEXR's test images: each is read right, or refused by name."""
 
 import struct
 from collections.abc import Sequence
@@ -161,7 +161,14 @@ def test_windows_anywhere_show_the_pixels_of_the_display_window(
     tmp_path: Path, at: tuple[int, int], display: tuple[int, int, int, int]
 ) -> None:
     x, y, width, height = display
-    fields = {"x": at[0], "y": at[1], "full_x": x, "full_y": y, "full_width": width, "full_height": height}
+    fields: dict[str, Any] = {
+        "x": at[0],
+        "y": at[1],
+        "full_x": x,
+        "full_y": y,
+        "full_width": width,
+        "full_height": height,
+    }
     write(tmp_path / "in" / "s.0001.exr", smooth(), **fields)
     shot = open_source(tmp_path / "in", conventions=OURS)
     assert shot.render_size == (width, height)

@@ -81,7 +81,10 @@ def test_the_record_of_any_ranges_is_found_again(
 def test_any_text_is_refused_or_is_that_of_ascending_numbers(text: str) -> None:
     with suppress(ArgumentError):  # and no other error
         numbers = FrameNumbers.parse(text)
-        parsed = [[int(number) for number in re.findall(r"(?:(?<=\d)-)?\s*(-?\d+)", part)] for part in text.split(",")]
+        parsed = [
+            [int(number) for number in re.findall(r"(?:(?<=\d)-)?\s*(-?\d+)", part)]
+            for part in text.split(",")
+        ]
         assert numbers == FrameNumbers(tuple((part[0], part[-1]) for part in parsed))
         assert parsed == sorted(map(sorted, parsed))
 

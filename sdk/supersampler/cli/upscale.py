@@ -299,6 +299,7 @@ def _image_options(
         name=shot.info.file_names if name is None else re.sub(r"%0?(\d{0,2})d", _hashes, name),
         transform=display_transform_of(color_space=space or REC709, srgb=srgb, **shown),
         compression=compression,
+        straight_alpha=stored.format in ("png", "tif"),
         bits=16 if same and stored.type == "uint16" else 8,
         color_space=space,
     )

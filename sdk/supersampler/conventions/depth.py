@@ -14,8 +14,8 @@ def to_reversed_infinite(depth: Array, kind: DepthKind, near: float, far: float 
     """Return (h, w) near / view distance, 0 at the sky. NaN stays NaN.
 
     Args:
-        depth: (h, w) of `kind`: values of the depth buffer in [0, 1], or view distance for "linear", where 0 is
-            the sky, too.
+        depth: (h, w) of `kind`: values of the depth buffer in [0, 1], or view distance for "linear", where
+            0 is the sky, too.
         kind: see `Conventions.depth`.
         near: distance of the near plane, > 0, in the unit of linear depth.
         far: distance of the far plane; None only where `kind` needs none.

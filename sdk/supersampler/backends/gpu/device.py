@@ -1,4 +1,4 @@
-"""The GPU device: opened once per process, with WebGPU's default limits and the adapter's largest textures."""
+"""The GPU device: opened once per process, with WebGPU's default limits and the adapter's texture size."""
 
 import os
 from collections.abc import Iterator
