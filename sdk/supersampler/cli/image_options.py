@@ -50,7 +50,8 @@ class OutputImage:
         if self.aovs is None or "A" not in self.aov_channels:
             return None
         at = self.aov_channels.index("A")
-        return np.clip(np.nan_to_num(self.aovs[..., at : at + 1]), 0.0, 1.0, dtype=np.float32)
+        alpha: Float32 = np.nan_to_num(self.aovs[..., at : at + 1]).clip(0.0, 1.0)
+        return alpha
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
