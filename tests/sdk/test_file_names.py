@@ -9,7 +9,7 @@ from supersampler import ShotError
 from supersampler.cli.upscale import _folders
 from supersampler.conventions import Conventions
 from supersampler.io.images import write_exr, write_png, write_tiff
-from supersampler.io.shot import Shot, import_channels, open_source
+from supersampler.io.shot import Shot, copy_shot, import_channels, open_source
 from upscale_runs import files, upscale
 
 FRAME = ("R", "G", "B", "Z", "motion.X", "motion.Y")
@@ -36,6 +36,7 @@ def places_of(shot: Shot) -> list[int]:
     [
         (("s.-0002.exr", "s.-0001.exr", "s.0000.exr", "s.0001.exr"), "s.####.exr"),
         (("s.-002.exr", "s.-001.exr", "s.0000.exr", "s.0001.exr"), "s.%04d.exr"),
+        (("s.-2.exr", "s.-1.exr", "s.0000.exr", "s.0001.exr"), "s.####.exr"),
         (("s_-2.exr", "s_-1.exr", "s_0.exr", "s_1.exr"), "s_*.exr"),
         (("-0002.exr", "-0001.exr", "0000.exr", "0001.exr"), "####.exr"),
         (("-2.exr", "-1.exr", "0.exr", "1.exr"), "*.exr"),
@@ -51,8 +52,12 @@ def test_negative_numbers_are_in_the_order_of_time(
 
 
 def test_negative_frames_alone_are_in_the_order_of_time(tmp_path: Path) -> None:
-    write_frames(tmp_path, "s.-0012.exr", "s.-0011.exr", "s.-0010.exr")
-    assert places_of(open_source(tmp_path, conventions=OURS)) == [0, 1, 2]
+    write_frames(tmp_path / "in", "s.-0012.exr", "s.-0011.exr", "s.-0010.exr")
+    shot = open_source(tmp_path / "in", conventions=OURS)
+    assert places_of(shot) == [0, 1, 2]
+    copied = copy_shot(shot, tmp_path / "copy")
+    assert (copied.first_number, copied.info.file_names) == (-12, "s.####")
+    assert places_of(copied.cropped(-11, -10)) == [1, 2]
 
 
 def test_a_hyphen_that_every_name_has_separates(tmp_path: Path) -> None:

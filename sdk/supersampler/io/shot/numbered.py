@@ -44,8 +44,8 @@ def numbered_files(folder: Path, pattern: str) -> dict[int, Path]:
 
     Args:
         folder: the pattern is relative to it.
-        pattern: with one field for the number: `beauty.####.exr` takes 4 characters or more, with the sign,
-            `beauty.%04d.exr` the same, `beauty.%d.exr` any; or with `*` or `?`, such as `beauty_*.exr`, where
+        pattern: with one field for the number: `beauty.####.exr` takes 4 digits or more, of negative
+            numbers any, `beauty.%04d.exr` the same, `beauty.%d.exr` any; or with `*` or `?`, such as `beauty_*.exr`, where
             the number is the last in the name. Folders have no wildcards. The extension may be in any case.
 
     Raises:
@@ -201,7 +201,7 @@ def _number_finder(path: Path) -> Callable[..., _Span | None]:
     if fields:
         field, (begin, end) = fields[0], _without(path.name, fields[0].span())
         least = len(field[0]) if field[0][0] == "#" else int(field[1] or 1)
-        digits = rf"\d{{{least},}}", rf"-\d{{{max(1, least - 1)},}}|\d{{{least},}}"
+        digits = rf"\d{{{least},}}", rf"-\d+|\d{{{least},}}"
         in_field = [re.compile(f"{_expression(begin)}({each}){_ending(end)}", re.DOTALL) for each in digits]
     else:
         whole = re.compile(_ending(path.name), re.DOTALL)
