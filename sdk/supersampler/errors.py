@@ -19,6 +19,10 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
+INCOMPLETE_PACKAGE = (
+    "Build a frozen app with pyinstaller --collect-all supersampler; otherwise install the package again."
+)
+"""Remedy where a data file of this package is missing."""
 _LONGEST = 120  # characters of a value in a message
 
 

@@ -7,13 +7,14 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from gpu_steps import METHODS, device_or_skip, model, moving
-from supersampler import Upscaler
+from supersampler import Frame, Upscaler
 from supersampler.backends.gpu import device as devices
 from supersampler.backends.gpu.declarations import needed
-from supersampler.backends.gpu.device import LIMITS
+from supersampler.backends.gpu.device import LIMITS, TEXTURE_SIDE
 from supersampler.backends.gpu.passes import Pass
 from supersampler.backends.gpu.program import ARRAYS, TEXTURES, PassSpec
 from supersampler.errors import ArgumentError, DeviceError
@@ -50,7 +51,34 @@ def test_passes_stay_within_webgpus_default_limits() -> None:
         assert sum(kind.endswith("texture") and not form for kind, form in kinds) <= 16, spec.shader
     limits = model("classifier").gpu.device.limits
     for name, value in LIMITS.items():
-        assert limits[name] == value, name
+        assert limits[name] == value or name == TEXTURE_SIDE, name
+
+
+def flat(width: int, height: int) -> Frame:
+    """A frame of one colour that does not move."""
+    values = np.full((height, width, 3), 0.5, np.float32)
+    motion = np.zeros((height, width, 2), np.float32)
+    return Frame(color=values, depth=values[..., 0], motion=motion, jitter=(0.0, 0.0))
+
+
+def test_textures_are_as_large_as_those_of_the_adapter() -> None:
+    device = model("taau").gpu.device
+    assert device.limits[TEXTURE_SIDE] == device.adapter.limits[TEXTURE_SIDE]
+    if device.limits[TEXTURE_SIDE] >= 8400:
+        with Upscaler("taau", scale=2.0, executor="gpu") as upscaler:
+            np.testing.assert_allclose(upscaler.step(flat(4200, 2)), 0.5, rtol=1e-3)
+
+
+def test_a_display_beyond_the_adapters_textures_is_refused_with_its_limit() -> None:
+    most = model("taau").gpu.device.adapter.limits[TEXTURE_SIDE]
+    message = (
+        rf"textures of at most {most} pixels a side, .* want {most + 8}x8: choose a smaller display size"
+    )
+    with (
+        Upscaler("taau", display_size=(most + 8, 8), executor="gpu") as upscaler,
+        pytest.raises(DeviceError, match=message),
+    ):
+        upscaler.step(flat(most // 2 + 4, 4))
 
 
 def test_workgroup_memory_is_at_most_16_kib() -> None:

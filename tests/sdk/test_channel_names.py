@@ -14,6 +14,7 @@ from supersampler.io.image_reading import read_exr
 from supersampler.io.images import write_exr
 from supersampler.io.shot import Shot, copy_shot, import_named_channels, open_source
 from supersampler.io.shot.channel_names import _NAMES, recognised_map
+from supersampler.io.shot.sources import Layout
 
 OURS = Conventions()
 COLOR, DEPTH, MOTION = ["R", "G", "B"], ["Z"], ["motion.X", "motion.Y"]
@@ -47,7 +48,7 @@ def write_one(folder: Path, *channels: str) -> Path:
         ("motion", ["motion.R", "motion.G"]),
         ("motion", ["velocity.X", "velocity.Y"]),
         ("motion", ["MotionVector.R", "MotionVector.G"]),
-        ("motion", ["forward.u", "forward.v"]),
+        ("motion", ["backward.u", "backward.v"]),
         ("motion", ["top.Vector.X", "top.Vector.Y"]),
         ("normal", ["N.X", "N.Y", "N.Z"]),
         ("normal", ["normal.R", "normal.G", "normal.B"]),
@@ -81,13 +82,37 @@ def test_other_names_have_no_meaning(name: str) -> None:
     [
         (["beauty.R", "beauty.G", "beauty.B"], r"several channels for color: R, G, B and beauty\.R"),
         (["depth.Z"], r"several channels for depth: Z and depth\.Z\. State the channels by"),
-        (["forward.u", "forward.v"], r"several channels for motion: forward\.u, forward\.v and motion\.X"),
+        (["backward.u", "backward.v"], r"several channels for motion: backward\.u, backward\.v and motion"),
     ],
 )
 def test_two_candidates_are_an_error_with_both_names(tmp_path: Path, extra: list[str], message: str) -> None:
     write_one(tmp_path, *COLOR, *DEPTH, *MOTION, *extra)
     with pytest.raises(ShotError, match=message):
         open_source(tmp_path, conventions=OURS)
+
+
+def test_forward_vectors_beside_backward_ones_lead_to_the_next_frame(tmp_path: Path) -> None:
+    write_one(tmp_path, "forward.v", "forward.u", "backward.v", "backward.u", *COLOR, *DEPTH)
+    raw = open_source(tmp_path, conventions=OURS).read_raw(0)
+    assert raw.motion_next is not None
+    np.testing.assert_array_equal(raw.motion_next[0, 0], np.array([1, 0]) / 16)
+    np.testing.assert_array_equal(raw.motion[0, 0], np.array([3, 2]) / 16)
+    jittered = open_source(tmp_path, conventions=Conventions(motion_jittered=True)).read(0)
+    assert jittered.raw.motion_next is None  # the next frame's jitter would be in it
+
+
+def test_forward_vectors_are_never_motion_to_the_previous_frame(tmp_path: Path) -> None:
+    forward = ["forward.u", "forward.v"]
+    write_one(tmp_path / "alone", *forward, *COLOR, *DEPTH)
+    message = r"motion to the next frame, forward\.u, forward\.v, and none to the previous .* Write backward"
+    layouts: tuple[Layout, ...] = ("auto", "channels")
+    for layout in layouts:
+        with pytest.raises(ShotError, match=message):
+            open_source(tmp_path / "alone", layout=layout, conventions=OURS)
+    shot = open_source(write_one(tmp_path / "both", *forward, *MOTION, *COLOR, *DEPTH), conventions=OURS)
+    raw = shot.read_raw(0)  # another program's vectors may be in other units than Nuke's
+    assert (raw.motion[0, 0, 0], raw.motion_next, raw.aovs) == (2 / 16, None, None)
+    assert set(shot.ignored_channels) == {*forward}
 
 
 def test_conventions_are_not_guessed(tmp_path: Path) -> None:

@@ -167,12 +167,12 @@ def test_depth_without_a_far_plane_becomes_near_over_distance() -> None:
         np.testing.assert_allclose(got, want, rtol=1e-5)
 
 
-def test_the_sky_has_no_distance_and_a_distance_of_0_no_end_without_a_warning() -> None:
+def test_the_sky_has_no_distance_and_0_is_none_without_a_warning() -> None:
     sky = np.zeros((2, 3), np.float32)
     linear, bounded = Conventions(depth="linear", near=NEAR), Conventions(depth="linear", near=NEAR, far=FAR)
     assert np.isposinf(linear.converter().from_frame(frame(depth=sky)).depth).all()
     assert (np.asarray(bounded.converter().from_frame(frame(depth=sky)).depth) == FAR).all()
-    assert np.isposinf(linear.converter().to_frame(raw(depth=sky)).depth).all()
+    assert not linear.converter().to_frame(raw(depth=sky)).depth.any()  # 0 is no distance of a surface
     assert not linear.converter().to_frame(raw(depth=sky + np.inf)).depth.any()
 
 
@@ -249,3 +249,10 @@ def test_a_display_smaller_than_the_frame_is_refused(display: tuple[int, int]) -
 def test_planes_signs_and_scales_that_make_no_sense_are_refused(fields: dict[str, Any], refused: str) -> None:
     with pytest.raises(ArgumentError, match=refused):
         Conventions(**fields)
+
+
+@pytest.mark.parametrize("background", [0.0, -0.0, np.inf])
+def test_the_background_of_linear_depth_is_sky_beside_surfaces(background: float) -> None:
+    depth = np.array([[2.0, background, 1.0], [np.nan, 4.0, 8.0]], np.float32)
+    got = Conventions(depth="linear", near=1.0).converter().to_frame(raw(depth=depth))
+    np.testing.assert_array_equal(got.depth, np.array([[0.5, 0.0, 1.0], [np.nan, 0.25, 0.125]], np.float32))

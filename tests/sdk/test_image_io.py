@@ -200,7 +200,7 @@ def test_a_jpeg_is_close_and_closer_with_more_quality(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("image", [np.zeros((2, 3), np.uint8), np.zeros((2, 3, 3), np.float32)])
 def test_a_png_of_anything_but_bytes_is_refused(tmp_path: Path, image: np.ndarray) -> None:
-    with pytest.raises(ShotError, match=r"want \(h, w, 3\) uint8"):
+    with pytest.raises(ShotError, match=r"want \(h, w, 3\) or \(h, w, 4\) uint8"):
         write_png(tmp_path / "image.png", image)
 
 

@@ -16,12 +16,14 @@ import pytest
 from onnx import TensorProto, helper
 
 from noise import noise
-from supersampler import Model, ModelError, Upscaler
+from supersampler import Model, ModelError, ShotError, Upscaler
 from supersampler.backends.cpu.layout import INPUT_PLANES
 from supersampler.backends.onnx.graph_file import refusal_of
 from supersampler.backends.onnx.providers import CPU
 from supersampler.extrapolation import Extrapolator
 from supersampler.io.json_fields import read_fields
+from supersampler.io.shot import Shot, shipped
+from supersampler.methods import model_file
 from supersampler.methods.classifier.network_file import read_network
 from supersampler.methods.classifier.variant import Variant
 from supersampler.methods.model_file import MAX_DESCRIPTION, find_model, read_model_info
@@ -370,3 +372,20 @@ def test_a_graph_that_fails_as_it_runs_is_an_error_of_ours_and_changes_nothing(t
     with pytest.raises(ModelError, match=r"step\.onnx: ONNX Runtime cannot run it: "):
         upscaler.step(noise(0))
     assert upscaler.save_state().history is None
+
+
+def test_an_app_without_the_packages_data_files_says_how_to_build_it(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(model_file, "_shipped", lambda: tmp_path / "app" / "models")
+    monkeypatch.setattr(shipped, "SHIPPED", tmp_path / "app" / "shots")
+    for name in ("classifier", "taau"):
+        with pytest.raises(
+            ModelError, match=r"data files are missing: .*models has no .* --collect-all super"
+        ):
+            Upscaler(name, scale=2.0)
+    with pytest.raises(
+        ShotError, match=r"plaza: .*data files, .*shots, are missing\. .* --collect-all super"
+    ):
+        Shot.open("plaza")
+    assert find_model(folder) == folder  # own models are found

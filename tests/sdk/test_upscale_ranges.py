@@ -100,7 +100,9 @@ def test_a_frame_that_the_shot_has_not_is_named(
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("ranges", ["", "5-", "a", "5-3", "3,2", "1-4,4-6", "10:20", "1x2", "-3", "1,,2"])
+@pytest.mark.parametrize(
+    "ranges", ["", "5-", "a", "5-3", "3,2", "1-4,4-6", "10:20", "1x2", "3--5", "--3", "1,,2"]
+)
 def test_ranges_that_are_no_ascending_numbers_are_refused(shot: Path, tmp_path: Path, ranges: str) -> None:
     message = refusal("upscale", shot, "-o", tmp_path / "out", f"--frames={ranges}")
     assert "want frame numbers in ascending order" in message

@@ -98,9 +98,9 @@ def open_for(
     least = LEAST_PREROLL if preroll is None else preroll
     after = least if passes == 2 else 0
     try:
-        return open_frames((max(0, numbers.first - before), numbers.last + after)), ""
+        return open_frames((numbers.first - before, numbers.last + after)), ""
     except ShotError as error:
-        shot = open_frames((max(0, numbers.first - least), numbers.last))
+        shot = open_frames((numbers.first - least, numbers.last))
         return shot, f"History and exposure begin at frame {shot.first_number}: {error.problem}."
 
 

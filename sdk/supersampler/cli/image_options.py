@@ -4,6 +4,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from supersampler.cli.run_record import FORMATS, NAME, frame_path
 from supersampler.errors import ArgumentError
 from supersampler.frame import Float32
@@ -11,9 +13,11 @@ from supersampler.io.display import to_uint8, to_uint16
 from supersampler.io.display_transforms import DEFAULT_TRANSFORM, REC709, DisplayTransform
 from supersampler.io.image_headers import Metadata
 from supersampler.io.images import Bytes, half_pixels, write_exr, write_png, write_tiff
+from supersampler.io.result_headers import pixel_aspect
 from supersampler.io.shot.frame_files import COLOR, aov_channels
 
 _VIDEO = "mp4"
+_LEAST_ALPHA = 0.5 / 65535.0  # less is written as 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,9 +27,9 @@ class OutputImage:
     Attributes:
         image: (H, W, 3) linear RGB.
         exposure: > 0, of what is shown.
-        aovs: (H, W, k) AOVs for the EXR.
+        aovs: (H, W, k) AOVs for the EXR; PNG and TIFF have the one that is called A, alpha.
         aov_names: of their channels; None: A for k = 1, else aovs.0, aovs.1 and so on.
-        metadata: entries of the EXR's header.
+        metadata: entries of the header: of EXR all, of PNG and TIFF the pixel aspect ratio.
     """
 
     image: Float32
@@ -33,6 +37,21 @@ class OutputImage:
     aovs: Float32 | None = None
     aov_names: Sequence[str] | None = None
     metadata: Metadata | None = None
+
+    @property
+    def aov_channels(self) -> list[str]:
+        """Names of the AOVs' channels."""
+        count = 0 if self.aovs is None else self.aovs.shape[2]
+        return list(self.aov_names or (["A"] if count == 1 else aov_channels(count)))
+
+    @property
+    def alpha(self) -> Float32 | None:
+        """(H, W, 1) alpha in [0, 1]; None where no AOV is called A."""
+        if self.aovs is None or "A" not in self.aov_channels:
+            return None
+        at = self.aov_channels.index("A")
+        alpha: Float32 = np.nan_to_num(self.aovs[..., at : at + 1]).clip(0.0, 1.0)
+        return alpha
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,6 +66,7 @@ class ImageOptions:
         transform: what PNG, TIFF and video show.
         compression: of EXR: "zip", "dwaa", "piz" or "none".
         bits: of PNG: 8 or 16. TIFF has 16.
+        straight_alpha: whether colour is not multiplied by alpha, as in PNG and TIFF; in EXR it is.
         color_space: of the linear light; EXR files state it. None: not known, they have what the source says.
 
     Raises:
@@ -59,6 +79,7 @@ class ImageOptions:
     transform: DisplayTransform = DEFAULT_TRANSFORM
     compression: str = "zip"
     bits: int = 8
+    straight_alpha: bool = False
     color_space: str | None = REC709
 
     def __post_init__(self) -> None:
@@ -101,28 +122,36 @@ class ImageOptions:
         Raises:
             ShotError: the disk refused.
         """
-        shown, encoding = None, self.transform.encoding
-        if self._shows:
-            shown = self.transform.show(output.image, output.exposure)
+        encoding, aspect = self.transform.encoding, pixel_aspect(output.metadata or {})
+        shown = self._shown_with_alpha(output) if {"png", "tif"}.intersection(self.formats) else None
         for pattern in self.patterns:
             path = frame_path(folder, f"{below}{pattern}", number)
             if shown is not None and path.suffix == ".png":
-                write_png(path, to_uint8(shown) if self.bits == 8 else to_uint16(shown), encoding)
+                write_png(path, to_uint8(shown) if self.bits == 8 else to_uint16(shown), encoding, aspect)
             elif shown is not None and path.suffix == ".tif":
-                write_tiff(path, to_uint16(shown), encoding)
+                write_tiff(path, to_uint16(shown), encoding, aspect)
             else:
                 self._write_exr(path, output)
-        return to_uint8(shown) if shown is not None and self.video else None
+        if not self.video:
+            return None
+        if shown is None or shown.shape[2] == 4:  # a video has no alpha: it shows the image over black
+            shown = self.transform.show(output.image, output.exposure)
+        return to_uint8(shown)
 
-    @property
-    def _shows(self) -> bool:
-        return self.video or {"png", "tif"}.intersection(self.formats) != set()
+    def _shown_with_alpha(self, output: OutputImage) -> Float32:
+        """Return (H, W, 3) as a display shows it, or (H, W, 4) with alpha that it is not multiplied by."""
+        alpha = output.alpha
+        if alpha is None:
+            return self.transform.show(output.image, output.exposure)
+        image = output.image
+        if not self.straight_alpha:  # colour without coverage, such as a glow, stays as it is
+            image = np.divide(image, alpha, out=image.copy(), where=alpha > _LEAST_ALPHA)
+        return np.concatenate([self.transform.show(image, output.exposure), alpha], axis=2)
 
     def _write_exr(self, path: Path, output: OutputImage) -> None:
         names, arrays = list(COLOR), [output.image]
         if output.aovs is not None:
-            count = output.aovs.shape[2]
-            names += output.aov_names or (["A"] if count == 1 else aov_channels(count))
+            names += output.aov_channels
             arrays.append(output.aovs)
         write_exr(
             path,
@@ -141,6 +170,7 @@ def image_options(
     transform: DisplayTransform = DEFAULT_TRANSFORM,
     compression: str = "zip",
     bits: int = 8,
+    straight_alpha: bool = False,
     color_space: str | None = REC709,
 ) -> ImageOptions:
     """Return the options of formats, "mp4" among them; ArgumentError where files cannot have the name."""
@@ -152,5 +182,6 @@ def image_options(
         transform=transform,
         compression=compression,
         bits=bits,
+        straight_alpha=straight_alpha,
         color_space=color_space,
     )

@@ -21,7 +21,9 @@ from supersampler.cli.segment_steps import SegmentSteps
 from supersampler.history import StepResult
 from supersampler.io.display import ExposureMeter, usable_exposure
 from supersampler.io.files import check_apart
+from supersampler.io.image_headers import Metadata
 from supersampler.io.images import Bytes
+from supersampler.io.result_headers import pixel_aspect, result_metadata
 from supersampler.io.stage_times import StageTimes
 from supersampler.io.video import VideoWriter, video_writer
 from supersampler.upscaler import Upscaler
@@ -119,7 +121,17 @@ class _Run:
 
     def _video(self) -> AbstractContextManager[VideoWriter]:
         shot, size = self._job.shot, self._upscaler.display_size or self._job.shot.render_size
-        return video_writer(self._results.begin_file(self._results.video), size, shot.frame_rate or 24.0)
+        path = self._results.begin_file(self._results.video)
+        return video_writer(path, size, shot.frame_rate or 24.0, pixel_aspect(self._metadata(0)))
+
+    def _metadata(self, index: int) -> Metadata:
+        shot = self._job.shot
+        return result_metadata(
+            shot.read_metadata(index),
+            frame_rate=shot.frame_rate,
+            render_size=shot.render_size,
+            display_size=self._upscaler.display_size or shot.render_size,
+        )
 
     def _exposure_at(self, segment: Segment) -> float | None:
         """Return the exposure that a run of the whole shot has at the first frame of a segment.
@@ -206,7 +218,7 @@ class _Run:
                 exposure=exposure,
                 aovs=result.aovs,
                 aov_names=aov_names,
-                metadata=job.shot.read_metadata(index) if "exr" in job.images.formats else None,
+                metadata=self._metadata(index),
             )
             images = job.images if position >= self._first else replace(job.images, formats=())
             shown = images.write(job.output, number, output)

@@ -17,7 +17,7 @@ from typing import Any
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.io.files import is_own_folder, is_regular, is_there, write_text
 from supersampler.io.json_fields import read_json
-from supersampler.io.shot.format import LARGEST_NUMBER
+from supersampler.io.shot.format import LARGEST_NUMBER, is_frame_range
 from supersampler.io.shot.frame_numbers import FrameNumbers
 
 FILE_NAME = "upscale.json"
@@ -34,7 +34,7 @@ NAME = re.compile(r"(?!\.)[^/\\:*?\"<>|#\x00-\x1f]*#+[^/\\:*?\"<>|#\x00-\x1f]*")
 _FRAME_FILES = re.compile(
     rf"(?:{RECORDED}/)?(?:(?P<below>{'|'.join(FORMATS)})/)?{NAME.pattern}\.(?P<format>{'|'.join(FORMATS)})"
 )
-_RECORDS = re.compile(r"upscale(\.\d[\d_-]*(?:_[0-9a-f]{8})?)?\.json")
+_RECORDS = re.compile(r"upscale(\.-?\d[\d_-]*(?:_[0-9a-f]{8})?)?\.json")
 _RECORDS_TO = "records to"
 _MAX_FILES = 10**9  # maximum number of listed frames
 _START_OVER = f"Remove the files of that run and {FILE_NAME} yourself, or choose another folder."
@@ -132,7 +132,8 @@ def other_records(folder: Path, name: str) -> list[RunRecord]:
 
 def frame_path(folder: Path, pattern: str, number: int) -> Path:
     """Return a frame's file: exr/0007.exr for `exr/####.exr` and 7."""
-    return folder / re.sub("#+", lambda digits: f"{number:0{len(digits[0])}d}", pattern)
+    sign = "-" if number < 0 else ""
+    return folder / re.sub("#+", lambda digits: f"{sign}{abs(number):0{len(digits[0])}d}", pattern)
 
 
 def frame_number(pattern: str, name: str) -> int | None:
@@ -140,7 +141,7 @@ def frame_number(pattern: str, name: str) -> int | None:
     if "#" not in pattern:
         return None
     before, _, after = re.split("(#+)", pattern)
-    found = re.fullmatch(rf"{re.escape(before)}(\d{{1,10}}){re.escape(after)}", name)
+    found = re.fullmatch(rf"{re.escape(before)}(-?\d{{1,10}}){re.escape(after)}", name)
     if found is None or frame_path(Path(), pattern, int(found[1])).name != name:
         return None
     return int(found[1])
@@ -175,7 +176,7 @@ def _check_numbers(path: Path, record: RunRecord) -> None:
     """Raise ShotError unless the numbers of a record are those of the run that its name says."""
     first, frames = record.settings.get(FIRST, 0), record.settings.get(FRAMES, "0")
     problem = ShotError(path, f"says {FIRST!r}: {first!r}, which no run writes", _START_OVER)
-    if type(first) is not int or not 0 <= first <= LARGEST_NUMBER:
+    if type(first) is not int or not is_frame_range(first, LARGEST_NUMBER):
         raise problem
     try:
         FrameNumbers.parse(frames if isinstance(frames, str) else "", FRAMES)

@@ -33,7 +33,9 @@ ConventionsOption: TypeAlias = Annotated[
     str | None,
     typer.Option(help=f"One of {', '.join(_PRESETS)}; or fields as JSON; or a JSON file of them."),
 ]
-FrameRateOption: TypeAlias = Annotated[float | None, typer.Option(help="Frames a second.", show_default="24")]
+FrameRateOption: TypeAlias = Annotated[
+    float | None, typer.Option(help="Frames a second.", show_default="what the files state, or 24")
+]
 CutsOption: TypeAlias = Annotated[
     str | None, typer.Option(help="First frames after cuts, counted from 0: 48,120.")
 ]

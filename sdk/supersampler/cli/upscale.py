@@ -299,6 +299,7 @@ def _image_options(
         name=shot.info.file_names if name is None else re.sub(r"%0?(\d{0,2})d", _hashes, name),
         transform=display_transform_of(color_space=space or REC709, srgb=srgb, **shown),
         compression=compression,
+        straight_alpha=stored.format in ("png", "tif"),
         bits=16 if same and stored.type == "uint16" else 8,
         color_space=space,
     )
@@ -310,13 +311,16 @@ def _hashes(field: re.Match[str]) -> str:
 
 def _folders(shots: list[str], output: Path) -> dict[str, Path]:
     """Return the folder of the results of each shot; with several, a subfolder of its name."""
+    from supersampler.io.shot.numbered import is_pattern
+
     if len(shots) == 1:
         return {shots[0]: output}
     folders: dict[str, Path] = {}
     for text in shots:
         path = Path(text).resolve()
         name = path.stem if path.suffix.lower() in _SUFFIXES else path.name
-        name = re.sub(r"[._ -]*(#+|%0?\d*d|[*?]+)", "", name)
+        if is_pattern(path):
+            name = re.sub(r"[._ -]*(#+|%0?\d*d|[*?]+)", "", name)
         folder = output / (path.parent.name if name == "" or path.name == "shot.json" else name)
         if folder in folders.values():
             other = next(shot for shot, given in folders.items() if given == folder)

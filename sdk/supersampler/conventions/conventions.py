@@ -31,7 +31,7 @@ class Conventions(ConventionFields):
         motion_jittered: True where the vectors contain the change of the jitter between the two frames.
         depth: "reversed_infinite" near / distance; "reversed" 1 at the near plane, 0 at the far plane;
             "forward" 0 at the near plane, 1 at the far plane; "forward_infinite" 1 - near / distance;
-            "linear" distance along the view axis.
+            "linear" distance along the view axis, 0 or infinite at the sky.
         near: distance of the near plane, > 0, also where depth is reversed. It is used with a finite far
             plane and with linear depth, where it changes no image.
         far: distance of the far plane, > near. "reversed" and "forward" need it; for "linear", surfaces at

@@ -14,7 +14,8 @@ def to_reversed_infinite(depth: Array, kind: DepthKind, near: float, far: float 
     """Return (h, w) near / view distance, 0 at the sky. NaN stays NaN.
 
     Args:
-        depth: (h, w) of `kind`: values of the depth buffer in [0, 1], or view distance for "linear".
+        depth: (h, w) of `kind`: values of the depth buffer in [0, 1], or view distance for "linear", where
+            0 is the sky, too.
         kind: see `Conventions.depth`.
         near: distance of the near plane, > 0, in the unit of linear depth.
         far: distance of the far plane; None only where `kind` needs none.
@@ -23,8 +24,8 @@ def to_reversed_infinite(depth: Array, kind: DepthKind, near: float, far: float 
     if kind == "reversed_infinite":
         return values
     if kind == "linear":
-        with np.errstate(divide="ignore"):  # distance 0 becomes inf, which `FrameChecker` reports
-            inverse = np.float32(near) / values
+        # no surface is at distance 0: renderers write it where nothing is
+        inverse = np.divide(np.float32(near), values, out=np.zeros_like(values), where=values != 0)
         return inverse if far is None else np.where(values >= far, np.float32(0), inverse)
     if kind.startswith("forward"):
         values = np.float32(1) - values

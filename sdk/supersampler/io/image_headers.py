@@ -9,6 +9,7 @@ from OpenImageIO import ImageSpec
 
 from supersampler.io.display_transforms import REC709
 from supersampler.io.image_reading import opened, read_types
+from supersampler.io.limits import RATES
 
 UNKNOWN_COLOR_SPACE = "unknown"
 """Of files with primaries that are none of those below."""
@@ -29,11 +30,16 @@ class TypedValues(NamedTuple):
 Metadata: TypeAlias = dict[str, str | int | float | TypedValues]
 """Entries of an EXR file's header, by name."""
 
+FRAME_RATE, PIXEL_ASPECT = "framesPerSecond", "PixelAspectRatio"
 _LAYOUT = re.compile(
-    "oiio:|openexr:|cryptomatte/|(compression|BlenderMultiChannel|DateTime|PixelAspectRatio"
-    "|screenWindow(Width|Center)|[XY]Resolution|ResolutionUnit|Orientation|name|type|view|chunkCount|version"
-    "|dataWindow|displayWindow)$"
+    "oiio:|openexr:|cryptomatte/|thumbnail|(compression|BlenderMultiChannel|DateTime|[XY]Resolution"
+    "|ResolutionUnit|Orientation|name|type|view|multiView|chunkCount|version|dataWindow|displayWindow"
+    "|originalDataWindow|acesImageContainerFlag|textureformat|wrapmodes|tiles|envmap|deepImageState"
+    "|maxSamplesPerPixel)$"
 )
+"""Entries that are true of the file that is read only: of its storage, its windows, its parts and views."""
+_DEFAULTS = {PIXEL_ASPECT: 1.0, "screenWindowWidth": 1.0, "screenWindowCenter": (0.0, 0.0)}
+"""Entries that every EXR file has; these values say nothing."""
 _MOST_ENTRIES, _LONGEST_TEXT, _MOST_VALUES = 256, 4096, 64
 _WHITE_D65, _WHITE_ACES = (0.3127, 0.3290), (0.32168, 0.33767)
 _PRIMARIES = {
@@ -70,15 +76,15 @@ def read_stored_as(path: Path | str, channel: str) -> StoredAs:
 
 
 def read_exr_metadata(path: Path | str) -> Metadata:
-    """Return what the program that wrote an EXR file says of it, such as Frame, Camera and timecodes.
+    """Return what the program that wrote an EXR file says of its content: Frame, Camera, timecodes, lens.
 
-    Entries about the file's own layout are left out: its compression, its window, the kind of its channels.
+    Entries that describe the file are left out: its compression, windows, tiles, views, parts.
     """
     with opened(path, ("exr",)) as (source, _):
         found: Metadata = {}
         for entry in source.spec().extra_attribs:
             value, name = entry.value, str(entry.name)
-            if _LAYOUT.match(name):
+            if _LAYOUT.match(name) or _DEFAULTS.get(name) == value:
                 continue
             if isinstance(value, str | int | float):
                 found[name] = value[:_LONGEST_TEXT] if isinstance(value, str) else value
@@ -87,6 +93,29 @@ def read_exr_metadata(path: Path | str) -> Metadata:
             if len(found) == _MOST_ENTRIES:
                 break
     return found
+
+
+def read_frame_rate(path: Path | str) -> float | None:
+    """Return the frames a second that an EXR file's header states; None where it states none."""
+    with opened(path) as (source, kind):
+        rate = source.spec().getattribute(FRAME_RATE) if kind == "exr" else None
+        return rate_of(TypedValues("rational", rate) if isinstance(rate, tuple) else None)
+
+
+def rate_of(entry: str | int | float | TypedValues | None) -> float | None:
+    """Return the frames a second of an entry `framesPerSecond`; None where it is no rate of a film."""
+    match entry:
+        case TypedValues("rational", (int(frames), int(seconds))) if seconds:
+            rate = frames / seconds
+            return rate if RATES[0] <= rate <= RATES[1] else None
+    return None
+
+
+def read_other_views(path: Path | str) -> list[str]:
+    """Return the views of a stereo EXR file but the first, to which channels without a view's name belong."""
+    with opened(path) as (source, kind):
+        views = source.spec().getattribute("multiView") if kind == "exr" else None
+        return [str(view) for view in views[1:]] if isinstance(views, tuple) else []
 
 
 def read_color_space(path: Path | str) -> str:

@@ -1,5 +1,6 @@
 """Read EXR, PNG and TIFF files by OpenImageIO. Channel types are kept."""
 
+import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -25,6 +26,11 @@ _MAGIC: Mapping[str, tuple[bytes, ...]] = {
 FORMATS = tuple(_MAGIC)
 """Of the files that are read: "exr", "png", "tif"."""
 _DAMAGED = "The file is damaged or cut off; write or copy it again."
+_TOO_LARGE = "Write it smaller; if it is smaller, its header is damaged: copy it again."
+_SIGNS_OF_DAMAGE = re.compile(
+    r"end of file|READ_IO|corrupt|truncat|CRC|read error|cannot read", re.IGNORECASE
+)
+"""Words in messages of the decoders about files that are not whole."""
 
 
 def read_exr(
@@ -119,19 +125,32 @@ def opened(path: Path | str, formats: Collection[str] = FORMATS) -> Iterator[tup
             kind = next((kind for kind in formats if begins in _MAGIC[kind]), None)
             if kind is None:
                 listed = " or ".join(kind.upper() for kind in formats)
-                raise ShotError(path, f"is not an {listed} image (it begins with {begins!r})", _DAMAGED)
+                hint = f"Write it as {listed}; its name does not decide." if any(begins) else _DAMAGED
+                raise ShotError(path, f"is not an {listed} image (it begins with {begins!r})", hint)
             as_stored = ImageSpec()
             as_stored.attribute("oiio:UnassociatedAlpha", 1)
             source = ImageInput.open(utf8_path(path), as_stored)
             if source is None:
-                reason = last_reason(geterror) or NO_REASON
-                raise ShotError(path, f"is not an image that can be read ({reason})", _DAMAGED)
+                raise _unreadable(path, last_reason(geterror) or NO_REASON)
             try:
                 yield source, kind
             finally:
                 source.close()
     except MemoryError as error:
-        raise ShotError(path, "claims more pixels than there is memory for", _DAMAGED) from error
+        raise ShotError(path, "claims more pixels than there is memory for", _TOO_LARGE) from error
+
+
+def _unreadable(path: Path | str, reason: str) -> ShotError:
+    """Return the error for a file that the decoder does not open; it is called damaged only where it is."""
+    if re.search(r"subsampled.*\b[RB]Y\b", reason, re.IGNORECASE):
+        problem = "holds luminance and chroma (Y, RY, BY), chroma at half the size"
+        return ShotError(path, problem, "Write R, G and B; ImageMagick converts it: magick IN.exr OUT.exr.")
+    if re.search("subsampled", reason, re.IGNORECASE):
+        return ShotError(path, f"holds channels of less than its size ({reason})", "Write all at one size.")
+    hint = "Write it with other settings, or copy it again."
+    if _SIGNS_OF_DAMAGE.search(reason):
+        hint = _DAMAGED
+    return ShotError(path, f"is not an image that can be read ({reason})", hint)
 
 
 def _part_names(source: ImageInput, path: Path | str, kind: str) -> list[list[str]]:
@@ -171,7 +190,7 @@ def _read_part(
     spec = source.spec()
     for size in ((spec.width, spec.height), (spec.full_width, spec.full_height)):
         if (problem := image_size_problem(*size)) is not None:
-            raise ShotError(path, problem, _DAMAGED)
+            raise ShotError(path, problem, _TOO_LARGE)
     if spec.deep:
         raise ShotError(path, "holds deep pixels", "Write it with one value per pixel.")
     if outside is None and not _covers_display(spec):
@@ -185,7 +204,7 @@ def _read_part(
     size_bytes = area * (indices[-1] + 1 - begin) * np.dtype(np.float32).itemsize
     if size_bytes > IMAGE_BYTES:
         problem = f"has {size_bytes >> 30} GiB of pixels; want at most {IMAGE_BYTES >> 30}"
-        raise ShotError(path, problem, _DAMAGED)
+        raise ShotError(path, problem, _TOO_LARGE)
     kinds = {str(spec.channelformat(index)) for index in indices}
     kind = "half" if kinds == {"half"} else "float"  # of mixed types, two reads would decompress twice
     pixels = source.read_image(part, 0, begin, indices[-1] + 1, kind)

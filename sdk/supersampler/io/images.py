@@ -82,37 +82,45 @@ def half_pixels(images: Sequence[Array]) -> NDArray[np.float16]:
     return pixels
 
 
-def write_png(path: Path | str, image: Levels, encoding: str = SRGB) -> None:
+def write_png(path: Path | str, image: Levels, encoding: str = SRGB, pixel_aspect: float = 1.0) -> None:
     """Write pixels as PNG, atomically.
 
     Args:
         path: the file; its folder is created where it is missing.
-        image: (h, w, 3) uint8 or uint16.
+        image: (h, w, 3) uint8 or uint16; or (h, w, 4), with alpha that the colours are not multiplied by.
         encoding: of the pixels, by OpenImageIO's name; tags of the file state it.
+        pixel_aspect: width of a pixel over its height; the file states it where it is not 1.
 
     Raises:
         ShotError: the array has another shape or type, or the disk refused.
     """
-    spec = _integer_spec(path, image, np.uint8, np.uint16)
+    spec = _integer_spec(path, image, np.uint8, np.uint16, channels=(3, 4))
+    spec.attribute("oiio:UnassociatedAlpha", 1)  # otherwise OpenImageIO divides by alpha
     spec.attribute("oiio:ColorSpace", encoding)
+    if pixel_aspect != 1.0:
+        spec.attribute("PixelAspectRatio", pixel_aspect)
     spec.attribute("png:compressionLevel", 3)  # costs far less than the default, for files little larger
     spec.attribute("png:filter", _PAETH)
     _write(path, spec, np.ascontiguousarray(image))
 
 
-def write_tiff(path: Path | str, image: Levels, encoding: str = SRGB) -> None:
+def write_tiff(path: Path | str, image: Levels, encoding: str = SRGB, pixel_aspect: float = 1.0) -> None:
     """Write pixels as TIFF, deflated, atomically.
 
     Args:
         path: the file; its folder is created where it is missing.
-        image: (h, w, 3) uint8 or uint16.
+        image: (h, w, 3) uint8 or uint16; or (h, w, 4), with alpha that the colours are not multiplied by.
         encoding: of the pixels, by OpenImageIO's name; TIFF has a tag for sRGB only.
+        pixel_aspect: see `write_png`.
 
     Raises:
         ShotError: the array has another shape or type, or the disk refused.
     """
-    spec = _integer_spec(path, image, np.uint8, np.uint16)
+    spec = _integer_spec(path, image, np.uint8, np.uint16, channels=(3, 4))
+    spec.attribute("oiio:UnassociatedAlpha", 1)  # otherwise OpenImageIO divides by alpha
     spec.attribute("oiio:ColorSpace", encoding)
+    if pixel_aspect != 1.0:
+        spec.attribute("PixelAspectRatio", pixel_aspect)
     spec.attribute("compression", "zip")
     spec.attribute("DateTime", "")
     _write(path, spec, np.ascontiguousarray(image))
@@ -165,11 +173,14 @@ def _check_storable(path: Path | str, image: Mapping[str, Channel]) -> None:
             raise ShotError(path, problem, f"Convert it: {name}.astype(np.float32).")
 
 
-def _integer_spec(path: Path | str, image: Levels, *types: type[np.unsignedinteger[Any]]) -> ImageSpec:
-    if image.ndim != 3 or image.shape[2] != 3 or image.dtype not in types or 0 in image.shape:
-        want = f"(h, w, 3) {' or '.join(each.__name__ for each in types)}"
+def _integer_spec(
+    path: Path | str, image: Levels, *types: type[np.unsignedinteger[Any]], channels: Sequence[int] = (3,)
+) -> ImageSpec:
+    if image.ndim != 3 or image.shape[2] not in channels or image.dtype not in types or 0 in image.shape:
+        shapes = " or ".join(f"(h, w, {count})" for count in channels)
+        want = f"{shapes} {' or '.join(each.__name__ for each in types)}"
         raise ShotError(path, f"the image to write is {image.shape} {image.dtype}; want {want}")
-    return _spec(image.shape, ["R", "G", "B"], image.dtype.name)
+    return _spec(image.shape, ["R", "G", "B", "A"][: image.shape[2]], image.dtype.name)
 
 
 def _state_color_space(spec: ImageSpec, name: str) -> None:

@@ -13,6 +13,8 @@ IMAGE_BYTES: Final = 1 << 33
 """Of the pixels of an image file that are decoded at once."""
 JSON_BYTES: Final = 1 << 26
 """Of a file, or of the header of another format."""
+RATES: Final = (0.001, 1000.0)
+"""Frames a second, of a video and of a file's header."""
 SHOT_FRAMES: Final = 1 << 20
 
 

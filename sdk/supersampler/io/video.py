@@ -18,6 +18,7 @@ from supersampler.errors import ArgumentError, ShotError, shown
 from supersampler.frame import Size
 from supersampler.io.files import NO_ROOM, replacing
 from supersampler.io.images import Bytes
+from supersampler.io.limits import RATES
 
 if TYPE_CHECKING:
     from av.container import OutputContainer
@@ -64,7 +65,9 @@ class VideoWriter:
 
 
 @contextmanager
-def video_writer(path: Path | str, size: Size, frame_rate: float) -> Iterator[VideoWriter]:
+def video_writer(
+    path: Path | str, size: Size, frame_rate: float, pixel_aspect: float = 1.0
+) -> Iterator[VideoWriter]:
     """Write a video: H.264, yuv420p, matrix and tags of BT.709.
 
     The file appears when the block ends without an error; until then an older one stays.
@@ -74,6 +77,7 @@ def video_writer(path: Path | str, size: Size, frame_rate: float) -> Iterator[Vi
         size: (width, height) of the images. H.264 needs an even size: the last column or row of an odd one is
             repeated.
         frame_rate: frames a second, 0.001 to 1000; see `exact_rate`.
+        pixel_aspect: width of a pixel over its height.
 
     Raises:
         ModuleNotFoundError, ShotError: see `check_encoder`; the disk refused, or PyAV refuses the size.
@@ -94,6 +98,7 @@ def video_writer(path: Path | str, size: Size, frame_rate: float) -> Iterator[Vi
             context = stream.codec_context
             context.color_primaries = context.color_trc = context.colorspace = _BT709
             context.color_range = _VIDEO_RANGE
+            context.sample_aspect_ratio = Fraction(pixel_aspect).limit_denominator(1001)
             video = VideoWriter(container, stream, size)
             yield video
             if not video.frames:
@@ -120,7 +125,7 @@ def check_encoder(path: Path | str) -> None:
 def exact_rate(frame_rate: float) -> Fraction:
     """Return frames a second as a fraction: 23.976 is 24000/1001; ArgumentError where it is out of range."""
     rate = as_number(frame_rate)
-    if rate is None or not 0.001 <= rate <= 1000.0:
+    if rate is None or not RATES[0] <= rate <= RATES[1]:
         raise ArgumentError("frame_rate", got=shown(frame_rate), want="a number from 0.001 to 1000")
     ntsc = Fraction(round(rate * 1.001) * 1000, 1001)
     return ntsc if abs(ntsc / Fraction(rate) - 1) < _NTSC else Fraction(rate).limit_denominator(1001)

@@ -8,7 +8,7 @@ import reprlib
 from importlib import resources
 from pathlib import Path
 
-from supersampler.errors import ModelError, did_you_mean, shown
+from supersampler.errors import INCOMPLETE_PACKAGE, ModelError, did_you_mean, shown
 from supersampler.io.files import is_file
 from supersampler.io.json_fields import Field, read_fields
 from supersampler.methods.contract import check_contract, check_extrapolated
@@ -54,14 +54,18 @@ def find_model(name_or_path: str | Path) -> Path:
     """Folder of a shipped model by name, or of any model by path.
 
     Raises:
-        ModelError: neither exists.
+        ModelError: neither exists; or the package's own models are missing.
     """
     path = Path(name_or_path)
     if is_file(path / "model.json"):
         return path
     name = str(name_or_path)
-    if name in _described():
+    if name in (described := _described()):
         return shipped_model(name)
+    if not described:
+        raise ModelError(
+            f"the package's data files are missing: {_shipped()} has no model. {INCOMPLETE_PACKAGE}"
+        )
     from supersampler.methods.catalog import UNTRAINED  # imports all specs, which a session does not need
 
     known = [*model_names(), *extrapolation_names()]

@@ -1,4 +1,4 @@
-"""The GPU device: opened once per process, with WebGPU's default limits."""
+"""The GPU device: opened once per process, with WebGPU's default limits and the adapter's texture size."""
 
 import os
 from collections.abc import Iterator
@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from supersampler.backends.gpu.wgpu_types import parse_all_types
 from supersampler.backends.locks import ForkSafeLock
 from supersampler.errors import DeviceError
+from supersampler.frame import Size
 
 if TYPE_CHECKING:
     import wgpu
@@ -22,6 +23,8 @@ LIMITS = {
     "max-texture-dimension-2d": 8192,
 }
 """WebGPU's defaults, which every implementation supports, so that the same shaders run in browsers."""
+TEXTURE_SIDE = "max-texture-dimension-2d"
+"""Limit of which the device has all that its adapter has: wide displays need it, and no shader does."""
 _lock = ForkSafeLock()
 _devices: list["wgpu.GPUDevice"] = []
 """The device of this process, if there is one."""
@@ -85,7 +88,8 @@ def _open_device() -> "wgpu.GPUDevice":
     if lacking:
         raise DeviceError(f"adapter {name_of(adapter)} is below WebGPU's default {', '.join(lacking)}")
     try:
-        return adapter.request_device_sync(label="supersampler", required_limits=dict(LIMITS))
+        limits = {**LIMITS, TEXTURE_SIDE: adapter.limits.get(TEXTURE_SIDE, LIMITS[TEXTURE_SIDE])}
+        return adapter.request_device_sync(label="supersampler", required_limits=limits)
     except Exception as error:
         raise DeviceError(f"adapter {name_of(adapter)} gives no device: {error}") from error
 
@@ -121,6 +125,19 @@ def raising(device: "wgpu.GPUDevice", doing: str) -> Iterator[None]:
         raise DeviceError(
             f"adapter {name_of(device.adapter)} {kind} {doing}: {remedy} ({text[:400]})"
         ) from error
+
+
+def check_texture_size(device: "wgpu.GPUDevice", size: Size) -> None:
+    """Raise DeviceError where (width, height) exceeds the device's textures; it names the adapter's limit."""
+    most, of_adapter = (int(each.limits[TEXTURE_SIDE]) for each in (device, device.adapter))
+    if max(size) > most:
+        remedy = "choose a smaller display size, or executor='auto'"
+        if most < of_adapter:
+            remedy = f"request the device with {TEXTURE_SIDE} {of_adapter}"
+        raise DeviceError(
+            f"adapter {name_of(device.adapter)} has textures of at most {of_adapter} pixels a side, "
+            f"and the device of {most}; want {size[0]}x{size[1]}: {remedy}"
+        )
 
 
 def storage_limit(device: Any) -> int:

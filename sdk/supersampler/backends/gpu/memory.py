@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from supersampler.backends.gpu.device import check_texture_size
 from supersampler.frame import Size
 
 if TYPE_CHECKING:
@@ -62,6 +63,7 @@ def allocate(device: "wgpu.GPUDevice", spec: MemorySpec) -> Memory:
         size = max(-(-spec.bytes // 4) * 4, 16)
         return Memory(device.create_buffer(size=size, usage=_STORAGE | _COPY_SRC | _COPY_DST))
     usage = _TEXTURE_COPY_SRC | _TEXTURE_COPY_DST | _SAMPLED | _STORED
+    check_texture_size(device, spec.size)
     texture = device.create_texture(size=(*spec.size, 1), format=spec.format, usage=usage)
     return Memory(texture.create_view(), texture)
 
@@ -85,6 +87,7 @@ def encode_write(
 def image_of(device: "wgpu.GPUDevice", size: Size, texture_format: str) -> "wgpu.GPUTexture":
     """Allocate a texture that shaders write, and others sample and copy."""
     usage = _TEXTURE_COPY_SRC | _SAMPLED | _STORED
+    check_texture_size(device, size)
     return device.create_texture(size=(*size, 1), format=texture_format, usage=usage)
 
 

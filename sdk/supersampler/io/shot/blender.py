@@ -23,7 +23,7 @@ def import_blender(
     files: str = "*.exr",
     frames: Range | None = None,
     display_size: Size | None = None,
-    frame_rate: float = 24.0,
+    frame_rate: float | None = None,
     jitter: Jitter | None = None,
     cuts: Sequence[int] = (),
     reference: str | None = None,
@@ -47,7 +47,7 @@ def import_blender(
         reference: pattern of the references' files in the folder, such as `reference/*.exr`.
         conventions: by default `Conventions.blender()`; jitter in pixels, y down, pixel centre + jitter.
         display_size: (width, height) of the references; by default the first reference's.
-        frame_rate: frames a second.
+        frame_rate: see `import_channels`.
         jitter: see `import_channels`.
         cuts: see `import_channels`.
         name: name of the shot; by default the folder's.

@@ -5,6 +5,7 @@ from itertools import chain
 from pathlib import Path
 
 from supersampler.errors import ShotError
+from supersampler.io.image_headers import read_other_views
 
 _XYZ, _RGB = ("xyz", "rgb"), ("rgb",)
 _VALUE = ("y", "v", "x")
@@ -14,10 +15,11 @@ _NAMES: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "motion": (
         (
             "motion", "motionvector", "motionvectors", "motion_vector", "motion_vectors", "velocity",
-            "vector", "forward",
+            "vector", "backward",
         ),
         ("xy", "rg", "uv"),
     ),
+    "motion_next": (("forward",), ("xy", "rg", "uv")),
     "normal": (("n", "normal", "normals"), _XYZ),
     "base_color": (
         ("base_color", "basecolor", "albedo", "diffuse_albedo", "diffusealbedo", "diffcol", "diffuse color"),
@@ -31,10 +33,12 @@ _NAMES: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 
 Letters are in any case. A name of one number may also stand alone, as `Z` and `roughness` do.
 """
+_LUMINANCE = "Y"
+"""Channel of EXR files without colours."""
 _ALONE = ("depth", "roughness", "metallic", "specular")
 _DATA = {
     "id", "objectid", "object_id", "materialid", "material_id", "instanceid", "instance_id", "object index",
-    "material index", "position", "p", "pref", "pworld", "uv", "st", "backward",
+    "material index", "position", "p", "pref", "pworld", "uv", "st",
 }  # fmt: skip
 _DATA_BEGIN = ("crypto", "denoising ", "noisy ", "debug ", "index")
 """Names, and beginnings of names, of data that cannot be blended: ids, places, other vectors."""
@@ -46,8 +50,11 @@ def recognised_map(path: Path, channels: Iterable[str]) -> dict[str, list[str]] 
     Returns:
         None where depth or motion is missing.
 
+    `forward` of Nuke leads to the next frame, and is used beside its `backward` only: other motion may be in
+    other units.
+
     Raises:
-        ShotError: several channels have the same meaning.
+        ShotError: several channels have the same meaning; or the only motion leads to the next frame.
     """
     there = list(channels)
     found: dict[str, list[str]] = {}
@@ -59,7 +66,31 @@ def recognised_map(path: Path, channels: Iterable[str]) -> dict[str, list[str]] 
             raise ShotError(path, f"has several channels for {ours}: {listed}", hint)
         if candidates:
             found[ours] = candidates[0]
+    if "color" not in found and _LUMINANCE in there:
+        found["color"] = [_LUMINANCE] * 3
+    following = found.get("motion_next", [])
+    if following and "motion" not in found:
+        problem = f"has motion to the next frame, {', '.join(following)}, and none to the previous frame"
+        hint = (
+            "Write backward vectors, too; if these do lead to the previous frame, say so by channels.json or "
+            "--channels (docs/shots.md)."
+        )
+        raise ShotError(path, problem, hint)
+    if following and not _is_named(found["motion"][0], "backward"):
+        del found["motion_next"]
     return found if {"depth", "motion"} <= found.keys() else None
+
+
+def of_first_view(path: Path, types: Mapping[str, str]) -> tuple[dict[str, str], list[str]]:
+    """Return the channels of a stereo file's first view with their types, and the names of the others.
+
+    Args:
+        path: the file.
+        types: names of all of its channels, with their types.
+    """
+    views = set(read_other_views(path))
+    others = [name for name in types if not views.isdisjoint(name.split(".")[:-1])]
+    return {name: kind for name, kind in types.items() if name not in others}, others
 
 
 def blended_and_ignored(
@@ -84,8 +115,12 @@ def _is_data(channel: str) -> bool:
     """Return whether a channel's name is one of data, or of depth, motion or a normal."""
     *before, last = channel.lower().split(".")
     base = before[-1] if before else last
-    vectors = {*_NAMES["depth"][0], *_NAMES["motion"][0], *_NAMES["normal"][0]}
+    vectors = {name for ours in ("depth", "motion", "motion_next", "normal") for name in _NAMES[ours][0]}
     return base in vectors | _DATA or base.startswith(_DATA_BEGIN)
+
+
+def _is_named(channel: str, base: str) -> bool:
+    return channel.lower().split(".")[-2:-1] == [base]
 
 
 def _candidates(ours: str, channels: Sequence[str]) -> list[list[str]]:

@@ -11,16 +11,17 @@ import numpy as np
 from supersampler.conventions import Conventions, RawFrame
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.frame import GBUFFER_CHANNELS, Array, Float32, Size
-from supersampler.io.image_headers import read_color_space
+from supersampler.io.image_headers import read_color_space, read_frame_rate
 from supersampler.io.image_reading import read_image, read_types
 from supersampler.io.json_fields import Field, read_json
-from supersampler.io.shot.format import LARGEST_NUMBER, FrameEntry, ShotInfo
+from supersampler.io.shot.format import FrameEntry, ShotInfo, is_frame_range
 from supersampler.io.shot.frame_files import check_size, read_reference, sky_depth, take
 from supersampler.io.shot.numbered import Jitter, Range, file_names, numbered_files, of_range, read_jitter
 from supersampler.io.shot.shot import Shot
 
 _INTEGERS = ("uint8", "uint16", "int8", "int16")
-_MAPPED = re.compile(r"(.*\.(?:exr|png|tiff?)):(.*)", re.DOTALL)
+_MAPPED = re.compile(r"(.*\.(?:exr|png|tiff?)):(.*)", re.DOTALL | re.IGNORECASE)
+_FRAME_RATE = 24.0  # where no file states one
 MAP_FILE_NAME = "channels.json"
 ChannelMap: TypeAlias = Mapping[str, str | Sequence[str]]
 _COUNTS: Mapping[str, int] = {
@@ -38,7 +39,7 @@ def import_channels(
     files: str = "*.exr",
     frames: Range | None = None,
     display_size: Size | None = None,
-    frame_rate: float = 24.0,
+    frame_rate: float | None = None,
     jitter: Jitter | None = None,
     cuts: Sequence[int] = (),
     name: str | None = None,
@@ -61,11 +62,11 @@ def import_channels(
             number), reference (3). `motion/*.exr:R` is channel R of the files of that pattern; without one,
             of `files`. References are matched by frame number; frames without one are allowed.
         conventions: conventions of these channels and of the jitter.
-        files: pattern of the frames' files: `beauty.####.exr`, `beauty.%04d.exr` or a glob.
+        files: pattern of the frames' files: `beauty.####.exr`, `beauty.%04d.exr` or `beauty_*.exr`.
         frames: first and last number of the frames to open, both included; a gap outside is no error. By
             default all. Jitter and cuts are counted from the first file, whatever the range is.
         display_size: (width, height) of references and display-size motion; by default the first reference's.
-        frame_rate: frames a second.
+        frame_rate: frames a second; by default what the first file states, else 24.
         jitter: (x, y) of each frame, or a JSON file [[x, y], ...]; by default jitter.json in the folder where
             it exists, otherwise no jitter.
         cuts: indices of the first frames after cuts, from the first file; the first frame is always one.
@@ -89,13 +90,15 @@ def import_channels(
     if display_size is None and found.references:
         image = found.read_reference(found.numbers.index(next(iter(found.references))))
         display_size = (image.shape[1], image.shape[0])
+    if frame_rate is None:
+        frame_rate = read_frame_rate(found.frame_file(0)) or _FRAME_RATE
     info = ShotInfo(
         name=name or found.folder.resolve().name,
         render_size=(width, height),
         display_size=display_size,
         frame_rate=float(frame_rate),
         conventions=conventions,
-        first_number=found.numbers[0] if found.numbers[-1] <= LARGEST_NUMBER else 0,
+        first_number=found.numbers[0] if is_frame_range(found.numbers[0], found.numbers[-1]) else 0,
         file_names=file_names(found.frame_file(0), found.frame_pattern),
         aov_names=tuple(aov_names),
         color_space=color_space or read_color_space(found.frame_file(0)),
@@ -147,7 +150,7 @@ def import_described_channels(
             frames=frames,
             jitter=jitter,
             display_size=data.read("display_size", Field.size, None),
-            frame_rate=data.read("frame_rate", Field.rate, 24.0),
+            frame_rate=data.read("frame_rate", Field.rate, None),
             cuts=data.read("cuts", lambda cuts: cuts.of(list), ()),
             name=data.read("name", lambda name: name.of(str), None),
             color_space=color_space or data.read("color_space", Field.text, None),

@@ -16,7 +16,7 @@ from supersampler.io.limits import IMAGE_CHANNELS, SHOT_FRAMES
 FORMAT_VERSION = 1
 FILE_NAME = "shot.json"
 LARGEST_NUMBER = 10**9
-"""Of a frame, in the name of its image."""
+"""Of a frame, in the name of its image; negative numbers go as far."""
 _LONGEST = 255  # bytes of a name; no file system takes more
 _FORBIDDEN = re.compile(r"[\\:\x00-\x1f\ud800-\udfff]")
 
@@ -33,8 +33,8 @@ class ShotInfo:
         conventions: conventions of the stored colour, depth, motion and jitter.
         license: licence of the images; "" is unknown.
         attribution: names to credit where the images are shown, one line each.
-        first_number: number of the first frame in the program that rendered it, 0 to LARGEST_NUMBER; images
-            of the shot's frames are named by it and the numbers after it.
+        first_number: number of the first frame in the program that rendered it, at most LARGEST_NUMBER from
+            0; images of the shot's frames are named by it and the numbers after it.
         file_names: stem of the names of the source's files, #### for the number, such as `beauty.####`.
         aov_names: names of the AOVs' channels in files of results; empty: they are numbered.
         color_space: of the colour, linear (decoded, where the conventions say sRGB): its name in an
@@ -81,6 +81,11 @@ class FrameEntry:
     shaded: bool = True
 
 
+def is_frame_range(first: int, last: int) -> bool:
+    """Return whether images can be named by the numbers from a first to a last."""
+    return -LARGEST_NUMBER <= first <= last <= LARGEST_NUMBER
+
+
 def files_of(entry: FrameEntry) -> list[str]:
     """Return the files of a frame, relative to the shot's folder."""
     return [name for name in (entry.file, entry.display_file, entry.reference) if name]
@@ -110,7 +115,7 @@ def load_shot_json(path: Path) -> tuple[ShotInfo, list[FrameEntry]]:
         conventions=conventions,
         license=header.read("license", lambda text: text.of(str), ""),
         attribution=header.read("attribution", Field.texts, ()),
-        first_number=header.read("first_number", lambda n: n.whole(0, LARGEST_NUMBER), 0),
+        first_number=header.read("first_number", lambda n: n.whole(-LARGEST_NUMBER, LARGEST_NUMBER), 0),
         file_names=header.read("file_names", _file_names, "####"),
         aov_names=header.read("aov_names", _aov_names, ()),
         color_space=header.read("color_space", Field.text, REC709),

@@ -8,7 +8,7 @@ from itertools import accumulate, pairwise
 from zlib import crc32
 
 from supersampler.errors import ArgumentError
-from supersampler.io.shot.format import LARGEST_NUMBER
+from supersampler.io.shot.format import is_frame_range
 
 _LONGEST_LABEL = 80  # characters; more would make file names too long
 
@@ -25,12 +25,14 @@ class FrameNumbers:
 
     @classmethod
     def parse(cls, text: str, name: str = "--frames") -> "FrameNumbers":
-        """Return the numbers of "10-50,60"; ArgumentError, with `name`, for anything else."""
-        parts = [re.fullmatch(r"\s*(\d{1,10})\s*(?:-\s*(\d{1,10})\s*)?", part) for part in text.split(",")]
+        """Return the numbers of "10-50,60" or "-12--3"; ArgumentError, with `name`, for anything else."""
+        parts = [
+            re.fullmatch(r"\s*(-?\d{1,10})\s*(?:-\s*(-?\d{1,10})\s*)?", part) for part in text.split(",")
+        ]
         found = tuple((int(part[1]), int(part[2] or part[1])) for part in parts if part)
         ordered = all(first <= last for first, last in found)
         rising = all(before[1] < after[0] for before, after in pairwise(found))
-        if None in parts or not (ordered and rising) or found[-1][1] > LARGEST_NUMBER:
+        if None in parts or not (ordered and rising) or not is_frame_range(found[0][0], found[-1][1]):
             want = "frame numbers in ascending order, such as 10-50,60"
             hint = "Every frame between is needed: motion leads to the frame before." * bool(
                 re.search(r"\d[x:]\d", text)

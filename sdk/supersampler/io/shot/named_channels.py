@@ -7,7 +7,7 @@ from supersampler.conventions import Conventions
 from supersampler.errors import ShotError
 from supersampler.frame import Size
 from supersampler.io.image_reading import read_types
-from supersampler.io.shot.channel_names import blended_and_ignored, recognised_map
+from supersampler.io.shot.channel_names import blended_and_ignored, of_first_view, recognised_map
 from supersampler.io.shot.channels import import_channels
 from supersampler.io.shot.numbered import Jitter, Range, numbered_files, of_range
 from supersampler.io.shot.shot import Shot
@@ -21,7 +21,7 @@ def import_named_channels(
     frames: Range | None = None,
     reference: str | None = None,
     display_size: Size | None = None,
-    frame_rate: float = 24.0,
+    frame_rate: float | None = None,
     jitter: Jitter | None = None,
     cuts: Sequence[int] = (),
     name: str | None = None,
@@ -30,7 +30,7 @@ def import_named_channels(
     """Open a folder of EXR frames as a Shot by the names of their channels, such as R, Z and motion.X.
 
     docs/shots.md lists the names. Channels that have none of them and can be blended are AOVs; the rest is in
-    `Shot.ignored_channels`.
+    `Shot.ignored_channels`; so are the views of a stereo file but the first.
 
     Args:
         folder: folder of the files.
@@ -50,11 +50,13 @@ def import_named_channels(
     """
     folder = Path(folder)
     first = next(iter(of_range(folder, numbered_files(folder, files), frames).values()))
-    types = read_types(first)
+    types, other_views = of_first_view(first, read_types(first))
     channel_map = recognised_map(first, types)
     if channel_map is None:
         hint = "docs/shots.md lists the names that are recognised; a channels.json states others."
         raise ShotError(first, f"has no depth or no motion among {', '.join(types)}", hint)
+    if conventions.motion_jittered:  # the next frame's jitter is in it
+        channel_map.pop("motion_next", None)
     aovs, ignored = blended_and_ignored(types, channel_map)
     if aovs:
         channel_map["aovs"] = aovs
@@ -74,7 +76,7 @@ def import_named_channels(
         aov_names=_in_results(aovs, channel_map.get("color", ["R"])[0][:-1]),
         color_space=color_space,
     )
-    shot.ignored_channels = tuple(ignored)
+    shot.ignored_channels = (*ignored, *other_views)
     return shot
 
 

@@ -2,8 +2,7 @@
 
 import os
 import re
-from collections.abc import Iterable, Mapping, Sequence
-from fnmatch import fnmatchcase
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path, PurePath, PurePosixPath
 from typing import TypeAlias
@@ -21,27 +20,38 @@ Jitter: TypeAlias = Sequence[tuple[float, float]] | Path | str
 Range: TypeAlias = tuple[int, int]
 """First and last frame number, both included."""
 
+_Span: TypeAlias = tuple[int, int]
+
 _FIELD = re.compile(r"#+|%0?(\d{0,2})d")
-_GLOB = re.compile(r"[*?\[]")
-_LAST_NUMBER = re.compile(r"(.*?)(\d+)(\D*)", re.DOTALL)
+_WILDCARDS = {"*": ".*?", "?": "."}
+"""Regular expressions of the wildcards of file names; every other character, brackets too, is text."""
+_LAST_NUMBER = re.compile(r"(.*?)(-?\d+)(\D*)", re.DOTALL)
+_SIGN_FOLLOWS = ("", ".", "_")
+"""Characters before a hyphen that can be a sign only; "" is the start of the name."""
 
 
 def is_pattern(path: Path) -> bool:
-    """Return whether a path that does not exist has ####, %04d or a glob in its last part."""
-    return not os.path.lexists(path) and bool(_FIELD.search(path.name) or _GLOB.search(path.name))
+    """Return whether a path that does not exist has ####, %04d, * or ? in its last part."""
+    return not os.path.lexists(path) and bool(_FIELD.search(path.name) or _has_wildcard(path.name))
 
 
 def numbered_files(folder: Path, pattern: str) -> dict[int, Path]:
     """Return frame number to file, in order, for the files of a pattern.
 
+    A hyphen after a dot, an underscore or nothing is the number's sign: `beauty.-0012.exr` is frame -12. A
+    hyphen after other characters separates (`beauty-0012.exr` is frame 12), unless a file is there with the
+    same name and no hyphen: then it is not clear.
+
     Args:
         folder: the pattern is relative to it.
-        pattern: with one field for the number: `beauty.####.exr` takes 4 digits or more, `beauty.%04d.exr`
-            the same, `beauty.%d.exr` any; or a glob such as `beauty_*.exr`, where the number is the last in
-            the name.
+        pattern: with one field for the number: `beauty.####.exr` takes 4 digits or more, of negative
+            numbers any, `beauty.%04d.exr` the same, `beauty.%d.exr` any; or with `*` or `?`, such as
+            `beauty_*.exr`, where the number is the last in the name. Folders have no wildcards.
+            The extension may be in any case.
 
     Raises:
-        ShotError: none matches, a name has no number, two have the same, or one lies outside of the folder.
+        ShotError: none matches, a name has no number, two have the same, a hyphen may be a sign or a
+            separator, or a file lies outside of the folder.
     """
     if not os.path.isdir(folder):  # noqa: PTH112  # Path.is_dir raises for names that are too long
         raise ShotError(folder, "there is no such folder", NOT_FOUND)
@@ -49,27 +59,19 @@ def numbered_files(folder: Path, pattern: str) -> dict[int, Path]:
     if not parts or PurePath(pattern).is_absolute() or ".." in parts:
         hint = "Copy the files into the folder; names that leave it are not followed."
         raise ShotError(folder, f"the pattern {pattern!r} matches no files in it", hint)
-    name = parts[-1]
-    field = _checked_field(folder / pattern)
-    anywhere = name if field is None else f"{name[: field.start()]}*{name[field.end() :]}"
+    place = folder.joinpath(*parts[:-1])
+    spans = _number_spans(place, parts[-1])
     files: dict[int, Path] = {}
-    try:
-        paths = sorted(folder.glob(str(PurePosixPath(*parts[:-1], anywhere))))
-    except (ValueError, NotImplementedError, OSError) as error:
-        raise ShotError(folder, f"has no files {pattern!r} ({error})") from error
-    for path in paths:
-        if path.name.startswith("."):  # being written
-            continue
-        span = _number(path, field)
-        if span is None:
-            continue
-        number = int(path.name[slice(*span)])
+    for name, span in spans.items():
+        path, number = place / name, int(name[slice(*span)])
         if number in files:
-            hint = f"Choose one sequence by a pattern: {_listed(sequences(paths))}."
+            hint = f"Choose one sequence by a pattern: {_listed(sequences(place / name for name in spans))}."
+            if path.name.lower() == files[number].name.lower():
+                hint = "Move one of the two away."
             raise ShotError(path, f"has the same frame number as {files[number].name}", hint)
         files[number] = path
     if not files:
-        raise ShotError(folder, f"has no file {pattern}", suggestion((folder / pattern).parent))
+        raise ShotError(folder, f"has no file {pattern}", suggestion(place))
     if len(files) > SHOT_FRAMES:
         raise ShotError(folder, f"has {len(files)} files {pattern}; want at most {SHOT_FRAMES}")
     check_inside(folder, files.values())
@@ -80,12 +82,17 @@ def sequences(paths: Iterable[Path]) -> list[str]:
     """Return the patterns of numbered files with their numbers, such as `beauty.####.exr (10-49)`."""
     groups: dict[tuple[str, str], list[str]] = {}
     for path in paths:
-        if (found := _LAST_NUMBER.fullmatch(path.stem)) is not None:
-            groups.setdefault((found[1], found[3] + path.suffix), []).append(found[2])
+        if (found := _LAST_NUMBER.fullmatch(path.stem)) is None:
+            continue
+        start, stop = found.span(2)
+        if found[2][0] == "-" and found[1][-1:] not in _SIGN_FOLLOWS:
+            start += 1
+        groups.setdefault(_without(path.name, (start, stop)), []).append(path.name[start:stop])
     result = []
-    for (begin, end), digits in groups.items():
-        numbers = sorted(map(int, digits))
-        result.append(f"{begin}{'#' * min(map(len, digits))}{end} ({numbers[0]}-{numbers[-1]})")
+    for (begin, end), texts in groups.items():
+        numbers = sorted(map(int, texts))
+        digits = min(len(text.lstrip("-")) for text in texts)
+        result.append(f"{begin}{'#' * digits}{end} ({numbers[0]}-{numbers[-1]})")
     return result
 
 
@@ -112,9 +119,9 @@ def of_range(folder: Path, files: Mapping[int, Path], frames: Range | None) -> d
 
 def file_names(path: Path, pattern: str) -> str:
     """Return the stem of a file of a pattern with #### for its number: `beauty.####` for beauty.0010.exr."""
-    start, stop = _number(path, _checked_field(Path(pattern))) or (0, 0)
-    begin, end = (re.sub(r"[^\w .+-]", "_", text) for text in (path.stem[:start], path.stem[stop:]))
-    return f"{begin}{'#' * max(4, stop - start)}{end}"
+    start, stop = _number_spans(path.parent, PurePosixPath(pattern).name).get(path.name, (0, 0))
+    begin, end = (re.sub(r"[^\w .+\-\[\]()]", "_", text) for text in (path.stem[:start], path.stem[stop:]))
+    return f"{begin}{'#' * max(4, len(path.name[start:stop].lstrip('-')))}{end}"
 
 
 def read_jitter(folder: Path, jitter: Jitter | None, indices: Iterable[int]) -> list[tuple[float, float]]:
@@ -148,35 +155,87 @@ def read_jitter(folder: Path, jitter: Jitter | None, indices: Iterable[int]) -> 
     return [pairs[index % len(pairs)] for index in indices]
 
 
-def _checked_field(path: Path) -> re.Match[str] | None:
-    """Return the field for the number in the name of a pattern; None for a glob without one.
+def _number_spans(place: Path, pattern: str) -> dict[str, _Span]:
+    """Return where the name of each file of a pattern has its number, with its sign.
 
     Raises:
-        ShotError: the pattern has several fields, or neither a field nor a glob.
+        ShotError: the folder cannot be read, a name has no number, or a hyphen may be a sign or a separator.
+    """
+    number_in = _number_finder(place / pattern)
+    try:
+        names = sorted(path.name for path in place.iterdir()) if place.is_dir() else []
+    except (ValueError, OSError) as error:
+        raise ShotError(place, f"has no files {pattern!r} ({error})") from error
+    names = [name for name in names if not name.startswith(".")]  # others are being written
+    found = {name: span for name in names if (span := number_in(name, signed=True)) is not None}
+    plain = {_without(name, span) for name, span in found.items() if name[span[0]] != "-"}
+    for name, (start, stop) in list(found.items()):
+        if name[start] != "-" or name[:start][-1:] in _SIGN_FOLLOWS:
+            continue
+        if _without(name, (start, stop)) in plain:
+            begin, number, end = name[:start], name[start:stop], name[stop:]
+            problem = f"has a hyphen that is a sign or a separator: {begin}{number[1:]}{end} is another frame"
+            hint = f"Name negative frames {begin}.{number}{end}; move a sequence of other frames away."
+            raise ShotError(place / name, problem, hint)
+        del found[name]
+        if (span := number_in(name, signed=False)) is not None:
+            found[name] = span
+    return found
+
+
+def _without(name: str, number: _Span) -> tuple[str, str]:
+    return name[: number[0]], name[number[1] :]
+
+
+def _number_finder(path: Path) -> Callable[..., _Span | None]:
+    """Return a function that finds the number in a name: None where the name does not match the pattern.
+
+    Raises:
+        ShotError: the pattern has several fields, or neither a field nor a wildcard.
     """
     fields = list(_FIELD.finditer(path.name))
     if len(fields) > 1:
         problem = f"has {len(fields)} fields for the frame number"
         raise ShotError(path, problem, "Keep one, and write the other digits out.")
-    if not fields and _GLOB.search(path.name) is None:
+    if not fields and not _has_wildcard(path.name):
         raise ShotError(path, "has no field for the frame number", suggestion(path.parent))
-    return fields[0] if fields else None
+    if fields:
+        field, (begin, end) = fields[0], _without(path.name, fields[0].span())
+        least = len(field[0]) if field[0][0] == "#" else int(field[1] or 1)
+        digits = rf"\d{{{least},}}", rf"-\d+|\d{{{least},}}"
+        in_field = [re.compile(f"{_expression(begin)}({each}){_ending(end)}", re.DOTALL) for each in digits]
+    else:
+        whole = re.compile(_ending(path.name), re.DOTALL)
 
-
-def _number(path: Path, field: re.Match[str] | None) -> tuple[int, int] | None:
-    """Return where a name has its number: (start, stop); None where the name does not match the pattern."""
-    if field is None:
-        last = _LAST_NUMBER.fullmatch(path.stem)
+    def number_in(name: str, *, signed: bool) -> _Span | None:
+        if fields:
+            found = in_field[signed].fullmatch(name)
+            return None if found is None else found.span(1)
+        if whole.fullmatch(name) is None:
+            return None
+        last = _LAST_NUMBER.fullmatch(Path(name).stem)
         if last is None:
-            raise ShotError(path, "has no frame number in its name", "Name frames like beauty_0001.exr.")
-        return last.span(2)
-    least = len(field[0]) if field[0][0] == "#" else int(field[1] or 1)
-    begin, end = field.string[: field.start()], field.string[field.end() :]
-    for found in re.finditer(rf"(?=(\d{{{least},}}))", path.name):  # ahead, as matches may overlap
-        start, stop = found.span(1)
-        if fnmatchcase(path.name[:start], begin) and fnmatchcase(path.name[stop:], end):
-            return start, stop
-    return None
+            raise ShotError(
+                path.parent / name, "has no frame number in its name", "Name frames like beauty_0001.exr."
+            )
+        start, stop = last.span(2)
+        return (start if signed else start + (last[2][0] == "-")), stop
+
+    return number_in
+
+
+def _expression(text: str) -> str:
+    return "".join(_WILDCARDS.get(character, re.escape(character)) for character in text)
+
+
+def _ending(text: str) -> str:
+    """Return the regular expression of the end of a name, whose extension may be in any case."""
+    before, dot, extension = text.rpartition(".")
+    return f"{_expression(before + dot)}(?i:{_expression(extension)})"
+
+
+def _has_wildcard(name: str) -> bool:
+    return not set(_WILDCARDS).isdisjoint(name)
 
 
 def suggestion(folder: Path) -> str:

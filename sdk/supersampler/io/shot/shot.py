@@ -300,7 +300,7 @@ class Shot:
     def read_metadata(self, index: int) -> Metadata:
         """Return what the program that rendered a frame says in its EXR file; see `read_exr_metadata`."""
         path = self.source / self._entries[index].file
-        return read_exr_metadata(path) if path.suffix == ".exr" else {}
+        return read_exr_metadata(path) if path.suffix.lower() == ".exr" else {}
 
     def _converted(
         self, index: int, raw: RawFrame, reference: Float32 | None, converter: Converter

@@ -12,7 +12,7 @@ from supersampler.io.image_reading import read_types
 from supersampler.io.shot.arm import import_arm
 from supersampler.io.shot.blender import import_blender, is_blender
 from supersampler.io.shot.blender_render import import_render
-from supersampler.io.shot.channel_names import recognised_map
+from supersampler.io.shot.channel_names import of_first_view, recognised_map
 from supersampler.io.shot.channels import MAP_FILE_NAME, import_channels, import_described_channels
 from supersampler.io.shot.format import FILE_NAME
 from supersampler.io.shot.named_channels import import_named_channels
@@ -114,7 +114,7 @@ def guess_layout(
         if (path / MAP_FILE_NAME).exists():
             return "channels"
         names = sorted(item.name for item in path.iterdir())
-    frames = [path / name for name in names if name.endswith(".exr") and not name.startswith(".")]
+    frames = [path / name for name in names if name.lower().endswith(".exr") and not name.startswith(".")]
     if files is not None:
         frames = list(numbered_files(path, files).values())
     if not frames:
@@ -122,7 +122,7 @@ def guess_layout(
     channels = list(read_types(frames[0]))
     if is_blender(channels):
         return "blender"
-    if recognised_map(frames[0], channels) is not None:
+    if recognised_map(frames[0], of_first_view(frames[0], read_types(frames[0]))[0]) is not None:
         return "channels"
     hint = (
         f"A {MAP_FILE_NAME} says which is which (docs/shots.md); in Blender, turn on Combined, Z and Vector."
