@@ -63,8 +63,8 @@ which light changes with the jitter. Of static scenes nearly all windows are bel
 changes by one factor has the reciprocal of the squared contrast of the ground, and f / (1 - f) where it
 changes in a part f of a window."""
 BLATANT = 2.5
-"""Mean square residual of the small window, over the variance of the residuals in it, above which light changes
-in the windows around it, too: they have a part of what changes."""
+"""Mean square residual of the small window, over the variance of the residuals in it, above which light is
+taken to change in the windows around it, too: they have a part of what changes."""
 UNRESOLVED = 0.85
 """Variance of the residuals in a small window, over that of the samples, above which the mean says nothing of
 the samples: they are of a pattern that moves in step with the jitter. Patterns reach 0.8 where they stand."""
