@@ -70,7 +70,7 @@ def main(
     compile_for(instructions)
     tables = {f"study speed {instructions}": markdown_table}
     check_page(update, tables)
-    displays = [parse_size(size) for size in listed(sizes)]
+    displays = [parse_size(size, "--sizes") for size in listed(sizes)]
     with ERRORS.status("timing"):
         timed = speed.measure_speed(listed(methods), displays, ["cpu"], [threads], steps=steps)
         limits = speed.measure_limits()

@@ -211,7 +211,7 @@ def test_a_doubtful_frame_is_named(tmp_path: Path) -> None:
         ),
         (("import", "a.safetensors", "-o", "x"), "a.safetensors"),
         (("import", ".", "-o", "x", "--layout=blender", "--channels=none.json"), "--channels is none.json"),
-        (("import", ".", "-o", "x", "--conventions", "opengl"), "want one of fsr, xess"),
+        (("import", ".", "-o", "x", "--conventions", "opengl"), "want one of supersampler, fsr, xess"),
         (("import", ".", "-o", "x", "--cuts", "1;2"), "--cuts is '1;2'"),
     ],
 )

@@ -102,9 +102,9 @@ def listed(text: str) -> list[str]:
     return [part.strip() for part in text.split(",")]
 
 
-def sizes_of(text: str) -> list[Size]:
+def sizes_of(option: str, text: str) -> list[Size]:
     """Return the sizes of an option."""
-    return [parse_size(part) for part in listed(text)]
+    return [parse_size(part, option) for part in listed(text)]
 
 
 def numbers_of(option: str, text: str) -> list[float]:
@@ -128,7 +128,7 @@ def size_pairs_of(text: str) -> list[tuple[Size, Size]]:
     pairs = [part.split(":") for part in listed(text)]
     if any(len(pair) != 2 for pair in pairs):
         raise ArgumentError("--sizes", got=repr(text), want="pairs as 960x540:1920x1080, with commas between")
-    return [(parse_size(render), parse_size(display)) for render, display in pairs]
+    return [(parse_size(render, "--sizes"), parse_size(display, "--sizes")) for render, display in pairs]
 
 
 def words_of(option: str, text: str, known: Sequence[T]) -> list[T]:

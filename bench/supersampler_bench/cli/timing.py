@@ -55,7 +55,7 @@ def cost(
 
     tables = {"cost": bench.markdown_table}
     check_page(update, tables)
-    size = parse_size(display_size)
+    size = parse_size(display_size, "--display-size")
     costs = [bench.measure_cost(name, size) for name in listed(methods)]
     publish(bench.cost_record(costs, size), tables, json, update)
 
@@ -106,7 +106,7 @@ def traffic(
 
 def startup(
     methods: METHODS = "taa,taau,classifier-small,classifier",
-    size: Annotated[str, typer.Option(help="Of the frame, render pixels.")] = "480x270",
+    render_size: Annotated[str, typer.Option(metavar="WxH", help="Size of the frame.")] = "480x270",
     cold: Annotated[int, typer.Option(min=1, help="Processes that start with an empty kernel cache.")] = 3,
     warm: Annotated[int, typer.Option(min=1, help="Processes that start with a full one.")] = 5,
     json: JSON = None,
@@ -122,7 +122,7 @@ def startup(
 
     tables = {"startup": bench.markdown_table}
     check_page(update, tables)
-    names, render = listed(methods), parse_size(size)
+    names, render = listed(methods), parse_size(render_size, "--render-size")
     with counted("programs", len(names) * (cold + warm)) as advance:
         results = bench.measure_startup(names, render, cold=cold, warm=warm, on_process=advance)
     publish(bench.startup_record(results, render, 2.0), tables, json, update)
@@ -184,7 +184,7 @@ def speed(
     with ERRORS.status("timing"):
         results = bench.measure_speed(
             listed(methods),
-            sizes_of(sizes or "960x540,1920x1080"),
+            sizes_of("--sizes", sizes or "960x540,1920x1080"),
             executors_of(executors),
             [int(text) for text in listed(threads or "1,2")],
             precisions=words_of("--precisions", precisions, known),
@@ -218,7 +218,7 @@ def _compare_speed(
 
     tables = {"against": bench.markdown_table}
     check_page(update, tables)
-    displays, rounds = sizes_of(sizes or "960x540"), bench.Rounds(**taken)
+    displays, rounds = sizes_of("--sizes", sizes or "960x540"), bench.Rounds(**taken)
     counts = [int(text) for text in listed(threads or str(os.cpu_count() or 1))]
     with counted("rounds", len(methods) * rounds.total(len(displays) * len(counts))) as advance:
         sides, results = bench.measure_against(
@@ -249,7 +249,7 @@ def skip(
 
     tables = {"skip": bench.markdown_table}
     check_page(update, tables)
-    families, names, size = listed(scenes), listed(methods), parse_size(display_size)
+    families, names, size = listed(scenes), listed(methods), parse_size(display_size, "--display-size")
     with counted("frames", len(bench.MOVES) * len(families) * bench.frame_count(ratio)) as advance:
         results = bench.measure_skipping(
             families, names, size, ratio=ratio, samples=samples, on_frame=advance
@@ -297,7 +297,10 @@ def pareto(
         "pareto unshaded": extrapolated.unshaded_table,
     }
     check_page(update, tables)
-    records, size = [read_record(path) for path in quality or [SHIPPED_PARETO]], parse_size(display_size)
+    records, size = (
+        [read_record(path) for path in quality or [SHIPPED_PARETO]],
+        parse_size(display_size, "--display-size"),
+    )
     scored = [record for record in records if record["bench"] != extrapolated.BENCH]
     with ERRORS.status("timing"):
         points = bench.measure_pareto(scored, size, threads=threads, steps=steps, on_left_out=warn)

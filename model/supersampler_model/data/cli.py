@@ -26,8 +26,8 @@ def render(
     ] = "train",
     sequences: Annotated[int, typer.Option(help="How many.")] = 60,
     frames: Annotated[int, typer.Option(help="Frames of each.")] = 25,
-    size: Annotated[str, typer.Option(help="Display size, WxH.")] = "640x360",
-    ratios: Annotated[
+    display_size: Annotated[str, typer.Option(metavar="WxH", help="Size of the references.")] = "640x360",
+    ratio: Annotated[
         str, typer.Option(help="Display over render size, chosen at random from these.")
     ] = "1,1.5,2,3,4",
     also: Annotated[
@@ -70,8 +70,8 @@ def render(
         families=families,
         sequences=sequences,
         frames=frames,
-        display_size=parse_size(size),
-        ratios=_numbers("--ratios", ratios),
+        display_size=parse_size(display_size, "--display-size"),
+        ratios=_numbers("--ratio", ratio),
         samples=samples,
         gbuffers=gbuffers,
         seed=seed,
