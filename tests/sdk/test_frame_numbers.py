@@ -28,7 +28,7 @@ def ranges(draw: st.DrawFn, largest: int = 400) -> FrameNumbers:
 @given(ranges(LARGEST_NUMBER))
 def test_the_text_of_numbers_is_parsed_to_the_same_numbers(numbers: FrameNumbers) -> None:
     assert FrameNumbers.parse(str(numbers), "--frames") == numbers
-    assert FrameNumbers.parse(str(numbers).replace(",", " , ").replace("-", " - ")) == numbers
+    assert FrameNumbers.parse(str(numbers).replace(",", " , ").replace("-", " - "), "--frames") == numbers
 
 
 @given(ranges())
