@@ -48,7 +48,7 @@ def main(
     check_page(update, {name: TABLES[what]})
     names = listed(methods)
     if what == "times":
-        sizes = sizes_of(display_sizes)
+        sizes = sizes_of("--display-sizes", display_sizes)
         rows = [timing(method, size, frames, pairs) for size in sizes for method in names]
     else:
         rows = [motion_errors(family) for family in TEST_SHOTS.seeds]

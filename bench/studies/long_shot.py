@@ -51,7 +51,7 @@ def main(
     """Measure whole runs."""
     check_page(update, {RUNS: markdown_table})
     rows = []
-    for size in sizes_of(display_sizes):
+    for size in sizes_of("--display-sizes", display_sizes):
         source = rendered(folder, size, ring)
         for formats in (["exr"], ["png"], ["exr", "png", "mp4"]):
             chosen = [f"--format={name}" for name in formats]
@@ -60,7 +60,7 @@ def main(
             print(jsonlib.dumps(rows[-1]), flush=True)
     record: dict[str, Any] = {"bench": "long_shot", "frames": frames, "cores": os.cpu_count(), "rows": rows}
     if long:
-        source = rendered(folder, sizes_of(display_sizes)[0], ring)
+        source = rendered(folder, sizes_of("--display-sizes", display_sizes)[0], ring)
         with TemporaryDirectory(dir=folder) as output:
             run = upscaled(repeated(source, long), Path(output), options.split())
         record["long"] = {"frames": long, "options": options, "size": rows[0]["size"], **run}

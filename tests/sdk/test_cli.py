@@ -233,7 +233,7 @@ def test_a_runtime_only_install_says_what_to_install() -> None:
     code = "import sys; sys.modules.update(torch=None, onnx=None); from supersampler.cli import main; main()"
     command = [sys.executable, "-c", code, "export", "taau", "-o", "x"]
     done = subprocess.run(command, capture_output=True, text=True)
-    want = 'needs (torch|onnx), which the runtime does not. Install it: pip install "supersampler\\[train]"'
+    want = 'needs (torch|onnx), which is not installed. Install it: pip install "supersampler\\[train]"'
     assert done.returncode == 1
     assert re.fullmatch(f"error: this command {want}\n", done.stderr)
 

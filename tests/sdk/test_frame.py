@@ -152,7 +152,7 @@ def test_a_step_of_what_is_no_frame_says_what_to_hand_in_and_shows_no_pixels() -
         ({"color": item.frame.color}, "want a supersampler.Frame"),
     ):
         with pytest.raises(ArgumentError) as caught:
-            upscaler.step(value)  # type: ignore[arg-type]
+            upscaler.step(value)  # type: ignore[call-overload]
         message = str(caught.value)
         assert advice in message
         assert len(message) < 200

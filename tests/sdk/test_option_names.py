@@ -11,7 +11,8 @@ from typing import NamedTuple
 import pytest
 import typer
 
-from supersampler.cli import TOOLS, app
+from supersampler.cli import app
+from supersampler.cli.app import TOOLS
 
 ROOT = Path(__file__).parents[2]
 FOLDERS = {"supersampler": "sdk", "supersampler_model": "model", "supersampler_export": "export",
@@ -36,7 +37,7 @@ class Command(NamedTuple):
 @cache
 def commands() -> dict[str, Command]:
     """All commands, those of groups as "bench quality"."""
-    found = {}
+    found: dict[str, Command] = {}
     for name, command in typer.main.get_command(app).commands.items():  # type: ignore[attr-defined]
         each = typer.main.get_command(import_module(TOOLS[name][0]).app) if name in TOOLS else command
         for sub, one in getattr(each, "commands", {"": each}).items():
@@ -71,7 +72,7 @@ def module_of(name: str) -> Module | None:
 
 def imported(nodes: list[ast.stmt]) -> dict[str, str]:
     """The full names of what statements import."""
-    found = {}
+    found: dict[str, str] = {}
     for node in nodes:
         if isinstance(node, ast.ImportFrom):
             found |= {alias.asname or alias.name: f"{node.module}.{alias.name}" for alias in node.names}

@@ -59,7 +59,8 @@ def mip(base: NDArray[np.float64], level: int, x: Any, y: Any) -> NDArray[np.flo
 
     above = texel(0, 0) * (1 - u) + texel(1, 0) * u
     below: NDArray[np.float64] = texel(0, 1) * (1 - u) + texel(1, 1) * u
-    return above * (1 - v) + below * v
+    found: NDArray[np.float64] = above * (1 - v) + below * v
+    return found
 
 
 def plane(ratio: float, bias: float, *, seed: int = 0, slope: float = 1.0) -> list[Frame]:
@@ -81,7 +82,7 @@ def plane(ratio: float, bias: float, *, seed: int = 0, slope: float = 1.0) -> li
             Frame(
                 color=np.repeat(light[..., None], 3, axis=2).astype(np.float32),
                 depth=np.full(light.shape, 0.1, np.float32),
-                motion=np.broadcast_to(np.float32(VELOCITY), (*light.shape, 2)).copy(),
+                motion=np.broadcast_to(np.array(VELOCITY, np.float32), (*light.shape, 2)).copy(),
                 jitter=jitter,
                 reset=index == 0,
             )

@@ -50,10 +50,11 @@ def device(
     GPU: also each pass, copies of the device, steps on arrays, and the images against those of the CPU
     backend. The record is written after each result.
 
+    \b
     Examples:
       supersampler bench device --providers cuda --capture --json device.json
       supersampler bench device --executor gpu --ratio 2,1.5,4 --steps 300 --json device-gpu.json
-    """
+    """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_bench.timing import device as bench
 
     if executor not in (known := ("onnx", "gpu", "torch")):

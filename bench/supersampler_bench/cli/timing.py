@@ -48,9 +48,10 @@ def cost(
 ) -> None:
     """Count the multiply-adds and parameters of networks, in their graphs.
 
+    \b
     Example:
       supersampler bench cost --methods classifier,my_classifier --update docs/results/methods.md
-    """
+    """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_bench.timing import network_cost as bench
 
     tables = {"cost": bench.markdown_table}
@@ -75,9 +76,10 @@ def traffic(
     shaders declare, with frame and image in textures. The second table has the times that named GPUs need at
     least, computed from their published figures.
 
+    \b
     Example:
       supersampler bench traffic --methods classifier,classifier:fp16 --json traffic.json
-    """
+    """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_bench.specs import parse_spec
     from supersampler_bench.timing import traffic as bench
     from supersampler_bench.timing.gpu_traffic import count_gpu
@@ -114,10 +116,11 @@ def startup(
 ) -> None:
     """Time the first frame of a program: with an empty kernel cache, and with a full one.
 
+    \b
     Example:
       supersampler bench startup --methods classifier --update docs/results/backends.md
       supersampler bench startup --methods taau:gpu,classifier:gpu
-    """
+    """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_bench.timing import startup as bench
 
     tables = {"startup": bench.markdown_table}
@@ -242,9 +245,10 @@ def skip(
     is nothing to save. Methods need kernels. Frames are rendered here, with OpenGL. Nothing else should run
     on the machine.
 
+    \b
     Example:
       supersampler bench skip --scenes court --methods classifier --update docs/results/backends.md
-    """
+    """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_bench.timing import skip as bench
 
     tables = {"skip": bench.markdown_table}
@@ -302,9 +306,13 @@ def pareto(
         parse_size(display_size, "--display-size"),
     )
     scored = [record for record in records if record["bench"] != extrapolated.BENCH]
-    with ERRORS.status("timing"):
-        points = bench.measure_pareto(scored, size, threads=threads, steps=steps, on_left_out=warn)
-        unshaded = extrapolated.measure_unshaded(records, size, threads=threads, steps=steps)
+    with counted("rounds", (2 * len(bench.scores_of(scored)) + 1) * steps) as advance:
+        points = bench.measure_pareto(
+            scored, size, threads=threads, steps=steps, on_left_out=warn, on_round=advance
+        )
+        unshaded = extrapolated.measure_unshaded(
+            records, size, threads=threads, steps=steps, on_round=advance
+        )
     record = bench.pareto_record(points, bench.shots_of(scored[0]), size, threads, unshaded)
     publish(record, tables, json, update)
     if output is not None:

@@ -147,11 +147,14 @@ class Steppable(Protocol):
         """Time one step."""
 
 
-def take_turns(runners: Sequence[Steppable], steps: int) -> None:
-    """Step all in turn, so many times."""
+def take_turns(
+    runners: Sequence[Steppable], steps: int, *, on_round: Callable[[], None] = lambda: None
+) -> None:
+    """Step all in turn, so many times; call `on_round` after each."""
     for _ in range(steps):
         for runner in runners:
             runner.step()
+        on_round()
 
 
 def quantiles(milliseconds: Sequence[float]) -> tuple[float, float, float]:
@@ -192,7 +195,12 @@ def measure_speed(
 
 
 def measure_settings(
-    settings: Sequence[Setting], *, ratio: float, steps: int, on_left_out: Callable[[str], None]
+    settings: Sequence[Setting],
+    *,
+    ratio: float,
+    steps: int,
+    on_left_out: Callable[[str], None],
+    on_round: Callable[[], None] = lambda: None,
 ) -> list[Timed]:
     """Time settings of one size and number of threads, and `REFERENCE`, in turns; the slow after the fast.
 
@@ -201,6 +209,7 @@ def measure_settings(
         ratio: display over render size.
         steps: that count, of each.
         on_left_out: called with the reason why a method is left out.
+        on_round: called 2 x `steps` times: after each turn of the fast, and of the slow.
 
     Returns:
         The reference first.
@@ -213,8 +222,8 @@ def measure_settings(
     others = [s for s in settings if s != first and s.method in kept]
     runners = [_Runner(first, frames), *_runners(others, frames)]
     slow = [runner for runner in runners if runner.least > SLOW * runners[0].least]
-    take_turns([runner for runner in runners if runner not in slow], steps)
-    take_turns(slow, steps)
+    take_turns([runner for runner in runners if runner not in slow], steps, on_round=on_round)
+    take_turns(slow, steps, on_round=on_round)
     reference = statistics.median(runners[0].wall)
     return [runner.timed(reference) for runner in runners]
 

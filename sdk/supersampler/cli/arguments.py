@@ -48,7 +48,7 @@ def open_shot(text: str) -> "Shot":
     return open_source(text)
 
 
-def parse_size(text: str, option: str) -> Size:
+def parse_size(text: str, option: str = "size") -> Size:
     """Parse "1920x1080" as (1920, 1080); ArgumentError, with the name of the option, for anything else."""
     found = re.fullmatch(r"\s*([1-9]\d*)\s*[xX×]\s*([1-9]\d*)\s*", text)
     if found is None:

@@ -52,7 +52,9 @@ def texture_detail(pair: FramePair) -> NDArray[np.float64]:
 
     def change(by: int, axis: int) -> NDArray[np.float64]:
         offsets = [(sign * by * (1 - axis), sign * by * axis) for sign in (-1, 1)]
-        return sum((around[o] - around[0, 0]) ** 2 for o in offsets) / 2
+        before, after = ((around[o] - around[0, 0]) ** 2 for o in offsets)
+        mean: NDArray[np.float64] = (before + after) / 2
+        return mean
 
     difference = (pair.tone_before[near_y + 1, near_x + 1] - around[0, 0]) ** 2
     smooth = squared[0] * change(1, 0) + squared[1] * change(1, 1)
@@ -60,7 +62,8 @@ def texture_detail(pair: FramePair) -> NDArray[np.float64]:
 
     def sums(values: NDArray[np.float64]) -> NDArray[np.float64]:
         known = np.where(usable & np.isfinite(values), values, 0.0)
-        return known.reshape(-1, _SIDE * _SIDE).sum(axis=1)
+        total: NDArray[np.float64] = known.reshape(-1, _SIDE * _SIDE).sum(axis=1)
+        return total
 
     count, two_sum, smooth_sum = sums(np.ones(len(rows))), sums(two), sums(smooth)
     textured = (count >= 0.8 * _SIDE**2) & (two_sum > 2 * _MIN_CONTRAST * count)
