@@ -77,7 +77,7 @@ def write_renders(folder: Path, names: dict[int, str], **header: Any) -> Path:
     return folder
 
 
-OURS = ("--conventions", "{}")
+OURS = ("--conventions", "supersampler")
 """Options that open `write_renders` in this package's conventions."""
 
 

@@ -37,7 +37,7 @@ from supersampler_model.data.specs import SequenceSpec
 def main(
     what: Annotated[str, typer.Argument(help="times or motion.")],
     methods: Annotated[str, typer.Option(help="With commas between.")] = "classifier,taau",
-    display_sizes: Annotated[str, typer.Option(help="Sizes of the timed images.")] = "960x540",
+    display_size: Annotated[str, typer.Option(help="Sizes of the timed images.")] = "960x540",
     frames: Annotated[int, typer.Option(help="Of each timed run.")] = 192,
     pairs: Annotated[int, typer.Option(help="Timed runs of one pass and of two.")] = 5,
     json: JSON = None,
@@ -48,7 +48,7 @@ def main(
     check_page(update, {name: TABLES[what]})
     names = listed(methods)
     if what == "times":
-        sizes = sizes_of(display_sizes)
+        sizes = sizes_of("--display-size", display_size)
         rows = [timing(method, size, frames, pairs) for size in sizes for method in names]
     else:
         rows = [motion_errors(family) for family in TEST_SHOTS.seeds]

@@ -38,7 +38,7 @@ EVERY = 0.5  # seconds between two samples of the memory
 
 def main(
     folder: Annotated[Path, typer.Argument(help="For the rendered frames, and results while they exist.")],
-    display_sizes: Annotated[str, typer.Option(help="Sizes of the results.")] = "1920x1080,3840x2160",
+    display_size: Annotated[str, typer.Option(help="Sizes of the results.")] = "1920x1080,3840x2160",
     frames: Annotated[int, typer.Option(help="Of each timed run.")] = 96,
     ring: Annotated[int, typer.Option(help="Rendered frames that a shot repeats.")] = 64,
     long: Annotated[
@@ -51,7 +51,7 @@ def main(
     """Measure whole runs."""
     check_page(update, {RUNS: markdown_table})
     rows = []
-    for size in sizes_of(display_sizes):
+    for size in sizes_of("--display-size", display_size):
         source = rendered(folder, size, ring)
         for formats in (["exr"], ["png"], ["exr", "png", "mp4"]):
             chosen = [f"--format={name}" for name in formats]
@@ -60,7 +60,7 @@ def main(
             print(jsonlib.dumps(rows[-1]), flush=True)
     record: dict[str, Any] = {"bench": "long_shot", "frames": frames, "cores": os.cpu_count(), "rows": rows}
     if long:
-        source = rendered(folder, sizes_of(display_sizes)[0], ring)
+        source = rendered(folder, sizes_of("--display-size", display_size)[0], ring)
         with TemporaryDirectory(dir=folder) as output:
             run = upscaled(repeated(source, long), Path(output), options.split())
         record["long"] = {"frames": long, "options": options, "size": rows[0]["size"], **run}

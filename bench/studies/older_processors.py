@@ -70,7 +70,7 @@ def main(
     compile_for(instructions)
     tables = {f"study latency {instructions}": markdown_table}
     check_page(update, tables)
-    displays = [parse_size(size) for size in listed(sizes)]
+    displays = [parse_size(size, "--sizes") for size in listed(sizes)]
     with ERRORS.status("timing"):
         timed = latency.measure_latency(listed(methods), displays, ["cpu"], [threads], steps=steps)
         limits = latency.measure_limits()

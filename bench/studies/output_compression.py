@@ -132,8 +132,8 @@ def main(
     if image is None:
         raise ArgumentError("shot", got=f"{SHOT} without a reference", want=f"one in frame {FRAME}")
     files, shown = [], []
-    with counted("sizes", len(sizes_of(sizes))) as advance:
-        for size in sizes_of(sizes):
+    with counted("sizes", len(sizes_of("--sizes", sizes))) as advance:
+        for size in sizes_of("--sizes", sizes):
             full = filled(image, size)
             files += [{"size": size, **row} for row in measure_files(full, times)]
             shown += [{"size": size, **row} for row in measure_transforms(full, times)]

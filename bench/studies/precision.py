@@ -172,7 +172,7 @@ def main(
     """Measure what lower precisions cost at the end of long sequences."""
     tables = {"study precision": markdown_table}
     check_page(update, tables)
-    families, size = listed(scenes), parse_size(display_size)
+    families, size = listed(scenes), parse_size(display_size, "--display-size")
     with counted("frames", len(families) * frames) as advance:
         results = measure_precision(
             families, listed(methods), size, frames, ratio=ratio, samples=samples, on_frame=advance

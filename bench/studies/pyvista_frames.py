@@ -212,7 +212,9 @@ def main(
     """Time a PyVista viewer with MSAA, SSAA and models."""
     tables = {"study pyvista": markdown_table}
     check_page(update, tables)
-    record, images = measure(parse_size(display_size), scale, listed(models), frames, compared)
+    record, images = measure(
+        parse_size(display_size, "--display-size"), scale, listed(models), frames, compared
+    )
     publish(record, tables, json, update)
     if image is not None:
         with replacing(image) as partial:

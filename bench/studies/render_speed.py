@@ -200,7 +200,9 @@ def main(
     json: JSON = None,
 ) -> None:
     """Time `supersampler render --gbuffers` into a temporary folder; keep the machine idle otherwise."""
-    load = RenderLoad(display_size=parse_size(size), samples=samples, workers=workers, frames=frames)
+    load = RenderLoad(
+        display_size=parse_size(size, "--size"), samples=samples, workers=workers, frames=frames
+    )
     with counted("rendering", load.plan().sequences * frames) as advance:
         record = measure_render(load, advance)
     publish(record, {"render": markdown_table}, json, None)

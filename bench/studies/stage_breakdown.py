@@ -197,7 +197,7 @@ def main(
     check_page(update, tables)
     with ERRORS.status("timing"):
         results = [
-            measure_stages(name, parse_size(size), threads=threads, steps=steps)
+            measure_stages(name, parse_size(size, "--sizes"), threads=threads, steps=steps)
             for name in listed(methods)
             for size in listed(sizes)
         ]

@@ -22,7 +22,11 @@ from supersampler_export.shaders.translation import Target
 if TYPE_CHECKING:
     from supersampler_model.methods.base import Method
 
-app = typer.Typer(help="Write a method as a model folder for ONNX Runtime, or its shaders for engines.")
+app = typer.Typer(
+    help="Write a method as a model folder for ONNX Runtime, or its shaders for engines.",
+    add_completion=False,
+    rich_markup_mode=None,
+)
 
 
 @app.command()
@@ -56,12 +60,13 @@ def export(
     With --target, write a compute shader for each pass, the weights, and upscaler.json, which says how an
     engine runs them. This needs no torch and no GPU; all but wgsl are translated by naga, which npm installs.
 
+    \b
     Examples:
       supersampler export taau -o my_taau
       supersampler export classifier --weights run/weights.safetensors -o my_classifier
       supersampler upscale SHOT --model my_taau -o out
       supersampler export classifier --target wgsl -o shaders
-    """
+    """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     if target is not None:
         if weights is not None:
             hint = "Export a model folder with these weights, then `supersampler export FOLDER --target ...`."

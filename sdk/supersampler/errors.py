@@ -107,11 +107,16 @@ def did_you_mean(word: object, choices: Collection[str]) -> str:
 
 
 def shown(value: object) -> str:
-    """Return a short text for any value, for messages; a `repr` that fails is not a problem."""
+    """Return a short text for any value, for messages; a `repr` that fails is not a problem.
+
+    Arrays, and what holds some, are shown by shape or type.
+    """
     try:
         if getattr(value, "ndim", 0):
             return f"{type(value).__name__} {tuple(value.shape)} {value.dtype}"  # type: ignore[attr-defined]
         text = " ".join(repr(value).split())
+        if "array(" in text or "tensor(" in text:  # their numbers say nothing
+            return f"of type {type(value).__name__}"
     except Exception:  # of a user's class, or of an int with more than 4300 digits
         return f"of type {type(value).__name__}"
     return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."

@@ -116,7 +116,7 @@ class Frame:
         if leader.ndim < 2 or 0 in leader.shape:
             name, want = ("depth", "(h, w)") if self.color is None else ("color", "(h, w, 3)")
             raise FrameError(name, got=leader.shape, want=f"{want} with at least one pixel")
-        h, w = leader.shape[:2]
+        h, w = leader.shape[1:] if _is_channels_first(leader) else leader.shape[:2]
         if self.color is not None:
             _check("color", self.color, (h, w, 3), _HALF_OR_SINGLE)
         _check("depth", self.depth, (h, w), _SINGLE)
@@ -126,7 +126,7 @@ class Frame:
         if self.motion_next is not None:
             _check("motion_next", self.motion_next, (h, w, 2), _HALF_OR_SINGLE)
         if self.aovs is not None:
-            channels = self.aovs.shape[-1] if self.aovs.ndim == 3 else 0
+            channels = self.aovs.shape[-1] if self.aovs.shape[:2] == (h, w) and self.aovs.ndim == 3 else 0
             channels = channels if 1 <= channels <= MAX_AOVS else "k"
             _check("aovs", self.aovs, (h, w, channels), _HALF_OR_SINGLE)
 
@@ -134,10 +134,20 @@ class Frame:
 def checked_frame(frame: Frame) -> Frame:
     """Return a frame after `Frame.check_shapes`; raise ArgumentError if it is not a Frame."""
     if not isinstance(frame, Frame):
-        hint = "`Conventions.converter` makes one of a RawFrame."
-        raise ArgumentError("frame", got=shown(frame), want="a supersampler.Frame", hint=hint)
+        raise ArgumentError("frame", got=shown(frame), want="a supersampler.Frame", hint=_frame_hint(frame))
     frame.check_shapes()
     return frame
+
+
+def _frame_hint(value: object) -> str:
+    """Return advice for what is often handed in instead of a Frame."""
+    if isinstance(getattr(value, "frame", None), Frame):
+        return f"It holds one: hand in the `frame` of the {type(value).__name__}."
+    if isinstance(value, list | tuple):
+        return "Hand in one frame a call, in order."
+    if hasattr(value, "shape"):
+        return "Frame(color=, depth=, motion=, jitter=) takes the arrays."
+    return "`Conventions.converter` makes one of a RawFrame."
 
 
 def arrays_of(frame: Frame) -> list[NDArray[Any]]:
@@ -249,8 +259,11 @@ def _hint(array: NDArray[Any], shape: tuple[object, ...]) -> str:
         return "Bring integers to their range first: array.astype(np.float32) / 255, say."
     if array.shape == shape:
         return "Convert it: array.astype(np.float32)."
-    if len(shape) == 3 and array.shape == (shape[2], shape[0], shape[1]):
-        return "It is channels first; hand in array.transpose(1, 2, 0)."
+    if len(shape) == 3 and array.shape[1:] == shape[:2]:
+        rest = "[..., :3]" if shape[2] == 3 and array.shape[0] == 4 else ""
+        return f"It is channels first; hand in array.transpose(1, 2, 0){rest}."
+    if array.ndim == len(shape) + 1 and array.shape[0] == 1:
+        return "Drop the first axis: array[0]."
     if len(array.shape) >= 2 and array.shape[:2] == (shape[1], shape[0]) and shape[0] != shape[1]:
         return "Width and height are swapped: arrays are (height, width, channels)."
     if len(shape) == 2 and array.shape == (*shape, 1):
@@ -258,6 +271,11 @@ def _hint(array: NDArray[Any], shape: tuple[object, ...]) -> str:
     if len(shape) == 3 and array.ndim == 3 and array.shape[:2] == shape[:2] and isinstance(shape[2], int):
         return f"Keep the first {shape[2]} channels." if array.shape[2] > shape[2] else ""
     return f"k is 1 to {MAX_AOVS}." if shape[-1] == "k" else ""
+
+
+def _is_channels_first(color: NDArray[Any]) -> bool:
+    """Return whether colour is likely (3, h, w) or (4, h, w), as torch has it."""
+    return color.ndim == 3 and color.shape[0] in (3, 4) and color.shape[2] > 4
 
 
 def checked_buffers(name: str, buffers: Mapping[str, Array]) -> Mapping[str, Array]:

@@ -81,7 +81,7 @@ def test_other_names_have_no_meaning(name: str) -> None:
     ("extra", "message"),
     [
         (["beauty.R", "beauty.G", "beauty.B"], r"several channels for color: R, G, B and beauty\.R"),
-        (["depth.Z"], r"several channels for depth: Z and depth\.Z\. State the channels by"),
+        (["depth.Z"], r"several channels for depth: Z and depth\.Z\. State them in a channels"),
         (["backward.u", "backward.v"], r"several channels for motion: backward\.u, backward\.v and motion"),
     ],
 )
@@ -152,7 +152,7 @@ def test_import_prints_what_is_not_read_and_unknown_primaries(tmp_path: Path) ->
     primaries = TypedValues("float[8]", (0.5, 0.3, 0.2, 0.7, 0.1, 0.1, 0.3, 0.3))
     frame = tmp_path / "in" / "f.0001.exr"
     write_exr(frame, read_exr(frame), metadata={"chromaticities": primaries})
-    arguments = ["import", str(tmp_path / "in"), "-o", str(tmp_path / "out"), "--conventions", "{}"]
+    arguments = ["import", str(tmp_path / "in"), "-o", str(tmp_path / "out"), "--conventions", "supersampler"]
     done = CliRunner().invoke(app, arguments)
     assert "Not read, as they cannot be blended: P.X, crypto00.R" in done.stdout
     assert "Unknown primaries in the files' headers. State the colour space: --color-space" in done.stdout

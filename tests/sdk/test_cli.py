@@ -211,7 +211,7 @@ def test_a_doubtful_frame_is_named(tmp_path: Path) -> None:
         ),
         (("import", "a.safetensors", "-o", "x"), "a.safetensors"),
         (("import", ".", "-o", "x", "--layout=blender", "--channels=none.json"), "--channels is none.json"),
-        (("import", ".", "-o", "x", "--conventions", "opengl"), "want one of fsr, xess"),
+        (("import", ".", "-o", "x", "--conventions", "opengl"), "want one of supersampler, fsr, xess"),
         (("import", ".", "-o", "x", "--cuts", "1;2"), "--cuts is '1;2'"),
     ],
 )
@@ -233,7 +233,7 @@ def test_a_runtime_only_install_says_what_to_install() -> None:
     code = "import sys; sys.modules.update(torch=None, onnx=None); from supersampler.cli import main; main()"
     command = [sys.executable, "-c", code, "export", "taau", "-o", "x"]
     done = subprocess.run(command, capture_output=True, text=True)
-    want = 'needs (torch|onnx), which the runtime does not. Install it: pip install "supersampler\\[train]"'
+    want = 'needs (torch|onnx), which is not installed. Install it: pip install "supersampler\\[train]"'
     assert done.returncode == 1
     assert re.fullmatch(f"error: this command {want}\n", done.stderr)
 

@@ -1,8 +1,10 @@
 """Tests of `Conventions`: round trips over all fields, the vendors' formulas, refused values."""
 
 import json
+import re
 from collections.abc import Callable
 from dataclasses import fields, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,16 +12,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from supersampler.conventions import Conventions, RawFrame
+from supersampler.conventions import PRESETS, Conventions, RawFrame
 from supersampler.conventions.depth import DepthKind
 from supersampler.conventions.jitter import jittered_projection
 from supersampler.errors import ArgumentError, FrameError
 from supersampler.frame import Frame, Size
 
-PRESETS: list[Callable[..., Conventions]] = [
-    Conventions, Conventions.fsr, Conventions.xess, Conventions.streamline, Conventions.unreal,
-    Conventions.unity, Conventions.godot, Conventions.blender, Conventions.arm_gym, Conventions.vtk,
-]  # fmt: skip
 KINDS: list[DepthKind] = ["reversed_infinite", "reversed", "forward_infinite", "forward", "linear"]
 NEAR, FAR = 0.1, 100.0
 
@@ -107,7 +105,7 @@ def test_json_and_repr_keep_every_field(conventions: Conventions) -> None:
     assert eval(repr(conventions)) == conventions  # noqa: S307 - repr is documented to be the call
 
 
-@pytest.mark.parametrize("preset", PRESETS)
+@pytest.mark.parametrize("preset", PRESETS.values())
 def test_presets_take_overrides_and_survive_json(preset: Callable[..., Conventions]) -> None:
     conventions = preset(srgb=True, motion_scale=(2, -2))
     assert conventions == replace(preset(), srgb=True, motion_scale=(2.0, -2.0))
@@ -330,3 +328,12 @@ def test_every_field_is_explained() -> None:
     assert Conventions.__doc__
     explained = {line.strip().partition(":")[0] for line in Conventions.__doc__.splitlines()}
     assert {f.name for f in fields(Conventions)} <= explained
+
+
+def test_the_command_line_and_the_docs_list_every_preset() -> None:
+    docs = Path(__file__).parents[2] / "docs" / "conventions.md"
+    own = {name for name, value in vars(Conventions).items() if isinstance(value, classmethod)}
+    listed = re.findall(r"^\| `(\w+)` \|", docs.read_text().partition("## The presets")[2], re.MULTILINE)
+    assert [*PRESETS] == listed
+    assert {*PRESETS} - {"supersampler"} == {name for name in own if name not in ("from_json", "_preset")}
+    assert all(preset() == getattr(Conventions, name, Conventions)() for name, preset in PRESETS.items())

@@ -321,7 +321,7 @@ def test_a_replay_with_another_extrapolation_says_so(taau: Model, tmp_path: Path
     setup = json.loads((file / "recording.json").read_text())
     setup["extrapolation"]["folder"] = "mine"
     (file / "recording.json").write_text(json.dumps(setup))
-    with pytest.raises(OSError, match=r"model 'mine' \(guided-warp\), which does not ship.*--extrapolation"):
+    with pytest.raises(OSError, match=r"model 'mine' \(guided-warp\), which does not ship.*--extrapolate"):
         Replay(open_recording(file))
     assert Replay(open_recording(file), extrapolation="guided-warp").is_recorded_model
     with make(taau, record=tmp_path / "plain", extrapolation=None) as upscaler:

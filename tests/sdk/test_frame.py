@@ -1,12 +1,14 @@
 """A frame that breaks the contract cannot be made, and says which input, what came, what was wanted."""
 
+import re
 from typing import Any
 
 import numpy as np
 import pytest
 
 from noise import noise
-from supersampler import Frame, FrameError
+from supersampler import ArgumentError, Frame, FrameError, Upscaler
+from supersampler.io.shot import Shot
 
 H, W = 18, 32
 
@@ -104,3 +106,54 @@ def test_the_message_says_what_the_docs_promise() -> None:
         "frame.depth is (80, 45) float32; want (45, 80) float32. "
         "Width and height are swapped: arrays are (height, width, channels)."
     )
+
+
+@pytest.mark.parametrize("channels", [3, 4])
+@pytest.mark.parametrize("all_first", [True, False])
+def test_channels_first_is_said_with_the_call_that_turns_them(channels: int, all_first: bool) -> None:
+    depth, motion = np.zeros((H, W), np.float32), np.zeros((H, W, 2), np.float32)
+    if all_first:
+        depth, motion = depth[None], motion.transpose(2, 0, 1)
+    color = np.zeros((channels, H, W), np.float32)
+    with pytest.raises(FrameError) as caught:
+        Frame(color=color, depth=depth, motion=motion, jitter=(0.0, 0.0))
+    message = str(caught.value)
+    assert f"is ({channels}, {H}, {W}) float32; want ({H}, {W}, 3)" in message
+    turned = eval(message.partition("hand in ")[2].rstrip("."), {"array": color})  # noqa: S307  # the advice
+    assert turned.shape == (H, W, 3)
+
+
+@pytest.mark.parametrize(
+    ("name", "shape", "hint"),
+    [
+        ("color", (1, H, W, 3), "array[0]"),
+        ("depth", (1, H, W), "array[0]"),
+        ("aovs", (5, H, W), "array.transpose(1, 2, 0)"),
+    ],
+)
+def test_other_orders_of_axes_are_said(name: str, shape: tuple[int, ...], hint: str) -> None:
+    inputs = {
+        "color": np.zeros((H, W, 3), np.float32), "depth": np.zeros((H, W), np.float32),
+        "motion": np.zeros((H, W, 2), np.float32), name: np.zeros(shape, np.float32),
+    }  # fmt: skip
+    with pytest.raises(FrameError, match=re.escape(hint)):
+        Frame(**inputs, jitter=(0.0, 0.0))  # type: ignore[arg-type]
+
+
+def test_a_step_of_what_is_no_frame_says_what_to_hand_in_and_shows_no_pixels() -> None:
+    shot = Shot.open("plaza")
+    item = shot.read(0)
+    upscaler = Upscaler("bilinear", display_size=(640, 360))
+    for value, advice in (
+        (item, "hand in the `frame` of the ShotFrame"),
+        ([item.frame], "one frame a call"),
+        (item.frame.color, "Frame(color=, depth=, motion=, jitter=) takes the arrays"),
+        (shot.read_raw(0), "`Conventions.converter` makes one of a RawFrame"),
+        ({"color": item.frame.color}, "want a supersampler.Frame"),
+    ):
+        with pytest.raises(ArgumentError) as caught:
+            upscaler.step(value)  # type: ignore[call-overload]
+        message = str(caught.value)
+        assert advice in message
+        assert len(message) < 200
+        assert "array(" not in message

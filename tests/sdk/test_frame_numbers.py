@@ -27,9 +27,9 @@ def ranges(draw: st.DrawFn, largest: int = 400) -> FrameNumbers:
 
 @given(ranges(LARGEST_NUMBER))
 def test_the_text_of_numbers_is_parsed_to_the_same_numbers(numbers: FrameNumbers) -> None:
-    assert FrameNumbers.parse(str(numbers)) == numbers
+    assert FrameNumbers.parse(str(numbers), "--frames") == numbers
     spaced = re.sub(r"(?<=\d)-", " - ", str(numbers))
-    assert FrameNumbers.parse(spaced.replace(",", " , ")) == numbers
+    assert FrameNumbers.parse(spaced.replace(",", " , "), "--frames") == numbers
 
 
 @given(ranges())
@@ -80,7 +80,7 @@ def test_the_record_of_any_ranges_is_found_again(
 @given(st.text("0123456789-, ax:#", max_size=12))
 def test_any_text_is_refused_or_is_that_of_ascending_numbers(text: str) -> None:
     with suppress(ArgumentError):  # and no other error
-        numbers = FrameNumbers.parse(text)
+        numbers = FrameNumbers.parse(text, "--frames")
         parsed = [
             [int(number) for number in re.findall(r"(?:(?<=\d)-)?\s*(-?\d+)", part)]
             for part in text.split(",")
@@ -92,4 +92,4 @@ def test_any_text_is_refused_or_is_that_of_ascending_numbers(text: str) -> None:
 @pytest.mark.parametrize("text", ["1000000001", "5-1000000001", "99999999999"])
 def test_numbers_beyond_the_largest_are_refused(text: str) -> None:
     with pytest.raises(ArgumentError, match="want frame numbers"):
-        FrameNumbers.parse(text)
+        FrameNumbers.parse(text, "--frames")

@@ -31,9 +31,9 @@ from supersampler_bench.record import setting, write_json
 
 def device(
     methods: METHODS = "taa,taau,classifier-small,classifier,classifier-large",
-    sizes: DISPLAY_SIZES = "3840x2160,1920x1080",
+    display_size: DISPLAY_SIZES = "3840x2160,1920x1080",
     precisions: Annotated[str, typer.Option(help="fp32, fp16, with commas between.")] = "fp32,fp16",
-    provider: Annotated[str, typer.Option(help="Of ONNX Runtime.")] = "auto",
+    providers: Annotated[str, typer.Option(help="Of ONNX Runtime, in order, commas between.")] = "auto",
     executor: Annotated[
         str, typer.Option(help="onnx; gpu: the shaders, by timestamp queries; torch: the modules on CUDA.")
     ] = "onnx",
@@ -50,17 +50,22 @@ def device(
     GPU: also each pass, copies of the device, steps on arrays, and the images against those of the CPU
     backend. The record is written after each result.
 
+    \b
     Examples:
-      supersampler bench device --provider cuda --capture --json device.json
+      supersampler bench device --providers cuda --capture --json device.json
       supersampler bench device --executor gpu --ratio 2,1.5,4 --steps 300 --json device-gpu.json
-    """
+    """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_bench.timing import device as bench
 
     if executor not in (known := ("onnx", "gpu", "torch")):
         raise ArgumentError("--executor", got=repr(executor), want=f"one of {', '.join(known)}")
     kinds: tuple[Precision, ...] = ("fp32", "fp16")
     chosen = words_of("--precisions", precisions, kinds)
-    names, displays, ratios = listed(methods), sizes_of(sizes), numbers_of("--ratio", ratio)
+    names, displays, ratios = (
+        listed(methods),
+        sizes_of("--display-size", display_size),
+        numbers_of("--ratio", ratio),
+    )
     if executor == "gpu":
         _time_shaders(names, displays, ratios, steps, json, update)
         return
@@ -74,8 +79,10 @@ def device(
 
             results, name = measure_torch(names, displays, compiled=both, **taken), "cuda"
         else:
-            results = bench.measure_device(names, displays, chosen, provider=provider, captures=both, **taken)
-            name = Model.load("bilinear", providers=provider, executor="onnx").device
+            results = bench.measure_device(
+                names, displays, chosen, provider=providers, captures=both, **taken
+            )
+            name = Model.load("bilinear", providers=providers, executor="onnx").device
         copied = bench.measure_copy(name)
     publish(bench.device_record(results, copied), tables, json, update)
 

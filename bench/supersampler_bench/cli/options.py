@@ -1,5 +1,6 @@
 """Shared options of the commands, progress bars, and output of records and tables."""
 
+import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -9,6 +10,7 @@ import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from supersampler.cli.arguments import open_shot, parse_size
+from supersampler.cli.progress import LOG_SECONDS
 from supersampler.cli.terminal import Terminal
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
@@ -77,7 +79,7 @@ def warn(text: str) -> None:
 
 @contextmanager
 def counted(text: str, total: int, done: int = 0, *, resumes: bool = False) -> Iterator[Callable[[], None]]:
-    """Show a progress bar on a terminal; yield the function to call after each step.
+    """Show a progress bar on a terminal, else a line now and then; yield what to call after each step.
 
     Args:
         text: what is counted.
@@ -89,8 +91,17 @@ def counted(text: str, total: int, done: int = 0, *, resumes: bool = False) -> I
     terminal = ERRORS.is_terminal
     with Progress(*columns, console=ERRORS, transient=not resumes, disable=not terminal) as progress:
         task = progress.add_task(text, total=total, completed=done)
+        logged = time.monotonic()
+
+        def advance() -> None:
+            nonlocal logged
+            progress.advance(task)
+            if not terminal and time.monotonic() - logged >= LOG_SECONDS:
+                logged = time.monotonic()
+                say(f"{text}: {progress.tasks[0].completed:.0f} of {total}")
+
         try:
-            yield lambda: progress.advance(task)
+            yield advance
         except KeyboardInterrupt:
             if resumes:
                 say("Stopped. The same command continues the run.")
@@ -102,9 +113,9 @@ def listed(text: str) -> list[str]:
     return [part.strip() for part in text.split(",")]
 
 
-def sizes_of(text: str) -> list[Size]:
+def sizes_of(option: str, text: str) -> list[Size]:
     """Return the sizes of an option."""
-    return [parse_size(part) for part in listed(text)]
+    return [parse_size(part, option) for part in listed(text)]
 
 
 def numbers_of(option: str, text: str) -> list[float]:
@@ -128,7 +139,7 @@ def size_pairs_of(text: str) -> list[tuple[Size, Size]]:
     pairs = [part.split(":") for part in listed(text)]
     if any(len(pair) != 2 for pair in pairs):
         raise ArgumentError("--sizes", got=repr(text), want="pairs as 960x540:1920x1080, with commas between")
-    return [(parse_size(render), parse_size(display)) for render, display in pairs]
+    return [(parse_size(render, "--sizes"), parse_size(display, "--sizes")) for render, display in pairs]
 
 
 def words_of(option: str, text: str, known: Sequence[T]) -> list[T]:

@@ -17,9 +17,10 @@ def parity(
 ) -> None:
     """Compare the ONNX and CPU backends with torch, over a long sequence that is rendered here, with OpenGL.
 
+    \b
     Example:
       supersampler bench parity --methods classifier --frames 300 --update docs/results/backends.md
-    """
+    """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_bench import parity as bench
 
     tables = {"parity": bench.markdown_table}

@@ -24,9 +24,10 @@ def tables(
 
     A table whose record is missing, or of another version, is named and left alone.
 
+    \b
     Example:
       supersampler bench tables --check
-    """
+    """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_bench.report.doc_tables import find_all, write
 
     wrong = 0

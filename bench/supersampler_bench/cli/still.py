@@ -63,7 +63,11 @@ def still(
     tables: Tables = {"still": markdown_table, "still summary": summary_table}
     if update is not None:
         find_blocks(update, list(tables))
-    chosen, display, timed_display = _scenes_of(scenes), parse_size(display_size), TIMED_DISPLAY
+    chosen, display, timed_display = (
+        _scenes_of(scenes),
+        parse_size(display_size, "--display-size"),
+        TIMED_DISPLAY,
+    )
     if quick:
         chosen = [(name, QUICK_RATIO) for name in dict(chosen)]
         display = timed_display = QUICK_DISPLAY

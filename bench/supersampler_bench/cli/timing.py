@@ -49,14 +49,15 @@ def cost(
 ) -> None:
     """Count the multiply-adds and parameters of networks, in their graphs.
 
+    \b
     Example:
       supersampler bench cost --methods classifier,my_classifier --update docs/results/methods.md
-    """
+    """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_bench.timing import network_cost as bench
 
     tables = {"cost": bench.markdown_table}
     check_page(update, tables)
-    size = parse_size(display_size)
+    size = parse_size(display_size, "--display-size")
     costs = [bench.measure_cost(name, size) for name in listed(methods)]
     publish(bench.cost_record(costs, size), tables, json, update)
 
@@ -76,9 +77,10 @@ def traffic(
     shaders declare, with frame and image in textures. The second table has the times that named GPUs need at
     least, computed from their published figures.
 
+    \b
     Example:
       supersampler bench traffic --methods classifier,classifier:fp16 --json traffic.json
-    """
+    """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_bench.specs import parse_spec
     from supersampler_bench.timing import traffic as bench
     from supersampler_bench.timing.gpu_traffic import count_gpu
@@ -107,7 +109,7 @@ def traffic(
 
 def startup(
     methods: METHODS = "taa,taau,classifier-small,classifier",
-    size: Annotated[str, typer.Option(help="Of the frame, render pixels.")] = "480x270",
+    render_size: Annotated[str, typer.Option(metavar="WxH", help="Size of the frame.")] = "480x270",
     cold: Annotated[int, typer.Option(min=1, help="Processes that start with an empty kernel cache.")] = 3,
     warm: Annotated[int, typer.Option(min=1, help="Processes that start with a full one.")] = 5,
     json: JSON = None,
@@ -115,15 +117,16 @@ def startup(
 ) -> None:
     """Time the first frame of a program: with an empty kernel cache, and with a full one.
 
+    \b
     Example:
       supersampler bench startup --methods classifier --update docs/results/backends.md
       supersampler bench startup --methods taau:gpu,classifier:gpu
-    """
+    """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_bench.timing import startup as bench
 
     tables = {"startup": bench.markdown_table}
     check_page(update, tables)
-    names, render = listed(methods), parse_size(size)
+    names, render = listed(methods), parse_size(render_size, "--render-size")
     with counted("programs", len(names) * (cold + warm)) as advance:
         results = bench.measure_startup(names, render, cold=cold, warm=warm, on_process=advance)
     publish(bench.startup_record(results, render, 2.0), tables, json, update)
@@ -132,7 +135,7 @@ def startup(
 def latency(
     context: typer.Context,
     methods: METHODS = "taa,taau,classifier-small,classifier",
-    display_sizes: Annotated[
+    display_size: Annotated[
         str | None,
         typer.Option(
             help="Display sizes, with commas between.", show_default="1920x1080; with --against 960x540"
@@ -180,7 +183,7 @@ def latency(
         only = ("executors", "providers", "precisions", "warm_up")
         _check_not_given(context, only, "with --against methods run as they do by default")
         taken = {"rounds": rounds, "steps": steps or 30, "starts": starts, "fresh": fresh}
-        displays = sizes_of(display_sizes or "960x540")
+        displays = sizes_of("--display-size", display_size or "960x540")
         _compare_versions(against, listed(methods), displays, counts, ratio, taken, json, update)
         return
     _check_not_given(context, ("rounds", "starts", "fresh"), "they are of --against")
@@ -192,7 +195,7 @@ def latency(
     with ERRORS.status("timing"):
         results = bench.measure_latency(
             listed(methods),
-            sizes_of(display_sizes or "1920x1080"),
+            sizes_of("--display-size", display_size or "1920x1080"),
             executors_of(executors),
             counts,
             precisions=words_of("--precisions", precisions, known),
@@ -251,14 +254,15 @@ def skip(
     is nothing to save. Methods need kernels. Frames are rendered here, with OpenGL. Nothing else should run
     on the machine.
 
+    \b
     Example:
       supersampler bench skip --scenes court --methods classifier --update docs/results/backends.md
-    """
+    """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_bench.timing import skip as bench
 
     tables = {"skip": bench.markdown_table}
     check_page(update, tables)
-    families, names, size = listed(scenes), listed(methods), parse_size(display_size)
+    families, names, size = listed(scenes), listed(methods), parse_size(display_size, "--display-size")
     with counted("frames", len(bench.MOVES) * len(families) * bench.frame_count(ratio)) as advance:
         results = bench.measure_skipping(
             families, names, size, ratio=ratio, samples=samples, on_frame=advance
@@ -306,11 +310,18 @@ def pareto(
         "pareto unshaded": extrapolated.unshaded_table,
     }
     check_page(update, tables)
-    records, size = [read_record(path) for path in quality or [SHIPPED_PARETO]], parse_size(display_size)
+    records, size = (
+        [read_record(path) for path in quality or [SHIPPED_PARETO]],
+        parse_size(display_size, "--display-size"),
+    )
     scored = [record for record in records if record["bench"] != extrapolated.BENCH]
-    with ERRORS.status("timing"):
-        points = bench.measure_pareto(scored, size, threads=threads, steps=steps, on_left_out=warn)
-        unshaded = extrapolated.measure_unshaded(records, size, threads=threads, steps=steps)
+    with counted("rounds", (2 * len(bench.scores_of(scored)) + 1) * steps) as advance:
+        points = bench.measure_pareto(
+            scored, size, threads=threads, steps=steps, on_left_out=warn, on_round=advance
+        )
+        unshaded = extrapolated.measure_unshaded(
+            records, size, threads=threads, steps=steps, on_round=advance
+        )
     record = bench.pareto_record(points, bench.shots_of(scored[0]), size, threads, unshaded)
     publish(record, tables, json, update)
     if output is not None:

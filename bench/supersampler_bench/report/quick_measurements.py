@@ -5,9 +5,9 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from supersampler.cli.app import missing_extra
 from supersampler.errors import ArgumentError
 from supersampler.io.shot import Shot
-from supersampler_bench.parity import measure_parity, parity_record
 from supersampler_bench.quality.measure import measure_quality
 from supersampler_bench.quality.score_record import quality_record, shot_scores
 from supersampler_bench.record import Record, read_record, setting, write_json
@@ -47,8 +47,8 @@ def measure_quickly(folder: Path, on_part: Callable[[str, str], None]) -> None:
         began = time.perf_counter()
         try:
             records[name] = {**measure(records, folder / name), **setting(), "quick": True}
-        except GraphicsError as error:
-            on_part(name, f"not measured: {error}")
+        except (GraphicsError, ModuleNotFoundError) as error:
+            on_part(name, f"not measured: {missing_extra(error) or error}")
             continue
         write_json(records[name], folder / f"{name}.json")
         on_part(name, f"{time.perf_counter() - began:.0f} s")
@@ -71,6 +71,8 @@ def _pareto(records: Mapping[str, Record], _: Path) -> dict[str, Any]:
 
 
 def _parity(_: Mapping[str, Record], __: Path) -> dict[str, Any]:
+    from supersampler_bench.parity import measure_parity, parity_record  # needs torch
+
     return parity_record(measure_parity(_WITH_KERNELS, _FRAMES))
 
 

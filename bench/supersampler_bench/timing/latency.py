@@ -153,11 +153,14 @@ class Steppable(Protocol):
         """Time one step."""
 
 
-def take_turns(runners: Sequence[Steppable], steps: int) -> None:
-    """Step all in turn, so many times."""
+def take_turns(
+    runners: Sequence[Steppable], steps: int, *, on_round: Callable[[], None] = lambda: None
+) -> None:
+    """Step all in turn, so many times; call `on_round` after each."""
     for _ in range(steps):
         for runner in runners:
             runner.step()
+        on_round()
 
 
 def quantiles(milliseconds: Sequence[float]) -> tuple[float, float, float]:
@@ -211,6 +214,7 @@ def measure_settings(
     providers: str = "cpu",
     warm_up: int = WARM_UP,
     on_left_out: Callable[[str], None],
+    on_round: Callable[[], None] = lambda: None,
 ) -> list[Timed]:
     """Time settings of one size and number of threads, and `REFERENCE`, in turns; the slow after the fast.
 
@@ -221,6 +225,7 @@ def measure_settings(
         providers: of ONNX Runtime, see `Model.load`.
         warm_up: steps of each before those.
         on_left_out: called with the reason why a method is left out.
+        on_round: called 2 x `steps` times: after each turn of the fast, and of the slow.
 
     Returns:
         The reference first.
@@ -234,8 +239,8 @@ def measure_settings(
     make = partial(_Runner, frames=frames, providers=providers, warm_up=warm_up)
     runners = [make(first), *_made(make, others, on_left_out)]
     slow = [runner for runner in runners if runner.least > SLOW * runners[0].least]
-    take_turns([runner for runner in runners if runner not in slow], steps)
-    take_turns(slow, steps)
+    take_turns([runner for runner in runners if runner not in slow], steps, on_round=on_round)
+    take_turns(slow, steps, on_round=on_round)
     reference = statistics.median(runners[0].wall)
     return [runner.timed(reference) for runner in runners]
 

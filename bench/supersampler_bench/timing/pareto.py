@@ -59,6 +59,7 @@ def measure_pareto(
     threads: int,
     steps: int = 20,
     on_left_out: Callable[[str], None] = lambda _: None,
+    on_round: Callable[[], None] = lambda: None,
 ) -> list[Point]:
     """Time all settings that quality records have scores of, on this machine.
 
@@ -70,6 +71,7 @@ def measure_pareto(
         threads: on the CPU.
         steps: that count, of each setting.
         on_left_out: called with the reason why a method is left out: no such model, or another ratio.
+        on_round: called 2 x `steps` times for each ratio of `scores_of`.
 
     Raises:
         ArgumentError: a record has no scores of shots, or is of other shots than the first.
@@ -85,7 +87,9 @@ def measure_pareto(
             if spec.passes == 1 and spec.model not in missing
         }
         settings = list(dict.fromkeys(setting_of.values()))
-        found = measure_settings(settings, ratio=ratio, steps=steps, on_left_out=on_left_out)
+        found = measure_settings(
+            settings, ratio=ratio, steps=steps, on_left_out=on_left_out, on_round=on_round
+        )
         timed = {t.setting: t for t in found}
         for spec in scores:
             setting = setting_of.get(replace(spec, passes=1))

@@ -6,7 +6,7 @@ The time is what an unshaded frame costs; its shading is saved in the renderer.
 import itertools
 import statistics
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from supersampler.frame import Size
@@ -88,7 +88,12 @@ class _Runner:
 
 
 def measure_unshaded(
-    records: Sequence[Record], display: Size, *, threads: int, steps: int
+    records: Sequence[Record],
+    display: Size,
+    *,
+    threads: int,
+    steps: int,
+    on_round: Callable[[], None] = lambda: None,
 ) -> list[UnshadedPoint]:
     """Time in turns everything that records have scores of; return the fastest first.
 
@@ -98,11 +103,12 @@ def measure_unshaded(
         display: (width, height) of the images that are timed.
         threads: on the CPU.
         steps: that count, of each kind of frame.
+        on_round: called `steps` times.
     """
     scored = [point for record in records for point in unshaded_points_of(record)]
     latest = {(point.upscaler, point.model, point.ratio): point for point in scored}
     runners = [_Runner(point, display, threads) for point in latest.values()]
-    take_turns(runners, steps)
+    take_turns(runners, steps, on_round=on_round)
     return sorted((runner.timed() for runner in runners), key=lambda p: (p.ratio, p.unshaded))
 
 

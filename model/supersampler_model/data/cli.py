@@ -11,7 +11,9 @@ from supersampler.cli.terminal import Terminal
 from supersampler.errors import ArgumentError
 from supersampler_model.data.sequences import APART_FAMILIES, TEST_FAMILIES, TRAIN_FAMILIES
 
-app = typer.Typer(help="Render a training set with exact truth and labels.")
+app = typer.Typer(
+    help="Render a training set with exact truth and labels.", add_completion=False, rich_markup_mode=None
+)
 
 
 @app.command()
@@ -26,8 +28,8 @@ def render(
     ] = "train",
     sequences: Annotated[int, typer.Option(help="How many.")] = 60,
     frames: Annotated[int, typer.Option(help="Frames of each.")] = 25,
-    size: Annotated[str, typer.Option(help="Display size, WxH.")] = "640x360",
-    ratios: Annotated[
+    display_size: Annotated[str, typer.Option(metavar="WxH", help="Size of the references.")] = "640x360",
+    ratio: Annotated[
         str, typer.Option(help="Display over render size, chosen at random from these.")
     ] = "1,1.5,2,3,4",
     also: Annotated[
@@ -55,12 +57,13 @@ def render(
     rendering begins. A quarter of the files is kept for validation sequences and used in no other; a kind
     (stage, prop, panorama) with one file only is trained on alone.
 
+    \b
     Examples:
       supersampler render data --sequences 60 --frames 25 --workers 2
       supersampler render data --scenes fences,floors --show-labels
       supersampler render data --gbuffers --also 2,4
       supersampler render data --gltf my/scenes --gltf-fraction 0.3
-    """
+    """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_model.data.dataset import RenderPlan, create_dataset, plan_sequences
     from supersampler_model.data.dataset.sheet import write_sheet
     from supersampler_model.data.dataset.workers import render_dataset
@@ -70,8 +73,8 @@ def render(
         families=families,
         sequences=sequences,
         frames=frames,
-        display_size=parse_size(size),
-        ratios=_numbers("--ratios", ratios),
+        display_size=parse_size(display_size, "--display-size"),
+        ratios=_numbers("--ratio", ratio),
         samples=samples,
         gbuffers=gbuffers,
         seed=seed,
@@ -88,8 +91,8 @@ def render(
     try:
         with Progress(*columns, console=console, disable=not console.is_terminal) as progress:
             task = progress.add_task("", total=total, completed=done)
-            for ratio in turns:
-                render_dataset(dataset, ratio=ratio, workers=workers, on_frame=lambda: progress.advance(task))
+            for turn in turns:
+                render_dataset(dataset, ratio=turn, workers=workers, on_frame=lambda: progress.advance(task))
     except KeyboardInterrupt:
         console.print("Stopped. The same command, given again, goes on.")
         raise typer.Exit(130) from None

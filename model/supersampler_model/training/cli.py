@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from supersampler_model.training.trainer import Trainer, Update
     from supersampler_model.training.validate import Validated
 
-app = typer.Typer(help="Train a method that learns.")
+app = typer.Typer(help="Train a method that learns.", add_completion=False, rich_markup_mode=None)
 _CONSOLE = Terminal(stderr=True)
 
 
@@ -54,10 +54,11 @@ def train(
 
     With several processes or GPUs: `torchrun --nproc-per-node 2 --no-python supersampler train ...`.
 
+    \b
     Examples:
       supersampler train classifier --data data -o run
       supersampler train classifier --shot kitchen --init shipped -o kitchen-run --rate 1e-3
-    """
+    """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     if name not in LEARNED:
         hint = did_you_mean(name, LEARNED)
         raise ArgumentError("METHOD", got=name, want=f"one of {', '.join(LEARNED)}", hint=hint)

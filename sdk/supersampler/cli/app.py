@@ -1,5 +1,6 @@
 """The command group: global options, one-line errors, and the commands of other packages."""
 
+import os
 import re
 import sys
 from importlib import import_module
@@ -37,6 +38,9 @@ EXTRAS = {
     "onnxscript": "train",
     "tensorboard": "train",
     "matplotlib": "bench",
+    "flip_evaluator": "bench",
+    "markdown_it": "bench",
+    "wgpu": "gpu",
     "moderngl": "render",
     "safetensors": "render",
 }
@@ -60,6 +64,9 @@ class Commands(TyperGroup):
         except typer.BadParameter as error:
             error.message = _with_suggestion(error.message)
             raise
+        except BrokenPipeError:  # `| head` has read enough
+            _discard_output()
+            raise typer.Exit(0) from None
         except (SupersamplerError, ModuleNotFoundError, OSError, UnicodeDecodeError, MemoryError) as error:
             line = _line(error)
             if line is None or ctx.params.get("debug"):
@@ -83,6 +90,11 @@ def main() -> None:
         sys.exit(exit_code(ended.code))
 
 
+def _discard_output() -> None:
+    """Send what is left of the output nowhere: Python flushes it at its end, and would complain."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+
+
 def _line(error: Exception) -> str | None:
     """Return the line to print for an error; None where it is a bug, such as a missing required module."""
     if isinstance(error, SupersamplerError):
@@ -93,11 +105,17 @@ def _line(error: Exception) -> str | None:
         return f"a file that should hold text does not ({error})"
     if isinstance(error, MemoryError):
         return f"there is not enough memory for this. {error}".rstrip()
+    missing = missing_extra(error)
+    return f"this command {missing}" if missing else None
+
+
+def missing_extra(error: Exception) -> str:
+    """Return "needs X, which is not installed" and the remedy, for an error of an import; "" for others."""
     package = (getattr(error, "name", None) or "").partition(".")[0]
     if package not in EXTRAS:
-        return None
+        return ""
     install = f'pip install "supersampler[{EXTRAS[package]}]"'
-    return f"this command needs {package}, which the runtime does not. Install it: {install}"
+    return f"needs {package}, which is not installed. Install it: {install}"
 
 
 def _with_suggestion(message: str) -> str:

@@ -48,13 +48,11 @@ def open_shot(text: str) -> "Shot":
     return open_source(text)
 
 
-def parse_size(text: str) -> Size:
-    """Parse "1920x1080" as (1920, 1080); ArgumentError for anything else."""
+def parse_size(text: str, option: str = "size") -> Size:
+    """Parse "1920x1080" as (1920, 1080); ArgumentError, with the name of the option, for anything else."""
     found = re.fullmatch(r"\s*([1-9]\d*)\s*[xX×]\s*([1-9]\d*)\s*", text)
     if found is None:
-        raise ArgumentError(
-            "--display-size", got=repr(text), want="WIDTHxHEIGHT in pixels, such as 1920x1080"
-        )
+        raise ArgumentError(option, got=repr(text), want="WIDTHxHEIGHT in pixels, such as 1920x1080")
     return int(found[1]), int(found[2])
 
 

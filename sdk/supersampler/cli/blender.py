@@ -82,7 +82,7 @@ def blender(
     request = RenderRequest(
         blend=scene_file,
         frames=None if frames is None else frame_range(frames),
-        display_size=None if display_size is None else parse_size(display_size),
+        display_size=None if display_size is None else parse_size(display_size, "--display-size"),
         scale=scale,
         samples=samples,
         denoise=denoise,

@@ -15,6 +15,9 @@ _NODE_MODULES = Path("node_modules")
 def demo(
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write.")] = Path("out"),
     method: Annotated[str, typer.Option(help="A shipped model: see `supersampler info`.")] = "classifier",
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace the results of another command, too.")
+    ] = False,
     web: Annotated[
         bool, typer.Option("--web", help="Serve a page that upscales in a browser, until Ctrl-C.")
     ] = False,
@@ -39,21 +42,22 @@ def demo(
     """Upscale the shot that ships with the package by 2x, and show the result beside input and reference.
 
     Writes EXR frames (linear), PNG frames (as a screen shows them) and compare.html, one page that needs no
-    network: drag the split, step through the frames, zoom. With --web: a page that renders a scene live and
-    upscales it by WebGPU.
+    network: drag the split, step through the frames, zoom. An earlier demo in the folder is replaced. With
+    --web: a page that renders a scene live and upscales it by WebGPU.
     """
     if web:
         _serve(port or 0, write, node_modules or (_NODE_MODULES if _NODE_MODULES.is_dir() else None))
     elif (port, write, node_modules) != (None, None, None):
         raise typer.BadParameter("--port, --write and --node-modules need --web")
     else:
-        _upscale(output, method)
+        _upscale(output, method, overwrite=overwrite)
 
 
-def _upscale(output: Path, method: str) -> None:
+def _upscale(output: Path, method: str, *, overwrite: bool) -> None:
     from supersampler.cli.image_options import ImageOptions
     from supersampler.cli.job import UpscaleJob
     from supersampler.cli.run import run_job
+    from supersampler.cli.run_record import DEMO
     from supersampler.io.shot import Shot
 
     job = UpscaleJob(
@@ -64,6 +68,8 @@ def _upscale(output: Path, method: str) -> None:
         images=ImageOptions(formats=("exr", "png")),
         compare=True,
         maps=True,
+        source=DEMO,
+        overwrite=overwrite,
     )
     results = run_job(job)
     echo(f"EXR frames: {results.place('exr')}")

@@ -82,11 +82,6 @@ class ImageOptions:
     straight_alpha: bool = False
     color_space: str | None = REC709
 
-    def __post_init__(self) -> None:
-        if NAME.fullmatch(self.name) is None or Path(self.name).suffix[1:] in FORMATS:
-            want = "a file name without extension, with one run of # for the number, such as beauty.####"
-            raise ArgumentError("--name", got=repr(self.name), want=want)
-
     @property
     def patterns(self) -> list[str]:
         """Patterns of the files of each format, as upscale.json lists them."""
@@ -173,7 +168,7 @@ def image_options(
     straight_alpha: bool = False,
     color_space: str | None = REC709,
 ) -> ImageOptions:
-    """Return the options of formats, "mp4" among them; ArgumentError where files cannot have the name."""
+    """Return the options of formats, "mp4" among them."""
     chosen = set(formats)
     return ImageOptions(
         formats=tuple(sorted(chosen - {_VIDEO})),
@@ -185,3 +180,11 @@ def image_options(
         straight_alpha=straight_alpha,
         color_space=color_space,
     )
+
+
+def checked_name(name: str) -> str:
+    """Return the value of --name; ArgumentError where files cannot have it."""
+    if NAME.fullmatch(name) is None or Path(name).suffix[1:] in FORMATS:
+        want = "a file name without extension, with one run of # for the number, such as beauty.####"
+        raise ArgumentError("--name", got=repr(name), want=want)
+    return name

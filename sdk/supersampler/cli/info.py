@@ -80,7 +80,7 @@ def _untrained_rows(name: str) -> dict[str, str]:
     from supersampler.methods.gbuffers import GBUFFERS, listed
 
     method = UNTRAINED[name]
-    train, export = f"supersampler train {name}", f"supersampler export {name} --weights FILE -o FOLDER"
+    train, export = f"`supersampler train {name}`", f"`supersampler export {name} --weights FILE -o FOLDER`"
     return {
         "method": name,
         "source": method.source,

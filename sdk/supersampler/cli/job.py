@@ -9,7 +9,7 @@ from supersampler.cli.arguments import size_text
 from supersampler.cli.frame_plan import FramePlan, default_preroll, plan_frames
 from supersampler.cli.image_options import ImageOptions
 from supersampler.cli.results import PREROLL, model_settings
-from supersampler.cli.run_record import FIRST, FRAMES
+from supersampler.cli.run_record import FIRST, FRAMES, SOURCE
 from supersampler.cli.terminal import Terminal
 from supersampler.frame import Size
 from supersampler.io.shot import Shot
@@ -162,5 +162,5 @@ class UpscaleJob:
             "extrapolation": None if extrapolation is None else dict(extrapolation.files),
             "display size": size_text(upscaler.display_size),
             **self.images.to_json(),
-            "source": dict(self.source),
+            SOURCE: dict(self.source),
         }

@@ -10,7 +10,8 @@ from rich.progress import Progress as Bar
 
 from supersampler.cli.terminal import Terminal
 
-_LOG_SECONDS = 15.0
+LOG_SECONDS = 15.0
+"""Time between two lines of progress in a log."""
 
 
 class RunProgress:
@@ -55,7 +56,7 @@ class RunProgress:
         rate = self._done / max(now - self._began, 1e-9)
         text = f"{rate:.1f} frames/s"
         self._bar.update(self._task, advance=1, description=what, rate=text)
-        if not self._console.is_terminal and not self._json and now - self._logged >= _LOG_SECONDS:
+        if not self._console.is_terminal and not self._json and now - self._logged >= LOG_SECONDS:
             self._logged = now
             left = (self._total - self._done) / rate
             self._console.print(f"{what} {self._done} of {self._total}: {text}, {_clock(left)} left")

@@ -27,7 +27,7 @@ def replay(
     model: Annotated[
         str | None, typer.Option(help="A model folder, or a shipped model by name.", show_default="recorded")
     ] = None,
-    extrapolation: Annotated[
+    extrapolate: Annotated[
         str | None,
         typer.Option(help="Likewise, the model that extrapolates unshaded frames.", show_default="recorded"),
     ] = None,
@@ -64,7 +64,7 @@ def replay(
     replayed = Replay(
         open_recording(recording),
         model=model,
-        extrapolation=extrapolation,
+        extrapolation=extrapolate,
         executor=executor,
         precision=precision,
         providers=None if providers is None else parse_providers(providers),

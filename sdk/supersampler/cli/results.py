@@ -9,9 +9,11 @@ from pathlib import Path
 from supersampler import __version__
 from supersampler.cli.image_options import ImageOptions
 from supersampler.cli.run_record import (
+    DEMO,
     FIRST,
     FRAMES,
     RECORDED,
+    SOURCE,
     RunRecord,
     foreign,
     frame_number,
@@ -69,7 +71,8 @@ class Results:
         Args:
             settings: all that the images depend on; JSON values.
             frame_count: number of frames; None where it is not known.
-            overwrite: whether to remove the files of an earlier run instead of continuing it.
+            overwrite: whether to remove the files of an earlier run instead of continuing it. A demo does so
+                with one of other settings.
             page: whether the page will be written.
             recording: the folder that the run will record to; if it exists, it must be an earlier run's.
 
@@ -84,7 +87,9 @@ class Results:
         self._record = earlier or replace(wanted, settings=_numbers_of(settings))
         own = self._record.own_files(self.folder)
         if earlier is not None and not overwrite:
-            self._check_same(earlier, settings)
+            overwrite = _is_demo(earlier.settings) and _is_demo(settings) and _differ(earlier, settings) != []
+            if not overwrite:
+                self._check_same(earlier, settings)
         for other in self._others:
             if other.numbers.overlaps(wanted.numbers):
                 self._check_same(other, settings, but=(FIRST, FRAMES, PREROLL))
@@ -208,14 +213,25 @@ class Results:
         self, earlier: RunRecord, wanted: Mapping[str, object], *, but: Collection[str] = ()
     ) -> None:
         """Raise ShotError where the settings of an earlier run differ, except in those named by `but`."""
-        before = earlier.settings
-        for key in (key for key in wanted if key not in but):
-            if before.get(key) != json.loads(json.dumps(wanted[key])):
-                problem = (
-                    f"images of another run are there: {key} was {before.get(key)}, is now {wanted[key]}"
-                )
-                start_over = "" if but else ", or --overwrite to start over"
-                raise ShotError(self.folder, problem, f"Choose another folder{start_over}.")
+        for key in _differ(earlier, wanted, but):
+            before = earlier.settings.get(key)
+            problem = f"images of another run are there: {key} was {before}, is now {wanted[key]}"
+            start_over = "" if but else ", or --overwrite to start over"
+            raise ShotError(self.folder, problem, f"Choose another folder{start_over}.")
+
+
+def _differ(earlier: RunRecord, wanted: Mapping[str, object], but: Collection[str] = ()) -> list[str]:
+    """Return the names of the settings in which an earlier run differs, except those in `but`."""
+    before = earlier.settings
+    return [
+        key
+        for key, value in wanted.items()
+        if key not in but and before.get(key) != json.loads(json.dumps(value))
+    ]
+
+
+def _is_demo(settings: Mapping[str, object]) -> bool:
+    return settings.get(SOURCE) == DEMO
 
 
 def _numbers_of(settings: Mapping[str, object]) -> dict[str, object]:

@@ -28,6 +28,10 @@ FRAMES = "frames"
 """Setting: the numbers of the frames of the run; missing where it has all from FIRST on."""
 RECORDED = "recorded"
 """Subfolder of the last image of a recording, written by `supersampler replay`."""
+SOURCE = "source"
+"""Setting: the options by which the shot was opened."""
+DEMO: Mapping[str, str] = {"command": "demo"}
+"""SOURCE of a run of `supersampler demo`, whose files another one replaces."""
 FORMATS = ("exr", "png", "tif")
 NAME = re.compile(r"(?!\.)[^/\\:*?\"<>|#\x00-\x1f]*#+[^/\\:*?\"<>|#\x00-\x1f]*")
 """Names of images without their extension: one run of # is the number, with as many digits at least."""

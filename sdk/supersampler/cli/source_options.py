@@ -5,13 +5,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 import typer
 
-from supersampler.errors import ArgumentError, ShotError
+from supersampler.conventions import PRESETS, Conventions
+from supersampler.errors import ArgumentError, ShotError, did_you_mean
 
 if TYPE_CHECKING:
-    from supersampler.conventions import Conventions
     from supersampler.io.shot import Shot
 
-_PRESETS = ("fsr", "xess", "streamline", "unreal", "unity", "godot", "blender", "arm_gym")
 _OPTIONS = {"channel_map": "--channels"}  # where an option has another name than the importers' argument
 
 Layout = Literal["auto", "blender", "channels", "arm"]
@@ -31,7 +30,10 @@ ChannelsOption: TypeAlias = Annotated[
 ]
 ConventionsOption: TypeAlias = Annotated[
     str | None,
-    typer.Option(help=f"One of {', '.join(_PRESETS)}; or fields as JSON; or a JSON file of them."),
+    typer.Option(
+        help=f"One of {', '.join(PRESETS)}; or fields as JSON; or a JSON file of them. supersampler: the "
+        "frames have our own units and signs (docs/conventions.md)."
+    ),
 ]
 FrameRateOption: TypeAlias = Annotated[
     float | None, typer.Option(help="Frames a second.", show_default="what the files state, or 24")
@@ -118,16 +120,14 @@ def source_notes(shot: "Shot") -> list[str]:
     return notes
 
 
-def _conventions(text: str) -> "Conventions":
-    from supersampler.conventions import Conventions
+def _conventions(text: str) -> Conventions:
     from supersampler.io.files import is_file
 
-    if text in _PRESETS:
-        preset: Conventions = getattr(Conventions, text)()
-        return preset
+    if text in PRESETS:
+        return PRESETS[text]()
     if not (text.lstrip().startswith("{") or is_file(Path(text))):
-        want = f"one of {', '.join(_PRESETS)}, JSON, or a JSON file"
-        raise ArgumentError("--conventions", got=repr(text), want=want)
+        want = f"one of {', '.join(PRESETS)}, JSON, or a JSON file"
+        raise ArgumentError("--conventions", got=repr(text), want=want, hint=did_you_mean(text, PRESETS))
     return Conventions.from_json(_json_object(text, "--conventions"))
 
 

@@ -193,7 +193,7 @@ def upscale(
         raise ArgumentError("--method and --model", got="both given", want="one of the two")
     if display_size is not None and scale is not None:
         raise ArgumentError("--display-size and --scale", got="both given", want="one of the two")
-    numbers = None if frames is None else FrameNumbers.parse(frames)
+    numbers = None if frames is None else FrameNumbers.parse(frames, "--frames")
     source: dict[str, Any] = {
         "layout": layout,
         "jitter": jitter,
@@ -209,7 +209,7 @@ def upscale(
         "numbers": numbers,
         "preroll": preroll,
         "model": model or method,
-        "display_size": None if display_size is None else parse_size(display_size),
+        "display_size": None if display_size is None else parse_size(display_size, "--display-size"),
         "scale": scale,
         "compare": compare,
         "maps": maps,
@@ -287,7 +287,7 @@ def _image_options(
     shown: Mapping[str, Any],
 ) -> "ImageOptions":
     """Return the options of the images of a shot; sRGB-encoded frames come back as they were by default."""
-    from supersampler.cli.image_options import image_options
+    from supersampler.cli.image_options import checked_name, image_options
     from supersampler.io.display_transforms import REC709
     from supersampler.io.image_headers import UNKNOWN_COLOR_SPACE
 
@@ -296,7 +296,7 @@ def _image_options(
     same = srgb and stored.format in ("png", "tif")
     return image_options(
         [item.value for item in formats] if formats else [stored.format if same else "exr"],
-        name=shot.info.file_names if name is None else re.sub(r"%0?(\d{0,2})d", _hashes, name),
+        name=checked_name(shot.info.file_names if name is None else re.sub(r"%0?(\d{0,2})d", _hashes, name)),
         transform=display_transform_of(color_space=space or REC709, srgb=srgb, **shown),
         compression=compression,
         straight_alpha=stored.format in ("png", "tif"),

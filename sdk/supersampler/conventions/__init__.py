@@ -4,7 +4,7 @@ No file is read here.
 """
 
 from supersampler.conventions.camera_motion import camera_motion
-from supersampler.conventions.conventions import Conventions
+from supersampler.conventions.conventions import PRESETS, Conventions
 from supersampler.conventions.converter import Converter
 from supersampler.conventions.jitter import (
     halton_jitter,
@@ -16,6 +16,7 @@ from supersampler.conventions.jitter import (
 from supersampler.conventions.raw_frame import RawFrame
 
 __all__ = [
+    "PRESETS",
     "Conventions",
     "Converter",
     "RawFrame",

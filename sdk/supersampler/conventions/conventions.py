@@ -1,6 +1,6 @@
 """`Conventions`: the units, signs and spaces of a frame's inputs, with presets for engines."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from typing import Any, Self
 
@@ -232,3 +232,12 @@ class Conventions(ConventionFields):
             "depth": "forward", "near": 0.01, "far": 1000.01, "jitter_unit": "ndc", "bottom_up": True,
         }  # fmt: skip
         return cls._preset(preset, overrides)
+
+
+PRESETS: Mapping[str, Callable[..., Conventions]] = {
+    "supersampler": Conventions, "fsr": Conventions.fsr, "xess": Conventions.xess,
+    "streamline": Conventions.streamline, "unreal": Conventions.unreal, "unity": Conventions.unity,
+    "godot": Conventions.godot, "blender": Conventions.blender, "arm_gym": Conventions.arm_gym,
+    "vtk": Conventions.vtk,
+}  # fmt: skip
+"""Conventions by name, as `--conventions` takes them; "supersampler" are those of `Frame`."""

@@ -271,7 +271,7 @@ def _matrix_to_rec709(color_space: str) -> Float32:
     if not config.isColorSpaceLinear(color_space):
         want = f"a linear colour space of {STUDIO_CONFIG}"
         spaces = [name for name in config.getColorSpaceNames() if config.isColorSpaceLinear(name)]
-        hint = did_you_mean(color_space, spaces) or "Or choose a view: --ocio CONFIG."
+        hint = did_you_mean(color_space, spaces) or "Or choose a view: `supersampler upscale --ocio CONFIG`."
         raise ArgumentError("color_space", got=repr(color_space), want=want, hint=hint)
     primaries = ImageBuf(np.eye(3, dtype=np.float32)[None])
     converted = ImageBufAlgo.colorconvert(

@@ -113,7 +113,7 @@ class Replay:
         setup, given = recording.setup, (executor, precision, providers)
         folder = _recorded_model(recording, setup, "--model") if model is None else find_model(model)
         if extrapolation is None and setup.extrapolation is not None:
-            extrapolation = _recorded_model(recording, setup.extrapolation, "--extrapolation")
+            extrapolation = _recorded_model(recording, setup.extrapolation, "--extrapolate")
         pairs = [(setup, folder), (setup.extrapolation, extrapolation)]
         self.is_recorded_model = all(_is_same(recorded, used) for recorded, used in pairs)
         if providers is None:

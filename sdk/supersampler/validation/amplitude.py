@@ -35,6 +35,11 @@ class Amplitude:
     none: bool
 
     @property
+    def is_small(self) -> bool:
+        """Whether the image follows the motion alone better than with all of the jitter added."""
+        return self.none or (self.x + self.y) / 2 < 0.5
+
+    @property
     def text(self) -> str:
         """The factors as text: "0.50", or "0.70 (0.50 in x, 0.90 in y)"."""
         mean = f"{(self.x + self.y) / 2:.2f}"

@@ -70,10 +70,20 @@ COLOR_BYTES = Mistake(
 COLOR_EIGHT_BIT = Mistake(
     "color eight bit", "color", "in steps of 1/255, as an 8-bit image", COLOR_BYTES.want,
     "Eight bits are sRGB: Conventions(srgb=True), or render to floats.", only_a_hint=True)
+COLOR_DISPLAYED = Mistake(
+    "color displayed", "color", "never above {top}, and as bright as a displayed image", COLOR_BYTES.want,
+    "{scale}Is it sRGB-encoded? Then Conventions(srgb=True); if it is tone-mapped, hand it in from before.",
+    only_a_hint=True)
 COLOR_FILTERED = Mistake(
     "color filtered", "color", "mixed in {share:.0%} of the edges of depth",
     "samples at one place in the pixel, at centre + jitter",
     "Turn off anti-aliasing, multi-sampling, blur and wide pixel filters (Blender: 0.01 pixels).",
+    only_a_hint=True)
+TEXTURE_BLURRED = Mistake(
+    "texture blurred", "color", "without detail between samples: textures look filtered for render pixels",
+    "textures that are filtered for display pixels",
+    "At a ratio of {ratio}, add mip_bias({ratio}, 'log2') = {bias} to the level of detail of all textures. "
+    "Nothing is to be done where the textures themselves are that smooth.",
     only_a_hint=True)
 ROWS_BOTTOM_UP = Mistake(
     "rows bottom-up", "color", "bottom-up with depth and motion: frames fit {times:.1f} times better so",

@@ -32,6 +32,7 @@ class FramePair:
     Attributes:
         before, now: the frames.
         places: rows and columns (n,) of the compared pixels.
+        tone, tone_before: tone-mapped luminance, padded by one pixel.
         textured: whether at least MIN_PLACES of them differ from their neighbours.
     """
 
@@ -43,8 +44,8 @@ class FramePair:
         known = now.light[rows, columns]
         known = known[np.isfinite(known) & (known > 0)]
         middle = float(np.median(known)) if known.size else 1.0
-        self._tone, self._tone_before = _tone(now.light, middle), _tone(before.light, middle)
-        tone = self._tone
+        self.tone, self.tone_before = _tone(now.light, middle), _tone(before.light, middle)
+        tone = self.tone
         here = _read(tone, columns, rows)
         right, below = _read(tone, columns + 1, rows), _read(tone, columns, rows + 1)
         change = np.maximum(np.abs(right - here), np.abs(below - here))
@@ -61,7 +62,7 @@ class FramePair:
         rows, columns = self.places
         offset = np.broadcast_to(offset, (len(rows), 2))
         use = slice(None) if where is None else where
-        before = _read(self._tone_before, columns[use] + offset[use, 0], rows[use] + offset[use, 1])
+        before = _read(self.tone_before, columns[use] + offset[use, 0], rows[use] + offset[use, 1])
         difference = before - self._tone_now[use]
         difference = difference[np.isfinite(difference)]
         return float(np.mean(difference**2)) if 2 * len(difference) > len(before) else float("inf")
@@ -97,7 +98,7 @@ class FramePair:
     def lacks_motion(self) -> bool:
         """Whether the motion is 0 everywhere, though most of the image moves."""
         inner = slice(1, -1), slice(1, -1)
-        return not self.now.motion.any() and image_moves(self._tone[inner], self._tone_before[inner])
+        return not self.now.motion.any() and image_moves(self.tone[inner], self.tone_before[inner])
 
     @property
     def variance(self) -> float:

@@ -17,13 +17,18 @@ from supersampler.validation.pixel_filter import mixed_edges
 from supersampler.validation.steps import depth_values, motion_step
 
 _MAX_MIXED = 0.55  # fraction of mixed edges: point samples have fewer, filtered ones more
+_FULL = 0.9  # of a display's range: what its brightest pixel exceeds
+_MIDDLE = (0.3, 0.85)  # of a display's range: the median of its pixels' largest channels
+_MIN_DEPTHS = 100  # minimum number of distinct depths
+_MIN_SURFACE = 1000  # minimum number of places that are not sky
+_MAX_CHANGE = 0.5  # of the deviation: mean change from pixel to pixel
 _MIN_LEVELS = 16  # minimum number of distinct values
 
 
 def single_frame_mistakes(frame: Frame, light: Float32 | None) -> Iterator[Mistake]:
     """Yield the mistakes in one frame; `light` is the luminance of its colour."""
     if frame.color is not None and light is not None:
-        yield from _color(frame.color, light)
+        yield from _color(frame, frame.color, light)
     yield from _depth(frame.depth)
     yield from _motion(frame)
     if frame.exposure is not None and usable_exposure(frame.exposure) is None:
@@ -35,11 +40,12 @@ def single_frame_mistakes(frame: Frame, light: Float32 | None) -> Iterator[Mista
             yield mistakes.COLOR_FILTERED.found(share=mixed)
 
 
-def _color(color: Array, light: Float32) -> Iterator[Mistake]:
+def _color(frame: Frame, color: Array, light: Float32) -> Iterator[Mistake]:
     bad = ~np.isfinite(light)
     if bad.any():
         yield mistakes.COLOR_NOT_FINITE.found(where=where(bad))
-    values = color[grid((color.shape[1], color.shape[0]), PLACES)].astype(np.float32)
+    places = grid(frame.size, PLACES)
+    values = color[places].astype(np.float32)
     negative = float(np.mean(values < -1e-6))
     if negative > 0.01:
         yield mistakes.COLOR_NEGATIVE.found(share=negative)
@@ -50,6 +56,26 @@ def _color(color: Array, light: Float32) -> Iterator[Mistake]:
         yield mistakes.COLOR_EIGHT_BIT
     elif np.max(values, initial=0.0) <= 1.0 and np.mean((full == 1) | (full == 2)) > 0.005:
         yield mistakes.COLOR_CLIPPED
+    elif top := _display_range(values, frame.depth[places], light):
+        yield mistakes.COLOR_DISPLAYED.found(top=f"{top:g}", scale="" if top == 1 else "Divide by 255. ")
+
+
+def _display_range(values: Float32, depth: Array, light: Float32) -> float:
+    """Return 1 or 255 where colours fill a display's range up to it, and are as bright as displays; else 0.
+
+    Linear scenes exceed any bound where lights and highlights are, or are darker than half of it by far.
+    """
+    surface = values[depth > 0].max(axis=1, initial=0.0)
+    if len(surface) < _MIN_SURFACE or not np.isfinite(surface).all():
+        return 0.0
+    if len(np.unique(depth)) < _MIN_DEPTHS:  # a pattern, not a scene: it may have any colours
+        return 0.0
+    middle, most = float(np.median(surface)), float(values.max())
+    across = np.abs(np.diff(light, axis=1))
+    if not float(np.mean(across)) < _MAX_CHANGE * float(np.std(light)):  # noise has any distribution
+        return 0.0
+    fits = (top for top in (1.0, 255.0) if _FULL * top <= most <= top)
+    return next((top for top in fits if _MIDDLE[0] <= middle / top <= _MIDDLE[1]), 0.0)
 
 
 def _are_whole(values: Float32) -> bool:

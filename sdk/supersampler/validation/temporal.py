@@ -5,8 +5,9 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from supersampler.conventions import Conventions
+from supersampler.conventions import Conventions, mip_bias
 from supersampler.conventions.factors import motion_factor
 from supersampler.frame import Size
 from supersampler.validation import mistakes
@@ -25,6 +26,7 @@ from supersampler.validation.motion_next import motion_next_mistakes
 from supersampler.validation.readings import JITTERS, MOTIONS, reading_text
 from supersampler.validation.reprojection import MIN_PLACES, FramePair, frame_pairs
 from supersampler.validation.steps import depth_values
+from supersampler.validation.texture_detail import lacks_detail, texture_detail
 
 Sums = Mapping[str, tuple[float, float]]
 
@@ -33,6 +35,7 @@ _MAX_RATIO_LATER = 0.75  # and after several pairs, with summed errors
 _NOISE = 1e-5  # squares of tone-mapped luminance; smaller errors are noise
 _MIN_DISOCCLUDED = 20  # minimum number of disoccluded places
 _MAX_DISOCCLUDED = 15  # number that one pair of frames can add: in one pair, jitter alone hides thin things
+_DETAIL_PAIRS = 2  # number of pairs, the last ones, by which textures are judged
 _MIN_REPEATS = 3  # minimum number of frames with one jitter
 _ORDERS: tuple[DepthOrder, ...] = ("reversed", "forward")
 _BOTTOM_UP = Conventions(motion_flip_y=True, jitter_flip_y=True)
@@ -53,6 +56,7 @@ class FramesSeen:
         varied: how much the motion changes with the jitter.
         lacks_motion: whether all motion is 0 in an image that moves.
         following: mistakes in the motion from the previous frame to this one.
+        details: `texture_detail` of the last pairs.
     """
 
     previous: Evidence | None = None
@@ -64,6 +68,7 @@ class FramesSeen:
     varied: JitterInVectors = (0.0, 0.0)
     lacks_motion: bool = False
     following: tuple[Mistake, ...] = ()
+    details: tuple[NDArray[np.float64], ...] = ()
 
     def after(self, frame: Evidence, display_size: Size) -> "FramesSeen":
         """Return the state after one more frame."""
@@ -83,6 +88,7 @@ class FramesSeen:
                     amplitudes=_added(self.amplitudes, amplitude_errors(pair, Conventions())),
                     varied=jitter_in_vectors(self.varied, pair, self.jitters, Conventions()),
                     lacks_motion=self.lacks_motion or pair.lacks_motion,
+                    details=(*self.details, texture_detail(pair))[-_DETAIL_PAIRS:],
                 )
         return replace(seen, previous=frame.copied(), jitters=(*self.jitters, frame.jitter)[-64:])
 
@@ -106,16 +112,28 @@ def temporal_mistakes(seen: FramesSeen, size: Size, display_size: Size) -> Itera
         return  # with wrong motion, disocclusions are no evidence
     yield from seen.following
     if np.ptp(seen.jitters, axis=0).max() > 0:
-        yield from amplitude_mistakes(seen.amplitudes, seen.pairs)
+        yield from amplitude_mistakes(seen.amplitudes, seen.pairs, seen.varied)
+    ratio = display_size[0] / size[0]
+    if len(seen.details) == _DETAIL_PAIRS and lacks_detail(seen.details, ratio):
+        yield mistakes.TEXTURE_BLURRED.found(ratio=f"{ratio:g}", bias=f"{mip_bias(ratio, 'log2'):.2f}")
     kind = _other_order(seen.surfaces)
     if kind:
         yield mistakes.depth_kind(f"moving surfaces hide closer ones, as if depth were {kind}", kind)
 
 
-def amplitude_mistakes(errors: AmplitudeErrors, pairs: int) -> Iterator[Mistake]:
-    """Yield the mistake that the image has not the jitter that is stated, or a fraction of it."""
+def amplitude_mistakes(errors: AmplitudeErrors, pairs: int, varied: JitterInVectors) -> Iterator[Mistake]:
+    """Yield the mistake that the image has not the jitter that is stated, or a fraction of it.
+
+    Where the motion changes with the jitter, the vectors contain it, so that it is added twice.
+    """
     found = wrong_amplitude(errors, pairs)
-    if found is not None and found.none:
+    if found is not None and found.is_small and vectors_have_jitter(varied):
+        reading = Conventions(motion_jittered=True)
+        times = errors[1.0, 1.0][0] / max(errors[0.0, 0.0][0], 1e-6)
+        yield mistakes.MOTION_MISREAD.found(
+            times=times, reading=reading_text("motion", reading), call=repr(reading)
+        )
+    elif found is not None and found.none:
         yield mistakes.JITTER_NOT_APPLIED
     elif found is not None:
         yield mistakes.JITTER_AMPLITUDE.found(factor=found.text)

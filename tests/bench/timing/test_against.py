@@ -52,7 +52,7 @@ def measured(tmp_path_factory: pytest.TempPathFactory) -> Measured:
     options = [
         "--methods",
         "bilinear",
-        "--display-sizes",
+        "--display-size",
         "32x18",
         "--threads",
         "1",

@@ -59,7 +59,7 @@ def test_graphs_have_no_other_precisions(precisions: str) -> None:
 
 def test_torch_is_timed_on_cuda_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("torch.cuda.is_available", lambda: False)
-    result = CliRunner().invoke(app, ["bench", "device", "--executor", "torch", "--sizes", "32x18"])
+    result = CliRunner().invoke(app, ["bench", "device", "--executor", "torch", "--display-size", "32x18"])
     assert result.exit_code != 0
     assert "torch has no CUDA device" in result.output
 

@@ -135,7 +135,7 @@ def test_the_command_records_what_it_measured(tmp_path: Path, monkeypatch: pytes
         "gpu",
         "--methods",
         "taa",
-        "--sizes",
+        "--display-size",
         "128x72",
         "--steps",
         "1",

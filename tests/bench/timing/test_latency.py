@@ -47,7 +47,7 @@ def test_frames_of_any_size_show_the_shipped_shot() -> None:
 def test_the_command_writes_a_record_and_a_table(tmp_path: Path) -> None:
     page = tmp_path / "page.md"
     page.write_text("<!-- bench:latency -->\n<!-- /bench -->\n")
-    arguments = ["latency", "--methods", "taa", "--display-sizes", "32x18", "--threads", "1", "--steps", "1"]
+    arguments = ["latency", "--methods", "taa", "--display-size", "32x18", "--threads", "1", "--steps", "1"]
     result = CliRunner().invoke(
         app, [*arguments, "--json", str(tmp_path / "latency.json"), "--update", str(page)]
     )

@@ -15,7 +15,7 @@ from gltf_files import cube
 from supersampler.cli.app import app
 from supersampler_model.data.dataset import open_dataset, read_training_frame
 
-SMALL = ("--frames", "2", "--size", "64x36", "--samples", "4", "--ratios", "2")
+SMALL = ("--frames", "2", "--display-size", "64x36", "--samples", "4", "--ratio", "2")
 
 
 def render(*arguments: object) -> Result:
@@ -129,7 +129,7 @@ def test_a_file_that_has_changed_stops_the_run(files: Path, tmp_path: Path) -> N
         (("--scenes", "wires"), "error: families is 'wires'; want some of fences, "),
         (("--gltf", "nowhere"), "error: folder is nowhere, which is none; want a folder"),
         (("--gltf-fraction", "1.5"), "error: gltf_fraction is 1.5; want a fraction"),
-        (("--ratios", "2;3"), "error: --ratios is '2;3'; want numbers"),
+        (("--ratio", "2;3"), "error: --ratio is '2;3'; want numbers"),
     ],
 )
 def test_a_mistake_is_one_line(tmp_path: Path, options: tuple[str, ...], message: str) -> None:

@@ -62,7 +62,9 @@ def recognised_map(path: Path, channels: Iterable[str]) -> dict[str, list[str]] 
         candidates = _candidates(ours, there)
         if len(candidates) > 1:
             listed = " and ".join(", ".join(names) for names in candidates)
-            hint = "State the channels by channels.json or --channels (docs/shots.md)."
+            hint = (
+                "State them in a channels.json (docs/shots.md), or by `supersampler import --channels FILE`."
+            )
             raise ShotError(path, f"has several channels for {ours}: {listed}", hint)
         if candidates:
             found[ours] = candidates[0]

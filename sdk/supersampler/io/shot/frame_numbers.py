@@ -24,7 +24,7 @@ class FrameNumbers:
     ranges: tuple[tuple[int, int], ...]
 
     @classmethod
-    def parse(cls, text: str, name: str = "--frames") -> "FrameNumbers":
+    def parse(cls, text: str, name: str) -> "FrameNumbers":
         """Return the numbers of "10-50,60" or "-12--3"; ArgumentError, with `name`, for anything else."""
         parts = [
             re.fullmatch(r"\s*(-?\d{1,10})\s*(?:-\s*(-?\d{1,10})\s*)?", part) for part in text.split(",")

@@ -84,7 +84,7 @@ def _opener(layout: str, path: Path, options: Mapping[str, object]) -> Callable[
         return import_described_channels
     if "conventions" not in options:
         hint = "Names of channels do not state them; `supersampler check` tests what is given."
-        want = "given, such as unreal: the units and signs of the channels"
+        want = "given: the units and signs of the channels, such as unreal, or supersampler for our own"
         raise ArgumentError("conventions", got="left out", want=want, hint=hint)
     return import_channels if "channel_map" in options else import_named_channels
 
