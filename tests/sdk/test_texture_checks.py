@@ -141,7 +141,7 @@ def test_rendered_scenes_pass_without_a_word(family: str) -> None:
 
 def test_a_rendered_scene_without_mip_bias_is_hinted_at(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(rendering, "mip_bias", lambda *_: 0.0)
-    assert any("mip_bias(2, 'log2')" in message for message in told(rendered("station", 2.0), 2.0))
+    assert any("mip_bias(1.5, 'log2')" in message for message in told(rendered("station", 1.5), 1.5))
 
 
 def tone_mapped(color: Any) -> Any:

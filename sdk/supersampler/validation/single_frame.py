@@ -19,6 +19,7 @@ from supersampler.validation.steps import depth_values, motion_step
 _MAX_MIXED = 0.55  # fraction of mixed edges: point samples have fewer, filtered ones more
 _FULL = 0.9  # of a display's range: what its brightest pixel exceeds
 _MIDDLE = (0.3, 0.85)  # of a display's range: the median of its pixels' largest channels
+_MIN_SPREAD = 0.2  # of the brightest value: between the tenth and the ninetieth percentile
 _MIN_DEPTHS = 100  # minimum number of distinct depths
 _MIN_SURFACE = 1000  # minimum number of places that are not sky
 _MAX_CHANGE = 0.5  # of the deviation: mean change from pixel to pixel
@@ -70,7 +71,10 @@ def _display_range(values: Float32, depth: Array, light: Float32) -> float:
         return 0.0
     if len(np.unique(depth)) < _MIN_DEPTHS:  # a pattern, not a scene: it may have any colours
         return 0.0
-    middle, most = float(np.median(surface)), float(values.max())
+    dark, middle, bright = np.percentile(surface, (10, 50, 90)).tolist()
+    most = float(values.max())
+    if bright - dark < _MIN_SPREAD * most:  # an even image, with a few lamps, say
+        return 0.0
     across = np.abs(np.diff(light, axis=1))
     if not float(np.mean(across)) < _MAX_CHANGE * float(np.std(light)):  # noise has any distribution
         return 0.0

@@ -115,7 +115,7 @@ def temporal_mistakes(seen: FramesSeen, size: Size, display_size: Size) -> Itera
         yield from amplitude_mistakes(seen.amplitudes, seen.pairs, seen.varied)
     ratio = display_size[0] / size[0]
     if len(seen.details) == _DETAIL_PAIRS and lacks_detail(seen.details, ratio):
-        yield mistakes.TEXTURE_BLURRED.found(ratio=f"{ratio:g}", bias=f"{mip_bias(ratio, 'log2'):.2f}")
+        yield mistakes.TEXTURE_BLURRED.found(ratio=f"{ratio:.3g}", bias=f"{mip_bias(ratio, 'log2'):.2f}")
     kind = _other_order(seen.surfaces)
     if kind:
         yield mistakes.depth_kind(f"moving surfaces hide closer ones, as if depth were {kind}", kind)
