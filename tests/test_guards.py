@@ -37,9 +37,9 @@ PRODUCTS = {
 }  # fmt: skip
 """Multiply-adds a display pixel."""
 OPERATORS = {
-    "bilinear": 167, "bicubic": 195, "taa": 568, "taau": 1870, "classifier": 1926, "classifier-small": 1883,
-    "gbuffer-small": 1914, "gbuffer-small-4x": 1914, "extrapolate": 1142, "guided-warp": 1121,
-    "guided-flow": 2703, "gbuffer-fast": 2318, "classifier-large": 2053,
+    "bilinear": 169, "bicubic": 197, "taa": 568, "taau": 1905, "classifier": 1955, "classifier-small": 1912,
+    "gbuffer-small": 1916, "gbuffer-small-4x": 1916, "extrapolate": 1144, "guided-warp": 1121,
+    "guided-flow": 2703, "gbuffer-fast": 2347, "classifier-large": 2082,
 }  # fmt: skip
 READS = {
     "bilinear": 0, "bicubic": 0, "taa": 5, "taau": 9, "classifier": 12, "classifier-small": 11,
