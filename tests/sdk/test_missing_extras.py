@@ -58,7 +58,7 @@ def test_a_missing_extra_is_one_line_that_names_it(
 
 @pytest.mark.parametrize(
     "words",
-    [["--help"], ["bench", "--help"], ["bench", "speed", "--help"], ["train", "--help"], ["info", "plaza"]],
+    [["--help"], ["bench", "--help"], ["bench", "latency", "--help"], ["train", "--help"], ["info", "plaza"]],
 )
 def test_output_that_nobody_reads_ends_without_a_word(words: list[str]) -> None:
     done = subprocess.run([sys.executable, "-c", CLOSED, *words], capture_output=True, text=True)

@@ -82,7 +82,7 @@ def test_a_log_has_lines_of_progress_with_rate_and_time_left(
     shot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert "frames/s" not in upscale(shot, tmp_path / "quick").stderr
-    monkeypatch.setattr(progress, "_LOG_SECONDS", 0.0)
+    monkeypatch.setattr(progress, "LOG_SECONDS", 0.0)
     said = upscale(shot, tmp_path / "slow").stderr
     lines = re.findall(r"^upscaling (\d) of 6: \d+\.\d frames/s.*, (\d+:\d\d) left$", said, re.MULTILINE)
     assert [int(done) for done, _ in lines] == [1, 2, 3, 4, 5, 6]

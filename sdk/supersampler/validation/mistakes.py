@@ -79,12 +79,6 @@ COLOR_FILTERED = Mistake(
     "samples at one place in the pixel, at centre + jitter",
     "Turn off anti-aliasing, multi-sampling, blur and wide pixel filters (Blender: 0.01 pixels).",
     only_a_hint=True)
-TEXTURE_BLURRED = Mistake(
-    "texture blurred", "color", "without detail between samples: textures look filtered for render pixels",
-    "textures that are filtered for display pixels",
-    "At a ratio of {ratio}, add mip_bias({ratio}, 'log2') = {bias} to the level of detail of all textures. "
-    "Nothing is to be done where the textures themselves are that smooth.",
-    only_a_hint=True)
 ROWS_BOTTOM_UP = Mistake(
     "rows bottom-up", "color", "bottom-up with depth and motion: frames fit {times:.1f} times better so",
     "row 0 on top",

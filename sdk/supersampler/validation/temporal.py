@@ -5,9 +5,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from supersampler.conventions import Conventions, mip_bias
+from supersampler.conventions import Conventions
 from supersampler.conventions.factors import motion_factor
 from supersampler.frame import Size
 from supersampler.validation import mistakes
@@ -26,7 +25,6 @@ from supersampler.validation.motion_next import motion_next_mistakes
 from supersampler.validation.readings import JITTERS, MOTIONS, reading_text
 from supersampler.validation.reprojection import MIN_PLACES, FramePair, frame_pairs
 from supersampler.validation.steps import depth_values
-from supersampler.validation.texture_detail import lacks_detail, texture_detail
 
 Sums = Mapping[str, tuple[float, float]]
 
@@ -35,7 +33,6 @@ _MAX_RATIO_LATER = 0.75  # and after several pairs, with summed errors
 _NOISE = 1e-5  # squares of tone-mapped luminance; smaller errors are noise
 _MIN_DISOCCLUDED = 20  # minimum number of disoccluded places
 _MAX_DISOCCLUDED = 15  # number that one pair of frames can add: in one pair, jitter alone hides thin things
-_DETAIL_PAIRS = 2  # number of pairs, the last ones, by which textures are judged
 _MIN_REPEATS = 3  # minimum number of frames with one jitter
 _ORDERS: tuple[DepthOrder, ...] = ("reversed", "forward")
 _BOTTOM_UP = Conventions(motion_flip_y=True, jitter_flip_y=True)
@@ -56,7 +53,6 @@ class FramesSeen:
         varied: how much the motion changes with the jitter.
         lacks_motion: whether all motion is 0 in an image that moves.
         following: mistakes in the motion from the previous frame to this one.
-        details: `texture_detail` of the last pairs.
     """
 
     previous: Evidence | None = None
@@ -68,7 +64,6 @@ class FramesSeen:
     varied: JitterInVectors = (0.0, 0.0)
     lacks_motion: bool = False
     following: tuple[Mistake, ...] = ()
-    details: tuple[NDArray[np.float64], ...] = ()
 
     def after(self, frame: Evidence, display_size: Size) -> "FramesSeen":
         """Return the state after one more frame."""
@@ -88,7 +83,6 @@ class FramesSeen:
                     amplitudes=_added(self.amplitudes, amplitude_errors(pair, Conventions())),
                     varied=jitter_in_vectors(self.varied, pair, self.jitters, Conventions()),
                     lacks_motion=self.lacks_motion or pair.lacks_motion,
-                    details=(*self.details, texture_detail(pair))[-_DETAIL_PAIRS:],
                 )
         return replace(seen, previous=frame.copied(), jitters=(*self.jitters, frame.jitter)[-64:])
 
@@ -113,9 +107,6 @@ def temporal_mistakes(seen: FramesSeen, size: Size, display_size: Size) -> Itera
     yield from seen.following
     if np.ptp(seen.jitters, axis=0).max() > 0:
         yield from amplitude_mistakes(seen.amplitudes, seen.pairs, seen.varied)
-    ratio = display_size[0] / size[0]
-    if len(seen.details) == _DETAIL_PAIRS and lacks_detail(seen.details, ratio):
-        yield mistakes.TEXTURE_BLURRED.found(ratio=f"{ratio:.3g}", bias=f"{mip_bias(ratio, 'log2'):.2f}")
     kind = _other_order(seen.surfaces)
     if kind:
         yield mistakes.depth_kind(f"moving surfaces hide closer ones, as if depth were {kind}", kind)

@@ -74,8 +74,8 @@ def recognised_map(path: Path, channels: Iterable[str]) -> dict[str, list[str]] 
     if following and "motion" not in found:
         problem = f"has motion to the next frame, {', '.join(following)}, and none to the previous frame"
         hint = (
-            "Write backward vectors, too; if these do lead to the previous frame, say so by channels.json or "
-            "--channels (docs/shots.md)."
+            "Write backward vectors, too; if these do lead to the previous frame, say so in a channels.json "
+            "(docs/shots.md)."
         )
         raise ShotError(path, problem, hint)
     if following and not _is_named(found["motion"][0], "backward"):

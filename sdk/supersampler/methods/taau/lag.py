@@ -35,7 +35,9 @@ def samples_kept(sums: Float32, still: Stillness, config: Mapping[str, float]) -
     error = np.sqrt(variance / np.maximum(count - 1.0, 1.0))
     lag = (np.abs(difference) - config["lag_deviations"] * error).max(axis=0)
     excess = lag / (level.max(axis=0) + DARK) - config["lag"]
-    kept = config["lag_samples"] / np.maximum(excess, config["lag_samples"] / MOST_SAMPLES)
-    kept = spread(np.where(count >= LEAST_BLOCKS * side * side, kept, MOST_SAMPLES), side, free.shape)
+    least = config["lag_samples"] / MOST_SAMPLES
+    limited = (count >= LEAST_BLOCKS * side * side) & (excess > least)
+    kept = np.where(limited, config["lag_samples"] / np.maximum(excess, least), MOST_SAMPLES)
+    kept = spread(kept, side, free.shape)
     kept = np.where(free, kept, MOST_SAMPLES).astype(np.float32)
     return kept if (kept < MOST_SAMPLES).any() else None
