@@ -1,6 +1,7 @@
 """Tests of option names: a message names only options that its command has; one thing has one name."""
 
 import ast
+import itertools
 import re
 from collections.abc import Iterator
 from functools import cache
@@ -22,8 +23,10 @@ QUOTED = re.compile(r"`(?:supersampler )?([^`]*--[^`]*)`?")
 NEVER_SAID = {
     ("bench report", "--only"): "it runs all quick scenarios",
     ("bench startup", "--against"): "it times this version",
-    ("bench records", "--json"): "it gives it to other commands",
-    ("bench records", "--weights"): "it gives it to other commands",
+    **dict.fromkeys(
+        itertools.product(("bench records", "bench report"), ("--json", "--weights")),
+        "`bench records` gives it to other commands",
+    ),
 }
 """Options in messages that a command reaches and cannot say, and why."""
 OTHERS = {"--collect-all"}
