@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from fuzzing import examples
 from gpu_steps import device_or_skip
-from rest_scenes import SCENES, RestScene, worse_by
+from rest_scenes import SCENES, RestScene, wave, worse_by
 from supersampler import Model, Upscaler
 
 MEAN, QUANTILE = 1.0, 4.0
@@ -64,3 +64,9 @@ def test_nor_is_it_in_the_graph(scene: RestScene, method: str) -> None:
 def test_nor_is_it_on_the_gpu(scene: RestScene, method: str) -> None:
     device_or_skip()
     assert_never_worse(scene, method, "gpu")
+
+
+@pytest.mark.parametrize("executor", ["cpu", "onnx"])
+def test_a_spot_that_blinks_with_every_other_jitter_is_not_averaged(executor: str) -> None:
+    scene = RestScene(wave, lambda t: 1.0 if t % 2 else 0.3, place="spot", ratio=1.5)
+    assert_never_worse(scene, "taau", executor)

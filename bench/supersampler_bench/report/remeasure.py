@@ -38,9 +38,8 @@ class Recipe:
         """Return why it has to be measured; "" where nothing has changed since."""
         if self.record is None:
             return "was never measured"
-        given = self.record["command"]
-        wanted = shlex.split(self.command)
-        if [part for part in given if part in wanted] != wanted:
+        words = shlex.split(self.command)
+        if [word for word in self.record["command"] if word in words] != words:
             return "was measured by another command"
         return age_of(self.record)
 

@@ -161,7 +161,7 @@ class _Seen(NamedTuple):
 
 
 class Stillness(NamedTuple):
-    """Static blocks of a frame, (down, across) each: see `Stillness` of the torch module."""
+    """Masks and values of each block of a frame, (down, across): twin of `Stillness` in ops/at_rest.py."""
 
     cycle: Cycle
     noisy: bool

@@ -16,7 +16,7 @@ from supersampler.io.limits import IMAGE_CHANNELS, SHOT_FRAMES
 FORMAT_VERSION = 1
 FILE_NAME = "shot.json"
 LARGEST_NUMBER = 10**9
-"""Of a frame, in the name of its image; negative numbers go as far."""
+"""Largest number of a frame in the name of its image; the smallest is its negative."""
 _LONGEST = 255  # bytes of a name; no file system takes more
 _FORBIDDEN = re.compile(r"[\\:\x00-\x1f\ud800-\udfff]")
 
