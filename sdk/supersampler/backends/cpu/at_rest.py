@@ -403,6 +403,7 @@ class AtRest:
         still: Stillness,
         image: Float32,
         generation: int,
+        held: NDArray[np.int64],
     ) -> None:
         """Write the next mean, and fade the image to it.
 
@@ -414,11 +415,18 @@ class AtRest:
             still: from `compare`.
             image: (H, W, 3) the method's own.
             generation: of the tiles that are written.
+            held: generations of the tiles of the mean that `following` holds.
         """
         if not still.active:
+            following.generations = held
             return
+        generations = self._add_samples(frame, inputs, history, following, still, generation, held)
+        self._show_mean(frame, following, still, image)
+        following.generations = generations
+
+    def _show_mean(self, frame: Frame, following: RestState, still: Stillness, image: Float32) -> None:
+        """Fade the image to the mean, and write what freezes to the mean."""
         display, render = following.display, frame.size
-        self._add_samples(frame, inputs, history, following, still, generation)
         shown = still.shares != 0.0
         if not shown.any():
             return
@@ -453,26 +461,24 @@ class AtRest:
         following: RestState,
         still: Stillness,
         generation: int,
-    ) -> None:
+        held: NDArray[np.int64],
+    ) -> NDArray[np.int64]:
+        """Write the next mean but for what freezes; return the generations of its tiles."""
         display, render = following.display, frame.size
         same = history.render == render
-        if not (still.adds.any() or still.freezes.any()) and np.array_equal(
-            following.generations, history.generations
-        ):
-            return
+        if not (still.adds.any() or still.freezes.any()) and np.array_equal(held, history.generations):
+            return held
         before = np.abs(history.ages) > 0.0 if same else np.zeros(still.ages.shape, bool)
         begins = still.adds & ~(still.stands & before)
         modes = np.where(
             still.adds, np.where(begins, _RESTARTS, _ADDS), np.where(still.ages > 0.0, _KEEPS, 0)
         )
         written = any_in_tiles(still.adds | still.freezes, display, render)
-        stale = any_in_tiles(modes != 0, display, render) & (following.generations != history.generations)
-        following.generations = np.where(
-            written, generation, np.where(stale, history.generations, following.generations)
-        )
+        stale = any_in_tiles(modes != 0, display, render) & (held != history.generations)
+        generations = np.where(written, generation, np.where(stale, history.generations, held))
         tiles, packed_modes = written | stale, modes.astype(np.uint8)
         if not tiles.any():
-            return
+            return generations
         at = blocks_at(display, render)
         (columns, column_weights), (rows, row_weights) = (
             _samples_around(render[axis], display[axis], float(frame.jitter[axis])) for axis in (0, 1)
@@ -486,6 +492,7 @@ class AtRest:
         )  # fmt: skip
         boxes = scaled(runs_of(tiles), TILE, display)
         self._pool.run_rects("rest", boxes, lambda box, _: self._add(packed, *box))
+        return generations
 
 
 def follow_jitter(jitter: tuple[float, float], phases: Float32, *, sampled: bool, noisy: bool) -> Cycle:

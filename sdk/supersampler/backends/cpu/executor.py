@@ -17,7 +17,7 @@ from supersampler.backends.cpu.frame_preprocess import (
     frame_inputs,
     with_exposure,
 )
-from supersampler.backends.cpu.history import CpuHistory, HistoryLayout
+from supersampler.backends.cpu.history import CpuHistory, Generations, HistoryLayout
 from supersampler.backends.cpu.kernel_loader import load_kernels
 from supersampler.backends.cpu.resample_tables import ResampleTableCache
 from supersampler.backends.cpu.structs import FrameInputs, Output
@@ -129,6 +129,7 @@ class CpuExecutor(ABC, Generic[Space]):
         resting = np.zeros(next_history.generations.shape, bool)
         if still is not None and still.stays.any():
             resting = still.resting(own, frame.size)
+        held = next_history.begin_step()
         leaves_out = skip and "weight" not in aux_outputs  # AOVs may change where no colour does
         tiles = Tiles(~resting if leaves_out else np.ones_like(resting))
         if tiles.any:
@@ -146,10 +147,10 @@ class CpuExecutor(ABC, Generic[Space]):
                 display=display,
             )
             next_history.frame_generation = generation
-        self._keep(history, next_history, tiles, resting, generation)
+        self._keep(history, next_history, tiles, resting, generation, held)
         if still is not None and history.rest is not None and next_history.rest is not None:
             rested = history.rest, next_history.rest, still
-            self._rest.show(frame, inputs, *rested, image, generation)
+            self._rest.show(frame, inputs, *rested, image, generation, held.mean)
             aux.fill("converged", still.frozen, frame.size)
         if frame.pre_exposure != 1.0:
             self._multiply(image, frame.pre_exposure)
@@ -187,19 +188,24 @@ class CpuExecutor(ABC, Generic[Space]):
             self._compute_tiles(step, space)
 
     def _keep(
-        self, history: CpuHistory, next_history: CpuHistory, tiles: Tiles, resting: Bool, generation: int
+        self,
+        history: CpuHistory,
+        next_history: CpuHistory,
+        tiles: Tiles,
+        resting: Bool,
+        generation: int,
+        held: Generations,
     ) -> None:
         """Make tiles that rest in the next history those of the history."""
-        stale = resting & (tiles.computed | (next_history.generations != history.generations))
-        next_history.generations = np.where(resting, history.generations, generation)
+        stale = resting & (tiles.computed | (held.tiles != history.generations))
         if resting.all():
-            next_history.keep_frame(history)
-        if not stale.any():
-            return
-        runs = runs_of(stale)
-        for (unit, source), (_, target) in zip(history.tiled(), next_history.tiled(), strict=True):
-            boxes = scaled(runs, unit, (source.shape[1], source.shape[0]))
-            self.pool.run_rects("rest", boxes, partial(_copy, source, target))
+            next_history.keep_frame(history, generation if tiles.any else held.frame)
+        if stale.any():
+            runs = runs_of(stale)
+            for (unit, source), (_, target) in zip(history.tiled(), next_history.tiled(), strict=True):
+                boxes = scaled(runs, unit, (source.shape[1], source.shape[0]))
+                self.pool.run_rects("rest", boxes, partial(_copy, source, target))
+        next_history.generations = np.where(resting, history.generations, generation)
 
     def _multiply(self, image: Float32, factor: float) -> None:
         """Multiply an image in place."""

@@ -15,6 +15,7 @@ from supersampler.methods.at_rest import AT_REST_HISTORY
 from supersampler.methods.spec import HALF, PREVIOUS, MethodSpec, Shape
 
 _UINT8_ONE = np.float32(255.0)
+_HALF_WRITTEN = -1
 
 
 class Plane(NamedTuple):
@@ -82,6 +83,14 @@ class HistoryLayout:
         return found
 
 
+class Generations(NamedTuple):
+    """Generations of a history's arrays; see `CpuHistory`."""
+
+    tiles: NDArray[np.int64]
+    frame: int
+    mean: NDArray[np.int64]
+
+
 class CpuHistory:
     """The history after a frame; empty at first.
 
@@ -121,17 +130,31 @@ class CpuHistory:
         same = self._display == display and (self.rest is None or self.rest.display == image)
         return same and (free or self.render == render)
 
-    def keep_frame(self, previous: "CpuHistory") -> None:
-        """Copy everything except tiles from the previous history: no tile of this frame is computed."""
+    def begin_step(self) -> Generations:
+        """Forget the generations, and return them: arrays that a step left half written equal no others."""
+        rest = self.rest
+        held = Generations(
+            self.generations, self.frame_generation, self.generations if rest is None else rest.generations
+        )
+        self.generations, self.frame_generation = np.full_like(held.tiles, _HALF_WRITTEN), _HALF_WRITTEN
+        if rest is not None:
+            rest.generations = np.full_like(held.mean, _HALF_WRITTEN)
+        return held
+
+    def keep_frame(self, previous: "CpuHistory", held: int) -> None:
+        """Copy everything except tiles from the previous history: no tile of this frame is computed.
+
+        Args:
+            previous: the history of the previous frame.
+            held: generation of this history's arrays of the frame's size.
+        """
         self.jitter, self.exposure, self.glares = previous.jitter, previous.exposure, previous.glares
         for name, values in previous.values.items():
             self.values[name][:] = values
-        if self.frame_generation == previous.frame_generation:
-            return
-        self.frame_generation = previous.frame_generation
         for name, plane in self._layout.planes.items():
-            if self._layout.size(plane) == PREVIOUS:
+            if self._layout.size(plane) == PREVIOUS and held != previous.frame_generation:
                 self.arrays[name][:] = previous.arrays[name]
+        self.frame_generation = previous.frame_generation
 
     def tiled(self) -> list[tuple[int, NDArray[Any]]]:
         """Return the planes that consist of tiles, each with the side of a tile in its pixels."""
