@@ -34,7 +34,7 @@ class Summarized(Protocol):
 
 
 def quality_record(shots: Sequence[Record]) -> dict[str, Any]:
-    """Return everything about a quality measurement, ready for JSON; only `date` and `seconds` differ from run to run.
+    """Return all of a quality measurement, ready for JSON; only `date` and `seconds` differ from run to run.
 
     Args:
         shots: by `shot_scores`. If there are several, each has its ratio, those of a ratio have the same
