@@ -66,6 +66,7 @@ def test_after_a_step_that_failed_at_any_stage_the_next_good_frame_works(
         calm, shaken = session(method), session(method)
         for index, (frame, _) in enumerate(SCENE.frames(FRAMES)):
             before = calm.save_state()
+            assert frame.color is not None
             with monkeypatch.context() as patch:
                 failing = replace(frame, color=frame.color * np.float32(light))
                 fail_at((first + index) % STAGES, runs, shaken, failing, patch)
