@@ -1,5 +1,6 @@
 """Records: the values of a measurement with machine, versions, models, date and command, as a JSON file."""
 
+import hashlib
 import json
 import math
 import platform
@@ -17,7 +18,7 @@ from supersampler.errors import ArgumentError
 from supersampler.io.child_process import run
 from supersampler.io.files import replacing
 from supersampler.io.machine import machine
-from supersampler.methods.model_file import extrapolation_names, model_names, sha256, shipped_model
+from supersampler.methods.model_file import extrapolation_names, model_names, shipped_model
 
 Record: TypeAlias = Mapping[str, Any]
 """The values of a measurement, ready for JSON or read back from it."""
@@ -25,6 +26,8 @@ Record: TypeAlias = Mapping[str, Any]
 SHIPPED_PARETO = Path(__file__).parent / "pareto.json"
 """Times and scores of the shipped methods; presets are chosen from it."""
 _BEGAN = time.monotonic()  # of a command, nearly
+_IMAGE_FILES = ("step.onnx", "network.npz")
+"""Files of a model whose hashes, in model.json, tell whether its images are the same."""
 _PACKAGES = ("supersampler", "numpy", "onnxruntime", "flip-evaluator")
 
 
@@ -43,9 +46,14 @@ def setting() -> dict[str, Any]:
 
 @cache
 def model_digests() -> Mapping[str, str]:
-    """Return the digest of each shipped model's model.json, which has the hashes of its other files."""
-    names = (*model_names(), *extrapolation_names())
-    return {name: sha256(shipped_model(name) / "model.json")[:16] for name in names}
+    """Return a digest of each shipped model: of the files that its images are computed from."""
+    return {name: _model_digest(shipped_model(name)) for name in (*model_names(), *extrapolation_names())}
+
+
+def _model_digest(folder: Path) -> str:
+    files = json.loads((folder / "model.json").read_text(encoding="utf-8"))["files"]
+    text = "".join(f"{name} {files[name]}\n" for name in _IMAGE_FILES if name in files)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def age_of(record: Record) -> str:

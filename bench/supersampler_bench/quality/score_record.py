@@ -58,6 +58,15 @@ def shot_scores(shot: Shot, methods: Sequence[MethodScores], origin: Record | No
     return {**shot_record(shot), **(origin or {}), "methods": rows}
 
 
+def summaries_of(record: Record) -> dict[str, Any]:
+    """Return a record by `quality_record` without the values of single frames, which are most of its size."""
+    shots = [
+        {**shot, "methods": [{k: v for k, v in row.items() if k != "frames"} for row in shot["methods"]]}
+        for shot in record["shots"]
+    ]
+    return {**record, "shots": shots}
+
+
 def shot_record(shot: Shot) -> dict[str, Any]:
     """Return what a record says of a shot, except where its pixels are from."""
     file = shot.path if shot.path.is_file() else shot.path / "shot.json"

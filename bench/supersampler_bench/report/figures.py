@@ -63,6 +63,8 @@ def _curves(record: Record, folder: Path) -> list[tuple[str, Path]]:
         return []  # too many: curves of each shot at each ratio
     curves = []
     for number, shot in enumerate(record["shots"]):
+        if not all("frames" in row for row in shot["methods"]):
+            continue  # a record of this repository: summaries alone
         path = folder / f"curves-{number}.png"
         draw_curves(shot, path)
         curves.append((f"{sizes(shot)}: over the frames", path))

@@ -11,7 +11,8 @@ from pathlib import Path
 from supersampler.errors import ArgumentError
 from supersampler.io.child_process import run
 from supersampler.io.files import is_there
-from supersampler_bench.record import Record, age_of, read_record
+from supersampler_bench.quality.score_record import summaries_of
+from supersampler_bench.record import Record, age_of, read_record, write_json
 from supersampler_bench.report.doc_tables import RESULTS
 
 COMMANDS = Path("bench/records.toml")
@@ -72,7 +73,7 @@ def recipes(root: Path, names: Sequence[str] = ()) -> Iterator[Recipe]:
 
 
 def measure(root: Path, recipe: Recipe, on_line: Callable[[str], None]) -> bool:
-    """Run a recipe's command; its record is replaced when that has ended well.
+    """Run a recipe's command; its record is replaced when that has ended well, by summaries alone.
 
     Args:
         root: the repository.
@@ -82,7 +83,8 @@ def measure(root: Path, recipe: Recipe, on_line: Callable[[str], None]) -> bool:
     Returns:
         Whether it ended well.
     """
-    steps = [f"{recipe.command.removeprefix('supersampler ')} --json {RESULTS / f'{recipe.name}.json'}"]
+    path = RESULTS / f"{recipe.name}.json"
+    steps = [f"{recipe.command.removeprefix('supersampler ')} --json {path}"]
     if str(_PAPER) in recipe.command and not is_there(root / _PAPER):
         steps.insert(0, _EXPORT)
     for step in steps:
@@ -90,6 +92,9 @@ def measure(root: Path, recipe: Recipe, on_line: Callable[[str], None]) -> bool:
         if done.returncode:
             on_line(done.stderr.decode(errors="replace").strip() or f"code {done.returncode}")
             return False
+    record = read_record(root / path)
+    if record["bench"] == "quality":
+        write_json(summaries_of(record), root / path)
     return True
 
 

@@ -10,8 +10,10 @@ from typer.testing import CliRunner
 
 from supersampler import ArgumentError
 from supersampler.cli import app
+from supersampler.io.shot import ShotWriter
 from supersampler_bench.record import setting
 from supersampler_bench.report.remeasure import COMMANDS, Recipe, clock, measure, recipes
+from supersampler_model.data.scenes.analytic import Plane, checker
 
 ROOT = Path(__file__).parents[3]
 COST = "supersampler bench cost --methods classifier-small --display-size 64x36"
@@ -56,6 +58,21 @@ def test_a_command_that_fails_leaves_the_record_and_says_why(root: Path) -> None
     assert not (root / "bench/results/second.json").exists()
     assert measure(root, first, said.append)
     assert json.loads((root / "bench/results/first.json").read_text())["bench"] == "cost"
+
+
+def test_records_of_quality_hold_summaries_and_no_single_frames(root: Path, tmp_path: Path) -> None:
+    scene, shot = Plane(checker, velocity=(1.0, 0.0)), tmp_path / "shot"
+    with ShotWriter(shot, name="small", display_size=(80, 60), frame_rate=30) as writer:
+        for index in range(10):
+            writer.write(scene.frame(index, (40, 30)), reference=scene.truth(index, (80, 60), samples=2))
+    command = f"supersampler bench quality {shot} --methods bilinear"
+    (root / COMMANDS).write_text(f'[commands]\nquality = "{command}"\n')
+    [recipe] = recipes(root)
+    assert measure(root, recipe, print)
+    record = json.loads((root / "bench/results/quality.json").read_text())
+    assert record["shots"][0]["methods"][0].keys() == {"method", "summary", "classes"}
+    for path in (ROOT / "bench/results").glob("quality*.json"):
+        assert '"frames": [' not in path.read_text(encoding="utf-8"), path.name
 
 
 def test_the_list_measures_nothing(root: Path) -> None:
