@@ -16,7 +16,14 @@ from supersampler.validation.detection import SURE, Detection, Hypothesis, Verdi
 from supersampler.validation.evidence import Evidence
 from supersampler.validation.readings import reading_text
 from supersampler.validation.reprojection import FramePair, frame_pairs
-from supersampler.validation.temporal import FramesSeen, _better_reading, _other_order, _readings, _surfaces
+from supersampler.validation.temporal import (
+    FramesSeen,
+    _better_reading,
+    _other_order,
+    _readings,
+    _surfaces,
+    temporal_mistakes,
+)
 from supersampler_model.data.scenes.analytic import Plane, checker
 
 
@@ -62,21 +69,21 @@ def test_a_jitter_that_stays_within_one_pixel_of_ndc_is_too_small() -> None:
 @pytest.mark.parametrize(
     ("as_reversed", "as_forward", "kind"),
     [
-        ((0, 0), (0, 0), ""),
+        ((0, 0), (0, 0), None),
         ((0, 20), (0, 0), "linear"),
-        ((0, 19), (0, 0), ""),
-        ((5, 20), (0, 0), ""),
+        ((0, 19), (0, 0), None),
+        ((5, 20), (0, 0), None),
         ((4, 20), (0, 0), "linear"),
-        ((20, 5), (0, 0), ""),
+        ((20, 5), (0, 0), None),
         ((0, 0), (20, 0), "forward"),
-        ((0, 0), (19, 0), ""),
-        ((0, 0), (20, 5), ""),
-        ((2, 0), (20, 3), ""),
+        ((0, 0), (19, 0), None),
+        ((0, 0), (20, 5), None),
+        ((2, 0), (20, 3), None),
         ((1, 0), (21, 4), "forward"),
     ],
 )
 def test_the_order_of_depth_is_doubted_where_what_hides_is_farther(
-    as_reversed: tuple[int, int], as_forward: tuple[int, int], kind: str
+    as_reversed: tuple[int, int], as_forward: tuple[int, int], kind: str | None
 ) -> None:
     """(closer, farther) surfaces that disoccluded places were hidden by, if depth were of that order."""
     assert _other_order({"reversed": as_reversed, "forward": as_forward}) == kind
@@ -225,8 +232,20 @@ def moved_edge(axis: int, sign: float, jitter_before: float) -> FramePair:
 
 def test_one_pair_of_frames_alone_doubts_no_order_of_depth() -> None:
     once = _surfaces(moved_edge(1, 1.0, -0.3))
-    assert _other_order(once) == ""
+    assert _other_order(once) is None
     assert (
         _other_order({order: (2 * closer, 2 * farther) for order, (closer, farther) in once.items()})
         == "linear"
     )
+
+
+@pytest.mark.parametrize(("kind", "doubted"), [("reversed", False), ("linear", True)])
+def test_planes_decide_where_what_flickers_seems_to_hide_closer_things(kind: str, doubted: bool) -> None:
+    y, x = np.mgrid[:40, :40].astype(np.float32)
+    plane = 0.1 + 0.002 * x + 0.003 * y
+    frame = replace(even((0.1, 0.2), (40, 40)), depth=plane if kind == "reversed" else 1.0 / plane)
+    seen = FramesSeen(
+        previous=Evidence.of_frame(frame), surfaces={"reversed": (0.0, 30.0)}, jitters=(frame.jitter,)
+    )
+    found = temporal_mistakes(seen, (40, 40), (80, 80))
+    assert any("as if depth were linear" in str(mistake.error()) for mistake in found) == doubted

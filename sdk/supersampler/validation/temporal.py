@@ -18,7 +18,7 @@ from supersampler.validation.amplitude import (
     vectors_have_jitter,
     wrong_amplitude,
 )
-from supersampler.validation.depth_order import DepthOrder
+from supersampler.validation.depth_order import DepthOrder, bend
 from supersampler.validation.evidence import Evidence
 from supersampler.validation.mistakes import Mistake
 from supersampler.validation.motion_next import motion_next_mistakes
@@ -108,7 +108,7 @@ def temporal_mistakes(seen: FramesSeen, size: Size, display_size: Size) -> Itera
     if np.ptp(seen.jitters, axis=0).max() > 0:
         yield from amplitude_mistakes(seen.amplitudes, seen.pairs, seen.varied)
     kind = _other_order(seen.surfaces)
-    if kind:
+    if kind and not _planes_are_reversed(seen.previous, kind):
         yield mistakes.depth_kind(f"moving surfaces hide closer ones, as if depth were {kind}", kind)
 
 
@@ -186,14 +186,21 @@ def _surfaces(pair: FramePair) -> dict[DepthOrder, tuple[float, float]]:
     return {order: (scale * closer, scale * farther) for order, (closer, farther) in counts.items()}
 
 
-def _other_order(surfaces: Mapping[DepthOrder, tuple[float, float]]) -> str:
+def _other_order(surfaces: Mapping[DepthOrder, tuple[float, float]]) -> DepthOrder | None:
     closer, farther = surfaces.get("reversed", (0, 0))
     if farther >= _MIN_DISOCCLUDED and farther > 4 * closer:
         return "linear"
     closer_if_forward, farther_if_forward = surfaces.get("forward", (0, 0))
     if closer_if_forward >= _MIN_DISOCCLUDED and closer_if_forward > 4 * (farther_if_forward + closer):
         return "forward"
-    return ""
+    return None
+
+
+def _planes_are_reversed(frame: Evidence | None, kind: DepthOrder) -> bool:
+    """Return whether planes contradict that depth is of this kind: what flickers hides closer things, too."""
+    if frame is None:
+        return False
+    return bend(frame.depth, "reversed") < bend(frame.depth, kind)
 
 
 def _jitter_values(jitters: tuple[tuple[float, float], ...], size: Size) -> Iterator[Mistake]:

@@ -352,9 +352,12 @@ class AtRest:
         if not verifies.any():
             return np.zeros_like(kept)
         wanted = spread(windowed(verifies, WINDOWS[1]), WINDOWS[1], verifies.shape) & (history.ages != 0.0)
-        sums = self._sums(seen, history, wanted)
+        rows, columns = windows_around(wanted)
+        sums = self._sums(seen, history, wanted)[:, rows, columns]
         steadiness = steadiness_of(windows_of(sums, WINDOWS[0]), windows_of(sums, WINDOWS[1]), seen.dark)
-        return np.where(verifies, history.tests + steadiness, np.float32(0.0))
+        tests = np.zeros_like(history.tests)
+        tests[:, rows, columns] = history.tests[:, rows, columns] + steadiness
+        return np.where(verifies, tests, np.float32(0.0))
 
     def _signatures(self, frame: Frame, inputs: FrameInputs) -> tuple[Bool, Float32]:
         (w, h), (across, down) = frame.size, block_count(frame.size)
@@ -539,6 +542,16 @@ def windowed(blocks: NDArray[Any], side: int) -> NDArray[Any]:
     whole = np.pad(blocks, edges, "edge")
     split = whole.reshape(*blocks.shape[:-2], -(-down // side), side, -(-across // side), side)
     return np.asarray(split.any(axis=(-3, -1)) if blocks.dtype == bool else split.sum(axis=(-3, -1)))
+
+
+def windows_around(blocks: Bool) -> tuple[slice, slice]:
+    """Return the rows and columns of the large windows with these blocks, and of one more on each side."""
+    side, ranges = WINDOWS[1], []
+    for axis, extent in enumerate(blocks.shape):
+        found = np.flatnonzero(blocks.any(axis=1 - axis))
+        first, last = (found[0], found[-1]) if found.size else (0, 0)
+        ranges.append(slice(max(first // side - 1, 0) * side, min((last // side + 2) * side, extent)))
+    return ranges[0], ranges[1]
 
 
 def spread(windows: NDArray[Any], side: int, shape: tuple[int, ...]) -> NDArray[Any]:

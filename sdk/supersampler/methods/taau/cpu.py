@@ -14,6 +14,7 @@ from supersampler.backends.cpu.memory import address, aligned
 from supersampler.backends.cpu.resample_tables import Filter, catmull_rom, gaussian, line_filters, up_to
 from supersampler.backends.cpu.structs import NO_MASK, pack
 from supersampler.backends.cpu.threads import Rect, ThreadPool
+from supersampler.backends.cpu.tiles import Bool
 from supersampler.frame import Float32, Size
 from supersampler.methods.at_rest import block_count
 from supersampler.methods.model_info import ModelInfo
@@ -128,16 +129,16 @@ class TaauCpu(CpuExecutor[_Space]):
     def _kept(self, step: Step, space: _Space) -> tuple[Float32, NDArray[np.int32], int, int]:
         """Return the last members of `TaauHistoryInput`."""
         at, kept = blocks_at(step.display, step.frame.size), None
-        if step.still is not None and compared(step.still).any():
-            kept = samples_kept(self._difference(step, space), step.still, self._config)
+        if step.still is not None and (blocks := compared(step.still)).any():
+            kept = samples_kept(self._difference(step, space, blocks), step.still, self._config)
         if kept is None:
             return NO_MASK, at.rows, 0, 0
         across = aligned((len(kept), up_to(step.display[0], LANES)))
         across[:, : step.display[0]] = kept[:, at.columns]
         return across, at.rows, across.shape[1], 1
 
-    def _difference(self, step: Step, space: _Space) -> Float32:
-        """Return differences of samples and history by block; see `ComparedBlocks`."""
+    def _difference(self, step: Step, space: _Space, wanted: Bool) -> Float32:
+        """Return differences of samples and history in rows of wanted blocks; see `ComparedBlocks`."""
         across, down = block_count(step.frame.size)
         columns, rows = nearest_pixels(step.display, step.frame.size)
         pixels, sums = step.history.arrays["pixels"], aligned((6, down, up_to(across, LANES)))
@@ -150,6 +151,7 @@ class TaauCpu(CpuExecutor[_Space]):
                 )
             ),
         )  # fmt: skip
-        compare = self.kernels[COMPARE]
-        self.pool.run_rows("preprocess", down, lambda y0, y1, _: compare(samples, blocks, y0, y1))
+        compare, used = self.kernels[COMPARE], np.flatnonzero(wanted.any(axis=1))
+        box = Rect(int(used[0]), int(used[-1]) + 1, 0, 1)
+        self.pool.run_rects("preprocess", [box], lambda box, _: compare(samples, blocks, box.y0, box.y1))
         return sums[..., :across]

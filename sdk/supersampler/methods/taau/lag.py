@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from supersampler.backends.cpu.at_rest import Stillness, spread, windowed
+from supersampler.backends.cpu.at_rest import Stillness, spread, windowed, windows_around
 from supersampler.backends.cpu.tiles import Bool
 from supersampler.frame import Float32
 from supersampler.methods.at_rest import BLOCK, DARK, WINDOWS
@@ -24,7 +24,9 @@ def samples_kept(sums: Float32, still: Stillness, config: Mapping[str, float]) -
         still: what stands still.
         config: constants of the model.
     """
-    free, side = compared(still), WINDOWS[1]
+    rows, columns = windows_around(compared(still))
+    free, side = compared(still)[rows, columns], WINDOWS[1]
+    sums = sums[:, rows, columns]
     difference, level = sums.reshape(2, 3, *free.shape) / np.float32((BLOCK // LAG_STEP) ** 2)
     values = np.concatenate([difference, np.square(difference), level, free[None]]) * free
     down, across = free.shape
@@ -38,6 +40,6 @@ def samples_kept(sums: Float32, still: Stillness, config: Mapping[str, float]) -
     least = config["lag_samples"] / MOST_SAMPLES
     limited = (count >= LEAST_BLOCKS * side * side) & (excess > least)
     kept = np.where(limited, config["lag_samples"] / np.maximum(excess, least), MOST_SAMPLES)
-    kept = spread(kept, side, free.shape)
-    kept = np.where(free, kept, MOST_SAMPLES).astype(np.float32)
-    return kept if (kept < MOST_SAMPLES).any() else None
+    whole = np.full(still.stays.shape, MOST_SAMPLES, np.float32)
+    whole[rows, columns] = np.where(free, spread(kept, side, free.shape), MOST_SAMPLES)
+    return whole if (whole < MOST_SAMPLES).any() else None
