@@ -33,12 +33,14 @@ from supersampler_export.parity import (
     check_parity,
     tolerance_of_half,
 )
+from supersampler_export.quantized_graph import quantized_network
 from supersampler_model.methods.aovs import BlendAovs
 from supersampler_model.methods.base import Fused, Method
 
 _FILES = {
     "aovs.onnx": "blends AOVs (alpha, any channels) by the step's `weight` output.",
     "network.onnx": "is the network alone.",
+    "network.int8.onnx": "is the network in int8 (QDQ), with the inputs and outputs of `network.onnx`.",
     "step.fp16.onnx": "is the step in half precision (docs/explanation/precision.md).",
     "network.npz": "is the int8 network, for the CPU backend.",
     f"{EXTRAPOLATED}/model.json": "describes the step for extrapolated frames, on the same history.",
@@ -92,16 +94,18 @@ def _folder_files(method: Method, inner: Mapping[str, bytes]) -> dict[str, bytes
     parity = check_parity(method, files["step.onnx"])
     if not method.extrapolates():  # upscalers blend AOVs
         files["aovs.onnx"] = aovs_graph()
-    fused = method.fused()
+    fused, network = method.fused(), cpu_network(method)
     if fused is not None:
-        files["network.onnx"] = _serialized(export_fused(fused))
+        alone = export_fused(fused)
+        files["network.onnx"] = _serialized(alone)
         check_fused(fused, files["network.onnx"])
+        if network is not None:
+            files["network.int8.onnx"] = _serialized(quantized_network(alone, network))
     half = to_half(method)
     if half is not None:
         check_half(method, half)
         files["step.fp16.onnx"] = _serialized(_labelled(without_detours(export_graph(half)), described))
         check_parity(method, files["step.fp16.onnx"], tolerance_of_half(method))
-    network = cpu_network(method)
     if network is not None:
         files["network.npz"] = network
     known = files | {name: content for name, content in inner.items() if name == f"{EXTRAPOLATED}/model.json"}

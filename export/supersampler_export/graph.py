@@ -6,7 +6,7 @@ import inspect
 import io
 import logging
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any
 
 import onnx
@@ -185,12 +185,12 @@ def example_arguments(method: Method, render: Size, display: Size, previous: Siz
     return [torch.tensor(display) if name == "display_size" else noise[name] for name in names]
 
 
-def check_portable(model: onnx.ModelProto) -> None:
-    """Raise ExportError unless the graph is at opset 17 and every operator is on the portable list."""
+def check_portable(model: onnx.ModelProto, others: Collection[str] = ()) -> None:
+    """Raise ExportError unless the graph is at opset 17 and operators are portable, or among `others`."""
     opsets = {opset.domain: opset.version for opset in model.opset_import}
     if opsets.get("") != OPSET or set(opsets) - {""}:
         raise ExportError(f"the exporter returned opsets {opsets}; want {OPSET} and no other domain")
-    unsupported = {node.op_type for node in model.graph.node} - PORTABLE_OPERATORS
+    unsupported = {node.op_type for node in model.graph.node} - PORTABLE_OPERATORS - {*others}
     if unsupported:
         raise ExportError(
             f"operators {sorted(unsupported)} are not on the portable list; rewrite the step without"

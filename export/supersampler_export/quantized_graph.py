@@ -1,0 +1,222 @@
+"""`network.int8.onnx` of a model folder: the int8 network of the CPU backend as a QDQ graph.
+
+It has the operators of `network.onnx`, and the weights, scales and biases of `network.npz`. Values between
+layers are in steps of their own last bit, 0 to 255, as in `quantize`: scales are folded into the weights, so
+each QuantizeLinear but that of the logits has a scale of 1, and values of several layers are concatenated as
+they are. Results of depthwise convolutions have a zero point of MIDDLE.
+"""
+
+import io
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+import onnx
+from numpy.typing import NDArray
+from onnx import helper, numpy_helper
+
+from supersampler_export.graph import check_portable
+from supersampler_export.quantize import BYTE, KEPT, MIDDLE, packed_bytes, unpacked
+
+Arrays = Mapping[str, NDArray[Any]]
+QUANTIZED_OPERATORS = frozenset({"QuantizeLinear", "DequantizeLinear"})
+"""Operators of a QDQ graph beside PORTABLE_OPERATORS."""
+ENDS = {"packed": "packed.bytes", "half_inputs": "half_inputs.bytes"}
+"""Inputs of the graph, and the same in steps of their last bit."""
+
+
+class Layer(NamedTuple):
+    """A layer of `network.npz`, channels in the order of the graph: sum of weights * bytes * scale + bias.
+
+    Attributes:
+        weights: int8, in the shape of the graph's convolution.
+        scale, bias: float32, one of each output channel.
+    """
+
+    weights: NDArray[np.int8]
+    scale: NDArray[np.float32]
+    bias: NDArray[np.float32]
+
+
+def quantized_network(network: onnx.ModelProto, content: bytes) -> onnx.ModelProto:
+    """Return the QDQ graph of a network.
+
+    Args:
+        network: `network.onnx`; not changed.
+        content: `network.npz` of the same weights.
+
+    Raises:
+        ExportError: the graph has an operator that is not portable.
+    """
+    with np.load(io.BytesIO(content)) as file:
+        arrays = dict(file)
+    made = _Graph(network)
+    made.read_inputs()
+    for node in network.graph.node:
+        match node.op_type:
+            case "Conv":
+                made.add_convolution(node, arrays)
+            case "Relu":  # bytes with a zero point of 0 are not negative
+                made.rename(node.input[0], node.output[0])
+            case "Gather" | "Split" | "MaxPool" | "DepthToSpace" | "Concat" | "Slice":
+                made.add_quantized(node)
+            case _:
+                made.add(node)
+    model = made.model()
+    check_portable(model, QUANTIZED_OPERATORS)
+    onnx.checker.check_model(model, full_check=True)
+    return model
+
+
+def layer_of(arrays: Arrays, name: str, shape: tuple[int, ...]) -> Layer:
+    """Return a layer in the order of the graph; the inverse of `quantize.pixelwise`, `depthwise`, `by_output`.
+
+    Args:
+        arrays: of `network.npz`.
+        name: of the graph's convolution: "encoder.blocks.0.1", "decoder.0.0", "classes", ...
+        shape: of its weights, (out, in, height, width).
+    """
+    part, level = _part_of(name), int(name.split(".")[2]) if name.startswith("encoder") else 0
+    weights, scale, bias = (arrays[f"{part}.{field}"] for field in ("weights", "scale", "bias"))
+    outputs, inputs = shape[:2]
+    rows, columns = np.arange(outputs), np.arange(inputs)
+    if part.endswith("spatial"):
+        return Layer(weights.transpose(0, 2, 3, 1).reshape(-1, 4, 3)[:, None, :3], scale, bias)
+    if part == "blend":  # pixel by pixel in the file
+        rows = rows.reshape(4, -1).T.ravel()
+        flat = weights.reshape(len(weights), -1)
+    else:
+        flat = weights.transpose(0, 2, 1, 3).reshape(-1, 4 * weights.shape[1])
+    if part.endswith("last"):
+        kept = outputs if level + 1 == len(KEPT) else outputs // 2
+        order = unpacked(kept, level) + list(range(kept, outputs))
+        rows = np.array([order.index(channel) for channel in range(outputs)])
+    if part == "decoder":
+        columns = _decoder_columns(arrays)
+    if name == "classes":  # these rows read the features only, after the packed pixels
+        rows, columns = rows + arrays["logits.first"].item(), columns + len(packed_bytes().channel)
+    return Layer(flat[rows][:, columns].reshape(shape), scale[rows], bias[rows])
+
+
+def _part_of(name: str) -> str:
+    path = name.split(".")
+    if path[0] == "encoder":
+        return f"{path[2]}.{('first', 'spatial', 'last')[int(path[3])]}"
+    return "hidden" if path[0] == "classes" else path[0]
+
+
+def _decoder_columns(arrays: Arrays) -> NDArray[np.int64]:
+    """Return the bytes that the decoder reads of each level, without padding."""
+    channels = [len(arrays[f"{level}.spatial.scale"]) for level in range(len(KEPT))]
+    kept = [*(count // 2 for count in channels[:-1]), channels[-1]]
+    firsts = np.cumsum((0, *KEPT))
+    return np.concatenate([firsts[level] + np.arange(count // 4**level) for level, count in enumerate(kept)])
+
+
+class _Graph:
+    """Nodes and constants of a QDQ graph that is made of another one."""
+
+    def __init__(self, source: onnx.ModelProto) -> None:
+        self._source = source
+        self._weights = {t.name: t for t in source.graph.initializer}
+        self._nodes: list[onnx.NodeProto] = []
+        self._constants: dict[str, onnx.TensorProto] = {}
+        self._names: dict[str, str] = {}  # of values that have another name here
+
+    def model(self) -> onnx.ModelProto:
+        """Return the graph; constants that nothing reads are left out."""
+        model = onnx.ModelProto()
+        model.CopyFrom(self._source)
+        read = {name for node in self._nodes for name in node.input}
+        read -= {name for node in self._nodes for name in node.output}
+        known = {**self._weights, **self._constants}
+        del model.graph.node[:], model.graph.initializer[:]
+        model.graph.node.extend(self._nodes)
+        model.graph.initializer.extend(tensor for name, tensor in known.items() if name in read)
+        return model
+
+    def read_inputs(self) -> None:
+        """Convert the inputs, in [0, 1] or [-1, 1], to steps of their last bit."""
+        packed = packed_bytes()
+        count = self._source.graph.input[1].type.tensor_type.shape.dim[1].dim_value
+        scales = {"packed": packed.scale, "half_inputs": np.full(count, 1.0 / BYTE)}
+        zeros = {"packed": packed.zero, "half_inputs": np.zeros(count)}
+        for name, made in ENDS.items():
+            factor = self._constant(f"{name}.factor", (1.0 / scales[name])[None, :, None, None])
+            offset = self._constant(f"{name}.offset", zeros[name][None, :, None, None])
+            self._add("Mul", [name, factor], f"{name}.scaled")
+            self._add("Add", [f"{name}.scaled", offset], f"{name}.shifted")
+            self._quantize(f"{name}.shifted", made)
+
+    def add(self, node: onnx.NodeProto) -> None:
+        """Add a node as it is."""
+        self._nodes.append(node)
+
+    def rename(self, name: str, given: str) -> None:
+        """Read the value `name` where `given` is read."""
+        self._names[given] = self._names.get(name, name)
+
+    def add_quantized(self, node: onnx.NodeProto) -> None:
+        """Add a node that moves bytes; its results are bytes again."""
+        moved = onnx.NodeProto()
+        moved.CopyFrom(node)
+        is_shape = node.op_type == "Concat" and node.attribute[0].i == 0
+        if not is_shape:
+            moved.input[:] = [self._value(name) for name in node.input]
+            moved.output[:] = [f"{name}.moved" for name in node.output]
+        self._nodes.append(moved)
+        for name in () if is_shape else node.output:
+            self._quantize(f"{name}.moved", name)
+
+    def add_convolution(self, node: onnx.NodeProto, arrays: Arrays) -> None:
+        """Add a convolution of bytes; its result is rounded to bytes, except for the blend parameters."""
+        name, (result,) = node.input[1].removesuffix(".weight"), node.output
+        layer = layer_of(arrays, name, tuple(self._weights[node.input[1]].dims))
+        if name == "blend":
+            self._convolve(node, layer, [self._constant("blend.bias", layer.bias)], result)
+            return
+        step = arrays["logits.scale"].item() if name == "classes" else 1.0
+        zero = MIDDLE if name == "classes" or _part_of(name).endswith("spatial") else 0.0
+        sums = np.round((layer.bias - zero) / layer.scale.astype(np.float64))
+        if _part_of(name).endswith("last"):  # its input has a zero point
+            sums += MIDDLE * layer.weights.sum(axis=(1, 2, 3), dtype=np.int64)
+        layer = layer._replace(scale=(layer.scale * np.float64(step)).astype(np.float32))
+        bias = []
+        if sums.any():
+            scale = self._constant(f"{name}.weight.scale", layer.scale)
+            given = [self._constant(f"{name}.bias.sums", sums.astype(np.int32)), scale]
+            self._add("DequantizeLinear", given, f"{name}.bias", axis=0)
+            bias = [f"{name}.bias"]
+        self._convolve(node, layer, bias, f"{result}.sum")
+        self._quantize(f"{result}.sum", result, step, zero)
+
+    def _convolve(self, node: onnx.NodeProto, layer: Layer, bias: list[str], result: str) -> None:
+        name = node.input[1]
+        given = [
+            self._constant(f"{name}.bytes", layer.weights),
+            self._constant(f"{name}.scale", layer.scale),
+            self._constant(f"{name}.zero", np.zeros(len(layer.scale), np.int8)),
+        ]
+        self._add("DequantizeLinear", given, name, axis=0)
+        made = helper.make_node("Conv", [self._value(node.input[0]), name, *bias], [result], name=node.name)
+        made.attribute.extend(node.attribute)
+        self._nodes.append(made)
+
+    def _quantize(self, name: str, result: str, step: float = 1.0, zero: float = 0.0) -> None:
+        """Round a value to bytes, and back to floats."""
+        scale = self._constant(f"step.{step:g}", np.array(step))
+        point = self._constant(f"zero.{zero:g}", np.array(zero, np.uint8))
+        self._add("QuantizeLinear", [name, scale, point], f"{result}.rounded")
+        self._add("DequantizeLinear", [f"{result}.rounded", scale, point], result)
+
+    def _value(self, name: str) -> str:
+        return self._names.get(name, ENDS.get(name, name))
+
+    def _add(self, operator: str, inputs: list[str], output: str, **attributes: Any) -> None:
+        self._nodes.append(helper.make_node(operator, inputs, [output], name=f"{operator}.{output}", **attributes))
+
+    def _constant(self, name: str, array: NDArray[Any]) -> str:
+        """Return the name of a constant; floats are float32."""
+        values = array.astype(np.float32) if array.dtype == np.float64 else array
+        self._constants.setdefault(name, numpy_helper.from_array(np.ascontiguousarray(values), name))
+        return name
