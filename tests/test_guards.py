@@ -47,7 +47,13 @@ READS = {
     "guided-flow": 11, "gbuffer-fast": 13, "classifier-large": 12,
 }  # fmt: skip
 """GridSample operators, which are most of what a graph's time is."""
-KILOBYTES = {"step.onnx": 476, "step.fp16.onnx": 325, "network.onnx": 340, "network.npz": 130}
+KILOBYTES = {
+    "step.onnx": 476,
+    "step.fp16.onnx": 325,
+    "network.onnx": 340,
+    "network.int8.onnx": 110,
+    "network.npz": 130,
+}
 """Of each file; three times that of methods that read many G-buffers."""
 
 

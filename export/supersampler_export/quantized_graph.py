@@ -69,7 +69,9 @@ def quantized_network(network: onnx.ModelProto, content: bytes) -> onnx.ModelPro
 
 
 def layer_of(arrays: Arrays, name: str, shape: tuple[int, ...]) -> Layer:
-    """Return a layer in the order of the graph; the inverse of `quantize.pixelwise`, `depthwise`, `by_output`.
+    """Return a layer in the order of the graph.
+
+    The inverse of `pixelwise`, `depthwise` and `by_output` of `quantize`.
 
     Args:
         arrays: of `network.npz`.
@@ -173,24 +175,19 @@ class _Graph:
         name, (result,) = node.input[1].removesuffix(".weight"), node.output
         layer = layer_of(arrays, name, tuple(self._weights[node.input[1]].dims))
         if name == "blend":
-            self._convolve(node, layer, [self._constant("blend.bias", layer.bias)], result)
+            self._convolve(node, layer, result)
             return
+        scale, bias = layer.scale.astype(np.float64), layer.bias.astype(np.float64)
         step = arrays["logits.scale"].item() if name == "classes" else 1.0
         zero = MIDDLE if name == "classes" or _part_of(name).endswith("spatial") else 0.0
-        sums = np.round((layer.bias - zero) / layer.scale.astype(np.float64))
-        if _part_of(name).endswith("last"):  # its input has a zero point
-            sums += MIDDLE * layer.weights.sum(axis=(1, 2, 3), dtype=np.int64)
-        layer = layer._replace(scale=(layer.scale * np.float64(step)).astype(np.float32))
-        bias = []
-        if sums.any():
-            scale = self._constant(f"{name}.weight.scale", layer.scale)
-            given = [self._constant(f"{name}.bias.sums", sums.astype(np.int32)), scale]
-            self._add("DequantizeLinear", given, f"{name}.bias", axis=0)
-            bias = [f"{name}.bias"]
-        self._convolve(node, layer, bias, f"{result}.sum")
+        if _part_of(name).endswith("last"):  # the zero point of its input
+            bias += MIDDLE * scale * layer.weights.sum(axis=(1, 2, 3), dtype=np.int64)
+        values = (scale * step, (bias - zero) * step)
+        self._convolve(node, Layer(layer.weights, *(v.astype(np.float32) for v in values)), f"{result}.sum")
         self._quantize(f"{result}.sum", result, step, zero)
 
-    def _convolve(self, node: onnx.NodeProto, layer: Layer, bias: list[str], result: str) -> None:
+    def _convolve(self, node: onnx.NodeProto, layer: Layer, result: str) -> None:
+        """Add a convolution. Its bias stays float, as in `network.npz`; providers round it if they must."""
         name = node.input[1]
         given = [
             self._constant(f"{name}.bytes", layer.weights),
@@ -198,7 +195,10 @@ class _Graph:
             self._constant(f"{name}.zero", np.zeros(len(layer.scale), np.int8)),
         ]
         self._add("DequantizeLinear", given, name, axis=0)
-        made = helper.make_node("Conv", [self._value(node.input[0]), name, *bias], [result], name=node.name)
+        inputs = [self._value(node.input[0]), name]
+        if layer.bias.any():
+            inputs.append(self._constant(f"{name}.bias", layer.bias))
+        made = helper.make_node("Conv", inputs, [result], name=node.name)
         made.attribute.extend(node.attribute)
         self._nodes.append(made)
 
@@ -213,10 +213,12 @@ class _Graph:
         return self._names.get(name, ENDS.get(name, name))
 
     def _add(self, operator: str, inputs: list[str], output: str, **attributes: Any) -> None:
-        self._nodes.append(helper.make_node(operator, inputs, [output], name=f"{operator}.{output}", **attributes))
+        self._nodes.append(
+            helper.make_node(operator, inputs, [output], name=f"{operator}.{output}", **attributes)
+        )
 
     def _constant(self, name: str, array: NDArray[Any]) -> str:
         """Return the name of a constant; floats are float32."""
         values = array.astype(np.float32) if array.dtype == np.float64 else array
-        self._constants.setdefault(name, numpy_helper.from_array(np.ascontiguousarray(values), name))
+        self._constants.setdefault(name, numpy_helper.from_array(values.copy(), name))
         return name

@@ -58,7 +58,7 @@ class Model(DeviceRuns):
     Attributes:
         info: contents of its model.json.
         providers: execution providers of ONNX Runtime in use, in order of preference; the CPU's with the CPU
-            backend.
+            and GPU backends.
         threads: number of CPU threads, as given; 0 uses every core.
         on_extrapolated: the model that steps on extrapolated frames with the same histories; most models do
             so themselves.
@@ -102,10 +102,12 @@ class Model(DeviceRuns):
             threads: number of CPU threads; 0 uses every core.
             executor: "onnx" runs the model's graph in ONNX Runtime; "cpu" runs kernels compiled for this
                 processor, which is several times as fast; "auto" uses "cpu" if the provider is the CPU and
-                the model has kernels; "gpu" runs shaders on any GPU (`pip install "supersampler[gpu]"`).
+                the model has kernels; "gpu" runs shaders on any GPU (`pip install "supersampler[gpu]"`);
+                "cpu+onnx" runs the network of a classifier in ONNX Runtime on `providers`, such as that of an
+                NPU, and kernels before and after it.
             precision: precision of the network: "int8", which the CPU backend always uses; "fp32" or "fp16"
-                with the ONNX backend. With "fp16", colours within a frame are half floats, too; the history
-                never is.
+                with the ONNX backend; "fp32" or "int8" with "cpu+onnx". With "fp16", colours within a frame
+                are half floats, too; the history never is.
             capture: CUDA and TensorRT capture the step with tensors as a CUDA graph and replay it; a new size
                 is captured again. The CPU uses the same fixed buffers without capture.
             device: with executor="gpu", the device of the caller's textures; None opens one.
@@ -123,7 +125,7 @@ class Model(DeviceRuns):
         names = resolve_providers(providers)
         aov_blender = AovBlender(info, session_options(threads))
         chosen = choose_executor(info, names, threads, executor, precision, capture=capture, device=device)
-        used = chosen.providers if isinstance(chosen, OnnxExecutor) else [CPU]
+        used: list[str] = getattr(chosen, "providers", [CPU])
         if info.extrapolated is None or not isinstance(chosen, OnnxExecutor):
             return cls(info, chosen, aov_blender, used, threads)
         other = read_model_info(info.extrapolated)
@@ -134,7 +136,7 @@ class Model(DeviceRuns):
 
     @property
     def executor(self) -> str:
-        """The backend in use: "onnx", "cpu" or "gpu"."""
+        """The backend in use: "onnx", "cpu", "cpu+onnx" or "gpu"."""
         return self._executor.name
 
     @property

@@ -19,7 +19,7 @@ ShotArgument = Annotated[str, typer.Argument(metavar="SHOT", help="A shot, or th
 # The same words as in the SDK's modules, which would take long to import for `--help`.
 Validate = Literal["off", "warn", "strict"]
 Precision = Literal["auto", "fp32", "fp16", "int8"]
-Executor = Literal["auto", "onnx", "cpu", "gpu"]
+Executor = Literal["auto", "onnx", "cpu", "cpu+onnx", "gpu"]
 Preset = Literal["fast", "balanced", "high"]
 AtRest = Literal["converge", "accumulate", "off"]
 

@@ -2,14 +2,14 @@
 
 import os
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from importlib import import_module
 from typing import TYPE_CHECKING
 
 from supersampler.backends.base import Executor
 from supersampler.backends.cpu.threads import ThreadPool
-from supersampler.errors import BackendWarning, KernelError
+from supersampler.errors import ArgumentError, BackendWarning, KernelError
 from supersampler.methods.cpu_checks import check_constants, has_known_history
 from supersampler.methods.model_info import ModelInfo
 from supersampler.methods.spec import constants_of
@@ -55,6 +55,36 @@ def cpu_executor(info: ModelInfo, threads: int, *, required: bool = False) -> Ex
     except KernelError as error:
         _fall_back(error, required=required)
         return None
+
+
+def cpu_onnx_executor(info: ModelInfo, providers: Sequence[str], threads: int, precision: str) -> Executor:
+    """Return the CPU backend of a classifier whose network runs in ONNX Runtime.
+
+    Args:
+        info: the model.
+        providers: execution providers of the network.
+        threads: of kernels, and of ONNX Runtime; 0: one per core that this process may use.
+        precision: of the network: "fp32" (also "auto") or "int8".
+
+    Raises:
+        ArgumentError: the model has no kernels around a network, or no network of this precision.
+        ModelError, ProviderError: the network cannot be loaded, or not by this provider.
+        KernelError: kernels cannot be compiled.
+    """
+    kernels, kind = kernels_of(info), "fp32" if precision == "auto" else precision
+    if kernels is None or not has_known_history(info, kernels) or kind not in info.networks:
+        got = f"'cpu+onnx' with {precision=} for {info.method!r}"
+        want = "a classifier, whose network is in fp32 (network.onnx) or int8 (network.int8.onnx)"
+        raise ArgumentError("executor", got=got, want=want)
+    check_constants(info, kernels)
+    from supersampler.methods.classifier.onnx_network import NetworkSession
+    from supersampler.methods.classifier.variant import Variant
+
+    parameters = Variant.of(info.config).blend_parameters
+    session = NetworkSession(info, kind, providers, threads, parameters)
+    made = getattr(import_module(f"supersampler.methods.{kernels}.cpu"), _EXECUTORS[kernels])
+    executor: Executor = made(info, ThreadPool(threads or len(_cores())), session)
+    return executor
 
 
 def cpu_extrapolation(info: ModelInfo, threads: int, *, required: bool = False) -> "GuidedWarpCpu | None":

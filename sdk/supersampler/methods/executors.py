@@ -7,14 +7,14 @@ from supersampler.backends.base import Executor
 from supersampler.backends.onnx.executor import OnnxExecutor
 from supersampler.backends.onnx.providers import CPU
 from supersampler.errors import ArgumentError
-from supersampler.methods.cpu_backends import cpu_executor
+from supersampler.methods.cpu_backends import cpu_executor, cpu_onnx_executor
 from supersampler.methods.gpu_backends import gpu_executor
 from supersampler.methods.model_info import ModelInfo
 
 if TYPE_CHECKING:
     import wgpu
 
-ExecutorName = Literal["auto", "onnx", "cpu", "gpu"]
+ExecutorName = Literal["auto", "onnx", "cpu", "cpu+onnx", "gpu"]
 Precision = Literal["auto", "fp32", "fp16", "int8"]
 
 
@@ -33,6 +33,10 @@ def choose_executor(
         return gpu_executor(info, precision, capture=capture, device=device)
     if device is not None:
         raise ArgumentError("device", got=f"given with {executor=}", want="executor='gpu'")
+    if executor == "cpu+onnx":
+        if capture:
+            raise ArgumentError("capture", got=f"True with {executor=}", want="executor='onnx'")
+        return cpu_onnx_executor(info, providers, threads, precision)
     if executor != "onnx" and not capture and list(providers) == [CPU]:
         required = executor == "cpu" or precision == "int8"
         kernels = cpu_executor(info, threads, required=required)

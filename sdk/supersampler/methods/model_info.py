@@ -108,6 +108,12 @@ class ModelInfo:
         return {kind: self.folder / name for kind, name in names.items() if name in self.files}
 
     @property
+    def networks(self) -> Mapping[str, Path]:
+        """Graphs of the network alone, by its precision; empty for methods without a network."""
+        names = {"fp32": "network.onnx", "int8": "network.int8.onnx"}
+        return {kind: self.folder / name for kind, name in names.items() if name in self.files}
+
+    @property
     def gbuffers(self) -> tuple[str, ...]:
         """Names of the inputs that are G-buffers, keys of GBUFFERS."""
         return tuple(tensor.name for tensor in self.inputs if tensor.name in GBUFFERS)

@@ -1,6 +1,6 @@
 """CPU backend of `classifier`: gather, int8 network and finish, row by row on several threads."""
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -17,8 +17,9 @@ from supersampler.backends.cpu.workspaces import Workspaces
 from supersampler.backends.plan import held_bytes
 from supersampler.frame import Float32, Size
 from supersampler.io.display import is_flash, usable_exposure
-from supersampler.methods.classifier.int8_network import LEVEL, Encoder, Int8Network
-from supersampler.methods.classifier.spec import CLASSIFIER, FLASH_FRACTION
+from supersampler.methods.classifier.int8_network import LEVEL, Int8Network
+from supersampler.methods.classifier.onnx_network import COMPLETE, NetworkSession, OnnxNetwork
+from supersampler.methods.classifier.spec import CLASSES, CLASSIFIER, FLASH_FRACTION
 from supersampler.methods.classifier.structs import (
     ClassifierHistoryInput,
     FinishConstants,
@@ -33,6 +34,7 @@ from supersampler.methods.spec import constants_array
 
 GATHER = "methods.classifier.kernels.gather.make_gather_rows"
 FINISH = "methods.classifier.kernels.finish.make_finish_rows"
+COMPOSE = "methods.classifier.kernels.finish.make_compose_rows"
 KEEP_DEPTH = "backends.cpu.kernels.frame.keep_depth"
 LAYOUT = HistoryLayout(
     CLASSIFIER,
@@ -62,7 +64,7 @@ class _Space:
         rising = aligned((big_h, width // LANES))
         image = aligned((big_h * executor.variant.guided, 3, width + 2 * PAD), np.uint16)
         self.gathered = Gathered(history, rest, rising, image, big_w, big_h, width)
-        self.encoder = Encoder(executor.network, half, executor.pool)
+        self.network = executor.network.buffers(half, executor.pool)
         self.scratch = [_Scratch(self, executor.variant) for _ in range(executor.pool.threads)]
 
 
@@ -90,7 +92,7 @@ class _Scratch:
             decoded.view(np.int32),
             hidden,
             hidden.view(np.int32),
-            aligned((variant.outputs, half_w)),
+            aligned((variant.outputs + CLASSES, half_w)),
             aligned((LANES, LANES), np.int32),
             aligned((LANES, 8)),
         )
@@ -102,25 +104,33 @@ class ClassifierCpu(CpuExecutor[ResampledFrame]):
     Args:
         info: the model.
         pool: threads that compute.
+        session: of the network, which ONNX Runtime then runs; None: kernels run the int8 network.
 
     Attributes:
+        providers: execution providers of the session.
         layout: of the history.
         guided: whether the kernels are of the variant `guided`.
         preparing: names of kernels that `guide_of` needs.
     """
 
-    precision = "int8"
     layout: ClassVar = LAYOUT
     guided: ClassVar = False
     preparing: ClassVar[tuple[str, ...]] = ()
 
-    def __init__(self, info: ModelInfo, pool: ThreadPool) -> None:
+    def __init__(self, info: ModelInfo, pool: ThreadPool, session: NetworkSession | None = None) -> None:
         self.variant = Variant.of(info.config, guided=self.guided)
-        names = self.variant.kernel(GATHER), KEEP_DEPTH, LEVEL, self.variant.kernel(FINISH)
+        infer, last = (LEVEL, FINISH) if session is None else (COMPLETE, COMPOSE)
+        names = self.variant.kernel(GATHER), KEEP_DEPTH, infer, self.variant.kernel(last)
         others = *READ_KERNELS, *names[1:-1], *self.preparing
         super().__init__(self.layout, pool, names[0], *others, names[-1])
-        self._gather, self._keep_depth, level, self._finish = (self.kernels[name] for name in names)
-        self.network = Int8Network(info, self.variant.outputs, level)
+        self._gather, self._keep_depth, kernel, self._finish = (self.kernels[name] for name in names)
+        self.network: Int8Network | OnnxNetwork
+        if session is None:
+            self.network = Int8Network(info, self.variant.outputs, kernel)
+        else:
+            self.network, self.name = OnnxNetwork(session, kernel), "cpu+onnx"
+            self.providers = session.providers
+        self.precision = self.network.precision
         self._config = c = info.config
         self._constants = constants_array(CLASSIFIER, c)
         self._filters = [
@@ -134,6 +144,11 @@ class ClassifierCpu(CpuExecutor[ResampledFrame]):
     def _space(self, render: Size, display: Size) -> ResampledFrame:
         return ResampledFrame(render, display, self._filters, self.pool.threads, self._windows)
 
+    def required_bytes(self, display: Size, render: Size) -> tuple[int, int | None]:
+        """See `Executor`."""
+        history, working = super().required_bytes(display, render)
+        return history, None if isinstance(self.network, OnnxNetwork) else working
+
     def _working_bytes(self, display: Size, render: Size) -> int:
         return super()._working_bytes(display, render) + held_bytes(_Space(self, display))
 
@@ -141,8 +156,7 @@ class ClassifierCpu(CpuExecutor[ResampledFrame]):
         self._resample(step, space)
         with self._display_spaces.borrow(step.display) as buffers:
             self._gather_all(step, space, buffers)
-            buffers.encoder.run(step.tiles)
-            self._compose(step, space, buffers)
+            self._compose(step, space, buffers, buffers.network.run(step.tiles))
 
     def guide_of(self, step: Step, view: ResampledFrame) -> Guide:  # noqa: ARG002  # of this variant
         """Return what the variant `guided` reads and writes; of others, nothing."""
@@ -165,7 +179,7 @@ class ClassifierCpu(CpuExecutor[ResampledFrame]):
         guide = self.guide_of(step, view)
         packed_guide = pack(guide)
         lines, scratch = [address(line) for line in view.lines], [pack(t.gather) for t in space.scratch]
-        outputs = pack(space.gathered), pack(space.encoder.inputs)
+        outputs = pack(space.gathered), pack(space.network.inputs)
 
         def gather(box: Rect, worker: int) -> None:
             self._gather(*inputs, lines[worker], scratch[worker], packed_guide, *outputs, *box)
@@ -177,24 +191,23 @@ class ClassifierCpu(CpuExecutor[ResampledFrame]):
         boxes = step.tiles.boxes(TILE, (space.width, step.display[1]), halo=True)
         self.pool.run_tasks("gather", RectTask(boxes, gather, 2), RectTask([Rect(0, h, 0, 1)], write_depth))
 
-    def _compose(self, step: Step, view: ResampledFrame, space: _Space) -> None:
-        """Run the last layers; compose the image and the next history from what was gathered."""
+    def _compose(
+        self, step: Step, view: ResampledFrame, space: _Space, inferred: tuple[tuple[Any, ...], ...]
+    ) -> None:
+        """Run the layers that are left; compose the image and the next history from what was gathered."""
         given, before = usable_exposure(step.frame.exposure), step.history.exposure
         flash = is_flash(given, step.next_history.exposure, before)
-        n, c, encoder, (big_w, big_h) = self.network, self._config, space.encoder, step.display
+        c, (big_w, big_h) = self._config, step.display
         if step.resting.any():
             _clear(space.gathered.rising, step.resting)
         rises = bool(space.gathered.rising.sum() > FLASH_FRACTION * big_w * big_h)
         step.next_history.glares |= rises
         streams = (big_w % 2 == 0) + 2 * (big_w % LANES == 0 and address(step.output.image) % LINE == 0)
         constants = FinishConstants(
-            n.logits, n.logits_scale, step.inputs.exposure, c["samples"], c["contraction"],
+            step.inputs.exposure, c["samples"], c["contraction"],
             step.next_history.glares or step.history.glares, rises, flash, streams,
         )  # fmt: skip
-        structs = (
-            encoder.levels, n.layers, encoder.inputs, space.gathered, view.samples, view.current_tables(),
-            constants,
-        )  # fmt: skip
+        structs = *inferred, space.gathered, view.samples, view.current_tables(), constants
         inputs, scratch = [pack(struct) for struct in structs], [pack(t.finish) for t in space.scratch]
         outputs = pack(step.output), address(step.next_history.arrays["classes"])
 

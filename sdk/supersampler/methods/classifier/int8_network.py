@@ -1,4 +1,7 @@
-"""The int8 network of `classifier`: its weights, and the encoder, which runs level by level."""
+"""The int8 network of `classifier`: its weights, and the encoder, which runs level by level.
+
+`OnnxNetwork` and its `Inference` have the same members, and run in the places of `Int8Network` and `Encoder`.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -38,6 +41,19 @@ def _layer(arrays: Mapping[str, NDArray[Any]], name: str) -> LayerWeights:
     return LayerWeights(weights, scale, bias, *weights.shape[:2])
 
 
+def network_inputs(half: Size) -> NetworkInputs:
+    """Allocate the inputs of the network for this number of packed pixels."""
+    row, stride = up_to(half[0], ALIGNED) + ROOM, up_to(half[0], LANES) + 2 * PAD
+    records, means = aligned((half[1], row, RECORD_WORDS), np.int32), aligned((half[1], 2, stride))
+    return NetworkInputs(records, means, *half, row, stride)
+
+
+def level_scratch(inputs: NetworkInputs, line: Bytes) -> LevelScratch:
+    """Allocate the scratch of one thread; line: of the bytes of a row."""
+    signed, absolute, tent, codes = aligned((4, inputs.means_stride))
+    return LevelScratch(signed, absolute, tent, codes.view(np.int32), line, line.view(np.int32))
+
+
 class Int8Network:
     """The weights of all layers.
 
@@ -46,9 +62,14 @@ class Int8Network:
         outputs: channels of the last layer.
         level: the kernel LEVEL.
 
+    Attributes:
+        precision: see `Executor`.
+
     Raises:
         ModelError: network.npz is damaged, or does not match the model's config.
     """
+
+    precision = "int8"
 
     def __init__(self, info: ModelInfo, outputs: int, level: Call) -> None:
         arrays = read_network(info, outputs)
@@ -56,9 +77,13 @@ class Int8Network:
             tuple(_layer(arrays, f"{level}.{part}") for part in ("first", "spatial", "last"))
             for level in range(len(KEPT))
         ]
-        self.layers = FinishLayers(*(_layer(arrays, name) for name in ("decoder", "hidden", "blend")))
-        self.logits, self.logits_scale = arrays["logits.first"].item(), arrays["logits.scale"].item()
+        last = (_layer(arrays, name) for name in ("decoder", "hidden", "blend"))
+        self.layers = FinishLayers(*last, arrays["logits.first"].item(), arrays["logits.scale"].item())
         self.level = level
+
+    def buffers(self, half: Size, pool: ThreadPool) -> "Encoder":
+        """Allocate the encoder for this number of packed pixels."""
+        return Encoder(self, half, pool)
 
 
 class _Level:
@@ -81,43 +106,37 @@ class Encoder:
 
     Attributes:
         inputs: its inputs.
-        levels: its outputs.
     """
 
     def __init__(self, network: Int8Network, half: Size, pool: ThreadPool) -> None:
         self._pool = pool
-        width, height = (-(-extent // ALIGNED) * ALIGNED for extent in half)
-        row, stride = width + ROOM, up_to(half[0], LANES) + 2 * PAD
-        records, means = aligned((half[1], row, RECORD_WORDS), np.int32), aligned((half[1], 2, stride))
-        self.inputs = NetworkInputs(records, means, *half, row, stride)
+        width, height = (up_to(extent, ALIGNED) for extent in half)
+        self.inputs = network_inputs(half)
         self._levels = [
             _Level(layers, width >> level, height >> level, ALIGNED >> level)
             for level, layers in enumerate(network.levels)
         ]
-        self._scratch = aligned((pool.threads, 4, stride))
         most = max((level.width + ROOM) * max(level.inputs, level.spatial.outputs) for level in self._levels)
-        self._lines = aligned((pool.threads, most), np.uint8)
-        scratch = [
-            pack(LevelScratch(signed, absolute, tent, codes.view(np.int32), line, line.view(np.int32)))
-            for (signed, absolute, tent, codes), line in zip(self._scratch, self._lines, strict=True)
-        ]
-        inputs = pack(self.inputs)
+        self._scratch = [level_scratch(self.inputs, aligned((most,), np.uint8)) for _ in range(pool.threads)]
+        scratch, inputs = [pack(one) for one in self._scratch], pack(self.inputs)
         self._work = [
             _level_work(network, self._levels, depth, inputs, scratch) for depth in range(len(KEPT))
         ]
         pitches = [level.buffers.out_pitch for level in self._levels]
         rows = [level.buffers.out_row for level in self._levels]
         first, second, third, fourth = (level.out for level in self._levels)
-        self.levels = EncodedLevels(first, second, third, fourth, np.array([*pitches, *rows], np.int32))
+        levels = EncodedLevels(first, second, third, fourth, np.array([*pitches, *rows], np.int32))
+        self._outputs = levels, network.layers, self.inputs
 
-    def run(self, tiles: Tiles) -> None:
-        """Compute all levels of the gathered tiles."""
+    def run(self, tiles: Tiles) -> tuple[EncodedLevels, FinishLayers, NetworkInputs]:
+        """Compute all levels of the gathered tiles; return the structs that `finish_rows` reads."""
         for depth, (level, work) in enumerate(zip(self._levels, self._work, strict=True)):
             boxes = tiles.boxes(TILE // 2 >> depth, (level.width, level.height), halo=True)
             if len(boxes) > 1 or level.width < PIXELS_AT_ONCE:
                 self._run_in_two_passes(level, boxes, work)
             else:
                 self._run_in_one_pass(level, boxes[0], work)
+        return self._outputs
 
     def _run_in_one_pass(self, level: _Level, whole: Rect, work: LevelWork) -> None:
         def run_layers(box: Rect, worker: int) -> None:

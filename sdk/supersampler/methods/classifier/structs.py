@@ -192,19 +192,37 @@ class EncodedLevels(NamedTuple):
 
 
 class FinishLayers(NamedTuple):
-    """The layers after the encoder; the last gives blend parameters."""
+    """The layers after the encoder.
+
+    Attributes:
+        decoder, hidden, blend: the layers; the last gives blend parameters.
+        logits: first byte of the hidden layer that is a class logit.
+        logits_scale: of these bytes.
+    """
 
     decoder: LayerWeights
     hidden: LayerWeights
     blend: LayerWeights
+    logits: int
+    logits_scale: float
+
+
+class NetworkOutputs(NamedTuple):
+    """Outputs of the network where ONNX Runtime runs it, planes of packed pixels.
+
+    Attributes:
+        logits: (CLASSES, half height, half width) of the classes.
+        blend: (4 * Variant.blend_parameters, half height, half width), parameter by parameter.
+    """
+
+    logits: Floats
+    blend: Floats
 
 
 class FinishConstants(NamedTuple):
     """Constants of finish.
 
     Attributes:
-        logits: first byte of the hidden layer that is a class logit.
-        logits_scale: of these bytes.
         exposure: of the frame.
         most_samples, contraction: see ClassifierConfig.
         glares: 1 where the frame or the history may have light over GLARING, else 0.
@@ -213,8 +231,6 @@ class FinishConstants(NamedTuple):
         streams: which outputs are written past the caches; see `compose`.
     """
 
-    logits: int
-    logits_scale: float
     exposure: float
     most_samples: float
     contraction: float
@@ -225,7 +241,10 @@ class FinishConstants(NamedTuple):
 
 
 class FinishScratch(NamedTuple):
-    """Scratch of one thread of finish: rows; `_words` are the same bytes as words."""
+    """Scratch of one thread of finish: rows; `_words` are the same bytes as words.
+
+    Rows of `blend` are blend parameters, then CLASSES logits of NetworkOutputs.
+    """
 
     read: Bytes
     read_words: Words

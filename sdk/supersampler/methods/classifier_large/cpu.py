@@ -14,6 +14,7 @@ from supersampler.backends.cpu.workspaces import Workspaces
 from supersampler.backends.plan import held_bytes
 from supersampler.frame import Float32, Frame, Size
 from supersampler.methods.classifier.cpu import ClassifierCpu
+from supersampler.methods.classifier.onnx_network import NetworkSession
 from supersampler.methods.classifier_large.downsampling import DownsamplingTables
 from supersampler.methods.classifier_large.structs import Downsampling
 from supersampler.methods.model_info import ModelInfo
@@ -25,8 +26,8 @@ DOWNSAMPLE = "methods.classifier_large.kernels.downsample"
 class LargeCpu(ClassifierCpu):
     """Runs `classifier-large`; all buffers of the step, and its tiles, are of the larger display."""
 
-    def __init__(self, info: ModelInfo, pool: ThreadPool) -> None:
-        super().__init__(info, pool)
+    def __init__(self, info: ModelInfo, pool: ThreadPool, session: NetworkSession | None = None) -> None:
+        super().__init__(info, pool, session)
         self._filter = load_kernels(DOWNSAMPLE)[DOWNSAMPLE]
         self._tables = Workspaces(lambda display: DownsamplingTables(display, pool.threads))
 

@@ -21,6 +21,7 @@ from supersampler.methods.classifier.structs import (
     FinishScratch,
     Gathered,
     NetworkInputs,
+    NetworkOutputs,
 )
 from supersampler.methods.classifier.variant import Variant
 
@@ -30,11 +31,12 @@ OF_ALIASING = np.int32(-1 << 24)  # the byte of that word that is of aliasing
 
 
 @device_function
-def blend_row(hidden, layer, outputs, p0, p1, pitch, columns, out, constants, classes, to):
+def blend_row(hidden, layers, outputs, p0, p1, pitch, columns, out, classes, to):
     """Compute blend parameters, (outputs, pitch), and class probabilities of packed pixels p0 to p1.
 
     Sixteen pixels side by side: columns (WIDE, 16) is scratch, their bytes word by word.
     """
+    layer, first, step = layers.blend, layers.logits, layers.logits_scale
     words, weights, scales, biases = layer.words, layer.weights, layer.scale, layer.bias
     for p in range(p0, p1, 16):
         rows = load_columns(hidden, WIDE * p)
@@ -44,7 +46,17 @@ def blend_row(hidden, layer, outputs, p0, p1, pitch, columns, out, constants, cl
             sums = eight_sums(columns, words, weights, c * words)
             for i in range(8):
                 store(out, (c + i) * pitch + p, to_float(sums[i]) * scales[c + i] + biases[c + i])
-        store_classes(columns, constants.logits, constants.logits_scale, p1 - p, classes, to + 8 * p)
+        a, b, c = (
+            exp_logit(columns, first, step),
+            exp_logit(columns, first + 1, step),
+            exp_logit(columns, first + 2, step),
+        )
+        d, e, f = (
+            exp_logit(columns, first + 3, step),
+            exp_logit(columns, first + 4, step),
+            exp_logit(columns, first + 5, step),
+        )
+        store_classes(a, b, c, d, e, f, columns, p1 - p, classes, to + 8 * p)
 
 
 @device_function
@@ -65,18 +77,11 @@ def eight_sums(columns, words, weights, first):
 
 
 @device_function
-def store_classes(columns, logits, scale, count, classes, to):
-    """Write the class probabilities of up to sixteen packed pixels, eight bytes each; 255 is one."""
-    a, b, c = (
-        exp_logit(columns, logits, scale),
-        exp_logit(columns, logits + 1, scale),
-        exp_logit(columns, logits + 2, scale),
-    )
-    d, e, f = (
-        exp_logit(columns, logits + 3, scale),
-        exp_logit(columns, logits + 4, scale),
-        exp_logit(columns, logits + 5, scale),
-    )
+def store_classes(a, b, c, d, e, f, columns, count, classes, to):
+    """Write the class probabilities of up to sixteen packed pixels, eight bytes each; 255 is one.
+
+    a to f: e^logit of each class; columns: scratch.
+    """
     one, two = 255.0 / (a + b + c), 255.0 / (d + e + f)
     low = (
         byte_of(a * one)
@@ -154,8 +159,8 @@ def make_finish_rows(*parts: str):
                 4 * WIDE, p1 - p0,
             )  # fmt: skip
             blend_row(
-                scratch.hidden_words, layers.blend, outputs, p0, p1, blend_pitch, scratch.columns,
-                scratch.blend, constants, next_classes, 8 * y * half_w,
+                scratch.hidden_words, layers, outputs, p0, p1, blend_pitch, scratch.columns,
+                scratch.blend, next_classes, 8 * y * half_w,
             )  # fmt: skip
             mark_unknown(gathered, planes, y, p0, p1, scratch.columns, next_classes, 8 * y * half_w)
             for row in range(2 * y, min(2 * y + 2, big_h)):
@@ -165,3 +170,66 @@ def make_finish_rows(*parts: str):
                 )  # fmt: skip
 
     return finish_rows
+
+
+@device_function
+def read_plane(plane, first, count, row, to):
+    """Copy `count` values of a plane from `first` on to a row."""
+    whole = count // 16 * 16
+    for x in range(0, whole, 16):
+        store(row, to + x, load16(plane, first + x))
+    for x in range(whole, count):  # nothing is read beyond the plane, which is not ours
+        row[to + x] = plane[first + x]
+
+
+@device_function
+def infer_row(network, parameters, y, p0, p1, half_w, half_h, pitch, scratch, classes):
+    """Read blend parameters and class probabilities of packed pixels p0 to p1 of row y."""
+    blend, count = scratch.blend, p1 - p0
+    for k in range(parameters):
+        for part in range(4):  # pixel by pixel, as `compose_row` reads them
+            at = ((4 * k + part) * half_h + y) * half_w + p0
+            read_plane(network.blend, at, count, blend, (part * parameters + k) * pitch + p0)
+    first = 4 * parameters * pitch
+    for c in range(6):
+        at = (c * half_h + y) * half_w + p0
+        read_plane(network.logits, at, count, blend, first + c * pitch + p0)
+    for p in range(p0, p1, 16):
+        at = first + p
+        a, b, c = (
+            factor(load16(blend, at)),
+            factor(load16(blend, at + pitch)),
+            factor(load16(blend, at + 2 * pitch)),
+        )
+        d, e, f = (
+            factor(load16(blend, at + 3 * pitch)),
+            factor(load16(blend, at + 4 * pitch)),
+            factor(load16(blend, at + 5 * pitch)),
+        )
+        store_classes(a, b, c, d, e, f, scratch.columns, p1 - p, classes, 8 * (y * half_w + p))
+
+
+def make_compose_rows(*parts: str):
+    """Return `compose_rows` of the variant with these parts."""
+    variant = Variant.with_parts(*parts)
+    compose_row = make_compose_row(variant)
+    parameters, planes = variant.blend_parameters, variant.rest
+
+    def compose_rows(
+        network: NetworkOutputs, gathered: Gathered, samples: FrameSamples, tables: ResampleTables,
+        constants: FinishConstants, scratch: FinishScratch, output: Output, next_classes: Words, y0: int,
+        y1: int, p0: int, p1: int,
+    ):  # fmt: skip
+        """Compose like `finish_rows`, from the outputs of the network."""
+        half_w, half_h = (output.width + 1) // 2, (output.height + 1) // 2
+        pitch = (half_w + 15) // 16 * 16
+        for y in range(y0, y1):
+            infer_row(network, parameters, y, p0, p1, half_w, half_h, pitch, scratch, next_classes)
+            mark_unknown(gathered, planes, y, p0, p1, scratch.columns, next_classes, 8 * y * half_w)
+            for row in range(2 * y, min(2 * y + 2, output.height)):
+                compose_row(
+                    row, scratch.blend, pitch, gathered, samples, tables, constants, output,
+                    scratch.out, 2 * p0, min(2 * p1, output.pitch),
+                )  # fmt: skip
+
+    return compose_rows
