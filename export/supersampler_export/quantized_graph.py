@@ -57,7 +57,7 @@ def quantized_network(network: onnx.ModelProto, content: bytes) -> onnx.ModelPro
             case "Conv":
                 made.add_convolution(node, arrays)
             case "Relu":  # bytes with a zero point of 0 are not negative
-                made.rename(node.input[0], node.output[0])
+                made.read_instead(node.input[0], node.output[0])
             case "Gather" | "Split" | "MaxPool" | "DepthToSpace" | "Concat" | "Slice":
                 made.add_quantized(node)
             case _:
@@ -154,7 +154,7 @@ class _Graph:
         """Add a node as it is."""
         self._nodes.append(node)
 
-    def rename(self, name: str, given: str) -> None:
+    def read_instead(self, name: str, given: str) -> None:
         """Read the value `name` where `given` is read."""
         self._names[given] = self._names.get(name, name)
 

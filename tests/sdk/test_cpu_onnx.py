@@ -79,10 +79,9 @@ def test_sizes_may_be_odd(render: Size, display: Size, kind: tuple[str, str]) ->
 
 @pytest.mark.parametrize("precision", ["fp32", "int8"])
 def test_skipping_changes_no_bit(precision: str) -> None:
-    one, two = (
-        Upscaler(model("classifier", "cpu+onnx", precision), display_size=(640, 64), validate="off", skip=skip)
-        for skip in (True, False)
-    )
+    loaded = model("classifier", "cpu+onnx", precision)
+    options: dict[str, Any] = {"display_size": (640, 64), "validate": "off"}
+    one, two = (Upscaler(loaded, **options, skip=skip) for skip in (True, False))
     frames = still((320, 32))
     for index in range(3 * len(frames)):
         frame = frames[index % len(frames)]
