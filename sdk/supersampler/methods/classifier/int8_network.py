@@ -77,8 +77,9 @@ class Int8Network:
             tuple(_layer(arrays, f"{level}.{part}") for part in ("first", "spatial", "last"))
             for level in range(len(KEPT))
         ]
-        last = (_layer(arrays, name) for name in ("decoder", "hidden", "blend"))
-        self.layers = FinishLayers(*last, arrays["logits.first"].item(), arrays["logits.scale"].item())
+        decoder, hidden, blend = (_layer(arrays, name) for name in ("decoder", "hidden", "blend"))
+        logits, scale = arrays["logits.first"].item(), arrays["logits.scale"].item()
+        self.layers = FinishLayers(decoder, hidden, blend, logits, scale)
         self.level = level
 
     def buffers(self, half: Size, pool: ThreadPool) -> "Encoder":
