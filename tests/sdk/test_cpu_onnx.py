@@ -63,7 +63,7 @@ def test_frames_of_a_shot_have_the_images_of_the_backend_with_the_same_network(
     for one, two in step_both(name, kind, frames, (551, 307)):
         check(one.image, two.image, BOUNDS[kind])
         np.testing.assert_allclose(one.weight, two.weight, atol=0.5)
-        assert np.abs(one.weight - two.weight).mean() <= 0.01
+        assert np.abs(one.weight - two.weight).mean() <= 0.02
         assert np.abs(one.class_map - two.class_map).mean() <= 0.02
 
 
