@@ -174,9 +174,9 @@ def markdown_table(record: Record) -> str:
     ]
     width, height = DISPLAY_SIZE
     caption = (
-        f"The shot {SHOT} at a ratio of 2 to {width}x{height}: means over its frames with references, without "
-        f"a border of {BORDER} pixels. Images and references are compared as a screen shows them, clipped at "
-        f"white. Depth is reversed, from {NEAR:g} to {FAR:g} units, or linear up to {FAR:g}."
+        f"The shot {SHOT} at a ratio of 2 to {width}x{height}: means over its frames with references, "
+        f"without a border of {BORDER} pixels. Images and references are compared as a screen shows "
+        f"them, clipped at white. Depth is reversed, from {NEAR:g} to {FAR:g} units, or linear up to {FAR:g}."
     )
     return table(["frames", *heads], cells, caption)
 
