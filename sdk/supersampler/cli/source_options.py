@@ -24,7 +24,7 @@ JitterOption: TypeAlias = Annotated[
 ChannelsOption: TypeAlias = Annotated[
     Path | None,
     typer.Option(
-        help="JSON file: our names to EXR channels.",
+        help="JSON file: our names to channels of EXR, PNG or TIFF files, and packed bytes.",
         show_default="channels.json with the frames, or by their names",
     ),
 ]

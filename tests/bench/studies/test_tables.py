@@ -27,6 +27,7 @@ from studies import (
     shaded_jitter,
     stage_breakdown,
     stepper_study,
+    stochastic_alpha,
     thin_traces,
 )
 from studies import extrapolated_colors as colors
@@ -70,6 +71,7 @@ ROOT = Path(__file__).parents[3]
         ("quality", "reactive-mask", "reactive-mask", reactive_mask.markdown_table),
         ("quality", "class-ceiling test-shots", "class-ceiling", class_ceiling.markdown_table),
         ("results/methods", "salvi-options test-shots", "salvi-options", stepper_study.markdown_table),
+        ("results/methods", "stochastic-alpha", "stochastic-alpha", stochastic_alpha.markdown_table),
         ("results/methods", "missing-buffers test-shots", "missing-buffers", stepper_study.markdown_table),
         ("how-to/output-files", "output compression", "output-compression", output_compression.files_table),
         (
