@@ -23,6 +23,7 @@ from supersampler.conventions.srgb import srgb_encoded
 from supersampler.frame import Float32
 from supersampler.io.images import write_png
 from supersampler.io.shot import Shot, import_channels
+from supersampler.io.shot.channels import ChannelMap
 from supersampler_bench.cli.options import JSON, UPDATE, check_page, publish
 from supersampler_bench.markdown_table import figure, table
 from supersampler_bench.quality.metrics import crop, psnr, tpsnr
@@ -76,7 +77,7 @@ def write_frames(folder: Path, frames: Sequence[Frame], depth: str) -> Shot:
         for name, planes in {"motion": motion, "depth": depths * (3 // count)}.items():
             write_png(folder / name / f"{index:04d}.png", np.stack(planes, axis=-1))
         write_png(folder / "color" / f"{index:04d}.png", color)
-    channels = {
+    channels: ChannelMap = {
         "color": [f"color/*.png:{name}" for name in "RGB"],
         "motion": {
             "bytes": [["motion/*.png:R", "motion/*.png:G"], ["motion/*.png:B", "motion/*.png:A"]],

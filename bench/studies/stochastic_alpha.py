@@ -17,8 +17,8 @@ import typer
 
 from studies.salvi_options import TaaSteps
 from supersampler import Frame, halton_jitter
-from supersampler.frame import Float32
-from supersampler.io.display import display_transform
+from supersampler.frame import Float32, Size
+from supersampler.io.display import display_transform, to_uint8
 from supersampler.io.images import write_png
 from supersampler.methods.taa.spec import TaaConfig
 from supersampler_bench.cli.options import JSON, UPDATE, check_page, publish
@@ -30,7 +30,6 @@ from supersampler_model.data.scenes.analytic import (
     FAR,
     NEAR,
     Scene,
-    Size,
     Surface,
     Values,
     Vector,
@@ -42,7 +41,7 @@ from supersampler_model.data.scenes.analytic import (
 SIZE = (256, 144)  # of frames and images: Salvi works at one size
 OPACITY = 0.25
 FRAMES, SCORED, BORDER = 64, 32, 8
-PANEL = 96  # side of the image's parts, pixels of frames; they are shown at twice the size
+PANEL, GAP = 96, 4  # side of the image's parts and what is between, pixels; they are shown at twice the size
 SCENES: Mapping[str, Vector] = {"at rest": (0.0, 0.0), "in motion": (0.31, -0.12)}
 """Velocity of the leaves, in units a frame; what is behind them stands still."""
 OPTIONS: Mapping[str, TaaConfig | None] = {
@@ -73,7 +72,7 @@ class Foliage(Scene):
         far, near = np.full(x.shape, FAR), np.full(x.shape, NEAR)
         motion = zero - np.array(self.velocity)
         return (
-            Surface(checker(x, y), far, zero, far, normal, normal),
+            Surface(0.4 * checker(x, y), far, zero, far, normal, normal),
             Surface(color, near, motion, near, normal, normal),
             inside,
         )
@@ -147,8 +146,12 @@ def measure() -> tuple[list[dict[str, Any]], list[list[Float32]]]:
 def write_image(path: Path, last: list[list[Float32]]) -> None:
     """Write parts of the images side by side, a row for each scene, at twice the size."""
     top, left = (SIZE[1] - PANEL) // 2, (SIZE[0] - PANEL) // 2
-    rows = [np.hstack([one[top : top + PANEL, left : left + PANEL] for one in shown]) for shown in last]
-    pixels = np.rint(np.vstack(rows) * 255.0).astype(np.uint8)
+    pixels = np.full((len(last) * (PANEL + GAP) - GAP, len(last[0]) * (PANEL + GAP) - GAP, 3), 255, np.uint8)
+    for row, shown in enumerate(last):
+        for column, one in enumerate(shown):
+            part = to_uint8(one[top : top + PANEL, left : left + PANEL])
+            y, x = row * (PANEL + GAP), column * (PANEL + GAP)
+            pixels[y : y + PANEL, x : x + PANEL] = part
     write_png(path, pixels.repeat(2, axis=0).repeat(2, axis=1))
 
 

@@ -18,8 +18,8 @@ from supersampler.io.shot import Shot, copy_shot, import_channels
 
 WIDTH, HEIGHT = 61, 35
 NEAR, FAR = 0.5, 200.0
-UV = {"bytes": [["mv/*.png:R", "mv/*.png:G"], ["mv/*.png:B", "mv/*.png:A"]], "range": [-1, 1]}
-DEPTH_24 = {"bytes": [f"depth/*.png:{name}" for name in "RGB"], "range": [0, 1]}
+UV: dict[str, Any] = {"bytes": [["mv/*.png:R", "mv/*.png:G"], ["mv/*.png:B", "mv/*.png:A"]], "range": [-1, 1]}
+DEPTH_24: dict[str, Any] = {"bytes": [f"depth/*.png:{name}" for name in "RGB"], "range": [0, 1]}
 DEPTH_8 = {"bytes": ["depth/*.png:R"], "range": [0, 1]}
 COLOR = [f"color/*.png:{name}" for name in "RGB"]
 CONVENTIONS: dict[str, Any] = {

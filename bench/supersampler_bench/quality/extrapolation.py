@@ -81,12 +81,13 @@ class Alternation:
     def leaves_unshaded(self, item: ShotFrame) -> bool:
         """Return whether a frame is unshaded; frames come in order, each any number of times."""
         before = self._since.get(item.index - 1)
-        begins = item.frame.reset or before is None
-        since = self._offset if begins else (before + 1) % self.period
-        self._since[item.index] = since
-        if since and not begins:
+        if item.frame.reset or before is None:
+            self._since[item.index] = self._offset
+            return False
+        self._since[item.index] = since = (before + 1) % self.period
+        if since:
             self.indices.add(item.index)
-        return item.index in self.indices
+        return since > 0
 
 
 @dataclass(frozen=True)

@@ -34,7 +34,7 @@ class Packing:
     @property
     def step(self) -> float:
         """Difference of two successive numbers, > 0."""
-        return abs(self.high - self.low) / (255.0 * self._weights().sum())
+        return abs(self.high - self.low) / (255.0 * float(self._weights().sum()))
 
     @property
     def smallest(self) -> float:
