@@ -11,6 +11,7 @@ from supersampler.errors import ArgumentError, did_you_mean, shown
 from supersampler.frame import Array, Float32
 
 _MOST_BYTES = 4
+_SAME_CODE = 0.01  # of a step: ranges in JSON are rounded
 _BASES = (256, 255)
 _KEYS = ("bytes", "range", "base")
 
@@ -38,11 +39,12 @@ class Packing:
 
     @property
     def smallest(self) -> float:
-        """Magnitude of the number next to 0: 0 where a code means 0, as far as `step` tells."""
+        """Magnitude of the number nearest to 0; exactly 0 where a code means it."""
         if self.low * self.high > 0.0:
             return min(abs(self.low), abs(self.high))
         codes = abs(self.low) / self.step
-        return 0.0 if abs(codes - round(codes)) < 0.01 else abs(codes - round(codes)) * self.step
+        off = abs(codes - round(codes))
+        return 0.0 if off < _SAME_CODE else off * self.step
 
     def decoded(self, channels: Array) -> Float32:
         """Return the numbers, (h, w) of one and (h, w, n) of n.
