@@ -10,8 +10,8 @@ import typer
 
 from studies.stepper_study import run_study
 from supersampler.backends.onnx.session import frame_inputs
-from supersampler.frame import Float32, Size
-from supersampler.io.shot import Shot, ShotFrame
+from supersampler.frame import Float32, Frame, Size
+from supersampler.io.shot import Shot
 from supersampler.methods.taa.spec import TaaConfig
 from supersampler_bench.cli.options import CACHE, JSON, RATIO, SHOT, UPDATE
 from supersampler_bench.quality.measure import StepImage, Stepper, reference_size
@@ -42,9 +42,8 @@ class TaaSteps:
         self._method, self._display = Taa(config).eval(), Extent(*display)
         self._history: list[torch.Tensor] = []
 
-    def step(self, item: ShotFrame) -> Float32:
+    def step(self, frame: Frame) -> Float32:
         """Return the image (H, W, 3) of the next frame, linear RGB."""
-        frame = item.frame
         if frame.reset or not self._history:
             self._history = self._method.first_history(self._display, Extent(*frame.size))
         inputs = frame_inputs(frame, self._display, self._method.inputs())
@@ -71,7 +70,7 @@ def steppers(shot: Shot) -> list[Stepper]:
 def stepper_of(title: str, config: TaaConfig, display: Size) -> Stepper:
     """Return an option as `measure_steppers` takes it."""
     steps = TaaSteps(config, display)
-    return Stepper(title, lambda item: StepImage(steps.step(item)))
+    return Stepper(title, lambda item: StepImage(steps.step(item.frame)))
 
 
 if __name__ == "__main__":

@@ -158,7 +158,7 @@ def test_colour_of_png_and_tiff_is_found_with_an_extension_in_any_case(
     mapped = {"depth": "Z", "motion": ["motion.X", "motion.Y"]}
     for pattern in (f"c/c.####.{extension}", f"c/*.{extension.lower()}"):
         colors = {"color": [f"{pattern}:{name}" for name in "RGB"]}
-        shot = import_channels(tmp_path, colors | mapped, conventions=Conventions(srgb=True))
+        shot = import_channels(tmp_path, {**colors, **mapped}, conventions=Conventions(srgb=True))
         np.testing.assert_array_equal(shot.read_raw(0).color, np.ones((6, 8, 3)))
 
 

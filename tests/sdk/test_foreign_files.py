@@ -214,8 +214,8 @@ def test_integers_without_srgb_are_refused(tmp_path: Path) -> None:
         import_channels(tmp_path, {**MAP, **color_map("png")}, conventions=OURS)
 
 
-@pytest.mark.parametrize("name", ["depth", "motion", "normal", "reference"])
-def test_integers_of_anything_but_colour_are_refused(tmp_path: Path, name: str) -> None:
+@pytest.mark.parametrize("name", ["depth", "motion", "normal"])
+def test_integers_of_data_that_no_packing_describes_are_refused(tmp_path: Path, name: str) -> None:
     write_frames(tmp_path, "uint8", "png")
     count = {"depth": 1, "motion": 2}.get(name, 3)
     wrong = {name: [f"color/*.png:{axis}" for axis in "RGB"[:count]]}

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.table import Table
 
+from supersampler.errors import ArgumentError
 from supersampler.frame import Float32
 from supersampler.io.shot import ClassMaps
 from supersampler_bench.markdown_table import figure, table
@@ -24,20 +25,28 @@ GROUPS: Mapping[str, tuple[str, str, str]] = {
 
 
 def count(class_map: Float32, truth: ClassMaps, border: int = 0) -> Counts:
-    """Count display pixels by true and predicted class; the prediction is the likeliest class of 2x2 pixels.
+    """Count display pixels by true and predicted class; the prediction is the likeliest class.
 
-    So a class in finer areas than 2x2 pixels never matches completely.
+    A map of half the size predicts one class for 2x2 pixels, so that finer areas never match completely.
 
     Args:
-        class_map: (H / 2, W / 2, 6), sizes rounded up, see `StepResult.class_map`.
+        class_map: (H / 2, W / 2, 6), sizes rounded up, see `StepResult.class_map`; or (H, W, 6), as that of
+            `classifier-paper`.
         truth: of (H, W) pixels.
         border: display pixels at each side that do not count.
+
+    Raises:
+        ArgumentError: the map has another size.
     """
     counts = np.zeros((2, 3, 3), np.int64)
+    full = truth.ghost.shape
+    half = (full[0] + 1) // 2, (full[1] + 1) // 2
+    if class_map.shape[:2] not in (full, half):
+        raise ArgumentError("class_map", got=f"of {class_map.shape[:2]} pixels", want=f"{half} or {full}")
+    side = 1 if class_map.shape[:2] == full else 2
     for group, labels in enumerate((truth.ghost, truth.alias)):
         coarse = class_map[..., 3 * group : 3 * group + 3].argmax(axis=-1)
-        height, width = labels.shape
-        predicted = coarse.repeat(2, axis=0).repeat(2, axis=1)[:height, :width]
+        predicted = coarse.repeat(side, axis=0).repeat(side, axis=1)[: full[0], : full[1]]
         true = crop(labels, border).astype(np.intp)
         cells = np.bincount((3 * true + crop(predicted, border)).ravel(), minlength=9)
         counts[group] = cells.reshape(3, 3)

@@ -7,6 +7,9 @@ The colour of every second frame of a shot is removed, or of two of three. Each 
     warp, filled    the same, with disoccluded pixels filled from the nearest background
     a model's name  the upscaler steps on the colour that the model extrapolates
 
+In one run, unshaded and shaded frames are different ones. Wu et al. 2023 run a sequence twice, offset by a
+frame, so that each frame is scored as both.
+
 The warping baselines upscale shaded frames alone, with motion that spans the unshaded frames between them.
 """
 
@@ -59,25 +62,29 @@ class Alternation:
 
     Args:
         text: unshaded to shaded frames: "1:1" leaves out every second frame, "2:1" two of three.
+        offset: frames by which the alternation is ahead: 0 follows the first frame by the unshaded ones, 1 by
+            one of them less.
 
     Raises:
-        ArgumentError: it is something else.
+        ArgumentError: the text is something else.
     """
 
-    def __init__(self, text: str) -> None:
+    def __init__(self, text: str, offset: int = 0) -> None:
         unshaded, _, shaded = text.partition(":")
         if not unshaded.isdecimal() or int(unshaded) < 1 or shaded != "1":
             want = "unshaded to shaded frames, as 1:1 or 2:1"
             raise ArgumentError("--alternation", got=repr(text), want=want)
-        self.text, self._unshaded = text, int(unshaded)
+        self.text, self.period, self._offset = text, int(unshaded) + 1, offset
         self.indices: set[int] = set()
         self._since: dict[int, int] = {}  # frames since the last shaded one
 
     def leaves_unshaded(self, item: ShotFrame) -> bool:
         """Return whether a frame is unshaded; frames come in order, each any number of times."""
         before = self._since.get(item.index - 1)
-        since = 0 if item.frame.reset or before is None else (before + 1) % (self._unshaded + 1)
-        self._since[item.index] = since
+        if item.frame.reset or before is None:
+            self._since[item.index] = self._offset
+            return False
+        self._since[item.index] = since = (before + 1) % self.period
         if since:
             self.indices.add(item.index)
         return since > 0
@@ -88,28 +95,40 @@ class UnshadedScores:
     """Scores of unshaded frames, PSNR of the shaded ones, and changes from frame to frame over all frames.
 
     Attributes:
-        scores: of all frames.
-        unshaded: indices of the unshaded ones.
+        unshaded: scores of the unshaded frames, of all runs.
+        shaded: of the shaded ones.
     """
 
-    scores: MethodScores
-    unshaded: frozenset[int]
+    unshaded: MethodScores
+    shaded: MethodScores
+
+    @classmethod
+    def of(cls, runs: Sequence[tuple[MethodScores, Collection[int]]]) -> "UnshadedScores":
+        """Return the scores of some runs of one method, each with the indices of its unshaded frames."""
+        method = runs[0][0].method
+        both = (
+            [
+                frame
+                for scores, unshaded in runs
+                for frame in scores.frames
+                if (frame.frame in unshaded) is kind
+            ]
+            for kind in (True, False)
+        )
+        return cls(*(MethodScores(method, frames) for frames in both))
 
     @property
     def method(self) -> str:
         """Its name."""
-        return self.scores.method
+        return self.unshaded.method
 
     def summary(self, *, warm: bool = True, cropped: bool = True) -> Scores:
         """See `MethodScores`."""
-        unshaded, shaded = (
-            MethodScores(self.method, [f for f in self.scores.frames if (f.frame in self.unshaded) is kind])
-            for kind in (True, False)
-        )
-        every = self.scores.summary(warm=warm, cropped=cropped)
+        unshaded, shaded = (one.summary(warm=warm, cropped=cropped) for one in (self.unshaded, self.shaded))
+        frames = [*self.unshaded.frames, *self.shaded.frames]
+        every = MethodScores(self.method, frames).summary(warm=warm, cropped=cropped)
         temporal = {name: every[name] for name in TEMPORAL_METRICS}
-        psnr_shaded = shaded.summary(warm=warm, cropped=cropped)["psnr"]
-        return unshaded.summary(warm=warm, cropped=cropped) | temporal | {PSNR_SHADED: psnr_shaded}
+        return unshaded | temporal | {PSNR_SHADED: shaded["psnr"]}
 
     def classes(self, *, warm: bool = True, cropped: bool = True) -> None:
         """Return None: classes are defined on shaded frames only."""
@@ -121,6 +140,7 @@ def measure_extrapolation(
     models: Sequence[str],
     alternations: Sequence[str],
     *,
+    every_frame: bool = False,
     on_left_out: Callable[[str], None] = lambda _: None,
     on_frame: Callable[[], None] = lambda: None,
 ) -> dict[str, list[UnshadedScores]]:
@@ -131,8 +151,10 @@ def measure_extrapolation(
         upscalers: as `parse_spec` reads them.
         models: that extrapolate: their names, or folders.
         alternations: as `Alternation` reads them.
+        every_frame: run once with each offset of an alternation, so that each frame but the first after a cut
+            is scored as unshaded and as shaded.
         on_left_out: called with the reason why an upscaler is left out.
-        on_frame: called after each frame of each alternation.
+        on_frame: called after each frame of each run.
 
     Returns:
         Scores of all ways, by alternation.
@@ -147,11 +169,24 @@ def measure_extrapolation(
         check_gbuffers(shot, model.removesuffix(_TWO_PASSES))
     upscalers = runnable(shot, upscalers, on_left_out)
     scores = {}
-    for alternation in map(Alternation, alternations):
-        steppers = [s for name in upscalers for s in _ways(shot, name, models, display, alternation)]
-        found = measure_steppers(shot, steppers, on_frame=on_frame)
-        scores[alternation.text] = [UnshadedScores(s, frozenset(alternation.indices)) for s in found]
+    for text in alternations:
+        runs = []
+        for alternation in runs_of(text, every_frame=every_frame):
+            steppers = [s for name in upscalers for s in _ways(shot, name, models, display, alternation)]
+            found = measure_steppers(shot, steppers, on_frame=on_frame)
+            runs.append([(one, alternation.indices) for one in found])
+        scores[text] = [UnshadedScores.of(same) for same in zip(*runs, strict=True)]
     return scores
+
+
+def runs_of(text: str, *, every_frame: bool) -> list[Alternation]:
+    """Return the alternation of each run: one, or one with each offset.
+
+    Raises:
+        ArgumentError: see `Alternation`.
+    """
+    first = Alternation(text)
+    return [Alternation(text, offset) for offset in range(first.period)] if every_frame else [first]
 
 
 def check_gbuffers(shot: Shot, model: str) -> None:
@@ -249,12 +284,15 @@ def shot_scores(
     return {**shot_record(shot), **(origin or {}), "alternations": rows}
 
 
-def extrapolation_record(shots: Sequence[Record], models: Sequence[str]) -> dict[str, Any]:
+def extrapolation_record(
+    shots: Sequence[Record], models: Sequence[str], *, every_frame: bool = False
+) -> dict[str, Any]:
     """Return all values, ready for JSON.
 
     Args:
         shots: by `shot_scores`; if there are several, each has its ratio, and there is a mean at each.
         models: that extrapolate.
+        every_frame: see `measure_extrapolation`.
     """
     means = []
     for ratio, group in shots_by_ratio(shots).items():
@@ -262,26 +300,36 @@ def extrapolation_record(shots: Sequence[Record], models: Sequence[str]) -> dict
             by_method = zip(*(row["methods"] for row in same), strict=True)
             methods = [mean_row(rows) for rows in by_method]
             means.append({"ratio": ratio, "alternation": same[0]["alternation"], "methods": methods})
-    facts = {"models": list(models), "warm_up_frames": WARM_UP_FRAMES, "border": BORDER}
+    facts = {
+        "models": list(models),
+        "every_frame": every_frame,
+        "warm_up_frames": WARM_UP_FRAMES,
+        "border": BORDER,
+    }
     return {"bench": "extrapolation", **facts, "shots": list(shots), "means": means}
 
 
 def markdown_table(record: Record) -> str:
     """Return the tables of a record as Markdown, one for each alternation, with captions."""
+    every_frame = record.get("every_frame", False)
     if not record["means"]:
         shot = record["shots"][0]
-        return "\n\n".join(_table(sizes(shot), row) for row in shot["alternations"])
+        return "\n\n".join(_table(sizes(shot), row, every_frame) for row in shot["alternations"])
     tables = []
     for mean in record["means"]:
         names = ", ".join(shot["name"] for shot in record["shots"] if shot["ratio"] == mean["ratio"])
-        tables.append(_table(f"Mean of the shots {names} at ratio {mean['ratio']:g}", mean))
+        tables.append(_table(f"Mean of the shots {names} at ratio {mean['ratio']:g}", mean, every_frame))
     return "\n\n".join(tables)
 
 
-def _table(about: str, row: Record) -> str:
+def _table(about: str, row: Record, every_frame: bool) -> str:
+    of_runs = (
+        "In as many runs as frames alternate, each frame is unshaded and shaded: scores are of it unshaded; "
+        if every_frame
+        else "Scores are of the unshaded ones; "
+    )
     caption = (
-        f"{about}, {row['alternation']} unshaded to shaded frames. "
-        "Scores are of the unshaded ones; tPSNR is of all; "
+        f"{about}, {row['alternation']} unshaded to shaded frames. {of_runs}tPSNR is of all; "
         f"without the first {WARM_UP_FRAMES} frames and a border of {BORDER} pixels"
     )
     return scores_table(caption, row["methods"], COLUMNS)

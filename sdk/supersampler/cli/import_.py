@@ -26,7 +26,7 @@ def import_shot(
         str,
         typer.Argument(
             metavar="SOURCE",
-            help="Folder of EXR frames, pattern such as beauty.####.exr, or .safetensors.",
+            help="Folder of frames, pattern such as beauty.####.exr, or .safetensors.",
         ),
     ],
     output: Annotated[Path, typer.Option("-o", "--output", metavar="SHOT", help="Folder to write.")],
@@ -41,14 +41,16 @@ def import_shot(
 ) -> None:
     """Copy frames of other programs into a shot of this package's format.
 
-    Pixels are not converted: the shot states their conventions, and `supersampler check` tests them. A run
-    that was stopped continues when the same command is given again.
+    Pixels are not converted: the shot states their conventions, and `supersampler check` tests them. Motion
+    and depth packed into 8-bit channels are unpacked as --channels says (docs/shots.md), and what such files
+    lose is printed. A run that was stopped continues when the same command is given again.
 
     \b
     Examples:
       supersampler import renders/kitchen -o shots/kitchen --jitter jitter.json
       supersampler import "out/beauty.####.exr" -o shots/city --conventions unreal
       supersampler import unreal_out -o shots/city --channels map.json --conventions unreal
+      supersampler import village_png -o shots/village --channels packed.json --conventions uv.json
       supersampler import 0001.safetensors -o shots/arm
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler.cli.terminal import Terminal

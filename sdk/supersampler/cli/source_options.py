@@ -24,7 +24,7 @@ JitterOption: TypeAlias = Annotated[
 ChannelsOption: TypeAlias = Annotated[
     Path | None,
     typer.Option(
-        help="JSON file: our names to EXR channels.",
+        help="JSON file: our names to channels of EXR, PNG or TIFF files, and packed bytes.",
         show_default="channels.json with the frames, or by their names",
     ),
 ]
@@ -109,7 +109,7 @@ def open_with(
 
 
 def source_notes(shot: "Shot") -> list[str]:
-    """Return lines to print of an opened shot: channels that are not read, and colours that are not known."""
+    """Return lines to print of an opened shot: what is not read, not known, or lost in its files."""
     from supersampler.io.image_headers import UNKNOWN_COLOR_SPACE
 
     notes = []
@@ -117,7 +117,7 @@ def source_notes(shot: "Shot") -> list[str]:
         notes.append(f"Not read, as they cannot be blended: {', '.join(shot.ignored_channels)}")
     if shot.info.color_space == UNKNOWN_COLOR_SPACE:
         notes.append("Unknown primaries in the files' headers. State the colour space: --color-space NAME.")
-    return notes
+    return [*notes, *(f"Lost in these files: {loss}" for loss in shot.losses)]
 
 
 def _conventions(text: str) -> Conventions:

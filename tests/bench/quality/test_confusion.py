@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from supersampler.errors import ArgumentError
 from supersampler.frame import Float32
 from supersampler.io.shot import ClassMaps
 from supersampler_bench.quality import confusion
@@ -37,6 +38,20 @@ def test_each_display_pixel_is_held_for_what_its_square_is() -> None:
         [[0, 0, 0], [0, 1, 0], [0, 0, 0]],
         [[0, 0, 0], [1, 0, 0], [0, 0, 0]],
     ]
+
+
+def test_a_map_of_display_size_is_counted_pixel_by_pixel() -> None:
+    labels = [[0, 1, 2], [0, 1, 1], [2, 2, 0]]
+    true = truth(labels, [[0] * 3, [1] * 3, [2] * 3])
+    ghost, alias = confusion.count(class_map(labels, [[0] * 3, [1] * 3, [1] * 3]), true)
+    assert ghost.tolist() == [[3, 0, 0], [0, 3, 0], [0, 0, 3]]
+    assert alias.tolist() == [[3, 0, 0], [0, 3, 0], [0, 3, 0]]
+
+
+def test_a_map_of_neither_size_is_refused() -> None:
+    true = truth([[0] * 5] * 3, [[0] * 5] * 3)
+    with pytest.raises(ArgumentError, match=r"class_map is of \(2, 2\) pixels; want \(2, 3\) or \(3, 5\)"):
+        confusion.count(class_map([[0, 0], [0, 0]], [[0, 0], [0, 0]]), true)
 
 
 def test_overlap_is_intersection_over_union_and_a_class_nobody_named_has_none() -> None:

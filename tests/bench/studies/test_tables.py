@@ -12,6 +12,7 @@ from studies import (
     chunks,
     class_ceiling,
     gpu_accesses,
+    integer_frames,
     long_shot,
     noise_model,
     older_processors,
@@ -26,6 +27,7 @@ from studies import (
     shaded_jitter,
     stage_breakdown,
     stepper_study,
+    stochastic_alpha,
     thin_traces,
 )
 from studies import extrapolated_colors as colors
@@ -63,11 +65,13 @@ ROOT = Path(__file__).parents[3]
         ("results/backends", "latency avx2", "latency-avx2", older_processors.markdown_table),
         ("quality", "oracle test-shots", "oracle", oracle.markdown_table),
         ("training", "returns", "returns", returns.markdown_table),
+        ("shots", "integer-frames", "integer-frames", integer_frames.markdown_table),
         ("contract", "shaded-jitter", "shaded-jitter", shaded_jitter.markdown_table),
         ("quality", "thin-traces", "thin-traces", thin_traces.markdown_table),
         ("quality", "reactive-mask", "reactive-mask", reactive_mask.markdown_table),
         ("quality", "class-ceiling test-shots", "class-ceiling", class_ceiling.markdown_table),
         ("results/methods", "salvi-options test-shots", "salvi-options", stepper_study.markdown_table),
+        ("results/methods", "stochastic-alpha", "stochastic-alpha", stochastic_alpha.markdown_table),
         ("results/methods", "missing-buffers test-shots", "missing-buffers", stepper_study.markdown_table),
         ("how-to/output-files", "output compression", "output-compression", output_compression.files_table),
         (

@@ -1,4 +1,4 @@
-"""`classifier-paper`: Guo et al. 2022 as published, for comparison with `classifier`.
+"""`classifier-paper`: the form of the supplement of Guo et al. 2022, for comparison with `classifier`.
 
-No weights are released for it.
+Its weights are in bench/weights, not in the package; docs/methods.md lists its departures from that form.
 """

@@ -1,4 +1,4 @@
-"""Import EXR sequences in any layout, by a map from our names to their channels."""
+"""Import EXR, PNG and TIFF sequences in any layout, by a map from our names to their channels."""
 
 import re
 from collections.abc import Collection, Mapping, Sequence
@@ -9,24 +9,31 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from supersampler.conventions import Conventions, RawFrame
+from supersampler.conventions.factors import motion_factor
+from supersampler.conventions.srgb import srgb_decoded
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.frame import GBUFFER_CHANNELS, Array, Float32, Size
 from supersampler.io.image_headers import read_color_space, read_frame_rate
-from supersampler.io.image_reading import read_image, read_types
+from supersampler.io.image_reading import Channel, read_image, read_types
 from supersampler.io.json_fields import Field, read_json
 from supersampler.io.shot.format import FrameEntry, ShotInfo, is_frame_range
 from supersampler.io.shot.frame_files import check_size, read_reference, sky_depth, take
 from supersampler.io.shot.numbered import Jitter, Range, file_names, numbered_files, of_range, read_jitter
+from supersampler.io.shot.packed import Packing, losses_of, parse_packing
 from supersampler.io.shot.shot import Shot
 
-_INTEGERS = ("uint8", "uint16", "int8", "int16")
+_BITS = {"uint8": 8, "uint16": 16, "int8": 8, "int16": 16}
+"""Of the integer types of a file's channels."""
 _MAPPED = re.compile(r"(.*\.(?:exr|png|tiff?)):(.*)", re.DOTALL | re.IGNORECASE)
 _FRAME_RATE = 24.0  # where no file states one
 MAP_FILE_NAME = "channels.json"
-ChannelMap: TypeAlias = Mapping[str, str | Sequence[str]]
+ChannelMap: TypeAlias = Mapping[str, str | Sequence[str] | Mapping[str, Any]]
 _COUNTS: Mapping[str, int] = {
     "color": 3, "depth": 1, "motion": 2, "motion_next": 2, **GBUFFER_CHANNELS, "reference": 3,
 }  # fmt: skip
+_MOTIONS = {"motion", "motion_next"}
+_UNPACKED = ("color", "reference", "aovs")
+"""Arrays that are never packed: integers of the first two are sRGB, and those of AOVs are fractions."""
 _OPTIONAL = {name: f"gbuffer_{name}" for name in GBUFFER_CHANNELS} | {"motion_next": "motion_next"}
 """Arrays that a reader may leave out, and their names in the `gbuffers` of `Shot.frames`."""
 
@@ -46,7 +53,7 @@ def import_channels(
     aov_names: Sequence[str] = (),
     color_space: str | None = None,
 ) -> Shot:
-    """Open a folder of EXR frames with other channel names and conventions as a Shot.
+    """Open a folder of EXR, PNG or TIFF frames with other channel names and conventions as a Shot.
 
     >>> import_channels("renders", {
     ...     "color": ["R", "G", "B"], "depth": "Z", "motion": ["motion/*.exr:R", "motion/*.exr:G"],
@@ -60,7 +67,9 @@ def import_channels(
         channel_map: our name to EXR channel names: depth (1), motion (2, x first), color (3); optional
             motion_next (2), base_color, normal (3 each), roughness, metallic, specular (1 each), aovs (any
             number), reference (3). `motion/*.exr:R` is channel R of the files of that pattern; without one,
-            of `files`. References are matched by frame number; frames without one are allowed.
+            of `files`. Numbers that are packed into 8-bit channels are described by `{"bytes": ..., "range":
+            [low, high], "base": 256}`; see `parse_packing`. References are matched by frame number; frames
+            without one are allowed.
         conventions: conventions of these channels and of the jitter.
         files: pattern of the frames' files: `beauty.####.exr`, `beauty.%04d.exr` or `beauty_*.exr`.
         frames: first and last number of the frames to open, both included; a gap outside is no error. By
@@ -79,14 +88,12 @@ def import_channels(
         ShotError: files or channels are missing, or differ in number or size.
         ArgumentError: the map has an unknown name or a wrong number of channels.
     """
-    found = _MappedFiles(Path(folder), channel_map, files, frames)
+    found = _MappedFiles(Path(folder), channel_map, conventions, files, frames)
     if not all(isinstance(index, int | np.integer) and 0 <= index <= found.last_index for index in cuts):
         raise ArgumentError("cuts", got=list(cuts), want=f"indices of frames, 0 to {found.last_index}")
     offsets = read_jitter(found.folder, jitter, found.indices)
-    found.check_types(conventions)
-    sky = sky_depth(conventions)
-    first = found.read_raw(0, offsets[0], reset=True, sky=sky)
-    height, width = first.depth.shape
+    found.check_types()
+    height, width = found.read_raw(0, offsets[0], reset=True).depth.shape
     if display_size is None and found.references:
         image = found.read_reference(found.numbers.index(next(iter(found.references))))
         display_size = (image.shape[1], image.shape[0])
@@ -110,16 +117,16 @@ def import_channels(
 
     def raw_frame(index: int, gbuffers: Collection[str] | None) -> RawFrame:
         jitter, reset = entries[index].jitter, entries[index].reset
-        raw = found.read_raw(
-            index, jitter, reset=reset, sky=sky, render_size=info.render_size, gbuffers=gbuffers
-        )
+        raw = found.read_raw(index, jitter, reset=reset, render_size=info.render_size, gbuffers=gbuffers)
         return replace(raw, aov_names=info.aov_names or None)
 
     def reference(index: int) -> Float32:
         return found.read_reference(index, info.display_size)
 
     color = found.sources["color"].channels[0] if "color" in found.sources else "R"
-    return Shot(found.folder, info, entries, raw_frame, reference, color_channel=color)
+    shot = Shot(found.folder, info, entries, raw_frame, reference, color_channel=color)
+    shot.losses = found.losses(info, is_jittered=any(map(any, offsets)))
+    return shot
 
 
 def import_described_channels(
@@ -165,13 +172,27 @@ class _Source:
 
     pattern: str
     channels: tuple[str, ...]
+    packing: Packing | None = None
+
+    def taken(self, path: Path, channels: Mapping[str, Channel]) -> Array:
+        """Return the array from the channels of a file; see `take`."""
+        stored = take(path, channels, self.channels)
+        return stored if self.packing is None else self.packing.decoded(stored)
 
 
 class _MappedFiles:
     """The files of a sequence, and the arrays to read from them."""
 
-    def __init__(self, folder: Path, channel_map: ChannelMap, files: str, frames: Range | None) -> None:
-        self.folder = folder
+    def __init__(
+        self,
+        folder: Path,
+        channel_map: ChannelMap,
+        conventions: Conventions,
+        files: str,
+        frames: Range | None,
+    ) -> None:
+        self.folder, self._conventions = folder, conventions
+        self._sky = sky_depth(conventions)
         self.sources = _parsed(channel_map, files)
         reference = self.sources.pop("reference", None)
         patterns = dict.fromkeys(source.pattern for source in self.sources.values())
@@ -183,8 +204,7 @@ class _MappedFiles:
         self.frame_pattern = (self.sources.get("color") or self.sources["depth"]).pattern
         self.last_index = max(numbers) - min(numbers)
         self.references = {} if reference is None else _references(folder, reference.pattern, self.numbers)
-        self._reference_channels = () if reference is None else reference.channels
-        self._reference_pattern = "" if reference is None else reference.pattern
+        self._reference = reference
 
     def frame_file(self, index: int) -> Path:
         """Return the file of a frame's colour; of its depth where it has no colour."""
@@ -200,31 +220,57 @@ class _MappedFiles:
             shaded="color" in self.sources,
         )
 
-    def check_types(self, conventions: Conventions) -> None:
-        """Check the first files: integers are for sRGB colour and its AOVs, such as alpha.
+    def check_types(self) -> None:
+        """Check the types of the first files.
 
         Raises:
-            ShotError: depth, motion, a G-buffer or a reference holds integers.
-            ArgumentError: colour does, and the conventions do not say that it is sRGB-encoded.
+            ShotError: a packed array is not of 8 bits, or another one holds integers: only sRGB colour,
+                references and AOVs, such as alpha, may.
+            ArgumentError: colour holds integers, and the conventions do not say that it is sRGB-encoded.
         """
-        first = {pattern: files[self.numbers[0]] for pattern, files in self.files.items()}
-        if self.references:
-            first[self._reference_pattern] = next(iter(self.references.values()))
-        sources = {**self.sources, "reference": _Source(self._reference_pattern, self._reference_channels)}
-        for name, source in sources.items():
-            if source.pattern not in first:
+        for name, source in self._every_source().items():
+            path, kinds = self._stored(name, source)
+            if source.packing is not None:
+                if others := sorted(kinds - {"uint8"}):
+                    hint = 'Without "bytes", half and float are read as they are.'
+                    raise ShotError(path, f"holds packed {name} as {others[0]}; want 8 bits a channel", hint)
                 continue
-            path, types = first[source.pattern], read_types(first[source.pattern])
-            kinds = {types[channel] for channel in source.channels if channel in types}
-            if kinds.isdisjoint(_INTEGERS) or name == "aovs":
+            if kinds.isdisjoint(_BITS) or name == "aovs":
                 continue
-            if name != "color":
-                hint = "Write it as EXR, or as TIFF with 32-bit floating point."
-                raise ShotError(path, f"holds {name} as {kinds.pop()}; want half or float", hint)
-            if not conventions.srgb:
+            if name not in ("color", "reference"):
+                hint = (
+                    'Say how it is packed, by "bytes" and "range" (docs/shots.md); or write it as EXR, or as '
+                    "TIFF with 32-bit floating point."
+                )
+                raise ShotError(path, f"holds {name} as {min(kinds)}; want half or float", hint)
+            if not self._conventions.srgb:
                 hint = "Linear light in so few steps shows bands; write it as half."
-                got = f"without srgb=True, and {path.name} holds {kinds.pop()}"
+                got = f"without srgb=True, and {path.name} holds {min(kinds)}"
                 raise ArgumentError("conventions", got=got, want="srgb=True for integers", hint=hint)
+
+    def losses(self, info: ShotInfo, *, is_jittered: bool) -> tuple[str, ...]:
+        """Return what the files do not hold, see `Shot.losses`."""
+        large = info.display_size if self._conventions.motion_resolution == "display" else None
+        vector = motion_factor(self._conventions, info.render_size, large or info.render_size)
+        color, motion, depth = (self.sources.get(name) for name in ("color", "motion", "depth"))
+        kinds = set() if color is None else self._stored("color", color)[1]
+        return losses_of(
+            color_bits=min((_BITS[kind] for kind in kinds & _BITS.keys()), default=None),
+            motion=None if motion is None else motion.packing,
+            pixels_per_unit=vector,
+            depth=None if depth is None else depth.packing,
+            is_jittered=is_jittered,
+        )
+
+    def _every_source(self) -> dict[str, _Source]:
+        return self.sources if self._reference is None else {**self.sources, "reference": self._reference}
+
+    def _stored(self, name: str, source: _Source) -> tuple[Path, set[str]]:
+        """Return the first file of an array, and the types of its channels that are there."""
+        first = self.references if name == "reference" else self.files[source.pattern]
+        path = next(iter(first.values()))
+        types = read_types(path)
+        return path, {types[channel] for channel in source.channels if channel in types}
 
     def read_raw(
         self,
@@ -232,7 +278,6 @@ class _MappedFiles:
         jitter: tuple[float, float],
         *,
         reset: bool,
-        sky: float,
         render_size: Size | None = None,
         gbuffers: Collection[str] | None = None,
     ) -> RawFrame:
@@ -247,14 +292,11 @@ class _MappedFiles:
             if not sources:
                 continue
             path, names = files[self.numbers[index]], [n for s in sources.values() for n in s.channels]
-            outside = dict.fromkeys(self.sources["depth"].channels if "depth" in sources else (), sky)
+            outside = dict.fromkeys(self.sources["depth"].channels if "depth" in sources else (), self._sky)
             channels = read_image(path, only=names, outside=outside)
-            if not set(sources) <= {
-                "motion",
-                "motion_next",
-            }:  # motion vectors in a file of their own may have display size
+            if self._conventions.motion_resolution == "render" or not set(sources) <= _MOTIONS:
                 check_size(path, channels, render_size)
-            arrays |= {name: take(path, channels, source.channels) for name, source in sources.items()}
+            arrays |= {name: source.taken(path, channels) for name, source in sources.items()}
         aovs = arrays.get("aovs")
         return RawFrame(
             color=arrays.get("color"),
@@ -268,8 +310,9 @@ class _MappedFiles:
         )
 
     def read_reference(self, index: int, display_size: Size | None = None) -> Float32:
-        path = self.references[self.numbers[index]]
-        return read_reference(path, display_size, self._reference_channels)
+        path, channels = self.references[self.numbers[index]], self._every_source()["reference"].channels
+        reference = read_reference(path, display_size, channels)
+        return srgb_decoded(reference) if read_types(path)[channels[0]] in _BITS else reference
 
 
 def _parsed(channel_map: ChannelMap, files: str) -> dict[str, _Source]:
@@ -278,11 +321,8 @@ def _parsed(channel_map: ChannelMap, files: str) -> dict[str, _Source]:
         if name not in _COUNTS and name != "aovs":
             want = f"one of {', '.join(_COUNTS)}, aovs"
             raise ArgumentError("channel_map", got=f"a map with {name!r}", want=want)
-        texts: list[Any] = list(value) if isinstance(value, list | tuple) else [value]
-        count = _COUNTS.get(name, len(texts))
-        if len(texts) != count or not all(isinstance(text, str) for text in texts):
-            raise ArgumentError(f"channel_map[{name!r}]", got=repr(value), want=f"{count} channel names")
-        sources[name] = _source(name, texts, files)
+        texts, packing = _channels(name, value)
+        sources[name] = _source(name, texts, files, packing)
     for name in ("depth", "motion"):
         if name not in sources:
             got = f"a map without {name!r}"
@@ -290,14 +330,25 @@ def _parsed(channel_map: ChannelMap, files: str) -> dict[str, _Source]:
     return sources
 
 
-def _source(name: str, texts: Sequence[str], files: str) -> _Source:
+def _channels(name: str, value: Any) -> tuple[list[str], Packing | None]:
+    """Return the channels of an array, and how its numbers are packed in them."""
+    if isinstance(value, Mapping) and name not in _UNPACKED:
+        return parse_packing(name, value, _COUNTS[name])
+    texts: list[Any] = list(value) if isinstance(value, list | tuple) else [value]
+    count = _COUNTS.get(name, len(texts))
+    if len(texts) != count or not all(isinstance(text, str) for text in texts):
+        raise ArgumentError(f"channel_map[{name!r}]", got=repr(value), want=f"{count} channel names")
+    return texts, None
+
+
+def _source(name: str, texts: Sequence[str], files: str, packing: Packing | None) -> _Source:
     """Split `pattern:channel`; a channel's name may contain colons, a pattern ends in .exr, .png or .tif."""
     parts = [(found[1], found[2]) if (found := _MAPPED.fullmatch(text)) else (files, text) for text in texts]
     patterns = {pattern for pattern, _ in parts}
     if len(patterns) != 1:
         got = f"files of {' and '.join(sorted(patterns))}"
         raise ArgumentError(f"channel_map[{name!r}]", got=got, want="channels of one file")
-    return _Source(patterns.pop(), tuple(channel for _, channel in parts))
+    return _Source(patterns.pop(), tuple(channel for _, channel in parts), packing)
 
 
 def _common_numbers(folder: Path, files: Mapping[str, dict[int, Path]]) -> list[int]:

@@ -55,6 +55,7 @@ class Shot:
         info: properties of all frames.
         ignored_channels: channels of the first frame's file that an importer does not read, though it reads
             others as AOVs: ids, and other data that cannot be blended.
+        losses: sentences on what the files of an importer do not hold, as their numbers are integers.
     """
 
     def __init__(
@@ -73,6 +74,7 @@ class Shot:
         self._entries, self._raw = tuple(entries), read_raw
         self._reference, self._classes = read_reference, read_classes
         self.ignored_channels: tuple[str, ...] = ()
+        self.losses: tuple[str, ...] = ()
         self._color_channel = color_channel
 
     @classmethod
@@ -200,7 +202,7 @@ class Shot:
             self._stop_waiting,
             self._color_channel,
         )
-        shot.ignored_channels = self.ignored_channels
+        shot.ignored_channels, shot.losses = self.ignored_channels, self.losses
         return shot
 
     def __len__(self) -> int:

@@ -8,7 +8,7 @@ from supersampler.methods.spec import DISPLAY, MapOf, MethodSpec, Range, Share
 
 @dataclass(frozen=True)
 class TaaConfig:
-    """Salvi's choices; the defaults are his."""
+    """Choices that Salvi names; the defaults are what he uses, but for YCoCg, which he leaves open."""
 
     alpha: Share = 0.1
     """Weight of the new frame ("typically we blend 10 %")."""
@@ -20,7 +20,7 @@ class TaaConfig:
     clip: Literal["sample", "center", "clamp"] = "sample"
     """Towards the new sample (Salvi), towards the box's centre, or a clamp per channel."""
     space: Literal["ycocg", "rgb"] = "ycocg"
-    """Colours are compared in YCoCg or in RGB."""
+    """Colours are compared in YCoCg or in RGB ("RGB, YCoCg, etc.")."""
     window: Literal[3, 5, 7] = 3
     """Side of the window of the moments, in samples: 3x3, each blur of which adds 2 ("we can apply it over
     large windows by pre-filtering the first two colour moments"; 7x7 on his slides)."""

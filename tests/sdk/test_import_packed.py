@@ -1,0 +1,276 @@
+"""Tests of frames as games on phones are captured: PNG, motion and depth packed into bytes, no jitter."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from typer.testing import CliRunner
+
+from supersampler import ArgumentError, ShotError
+from supersampler.cli.app import app
+from supersampler.conventions import Conventions
+from supersampler.io.images import write_exr, write_png
+from supersampler.io.shot import Shot, copy_shot, import_channels
+
+WIDTH, HEIGHT = 61, 35
+NEAR, FAR = 0.5, 200.0
+UV: dict[str, Any] = {"bytes": [["mv/*.png:R", "mv/*.png:G"], ["mv/*.png:B", "mv/*.png:A"]], "range": [-1, 1]}
+DEPTH_24: dict[str, Any] = {"bytes": [f"depth/*.png:{name}" for name in "RGB"], "range": [0, 1]}
+DEPTH_8 = {"bytes": ["depth/*.png:R"], "range": [0, 1]}
+COLOR = [f"color/*.png:{name}" for name in "RGB"]
+CONVENTIONS: dict[str, Any] = {
+    "srgb": True, "motion_unit": "uv", "motion_direction": "current_minus_previous",
+    "depth": "reversed", "near": NEAR, "far": FAR,
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Captured:
+    """Frames in this package's conventions, display-referred: colour in [0, 1]."""
+
+    color: NDArray[np.float64]  # (frames, h, w, 3) linear
+    motion: NDArray[np.float64]  # (frames, h, w, 2) render pixels, previous minus current
+    distance: NDArray[np.float64]  # (frames, h, w)
+
+
+def captured(frames: int = 2, farthest: float = 0.9 * FAR) -> Captured:
+    random = np.random.default_rng(5)
+    shape = frames, HEIGHT, WIDTH
+    motion = random.uniform(-8.0, 8.0, (*shape, 2))
+    motion[:, :5] = 0.0
+    return Captured(random.uniform(0.0, 1.0, (*shape, 3)), motion, random.uniform(NEAR, farthest, shape))
+
+
+def split(fractions: NDArray[np.float64], count: int) -> list[NDArray[np.uint8]]:
+    """Return the bytes of numbers in [0, 1], the most significant first."""
+    codes = np.rint(fractions * (256**count - 1)).astype(np.int64)
+    return [((codes >> 8 * (count - 1 - place)) & 255).astype(np.uint8) for place in range(count)]
+
+
+def device_depth(scene: Captured) -> NDArray[np.float64]:
+    """Reversed depth with a finite far plane: 1 at the near plane, 0 at the far one."""
+    ratio = NEAR / FAR
+    return np.asarray((NEAR / scene.distance - ratio) / (1 - ratio))
+
+
+def write_capture(
+    folder: Path,
+    scene: Captured,
+    *,
+    sign: tuple[int, int] = (-1, -1),
+    depth_bytes: int = 3,
+    low_first: bool = False,
+) -> Path:
+    """Write the frames; `sign` is that of the stored vectors in x and y, over previous minus current."""
+    for name in ("color", "mv", "depth"):
+        (folder / name).mkdir(parents=True, exist_ok=True)
+    linear = scene.color
+    encoded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+    uv = scene.motion / (WIDTH, HEIGHT) * sign
+    for index in range(len(linear)):
+        x, y = (split(0.5 * uv[index, ..., axis] + 0.5, 2) for axis in (0, 1))
+        motion = [*x[::-1], *y[::-1]] if low_first else [*x, *y]
+        depth = split(device_depth(scene)[index], depth_bytes)
+        planes = {"color": np.rint(encoded[index] * 255).astype(np.uint8), "mv": np.stack(motion, -1)}
+        planes["depth"] = np.stack(depth if depth_bytes == 3 else depth * 3, -1)
+        for name, image in planes.items():
+            write_png(folder / name / f"{name}_{index + 1:04d}.png", image)
+    return folder
+
+
+def opened(folder: Path, changes: dict[str, Any] | None = None, **conventions: Any) -> Shot:
+    channel_map = {"color": COLOR, "motion": UV, "depth": DEPTH_24, **(changes or {})}
+    return import_channels(folder, channel_map, conventions=Conventions(**{**CONVENTIONS, **conventions}))
+
+
+def assert_is_the_capture(shot: Shot, scene: Captured, depth_step: float = 2.0**-24) -> None:
+    assert (shot.render_size, len(shot)) == ((WIDTH, HEIGHT), len(scene.color))
+    half_step = np.array([WIDTH, HEIGHT]) / 65535
+    ratio = NEAR / FAR
+    for index, item in enumerate(shot):
+        frame = item.frame
+        assert frame.color is not None
+        assert np.abs(frame.color - scene.color[index]).max() < 2.4 / 255 / 2  # the curve's steepest slope
+        assert (np.abs(frame.motion - scene.motion[index]) <= half_step * 1.001).all()
+        inverse = NEAR / scene.distance[index]
+        assert np.abs(frame.depth - inverse).max() <= (0.51 * depth_step + 1e-7) * (1 - ratio)
+        assert frame.jitter == (0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("sign", "conventions"),
+    [
+        ((-1, -1), {}),
+        ((1, 1), {"motion_direction": "previous_minus_current"}),
+        ((-1, 1), {"motion_flip_y": True}),
+        ((1, -1), {"motion_direction": "previous_minus_current", "motion_flip_y": True}),
+    ],
+)
+def test_motion_packed_by_16_bits_comes_out_within_half_a_step_in_any_direction(
+    tmp_path: Path, sign: tuple[int, int], conventions: dict[str, Any]
+) -> None:
+    scene = captured()
+    assert_is_the_capture(opened(write_capture(tmp_path, scene, sign=sign), **conventions), scene)
+
+
+def test_the_low_byte_may_come_first(tmp_path: Path) -> None:
+    scene, swapped = captured(), {**UV, "bytes": [each[::-1] for each in UV["bytes"]]}
+    shot = opened(write_capture(tmp_path, scene, low_first=True), {"motion": swapped})
+    assert_is_the_capture(shot, scene)
+
+
+def test_depth_of_8_bits_comes_out_within_half_a_step(tmp_path: Path) -> None:
+    scene = captured(farthest=70.0)  # code 0 is the far plane, which is sky
+    shot = opened(write_capture(tmp_path, scene, depth_bytes=1), {"depth": DEPTH_8})
+    assert_is_the_capture(shot, scene, depth_step=1 / 255)
+
+
+def test_a_linear_depth_states_its_range_in_scene_units(tmp_path: Path) -> None:
+    scene = captured(1)
+    write_capture(tmp_path, scene)
+    image = np.stack(split(scene.distance[0] / FAR, 3), -1)
+    write_png(tmp_path / "depth" / "depth_0001.png", image)
+    shot = opened(tmp_path, {"depth": {**DEPTH_24, "range": [0, FAR]}}, depth="linear")
+    np.testing.assert_allclose(shot.read(0).frame.depth, NEAR / scene.distance[0], rtol=1e-4)
+
+
+def test_base_255_reads_what_unity_packs(tmp_path: Path) -> None:
+    write_capture(tmp_path, captured(1))
+    values = np.random.default_rng(2).uniform(0, 0.999, (HEIGHT, WIDTH))
+    low = (values * 255) % 1.0  # EncodeFloatRG: frac(v), frac(255 v), and the first less the second over 255
+    high = values - low / 255
+    pair = np.stack([high, low, low], -1)
+    write_png(tmp_path / "depth" / "depth_0001.png", np.rint(pair * 255).astype(np.uint8))
+    packed = {"bytes": DEPTH_24["bytes"][:2], "range": [0, 256 / 255], "base": 255}
+    depth = opened(tmp_path, {"depth": packed}, depth="reversed_infinite", far=None).read(0).frame.depth
+    np.testing.assert_allclose(depth, values, atol=0.51 / 255**2)
+
+
+def test_a_range_that_puts_0_on_a_code_keeps_what_is_at_rest_at_rest(tmp_path: Path) -> None:
+    write_capture(tmp_path, captured(1))
+    code = np.full((HEIGHT, WIDTH), 32768)
+    write_png(tmp_path / "mv" / "mv_0001.png", np.stack([code >> 8, code & 255] * 2, -1).astype(np.uint8))
+    shot = opened(tmp_path, {"motion": {**UV, "range": [-32768 / 32767.5, 32767 / 32767.5]}})
+    assert (shot.read(0).frame.motion == 0).all()
+    assert not any("at rest moves" in loss for loss in shot.losses)
+
+
+def test_references_of_8_bits_are_decoded_to_linear(tmp_path: Path) -> None:
+    scene = captured()
+    write_capture(tmp_path, scene)
+    shot = opened(tmp_path, {"reference": COLOR})
+    reference, color = shot.read(1).reference, shot.read(1).frame.color
+    assert reference is not None
+    np.testing.assert_array_equal(reference, color)
+
+
+def test_the_copy_holds_the_same_frames(tmp_path: Path) -> None:
+    scene = captured()
+    shot = copy_shot(opened(write_capture(tmp_path / "png", scene)), tmp_path / "copy")
+    assert_is_the_capture(shot, scene)
+
+
+def test_losses_name_color_motion_depth_and_jitter(tmp_path: Path) -> None:
+    shot = opened(write_capture(tmp_path, captured(), depth_bytes=1), {"depth": DEPTH_8})
+    assert shot.losses == (
+        "Colour has 8 bits and ends at white: highlights are cut off.",
+        "Motion comes in steps of 0.0019 x 0.0011 render pixels, and none is 0: what is at rest moves by "
+        "0.00093 x 0.00053 a frame.",
+        "Depth comes in 256 steps.",
+        "No frame has jitter: what is at rest gains no detail from frame to frame.",
+    )
+    assert shot.cropped(2, 2).losses == shot.losses
+
+
+def test_floating_point_loses_nothing(tmp_path: Path) -> None:
+    plane = np.full((HEIGHT, WIDTH), 0.5, np.float32)
+    write_exr(tmp_path / "0001.exr", dict.fromkeys("RGBZXY", plane))
+    channel_map = {"color": ["R", "G", "B"], "depth": "Z", "motion": ["X", "Y"]}
+    assert import_channels(tmp_path, channel_map, conventions=Conventions()).losses == ()
+
+
+def test_the_command_imports_by_two_json_files_and_says_what_is_lost(tmp_path: Path) -> None:
+    scene = captured()
+    write_capture(tmp_path / "png", scene)
+    channels, conventions = tmp_path / "channels.json", tmp_path / "conventions.json"
+    channels.write_text(json.dumps({"color": COLOR, "motion": UV, "depth": DEPTH_24}))
+    conventions.write_text(json.dumps(CONVENTIONS))
+    out = tmp_path / "shot"
+    options = ["--channels", str(channels), "--conventions", str(conventions)]
+    result = CliRunner().invoke(app, ["import", str(tmp_path / "png"), "-o", str(out), *options])
+    assert result.exit_code == 0, result.output
+    assert "Lost in these files: Depth comes in 16777216 steps." in result.output
+    assert_is_the_capture(Shot.open(out), scene)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("motion", {"range": [-1, 1]}, r"channel_map\['motion'\]\['bytes'\] is None; want 2 lists of equal"),
+        (
+            "motion",
+            {"bytes": ["R", "G"], "range": [-1, 1]},
+            r"\['bytes'\] is \['R', 'G'\]; want 2 lists of equal",
+        ),
+        ("motion", {"bytes": [["R"], ["G", "B"]], "range": [-1, 1]}, "want 2 lists of equal length"),
+        ("depth", {"bytes": [], "range": [0, 1]}, "want a list of 1 to 4 channels, the most significant"),
+        ("depth", {"bytes": ["R"] * 5, "range": [0, 1]}, "want a list of 1 to 4 channels"),
+        (
+            "depth",
+            {"bytes": ["R"], "range": [1, 1]},
+            r"\['range'\] is \[1, 1\]; want \[low, high\], two different",
+        ),
+        (
+            "depth",
+            {"bytes": ["R"], "range": [0, float("inf")]},
+            "want .* finite numbers: .* bytes that are all 0",
+        ),
+        ("depth", {"bytes": ["R"], "range": "0 to 1"}, r"want \[low, high\]"),
+        ("depth", {"bytes": ["R"], "range": [0, 1], "base": 10}, "base'] is 10; want 256, or 255"),
+        (
+            "depth",
+            {"byte": ["R"], "range": [0, 1]},
+            "with 'byte'; want keys of bytes, range, base. Did you mean",
+        ),
+        ("color", {"bytes": ["R"], "range": [0, 1]}, "want 3 channel names"),
+    ],
+)
+def test_a_wrong_packing_is_named(tmp_path: Path, name: str, value: dict[str, Any], message: str) -> None:
+    write_capture(tmp_path, captured(1))
+    with pytest.raises(ArgumentError, match=message):
+        opened(tmp_path, {name: value})
+
+
+def test_a_byte_that_the_files_lack_is_named(tmp_path: Path) -> None:
+    write_capture(tmp_path, captured(1))
+    bytes_of = [["mv/*.png:R", "mv/*.png:G"], ["mv/*.png:B", "mv/*.png:X"]]
+    with pytest.raises(ShotError, match=r"mv_0001\.png: has no channel X\. It has R, G, B, A"):
+        opened(tmp_path, {"motion": {**UV, "bytes": bytes_of}})
+
+
+def test_motion_of_another_size_is_named(tmp_path: Path) -> None:
+    write_capture(tmp_path, captured(1))
+    write_png(tmp_path / "mv" / "mv_0001.png", np.zeros((8, 9, 4), np.uint8))
+    with pytest.raises(ShotError, match=r"mv_0001\.png: is 9x8; the shot says 61x35"):
+        opened(tmp_path).read(0)
+
+
+def test_channels_of_16_bits_are_no_bytes(tmp_path: Path) -> None:
+    write_capture(tmp_path, captured(1))
+    write_png(tmp_path / "depth" / "depth_0001.png", np.zeros((HEIGHT, WIDTH, 3), np.uint16))
+    with pytest.raises(
+        ShotError, match=r"depth_0001\.png: holds packed depth as uint16; want 8 bits a channel"
+    ):
+        opened(tmp_path)
+
+
+def test_integers_without_a_packing_are_refused_with_the_way_to_state_it(tmp_path: Path) -> None:
+    write_capture(tmp_path, captured(1))
+    with pytest.raises(
+        ShotError, match=r'holds depth as uint8; want half or float\. Say how it is packed, by "bytes"'
+    ):
+        opened(tmp_path, {"depth": "depth/*.png:R"})
