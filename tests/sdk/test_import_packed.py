@@ -1,6 +1,7 @@
 """Tests of frames as games on phones are captured: PNG, motion and depth packed into bytes, no jitter."""
 
 import json
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -99,6 +100,15 @@ def assert_is_the_capture(shot: Shot, scene: Captured, depth_step: float = 2.0**
         inverse = NEAR / scene.distance[index]
         assert np.abs(frame.depth - inverse).max() <= (0.51 * depth_step + 1e-7) * (1 - ratio)
         assert frame.jitter == (0.0, 0.0)
+
+
+def test_the_map_shown_in_the_docs_is_read(tmp_path: Path) -> None:
+    text = (Path(__file__).parents[2] / "docs" / "shots.md").read_text(encoding="utf-8")
+    shown = json.loads(re.findall(r"```json\n(.*?)```", text, flags=re.DOTALL)[2])
+    scene, folder = captured(), write_capture(tmp_path, captured())
+    (folder / "mv").rename(folder / "motion")
+    assert shown.pop("reference") == [f"native/*.png:{name}" for name in "RGB"]
+    assert_is_the_capture(opened(folder, shown), scene)
 
 
 @pytest.mark.parametrize(
