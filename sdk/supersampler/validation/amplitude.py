@@ -20,6 +20,8 @@ JitterInVectors = tuple[float, float]
 
 _MIN_PAIRS = 2
 _MIN_GAIN = 0.04  # of the error: that of the best factors is lower by it
+_MIN_GAIN_OF_AN_AXIS = 0.08  # where the other axis is right; 0.06 of correct frames
+_RIGHT = 0.15  # off by less than this, an axis is right
 _MAX_ERROR = 0.7  # of the variance: a frame that continues the previous one
 _NOISE = 1e-5  # squares of tone-mapped luminance; smaller errors are noise
 _PLAUSIBLE = (0.65, 1.5)  # either axis; correct frames were estimated at 0.71 to 1.34
@@ -86,8 +88,9 @@ def wrong_amplitude(errors: AmplitudeErrors, pairs: int) -> Amplitude | None:
     if np.linalg.eigvalsh(bend)[0] <= 0 or stated <= _NOISE * pairs:
         return None
     found = np.linalg.solve(bend, -c[3:5])
-    lowest = values.min()
-    if lowest > min((1 - _MIN_GAIN) * stated, _MAX_ERROR * variance):
+    lowest, one_axis = values.min(), np.abs(found - 1.0).min() < _RIGHT
+    gain = _MIN_GAIN_OF_AN_AXIS if one_axis else _MIN_GAIN
+    if lowest > min((1 - gain) * stated, _MAX_ERROR * variance):
         return None
     none = errors[0.0, 0.0][0] == lowest
     if not none and (found.min() < -0.25 or found.max() > 3.0):
