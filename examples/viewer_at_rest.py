@@ -40,7 +40,7 @@ def main(options: Namespace) -> None:
 
 def is_final(upscaler: Upscaler) -> bool:
     """Whether another frame of the same scene would not change the image."""
-    return (upscaler.stats.converged or 0.0) >= 0.999  # 1, but for pixels that never come to rest
+    return (upscaler.stats.converged or 0.0) >= 0.99  # 1, but for blocks that are never frozen
 
 
 def render(camera: float, speed: float, index: int) -> Frame:
