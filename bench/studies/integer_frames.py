@@ -1,4 +1,4 @@
-"""What frames lose as integers in PNG, and without jitter: the shipped shot, written so, imported, upscaled.
+"""Measure what 8- and 16-bit PNG files and missing jitter cost: write, import and upscale the shipped shot.
 
 Colour is what a screen shows, exposed and clipped, sRGB in 8 bits; motion is UV in 16 bits for x and y; depth
 has 24 or 8 bits. All images are compared as a screen shows them. Frames without jitter are rendered here.

@@ -43,7 +43,7 @@ OPACITY = 0.25
 FRAMES, SCORED, BORDER = 64, 32, 8
 PANEL, GAP = 96, 4  # side of the image's parts and what is between, pixels; they are shown at twice the size
 SCENES: Mapping[str, Vector] = {"at rest": (0.0, 0.0), "in motion": (0.31, -0.12)}
-"""Velocity of the leaves, in units a frame; what is behind them stands still."""
+"""Velocity of the leaves, scene units a frame; the background is static."""
 OPTIONS: Mapping[str, TaaConfig | None] = {
     "one frame": None,
     "3x3 window": TaaConfig(),

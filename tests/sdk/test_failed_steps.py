@@ -21,7 +21,7 @@ SCENE = RestScene(wave, lambda index: 1.0 if index < CHANGES else 2.0, "spot", r
 
 
 class StageError(Exception):
-    """Of a stage that failed."""
+    """A stage that this test makes fail."""
 
 
 def session(method: str) -> Upscaler:

@@ -197,7 +197,7 @@ def _other_order(surfaces: Mapping[DepthOrder, tuple[float, float]]) -> DepthOrd
 
 
 def _planes_are_reversed(frame: Evidence | None, kind: DepthOrder) -> bool:
-    """Return whether planes contradict that depth is of this kind: what flickers hides closer things, too."""
+    """Return whether planes fit reversed depth better than this kind; aliased things mislead the counts."""
     if frame is None:
         return False
     return bend(frame.depth, "reversed") < bend(frame.depth, kind)

@@ -131,7 +131,7 @@ class CpuHistory:
         return same and (free or self.render == render)
 
     def begin_step(self) -> Generations:
-        """Forget the generations, and return them: arrays that a step left half written equal no others."""
+        """Return the generations, and mark all arrays as half written until this step has ended."""
         rest = self.rest
         held = Generations(
             self.generations, self.frame_generation, self.generations if rest is None else rest.generations

@@ -23,7 +23,7 @@ from supersampler.io.shot.packed import Packing, losses_of, parse_packing
 from supersampler.io.shot.shot import Shot
 
 _BITS = {"uint8": 8, "uint16": 16, "int8": 8, "int16": 16}
-"""Of the integer types of a file's channels."""
+"""Bits of each integer type that a channel of a file can have."""
 _MAPPED = re.compile(r"(.*\.(?:exr|png|tiff?)):(.*)", re.DOTALL | re.IGNORECASE)
 _FRAME_RATE = 24.0  # where no file states one
 MAP_FILE_NAME = "channels.json"
