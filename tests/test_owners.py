@@ -18,7 +18,7 @@ CHANGES = {
     "symlink", "symlink_to", "touch", "truncate", "unlink", "write_bytes", "write_text",
 }  # fmt: skip
 """Names of functions and methods that change files."""
-IN_BLENDER = {"sdk/supersampler/integrations/blender/render_frames.py", "bench/studies/blender_frames.py"}
+IN_BLENDER = {"sdk/supersampler/integrations/blender/render_frames.py"}
 
 
 def is_of_a_file(call: ast.Call, name: str) -> bool:

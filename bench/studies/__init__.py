@@ -1,5 +1,5 @@
-"""Programs for maintainers, in no wheel: one-off measurements, and checks of one version against another.
+"""Programs for maintainers, in no wheel: ablations of methods, and hashes of all images.
 
-Each runs in a development install: `python bench/studies/NAME.py --help`. Their records are in
+Each runs in a development install: `python bench/studies/NAME.py --help`. Records are in
 bench/results/studies.
 """

@@ -7,7 +7,7 @@ The same command continues a stopped run:
 """
 
 import multiprocessing
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
 from json import loads
@@ -18,12 +18,12 @@ from typing import Annotated, Any
 import torch
 import typer
 
-from studies import ablation_classes, ablation_classifier, ablation_gbuffer
+from studies.ablation_variants import VARIANTS, Variants
 from supersampler.errors import ArgumentError
 from supersampler_bench.cli.options import ERRORS, JSON, UPDATE, check_page, publish
+from supersampler_bench.markdown_table import table
 from supersampler_bench.record import Record, write_json
 from supersampler_model.data.dataset import open_dataset
-from supersampler_model.training.task import Task
 from supersampler_model.training.trainer import Plan, Trainer
 from supersampler_model.training.validate import validate, validation_entries
 
@@ -40,12 +40,7 @@ class Scores:
 
 @dataclass(frozen=True)
 class Row:
-    """Scores of one variant.
-
-    Attributes:
-        name: of the variant.
-        seeds: scores of its runs, one for each seed.
-    """
+    """Scores of one variant: a run for each seed."""
 
     name: str
     seeds: Sequence[Scores]
@@ -56,36 +51,23 @@ class Row:
         return fmean(run.psnr for run in self.seeds)
 
     @property
-    def tpsnr(self) -> float:
-        """Mean of the runs."""
-        return fmean(run.tpsnr for run in self.seeds)
-
-    @property
     def spread(self) -> float:
-        """Highest PSNR of a run less the lowest."""
+        """Highest PSNR of a run minus the lowest."""
         return max(run.psnr for run in self.seeds) - min(run.psnr for run in self.seeds)
-
-
-SUBJECTS: Mapping[str, Mapping[str, Callable[[], Task[Any]]]] = {
-    "classifier": ablation_classifier.VARIANTS,
-    "classifier-small": ablation_classes.VARIANTS,
-    "gbuffer-small-4x": ablation_gbuffer.VARIANTS,
-}
-"""Variants by the method that they are of; the first is what the others differ from in one thing."""
 
 
 @dataclass(frozen=True)
 class Ablation:
-    """What is run.
+    """Plan of an ablation.
 
     Attributes:
-        method: of SUBJECTS.
+        method: a key of VARIANTS.
         data: training sets.
-        folder: of the runs, numbered as the method's variants; existing runs are continued.
-        steps: updates of each.
+        folder: of the runs, numbered like the method's variants; existing runs are continued.
+        steps: updates of each run.
         size: of the crops, display pixels.
-        seeds: runs of each variant. The first has two at least, so that chance is known.
-        workers: runs at a time, a thread each.
+        seeds: runs of each variant. The first variant has at least two, so that chance is known.
+        workers: runs at a time, one thread each.
     """
 
     method: str
@@ -97,16 +79,16 @@ class Ablation:
     workers: int = 1
 
     @property
-    def variants(self) -> Mapping[str, Callable[[], Task[Any]]]:
-        """Of the method."""
-        return SUBJECTS[self.method]
+    def variants(self) -> Variants:
+        """Variants of the method."""
+        return VARIANTS[self.method]
 
     @property
     def runs(self) -> list[tuple[str, int]]:
         """Variant and seed of each run, all variants of one seed after another."""
         first = next(iter(self.variants))
-        wanted = [(name, seed) for seed in range(max(self.seeds, 2)) for name in self.variants]
-        return [(name, seed) for name, seed in wanted if seed < self.seeds or name == first]
+        every = [(name, seed) for seed in range(max(self.seeds, 2)) for name in self.variants]
+        return [(name, seed) for name, seed in every if seed < self.seeds or name == first]
 
 
 def run_ablation(ablation: Ablation, on_scores: Callable[[str, Scores], None]) -> list[Row]:
@@ -123,52 +105,17 @@ def run_ablation(ablation: Ablation, on_scores: Callable[[str, Scores], None]) -
     ]
 
 
-def ablation_record(rows: Sequence[Row], ablation: Ablation) -> dict[str, Any]:
-    """Return everything, ready for JSON."""
-    plan = {"method": ablation.method, "steps": ablation.steps, "batch": BATCH, "size": ablation.size}
-    return {"bench": "ablation", **plan, "rows": [asdict(row) for row in rows]}
-
-
-def markdown_table(record: Record) -> str:
-    """Return the table of a record as Markdown, with its caption."""
-    rows = [Row(row["name"], [Scores(**run) for run in row["seeds"]]) for row in record["rows"]]
-    return "\n".join(
-        [
-            "| variant | PSNR dB | against the first | tPSNR dB | seeds |",
-            "| --- | ---: | ---: | ---: | ---: |",
-            *(_table_row(row, rows[0]) for row in rows),
-            "",
-            f"Each trained for {record['steps']} updates of {record['batch']} crops of {record['size']}x"
-            f"{record['size']} pixels, far from the end: what is compared is how fast it learns. Means over "
-            "the seeds and over the validation sequences; ± is half of the range of the seeds. Differences "
-            f"in brackets are chance: less than the range of the first, {rows[0].spread:.2f} dB, or of their "
-            "own.",
-        ]
-    )
-
-
-def _table_row(row: Row, first: Row) -> str:
-    gain = row.psnr - first.psnr
-    difference = f"{round(gain, 2) + 0.0:+.2f}"  # no -0.00
-    if row is not first and abs(gain) < max(row.spread, first.spread):
-        difference = f"({difference})"
-    psnr = f"{row.psnr:.2f}" if len(row.seeds) == 1 else f"{row.psnr:.2f} ± {row.spread / 2:.2f}"
-    return f"| {row.name} | {psnr} | {difference} | {row.tpsnr:.2f} | {len(row.seeds)} |"
-
-
 def run_variant(ablation: Ablation, name: str, seed: int) -> Scores:
-    """Train and validate one variant, or continue the run in its folder.
-
-    Raises:
-        ArgumentError: the folder has the run of another variant, from before their list was changed.
-    """
+    """Train and validate one variant, or continue the run in its folder."""
     torch.set_num_threads(1)
     torch.manual_seed(seed)
     folder = ablation.folder / f"{list(ablation.variants).index(name):02d}-{seed}"
     folder.mkdir(parents=True, exist_ok=True)
     scored = folder / f"scored-{ablation.steps}.json"
-    if (known := _known(scored, name)) is not None:
-        return known
+    if scored.exists():
+        known = loads(scored.read_text(encoding="utf-8"))
+        if known.pop("name") == name:  # folder numbers change with the list of variants
+            return Scores(**known)
     datasets = [open_dataset(path) for path in ablation.data]
     task = ablation.variants[name]()
     plan = Plan(steps=ablation.steps, batch=BATCH, size=ablation.size, average=AVERAGE, seed=seed)
@@ -178,34 +125,53 @@ def run_variant(ablation: Ablation, name: str, seed: int) -> Scores:
         trainer.save()
     found = validate(trainer.average.eval(), validation_entries(trainer.datasets, task.method.ratios))
     scores = Scores(found.psnr, found.tpsnr)
-    write_json({"name": name, **vars(scores)}, scored)
+    write_json({"name": name, **asdict(scores)}, scored)
     return scores
 
 
-def _known(scored: Path, name: str) -> Scores | None:
-    """Return the scores in a folder if they are of this variant: folder numbers change with the list."""
-    if not scored.exists():
-        return None
-    known = loads(scored.read_text(encoding="utf-8"))
-    return Scores(**known) if known.pop("name") == name else None
+def ablation_record(rows: Sequence[Row], ablation: Ablation) -> dict[str, Any]:
+    """Return everything, ready for JSON."""
+    plan = {"method": ablation.method, "steps": ablation.steps, "batch": BATCH, "size": ablation.size}
+    return {"bench": "ablation", **plan, "rows": [asdict(row) for row in rows]}
+
+
+def markdown_table(record: Record) -> str:
+    """Return the table of a record as Markdown, with its caption."""
+    rows = [Row(row["name"], [Scores(**run) for run in row["seeds"]]) for row in record["rows"]]
+    caption = (
+        f"Each trained for {record['steps']} updates of {record['batch']} crops of {record['size']}x"
+        f"{record['size']} pixels, far from the end: what is compared is how fast it learns. Means over "
+        "the seeds and over the validation sequences; ± is half of the range of the seeds. Differences "
+        f"in brackets are chance: less than the range of the first, {rows[0].spread:.2f} dB, or of their "
+        "own."
+    )
+    headings = ["variant", "PSNR dB:", "against the first:", "tPSNR dB:", "seeds:"]
+    return table(headings, [_cells(row, rows[0]) for row in rows], caption)
+
+
+def _cells(row: Row, first: Row) -> list[object]:
+    gain = row.psnr - first.psnr
+    difference = f"{round(gain, 2) + 0.0:+.2f}"  # no -0.00
+    if row is not first and abs(gain) < max(row.spread, first.spread):
+        difference = f"({difference})"
+    psnr = f"{row.psnr:.2f}" if len(row.seeds) == 1 else f"{row.psnr:.2f} ± {row.spread / 2:.2f}"
+    return [row.name, psnr, difference, f"{fmean(run.tpsnr for run in row.seeds):.2f}", len(row.seeds)]
 
 
 def main(
-    method: Annotated[
-        str, typer.Argument(metavar="METHOD", help="classifier, classifier-small or gbuffer-small-4x.")
-    ],
+    method: Annotated[str, typer.Argument(metavar="METHOD", help=f"One of {', '.join(VARIANTS)}.")],
     data: Annotated[list[Path], typer.Option(help="Training set with validation sequences; any number.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the runs.")],
     steps: Annotated[int, typer.Option(min=1, help="Updates of each run.")] = 800,
     size: Annotated[int, typer.Option(min=32, help="Size of the crops, display pixels.")] = 128,
-    seeds: Annotated[int, typer.Option(min=1, help="Runs of each variant; of the first, two at least.")] = 1,
-    workers: Annotated[int, typer.Option(min=1, help="Runs at a time, a thread each.")] = 1,
+    seeds: Annotated[int, typer.Option(min=1, help="Runs of each variant; the first has at least two.")] = 1,
+    workers: Annotated[int, typer.Option(min=1, help="Runs at a time, one thread each.")] = 1,
     json: JSON = None,
     update: UPDATE = None,
 ) -> None:
     """Train METHOD with one choice changed at a time, briefly, and compare on validation sequences."""
-    if method not in SUBJECTS:
-        raise ArgumentError("METHOD", got=method, want=f"one of {', '.join(SUBJECTS)}")
+    if method not in VARIANTS:
+        raise ArgumentError("METHOD", got=method, want=f"one of {', '.join(VARIANTS)}")
     tables = {f"study ablation {method}": markdown_table}
     check_page(update, tables)
     plan = Ablation(method, data, output, steps=steps, size=size, seeds=seeds, workers=workers)

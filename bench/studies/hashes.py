@@ -29,9 +29,9 @@ from supersampler.cli.terminal import Terminal
 from supersampler.frame import Float32, Size
 from supersampler.methods.model_file import model_names
 from supersampler.model import ExecutorName, Precision
-from supersampler_bench.cli.options import JSON, counted, listed, publish, say, warn
+from supersampler_bench.cli.options import JSON, counted, listed, say, warn
 from supersampler_bench.compatibility import incompatibility
-from supersampler_bench.record import Record, machine_name, read_record, setting
+from supersampler_bench.record import Record, machine_name, read_record, setting, write_json
 from supersampler_bench.timing.latency import frames_of
 
 FRAMES, STILL_FRAMES = 24, 48
@@ -80,12 +80,11 @@ class Subject:
 
 @dataclass(frozen=True)
 class Hashed:
-    """One subject's images at one size.
+    """Hashes of one subject's images at one size.
 
     Attributes:
         subject: model and how it ran.
-        render: (width, height) of the frames.
-        display: of the images.
+        render, display: (width, height).
         frames: SHA-256 of each image.
         history: SHA-256 of each history tensor after the last frame, by name.
         sketches: sketches of all images as one vector of values c / (1 + c), divided by the square root of
@@ -110,14 +109,7 @@ def _sizes(render: Size, display: Size) -> str:
 
 
 def subjects(methods: Sequence[str] | None = None) -> list[Subject]:
-    """Return every way in which the shipped models run on a CPU.
-
-    Args:
-        methods: names of models; their pairs of `EXTRAPOLATED` are included. None: all shipped models.
-
-    Raises:
-        ModelError: there is no such model.
-    """
+    """Return every way in which models (all shipped ones by default) run on a CPU."""
     names = list(methods or model_names())
     pairs: list[tuple[str, str | None]] = [(name, None) for name in names]
     pairs += [pair for pair in EXTRAPOLATED if pair[0] in names]
@@ -138,13 +130,7 @@ def measure_hashes(
     *,
     on_run: Callable[[], None] = lambda: None,
 ) -> list[Hashed]:
-    """Step each subject through the frames of `scene` at each size whose ratio it has.
-
-    Args:
-        measured: models and how they run.
-        sizes: render and display sizes, (width, height).
-        on_run: called after each subject and size.
-    """
+    """Step each subject through the frames of `scene` at each (render, display) size whose ratio it has."""
     results = []
     for (render, display), subject in product(sizes, measured):
         ratio = _model(subject.method, subject.executor, subject.precision).info.only_ratio
@@ -187,9 +173,9 @@ def _model(method: str, executor: ExecutorName, precision: Precision) -> Model:
 
 @lru_cache(maxsize=8)
 def scene(render: Size, display: Size, *, still: bool = False) -> list[Frame]:
-    """Return `FRAMES` frames of the shipped shot with all G-buffers; `STILL_FRAMES` where it is static.
+    """Return frames of the shipped shot with all G-buffers.
 
-    Then PHASES frames of it repeat; only one corner changes from frame to frame.
+    Static: `PHASES` frames repeat, and only one corner changes from frame to frame.
     """
     shot = frames_of(render, 0, FRAMES)
     if still:
@@ -284,13 +270,7 @@ def hashed_of(record: Record) -> list[Hashed]:
 
 
 def differences(before: Record, after: Record, *, partly: bool = False) -> Iterator[str]:
-    """Yield a line for each subject and size whose images or history differ between two records.
-
-    Args:
-        before: an earlier record.
-        after: a later one.
-        partly: whether runs may be missing in `after`.
-    """
+    """Yield a line for each run whose images or history differ; `partly`: runs may be missing in `after`."""
     new = {result.name: result for result in hashed_of(after)}
     inputs = before["inputs"]
     changed = [kind for kind, digest in inputs.items() if after["inputs"].get(kind, digest) != digest]
@@ -326,17 +306,6 @@ def other_setting(before: Record, after: Record) -> str:
     return f"recorded with {'; '.join(unlike)}: hashes may differ for that reason alone" if unlike else ""
 
 
-def markdown_table(record: Record) -> str:
-    """Return a table as Markdown, with one hash of all images and histories for each subject."""
-    digests: dict[Subject, Any] = {}
-    for result in hashed_of(record):
-        digest = digests.setdefault(result.subject, hashlib.sha256())
-        digest.update("".join([*result.frames, *result.history.values()]).encode())
-    rows = [f"| {subject} | {digest.hexdigest()[:16]} |" for subject, digest in digests.items()]
-    caption = f"{record['frames']} frames at {len(SIZES)} sizes. {machine_name(record)}."
-    return "\n".join(["| method | images and history (SHA-256) |", "| --- | --- |", *rows, "", caption])
-
-
 def main(
     methods: Annotated[
         str | None, typer.Option(help="Names of shipped models, with commas between.", show_default="all")
@@ -358,10 +327,11 @@ def main(
     with counted("runs", len(SIZES) * len(hashed)) as advance:
         results = measure_hashes(hashed, SIZES, on_run=advance)
     record = hashes_record(results)
-    publish(record, {"hashes": markdown_table}, json, None)
+    here = {**record, **setting()}
+    if json is not None:
+        write_json(here, json)
     if before is None:
         return
-    here = {**record, **setting()}
     found = list(differences(before, here, partly=chosen is not None))
     for text in found:
         Terminal().print(text, soft_wrap=True)

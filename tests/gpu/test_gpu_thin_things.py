@@ -3,9 +3,8 @@
 import pytest
 
 from gpu_steps import WITH_LARGE, device_or_skip, model
-from studies.thin_traces import contrast, trace, upscaler_of
 from supersampler import Upscaler
-from thin_things import expected_depth, hostile, kept_depth
+from thin_things import contrast, expected_depth, hostile, kept_depth, trace, upscaler_of
 
 device_or_skip()
 METHODS = [method for method in WITH_LARGE if method != "taa"]

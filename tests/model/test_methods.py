@@ -9,7 +9,7 @@ import torch
 from numpy.typing import NDArray
 
 from more_scenes import Cut, ShadingStep, dots, thin_lines
-from studies.ablation_classifier import METHODS as VARIANTS
+from studies.ablation_variants import CLASSIFIERS
 from supersampler import Frame, Model, Upscaler, halton_jitter
 from supersampler.frame import Float32
 from supersampler.io.display import display_transform
@@ -168,11 +168,11 @@ def test_without_jitter_and_motion_taa_of_a_flat_image_is_that_image() -> None:
     np.testing.assert_allclose(image, 0.3, rtol=1e-4)
 
 
-@pytest.mark.parametrize("variant", VARIANTS)
+@pytest.mark.parametrize("variant", CLASSIFIERS)
 def test_the_classifier_renders_what_it_is_shown_whatever_is_chosen(variant: str) -> None:
     """Untrained: the paper's network then blends half of the history, ours the running mean."""
     scene = Plane(dots)
     truth = scene.truth(0, DISPLAY)
-    images = run_torch(VARIANTS[variant]().eval(), scene, 6)
+    images = run_torch(CLASSIFIERS[variant]().eval(), scene, 6)
     assert all(np.isfinite(image).all() and image.min() >= 0.0 for image in images)
     assert psnr(images[-1], truth) > psnr(np.full_like(truth, truth.mean()), truth) + 1.0

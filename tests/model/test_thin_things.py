@@ -4,11 +4,10 @@ import pytest
 import torch
 from torch import Tensor
 
-from studies.thin_traces import contrast, trace, upscaler_of
 from supersampler import Model, Upscaler
 from supersampler.model import ExecutorName
 from supersampler_model.ops.motion import morphological_opening, occluding_depth
-from thin_things import expected_depth, hostile, kept_depth
+from thin_things import contrast, expected_depth, hostile, kept_depth, trace, upscaler_of
 
 WALL, WIRE = 0.1, 0.5
 METHODS = ["taau", "classifier", "classifier-small", "classifier-large"]

@@ -2,7 +2,7 @@
 
 The model: a pixel is the mean of a few samples. Each sample has a certain part, which every path finds, and a
 random part: zero with some probability, else log-normal, with a tail of fireflies. Darker pixels have a
-smaller certain part. `python bench/studies/noise_model.py` compares its quantiles with those of Mitsuba 3.
+smaller certain part. docs/training.md compares its quantiles with those of Mitsuba 3.
 """
 
 from typing import NamedTuple, Self

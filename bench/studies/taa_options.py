@@ -1,0 +1,95 @@
+"""The options of `taa` (Salvi 2016), changed one at a time, on shots with references.
+
+python bench/studies/taa_options.py test-shots --json bench/results/studies/salvi-options.json \
+    --update docs/results/methods.md
+"""
+
+import numpy as np
+import torch
+import typer
+
+from supersampler.backends.onnx.session import frame_inputs
+from supersampler.frame import Size
+from supersampler.io.shot import Shot, ShotFrame
+from supersampler.methods.taa.spec import TaaConfig
+from supersampler_bench.cli.options import (
+    CACHE,
+    JSON,
+    RATIO,
+    SHOT,
+    UPDATE,
+    check_page,
+    counted,
+    opened_shots,
+    publish,
+)
+from supersampler_bench.quality.measure import StepImage, Stepper, measure_steppers, reference_size
+from supersampler_bench.quality.score_record import quality_record, scores_row, shot_record
+from supersampler_bench.quality.score_table import markdown_table as score_table
+from supersampler_bench.quality.score_table import tables_of
+from supersampler_bench.record import Record
+from supersampler_model.methods.taa.model import Taa
+from supersampler_model.ops.size import Size as Extent
+
+OPTIONS = {
+    "taa": TaaConfig(),
+    "20 % new": TaaConfig(alpha=0.2),
+    "5 % new": TaaConfig(alpha=0.05),
+    "gamma 0.75": TaaConfig(gamma=0.75),
+    "gamma 1.5": TaaConfig(gamma=1.5),
+    "minimum and maximum alone": TaaConfig(gamma=None),
+    "no minimum and maximum": TaaConfig(intersect_extent=False),
+    "RGB": TaaConfig(space="rgb"),
+    "5x5 window": TaaConfig(window=5),
+    "7x7 window": TaaConfig(window=7),
+    "clipped to the centre (not his)": TaaConfig(clip="center"),
+    "clamped (not his)": TaaConfig(clip="clamp"),
+}
+
+
+def stepper_of(title: str, config: TaaConfig, display: Size) -> Stepper:
+    """Return a stepper of `taa` with these options, in torch."""
+    method, extent = Taa(config).eval(), Extent(*display)
+    history: list[torch.Tensor] = []
+
+    @torch.no_grad()
+    def step(item: ShotFrame) -> StepImage:
+        nonlocal history
+        if item.frame.reset or not history:
+            history = method.first_history(extent, Extent(*item.frame.size))
+        inputs = frame_inputs(item.frame, extent, method.inputs())
+        image, history, _ = method.step(*map(torch.from_numpy, inputs.values()), *history)
+        return StepImage(np.ascontiguousarray(image[0].permute(1, 2, 0).numpy()))
+
+    return Stepper(title, step)
+
+
+def steppers(shot: Shot) -> list[Stepper]:
+    """Return steppers of all options for a shot."""
+    return [stepper_of(title, config, reference_size(shot)) for title, config in OPTIONS.items()]
+
+
+def markdown_table(record: Record) -> str:
+    """Return the tables of a record as Markdown: of the mean at each ratio, or of the only shot."""
+    return "\n\n".join(score_table(title, rows) for title, rows in tables_of(record))
+
+
+def main(
+    shot: SHOT, ratio: RATIO = "2", cache: CACHE = None, json: JSON = None, update: UPDATE = None
+) -> None:
+    """Measure every option; frames need references."""
+    name, opened = opened_shots(shot, cache, ratio)
+    tables = {f"study salvi-options {name}": markdown_table}
+    check_page(update, tables)
+    measured = []
+    with counted("frames", sum(len(one) for one, _ in opened)) as advance:
+        for one, origin in opened:
+            scores = measure_steppers(one, steppers(one), on_frame=advance)
+            measured.append(
+                {**shot_record(one), **(origin or {}), "methods": [scores_row(each) for each in scores]}
+            )
+    publish({**quality_record(measured), "bench": "salvi-options"}, tables, json, update)
+
+
+if __name__ == "__main__":
+    typer.run(main)
