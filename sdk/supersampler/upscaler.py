@@ -2,8 +2,8 @@
 
 import time
 from collections.abc import Collection, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, NoReturn, overload
@@ -130,12 +130,11 @@ class Upscaler(DeviceSteps):
         self._recorder: Recorder | None = None
         if record is not None:  # imports image files, which a session without a recording does not need
             from supersampler.recording import recorder
-            from supersampler.recording.setup import setup_here
 
-            rest = {"at_rest": self.at_rest, "skip": self.skip}
-            made = {"display_size": display_size, "scale": self._scale, **rest}
-            setup = setup_here(self.model, infos, **made, validate=validate)
-            self._recorder = recorder.Recorder(record, setup, inputs)
+            self._recorder = recorder.Recorder(
+                record, self.model, infos, inputs, display_size=display_size, scale=self._scale,
+                at_rest=self.at_rest, skip=self.skip, validate=validate,
+            )  # fmt: skip
 
     plan = staticmethod(plan)
 
@@ -179,8 +178,12 @@ class Upscaler(DeviceSteps):
             ArgumentError: `out` has a wrong shape or type, or the method has no such output.
         """
         outputs = self._checked_call(frame, outputs)
-        run = partial(self._step, frame, out, outputs)
-        return run() if self._recorder is None else self._recorder.step(frame, outputs, run)
+        with self._recorded("step", frame, outputs) as results:
+            shaded = None
+            if self._extrapolator is not None and frame.color is not None:
+                shaded = self._extrapolator.after_shaded(frame, self._memory.shaded)
+            results.append(self._upscaled(self.model, frame, frame, shaded, out, outputs))
+        return results[0] if outputs else results[0].image
 
     @overload
     def extrapolate(
@@ -212,10 +215,16 @@ class Upscaler(DeviceSteps):
             ArgumentError: as `step`; or the Upscaler has no `extrapolation`.
         """
         outputs = self._checked_call(frame, outputs)
-        run = partial(self._extrapolate, frame, out, outputs)
-        if self._recorder is None:
-            return run()
-        return self._recorder.step(frame, outputs, run, extrapolated=True)
+        with self._recorded("extrapolate", frame, outputs) as results:
+            if self._extrapolator is None:
+                hint = "Upscaler(extrapolation='guided-warp') takes frames that were not shaded."
+                raise ArgumentError("extrapolation", got=None, want="a model", hint=hint)
+            started = time.perf_counter()
+            color, shaded = self._extrapolator.extrapolate(frame, self._memory.shaded)
+            took = time.perf_counter() - started
+            model, shaded_frame = self._on_extrapolated, replace(frame, color=color)
+            results.append(self._upscaled(model, frame, shaded_frame, shaded, out, outputs, took))
+        return results[0] if outputs else results[0].image
 
     @ieee_arithmetic
     def step_computed(self, frame: Frame, color: Float32, *, outputs: Collection[str] = ()) -> _Out:
@@ -240,9 +249,9 @@ class Upscaler(DeviceSteps):
             hint = "`step` takes shaded frames."
             raise FrameError("color", got=frame.color.shape, want="None, as it is computed", hint=hint)
         shaded_frame = replace(frame, color=color)
-        return self._upscaled(
-            self.model.on_extrapolated, frame, shaded_frame, self._memory.shaded, None, outputs
-        )
+        model = self.model.on_extrapolated
+        result = self._upscaled(model, frame, shaded_frame, self._memory.shaded, None, outputs)
+        return result if outputs else result.image
 
     def reset(self) -> None:
         """Drop the history, as `Frame.reset` does."""
@@ -327,21 +336,11 @@ class Upscaler(DeviceSteps):
     ) -> None:
         self.close()
 
-    def _step(self, frame: Frame, out: Float32 | None, outputs: Collection[str]) -> _Out:
-        shaded = None
-        if self._extrapolator is not None and frame.color is not None:
-            shaded = self._extrapolator.after_shaded(frame, self._memory.shaded)
-        return self._upscaled(self.model, frame, frame, shaded, out, outputs)
-
-    def _extrapolate(self, frame: Frame, out: Float32 | None, outputs: Collection[str]) -> _Out:
-        if self._extrapolator is None:
-            hint = "Upscaler(extrapolation='guided-warp') takes frames that were not shaded."
-            raise ArgumentError("extrapolation", got=None, want="a model", hint=hint)
-        started = time.perf_counter()
-        color, shaded = self._extrapolator.extrapolate(frame, self._memory.shaded)
-        took = time.perf_counter() - started
-        shaded_frame = replace(frame, color=color)
-        return self._upscaled(self._on_extrapolated, frame, shaded_frame, shaded, out, outputs, took)
+    def _recorded(
+        self, call: str, frame: Frame, outputs: tuple[str, ...]
+    ) -> AbstractContextManager[list[StepResult]]:
+        """Record the step of a `with` block, which appends its result to the list, if there is a recorder."""
+        return nullcontext([]) if self._recorder is None else self._recorder.step(call, frame, outputs)
 
     def _upscaled(
         self,
@@ -352,7 +351,7 @@ class Upscaler(DeviceSteps):
         out: Float32 | None,
         outputs: Collection[str],
         extrapolation_seconds: float | None = None,
-    ) -> _Out:
+    ) -> StepResult:
         """Step on `frame`, which has colour: `given`, or its extrapolation."""
         started, memory = time.perf_counter(), self._memory
         kept = None if frame.reset else memory.history
@@ -371,7 +370,7 @@ class Upscaler(DeviceSteps):
             extrapolation_seconds=extrapolation_seconds,
         )
         self._memory = Memory(display, next_history, history, shaded, stats)
-        return result if outputs else result.image
+        return result
 
     def _checked_call(self, frame: Frame, outputs: Collection[str]) -> tuple[str, ...]:
         """Check the arguments that a recording stores; return the names of the outputs."""

@@ -29,7 +29,7 @@ from supersampler.backends.gpu.program import ARRAYS
 from supersampler.history import StepResult
 from supersampler.io.display import display_transform
 from supersampler.model import ExecutorName
-from supersampler.recording.recording import open_recording
+from supersampler.recording import open_recording
 from supersampler.recording.replay import Replay
 from supersampler_bench.stress import scenes
 

@@ -15,8 +15,7 @@ from supersampler import ArgumentError, Model, Upscaler
 from supersampler.errors import RecordingError
 from supersampler.io.images import write_exr
 from supersampler.io.shot.safetensors import open_safetensors, write_safetensors
-from supersampler.recording import open_recording
-from supersampler.recording.recording import MAX_LINE
+from supersampler.recording import MAX_LINE, open_recording
 from supersampler.recording.replay import Replay
 
 FRAME = {"file": "0000.exr", "jitter": [0, 0], "render_size": [32, 18]}

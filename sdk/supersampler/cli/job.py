@@ -128,7 +128,7 @@ class UpscaleJob:
 
     def recording_upscaler(self, opened: Upscaler) -> Upscaler:
         """Return an Upscaler with the same model that records; an earlier run's recording is replaced."""
-        from supersampler.recording.folder import remove_recording
+        from supersampler.recording.recorder import remove_recording
 
         assert self.record is not None  # noqa: S101 - checked by the caller
         remove_recording(self.record)  # `Results.begin` has checked that it is an earlier run's

@@ -105,7 +105,7 @@ def _begun(replay: "Replay", folder: Path, formats: list[str], *, overwrite: boo
 def _machines(replay: "Replay") -> list[str]:
     """Return lines about the recording, the recorded machine and this one."""
     from supersampler.io.machine import machine
-    from supersampler.recording.setup import versions
+    from supersampler.recording import versions
 
     setup, model = replay.recording.setup, replay.model
     size = f"to {size_text(setup.display_size)}" if setup.display_size else f"{setup.scale:g} times"
@@ -182,13 +182,13 @@ def _verdict(replay: "Replay", steps: "list[Replayed]") -> Iterator[str]:
     yield f"{same}; frame {differ[0].index} is the first that is not."
     apart = {step.index: step.difference for step in differ if step.difference is not None}
     if apart:
-        frame = max(apart, key=lambda index: apart[index].largest)
-        mean, most = (max(getattr(d, name) for d in apart.values()) for name in ("mean", "most"))
+        frame = max(apart, key=lambda index: apart[index].max)
+        mean, most = (max(getattr(d, name) for d in apart.values()) for name in ("mean", "p99"))
         yield (
-            f"Largest difference: {apart[frame].largest:.2g} of [0, 1] on a screen, in frame {frame}; "
+            f"Largest difference: {apart[frame].max:.2g} of [0, 1] on a screen, in frame {frame}; "
             f"mean up to {mean:.2g}, at 99 % up to {most:.2g}."
         )
-    limits = f"mean {replay.tolerance.mean:.2g}, at 99 % {replay.tolerance.most:.2g}"
+    limits = f"mean {replay.tolerance.mean:.2g}, at 99 % {replay.tolerance.p99:.2g}"
     beyond = [step.index for step in differ if not step.within]
     if beyond:
         yield f"Frame {beyond[0]} is the first beyond tolerance: {limits}."

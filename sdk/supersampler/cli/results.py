@@ -202,7 +202,7 @@ class Results:
         """Raise ShotError where the folder to record to exists and is not an earlier run's recording."""
         if recording is None or not is_there(recording):
             return
-        from supersampler.recording.folder import holds_only_a_recording
+        from supersampler.recording.recorder import holds_only_a_recording
 
         own = self._record.recording == os.path.realpath(recording)
         if not (own and holds_only_a_recording(recording)):

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Mapping
-from functools import partial
+from contextlib import AbstractContextManager, nullcontext
 from typing import TYPE_CHECKING
 
 from supersampler.arguments import checked_size, ieee_arithmetic
@@ -79,10 +79,23 @@ class DeviceSteps:
         self._check_open()
         tensors, reset = checked_tensors(tensors), checked_reset(reset)
         pre_exposure = checked_pre_exposure(pre_exposure)
-        run = partial(self._step_tensors, tensors, jitter, exposure, pre_exposure, reset, out)
-        if self._recorder is None:
-            return run()
-        return self._recorder.step_tensors(tensors, jitter, exposure, pre_exposure, reset, run)
+        recorded: AbstractContextManager[list[Tensor]] = nullcontext([])
+        if self._recorder is not None:
+            recorded = self._recorder.step_tensors(tensors, jitter, exposure, pre_exposure, reset)
+        with recorded as results:
+            started, memory = time.perf_counter(), self._memory
+            self._check_device_step("step_tensors")
+            size, kept = size_of_tensors(tensors), None if reset else memory.history
+            display = memory.display_size or display_size_of(size, self._scale)
+            history = self.model.first_history(display, size) if kept is None else kept
+            image, next_history = self.model.run_tensors(
+                tensors, history, jitter=jitter, exposure=exposure, pre_exposure=pre_exposure, out=out,
+                history_out=memory.spare, adds_samples=ADDED[self.at_rest],
+            )  # fmt: skip
+            stats = memory.stats.after_step(fresh=kept is None, seconds=time.perf_counter() - started)
+            self._memory = Memory(display, next_history, history, None, stats)
+            results.append(image)
+        return image
 
     @ieee_arithmetic
     def step_textures(
@@ -168,28 +181,6 @@ class DeviceSteps:
         next_history = self.model.encode(
             encoder, frame, history, image, memory.spare, adds_samples=adds_samples, skip=self.skip
         )
-        stats = memory.stats.after_step(fresh=kept is None, seconds=time.perf_counter() - started)
-        self._memory = Memory(display, next_history, history, None, stats)
-        return image
-
-    def _step_tensors(
-        self,
-        tensors: Mapping[str, Tensor],
-        jitter: tuple[float, float],
-        exposure: float | None,
-        pre_exposure: float,
-        reset: bool,
-        out: Tensor | None,
-    ) -> Tensor:
-        started, memory = time.perf_counter(), self._memory
-        self._check_device_step("step_tensors")
-        size, kept = size_of_tensors(tensors), None if reset else memory.history
-        display = memory.display_size or display_size_of(size, self._scale)
-        history = self.model.first_history(display, size) if kept is None else kept
-        image, next_history = self.model.run_tensors(
-            tensors, history, jitter=jitter, exposure=exposure, pre_exposure=pre_exposure, out=out,
-            history_out=memory.spare, adds_samples=ADDED[self.at_rest],
-        )  # fmt: skip
         stats = memory.stats.after_step(fresh=kept is None, seconds=time.perf_counter() - started)
         self._memory = Memory(display, next_history, history, None, stats)
         return image

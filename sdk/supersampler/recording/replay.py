@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import cast
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -20,35 +20,33 @@ from supersampler.methods.model_file import (
     shipped_model,
 )
 from supersampler.model import ExecutorName, Model, Precision
-from supersampler.recording.calls import Call, LoadStateCall, ResetCall, StepCall
-from supersampler.recording.outcome import Outcome, raised, returned
-from supersampler.recording.recording import Recording
-from supersampler.recording.setup import RecordedModel
+from supersampler.recording import (
+    Call,
+    LoadStateCall,
+    Outcome,
+    RecordedModel,
+    Recording,
+    ResetCall,
+    StepCall,
+)
+from supersampler.recording.recorder import raised, returned
 from supersampler.upscaler import Upscaler
 
 
-@dataclass(frozen=True)
-class Difference:
-    """Absolute differences of images after the display transform, in [0, 1].
-
-    Attributes:
-        mean: mean.
-        most: 99th percentile.
-        largest: maximum.
-    """
+class Difference(NamedTuple):
+    """Mean, 99th percentile and maximum of absolute differences after the display transform, in [0, 1]."""
 
     mean: float
-    most: float
-    largest: float
+    p99: float
+    max: float
 
     def is_within(self, tolerance: "Difference") -> bool:
         """Return whether mean and 99th percentile are within a tolerance; single values may differ more."""
-        return self.mean <= tolerance.mean and self.most <= tolerance.most
+        return self.mean <= tolerance.mean and self.p99 <= tolerance.p99
 
 
 FP32_TOLERANCE, REDUCED_TOLERANCE = Difference(1e-5, 1e-3, 1.0), Difference(1.0 / 255.0, 0.03, 1.0)
 """Tolerances between machines and executors: for fp32 networks, and for fp16 or int8 networks."""
-_EQUAL, _DIFFERENT = Difference(0.0, 0.0, 0.0), Difference(1.0, 1.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,10 +81,10 @@ class Replay:
     Args:
         recording: the recording.
         model: a model's name or folder; None takes the recorded one, which must ship.
-        extrapolation: likewise, the model that extrapolates unshaded frames.
+        extrapolation: name or folder of the model that extrapolates unshaded frames; None as for `model`.
         executor: see `Model.load`. With the recorded model, and none of executor, precision and providers
             given, the recorded values are used; otherwise None means "auto".
-        precision: likewise.
+        precision: see `executor`.
         providers: see `Model.load`; None is the recorded providers where they are installed, else "auto".
 
     Attributes:
@@ -111,9 +109,9 @@ class Replay:
         providers: str | Sequence[str] | None = None,
     ) -> None:
         setup, given = recording.setup, (executor, precision, providers)
-        folder = _recorded_model(recording, setup, "--model") if model is None else find_model(model)
+        folder = _shipped(recording, setup, "--model") if model is None else find_model(model)
         if extrapolation is None and setup.extrapolation is not None:
-            extrapolation = _recorded_model(recording, setup.extrapolation, "--extrapolate")
+            extrapolation = _shipped(recording, setup.extrapolation, "--extrapolate")
         pairs = [(setup, folder), (setup.extrapolation, extrapolation)]
         self.is_recorded_model = all(_is_same(recorded, used) for recorded, used in pairs)
         if providers is None:
@@ -168,9 +166,9 @@ class Replay:
 
     def _step(self, call: StepCall) -> Replayed:
         try:
-            result = self._made(call)
+            result = self._repeat(call)
         except Exception as error:  # any type: the recorded step may have raised the same
-            return _refused(call, raised(error))
+            return _compare_errors(call, raised(error))
         frame, recorded = call.frame, call.outcome
         exposure = self._meter.read(
             frame.color, given=frame.exposure, reset=frame.reset, pre_exposure=frame.pre_exposure
@@ -179,58 +177,55 @@ class Replay:
         if recorded is None:
             return Replayed(call.index, result, exposure)
         if any(recorded.error):
-            note = f"raises nothing; recorded: {_text(recorded)}"
+            note = f"raises nothing; recorded: {_error_text(recorded)}"
             return Replayed(call.index, result, exposure, exact=False, within=False, note=note)
         here = returned(call.index, result)
         exact = here.digests == recorded.digests
-        difference = _EQUAL if exact else _difference(here, recorded, exposure)
+        difference = Difference(0.0, 0.0, 0.0) if exact else _difference(here, recorded, exposure)
         within = exact or difference.is_within(self.tolerance)
         return Replayed(call.index, result, exposure, exact, difference, within)
 
-    def _made(self, call: StepCall) -> StepResult:
+    def _repeat(self, call: StepCall) -> StepResult:
         frame, upscaler = call.frame, self._upscaler
-        if call.tensors and self.model.executor == "onnx":  # the CPU backend takes no tensors
+        if call.name == "step_tensors" and self.model.executor == "onnx":  # others have no tensors
             tensors = tensors_of_frame(frame, self.model.device)
             image = upscaler.step_tensors(
                 tensors, jitter=frame.jitter, exposure=frame.exposure, pre_exposure=frame.pre_exposure,
                 reset=frame.reset,
             )  # fmt: skip
             return StepResult(image_of_tensor(image))
-        step = upscaler.extrapolate if call.extrapolated else upscaler.step
-        made = step(frame, outputs=call.outputs)
-        return made if isinstance(made, StepResult) else StepResult(made)
+        step = upscaler.extrapolate if call.name == "extrapolate" else upscaler.step
+        result = step(frame, outputs=call.outputs)
+        return result if isinstance(result, StepResult) else StepResult(result)
 
 
-def _refused(call: StepCall, here: Outcome) -> Replayed:
+def _compare_errors(call: StepCall, here: Outcome) -> Replayed:
     """Return the comparison of a step that raises in the replay."""
-    recorded, exact = call.outcome, None
-    note = f"raises {_text(here)}"
-    if recorded is not None:
-        kind, text = recorded.error
-        exact = kind == here.error[0] and (
-            kind != "FrameError" or text == here.error[1]
-        )  # texts of other errors may vary
-        note += ", as recorded" if exact else f"; recorded: {_text(recorded) if kind else 'nothing'}"
-    return Replayed(call.index, exact=exact, within=exact is True, note=note)
+    note = f"raises {_error_text(here)}"
+    if call.outcome is None:
+        return Replayed(call.index, within=False, note=note)
+    kind, text = call.outcome.error
+    exact = kind == here.error[0] and (kind != "FrameError" or text == here.error[1])  # other texts may vary
+    note += ", as recorded" if exact else f"; recorded: {_error_text(call.outcome) if kind else 'nothing'}"
+    return Replayed(call.index, exact=exact, within=exact, note=note)
 
 
-def _text(outcome: Outcome) -> str:
+def _error_text(outcome: Outcome) -> str:
     kind, text = outcome.error
     return f"{kind} ({text.rstrip('.')})"
 
 
 def _difference(here: Outcome, recorded: Outcome, exposure: float) -> Difference:
     """Compare the kept pixels; differences of AOVs are relative to values above 1, without tone curve."""
-    shapes = [{name: pixels.shape for name, pixels in o.samples.items()} for o in (here, recorded)]
-    if shapes[0] != shapes[1]:
-        return _DIFFERENT
     differences = []
-    for name, pixels in here.samples.items():
-        other = recorded.samples[name]
+    for name in here.samples.keys() | recorded.samples.keys():
+        a, b = here.samples.get(name), recorded.samples.get(name)
+        if a is None or b is None or a.shape != b.shape:
+            return Difference(1.0, 1.0, 1.0)
         if name == "image":
-            difference = display_transform(pixels, exposure) - display_transform(other, exposure)
+            difference = display_transform(a, exposure) - display_transform(b, exposure)
         else:
-            difference = (pixels - other) / np.maximum(1.0, np.maximum(np.abs(pixels), np.abs(other)))
+            difference = (a - b) / np.maximum(1.0, np.maximum(np.abs(a), np.abs(b)))
         differences.append(np.abs(difference).ravel())
     values = np.nan_to_num(np.concatenate(differences), nan=1.0)
     return Difference(float(values.mean()), float(np.quantile(values, 0.99)), float(values.max()))
@@ -242,9 +237,9 @@ def _is_same(recorded: RecordedModel | None, used: str | Path | None) -> bool:
     return recorded.is_of(read_model_info(find_model(used)))
 
 
-def _recorded_model(recording: Recording, model: RecordedModel, option: str) -> Path:
+def _shipped(recording: Recording, model: RecordedModel, option: str) -> Path:
     """Return the shipped folder of a recorded model; RecordingError, with `option`, where none ships."""
-    hint = f"Give the recorded one's folder: {option} FOLDER."
+    hint = f"Pass the folder of the recorded one: {option} FOLDER."
     if model.folder not in [*model_names(), *extrapolation_names()]:
         problem = f"was recorded with the model {model.folder!r} ({model.method}), which does not ship"
         raise RecordingError(recording.path, problem, hint)
