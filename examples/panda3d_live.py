@@ -30,7 +30,7 @@ from panda3d.core import (
 from supersampler import Conventions, Frame, RawFrame, Upscaler
 from supersampler.cli.arguments import parse_size
 from supersampler.conventions import camera_motion, halton_jitter, mip_bias
-from supersampler.conventions.srgb import srgb_encoded
+from supersampler.conventions.encodings import srgb_encoded
 from supersampler.io.display import to_uint8
 from supersampler.io.images import write_png
 

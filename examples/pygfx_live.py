@@ -21,7 +21,7 @@ from pygfx.renderers.wgpu import EffectPass
 
 from supersampler import Model, Upscaler, halton_jitter
 from supersampler.cli.arguments import parse_size
-from supersampler.conventions.srgb import srgb_encoded
+from supersampler.conventions.encodings import srgb_encoded
 from supersampler.io.display import to_uint8
 from supersampler.io.images import write_png
 

@@ -3,7 +3,7 @@
 from supersampler.conventions import camera_motion, jittered_projection
 from supersampler.frame import Float32
 from supersampler.io.shot import Shot
-from supersampler.io.shot.render_record import RenderRecord
+from supersampler.io.shot.blender import RenderRecord
 
 
 def camera_motion_of(shot: Shot, record: RenderRecord, index: int) -> Float32:

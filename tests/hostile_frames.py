@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import torch
 from torch import Tensor
 
-from supersampler.conventions.ratios import only_ratio, scaled
+from supersampler.conventions.jitter import only_ratio, scaled
 from supersampler_export.parity import noise
 from supersampler_model.methods.base import Method
 from supersampler_model.ops.size import Size

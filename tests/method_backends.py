@@ -5,7 +5,7 @@ from typing import Any
 
 from noise import noise
 from supersampler import Frame, Model, Upscaler
-from supersampler.conventions.ratios import only_ratio
+from supersampler.conventions.jitter import only_ratio
 from supersampler.errors import ArgumentError
 from supersampler.methods.model_file import find_model, model_names, read_model_info
 from supersampler_bench.compatibility import with_default_gbuffers

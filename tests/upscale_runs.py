@@ -12,8 +12,7 @@ from typer.testing import CliRunner, Result
 from supersampler import Frame
 from supersampler.cli import app
 from supersampler.cli.results import Results
-from supersampler.io.image_reading import read_exr
-from supersampler.io.images import write_exr
+from supersampler.io.images import read_exr, write_exr
 from supersampler.io.shot import ShotWriter
 
 SIZE, DISPLAY_SIZE = (32, 18), (64, 36)

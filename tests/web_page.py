@@ -14,7 +14,7 @@ import numpy as np
 
 from supersampler.frame import Float32
 from supersampler.io.display import decibels, display_transform
-from supersampler.io.image_reading import read_image
+from supersampler.io.images import read_image
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page

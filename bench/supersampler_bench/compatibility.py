@@ -6,7 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from supersampler.conventions.ratios import check_ratio
+from supersampler.conventions.jitter import check_ratio
 from supersampler.errors import FrameError
 from supersampler.frame import Float32, Frame, Size
 from supersampler.methods.gbuffers import GBUFFERS, Place, grouped, lacking, listed

@@ -12,7 +12,7 @@ import torch
 
 from supersampler import Frame, Model, Upscaler
 from supersampler.backends.onnx.session import frame_inputs
-from supersampler.conventions.ratios import only_ratio, scaled
+from supersampler.conventions.jitter import only_ratio, scaled
 from supersampler.errors import ArgumentError, DeviceError
 from supersampler.frame import Float32, Size
 from supersampler.io.display import display_transform

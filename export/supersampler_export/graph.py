@@ -13,7 +13,7 @@ import onnx
 import torch
 from torch import Tensor, nn
 
-from supersampler.conventions.ratios import only_ratio, scaled
+from supersampler.conventions.jitter import only_ratio, scaled
 from supersampler.errors import SupersamplerError
 from supersampler.methods.model_info import extents
 from supersampler.methods.spec import (

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from supersampler.backends.onnx.runtime import ort
-from supersampler.conventions.ratios import only_ratio, scaled
+from supersampler.conventions.jitter import only_ratio, scaled
 from supersampler.methods.gbuffers import GBUFFERS
 from supersampler_export.graph import ExportError, example_inputs, history_name, traced_sizes
 from supersampler_model.methods.base import Fused, Method

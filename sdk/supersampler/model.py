@@ -27,7 +27,7 @@ from supersampler.backends.onnx.executor import OnnxExecutor
 from supersampler.backends.onnx.providers import CPU, resolve_providers
 from supersampler.backends.onnx.session import pixels_of, session_options
 from supersampler.backends.plan import Plan
-from supersampler.conventions.ratios import check_ratio
+from supersampler.conventions.jitter import check_ratio
 from supersampler.errors import ArgumentError, FrameError
 from supersampler.frame import (
     Float32,

@@ -18,7 +18,7 @@ from supersampler.arguments import (
     ieee_arithmetic,
 )
 from supersampler.backends.onnx.tensors import tensors_of_frame
-from supersampler.conventions.ratios import display_size_of
+from supersampler.conventions.jitter import display_size_of
 from supersampler.errors import ArgumentError, FrameError, shown
 from supersampler.extrapolation import Extrapolator, ShadedHistory
 from supersampler.frame import Float32, Frame, Size, checked_frame

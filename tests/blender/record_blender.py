@@ -20,7 +20,7 @@ from supersampler.cli import app
 from supersampler.conventions import halton_jitter
 from supersampler.integrations.blender import process, render
 from supersampler.io.shot import ShotWriter, open_source
-from supersampler.io.shot.render_record import read_render_record
+from supersampler.io.shot.blender import read_render_record
 
 HERE = Path(__file__).parent
 NARROW, WIDE = '"BLACKMAN_HARRIS", 0.01', '"BLACKMAN_HARRIS", 1.5'  # Cycles takes a box to be 1 pixel wide

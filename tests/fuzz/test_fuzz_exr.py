@@ -11,9 +11,8 @@ from OpenImageIO import ImageOutput, ImageSpec
 from fuzzing import damaged, examples, run_apart
 from supersampler import ShotError
 from supersampler.errors import SupersamplerError
-from supersampler.io.image_reading import read_exr, read_exr_channels
-from supersampler.io.images import write_exr
-from supersampler.io.shot.frame_files import read_classes
+from supersampler.io.images import read_exr, read_exr_channels, write_exr
+from supersampler.io.shot.format import read_classes
 
 COMPRESSIONS = ("zip", "zips", "piz", "rle", "none", "dwaa:45", "dwab:45", "pxr24", "b44", "b44a")
 NUMBERS = (0, 1, -1, 7, 255, 65536, 10**5, 10**9, 2**31 - 1, -(2**31))

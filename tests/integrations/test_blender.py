@@ -23,9 +23,9 @@ from blender_files import HERE
 from blender_motion import camera_motion_of
 from supersampler.cli import app
 from supersampler.io.display import BT709
-from supersampler.io.image_reading import read_exr
+from supersampler.io.images import read_exr
 from supersampler.io.shot import Shot, open_source
-from supersampler.io.shot.render_record import RenderRecord, read_render_record
+from supersampler.io.shot.blender import RenderRecord, read_render_record
 from supersampler.validation import detect_conventions
 
 PROGRAM = os.environ.get("SUPERSAMPLER_BLENDER") or shutil.which("blender")

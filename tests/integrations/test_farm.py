@@ -16,7 +16,7 @@ from supersampler import Frame, halton_jitter
 from supersampler.cli import app
 from supersampler.frame import Float32
 from supersampler.io.display import decibels, display_transform
-from supersampler.io.image_reading import read_exr
+from supersampler.io.images import read_exr
 from supersampler.io.shot import ShotWriter
 
 pytest.importorskip("openjd.cli", reason="needs openjd-cli")

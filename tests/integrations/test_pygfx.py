@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from supersampler.io.image_reading import read_image
+from supersampler.io.images import read_image
 
 SCRIPT = Path(__file__).parents[2] / "examples" / "pygfx_live.py"
 

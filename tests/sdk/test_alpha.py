@@ -8,8 +8,7 @@ from OpenImageIO import ImageBuf
 
 from supersampler.cli.image_options import OutputImage, image_options
 from supersampler.io.display import display_transform, to_uint16
-from supersampler.io.image_reading import read_image
-from supersampler.io.images import write_exr, write_png
+from supersampler.io.images import read_image, write_exr, write_png
 from upscale_runs import OURS, upscale
 
 SIZE = (12, 16)

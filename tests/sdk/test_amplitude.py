@@ -2,7 +2,7 @@
 
 import pytest
 
-from supersampler.validation.amplitude import FACTORS, wrong_amplitude
+from supersampler.validation.temporal import FACTORS, wrong_amplitude
 
 VARIANCE = 1.0
 

@@ -14,8 +14,7 @@ from supersampler import ArgumentError
 from supersampler.cli import app
 from supersampler.integrations.blender.process import find_blender
 from supersampler.integrations.blender.render import frame_range
-from supersampler.io.image_headers import read_exr_metadata
-from supersampler.io.image_reading import read_exr
+from supersampler.io.images import read_exr, read_exr_metadata
 from supersampler.io.shot import open_source
 from supersampler.upscaler import Upscaler
 

@@ -17,10 +17,9 @@ from blender_files import NUMBERS, RECORDED
 from blender_motion import camera_motion_of
 from supersampler import ShotError
 from supersampler.cli import app
-from supersampler.io.image_reading import read_exr
-from supersampler.io.images import write_exr
+from supersampler.io.images import read_exr, write_exr
 from supersampler.io.shot import open_source
-from supersampler.io.shot.render_record import read_render_record
+from supersampler.io.shot.blender import read_render_record
 from supersampler.validation import detect_conventions
 
 

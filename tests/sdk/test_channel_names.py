@@ -9,11 +9,9 @@ from typer.testing import CliRunner
 from supersampler import ArgumentError, ShotError
 from supersampler.cli import app
 from supersampler.conventions import Conventions
-from supersampler.io.image_headers import TypedValues
-from supersampler.io.image_reading import read_exr
-from supersampler.io.images import write_exr
+from supersampler.io.images import TypedValues, read_exr, write_exr
 from supersampler.io.shot import Shot, copy_shot, import_named_channels, open_source
-from supersampler.io.shot.channel_names import _NAMES, recognised_map
+from supersampler.io.shot.named_channels import _NAMES, recognised_map
 from supersampler.io.shot.sources import Layout
 
 OURS = Conventions()

@@ -15,8 +15,7 @@ from typer.testing import CliRunner, Result
 from supersampler import Frame
 from supersampler.cli import app
 from supersampler.conventions import Conventions
-from supersampler.io.image_reading import read_exr
-from supersampler.io.images import write_exr
+from supersampler.io.images import read_exr, write_exr
 from supersampler.io.shot import Shot, ShotWriter
 from supersampler.methods.catalog import FIXED, LEARNED, UNTRAINED
 from supersampler.upscaler import Upscaler

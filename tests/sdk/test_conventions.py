@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from supersampler.conventions import PRESETS, Conventions, RawFrame
-from supersampler.conventions.depth import DepthKind
+from supersampler.conventions.encodings import DepthKind
 from supersampler.conventions.jitter import jittered_projection
 from supersampler.errors import ArgumentError, FrameError
 from supersampler.frame import Frame, Size

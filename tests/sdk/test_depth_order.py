@@ -5,8 +5,7 @@ import pytest
 
 from supersampler.conventions import Conventions
 from supersampler.frame import Float32, Frame
-from supersampler.validation.depth_order import bend, disoccluded, sky_share
-from supersampler.validation.evidence import Evidence
+from supersampler.validation.evidence import Evidence, bend, disoccluded, sky_share
 from supersampler.validation.rankings import rank_depth
 
 

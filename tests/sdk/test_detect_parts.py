@@ -7,7 +7,7 @@ import pytest
 
 from supersampler.conventions import Conventions, RawFrame
 from supersampler.errors import ArgumentError, FrameError
-from supersampler.validation.detector import _middle
+from supersampler.validation.detection import _middle
 from supersampler.validation.evidence import Evidence
 from supersampler.validation.rankings import jitters_in_the_pixel, rank_jitter, rank_motion
 from supersampler.validation.reprojection import frame_pairs

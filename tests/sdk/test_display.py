@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from supersampler.conventions.srgb import srgb_encoded
+from supersampler.conventions.encodings import srgb_encoded
 from supersampler.io.display import ExposureMeter, auto_exposure, display_transform, to_uint8
 
 HOSTILE = np.array(

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from supersampler import ArgumentError, ShotError
-from supersampler.conventions.srgb import srgb_encoded
+from supersampler.conventions.encodings import srgb_encoded
 from supersampler.io.display import display_transform
 from supersampler.io.display_transforms import display_transform_from, ocio_transform
 

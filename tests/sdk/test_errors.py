@@ -12,7 +12,7 @@ import pytest
 
 from supersampler import ArgumentError, FrameError, Shot, ShotError
 from supersampler.arguments import checked_scale
-from supersampler.conventions.ratios import check_ratio
+from supersampler.conventions.jitter import check_ratio
 from supersampler.errors import SupersamplerError
 
 PACKAGES = ("supersampler", "supersampler_model", "supersampler_export", "supersampler_bench")

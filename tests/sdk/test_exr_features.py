@@ -11,7 +11,7 @@ from OpenImageIO import ROI, ImageBuf, ImageBufAlgo, ImageSpec, MakeTxTexture, T
 
 from supersampler import ShotError
 from supersampler.conventions import Conventions
-from supersampler.io.image_reading import read_exr, read_image
+from supersampler.io.images import read_exr, read_image
 from supersampler.io.shot import open_source
 from upscale_runs import pixels, upscale
 

@@ -10,7 +10,7 @@ from typer.testing import CliRunner, Result
 from lit_scene import LitScene
 from supersampler import Shot, Upscaler, halton_jitter
 from supersampler.cli import app
-from supersampler.io.image_reading import read_exr
+from supersampler.io.images import read_exr
 from supersampler.io.shot import ShotWriter
 
 SIZE, DISPLAY, PATTERN = (64, 36), (128, 72), "suusu"

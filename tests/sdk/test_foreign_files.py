@@ -11,9 +11,15 @@ from OpenImageIO import ImageOutput, ImageSpec, TypeDesc
 
 from supersampler import ArgumentError, ShotError
 from supersampler.conventions import Conventions
-from supersampler.io.image_headers import TypedValues, read_color_space, read_exr_metadata
-from supersampler.io.image_reading import read_exr, read_image, read_types
-from supersampler.io.images import write_exr
+from supersampler.io.images import (
+    TypedValues,
+    read_color_space,
+    read_exr,
+    read_exr_metadata,
+    read_image,
+    read_types,
+    write_exr,
+)
 from supersampler.io.shot import Shot, copy_shot, import_channels, open_source
 
 WIDTH, HEIGHT = 9, 7

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from supersampler import ArgumentError
 from supersampler.cli.run_record import FRAMES, RunRecord, read_run_record
 from supersampler.io.shot.format import LARGEST_NUMBER
-from supersampler.io.shot.frame_numbers import FrameNumbers
+from supersampler.io.shot.numbered import FrameNumbers
 
 
 @st.composite

@@ -12,8 +12,7 @@ from gbuffer_method import RATIO, WANTED, exported, lit
 from noise import noise
 from supersampler import Conventions, Shot, ShotError, Upscaler
 from supersampler.cli import app
-from supersampler.io.image_reading import read_exr
-from supersampler.io.images import write_exr
+from supersampler.io.images import read_exr, write_exr
 from supersampler.io.shot import ShotWriter, import_channels
 from supersampler.methods.gbuffers import GBUFFERS, names_of
 

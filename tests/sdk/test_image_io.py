@@ -16,8 +16,16 @@ from OpenImageIO import ImageInput, ImageOutput, ImageSpec
 
 from supersampler import ShotError
 from supersampler.io.files import replacing
-from supersampler.io.image_reading import read_exr, read_exr_channels
-from supersampler.io.images import encode_jpeg, encode_png, half_pixels, write_exr, write_png, write_tiff
+from supersampler.io.images import (
+    encode_jpeg,
+    encode_png,
+    half_pixels,
+    read_exr,
+    read_exr_channels,
+    write_exr,
+    write_png,
+    write_tiff,
+)
 
 HOSTILE = [np.nan, np.inf, -np.inf, -0.0, 65504.0, 0.25, -1.5, 2.0**-24]  # all of them halves
 PIXELS = np.arange(5 * 7 * 3, dtype=np.float32).reshape(5, 7, 3)

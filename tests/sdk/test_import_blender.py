@@ -18,9 +18,7 @@ from imported_scene import (
 )
 from supersampler import ArgumentError, ShotError
 from supersampler.cli import app
-from supersampler.io.image_headers import read_exr_metadata
-from supersampler.io.image_reading import read_exr
-from supersampler.io.images import write_exr
+from supersampler.io.images import read_exr, read_exr_metadata, write_exr
 from supersampler.io.shot import Shot, copy_shot, import_blender
 
 

@@ -13,8 +13,7 @@ import numpy as np
 import pytest
 
 from noise import noise
-from supersampler.io.image_reading import Channel
-from supersampler.io.images import write_exr
+from supersampler.io.images import Channel, write_exr
 from supersampler.io.shot import Shot, ShotWriter
 from supersampler_export.shaders.folder import write_shader_folder
 

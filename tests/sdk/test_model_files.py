@@ -22,7 +22,7 @@ from supersampler.backends.onnx.graph_file import refusal_of
 from supersampler.backends.onnx.providers import CPU
 from supersampler.extrapolation import Extrapolator
 from supersampler.io.json_fields import read_fields
-from supersampler.io.shot import Shot, shipped
+from supersampler.io.shot import Shot, shot
 from supersampler.methods import model_file
 from supersampler.methods.classifier.network_file import read_network
 from supersampler.methods.classifier.variant import Variant
@@ -378,7 +378,7 @@ def test_an_app_without_the_packages_data_files_says_how_to_build_it(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(model_file, "_shipped", lambda: tmp_path / "app" / "models")
-    monkeypatch.setattr(shipped, "SHIPPED", tmp_path / "app" / "shots")
+    monkeypatch.setattr(shot, "SHIPPED", tmp_path / "app" / "shots")
     for name in ("classifier", "taau"):
         with pytest.raises(
             ModelError, match=r"data files are missing: .*models has no .* --collect-all super"

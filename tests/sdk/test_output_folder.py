@@ -16,8 +16,7 @@ from supersampler.cli import app
 from supersampler.cli.image_options import ImageOptions, OutputImage
 from supersampler.cli.results import Results
 from supersampler.cli.run_record import read_run_record
-from supersampler.io.image_reading import read_exr
-from supersampler.io.images import write_exr
+from supersampler.io.images import read_exr, write_exr
 from supersampler.io.shot import Shot, ShotWriter, copy_shot
 
 COUNT = 4

@@ -11,7 +11,7 @@ from noise import noise
 from supersampler import ArgumentError, Frame, FrameError, Model, StepResult, Upscaler, halton_jitter
 from supersampler.aux_outputs import CLASS_COLORS, aux_output_layers, class_colors
 from supersampler.cli import app
-from supersampler.io.image_reading import read_exr
+from supersampler.io.images import read_exr
 from supersampler.io.shot import ShotWriter
 from supersampler.model import ExecutorName
 from supersampler.validation import FrameChecker

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from supersampler import Frame, FrameError, Upscaler
-from supersampler.conventions.ratios import check_ratio
+from supersampler.conventions.jitter import check_ratio
 
 LOW, HIGH = 1.0, 3.0
 SIDES = st.integers(1, 5000)

@@ -10,7 +10,7 @@ from typer.testing import CliRunner, Result
 from noise import noise
 from supersampler import Upscaler
 from supersampler.cli import app
-from supersampler.io.image_reading import read_exr
+from supersampler.io.images import read_exr
 from supersampler.io.shot import ShotWriter
 
 COUNT = 4

@@ -10,8 +10,7 @@ import pytest
 from OpenImageIO import ImageBuf
 
 from supersampler.conventions import Conventions
-from supersampler.io.image_headers import Metadata, TypedValues
-from supersampler.io.images import write_exr
+from supersampler.io.images import Metadata, TypedValues, write_exr
 from supersampler.io.shot import copy_shot, import_named_channels, open_source
 from upscale_runs import OURS, upscale, write_renders
 

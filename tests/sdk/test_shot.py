@@ -17,10 +17,9 @@ import pytest
 from supersampler import ArgumentError, Frame, FrameError, ShotError
 from supersampler.conventions import Conventions, RawFrame
 from supersampler.io.files import partial_name
-from supersampler.io.image_reading import read_exr
-from supersampler.io.images import write_exr
+from supersampler.io.images import read_exr, write_exr
+from supersampler.io.machine import StageTimes
 from supersampler.io.shot import Shot, ShotWriter, copy_shot
-from supersampler.io.stage_times import StageTimes
 from supersampler_model.data.scenes.analytic import Plane, checker
 
 SIZE, DISPLAY_SIZE = (16, 9), (32, 18)

@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from supersampler import ArgumentError, Frame, ShotError
-from supersampler.io.image_reading import read_exr
+from supersampler.io.images import read_exr
 from supersampler.io.shot import ClassMaps, Shot, ShotWriter, copy_shot, open_source
 from supersampler_model.data.scenes.analytic import Plane, checker
 

@@ -12,7 +12,7 @@ from supersampler.conventions.jitter import halton_jitter
 from supersampler.errors import FrameError, FrameWarning
 from supersampler.frame import Float32, Frame
 from supersampler.validation import FrameChecker
-from supersampler.validation.pixel_filter import mixed_edges
+from supersampler.validation.single_frame import mixed_edges
 
 SIZE = (80, 60)  # all of its 4800 pixels are looked at
 PIXELS = SIZE[0] * SIZE[1]

@@ -12,9 +12,8 @@ from supersampler.conventions.jitter import halton_jitter
 from supersampler.errors import FrameError, FrameWarning
 from supersampler.frame import Frame
 from supersampler.validation import FrameChecker
-from supersampler.validation.detection import SURE, Detection, Hypothesis, Verdict, ranked
-from supersampler.validation.evidence import Evidence
-from supersampler.validation.readings import reading_text
+from supersampler.validation.evidence import Evidence, reading_text
+from supersampler.validation.rankings import SURE, Detection, Hypothesis, Verdict, ranked
 from supersampler.validation.reprojection import FramePair, frame_pairs
 from supersampler.validation.temporal import (
     FramesSeen,

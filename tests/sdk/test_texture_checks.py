@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from supersampler.conventions import halton_jitter
-from supersampler.conventions.srgb import srgb_encoded
+from supersampler.conventions.encodings import srgb_encoded
 from supersampler.errors import FrameWarning
 from supersampler.frame import Frame
 from supersampler.io.shot import Shot

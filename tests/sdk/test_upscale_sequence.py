@@ -25,7 +25,7 @@ from supersampler import (
 )
 from supersampler.history import StepResult
 from supersampler.io.display import display_transform
-from supersampler.io.image_reading import read_exr
+from supersampler.io.images import read_exr
 from supersampler.io.shot import ShotWriter
 from supersampler.sequence import both_ways
 from supersampler.sequence.backward_motion import reversed_frame

@@ -9,7 +9,8 @@ import pytest
 
 from supersampler import ArgumentError, ShotError
 from supersampler.io import video
-from supersampler.io.video import exact_rate, video_writer
+from supersampler.io.images import exact_rate
+from supersampler.io.video import video_writer
 
 av = pytest.importorskip("av")
 

@@ -19,7 +19,7 @@ from supersampler.cli import app
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.integrations.web import PACKAGES, serving, site_files, write_site
 from supersampler.integrations.web.site import METHODS, page_files
-from supersampler.io.image_reading import read_exr
+from supersampler.io.images import read_exr
 from web_page import FolderFiles
 
 BUDGET = 3_000_000

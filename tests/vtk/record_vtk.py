@@ -15,7 +15,7 @@ import pyvista as pv
 from compact_frames import compact, cropped
 from supersampler import Frame
 from supersampler.conventions import halton_jitter
-from supersampler.conventions.srgb import srgb_decoded
+from supersampler.conventions.encodings import srgb_decoded
 from supersampler.integrations import vtk
 from supersampler.integrations.pyvista import enable_supersampling
 from supersampler.io.shot import ShotWriter

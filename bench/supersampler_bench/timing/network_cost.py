@@ -8,7 +8,7 @@ from typing import Any
 
 import onnx
 
-from supersampler.conventions.ratios import only_ratio
+from supersampler.conventions.jitter import only_ratio
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
 from supersampler.methods.model_file import find_model, read_model_info

@@ -23,7 +23,7 @@ import onnx
 
 from supersampler.backends.onnx.runtime import ort
 from supersampler.backends.onnx.session import session_options
-from supersampler.conventions.ratios import only_ratio
+from supersampler.conventions.jitter import only_ratio
 from supersampler.errors import ArgumentError, ModelError
 from supersampler.frame import Size
 from supersampler.methods.model_file import find_model, read_model_info

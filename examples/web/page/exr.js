@@ -13,7 +13,7 @@ const BLOCK_ROWS = { 0: 1, 2: 1, 3: 16 };
 const NO_COMPRESSION = 0;
 const HALF = 1, FLOAT = 2;
 
-const IMAGE_SIDE = 1 << 15, IMAGE_PIXELS = 1 << 27, CHANNELS = 4096; // as sdk/supersampler/io/limits.py has them
+const IMAGE_SIDE = 1 << 15, IMAGE_PIXELS = 1 << 27, CHANNELS = 4096; // as sdk/supersampler/io/files.py has them
 const PLANE_BYTES = 2 ** 30; // of all planes: a page has less memory than a process
 const ATTRIBUTES = 1024, NAME_BYTES = 255;
 const EXPANSION = 1100; // zlib makes at most 1032 bytes of one

@@ -11,7 +11,7 @@ from supersampler.cli.terminal import echo
 
 if TYPE_CHECKING:
     from supersampler.io.display_transforms import DisplayTransform
-    from supersampler.io.shot.render_record import RenderedScene
+    from supersampler.io.shot.blender import RenderedScene
 
 Engine = Literal["cycles", "eevee", "workbench"]
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from supersampler.conventions import jitter_phase_count
 from supersampler.errors import ShotError
 from supersampler.io.shot import Shot
-from supersampler.io.shot.frame_numbers import FrameNumbers
+from supersampler.io.shot.numbered import FrameNumbers
 
 LEAST_PREROLL = 32
 LONGEST_PREROLL = jitter_phase_count(4.0)

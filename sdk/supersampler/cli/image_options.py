@@ -11,10 +11,16 @@ from supersampler.errors import ArgumentError
 from supersampler.frame import Float32
 from supersampler.io.display import to_uint8, to_uint16
 from supersampler.io.display_transforms import DEFAULT_TRANSFORM, REC709, DisplayTransform
-from supersampler.io.image_headers import Metadata
-from supersampler.io.images import Bytes, half_pixels, write_exr, write_png, write_tiff
-from supersampler.io.result_headers import pixel_aspect
-from supersampler.io.shot.frame_files import COLOR, aov_channels
+from supersampler.io.images import (
+    Bytes,
+    Metadata,
+    half_pixels,
+    pixel_aspect,
+    write_exr,
+    write_png,
+    write_tiff,
+)
+from supersampler.io.shot.format import COLOR, aov_channels
 
 _VIDEO = "mp4"
 _LEAST_ALPHA = 0.5 / 65535.0  # less is written as 0

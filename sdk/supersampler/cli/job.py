@@ -13,7 +13,7 @@ from supersampler.cli.run_record import FIRST, FRAMES, SOURCE
 from supersampler.cli.terminal import Terminal
 from supersampler.frame import Size
 from supersampler.io.shot import Shot
-from supersampler.io.shot.frame_numbers import FrameNumbers
+from supersampler.io.shot.numbered import FrameNumbers
 from supersampler.methods.model_file import find_model, read_model_info
 from supersampler.model import AtRest, Model, Precision
 from supersampler.presets import PresetName, chosen

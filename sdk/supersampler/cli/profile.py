@@ -5,7 +5,7 @@ import os
 from rich.table import Table
 
 from supersampler.cli.terminal import Terminal
-from supersampler.io.stage_times import StageTimes
+from supersampler.io.machine import StageTimes
 
 _MEANINGS = {
     "read": "decode the files of a frame; on a thread of its own",

@@ -21,10 +21,8 @@ from supersampler.cli.segment_steps import SegmentSteps
 from supersampler.history import StepResult
 from supersampler.io.display import ExposureMeter, usable_exposure
 from supersampler.io.files import check_apart
-from supersampler.io.image_headers import Metadata
-from supersampler.io.images import Bytes
-from supersampler.io.result_headers import pixel_aspect, result_metadata
-from supersampler.io.stage_times import StageTimes
+from supersampler.io.images import Bytes, Metadata, pixel_aspect, result_metadata
+from supersampler.io.machine import StageTimes
 from supersampler.io.video import VideoWriter, video_writer
 from supersampler.upscaler import Upscaler
 

@@ -18,7 +18,7 @@ from supersampler.errors import ArgumentError, ShotError
 from supersampler.io.files import is_own_folder, is_regular, is_there, write_text
 from supersampler.io.json_fields import read_json
 from supersampler.io.shot.format import LARGEST_NUMBER, is_frame_range
-from supersampler.io.shot.frame_numbers import FrameNumbers
+from supersampler.io.shot.numbered import FrameNumbers
 
 FILE_NAME = "upscale.json"
 PAGE, VIDEO = "compare.html", "video.mp4"

@@ -14,8 +14,8 @@ from supersampler.cli.job import UpscaleJob
 from supersampler.errors import FrameError, ShotError
 from supersampler.frame import Float32, Frame
 from supersampler.history import StepResult
+from supersampler.io.machine import StageTimes
 from supersampler.io.shot import ShotFrame
-from supersampler.io.stage_times import StageTimes
 from supersampler.sequence.both_ways import BothWays, ChunkSize
 from supersampler.sequence.frame_store import FrameStore
 from supersampler.sequence.interpolation import interpolator_of

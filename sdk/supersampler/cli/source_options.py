@@ -110,7 +110,7 @@ def open_with(
 
 def source_notes(shot: "Shot") -> list[str]:
     """Return lines to print of an opened shot: what is not read, not known, or lost in its files."""
-    from supersampler.io.image_headers import UNKNOWN_COLOR_SPACE
+    from supersampler.io.images import UNKNOWN_COLOR_SPACE
 
     notes = []
     if shot.ignored_channels:

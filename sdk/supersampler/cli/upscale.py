@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from supersampler.cli.image_options import ImageOptions
     from supersampler.cli.job import UpscaleJob
     from supersampler.io.shot import Shot
-    from supersampler.io.shot.frame_numbers import FrameNumbers
+    from supersampler.io.shot.numbered import FrameNumbers
 
 _SUFFIXES = (".exr", ".png", ".tif", ".tiff", ".json", ".safetensors")  # folders may have dots in their names
 Compression = Literal["zip", "dwaa", "piz", "none"]
@@ -187,7 +187,7 @@ def upscale(
       supersampler upscale shots/* -o out --format exr --format mp4 --view "ACES 2.0 - SDR 100 nits (Rec.709)"
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler.cli.job import UpscaleJob
-    from supersampler.io.shot.frame_numbers import FrameNumbers
+    from supersampler.io.shot.numbered import FrameNumbers
 
     if method is not None and model is not None:
         raise ArgumentError("--method and --model", got="both given", want="one of the two")
@@ -289,7 +289,7 @@ def _image_options(
     """Return the options of the images of a shot; sRGB-encoded frames come back as they were by default."""
     from supersampler.cli.image_options import checked_name, image_options
     from supersampler.io.display_transforms import REC709
-    from supersampler.io.image_headers import UNKNOWN_COLOR_SPACE
+    from supersampler.io.images import UNKNOWN_COLOR_SPACE
 
     stored, srgb, stated = shot.stored_as, shot.conventions.srgb, shot.info.color_space
     space = None if stated == UNKNOWN_COLOR_SPACE else stated

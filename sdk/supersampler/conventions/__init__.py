@@ -5,7 +5,7 @@ No file is read here.
 
 from supersampler.conventions.camera_motion import camera_motion
 from supersampler.conventions.conventions import PRESETS, Conventions
-from supersampler.conventions.converter import Converter
+from supersampler.conventions.converter import Converter, RawFrame
 from supersampler.conventions.jitter import (
     halton_jitter,
     jitter_phase_count,
@@ -13,7 +13,6 @@ from supersampler.conventions.jitter import (
     mip_bias,
     render_size_for,
 )
-from supersampler.conventions.raw_frame import RawFrame
 
 __all__ = [
     "PRESETS",

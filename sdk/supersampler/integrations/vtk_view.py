@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from vtkmodules.vtkRenderingCore import vtkProp3D
 
 from supersampler.conventions import camera_motion
-from supersampler.conventions.depth import to_reversed_infinite
+from supersampler.conventions.encodings import to_reversed_infinite
 from supersampler.frame import Float32, Size
 
 Matrix = NDArray[np.float64]

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.arguments import as_number, ieee_arithmetic
-from supersampler.conventions.srgb import srgb_encoded
+from supersampler.conventions.encodings import srgb_encoded
 from supersampler.errors import ArgumentError, shown
 from supersampler.frame import Array, Float32, as_array
 

@@ -15,7 +15,7 @@ import numpy as np
 from OpenImageIO import FLOAT, ColorConfig, ImageBuf, ImageBufAlgo
 
 from supersampler.arguments import as_number, ieee_arithmetic
-from supersampler.conventions.srgb import srgb_encoded
+from supersampler.conventions.encodings import srgb_encoded
 from supersampler.errors import ArgumentError, ShotError, did_you_mean, shown
 from supersampler.frame import Array, Float32
 from supersampler.io.display import MAX_HALF, checked_image, display_transform

@@ -1,21 +1,445 @@
 """Write EXR, PNG, TIFF and JPEG files by OpenImageIO. Channel types are kept; writes are atomic."""
 
+import re
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from fractions import Fraction
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from OpenImageIO import ColorConfig, ImageOutput, ImageSpec, TypeDesc, geterror
+from OpenImageIO import ColorConfig, ImageInput, ImageOutput, ImageSpec, TypeDesc, geterror
 
-from supersampler.errors import ShotError
-from supersampler.frame import Array
+from supersampler.arguments import as_number
+from supersampler.errors import ArgumentError, ShotError, shown
+from supersampler.frame import Array, Size
 from supersampler.io.display import MAX_HALF
-from supersampler.io.display_transforms import SRGB, STUDIO_CONFIG
-from supersampler.io.files import NO_ROOM, replacing, utf8_path
-from supersampler.io.image_headers import Metadata, TypedValues
-from supersampler.io.image_reading import NO_REASON, Channel, last_reason
+from supersampler.io.display_transforms import REC709, SRGB, STUDIO_CONFIG
+from supersampler.io.files import (
+    IMAGE_BYTES,
+    IMAGE_CHANNELS,
+    IMAGE_PARTS,
+    NO_ROOM,
+    RATES,
+    check_is_file,
+    image_size_problem,
+    os_errors_as_shot_error,
+    replacing,
+    utf8_path,
+)
+
+Channel: TypeAlias = NDArray[Any]
+"""(h, w), of the type it has in the file: float16, float32 or uint32."""
+Outside: TypeAlias = Mapping[str, float]
+"""Values of pixels outside of a file's data window, by channel; 0 for the others."""
+
+_NTSC = 2.5e-4  # relative difference up to which a rate is taken for a multiple of 1000 / 1001
+NO_REASON = "no reason given"
+_MAGIC: Mapping[str, tuple[bytes, ...]] = {
+    "exr": (b"v/1\x01",), "png": (b"\x89PNG",), "tif": (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"),
+}  # fmt: skip
+FORMATS = tuple(_MAGIC)
+"""Of the files that are read: "exr", "png", "tif"."""
+_DAMAGED = "The file is damaged or cut off; write or copy it again."
+_TOO_LARGE = "Write it smaller; if it is smaller, its header is damaged: copy it again."
+_SIGNS_OF_DAMAGE = re.compile(
+    r"end of file|READ_IO|corrupt|truncat|CRC|read error|cannot read", re.IGNORECASE
+)
+"""Words in messages of the decoders about files that are not whole."""
+
+
+def read_exr(
+    path: Path | str,
+    *,
+    only: Iterable[str] | None = None,
+    without: Iterable[str] = (),
+    outside: Outside | None = None,
+) -> dict[str, Channel]:
+    """Read the channels of an EXR file, in OpenImageIO's order (R, G, B, A first, then by name).
+
+    The parts of a multi-part file are read as one image. A part's name is prefixed to its channels where they
+    do not begin with it. Overscan, pixels outside of the display window, is cut off.
+
+    Args:
+        path: the file.
+        only: names of the channels to return; missing ones are left out.
+        without: names of channels to leave out.
+        outside: values where the data window is smaller than the display window; None refuses such a file.
+
+    Returns:
+        Channel name to (h, w) array; half stays float16, float stays float32, uint stays uint32. The arrays
+        may be views of one that interleaves them.
+
+    Raises:
+        ShotError: the file is missing, truncated, not EXR or deep, has a data window that is not allowed,
+            or exceeds `supersampler.io.files`.
+    """
+    return read_image(path, only=only, without=without, outside=outside, formats=("exr",))
+
+
+def read_image(
+    path: Path | str,
+    *,
+    only: Iterable[str] | None = None,
+    without: Iterable[str] = (),
+    outside: Outside | None = None,
+    formats: Collection[str] = FORMATS,
+) -> dict[str, Channel]:
+    """Read the channels of an EXR, PNG or TIFF file, as `read_exr` does.
+
+    Integers of PNG and TIFF are returned as float32, value / largest value; a palette as its colours. RGB is
+    not multiplied by alpha. Of a TIFF with several pages the first is read.
+    """
+    wanted, unwanted = None if only is None else frozenset(only), frozenset(without)
+    image: dict[str, Channel] = {}
+    with opened(path, formats) as (source, kind):
+        for part, names in enumerate(_part_names(source, path, kind)):
+            chosen = frozenset(names if wanted is None else wanted.intersection(names)) - unwanted
+            if chosen:
+                image.update(_read_part(source, part, names, chosen, path, outside))
+    return image
+
+
+def read_exr_channels(path: Path | str) -> list[str]:
+    """Return the channel names of `read_exr` from the file's header, without reading pixels."""
+    with opened(path, ("exr",)) as (source, kind):
+        return [name for names in _part_names(source, path, kind) for name in names]
+
+
+def read_types(path: Path | str) -> dict[str, str]:
+    """Return the channels of `read_image` with their types: "half", "float", "uint", "uint8", "uint16"."""
+    with opened(path) as (source, kind):
+        types: dict[str, str] = {}
+        for part, names in enumerate(_part_names(source, path, kind)):
+            source.seek_subimage(part, 0)
+            spec = source.spec()
+            types |= {name: str(spec.channelformat(index)) for index, name in enumerate(names)}
+        return types
+
+
+def last_reason(last_error: Callable[[], str]) -> str:
+    """Return the first line of OpenImageIO's last error message and clear it; "" where there is none."""
+    try:
+        message = last_error().strip()
+    except UnicodeDecodeError:  # the message quotes bytes of the file
+        return "it holds text that is not UTF-8"
+    return message.splitlines()[0] if message else ""
+
+
+@contextmanager
+def opened(path: Path | str, formats: Collection[str] = FORMATS) -> Iterator[tuple[ImageInput, str]]:
+    """Open a file and return its format, too; errors of the decoder become ShotErrors.
+
+    The first bytes are checked before, as OpenImageIO would try all of its other decoders.
+    """
+    try:
+        with os_errors_as_shot_error(path):
+            check_is_file(Path(path))
+            with Path(path).open("rb") as file:
+                begins = file.read(4)
+            kind = next((kind for kind in formats if begins in _MAGIC[kind]), None)
+            if kind is None:
+                listed = " or ".join(kind.upper() for kind in formats)
+                hint = f"Write it as {listed}; its name does not decide." if any(begins) else _DAMAGED
+                raise ShotError(path, f"is not an {listed} image (it begins with {begins!r})", hint)
+            as_stored = ImageSpec()
+            as_stored.attribute("oiio:UnassociatedAlpha", 1)
+            source = ImageInput.open(utf8_path(path), as_stored)
+            if source is None:
+                raise _unreadable(path, last_reason(geterror) or NO_REASON)
+            try:
+                yield source, kind
+            finally:
+                source.close()
+    except MemoryError as error:
+        raise ShotError(path, "claims more pixels than there is memory for", _TOO_LARGE) from error
+
+
+def _unreadable(path: Path | str, reason: str) -> ShotError:
+    """Return the error for a file that the decoder does not open; it is called damaged only where it is."""
+    if re.search(r"subsampled.*\b[RB]Y\b", reason, re.IGNORECASE):
+        problem = "holds luminance and chroma (Y, RY, BY), chroma at half the size"
+        return ShotError(path, problem, "Write R, G and B; ImageMagick converts it: magick IN.exr OUT.exr.")
+    if re.search("subsampled", reason, re.IGNORECASE):
+        return ShotError(path, f"holds channels of less than its size ({reason})", "Write all at one size.")
+    hint = "Write it with other settings, or copy it again."
+    if _SIGNS_OF_DAMAGE.search(reason):
+        hint = _DAMAGED
+    return ShotError(path, f"is not an image that can be read ({reason})", hint)
+
+
+def _part_names(source: ImageInput, path: Path | str, kind: str) -> list[list[str]]:
+    """Return the channel names of each part; in a multi-part EXR file they begin with the part's name.
+
+    Of other formats only the first image is read: further pages of a TIFF are often small copies.
+    """
+    if kind != "exr":
+        return [list(source.spec().channelnames)]
+    parts: list[tuple[str, list[str]]] = []
+    count = 0
+    while source.seek_subimage(len(parts), 0):
+        spec = source.spec()
+        parts.append((spec.get_string_attribute("oiio:subimagename"), list(spec.channelnames)))
+        count += spec.nchannels
+        if len(parts) > IMAGE_PARTS or count > IMAGE_CHANNELS:
+            limits = f"want at most {IMAGE_CHANNELS} in {IMAGE_PARTS}"
+            raise ShotError(path, f"has {count} channels or more in {len(parts)} parts or more; {limits}")
+    last_reason(source.geterror)  # clears the message of the seek past the last part
+    if len(parts) == 1:
+        return [parts[0][1]]
+    return [
+        [name if not part or name.startswith(f"{part}.") else f"{part}.{name}" for name in names]
+        for part, names in parts
+    ]
+
+
+def _read_part(
+    source: ImageInput,
+    part: int,
+    names: list[str],
+    wanted: frozenset[str],
+    path: Path | str,
+    outside: Outside | None,
+) -> dict[str, Channel]:
+    source.seek_subimage(part, 0)
+    spec = source.spec()
+    for size in ((spec.width, spec.height), (spec.full_width, spec.full_height)):
+        if (problem := image_size_problem(*size)) is not None:
+            raise ShotError(path, problem, _TOO_LARGE)
+    if spec.deep:
+        raise ShotError(path, "holds deep pixels", "Write it with one value per pixel.")
+    if outside is None and not _covers_display(spec):
+        window = (spec.x, spec.y, spec.width, spec.height)
+        full = (spec.full_x, spec.full_y, spec.full_width, spec.full_height)
+        problem = f"holds a part of its image: (x, y, w, h) {window} of {full}"
+        raise ShotError(path, problem, "Render it without a crop region.")
+    indices = [index for index, name in enumerate(names) if name in wanted]
+    begin = indices[0]
+    area = max(spec.width * spec.height, spec.full_width * spec.full_height)
+    size_bytes = area * (indices[-1] + 1 - begin) * np.dtype(np.float32).itemsize
+    if size_bytes > IMAGE_BYTES:
+        problem = f"has {size_bytes >> 30} GiB of pixels; want at most {IMAGE_BYTES >> 30}"
+        raise ShotError(path, problem, _TOO_LARGE)
+    kinds = {str(spec.channelformat(index)) for index in indices}
+    kind = "half" if kinds == {"half"} else "float"  # of mixed types, two reads would decompress twice
+    pixels = source.read_image(part, 0, begin, indices[-1] + 1, kind)
+    if pixels is None:
+        reason = last_reason(source.geterror) or NO_REASON
+        raise ShotError(path, f"cannot be read to its end ({reason})", _DAMAGED)
+    planes = {names[index]: _plane(source, part, index, pixels[..., index - begin]) for index in indices}
+    return {name: _in_display(plane, spec, (outside or {}).get(name, 0.0)) for name, plane in planes.items()}
+
+
+def _plane(source: ImageInput, part: int, index: int, pixels: NDArray[Any]) -> Channel:
+    """Return one channel with its type in the file; half values are exact in float32."""
+    kind = str(source.spec().channelformat(index))
+    if kind == "uint":  # converted to float, they would be fractions of 2^32
+        whole = source.read_image(part, 0, index, index + 1, "uint")
+        if whole is not None:
+            return whole[..., 0]
+    return pixels.astype(np.float16, copy=False) if kind == "half" else pixels
+
+
+def _covers_display(spec: ImageSpec) -> bool:
+    """Return whether the data window contains the whole display window."""
+    return bool(
+        spec.x <= spec.full_x
+        and spec.y <= spec.full_y
+        and spec.x + spec.width >= spec.full_x + spec.full_width
+        and spec.y + spec.height >= spec.full_y + spec.full_height
+    )
+
+
+def _in_display(plane: Channel, spec: ImageSpec, outside: float) -> Channel:
+    """Return the pixels of the display window; `outside` where the data window has none."""
+    left, top = spec.x - spec.full_x, spec.y - spec.full_y  # of the data window
+    width, height = spec.full_width, spec.full_height
+    if (left, top) == (0, 0) and plane.shape == (height, width):
+        return plane
+    image = np.full((height, width), outside, plane.dtype)
+    rows = slice(max(top, 0), min(top + spec.height, height))
+    columns = slice(max(left, 0), min(left + spec.width, width))
+    if rows.start < rows.stop and columns.start < columns.stop:
+        inside = (slice(rows.start - top, rows.stop - top), slice(columns.start - left, columns.stop - left))
+        image[rows, columns] = plane[inside]
+    return image
+
+
+UNKNOWN_COLOR_SPACE = "unknown"
+"""Of files with primaries that are none of those below."""
+
+
+class TypedValues(NamedTuple):
+    """An entry of a header that is no plain text or number, such as a matrix or a timecode.
+
+    Attributes:
+        type: OpenImageIO's name: "timecode", "rational", "matrix", "float[8]", "vector", "box2i".
+        values: all of its numbers or texts, in order.
+    """
+
+    type: str
+    values: tuple[str | int | float, ...]
+
+
+Metadata: TypeAlias = dict[str, str | int | float | TypedValues]
+"""Entries of an EXR file's header, by name."""
+
+FRAME_RATE, PIXEL_ASPECT = "framesPerSecond", "PixelAspectRatio"
+_LAYOUT = re.compile(
+    "oiio:|openexr:|cryptomatte/|thumbnail|(compression|BlenderMultiChannel|DateTime|[XY]Resolution"
+    "|ResolutionUnit|Orientation|name|type|view|multiView|chunkCount|version|dataWindow|displayWindow"
+    "|originalDataWindow|acesImageContainerFlag|textureformat|wrapmodes|tiles|envmap|deepImageState"
+    "|maxSamplesPerPixel)$"
+)
+"""Entries that are true of the file that is read only: of its storage, its windows, its parts and views."""
+_DEFAULTS = {PIXEL_ASPECT: 1.0, "screenWindowWidth": 1.0, "screenWindowCenter": (0.0, 0.0)}
+"""Entries that every EXR file has; these values say nothing."""
+_MOST_ENTRIES, _LONGEST_TEXT, _MOST_VALUES = 256, 4096, 64
+_WHITE_D65, _WHITE_ACES = (0.3127, 0.3290), (0.32168, 0.33767)
+_PRIMARIES = {
+    REC709: (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, *_WHITE_D65),
+    "ACEScg": (0.713, 0.293, 0.165, 0.830, 0.128, 0.044, *_WHITE_ACES),
+    "ACES2065-1": (0.7347, 0.2653, 0.0, 1.0, 0.0001, -0.0770, *_WHITE_ACES),
+    "lin_rec2020": (0.708, 0.292, 0.170, 0.797, 0.131, 0.046, *_WHITE_D65),
+    "lin_p3d65": (0.680, 0.320, 0.265, 0.690, 0.150, 0.060, *_WHITE_D65),
+}
+"""x and y of red, green, blue and white, by the space's name in the OpenColorIO configs of ACES."""
+_TOLERANCE = 2e-3  # of a coordinate; files round them to three digits
+_INTEROP_IDS = {
+    "lin_rec709_scene": "lin_rec709", "lin_ap1_scene": "ACEScg", "lin_ap0_scene": "ACES2065-1",
+    "lin_rec2020_scene": "lin_rec2020", "lin_p3d65_scene": "lin_p3d65",
+}  # fmt: skip
+
+
+class StoredAs(NamedTuple):
+    """How a file stores its colour.
+
+    Attributes:
+        format: "exr", "png", "tif"; "safetensors" for Arm's sequences.
+        type: "half", "float", "uint8", "uint16".
+    """
+
+    format: str
+    type: str
+
+
+def read_stored_as(path: Path | str, channel: str) -> StoredAs:
+    """Return how a file stores a channel; "half" where it has no such channel."""
+    with opened(path) as (_, kind):
+        return StoredAs(kind, read_types(path).get(channel, "half"))
+
+
+def read_exr_metadata(path: Path | str) -> Metadata:
+    """Return what the program that wrote an EXR file says of its content: Frame, Camera, timecodes, lens.
+
+    Entries that describe the file are left out: its compression, windows, tiles, views, parts.
+    """
+    with opened(path, ("exr",)) as (source, _):
+        found: Metadata = {}
+        for entry in source.spec().extra_attribs:
+            value, name = entry.value, str(entry.name)
+            if _LAYOUT.match(name) or _DEFAULTS.get(name) == value:
+                continue
+            if isinstance(value, str | int | float):
+                found[name] = value[:_LONGEST_TEXT] if isinstance(value, str) else value
+            elif isinstance(value, tuple) and len(value) <= _MOST_VALUES:
+                found[name] = TypedValues(str(entry.type), value)
+            if len(found) == _MOST_ENTRIES:
+                break
+    return found
+
+
+def read_frame_rate(path: Path | str) -> float | None:
+    """Return the frames a second that an EXR file's header states; None where it states none."""
+    with opened(path) as (source, kind):
+        rate = source.spec().getattribute(FRAME_RATE) if kind == "exr" else None
+        return rate_of(TypedValues("rational", rate) if isinstance(rate, tuple) else None)
+
+
+def rate_of(entry: str | int | float | TypedValues | None) -> float | None:
+    """Return the frames a second of an entry `framesPerSecond`; None where it is no rate of a film."""
+    match entry:
+        case TypedValues("rational", (int(frames), int(seconds))) if seconds:
+            rate = frames / seconds
+            return rate if RATES[0] <= rate <= RATES[1] else None
+    return None
+
+
+def read_other_views(path: Path | str) -> list[str]:
+    """Return the views of a stereo EXR file but the first, to which channels without a view's name belong."""
+    with opened(path) as (source, kind):
+        views = source.spec().getattribute("multiView") if kind == "exr" else None
+        return [str(view) for view in views[1:]] if isinstance(views, tuple) else []
+
+
+def read_color_space(path: Path | str) -> str:
+    """Return the colour space that a file's header states, by its name in the OpenColorIO configs of ACES.
+
+    EXR files state it by `colorInteropID` or `chromaticities`. Others, and those without: "lin_rec709", which
+    sRGB-encoded colour has when it is decoded. Other chromaticities than Rec. 709, AP1, AP0, Rec. 2020 and
+    P3-D65: "unknown".
+    """
+    with opened(path) as (source, kind):
+        return _color_space(source.spec()) if kind == "exr" else REC709
+
+
+def _color_space(spec: ImageSpec) -> str:
+    stated = _INTEROP_IDS.get(spec.get_string_attribute("colorInteropID"))
+    primaries = spec.getattribute("chromaticities")
+    if stated is not None or not isinstance(primaries, tuple) or len(primaries) != 8:
+        return stated or REC709
+    for name, known in _PRIMARIES.items():
+        if np.allclose(primaries, known, rtol=0, atol=_TOLERANCE):
+            return name
+    return UNKNOWN_COLOR_SPACE
+
+
+_TIME_CODE = "smpte:TimeCode"  # it counts frames of a second
+_ROUNDED = 0.02  # relative difference of the two axes' ratios that rounding to whole pixels explains
+
+
+def result_metadata(
+    metadata: Metadata, *, frame_rate: float | None, render_size: Size, display_size: Size
+) -> Metadata:
+    """Return the entries of an image's header.
+
+    The pixel aspect ratio changes where the two axes are enlarged by different ratios. The frame rate, where
+    the header states one, becomes that of the film; a time code of another rate is left out.
+
+    Args:
+        metadata: of the frame, see `read_exr_metadata`.
+        frame_rate: of the film; None keeps the header's.
+        render_size: (width, height) of the frame.
+        display_size: (width, height) of the image.
+    """
+    entries = dict(metadata)
+    across, down = display_size[0] / render_size[0], display_size[1] / render_size[1]
+    if abs(across / down - 1.0) > _ROUNDED:
+        entries[PIXEL_ASPECT] = pixel_aspect(metadata) * down / across
+    stated = rate_of(metadata.get(FRAME_RATE))
+    if stated is not None and frame_rate is not None and exact_rate(frame_rate) != exact_rate(stated):
+        rate = exact_rate(frame_rate)
+        entries[FRAME_RATE] = TypedValues("rational", (rate.numerator, rate.denominator))
+        entries.pop(_TIME_CODE, None)
+    return entries
+
+
+def exact_rate(frame_rate: float) -> Fraction:
+    """Return frames a second as a fraction: 23.976 is 24000/1001; ArgumentError where it is out of range."""
+    rate = as_number(frame_rate)
+    if rate is None or not RATES[0] <= rate <= RATES[1]:
+        raise ArgumentError("frame_rate", got=shown(frame_rate), want="a number from 0.001 to 1000")
+    ntsc = Fraction(round(rate * 1.001) * 1000, 1001)
+    return ntsc if abs(ntsc / Fraction(rate) - 1) < _NTSC else Fraction(rate).limit_denominator(1001)
+
+
+def pixel_aspect(metadata: Metadata) -> float:
+    """Return the width of a pixel over its height, 1 where a header states none."""
+    value = metadata.get(PIXEL_ASPECT)
+    return float(value) if isinstance(value, int | float) and 0.01 <= value <= 100.0 else 1.0
+
 
 _PAETH = 128  # libpng's PNG_FILTER_PAETH; to try all filters for each row costs more than it saves
 Bytes: TypeAlias = NDArray[np.uint8]

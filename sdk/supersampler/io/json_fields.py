@@ -10,8 +10,14 @@ from typing import Any, NoReturn, TypeVar
 
 from supersampler.errors import ModelError, ShotError
 from supersampler.frame import Size
-from supersampler.io.files import check_is_file, os_errors_as_shot_error
-from supersampler.io.limits import IMAGE_PIXELS, IMAGE_SIDE, JSON_BYTES, image_size_problem
+from supersampler.io.files import (
+    IMAGE_PIXELS,
+    IMAGE_SIDE,
+    JSON_BYTES,
+    check_is_file,
+    image_size_problem,
+    os_errors_as_shot_error,
+)
 
 _Value = TypeVar("_Value")
 _Default = TypeVar("_Default")

@@ -13,12 +13,10 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from supersampler.arguments import as_number
 from supersampler.errors import ArgumentError, ShotError, shown
 from supersampler.frame import Size
 from supersampler.io.files import NO_ROOM, replacing
-from supersampler.io.images import Bytes
-from supersampler.io.limits import RATES
+from supersampler.io.images import Bytes, exact_rate
 
 if TYPE_CHECKING:
     from av.container import OutputContainer
@@ -29,7 +27,6 @@ _CODEC: Literal["libx264"] = "libx264"
 # same bytes of the same images, and a run that was stopped would end with another video.
 _OPTIONS = {"crf": "16", "bf": "0"}
 _BT709, _VIDEO_RANGE = 1, 1  # numbers of ITU-T H.273, and FFmpeg's of the range 16 to 235
-_NTSC = 2.5e-4  # relative difference up to which a rate is taken for a multiple of 1000 / 1001
 
 
 class VideoWriter:
@@ -120,12 +117,3 @@ def check_encoder(path: Path | str) -> None:
     if _CODEC not in av.codecs_available:
         hint = "Install PyAV from PyPI: pip install supersampler[video]."
         raise ShotError(path, f"cannot be written: this PyAV has no encoder {_CODEC}", hint)
-
-
-def exact_rate(frame_rate: float) -> Fraction:
-    """Return frames a second as a fraction: 23.976 is 24000/1001; ArgumentError where it is out of range."""
-    rate = as_number(frame_rate)
-    if rate is None or not RATES[0] <= rate <= RATES[1]:
-        raise ArgumentError("frame_rate", got=shown(frame_rate), want="a number from 0.001 to 1000")
-    ntsc = Fraction(round(rate * 1.001) * 1000, 1001)
-    return ntsc if abs(ntsc / Fraction(rate) - 1) < _NTSC else Fraction(rate).limit_denominator(1001)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from supersampler.conventions.ratios import only_ratio
+from supersampler.conventions.jitter import only_ratio
 from supersampler.frame import Size
 from supersampler.methods.array_spec import ArraySpec, values_of
 from supersampler.methods.at_rest import AT_REST_HISTORY, block_count, phase_count

@@ -7,7 +7,7 @@ from supersampler.backends.base import Executor
 from supersampler.backends.onnx.executor import OnnxExecutor
 from supersampler.backends.onnx.session import vector_inputs
 from supersampler.backends.onnx.tensors import Tensor, checked_tensors, graph_inputs, render_size_of, taken
-from supersampler.conventions.ratios import check_ratio
+from supersampler.conventions.jitter import check_ratio
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size, checked_exposure, checked_jitter, checked_pre_exposure
 from supersampler.history import History, check_histories

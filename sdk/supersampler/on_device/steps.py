@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from supersampler.arguments import checked_size, ieee_arithmetic
 from supersampler.backends.gpu.device_frame import DeviceFrame, check_encoder, checked_images, checked_target
 from supersampler.backends.onnx.tensors import Tensor, checked_tensors, size_of_tensors
-from supersampler.conventions.ratios import display_size_of
+from supersampler.conventions.jitter import display_size_of
 from supersampler.errors import ArgumentError
 from supersampler.extrapolation import Extrapolator
 from supersampler.frame import (

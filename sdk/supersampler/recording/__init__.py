@@ -17,11 +17,18 @@ from supersampler.conventions import Conventions
 from supersampler.errors import RecordingError, ShotError, SupersamplerError
 from supersampler.frame import Array, Float32, Frame, Size
 from supersampler.io.files import NOT_FOUND, check_inside, check_is_file, is_regular
-from supersampler.io.image_reading import read_exr
+from supersampler.io.images import read_exr
 from supersampler.io.json_fields import Field, parse_json, read_json
 from supersampler.io.machine import installed_versions
-from supersampler.io.shot.format import files_of, frame_entry
-from supersampler.io.shot.frame_files import COLOR, read_frame, read_reference, take, take_aovs
+from supersampler.io.shot.format import (
+    COLOR,
+    files_of,
+    frame_entry,
+    read_frame,
+    read_reference,
+    take,
+    take_aovs,
+)
 from supersampler.io.shot.safetensors import open_safetensors
 from supersampler.methods.model_file import CONTRACT, sha256
 from supersampler.methods.model_info import ModelInfo

@@ -34,8 +34,17 @@ from supersampler.io.files import (
 )
 from supersampler.io.images import write_exr
 from supersampler.io.machine import machine
-from supersampler.io.shot.format import FILE_NAME, FrameEntry, ShotInfo, entry_json, files_of, shot_json
-from supersampler.io.shot.frame_files import COLOR, aov_channels, write_frame
+from supersampler.io.shot.format import (
+    COLOR,
+    FILE_NAME,
+    FrameEntry,
+    ShotInfo,
+    aov_channels,
+    entry_json,
+    files_of,
+    shot_json,
+    write_frame,
+)
 from supersampler.io.shot.safetensors import write_safetensors
 from supersampler.methods.gbuffers import only_gbuffers
 from supersampler.methods.model_file import sha256

@@ -4,7 +4,7 @@ They read frames only, independent of methods and Upscaler. See docs/checks.md a
 """
 
 from supersampler.validation.checker import FrameChecker, Validate
-from supersampler.validation.detection import Detection, Hypothesis, Verdict
-from supersampler.validation.detector import detect_conventions
+from supersampler.validation.detection import detect_conventions
+from supersampler.validation.rankings import Detection, Hypothesis, Verdict
 
 __all__ = ["Detection", "FrameChecker", "Hypothesis", "Validate", "Verdict", "detect_conventions"]

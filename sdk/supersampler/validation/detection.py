@@ -1,126 +1,139 @@
-"""Results of `detect_conventions`: ranked hypotheses and the detected conventions."""
+"""`detect_conventions`: detects the conventions of a few frames."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
-from supersampler.conventions import Conventions
+from supersampler.arguments import as_index, ieee_arithmetic
+from supersampler.conventions import Conventions, RawFrame
+from supersampler.conventions.fields import Resolution
+from supersampler.errors import ArgumentError, FrameError, shown
+from supersampler.validation.checker import frame_mistakes
+from supersampler.validation.evidence import Evidence
+from supersampler.validation.mistakes import (
+    DEPTH_NOT_REVERSED,
+    JITTER_CONSTANT,
+    JITTER_MISREAD,
+    JITTER_TOO_SMALL,
+    MOTION_MISREAD,
+    RESET_ALWAYS,
+    Mistake,
+)
+from supersampler.validation.rankings import (
+    Detection,
+    jitters_in_the_pixel,
+    rank_depth,
+    rank_jitter,
+    rank_motion,
+    swapped_axes,
+)
+from supersampler.validation.reprojection import frame_pairs
+from supersampler.validation.single_frame import upside_down
+from supersampler.validation.temporal import FramesSeen
 
-SURE = 1.15
-"""Minimum ratio of the second-best error to the best for a certain verdict."""
+if TYPE_CHECKING:  # which loads OpenImageIO
+    from supersampler.io.shot import Shot
 
-_OVERRULES = 1.33  # the same for a verdict that contradicts what is stated
-_TIE = 1.02  # within this ratio of errors, the stated hypothesis ranks first
-
-
-@dataclass(frozen=True, slots=True)
-class Hypothesis:
-    """One interpretation of a field: overrides of `Conventions` fields, and its error."""
-
-    text: str
-    overrides: Mapping[str, Any]
-    error: float
+_OF_VERDICTS = {
+    mistake.kind
+    for mistake in (DEPTH_NOT_REVERSED, JITTER_CONSTANT, JITTER_MISREAD, JITTER_TOO_SMALL, MOTION_MISREAD)
+}
 
 
-@dataclass(frozen=True, slots=True)
-class Verdict:
-    """Result for one field.
+@ieee_arithmetic
+def detect_conventions(
+    shot: "Shot | Sequence[RawFrame]", *, frames: int = 6, conventions: Conventions | None = None
+) -> Detection:
+    """Detect the conventions of some consecutive frames.
 
-    Attributes:
-        name: "motion", "jitter" or "depth".
-        ranked: hypotheses, best first; empty without evidence.
-        reason: why the result is uncertain; "" where it is certain.
+    Tries every motion unit, direction and flip, with jitter in the vectors and without, and every jitter
+    unit, sign and flip, and ranks them by how well they reproject the previous image. The kind of depth
+    follows from disocclusions, the sky and planes. Where the evidence is uncertain, the stated conventions
+    are kept.
+
+    Args:
+        shot: a `Shot`, whose middle is read, or raw frames in order.
+        frames: number of frames to read, >= 2. Motion with jitter in it needs 3; more are more certain.
+        conventions: the stated conventions; by default the shot's, or `Conventions()`. Rows, sRGB, planes and
+            motion scale are taken from it unchecked.
+
+    Raises:
+        ArgumentError: there are fewer than two frames, or an argument has a wrong type.
+        FrameError: depth or motion has a wrong shape, or is no array.
     """
-
-    name: str
-    ranked: tuple[Hypothesis, ...] = ()
-    reason: str = ""
-
-    @property
-    def certain(self) -> bool:
-        """Whether the best hypothesis is clearly better than the others."""
-        return not self.reason
-
-    @property
-    def margin(self) -> float:
-        """The second-best error divided by the best: 1 is a tie."""
-        if len(self.ranked) < 2:
-            return 1.0
-        return max(1.0, self.ranked[1].error / max(self.ranked[0].error, 1e-6))
-
-    @property
-    def overrides(self) -> Mapping[str, Any]:
-        """Overrides of the best hypothesis; empty where it is uncertain."""
-        return self.ranked[0].overrides if self.certain else {}
-
-    @property
-    def text(self) -> str:
-        """One line of text: the best hypothesis and its margin, or why it is uncertain."""
-        if not self.certain:
-            return f"{self.name}: cannot tell, {self.reason}"
-        found, runner_up = ([h.text for h in self.ranked] + [""])[:2]
-        return f"{self.name}: {found}; the next best, {runner_up}, is {self.margin:.2f}x worse"
-
-
-@dataclass(frozen=True, slots=True)
-class Detection:
-    """Detected conventions of a few frames.
-
-    Attributes:
-        motion, jitter, depth: the verdicts.
-        stated: the given conventions, kept where a verdict is uncertain.
-        conventions: the detected conventions; `call` is their Python expression.
-        notes: other mistakes, one text each.
-    """
-
-    motion: Verdict
-    jitter: Verdict
-    depth: Verdict
-    stated: Conventions
-    conventions: Conventions
-    notes: tuple[str, ...] = ()
-
-    @property
-    def agrees(self) -> bool:
-        """Whether the detected conventions are the stated ones."""
-        return self.conventions == self.stated
-
-    @property
-    def call(self) -> str:
-        """The Python expression of the detected conventions: `Conventions(...)` without defaults."""
-        return repr(self.conventions)
-
-    @property
-    def verdicts(self) -> tuple[Verdict, Verdict, Verdict]:
-        """The verdicts of motion, jitter and depth."""
-        return self.motion, self.jitter, self.depth
-
-    def summary(self) -> str:
-        """Return lines of text: each verdict with its margin, the notes, and the call to write."""
-        lines = [*(verdict.text for verdict in self.verdicts), *self.notes]
-        if self.agrees:
-            return "\n".join([*lines, f"The frames are as stated: {self.call}"])
-        return "\n".join([*lines, f"The frames are not as stated: {self.stated!r}", f"Write: {self.call}"])
-
-
-def ranked(name: str, hypotheses: Sequence[Hypothesis], stated: Conventions) -> Verdict:
-    """Return the verdict on at least one hypothesis; near a tie the stated one ranks first."""
-
-    def error(hypothesis: Hypothesis) -> float:
-        return hypothesis.error / (_TIE if _is_stated(hypothesis, stated) else 1.0)
-
-    verdict = Verdict(name, tuple(sorted(hypotheses, key=error)))
-    if len(verdict.ranked) > 1 and verdict.margin < SURE:
-        first, second = verdict.ranked[:2]
-        return Verdict(name, verdict.ranked, f"'{first.text}' and '{second.text}' fit alike")
-    best, own = verdict.ranked[0], [h for h in verdict.ranked if _is_stated(h, stated)]
-    if own and own[0] is not best and own[0].error < _OVERRULES * best.error:
-        margin = own[0].error / max(best.error, 1e-6)
-        return Verdict(
-            name, verdict.ranked, f"'{best.text}' fits only {margin:.2f} times better than as stated"
+    stated = _stated(shot, conventions)
+    raws = _middle(shot, frames)
+    always_reset = all(raw.reset for raw in raws)
+    if always_reset:
+        raws = [replace(raw, reset=index == 0) for index, raw in enumerate(raws)]
+    seen = [Evidence.of_raw(raw, stated) for raw in raws]
+    resolution: Resolution = "render" if seen[0].motion.shape[:2] == seen[0].depth.shape else "display"
+    found = replace(stated, motion_resolution=resolution)
+    textured = [pair for pair in frame_pairs(seen) if pair.textured and not _turned(pair.now)]
+    jitters = jitters_in_the_pixel(seen, stated)
+    motion = rank_motion(textured, jitters, found)
+    found = replace(found, **motion.overrides)
+    jitter = rank_jitter(textured, jitters, found)
+    found = replace(found, **jitter.overrides)
+    depth = rank_depth(textured, seen, found)
+    found = replace(found, **depth.overrides)
+    notes = [str(mistake.error()) for mistake in swapped_axes(textured, jitters, found)]
+    if found.depth != stated.depth and found.depth.endswith("infinite"):
+        kind = found.depth.removesuffix("_infinite")
+        notes.append(
+            f"Images do not show a far plane; if there is one, write depth='{kind}' with near and far."
         )
-    return verdict
+    flips = "motion_flip_y", "jitter_flip_y"
+    likely = replace(found, **jitter.ranked[0].overrides) if jitter.ranked else found
+    if all(getattr(likely, name) != getattr(stated, name) for name in flips):
+        own = {name: getattr(stated, name) for name in flips}
+        others = ", ".join(f"{name}={not value}" for name, value in own.items())
+        notes.append(f"Rows seem to be bottom-up. Only if the image is upright, write {others} instead.")
+        found = replace(found, **own, bottom_up=not stated.bottom_up)
+    notes += _other_mistakes(raws, found)
+    if always_reset and any(pair.continues for pair in textured):
+        notes.append(str(RESET_ALWAYS.found(frames=len(raws)).error()))
+    return Detection(motion, jitter, depth, stated, found, tuple(notes))
 
 
-def _is_stated(hypothesis: Hypothesis, stated: Conventions) -> bool:
-    return all(getattr(stated, key) == value for key, value in hypothesis.overrides.items())
+def _turned(frame: Evidence) -> bool:
+    """Return whether colour is upside down against depth: then no reading of the motion fits."""
+    return frame.light is not None and any(True for _ in upside_down(frame.depth, frame.light))
+
+
+def _other_mistakes(raws: Sequence[RawFrame], found: Conventions) -> list[str]:
+    """Return the mistakes that the checks find with these conventions, without those of the verdicts."""
+    converter, seen = found.converter(), FramesSeen()
+    mistakes: dict[str, Mistake] = {}
+    for raw in raws:
+        try:  # with jitter in vectors, those to the next frame cannot be converted
+            frame = converter.to_frame(replace(raw, motion_next=None) if found.motion_jittered else raw)
+        except (FrameError, ArgumentError) as error:
+            return [*(str(mistake.error()) for mistake in mistakes.values()), str(error)]
+        evidence = Evidence.of_frame(frame)
+        seen = FramesSeen() if frame.reset else seen
+        seen = seen.after(evidence, frame.size)
+        mistakes |= {each.kind: each for each in frame_mistakes(frame, evidence, seen, frame.size)}
+    return [str(mistake.error()) for kind, mistake in mistakes.items() if kind not in _OF_VERDICTS]
+
+
+def _stated(shot: "Shot | Sequence[RawFrame]", conventions: Conventions | None) -> Conventions:
+    listed = isinstance(shot, Sequence) and all(isinstance(raw, RawFrame) for raw in shot)
+    if not listed and not hasattr(shot, "read_raw"):
+        raise ArgumentError("shot", got=shown(shot), want="a Shot, or RawFrames in a list")
+    if conventions is None:
+        return Conventions() if isinstance(shot, Sequence) else shot.conventions
+    if not isinstance(conventions, Conventions):
+        raise ArgumentError("conventions", got=shown(conventions), want="Conventions, or None")
+    return conventions
+
+
+def _middle(shot: "Shot | Sequence[RawFrame]", frames: int) -> list[RawFrame]:
+    requested = as_index(frames)
+    count = None if requested is None else min(requested, len(shot))
+    if count is None or count < 2:
+        got = shown(frames) if count is None else count
+        raise ArgumentError("frames", got=got, want="at least 2 frames to compare")
+    start = max(0, (len(shot) - count) // 2)
+    indices = range(start, start + count)
+    return [shot[i] if isinstance(shot, Sequence) else shot.read_raw(i) for i in indices]

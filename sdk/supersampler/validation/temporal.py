@@ -1,36 +1,192 @@
 """Pixel checks over several frames: whether another reading of motion, jitter or depth fits better."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from supersampler.conventions import Conventions
-from supersampler.conventions.factors import motion_factor
+from supersampler.conventions.fields import motion_factor
 from supersampler.frame import Size
 from supersampler.validation import mistakes
-from supersampler.validation.amplitude import (
-    AmplitudeErrors,
-    JitterInVectors,
-    amplitude_errors,
-    jitter_in_vectors,
-    vectors_have_jitter,
-    wrong_amplitude,
+from supersampler.validation.evidence import (
+    JITTERS,
+    MOTIONS,
+    PLACES,
+    DepthOrder,
+    Evidence,
+    bend,
+    grid,
+    reading_text,
 )
-from supersampler.validation.depth_order import DepthOrder, bend
-from supersampler.validation.evidence import Evidence
-from supersampler.validation.mistakes import Mistake
-from supersampler.validation.motion_next import motion_next_mistakes
-from supersampler.validation.readings import JITTERS, MOTIONS, reading_text
+from supersampler.validation.mistakes import MOTION_NEXT_MISREAD, Mistake
 from supersampler.validation.reprojection import MIN_PLACES, FramePair, frame_pairs
-from supersampler.validation.steps import depth_values
+from supersampler.validation.single_frame import depth_values
+
+FACTORS: tuple[tuple[float, float], ...] = tuple(
+    (x, y) for x in (0.0, 0.5, 1.0, 1.5) for y in (0.0, 0.5, 1.0, 1.5)
+)
+"""Factors of the jitter's x and y that are tried."""
+
+AmplitudeErrors = Mapping[tuple[float, float], tuple[float, ...]]
+JitterInVectors = tuple[float, float]
+"""Sums over frames: the change of motion along the jitter's change, and the jitter's change, squared."""
+
+_MIN_PAIRS = 2
+_MIN_GAIN = 0.04  # of the error: that of the best factors is lower by it
+_MIN_GAIN_OF_AN_AXIS = 0.08  # where the other axis is right; 0.06 of correct frames
+_RIGHT = 0.15  # off by less than this, an axis is right
+_MAX_ERROR = 0.7  # of the variance: a frame that continues the previous one
+_NOISE = 1e-5  # squares of tone-mapped luminance; smaller errors are noise
+_PLAUSIBLE = (0.65, 1.5)  # either axis; correct frames were estimated at 0.71 to 1.34
+_PLAUSIBLE_MEAN = (0.75, 1.4)  # of both; 0.82 to 1.25
+
+
+@dataclass(frozen=True, slots=True)
+class Amplitude:
+    """Estimated factors of the jitter's x and y; `none` where the image has no jitter at all."""
+
+    x: float
+    y: float
+    none: bool
+
+    @property
+    def is_small(self) -> bool:
+        """Whether the image follows the motion alone better than with all of the jitter added."""
+        return self.none or (self.x + self.y) / 2 < 0.5
+
+    @property
+    def text(self) -> str:
+        """The factors as text: "0.50", or "0.70 (0.50 in x, 0.90 in y)"."""
+        mean = f"{(self.x + self.y) / 2:.2f}"
+        return mean if abs(self.x - self.y) < 0.25 else f"{mean} ({self.x:.2f} in x, {self.y:.2f} in y)"
+
+
+def amplitude_errors(pair: FramePair, reading: Conventions) -> dict[tuple[float, float], tuple[float, ...]]:
+    """Return the reprojection error of a pair of frames with each of FACTORS, and the image's variance."""
+    vectors, shift = pair.now.vectors(reading, pair.places), pair.shift(reading)
+    variance = pair.variance
+    return {factors: (min(pair.error(vectors + shift * factors), 1.0), variance) for factors in FACTORS}
+
+
+def jitter_in_vectors(
+    sums: JitterInVectors, pair: FramePair, jitters: Sequence[tuple[float, float]], reading: Conventions
+) -> JitterInVectors:
+    """Return the sums with one more pair added; `jitters` are those of the frames before its second one."""
+    now, before = pair.now, pair.before
+    if len(jitters) < 2 or before.motion.shape != now.motion.shape:
+        return sums
+    earlier = replace(before, jitter=jitters[-2]).jitter_pixels(reading)
+    change = pair.shift(reading) - (before.jitter_pixels(reading) - earlier)
+    moved = np.median(now.vectors(reading, pair.places) - before.vectors(reading, pair.places), axis=0)
+    return sums[0] + float(moved @ change), sums[1] + float(change @ change)
+
+
+def vectors_have_jitter(sums: JitterInVectors) -> bool:
+    """Return whether motion changes with the jitter, by about as much."""
+    return sums[1] > 0 and 0.5 < sums[0] / sums[1] < 2.0
+
+
+def wrong_amplitude(errors: AmplitudeErrors, pairs: int) -> Amplitude | None:
+    """Return the amplitude where it is clearly not 1, from errors summed over pairs of frames; else None.
+
+    The error is nearly a quadratic function of the factors, whose minimum is the estimate.
+    """
+    if pairs < _MIN_PAIRS or not errors:
+        return None
+    x, y = np.array(list(errors)).T
+    values, (variance, *_) = np.array(list(errors.values())).T
+    c = np.linalg.lstsq(np.stack([x * x, x * y, y * y, x, y, np.ones_like(x)], axis=1), values, rcond=None)[0]
+    bend: NDArray[np.float64] = np.array([[2 * c[0], c[1]], [c[1], 2 * c[2]]])
+    stated = errors[1.0, 1.0][0]
+    if np.linalg.eigvalsh(bend)[0] <= 0 or stated <= _NOISE * pairs:
+        return None
+    found = np.linalg.solve(bend, -c[3:5])
+    lowest, one_axis = values.min(), np.abs(found - 1.0).min() < _RIGHT
+    gain = _MIN_GAIN_OF_AN_AXIS if one_axis else _MIN_GAIN
+    if lowest > min((1 - gain) * stated, _MAX_ERROR * variance):
+        return None
+    none = errors[0.0, 0.0][0] == lowest
+    if not none and (found.min() < -0.25 or found.max() > 3.0):
+        return None
+    off = (found < _PLAUSIBLE[0]) | (found > _PLAUSIBLE[1])
+    if off.any() or not _PLAUSIBLE_MEAN[0] <= found.mean() <= _PLAUSIBLE_MEAN[1]:
+        return Amplitude(float(found[0]), float(found[1]), none)
+    return None
+
+
+READINGS: Mapping[tuple[int, int], str] = {
+    (1, 1): "",
+    (-1, -1): "current minus next",
+    (1, -1): "y flipped",
+    (-1, 1): "current minus next, y flipped",
+}
+"""Factors of x and y, and how a reading is called."""
+_SAME_SURFACE = 0.05  # relative difference of depth
+_MOVES = 0.5  # pixels: shorter vectors say nothing about their sign
+_LEAST = 200  # number of places
+_PIXELS, _SHARE = 0.25, 0.25  # difference, of the median vector, that is a mistake
+
+
+def motion_next_mistakes(before: Evidence, now: Evidence) -> list[Mistake]:
+    """Return the mistake in the motion to the next frame of `before`, if it does not lead to `now`.
+
+    A place that moves leads to one of the same surface in the next frame, from which that frame's motion
+    leads back: their sum is 0, but for accelerations of what is not rigid.
+    """
+    if before.motion_next is None or now.reset or now.size != before.size:
+        return []
+    differences = _differences(before, now)
+    own = differences.get((1, 1))
+    if own is None:
+        return []
+    difference, length = own
+    if difference <= max(_PIXELS, _SHARE * length):
+        return []
+    best = min(differences, key=lambda reading: differences[reading][0])
+    fits = differences[best][0] <= max(_PIXELS, _SHARE * differences[best][1])
+    text = f"; it fits if it is {READINGS[best]}" if fits and READINGS[best] else ""
+    return [MOTION_NEXT_MISREAD.found(difference=difference, length=length, reading=text)]
+
+
+def _differences(before: Evidence, now: Evidence) -> dict[tuple[int, int], tuple[float, float]]:
+    """Return, for each reading, the median difference, and length of the vectors, pixels."""
+    rows, columns = grid(before.size, PLACES)
+    stated = np.asarray(before.motion_next)[rows, columns].astype(np.float64)
+    there = -now.motion[rows, columns].astype(np.float64)  # where things go, nearly, if `stated` is wrong
+    moves = np.isfinite(stated).all(1) & np.isfinite(there).all(1)
+    moves &= np.maximum(np.abs(stated).max(1), np.abs(there).max(1)) > _MOVES
+    found = {}
+    for reading in READINGS:
+        vectors = stated[moves] * reading
+        difference, length = _difference(before, now, rows[moves], columns[moves], vectors)
+        if len(difference) >= min(_LEAST, len(rows) // 20):
+            found[reading] = float(np.median(difference)), float(np.median(length))
+    return found
+
+
+def _difference(
+    before: Evidence, now: Evidence, rows: NDArray[Any], columns: NDArray[Any], vectors: NDArray[Any]
+) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Return lengths of vector + the motion where it leads, and of the longer of both."""
+    shift = np.subtract(before.jitter, now.jitter)
+    x = np.rint(columns + vectors[:, 0] + shift[0])
+    y = np.rint(rows + vectors[:, 1] + shift[1])
+    inside = (x >= 0) & (x < now.size[0]) & (y >= 0) & (y < now.size[1])
+    row, column = y[inside].astype(np.intp), x[inside].astype(np.intp)
+    here, there = before.depth[rows[inside], columns[inside]], now.depth[row, column]
+    same = np.abs(here - there) <= _SAME_SURFACE * np.maximum(here, there)
+    back, vectors = now.motion[row, column][same].astype(np.float64), vectors[inside][same]
+    difference = np.hypot(*(vectors + back).T)
+    return difference, np.maximum(np.hypot(*vectors.T), np.hypot(*back.T))
+
 
 Sums = Mapping[str, tuple[float, float]]
 
 _MAX_RATIO_FIRST = 0.65  # maximum ratio of a reading's error to the frame's own, after one pair of frames
 _MAX_RATIO_LATER = 0.75  # and after several pairs, with summed errors
-_NOISE = 1e-5  # squares of tone-mapped luminance; smaller errors are noise
 _MIN_DISOCCLUDED = 20  # minimum number of disoccluded places
 _MAX_DISOCCLUDED = 15  # number that one pair of frames can add: in one pair, jitter alone hides thin things
 _MIN_REPEATS = 3  # minimum number of frames with one jitter

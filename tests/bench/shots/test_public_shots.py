@@ -11,8 +11,7 @@ from typer.testing import CliRunner
 
 from supersampler import ShotError
 from supersampler.cli import app
-from supersampler.io.image_reading import read_exr
-from supersampler.io.images import write_exr
+from supersampler.io.images import read_exr, write_exr
 from supersampler.io.shot import Shot, copy_shot
 from supersampler_bench.shots import public_shots
 from supersampler_bench.shots.public_shots import (

@@ -20,7 +20,7 @@ from supersampler.errors import ArgumentError, ShotError, printable
 from supersampler.io.child_process import GRACE, ChildProcess, end_text
 from supersampler.io.files import LogFile
 from supersampler.io.json_fields import Field
-from supersampler.io.shot.render_record import Camera, RenderedScene
+from supersampler.io.shot.blender import Camera, RenderedScene
 
 _SCRIPT = Path(__file__).with_name("render_frames.py")  # imports bpy: not to be imported here
 _SETTINGS = "SUPERSAMPLER_RENDER"  # environment variable of the script

@@ -27,13 +27,14 @@ from supersampler.io.files import (
     remove_partial_files,
     rename_partial,
 )
-from supersampler.io.shot.blender_render import frame_file, rendered_shot
-from supersampler.io.shot.render_record import (
+from supersampler.io.shot.blender import (
     RENDER_FILE,
     Camera,
     RenderedScene,
     RenderRecord,
+    frame_file,
     read_render_record,
+    rendered_shot,
 )
 from supersampler.io.shot.shot import Shot
 

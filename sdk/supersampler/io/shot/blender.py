@@ -1,16 +1,163 @@
 """Import Blender's multilayer EXR frames: the passes Combined, Depth, Vector, Normal and diffuse colour."""
 
-from collections.abc import Iterable, Mapping, Sequence
+import json
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, NoReturn
 
-from supersampler.conventions import Conventions
+import numpy as np
+from numpy.typing import NDArray
+
+from supersampler.conventions import Conventions, RawFrame, camera_motion, jittered_projection
 from supersampler.errors import ArgumentError, ShotError
-from supersampler.frame import Size
-from supersampler.io.image_reading import read_exr_channels, read_types
-from supersampler.io.shot.channel_names import blended_and_ignored
+from supersampler.frame import GBUFFER_CHANNELS, Array, Float32, Size
+from supersampler.io.files import SHOT_FRAMES, write_text
+from supersampler.io.images import read_exr, read_exr_channels, read_types
+from supersampler.io.json_fields import Field, read_json
 from supersampler.io.shot.channels import import_channels
+from supersampler.io.shot.format import LARGEST_NUMBER, FrameEntry, ShotInfo, check_size, take
+from supersampler.io.shot.named_channels import blended_and_ignored
 from supersampler.io.shot.numbered import Jitter, Range, numbered_files, of_range
 from supersampler.io.shot.shot import Shot
+
+RENDER_FILE = "render.json"
+_VERSION = 1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Camera:
+    """The camera of one frame, as Blender evaluates it.
+
+    Attributes:
+        matrix: (4, 4) float64, projection @ view with lens shift and jitter, row-major, acting on column
+            vectors; clip space from -1 to 1, y up.
+        shift: (x right, y up) of the lens, in render pixels, without jitter.
+    """
+
+    matrix: NDArray[np.float64]
+    shift: tuple[float, float]
+
+    @classmethod
+    def of(cls, frame: Field) -> "Camera":
+        """Read a camera from {"camera": 4 rows of 4, "shift": [x, y]}; ShotError where it is not that."""
+        rows = [[float(item.number()) for item in row.items(4)] for row in frame["camera"].items(4)]
+        if [len(row) for row in rows] != [4, 4, 4, 4] or not np.linalg.det(rows):
+            frame["camera"].refuse("4 rows of 4 numbers, an invertible matrix")
+        return cls(np.array(rows), frame["shift"].pair())
+
+    def to_json(self) -> dict[str, object]:
+        """Return what `of` reads."""
+        return {"camera": self.matrix.tolist(), "shift": self.shift}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RenderedScene:
+    """What Blender says of the scene that it renders.
+
+    Attributes:
+        name: of the scene.
+        blender: Blender's version.
+        engine: Blender's name of the render engine.
+        layer: name of the view layer.
+        numbers: of its own first and last frame.
+        frame_rate: frames a second.
+        render_size: (width, height) of the frames.
+        display_size: (width, height) of the images to make of them.
+        view: display, view, look, exposure (stops) and gamma of Blender's colour management.
+        ocio: file of Blender's OpenColorIO configuration.
+    """
+
+    name: str
+    blender: str
+    engine: str
+    layer: str
+    numbers: tuple[int, int]
+    frame_rate: float
+    render_size: Size
+    display_size: Size
+    view: Mapping[str, Any]
+    ocio: str
+
+    @classmethod
+    def of(cls, scene: Field) -> "RenderedScene":
+        """Read a scene; ShotError for a missing or wrong entry."""
+        numbers = [number.whole(0, LARGEST_NUMBER) for number in scene["numbers"].items(2)]
+        if len(numbers) != 2:
+            scene["numbers"].refuse("[first, last]")
+        view = scene["view"]
+        return cls(
+            name=scene["name"].text(),
+            blender=scene["blender"].text(),
+            engine=scene["engine"].text(),
+            layer=scene["layer"].text(),
+            numbers=(numbers[0], numbers[1]),
+            frame_rate=scene["frame_rate"].rate(),
+            render_size=scene["render_size"].size(),
+            display_size=scene["display_size"].size(),
+            view={
+                **{name: view[name].text() for name in ("display", "view", "look")},
+                **{name: float(view[name].number(-32.0, 32.0)) for name in ("exposure", "gamma")},
+            },
+            ocio=scene["ocio"].text(),
+        )
+
+    def to_json(self) -> dict[str, object]:
+        """Return what `of` reads."""
+        return {name: getattr(self, name) for name in self.__slots__}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RenderRecord:
+    """Content of render.json.
+
+    Attributes:
+        settings: all that the frames depend on; JSON values.
+        first: number of the first frame.
+        jitter: (x right, y down) of the first frames, in render pixels; then they repeat.
+        scene: None until Blender has opened the file.
+        cameras: of the frames that are listed, from the first on.
+    """
+
+    settings: Mapping[str, Any]
+    first: int
+    jitter: tuple[tuple[float, float], ...]
+    scene: RenderedScene | None = None
+    cameras: tuple[Camera, ...] = ()
+
+    def write(self, folder: Path) -> None:
+        """Write render.json into the folder; ShotError where the disk refuses."""
+        content = {
+            "version": _VERSION,
+            "settings": self.settings,
+            "first": self.first,
+            "jitter": self.jitter,
+            "scene": None if self.scene is None else self.scene.to_json(),
+        }
+        head = "".join(f'  "{key}": {json.dumps(value)},\n' for key, value in content.items())
+        frames = ",\n".join("    " + json.dumps(camera.to_json()) for camera in self.cameras)
+        write_text(folder / RENDER_FILE, f'{{\n{head}  "frames": [\n{frames}\n  ]\n}}\n')
+
+
+def read_render_record(folder: Path) -> RenderRecord:
+    """Read render.json of a folder; ShotError where it is missing, damaged or of another version."""
+    path = folder / RENDER_FILE
+    header = Field(path, "the file", read_json(path))
+    version = header["version"].of(int)
+    if version != _VERSION:
+        hint = "Render it again, or update supersampler."
+        raise ShotError(path, f"is of version {version}; this package reads {_VERSION}", hint)
+    jitter = tuple(pair.pair() for pair in header["jitter"].items(SHOT_FRAMES))
+    if not jitter:
+        header["jitter"].refuse("[x, y] of one frame or more")
+    return RenderRecord(
+        settings=header["settings"].of(dict),
+        first=header["first"].whole(0, LARGEST_NUMBER),
+        jitter=jitter,
+        scene=header.read("scene", RenderedScene.of, None),
+        cameras=tuple(Camera.of(frame) for frame in header["frames"].items(SHOT_FRAMES)),
+    )
+
 
 _DEPTH = ("Depth.Z", "Z.Z", "Z")
 _NEEDED = "Turn on the passes Combined, Z and Vector, and save as OpenEXR MultiLayer."
@@ -165,3 +312,141 @@ def _reference_channels(path: Path) -> list[str]:
             return [f"{name.removesuffix('R')}{axis}" for axis in "RGB"]
     hint = "A reference has R, G, B or Combined."
     raise ShotError(path, f"has no colour; it has {', '.join(channels)}", hint)
+
+
+_SKY = 1e10  # Z where nothing is
+
+
+def import_render(folder: Path | str) -> Shot:
+    """Open the frames that `supersampler blender` has rendered into a folder, as a Shot.
+
+    Raises:
+        ShotError: render.json is missing or damaged, or lists no frame.
+    """
+    folder = Path(folder)
+    record = read_render_record(folder)
+    if not record.cameras:
+        raise ShotError(folder, "has no complete frame", "Give `supersampler blender` again: it continues.")
+    return rendered_shot(folder, record, len(record.cameras), record.cameras.__getitem__)
+
+
+def rendered_shot(
+    folder: Path,
+    record: RenderRecord,
+    count: int,
+    camera_of: Callable[[int], Camera],
+    stop_waiting: Callable[[], None] = lambda: None,
+) -> Shot:
+    """Return a Shot of frames that need not exist yet.
+
+    Vectors are corrected, as measured with Blender 4.5. Those of Cycles hold no change of the lens shift, and
+    none of the sky. Those of Eevee hold both, and the jitter's. Workbench writes none, and gets the camera's.
+
+    Args:
+        folder: of the frames.
+        record: what is rendered; its scene is known.
+        count: number of frames.
+        camera_of: returns the camera of a frame, by its index, when its file is complete; ShotError where it
+            never will be.
+        stop_waiting: makes a `camera_of` that waits raise ShotError.
+    """
+    scene, first, jitter = record.scene, record.first, record.jitter
+    if scene is None:
+        raise ShotError(folder / RENDER_FILE, "does not describe the scene", "Render it again.")
+    info = ShotInfo(
+        name=scene.name,
+        render_size=scene.render_size,
+        display_size=scene.display_size,
+        frame_rate=scene.frame_rate,
+        conventions=Conventions.blender(),
+        first_number=first,
+    )
+    entries = [
+        FrameEntry(file=frame_file(first + i), jitter=jitter[i % len(jitter)], reset=i == 0)
+        for i in range(count)
+    ]
+
+    def read_raw(index: int, gbuffers: Collection[str] | None) -> RawFrame:
+        now, before = camera_of(index), None if index == 0 else camera_of(index - 1)
+        path = folder / entries[index].file
+        arrays, names = _arrays(path, scene, gbuffers)
+        jitters = entries[index].jitter, entries[max(0, index - 1)].jitter
+        motion = None if before is None else _motion(arrays, scene.engine, (now, before), jitters)
+        return RawFrame(
+            color=arrays["color"],
+            depth=arrays["depth"],
+            motion=np.zeros((*arrays["depth"].shape, 2), np.float32) if motion is None else motion,
+            jitter=entries[index].jitter,
+            reset=entries[index].reset,
+            gbuffer={name: arrays[name] for name in GBUFFER_CHANNELS if name in arrays} or None,
+            aovs=arrays.get("aovs"),
+            aov_names=names,
+        )
+
+    color = f"{scene.layer}.Combined.R"
+    return Shot(
+        folder, info, entries, read_raw, _no_reference, stop_waiting=stop_waiting, color_channel=color
+    )
+
+
+def frame_file(number: int) -> str:
+    """Return the name of a frame's file."""
+    return f"{number:04d}.exr"
+
+
+def _no_reference(index: int) -> NoReturn:
+    raise IndexError(f"frame {index} has no reference")
+
+
+def _arrays(
+    path: Path, scene: RenderedScene, gbuffers: Collection[str] | None
+) -> tuple[dict[str, Array], list[str]]:
+    """Read the arrays of a frame; also return the names of its AOVs."""
+    names = layer_map(path, read_types(path), scene.layer, motion=False)
+    names.pop("motion_next", None)  # the next frame's camera, which it lacks, may not be known yet
+    aovs = names.get("aovs", [])
+    wanted = {
+        name: channels
+        for name, channels in names.items()
+        if gbuffers is None or name not in GBUFFER_CHANNELS or f"gbuffer_{name}" in gbuffers
+    }
+    only = [name for each in wanted.values() for name in each]
+    channels = read_exr(path, only=only, outside={names["depth"][0]: _SKY})
+    check_size(path, channels, scene.render_size)
+    arrays = {name: take(path, channels, each) for name, each in wanted.items()}
+    arrays["depth"] = arrays["depth"].astype(np.float32, copy=False)
+    if len(aovs) == 1:
+        arrays["aovs"] = arrays["aovs"][..., None]
+    return arrays, aov_names(aovs, scene.layer)
+
+
+def _motion(
+    arrays: Mapping[str, Array],
+    engine: str,
+    cameras: tuple[Camera, Camera],
+    jitters: tuple[tuple[float, float], tuple[float, float]],
+) -> Float32:
+    """Return the vectors of a frame in Blender's conventions: previous minus current, pixels, y up."""
+    (now, before), depth = cameras, arrays["depth"]
+    if engine.startswith("BLENDER_EEVEE"):
+        change = np.subtract(*jitters) * (-1.0, 1.0)  # of the jitter, y up
+        return arrays["motion"].astype(np.float32, copy=False) + change.astype(np.float32)
+    unknown = depth >= _SKY
+    if "motion" in arrays:
+        shift = np.subtract(now.shift, before.shift).astype(np.float32)  # what is seen moves against it
+        motion: Float32 = arrays["motion"].astype(np.float32, copy=False) + shift
+    else:
+        motion, unknown = np.zeros((*depth.shape, 2), np.float32), np.ones(depth.shape, bool)
+    is_parallel = not now.matrix[3, :3].any()  # then the sky is of one colour
+    if is_parallel or not unknown.any():
+        return motion
+    size = depth.shape[1], depth.shape[0]
+    matrices = [_without_jitter(c, jitter, size) for c, jitter in zip(cameras, jitters, strict=True)]
+    near = np.divide(1.0, depth, out=np.zeros_like(depth), where=depth < _SKY)
+    moved = camera_motion(near, *matrices, jitter=jitters[0], near=1.0, clip="minus_one_to_one")
+    motion[unknown] = (moved * np.array([1.0, -1.0], np.float32))[unknown]
+    return motion
+
+
+def _without_jitter(camera: Camera, jitter: tuple[float, float], size: Size) -> Array:
+    return jittered_projection(camera.matrix, (-jitter[0], -jitter[1]), size)

@@ -1,17 +1,22 @@
 """Read and write shot.json, the description of a shot's frames. docs/shots.md explains each key."""
 
 import json
+import math
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path, PurePosixPath
 
-from supersampler.conventions import Conventions
+import numpy as np
+from numpy.typing import NDArray
+
+from supersampler.conventions import Conventions, RawFrame
 from supersampler.errors import ArgumentError, ShotError
-from supersampler.frame import Size
+from supersampler.frame import Array, Float32, Size
 from supersampler.io.display_transforms import REC709
+from supersampler.io.files import IMAGE_CHANNELS, SHOT_FRAMES
+from supersampler.io.images import Channel, Metadata, read_exr, read_image, read_types, write_exr
 from supersampler.io.json_fields import Field, read_json
-from supersampler.io.limits import IMAGE_CHANNELS, SHOT_FRAMES
 
 FORMAT_VERSION = 1
 FILE_NAME = "shot.json"
@@ -201,3 +206,246 @@ def _check_listed_once(path: Path, entries: Sequence[FrameEntry]) -> None:
                 problem = f"{name} is listed twice: in frame {seen[name]} and frame {index}"
                 raise ShotError(path, problem, "Each frame has its own files.")
             seen[name] = index
+
+
+COLOR = ("R", "G", "B")
+DEPTH = ("depth.Z",)
+MOTION = ("motion.X", "motion.Y")
+REACTIVE = ("reactive.Y",)
+MOTION_NEXT = ("motion_next.X", "motion_next.Y")
+GBUFFER: Mapping[str, Sequence[str]] = {
+    "base_color": ("base_color.R", "base_color.G", "base_color.B"),
+    "normal": ("normal.X", "normal.Y", "normal.Z"),
+    "roughness": ("roughness.Y",),
+    "metallic": ("metallic.Y",),
+    "specular": ("specular.Y",),
+}
+_GBUFFER_DISPLAY: Mapping[str, Sequence[str]] = {**GBUFFER, "depth": DEPTH}
+CLASSES = ("class.ghost", "class.alias", "class.thin")
+"""The third may be missing."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ClassMaps:
+    """Why pixels of a reference are hard to upscale: the classes of Guo et al. 2022, and thin objects.
+
+    Attributes:
+        ghost: (H, W) uint8, why the history is not usable: 0 it is usable, 1 the surface was occluded or off
+            screen, 2 its lighting has changed.
+        alias: (H, W) uint8, why one sample aliases: 0 it does not, 1 an edge of a surface, 2 detail on a
+            surface.
+        thin: (H, W) uint8, 1 where the pixel holds a part of an object less than about two pixels wide, else
+            0; None where that is not known.
+    """
+
+    ghost: NDArray[np.uint8]
+    alias: NDArray[np.uint8]
+    thin: NDArray[np.uint8] | None = None
+
+    def known(self) -> dict[str, NDArray[np.uint8]]:
+        """Return the maps that are known, by name."""
+        maps = {"ghost": self.ghost, "alias": self.alias}
+        return maps if self.thin is None else {**maps, "thin": self.thin}
+
+
+def read_frame(
+    folder: Path,
+    entry: FrameEntry,
+    render_size: Size,
+    display_size: Size | None,
+    gbuffers: Collection[str] | None = None,
+    *,
+    sky: float | None = None,
+    aov_names: Sequence[str] = (),
+) -> RawFrame:
+    """Read one frame as it was stored.
+
+    Args:
+        folder: folder of the shot.
+        entry: the frame's entry in shot.json.
+        render_size: required (width, height) of the render-size file.
+        display_size: required (width, height) of the display-size file; None accepts any.
+        gbuffers: G-buffers to read, by their names in `ModelInfo.gbuffers`, and "motion_next"; None reads
+            all.
+        sky: depth of pixels outside of a file's data window; None refuses a data window that is too small.
+        aov_names: names of the AOVs in files of results; empty: they are numbered.
+
+    Raises:
+        ShotError: a file is missing, damaged, of another size, or lacks a channel; or it has another number
+            of AOVs than there are names.
+    """
+    path = folder / entry.file
+    outside = None if sky is None else {DEPTH[0]: sky}
+    no_next = () if gbuffers is None or "motion_next" in gbuffers else MOTION_NEXT
+    without = (*_unwanted("gbuffer", GBUFFER, gbuffers), *no_next)
+    channels = read_exr(path, without=without, outside=outside)
+    check_size(path, channels, render_size)
+    display_path = folder / (entry.display_file or entry.file)
+    unwanted = (*_unwanted("gbuffer_display", _GBUFFER_DISPLAY, gbuffers), *no_next)
+    display = {}
+    if entry.display_file is not None:
+        display = read_exr(display_path, without=unwanted, outside=outside)
+    check_size(display_path, display, display_size)
+    motion_of_display, aovs = MOTION[0] in display, take_aovs(path, channels)
+    with_next, next_path = (display, display_path) if MOTION_NEXT[0] in display else (channels, path)
+    if aovs is not None and aov_names and len(aov_names) != aovs.shape[2]:
+        raise ShotError(path, f"has {aovs.shape[2]} AOVs; the shot names {len(aov_names)}")
+    return RawFrame(
+        color=take(path, channels, COLOR) if entry.shaded else None,
+        depth=take(path, channels, DEPTH).astype(np.float32, copy=False),
+        motion=take(display_path, display, MOTION) if motion_of_display else take(path, channels, MOTION),
+        motion_next=take(next_path, with_next, MOTION_NEXT) if MOTION_NEXT[0] in with_next else None,
+        jitter=entry.jitter,
+        reset=entry.reset,
+        exposure=entry.exposure,
+        pre_exposure=entry.pre_exposure,
+        reactive=take(path, channels, REACTIVE) if REACTIVE[0] in channels else None,
+        gbuffer=_take_gbuffer(path, channels, GBUFFER),
+        gbuffer_display=_take_gbuffer(display_path, display, _GBUFFER_DISPLAY),
+        aovs=aovs,
+        aov_names=aov_names or None,
+    )
+
+
+def sky_depth(conventions: Conventions) -> float:
+    """Return the depth of the sky: of pixels that a file's data window does not have."""
+    if conventions.depth == "linear":
+        return math.inf if conventions.far is None else conventions.far
+    return 1.0 if conventions.depth.startswith("forward") else 0.0
+
+
+def read_reference(path: Path, display_size: Size | None, names: Sequence[str] = COLOR) -> Float32:
+    """Read a reference image as (H, W, 3) float32."""
+    channels = read_image(path, only=names, outside={})
+    check_size(path, channels, display_size)
+    return take(path, channels, names).astype(np.float32, copy=False)
+
+
+def read_classes(path: Path, display_size: Size | None) -> ClassMaps | None:
+    """Read the class maps in a reference's file; None where it has none."""
+    channels = read_exr(path, only=CLASSES, outside={})
+    check_size(path, channels, display_size)
+    if not channels:
+        return None
+    names = CLASSES if CLASSES[2] in channels else CLASSES[:2]
+    maps = [take(path, channels, (name,)) for name in names]
+    for name, array in zip(names, maps, strict=True):
+        if not ((array >= 0) & (array <= np.iinfo(np.uint8).max)).all():  # NaN is neither
+            raise ShotError(path, f"channel {name} holds other values than classes, 0 to 255")
+    return ClassMaps(*(array.astype(np.uint8) for array in maps))
+
+
+def write_reference(path: Path, reference: Array, classes: ClassMaps | None, compression: str) -> None:
+    """Write a reference image, (H, W, 3), and its class maps; ShotError where that fails."""
+    channels = _named(COLOR, reference)
+    if classes is not None:
+        channels |= {f"class.{name}": array.astype(np.float16) for name, array in classes.known().items()}
+    write_exr(path, channels, compression=compression)
+
+
+def has_display_file(raw: RawFrame) -> bool:
+    """Return whether the frame has display-size G-buffers or motion vectors."""
+    return bool(raw.gbuffer_display) or raw.motion.shape[:2] != raw.depth.shape
+
+
+def write_frame(
+    folder: Path,
+    entry: FrameEntry,
+    raw: RawFrame,
+    compression: str,
+    *,
+    display: bool = True,
+    metadata: Metadata | None = None,
+) -> None:
+    """Write the render-size file, and the display-size file where `entry` names one and `display` is True.
+
+    Raises:
+        ShotError: EXR cannot store an array's type, or the disk refused.
+    """
+    render = {} if raw.color is None else _named(COLOR, raw.color)
+    render |= _named(DEPTH, raw.depth)
+    if raw.reactive is not None:
+        render |= _named(REACTIVE, raw.reactive)
+    motion = _named(MOTION, raw.motion)
+    if raw.motion.shape[:2] == raw.depth.shape:
+        render, motion = render | motion, {}
+    if raw.motion_next is not None:
+        following = _named(MOTION_NEXT, raw.motion_next)
+        if raw.motion_next.shape[:2] == raw.depth.shape:
+            render |= following
+        else:
+            motion |= following
+    for name, array in (raw.gbuffer or {}).items():
+        render |= _named(GBUFFER[name], array)
+    if raw.aovs is not None:
+        render |= _named(aov_channels(raw.aovs.shape[2]), raw.aovs)
+    large = motion
+    for name, array in (raw.gbuffer_display or {}).items():
+        large |= _named(_GBUFFER_DISPLAY[name], array)
+    write_exr(folder / entry.file, render, compression=compression, metadata=metadata)
+    if display and entry.display_file is not None:
+        write_exr(folder / entry.display_file, large, compression=compression)
+
+
+def take(path: Path, channels: Mapping[str, Channel], names: Sequence[str]) -> Array:
+    """Return channels as one array: (h, w) for one name, (h, w, k) for k names.
+
+    Raises:
+        ShotError: one is missing, or holds integers.
+    """
+    for name in names:
+        if name not in channels:
+            raise ShotError(path, f"has no channel {name}", f"It has {', '.join(read_types(path))}.")
+        if channels[name].dtype not in (np.float16, np.float32):
+            problem = f"channel {name} is {channels[name].dtype}; want half or float"
+            raise ShotError(path, problem, "Write it as 16- or 32-bit floating point.")
+    arrays = [channels[name] for name in names]
+    return np.ascontiguousarray(arrays[0]) if len(arrays) == 1 else np.stack(arrays, axis=-1)
+
+
+def check_size(path: Path, channels: Mapping[str, Channel], size: Size | None) -> None:
+    """Raise ShotError where the channels are not of this (width, height)."""
+    for array in channels.values():
+        height, width = array.shape
+        if size is not None and (width, height) != size:
+            hint = "Render it again at that size, or mend the size."
+            raise ShotError(path, f"is {width}x{height}; the shot says {size[0]}x{size[1]}", hint)
+
+
+def _named(names: Sequence[str], array: Array) -> dict[str, Channel]:
+    """Return the channels of an array, (h, w) or (h, w, k), by name; the inverse of `take`."""
+    planes = [array] if array.ndim == 2 else [array[..., index] for index in range(len(names))]
+    return dict(zip(names, planes, strict=True))
+
+
+def _take_gbuffer(
+    path: Path, channels: Mapping[str, Channel], layout: Mapping[str, Sequence[str]]
+) -> dict[str, Array] | None:
+    """Take each buffer of which any channel exists, so that a missing channel is an error."""
+    found = {
+        n: take(path, channels, names) for n, names in layout.items() if not channels.keys().isdisjoint(names)
+    }
+    return found or None
+
+
+def _unwanted(
+    group: str, layout: Mapping[str, Sequence[str]], gbuffers: Collection[str] | None
+) -> Iterator[str]:
+    """Yield the channels of the G-buffers that are not in `gbuffers`; None includes all."""
+    for name, channels in layout.items():
+        if gbuffers is not None and f"{group}_{name}" not in gbuffers:
+            yield from channels
+
+
+def take_aovs(path: Path, channels: Mapping[str, Channel]) -> Array | None:
+    """Return the AOVs, (h, w, k); None where the file has none."""
+    count = sum(name.startswith("aovs.") for name in channels)
+    if count == 0:
+        return None
+    array = take(path, channels, aov_channels(count))
+    return array if array.ndim == 3 else array[..., None]
+
+
+def aov_channels(count: int) -> list[str]:
+    """Return the channel names of so many AOVs."""
+    return [f"aovs.{index}" for index in range(count)]

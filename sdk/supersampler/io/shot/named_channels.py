@@ -1,16 +1,151 @@
 """Import EXR sequences whose channels have names that are in wide use."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import chain
 from pathlib import Path
 
 from supersampler.conventions import Conventions
 from supersampler.errors import ShotError
 from supersampler.frame import Size
-from supersampler.io.image_reading import read_types
-from supersampler.io.shot.channel_names import blended_and_ignored, of_first_view, recognised_map
+from supersampler.io.images import read_other_views, read_types
 from supersampler.io.shot.channels import import_channels
 from supersampler.io.shot.numbered import Jitter, Range, numbered_files, of_range
 from supersampler.io.shot.shot import Shot
+
+_XYZ, _RGB = ("xyz", "rgb"), ("rgb",)
+_VALUE = ("y", "v", "x")
+_NAMES: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "color": (("", "rgb", "rgba", "beauty", "combined", "color", "colour"), _RGB),
+    "depth": (("depth", "z", "zdepth"), ("z", "v", "r", "y", "x")),
+    "motion": (
+        (
+            "motion", "motionvector", "motionvectors", "motion_vector", "motion_vectors", "velocity",
+            "vector", "backward",
+        ),
+        ("xy", "rg", "uv"),
+    ),
+    "motion_next": (("forward",), ("xy", "rg", "uv")),
+    "normal": (("n", "normal", "normals"), _XYZ),
+    "base_color": (
+        ("base_color", "basecolor", "albedo", "diffuse_albedo", "diffusealbedo", "diffcol", "diffuse color"),
+        _RGB,
+    ),
+    "roughness": (("roughness",), (*_VALUE, "r")),
+    "metallic": (("metallic", "metalness"), (*_VALUE, "r")),
+    "specular": (("specular",), _VALUE),
+}  # fmt: skip
+"""Our name to the names before a channel's last dot, and the letters after it; docs/shots.md lists them.
+
+Letters are in any case. A name of one number may also stand alone, as `Z` and `roughness` do.
+"""
+_LUMINANCE = "Y"
+"""Channel of EXR files without colours."""
+_ALONE = ("depth", "roughness", "metallic", "specular")
+_DATA = {
+    "id", "objectid", "object_id", "materialid", "material_id", "instanceid", "instance_id", "object index",
+    "material index", "position", "p", "pref", "pworld", "uv", "st",
+}  # fmt: skip
+_DATA_BEGIN = ("crypto", "denoising ", "noisy ", "debug ", "index")
+"""Names, and beginnings of names, of data that cannot be blended: ids, places, other vectors."""
+
+
+def recognised_map(path: Path, channels: Iterable[str]) -> dict[str, list[str]] | None:
+    """Return the channels of a file by our names, as `import_channels` takes them.
+
+    Returns:
+        None where depth or motion is missing.
+
+    `forward` of Nuke leads to the next frame, and is used beside its `backward` only: other motion may be in
+    other units.
+
+    Raises:
+        ShotError: several channels have the same meaning; or the only motion leads to the next frame.
+    """
+    there = list(channels)
+    found: dict[str, list[str]] = {}
+    for ours in _NAMES:
+        candidates = _candidates(ours, there)
+        if len(candidates) > 1:
+            listed = " and ".join(", ".join(names) for names in candidates)
+            hint = (
+                "State them in a channels.json (docs/shots.md), or by `supersampler import --channels FILE`."
+            )
+            raise ShotError(path, f"has several channels for {ours}: {listed}", hint)
+        if candidates:
+            found[ours] = candidates[0]
+    if "color" not in found and _LUMINANCE in there:
+        found["color"] = [_LUMINANCE] * 3
+    following = found.get("motion_next", [])
+    if following and "motion" not in found:
+        problem = f"has motion to the next frame, {', '.join(following)}, and none to the previous frame"
+        hint = (
+            "Write backward vectors, too; if these do lead to the previous frame, say so in a channels.json "
+            "(docs/shots.md)."
+        )
+        raise ShotError(path, problem, hint)
+    if following and not _is_named(found["motion"][0], "backward"):
+        del found["motion_next"]
+    return found if {"depth", "motion"} <= found.keys() else None
+
+
+def of_first_view(path: Path, types: Mapping[str, str]) -> tuple[dict[str, str], list[str]]:
+    """Return the channels of a stereo file's first view with their types, and the names of the others.
+
+    Args:
+        path: the file.
+        types: names of all of its channels, with their types.
+    """
+    views = set(read_other_views(path))
+    others = [name for name in types if not views.isdisjoint(name.split(".")[:-1])]
+    return {name: kind for name, kind in types.items() if name not in others}, others
+
+
+def blended_and_ignored(
+    types: Mapping[str, str], used: Mapping[str, Sequence[str]]
+) -> tuple[list[str], list[str]]:
+    """Return the other channels of a file: those that are AOVs, and those that are not read.
+
+    Ids, places, and further depth, vectors and normals are not read: a blend of two of their values means
+    nothing. Nor are integers.
+
+    Args:
+        types: channel names with their types.
+        used: the channels that have one of our names.
+    """
+    ours = set(chain.from_iterable(used.values()))
+    others = [name for name in types if name not in ours]
+    blended = [name for name in others if types[name] in ("half", "float") and not _is_data(name)]
+    return blended, [name for name in others if name not in blended]
+
+
+def _is_data(channel: str) -> bool:
+    """Return whether a channel's name is one of data, or of depth, motion or a normal."""
+    *before, last = channel.lower().split(".")
+    base = before[-1] if before else last
+    vectors = {name for ours in ("depth", "motion", "motion_next", "normal") for name in _NAMES[ours][0]}
+    return base in vectors | _DATA or base.startswith(_DATA_BEGIN)
+
+
+def _is_named(channel: str, base: str) -> bool:
+    return channel.lower().split(".")[-2:-1] == [base]
+
+
+def _candidates(ours: str, channels: Sequence[str]) -> list[list[str]]:
+    """Return each group of channels that has the names of one of our arrays."""
+    bases, endings = _NAMES[ours]
+    by_lower = {name.lower(): name for name in channels}
+    groups = []
+    for name in channels:
+        *before, last = name.lower().split(".")
+        base = before[-1] if before else ""
+        is_alone = last in bases and base not in bases and (not before or len(last) > 1)  # N.Z is a normal's
+        if ours in _ALONE and is_alone:
+            groups.append([name])
+        for ending in endings:
+            group = [".".join([*before, letter]) for letter in ending]
+            if base in bases and last == ending[0] and all(member in by_lower for member in group):
+                groups.append([by_lower[member] for member in group])
+    return groups
 
 
 def import_named_channels(

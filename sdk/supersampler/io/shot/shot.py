@@ -1,5 +1,6 @@
 """`Shot`: a frame sequence on disk, read one frame at a time."""
 
+import os
 from collections import deque
 from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -7,15 +8,49 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeAlias
 
+from supersampler.arguments import checked_path
 from supersampler.conventions import Conventions, Converter, RawFrame
-from supersampler.errors import FrameError, ShotError
+from supersampler.errors import INCOMPLETE_PACKAGE, FrameError, ShotError, did_you_mean
 from supersampler.frame import Float32, Frame, Size
 from supersampler.io.files import check_inside, is_file
-from supersampler.io.image_headers import Metadata, StoredAs, read_exr_metadata, read_stored_as
-from supersampler.io.shot.format import FILE_NAME, FrameEntry, ShotInfo, files_of, load_shot_json
-from supersampler.io.shot.frame_files import ClassMaps, read_classes, read_frame, read_reference, sky_depth
-from supersampler.io.shot.shipped import path_or_shipped
-from supersampler.io.stage_times import StageTimes
+from supersampler.io.images import Metadata, StoredAs, read_exr_metadata, read_stored_as
+from supersampler.io.machine import StageTimes
+from supersampler.io.shot.format import (
+    FILE_NAME,
+    ClassMaps,
+    FrameEntry,
+    ShotInfo,
+    files_of,
+    load_shot_json,
+    read_classes,
+    read_frame,
+    read_reference,
+    sky_depth,
+)
+
+SHIPPED = Path(__file__).parents[2] / "shots"
+"""Folder of the shots that ship."""
+
+
+def path_or_shipped(path: str | Path) -> Path:
+    """Return a path, or the folder of a shipped shot for a bare name that is no path here.
+
+    Raises:
+        ArgumentError: it is neither text nor a path.
+        ShotError: it is a bare name that neither exists nor ships; or the package's own shots are missing.
+    """
+    path = Path(checked_path("path", path))
+    if path.name != str(path) or os.path.lexists(path):
+        return path
+    if not SHIPPED.is_dir():
+        problem = f"there is no such file or folder, and the package's data files, {SHIPPED}, are missing"
+        raise ShotError(path, problem, INCOMPLETE_PACKAGE)
+    names = sorted(folder.name for folder in SHIPPED.iterdir())
+    if path.name in names:
+        return SHIPPED / path.name
+    hint = did_you_mean(path.name, names) or f"Shots that ship: {', '.join(names)}."
+    raise ShotError(path, "there is no such file or folder, and no shot of that name ships", hint)
+
 
 _AHEAD = 2  # frames that are read in advance
 _READERS = 2  # a frame with many channels takes longer to unpack than to step

@@ -8,18 +8,14 @@ from typing import Literal, TypeAlias, get_args
 from supersampler.arguments import checked_choice, checked_path
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.io.files import os_errors_as_shot_error
-from supersampler.io.image_reading import read_types
-from supersampler.io.shot.arm import import_arm
-from supersampler.io.shot.blender import import_blender, is_blender
-from supersampler.io.shot.blender_render import import_render
-from supersampler.io.shot.channel_names import of_first_view, recognised_map
+from supersampler.io.images import read_types
+from supersampler.io.shot.blender import RENDER_FILE, import_blender, import_render, is_blender
 from supersampler.io.shot.channels import MAP_FILE_NAME, import_channels, import_described_channels
 from supersampler.io.shot.format import FILE_NAME
-from supersampler.io.shot.named_channels import import_named_channels
+from supersampler.io.shot.named_channels import import_named_channels, of_first_view, recognised_map
 from supersampler.io.shot.numbered import FRAME_SUFFIXES, Range, is_pattern, numbered_files, suggestion
-from supersampler.io.shot.render_record import RENDER_FILE
-from supersampler.io.shot.shipped import path_or_shipped
-from supersampler.io.shot.shot import Shot
+from supersampler.io.shot.safetensors import import_arm
+from supersampler.io.shot.shot import Shot, path_or_shipped
 
 Layout: TypeAlias = Literal["auto", "shot", "render", "blender", "channels", "arm"]
 _KNOWN = (

@@ -26,10 +26,20 @@ from supersampler.io.files import (
     remove_partial_files,
     write_text,
 )
-from supersampler.io.image_headers import Metadata
+from supersampler.io.images import Metadata
 from supersampler.io.json_fields import read_json
-from supersampler.io.shot.format import FILE_NAME, FrameEntry, ShotInfo, files_of, load_shot_json, shot_json
-from supersampler.io.shot.frame_files import ClassMaps, has_display_file, write_frame, write_reference
+from supersampler.io.shot.format import (
+    FILE_NAME,
+    ClassMaps,
+    FrameEntry,
+    ShotInfo,
+    files_of,
+    has_display_file,
+    load_shot_json,
+    shot_json,
+    write_frame,
+    write_reference,
+)
 from supersampler.io.shot.shot import Shot, converter_at
 
 _DISPLAY, _REFERENCE = "display", "reference"

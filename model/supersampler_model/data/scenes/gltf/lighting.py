@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 from OpenImageIO import ImageInput, geterror
 
-from supersampler.io.files import utf8_path
-from supersampler.io.limits import image_size_problem
+from supersampler.io.files import image_size_problem, utf8_path
 from supersampler_model.data.scenes.environment import Environment, directions
 from supersampler_model.data.scenes.gltf.errors import MalformedError, reading
 from supersampler_model.data.scenes.gltf.motions import Course, wave
