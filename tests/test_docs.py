@@ -18,6 +18,7 @@ from typer.testing import CliRunner
 import supersampler.methods
 import supersampler_model.methods
 from supersampler.cli import app
+from supersampler.methods import registry
 from supersampler.methods.model_file import find_model
 
 ROOT = Path(__file__).parents[1]
@@ -43,13 +44,14 @@ def test_the_page_on_adding_a_method_adds_one(tmp_path: Path, monkeypatch: pytes
     for path, text in files:
         (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / path).write_text(text, encoding="utf-8")
+    (tmp_path / files[0][0]).with_name("__init__.py").write_text("")
     monkeypatch.chdir(tmp_path)
+    registry.methods()
+    monkeypatch.setattr(registry, "_registered", {**registry._registered})
     sdk, model = supersampler.methods, supersampler_model.methods
     monkeypatch.setattr(sdk, "__path__", [*sdk.__path__, "sdk/supersampler/methods"])
     monkeypatch.setattr(model, "__path__", [*model.__path__, "model/supersampler_model/methods"])
     try:
-        average = import_module("supersampler_model.methods.average.model").Average
-        monkeypatch.setitem(model.METHODS, "average", average)
         aovs = find_model("bilinear") / "aovs.onnx"  # as in all folders
         monkeypatch.setattr("supersampler_export.folder.aovs_graph", aovs.read_bytes)
         exported = CliRunner().invoke(app, ["export", "average", "-o", "average"])

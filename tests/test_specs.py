@@ -12,13 +12,11 @@ import numpy as np
 import pytest
 
 from supersampler.methods.aovs.spec import AOVS
-from supersampler.methods.classifier.spec import CLASSIFIER, ClassifierConfig
-from supersampler.methods.extrapolation.spec import EXTRAPOLATE_UNSHADED, GUIDED_WARP, GuidedWarpConfig
+from supersampler.methods.extrapolation.spec import EXTRAPOLATE_UNSHADED
 from supersampler.methods.model_file import read_model_info
+from supersampler.methods.registry import methods
 from supersampler.methods.spec import MethodSpec, constant_indices, constants_array, constants_of
-from supersampler.methods.taa.spec import TAA, TaaConfig
-from supersampler.methods.taau.spec import TAAU, TaauConfig
-from supersampler_model.methods import LEARNED, METHODS
+from supersampler_model.methods import method_class
 from supersampler_model.methods.aovs import BlendAovs
 from supersampler_model.methods.base import Method
 from supersampler_model.methods.extrapolation.joint import UnshadedExtrapolate
@@ -26,20 +24,16 @@ from supersampler_model.methods.extrapolation.joint import UnshadedExtrapolate
 ROOT = Path(__file__).parents[1]
 MODELS = ROOT / "sdk/supersampler/models"
 ALL: dict[str, type[Method]] = {
-    **METHODS,
-    **LEARNED,
+    **{name: method_class(name) for name in methods()},
     EXTRAPOLATE_UNSHADED.name: UnshadedExtrapolate,
     AOVS.name: BlendAovs,
 }
 PACKAGES = ("sdk/supersampler", "model/supersampler_model", "export/supersampler_export")
 SHARED_SPEC = Path("sdk/supersampler/methods/at_rest.py")  # of methods that converge
 METHOD_FOLDERS = ("model/supersampler_model/methods",)
-KERNELS = (TAA, TAAU, CLASSIFIER, GUIDED_WARP)  # methods that have some
+KERNELS = [spec for spec in methods().values() if spec.cpu]
 FACTS = {field.name for field in dataclasses.fields(MethodSpec)}
-CONSTANTS = {
-    field.name for config in (TaaConfig, TaauConfig, ClassifierConfig, GuidedWarpConfig)
-    for field in dataclasses.fields(config)
-}  # fmt: skip
+CONSTANTS = {field.name for spec in KERNELS for field in dataclasses.fields(spec.config)}
 HISTORY = {name for method in ALL.values() for name in method.spec.history}
 EXTENTS = {"RENDER", "PREVIOUS", "SHADED", "EARLIER", "BETWEEN", "DISPLAY", "HALF"}
 TEXT_OF_EXTENTS = {f"{name.lower()}_{side}" for name in EXTENTS for side in ("height", "width")}

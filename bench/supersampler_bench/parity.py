@@ -17,6 +17,7 @@ from supersampler.errors import ArgumentError, DeviceError
 from supersampler.frame import Float32, Size
 from supersampler.io.display import display_transform
 from supersampler.methods.model_file import find_model, read_model_info
+from supersampler.methods.registry import methods
 from supersampler.model import ExecutorName, Precision
 from supersampler_bench.compatibility import gbuffers_of
 from supersampler_bench.markdown_table import size_text, table
@@ -24,9 +25,7 @@ from supersampler_bench.record import Record
 from supersampler_bench.shots.rendered_frame import rendered_sequence
 from supersampler_export.half import to_half
 from supersampler_model.data.renderer.renderer import Renderer
-from supersampler_model.methods import LEARNED, METHODS
-from supersampler_model.methods.base import Method
-from supersampler_model.methods.weights_file import load_trained, shipped_weights
+from supersampler_model.methods import load_method
 from supersampler_model.ops.size import Size as Extent
 
 SIZES: Sequence[tuple[Size, Size]] = (((160, 90), (320, 180)), ((107, 61), (160, 91)))
@@ -122,7 +121,7 @@ def _agreement(method: str, runs: str, render: Size, display: Size, found: Any) 
 
 def _steppers(method: str, render: Size, display: Size) -> Iterator[tuple[str, Step]]:
     yield "torch", stepper_of_torch(method, render, display)
-    if method in LEARNED:
+    if methods()[method].task:
         yield "torch, fp16", stepper_of_torch(method, render, display, half=True)
     for executor, precision in RUNS:
         try:
@@ -133,20 +132,13 @@ def _steppers(method: str, render: Size, display: Size) -> Iterator[tuple[str, S
         yield f"{executor}, {model.precision}", upscaler.step
 
 
-def method_of(name: str) -> Method:
-    """Return the torch module of a shipped method."""
-    learned = LEARNED.get(name)
-    method: Method = METHODS[name]() if learned is None else learned.of(load_trained(shipped_weights(name)))
-    return method.eval()
-
-
 def stepper_of_torch(name: str, render: Size, display: Size, *, half: bool = False) -> Step:
     """Return the step of a shipped method in torch, with a history of its own; `half`: in half floats.
 
     Raises:
         ArgumentError: the method has no network, and thus no half precision.
     """
-    method = method_of(name)
+    method = load_method(name)
     if half:
         lowered = to_half(method)
         if lowered is None:

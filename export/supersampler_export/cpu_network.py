@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from supersampler.methods.classifier.spec import CLASSES, ClassifierConfig
-from supersampler.methods.classifier.variant import CONFIGURED
-from supersampler.methods.spec import constants_of
+from supersampler.methods.spec import constants_of, flags_of
 from supersampler_export.calibrate import calibrated
 from supersampler_export.quantize import BLOCK, KEPT, quantized
 from supersampler_model.methods.base import Method
@@ -21,7 +20,7 @@ def cpu_network(method: Method) -> bytes | None:
     if not isinstance(method, Classifier) or type(method.net) is not ClassifierNetwork:
         return None
     # the fields that kernels read or are compiled for; the others must have their defaults
-    names = "network", *constants_of(method.spec), *CONFIGURED
+    names = "network", *constants_of(method.spec), *flags_of(method.spec)
     constants = {name: getattr(method.config, name) for name in names}
     if method.config != replace(type(method.config)(), **constants) or not _fits(method.config):
         return None

@@ -9,16 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.arguments import checked_path
-from supersampler.backends.onnx.extrapolation import ExtrapolationExecutor, OnnxExtrapolation
-from supersampler.backends.onnx.providers import CPU
 from supersampler.backends.onnx.session import frame_inputs
 from supersampler.errors import ArgumentError, FrameError, ModelError
 from supersampler.frame import Float32, Frame
 from supersampler.methods.array_spec import checked_arrays
-from supersampler.methods.cpu_backends import cpu_extrapolation
+from supersampler.methods.executors import ExecutorName, choose_extrapolation
 from supersampler.methods.gbuffers import check_gbuffers
 from supersampler.methods.model_file import extrapolation_names, find_model, read_model_info
-from supersampler.model import ExecutorName
 
 MOTION, SHADED_MOTION = "motion", "shaded_motion"
 """History tensors: motion from the previous frame back to the last shaded one; that frame's own motion."""
@@ -71,9 +68,7 @@ class Extrapolator:
                 f"{self.info.method!r} upscales, and extrapolates no unshaded frames; "
                 f"extrapolation takes {' or '.join(extrapolation_names())}, or a model folder like those."
             )
-        on_cpu = executor != "onnx" and list(providers) == [CPU]
-        kernels = cpu_extrapolation(self.info, threads, required=executor == "cpu") if on_cpu else None
-        self._executor: ExtrapolationExecutor = kernels or OnnxExtrapolation(self.info, providers, threads)
+        self._executor = choose_extrapolation(self.info, providers, threads, executor)
         self.executor = self._executor.name
 
     def after_shaded(self, frame: Frame, history: ShadedHistory | None = None) -> ShadedHistory:

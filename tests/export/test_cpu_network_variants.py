@@ -8,8 +8,9 @@ import pytest
 
 from noise import Size, noise
 from random_networks import TINY, Made, compare, step_both, with_random_weights
-from supersampler.methods.classifier.spec import ClassifierConfig
-from supersampler.methods.classifier.variant import CONFIGURED, Variant
+from supersampler.methods.classifier.spec import CLASSIFIER, ClassifierConfig
+from supersampler.methods.classifier.variant import Variant
+from supersampler.methods.spec import flags_of
 from supersampler_model.methods.classifier.model import Classifier
 
 VARIANTS = [
@@ -20,7 +21,7 @@ VARIANTS = [
 
 @pytest.fixture(scope="module", params=VARIANTS, ids=lambda variant: variant.kernel("with"))
 def made(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Made:
-    config = ClassifierConfig(network=TINY, **{n: getattr(request.param, n) for n in CONFIGURED})
+    config = ClassifierConfig(network=TINY, **{n: getattr(request.param, n) for n in flags_of(CLASSIFIER)})
     return with_random_weights(Classifier(config), tmp_path_factory.mktemp("model"))
 
 

@@ -21,9 +21,9 @@ from supersampler import Frame, Model, StepResult, SupersamplerError, Upscaler
 from supersampler.cli import app
 from supersampler.methods.model_file import CONTRACT, find_model, read_model_info
 from supersampler.methods.model_info import EXTRAPOLATED
+from supersampler.methods.registry import methods
 from supersampler.methods.spec import MethodSpec
 from supersampler_export import folder as folder_module
-from supersampler_export.cli import load_method, shipped_methods
 from supersampler_export.count import multiply_adds, multiply_adds_of
 from supersampler_export.cpu_network import cpu_network
 from supersampler_export.folder import describe, model_card, write_model_folder
@@ -37,12 +37,15 @@ from supersampler_export.parity import (
     sizes_of,
     tolerance_of_half,
 )
-from supersampler_model.methods import LEARNED
+from supersampler_model.methods import load_method
 from supersampler_model.methods.base import Method
 from supersampler_model.methods.classifier_paper.model import PaperClassifier
 from supersampler_model.methods.spatial.model import Bilinear
 from supersampler_model.methods.weights_file import Trained, save_trained
 from supersampler_model.ops.size import Size
+
+SHIPPED = [name for name, spec in methods().items() if spec.ships]
+LEARNED = [name for name in SHIPPED if methods()[name].task]
 
 
 @pytest.fixture(autouse=True)
@@ -62,7 +65,7 @@ def bilinear_traced_once(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(folder_module, "export_graph", lambda _: onnx.load_from_string(_bilinear_graph()))
 
 
-@pytest.mark.parametrize("name", shipped_methods())
+@pytest.mark.parametrize("name", SHIPPED)
 def test_the_shipped_folder_says_what_the_exporter_says_today(name: str) -> None:
     folder, method = find_model(name), load_method(name)
     inner = method.on_extrapolated()
@@ -74,7 +77,7 @@ def test_the_shipped_folder_says_what_the_exporter_says_today(name: str) -> None
         assert made == written, f"run: supersampler export {name} -o {folder}"
 
 
-@pytest.mark.parametrize("name", shipped_methods())
+@pytest.mark.parametrize("name", SHIPPED)
 def test_the_shipped_card_says_what_the_exporter_says_today(name: str) -> None:
     folder = find_model(name)
     shipped, graph = json.loads((folder / "model.json").read_text()), onnx.load(folder / "step.onnx")
@@ -92,7 +95,7 @@ def test_the_network_in_bytes_is_what_the_exporter_writes_today(name: str) -> No
         np.testing.assert_array_equal(fresh[array], shipped[array])
 
 
-@pytest.mark.parametrize("name", shipped_methods())
+@pytest.mark.parametrize("name", SHIPPED)
 def test_the_shipped_graph_computes_what_torch_computes_at_sizes_not_traced(name: str) -> None:
     session = ort.InferenceSession(find_model(name) / "step.onnx", providers=["CPUExecutionProvider"])
     method = load_method(name)
@@ -100,7 +103,7 @@ def test_the_shipped_graph_computes_what_torch_computes_at_sizes_not_traced(name
         assert compare(method, session, render, display).difference <= TOLERANCE
 
 
-@pytest.mark.parametrize("name", [name for name in LEARNED if name in shipped_methods()])
+@pytest.mark.parametrize("name", LEARNED)
 def test_the_shipped_graph_in_half_precision_computes_what_torch_computes(name: str) -> None:
     path = find_model(name) / "step.fp16.onnx"
     check_portable(onnx.load(path))
@@ -110,7 +113,7 @@ def test_the_shipped_graph_in_half_precision_computes_what_torch_computes(name: 
         assert compare(method, session, render, display).difference <= tolerance_of_half(method)
 
 
-@pytest.mark.parametrize("name", shipped_methods())
+@pytest.mark.parametrize("name", SHIPPED)
 def test_a_shipped_graph_is_portable_and_says_what_it_is(name: str) -> None:
     model = onnx.load(find_model(name) / "step.onnx")
     check_portable(model)
@@ -118,7 +121,7 @@ def test_a_shipped_graph_is_portable_and_says_what_it_is(name: str) -> None:
     assert metadata == {"supersampler.contract": str(CONTRACT), "supersampler.method": name}
 
 
-@pytest.mark.parametrize("name", shipped_methods())
+@pytest.mark.parametrize("name", SHIPPED)
 def test_the_description_names_every_tensor_of_the_graph(name: str) -> None:
     info = read_model_info(find_model(name))
     graph = onnx.load(info.steps["fp32"]).graph
@@ -133,7 +136,7 @@ def test_the_description_names_every_tensor_of_the_graph(name: str) -> None:
         assert helper.tensor_dtype_to_np_dtype(value.type.tensor_type.elem_type) == np.dtype(tensor.type)
 
 
-@pytest.mark.parametrize("name", [name for name in LEARNED if name in shipped_methods()])
+@pytest.mark.parametrize("name", LEARNED)
 def test_the_shipped_network_is_the_learned_part_of_the_method(name: str) -> None:
     fused = load_method(name).fused()
     assert fused is not None
@@ -142,7 +145,7 @@ def test_the_shipped_network_is_the_learned_part_of_the_method(name: str) -> Non
     check_fused(fused, path.read_bytes())
 
 
-@pytest.mark.parametrize("name", [name for name in LEARNED if name in shipped_methods()])
+@pytest.mark.parametrize("name", LEARNED)
 def test_the_shipped_network_has_as_many_multiply_adds_as_torch_counts(name: str) -> None:
     fused = load_method(name).fused()
     assert fused is not None

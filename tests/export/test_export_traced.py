@@ -14,12 +14,14 @@ import pytest
 from onnxscript import rewriter
 
 from supersampler.methods.model_file import find_model, model_names
-from supersampler_export.cli import load_method, shipped_methods
+from supersampler.methods.registry import methods
 from supersampler_export.folder import aovs_graph
 from supersampler_export.graph import export_graph
+from supersampler_model.methods import load_method
 
+SHIPPED = [name for name, spec in methods().items() if spec.ships]
 ALL = "SUPERSAMPLER_TRACES" in os.environ
-TRACED = shipped_methods() if ALL else ["bilinear", "bicubic", "taau", "classifier"]
+TRACED = SHIPPED if ALL else ["bilinear", "bicubic", "taau", "classifier"]
 """`make traces` takes all. Tracing takes 20 to 70 seconds: a graph is traced only where a source of it is not
 the recorded one. Of the other methods, test_export compares the images with torch."""
 RECORD = Path(__file__).with_name("traced.json")

@@ -14,11 +14,11 @@ from hostile_frames import RENDER, display_of, frames
 from supersampler.backends.onnx.runtime import ort
 from supersampler.methods.model_file import find_model
 from supersampler_export import parity
-from supersampler_export.cli import load_method
 from supersampler_export.graph import ExportError
 from supersampler_export.half import to_half, without_detours
 from supersampler_export.parity import check_half
 from supersampler_export.slices import joined_slices
+from supersampler_model.methods import load_method
 from supersampler_model.methods.base import Method
 from supersampler_model.ops.color import MAX_HALF, least_divisor, limited
 from supersampler_model.ops.compositing import composite

@@ -16,8 +16,8 @@ from supersampler import Model, Shot
 from supersampler.backends.onnx.runtime import ort
 from supersampler.methods.model_file import find_model, model_names, read_model_info
 from supersampler_bench.compatibility import with_default_gbuffers
-from supersampler_export.cli import load_method
 from supersampler_export.quantized_graph import quantized_network
+from supersampler_model.methods import load_method
 
 NAMES = [name for name in model_names() if "int8" in read_model_info(find_model(name)).networks]
 DISPLAYS = [(321, 181), (322, 180)]

@@ -21,14 +21,14 @@ from supersampler.backends.gpu.memory import BufferSpec
 from supersampler.backends.gpu.program import ARRAYS, TEXTURES, GpuProgram
 from supersampler.cli.app import app
 from supersampler.errors import ArgumentError, ModelError, ShotError
-from supersampler.methods.gpu_backends import gpu_program
+from supersampler.methods.executors import gpu_program, with_shaders
 from supersampler.methods.model_file import read_upscaling_info
 from supersampler_export.shaders import translation
 from supersampler_export.shaders.folder import write_shader_folder
 from supersampler_export.shaders.targets import PLACE
 from supersampler_export.shaders.translation import TranslationError, translate
 
-METHODS = ["taa", "taau", "classifier", "classifier-small", "classifier-large"]
+METHODS = with_shaders()
 SHADERS = [
     Path(str(files("supersampler"))) / folder / "shaders"
     for folder in (

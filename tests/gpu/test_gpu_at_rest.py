@@ -15,11 +15,9 @@ from supersampler.backends.gpu.history import GpuHistory
 from supersampler.frame import Float32, Size
 from supersampler.io.display import display_transform
 from supersampler.methods.at_rest import NOISY
-from supersampler.methods.gpu_backends import gpu_program
+from supersampler.methods.executors import gpu_program
 from supersampler.methods.model_file import read_upscaling_info
-from supersampler_model.methods import LEARNED, METHODS
-from supersampler_model.methods.base import Method
-from supersampler_model.methods.weights_file import load_trained, shipped_weights
+from supersampler_model.methods import load_method
 
 RENDER, DISPLAY = (22, 14), (44, 28)
 PERIOD = 32
@@ -113,11 +111,7 @@ def shown(image: Float32, exposure: float | None = None) -> Float32:
     return display_transform(image, exposure or 1.0)
 
 
-@cache
-def module(method: str) -> Method:
-    learned = LEARNED.get(method)
-    made = METHODS[method]() if learned is None else learned.of(load_trained(shipped_weights(method)))
-    return made.eval()
+module = cache(load_method)
 
 
 def compare_steps(

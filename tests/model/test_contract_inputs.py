@@ -9,15 +9,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import Tensor
 
+from supersampler.methods.registry import methods
 from supersampler_export.parity import noise
-from supersampler_model.methods import LEARNED, METHODS
+from supersampler_model.methods import method_class
 from supersampler_model.methods.base import Method, Outputs
 from supersampler_model.ops.compositing import composite, reactive_at
 from supersampler_model.ops.sampling import grid_of
 from supersampler_model.ops.size import Size
 
 RENDER = Size(17, 11)
-ALL = {**METHODS, **LEARNED}
+ALL = {name: method_class(name) for name in methods()}
 TEMPORAL = [name for name, kind in ALL.items() if "reactive" in kind.inputs()]
 CONVERGING = [name for name, kind in ALL.items() if "adds_samples" in kind.inputs()]
 

@@ -13,7 +13,7 @@ from supersampler.backends.onnx.session import frame_inputs
 from supersampler.errors import ArgumentError
 from supersampler.frame import Float32
 from supersampler.methods.at_rest import AT_REST_HISTORY
-from supersampler_model.methods import LEARNED
+from supersampler.methods.registry import methods
 from supersampler_model.methods.base import Method
 from supersampler_model.methods.classifier.model import Classifier
 from supersampler_model.methods.extrapolation.guided_warp import GuidedWarp
@@ -124,7 +124,7 @@ def test_the_method_on_extrapolated_frames_has_the_same_history_and_asks_for_one
     assert {**Extrapolate.history, **AT_REST_HISTORY} == Classifier.history
     assert set(UnshadedExtrapolate.inputs()) - set(Extrapolate.inputs()) == {"gbuffer_base_color"}
     assert UnshadedExtrapolate.spec.only_extrapolated
-    assert UnshadedExtrapolate.name not in LEARNED
+    assert UnshadedExtrapolate.name not in methods()
 
 
 def test_weights_of_another_method_are_refused(weights: Trained) -> None:

@@ -8,7 +8,8 @@ import torch
 from torch import Tensor
 
 from supersampler.methods.gbuffer.spec import SMALL_NETWORK, GBufferNetworkConfig
-from supersampler_model.methods import LEARNED
+from supersampler.methods.registry import methods
+from supersampler_model.methods import method_class
 from supersampler_model.methods.gbuffer.buffers import Surfaces
 from supersampler_model.methods.gbuffer.model import GBuffer, SmallGBuffer
 from supersampler_model.methods.gbuffer.network import (
@@ -260,10 +261,10 @@ def test_values_out_of_range_count_as_unknown_and_those_in_range_are_kept(field:
     torch.testing.assert_close(made[..., 1:, :], values[..., 1:, :])
 
 
-@pytest.mark.parametrize("name", [name for name, method in LEARNED.items() if issubclass(method, GBuffer)])
+@pytest.mark.parametrize("name", [name for name in methods() if issubclass(method_class(name), GBuffer)])
 def test_a_method_of_one_ratio_has_a_network_of_that_ratio(name: str) -> None:
     ratio = 4 if name.endswith("4x") else 2
-    method = LEARNED[name]()
+    method = method_class(name)()
     assert isinstance(method, GBuffer)
     assert method.ratios == (method.config.ratio,) * 2 == (ratio, ratio)
 

@@ -1,20 +1,17 @@
-"""What a training run begins with is what the shipped weights were trained with."""
+"""The registry names all parts of each method; the defaults are the configuration of the shipped weights."""
 
 import pytest
 
 from supersampler.errors import ArgumentError
-from supersampler.methods import catalog
-from supersampler_model.methods import LEARNED, METHODS
+from supersampler.methods.model_file import extrapolation_names, model_names
+from supersampler.methods.registry import load, methods
+from supersampler_model.methods import learned_method, load_method, method_class
 from supersampler_model.methods.weights_file import load_trained, shipped_weights
-from supersampler_model.training.tasks import TASKS
-
-SHIPPED = [name for name in LEARNED if shipped_weights(name).exists()]
 
 
-@pytest.mark.parametrize("name", SHIPPED)
+@pytest.mark.parametrize("name", [name for name, spec in methods().items() if spec.weights])
 def test_the_default_configuration_is_that_of_the_shipped_weights(name: str) -> None:
-    shipped = LEARNED[name].of(load_trained(shipped_weights(name)))
-    assert LEARNED[name]().config == shipped.config
+    assert learned_method(name)().config == load_method(name).config
 
 
 def test_weights_of_another_version_are_refused_by_name() -> None:
@@ -23,12 +20,27 @@ def test_weights_of_another_version_are_refused_by_name() -> None:
     tensors = {name.replace("net.blend.", "net.mixing."): value for name, value in trained.tensors.items()}
     for old in (trained._replace(config=config), trained._replace(tensors=tensors)):
         with pytest.raises(ArgumentError, match=r"weights is of another version .*(around|mixing)"):
-            LEARNED["classifier-small"].of(old)
+            learned_method("classifier-small").of(old)
 
 
-def test_the_catalog_of_the_sdk_says_of_each_method_what_it_is() -> None:
-    assert {*catalog.FIXED} == {*METHODS}
-    assert {*catalog.LEARNED} == {*LEARNED} == {*TASKS}
-    assert {*catalog.UNTRAINED} == {*LEARNED} - {*SHIPPED}
-    for name, spec in {**catalog.FIXED, **catalog.LEARNED}.items():
-        assert spec is {**METHODS, **LEARNED}[name].spec
+@pytest.mark.parametrize("name", methods())
+def test_all_that_the_registry_names_is_there(name: str) -> None:
+    spec = methods()[name]
+    assert method_class(name).spec is spec
+    assert all(callable(load(entry)) for entry in (spec.task, spec.cpu, spec.gpu) if entry)
+
+
+def test_the_registry_names_all_released_weights_and_all_shipped_models() -> None:
+    named = {spec.weights for spec in methods().values() if spec.weights}
+    assert named == {path.name for path in shipped_weights("classifier").parent.iterdir()}
+    ships = [name for name, spec in methods().items() if spec.ships]
+    assert sorted(ships) == sorted([*model_names(), *extrapolation_names()])
+
+
+def test_a_method_that_is_not_there_or_learns_nothing_is_refused() -> None:
+    with pytest.raises(ArgumentError, match="Did you mean 'classifier'"):
+        method_class("clasifier")
+    with pytest.raises(ArgumentError, match="'taau'; want one of classifier,"):
+        learned_method("taau")
+    with pytest.raises(ArgumentError, match="none ship for gbuffer"):
+        load_method("gbuffer")

@@ -14,9 +14,9 @@ from supersampler import Frame, Model, Upscaler, halton_jitter
 from supersampler.frame import Float32
 from supersampler.io.display import display_transform
 from supersampler.methods.model_file import model_names
+from supersampler.methods.registry import methods
 from supersampler.methods.taa.spec import TaaConfig
 from supersampler_model.data.scenes.analytic import DiscOverPlane, Plane, Scene, checker, zone_plate
-from supersampler_model.methods import LEARNED
 from supersampler_model.methods.base import Method
 from supersampler_model.methods.taa.model import Taa
 from supersampler_model.ops.size import Size
@@ -83,7 +83,7 @@ def test_taau_beats_every_other_method_on_a_pan(velocity: tuple[float, float]) -
     scene = Plane(checker, velocity)
     score = {}
     for name in model_names():
-        if name in LEARNED:
+        if methods()[name].task:
             continue
         images = run(name, scene, 20)
         score[name] = np.mean([psnr(images[i], scene.truth(i, DISPLAY, 8)) for i in range(12, 20)])

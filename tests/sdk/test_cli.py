@@ -17,7 +17,7 @@ from supersampler.cli import app
 from supersampler.conventions import Conventions
 from supersampler.io.images import read_exr, write_exr
 from supersampler.io.shot import Shot, ShotWriter
-from supersampler.methods.catalog import FIXED, LEARNED, UNTRAINED
+from supersampler.methods.registry import methods
 from supersampler.upscaler import Upscaler
 from upscale_runs import interrupt_at
 
@@ -251,12 +251,12 @@ def test_help_of_a_tool_works_in_a_runtime_only_install(command: str) -> None:
     assert (marked in " ".join(done.stdout.split())) == (command != "render")
 
 
-@pytest.mark.parametrize("name", [*FIXED, *LEARNED])
+@pytest.mark.parametrize("name", methods())
 def test_info_knows_every_method_and_says_where_no_weights_ship(name: str) -> None:
     done = run("info", name)
     assert done.exit_code == 0
     assert re.search(rf"^method +{name}$", done.stdout, re.MULTILINE)
-    assert ("none ship" in done.stdout) == (name in UNTRAINED)
+    assert ("none ship" in done.stdout) == (not methods()[name].ships)
 
 
 @pytest.mark.parametrize(

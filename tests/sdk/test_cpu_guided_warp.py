@@ -12,7 +12,6 @@ from noise import Size, noise
 from supersampler import Frame, halton_jitter
 from supersampler.extrapolation import Extrapolator
 from supersampler.frame import Float32
-from supersampler.methods.extrapolation.cpu import GuidedWarpCpu
 from supersampler.methods.extrapolation.spec import GUIDED_WARP
 from supersampler.methods.model_file import find_model, read_model_info
 from supersampler.model import ExecutorName
@@ -180,5 +179,5 @@ def test_a_cpu_takes_kernels_unless_it_is_told_not_to(
 @pytest.mark.parametrize("changed", [{"taps": 3}, {"strides": [3, 1]}, {"strides": []}])
 def test_kernels_draw_with_no_settings_that_they_are_not_made_for(changed: dict[str, Any]) -> None:
     config = read_model_info(find_model("guided-warp")).config
-    assert GuidedWarpCpu.supports(config)
-    assert not GuidedWarpCpu.supports({**config, **changed})
+    assert GUIDED_WARP.kernels_support(config)
+    assert not GUIDED_WARP.kernels_support({**config, **changed})

@@ -18,8 +18,9 @@ from supersampler import Shot
 from supersampler.cli import app
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.integrations.web import PACKAGES, serving, site_files, write_site
-from supersampler.integrations.web.site import METHODS, page_files
+from supersampler.integrations.web.site import page_files
 from supersampler.io.images import read_exr
+from supersampler.methods.executors import with_shaders
 from web_page import FolderFiles
 
 BUDGET = 3_000_000
@@ -56,7 +57,7 @@ def own_files(site: Path) -> list[Path]:
 
 def test_all_that_the_page_loads_is_less_than_three_megabytes(site: Path) -> None:
     files = own_files(site)
-    assert {f"models/{method}/upscaler.json" for method in METHODS} <= {
+    assert {f"models/{method}/upscaler.json" for method in with_shaders()} <= {
         path.relative_to(site).as_posix() for path in files
     }
     assert sum(path.stat().st_size for path in files) < BUDGET

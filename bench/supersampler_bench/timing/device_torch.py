@@ -12,10 +12,10 @@ from supersampler.backends.onnx.session import frame_inputs
 from supersampler.errors import DeviceError
 from supersampler.frame import Size
 from supersampler_bench.compatibility import compatible
-from supersampler_bench.parity import method_of
 from supersampler_bench.timing.device import OnDevice
 from supersampler_bench.timing.latency import WARM_UP, frames_of, quantiles
 from supersampler_model.data.shots import render_size
+from supersampler_model.methods import load_method
 from supersampler_model.ops.size import Size as Extent
 
 
@@ -53,7 +53,7 @@ def measure_torch(
 
 @torch.no_grad()
 def _timed(name: str, compiled: bool, display: Size, frames: Sequence[Frame], steps: int) -> OnDevice:
-    method = method_of(name).to("cuda")
+    method = load_method(name).to("cuda")
     step: Callable[..., Any] = torch.compile(method.step) if compiled else method.step
     placed = [
         [  # the program reads `display_size`

@@ -10,8 +10,8 @@ from typing import Any, Literal
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.io.files import check_ours, remove_files, write_bytes
 from supersampler.io.json_fields import read_json
-from supersampler.methods.gpu_backends import gpu_program, with_shaders
-from supersampler.methods.model_file import model_names, read_upscaling_info
+from supersampler.methods.executors import gpu_program, with_shaders
+from supersampler.methods.model_file import read_upscaling_info
 from supersampler_export.shaders.description import FORMAT, ExportedPass, described, exported_passes
 from supersampler_export.shaders.targets import PLACE, SUFFIXES, Placed
 from supersampler_export.shaders.translation import Target, translate
@@ -66,7 +66,7 @@ def shader_files(
     info = read_upscaling_info(model)
     program = gpu_program(info)
     if program is None:
-        want = f"one with shaders: {with_shaders()}"
+        want = f"one with shaders: {', '.join(with_shaders())}"
         hint = "Without --target it is written for ONNX Runtime."
         raise ArgumentError("METHOD", got=repr(info.method), want=want, hint=hint)
     passes = exported_passes(program, images)
@@ -77,11 +77,6 @@ def shader_files(
     description = described(info, program, images, target, list(zip(passes, files, shaders, strict=True)))
     description["files"] = {name: hashlib.sha256(data).hexdigest() for name, data in content.items()}
     return {**content, DESCRIPTION: f"{_json(description)}\n".encode()}
-
-
-def models_with_shaders() -> list[str]:
-    """Return the names of the shipped models that have shaders."""
-    return [name for name in model_names() if gpu_program(read_upscaling_info(name)) is not None]
 
 
 def placed(passes: Sequence[ExportedPass], target: Target) -> list[Placed]:

@@ -1,39 +1,53 @@
 """The methods as torch modules: in each folder `model.py` has the stages, `network.py` the network.
 
-`METHODS` and `LEARNED` find the methods by name.
+`method_class` and `load_method` find them by name in `supersampler.methods.registry`.
 """
 
-from collections.abc import Mapping
+from pathlib import Path
+from typing import cast
 
+from supersampler.errors import ArgumentError, did_you_mean
+from supersampler.methods.registry import load, methods
 from supersampler_model.methods.base import Method
-from supersampler_model.methods.classifier.model import Classifier
-from supersampler_model.methods.classifier.small import SmallClassifier
-from supersampler_model.methods.classifier_large.model import LargeClassifier
-from supersampler_model.methods.classifier_paper.model import PaperClassifier
-from supersampler_model.methods.extrapolation.guided_flow import GuidedFlow
-from supersampler_model.methods.extrapolation.guided_warp import GuidedWarp
-from supersampler_model.methods.extrapolation.joint import Extrapolate
-from supersampler_model.methods.gbuffer.model import (
-    DepthGBuffer,
-    GBuffer,
-    GBuffer4,
-    SmallGBuffer,
-    SmallGBuffer4,
-)
-from supersampler_model.methods.gbuffer_fast.model import GuidedClassifier
 from supersampler_model.methods.learned import LearnedMethod
-from supersampler_model.methods.spatial.model import Bicubic, Bilinear
-from supersampler_model.methods.taa.model import Taa
-from supersampler_model.methods.taau.model import Taau
+from supersampler_model.methods.weights_file import load_trained, shipped_weights
 
-METHODS: Mapping[str, type[Method]] = {m.name: m for m in (Bilinear, Bicubic, Taa, Taau, GuidedWarp)}
-"""Methods without a network."""
-LEARNED: Mapping[str, type[LearnedMethod]] = {
-    m.name: m
-    for m in (
-        Classifier, SmallClassifier, LargeClassifier, PaperClassifier, Extrapolate,
-        GBuffer, GBuffer4, SmallGBuffer, SmallGBuffer4, DepthGBuffer,
-        GuidedClassifier, GuidedFlow,
-    )
-}  # fmt: skip
-"""Methods with a network: `LEARNED[name].of(load_trained(path))`."""
+
+def method_class(name: str) -> type[Method]:
+    """Return the torch module of a method.
+
+    Raises:
+        ArgumentError: there is no such method.
+    """
+    known = methods()
+    if name not in known:
+        want, hint = f"one of {', '.join(known)}", did_you_mean(name, known)
+        raise ArgumentError("METHOD", got=name, want=want, hint=hint)
+    return cast("type[Method]", load(known[name].torch))
+
+
+def learned_method(name: str) -> type[LearnedMethod]:
+    """Return the torch module of a method with a network.
+
+    Raises:
+        ArgumentError: there is no such method, or nothing in it is learned.
+    """
+    method = method_class(name)
+    if not issubclass(method, LearnedMethod):
+        want = f"one of {', '.join(name for name, spec in methods().items() if spec.task)}"
+        raise ArgumentError("METHOD", got=name, want=want)
+    return method
+
+
+def load_method(name: str, weights: Path | None = None) -> Method:
+    """Return a method in evaluation mode, with the weights of a file, or with the released ones.
+
+    Raises:
+        ArgumentError: there is no such method, it has no weights, or the file has none of it.
+    """
+    method = method_class(name)
+    if issubclass(method, LearnedMethod):
+        return method.of(load_trained(weights or shipped_weights(name)))
+    if weights is not None:
+        raise ArgumentError("--weights", got=weights, want="none, as nothing in it is learned")
+    return method().eval()

@@ -11,6 +11,7 @@ from torch import Tensor
 
 from supersampler.errors import ArgumentError
 from supersampler.io.files import replacing
+from supersampler.methods.registry import find_method
 
 
 class Trained(NamedTuple):
@@ -30,8 +31,15 @@ class Trained(NamedTuple):
 
 
 def shipped_weights(method: str) -> Path:
-    """Path of a method's released weights; some methods have none, and the file does not exist."""
-    return Path(__file__).parents[1] / "weights" / f"{method}.safetensors"
+    """Return the path of a method's released weights.
+
+    Raises:
+        ArgumentError: it has none.
+    """
+    spec = find_method(method)
+    if spec is None or not spec.weights:
+        raise ArgumentError("--weights", got=None, want=f"a file, as none ship for {method}")
+    return Path(__file__).parents[1] / "weights" / spec.weights
 
 
 def save_trained(path: Path, trained: Trained) -> None:

@@ -1,4 +1,4 @@
 """Training of the learned methods: trainer, losses, crops, and a task file for each method.
 
-`tasks.TASKS` finds the tasks by name; `data.dataset` provides the data.
+`tasks.start_task` finds the task of a method; `data.dataset` provides the data.
 """

@@ -14,7 +14,7 @@ from supersampler.cli.arguments import open_shot
 from supersampler.cli.terminal import Terminal
 from supersampler.errors import ArgumentError, did_you_mean
 from supersampler.io.files import check_ours
-from supersampler.methods.catalog import LEARNED, listed_methods
+from supersampler.methods.registry import listed, methods
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -24,12 +24,13 @@ if TYPE_CHECKING:
     from supersampler_model.training.validate import Validated
 
 app = typer.Typer(help="Train a method that learns.", add_completion=False, rich_markup_mode=None)
+_LEARNED = {name: spec for name, spec in methods().items() if spec.task}
 _CONSOLE = Terminal(stderr=True)
 
 
 @app.command()
 def train(
-    name: Annotated[str, typer.Argument(metavar="METHOD", help=f"{listed_methods(LEARNED)}.")],
+    name: Annotated[str, typer.Argument(metavar="METHOD", help=f"{listed(_LEARNED.values())}.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the run.")],
     data: Annotated[list[Path] | None, typer.Option(help="Training set; any number of them.")] = None,
     shot: Annotated[list[Path] | None, typer.Option(help="Shot with references; any number.")] = None,
@@ -59,9 +60,9 @@ def train(
       supersampler train classifier --data data -o run
       supersampler train classifier --shot kitchen --init shipped -o kitchen-run --rate 1e-3
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
-    if name not in LEARNED:
-        hint = did_you_mean(name, LEARNED)
-        raise ArgumentError("METHOD", got=name, want=f"one of {', '.join(LEARNED)}", hint=hint)
+    if name not in _LEARNED:
+        hint = did_you_mean(name, _LEARNED)
+        raise ArgumentError("METHOD", got=name, want=f"one of {', '.join(_LEARNED)}", hint=hint)
     import torch
 
     from supersampler_model.data.dataset import open_dataset
@@ -73,7 +74,7 @@ def train(
         process_rank,
     )
     from supersampler_model.training.shots import dataset_of_shots
-    from supersampler_model.training.tasks import TASKS
+    from supersampler_model.training.tasks import start_task
     from supersampler_model.training.trainer import Plan, Trainer
     from supersampler_model.training.validate import validate, validation_entries
 
@@ -90,7 +91,7 @@ def train(
     if not any(dataset.entries("train") for dataset in datasets):
         raise ArgumentError("--data or --shot", got="neither", want="something to learn from")
     begin = shipped_weights(name) if init == "shipped" else init and Path(init)
-    task = TASKS[name](load_trained(begin) if begin else None)
+    task = start_task(name, load_trained(begin) if begin else None)
     learned = task.method.learned
     begun = {key: learned[key] for key in ("steps", "commit", "data") if key in learned}
     named = [] if attributions is None else _lines(attributions)

@@ -13,12 +13,12 @@ import torch
 from torch import Tensor
 
 from supersampler.errors import ArgumentError
+from supersampler.methods.registry import methods
 from supersampler_model.data.dataset import Dataset
-from supersampler_model.methods import LEARNED, METHODS
+from supersampler_model.methods import load_method
 from supersampler_model.methods.base import Method
 from supersampler_model.methods.extrapolation.guided_warp import GuidedWarp
 from supersampler_model.methods.extrapolation.joint import SURFACE, Extrapolate, packed_base_color
-from supersampler_model.methods.weights_file import load_trained, shipped_weights
 from supersampler_model.ops.size import Size
 from supersampler_model.training.class_loss import ClassifierWeights
 from supersampler_model.training.classifier_task import ClassifierTask
@@ -170,10 +170,7 @@ def _shipped(name: str) -> Method:
     Raises:
         ArgumentError: the method does not extrapolate, or its weights are missing.
     """
-    known = {**METHODS, **LEARNED}
-    if name not in known or not known[name].extrapolates():
-        want = f"one of {', '.join(n for n, method in known.items() if method.extrapolates())}"
-        raise ArgumentError("extrapolator", got=name, want=want)
-    if name in LEARNED:
-        return LEARNED[name].of(load_trained(shipped_weights(name)))
-    return METHODS[name]().eval()
+    known = [name for name, spec in methods().items() if spec.extrapolates]
+    if name not in known:
+        raise ArgumentError("extrapolator", got=name, want=f"one of {', '.join(known)}")
+    return load_method(name)

@@ -13,6 +13,7 @@ from supersampler.errors import ShotError, did_you_mean
 if TYPE_CHECKING:
     from supersampler.io.shot import Shot
     from supersampler.methods.model_info import ModelInfo, TensorInfo
+    from supersampler.methods.spec import MethodSpec
 
 
 def info(
@@ -28,24 +29,25 @@ def info(
       supersampler info renders/kitchen
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler.backends.gpu.device import adapter_text
-    from supersampler.methods.catalog import UNTRAINED
     from supersampler.methods.model_file import extrapolation_names, find_model, model_names, read_model_info
+    from supersampler.methods.registry import methods
 
+    untrained = {name: spec for name, spec in methods().items() if not spec.ships}
     models, extrapolations = model_names(), extrapolation_names()
     if what is None:
         _print_rows(
             {
                 "models": ", ".join(models),
                 "extrapolation": ", ".join(extrapolations),
-                "without weights": ", ".join(UNTRAINED),
+                "without weights": ", ".join(untrained),
                 "shots": "plaza",
                 "GPU": adapter_text(),
             }
         )
     elif what in [*models, *extrapolations] or (Path(what) / "model.json").is_file():
         _print_rows(_model_rows(read_model_info(find_model(what))))
-    elif what in UNTRAINED and not Path(what).exists():
-        _print_rows(_untrained_rows(what))
+    elif what in untrained and not Path(what).exists():
+        _print_rows(_untrained_rows(untrained[what]))
     elif (Path(what) / "dataset.json").is_file():
         _print_rows(import_module("supersampler_model.data.dataset.info").rows(Path(what)))
     else:
@@ -54,12 +56,12 @@ def info(
 
 def _opened(what: str) -> "Shot":
     """Open a shot; where it is missing, suggest names of methods, too."""
-    from supersampler.methods.catalog import FIXED, LEARNED
+    from supersampler.methods.registry import methods
 
     try:
         return open_shot(what)
     except ShotError as error:
-        hint = did_you_mean(what, (*FIXED, *LEARNED))
+        hint = did_you_mean(what, methods())
         raise ShotError(error.path, error.problem, hint or error.hint) from None
 
 
@@ -75,14 +77,13 @@ def _ratio_text(ratios: tuple[float, float]) -> str:
     return f"{text} (display over render size, each axis)"
 
 
-def _untrained_rows(name: str) -> dict[str, str]:
-    from supersampler.methods.catalog import UNTRAINED
+def _untrained_rows(method: "MethodSpec") -> dict[str, str]:
     from supersampler.methods.gbuffers import GBUFFERS, listed
 
-    method = UNTRAINED[name]
-    train, export = f"`supersampler train {name}`", f"`supersampler export {name} --weights FILE -o FOLDER`"
+    train = f"`supersampler train {method.name}`"
+    export = f"`supersampler export {method.name} --weights FILE -o FOLDER`"
     return {
-        "method": name,
+        "method": method.name,
         "source": method.source,
         "ratios": _ratio_text(method.ratios),
         "G-buffers": listed([name for name in method.inputs if name in GBUFFERS]),

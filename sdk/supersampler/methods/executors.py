@@ -1,18 +1,24 @@
-"""Choose the backend of a model."""
+"""Choose the backend of a model, and check that its kernels or shaders support the model."""
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Literal
+import os
+import warnings
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Literal
 
 from supersampler.backends.base import Executor
+from supersampler.backends.cpu.threads import ThreadPool
 from supersampler.backends.onnx.executor import OnnxExecutor
+from supersampler.backends.onnx.extrapolation import ExtrapolationExecutor, OnnxExtrapolation
 from supersampler.backends.onnx.providers import CPU
-from supersampler.errors import ArgumentError
-from supersampler.methods.cpu_backends import cpu_executor, cpu_onnx_executor
-from supersampler.methods.gpu_backends import gpu_executor
+from supersampler.errors import ArgumentError, BackendWarning, KernelError
 from supersampler.methods.model_info import ModelInfo
+from supersampler.methods.registry import find_method, load, methods
+from supersampler.methods.spec import MethodSpec, constants_of, flags_of
 
 if TYPE_CHECKING:
     import wgpu
+
+    from supersampler.backends.gpu.program import GpuProgram
 
 ExecutorName = Literal["auto", "onnx", "cpu", "cpu+onnx", "gpu"]
 Precision = Literal["auto", "fp32", "fp16", "int8"]
@@ -30,16 +36,16 @@ def choose_executor(
 ) -> Executor:
     """Return the backend that `Model.load` describes; see there for arguments and errors."""
     if executor == "gpu":
-        return gpu_executor(info, precision, capture=capture, device=device)
+        return _gpu_executor(info, precision, capture=capture, device=device)
     if device is not None:
         raise ArgumentError("device", got=f"given with {executor=}", want="executor='gpu'")
     if executor == "cpu+onnx":
         if capture:
             raise ArgumentError("capture", got=f"True with {executor=}", want="executor='onnx'")
-        return cpu_onnx_executor(info, providers, threads, precision)
+        return _cpu_onnx_executor(info, providers, threads, precision)
     if executor != "onnx" and not capture and list(providers) == [CPU]:
         required = executor == "cpu" or precision == "int8"
-        kernels = cpu_executor(info, threads, required=required)
+        kernels: Executor | None = _with_kernels(info, threads, required=required)
         if kernels is not None and precision in ("auto", kernels.precision):
             return kernels
     kind = "fp32" if precision == "auto" else precision
@@ -48,3 +54,134 @@ def choose_executor(
         want = f"what {info.method!r} has: a graph in {' or '.join(info.steps)}, or kernels, on the CPU"
         raise ArgumentError("executor", got=got, want=want, hint="Only graphs are captured." * capture)
     return OnnxExecutor(info, threads, providers, kind, capture=capture)
+
+
+def choose_extrapolation(
+    info: ModelInfo, providers: Sequence[str], threads: int, executor: ExecutorName
+) -> ExtrapolationExecutor:
+    """Return the backend of a model that extrapolates unshaded frames.
+
+    Raises:
+        KernelError: kernels cannot be compiled, and `executor` is "cpu".
+        ModelError, ProviderError: ONNX Runtime cannot load the graph, or the provider cannot start.
+    """
+    if executor != "onnx" and list(providers) == [CPU]:
+        kernels: ExtrapolationExecutor | None = _with_kernels(info, threads, required=executor == "cpu")
+        if kernels is not None:
+            return kernels
+    return OnnxExtrapolation(info, providers, threads)
+
+
+def gpu_program(info: ModelInfo) -> "GpuProgram | None":
+    """Return passes, memory and weights of a model's step on a GPU; None where it has no shaders.
+
+    Raises:
+        ModelError: a constant is out of its range, or the weights cannot be read.
+    """
+    spec = _supported(info)
+    if spec is None or not spec.gpu:
+        return None
+    _check_constants(info, spec)
+    program: GpuProgram = load(spec.gpu)(info)
+    return program
+
+
+def with_shaders() -> list[str]:
+    """Return the names of the shipped methods that have shaders."""
+    return [name for name, spec in methods().items() if spec.gpu and spec.ships]
+
+
+def _gpu_executor(
+    info: ModelInfo, precision: Precision, *, capture: bool, device: "wgpu.GPUDevice | None"
+) -> Executor:
+    program = gpu_program(info)
+    if program is None:
+        want = f"'onnx' for {info.method!r}: {', '.join(with_shaders())} have shaders"
+        raise ArgumentError("executor", got="'gpu'", want=want)
+    if precision not in ("auto", program.precision):
+        want = f"'auto' or {program.precision!r} on the GPU"
+        raise ArgumentError("precision", got=repr(precision), want=want)
+    if capture:
+        raise ArgumentError("capture", got=True, want="False", hint="Only graphs are captured.")
+    from supersampler.backends.gpu.executor import GpuExecutor
+
+    return GpuExecutor(program, device)
+
+
+def _cpu_onnx_executor(
+    info: ModelInfo, providers: Sequence[str], threads: int, precision: Precision
+) -> Executor:
+    """Return the CPU backend of a classifier whose network runs in ONNX Runtime."""
+    spec, kind = _supported(info), "fp32" if precision == "auto" else precision
+    if spec is None or not spec.cpu or kind not in info.networks:
+        got = f"'cpu+onnx' with {precision=} for {info.method!r}"
+        want = "a classifier, whose network is in fp32 (network.onnx) or int8 (network.int8.onnx)"
+        raise ArgumentError("executor", got=got, want=want)
+    _check_constants(info, spec)
+    from supersampler.methods.classifier.onnx_network import NetworkSession
+    from supersampler.methods.classifier.variant import Variant
+
+    session = NetworkSession(info, kind, providers, threads, Variant.of(info.config).blend_parameters)
+    executor: Executor = load(spec.cpu)(info, ThreadPool(threads or _core_count()), session)
+    return executor
+
+
+_warned: list[str] = []
+
+
+def _with_kernels(info: ModelInfo, threads: int, *, required: bool) -> Any:
+    """Return the CPU backend of a model; None where it has no kernels, or they do not compile.
+
+    Raises:
+        KernelError: kernels cannot be compiled, and are required.
+
+    Warns:
+        BackendWarning: kernels cannot be compiled; once in a process.
+    """
+    spec = _supported(info)
+    if spec is None or not spec.cpu:
+        return None
+    _check_constants(info, spec)
+    try:
+        return load(spec.cpu)(info, ThreadPool(threads or _core_count()))
+    except KernelError as error:
+        if required:
+            raise
+        if not _warned:
+            _warned.append(str(error))
+            warnings.warn(
+                f"{error}. Steps run in ONNX Runtime instead: same images, several times slower, and tiles "
+                "that stand still are not reused. `pip install numba` brings the kernels back.",
+                BackendWarning,
+                stacklevel=2,
+            )
+        return None
+
+
+def _supported(info: ModelInfo) -> MethodSpec | None:
+    """Return the spec of a model's method; None where its kernels and shaders do not compute this model."""
+    spec = find_method(info.method)
+    if spec is None or not info.files.keys() >= {*spec.kernel_files}:
+        return None
+    if not spec.kernels_support(info.config):
+        return None
+    shapes = {h.input.name: h.input.shape for h in info.history}
+    outputs = {tensor.name for tensor in info.aux_outputs}
+    return spec if shapes == spec.graph_history and outputs <= {*spec.aux_outputs} else None
+
+
+def _check_constants(info: ModelInfo, spec: MethodSpec) -> None:
+    """Raise ModelError where a constant of model.json is not in the range that the kernels support."""
+    config: Mapping[str, Any] = info.config
+    for name, (low, high) in constants_of(spec).items():
+        if type(config.get(name)) not in (int, float) or not low <= config[name] <= high:
+            raise info.config_error(name, config.get(name), f"a number from {low:g} to {high:g}")
+    for name in flags_of(spec):
+        if type(config.get(name)) is not bool:
+            raise info.config_error(name, config.get(name), "true or false")
+
+
+def _core_count() -> int:
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1

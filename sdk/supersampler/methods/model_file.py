@@ -19,6 +19,7 @@ from supersampler.methods.model_info import (
     TensorInfo,
     has_render_size,
 )
+from supersampler.methods.registry import find_method
 from supersampler.methods.spec import MapOf
 
 CONTRACT = 4
@@ -66,10 +67,8 @@ def find_model(name_or_path: str | Path) -> Path:
         raise ModelError(
             f"the package's data files are missing: {_shipped()} has no model. {INCOMPLETE_PACKAGE}"
         )
-    from supersampler.methods.catalog import UNTRAINED  # imports all specs, which a session does not need
-
     known = [*model_names(), *extrapolation_names()]
-    hint = f"No weights of it ship: `supersampler info {name}`." if name in UNTRAINED else ""
+    hint = f"No weights of it ship: `supersampler info {name}`." if find_method(name) else ""
     raise ModelError(
         f"no model {shown(name)}: it is neither one of {', '.join(known)} "
         "nor a folder with a model.json. `supersampler export METHOD -o FOLDER` writes one. "

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from supersampler.conventions.jitter import only_ratio
+from supersampler.errors import ModelError
 from supersampler.frame import Size
 from supersampler.methods.array_spec import ArraySpec, values_of
 from supersampler.methods.at_rest import AT_REST_HISTORY, block_count, phase_count
@@ -145,6 +146,10 @@ class ModelInfo:
     def only_ratio(self) -> float | None:
         """The only ratio of display to render size; None where there is a range."""
         return only_ratio(self.ratios)
+
+    def config_error(self, name: str, value: Any, want: str) -> ModelError:
+        """Return the error for a constant that kernels do not support."""
+        return ModelError(f"{self.folder / 'model.json'}: config.{name} is {value!r:.60}; want {want}.")
 
     @property
     def aovs_path(self) -> Path:

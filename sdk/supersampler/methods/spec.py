@@ -1,11 +1,11 @@
 """`MethodSpec`: a method's name, tensor shapes, ratios, outputs and constants, for all backends and training.
 
-Each method has a `spec.py` in its folder with a `MethodSpec` and a frozen dataclass of its constants.
-Constants that kernels use are annotated with their range: `gamma: Number = 1.0`.
+The `spec.py` in each method's folder registers a `MethodSpec` (see `registry`) with a frozen dataclass of
+constants. Constants that kernels use are annotated with their range: `gamma: Number = 1.0`.
 """
 
 from collections import namedtuple
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any, NamedTuple, get_args, get_type_hints
 
@@ -95,6 +95,10 @@ Share = Annotated[float, Range(0.0, 1.0)]
 """A fraction or weight."""
 
 
+Flag = Annotated[bool, "compiled"]
+"""An option for which kernels are compiled either way."""
+
+
 class MapOf(NamedTuple):
     """A map for debug views: `channels` channels of the graph's output `output`, from `first` on."""
 
@@ -108,9 +112,15 @@ class NoConstants:
     """Config of methods without constants."""
 
 
+def _any_config(_: Mapping[str, Any]) -> bool:
+    return True
+
+
 @dataclass(frozen=True, kw_only=True)
 class MethodSpec:
     """Description of one method.
+
+    The implementations are named, and imported when they are used: "package.module:name".
 
     Attributes:
         name: name for `Upscaler(name)`, and of its model folder.
@@ -125,6 +135,13 @@ class MethodSpec:
             sizes are exactly that many times the render size.
         only_extrapolated: whether it handles extrapolated frames only, for a method of shaded frames.
         config: frozen dataclass of its constants, with defaults.
+        torch: the torch module that defines the step.
+        task: the training task; "" where nothing is learned.
+        weights: file of the released weights in supersampler_model/weights; "" where none ship.
+        cpu: the class of the CPU backend; "" without kernels.
+        gpu: the function that returns the program of the GPU backend; "" without shaders.
+        kernel_files: files of the model folder that kernels and shaders read.
+        kernels_support: whether kernels and shaders compute the step with a config.
     """
 
     name: str
@@ -137,6 +154,23 @@ class MethodSpec:
     ratios: tuple[float, float] = (1.0, 4.0)
     only_extrapolated: bool = False
     config: type[Any] = NoConstants
+    torch: str = ""
+    task: str = ""
+    weights: str = ""
+    cpu: str = ""
+    gpu: str = ""
+    kernel_files: tuple[str, ...] = ()
+    kernels_support: Callable[[Mapping[str, Any]], bool] = _any_config
+
+    @property
+    def ships(self) -> bool:
+        """Whether the package has a model of it: no weights are needed, or they are released."""
+        return not self.task or bool(self.weights)
+
+    @property
+    def extrapolates(self) -> bool:
+        """Whether it extrapolates unshaded frames at render size instead of upscaling."""
+        return self.image[2:] == RENDER
 
     @property
     def graph_history(self) -> dict[str, Shape]:
@@ -155,6 +189,12 @@ def constants_of(spec: MethodSpec) -> dict[str, Range]:
     return {
         name: part for name, hint in hints.items() for part in get_args(hint)[1:] if isinstance(part, Range)
     }
+
+
+def flags_of(spec: MethodSpec) -> list[str]:
+    """Return the names of the options for which kernels are compiled."""
+    hints = get_type_hints(spec.config, include_extras=True)
+    return [name for name, hint in hints.items() if hint == Flag]
 
 
 def constants_array(spec: MethodSpec, config: Mapping[str, Any]) -> Float32:

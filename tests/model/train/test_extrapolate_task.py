@@ -27,7 +27,7 @@ from supersampler_model.training.extrapolate_task import ExtrapolateTask
 from supersampler_model.training.gbuffer_crops import GBufferRegion, unshaded_set
 from supersampler_model.training.sequence_runner import SequenceRunner
 from supersampler_model.training.task import State, Stepped
-from supersampler_model.training.tasks import TASKS
+from supersampler_model.training.tasks import start_task
 from supersampler_model.training.trainer import Plan, Trainer
 from supersampler_model.training.validate import validate, validation_entries
 
@@ -179,11 +179,11 @@ def test_validation_tells_shaded_frames_from_hidden_ones(data: Dataset, task: Ex
 
 def test_a_run_begins_with_a_classifier_or_goes_on_with_its_own_weights() -> None:
     weights = load_trained(shipped_weights("classifier-small"))
-    from_classifier = TASKS["extrapolate"](weights).method
+    from_classifier = start_task("extrapolate", weights).method
     assert from_classifier.learned == weights.facts
     own = Trained("extrapolate", asdict(SMALL), {"steps": 3}, Extrapolate(SMALL).state_dict())
-    assert TASKS["extrapolate"](own).method.learned == {"steps": 3}
-    assert TASKS["extrapolate"](None).method.learned == {}
+    assert start_task("extrapolate", own).method.learned == {"steps": 3}
+    assert start_task("extrapolate").method.learned == {}
 
 
 @pytest.mark.parametrize("name", ["taau", "nothing"])

@@ -36,7 +36,7 @@ from supersampler_model.training.flow_crops import (
 )
 from supersampler_model.training.flow_task import FlowTask
 from supersampler_model.training.frame_inputs import frame_inputs
-from supersampler_model.training.tasks import TASKS
+from supersampler_model.training.tasks import start_task
 from supersampler_model.training.validate import validate, validation_entries
 
 SIZE = 16
@@ -235,4 +235,4 @@ def test_a_run_writes_weights_and_says_how_it_compares(
     assert {"image", "psnr", "psnr_guided-warp"} <= rows[0].keys()
     assert "tpsnr" not in rows[0]
     trained = load_trained(tmp_path / "run" / "weights.safetensors")
-    assert TASKS["guided-flow"](trained).method.learned["steps"] == 2
+    assert start_task("guided-flow", trained).method.learned["steps"] == 2

@@ -12,7 +12,7 @@ from supersampler_model.methods.gbuffer.model import SmallGBuffer
 from supersampler_model.training import gbuffer_task
 from supersampler_model.training.crops import Sample
 from supersampler_model.training.gbuffer_task import GBufferTask, reflective_of
-from supersampler_model.training.tasks import TASKS
+from supersampler_model.training.tasks import start_task
 from supersampler_model.training.trainer import Plan, Trainer
 
 RATIO, SIZE = 2, 24
@@ -79,14 +79,14 @@ def test_states_go_from_frame_to_frame_and_gradients_reach_all_weights(
 
 def test_a_run_of_each_kind_begins(tmp_path: Path) -> None:
     dataset = gbuffer_data(tmp_path / "set", RATIO)
-    task = TASKS["gbuffer-small"](None)
+    task = start_task("gbuffer-small")
     trainer = Trainer(task, [dataset], Plan(steps=1, batch=1, frames=2, size=SIZE), tmp_path / "run")
     trainer.run()
     trained = trainer.trained({})
     assert trained.method == "gbuffer-small"
-    again = TASKS["gbuffer-small"](trained).method
+    again = start_task("gbuffer-small", trained).method
     assert again.learned["steps"] == 1
-    assert TASKS["gbuffer-small-4x"](None).config["ratio"] == 4
+    assert start_task("gbuffer-small-4x").config["ratio"] == 4
 
 
 def test_structure_is_a_mean_over_the_pixels_of_all_processes(

@@ -18,7 +18,7 @@ from supersampler_model.methods.weights_file import load_trained, shipped_weight
 from supersampler_model.training.crops import Sample
 from supersampler_model.training.gbuffer_crops import GBufferRegion, unshaded_set
 from supersampler_model.training.guided_task import GuidedTask
-from supersampler_model.training.tasks import TASKS
+from supersampler_model.training.tasks import start_task
 from supersampler_model.training.trainer import Plan, Trainer
 
 SIZE = 24
@@ -87,7 +87,7 @@ def test_the_reflectance_in_a_state_is_that_of_the_frame_just_stepped(
 
 def test_training_begins_with_the_weights_of_the_classifier_for_what_both_have() -> None:
     trained = load_trained(shipped_weights("classifier"))
-    theirs, ours = Classifier.of(trained), TASKS["gbuffer-fast"](trained).method
+    theirs, ours = Classifier.of(trained), start_task("gbuffer-fast", trained).method
     assert isinstance(ours, GuidedClassifier)
     first, own = (m.net.state_dict()["encoder.blocks.0.0.0.weight"] for m in (theirs, ours))
     places = [theirs.config.inputs.index(name) for name in ("sample", "edge")]
@@ -101,10 +101,10 @@ def test_training_begins_with_the_weights_of_the_classifier_for_what_both_have()
 
 
 def test_a_run_begins_and_ends_with_weights_of_the_method(data: Dataset, tmp_path: Path) -> None:
-    task = TASKS["gbuffer-fast"](None)
+    task = start_task("gbuffer-fast")
     trainer = Trainer(task, [data], Plan(steps=1, batch=1, frames=2, size=SIZE), tmp_path / "run")
     trainer.run()
-    assert TASKS["gbuffer-fast"](trainer.trained({})).method.learned["steps"] == 1
+    assert start_task("gbuffer-fast", trainer.trained({})).method.learned["steps"] == 1
 
 
 def test_sets_without_display_size_g_buffers_and_weights_of_other_methods_are_refused(

@@ -15,7 +15,7 @@ from supersampler_model.ops.sampling import View
 from supersampler_model.ops.size import Size
 from supersampler_model.training.crops import Sample
 from supersampler_model.training.large_task import LargeTask
-from supersampler_model.training.tasks import TASKS
+from supersampler_model.training.tasks import start_task
 from supersampler_model.training.trainer import Plan, Trainer
 from supersampler_model.training.validate import validate, validation_entries
 from torch_inputs import plain_inputs
@@ -63,7 +63,7 @@ def test_images_have_the_size_of_the_crops_and_states_are_larger(
 
 
 def test_a_crop_of_a_whole_frame_gives_the_image_that_the_method_gives() -> None:
-    task = TASKS["classifier-large"](load_trained(shipped_weights("classifier")))
+    task = start_task("classifier-large", load_trained(shipped_weights("classifier")))
     method, render, display = task.method, Size(16, 12), Size(32, 24)
     history, states = method.first_history(display, render), None
     generator = torch.Generator().manual_seed(0)

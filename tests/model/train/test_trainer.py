@@ -26,7 +26,7 @@ from supersampler_model.training.checkpoint import CHECKPOINT, load_checkpoint
 from supersampler_model.training.class_loss import ClassifierWeights
 from supersampler_model.training.classifier_task import ClassifierTask
 from supersampler_model.training.cli import update_and_save
-from supersampler_model.training.tasks import TASKS
+from supersampler_model.training.tasks import start_task
 from supersampler_model.training.trainer import Plan, Trainer, Update
 from supersampler_model.training.validate import validate
 
@@ -112,7 +112,7 @@ def test_every_classifier_learns_with_gradients_in_all_its_weights(
     dataset: Dataset, tmp_path: Path, method: type[Classifier]
 ) -> None:
     torch.manual_seed(0)
-    start, plan = TASKS[method.name](None), dataclasses.replace(PLAN, steps=2)
+    start, plan = start_task(method.name), dataclasses.replace(PLAN, steps=2)
     before = [p.clone() for p in start.method.parameters()]
     run = Trainer(start, [dataset], plan, tmp_path)
     run.run()

@@ -24,10 +24,9 @@ from supersampler.io.files import (
 from supersampler.io.images import encode_exr
 from supersampler.io.json_fields import Field, read_json
 from supersampler.io.shot import Shot
+from supersampler.methods.executors import with_shaders
 from supersampler.methods.model_file import shipped_model
 
-METHODS = ("classifier", "classifier-small", "classifier-large", "taau", "taa")
-"""The methods of the page: those that have shaders."""
 SHOT = "plaza"
 RECORD = "site.json"
 PACKAGES: Mapping[str, str] = {"three": "0.187.0", "onnxruntime-web": "1.30.0"}
@@ -70,7 +69,7 @@ def site_files(
     """
     page = page_files()
     found = {path.relative_to(page).as_posix(): path for path in page.rglob("*") if path.is_file()}
-    for method in METHODS:
+    for method in with_shaders():
         for name in ("model.json", "step.onnx"):
             found[f"onnx/{method}/{name}"] = shipped_model(method) / name
     for name, package in _packages(node_modules).items():
@@ -80,7 +79,7 @@ def site_files(
     files: dict[str, Callable[[], bytes]] = {name: partial(_content, path) for name, path in found.items()}
     for index in shot.reference_indices:
         files[f"shot/reference/{index:04d}.exr"] = cache(partial(_reference, shot, index))
-    for method in METHODS:
+    for method in with_shaders():
         for name, data in shader_files(method).items():
             files[f"models/{method}/{name}"] = partial(bytes, data)
     return files

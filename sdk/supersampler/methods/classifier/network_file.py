@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from supersampler.backends.cpu.layout import INPUT_PLANES, RECORD_WORDS
 from supersampler.errors import ModelError
 from supersampler.methods.array_spec import LARGEST, ArraySpec, checked_arrays
-from supersampler.methods.cpu_checks import wrong_constant
 from supersampler.methods.model_info import ModelInfo
 
 KEPT = (16, 8, 4, 4)  # bytes that each level has for a pixel among the decoder's 32
@@ -109,13 +108,11 @@ def _widths(info: ModelInfo) -> tuple[list[int], int, int]:
         )
     ):
         want = f"{len(KEPT)} multiples of {_LANES} up to {', '.join(map(str, most))}"
-        raise wrong_constant(info, "network.levels", levels, want)
+        raise info.config_error("network.levels", levels, want)
     if type(decoder) is not int or not 1 <= decoder <= _FEATURES or widths.get("decoder_layers") != 1:
-        raise wrong_constant(
-            info, "network.decoder", decoder, f"a number from 1 to {_FEATURES}, of one layer"
-        )
+        raise info.config_error("network.decoder", decoder, f"a number from 1 to {_FEATURES}, of one layer")
     if type(hidden) is not int or not 1 <= hidden <= _HIDDEN - _CLASSES:
-        raise wrong_constant(info, "network.hidden", hidden, f"a number from 1 to {_HIDDEN - _CLASSES}")
+        raise info.config_error("network.hidden", hidden, f"a number from 1 to {_HIDDEN - _CLASSES}")
     return list(levels), decoder, hidden
 
 

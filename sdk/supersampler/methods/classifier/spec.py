@@ -4,7 +4,18 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from supersampler.methods.at_rest import ADDS_SAMPLES, AT_REST_HISTORY, CONVERGED
-from supersampler.methods.spec import DISPLAY, FRAME_INPUTS, HALF, PREVIOUS, MapOf, MethodSpec, Number, Sigma
+from supersampler.methods.registry import register
+from supersampler.methods.spec import (
+    DISPLAY,
+    FRAME_INPUTS,
+    HALF,
+    PREVIOUS,
+    Flag,
+    MapOf,
+    MethodSpec,
+    Number,
+    Sigma,
+)
 
 CLASSES = 6
 """Of a pixel. Ghosting: none, visibility, shading; aliasing: none, geometry, texture."""
@@ -76,9 +87,9 @@ class ClassifierConfig:
     """Encoding of the sample count."""
     recurrent: bool = True
     """Whether the classes of the previous frame are network inputs."""
-    rectified: bool = True
+    rectified: Flag = True
     """Whether the clipped history is one of the blended colours."""
-    own_motion: bool = True
+    own_motion: Flag = True
     """Whether the history warped by each pixel's own motion is one of them."""
     tone_space: ToneSpace = "largest"
     """Tone curve of the blended colours."""
@@ -134,8 +145,8 @@ class SmallConfig(ClassifierConfig):
     network: NetworkConfig = field(
         default_factory=lambda: NetworkConfig(levels=(16, 32, 64, 128), decoder=16, hidden=26)
     )
-    rectified: bool = False
-    own_motion: bool = False
+    rectified: Flag = False
+    own_motion: Flag = False
 
 
 @dataclass(frozen=True)
@@ -169,22 +180,42 @@ BASE = MethodSpec(
     config=ClassifierConfig,
 )
 """What all methods with a classifier have."""
-CLASSIFIER = replace(
-    BASE,
-    inputs=(*BASE.inputs, ADDS_SAMPLES),
-    history={**BASE.history, **AT_REST_HISTORY},
-    aux_outputs=(*BASE.aux_outputs, "converged"),
-    maps={**BASE.maps, **CONVERGED},
+CLASSIFIER = register(
+    replace(
+        BASE,
+        inputs=(*BASE.inputs, ADDS_SAMPLES),
+        history={**BASE.history, **AT_REST_HISTORY},
+        aux_outputs=(*BASE.aux_outputs, "converged"),
+        maps={**BASE.maps, **CONVERGED},
+        torch="supersampler_model.methods.classifier.model:Classifier",
+        task="supersampler_model.training.classifier_task:ClassifierTask",
+        weights="classifier.safetensors",
+        cpu="supersampler.methods.classifier.cpu:ClassifierCpu",
+        gpu="supersampler.methods.classifier.gpu:classifier_program",
+        kernel_files=("network.npz",),
+    )
 )
-CLASSIFIER_SMALL = replace(CLASSIFIER, name="classifier-small", config=SmallConfig)
-CLASSIFIER_PAPER = replace(
-    BASE,
-    name="classifier-paper",
-    source="Guo, Chen, Dong and Tong 2022, supplement",
-    history={
-        **BASE.history,
-        "state": (1, 7, *DISPLAY),  # counter, least and most colour
-        "classes": (1, CLASSES, *DISPLAY),
-    },
-    config=PaperConfig,
+CLASSIFIER_SMALL = register(
+    replace(
+        CLASSIFIER,
+        name="classifier-small",
+        config=SmallConfig,
+        torch="supersampler_model.methods.classifier.small:SmallClassifier",
+        weights="classifier-small.safetensors",
+    )
+)
+CLASSIFIER_PAPER = register(
+    replace(
+        BASE,
+        name="classifier-paper",
+        source="Guo, Chen, Dong and Tong 2022, supplement",
+        history={
+            **BASE.history,
+            "state": (1, 7, *DISPLAY),  # counter, least and most colour
+            "classes": (1, CLASSES, *DISPLAY),
+        },
+        config=PaperConfig,
+        torch="supersampler_model.methods.classifier_paper.model:PaperClassifier",
+        task="supersampler_model.training.classifier_task:ClassifierTask",
+    )
 )

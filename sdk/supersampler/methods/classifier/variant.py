@@ -18,7 +18,7 @@ class Variant(NamedTuple):
     @classmethod
     def of(cls, config: Mapping[str, Any], *, guided: bool = False) -> Self:
         """Return that of a model."""
-        return cls(**{name: config[name] for name in CONFIGURED}, guided=guided)
+        return cls(**{name: config[name] for name in cls._fields[:2]}, guided=guided)
 
     @classmethod
     def with_parts(cls, *parts: str) -> Self:
@@ -73,7 +73,3 @@ class Variant(NamedTuple):
     def outputs(self) -> int:
         """Of the last layer: `blend_parameters` of four pixels, in eights."""
         return -(-4 * self.blend_parameters // 8) * 8
-
-
-CONFIGURED = Variant._fields[:2]
-"""Fields of `Variant` that are fields of ClassifierConfig."""

@@ -5,29 +5,35 @@ from dataclasses import dataclass, replace
 
 from supersampler.methods.at_rest import AT_REST_HISTORY
 from supersampler.methods.classifier.spec import BASE, CLASSIFIER, ClassifierConfig
-from supersampler.methods.spec import DISPLAY, HALF, LARGE, LARGE_HALF, Shape
+from supersampler.methods.registry import register
+from supersampler.methods.spec import DISPLAY, HALF, LARGE, LARGE_HALF, Flag, Shape
 
 SHARPNESS = 1.15
 """The Lanczos filter to the display is narrower than usual by this, as its input blurs a little, too."""
 REACH = 3
 """Pixels of the history on either side that the filter reads; its support is 2 / SHARPNESS display pixels."""
 _LARGER: Mapping[Shape, Shape] = {DISPLAY: LARGE, HALF: LARGE_HALF}
+_HISTORY = {name: (*shape[:2], *_LARGER.get(shape[2:], shape[2:])) for name, shape in BASE.history.items()}
 
 
 @dataclass(frozen=True)
 class LargeConfig(ClassifierConfig):
     """Without the clipped history among the blended colours: it gains too little for its time."""
 
-    rectified: bool = False
+    rectified: Flag = False
 
 
-CLASSIFIER_LARGE = replace(
-    CLASSIFIER,
-    name="classifier-large",
-    config=LargeConfig,
-    ratios=(1.0, 2.0),  # the history of `classifier` is up to three times the frame, this one 2.8 times
-    history={
-        **{name: (*shape[:2], *_LARGER.get(shape[2:], shape[2:])) for name, shape in BASE.history.items()},
-        **AT_REST_HISTORY,
-    },
+CLASSIFIER_LARGE = register(
+    replace(
+        CLASSIFIER,
+        name="classifier-large",
+        config=LargeConfig,
+        ratios=(1.0, 2.0),  # the history of `classifier` is up to three times the frame, this one 2.8 times
+        history={**_HISTORY, **AT_REST_HISTORY},
+        torch="supersampler_model.methods.classifier_large.model:LargeClassifier",
+        task="supersampler_model.training.large_task:LargeTask",
+        weights="classifier-large.safetensors",
+        cpu="supersampler.methods.classifier_large.cpu:LargeCpu",
+        gpu="supersampler.methods.classifier_large.gpu:large_program",
+    )
 )

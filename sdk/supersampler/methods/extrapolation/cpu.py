@@ -15,7 +15,6 @@ from supersampler.backends.cpu.threads import ThreadPool
 from supersampler.backends.cpu.workspaces import Workspaces
 from supersampler.backends.onnx.session import image_of
 from supersampler.frame import Float32, Frame, Size
-from supersampler.methods.cpu_checks import are_rings
 from supersampler.methods.extrapolation.spec import GUIDED_WARP
 from supersampler.methods.extrapolation.structs import ExtrapolationOutput, Rings, UnshadedFrame
 from supersampler.methods.model_info import ModelInfo
@@ -53,11 +52,6 @@ class GuidedWarpCpu:
         x, y = np.array(offsets, np.float32).T.copy()
         self._rings = Rings(x, y, np.array(strides, np.int32), len(strides))
         self._spaces = Workspaces(lambda shaded: _Space(shaded, pool.threads))
-
-    @staticmethod
-    def supports(config: Mapping[str, Any]) -> bool:
-        """Return whether the kernels support a GuidedWarpConfig: rings in ascending order, four taps."""
-        return config.get("taps") == 4 and are_rings(config.get("strides"))
 
     def upload(self, array: NDArray[Any]) -> NDArray[Any]:
         """See `ExtrapolationExecutor`."""

@@ -1,8 +1,11 @@
 """Definitions of the methods that extrapolate unshaded frames, and of the upscaler for such frames."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 from supersampler.methods.classifier.spec import BASE
+from supersampler.methods.registry import register
 from supersampler.methods.spec import BETWEEN, EARLIER, PREVIOUS, RENDER, SHADED, MethodSpec, Number, Sigma
 
 
@@ -51,45 +54,73 @@ class GuidedFlowConfig:
     """Standard deviation of relative depth."""
 
 
-GUIDED_WARP = MethodSpec(
-    name="guided-warp",
-    source="Wu et al. 2023 (ExtraSS), section 4.2",
-    inputs=("depth", "motion", "jitter", "pre_exposure", "gbuffer_base_color", "gbuffer_normal"),
-    history={
-        "color": (1, 3, *SHADED),  # of the last shaded frame, as the next four
-        "base_color": (1, 3, *SHADED),
-        "normal": (1, 3, *SHADED),
-        "depth": (1, 1, *SHADED),
-        "jitter": (1, 2),
-        "motion": (1, 2, *PREVIOUS),  # from the previous frame back to the shaded one, its own pixels
-        "motion_jitter": (1, 2),  # of the previous frame
-    },
-    image=(1, 3, *RENDER),
-    ratios=(1.0, 1.0),
-    config=GuidedWarpConfig,
+def _kernels_support(config: Mapping[str, Any]) -> bool:
+    """Return whether these are four taps, and radii of rings that the kernels read: pixels, ascending."""
+    strides = config.get("strides")
+    return (
+        config.get("taps") == 4
+        and isinstance(strides, list)
+        and 1 <= len(strides) <= 7
+        and all(type(stride) is int and 1 <= stride <= 64 for stride in strides)
+        and strides == sorted(strides)
+    )
+
+
+GUIDED_WARP = register(
+    MethodSpec(
+        name="guided-warp",
+        source="Wu et al. 2023 (ExtraSS), section 4.2",
+        inputs=("depth", "motion", "jitter", "pre_exposure", "gbuffer_base_color", "gbuffer_normal"),
+        history={
+            "color": (1, 3, *SHADED),  # of the last shaded frame, as the next four
+            "base_color": (1, 3, *SHADED),
+            "normal": (1, 3, *SHADED),
+            "depth": (1, 1, *SHADED),
+            "jitter": (1, 2),
+            "motion": (1, 2, *PREVIOUS),  # from the previous frame back to the shaded one, its own pixels
+            "motion_jitter": (1, 2),  # of the previous frame
+        },
+        image=(1, 3, *RENDER),
+        ratios=(1.0, 1.0),
+        config=GuidedWarpConfig,
+        torch="supersampler_model.methods.extrapolation.guided_warp:GuidedWarp",
+        cpu="supersampler.methods.extrapolation.cpu:GuidedWarpCpu",
+        kernels_support=_kernels_support,
+    )
 )
-GUIDED_FLOW = replace(
-    GUIDED_WARP,
-    name="guided-flow",
-    source="Wu et al. 2023 (ExtraSS), section 4.3 (docs/methods.md)",
-    inputs=(*GUIDED_WARP.inputs, "gbuffer_roughness"),
-    history={
-        **GUIDED_WARP.history,
-        "shaded_motion": (1, 2, *SHADED),  # of the last shaded frame
-        "earlier_color": (1, 3, *EARLIER),  # of the shaded frame before it, as the next four
-        "earlier_base_color": (1, 3, *EARLIER),
-        "earlier_normal": (1, 3, *EARLIER),
-        "earlier_depth": (1, 1, *EARLIER),
-        "earlier_jitter": (1, 2),
-        "earlier_motion": (1, 2, *BETWEEN),  # from the frame before the last shaded one back to that
-        "earlier_motion_jitter": (1, 2),  # of the frame before the last shaded one
-    },
-    config=GuidedFlowConfig,
+GUIDED_FLOW = register(
+    replace(
+        GUIDED_WARP,
+        name="guided-flow",
+        source="Wu et al. 2023 (ExtraSS), section 4.3 (docs/methods.md)",
+        inputs=(*GUIDED_WARP.inputs, "gbuffer_roughness"),
+        history={
+            **GUIDED_WARP.history,
+            "shaded_motion": (1, 2, *SHADED),  # of the last shaded frame
+            "earlier_color": (1, 3, *EARLIER),  # of the shaded frame before it, as the next four
+            "earlier_base_color": (1, 3, *EARLIER),
+            "earlier_normal": (1, 3, *EARLIER),
+            "earlier_depth": (1, 1, *EARLIER),
+            "earlier_jitter": (1, 2),
+            "earlier_motion": (1, 2, *BETWEEN),  # from the frame before the last shaded one back to that
+            "earlier_motion_jitter": (1, 2),  # of the frame before the last shaded one
+        },
+        config=GuidedFlowConfig,
+        torch="supersampler_model.methods.extrapolation.guided_flow:GuidedFlow",
+        task="supersampler_model.training.flow_task:FlowTask",
+        weights="guided-flow.safetensors",
+        cpu="",
+    )
 )
-EXTRAPOLATE = replace(
-    BASE,
-    name="extrapolate",
-    source="Wu et al. 2023, section 4.4, on Guo, Chen, Dong and Tong 2022 (docs/methods.md)",
+EXTRAPOLATE = register(
+    replace(
+        BASE,
+        name="extrapolate",
+        source="Wu et al. 2023, section 4.4, on Guo, Chen, Dong and Tong 2022 (docs/methods.md)",
+        torch="supersampler_model.methods.extrapolation.joint:Extrapolate",
+        task="supersampler_model.training.extrapolate_task:ExtrapolateTask",
+        weights="extrapolate.safetensors",
+    )
 )
 EXTRAPOLATE_UNSHADED = replace(
     EXTRAPOLATE,

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from supersampler.methods.gbuffers import GBUFFERS
+from supersampler.methods.registry import register
 from supersampler.methods.spec import DISPLAY, FRAME_INPUTS, PREVIOUS, MethodSpec
 
 FRAME = 11
@@ -91,31 +92,63 @@ class SmallGBuffer4Config(SmallGBufferConfig):
     ratio: int = 4
 
 
-GBUFFER = MethodSpec(
-    name="gbuffer",
-    source="Wang et al. 2025 (docs/methods.md)",
-    inputs=(*FRAME_INPUTS, *GBUFFERS),
-    history={
-        "color": (1, 3, *DISPLAY),  # linear RGB
-        "reflectance": (1, 3, *DISPLAY),
-        "count": (1, 1, *DISPLAY),
-        "frame": (1, FRAME, *PREVIOUS),
-        "frame_before": (1, FRAME, *PREVIOUS),
-        "motion": (1, 2, *PREVIOUS),
-        "jitter": (1, 2),
-        "jitter_before": (1, 2),
-        "exposure": (1,),  # as `followed_exposure` returns it; 0 where there is none
-    },
-    aux_outputs=("weight",),
-    ratios=(2.0, 2.0),
-    config=GBufferConfig,
+GBUFFER = register(
+    MethodSpec(
+        name="gbuffer",
+        source="Wang et al. 2025 (docs/methods.md)",
+        inputs=(*FRAME_INPUTS, *GBUFFERS),
+        history={
+            "color": (1, 3, *DISPLAY),  # linear RGB
+            "reflectance": (1, 3, *DISPLAY),
+            "count": (1, 1, *DISPLAY),
+            "frame": (1, FRAME, *PREVIOUS),
+            "frame_before": (1, FRAME, *PREVIOUS),
+            "motion": (1, 2, *PREVIOUS),
+            "jitter": (1, 2),
+            "jitter_before": (1, 2),
+            "exposure": (1,),  # as `followed_exposure` returns it; 0 where there is none
+        },
+        aux_outputs=("weight",),
+        ratios=(2.0, 2.0),
+        config=GBufferConfig,
+        torch="supersampler_model.methods.gbuffer.model:GBuffer",
+        task="supersampler_model.training.gbuffer_task:GBufferTask",
+    )
 )
-GBUFFER_4X = replace(GBUFFER, name="gbuffer-4x", ratios=(4.0, 4.0), config=GBuffer4Config)
-GBUFFER_SMALL = replace(GBUFFER, name="gbuffer-small", config=SmallGBufferConfig)
-GBUFFER_SMALL_4X = replace(GBUFFER, name="gbuffer-small-4x", ratios=(4.0, 4.0), config=SmallGBuffer4Config)
-GBUFFER_DEPTH = replace(
-    GBUFFER,
-    name="gbuffer-depth",
-    inputs=(*FRAME_INPUTS, "gbuffer_display_depth"),
-    config=SmallGBufferConfig,
+GBUFFER_4X = register(
+    replace(
+        GBUFFER,
+        name="gbuffer-4x",
+        ratios=(4.0, 4.0),
+        config=GBuffer4Config,
+        torch="supersampler_model.methods.gbuffer.model:GBuffer4",
+    )
+)
+GBUFFER_SMALL = register(
+    replace(
+        GBUFFER,
+        name="gbuffer-small",
+        config=SmallGBufferConfig,
+        torch="supersampler_model.methods.gbuffer.model:SmallGBuffer",
+        weights="gbuffer-small.safetensors",
+    )
+)
+GBUFFER_SMALL_4X = register(
+    replace(
+        GBUFFER_SMALL,
+        name="gbuffer-small-4x",
+        ratios=(4.0, 4.0),
+        config=SmallGBuffer4Config,
+        torch="supersampler_model.methods.gbuffer.model:SmallGBuffer4",
+        weights="gbuffer-small-4x.safetensors",
+    )
+)
+GBUFFER_DEPTH = register(
+    replace(
+        GBUFFER,
+        name="gbuffer-depth",
+        inputs=(*FRAME_INPUTS, "gbuffer_display_depth"),
+        config=SmallGBufferConfig,
+        torch="supersampler_model.methods.gbuffer.model:DepthGBuffer",
+    )
 )

@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 from supersampler.methods.at_rest import AT_REST_HISTORY
 from supersampler.methods.classifier.spec import BASE, CLASSIFIER, DEFAULT_INPUTS, ClassifierConfig
-from supersampler.methods.spec import DISPLAY, MethodSpec, Number, Share, Sigma
+from supersampler.methods.registry import register
+from supersampler.methods.spec import DISPLAY, Flag, MethodSpec, Number, Share, Sigma
 
 _REPLACED = {
     "min_luma": "relit_to_frame",  # largest difference of a channel of the relit history to this frame
@@ -27,7 +28,7 @@ class GuidedConfig(ClassifierConfig):
     """Constants of the step; docs/methods.md gives the effect of each."""
 
     inputs: tuple[str, ...] = GUIDED_INPUTS
-    rectified: bool = False
+    rectified: Flag = False
     guide_sigma: Sigma = 0.5
     """Gaussian of a sample's weight by distance, render pixels."""
     depth_sigma: Sigma = 0.03
@@ -40,17 +41,24 @@ class GuidedConfig(ClassifierConfig):
     """What black surfaces reflect, about twice that of a dielectric; white ones reflect 1."""
 
 
-GBUFFER_FAST = MethodSpec(
-    name="gbuffer-fast",
-    source="Guo et al. 2022, on light resampled as by Wang et al. 2025 (docs/methods.md)",
-    inputs=(*CLASSIFIER.inputs, *GBUFFERS_READ),
-    history={
-        **BASE.history,
-        "reflectance": (1, 3, *DISPLAY),
-        **AT_REST_HISTORY,
-    },
-    aux_outputs=CLASSIFIER.aux_outputs,
-    maps=CLASSIFIER.maps,
-    ratios=(1.0, 4.0),
-    config=GuidedConfig,
+GBUFFER_FAST = register(
+    MethodSpec(
+        name="gbuffer-fast",
+        source="Guo et al. 2022, on light resampled as by Wang et al. 2025 (docs/methods.md)",
+        inputs=(*CLASSIFIER.inputs, *GBUFFERS_READ),
+        history={
+            **BASE.history,
+            "reflectance": (1, 3, *DISPLAY),
+            **AT_REST_HISTORY,
+        },
+        aux_outputs=CLASSIFIER.aux_outputs,
+        maps=CLASSIFIER.maps,
+        ratios=(1.0, 4.0),
+        config=GuidedConfig,
+        torch="supersampler_model.methods.gbuffer_fast.model:GuidedClassifier",
+        task="supersampler_model.training.guided_task:GuidedTask",
+        weights="gbuffer-fast.safetensors",
+        cpu="supersampler.methods.gbuffer_fast.cpu:GuidedCpu",
+        kernel_files=CLASSIFIER.kernel_files,
+    )
 )

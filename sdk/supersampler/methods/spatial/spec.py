@@ -2,11 +2,22 @@
 
 from dataclasses import replace
 
+from supersampler.methods.registry import register
 from supersampler.methods.spec import MethodSpec
 
-BILINEAR = MethodSpec(
-    name="bilinear",
-    source="bilinear interpolation",
-    inputs=("color", "jitter", "pre_exposure", "display_size"),
+BILINEAR = register(
+    MethodSpec(
+        name="bilinear",
+        source="bilinear interpolation",
+        inputs=("color", "jitter", "pre_exposure", "display_size"),
+        torch="supersampler_model.methods.spatial.model:Bilinear",
+    )
 )
-BICUBIC = replace(BILINEAR, name="bicubic", source="Catmull-Rom interpolation (a = -0.5)")
+BICUBIC = register(
+    replace(
+        BILINEAR,
+        name="bicubic",
+        source="Catmull-Rom interpolation (a = -0.5)",
+        torch="supersampler_model.methods.spatial.model:Bicubic",
+    )
+)

@@ -1,9 +1,11 @@
 """Definition of `taa`: variance clipping as Salvi presented it."""
 
-from dataclasses import dataclass
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Annotated, Any, Literal
 
-from supersampler.methods.spec import DISPLAY, MapOf, MethodSpec, Range, Share
+from supersampler.methods.registry import register
+from supersampler.methods.spec import DISPLAY, MapOf, MethodSpec, Range, Share, constants_of
 
 
 @dataclass(frozen=True)
@@ -26,15 +28,27 @@ class TaaConfig:
     large windows by pre-filtering the first two colour moments"; 7x7 on his slides)."""
 
 
-TAA = MethodSpec(
-    name="taa",
-    source="Salvi, An Excursion in Temporal Supersampling, GDC 2016",
-    inputs=("color", "motion", "reactive", "jitter", "exposure", "pre_exposure", "display_size"),
-    history={
-        "color": (1, 3, *DISPLAY),  # linear RGB
-        "exposure": (1,),  # as `followed_exposure` returns it; 0 where there is none
-    },
-    aux_outputs=("weight",),
-    maps={"weight": MapOf("weight", 0, 1)},
-    config=TaaConfig,
+def _kernels_support(config: Mapping[str, Any]) -> bool:
+    """Return whether these are the choices of Salvi's that the kernels are written for."""
+    fixed = {name: value for name, value in asdict(TaaConfig()).items() if name not in constants_of(TAA)}
+    return config.get("gamma") is not None and fixed.items() <= config.items()
+
+
+TAA = register(
+    MethodSpec(
+        name="taa",
+        source="Salvi, An Excursion in Temporal Supersampling, GDC 2016",
+        inputs=("color", "motion", "reactive", "jitter", "exposure", "pre_exposure", "display_size"),
+        history={
+            "color": (1, 3, *DISPLAY),  # linear RGB
+            "exposure": (1,),  # as `followed_exposure` returns it; 0 where there is none
+        },
+        aux_outputs=("weight",),
+        maps={"weight": MapOf("weight", 0, 1)},
+        config=TaaConfig,
+        torch="supersampler_model.methods.taa.model:Taa",
+        cpu="supersampler.methods.taa.cpu:TaaCpu",
+        gpu="supersampler.methods.taa.gpu:taa_program",
+        kernels_support=_kernels_support,
+    )
 )

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from supersampler.methods.at_rest import ADDS_SAMPLES, AT_REST_HISTORY, CONVERGED
+from supersampler.methods.registry import register
 from supersampler.methods.spec import DISPLAY, FRAME_INPUTS, PREVIOUS, MapOf, MethodSpec, Number, Sigma
 
 FLASH, LEAST_FLASH, FLASH_MEMORY = 1.25, 1e-3, 0.9
@@ -74,20 +75,28 @@ class TaauConfig:
     """Number of samples that are kept, times the difference over that."""
 
 
-TAAU = MethodSpec(
-    name="taau",
-    source="temporal upsampling after Karis 2014, Salvi 2016 and FSR2 (docs/methods.md)",
-    inputs=(*FRAME_INPUTS, ADDS_SAMPLES),
-    history={
-        "color": (1, 3, *DISPLAY),  # linear RGB
-        "samples": (1, 2, *DISPLAY),  # count; mean square of sample - history in toned luma, and GLARE
-        "surface": (1, 3, *PREVIOUS),  # occluding depth, mean and deviation of toned luma
-        "jitter": (1, 2),  # of `surface`
-        "exposure": (1,),  # as `followed_exposure` returns it; 0 where there is none
-        "light": (1, 4),  # mean luma, mean square deviation; the latter of frames before; flashes in a row
-        **AT_REST_HISTORY,
-    },
-    aux_outputs=("weight", "converged"),
-    maps={"weight": MapOf("weight", 0, 1), "count": MapOf("next.samples", 0, 1), **CONVERGED},
-    config=TaauConfig,
+TAAU = register(
+    MethodSpec(
+        name="taau",
+        source="temporal upsampling after Karis 2014, Salvi 2016 and FSR2 (docs/methods.md)",
+        inputs=(*FRAME_INPUTS, ADDS_SAMPLES),
+        history={
+            "color": (1, 3, *DISPLAY),  # linear RGB
+            "samples": (1, 2, *DISPLAY),  # count; mean square of sample - history in toned luma, and GLARE
+            "surface": (1, 3, *PREVIOUS),  # occluding depth, mean and deviation of toned luma
+            "jitter": (1, 2),  # of `surface`
+            "exposure": (1,),  # as `followed_exposure` returns it; 0 where there is none
+            "light": (
+                1,
+                4,
+            ),  # mean luma, mean square deviation, that of previous frames, flashes in a row
+            **AT_REST_HISTORY,
+        },
+        aux_outputs=("weight", "converged"),
+        maps={"weight": MapOf("weight", 0, 1), "count": MapOf("next.samples", 0, 1), **CONVERGED},
+        config=TaauConfig,
+        torch="supersampler_model.methods.taau.model:Taau",
+        cpu="supersampler.methods.taau.cpu:TaauCpu",
+        gpu="supersampler.methods.taau.gpu:taau_program",
+    )
 )
