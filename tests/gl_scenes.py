@@ -5,12 +5,23 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler_model.data.scenes.camera import Camera
-from supersampler_model.data.scenes.environment import Environment, directions
-from supersampler_model.data.scenes.lights import Point, Spot, Sun
-from supersampler_model.data.scenes.mesh import Mesh, Skin, tangents_of
-from supersampler_model.data.scenes.procedural.transforms import turned_by
-from supersampler_model.data.scenes.scene import Instance, Material, Particles, Scene, Texture
+from supersampler_model.data.scenes.procedural.paths import turned_by
+from supersampler_model.data.scenes.scene import (
+    Camera,
+    Environment,
+    Instance,
+    Material,
+    Mesh,
+    Particles,
+    Point,
+    Scene,
+    Skin,
+    Spot,
+    Sun,
+    Texture,
+    directions,
+    tangents_of,
+)
 
 Values = NDArray[np.float64]
 

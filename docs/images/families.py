@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from supersampler.io.display import display_transform, to_uint8
 from supersampler.io.files import replacing
 from supersampler.io.images import encode_jpeg
-from supersampler_model.data.class_map import overlay
+from supersampler_model.data.dataset.overview import overlay
 from supersampler_model.data.labels import label
 from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.sequences import (

@@ -11,7 +11,7 @@ from supersampler.backends.onnx.runtime import ort
 from supersampler.conventions import jitter_phase_count
 from supersampler.methods.model_file import find_model
 from supersampler_export.graph import history_name
-from supersampler_model.data.scenes.still_life import still_scene
+from supersampler_model.data.scenes.analytic import still_scene
 from supersampler_model.methods import load_method
 from supersampler_model.ops.color import tone
 from supersampler_model.ops.size import Size

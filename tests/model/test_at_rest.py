@@ -16,7 +16,7 @@ from supersampler import Frame, halton_jitter
 from supersampler.frame import Float32, Size
 from supersampler.io.display import decibels, display_transform
 from supersampler.methods.at_rest import NOISY
-from supersampler_model.data.scenes.still_life import still_scene
+from supersampler_model.data.scenes.analytic import still_scene
 from supersampler_model.methods.base import Method
 from supersampler_model.methods.taau.model import Taau
 

@@ -6,7 +6,7 @@ TARGETS = [
     "model/supersampler_model/training/class_loss.py",
     "model/supersampler_model/training/structure.py",
     "model/supersampler_model/training/*task*.py",
-    "model/supersampler_model/data/labels/*.py",
+    "model/supersampler_model/data/labels.py",
     "export/supersampler_export/*.py",
     "sdk/supersampler/conventions/*.py",
     "sdk/supersampler/validation/*.py",

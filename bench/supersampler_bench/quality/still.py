@@ -16,8 +16,7 @@ from supersampler_bench.quality.metrics import Bool, psnr
 from supersampler_bench.shots.public_shots import TEST_SHOTS
 from supersampler_bench.shots.rendered_frame import rendered_frame
 from supersampler_model.data.renderer.renderer import Renderer
-from supersampler_model.data.scenes.analytic import Scene
-from supersampler_model.data.scenes.still_life import still_scene, still_scene_with_mover
+from supersampler_model.data.scenes.analytic import Scene, still_scene, still_scene_with_mover
 from supersampler_model.data.sequences import HeldSequence
 from supersampler_model.data.shots import render_size
 from supersampler_model.data.specs import SequenceSpec

@@ -65,8 +65,8 @@ def render(
       supersampler render data --gltf my/scenes --gltf-fraction 0.3
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_model.data.dataset import RenderPlan, create_dataset, plan_sequences
-    from supersampler_model.data.dataset.sheet import write_sheet
-    from supersampler_model.data.dataset.workers import render_dataset
+    from supersampler_model.data.dataset.overview import write_sheet
+    from supersampler_model.data.dataset.rendering import render_dataset
 
     families = {"train": TRAIN_FAMILIES, "test": TEST_FAMILIES}.get(scenes, tuple(scenes.split(",")))
     plan = RenderPlan(

@@ -7,10 +7,10 @@ from zlib import crc32
 import numpy as np
 
 from supersampler_model.data.errors import SceneError
-from supersampler_model.data.scenes.camera import Camera
 from supersampler_model.data.scenes.gltf.compose import Composition
 from supersampler_model.data.scenes.procedural import APART, TEST, TRAIN
 from supersampler_model.data.scenes.procedural.paths import camera_path
+from supersampler_model.data.scenes.scene import Camera
 from supersampler_model.data.specs import GLTF, Sequence, SequenceSpec
 
 __all__ = [

@@ -12,7 +12,7 @@ from supersampler import Frame, halton_jitter
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
 from supersampler.io.shot import ClassMaps, ShotWriter
-from supersampler_model.data.labels.thin import thin
+from supersampler_model.data.labels import thin
 from supersampler_model.data.rendered import UNIT_BUFFERS, Rendered, labels_of
 from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.sequences import Sequence

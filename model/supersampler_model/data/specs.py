@@ -5,11 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from supersampler_model.data.checks import check_number
-from supersampler_model.data.errors import SceneError
-from supersampler_model.data.scenes.camera import Camera
+from supersampler_model.data.errors import SceneError, check_number
 from supersampler_model.data.scenes.procedural.stage import Stage
-from supersampler_model.data.scenes.scene import Scene
+from supersampler_model.data.scenes.scene import Camera, Scene
 
 GLTF = "gltf"
 """Family of sequences composed of glTF files."""

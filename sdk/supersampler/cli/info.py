@@ -49,7 +49,7 @@ def info(
     elif what in untrained and not Path(what).exists():
         _print_rows(_untrained_rows(untrained[what]))
     elif (Path(what) / "dataset.json").is_file():
-        _print_rows(import_module("supersampler_model.data.dataset.info").rows(Path(what)))
+        _print_rows(import_module("supersampler_model.data.dataset.overview").rows(Path(what)))
     else:
         _print_rows(_shot_rows(_opened(what)))
 

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from supersampler.aux_outputs import CLASS_COLORS, NO_CLASS
 from supersampler.errors import ArgumentError
-from supersampler_model.data.class_map import masks_of, overlay, with_legend
+from supersampler_model.data.dataset.overview import masks_of, overlay, with_legend
 from supersampler_model.data.labels import Labels
 
 NAMES = [

@@ -19,16 +19,15 @@ from supersampler_model.data.dataset import (
     create_dataset,
     open_dataset,
     plan_sequences,
-    produce,
     read_training_frame,
     render_sequence,
+    rendering,
 )
 from supersampler_model.data.dataset.description import class_fractions
-from supersampler_model.data.dataset.info import rows
+from supersampler_model.data.dataset.overview import rows
 from supersampler_model.data.errors import DatasetError
 from supersampler_model.data.renderer.renderer import Renderer
-from supersampler_model.data.scenes.camera import Camera
-from supersampler_model.data.scenes.scene import Scene
+from supersampler_model.data.scenes.scene import Camera, Scene
 from supersampler_model.data.sequences import APART_FAMILIES, TEST_FAMILIES, TRAIN_FAMILIES, SequenceSpec
 
 DISPLAY = (96, 54)
@@ -59,7 +58,7 @@ def small_renderer() -> Renderer:
 
 @pytest.fixture(autouse=True)
 def _yard(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(produce, "make_sequence", YardSequence)
+    monkeypatch.setattr(rendering, "make_sequence", YardSequence)
 
 
 def description(*, gbuffers: bool = False) -> Description:

@@ -14,8 +14,7 @@ from supersampler.sequence.backward_motion import scattered_motion
 from supersampler_model.data.errors import DataError
 from supersampler_model.data.rendered import Reference, Surfaces
 from supersampler_model.data.renderer.renderer import Renderer
-from supersampler_model.data.scenes.following import towards
-from supersampler_model.data.scenes.scene import Scene
+from supersampler_model.data.scenes.scene import Scene, towards
 
 Values = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -12,11 +12,20 @@ from supersampler_model.data.errors import SceneError
 from supersampler_model.data.rendered import Surfaces
 from supersampler_model.data.renderer import renderer as module
 from supersampler_model.data.renderer.renderer import Renderer
-from supersampler_model.data.scenes.camera import Camera
-from supersampler_model.data.scenes.environment import Environment, harmonics
-from supersampler_model.data.scenes.lights import Point, Spot, Sun
-from supersampler_model.data.scenes.procedural.transforms import turned_by
-from supersampler_model.data.scenes.scene import Instance, Material, Particles, Scene, Texture
+from supersampler_model.data.scenes.procedural.paths import turned_by
+from supersampler_model.data.scenes.scene import (
+    Camera,
+    Environment,
+    Instance,
+    Material,
+    Particles,
+    Point,
+    Scene,
+    Spot,
+    Sun,
+    Texture,
+    harmonics,
+)
 
 MATTE = Material(base_color=(0.5, 0.25, 1.0), roughness=1.0, specular=0.0)
 ABOVE = Camera(position=(0.0, 4.0, 0.0), target=(0.0, 0.0, 0.0), up=(0.0, 0.0, -1.0))  # x right, -z up

@@ -10,10 +10,8 @@ from gl_scenes import box, moved
 from gltf_files import GltfFile, cube, noise, strip
 from supersampler_model.data.errors import SceneError
 from supersampler_model.data.scenes.gltf import GltfScene
-from supersampler_model.data.scenes.mesh import tangents_of
-from supersampler_model.data.scenes.procedural.transforms import turned_by
-from supersampler_model.data.scenes.scene import Instance, Material, Texture
-from supersampler_model.data.values import Matrix
+from supersampler_model.data.scenes.procedural.paths import turned_by
+from supersampler_model.data.scenes.scene import Instance, Material, Matrix, Texture, tangents_of
 
 STILL = np.eye(4)
 

@@ -14,9 +14,8 @@ from gltf_files import GltfFile, cube, strip
 from supersampler_model.data.errors import SceneError
 from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.scenes.gltf import GltfError, GltfScene, compose
-from supersampler_model.data.scenes.gltf.folder import read_folder
+from supersampler_model.data.scenes.gltf.compose import Course, read_folder, to_and_fro
 from supersampler_model.data.scenes.gltf.ground import Ground, triangles_of
-from supersampler_model.data.scenes.gltf.motions import Course, to_and_fro
 from supersampler_model.data.sequences import SequenceSpec, make_sequence
 
 FRAMES = 12

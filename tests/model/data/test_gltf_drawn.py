@@ -8,9 +8,8 @@ import pytest
 from gl_scenes import moved, sky
 from gltf_files import GltfFile, strip
 from supersampler_model.data.renderer.renderer import Renderer
-from supersampler_model.data.scenes.camera import Camera
 from supersampler_model.data.scenes.gltf import GltfScene
-from supersampler_model.data.scenes.scene import Instance, Scene
+from supersampler_model.data.scenes.scene import Camera, Instance, Scene
 
 STILL = np.eye(4)
 CAMERA = Camera(position=(0.0, 0.0, 5.0), target=(0.0, 0.0, 0.0), fov_y=60.0)

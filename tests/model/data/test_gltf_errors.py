@@ -14,7 +14,7 @@ import pytest
 from gltf_files import GltfFile, cube, glb, png, strip
 from supersampler_model.data.errors import DataError
 from supersampler_model.data.scenes.gltf import GltfError, GltfScene
-from supersampler_model.data.scenes.gltf.lighting import panorama
+from supersampler_model.data.scenes.gltf.compose import panorama
 
 Break = Callable[[GltfFile], Any]
 CUBE = r"mesh 0 'Cube', primitive 0"

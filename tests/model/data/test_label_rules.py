@@ -20,11 +20,15 @@ from supersampler_model.data.labels import (
     LabelThresholds,
     PixelStatistics,
     Sample,
+    aliasing,
+    box_overlap,
+    color_varies,
     label,
+    opened,
+    plane_slope,
     statistics_of,
     toned,
 )
-from supersampler_model.data.labels.rules import aliasing, box_overlap, color_varies, opened, plane_slope
 from supersampler_model.data.scenes.analytic import FAR, NEAR
 
 Mask = NDArray[np.bool_]

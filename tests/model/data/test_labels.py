@@ -8,8 +8,16 @@ import pytest
 from numpy.typing import NDArray
 
 from more_scenes import Floor, ShadingStep, dots, ripples, thin_lines
-from supersampler_model.data.labels import Alias, Ghost, Labels, LabelThresholds, Sample, label, statistics_of
-from supersampler_model.data.labels.rules import aliasing
+from supersampler_model.data.labels import (
+    Alias,
+    Ghost,
+    Labels,
+    LabelThresholds,
+    Sample,
+    aliasing,
+    label,
+    statistics_of,
+)
 from supersampler_model.data.scenes.analytic import (
     EXTENT,
     FAR,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from supersampler_model.data.scenes.procedural.lettering import lettering, screen, sign
+from supersampler_model.data.scenes.procedural.materials import lettering, screen, sign
 
 
 @pytest.mark.parametrize("rows", [1, 3, 16])

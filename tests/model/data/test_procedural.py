@@ -8,11 +8,9 @@ import pytest
 
 from supersampler.io.display import display_transform
 from supersampler_model.data.renderer.renderer import Renderer
-from supersampler_model.data.scenes.camera import Camera
-from supersampler_model.data.scenes.mesh import Mesh
-from supersampler_model.data.scenes.procedural import casters, lighting, materials, paths, shapes, textures
+from supersampler_model.data.scenes.procedural import fixtures, lighting, materials, paths, shapes
 from supersampler_model.data.scenes.procedural.stage import Stage
-from supersampler_model.data.scenes.scene import Instance, Scene
+from supersampler_model.data.scenes.scene import Camera, Instance, Mesh, Scene
 from supersampler_model.data.sequences import (
     APART_FAMILIES,
     TEST_FAMILIES,
@@ -87,7 +85,7 @@ def test_every_third_hour_is_dusk_or_night_and_then_the_sun_is_low_or_gone() -> 
 
 
 def test_a_caster_is_never_seen_but_its_shadow_is(small_renderer: Renderer) -> None:
-    for kind in casters.CASTERS:
+    for kind in fixtures.CASTERS:
         pictures = []
         for cast in (False, True):
             rng = np.random.default_rng(5)
@@ -96,7 +94,7 @@ def test_a_caster_is_never_seen_but_its_shadow_is(small_renderer: Renderer) -> N
             stage = Stage(environment=weather.environment, sun=sun)
             stage.put(shapes.plane(40.0, 40.0), materials.plaster(rng, (0.6, 0.6, 0.6)))
             if cast:
-                casters.caster(rng, stage, sun, kind)
+                fixtures.caster(rng, stage, sun, kind)
             camera = Camera(position=(0.0, 3.0, -14.0), target=(0.0, 3.0, 0.0))  # towards caster and sun
             pictures.append(small_renderer.reference(stage.scene(0.2, 0.2, camera, camera)))
         without, shadowed = pictures
@@ -170,7 +168,7 @@ def test_closed_shapes_point_outwards() -> None:
 
 def test_textures_repeat_without_a_seam() -> None:
     rng = np.random.default_rng(1)
-    for field in (textures.fractal(rng, 2.0), textures.chain_link(8, 0.2), textures.bars(8, 8, 0.3)):
+    for field in (materials.fractal(rng, 2.0), materials.chain_link(8, 0.2), materials.bars(8, 8, 0.3)):
         seam = np.abs(field[0] - field[-1]).max()
         assert seam <= np.abs(np.diff(field, axis=0)).max() + 1e-9
 

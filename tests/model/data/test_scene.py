@@ -8,11 +8,21 @@ import pytest
 
 from gl_scenes import Yard, bending_tube, box, moved, sky
 from supersampler_model.data.errors import SceneError
-from supersampler_model.data.scenes.camera import Camera
-from supersampler_model.data.scenes.environment import Environment
-from supersampler_model.data.scenes.lights import Point, Spot, Sun
-from supersampler_model.data.scenes.mesh import Mesh, Skin, tangents_of
-from supersampler_model.data.scenes.scene import Instance, Material, Particles, Scene, Texture
+from supersampler_model.data.scenes.scene import (
+    Camera,
+    Environment,
+    Instance,
+    Material,
+    Mesh,
+    Particles,
+    Point,
+    Scene,
+    Skin,
+    Spot,
+    Sun,
+    Texture,
+    tangents_of,
+)
 
 WHITE = np.full((2, 2, 3), 255, np.uint8)
 HERE = moved(0, 0, 0)

@@ -11,8 +11,7 @@ from supersampler.io.shot import Shot, ShotWriter
 from supersampler_model.data.labels import Alias, Ghost, label
 from supersampler_model.data.product_shot import Plaza
 from supersampler_model.data.renderer.renderer import Renderer
-from supersampler_model.data.scenes.camera import Camera
-from supersampler_model.data.scenes.scene import Scene
+from supersampler_model.data.scenes.scene import Camera, Scene
 from supersampler_model.data.sequences import Sequence, SequenceSpec
 from supersampler_model.data.shots import ShotForm, render_shot, variant_name
 

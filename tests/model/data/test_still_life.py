@@ -3,7 +3,7 @@
 import numpy as np
 
 from supersampler import halton_jitter
-from supersampler_model.data.scenes.still_life import still_scene, still_scene_with_mover
+from supersampler_model.data.scenes.analytic import still_scene, still_scene_with_mover
 
 
 def test_nothing_moves_but_the_disc() -> None:

@@ -5,9 +5,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from supersampler_model.data.labels.statistics import PixelStatistics
-from supersampler_model.data.labels.thin import thin
-from supersampler_model.data.values import Values
+from supersampler_model.data.labels import PixelStatistics, thin
+from supersampler_model.data.scenes.scene import Values
 
 SIZE, SIDE = (40, 48), 8  # rows and columns; samples along each axis of a pixel
 FAR, NEAR = 0.01, 0.05

@@ -15,8 +15,7 @@ from supersampler_model.data.dataset.frame_file import (
     read_training_frame,
     write_training_frame,
 )
-from supersampler_model.data.dataset.plan import RenderPlan, plan_sequences
-from supersampler_model.data.dataset.produce import render_sequence
+from supersampler_model.data.dataset.rendering import RenderPlan, plan_sequences, render_sequence
 
 __all__ = [
     "Dataset",

@@ -4,24 +4,158 @@ Forward shading in one pass into several targets. The samples of a reference are
 tile by tile so that it fits into memory, and averaged on the GPU.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from importlib.resources import files
 from math import ceil, isqrt
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from supersampler.conventions import mip_bias
 from supersampler_model.data.errors import SceneError
 from supersampler_model.data.rendered import Float16, Float32, Reference, Rendered, Surfaces
-from supersampler_model.data.renderer.assets import Assets
-from supersampler_model.data.renderer.context import Graphics, open_graphics
-from supersampler_model.data.renderer.draws import Draws
-from supersampler_model.data.renderer.programs import BLOCKS, SAMPLERS, build
-from supersampler_model.data.renderer.targets import ShadowMap, Target
-from supersampler_model.data.renderer.uniforms import SHADOW_SIZE, Raster, columns, lights_block, view_block
-from supersampler_model.data.scenes.scene import Particles, Scene
+from supersampler_model.data.renderer.context import VERSION, Graphics, open_graphics
+from supersampler_model.data.renderer.uploads import (
+    DRAW_BYTES,
+    PALETTES_BYTES,
+    SHADOW_SIZE,
+    Assets,
+    Raster,
+    columns,
+    draw_blocks,
+    lights_block,
+    palette_blocks,
+    view_block,
+)
+from supersampler_model.data.scenes.scene import MAX_JOINTS, MAX_POINTS, Instance, Particles, Scene
 
 Size = tuple[int, int]
+BLOCKS = {"View": 0, "Lights": 1, "Draw": 2, "Surface": 3, "Palettes": 4}
+"""Binding points of the uniform blocks of blocks.glsl."""
+SAMPLERS = {
+    "base_color_map": 0, "normal_map": 1, "orm_map": 2, "emissive_map": 3,
+    "environment": 4, "sun_shadow": 5, "spot_shadow": 6, "sample_colors": 0, "sample_normals": 1,
+}  # fmt: skip
+"""Texture units."""
+
+
+def source(name: str) -> str:
+    """Return the text of shaders/`name`.glsl."""
+    return (files("supersampler_model.data.renderer") / "shaders" / f"{name}.glsl").read_text(
+        encoding="utf-8"
+    )
+
+
+def build(gl: Any, vertex: Sequence[str], fragment: Sequence[str], defines: Sequence[str] = ()) -> Any:
+    """Return the program of these files, each stage's joined in order, with its blocks and samplers bound.
+
+    Args:
+        gl: moderngl context.
+        vertex: names of files.
+        fragment: names of files.
+        defines: macros that choose a variant.
+    """
+    head = [
+        f"#version {VERSION} core",
+        f"#define MAX_POINTS {MAX_POINTS}",
+        f"#define MAX_JOINTS {MAX_JOINTS}",
+    ]
+    head += [f"#define {name}" for name in defines]
+    stages = ("\n".join([*head, *map(source, names)]) for names in (vertex, fragment))
+    program = gl.program(*stages)
+    for name in program:
+        if name in BLOCKS:
+            program[name].binding = BLOCKS[name]
+        elif name in SAMPLERS:
+            program[name].value = SAMPLERS[name]
+    return program
+
+
+class Target:
+    """A framebuffer of some colour textures, with 32-bit float depth if asked for."""
+
+    def __init__(
+        self, graphics: Graphics, size: Size, formats: tuple[tuple[int, str], ...], *, depth: bool
+    ) -> None:
+        """Args: formats: channels and moderngl type ("f2", "f4") of each texture."""
+        gl = graphics.gl
+        self.size = size
+        self.textures = [gl.texture(size, channels, dtype=dtype) for channels, dtype in formats]
+        for texture in self.textures:
+            texture.filter = (gl.NEAREST, gl.NEAREST)
+        self.framebuffer = gl.framebuffer(self.textures, graphics.depth_texture(size) if depth else None)
+
+    def read(self, index: int) -> NDArray[Any]:
+        """Return texture `index` as (h, w, channels), row 0 on top."""
+        texture = self.textures[index]
+        width, height = self.size
+        pixels = np.frombuffer(texture.read(), texture.dtype)
+        return pixels.reshape(height, width, texture.components)
+
+
+class ShadowMap:
+    """A depth texture that is compared when it is read: standard depth, 0 at the light."""
+
+    def __init__(self, graphics: Graphics, size: int) -> None:
+        self.texture = graphics.depth_texture((size, size))
+        self.texture.compare_func = "<="
+        self.texture.filter = (graphics.gl.LINEAR, graphics.gl.LINEAR)
+        self.texture.repeat_x = self.texture.repeat_y = False
+        self.framebuffer = graphics.gl.framebuffer((), self.texture)
+
+
+class Draws:
+    """All instances of a scene, in drawing order."""
+
+    def __init__(self, gl: Any, assets: Assets, scene: Scene) -> None:
+        self._gl, self._assets = gl, assets
+        self._instances = tuple(sorted(scene.instances, key=lambda instance: _order(instance, scene)))
+        skinned = [instance for instance in self._instances if instance.mesh.skin is not None]
+        self._palette_of = {id(instance): index for index, instance in enumerate(skinned)}
+        self._draws: Any = gl.buffer(draw_blocks(self._instances)) if self._instances else None
+        self._palettes: Any = gl.buffer(palette_blocks(skinned)) if skinned else None
+
+    def surfaces(self, rigid: Any, skinned: Any) -> None:
+        """Draw all, with the program for rigid and for skinned meshes."""
+        for instance in self._bound():
+            # The projection flips y: counter-clockwise triangles of the world are clockwise on the screen.
+            self._gl.front_face = "ccw" if _mirrors(instance) else "cw"
+            if instance.material.double_sided:
+                self._gl.disable(self._gl.CULL_FACE)
+            else:
+                self._gl.enable(self._gl.CULL_FACE)
+            self._assets.bind_material(instance.material, BLOCKS["Surface"])
+            self._assets.draw(instance.mesh, skinned if instance.mesh.skin else rigid)
+
+    def shadows(self, rigid: Any, skinned: Any) -> None:
+        """Draw both sides of all that casts a shadow."""
+        self._gl.disable(self._gl.CULL_FACE)
+        for instance in self._bound():
+            if instance.casts_shadow:
+                self._assets.bind_material(instance.material, BLOCKS["Surface"], maps=1)
+                self._assets.draw(instance.mesh, skinned if instance.mesh.skin else rigid)
+
+    def _bound(self) -> Iterator[Instance]:
+        for index, instance in enumerate(self._instances):
+            self._draws.bind_to_uniform_block(BLOCKS["Draw"], index * DRAW_BYTES, DRAW_BYTES)
+            if instance.mesh.skin is not None:
+                offset = self._palette_of[id(instance)] * PALETTES_BYTES
+                self._palettes.bind_to_uniform_block(BLOCKS["Palettes"], offset, PALETTES_BYTES)
+            yield instance
+
+
+def _order(instance: Instance, scene: Scene) -> tuple[bool, float]:
+    """Sort key: alpha-tested surfaces last, as they delay the depth test; the others front to back."""
+    center = instance.model @ np.append(instance.mesh.center(), 1.0)
+    distance = float(np.linalg.norm(center[:3] - scene.camera.position))
+    return instance.material.alpha_cutoff is not None, distance
+
+
+def _mirrors(instance: Instance) -> bool:
+    return bool(np.linalg.det(instance.model[:3, :3]) < 0.0)
+
+
 LARGEST = 4096  # maximum samples a side of a tile of a reference: 0.5 GB
 _SURFACES = ((4, "f4"), (4, "f2"), (4, "f2"), (4, "f2"))
 _FORMATS = {

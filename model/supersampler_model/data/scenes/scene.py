@@ -8,17 +8,376 @@ Meshes, materials, textures and environments are uploaded once and recognised ag
 between the frames of a sequence.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
-from supersampler_model.data.checks import check, check_array, check_matrices, check_number
-from supersampler_model.data.errors import SceneError
-from supersampler_model.data.scenes.camera import Camera
-from supersampler_model.data.scenes.environment import Environment
-from supersampler_model.data.scenes.lights import MAX_POINTS, Point, Spot, Sun
-from supersampler_model.data.scenes.mesh import Mesh
-from supersampler_model.data.values import Color, Matrices, Matrix, Pixels, Points
+from supersampler_model.data.errors import (
+    DataError,
+    SceneError,
+    check,
+    check_array,
+    check_matrices,
+    check_number,
+)
+
+Rng: TypeAlias = np.random.Generator
+Values: TypeAlias = NDArray[np.float64]
+Vector: TypeAlias = tuple[float, float, float]
+Color: TypeAlias = tuple[float, float, float]
+Matrix: TypeAlias = NDArray[np.float64]
+"""(4, 4), row-major, acting on column vectors."""
+Matrices: TypeAlias = NDArray[np.float64]
+"""(n, 4, 4)."""
+Points: TypeAlias = NDArray[np.float32]
+Indices: TypeAlias = NDArray[np.uint32]
+Joints: TypeAlias = NDArray[np.uint16]
+Pixels: TypeAlias = NDArray[np.uint8]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Camera:
+    """A pinhole camera.
+
+    Attributes:
+        fov_y: vertical field of view, degrees.
+        near: metres; depth is near / view distance.
+        exposure: what the frame's colour is multiplied by before the tone curve; the colour itself is not.
+    """
+
+    position: Vector
+    target: Vector
+    up: Vector = (0.0, 1.0, 0.0)
+    fov_y: float = 60.0
+    near: float = 0.1
+    exposure: float = 1.0
+
+    def __post_init__(self) -> None:
+        for name in ("position", "target", "up"):
+            check(f"camera.{name}", getattr(self, name), 3)
+        for name, most in (("fov_y", 175.0), ("near", np.inf), ("exposure", np.inf)):
+            check_number(f"camera.{name}", getattr(self, name), 0.0, most, open_below=True)
+        if not np.linalg.norm(np.cross(np.subtract(self.target, self.position), self.up)) > 0.0:
+            got = f"{self.target} from {self.position}, up {self.up}"
+            raise SceneError("camera.target", got=got, want="a direction other than up, at some distance")
+
+    def view(self) -> Matrix:
+        """Return world to view: x right, y up, looking at -z."""
+        return look_at(self.position, self.target, self.up)
+
+    def projection(self, aspect: float) -> Matrix:
+        """Return view to clip: reversed depth in [0, 1], infinite far, y downwards so that row 0 is on top.
+
+        Args:
+            aspect: width / height of the image.
+        """
+        f = 1.0 / np.tan(np.radians(self.fov_y) / 2.0)
+        return np.array(
+            [[f / aspect, 0, 0, 0], [0, -f, 0, 0], [0, 0, 0, self.near], [0, 0, -1, 0]], np.float64
+        )
+
+
+def look_at(position: Vector, target: Vector, up: Vector) -> Matrix:
+    """Return world to view of an eye at `position`: x right, y up, looking at -z."""
+    back = np.subtract(position, target) / np.linalg.norm(np.subtract(position, target))
+    right = np.cross(up, back)
+    right /= np.linalg.norm(right)
+    matrix = np.eye(4)
+    matrix[:3, :3] = right, np.cross(back, right), back
+    matrix[:3, 3] = -matrix[:3, :3] @ position
+    return matrix
+
+
+CONVOLVED = 64  # width from which on mips are true GGX convolutions; above, their lobes are a texel wide
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, weakref_slot=True)
+class Environment:
+    """A distant panorama.
+
+    Attributes:
+        pixels: (h, 2 h, 3) float32 linear RGB radiance, >= 0; h a power of two, 32 or more. Row 0 looks up
+            (+y), the middle column looks at -z, columns go right.
+    """
+
+    pixels: Points
+
+    def __post_init__(self) -> None:
+        check_array("environment.pixels", self.pixels, (None, None, 3), np.float32)
+        height, width = self.pixels.shape[:2]
+        if width != 2 * height or height < 32 or height & (height - 1):
+            want = "(h, 2 h, 3), h a power of two from 32 on"
+            raise SceneError("environment.pixels", got=self.pixels.shape, want=want)
+        if self.pixels.min() < 0.0:
+            raise SceneError("environment.pixels", got="negative in places", want="radiance >= 0")
+
+    def mips(self) -> list[Points]:
+        """Return the panorama at half the size each, down to 4 x 2, blurred for ever rougher mirrors.
+
+        Level l is what a mirror of alpha = pi 2^l / h reflects, so that a lobe is about two texels wide.
+        """
+        levels = [self.pixels]
+        while levels[-1].shape[0] > 2:
+            levels.append(halved(levels[-1]))
+        source = next(level for level in levels if level.shape[1] <= 2 * CONVOLVED)
+        for index, level in enumerate(levels):
+            if level.shape[1] <= CONVOLVED and level is not source:
+                alpha = min(1.0, np.pi / level.shape[0])
+                levels[index] = reflected(source, level.shape[0], alpha)
+        return levels
+
+    def irradiance(self) -> Values:
+        """Return (9, 3) coefficients: irradiance of a normal n is sum_i coefficients[i] basis_i(n).
+
+        The basis is 1, x, y, z, xy, yz, 3 z^2 - 1, xz, x^2 - y^2, with all constants in the coefficients.
+        """
+        weights, basis = solid_angles(self.pixels.shape[0]), harmonics(directions(self.pixels.shape[0]))
+        norm = np.array([0.282095] + [0.488603] * 3 + [1.092548] * 2 + [0.315392, 1.092548, 0.546274])
+        lobe = np.array([np.pi] + [2.0 * np.pi / 3.0] * 3 + [np.pi / 4.0] * 5)  # of the clamped cosine
+        radiance = (self.pixels.astype(np.float64) * weights[..., None]).reshape(-1, 3)
+        return np.asarray((norm * norm * lobe)[:, None] * (basis.reshape(-1, 9).T @ radiance))
+
+
+def directions(height: int) -> Values:
+    """Return the unit vectors (h, 2 h, 3) of a panorama's texel centres."""
+    theta = (np.arange(height) + 0.5) * np.pi / height
+    phi = (np.arange(2 * height) + 0.5) * np.pi / height - np.pi
+    sin = np.sin(theta)[:, None]
+    y = np.broadcast_to(np.cos(theta)[:, None], (height, 2 * height))
+    return np.stack([sin * np.sin(phi), y, -sin * np.cos(phi)], axis=-1)
+
+
+def solid_angles(height: int) -> Values:
+    """Return how much of the sphere each texel is: (h, 2 h) steradians that sum to 4 pi."""
+    edges = np.cos(np.arange(height + 1) * np.pi / height)
+    return np.repeat((edges[:-1] - edges[1:])[:, None] * np.pi / height, 2 * height, axis=1)
+
+
+def harmonics(normals: Values) -> Values:
+    """Return the nine functions of `Environment.irradiance` (..., 9) of unit vectors (..., 3)."""
+    x, y, z = np.moveaxis(normals, -1, 0)
+    columns = [np.ones_like(x), x, y, z, x * y, y * z, 3.0 * z * z - 1.0, x * z, x * x - y * y]
+    return np.stack(columns, axis=-1)
+
+
+def halved(pixels: Points) -> Points:
+    """Average 2 x 2 texels, by their solid angle."""
+    height, width = pixels.shape[:2]
+    weighted = pixels * solid_angles(height)[..., None]
+    sums = weighted.reshape(height // 2, 2, width // 2, 2, 3).sum(axis=(1, 3))
+    return np.asarray(sums / solid_angles(height // 2)[..., None], np.float32)
+
+
+def reflected(source: Points, height: int, alpha: float) -> Points:
+    """Return what GGX mirrors of roughness alpha reflect, seen straight on: (height, 2 height, 3).
+
+    Weights depend on the two rows and on how far apart the columns are, so each pair of rows is one circular
+    correlation: those of the first column's normals, moved along the row in the frequency domain.
+    """
+    rows = source.shape[0]
+    first = directions(height)[:, 0]  # (height, 3); its column is `rows / height` of the source's wide
+    cosine = np.einsum(
+        "ai,bci->abc", first, directions(rows)
+    )  # of the normal, taken as the reflection, and light
+    half = np.clip(0.5 + 0.5 * cosine, 0.0, 1.0)  # squared cosine of half that angle
+    weights = np.maximum(cosine, 0.0) / (half * (alpha * alpha - 1.0) + 1.0) ** 2
+    weights *= solid_angles(rows)
+    weights /= weights.sum(axis=(1, 2), keepdims=True)
+    spectrum = np.einsum(
+        "abf,bfc->afc", np.conj(np.fft.rfft(weights, axis=2)), np.fft.rfft(source.astype(np.float64), axis=1)
+    )
+    return np.fft.irfft(spectrum, 2 * rows, axis=1)[:, :: rows // height].astype(np.float32)
+
+
+MAX_POINTS = 16
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sun:
+    """Parallel light with a shadow inside a sphere.
+
+    Attributes:
+        direction: from the light to the scene; its length does not matter.
+        color: irradiance on a surface that faces it.
+        center, radius: of the sphere that the shadow map covers, metres; there is no shadow outside.
+    """
+
+    direction: Vector
+    color: Color
+    center: Vector = (0.0, 0.0, 0.0)
+    radius: float = 20.0
+
+    def __post_init__(self) -> None:
+        _check_direction("sun.direction", self.direction)
+        check("sun.center", self.center, 3)
+        _check_color("sun.color", self.color)
+        check_number("sun.radius", self.radius, 0.0, np.inf, open_below=True)
+
+    def matrix(self) -> Matrix:
+        """Return world to the shadow map's clip space: x, y in [-1, 1], depth in [0, 1], 0 at the light."""
+        to_light = -np.array(self.direction) / np.linalg.norm(self.direction)
+        eye = np.array(self.center) + to_light * self.radius
+        scale = np.diag([1.0 / self.radius, 1.0 / self.radius, -0.5 / self.radius, 1.0])
+        return scale @ look_at(_vector(eye), self.center, _up_for(to_light))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Spot:
+    """A cone of light with a shadow.
+
+    Attributes:
+        color: radiant intensity on the axis: irradiance at 1 m.
+        inner, outer: half angles, degrees, between which it fades.
+        reach: distance at which it has faded to 0, metres, > 0.1.
+    """
+
+    position: Vector
+    target: Vector
+    color: Color
+    inner: float = 15.0
+    outer: float = 25.0
+    reach: float = 20.0
+
+    def __post_init__(self) -> None:
+        check("spot.position", self.position, 3)
+        check("spot.target", self.target, 3)
+        _check_direction("spot.target - position", _vector(np.subtract(self.target, self.position)))
+        _check_color("spot.color", self.color)
+        check_number("spot.outer", self.outer, 0.0, 80.0, open_below=True)
+        check_number("spot.inner", self.inner, 0.0, self.outer)
+        check_number("spot.reach", self.reach, 0.1, np.inf, open_below=True)
+
+    def matrix(self) -> Matrix:
+        """Return world to the shadow map's clip space: depth in [0, 1], 0 is 0.1 m from the light."""
+        axis = np.subtract(self.target, self.position)
+        f, near, far = 1.0 / np.tan(np.radians(self.outer)), 0.1, self.reach
+        project = np.zeros((4, 4))
+        project[0, 0] = project[1, 1] = f
+        project[2, 2:], project[3, 2] = (far / (near - far), near * far / (near - far)), -1.0
+        return project @ look_at(self.position, self.target, _up_for(axis / np.linalg.norm(axis)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Point:
+    """Light into all directions, without a shadow.
+
+    Attributes:
+        color: radiant intensity: irradiance at 1 m.
+        reach: distance at which it has faded to 0, metres.
+    """
+
+    position: Vector
+    color: Color
+    reach: float = 10.0
+
+    def __post_init__(self) -> None:
+        check("point.position", self.position, 3)
+        _check_color("point.color", self.color)
+        check_number("point.reach", self.reach, 0.0, np.inf, open_below=True)
+
+
+def _vector(values: Matrix) -> Vector:
+    x, y, z = (float(value) for value in values)
+    return x, y, z
+
+
+def _up_for(direction: Matrix) -> Vector:
+    return (0.0, 0.0, 1.0) if abs(direction[1]) > 0.99 else (0.0, 1.0, 0.0)
+
+
+def _check_direction(name: str, direction: Vector) -> None:
+    if not np.linalg.norm(check(name, direction, 3)) > 0.0:
+        raise SceneError(name, got=direction, want="a direction")
+
+
+def _check_color(name: str, color: Color) -> None:
+    for value in check(name, color, 3):
+        check_number(name, value, 0.0, np.inf)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Skin:
+    """The joints that move each vertex.
+
+    Attributes:
+        joints: (n, 4) uint16, indices into the instance's palette.
+        weights: (n, 4) float32 that sum to 1.
+    """
+
+    joints: Joints
+    weights: Points
+
+    def __post_init__(self) -> None:
+        check_array("skin.joints", self.joints, (None, 4), np.uint16)
+        check_array("skin.weights", self.weights, (len(self.joints), 4), np.float32)
+        if np.abs(self.weights.sum(axis=1) - 1.0).max() > 1e-3:
+            raise SceneError("skin.weights", got="of another sum in places", want="a sum of 1 at each vertex")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, weakref_slot=True)
+class Mesh:
+    """Triangles; counter-clockwise ones face the viewer.
+
+    Attributes:
+        positions: (n, 3) float32, local.
+        normals: (n, 3) float32, unit length.
+        uv: (n, 2) float32, v downwards in the texture.
+        tangents: (n, 4) float32: direction of u, unit length, and the sign of the bitangent
+            cross(normal, tangent) w, which points to decreasing v. `tangents_of` derives them.
+        indices: (m, 3) uint32.
+        skin: None for a rigid mesh.
+    """
+
+    positions: Points
+    normals: Points
+    uv: Points
+    tangents: Points
+    indices: Indices
+    skin: Skin | None = None
+
+    def __post_init__(self) -> None:
+        count = len(self.positions)
+        check_array("mesh.positions", self.positions, (None, 3), np.float32)
+        check_array("mesh.normals", self.normals, (count, 3), np.float32)
+        check_array("mesh.uv", self.uv, (count, 2), np.float32)
+        check_array("mesh.tangents", self.tangents, (count, 4), np.float32)
+        check_array("mesh.indices", self.indices, (None, 3), np.uint32)
+        if int(self.indices.max()) >= count:
+            raise SceneError("mesh.indices", got=int(self.indices.max()), want=f"vertices below {count}")
+        if self.skin is not None and len(self.skin.joints) != count:
+            raise SceneError("mesh.skin", got=f"{len(self.skin.joints)} vertices", want=f"{count}")
+
+    def center(self) -> Points:
+        """Return the middle of the bounding box (3,), local."""
+        return np.asarray((self.positions.min(axis=0) + self.positions.max(axis=0)) / 2.0)
+
+
+def tangents_of(positions: Points, normals: Points, uv: Points, indices: Indices) -> Points:
+    """Return (n, 4) tangents: the direction of u averaged over each vertex's triangles, and handedness.
+
+    Where u does not vary, any direction along the surface is taken.
+    """
+    a, b, c = indices.T
+    edge, other = positions[b] - positions[a], positions[c] - positions[a]
+    along, beside = uv[b] - uv[a], uv[c] - uv[a]
+    area = along[:, :1] * beside[:, 1:] - along[:, 1:] * beside[:, :1]
+    flip = np.where(area < 0.0, -1.0, 1.0)  # weighted by area in the texture, which may be 0: no division
+    of_u = flip * (edge * beside[:, 1:] - other * along[:, 1:])
+    of_v = flip * (other * along[:, :1] - edge * beside[:, :1])
+    u, v = np.zeros((2, *positions.shape), np.float64)
+    for corner in (a, b, c):
+        np.add.at(u, corner, of_u)
+        np.add.at(v, corner, of_v)
+    axis = np.eye(3)[np.abs(normals).argmin(axis=1)]  # far from the normal, used where u is degenerate
+    u = np.where(np.linalg.norm(u, axis=1, keepdims=True) > 1e-12, u, np.cross(normals, axis))
+    u -= normals * (u * normals).sum(axis=1, keepdims=True)
+    u /= np.maximum(np.linalg.norm(u, axis=1, keepdims=True), 1e-12)
+    # v grows downwards in the image while a normal map's green points up it: the bitangent opposes v.
+    sign = np.where((np.cross(normals, u) * v).sum(axis=1, keepdims=True) > 0.0, -1.0, 1.0)
+    return np.concatenate([u, sign], axis=1).astype(np.float32)
+
 
 MAX_JOINTS = 128  # two palettes of this size fill the 16 KiB that every GL grants a uniform block
 
@@ -193,3 +552,22 @@ class Scene:
             raise SceneError(
                 "scene.camera_before.near", got=self.camera_before.near, want=self.camera.near, hint=hint
             )
+
+
+def towards(scene: Scene, following: Scene) -> Scene:
+    """Return a scene whose motion vectors lead to the next frame: next minus current, `Frame.motion_next`.
+
+    Args:
+        scene: of a frame.
+        following: of the next frame: the same instances, elsewhere.
+
+    Raises:
+        DataError: the two have different instances, as on two sides of a cut.
+    """
+    if [one.mesh for one in scene.instances] != [one.mesh for one in following.instances]:
+        raise DataError("the next frame has other instances: no motion leads across a cut")
+    instances = tuple(
+        replace(now, model_before=after.model, palette_before=after.palette)
+        for now, after in zip(scene.instances, following.instances, strict=True)
+    )
+    return replace(scene, instances=instances, camera_before=following.camera)

@@ -5,9 +5,8 @@
 >>> compose("my/files", seed=7).scene(0)  # a stage and props of a folder, lit, with a camera
 """
 
-from supersampler_model.data.scenes.gltf.animation import Clip
 from supersampler_model.data.scenes.gltf.compose import Composition, compose
-from supersampler_model.data.scenes.gltf.errors import GltfError
-from supersampler_model.data.scenes.gltf.scene import GltfScene
+from supersampler_model.data.scenes.gltf.document import GltfError
+from supersampler_model.data.scenes.gltf.model import Clip, GltfScene
 
 __all__ = ["Clip", "Composition", "GltfError", "GltfScene", "compose"]

@@ -6,14 +6,12 @@ from dataclasses import replace
 import numpy as np
 
 from supersampler_model.data.scenes.gltf.ground import Ground
-from supersampler_model.data.scenes.mesh import Mesh
-from supersampler_model.data.scenes.procedural import lighting, materials, particles, paths, shapes
+from supersampler_model.data.scenes.procedural import fixtures, lighting, materials, paths, shapes
 from supersampler_model.data.scenes.procedural.fixtures import bulb
-from supersampler_model.data.scenes.procedural.foliage import bush
+from supersampler_model.data.scenes.procedural.outdoors import bush
+from supersampler_model.data.scenes.procedural.paths import placed
 from supersampler_model.data.scenes.procedural.stage import Stage
-from supersampler_model.data.scenes.procedural.transforms import placed
-from supersampler_model.data.scenes.scene import Material
-from supersampler_model.data.values import Color, Matrix, Rng, Values
+from supersampler_model.data.scenes.scene import Color, Material, Matrix, Mesh, Rng, Values
 
 _CLEARANCE = 0.5  # metres around an object that are kept free
 Kind = Callable[[Rng, Stage, Ground, Values], list[Values]]
@@ -159,10 +157,10 @@ def _particles(rng: Rng, stage: Stage, focus: Values) -> None:
     above = paths.vector(focus + rng.uniform((-1.0, 0.1, -1.0), (1.0, 1.0, 1.0)))
     stage.particles.append(
         (
-            lambda: particles.dust(rng, low, high, size=rng.uniform(0.006, 0.014)),
-            lambda: particles.fireflies(rng, low, high),
-            lambda: particles.sparks(rng, above),
-            lambda: particles.smoke(rng, above),
+            lambda: fixtures.dust(rng, low, high, size=rng.uniform(0.006, 0.014)),
+            lambda: fixtures.fireflies(rng, low, high),
+            lambda: fixtures.sparks(rng, above),
+            lambda: fixtures.smoke(rng, above),
         )[int(rng.integers(4))]()
     )
 

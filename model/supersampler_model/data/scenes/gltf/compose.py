@@ -5,36 +5,354 @@ props on it, each with its own motion. Wires, fences, leaves, mirrors, moving ob
 Camera, lights, exposure and a cut are random too. Files and seed determine the sequence.
 """
 
-from dataclasses import replace
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 from zlib import crc32
 
 import numpy as np
+from OpenImageIO import ImageInput, geterror
 
-from supersampler_model.data.scenes.camera import Camera
-from supersampler_model.data.scenes.environment import Environment
+from supersampler.io.files import image_size_problem, utf8_path
+from supersampler_model.data.errors import SceneError
 from supersampler_model.data.scenes.gltf.clutter import add_clutter
-from supersampler_model.data.scenes.gltf.errors import GltfError
-from supersampler_model.data.scenes.gltf.folder import (
-    PANORAMA,
-    digest_of,
-    ground_of,
-    is_stage,
-    read_folder,
-    stage_instances,
-)
+from supersampler_model.data.scenes.gltf.document import GltfError, MalformedError, reading
 from supersampler_model.data.scenes.gltf.ground import Ground, triangles_of
-from supersampler_model.data.scenes.gltf.lighting import lit_stage, panorama
-from supersampler_model.data.scenes.gltf.motions import Course, Prop, Walk, wave
-from supersampler_model.data.scenes.gltf.scene import GltfScene
-from supersampler_model.data.scenes.procedural import materials, shapes
+from supersampler_model.data.scenes.gltf.model import GltfScene
+from supersampler_model.data.scenes.procedural import lighting, materials, shapes
 from supersampler_model.data.scenes.procedural.fixtures import hills, skyline
-from supersampler_model.data.scenes.procedural.paths import vector
+from supersampler_model.data.scenes.procedural.lighting import Pulse
+from supersampler_model.data.scenes.procedural.paths import Place, placed, vector
 from supersampler_model.data.scenes.procedural.stage import Stage
-from supersampler_model.data.scenes.scene import Instance, Scene
-from supersampler_model.data.specs import Sequence, SequenceSpec
-from supersampler_model.data.values import Values
+from supersampler_model.data.scenes.scene import (
+    Camera,
+    Color,
+    Environment,
+    Instance,
+    Matrix,
+    Rng,
+    Scene,
+    Sun,
+    Values,
+    directions,
+)
+from supersampler_model.data.specs import GLTF, Sequence, SequenceSpec
+
+
+def to_and_fro(time: float, duration: float) -> float:
+    """Return a time in [0, duration] that runs forwards and backwards in turn."""
+    if duration <= 0.0:
+        return 0.0
+    phase = time / duration % 2.0
+    return duration * min(phase, 2.0 - phase)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Course:
+    """A path to and fro between two positions (3,), slow at both, of `speed` metres a second on average."""
+
+    start: Values
+    end: Values
+    speed: float
+    phase: float = 0.0
+
+    def at(self, time: float) -> Values:
+        """Return the position (3,)."""
+        length = max(float(np.linalg.norm(self.end - self.start)), 1e-3)
+        return self.between(0.5 - 0.5 * np.cos(np.pi * (self.speed * time / length + self.phase)))
+
+    def between(self, fraction: float) -> Values:
+        """Return the position (3,) at a fraction of the path, 0 at `start` and 1 at `end`."""
+        return np.asarray(self.start + fraction * (self.end - self.start))
+
+
+def wave(depth: float, hertz: float, phase: float = 0.0, *, square: bool = False) -> Pulse:
+    """Return a sine or square wave in [1 - depth, 1 + depth]; `phase` is in periods."""
+
+    def factor(time: float) -> float:
+        sine = float(np.sin(2.0 * np.pi * (hertz * time + phase)))
+        return 1.0 + depth * (float(np.sign(sine)) if square else sine)
+
+    return factor
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Walk:
+    """A hand-held camera that walks and looks at a target.
+
+    Attributes:
+        course: of the eye.
+        target: (3,) metres.
+        pan: angle of its turns to both sides, radians, and their frequency, hertz.
+        sway: of the hand, metres.
+        fov_y: degrees.
+    """
+
+    course: Course
+    target: Values
+    pan: tuple[float, float]
+    sway: float
+    fov_y: float
+
+    def at(self, time: float) -> tuple[Values, Values]:
+        """Return the eye's place (3,) and what it looks at (3,)."""
+        waves = np.sin(time * np.array([[5.1, 6.7, 4.3], [3.7, 7.9, 5.9]]) + np.arange(3.0))
+        eye, target = self.course.at(time) + self.sway * waves[0], self.target + self.sway * waves[1]
+        angle = self.pan[0] * np.sin(2.0 * np.pi * self.pan[1] * time)
+        x, y, z = target - eye
+        cos, sin = np.cos(angle), np.sin(angle)
+        return eye, eye + np.array([cos * x + sin * z, y, cos * z - sin * x])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Prop:
+    """A prop: the content of a glTF file, with its motion over the ground.
+
+    Attributes:
+        size: scale factor.
+        course: of the middle of its lower side.
+        yaw: about the vertical at time 0, radians.
+        spin: of the yaw, radians a second.
+        hop: height of its jumps, one a second, metres.
+        clip: index of the animation, which runs to and fro.
+        glow: factor of its emission.
+    """
+
+    model: GltfScene
+    size: float
+    course: Course
+    yaw: float
+    spin: float
+    hop: float
+    clip: int
+    glow: Pulse
+
+    def instances(self, now: float, before: float) -> tuple[Instance, ...]:
+        """Return the instances `now`, with their previous state, both in seconds."""
+        clips = self.model.clips
+        duration = clips[self.clip].duration if clips else 0.0
+        return self.model.instances(
+            to_and_fro(now, duration), to_and_fro(before, duration), self.placed(now), self.placed(before),
+            clip=self.clip, emission=self.glow(now),
+        )  # fmt: skip
+
+    def placed(self, time: float) -> Matrix:
+        """Return the matrix from the file's space to the world."""
+        low, high = self.model.bounds
+        angle = self.yaw + self.spin * time
+        matrix = placed(yaw=angle, size=self.size)
+        foot = np.array([(low[0] + high[0]) / 2.0, low[1], (low[2] + high[2]) / 2.0])
+        hop = self.hop * abs(np.sin(np.pi * time))
+        matrix[:3, 3] = self.course.at(time) + np.array([0.0, hop, 0.0]) - matrix[:3, :3] @ foot
+        return matrix
+
+
+_SKY = 64  # rows of a procedural sky
+_DIMMEST = 0.12  # least factor of a sky or a panorama
+_BRIGHTEST = 50.0  # panoramas are clamped to this: their suns would sparkle in every reflection
+
+
+Lamp = tuple[Place, Color, Pulse]
+"""Path, colour and flicker of a light."""
+
+
+def lit_stage(rng: Rng, focus: Values, panorama: Environment | None) -> Stage:
+    """Return an empty stage with random lights around `focus` (3,), and the exposure that suits them.
+
+    Without a panorama of the surroundings it has a random sky.
+    """
+    surroundings = sky(rng) if panorama is None else panorama
+    dim = float(np.exp(rng.uniform(np.log(_DIMMEST), 0.0)))  # in the dark the lamps matter more
+    environment = Environment(pixels=(surroundings.pixels * dim).astype(np.float32))
+    stage = Stage(environment=environment, exposure=float(dim**-0.6))
+    stage.sun = _sun(rng, focus)
+    if rng.random() < 0.7:
+        place, color, flicker = _lamp(rng, focus, 2.5, 14.0, 0.7)
+        stage.spot = lighting.spotlight(place, focus, color, inner=20.0, outer=32.0, pulsing=flicker)
+    for _ in range(int(rng.integers(4))):
+        place, color, flicker = _lamp(rng, focus, 0.8, 1.5, 0.9)
+        stage.points.append(lighting.lamp(place, color, reach=6.0, pulsing=flicker))
+    return stage
+
+
+def _sun(rng: Rng, focus: Values) -> Callable[[float], Sun] | None:
+    """Return a sun, mostly steady; None: there is none."""
+    height, around = rng.uniform(0.3, 1.3), rng.uniform(0.0, 2.0 * np.pi)
+    toward = np.array([np.cos(height) * np.cos(around), np.sin(height), np.cos(height) * np.sin(around)])
+    strength = rng.uniform(0.5, 4.0) if rng.random() < 0.7 else 0.0
+    color, direction, center = strength * _tint(rng), vector(-toward), vector(focus)
+    flicker = wave(rng.uniform(0.0, 0.8) * (rng.random() < 0.3), rng.uniform(0.2, 3.0))
+    if strength == 0.0:
+        return None
+    return lambda t: Sun(direction=direction, color=vector(color * flicker(t)), center=center, radius=12.0)
+
+
+def _lamp(rng: Rng, focus: Values, height: float, strength: float, flickering: float) -> Lamp:
+    """Return a light that moves at about `height` metres above the focus; `flickering` is at most 1."""
+    low, high = (-2.0, 0.8 * height, -2.0), (2.0, 1.2 * height, 2.0)
+    course = Course(focus + rng.uniform(low, high), focus + rng.uniform(low, high), rng.uniform(0.3, 4.0))
+    flicker = wave(
+        rng.uniform(0.0, flickering), rng.uniform(0.5, 8.0), rng.random(), square=rng.random() < 0.3
+    )
+    return course.at, vector(rng.uniform(0.5, 1.5) * strength * _tint(rng)), flicker
+
+
+def sky(rng: Rng) -> Environment:
+    """Return a sky above a ground, with a bright side."""
+    up = directions(_SKY)
+    above, below, side = (rng.uniform(0.3, 1.0) * _tint(rng) for _ in range(3))
+    bright = rng.normal(size=3) + np.array([0.0, 1.0, 0.0])
+    lobe = np.clip(up @ (bright / np.linalg.norm(bright)), 0.0, 1.0) ** rng.uniform(2.0, 40.0)
+    blend = 0.5 + 0.5 * np.tanh(6.0 * up[..., 1:2])
+    color = blend * above + (1.0 - blend) * 0.4 * below + rng.uniform(0.5, 4.0) * lobe[..., None] * side
+    return Environment(pixels=color.astype(np.float32))
+
+
+def panorama(path: Path) -> Environment:
+    """Read a panorama (.hdr) whose size is (2 h, h), h a power of two.
+
+    Raises:
+        GltfError: it is damaged, too large, or of another size.
+    """
+    with reading(path):
+        with path.open("rb") as file:
+            if file.read(2) != b"#?":
+                raise MalformedError("the panorama is no .hdr file")
+        source = ImageInput.open(utf8_path(path))
+        if source is None:
+            raise MalformedError(f"the panorama is damaged ({geterror().strip()})")
+        spec = source.spec()
+        if (problem := image_size_problem(spec.width, spec.height)) is not None:
+            raise MalformedError(f"the panorama {problem}")
+        pixels = source.read_image(0, 0, 0, 3, "float")
+        if pixels is None:
+            raise MalformedError(f"the panorama is damaged ({source.geterror().strip()})")
+        return Environment(pixels=np.ascontiguousarray(np.clip(pixels, 0.0, _BRIGHTEST), np.float32))
+
+
+def _tint(rng: Rng) -> Values:
+    """Return a colour of mean 1 between candle light and a clear sky."""
+    warmth = rng.uniform(-1.0, 1.0)
+    color = np.array([1.0 + 0.5 * warmth, 1.0, 1.0 - 0.5 * warmth])
+    return np.asarray(color / color.mean())
+
+
+MIN_STAGE_SIZE = 8.0  # metres: files of this width or depth are stages, smaller ones props
+MAX_PROP_FILES = 3  # in one sequence
+PANORAMA = ".hdr"
+_BARE_FLOOR_CHANCE = 0.15  # probability of a bare floor in place of a stage
+_VALIDATION_EVERY = 4  # one of so many files of each kind is kept for validation
+_STILL: Matrix = np.eye(4)
+
+File = tuple[str, str]
+"""A name below the folder, with forward slashes, and the SHA-256 of its content."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Folder:
+    """Files to compose sequences of.
+
+    Attributes:
+        path: absolute.
+        stages: files of a room's size or larger, with a floor that one can stand on.
+        props: smaller files.
+        panoramas: of the surroundings (.hdr).
+    """
+
+    path: str
+    stages: tuple[File, ...]
+    props: tuple[File, ...]
+    panoramas: tuple[File, ...]
+
+    def spec(self, seed: int, frames: int) -> SequenceSpec:
+        """Choose the files of a sequence: a stage or a bare floor, props, a panorama or a procedural sky."""
+        random = np.random.default_rng([seed, crc32(b"files")])
+        bare = len(self.props) > 0 and random.random() < _BARE_FLOOR_CHANCE
+        stages = [] if bare or not self.stages else [self.stages[int(random.integers(len(self.stages)))]]
+        count = min(int(random.integers(1, MAX_PROP_FILES + 1)), len(self.props))
+        props = [self.props[int(index)] for index in random.permutation(len(self.props))[:count]]
+        sky = int(random.integers(len(self.panoramas) + 1))
+        files = (*stages, *props, *self.panoramas[sky : sky + 1])
+        return SequenceSpec(family=GLTF, seed=seed, frames=frames, folder=self.path, files=files)
+
+    def split(self, seed: int) -> tuple["Folder", "Folder | None"]:
+        """Return the files for training and those kept for validation, which have none in common.
+
+        A single file of a kind is used for training. None: there is nothing to compose for validation.
+        """
+        random = np.random.default_rng([seed, crc32(b"split")])
+        parts: list[dict[str, tuple[File, ...]]] = [{}, {}]
+        for kind in ("stages", "props", "panoramas"):
+            files: tuple[File, ...] = getattr(self, kind)
+            count = max(len(files) // _VALIDATION_EVERY, int(len(files) > 1))
+            mixed = [files[int(index)] for index in random.permutation(len(files))]
+            parts[0][kind], parts[1][kind] = tuple(mixed[count:]), tuple(mixed[:count])
+        training, validation = (Folder(path=self.path, **files) for files in parts)
+        return training, validation if validation.stages or validation.props else None
+
+
+def read_folder(path: Path) -> Folder:
+    """Read all files (.glb, .gltf, .hdr) in a folder and below, so that errors occur before rendering.
+
+    Raises:
+        SceneError: there is no such folder, or no file in it to compose a sequence of.
+        GltfError: one of the files is broken or not supported; names it, the primitive and the reason.
+    """
+    if not path.is_dir():
+        raise SceneError("folder", got=f"{path}, which is none", want="a folder of .glb or .gltf files")
+    found = sorted(file for file in path.rglob("*") if file.suffix.lower() in (".glb", ".gltf", PANORAMA))
+    stages: list[File] = []
+    props: list[File] = []
+    panoramas: list[File] = []
+    for file in found:
+        name = file.relative_to(path).as_posix()
+        if file.suffix.lower() == PANORAMA:
+            panorama(file)
+            panoramas.append((name, digest_of(file)))
+            continue
+        model = GltfScene(file)
+        if not is_stage(model):
+            props.append((name, model.digest))
+        elif ground_of(model) is not None:
+            stages.append((name, model.digest))
+    if not stages and not props:
+        want = f"at least one .glb or .gltf smaller than {MIN_STAGE_SIZE:g} m, or with room to stand in"
+        raise SceneError("folder", got=f"{path}, without any", want=want)
+    return Folder(
+        path=str(path.resolve()), stages=tuple(stages), props=tuple(props), panoramas=tuple(panoramas)
+    )
+
+
+def is_stage(model: GltfScene) -> bool:
+    """Return whether a file is a stage: MIN_STAGE_SIZE or more along the ground."""
+    return float(np.ptp(model.bounds, axis=0)[[0, 2]].max()) >= MIN_STAGE_SIZE
+
+
+def stage_instances(model: GltfScene) -> tuple[Instance, ...]:
+    """Return the instances of a stage, which does not move."""
+    return model.instances(0.0, 0.0, _STILL)
+
+
+def ground_of(model: GltfScene) -> Ground | None:
+    """Return the free floor of a stage; None if there is none."""
+    triangles = triangles_of(stage_instances(model))
+    ground = Ground(triangles) if len(triangles) else None
+    return ground if ground is not None and ground.free.any() else None
+
+
+def digest_of(file: Path) -> str:
+    """Return the SHA-256 of a file, in hexadecimal.
+
+    Raises:
+        GltfError: it cannot be read.
+    """
+    try:
+        return hashlib.sha256(file.read_bytes()).hexdigest()
+    except OSError as error:
+        raise GltfError(file, "", f"it cannot be read ({error.strerror})") from error
+
 
 MAX_PROPS = 6  # props in one sequence; a file may be used several times
 _PROP_HEIGHTS = 0.3, 1.9  # metres; props of other heights are resized

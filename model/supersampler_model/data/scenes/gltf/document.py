@@ -1,18 +1,83 @@
-"""A glTF file: its JSON, and the buffers and images that it refers to."""
+"""A glTF file: its JSON, and the buffers, images and arrays that it refers to."""
 
 import base64
 import binascii
 import hashlib
 import json
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import Any, Literal, TypeAlias
 from urllib.parse import unquote, urlsplit
 
+import numpy as np
+from numpy.typing import NDArray
+
 from supersampler.errors import ShotError
 from supersampler.io.files import check_inside
-from supersampler_model.data.scenes.gltf.errors import MalformedError, at
+from supersampler_model.data.errors import DataError, SceneError
+from supersampler_model.data.scenes.scene import Values
+
+
+class GltfError(DataError, ValueError):
+    """A glTF file is broken, or uses unsupported features.
+
+    Attributes:
+        path: the file.
+        place: where in it, as "mesh 0 'Chair', primitive 1"; empty if it is the whole file.
+        problem: the reason.
+    """
+
+    def __init__(self, path: Path, place: str, problem: str) -> None:
+        self.path, self.place, self.problem = path, place, problem
+        super().__init__(f"{path}: {place}{': ' if place else ''}{problem}.")
+
+
+class MalformedError(Exception):
+    """A reason, without its place."""
+
+    def __init__(self, problem: str) -> None:
+        super().__init__(problem)
+        self.problem, self.places = problem.rstrip("."), list[str]()
+
+
+@contextmanager
+def at(place: str) -> Iterator[None]:
+    """Add `place` to errors that are raised inside, also to those of unexpected JSON."""
+    try:
+        yield
+    except MalformedError as error:
+        error.places.insert(0, place)
+        raise
+    except SceneError as error:
+        raise _placed(str(error), place) from error
+    except KeyError as error:
+        raise _placed(f"{error} is missing", place) from error
+    except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, RecursionError) as error:
+        raise _placed(f"this is not as glTF 2.0 has it ({error})", place) from error
+
+
+@contextmanager
+def reading(path: Path) -> Iterator[None]:
+    """Convert errors that are raised inside to a GltfError of `path`."""
+    try:
+        with at(""), np.errstate(all="ignore"):  # damaged numbers are found by checks, and named
+            yield
+    except MalformedError as error:
+        raise GltfError(path, ", ".join(filter(None, error.places)), error.problem) from error
+    except MemoryError as error:
+        raise GltfError(path, "", "there is not enough memory for what it holds") from error
+    except OSError as error:
+        raise GltfError(path, "", f"it cannot be read ({error})") from error
+
+
+def _placed(problem: str, place: str) -> MalformedError:
+    malformed = MalformedError(problem)
+    malformed.places.append(place)
+    return malformed
+
 
 Json: TypeAlias = dict[str, Any]
 
@@ -190,3 +255,81 @@ def _count(item: Json, name: str) -> int:
     if type(value) is not int or value < 0:
         raise MalformedError(f"{name} is {value!r}; want a whole number from 0 on")
     return value
+
+
+Integers: TypeAlias = NDArray[np.int64]
+
+_TYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
+MAX_COUNT = 1 << 26  # elements; more is a damaged count, not a mesh
+
+
+def floats(document: Document, index: Any, kind: str) -> Values:
+    """Return (count, width) numbers of an accessor of this kind, as "VEC3"; normalised ones in [-1, 1]."""
+    with at(f"accessor {index}"):
+        accessor = document.item("accessors", index)
+        raw = _read(document, accessor, kind)
+        values = raw.astype(np.float64)
+        if accessor.get("normalized", False) and raw.dtype.kind != "f":
+            values = np.maximum(values / np.iinfo(raw.dtype).max, -1.0)
+        if not np.isfinite(values).all():
+            raise MalformedError("it holds NaN or infinite numbers")
+        return values
+
+
+def integers(document: Document, index: Any, kind: str) -> Integers:
+    """Return (count, width) whole numbers of an accessor of this kind."""
+    with at(f"accessor {index}"):
+        raw = _read(document, document.item("accessors", index), kind)
+        if raw.dtype.kind != "u":
+            raise MalformedError(f"it holds {raw.dtype.name}; want unsigned integers")
+        return raw.astype(np.int64)
+
+
+def _read(document: Document, accessor: Json, kind: str) -> NDArray[Any]:
+    if accessor["type"] != kind:
+        raise MalformedError(f"it holds {accessor['type']}; want {kind}")
+    count, dtype, width = accessor["count"], _dtype(accessor), _WIDTHS[kind]
+    if type(count) is not int or not 0 < count <= MAX_COUNT:
+        raise MalformedError(f"its count is {count!r}; want 1 to {MAX_COUNT}")
+    document.claim("arrays", count * width)
+    if "bufferView" in accessor:
+        raw = _elements(document, accessor, dtype, count, width)
+    else:
+        raw = np.zeros((count, width), dtype)
+    return _patched(document, raw, accessor["sparse"]) if "sparse" in accessor else raw
+
+
+def _patched(document: Document, raw: NDArray[Any], sparse: Json) -> NDArray[Any]:
+    """Return `raw` with the rows that `sparse` replaces."""
+    count, where = sparse["count"], sparse["indices"]
+    if type(count) is not int or not 0 < count <= len(raw):
+        raise MalformedError(f"its sparse count is {count!r}; want 1 to {len(raw)}")
+    rows = _elements(document, where, _dtype(where), count, 1)[:, 0].astype(np.int64)
+    if rows.min() < 0 or rows.max() >= len(raw):
+        raise MalformedError(f"it replaces element {int(rows.max())} of {len(raw)}")
+    patched = raw.copy()
+    patched[rows] = _elements(document, sparse["values"], raw.dtype, count, raw.shape[1])
+    return patched
+
+
+def _elements(document: Document, source: Json, dtype: np.dtype[Any], count: int, width: int) -> NDArray[Any]:
+    """Return (count, width) of a buffer view, from `source`'s byteOffset on."""
+    data, stride = document.view(source["bufferView"])
+    start, packed = source.get("byteOffset", 0), width * dtype.itemsize
+    stride = stride or packed
+    if type(start) is not int or start < 0 or stride < packed:
+        raise MalformedError(
+            f"its byteOffset is {start!r} and its stride {stride}, of elements of {packed} bytes"
+        )
+    end = start + (count - 1) * stride + packed
+    if end > len(data):
+        raise MalformedError(f"it ends at byte {end} of the {len(data)} of its buffer view")
+    return np.ndarray((count, width), dtype, data, start, (stride, dtype.itemsize))
+
+
+def _dtype(source: Json) -> np.dtype[Any]:
+    code = source["componentType"]
+    if code not in _TYPES:
+        raise MalformedError(f"its componentType is {code!r}; want one of {', '.join(map(str, _TYPES))}")
+    return np.dtype(_TYPES[code])

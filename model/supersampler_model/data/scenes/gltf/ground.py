@@ -3,9 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler_model.data.scenes.gltf.accessors import Integers
-from supersampler_model.data.scenes.scene import Instance
-from supersampler_model.data.values import Values
+from supersampler_model.data.scenes.gltf.document import Integers
+from supersampler_model.data.scenes.scene import Instance, Values
 
 CELLS = 160  # along the longer side of a stage
 STEP, HEADROOM = 0.25, 2.0  # metres: height of a level, and free height above a floor

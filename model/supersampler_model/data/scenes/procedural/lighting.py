@@ -5,10 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from supersampler_model.data.scenes.environment import Environment, directions
-from supersampler_model.data.scenes.lights import Point, Spot, Sun
 from supersampler_model.data.scenes.procedural.paths import Place, Point3, pendulum, place_of, vector
-from supersampler_model.data.values import Color, Rng, Vector
+from supersampler_model.data.scenes.scene import Color, Environment, Point, Rng, Spot, Sun, Vector, directions
 
 Pulse = Callable[[float], float]
 """Seconds to a factor >= 0, about 1 on average."""

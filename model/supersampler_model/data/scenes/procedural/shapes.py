@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler_model.data.scenes.mesh import Mesh, Skin, tangents_of
-from supersampler_model.data.values import Matrix, Rng, Values
+from supersampler_model.data.scenes.scene import Matrix, Mesh, Rng, Skin, Values, tangents_of
 
 Floats = NDArray[np.floating[Any]]
 Point = Sequence[float] | Values

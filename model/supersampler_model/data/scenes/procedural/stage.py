@@ -5,15 +5,23 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from supersampler_model.data.scenes.camera import Camera
-from supersampler_model.data.scenes.environment import Environment
-from supersampler_model.data.scenes.lights import Point, Spot, Sun
-from supersampler_model.data.scenes.mesh import Mesh
 from supersampler_model.data.scenes.procedural.lighting import Pulse, steady
 from supersampler_model.data.scenes.procedural.paths import Pose, Vantage
 from supersampler_model.data.scenes.procedural.shapes import Part, merged
-from supersampler_model.data.scenes.scene import Instance, Material, Particles, Scene
-from supersampler_model.data.values import Matrices, Matrix
+from supersampler_model.data.scenes.scene import (
+    Camera,
+    Environment,
+    Instance,
+    Material,
+    Matrices,
+    Matrix,
+    Mesh,
+    Particles,
+    Point,
+    Scene,
+    Spot,
+    Sun,
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

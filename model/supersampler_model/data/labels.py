@@ -1,27 +1,152 @@
-"""The label rules: equations 1 to 9 of the supplement of Guo et al. 2022, section 2.
+"""Automatic labels of pixels: where history is invalid (ghosting) and where one sample aliases."""
 
-Choices where the supplement is silent or contradicts itself:
-
-- Equation 1 as printed uses the depth at the same screen position, the text the depth of the point itself.
-  Here it is the reversed depth that the point had one frame ago.
-- Velocity is motion in display pixels per frame.
-- Equations 5 and 9 hold if they hold for any channel. Equation 5 takes the absolute change: shadows may come
-  or go.
-- Opening is idempotent, so "twice" is read as two erosions, then two dilations.
-- Off-screen pixels have no valid history and count as occluded.
-"""
-
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, fields
 from enum import IntEnum
 from itertools import product
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.errors import ArgumentError
 from supersampler.frame import Float32
-from supersampler_model.data.labels.statistics import Evidence, PixelStatistics
+
+Values = NDArray[np.floating[Any]]
+BRIGHTEST = 65504.0  # maximum of half floats; brighter samples are fireflies
+
+
+class Sample(NamedTuple):
+    """One sample of every pixel, at some position in the pixel."""
+
+    color: Values  # (H, W, 3) linear scene RGB, >= 0
+    depth: Values  # (H, W) reversed, 0 at the sky
+    normal: Values  # (H, W, 3) of the surface without its normal map; unit length, 0 at the sky
+    normal_mapped: Values  # (H, W, 3) with its normal map
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PixelStatistics:
+    """Ranges over all samples in each pixel of one frame, at display size (W, H).
+
+    Colours are toned by `toned`, at one exposure for all frames that are compared. The curve rises and
+    treats each channel on its own, so a renderer may gather linear ranges and tone them afterwards. Shapes
+    and types are checked, values are not.
+
+    Attributes:
+        depth_min: (H, W) float32, smallest reversed depth (near / view distance): the farthest sample.
+        depth_max: (H, W) float32, largest reversed depth: the closest sample.
+        color_min: (H, W, 3) float32, smallest toned value of each channel, [0, 1).
+        color_max: (H, W, 3) float32, largest.
+        color_mean: (H, W, 3) float32, mean linear scene RGB: the reference image. No label reads it.
+        normal_spread: (H, W) float32, largest L1 distance from the first sample's normal, [0, 2 sqrt(3)],
+            without normal maps.
+        normal_mapped_spread: (H, W) float32, the same with normal maps.
+
+    Raises:
+        ArgumentError: an array has the wrong shape or type.
+    """
+
+    depth_min: Float32
+    depth_max: Float32
+    color_min: Float32
+    color_max: Float32
+    color_mean: Float32
+    normal_spread: Float32
+    normal_mapped_spread: Float32
+
+    def __post_init__(self) -> None:
+        size = (*self.depth_min.shape, 0, 0)[:2]  # depth_min leads: the others must agree with it
+        for field in fields(self):
+            _check(field.name, getattr(self, field.name), (*size, 3) if "color" in field.name else size)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(H, W)."""
+        height, width = self.depth_min.shape
+        return height, width
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Evidence:
+    """Inputs of the label rules for one frame, at display size (W, H).
+
+    Attributes:
+        pixels: ranges over the samples of each pixel.
+        motion: (H, W, 2) float32, display pixels (x right, y down), previous minus current, of what the
+            pixel's centre sees. On a cut: motion for a camera that does not move.
+        depth_before: (H, W) float32, expected previous depth: the reversed depth which the point that the
+            pixel's centre sees had one frame ago, whether or not it was in sight then.
+        cut: True on the first frame after a cut, which has no history.
+
+    Raises:
+        ArgumentError: an array has the wrong shape or type.
+    """
+
+    pixels: PixelStatistics
+    motion: Float32
+    depth_before: Float32
+    cut: bool = False
+
+    def __post_init__(self) -> None:
+        _check("motion", self.motion, (*self.pixels.shape, 2))
+        _check("depth_before", self.depth_before, self.pixels.shape)
+
+
+def toned(color: Values, exposure: float = 1.0) -> Values:
+    """Exposed linear RGB to [0, 1): c / (1 + c), each channel alone, after a clamp to [0, 65504]."""
+    exposed = np.clip(color * exposure, 0.0, BRIGHTEST)
+    return np.asarray(exposed / (1.0 + exposed))
+
+
+def statistics_of(samples: Iterable[Sample], exposure: float = 1.0) -> PixelStatistics:
+    """Gather the samples of one frame, one at a time, so that memory does not grow with their number.
+
+    Args:
+        samples: at least one; the first gives the normals that the others are compared with.
+        exposure: multiplies the colours before they are toned, > 0.
+
+    Raises:
+        ArgumentError: there is no sample.
+    """
+    rest = iter(samples)
+    first = next(rest, None)
+    if first is None:
+        raise ArgumentError("samples", got="none", want="at least one")
+    color = toned(first.color, exposure)
+    low, high, nearest, farthest = color, color, first.depth, first.depth
+    total = np.array(first.color, np.float64)
+    spread = mapped_spread = np.zeros(first.depth.shape)
+    count = 1
+    for sample in rest:
+        color = toned(sample.color, exposure)
+        low, high = np.minimum(low, color), np.maximum(high, color)
+        farthest, nearest = np.minimum(farthest, sample.depth), np.maximum(nearest, sample.depth)
+        spread = np.maximum(spread, _distance(first.normal, sample.normal))
+        mapped_spread = np.maximum(mapped_spread, _distance(first.normal_mapped, sample.normal_mapped))
+        total += sample.color
+        count += 1
+    return PixelStatistics(
+        depth_min=farthest.astype(np.float32),
+        depth_max=nearest.astype(np.float32),
+        color_min=low.astype(np.float32),
+        color_max=high.astype(np.float32),
+        color_mean=(total / count).astype(np.float32),
+        normal_spread=spread.astype(np.float32),
+        normal_mapped_spread=mapped_spread.astype(np.float32),
+    )
+
+
+def _distance(a: Values, b: Values) -> Values:
+    """(H, W, 3) each to (H, W), L1."""
+    return np.asarray(np.abs(a - b).sum(axis=-1))
+
+
+def _check(name: str, array: NDArray[Any], shape: tuple[int, ...]) -> None:
+    if array.shape != shape or array.dtype != np.float32 or 0 in shape:
+        want = "at least one pixel, (H, W) float32" if 0 in shape else f"{shape} float32"
+        raise ArgumentError(name, got=f"{array.shape} {array.dtype}", want=want)
+
 
 Mask = NDArray[np.bool_]
 ClassMap = NDArray[np.uint8]
@@ -264,3 +389,31 @@ def _volume(sides: Float32) -> Float32:
 
 def _allowance(pixels: PixelStatistics, thresholds: LabelThresholds) -> Float32:
     return plane_slope(pixels) if thresholds.slope_aware else np.zeros(pixels.shape, np.float32)
+
+
+_REACH = 2  # pixels from the corner of a surface, of 90 degrees or more, to its nearest solid square, at most
+_CLOSER = 0.01  # fraction of the closer reversed depth, as T_D^A of equation 7
+
+
+def thin(pixels: PixelStatistics) -> Mask:
+    """Return where a pixel holds a part of an object less than about two pixels wide, (H, W).
+
+    Two display pixels are one render pixel at a ratio of 2. A surface is solid in squares of 2x2 pixels in
+    which all samples hit it. At any angle, a bar wider than four pixels has solid squares, and a bar narrower
+    than two has none. A pixel is thin where its closest sample is in front of all solid squares within
+    `_REACH` pixels: by more than 1 %, and by more than the slope of a plane explains, as in the other labels.
+    """
+    solid = -_largest(-pixels.depth_min, (0, 1))  # of the square whose first pixel this is
+    nearest = _largest(solid, range(-_REACH - 1, _REACH + 1))
+    reach = range(-_REACH, _REACH + 1)
+    slope = (_REACH + 2) * _largest(plane_slope(pixels), reach)  # to the far side of the square
+    return np.asarray(pixels.depth_max - nearest - slope > _CLOSER * pixels.depth_max)
+
+
+def _largest(values: Float32, offsets: Sequence[int]) -> Float32:
+    """Return the largest value at these offsets from each pixel, along both axes; borders are repeated."""
+    for axis in (0, 1):
+        places = np.arange(values.shape[axis])
+        shifted = (np.take(values, places + offset, axis, mode="clip") for offset in offsets)
+        values = np.maximum.reduce(list(shifted))
+    return values
