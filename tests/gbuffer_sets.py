@@ -32,9 +32,7 @@ def gbuffer_data(folder: Path, ratio: int = 2, *, gbuffers: bool = True) -> Data
     for entry, other in zip(entries, again.entries(), strict=True):
         for index in range(FRAMES):
             write_training_frame(made.path(entry, index), frame(index, gbuffers=gbuffers))
-            path = again.rerendered_path(other, index)
-            assert path is not None
-            write_rerendered(path, rendered(index, ratio))
+            write_rerendered(again.rerendered_path(other, index), rendered(index, ratio))
     return made
 
 

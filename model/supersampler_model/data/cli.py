@@ -65,7 +65,7 @@ def render(
       supersampler render data --gltf my/scenes --gltf-fraction 0.3
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_model.data.dataset import RenderPlan, create_dataset, plan_sequences
-    from supersampler_model.data.dataset.overview import write_sheet
+    from supersampler_model.data.dataset.overview import write_class_maps
     from supersampler_model.data.dataset.rendering import render_dataset
 
     families = {"train": TRAIN_FAMILIES, "test": TEST_FAMILIES}.get(scenes, tuple(scenes.split(",")))
@@ -97,7 +97,7 @@ def render(
         console.print("Stopped. The same command, given again, goes on.")
         raise typer.Exit(130) from None
     if show_labels:
-        write_sheet(dataset, output / "labels")
+        write_class_maps(dataset, output / "labels")
     console.print(f"{total} frames of {size_text(dataset.description.display_size)} in {output}")
 
 

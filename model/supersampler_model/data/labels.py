@@ -1,7 +1,7 @@
 """Automatic labels of pixels: where history is invalid (ghosting) and where one sample aliases."""
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from enum import IntEnum
 from itertools import product
 from typing import Any, NamedTuple
@@ -29,16 +29,16 @@ class Sample(NamedTuple):
 class PixelStatistics:
     """Ranges over all samples in each pixel of one frame, at display size (W, H).
 
-    Colours are toned by `toned`, at one exposure for all frames that are compared. The curve rises and
-    treats each channel on its own, so a renderer may gather linear ranges and tone them afterwards. Shapes
+    A renderer gathers linear ranges. For the labels, `toned` converts them, at one exposure for all frames
+    that are compared; the curve rises and treats each channel on its own, so the ranges stay ranges. Shapes
     and types are checked, values are not.
 
     Attributes:
         depth_min: (H, W) float32, smallest reversed depth (near / view distance): the farthest sample.
         depth_max: (H, W) float32, largest reversed depth: the closest sample.
-        color_min: (H, W, 3) float32, smallest toned value of each channel, [0, 1).
+        color_min: (H, W, 3) float32, smallest value of each channel; toned: [0, 1).
         color_max: (H, W, 3) float32, largest.
-        color_mean: (H, W, 3) float32, mean linear scene RGB: the reference image. No label reads it.
+        color: (H, W, 3) float32, mean linear scene RGB: the reference image; never toned.
         normal_spread: (H, W) float32, largest L1 distance from the first sample's normal, [0, 2 sqrt(3)],
             without normal maps.
         normal_mapped_spread: (H, W) float32, the same with normal maps.
@@ -51,7 +51,7 @@ class PixelStatistics:
     depth_max: Float32
     color_min: Float32
     color_max: Float32
-    color_mean: Float32
+    color: Float32
     normal_spread: Float32
     normal_mapped_spread: Float32
 
@@ -65,6 +65,11 @@ class PixelStatistics:
         """(H, W)."""
         height, width = self.depth_min.shape
         return height, width
+
+    def toned(self, exposure: float) -> "PixelStatistics":
+        """Return the same statistics with toned colour ranges; these were linear."""
+        low, high = (toned(color, exposure).astype(np.float32) for color in (self.color_min, self.color_max))
+        return replace(self, color_min=low, color_max=high)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -131,7 +136,7 @@ def statistics_of(samples: Iterable[Sample], exposure: float = 1.0) -> PixelStat
         depth_max=nearest.astype(np.float32),
         color_min=low.astype(np.float32),
         color_max=high.astype(np.float32),
-        color_mean=(total / count).astype(np.float32),
+        color=(total / count).astype(np.float32),
         normal_spread=spread.astype(np.float32),
         normal_mapped_spread=mapped_spread.astype(np.float32),
     )

@@ -5,8 +5,7 @@ import os
 import queue
 import signal
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from typing import Any, TypeAlias
 
 from supersampler.errors import SupersamplerError
@@ -16,8 +15,7 @@ OnFrame: TypeAlias = Callable[[], None]
 Part: TypeAlias = Callable[[OnFrame], None]
 """The work of one process; it is pickled, and calls its argument after each frame."""
 
-_WAIT = 0.5  # seconds between checks for dead processes
-_END = 10.0  # seconds that a process has to end
+_POLL_SECONDS, _EXIT_SECONDS = 0.5, 10.0  # between checks for dead processes; to end a process
 
 
 def run_parts(parts: Sequence[Part], *, on_frame: OnFrame = lambda: None) -> None:
@@ -32,28 +30,28 @@ def run_parts(parts: Sequence[Part], *, on_frame: OnFrame = lambda: None) -> Non
     """
     context = multiprocessing.get_context("spawn")  # a forked OpenGL context is undefined
     results = context.Queue()
-    with _threads_each(max((os.cpu_count() or 1) // max(len(parts), 1), 1)):
-        processes = [context.Process(target=_work, args=(part, results), daemon=True) for part in parts]
-        for process in processes:
-            process.start()
+    threads = max((os.cpu_count() or 1) // max(len(parts), 1), 1)
+    processes = [context.Process(target=_work, args=(part, results, threads), daemon=True) for part in parts]
+    for process in processes:
+        process.start()
     try:
-        _follow(processes, results, on_frame)
+        _report(processes, results, on_frame)
     finally:
         for process in processes:
             process.terminate()
         for process in processes:
-            process.join(_END)
+            process.join(_EXIT_SECONDS)
             if process.is_alive():
                 process.kill()
-                process.join(_END)
+                process.join(_EXIT_SECONDS)
 
 
-def _follow(processes: list[Any], results: Any, on_frame: OnFrame) -> None:
+def _report(processes: list[Any], results: Any, on_frame: OnFrame) -> None:
     """Report frames until all processes are done."""
     running = len(processes)
     while running:
         try:
-            kind, text = results.get(timeout=_WAIT)
+            kind, text = results.get(timeout=_POLL_SECONDS)
         except queue.Empty:
             dead = [p for p in processes if p.exitcode not in (None, 0)]
             if dead:
@@ -67,9 +65,10 @@ def _follow(processes: list[Any], results: Any, on_frame: OnFrame) -> None:
             running -= 1
 
 
-def _work(part: Part, results: Any) -> None:
+def _work(part: Part, results: Any, threads: int) -> None:
     """Do one part in this process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all processes; the parent handles it
+    os.environ.setdefault("LP_NUM_THREADS", str(threads))  # of software OpenGL
 
     def on_frame() -> None:
         parent = multiprocessing.parent_process()
@@ -84,15 +83,3 @@ def _work(part: Part, results: Any) -> None:
         results.put(("failed", str(error)))
     except OSError as error:
         results.put(("failed", f"{error}; make room and run again"))
-
-
-@contextmanager
-def _threads_each(count: int) -> Iterator[None]:
-    """Give child processes `count` software OpenGL threads; restores the environment of this process."""
-    before = os.environ.get("LP_NUM_THREADS")
-    os.environ.setdefault("LP_NUM_THREADS", str(count))
-    try:
-        yield
-    finally:
-        if before is None:
-            os.environ.pop("LP_NUM_THREADS", None)

@@ -1,6 +1,6 @@
 """The renderer's output for one frame: inputs of upscalers, reference, statistics for labels."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -14,7 +14,6 @@ from supersampler_model.data.labels import (
     LabelThresholds,
     PixelStatistics,
     label,
-    toned,
 )
 
 UNIT_BUFFERS = ("base_color", "roughness", "metallic", "specular")
@@ -55,26 +54,6 @@ class Surfaces:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Reference:
-    """Statistics of many samples per pixel, at display size; see `PixelStatistics`.
-
-    Attributes:
-        color: (H, W, 3) linear RGB, the mean: the reference image.
-        color_min, color_max: (H, W, 3) linear RGB, of each channel on its own.
-        depth_min, depth_max: (H, W) reversed depth.
-        normal_spread, normal_mapped_spread: (H, W) without and with normal maps.
-    """
-
-    color: Float32
-    color_min: Float32
-    color_max: Float32
-    depth_min: Float32
-    depth_max: Float32
-    normal_spread: Float32
-    normal_mapped_spread: Float32
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Rendered:
     """One frame.
 
@@ -82,7 +61,7 @@ class Rendered:
         color: (h, w, 3) linear RGB at render size, one sample a pixel, taken at pixel centre + jitter.
         render: the surfaces of those samples.
         display: the same at display size, at pixel centres without jitter.
-        reference: at display size.
+        reference: at display size; its colours are linear.
         jitter: (x, y) render pixels, in [-0.5, 0.5].
         reset: True on the first frame after a cut.
         exposure: factor of the colour before the tone curve.
@@ -91,21 +70,15 @@ class Rendered:
     color: Float16
     render: Surfaces
     display: Surfaces
-    reference: Reference
+    reference: PixelStatistics
     jitter: tuple[float, float]
     reset: bool
     exposure: float
 
     def frame(self) -> Frame:
         """Return the input of an `Upscaler`."""
-        return frame_of(
-            self.color,
-            self.render,
-            self.display,
-            jitter=self.jitter,
-            reset=self.reset,
-            exposure=self.exposure,
-        )
+        frame = frame_of(self.color, self.render, self.display, jitter=self.jitter, exposure=self.exposure)
+        return replace(frame, reset=self.reset)
 
     def evidence(self, exposure: float | None = None) -> Evidence:
         """Return the inputs of the label rules.
@@ -113,22 +86,10 @@ class Rendered:
         Args:
             exposure: at which colours are compared, the same for both frames; None: the frame's own.
         """
-        truth, exposure = self.reference, self.exposure if exposure is None else exposure
-        pixels = PixelStatistics(
-            depth_min=truth.depth_min,
-            depth_max=truth.depth_max,
-            color_min=toned(truth.color_min, exposure).astype(np.float32),
-            color_max=toned(truth.color_max, exposure).astype(np.float32),
-            color_mean=truth.color,
-            normal_spread=truth.normal_spread,
-            normal_mapped_spread=truth.normal_mapped_spread,
-        )
         return Evidence(
-            pixels=pixels,
-            motion=self.display.motion,
-            depth_before=self.display.previous_depth,
-            cut=self.reset,
-        )
+            pixels=self.reference.toned(self.exposure if exposure is None else exposure),
+            motion=self.display.motion, depth_before=self.display.previous_depth, cut=self.reset,
+        )  # fmt: skip
 
 
 def labels_of(now: Rendered, before: Rendered | None, thresholds: LabelThresholds = DEFAULTS) -> Labels:
@@ -148,12 +109,6 @@ def frame_of(
 ) -> Frame:
     """Return the input of an `Upscaler`; `display` is only needed by methods that read G-buffers."""
     return Frame(
-        color=color,
-        depth=render.depth,
-        motion=render.motion,
-        jitter=jitter,
-        reset=reset,
-        exposure=exposure,
-        gbuffer=render.gbuffer(),
-        gbuffer_display=None if display is None else display.gbuffer(depth=True),
-    )
+        color=color, depth=render.depth, motion=render.motion, jitter=jitter, reset=reset, exposure=exposure,
+        gbuffer=render.gbuffer(), gbuffer_display=None if display is None else display.gbuffer(depth=True),
+    )  # fmt: skip

@@ -63,6 +63,26 @@ def render_size(display_size: Size, ratio: float) -> Size:
     return round(display_size[0] / ratio), round(display_size[1] / ratio)
 
 
+def render_frame(sequence: Sequence, renderer: Renderer, index: int, ratio: float) -> Rendered:
+    """Render frame `index` of a sequence at a ratio, with its display-size surfaces and reference."""
+    return next(_at_ratios(sequence, renderer, index, (ratio,)))
+
+
+def _at_ratios(
+    sequence: Sequence, renderer: Renderer, index: int, ratios: tuple[float, ...]
+) -> Iterator[Rendered]:
+    """Yield frame `index` at each ratio; display-size buffers are shared."""
+    scene = sequence.scene(index)
+    display, reference = renderer.display(scene), renderer.reference(scene)
+    for ratio in ratios:
+        jitter = halton_jitter(index, ratio)
+        color, surfaces = renderer.frame(scene, render_size(renderer.display_size, ratio), jitter=jitter)
+        yield Rendered(
+            color=color, render=surfaces, display=display, reference=reference, jitter=jitter,
+            reset=sequence.cut(index), exposure=scene.camera.exposure,
+        )  # fmt: skip
+
+
 def render_shot(
     folder: Path,
     sequence: Sequence,
@@ -85,96 +105,66 @@ def render_shot(
     Raises:
         ShotError: writing failed, or the folder holds a shot of other properties.
     """
-    writers = [_writer(folder, sequence, renderer, form, ratio) for ratio in form.ratios]
+    writers = [
+        ShotWriter(
+            folder, name=form.name, display_size=renderer.display_size, frame_rate=sequence.spec.frame_rate,
+            license=form.license, resume=True, variant=variant_name(ratio) if form.variants else None,
+            compression=form.compression, reference_compression=form.reference_compression,
+        )
+        for ratio in form.ratios
+    ]  # fmt: skip
     first = min(map(len, writers))
     before: Rendered | None = None
     if 0 < first < sequence.spec.frames:
-        before = next(_rendered(sequence, renderer, form.ratios[:1], first - 1))
+        before = render_frame(sequence, renderer, first - 1, form.ratios[0])
     for index in range(first, sequence.spec.frames):
         classes: ClassMaps | None = None
+        has_reference = index >= form.first_reference
         now = before
-        for ratio_index, rendered in enumerate(_rendered(sequence, renderer, form.ratios, index)):
-            if ratio_index == 0:
+        frames = _at_ratios(sequence, renderer, index, form.ratios)
+        for number, (writer, rendered) in enumerate(zip(writers, frames, strict=True)):
+            if number == 0:
                 now, classes = rendered, _classes(rendered, before, form)
-            writer = writers[ratio_index]
             if len(writer) > index:  # by a run that was stopped between two ratios
                 continue
-            kept = index >= form.first_reference
             writer.write(
-                _frame(rendered, sequence.exposure(index), form),
-                reference=rendered.reference.color.astype(np.float16) if kept else None,
-                classes=classes if kept else None,
-                shared=ratio_index > 0,
+                _stored(rendered, sequence.exposure(index), form),
+                reference=rendered.reference.color.astype(np.float16) if has_reference else None,
+                classes=classes if has_reference else None,
+                shared=number > 0,
             )
         before = now
         on_frame()
 
 
-def _writer(folder: Path, sequence: Sequence, renderer: Renderer, form: ShotForm, ratio: float) -> ShotWriter:
-    return ShotWriter(
-        folder,
-        name=form.name,
-        display_size=renderer.display_size,
-        frame_rate=sequence.spec.frame_rate,
-        license=form.license,
-        resume=True,
-        variant=variant_name(ratio) if form.variants else None,
-        compression=form.compression,
-        reference_compression=form.reference_compression,
-    )
-
-
-def _rendered(
-    sequence: Sequence, renderer: Renderer, ratios: tuple[float, ...], index: int
-) -> Iterator[Rendered]:
-    """Yield frame `index` at each ratio; buffers of display size are shared."""
-    scene = sequence.scene(index)
-    display, reference = renderer.display(scene), renderer.reference(scene)
-    for ratio in ratios:
-        jitter = halton_jitter(index, ratio)
-        color, surfaces = renderer.frame(scene, render_size(renderer.display_size, ratio), jitter=jitter)
-        yield Rendered(
-            color=color,
-            render=surfaces,
-            display=display,
-            reference=reference,
-            jitter=jitter,
-            reset=sequence.cut(index),
-            exposure=scene.camera.exposure,
-        )
-
-
 def _classes(now: Rendered, before: Rendered | None, form: ShotForm) -> ClassMaps:
     labels = labels_of(now, before)
-    of_thin = thin(now.evidence().pixels).astype(np.uint8) if form.thin else None
-    return ClassMaps(labels.ghost, labels.alias, of_thin)
+    thin_pixels = thin(now.evidence().pixels).astype(np.uint8) if form.thin else None
+    return ClassMaps(labels.ghost, labels.alias, thin_pixels)
 
 
-def _frame(rendered: Rendered, exposure: float | None, form: ShotForm) -> Frame:
+def _stored(rendered: Rendered, exposure: float | None, form: ShotForm) -> Frame:
     """Return the stored form of a frame: half floats for motion, eight bits for values in [0, 1]."""
     frame = rendered.frame()
-    motion = np.clip(frame.motion, -_MAX_MOTION, _MAX_MOTION)
+    depth, motion = frame.depth, np.clip(frame.motion, -_MAX_MOTION, _MAX_MOTION)
+    if form.small:
+        fraction, exponent = np.frexp(depth)  # 14 significant bits, more than half floats have
+        depth = np.asarray(np.ldexp(np.round(np.ldexp(fraction, 14)), exponent - 14), np.float32)
+        motion = np.round(motion * 256.0) / 256.0
+    buffers = (frame.gbuffer, frame.gbuffer_display) if form.gbuffers else (None, None)
+    gbuffer, gbuffer_display = map(_compact, buffers)
     return replace(
-        frame,
-        depth=_rounded(frame.depth) if form.small else frame.depth,
-        motion=(np.round(motion * 256.0) / 256.0 if form.small else motion).astype(np.float16),
-        exposure=exposure,
-        gbuffer=_compact(frame.gbuffer) if form.gbuffers else None,
-        gbuffer_display=_compact(frame.gbuffer_display) if form.gbuffers else None,
-    )
+        frame, depth=depth, motion=motion.astype(np.float16), exposure=exposure, gbuffer=gbuffer,
+        gbuffer_display=gbuffer_display,
+    )  # fmt: skip
 
 
-def _compact(buffers: Any) -> dict[str, NDArray[Any]]:
-    return {name: _bytes(array) if name in UNIT_BUFFERS else array for name, array in buffers.items()}
-
-
-def _rounded(depth: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Round to 14 significant bits, more than half floats have."""
-    fraction, exponent = np.frexp(depth)
-    return np.asarray(np.ldexp(np.round(np.ldexp(fraction, 14)), exponent - 14), np.float32)
-
-
-def _bytes(values: NDArray[Any]) -> NDArray[np.float16]:
-    """Round [0, 1] to steps of 1 / 255, which compress far better."""
-    steps = np.round(np.clip(values.astype(np.float32), 0.0, 1.0) * 255.0)
-    return (steps / np.float32(255.0)).astype(np.float16)
+def _compact(buffers: Any) -> dict[str, NDArray[Any]] | None:
+    """Round buffers in [0, 1] to steps of 1 / 255, which compress far better."""
+    if buffers is None:
+        return None
+    rounded = dict(buffers)
+    for name in set(rounded) & set(UNIT_BUFFERS):
+        steps = np.round(np.clip(rounded[name].astype(np.float32), 0.0, 1.0) * 255.0)
+        rounded[name] = (steps / np.float32(255.0)).astype(np.float16)
+    return rounded

@@ -182,7 +182,7 @@ def test_a_changed_light_and_a_cut_keep_what_a_scene_says_of_its_previous_frame(
 def test_evidence_holds_the_ranges_and_the_mean_of_the_samples() -> None:
     scene = DiscOverPlane()
     drawn = scene.evidence(3, RENDER, samples=4)
-    np.testing.assert_array_equal(drawn.pixels.color_mean, scene.truth(3, RENDER, samples=4))
+    np.testing.assert_array_equal(drawn.pixels.color, scene.truth(3, RENDER, samples=4))
     np.testing.assert_array_equal(drawn.motion, scene.frame(3, RENDER).motion)
     np.testing.assert_array_equal(drawn.depth_before, scene.frame(3, RENDER).depth)  # nothing comes closer
     depths = np.array([sample.depth for sample in scene.samples(3, RENDER, 4)], np.float32)

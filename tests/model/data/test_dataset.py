@@ -23,8 +23,7 @@ from supersampler_model.data.dataset import (
     render_sequence,
     rendering,
 )
-from supersampler_model.data.dataset.description import class_fractions
-from supersampler_model.data.dataset.overview import rows
+from supersampler_model.data.dataset.overview import class_fractions, rows
 from supersampler_model.data.errors import DatasetError
 from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.scenes.scene import Camera, Scene

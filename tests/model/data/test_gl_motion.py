@@ -12,7 +12,8 @@ from gl_scenes import Yard, unlit
 from supersampler import Frame, halton_jitter
 from supersampler.sequence.backward_motion import scattered_motion
 from supersampler_model.data.errors import DataError
-from supersampler_model.data.rendered import Reference, Surfaces
+from supersampler_model.data.labels import PixelStatistics
+from supersampler_model.data.rendered import Surfaces
 from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.scenes.scene import Scene, towards
 
@@ -48,7 +49,7 @@ def widest(values: Values, radius: int) -> Values:
     return np.asarray(pooled[0, 0].numpy())
 
 
-def undisturbed(now: Surfaces, truth_now: Reference, truth_before: Reference) -> Mask:
+def undisturbed(now: Surfaces, truth_now: PixelStatistics, truth_before: PixelStatistics) -> Mask:
     """Where what is seen was seen a frame ago, away from edges of depth and from the border."""
     motion = now.motion.astype(np.float64)
     edges = []

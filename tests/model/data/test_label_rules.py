@@ -250,7 +250,7 @@ def test_statistics_are_those_of_the_stack_and_compare_normals_with_the_first() 
         "depth_max": depth.max(axis=0),
         "color_min": toned(color.min(axis=0)),
         "color_max": toned(color.max(axis=0)),
-        "color_mean": color.mean(axis=0),
+        "color": color.mean(axis=0),
         "normal_spread": np.abs(normal - normal[0]).sum(axis=-1).max(axis=0),
         "normal_mapped_spread": np.abs(mapped - mapped[0]).sum(axis=-1).max(axis=0),
     }

@@ -24,7 +24,7 @@ def pixels_of(depth: Callable[[Values, Values], Values]) -> PixelStatistics:
         depth_max=samples.max(axis=(1, 3)).astype(np.float32),
         color_min=grey,
         color_max=grey,
-        color_mean=grey,
+        color=grey,
         normal_spread=flat,
         normal_mapped_spread=flat,
     )

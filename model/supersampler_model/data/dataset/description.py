@@ -1,7 +1,7 @@
 """dataset.json: the sequences of a training set and their splits."""
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -71,18 +71,10 @@ class Description:
     @classmethod
     def from_json(cls, content: Mapping[str, Any]) -> "Description":
         """Inverse of `to_json`; raises KeyError or TypeError on other data."""
-        entries = tuple(
-            SequenceEntry(spec=SequenceSpec(**e["spec"]), ratio=e["ratio"], split=e["split"])
-            for e in content["sequences"]
-        )
+        entries = (SequenceEntry(**{**e, "spec": SequenceSpec(**e["spec"])}) for e in content["sequences"])
         width, height = content["display_size"]
-        return cls(
-            display_size=(width, height),
-            samples=content["samples"],
-            gbuffers=content["gbuffers"],
-            seed=content["seed"],
-            sequences=entries,
-        )
+        others = {name: content[name] for name in ("samples", "gbuffers", "seed")}
+        return cls(display_size=(width, height), sequences=tuple(entries), **others)
 
 
 class Dataset:
@@ -107,16 +99,15 @@ class Dataset:
         """File of one frame, which may not exist."""
         return self.folder / entry.folder / f"{index:04d}.safetensors"
 
-    def rerendered_path(self, entry: SequenceEntry, index: int) -> Path | None:
-        """File of a frame's second rendering; None for a set's own frames."""
-        suffix = f".{entry.ratio:g}x.safetensors"
-        return None if self.own is None else self.path(entry, index).with_suffix(suffix)
+    def rerendered_path(self, entry: SequenceEntry, index: int) -> Path:
+        """File of a frame's second rendering, at the ratio of `entry`."""
+        return self.path(entry, index).with_suffix(f".{entry.ratio:g}x.safetensors")
 
     def complete(self, entry: SequenceEntry) -> int:
         """Number of existing frames from the first on."""
         for index in range(entry.spec.frames):
-            rerendered = self.rerendered_path(entry, index)
-            if not self.path(entry, index).exists() or not (rerendered is None or rerendered.exists()):
+            rerendered = self.own is None or self.rerendered_path(entry, index).exists()
+            if not rerendered or not self.path(entry, index).exists():
                 return index
         return entry.spec.frames
 
@@ -130,8 +121,10 @@ class Dataset:
         Raises:
             DatasetError: the frame is missing or damaged.
         """
-        frame, rerendered = read_training_frame(self.path(entry, index)), self.rerendered_path(entry, index)
-        return frame if rerendered is None else replace(frame, **read_rerendered(rerendered)._asdict())
+        frame = read_training_frame(self.path(entry, index))
+        if self.own is None:
+            return frame
+        return replace(frame, **read_rerendered(self.rerendered_path(entry, index))._asdict())
 
     def frames(self, entry: SequenceEntry) -> Iterator[TrainingFrame]:
         """Yield the existing frames of a sequence, in order."""
@@ -179,14 +172,14 @@ def open_dataset(folder: Path) -> Dataset:
         raise DatasetError(path, f"not a description ({type(error).__name__}: {error})") from error
 
 
-def _check_same(path: Path, there: Description, wanted: Description) -> None:
-    now, before = _digests(wanted), _digests(there)
+def _check_same(path: Path, existing: Description, requested: Description) -> None:
+    now, before = _digests(requested), _digests(existing)
     changed = sorted(name for name in now.keys() & before.keys() if now[name] != before[name])
     if changed:
         hint = "Put back the files that the set was begun with, or begin another set."
         raise DatasetError(path, f"these have changed since the set was begun: {', '.join(changed)}", hint)
-    for name, value in asdict(wanted).items():
-        if asdict(there)[name] != value:
+    for name, value in asdict(requested).items():
+        if asdict(existing)[name] != value:
             hint = "Give the options of the first run, and the same glTF files if any, or another folder."
             raise DatasetError(path, f"the set that is there has other {name.replace('_', ' ')}", hint)
 
@@ -195,22 +188,3 @@ def _digests(description: Description) -> dict[str, str]:
     """Return the SHA-256 of all asset files of a data set, by path."""
     specs = [entry.spec for entry in description.sequences]
     return {f"{spec.folder}/{name}": digest for spec in specs for name, digest in spec.files}
-
-
-def class_fractions(dataset: Dataset, entries: Sequence[SequenceEntry]) -> dict[str, float]:
-    """Fraction of each class over the pixels of some sequences: visibility, shading, geometry, texture.
-
-    First frames after cuts are skipped: all of their pixels are disoccluded. NaN without frames.
-    """
-    counts = {"visibility": 0, "shading": 0, "geometry": 0, "texture": 0}
-    pixels = 0
-    for entry in entries:
-        for frame in dataset.frames(entry):
-            if frame.reset:
-                continue
-            pixels += frame.ghost.size
-            counts["visibility"] += int((frame.ghost == 1).sum())
-            counts["shading"] += int((frame.ghost == 2).sum())
-            counts["geometry"] += int((frame.alias == 1).sum())
-            counts["texture"] += int((frame.alias == 2).sum())
-    return {name: count / pixels if pixels else float("nan") for name, count in counts.items()}

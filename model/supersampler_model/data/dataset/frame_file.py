@@ -1,7 +1,8 @@
 """Files of training frames: safetensors, memory-mapped, so that only the pixels of a crop are read."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -17,10 +18,12 @@ from supersampler.io.shot.safetensors import open_safetensors
 from supersampler_model.data.errors import DatasetError
 from supersampler_model.data.rendered import UNIT_BUFFERS
 
-_AGAIN = "Delete it and render again: what is complete is kept."
-_TYPES = {"F16": np.float16, "F32": np.float32, "U8": np.uint8}
-_STORED = {"color": "F16", "depth": "F32", "motion": "F16", "reference": "F16", "ghost": "U8", "alias": "U8"}
-_DISPLAY, _RENDER = "display.", "render."
+_TYPES = {
+    "color": np.float16, "depth": np.float32, "motion": np.float16, "reference": np.float16,
+    "ghost": np.uint8, "alias": np.uint8,
+}  # fmt: skip
+_DISPLAY, _RENDER = "display.", "render."  # prefixes of G-buffers
+GBuffers = dict[str, NDArray[Any]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -38,9 +41,9 @@ class TrainingFrame:
         exposure: > 0.
         reference: (H, W, 3) float16 linear RGB.
         ghost, alias: (H, W) uint8 classes, `labels.Ghost` and `labels.Alias`.
-        gbuffer_display: at display size, by name: `normal` float16, `depth` float32, the others uint8 of
-            [0, 1]; None where the set has none.
-        gbuffer: the same at render size, without depth; None unless the frame was rendered a second time.
+        gbuffer_display: display-size G-buffers by name: `normal` float16, `depth` float32, the others uint8
+            for [0, 1]; None where the set has none.
+        gbuffer: render-size G-buffers, without depth; None unless the frame was rendered a second time.
     """
 
     color: NDArray[np.float16]
@@ -52,28 +55,26 @@ class TrainingFrame:
     reference: NDArray[np.float16]
     ghost: NDArray[np.uint8]
     alias: NDArray[np.uint8]
-    gbuffer_display: dict[str, NDArray[Any]] | None = None
-    gbuffer: dict[str, NDArray[Any]] | None = None
+    gbuffer_display: GBuffers | None = None
+    gbuffer: GBuffers | None = None
 
     def frame(self) -> Frame:
         """Return the input of an `Upscaler`."""
         return Frame(
-            color=self.color,
-            depth=self.depth,
-            motion=self.motion,
-            jitter=self.jitter,
-            reset=self.reset,
-            exposure=self.exposure,
-            gbuffer=unit_range(self.gbuffer),
-            gbuffer_display=unit_range(self.gbuffer_display),
-        )
+            color=self.color, depth=self.depth, motion=self.motion, jitter=self.jitter, reset=self.reset,
+            exposure=self.exposure, gbuffer=_in_unit_range(self.gbuffer),
+            gbuffer_display=_in_unit_range(self.gbuffer_display),
+        )  # fmt: skip
 
 
-def unit_range(buffers: dict[str, NDArray[Any]] | None) -> dict[str, NDArray[Any]] | None:
-    """Convert uint8 buffers to [0, 1]."""
-    if buffers is None:
-        return None
-    return {n: a.astype(np.float32) / 255.0 if n in UNIT_BUFFERS else a for n, a in buffers.items()}
+class Rerendered(NamedTuple):
+    """The inputs of a frame rendered a second time at another ratio; see `TrainingFrame`."""
+
+    color: NDArray[np.float16]
+    depth: NDArray[np.float32]
+    motion: NDArray[np.float16]
+    jitter: tuple[float, float]
+    gbuffer: GBuffers
 
 
 def write_training_frame(path: Path, frame: TrainingFrame) -> None:
@@ -82,9 +83,9 @@ def write_training_frame(path: Path, frame: TrainingFrame) -> None:
     Raises:
         OSError: writing failed.
     """
-    tensors = {name: getattr(frame, name) for name in _STORED}
-    tensors |= _rounded(_DISPLAY, frame.gbuffer_display or {})
-    _write(path, tensors, {"jitter": frame.jitter, "reset": frame.reset, "exposure": frame.exposure})
+    tensors = {name: getattr(frame, name) for name in _TYPES}
+    numbers = {"jitter": frame.jitter, "reset": frame.reset, "exposure": frame.exposure}
+    _write(path, tensors, _DISPLAY, frame.gbuffer_display or {}, numbers)
 
 
 def read_training_frame(path: Path) -> TrainingFrame:
@@ -93,18 +94,36 @@ def read_training_frame(path: Path) -> TrainingFrame:
     Raises:
         DatasetError: the file is missing, cut off, or lacks a tensor.
     """
-    tensors, numbers = _read(path)
-    display = _split_off(_DISPLAY, tensors)
-    try:
-        frame = TrainingFrame(**tensors, **numbers, gbuffer_display=display or None)  # type: ignore[arg-type]
+    with _damage_named(path):
+        fields, gbuffer = _read(path, _DISPLAY)
+        frame = TrainingFrame(**fields, gbuffer_display=gbuffer or None)
         _check(frame)
-    except (TypeError, ValueError) as error:
-        raise _damaged(path, error) from error
     return frame
 
 
+def write_rerendered(path: Path, rerendered: Rerendered) -> None:
+    """Write a second rendering atomically.
+
+    Raises:
+        OSError: writing failed.
+    """
+    tensors = {name: getattr(rerendered, name) for name in ("color", "depth", "motion")}
+    _write(path, tensors, _RENDER, rerendered.gbuffer, {"jitter": rerendered.jitter})
+
+
+def read_rerendered(path: Path) -> Rerendered:
+    """Memory-map a second rendering.
+
+    Raises:
+        DatasetError: the file is missing, cut off, or lacks a tensor.
+    """
+    with _damage_named(path):
+        fields, gbuffer = _read(path, _RENDER)
+        return Rerendered(**fields, gbuffer=gbuffer)
+
+
 def _check(frame: TrainingFrame) -> None:
-    """Raise a TypeError or ValueError where arrays or numbers are not those of a frame."""
+    """Raise a ValueError where arrays or numbers are not those of a frame."""
     render, display = frame.depth.shape, frame.ghost.shape
     shapes = {
         "color": (*render, 3), "motion": (*render, 2), "reference": (*display, 3), "alias": display,
@@ -120,48 +139,12 @@ def _check(frame: TrainingFrame) -> None:
         raise ValueError(f"reset is {frame.reset!r}, exposure {frame.exposure!r}")
 
 
-class Rerendered(NamedTuple):
-    """The inputs of a frame rendered a second time at another ratio; see `TrainingFrame`."""
-
-    color: NDArray[np.float16]
-    depth: NDArray[np.float32]
-    motion: NDArray[np.float16]
-    jitter: tuple[float, float]
-    gbuffer: dict[str, NDArray[Any]]
-
-
-def write_rerendered(path: Path, rerendered: Rerendered) -> None:
-    """Write a second rendering atomically.
-
-    Raises:
-        OSError: writing failed.
-    """
-    tensors = {name: getattr(rerendered, name) for name in ("color", "depth", "motion")}
-    _write(path, tensors | _rounded(_RENDER, rerendered.gbuffer), {"jitter": rerendered.jitter})
-
-
-def read_rerendered(path: Path) -> Rerendered:
-    """Memory-map a second rendering.
-
-    Raises:
-        DatasetError: the file is missing, cut off, or lacks a tensor.
-    """
-    tensors, numbers = _read(path)
-    gbuffer = _split_off(_RENDER, tensors)
-    try:
-        return Rerendered(**tensors, **numbers, gbuffer=gbuffer)  # type: ignore[arg-type]
-    except TypeError as error:
-        raise _damaged(path, error) from error
-
-
-def _split_off(prefix: str, tensors: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-    """Remove and return the tensors with a prefix."""
-    return {n.removeprefix(prefix): tensors.pop(n) for n in list(tensors) if n.startswith(prefix)}
-
-
-def _write(path: Path, tensors: dict[str, NDArray[Any]], numbers: dict[str, Any]) -> None:
-    kinds = {name: _TYPES[_STORED[name]] for name in tensors if name in _STORED}
-    stored = {name: a.astype(kinds[name], copy=False) if name in kinds else a for name, a in tensors.items()}
+def _write(
+    path: Path, tensors: GBuffers, prefix: str, gbuffer: Mapping[str, NDArray[Any]], numbers: dict[str, Any]
+) -> None:
+    stored = {name: array.astype(_TYPES[name], copy=False) for name, array in tensors.items()}
+    for name, array in gbuffer.items():
+        stored[prefix + name] = _to_bytes(array) if name in UNIT_BUFFERS else array
     content = save(
         {name: np.ascontiguousarray(array) for name, array in stored.items()},
         metadata={"frame": json.dumps(numbers)},  # in one entry: safetensors keeps no order of several
@@ -170,34 +153,39 @@ def _write(path: Path, tensors: dict[str, NDArray[Any]], numbers: dict[str, Any]
         partial.write_bytes(content)
 
 
-def _read(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-    """Memory-map the tensors, and read the numbers."""
-    try:
-        tensors, metadata = open_safetensors(path)
-        numbers = json.loads(metadata["frame"])
-        x, y = (float(value) for value in numbers.pop("jitter"))
-    except ShotError as error:
-        raise DatasetError(path, f"not a whole training frame: {error.problem}", _AGAIN) from error
-    except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError) as error:
-        raise _damaged(path, error) from error
+def _read(path: Path, prefix: str) -> tuple[dict[str, Any], GBuffers]:
+    """Return the tensors and numbers by name, and the G-buffers with this prefix."""
+    tensors, metadata = open_safetensors(path)
+    numbers = json.loads(metadata["frame"])
+    x, y = (float(value) for value in numbers.pop("jitter"))
     for name, array in tensors.items():
-        if name in _STORED and array.dtype != _TYPES[_STORED[name]]:
-            raise _damaged(path, TypeError(f"{name} is {array.dtype}"))
-    return tensors, {**numbers, "jitter": (x, y)}
+        if name in _TYPES and array.dtype != _TYPES[name]:
+            raise TypeError(f"{name} is {array.dtype}")
+    gbuffer = {n.removeprefix(prefix): tensors.pop(n) for n in list(tensors) if n.startswith(prefix)}
+    return {**tensors, **numbers, "jitter": (x, y)}, gbuffer
 
 
-def _damaged(path: Path, error: Exception) -> DatasetError:
-    return DatasetError(path, f"not a whole training frame ({type(error).__name__}: {error})", _AGAIN)
+@contextmanager
+def _damage_named(path: Path) -> Iterator[None]:
+    """Convert errors of damaged content to a DatasetError that names the file."""
+    hint = "Delete it and render again: what is complete is kept."
+    try:
+        yield
+    except ShotError as error:
+        raise DatasetError(path, f"not a whole training frame: {error.problem}", hint) from error
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError) as error:
+        problem = f"not a whole training frame ({type(error).__name__}: {error})"
+        raise DatasetError(path, problem, hint) from error
 
 
-def _rounded(prefix: str, buffers: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-    """Return G-buffers as they are stored: [0, 1] as 0 to 255."""
-    return {
-        prefix + name: _bytes(array) if name in UNIT_BUFFERS else array for name, array in buffers.items()
-    }
+def _in_unit_range(buffers: GBuffers | None) -> GBuffers | None:
+    """Convert uint8 buffers to [0, 1]."""
+    if buffers is None:
+        return None
+    return {n: a.astype(np.float32) / 255.0 if n in UNIT_BUFFERS else a for n, a in buffers.items()}
 
 
-def _bytes(values: NDArray[Any]) -> NDArray[np.uint8]:
+def _to_bytes(values: NDArray[Any]) -> NDArray[np.uint8]:
     if values.dtype == np.uint8:
         return values
     return (np.clip(values.astype(np.float32), 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)

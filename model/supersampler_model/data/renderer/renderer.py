@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from supersampler.conventions import mip_bias
 from supersampler_model.data.errors import SceneError
-from supersampler_model.data.rendered import Float16, Float32, Reference, Rendered, Surfaces
+from supersampler_model.data.labels import PixelStatistics
+from supersampler_model.data.rendered import Float16, Float32, Rendered, Surfaces
 from supersampler_model.data.renderer.context import VERSION, Graphics, open_graphics
 from supersampler_model.data.renderer.uploads import (
     DRAW_BYTES,
@@ -259,7 +260,7 @@ class Renderer:
         with self._gl:
             return _surfaces(self._draw(scene, "SURFACES", "display", Raster.of_frame(self.display_size)))
 
-    def reference(self, scene: Scene) -> Reference:
+    def reference(self, scene: Scene) -> PixelStatistics:
         """Render the reference at display size."""
         width, height = self.display_size
         mean, least, most = (np.empty((height, width, 4), np.float32) for _ in range(3))
@@ -270,7 +271,7 @@ class Renderer:
                 part = self._resolved(rendered)
                 for whole, index in zip((mean, least, most, spread), range(4), strict=True):
                     whole[place] = part.read(index)
-        return Reference(
+        return PixelStatistics(
             color=_part(mean, slice(3)),
             color_min=_part(least, slice(3)),
             color_max=_part(most, slice(3)),
