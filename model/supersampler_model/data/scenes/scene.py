@@ -8,14 +8,13 @@ Meshes, materials, textures and environments are uploaded once and recognised ag
 between the frames of a sequence.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from supersampler_model.data.errors import (
-    DataError,
     SceneError,
     check,
     check_array,
@@ -552,22 +551,3 @@ class Scene:
             raise SceneError(
                 "scene.camera_before.near", got=self.camera_before.near, want=self.camera.near, hint=hint
             )
-
-
-def towards(scene: Scene, following: Scene) -> Scene:
-    """Return a scene whose motion vectors lead to the next frame: next minus current, `Frame.motion_next`.
-
-    Args:
-        scene: of a frame.
-        following: of the next frame: the same instances, elsewhere.
-
-    Raises:
-        DataError: the two have different instances, as on two sides of a cut.
-    """
-    if [one.mesh for one in scene.instances] != [one.mesh for one in following.instances]:
-        raise DataError("the next frame has other instances: no motion leads across a cut")
-    instances = tuple(
-        replace(now, model_before=after.model, palette_before=after.palette)
-        for now, after in zip(scene.instances, following.instances, strict=True)
-    )
-    return replace(scene, instances=instances, camera_before=following.camera)
