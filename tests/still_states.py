@@ -7,7 +7,7 @@ import numpy as np
 
 from noise import noise
 from supersampler import Frame, Model, Upscaler, halton_jitter
-from supersampler.state import State
+from supersampler.history import State
 
 RENDER, DISPLAY = (40, 24), (80, 48)
 FRAMES = 66  # two periods of jitter, after which all is frozen

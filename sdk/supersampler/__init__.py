@@ -22,11 +22,10 @@ from supersampler.errors import (
 from supersampler.frame import Frame
 
 if TYPE_CHECKING:
-    from supersampler.history import Stats, StepResult
+    from supersampler.history import State, Stats, StepResult
     from supersampler.io.shot import Shot
     from supersampler.model import Model
     from supersampler.sequence import upscale_sequence
-    from supersampler.state import State
     from supersampler.upscaler import Upscaler
 
 __version__ = "0.1.0"
@@ -55,7 +54,7 @@ __all__ = [
 _LAZY = {
     "Model": "model",
     "Shot": "io.shot",
-    "State": "state",
+    "State": "history",
     "Stats": "history",
     "StepResult": "history",
     "Upscaler": "upscaler",

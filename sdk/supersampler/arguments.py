@@ -6,9 +6,9 @@
 
 import operator
 import os
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
-from typing import Any, Literal, TypeVar, get_args
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,13 +28,6 @@ ieee_arithmetic = np.errstate(all="ignore")
 warns nor raises, whatever the program has set by `numpy.seterr`."""
 
 AtRest = Literal["converge", "accumulate", "off"]
-_NOW: Mapping[object, str] = {
-    "auto": "leave `skip` out",
-    "exact": "write skip=False",
-    "accumulate": 'write at_rest="accumulate"',
-    "recurrent": 'write at_rest="off"',
-}
-"""Replacements of former values of `skip`, as an error names them."""
 _Choice = TypeVar("_Choice")
 
 
@@ -151,23 +144,6 @@ def checked_path(name: str, path: str | Path) -> str | Path:
     if not possible:
         raise ArgumentError(name, got=shown(path), want="a path that a file can have")
     return path
-
-
-def checked_at_rest(at_rest: AtRest) -> AtRest:
-    """Return what an Upscaler does where nothing moves."""
-    return checked_choice("at_rest", at_rest, get_args(AtRest))
-
-
-def checked_skip(skip: object) -> bool:
-    """Return a bool; the error for a former value says what to write now."""
-    flag = as_flag(skip)
-    if flag is not None:
-        return flag
-    now = _NOW.get(skip, "") if isinstance(skip, str) else ""
-    if as_number(skip) is not None:
-        now = "leave `skip` out: there are no tolerances"
-    hint = f"It is a flag now: {now}." if now else ""
-    raise ArgumentError("skip", got=shown(skip), want="True or False", hint=hint)
 
 
 def check_out(out: NDArray[np.float32], shape: tuple[int, ...], inputs: Collection[NDArray[Any]]) -> None:

@@ -1,19 +1,16 @@
-"""`History`, the state between steps; `StepResult`, the outputs of a step; `Stats` of an Upscaler."""
+"""State between steps: `History`, and `State` to store it; `StepResult` and `Stats` of steps."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from numpy.typing import NDArray
 
 from supersampler.backends.base import Buffers
-from supersampler.errors import ArgumentError, shown
 from supersampler.frame import Float32, Size
-from supersampler.methods.array_spec import ArraySpec, checked_arrays, values_of
-from supersampler.methods.at_rest import check_history
-from supersampler.methods.model_info import ModelInfo
 
-AOVS = "history.aovs"
+STATE_VERSION = 4
+"""Version of the contents of a State. Other versions are refused: the meaning of arrays may differ."""
 
 
 @dataclass(eq=False)
@@ -33,29 +30,6 @@ class History:
     buffers: Buffers
     aovs: Float32 | None = None
     kind: Any = None
-
-
-def check_histories(
-    history: History, next_history: History | None, kind: object, fits: Callable[[Buffers, Size, Size], bool]
-) -> None:
-    """Raise ArgumentError unless a step may read `history` and write to `next_history`.
-
-    Args:
-        history: the history to read.
-        next_history: the history to write to; None if the step allocates it.
-        kind: kind of the model.
-        fits: see `Executor.fits`.
-    """
-    written = history if next_history is None else next_history
-    for name, given in (("history", history), ("history_out", written)):
-        if not isinstance(given, History) or given.kind != kind:
-            hint = "`first_history`, `run` and `load_history` of the model make one."
-            raise ArgumentError(name, got=shown(given), want="a History of this model", hint=hint)
-    if not fits(history.buffers, history.display_size, history.render_size):
-        got = f"changed: it is not of {history.display_size} and {history.render_size}"
-        raise ArgumentError("history", got=got, want="as it was made")
-    if next_history is not None and next_history.buffers is history.buffers:
-        raise ArgumentError("history_out", got="history itself", want="other buffers")
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,34 +56,6 @@ class StepResult:
     converged: Float32 | None = None
 
 
-def checked_history(info: ModelInfo, arrays: object, display: Size, render: Size) -> dict[str, NDArray[Any]]:
-    """Return the arrays of `Model.save_history` after a check of their names, types, shapes and values.
-
-    Args:
-        info: the model.
-        arrays: arrays by name.
-        display: (width, height) of the images.
-        render: (width, height) of the previous frame.
-
-    Raises:
-        ArgumentError: an array is missing, unknown, or of a wrong type, shape or range.
-    """
-    specs = {
-        h.input.name: h.input.spec_for(render=render, display=display, previous=render) for h in info.history
-    }
-    names = {name for name in arrays if isinstance(name, str)} if isinstance(arrays, Mapping) else set()
-    if AOVS in names:
-        specs[AOVS] = ArraySpec("float32", (1, "k", *display[::-1]), values_of(AOVS))
-
-    def refusal(got: str, want: str) -> ArgumentError:
-        return ArgumentError("state", got=got, want=want)
-
-    checked = checked_arrays(arrays, specs, refusal)
-    if info.converges:
-        check_history(checked, refusal)
-    return checked
-
-
 @dataclass(frozen=True)
 class Stats:
     """Counts and times of all steps of an Upscaler.
@@ -120,6 +66,7 @@ class Stats:
         resets: number of frames without a history, the first one included.
         seconds: wall time of the steps, without extrapolation.
         extrapolation_seconds: wall time of extrapolating the colour of unshaded frames.
+        stages: wall time by stage of the CPU backend, seconds; empty with other backends.
         converged: fraction of the image, in [0, 1], that is frozen after the last frame: it stays the same
             until something moves or changes. At 1 a viewer may stop rendering. None where the method does
             not converge.
@@ -130,6 +77,7 @@ class Stats:
     resets: int = 0
     seconds: float = 0.0
     extrapolation_seconds: float = 0.0
+    stages: Mapping[str, float] = field(default_factory=dict)
     converged: float | None = 0.0
 
     def after_step(
@@ -137,6 +85,7 @@ class Stats:
         *,
         fresh: bool,
         seconds: float,
+        stages: Mapping[str, float] | None = None,
         extrapolation_seconds: float | None = None,
     ) -> "Stats":
         """Return the stats after one more step.
@@ -144,6 +93,7 @@ class Stats:
         Args:
             fresh: whether the step had no history.
             seconds: wall time of the step.
+            stages: its wall time by stage.
             extrapolation_seconds: wall time of extrapolating the frame's colour; None for a shaded frame.
         """
         return replace(
@@ -153,4 +103,26 @@ class Stats:
             extrapolation_seconds=self.extrapolation_seconds + (extrapolation_seconds or 0.0),
             resets=self.resets + fresh,
             seconds=self.seconds + seconds,
+            stages={**self.stages, **{k: self.stages.get(k, 0.0) + v for k, v in (stages or {}).items()}},
         )
+
+
+@dataclass(frozen=True)
+class State:
+    """A copy of an Upscaler's history as plain arrays and numbers, which can be pickled or sent.
+
+    Attributes:
+        method: name of the method.
+        display_size: (width, height) of the images.
+        render_size: (width, height) of the previous frame; None without a history.
+        history: tensors by name; None without a history.
+        shaded: tensors from which unshaded frames are extrapolated; None without a shaded frame.
+        version: STATE_VERSION of the package that saved it.
+    """
+
+    method: str
+    display_size: Size | None
+    render_size: Size | None
+    history: Mapping[str, NDArray[Any]] | None
+    shaded: Mapping[str, NDArray[Any]] | None = None
+    version: int = field(default_factory=lambda: STATE_VERSION)  # no class attribute: old pickles lack it

@@ -1,8 +1,9 @@
 """`Model`: an exported method, ready to run. It keeps no state between calls."""
 
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any, cast, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,13 +11,11 @@ from numpy.typing import NDArray
 from supersampler.arguments import (
     AtRest,
     check_out,
-    checked_at_rest,
     checked_choice,
     checked_flag,
     checked_names,
     checked_path,
     checked_size,
-    checked_skip,
     checked_threads,
     ieee_arithmetic,
 )
@@ -25,34 +24,61 @@ from supersampler.backends.cpu.memory import aligned
 from supersampler.backends.onnx.aovs import AovBlender, check_aovs
 from supersampler.backends.onnx.executor import OnnxExecutor
 from supersampler.backends.onnx.providers import CPU, resolve_providers
-from supersampler.backends.onnx.session import pixels_of, session_options
-from supersampler.backends.plan import Plan
+from supersampler.backends.onnx.session import pixels_of, session_options, vector_inputs
+from supersampler.backends.onnx.tensors import Tensor, checked_tensors, graph_inputs, render_size_of, taken
 from supersampler.conventions.jitter import check_ratio
-from supersampler.errors import ArgumentError, FrameError
+from supersampler.errors import ArgumentError, FrameError, shown
 from supersampler.frame import (
     Float32,
     Frame,
     Size,
     arrays_of,
+    checked_exposure,
     checked_frame,
+    checked_jitter,
+    checked_pre_exposure,
 )
-from supersampler.history import AOVS, History, StepResult, check_histories, checked_history
-from supersampler.methods.at_rest import ADDED, converged_share
+from supersampler.history import History, StepResult
+from supersampler.methods.array_spec import ArraySpec, checked_arrays, values_of
+from supersampler.methods.at_rest import ADDED, check_history, converged_share
 from supersampler.methods.executors import ExecutorName, Precision, choose_executor
 from supersampler.methods.gbuffers import check_gbuffers, sampled
 from supersampler.methods.model_file import read_model_info, read_upscaling_info
 from supersampler.methods.model_info import ModelInfo, map_size
 from supersampler.methods.sizes import resized
-from supersampler.on_device.runs import DeviceRuns
 
 if TYPE_CHECKING:
     import wgpu
 
+    from supersampler.backends.gpu.device_frame import DeviceFrame
+    from supersampler.backends.gpu.executor import GpuExecutor
 
-__all__ = ["AtRest", "ExecutorName", "Model", "Precision"]
+
+__all__ = ["AtRest", "ExecutorName", "Model", "Plan", "Precision"]
+AOVS = "history.aovs"
 
 
-class Model(DeviceRuns):
+@dataclass(frozen=True)
+class Plan:
+    """Memory and arithmetic of an `Upscaler` for one render size and one display size.
+
+    Attributes:
+        executor: the backend; see `Model.executor`.
+        precision: precision of the network: "fp32", "fp16" or "int8".
+        history_bytes: bytes of two histories: a step reads one and writes the other.
+        working_bytes: bytes of the buffers of a step, which Upscalers of one Model share. None with the ONNX
+            backend, where ONNX Runtime allocates them.
+        multiply_adds: multiply-adds of the network per frame; 0 without a network.
+    """
+
+    executor: str
+    precision: str
+    history_bytes: int
+    working_bytes: int | None
+    multiply_adds: int
+
+
+class Model:
     """An exported method, ready to run; threads and Upscalers may share it.
 
     Attributes:
@@ -65,19 +91,12 @@ class Model(DeviceRuns):
     """
 
     def __init__(
-        self,
-        info: ModelInfo,
-        executor: Executor,
-        aov_blender: AovBlender,
-        providers: list[str],
-        threads: int,
-        on_extrapolated: "Model | None" = None,
+        self, info: ModelInfo, executor: Executor, threads: int, on_extrapolated: "Model | None" = None
     ) -> None:
-        self.info = info
-        self.providers = providers
-        self.threads = threads
-        self._aov_blender = aov_blender
+        self.info, self.threads = info, threads
+        self.providers: list[str] = getattr(executor, "providers", [CPU])
         self._executor = executor
+        self._aov_blender = AovBlender(info, session_options(threads))
         self._kind = type(executor), self.device, info.history
         self.on_extrapolated = on_extrapolated or self
 
@@ -121,18 +140,13 @@ class Model(DeviceRuns):
         threads, capture = checked_threads(threads), checked_flag("capture", capture)
         executor = checked_choice("executor", executor, get_args(ExecutorName))
         precision = checked_choice("precision", precision, get_args(Precision))
-        info = read_upscaling_info(checked_path("model", name_or_path))
-        names = resolve_providers(providers)
-        aov_blender = AovBlender(info, session_options(threads))
+        info, names = read_upscaling_info(checked_path("model", name_or_path)), resolve_providers(providers)
         chosen = choose_executor(info, names, threads, executor, precision, capture=capture, device=device)
-        used: list[str] = getattr(chosen, "providers", [CPU])
         if info.extrapolated is None or not isinstance(chosen, OnnxExecutor):
-            return cls(info, chosen, aov_blender, used, threads)
+            return cls(info, chosen, threads)
         other = read_model_info(info.extrapolated)
-        steps = OnnxExecutor(other, threads, used, chosen.precision, capture=False)  # steps with arrays only
-        blender = AovBlender(other, session_options(threads))
-        on_extrapolated = cls(other, steps, blender, steps.providers, threads)
-        return cls(info, chosen, aov_blender, used, threads, on_extrapolated)
+        steps = OnnxExecutor(other, threads, chosen.providers, chosen.precision, capture=False)
+        return cls(info, chosen, threads, cls(other, steps, threads))
 
     @property
     def executor(self) -> str:
@@ -143,6 +157,42 @@ class Model(DeviceRuns):
     def precision(self) -> str:
         """Precision of the network: "fp32", "fp16" or "int8"."""
         return self._executor.precision
+
+    @property
+    def device(self) -> str:
+        """The device of histories and of tensors for `run_tensors`: "cpu", "cuda", "dml"."""
+        return self._executor.device if isinstance(self._executor, OnnxExecutor) else "cpu"
+
+    @property
+    def capture(self) -> bool:
+        """Whether steps with tensors are captured; see `load`."""
+        return isinstance(self._executor, OnnxExecutor) and self._executor.capture
+
+    @property
+    def gpu(self) -> "GpuExecutor":
+        """The GPU backend.
+
+        Raises:
+            ArgumentError: the executor is not "gpu".
+        """
+        if self._executor.name != "gpu":
+            want = "'gpu', which takes textures and buffers of wgpu"
+            raise ArgumentError("executor", got=repr(self._executor.name), want=want)
+        return cast("GpuExecutor", self._executor)
+
+    def plan(self, render_size: Size, display_size: Size) -> Plan:
+        """Return the memory and arithmetic that frames of this size need; nothing is allocated.
+
+        Raises:
+            FrameError: the method does not support this ratio.
+            ArgumentError: a size is not a valid image size.
+        """
+        render_size = checked_size("render_size", render_size)
+        display_size = checked_size("display_size", display_size)
+        check_ratio(self.info.ratios, render_size, display_size)
+        history, working = self._executor.required_bytes(display_size, render_size)
+        multiply_adds = round(self.info.multiply_adds * display_size[0] * display_size[1])
+        return Plan(self.executor, self.precision, 2 * history, working, multiply_adds)
 
     def first_history(self, display_size: Size, render_size: Size) -> History:
         """Return an empty history, which is all zeros.
@@ -201,13 +251,39 @@ class Model(DeviceRuns):
                 as the previous one.
             ArgumentError: as `run`; or the model has no such output.
         """
-        at_rest, skip = checked_at_rest(at_rest), checked_skip(skip)
+        at_rest, skip = checked_choice("at_rest", at_rest, get_args(AtRest)), checked_flag("skip", skip)
         outputs = checked_names("outputs", outputs)
-        check_histories(history, history_out, self._kind, self._executor.fits)
-        self.check(frame, history.display_size, outputs, history.aovs, out)
-        return self.run_checked(
+        self._check_histories(history, history_out)
+        self.check(checked_frame(frame), history.display_size, outputs, history.aovs, out)
+        result, next_history, _ = self.run_checked(
             frame, history, outputs, out=out, history_out=history_out, adds_samples=ADDED[at_rest], skip=skip
         )
+        return result, next_history
+
+    def check(
+        self,
+        frame: Frame,
+        display_size: Size,
+        outputs: Collection[str] = (),
+        previous_aovs: Float32 | None = None,
+        out: Float32 | None = None,
+    ) -> None:
+        """Check what `run_outputs` needs of a valid frame, and raise its errors, before anything is computed.
+
+        `previous_aovs` are those of the history.
+        """
+        if frame.color is None:
+            hint = "`extrapolate`, and `upscale --extrapolate`, take frames that were not shaded."
+            want = f"(h, w, 3); {self.info.method!r} needs shaded frames"
+            raise FrameError("color", got=None, want=want, hint=hint)
+        check_ratio(self.info.ratios, frame.size, display_size)
+        check_gbuffers(frame, self.info.gbuffers, display_size, self.info.method)
+        for name in outputs:
+            checked_choice("outputs", name, ("aovs", *self.info.maps))
+        if "aovs" in outputs:
+            check_aovs(frame, previous_aovs)
+        if out is not None:
+            check_out(out, (*display_size[::-1], 3), arrays_of(frame))
 
     def run_checked(
         self,
@@ -219,20 +295,20 @@ class Model(DeviceRuns):
         history_out: History | None,
         adds_samples: float,
         skip: bool,
-    ) -> tuple[StepResult, History]:
-        """Run `run_outputs` without its checks of frame, outputs and histories; see `check`.
+    ) -> tuple[StepResult, History, Mapping[str, float]]:
+        """Run `run_outputs` without its checks; return the wall seconds of the stages, too.
 
         `adds_samples`: see `Executor.step`.
         """
-        display_size = history.display_size
-        image = aligned((*display_size[::-1], 3)) if out is None else out
-        next_history = self._prepared(history_out, display_size, frame.size)
+        display = history.display_size
+        image = aligned((*display[::-1], 3)) if out is None else out
+        next_history = self._next_history(history_out, display, frame.size)
         needed = {self.info.maps[name].output for name in outputs if name in self.info.maps}
         needed |= {"weight"} if "aovs" in outputs else set()
         computed = image if image.flags.c_contiguous else aligned(image.shape)
-        aux_outputs = self._executor.step(
-            sampled(frame, self.info.gbuffers, display_size),
-            display_size,
+        report = self._executor.step(
+            sampled(frame, self.info.gbuffers, display),
+            display,
             history.buffers,
             next_history.buffers,
             computed,
@@ -242,35 +318,82 @@ class Model(DeviceRuns):
         )
         if computed is not image:
             np.copyto(image, computed)
+        aovs = None
         if "aovs" in outputs:
-            next_history.aovs = self._aov_blender.blend(
-                frame, aux_outputs.get("weight"), history.aovs, display_size
-            )
-        return self._result(image, outputs, aux_outputs, next_history), next_history
+            weight = report.outputs.get("weight")
+            next_history.aovs = self._aov_blender.blend(frame, weight, history.aovs, display)
+            aovs = next_history.aovs[0].transpose(1, 2, 0).copy()
+        tensors = {h.output: h.input for h in self.info.history}
+        maps: dict[str, Float32] = {}
+        for name in set(outputs) & set(self.info.maps):
+            source = self.info.maps[name]
+            planes = report.outputs.get(source.output)
+            if planes is None:
+                tensor = tensors[source.output]
+                planes = self._executor.tensor(next_history.buffers, tensor.name)
+                planes = resized(planes, map_size(tensor.shape, display))
+            maps[name] = pixels_of(planes[:, source.first : source.first + source.channels])
+        return StepResult(image, aovs=aovs, **maps), next_history, report.stages
 
-    def plan(self, render_size: Size, display_size: Size) -> Plan:
-        """Return the memory and arithmetic that frames of this size need; nothing is allocated.
+    def run_tensors(
+        self,
+        tensors: Mapping[str, Tensor],
+        history: History,
+        *,
+        jitter: tuple[float, float],
+        exposure: float | None = None,
+        pre_exposure: float = 1.0,
+        out: Tensor | None = None,
+        history_out: History | None = None,
+        adds_samples: float = 1.0,
+    ) -> tuple[Tensor, History]:
+        """Upscale a frame on the provider's device; see `Upscaler.step_tensors`.
 
         Raises:
-            FrameError: the method does not support this ratio.
-            ArgumentError: a size is not a valid image size.
+            FrameError: an input is missing, or has a wrong type, shape, range or device.
+            ModelError: the provider cannot capture the step.
+            ArgumentError: the executor is not "onnx", or `history_out` is `history`.
         """
-        render_size = checked_size("render_size", render_size)
-        display_size = checked_size("display_size", display_size)
-        check_ratio(self.info.ratios, render_size, display_size)
-        history, working = self._executor.required_bytes(display_size, render_size)
-        multiply_adds = round(self.info.multiply_adds * display_size[0] * display_size[1])
-        return Plan(self.executor, self.precision, 2 * history, working, multiply_adds)
+        if not isinstance(self._executor, OnnxExecutor):
+            want = "'onnx', which takes tensors"
+            raise ArgumentError("executor", got=repr(self._executor.name), want=want)
+        self._check_histories(history, history_out)
+        jitter, exposure = checked_jitter(jitter), checked_exposure(exposure)
+        pre_exposure, display = checked_pre_exposure(pre_exposure), history.display_size
+        vectors = vector_inputs(jitter, exposure, display, pre_exposure, adds_samples=adds_samples)
+        given = graph_inputs(self.info.inputs, checked_tensors(tensors), vectors, self.device)
+        render_size = render_size_of(given["color"])
+        check_ratio(self.info.ratios, render_size, display)
+        next_history = self._next_history(history_out, display, render_size)
+        target = None if out is None else taken(out, "image")
+        if target is not None and target.data_ptr() in {value.data_ptr() for value in given.values()}:
+            raise ArgumentError("out", got="memory of the frame", want="memory that the step does not read")
+        image = self._executor.step_tensors(given, display, history.buffers, next_history.buffers, target)
+        return (image if out is None else out), next_history
 
-    def note_stages(self) -> Mapping[str, float]:
-        """Return a mapping in which each step adds its seconds by stage; empty for the ONNX backend."""
-        return self._executor.note_stages()
+    def encode(
+        self,
+        encoder: "wgpu.GPUCommandEncoder",
+        frame: "DeviceFrame",
+        history: History,
+        image: "wgpu.GPUTexture | wgpu.GPUBuffer",
+        history_out: History | None = None,
+        *,
+        adds_samples: float = 1.0,
+        skip: bool = True,
+    ) -> History:
+        """Encode a step on a frame in memory of the GPU; see `Upscaler.encode_into`.
 
-    def save_history(self, history: History) -> dict[str, NDArray[Any]]:
-        """Return copies of all history tensors; each executor of the model can load them."""
-        buffers, names = history.buffers, [h.input.name for h in self.info.history]
-        copies = {name: np.array(self._executor.tensor(buffers, name)) for name in names}
-        return copies if history.aovs is None else {**copies, AOVS: history.aovs.copy()}
+        Returns:
+            The history for the next frame, which holds it once the commands have run.
+        """
+        self._check_histories(history, history_out)
+        check_ratio(self.info.ratios, frame.size, history.display_size)
+        next_history = self._next_history(history_out, history.display_size, frame.size)
+        self.gpu.encode(
+            encoder, frame, history.buffers, next_history.buffers, image, adds_samples=adds_samples, skip=skip
+        )
+        return next_history
 
     def converged(self, history: History | None) -> float | None:
         """Return `Stats.converged` of the step that returned this history; 0 before the first frame."""
@@ -281,6 +404,12 @@ class Model(DeviceRuns):
         blocks = self._executor.tensor(history.buffers, "history.static_blocks")
         return converged_share(blocks, history.display_size, history.render_size)
 
+    def save_history(self, history: History) -> dict[str, NDArray[Any]]:
+        """Return copies of all history tensors; each executor of the model can load them."""
+        names = [h.input.name for h in self.info.history]
+        copies = {name: np.array(self._executor.tensor(history.buffers, name)) for name in names}
+        return copies if history.aovs is None else {**copies, AOVS: history.aovs.copy()}
+
     def load_history(
         self, display_size: Size, render_size: Size, arrays: Mapping[str, NDArray[Any]]
     ) -> History:
@@ -289,58 +418,42 @@ class Model(DeviceRuns):
         Raises:
             ArgumentError: an array has a wrong name, type, shape or range, or does not fit into memory.
         """
-        display_size = checked_size("state.display_size", display_size)
-        render_size = checked_size("state.render_size", render_size)
-        checked = checked_history(self.info, arrays, display_size, render_size)
+        display = checked_size("state.display_size", display_size)
+        render = checked_size("state.render_size", render_size)
+        tensors = [h.input for h in self.info.history]
+        specs = {t.name: t.spec_for(render=render, display=display, previous=render) for t in tensors}
+        if isinstance(arrays, Mapping) and AOVS in arrays:
+            specs[AOVS] = ArraySpec("float32", (1, "k", *display[::-1]), values_of(AOVS))
+
+        def refusal(got: str, want: str) -> ArgumentError:
+            return ArgumentError("state", got=got, want=want)
+
+        checked = checked_arrays(arrays, specs, refusal)
+        if self.info.converges:
+            check_history(checked, refusal)
         try:
-            history = self.first_history(display_size, render_size)
+            history = self.first_history(display, render)
             self._executor.load(history.buffers, checked)
             history.aovs = checked[AOVS].copy() if AOVS in checked else None
         except MemoryError:
-            raise ArgumentError("state", got=f"at {display_size}", want="what fits into memory") from None
+            raise ArgumentError("state", got=f"at {display}", want="what fits into memory") from None
         return history
 
-    def check(
-        self,
-        frame: Frame,
-        display_size: Size,
-        outputs: Collection[str] = (),
-        previous_aovs: Float32 | None = None,
-        out: Float32 | None = None,
-    ) -> None:
-        """Check the arguments of `run_outputs`, and raise its errors, before anything is computed.
+    def _check_histories(self, history: History, next_history: History | None) -> None:
+        """Raise ArgumentError unless a step may read `history` and write to `next_history`."""
+        written = history if next_history is None else next_history
+        for name, given in (("history", history), ("history_out", written)):
+            if not isinstance(given, History) or given.kind != self._kind:
+                hint = "`first_history`, `run` and `load_history` of the model make one."
+                raise ArgumentError(name, got=shown(given), want="a History of this model", hint=hint)
+        if not self._executor.fits(history.buffers, history.display_size, history.render_size):
+            got = f"changed: it is not of {history.display_size} and {history.render_size}"
+            raise ArgumentError("history", got=got, want="as it was made")
+        if next_history is not None and next_history.buffers is history.buffers:
+            raise ArgumentError("history_out", got="history itself", want="other buffers")
 
-        `previous_aovs` are those of the history.
-        """
-        if checked_frame(frame).color is None:
-            hint = "`extrapolate`, and `upscale --extrapolate`, take frames that were not shaded."
-            want = f"(h, w, 3); {self.info.method!r} needs shaded frames"
-            raise FrameError("color", got=None, want=want, hint=hint)
-        check_ratio(self.info.ratios, frame.size, display_size)
-        check_gbuffers(frame, self.info.gbuffers, display_size, self.info.method)
-        for name in checked_names("outputs", outputs):
-            checked_choice("outputs", name, ("aovs", *self.info.maps))
-        if "aovs" in outputs:
-            check_aovs(frame, previous_aovs)
-        if out is not None:
-            check_out(out, (*display_size[::-1], 3), arrays_of(frame))
-
-    def _result(
-        self,
-        image: Float32,
-        outputs: Collection[str],
-        aux_outputs: Mapping[str, Float32],
-        next_history: History,
-    ) -> StepResult:
-        history_names = {h.output: h.input.name for h in self.info.history}
-        shapes = {h.output: h.input.shape for h in self.info.history}
-        maps: dict[str, Float32] = {}
-        for name in set(outputs) & set(self.info.maps):
-            source = self.info.maps[name]
-            planes = aux_outputs.get(source.output)
-            if planes is None:
-                planes = self._executor.tensor(next_history.buffers, history_names[source.output])
-                planes = resized(planes, map_size(shapes[source.output], next_history.display_size))
-            maps[name] = pixels_of(planes[:, source.first : source.first + source.channels])
-        aovs = None if next_history.aovs is None else next_history.aovs[0].transpose(1, 2, 0).copy()
-        return StepResult(image, aovs=aovs, **maps)
+    def _next_history(self, history: History | None, display: Size, render: Size) -> History:
+        """Return the next history; it reuses the buffers of `history` if they have the right sizes."""
+        if history is not None and self._executor.fits(history.buffers, display, render):
+            return History(display, render, history.buffers, kind=self._kind)
+        return History(display, render, self._executor.zeros(display, render), kind=self._kind)

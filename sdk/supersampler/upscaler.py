@@ -1,47 +1,92 @@
 """`Upscaler`: a `Model` and the history of one camera."""
 
 import time
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, NoReturn, overload
+from typing import TYPE_CHECKING, Literal, NamedTuple, NoReturn, TypeAlias, get_args, overload
 
 from supersampler.arguments import (
-    checked_at_rest,
+    as_flag,
+    as_index,
+    checked_choice,
+    checked_flag,
     checked_names,
     checked_path,
     checked_scale,
     checked_size,
-    checked_skip,
     ieee_arithmetic,
 )
-from supersampler.backends.onnx.tensors import tensors_of_frame
+from supersampler.backends.gpu.device_frame import DeviceFrame, check_encoder, checked_images, checked_target
+from supersampler.backends.onnx.tensors import Tensor, checked_tensors, size_of_tensors, tensors_of_frame
 from supersampler.conventions.jitter import display_size_of
 from supersampler.errors import ArgumentError, FrameError, shown
 from supersampler.extrapolation import Extrapolator, ShadedHistory
-from supersampler.frame import Float32, Frame, Size, checked_frame
-from supersampler.history import Stats, StepResult
+from supersampler.frame import (
+    Float32,
+    Frame,
+    Size,
+    checked_exposure,
+    checked_frame,
+    checked_jitter,
+    checked_pre_exposure,
+    checked_reset,
+)
+from supersampler.history import STATE_VERSION, History, State, Stats, StepResult
 from supersampler.methods.at_rest import ADDED
 from supersampler.methods.gbuffers import GBUFFERS, black
-from supersampler.model import AtRest, ExecutorName, Model, Precision
-from supersampler.on_device.steps import DeviceSteps
-from supersampler.planning import plan
-from supersampler.presets import PresetName, chosen, loaded_model
-from supersampler.state import Memory, State
+from supersampler.model import AtRest, ExecutorName, Model, Plan, Precision
 from supersampler.validation import FrameChecker, Validate
 
 if TYPE_CHECKING:
+    import wgpu
+
     from supersampler.recording.recorder import Recorder
 
+    _DeviceImage: TypeAlias = wgpu.GPUTexture | wgpu.GPUBuffer
 
 _Names = tuple[str, *tuple[str, ...]]
 """At least one name, so that the type of the result is known."""
 _Out = Float32 | StepResult
+PresetName = Literal["fast", "balanced", "high"]
 
 
-class Upscaler(DeviceSteps):
+class Preset(NamedTuple):
+    """Arguments of `Upscaler` that a preset sets."""
+
+    model: str
+    precision: Precision
+
+
+PRESETS: Mapping[PresetName, Preset] = {
+    "fast": Preset("taau", "auto"),
+    "balanced": Preset("classifier-small", "auto"),
+    "high": Preset("classifier", "auto"),
+}
+"""Settings on the Pareto frontier of run time and error (docs/pareto.md), as `bench pareto` chooses them."""
+
+
+class CameraState(NamedTuple):
+    """State between frames. Replaced as a whole, so that an interrupted step changes all of it or nothing.
+
+    Attributes:
+        display_size: (width, height) of the images; with `scale`, None before the first frame.
+        history: history for the next frame; None at a start or after a reset.
+        spare: the history before that one; the next step writes to its buffers.
+        shaded: history from which unshaded frames are extrapolated.
+        stats: see `Upscaler`.
+    """
+
+    display_size: Size | None
+    history: History | None = None
+    spare: History | None = None
+    shaded: ShadedHistory | None = None
+    stats: Stats = Stats()
+
+
+class Upscaler:
     """Upscales the frames of one camera, in order, to anti-aliased images at display size.
 
     >>> upscaler = Upscaler(display_size=(1920, 1080))
@@ -110,21 +155,34 @@ class Upscaler(DeviceSteps):
         display_size = None if display_size is None else checked_size("display_size", display_size)
         self._scale = 1.0 if scale is None else checked_scale(scale)
         self._render_size = None if render_size is None else checked_size("render_size", render_size)
-        record = None if record is None else checked_path("record", record)
-        self.at_rest, self.skip = checked_at_rest(at_rest), checked_skip(skip)
-        model, precision = chosen(preset, model, precision)
-        self.model = loaded_model(model, providers, threads, executor, precision, capture=capture)
-        if self._render_size is not None and display_size is None:
+        if display_size is None and self._render_size is not None:
             display_size = display_size_of(self._render_size, self._scale)
-        self._memory = Memory(display_size)
+        record = None if record is None else checked_path("record", record)
+        self.at_rest = checked_choice("at_rest", at_rest, get_args(AtRest))
+        self.skip = checked_flag("skip", skip)
+        model, precision = preset_model(preset, model, precision)
+        if isinstance(model, Model):
+            words = {"providers": providers, "executor": executor, "precision": precision}
+            given = [name for name, word in words.items() if not (isinstance(word, str) and word == "auto")]
+            given += ["threads"] * (as_index(threads) != 0) + ["capture"] * (as_flag(capture) is not False)
+            if given:
+                raise ArgumentError(" and ".join(given), got="set beside a Model", want="set in Model.load")
+            self.model = model
+        else:
+            self.model = Model.load(
+                model, providers=providers, threads=threads, executor=executor, precision=precision,
+                capture=capture,
+            )  # fmt: skip
+        self._camera = CameraState(display_size)
         self._checker = FrameChecker(validate, converges=self.model.info.converges)
-        self._extrapolator, self._on_extrapolated, infos = None, self.model, []
+        self._extrapolator: Extrapolator | None = None
+        self._on_extrapolated, infos = self.model, [self.model.info]
         if extrapolation is not None:
+            self._on_extrapolated = self.model.on_extrapolated
             device = self.model.providers, self.model.threads
             self._extrapolator = Extrapolator(extrapolation, *device, executor)
-            self._on_extrapolated, infos = self.model.on_extrapolated, [self._extrapolator.info]
-        read = (self.model.info, self._on_extrapolated.info, *infos)
-        inputs = list(dict.fromkeys(tensor.name for info in read for tensor in info.inputs))
+            infos += [self._on_extrapolated.info, self._extrapolator.info]
+        inputs = list(dict.fromkeys(tensor.name for info in infos for tensor in info.inputs))
         self.gbuffers = tuple(name for name in inputs if name in GBUFFERS)
         self._closed = False
         self._recorder: Recorder | None = None
@@ -132,22 +190,48 @@ class Upscaler(DeviceSteps):
             from supersampler.recording import recorder
 
             self._recorder = recorder.Recorder(
-                record, self.model, infos, inputs, display_size=display_size, scale=self._scale,
+                record, self.model, infos[2:], inputs, display_size=display_size, scale=self._scale,
                 at_rest=self.at_rest, skip=self.skip, validate=validate,
             )  # fmt: skip
 
-    plan = staticmethod(plan)
+    @staticmethod
+    def plan(
+        render_size: Size,
+        display_size: Size,
+        model: str | Path = "classifier",
+        *,
+        providers: str | Sequence[str] = "auto",
+        threads: int = 0,
+        executor: ExecutorName = "auto",
+        precision: Precision = "auto",
+    ) -> Plan:
+        """Return the memory and the multiply-adds that an Upscaler needs per frame; nothing is allocated.
+
+        >>> plan = Upscaler.plan((960, 540), (1920, 1080))  # render size, display size
+        >>> megabytes = plan.history_bytes / 1e6
+
+        Sizes are (width, height). See `Model.load` for the other arguments; a `Model` has its own `plan`.
+
+        Raises:
+            FrameError: the method does not support this ratio.
+            ModelError, ProviderError, ArgumentError: see `Model.load`.
+        """
+        sizes = checked_size("render_size", render_size), checked_size("display_size", display_size)
+        loaded = Model.load(
+            model, providers=providers, threads=threads, executor=executor, precision=precision
+        )
+        return loaded.plan(*sizes)
 
     @property
     def display_size(self) -> Size | None:
         """(width, height) of the images; with `scale` None until the first frame."""
-        return self._memory.display_size
+        return self._camera.display_size
 
     @property
     def stats(self) -> Stats:
         """Counts and times of all steps so far."""
-        stats = self._memory.stats
-        return stats if self._closed else replace(stats, converged=self.model.converged(self._memory.history))
+        stats = self._camera.stats
+        return stats if self._closed else replace(stats, converged=self.model.converged(self._camera.history))
 
     @overload
     def step(self, frame: Frame, *, out: Float32 | None = ..., outputs: tuple[()] = ()) -> Float32: ...
@@ -181,8 +265,8 @@ class Upscaler(DeviceSteps):
         with self._recorded("step", frame, outputs) as results:
             shaded = None
             if self._extrapolator is not None and frame.color is not None:
-                shaded = self._extrapolator.after_shaded(frame, self._memory.shaded)
-            results.append(self._upscaled(self.model, frame, frame, shaded, out, outputs))
+                shaded = self._extrapolator.after_shaded(frame, self._camera.shaded)
+            results.append(self._upscale(self.model, frame, frame, shaded, out, outputs))
         return results[0] if outputs else results[0].image
 
     @overload
@@ -220,10 +304,10 @@ class Upscaler(DeviceSteps):
                 hint = "Upscaler(extrapolation='guided-warp') takes frames that were not shaded."
                 raise ArgumentError("extrapolation", got=None, want="a model", hint=hint)
             started = time.perf_counter()
-            color, shaded = self._extrapolator.extrapolate(frame, self._memory.shaded)
+            color, shaded = self._extrapolator.extrapolate(frame, self._camera.shaded)
             took = time.perf_counter() - started
             model, shaded_frame = self._on_extrapolated, replace(frame, color=color)
-            results.append(self._upscaled(model, frame, shaded_frame, shaded, out, outputs, took))
+            results.append(self._upscale(model, frame, shaded_frame, shaded, out, outputs, took))
         return results[0] if outputs else results[0].image
 
     @ieee_arithmetic
@@ -250,15 +334,158 @@ class Upscaler(DeviceSteps):
             raise FrameError("color", got=frame.color.shape, want="None, as it is computed", hint=hint)
         shaded_frame = replace(frame, color=color)
         model = self.model.on_extrapolated
-        result = self._upscaled(model, frame, shaded_frame, self._memory.shaded, None, outputs)
+        result = self._upscale(model, frame, shaded_frame, self._camera.shaded, None, outputs)
         return result if outputs else result.image
+
+    @ieee_arithmetic
+    def step_tensors(
+        self,
+        tensors: Mapping[str, Tensor],
+        *,
+        jitter: tuple[float, float],
+        exposure: float | None = None,
+        pre_exposure: float = 1.0,
+        reset: bool = False,
+        out: Tensor | None = None,
+    ) -> Tensor:
+        """Upscale the next frame on the provider's device, without copies of images to or from the CPU.
+
+        >>> image = upscaler.step_tensors({"color": c, "depth": d, "motion": m}, jitter=(x, y))
+        >>> image = torch.from_dlpack(image)
+
+        Requires executor="onnx", and no `extrapolation`. Pixels are not validated.
+
+        Args:
+            tensors: inputs by name, as float32 contiguous tensors with DLPack (torch, CuPy, JAX): "color"
+                (1, 3, h, w), "depth" (1, 1, h, w), "motion" (1, 2, h, w), and the method's G-buffers; see
+                docs/contract.md. "reactive" (1, 1, h, w) may be missing.
+            jitter: see `Frame`.
+            exposure: see `Frame`.
+            pre_exposure: see `Frame`.
+            reset: see `Frame`.
+            out: (1, 3, H, W) to write the image to; None allocates it.
+
+        Returns:
+            (1, 3, H, W) linear RGB on the device; `out` if given.
+
+        Raises:
+            FrameError: a tensor is missing, or has a wrong type, shape or device. The history is unchanged.
+            ModelError: the provider cannot capture the step. The history is unchanged.
+            ArgumentError: the executor does not accept tensors, or the Upscaler has an `extrapolation`.
+        """
+        self._check_open()
+        tensors, reset = checked_tensors(tensors), checked_reset(reset)
+        pre_exposure = checked_pre_exposure(pre_exposure)
+        recorded: AbstractContextManager[list[Tensor]] = nullcontext([])
+        if self._recorder is not None:
+            recorded = self._recorder.step_tensors(tensors, jitter, exposure, pre_exposure, reset)
+        with recorded as results:
+            started = time.perf_counter()
+            self._check_no_extrapolation("step_tensors")
+            history = self._history(size_of_tensors(tensors), reset=reset)
+            image, next_history = self.model.run_tensors(
+                tensors, history, jitter=jitter, exposure=exposure, pre_exposure=pre_exposure, out=out,
+                history_out=self._camera.spare, adds_samples=ADDED[self.at_rest],
+            )  # fmt: skip
+            self._advance(history, next_history, started)
+            results.append(image)
+        return image
+
+    @ieee_arithmetic
+    def step_textures(
+        self,
+        images: Mapping[str, "_DeviceImage"],
+        *,
+        jitter: tuple[float, float],
+        exposure: float | None = None,
+        pre_exposure: float = 1.0,
+        reset: bool = False,
+        render_size: Size | None = None,
+        out: "_DeviceImage | None" = None,
+    ) -> "_DeviceImage":
+        """Upscale the next frame on the GPU, without copies of images to or from the CPU.
+
+        >>> model = Model.load("classifier", executor="gpu", device=device)
+        >>> upscaler = Upscaler(model, display_size=(1920, 1080))
+        >>> image = upscaler.step_textures({"color": c, "depth": d, "motion": m}, jitter=(x, y))
+
+        The commands are submitted to the device's queue; nothing waits for them. Requires executor="gpu", and
+        no `extrapolation`. Pixels are not validated.
+
+        Args:
+            images: by name, of the model's device, in the units of `Frame`. Textures of a float format, with
+                TEXTURE_BINDING: "color" (RGB), "depth" (R), "motion" (RG), "reactive" (R), which may be
+                missing. Or buffers of float32, with STORAGE: the arrays of a `Frame`, row by row.
+            jitter: see `Frame`.
+            exposure: see `Frame`.
+            pre_exposure: see `Frame`.
+            reset: see `Frame`.
+            render_size: (width, height) of buffers; textures have theirs.
+            out: to write the image to: a texture rgba16float with STORAGE_BINDING, or a buffer of float32
+                (H, W, 3) with STORAGE; None allocates a texture.
+
+        Returns:
+            The image, linear RGB; `out` if given.
+
+        Raises:
+            FrameError: an image is missing, or has a wrong format, size, usage or device. The history is
+                unchanged.
+            DeviceError: the device failed. The history is unchanged unless the message says that it is lost.
+            ArgumentError: the executor has no textures, or `out` is not as described.
+        """
+        encoder = self.model.gpu.device.create_command_encoder()
+        image = self.encode_into(
+            encoder, images, jitter=jitter, exposure=exposure, pre_exposure=pre_exposure, reset=reset,
+            render_size=render_size, out=out,
+        )  # fmt: skip
+        self.model.gpu.device.queue.submit([encoder.finish()])
+        return image
+
+    def encode_into(
+        self,
+        encoder: "wgpu.GPUCommandEncoder",
+        images: Mapping[str, "_DeviceImage"],
+        *,
+        jitter: tuple[float, float],
+        exposure: float | None = None,
+        pre_exposure: float = 1.0,
+        reset: bool = False,
+        render_size: Size | None = None,
+        out: "_DeviceImage | None" = None,
+    ) -> "_DeviceImage":
+        """Encode `step_textures` into a command encoder, for engines that submit by themselves.
+
+        The next call continues from this frame: submit frames in order, each once. Call `reset` after an
+        encoder that is not submitted. Arguments, result and errors are those of `step_textures`.
+        """
+        self._check_open()
+        started, gpu = time.perf_counter(), self.model.gpu
+        self._check_no_extrapolation("step_textures")
+        if self._recorder is not None:
+            hint = "Recordings hold arrays: use `step`."
+            raise ArgumentError("step_textures", got="called while recording", want="neither", hint=hint)
+        check_encoder(encoder, gpu.device)
+        names = [tensor.name for tensor in self.model.info.inputs]
+        size = None if render_size is None else checked_size("render_size", render_size)
+        given, size = checked_images(images, names, size, gpu.device)
+        reset = checked_reset(reset)
+        values = checked_jitter(jitter), checked_exposure(exposure), checked_pre_exposure(pre_exposure)
+        display = self._display_size_for(size)
+        image = gpu.new_image(display) if out is None else checked_target(out, display, gpu.device)
+        history = self._history(size, reset=reset)
+        next_history = self.model.encode(
+            encoder, DeviceFrame(given, size, *values), history, image, self._camera.spare,
+            adds_samples=ADDED[self.at_rest], skip=self.skip,
+        )  # fmt: skip
+        self._advance(history, next_history, started)
+        return image
 
     def reset(self) -> None:
         """Drop the history, as `Frame.reset` does."""
         self._check_open()
         if self._recorder is not None:
             self._recorder.reset()
-        self._memory = self._memory._replace(history=None, shaded=None)
+        self._camera = self._camera._replace(history=None, shaded=None)
         self._checker.reset()
 
     @ieee_arithmetic
@@ -272,7 +499,7 @@ class Upscaler(DeviceSteps):
         """
         self._check_open()
         size = checked_size("render_size", self._render_size if render_size is None else render_size)
-        display_size = self.display_size or display_size_of(size, self._scale)
+        display_size = self._display_size_for(size)
         frame = black(self.gbuffers, size, display_size)
         if self._extrapolator is not None:
             self._extrapolator.extrapolate(replace(frame, color=None), self._extrapolator.after_shaded(frame))
@@ -287,7 +514,7 @@ class Upscaler(DeviceSteps):
     def save_state(self) -> State:
         """Copy the history. An Upscaler that loads it computes the same next images, bit for bit."""
         self._check_open()
-        history, shaded = self._memory.history, self._memory.shaded
+        history, shaded = self._camera.history, self._camera.shaded
         if history is None:
             return State(self.model.info.method, self.display_size, None, None)
         saved_shaded = None
@@ -306,18 +533,18 @@ class Upscaler(DeviceSteps):
         self._check_open()
         if not isinstance(state, State):
             raise ArgumentError("state", got=shown(state), want="a State, as `save_state` returns it")
-        history = state.history_for(self.model, self.display_size)
+        history = self._history_of(state)
         shaded = None
         if self._extrapolator is not None and state.shaded is not None:
             shaded = self._extrapolator.load(state.shaded)
         if self._recorder is not None:
             self._recorder.load_state(state)
-        self._memory = Memory(state.display_size, history, None, shaded, self.stats)
+        self._camera = CameraState(state.display_size, history, None, shaded, self.stats)
         self._checker.reset()
 
     def close(self) -> None:
         """Free the history and end the recording; later calls other than `close` raise ArgumentError."""
-        self._memory = Memory(self.display_size, stats=self.stats)
+        self._camera = CameraState(self.display_size, stats=self.stats)
         self._closed = True
         if self._recorder is not None:
             self._recorder.close()
@@ -342,7 +569,7 @@ class Upscaler(DeviceSteps):
         """Record the step of a `with` block, which appends its result to the list, if there is a recorder."""
         return nullcontext([]) if self._recorder is None else self._recorder.step(call, frame, outputs)
 
-    def _upscaled(
+    def _upscale(
         self,
         model: Model,
         given: Frame,
@@ -353,27 +580,95 @@ class Upscaler(DeviceSteps):
         extrapolation_seconds: float | None = None,
     ) -> StepResult:
         """Step on `frame`, which has colour: `given`, or its extrapolation."""
-        started, memory = time.perf_counter(), self._memory
-        kept = None if frame.reset else memory.history
-        display = memory.display_size or display_size_of(frame.size, self._scale)
+        started, display = time.perf_counter(), self._display_size_for(frame.size)
+        history = None if frame.reset else self._camera.history
         # before anything is allocated or kept for a frame that is then refused
-        model.check(frame, display, outputs, None if kept is None else kept.aovs, out)
+        model.check(frame, display, outputs, None if history is None else history.aovs, out)
         self._checker.check(given, display, self.gbuffers)
-        history = model.first_history(display, frame.size) if kept is None else kept
-        result, next_history = model.run_checked(
-            frame, history, outputs, out=out, history_out=memory.spare, skip=self.skip,
+        history = self._history(frame.size, reset=frame.reset)
+        result, next_history, stages = model.run_checked(
+            frame, history, outputs, out=out, history_out=self._camera.spare, skip=self.skip,
             adds_samples=0.0 if given.color is None else ADDED[self.at_rest],
         )  # fmt: skip
-        stats = memory.stats.after_step(
-            fresh=kept is None,
+        self._advance(history, next_history, started, shaded, stages, extrapolation_seconds)
+        return result
+
+    def _display_size_for(self, render_size: Size) -> Size:
+        return self._camera.display_size or display_size_of(render_size, self._scale)
+
+    def _history(self, render_size: Size, *, reset: bool) -> History:
+        """Return the history that a step on a frame of this size reads."""
+        if self._camera.history is None or reset:
+            return self.model.first_history(self._display_size_for(render_size), render_size)
+        return self._camera.history
+
+    def _advance(
+        self,
+        history: History,
+        next_history: History,
+        started: float,
+        shaded: ShadedHistory | None = None,
+        stages: Mapping[str, float] | None = None,
+        extrapolation_seconds: float | None = None,
+    ) -> None:
+        """Continue from the step that read `history` and began at the time `started`."""
+        stats = self._camera.stats.after_step(
+            fresh=history is not self._camera.history,
             seconds=time.perf_counter() - started,
+            stages=stages,
             extrapolation_seconds=extrapolation_seconds,
         )
-        self._memory = Memory(display, next_history, history, shaded, stats)
-        return result
+        self._camera = CameraState(next_history.display_size, next_history, history, shaded, stats)
 
     def _checked_call(self, frame: Frame, outputs: Collection[str]) -> tuple[str, ...]:
         """Check the arguments that a recording stores; return the names of the outputs."""
         self._check_open()
         checked_frame(frame)
         return checked_names("outputs", outputs)
+
+    def _check_open(self) -> None:
+        if self._closed:
+            raise ArgumentError("upscaler", got="closed", want="open", hint="Make a new one.")
+
+    def _check_no_extrapolation(self, call: str) -> None:
+        if self._extrapolator is not None:
+            hint = "Extrapolation takes arrays alone: use `step`."
+            raise ArgumentError(call, got="called with extrapolation", want="neither", hint=hint)
+
+    def _history_of(self, state: State) -> History | None:
+        """Return the history in a state; None if it has none."""
+        version = getattr(state, "version", None)
+        if type(version) is not int or version != STATE_VERSION:
+            hint = "Load it with the version of supersampler that saved it, or start without a state."
+            raise ArgumentError("state", got=f"of version {version!r}", want=f"{STATE_VERSION}", hint=hint)
+        method = self.model.info.method
+        if state.method != method:
+            raise ArgumentError("state", got=f"of {state.method!r}", want=f"of {method!r}")
+        display = state.display_size
+        display = None if display is None else checked_size("state.display_size", display)
+        if self.display_size not in (None, display):
+            raise ArgumentError("state", got=f"at {state.display_size}", want=f"at {self.display_size}")
+        if state.history is None:
+            return None
+        if display is None or state.render_size is None:
+            want = "both with a history"
+            raise ArgumentError("state", got="without display_size or render_size", want=want)
+        return self.model.load_history(display, state.render_size, state.history)
+
+
+def preset_model(
+    preset: PresetName | None, model: Model | str | Path | None, precision: Precision
+) -> tuple[Model | str | Path, Precision]:
+    """Return model and precision: those given, or those of a preset.
+
+    Raises:
+        ArgumentError: a value is unknown, or a preset is given together with a value that it sets.
+    """
+    precision = checked_choice("precision", precision, get_args(Precision))
+    if preset is None:
+        return "classifier" if model is None else model, precision
+    checked_choice("preset", preset, get_args(PresetName))
+    if model is not None or precision != "auto":
+        got = f"{preset!r} beside a model or a precision"
+        raise ArgumentError("preset", got=got, want="it alone, which sets them, or these alone")
+    return PRESETS[preset]

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from supersampler import ArgumentError, Frame
 from supersampler.frame import Float32, Size
-from supersampler.state import State
+from supersampler.history import State
 from supersampler_bench.cli.app import app
 from supersampler_bench.stress.compare import Difference, recovery
 from supersampler_bench.stress.contraction import contraction

@@ -100,7 +100,7 @@ class OnGpu:
         )  # fmt: skip
         before, self.history, self.spare = self.history, self.spare, None
         self.spare = before if before.fits(self.display, frame.size) else None
-        return image, found["converged"][0, 0] if wanted else None
+        return image, found.outputs["converged"][0, 0] if wanted else None
 
     def tensor(self, name: str) -> Float32:
         assert self.history is not None

@@ -11,7 +11,7 @@ from rest_scenes import RestScene, wave
 from supersampler import Frame, Upscaler
 from supersampler.backends.cpu.executor import CpuExecutor
 from supersampler.backends.cpu.threads import ThreadPool
-from supersampler.state import State
+from supersampler.history import State
 
 CHANGES, FRAMES = 20, 28
 STAGES = 8

@@ -203,23 +203,6 @@ def test_the_share_weighs_each_block_by_its_pixels() -> None:
 
 
 @pytest.mark.parametrize(
-    ("value", "now"),
-    [
-        ("auto", "leave `skip` out"),
-        ("exact", "write skip=False"),
-        ("accumulate", 'write at_rest="accumulate"'),
-        ("recurrent", 'write at_rest="off"'),
-        (0.02, "there are no tolerances"),
-    ],
-)
-def test_a_former_value_of_skip_is_answered_with_what_to_write_now(value: Any, now: str) -> None:
-    with pytest.raises(
-        ArgumentError, match=f"skip is {value!r}; want True or False. It is a flag now: .*{now}"
-    ):
-        Upscaler("bilinear", scale=2.0, skip=value)
-
-
-@pytest.mark.parametrize(
     ("name", "at", "value", "match"),
     [
         ("static_blocks", (0, 0, 0, 0), 1.5, "ages of blocks such as 1.5"),

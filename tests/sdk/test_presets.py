@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from supersampler.presets import PRESETS
+from supersampler.upscaler import PRESETS
 from supersampler_bench.record import read_record
 from supersampler_bench.timing.pareto import at_ratio, points_of, presets
 

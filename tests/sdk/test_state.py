@@ -10,7 +10,7 @@ import pytest
 
 from still_states import FRAMES, frame, loaded, still_state, upscaler
 from supersampler import ArgumentError, Upscaler
-from supersampler.state import STATE_VERSION, State
+from supersampler.history import STATE_VERSION, State
 
 STILL = ("history.static_mean", "history.static_blocks", "history.signatures", "history.phases")
 CUTS: dict[str, Callable[[Any], Any]] = {

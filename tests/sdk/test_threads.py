@@ -41,14 +41,15 @@ def test_a_single_box_is_cut_into_equal_bands() -> None:
     assert split([Rect(0, 540, 0, 960)], 2, 2) == [[Rect(0, 270, 0, 960)], [Rect(270, 540, 0, 960)]]
 
 
-def test_the_time_of_a_stage_is_noted_where_it_is_asked_for() -> None:
+def test_the_times_of_stages_add_up_in_the_thread_that_calls() -> None:
     pool, rows = ThreadPool(2), []
     pool.run_rows("read", 10, lambda y0, y1, _: rows.append((y0, y1)))
     assert sorted(rows) == [(0, 5), (5, 10)]
-    pool.seconds = {}
+    first = pool.stages.read
     pool.run_rows("read", 10, lambda *_: None)
     pool.run_rects("draw", [Rect(0, 4, 0, 4)], lambda *_: None)
-    assert list(pool.seconds) == ["read", "draw"]
+    assert pool.stages.read > first > 0.0
+    assert list(vars(pool.stages)) == ["read", "draw"]
     pool.close()
 
 

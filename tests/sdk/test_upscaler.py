@@ -16,7 +16,7 @@ from supersampler import ArgumentError, FrameError, Model, ModelError, Upscaler
 from supersampler.errors import ProviderError
 from supersampler.frame import Float32
 from supersampler.methods.model_file import model_names
-from supersampler.presets import PRESETS, PresetName
+from supersampler.upscaler import PRESETS, PresetName
 
 DISPLAY = (64, 36)
 METHODS = ["bilinear", "bicubic", "taa", "taau", "classifier", "classifier-small", "classifier-large"]

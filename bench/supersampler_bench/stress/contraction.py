@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler import Frame
-from supersampler.state import State
+from supersampler.history import State
 from supersampler_bench.stress.scenario import Session
 
 EVERY = 16

@@ -7,7 +7,7 @@ from itertools import product
 
 from supersampler import Frame
 from supersampler.frame import Float32
-from supersampler.state import State
+from supersampler.history import State
 from supersampler_bench.stress.compare import Difference, difference
 from supersampler_bench.stress.hostile import VALUES, places, with_values
 from supersampler_bench.stress.scenario import (

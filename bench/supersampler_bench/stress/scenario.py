@@ -9,7 +9,7 @@ import numpy as np
 
 from supersampler import Frame
 from supersampler.frame import Float32, Size
-from supersampler.state import State
+from supersampler.history import State
 
 STEP = 1.0 / 255.0
 """Of an 8-bit image: what images that should be alike may differ by on average."""

@@ -8,9 +8,9 @@ from supersampler import Frame, Model, Upscaler, upscale_sequence
 from supersampler.arguments import AtRest
 from supersampler.errors import ArgumentError
 from supersampler.frame import Float32, Size
+from supersampler.history import State
 from supersampler.methods.model_info import ModelInfo
 from supersampler.model import ExecutorName, Precision
-from supersampler.state import State
 from supersampler_bench.compatibility import with_default_gbuffers
 from supersampler_bench.specs import parse_spec
 from supersampler_bench.stress.scenario import REACH, RECOVERY, Session, Subject

@@ -111,7 +111,7 @@ class _Runner:
         self._first = 1e3 * (time.perf_counter() - began)
         self.least = min(self.step(counts=False) for _ in range(warm_up))
         self._resident = max(_resident() - before, 0)
-        self._seconds = model.note_stages()
+        self._warm_up = self._upscaler.stats.stages
 
     def step(self, *, counts: bool = True) -> float:
         """Time one step; return its milliseconds."""
@@ -127,7 +127,7 @@ class _Runner:
     def timed(self, reference: float) -> Timed:
         """Summarise; `reference` is the median of the reference's steps."""
         median, p95, p99 = quantiles(self.wall)
-        steps = len(self.wall)
+        steps, stages = len(self.wall), self._upscaler.stats.stages
         return Timed(
             setting=self.setting,
             executor=self._model.executor,
@@ -138,7 +138,9 @@ class _Runner:
             least=min(self.wall),
             processor=self._processor / steps,
             multiple=median / reference,
-            stages={name: 1e3 * spent / steps for name, spent in self._seconds.items()},
+            stages={
+                name: 1e3 * (spent - self._warm_up.get(name, 0.0)) / steps for name, spent in stages.items()
+            },
             moved=self._moved,
             multiply_adds=self._plan.multiply_adds,
             resident=self._resident,

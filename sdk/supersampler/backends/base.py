@@ -1,7 +1,10 @@
-"""`Executor`: the protocol of the ONNX, CPU and GPU backends."""
+"""What all backends share: the protocol `Executor`, and locks that are free in a forked child."""
 
+import os
+import weakref
+from _thread import allocate_lock
 from collections.abc import Collection, Mapping
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from numpy.typing import NDArray
 
@@ -9,6 +12,18 @@ from supersampler.frame import Float32, Frame, Size
 
 Buffers = Any
 """The buffers of a history; each executor has its own type."""
+
+
+class StepReport(NamedTuple):
+    """What a step returns besides its image.
+
+    Attributes:
+        outputs: the auxiliary outputs, NCHW, by name.
+        stages: wall seconds by stage; empty if unknown.
+    """
+
+    outputs: Mapping[str, Float32]
+    stages: Mapping[str, float] = {}
 
 
 class Executor(Protocol):
@@ -39,7 +54,7 @@ class Executor(Protocol):
         *,
         adds_samples: float,
         skip: bool,
-    ) -> Mapping[str, Float32]:
+    ) -> StepReport:
         """Upscale a frame that has been checked.
 
         Args:
@@ -52,19 +67,40 @@ class Executor(Protocol):
             adds_samples: 1 adds the frame's samples to the mean of what stands still; 0 adds none, as of
                 extrapolated frames; NOISY: see `methods.at_rest`.
             skip: whether tiles whose image is frozen may be left out. It changes no bit of the result.
-
-        Returns:
-            The auxiliary outputs, NCHW, by name.
         """
 
     def required_bytes(self, display: Size, render: Size) -> tuple[int, int | None]:
         """Return the bytes of a history, and of a step's working memory (None if unknown)."""
-
-    def note_stages(self) -> Mapping[str, float]:
-        """Return a mapping in which each later step adds its wall seconds by stage; empty if unknown."""
 
     def tensor(self, buffers: Buffers, name: str) -> Float32:
         """Return a history tensor of the contract as an array, NCHW."""
 
     def load(self, buffers: Buffers, tensors: Mapping[str, NDArray[Any]]) -> None:
         """Fill buffers from all history tensors, already checked."""
+
+
+class ForkSafeLock:
+    """A lock for `with fork_safe.lock:`, free in a forked child, which has no thread that could release it.
+
+    The `with` statement must use Python's own lock: no signal handler runs between its acquisition and the
+    block, whereas one that raises in an `__enter__` of this class would leave the lock held.
+
+    Attributes:
+        lock: Python's lock; a forked child gets a new one.
+    """
+
+    def __init__(self) -> None:
+        self.lock = allocate_lock()
+        _LOCKS.add(self)
+
+
+_LOCKS: "weakref.WeakSet[ForkSafeLock]" = weakref.WeakSet()
+
+
+def _renew_all() -> None:
+    for fork_safe in _LOCKS:
+        fork_safe.lock = allocate_lock()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_renew_all)

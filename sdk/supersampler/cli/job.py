@@ -16,8 +16,7 @@ from supersampler.io.shot import Shot
 from supersampler.io.shot.numbered import FrameNumbers
 from supersampler.methods.model_file import find_model, read_model_info
 from supersampler.model import AtRest, Model, Precision
-from supersampler.presets import PresetName, chosen
-from supersampler.upscaler import Upscaler
+from supersampler.upscaler import PresetName, Upscaler, preset_model
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,7 +91,7 @@ class UpscaleJob:
 
     def upscaler(self) -> Upscaler:
         """Return an Upscaler for the run."""
-        model, precision = chosen(self.preset, self.model, self.precision)
+        model, precision = preset_model(self.preset, self.model, self.precision)
         size = self.display_size or (self.shot.display_size if self.scale is None else None)
         info = model.info if isinstance(model, Model) else read_model_info(find_model(model))
         return Upscaler(

@@ -8,14 +8,15 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, get_args
 
 import numpy as np
 
-from supersampler.arguments import AtRest, checked_at_rest, checked_scale, checked_skip, checked_threads
+from supersampler.arguments import AtRest, checked_choice, checked_flag, checked_scale, checked_threads
 from supersampler.conventions import Conventions
 from supersampler.errors import RecordingError, ShotError, SupersamplerError
 from supersampler.frame import Array, Float32, Frame, Size
+from supersampler.history import State
 from supersampler.io.files import NOT_FOUND, check_inside, check_is_file, is_regular
 from supersampler.io.images import read_exr
 from supersampler.io.json_fields import Field, parse_json, read_json
@@ -32,7 +33,6 @@ from supersampler.io.shot.format import (
 from supersampler.io.shot.safetensors import open_safetensors
 from supersampler.methods.model_file import CONTRACT, sha256
 from supersampler.methods.model_info import ModelInfo
-from supersampler.state import State
 
 FORMAT = 5
 """Version of a recording's files; other versions are refused."""
@@ -308,8 +308,8 @@ def _setup(data: Field) -> Setup:
         threads=checked_threads(data["threads"].of(int)),
         display_size=data.read("display_size", Field.size, None),
         scale=checked_scale(data["scale"].number()),
-        at_rest=checked_at_rest(data["at_rest"].value),
-        skip=checked_skip(data["skip"].value),
+        at_rest=checked_choice("at_rest", data["at_rest"].value, get_args(AtRest)),
+        skip=checked_flag("skip", data["skip"].value),
         validate=data["validate"].one_of("off", "warn", "strict"),
         versions=_texts_by_name(data["versions"]),
         machine=data["machine"].of(dict),

@@ -21,7 +21,7 @@ from supersampler.backends.onnx.tensors import Tensor, frame_of_tensors, image_o
 from supersampler.conventions import Conventions
 from supersampler.errors import ArgumentError, RecordingError, ShotError
 from supersampler.frame import Float32, Frame
-from supersampler.history import StepResult
+from supersampler.history import State, StepResult
 from supersampler.io.files import (
     NO_ROOM,
     is_own_folder,
@@ -64,7 +64,6 @@ from supersampler.recording import (
     Setup,
     versions,
 )
-from supersampler.state import State
 
 if TYPE_CHECKING:
     from supersampler.model import Model

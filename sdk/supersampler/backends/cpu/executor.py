@@ -8,6 +8,7 @@ from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from supersampler.backends.base import StepReport
 from supersampler.backends.cpu.at_rest import AT_REST_KERNELS, AtRest, Stillness, next_generation
 from supersampler.backends.cpu.frame_preprocess import (
     MEASURE,
@@ -19,12 +20,12 @@ from supersampler.backends.cpu.frame_preprocess import (
 )
 from supersampler.backends.cpu.history import CpuHistory, Generations, HistoryLayout
 from supersampler.backends.cpu.kernel_loader import load_kernels
+from supersampler.backends.cpu.memory import held_bytes
 from supersampler.backends.cpu.resample_tables import ResampleTableCache
 from supersampler.backends.cpu.structs import FrameInputs, Output
 from supersampler.backends.cpu.threads import Rect, ThreadPool
 from supersampler.backends.cpu.tiles import Bool, Tiles, runs_of, scaled
 from supersampler.backends.cpu.workspaces import Workspaces
-from supersampler.backends.plan import held_bytes
 from supersampler.frame import Float32, Frame, Size
 from supersampler.methods.at_rest import block_count, phase_count
 
@@ -117,8 +118,10 @@ class CpuExecutor(ABC, Generic[Space]):
         *,
         adds_samples: float,
         skip: bool,
-    ) -> Mapping[str, Float32]:
+    ) -> StepReport:
         """See `Executor`."""
+        stages = vars(self.pool.stages)
+        stages.clear()
         inputs, own, aux = frame_inputs(frame), self.own_size(display), AuxOutputs(aux_outputs, display)
         exposure = self._preprocess.exposure(frame, inputs.color, history.exposure)
         inputs = with_exposure(inputs, abs(exposure))
@@ -154,7 +157,7 @@ class CpuExecutor(ABC, Generic[Space]):
             aux.fill("converged", still.frozen, frame.size)
         if frame.pre_exposure != 1.0:
             self._multiply(image, frame.pre_exposure)
-        return aux.results()
+        return StepReport(aux.results(), dict(stages))
 
     def own_size(self, display: Size) -> Size:
         """Return the size of the images that the method keeps."""
@@ -239,11 +242,6 @@ class CpuExecutor(ABC, Generic[Space]):
         """Return the bytes of the work buffers."""
         space = self._space(render, display)
         return held_bytes(space) + space.tables.most_bytes()
-
-    def note_stages(self) -> Mapping[str, float]:
-        """See `Executor`."""
-        self.pool.seconds = {}
-        return self.pool.seconds
 
     def tensor(self, buffers: CpuHistory, name: str) -> Float32:
         """See `Executor`."""

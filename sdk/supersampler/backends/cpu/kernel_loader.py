@@ -16,6 +16,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from supersampler.backends.base import ForkSafeLock
 from supersampler.backends.cpu.kernel_cache import (
     CALLED,
     NEVER_CALLED,
@@ -27,7 +28,6 @@ from supersampler.backends.cpu.kernel_cache import (
     write_kernel,
 )
 from supersampler.backends.cpu.structs import SLOT
-from supersampler.backends.locks import ForkSafeLock
 from supersampler.errors import KernelError
 from supersampler.io.child_process import ChildProcess, has_interpreter
 

@@ -29,3 +29,27 @@ def aligned(shape: tuple[int, ...], dtype: type[np.generic] = np.float32) -> NDA
     room = np.zeros(size + 2 * LINE, np.uint8)
     first = -room.ctypes.data % LINE
     return room[first : first + size].view(dtype).reshape(shape)
+
+
+def held_bytes(thing: Any) -> int:
+    """Return the bytes of all arrays that an object refers to; shared memory counts once."""
+    bases: dict[int, int] = {}
+    seen: set[int] = set()
+    waiting = [thing]
+    while waiting:
+        item = waiting.pop()
+        if id(item) in seen:
+            continue
+        seen.add(id(item))
+        if isinstance(item, np.ndarray):
+            base = item
+            while isinstance(base.base, np.ndarray):  # a view
+                base = base.base
+            bases[id(base)] = base.nbytes
+        elif isinstance(item, dict):
+            waiting += item.values()
+        elif isinstance(item, (list, tuple)):
+            waiting += item
+        elif type(item).__module__.startswith("supersampler."):
+            waiting += vars(item).values()
+    return sum(bases.values())

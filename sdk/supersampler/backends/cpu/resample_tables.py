@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.backends.cpu.layout import LANES
-from supersampler.backends.cpu.memory import aligned
-from supersampler.backends.plan import held_bytes
+from supersampler.backends.cpu.memory import aligned, held_bytes
 from supersampler.conventions.jitter import jitter_phase_count
 from supersampler.frame import Float32, Size
 

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
+from threading import local
 from typing import NamedTuple
 
 from supersampler.backends.cpu.workers import WorkerThreads
@@ -49,12 +50,12 @@ class ThreadPool:
 
     Attributes:
         threads: as given.
-        seconds: accumulated wall time by stage; None if it is not measured.
+        stages: attributes of each thread that calls: its wall seconds by stage.
     """
 
     def __init__(self, threads: int) -> None:
         self.threads = threads
-        self.seconds: dict[str, float] | None = None
+        self.stages = local()
         self._workers = WorkerThreads(threads - 1)
 
     def run_rows(self, stage: str, rows: int, function: RowFunction) -> None:
@@ -74,7 +75,7 @@ class ThreadPool:
         write to; see `WorkerThreads.run`.
 
         Args:
-            stage: key of `seconds`.
+            stage: name in `stages`.
             tasks: the tasks; each thread runs its parts of them in this order.
         """
         started = time.perf_counter()
@@ -86,8 +87,8 @@ class ThreadPool:
                     task.function(rect, thread)
 
         self._workers.run([partial(run_parts, thread) for thread in range(max(map(len, parts)))])
-        if self.seconds is not None:
-            self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - started
+        stages = vars(self.stages)
+        stages[stage] = stages.get(stage, 0.0) + time.perf_counter() - started
 
     def close(self) -> None:
         """Stop the threads; later work runs in the calling thread."""

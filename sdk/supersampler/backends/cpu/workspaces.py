@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Generic, TypeVar
 
-from supersampler.backends.locks import ForkSafeLock
+from supersampler.backends.base import ForkSafeLock
 from supersampler.frame import Size
 
 Space = TypeVar("Space")

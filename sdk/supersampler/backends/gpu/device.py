@@ -5,8 +5,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
+from supersampler.backends.base import ForkSafeLock
 from supersampler.backends.gpu.wgpu_types import parse_all_types
-from supersampler.backends.locks import ForkSafeLock
 from supersampler.errors import DeviceError
 from supersampler.frame import Size
 

@@ -10,6 +10,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
+from supersampler.backends.base import ForkSafeLock, StepReport
 from supersampler.backends.gpu.device import default_device, raising, storage_limit
 from supersampler.backends.gpu.device_frame import IMAGE_FORMAT, DeviceFrame, is_texture
 from supersampler.backends.gpu.frame_inputs import PARAMS, frame_buffers, step_params, write_frame
@@ -26,7 +27,6 @@ from supersampler.backends.gpu.memory import (
 )
 from supersampler.backends.gpu.passes import Pass, Resource
 from supersampler.backends.gpu.program import ARRAYS, AUX, TEXTURES, GpuProgram
-from supersampler.backends.locks import ForkSafeLock
 from supersampler.errors import DeviceError
 from supersampler.frame import Float32, Frame, Size
 
@@ -116,7 +116,7 @@ class GpuExecutor:
         *,
         adds_samples: float,
         skip: bool,
-    ) -> Mapping[str, Float32]:
+    ) -> StepReport:
         """See `Executor`."""
         render, wanted = frame.size, [name for name in AUX if name in aux_outputs]
         with self._lock.lock, raising(self.device, f"in a step to {display}"):
@@ -141,10 +141,12 @@ class GpuExecutor:
             self.device.queue.submit([encoder.finish()])
             space.image.copy_to(image)
             if not wanted:
-                return {}
+                return StepReport({})
             values = np.empty((*image.shape[:2], len(AUX)), np.float32)
             space.aux.copy_to(values)
-            return {name: np.ascontiguousarray(values[None, None, ..., AUX.index(name)]) for name in wanted}
+            return StepReport(
+                {name: np.ascontiguousarray(values[None, None, ..., AUX.index(name)]) for name in wanted}
+            )
 
     def encode(
         self,
@@ -268,10 +270,6 @@ class GpuExecutor:
         working = [spec.bytes for name, spec in specs.items() if not name.startswith(("history_", "next_"))]
         mapped = specs["image"].bytes + specs["aux"].bytes  # what the CPU reads
         return sum(spec.bytes for spec in history.values()), sum(working) + mapped
-
-    def note_stages(self) -> Mapping[str, float]:
-        """See `Executor`."""
-        return {}
 
     def tensor(self, buffers: GpuHistory, name: str) -> Float32:
         """See `Executor`."""

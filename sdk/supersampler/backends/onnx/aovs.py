@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from supersampler.backends.locks import ForkSafeLock
+from supersampler.backends.base import ForkSafeLock
 from supersampler.backends.onnx.runtime import ort
 from supersampler.backends.onnx.session import frame_inputs, open_session, running
 from supersampler.errors import FrameError, ModelError

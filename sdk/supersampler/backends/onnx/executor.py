@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.backends.locks import ForkSafeLock
+from supersampler.backends.base import ForkSafeLock, StepReport
 from supersampler.backends.onnx.cuda_graph import FixedStep
 from supersampler.backends.onnx.providers import capturing, check_provider_in_use, device_of
 from supersampler.backends.onnx.runtime import ort
@@ -80,7 +80,7 @@ class OnnxExecutor:
         *,
         adds_samples: float,
         skip: bool,  # noqa: ARG002  # a graph computes every pixel
-    ) -> Mapping[str, Float32]:
+    ) -> StepReport:
         """See `Executor`."""
         planes = np.empty((1, 3, *display[::-1]), np.float32)
         outputs = {
@@ -93,7 +93,7 @@ class OnnxExecutor:
         results = _values({**outputs, self._info.image.name: planes})
         self._run(_values(given), history, next_history, results)
         np.copyto(image, planes[0].transpose(1, 2, 0))
-        return outputs
+        return StepReport(outputs)
 
     def step_tensors(
         self,
@@ -157,10 +157,6 @@ class OnnxExecutor:
         """See `Executor`."""
         shapes = self._history_shapes(display, render).values()
         return sum(math.prod(shape) * np.float32().itemsize for shape in shapes), None
-
-    def note_stages(self) -> Mapping[str, float]:
-        """See `Executor`."""
-        return {}
 
     def tensor(self, buffers: Tensors, name: str) -> Float32:
         """See `Executor`."""

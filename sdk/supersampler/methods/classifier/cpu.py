@@ -8,13 +8,12 @@ from supersampler.backends.cpu.executor import CpuExecutor, Step
 from supersampler.backends.cpu.frame_preprocess import READ_KERNELS, ResampledFrame
 from supersampler.backends.cpu.history import HistoryLayout, Plane
 from supersampler.backends.cpu.layout import CLASSIFIER_PIXEL, HISTORY_PLANES, INPUT_PLANES, LANES, PAD, TILE
-from supersampler.backends.cpu.memory import LINE, address, aligned
+from supersampler.backends.cpu.memory import LINE, address, aligned, held_bytes
 from supersampler.backends.cpu.resample_tables import Filter, catmull_rom, gaussian, up_to
 from supersampler.backends.cpu.structs import pack
 from supersampler.backends.cpu.threads import Rect, RectTask, ThreadPool
 from supersampler.backends.cpu.tiles import Bool
 from supersampler.backends.cpu.workspaces import Workspaces
-from supersampler.backends.plan import held_bytes
 from supersampler.frame import Float32, Size
 from supersampler.io.display import is_flash, usable_exposure
 from supersampler.methods.classifier.int8_network import LEVEL, Int8Network

@@ -5,13 +5,12 @@ from supersampler.backends.cpu.frame_preprocess import AuxOutputs
 from supersampler.backends.cpu.history import CpuHistory
 from supersampler.backends.cpu.kernel_loader import load_kernels
 from supersampler.backends.cpu.layout import LANES
-from supersampler.backends.cpu.memory import address
+from supersampler.backends.cpu.memory import address, held_bytes
 from supersampler.backends.cpu.resample_tables import up_to
 from supersampler.backends.cpu.structs import FrameInputs, pack
 from supersampler.backends.cpu.threads import ThreadPool
 from supersampler.backends.cpu.tiles import Bool, Tiles
 from supersampler.backends.cpu.workspaces import Workspaces
-from supersampler.backends.plan import held_bytes
 from supersampler.frame import Float32, Frame, Size
 from supersampler.methods.classifier.cpu import ClassifierCpu
 from supersampler.methods.classifier.onnx_network import NetworkSession
