@@ -7,14 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler import Frame
-from supersampler_model.data.labels import (
-    DEFAULTS,
-    Evidence,
-    Labels,
-    LabelThresholds,
-    PixelStatistics,
-    label,
-)
+from supersampler_model.data.labels import DEFAULTS, Evidence, Labels, LabelThresholds, PixelStatistics, label
 
 UNIT_BUFFERS = ("base_color", "roughness", "metallic", "specular")
 """G-buffers in [0, 1]; they are stored with eight bits, as in engines."""

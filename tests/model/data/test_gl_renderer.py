@@ -229,7 +229,7 @@ def test_a_reference_rendered_in_parts_is_the_same(
 ) -> None:
     scene = Yard().scene(2)
     whole = renderer.reference(scene)
-    monkeypatch.setattr(module, "LARGEST", 8 * 64)
+    monkeypatch.setattr(module, "MAX_TILE", 8 * 64)
     parts = renderer.reference(scene)
     difference = np.abs(parts.color - whole.color)
     assert np.quantile(difference, 0.999) < 1e-3

@@ -14,7 +14,7 @@ from gltf_files import GltfFile, cube, strip
 from supersampler_model.data.errors import SceneError
 from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.scenes.gltf import GltfError, GltfScene, compose
-from supersampler_model.data.scenes.gltf.compose import Course, read_folder, to_and_fro
+from supersampler_model.data.scenes.gltf.compose import Course, ping_pong, read_folder
 from supersampler_model.data.scenes.gltf.ground import Ground, triangles_of
 from supersampler_model.data.sequences import SequenceSpec, make_sequence
 
@@ -261,8 +261,8 @@ def test_files_for_validation_are_used_in_no_other_sequence(folder: Path) -> Non
 
 
 def test_clips_run_to_and_fro_and_courses_stay_between_their_ends() -> None:
-    assert [to_and_fro(t, 2.0) for t in (-0.5, 0.0, 1.5, 2.5, 4.5)] == [0.5, 0.0, 1.5, 1.5, 0.5]
-    assert to_and_fro(3.0, 0.0) == 0.0
+    assert [ping_pong(t, 2.0) for t in (-0.5, 0.0, 1.5, 2.5, 4.5)] == [0.5, 0.0, 1.5, 1.5, 0.5]
+    assert ping_pong(3.0, 0.0) == 0.0
     course = Course(np.zeros(3), np.array([4.0, 0, 0]), speed=2.0)
     places = np.array([course.at(t)[0] for t in np.linspace(0.0, 2.0, 21)])
     assert (np.diff(places) > 0.0).all()

@@ -14,7 +14,7 @@ import pytest
 from gltf_files import GltfFile, cube, glb, png, strip
 from supersampler_model.data.errors import DataError
 from supersampler_model.data.scenes.gltf import GltfError, GltfScene
-from supersampler_model.data.scenes.gltf.compose import panorama
+from supersampler_model.data.scenes.gltf.compose import read_panorama
 
 Break = Callable[[GltfFile], Any]
 CUBE = r"mesh 0 'Cube', primitive 0"
@@ -338,4 +338,4 @@ def test_a_small_file_that_claims_much_is_refused_before_room_is_made(tmp_path: 
 def test_a_panorama_of_another_format_is_refused(tmp_path: Path) -> None:
     (tmp_path / "sky.hdr").write_bytes(png(np.zeros((4, 8, 3), np.uint8)))
     with pytest.raises(GltfError, match=r"sky\.hdr: the panorama is no \.hdr file"):
-        panorama(tmp_path / "sky.hdr")
+        read_panorama(tmp_path / "sky.hdr")

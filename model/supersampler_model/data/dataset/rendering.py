@@ -202,11 +202,7 @@ def _rerender(
 
 
 def render_dataset(
-    dataset: Dataset,
-    *,
-    ratio: float | None = None,
-    workers: int = 1,
-    on_frame: OnFrame = lambda: None,
+    dataset: Dataset, *, ratio: float | None = None, workers: int = 1, on_frame: OnFrame = lambda: None
 ) -> None:
     """Render all missing frames.
 

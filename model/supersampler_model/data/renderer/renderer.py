@@ -32,6 +32,7 @@ from supersampler_model.data.renderer.uploads import (
 from supersampler_model.data.scenes.scene import MAX_JOINTS, MAX_POINTS, Instance, Particles, Scene
 
 Size = tuple[int, int]
+MAX_TILE = 4096  # samples a side of a tile of a reference: 0.5 GB
 BLOCKS = {"View": 0, "Lights": 1, "Draw": 2, "Surface": 3, "Palettes": 4}
 """Binding points of the uniform blocks of blocks.glsl."""
 SAMPLERS = {
@@ -39,49 +40,23 @@ SAMPLERS = {
     "environment": 4, "sun_shadow": 5, "spot_shadow": 6, "sample_colors": 0, "sample_normals": 1,
 }  # fmt: skip
 """Texture units."""
-
-
-def source(name: str) -> str:
-    """Return the text of shaders/`name`.glsl."""
-    return (files("supersampler_model.data.renderer") / "shaders" / f"{name}.glsl").read_text(
-        encoding="utf-8"
-    )
-
-
-def build(gl: Any, vertex: Sequence[str], fragment: Sequence[str], defines: Sequence[str] = ()) -> Any:
-    """Return the program of these files, each stage's joined in order, with its blocks and samplers bound.
-
-    Args:
-        gl: moderngl context.
-        vertex: names of files.
-        fragment: names of files.
-        defines: macros that choose a variant.
-    """
-    head = [
-        f"#version {VERSION} core",
-        f"#define MAX_POINTS {MAX_POINTS}",
-        f"#define MAX_JOINTS {MAX_JOINTS}",
-    ]
-    head += [f"#define {name}" for name in defines]
-    stages = ("\n".join([*head, *map(source, names)]) for names in (vertex, fragment))
-    program = gl.program(*stages)
-    for name in program:
-        if name in BLOCKS:
-            program[name].binding = BLOCKS[name]
-        elif name in SAMPLERS:
-            program[name].value = SAMPLERS[name]
-    return program
+Formats = tuple[tuple[int, str], ...]
+"""Channels and moderngl type ("f2", "f4") of each colour texture of a target."""
+_SURFACES: Formats = ((4, "f4"), (4, "f2"), (4, "f2"), (4, "f2"))
+_FORMATS: dict[str, Formats] = {
+    "COLOR_AND_SURFACES": (*_SURFACES, (4, "f2")),
+    "SURFACES": _SURFACES,
+    "SAMPLES": ((4, "f4"), (4, "f2")),
+}
+_COLOR_AT = {"COLOR_AND_SURFACES": 4, "SAMPLES": 0}
+_RESOLVED: Formats = ((4, "f4"), (4, "f4"), (4, "f4"), (1, "f4"))
 
 
 class Target:
     """A framebuffer of some colour textures, with 32-bit float depth if asked for."""
 
-    def __init__(
-        self, graphics: Graphics, size: Size, formats: tuple[tuple[int, str], ...], *, depth: bool
-    ) -> None:
-        """Args: formats: channels and moderngl type ("f2", "f4") of each texture."""
-        gl = graphics.gl
-        self.size = size
+    def __init__(self, graphics: Graphics, size: Size, formats: Formats, *, depth: bool) -> None:
+        gl, self.size = graphics.gl, size
         self.textures = [gl.texture(size, channels, dtype=dtype) for channels, dtype in formats]
         for texture in self.textures:
             texture.filter = (gl.NEAREST, gl.NEAREST)
@@ -89,10 +64,8 @@ class Target:
 
     def read(self, index: int) -> NDArray[Any]:
         """Return texture `index` as (h, w, channels), row 0 on top."""
-        texture = self.textures[index]
-        width, height = self.size
-        pixels = np.frombuffer(texture.read(), texture.dtype)
-        return pixels.reshape(height, width, texture.components)
+        texture, (width, height) = self.textures[index], self.size
+        return np.frombuffer(texture.read(), texture.dtype).reshape(height, width, texture.components)
 
 
 class ShadowMap:
@@ -106,12 +79,62 @@ class ShadowMap:
         self.framebuffer = graphics.gl.framebuffer((), self.texture)
 
 
+class Programs(NamedTuple):
+    """Shader programs for one kind of target."""
+
+    rigid: Any
+    skinned: Any
+    sky: Any
+    particle: Any
+
+
+def _programs(gl: Any, kind: str, *lights: str) -> Programs:
+    lighting = () if kind == "SURFACES" else ("lighting",)
+    vertex = ("blocks", "skin", "surface_vert")
+    fragment = ("blocks", "material", "outputs", *lighting)
+    particle = None
+    if kind in _COLOR_AT:
+        defines = (f"COLOR {_COLOR_AT[kind]}",)
+        particle = _build(gl, ("blocks", "particle_vert"), ("particle_frag",), defines)
+    return Programs(
+        rigid=_build(gl, vertex, (*fragment, "surface_frag"), (kind, *lights)),
+        skinned=_build(gl, vertex, (*fragment, "surface_frag"), (kind, *lights, "SKINNED")),
+        sky=_build(gl, ("blocks", "screen_vert"), (*fragment, "sky_frag"), (kind,)),
+        particle=particle,
+    )
+
+
+def _build(gl: Any, vertex: Sequence[str], fragment: Sequence[str], defines: Sequence[str] = ()) -> Any:
+    """Return the program of these shaders/*.glsl, joined in order, with its blocks and samplers bound.
+
+    `defines` are macros that choose a variant.
+    """
+    folder = files("supersampler_model.data.renderer") / "shaders"
+    macros = (f"MAX_POINTS {MAX_POINTS}", f"MAX_JOINTS {MAX_JOINTS}", *defines)
+    head = [f"#version {VERSION} core", *(f"#define {macro}" for macro in macros)]
+    sources = ([(folder / f"{n}.glsl").read_text(encoding="utf-8") for n in ns] for ns in (vertex, fragment))
+    program = gl.program(*("\n".join([*head, *texts]) for texts in sources))
+    for name in program:
+        if name in BLOCKS:
+            program[name].binding = BLOCKS[name]
+        elif name in SAMPLERS:
+            program[name].value = SAMPLERS[name]
+    return program
+
+
 class Draws:
-    """All instances of a scene, in drawing order."""
+    """The instances of a scene on the GPU, in drawing order."""
 
     def __init__(self, gl: Any, assets: Assets, scene: Scene) -> None:
         self._gl, self._assets = gl, assets
-        self._instances = tuple(sorted(scene.instances, key=lambda instance: _order(instance, scene)))
+
+        def order(instance: Instance) -> tuple[bool, float]:
+            """Alpha-tested surfaces last, as they delay the depth test; the others front to back."""
+            center = instance.model @ np.append(instance.mesh.center(), 1.0)
+            distance = float(np.linalg.norm(center[:3] - scene.camera.position))
+            return instance.material.alpha_cutoff is not None, distance
+
+        self._instances = tuple(sorted(scene.instances, key=order))
         skinned = [instance for instance in self._instances if instance.mesh.skin is not None]
         self._palette_of = {id(instance): index for index, instance in enumerate(skinned)}
         self._draws: Any = gl.buffer(draw_blocks(self._instances)) if self._instances else None
@@ -120,8 +143,9 @@ class Draws:
     def surfaces(self, rigid: Any, skinned: Any) -> None:
         """Draw all, with the program for rigid and for skinned meshes."""
         for instance in self._bound():
+            mirrored = np.linalg.det(instance.model[:3, :3]) < 0.0
             # The projection flips y: counter-clockwise triangles of the world are clockwise on the screen.
-            self._gl.front_face = "ccw" if _mirrors(instance) else "cw"
+            self._gl.front_face = "ccw" if mirrored else "cw"
             if instance.material.double_sided:
                 self._gl.disable(self._gl.CULL_FACE)
             else:
@@ -144,37 +168,6 @@ class Draws:
                 offset = self._palette_of[id(instance)] * PALETTES_BYTES
                 self._palettes.bind_to_uniform_block(BLOCKS["Palettes"], offset, PALETTES_BYTES)
             yield instance
-
-
-def _order(instance: Instance, scene: Scene) -> tuple[bool, float]:
-    """Sort key: alpha-tested surfaces last, as they delay the depth test; the others front to back."""
-    center = instance.model @ np.append(instance.mesh.center(), 1.0)
-    distance = float(np.linalg.norm(center[:3] - scene.camera.position))
-    return instance.material.alpha_cutoff is not None, distance
-
-
-def _mirrors(instance: Instance) -> bool:
-    return bool(np.linalg.det(instance.model[:3, :3]) < 0.0)
-
-
-LARGEST = 4096  # maximum samples a side of a tile of a reference: 0.5 GB
-_SURFACES = ((4, "f4"), (4, "f2"), (4, "f2"), (4, "f2"))
-_FORMATS = {
-    "COLOR_AND_SURFACES": (*_SURFACES, (4, "f2")),
-    "SURFACES": _SURFACES,
-    "SAMPLES": ((4, "f4"), (4, "f2")),
-}
-_COLOR_AT = {"COLOR_AND_SURFACES": 4, "SAMPLES": 0}
-_RESOLVED = ((4, "f4"), (4, "f4"), (4, "f4"), (1, "f4"))
-
-
-class Programs(NamedTuple):
-    """Shader programs for one kind of target."""
-
-    rigid: Any
-    skinned: Any
-    sky: Any
-    particle: Any
 
 
 class Renderer:
@@ -204,24 +197,19 @@ class Renderer:
         self._gl = self._graphics.gl
         self._targets: dict[str, Target] = {}
         self._scene: Scene | None = None
+        self._programs: dict[tuple[str, ...], Programs] = {}
+        self._screens: dict[Any, Any] = {}
         with self._gl:
             self._assets = Assets(self._gl)
-            self._build()
-
-    def _build(self) -> None:
-        gl = self._gl
-        self._programs: dict[tuple[str, ...], Programs] = {}
-        self._shadow_programs = tuple(
-            build(gl, ("blocks", "skin", "shadow_vert"), ("material", "shadow_frag"), defines)
-            for defines in ((), ("SKINNED",))
-        )
-        self._resolve = build(gl, ("blocks", "screen_vert"), ("resolve_frag",))
-        self._resolve["side"].value = self._side
-        self._screens: dict[Any, Any] = {}
-        self._sun_map = ShadowMap(self._graphics, SHADOW_SIZE)
-        self._spot_map = ShadowMap(self._graphics, SHADOW_SIZE // 2)
-        view_bytes = 3 * 64 + 5 * 16
-        self._view = gl.buffer(reserve=view_bytes, dynamic=True)
+            self._shadow_programs = tuple(
+                _build(self._gl, ("blocks", "skin", "shadow_vert"), ("material", "shadow_frag"), defines)
+                for defines in ((), ("SKINNED",))
+            )
+            self._resolve = _build(self._gl, ("blocks", "screen_vert"), ("resolve_frag",))
+            self._resolve["side"].value = self._side
+            self._sun_map = ShadowMap(self._graphics, SHADOW_SIZE)
+            self._spot_map = ShadowMap(self._graphics, SHADOW_SIZE // 2)
+            self._view = self._gl.buffer(reserve=3 * 64 + 5 * 16, dynamic=True)
 
     def render(
         self, scene: Scene, render_size: Size, *, jitter: tuple[float, float], reset: bool = False
@@ -229,14 +217,9 @@ class Renderer:
         """Render one frame with its display-size surfaces and reference."""
         color, surfaces = self.frame(scene, render_size, jitter=jitter)
         return Rendered(
-            color=color,
-            render=surfaces,
-            display=self.display(scene),
-            reference=self.reference(scene),
-            jitter=jitter,
-            reset=reset,
-            exposure=scene.camera.exposure,
-        )
+            color=color, render=surfaces, display=self.display(scene), reference=self.reference(scene),
+            jitter=jitter, reset=reset, exposure=scene.camera.exposure,
+        )  # fmt: skip
 
     def frame(
         self, scene: Scene, render_size: Size, *, jitter: tuple[float, float]
@@ -263,28 +246,24 @@ class Renderer:
     def reference(self, scene: Scene) -> PixelStatistics:
         """Render the reference at display size."""
         width, height = self.display_size
-        mean, least, most = (np.empty((height, width, 4), np.float32) for _ in range(3))
+        mean, low, high = (np.empty((height, width, 4), np.float32) for _ in range(3))
         spread = np.empty((height, width, 1), np.float32)
         with self._gl:
             for place, raster in self._parts():
                 rendered = self._draw(scene, "SAMPLES", "samples", raster)
                 part = self._resolved(rendered)
-                for whole, index in zip((mean, least, most, spread), range(4), strict=True):
+                for whole, index in zip((mean, low, high, spread), range(4), strict=True):
                     whole[place] = part.read(index)
         return PixelStatistics(
-            color=_part(mean, slice(3)),
-            color_min=_part(least, slice(3)),
-            color_max=_part(most, slice(3)),
-            depth_min=_part(least, 3),
-            depth_max=_part(most, 3),
-            normal_spread=_part(spread, 0),
-            normal_mapped_spread=_part(mean, 3),
-        )
+            color=_part(mean, slice(3)), color_min=_part(low, slice(3)), color_max=_part(high, slice(3)),
+            depth_min=_part(low, 3), depth_max=_part(high, 3),
+            normal_spread=_part(spread, 0), normal_mapped_spread=_part(mean, 3),
+        )  # fmt: skip
 
     def _parts(self) -> Iterator[tuple[tuple[slice, slice], Raster]]:
-        """Yield the tiles of the reference, at most LARGEST samples a side, and their places in it."""
+        """Yield the tiles of the reference, at most MAX_TILE samples a side, and their places in it."""
         (width, height), side = self.display_size, self._side
-        across, down = (_even_step(extent, LARGEST // side) for extent in (width, height))
+        across, down = (_even_step(extent, MAX_TILE // side) for extent in (width, height))
         for top in range(0, height, down):
             for left in range(0, width, across):
                 w, h = min(across, width - left), min(down, height - top)
@@ -391,9 +370,9 @@ class Renderer:
         self._screens[program].render(self._gl.TRIANGLES, vertices=3)
 
 
-def _even_step(extent: int, most: int) -> int:
-    """Return the size of the fewest equal parts of `extent` that are no larger than `most`."""
-    return ceil(extent / ceil(extent / max(most, 1)))
+def _even_step(extent: int, maximum: int) -> int:
+    """Return the size of the fewest equal parts of `extent` that are no larger than `maximum`."""
+    return ceil(extent / ceil(extent / max(maximum, 1)))
 
 
 def sorted_particles(groups: tuple[Particles, ...], scene: Scene) -> Float32:
@@ -402,40 +381,18 @@ def sorted_particles(groups: tuple[Particles, ...], scene: Scene) -> Float32:
         return np.zeros((0, 8), np.float32)
     parts = [np.concatenate([g.centers, g.radii[:, None], g.colors], axis=1) for g in groups]
     rows = np.concatenate(parts).astype(np.float32)
-    along = rows[:, :3].astype(np.float64) @ scene.camera.view()[2, :3]  # backwards: least is farthest
+    along = rows[:, :3].astype(np.float64) @ scene.camera.view()[2, :3]  # backwards: the lowest is farthest
     return np.ascontiguousarray(rows[np.argsort(along, kind="stable")])
-
-
-def _programs(gl: Any, kind: str, *lights: str) -> Programs:
-    lighting = () if kind == "SURFACES" else ("lighting",)
-    fragment = ("blocks", "material", "outputs", *lighting, "surface_frag")
-    vertex = ("blocks", "skin", "surface_vert")
-    sky = ("blocks", "material", "outputs", *lighting, "sky_frag")
-    particle = None
-    if kind in _COLOR_AT:
-        defines = (f"COLOR {_COLOR_AT[kind]}",)
-        particle = build(gl, ("blocks", "particle_vert"), ("particle_frag",), defines)
-    return Programs(
-        rigid=build(gl, vertex, fragment, (kind, *lights)),
-        skinned=build(gl, vertex, fragment, (kind, *lights, "SKINNED")),
-        sky=build(gl, ("blocks", "screen_vert"), sky, (kind,)),
-        particle=particle,
-    )
 
 
 def _surfaces(target: Target) -> Surfaces:
     motion, smooth, normal, base = (target.read(index) for index in range(4))
+    rgb = slice(3)
     return Surfaces(
-        depth=_part(motion, 2),
-        motion=_part(motion, slice(2)),
-        previous_depth=_part(motion, 3),
-        base_color=_part(base, slice(3)),
-        normal=_part(normal, slice(3)),
-        smooth_normal=_part(smooth, slice(3)),
-        roughness=_part(normal, 3),
-        metallic=_part(base, 3),
-        specular=_part(smooth, 3),
-    )
+        depth=_part(motion, 2), motion=_part(motion, slice(2)), previous_depth=_part(motion, 3),
+        base_color=_part(base, rgb), normal=_part(normal, rgb), smooth_normal=_part(smooth, rgb),
+        roughness=_part(normal, 3), metallic=_part(base, 3), specular=_part(smooth, 3),
+    )  # fmt: skip
 
 
 def _part(image: Any, channels: slice | int) -> Any:

@@ -249,11 +249,7 @@ def still_scene() -> Plane:
 def still_scene_with_mover() -> DiscOverPlane:
     """Return the same scene with a disc that crosses its upper half from left to right."""
     return DiscOverPlane(
-        velocity=(0.5, 0.0),
-        background_velocity=(0.0, 0.0),
-        start=(-4.0, 8.0),
-        radius=4.0,
-        pattern=still_life,
+        velocity=(0.5, 0.0), background_velocity=(0.0, 0.0), start=(-4.0, 8.0), radius=4.0, pattern=still_life
     )
 
 

@@ -14,13 +14,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler_model.data.errors import (
-    SceneError,
-    check,
-    check_array,
-    check_matrices,
-    check_number,
-)
+from supersampler_model.data.errors import SceneError, check, check_array, check_matrices, check_number
 
 Rng: TypeAlias = np.random.Generator
 Values: TypeAlias = NDArray[np.float64]

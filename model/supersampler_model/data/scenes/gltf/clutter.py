@@ -25,9 +25,8 @@ def add_clutter(rng: Rng, stage: Stage, ground: Ground, focus: Values) -> list[V
         positions (3,) that a camera should keep away from.
     """
     kinds: list[Kind] = []
-    for choices, most in ((_THIN, 2), (_MOVING, 2), (_OTHER, 1)):
-        least = 0 if choices is _OTHER else 1
-        order = rng.permutation(len(choices))[: int(rng.integers(least, most + 1))]
+    for choices, low, high in ((_THIN, 1, 2), (_MOVING, 1, 2), (_OTHER, 0, 1)):
+        order = rng.permutation(len(choices))[: int(rng.integers(low, high + 1))]
         kinds += [choices[int(index)] for index in order]
     if rng.random() < 0.6:
         _particles(rng, stage, focus)

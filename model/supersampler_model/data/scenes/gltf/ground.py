@@ -53,13 +53,15 @@ class Ground:
         cells = self._cells_free
         return self._place(cells[rng.integers(len(cells))] + rng.uniform(0.0, 1.0, 2))
 
-    def near(self, rng: np.random.Generator, place: Values, least: float, most: float) -> Values:
-        """Return a position at a distance in [least, most] from another, in a free line if possible."""
-        off = np.abs(_outside(np.hypot(*(self._centers() - place[[0, 2]]).T), least, most))
+    def near(self, rng: np.random.Generator, place: Values, minimum: float, maximum: float) -> Values:
+        """Return a position at a distance in [minimum, maximum] from another, in a free line if possible."""
+        off = np.abs(_outside(np.hypot(*(self._centers() - place[[0, 2]]).T), minimum, maximum))
         close = self._cells_free[off <= max(float(off.min()), 0.5 * self.cell)]
         candidates = close[rng.integers(len(close), size=_TRIES)] + rng.random((_TRIES, 2))
         found = [self._place(cell) for cell in candidates]
-        found.sort(key=lambda other: abs(float(_outside(np.hypot(*(other - place)[[0, 2]]), least, most))))
+        distances = [np.hypot(*(other - place)[[0, 2]]) for other in found]
+        order = np.argsort(np.abs(_outside(np.array(distances), minimum, maximum)), kind="stable")
+        found = [found[index] for index in order]
         return next((other for other in found if self.clear(other, place)), found[0])
 
     def clear(self, a: Values, b: Values) -> bool:
@@ -71,11 +73,11 @@ class Ground:
         return bool(self.free[x, z].all() and (np.abs(np.diff(levels)) <= self._climb).all())
 
     def stretch(
-        self, rng: np.random.Generator, place: Values, away: float, least: float, most: float
+        self, rng: np.random.Generator, place: Values, away: float, minimum: float, maximum: float
     ) -> tuple[Values, Values]:
-        """Return two positions near another, [least, most] metres apart, or closer in a nook."""
+        """Return two positions near another, [minimum, maximum] metres apart, or closer in a nook."""
         start = self.near(rng, place, 0.0, away)
-        end = self.near(rng, start, least, most)
+        end = self.near(rng, start, minimum, maximum)
         if not self.clear(start, end) or np.hypot(*(end - start)[[0, 2]]) < 0.1:
             angle = rng.uniform(0.0, 2.0 * np.pi)  # a free cell has some room on each side
             end = start + 0.5 * np.array([np.cos(angle), 0.0, np.sin(angle)])
@@ -113,9 +115,16 @@ class Ground:
         return _large(free)
 
 
-def _outside(values: Values, least: float, most: float) -> Values:
+def _outside(values: Values, minimum: float, maximum: float) -> Values:
     """Return by how much values are outside of a range; 0 inside."""
-    return np.asarray(np.clip(values, least, most) - values)
+    return np.asarray(np.clip(values, minimum, maximum) - values)
+
+
+def ground_of(instances: tuple[Instance, ...]) -> Ground | None:
+    """Return the free floor of a stage; None if there is none."""
+    triangles = triangles_of(instances)
+    ground = Ground(triangles) if len(triangles) else None
+    return ground if ground is not None and ground.free.any() else None
 
 
 def triangles_of(instances: tuple[Instance, ...]) -> Values:
@@ -166,7 +175,7 @@ def _standing(filled: NDArray[np.bool_], level: NDArray[np.bool_]) -> Integers:
 
 
 def _large(free: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return the connected regions of at least a tenth of the largest; others are inside of objects."""
+    """Return the connected regions of at minimum a tenth of the largest; others are inside of objects."""
     left, regions = set(map(tuple, np.argwhere(free).tolist())), []
     while left:
         region, waiting = [], [left.pop()]

@@ -1,6 +1,7 @@
 """Materials of a glTF file: metallic and roughness, normals, occlusion, emission, holes."""
 
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,47 +14,6 @@ from supersampler_model.data.scenes.scene import Color, Material, Pixels, Textur
 
 LARGEST = 16384  # texels a side; no GL takes more
 _SUFFIXES = {b"\x89PNG": ".png", b"\xff\xd8\xff": ".jpg"}
-
-
-def image_of(document: Document, index: int) -> Pixels:
-    """Return (h, w, 3 or 4) uint8; a fourth channel is opacity, by which the others are not multiplied."""
-    image = document.item("images", index)
-    with at(document.name("images", index)):
-        if "bufferView" in image:
-            return _decoded(document, document.view(image["bufferView"])[0])
-        return _decoded(document, document.load(image["uri"]))
-
-
-def _decoded(document: Document, data: bytes) -> Pixels:
-    """Return the pixels of a PNG or JPEG file; grey becomes colour, 16 bits become 8."""
-    suffix = next((suffix for magic, suffix in _SUFFIXES.items() if data.startswith(magic)), None)
-    if suffix is None:
-        raise MalformedError(f"it is neither PNG nor JPEG (it begins with {data[:4]!r})")
-    with tempfile.TemporaryDirectory() as folder:  # OpenImageIO's Python side reads files only
-        path = Path(folder) / f"image{suffix}"
-        write_bytes(path, data)
-        pixels = _read(document, path)
-    if pixels.shape[2] < 3:
-        pixels = np.concatenate([pixels[..., :1]] * 3 + [pixels[..., 1:]], axis=-1)
-    return np.ascontiguousarray(pixels[..., :4])
-
-
-def _read(document: Document, path: Path) -> Pixels:
-    config = ImageSpec()
-    config.attribute("oiio:UnassociatedAlpha", 1)
-    source = ImageInput.open(str(path), config)
-    if source is None:
-        raise MalformedError(f"it is damaged ({geterror().strip()})")
-    spec = source.spec()
-    if max(spec.width, spec.height) > LARGEST:
-        raise MalformedError(f"it is {spec.width} x {spec.height}; want at most {LARGEST} a side")
-    document.claim("images", spec.width * spec.height * spec.nchannels)
-    pixels = source.read_image(0, 0, 0, spec.nchannels, "uint8")
-    if pixels is None:
-        raise MalformedError(f"it is damaged ({source.geterror().strip()})")
-    return np.asarray(pixels, np.uint8)
-
-
 _BLACK = 16  # of 255
 _TRANSFORM = "KHR_texture_transform"
 
@@ -66,13 +26,8 @@ class Coordinates(NamedTuple):
     scale: tuple[float, float] = (1.0, 1.0)
 
 
-class Surface(NamedTuple):
-    """A material.
-
-    Attributes:
-        material: None if it is fully transparent.
-        coordinates: of all its textures; None if it has none.
-    """
+class SurfaceMaterial(NamedTuple):
+    """A material, None if it is fully transparent, and the coordinates of all its textures, if any."""
 
     material: Material | None
     coordinates: Coordinates | None
@@ -87,30 +42,31 @@ class Materials:
 
     def __init__(self, document: Document) -> None:
         self._document = document
-        self._surfaces: dict[int | None, Surface] = {}
+        self._surfaces: dict[int | None, SurfaceMaterial] = {}
         self._images: dict[int, Pixels] = {}
         self._textures: dict[tuple[Any, ...], Texture] = {}
 
-    def surface(self, index: int | None) -> Surface:
+    def surface(self, index: int | None) -> SurfaceMaterial:
         """Return material `index`; None is the default material of glTF."""
         if index not in self._surfaces:
             if index is None:
-                self._surfaces[index] = self._made({})
+                self._surfaces[index] = self._surface({})
             else:
                 content = self._document.item("materials", index)
                 with at(self._document.name("materials", index)):
-                    self._surfaces[index] = self._made(content)
+                    self._surfaces[index] = self._surface(content)
         return self._surfaces[index]
 
-    def _made(self, content: Json) -> Surface:
-        pbr = content.get("pbrMetallicRoughness", {})
-        base, normal = pbr.get("baseColorTexture"), content.get("normalTexture")
-        metallic, emissive = pbr.get("metallicRoughnessTexture"), content.get("emissiveTexture")
-        glow = _emission(content)
-        coordinates = _shared({"baseColorTexture": base, "normalTexture": normal,
-                               "metallicRoughnessTexture": metallic,
-                               "emissiveTexture": emissive if any(glow) else None})  # fmt: skip
-        occlusion = content.get("occlusionTexture")
+    def _surface(self, content: Json) -> SurfaceMaterial:
+        pbr, emission = content.get("pbrMetallicRoughness", {}), _emission(content)
+        textures = {
+            "baseColorTexture": pbr.get("baseColorTexture"),
+            "normalTexture": content.get("normalTexture"),
+            "metallicRoughnessTexture": pbr.get("metallicRoughnessTexture"),
+            "emissiveTexture": content.get("emissiveTexture") if any(emission) else None,
+        }
+        base, normal, metallic, emissive = textures.values()
+        coordinates, occlusion = _shared(textures), content.get("occlusionTexture")
         if occlusion is not None:
             coordinates = coordinates or _coordinates(occlusion)
             if _coordinates(occlusion) != coordinates:
@@ -119,20 +75,20 @@ class Materials:
         factor = [float(value) for value in pbr.get("baseColorFactor", (1.0, 1.0, 1.0, 1.0))]
         cutoff, visible = _cutoff(content, factor[3], color)
         if not visible:
-            return Surface(None, coordinates)
-        made = Material(
+            return SurfaceMaterial(None, coordinates)
+        material = Material(
             base_color=(factor[0], factor[1], factor[2]),
             roughness=_number(pbr, "roughnessFactor", 1.0),
             metallic=_number(pbr, "metallicFactor", 1.0),
-            emissive=glow,
+            emissive=emission,
             base_color_texture=color,
             normal_texture=self._normals(normal) if normal else None,
             orm_texture=self._orm(metallic, occlusion),
-            emissive_texture=self._plain(emissive, srgb=True) if emissive and any(glow) else None,
+            emissive_texture=self._plain(emissive, srgb=True) if emissive else None,
             alpha_cutoff=cutoff,
             double_sided=bool(content.get("doubleSided", False)),
         )
-        return Surface(made, coordinates)
+        return SurfaceMaterial(material, coordinates)
 
     def _plain(self, info: Json, *, srgb: bool) -> Texture:
         source = self._source(info)
@@ -155,33 +111,27 @@ class Materials:
         """Return occlusion, roughness and metallic in one texture, of the size of the latter two."""
         if metallic is None and occlusion is None:
             return None
-        rest = None if metallic is None else self._source(metallic)
-        shade = None if occlusion is None else self._source(occlusion)
+        sources = tuple(None if info is None else self._source(info) for info in (metallic, occlusion))
         strength = 0.0 if occlusion is None else _number(occlusion, "strength", 1.0)
 
         def combined() -> Pixels:
-            images = [None if source is None else self._image(source) for source in (rest, shade)]
-            height, width = next(image.shape[:2] for image in images if image is not None)
+            rest, shade = (None if source is None else self._image(source) for source in sources)
+            height, width = next(image.shape[:2] for image in (rest, shade) if image is not None)
             orm = np.full((height, width, 3), 255, np.uint8)
-            if images[0] is not None:
-                orm[..., 1:] = images[0][..., 1:3]
-            if images[1] is not None and np.percentile(images[1][..., 0], 99) >= _BLACK:
-                h, w = images[1].shape[:2]
-                red = images[1][np.arange(height) * h // height][:, np.arange(width) * w // width, 0]
+            if rest is not None:
+                orm[..., 1:] = rest[..., 1:3]
+            if shade is not None and np.percentile(shade[..., 0], 99) >= _BLACK:
+                h, w = shade.shape[:2]
+                red = shade[np.arange(height) * h // height][:, np.arange(width) * w // width, 0]
                 orm[..., 0] = (255.0 - np.clip(strength, 0.0, 1.0) * (255.0 - red)).round()
             return orm
 
-        return self._texture(("orm", rest, shade, strength), combined, srgb=False)
+        return self._texture(("orm", *sources, strength), combined, srgb=False)
 
-    def _texture(self, key: tuple[Any, ...], pixels: Any, *, srgb: bool) -> Texture:
+    def _texture(self, key: tuple[Any, ...], pixels: Callable[[], Pixels], *, srgb: bool) -> Texture:
         if key not in self._textures:
             self._textures[key] = Texture(pixels=pixels(), srgb=srgb)
         return self._textures[key]
-
-    def _image(self, source: int) -> Pixels:
-        if source not in self._images:
-            self._images[source] = image_of(self._document, source)
-        return self._images[source]
 
     def _source(self, info: Json) -> int:
         """Return the index of the image that a texture shows."""
@@ -191,6 +141,43 @@ class Materials:
             raise MalformedError(f"texture {info['index']} has no PNG or JPEG image ({kinds})")
         self._document.item("images", texture["source"])
         return int(texture["source"])
+
+    def _image(self, index: int) -> Pixels:
+        """Return (h, w, 3 or 4) uint8; the fourth channel is opacity, which does not multiply the others."""
+        if index not in self._images:
+            document = self._document
+            image = document.item("images", index)
+            with at(document.name("images", index)):
+                inside = "bufferView" in image
+                data = document.view(image["bufferView"])[0] if inside else document.load(image["uri"])
+                self._images[index] = _decoded(document, data)
+        return self._images[index]
+
+
+def _decoded(document: Document, data: bytes) -> Pixels:
+    """Return the pixels of a PNG or JPEG file; grey becomes colour, 16 bits become 8."""
+    suffix = next((suffix for magic, suffix in _SUFFIXES.items() if data.startswith(magic)), None)
+    if suffix is None:
+        raise MalformedError(f"it is neither PNG nor JPEG (it begins with {data[:4]!r})")
+    config = ImageSpec()
+    config.attribute("oiio:UnassociatedAlpha", 1)
+    with tempfile.TemporaryDirectory() as folder:  # OpenImageIO's Python side reads files only
+        path = Path(folder) / f"image{suffix}"
+        write_bytes(path, data)
+        source = ImageInput.open(str(path), config)
+        if source is None:
+            raise MalformedError(f"it is damaged ({geterror().strip()})")
+        spec = source.spec()
+        if max(spec.width, spec.height) > LARGEST:
+            raise MalformedError(f"it is {spec.width} x {spec.height}; want at most {LARGEST} a side")
+        document.claim("images", spec.width * spec.height * spec.nchannels)
+        read = source.read_image(0, 0, 0, spec.nchannels, "uint8")
+        if read is None:
+            raise MalformedError(f"it is damaged ({source.geterror().strip()})")
+    pixels = np.asarray(read, np.uint8)
+    if pixels.shape[2] < 3:
+        pixels = np.concatenate([pixels[..., :1]] * 3 + [pixels[..., 1:]], axis=-1)
+    return np.ascontiguousarray(pixels[..., :4])
 
 
 def _cutoff(content: Json, opacity: float, color: Texture | None) -> tuple[float | None, bool]:
@@ -205,8 +192,8 @@ def _cutoff(content: Json, opacity: float, color: Texture | None) -> tuple[float
         return None, False
     if color is None or color.pixels.shape[2] != 4 or cutoff <= 0.0:
         return None, True
-    least = cutoff / opacity  # the renderer compares the texture's opacity alone
-    return least, bool(color.pixels[..., 3].max() >= 255.0 * least)
+    cutoff /= opacity  # the renderer compares the texture's opacity alone
+    return cutoff, bool(color.pixels[..., 3].max() >= 255.0 * cutoff)
 
 
 def _emission(content: Json) -> Color:
