@@ -80,7 +80,6 @@ PROGRAMS = {
 }
 TERMINAL = {
     "sdk/supersampler/cli/terminal.py",
-    "sdk/supersampler/cli/progress.py",  # prints JSON, in which control codes are escaped
 }
 
 

@@ -13,7 +13,7 @@ import pytest
 from fuzzing import damaged, examples, replaced, run_apart
 from noise import noise
 from supersampler import ShotError
-from supersampler.cli.run_record import RunRecord, read_run_record
+from supersampler.cli.results import RunRecord, read_run_record
 from supersampler.conventions import Conventions
 from supersampler.io.shot import Shot, ShotWriter, open_source
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from OpenImageIO import ImageBuf
 
-from supersampler.cli.image_options import OutputImage, image_options
+from supersampler.cli.results import ImageOptions, OutputImage
 from supersampler.io.display import display_transform, to_uint16
 from supersampler.io.images import read_image, write_exr, write_png
 from upscale_runs import OURS, upscale
@@ -47,7 +47,7 @@ def test_alpha_is_kept_beside_straight_colours(tmp_path: Path, name: str) -> Non
 
 def test_what_is_covered_is_shown_as_without_alpha(tmp_path: Path) -> None:
     image, aovs = np.full((2, 3, 3), 0.4, np.float32), np.ones((2, 3, 1), np.float32)
-    options = image_options(["tif", "mp4"])
+    options = ImageOptions(formats=["tif", "mp4"])
     video = options.write(tmp_path, 1, OutputImage(image=image, exposure=1.0, aovs=aovs))
     found = read_image(tmp_path / "0001.tif")
     want = to_uint16(display_transform(image)) / 65535
@@ -60,7 +60,7 @@ def test_what_is_covered_is_shown_as_without_alpha(tmp_path: Path) -> None:
 def test_a_video_shows_the_image_over_black(tmp_path: Path) -> None:
     image, aovs = np.full((2, 3, 3), 0.1, np.float32), np.full((2, 3, 1), 0.5, np.float32)
     written = [
-        image_options(names).write(tmp_path, 1, OutputImage(image=image, exposure=1.0, aovs=aovs))
+        ImageOptions(formats=names).write(tmp_path, 1, OutputImage(image=image, exposure=1.0, aovs=aovs))
         for names in (["png", "mp4"], ["mp4"])
     ]
     np.testing.assert_array_equal(written[0], written[1])
@@ -83,12 +83,12 @@ def test_without_alpha_png_has_three_channels(tmp_path: Path) -> None:
     image, aovs = np.full((2, 3, 3), 0.4, np.float32), np.ones((2, 3, 2), np.float32)
     for names in (None, ("fog", "mist")):
         output = OutputImage(image=image, exposure=1.0, aovs=aovs, aov_names=names)
-        image_options(["png"]).write(tmp_path, 1, output)
+        ImageOptions(formats=["png"]).write(tmp_path, 1, output)
         assert read_image(tmp_path / "0001.png").keys() == set("RGB")
 
 
 @pytest.mark.parametrize("value", [np.nan, -1.0, 2.0])
 def test_alpha_is_written_within_0_and_1(tmp_path: Path, value: float) -> None:
     image, aovs = np.full((2, 3, 3), 0.4, np.float32), np.full((2, 3, 1), value, np.float32)
-    image_options(["png"]).write(tmp_path, 1, OutputImage(image=image, exposure=1.0, aovs=aovs))
+    ImageOptions(formats=["png"]).write(tmp_path, 1, OutputImage(image=image, exposure=1.0, aovs=aovs))
     assert (read_image(tmp_path / "0001.png")["A"] == (value == 2.0)).all()

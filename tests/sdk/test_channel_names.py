@@ -152,8 +152,8 @@ def test_import_prints_what_is_not_read_and_unknown_primaries(tmp_path: Path) ->
     write_exr(frame, read_exr(frame), metadata={"chromaticities": primaries})
     arguments = ["import", str(tmp_path / "in"), "-o", str(tmp_path / "out"), "--conventions", "supersampler"]
     done = CliRunner().invoke(app, arguments)
-    assert "Not read, as they cannot be blended: P.X, crypto00.R" in done.stdout
-    assert "Unknown primaries in the files' headers. State the colour space: --color-space" in done.stdout
+    assert "Not read, because they cannot be blended: P.X, crypto00.R" in done.stdout
+    assert "The files' headers have unknown primaries. State the colour space: --color-space" in done.stdout
     assert Shot.open(tmp_path / "out").info.color_space == "unknown"
 
 

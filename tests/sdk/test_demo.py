@@ -6,7 +6,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from supersampler.cli import app
-from supersampler.cli.run_record import DEMO, SOURCE, read_run_record
+from supersampler.cli.results import DEMO, SOURCE, read_run_record
 from supersampler.io.shot import Shot
 
 

@@ -53,7 +53,7 @@ def test_upscale_renders_the_frames_that_were_not_shaded_and_resumes(folder: Pat
     (out / "0004.exr").unlink()
     assert run(*arguments).exit_code == 0
     assert (out / "0004.exr").read_bytes() == last
-    assert "5 of 5 frames are bit for bit what they were" in said(run("replay", recording))
+    assert "5 of 5 frames are bit-identical to the recorded ones" in said(run("replay", recording))
 
 
 def test_without_it_the_frame_and_the_way_to_draw_it_are_named(folder: Path, tmp_path: Path) -> None:
@@ -71,7 +71,7 @@ def test_results_of_another_extrapolation_are_not_continued(folder: Path, tmp_pa
 
 def test_what_extrapolates_is_listed_apart_and_does_not_upscale(tmp_path: Path) -> None:
     assert re.search(r"models .*taau .*extrapolation guided-flow, guided-warp", said(run("info")))
-    assert "computes the colour of frames that were not shaded" in said(run("info", "guided-warp"))
+    assert "computes the colour of unshaded frames" in said(run("info", "guided-warp"))
     refused = run("upscale", "plaza", "--method", "guided-warp", "-o", tmp_path)
     assert refused.exit_code == 1
     assert "upscales nothing" in said(refused)

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from supersampler import ArgumentError
-from supersampler.cli.run_record import FRAMES, RunRecord, read_run_record
+from supersampler.cli.results import FRAMES, RunRecord, read_run_record
 from supersampler.io.shot.format import LARGEST_NUMBER
 from supersampler.io.shot.numbered import FrameNumbers
 

@@ -65,7 +65,7 @@ def test_upscale_hands_a_shot_s_buffers_to_a_model_that_reads_them(
         written = read_exr(tmp_path / "out" / f"{index:04d}.exr")
         np.testing.assert_array_equal(np.stack([written[c] for c in "RGB"], -1), expected)
     replayed = run("replay", tmp_path / "a.recording", "--model", gbuffer_model)
-    assert f"{FRAMES} of {FRAMES} frames are bit for bit what they were" in said(replayed)
+    assert f"{FRAMES} of {FRAMES} frames are bit-identical to the recorded ones" in said(replayed)
 
 
 def test_a_shot_without_buffers_of_render_size_is_upscaled_by_those_of_display_size(

@@ -13,9 +13,7 @@ from typer.testing import CliRunner, Result
 from noise import noise
 from supersampler import ShotError
 from supersampler.cli import app
-from supersampler.cli.image_options import ImageOptions, OutputImage
-from supersampler.cli.results import Results
-from supersampler.cli.run_record import read_run_record
+from supersampler.cli.results import ImageOptions, OutputImage, Results, read_run_record
 from supersampler.io.images import read_exr, write_exr
 from supersampler.io.shot import Shot, ShotWriter, copy_shot
 
@@ -142,7 +140,7 @@ import os, signal, sys
 sys.path.insert(0, {tests!r})
 from supersampler.cli import app
 from supersampler.io import images as image_io
-import supersampler.cli.image_options as results
+import supersampler.cli.results as results
 write, left = results.write_exr, {count}
 def once(path, *rest, **options):
     global left

@@ -5,7 +5,7 @@ from functools import partial
 
 import pytest
 
-from supersampler.cli.output_queue import OutputQueue
+from supersampler.cli.results import OutputQueue
 
 THREADS = 2
 """Of a queue on one core."""

@@ -52,7 +52,7 @@ def test_a_replay_of_an_upscaled_shot_is_the_same_images(file: Path, tmp_path: P
     head, recorded, here, verdict = done.stdout.splitlines()
     assert head == f"{file}: taau, to 64x36"
     assert recorded.replace("recorded", "here    ") == here
-    assert verdict == f"{COUNT} of {COUNT} frames are bit for bit what they were."
+    assert verdict == f"{COUNT} of {COUNT} frames are bit-identical to the recorded ones."
     assert image_files(tmp_path / "again") == image_files(tmp_path / "out")
     last = f"{COUNT - 1:04d}.exr"
     assert image_files(tmp_path / "again" / "recorded") == {last: image_files(tmp_path / "out")[last]}
@@ -62,8 +62,8 @@ def test_another_executor_is_told_and_tolerated(file: Path) -> None:
     done = run("replay", file, "--executor", "onnx")
     assert done.exit_code == 0
     assert "CPU (onnx, fp32)" in done.stdout
-    assert f"0 of {COUNT} frames are bit for bit what they were; frame 0 is the first" in done.stdout
-    assert "That is within tolerance: mean 1e-05, at 99 % 0.001." in done.stdout
+    assert f"0 of {COUNT} frames are bit-identical to the recorded ones; frame 0 is the first" in done.stdout
+    assert "All differences are within tolerance: mean 1e-05, 99th percentile 0.001." in done.stdout
 
 
 def test_another_image_is_exit_code_1(file: Path, tmp_path: Path) -> None:
@@ -110,7 +110,7 @@ def test_refused_frames_warnings_and_an_end_too_early_are_told(tmp_path: Path) -
     assert "frame 1: raises FrameError (frame.size" in done.stdout
     assert "warning: frame 2: frame.color" in done.stderr
     assert "The recording was not closed" in done.stdout
-    assert "3 of 3 frames are bit for bit" in done.stdout
+    assert "3 of 3 frames are bit-identical" in done.stdout
 
 
 def test_a_frame_in_which_the_process_ended_is_announced(file: Path) -> None:
@@ -119,7 +119,7 @@ def test_a_frame_in_which_the_process_ended_is_announced(file: Path) -> None:
     done = run("replay", file)
     assert done.exit_code == 0
     assert f"frame {COUNT - 1}: its outcome was not recorded" in done.stdout
-    assert f"{COUNT - 1} of {COUNT - 1} frames are bit for bit what they were." in done.stdout
+    assert f"{COUNT - 1} of {COUNT - 1} frames are bit-identical to the recorded ones." in done.stdout
 
 
 def test_a_folder_that_is_no_recording_is_one_line(shot: Path) -> None:
@@ -132,7 +132,7 @@ def test_a_damaged_file_is_an_error_after_what_is_to_be_said_of_the_frames_befor
     (file / "last.exr").write_bytes(b"damaged")
     done = run("replay", file)
     assert done.exit_code == 1
-    assert f"{COUNT} of {COUNT} frames are bit for bit" in done.stdout
+    assert f"{COUNT} of {COUNT} frames are bit-identical" in done.stdout
     assert "last.exr: is not as it was recorded" in done.stderr
 
 

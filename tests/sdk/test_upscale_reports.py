@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from supersampler.cli import progress
+from supersampler.cli import terminal
 from supersampler.cli.results import Results
 from upscale_runs import refusal, run, upscale, write_shot
 
@@ -47,15 +47,15 @@ def test_a_frame_is_written_before_its_line_is_printed(
     shot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     names = []
-    event = progress.RunProgress.event
+    event = terminal.RunProgress.event
 
-    def look(self: progress.RunProgress, kind: str, **values: int) -> None:
+    def look(self: terminal.RunProgress, kind: str, **values: int) -> None:
         if kind == "frame":
             names.append(f"{values['number']:04d}")
             assert all((tmp_path / f"{kind}/{names[-1]}.{kind}").exists() for kind in ("exr", "png"))
         event(self, kind, **values)
 
-    monkeypatch.setattr(progress.RunProgress, "event", look)
+    monkeypatch.setattr(terminal.RunProgress, "event", look)
     upscale(shot, tmp_path, "--json", "--format", "exr", "--format", "png")
     assert names == [f"{number:04d}" for number in range(COUNT)]
 
@@ -82,7 +82,7 @@ def test_a_log_has_lines_of_progress_with_rate_and_time_left(
     shot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert "frames/s" not in upscale(shot, tmp_path / "quick").stderr
-    monkeypatch.setattr(progress, "LOG_SECONDS", 0.0)
+    monkeypatch.setattr(terminal, "LOG_SECONDS", 0.0)
     said = upscale(shot, tmp_path / "slow").stderr
     lines = re.findall(r"^upscaling (\d) of 6: \d+\.\d frames/s.*, (\d+:\d\d) left$", said, re.MULTILINE)
     assert [int(done) for done, _ in lines] == [1, 2, 3, 4, 5, 6]

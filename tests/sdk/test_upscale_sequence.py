@@ -367,7 +367,7 @@ def test_progress_counts_the_steps_of_both_passes(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    from supersampler.cli.progress import RunProgress
+    from supersampler.cli.terminal import RunProgress
 
     totals, whats = [], []
     begin, advance = RunProgress.__init__, RunProgress.advance

@@ -10,8 +10,7 @@ import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from supersampler.cli.arguments import open_shot, parse_size
-from supersampler.cli.progress import LOG_SECONDS
-from supersampler.cli.terminal import Terminal
+from supersampler.cli.terminal import LOG_SECONDS, Terminal
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
 from supersampler.io.files import check_ours

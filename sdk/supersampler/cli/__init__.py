@@ -1,4 +1,4 @@
-"""The `supersampler` command, with one module per command; each imports its dependencies when it runs.
+"""The `supersampler` command, with one function per command; each imports its dependencies when it runs.
 
 Errors of this package or the file system are one line on stderr and exit code 1; Ctrl-C is exit code 130; a
 wrong command line is exit code 2. Other errors are bugs and keep their traceback.
@@ -6,19 +6,13 @@ wrong command line is exit code 2. Other errors are bugs and keep their tracebac
 
 from supersampler.cli.app import TOOLS, app, main
 from supersampler.cli.blender import blender
-from supersampler.cli.check import check
 from supersampler.cli.demo import demo
-from supersampler.cli.import_ import import_shot
-from supersampler.cli.info import info
 from supersampler.cli.replay import replay
+from supersampler.cli.shots import check, import_shot, info
 from supersampler.cli.upscale import upscale
 
-app.command()(demo)
-app.command()(upscale)
-app.command()(blender)
-app.command()(info)
-app.command()(check)
-app.command()(replay)
+for command in (demo, upscale, blender, info, check, replay):
+    app.command()(command)
 app.command("import")(import_shot)
 for name, (_, text) in TOOLS.items():
     app.command(name, help=text)(lambda: None)

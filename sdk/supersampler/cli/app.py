@@ -1,23 +1,26 @@
-"""The command group: global options, one-line errors, and the commands of other packages."""
+"""The command group: global options, one-line errors, signals, and the commands of other packages."""
 
 import os
 import re
+import signal
 import sys
+from contextlib import suppress
 from importlib import import_module
+from threading import Thread, main_thread
+from types import FrameType
 from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
 
 from supersampler import __version__
-from supersampler.cli.stopping import exit_code, stop_on_signals
 from supersampler.cli.terminal import echo
 from supersampler.errors import SupersamplerError, did_you_mean
 
 TOOLS = {
     "render": (
         "supersampler_model.data.cli",
-        "Render a training set with exact truth and labels. Needs moderngl.",
+        "Render a training set with exact ground truth and labels. Needs moderngl.",
     ),
     "train": (
         "supersampler_model.training.cli",
@@ -29,8 +32,7 @@ TOOLS = {
     ),
     "bench": ("supersampler_bench.cli", "Measure methods against references. Needs flip-evaluator."),
 }
-"""Commands of other packages: the module with their `app`, imported when they are called, and their help."""
-
+"""Commands of other packages: module of their `app`, imported when they are called, and help text."""
 EXTRAS = {
     "av": "video",
     "torch": "train",
@@ -45,6 +47,14 @@ EXTRAS = {
     "safetensors": "render",
 }
 """Packages that are missing in a runtime-only install, and the extra that installs each."""
+END_WITH_STDIN = "SUPERSAMPLER_END_WITH_STDIN"
+"""Environment variable: the command stops, as after Ctrl-C, when its standard input closes.
+
+A program that runs a command keeps this pipe open, and closes it to stop the command; the pipe also closes
+when the program ends. This works where SIGINT is ignored or, as on Windows, cannot be sent.
+"""
+_INTERRUPTED = 128 + signal.SIGINT
+_received = [int(signal.SIGINT)]
 
 
 class Commands(TyperGroup):
@@ -62,10 +72,12 @@ class Commands(TyperGroup):
         try:
             return super().invoke(ctx)
         except typer.BadParameter as error:
-            error.message = _with_suggestion(error.message)
+            given, _, choices = error.message.partition(" is not one of ")
+            hint = did_you_mean(given.rpartition("'")[0].rpartition("'")[2], re.findall("'(.*?)'", choices))
+            error.message = f"{error.message} {hint}".rstrip()
             raise
         except BrokenPipeError:  # `| head` has read enough
-            _discard_output()
+            os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # Python flushes the rest at its end
             raise typer.Exit(0) from None
         except (SupersamplerError, ModuleNotFoundError, OSError, UnicodeDecodeError, MemoryError) as error:
             line = _line(error)
@@ -82,31 +94,23 @@ app = typer.Typer(cls=Commands, no_args_is_help=True, add_completion=False, rich
 
 
 def main() -> None:
-    """Run the command line and exit."""
+    """Run the command line and exit, with code 128 + n where signal n has stopped the command."""
     stop_on_signals()
     try:
         typer.main.get_command(app)(prog_name="supersampler")
-    except SystemExit as ended:
-        sys.exit(exit_code(ended.code))
+    except SystemExit as end:
+        sys.exit(128 + _received[-1] if end.code == _INTERRUPTED else end.code)
 
 
-def _discard_output() -> None:
-    """Send what is left of the output nowhere: Python flushes it at its end, and would complain."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-
-
-def _line(error: Exception) -> str | None:
-    """Return the line to print for an error; None where it is a bug, such as a missing required module."""
-    if isinstance(error, SupersamplerError):
-        return str(error)
-    if isinstance(error, OSError):
-        return f"{error.filename}: {error.strerror}" if error.filename else str(error)
-    if isinstance(error, UnicodeDecodeError):
-        return f"a file that should hold text does not ({error})"
-    if isinstance(error, MemoryError):
-        return f"there is not enough memory for this. {error}".rstrip()
-    missing = missing_extra(error)
-    return f"this command {missing}" if missing else None
+def stop_on_signals() -> None:
+    """Make SIGTERM and SIGHUP raise KeyboardInterrupt unless they are ignored; a second one ends at once."""
+    for name in ("SIGTERM", "SIGHUP"):
+        number = getattr(signal, name, None)
+        if number is not None and signal.getsignal(number) is signal.SIG_DFL:
+            signal.signal(number, _interrupt)
+    if os.environ.pop(END_WITH_STDIN, "") and sys.stdin is not None:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        Thread(target=_interrupt_when_stdin_closes, name="stdin", daemon=True).start()
 
 
 def missing_extra(error: Exception) -> str:
@@ -118,16 +122,39 @@ def missing_extra(error: Exception) -> str:
     return f"needs {package}, which is not installed. Install it: {install}"
 
 
-def _with_suggestion(message: str) -> str:
-    """Append "Did you mean ...?" to "'x' is not one of 'a', 'b'"."""
-    given, _, choices = message.partition(" is not one of ")
-    word = given.rpartition("'")[0].rpartition("'")[2]
-    hint = did_you_mean(word, re.findall("'(.*?)'", choices))
-    return f"{message} {hint}".rstrip()
+def _line(error: Exception) -> str | None:
+    """Return the line to print for an error; None where it is a bug, such as a missing required module."""
+    match error:
+        case SupersamplerError():
+            return str(error)
+        case OSError():
+            return f"{error.filename}: {error.strerror}" if error.filename else str(error)
+        case UnicodeDecodeError():
+            return f"a file that should hold text does not ({error})"
+        case MemoryError():
+            return f"there is not enough memory for this. {error}".rstrip()
+    missing = missing_extra(error)
+    return f"this command {missing}" if missing else None
 
 
-def _print_version(wanted: bool) -> None:
-    if wanted:
+def _interrupt(number: int, _: FrameType | None) -> None:
+    _received.append(number)
+    signal.signal(number, signal.SIG_DFL)
+    raise KeyboardInterrupt
+
+
+def _interrupt_when_stdin_closes() -> None:
+    with suppress(OSError):
+        while os.read(0, 4096):
+            pass
+    if hasattr(signal, "pthread_kill") and main_thread().ident is not None:  # wakes it where it waits
+        signal.pthread_kill(main_thread().ident or 0, signal.SIGINT)
+    else:
+        signal.raise_signal(signal.SIGINT)
+
+
+def _print_version(requested: bool) -> None:
+    if requested:
         echo(f"supersampler {__version__}, Python {sys.version.split()[0]}")
         raise typer.Exit
 

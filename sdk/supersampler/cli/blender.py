@@ -1,4 +1,4 @@
-"""`supersampler blender`: renders a .blend file small, and upscales each frame while the next one renders."""
+"""`supersampler blender`: renders a .blend file at low resolution, and upscales the frames meanwhile."""
 
 from functools import partial
 from pathlib import Path
@@ -7,13 +7,11 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from supersampler.cli.arguments import Compare, Format, parse_size
-from supersampler.cli.terminal import echo
+from supersampler.cli.terminal import Terminal, echo
 
 if TYPE_CHECKING:
     from supersampler.io.display_transforms import DisplayTransform
     from supersampler.io.shot.blender import RenderedScene
-
-Engine = Literal["cycles", "eevee", "workbench"]
 
 
 def blender(
@@ -29,7 +27,7 @@ def blender(
     scale: Annotated[float, typer.Option(help="Display over render size, 1.0 to 4.0.")] = 2.0,
     samples: Annotated[
         int | None,
-        typer.Option(min=1, help="Samples of a render pixel.", show_default="16 in Cycles, else the scene's"),
+        typer.Option(min=1, help="Samples per render pixel.", show_default="16 in Cycles, else the scene's"),
     ] = None,
     denoise: Annotated[
         bool | None,
@@ -37,10 +35,13 @@ def blender(
             "--denoise/--no-denoise", help="Denoise in Cycles, before upscaling.", show_default="on"
         ),
     ] = None,
-    engine: Annotated[Engine | None, typer.Option(help="Render engine.", show_default="the scene's")] = None,
+    engine: Annotated[
+        Literal["cycles", "eevee", "workbench"] | None,
+        typer.Option(help="Render engine.", show_default="the scene's"),
+    ] = None,
     blender: Annotated[
         str | None,
-        typer.Option(metavar="PATH", help="Blender, or a Python that has bpy.", show_default="looked for"),
+        typer.Option(metavar="PATH", help="Blender, or a Python that has bpy.", show_default="searched for"),
     ] = None,
     camera: Annotated[str | None, typer.Option(help="Name of a camera.", show_default="the scene's")] = None,
     scene: Annotated[str | None, typer.Option(help="Name of a scene.", show_default="the active one")] = None,
@@ -50,34 +51,33 @@ def blender(
     format: Annotated[  # noqa: A002  # the option's name
         list[Format] | None,
         typer.Option(
-            help="exr: linear half floats. png: as Blender's view transform shows it. Twice for both.",
+            help="exr: linear half floats. png: as Blender's view transform shows it. Repeat it for both.",
             show_default="exr",
         ),
     ] = None,
     compare: Compare = False,
     overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Replace render and results of an earlier run.")
+        bool, typer.Option("--overwrite", help="Replace the render and the results of an earlier run.")
     ] = False,
 ) -> None:
     """Render SCENE.blend at low resolution with jitter, and upscale each frame while the next one renders.
 
-    Blender runs in the background, in a process of its own. Frames of its render go to OUTPUT/render, the
-    results to OUTPUT; both keep Blender's frame numbers. Motion blur, depth of field and compositing are
-    turned off, and a line says so; the pixel filter is narrow; everything else is as the file has it. A run
-    that was stopped continues when the same command is given again.
+    Blender runs in the background, in its own process. Its rendered frames go to OUTPUT/render, the results
+    to OUTPUT; both keep Blender's frame numbers. Motion blur, depth of field and compositing are turned off,
+    and a line says so; the pixel filter is narrow; all else is as in the file. A run that was stopped
+    continues when the same command is given again.
 
     \b
     Examples:
       supersampler blender kitchen.blend -o out --frames 1-48
       supersampler blender kitchen.blend -o out --display-size 3840x2160 --samples 16 --denoise --format png
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
-    from supersampler.cli.image_options import image_options
     from supersampler.cli.job import UpscaleJob
+    from supersampler.cli.results import ImageOptions
     from supersampler.cli.run import run_job
-    from supersampler.cli.terminal import Terminal
     from supersampler.integrations.blender.render import RenderRequest, frame_range, rendering
 
-    formats = [item.value for item in format or [Format.exr]]
+    formats = [str(item) for item in format or [Format.exr]]
     console = Terminal(stderr=True)
     request = RenderRequest(
         blend=scene_file,
@@ -97,7 +97,7 @@ def blender(
             shot=render.shot,
             output=output,
             model=method,
-            images=image_options(formats, transform=_transform_of(render.scene, formats)),
+            images=ImageOptions(formats=formats, transform=_transform_of(render.scene, formats)),
             compare=compare,
             overwrite=overwrite,
             holds_shot=True,

@@ -16,7 +16,7 @@ def demo(
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write.")] = Path("out"),
     method: Annotated[str, typer.Option(help="A shipped model: see `supersampler info`.")] = "classifier",
     overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Replace the results of another command, too.")
+        bool, typer.Option("--overwrite", help="Also replace the results of another command.")
     ] = False,
     web: Annotated[
         bool, typer.Option("--web", help="Serve a page that upscales in a browser, until Ctrl-C.")
@@ -27,23 +27,21 @@ def demo(
     ] = None,
     write: Annotated[
         Path | None,
-        typer.Option(
-            help="With --web: write the page to this folder, for any file host, and serve nothing.",
-        ),
+        typer.Option(help="With --web: write the page to this folder for a file host; do not serve it."),
     ] = None,
     node_modules: Annotated[
         Path | None,
         typer.Option(
-            help="With --web: npm's folder with three and onnxruntime-web, for the page of three.js and for "
-            "browsers without WebGPU.  [default: node_modules, if it is here]",
+            help="With --web: npm's folder with three and onnxruntime-web, for the three.js page and for "
+            "browsers without WebGPU.  [default: node_modules, if it exists]",
         ),
     ] = None,
 ) -> None:
     """Upscale the shot that ships with the package by 2x, and show the result beside input and reference.
 
-    Writes EXR frames (linear), PNG frames (as a screen shows them) and compare.html, one page that needs no
-    network: drag the split, step through the frames, zoom. An earlier demo in the folder is replaced. With
-    --web: a page that renders a scene live and upscales it by WebGPU.
+    Writes EXR frames (linear), PNG frames (as displayed) and compare.html, a page that needs no network: drag
+    the split, step through the frames, zoom. An earlier demo in the folder is replaced. With --web: a page
+    that renders a scene live and upscales it with WebGPU.
     """
     if web:
         _serve(port or 0, write, node_modules or (_NODE_MODULES if _NODE_MODULES.is_dir() else None))
@@ -54,10 +52,9 @@ def demo(
 
 
 def _upscale(output: Path, method: str, *, overwrite: bool) -> None:
-    from supersampler.cli.image_options import ImageOptions
     from supersampler.cli.job import UpscaleJob
+    from supersampler.cli.results import DEMO, ImageOptions
     from supersampler.cli.run import run_job
-    from supersampler.cli.run_record import DEMO
     from supersampler.io.shot import Shot
 
     job = UpscaleJob(
@@ -71,9 +68,9 @@ def _upscale(output: Path, method: str, *, overwrite: bool) -> None:
         source=DEMO,
         overwrite=overwrite,
     )
-    results = run_job(job)
-    echo(f"EXR frames: {results.place('exr')}")
-    echo(f"PNG frames: {results.place('png')}")
+    run_job(job)
+    echo(f"EXR frames: {output / 'exr'}")
+    echo(f"PNG frames: {output / 'png'}")
     echo(f"Open in a browser: {output / 'compare.html'}")
 
 

@@ -1,22 +1,68 @@
-"""`UpscaleJob`: input, settings and output of one run, and the Upscaler for it."""
+"""`UpscaleJob`: input, settings and output of one run, its Upscalers, and the frames to step through."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal, NamedTuple
 
 from supersampler.cli.arguments import size_text
-from supersampler.cli.frame_plan import FramePlan, default_preroll, plan_frames
-from supersampler.cli.image_options import ImageOptions
-from supersampler.cli.results import PREROLL, model_settings
-from supersampler.cli.run_record import FIRST, FRAMES, SOURCE
+from supersampler.cli.results import FIRST, FRAMES, PREROLL, SOURCE, ImageOptions, model_settings
 from supersampler.cli.terminal import Terminal
+from supersampler.conventions import jitter_phase_count
+from supersampler.errors import ShotError
 from supersampler.frame import Size
 from supersampler.io.shot import Shot
 from supersampler.io.shot.numbered import FrameNumbers
 from supersampler.methods.model_file import find_model, read_model_info
 from supersampler.model import AtRest, Model, Precision
 from supersampler.upscaler import PresetName, Upscaler, preset_model
+
+MIN_PREROLL, MAX_PREROLL = 32, jitter_phase_count(4.0)
+"""Bounds of the default preroll, in frames."""
+EXPOSURE_FRAMES = 96
+"""Frames before a preroll from which the exposure is measured. A measured exposure moves a tenth of the way
+in each frame: the exposure before these frames has a weight of 0.9^96, 4e-5."""
+
+
+class Segment(NamedTuple):
+    """Indices of frames to step through: `start`, which begins without a history, to `stop` - 1.
+
+    Two passes also read those up to `end` - 1, where the backward run begins; `end` is `stop` or later.
+    """
+
+    start: int
+    stop: int
+    end: int
+
+
+class FramePlan(NamedTuple):
+    """The frames of a run.
+
+    Attributes:
+        numbers: numbers of the frames that are written.
+        segments: frames to step through for them, in order.
+        first_number: number of the frame with index 0.
+    """
+
+    numbers: FrameNumbers
+    segments: tuple[Segment, ...]
+    first_number: int
+
+    def position(self, index: int) -> int | None:
+        """Return the position of a frame among the written ones, by its index; None if it is not written."""
+        number = self.first_number + index
+        return self.numbers.position(number) if number in self.numbers else None
+
+    def segments_from(self, shot: Shot, position: int) -> list[Segment]:
+        """Return what is stepped through to write the frames from a position on."""
+        if position >= len(self.numbers):
+            return []
+        index, found = self.numbers[position] - self.first_number, []
+        for start, stop, end in self.segments:
+            if stop > index:
+                cut = shot.last_cut(min(max(index, start), stop - 1))
+                found.append(Segment(max(start, cut), stop, end))
+        return found
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,29 +73,27 @@ class UpscaleJob:
         shot: the frames.
         output: folder of the images.
         source: the options by which the shot was opened, which its images depend on.
-        images: their names, formats and encodings.
-        numbers: of the frames to write; None is all of them.
-        preroll: frames before those from which their history is built; None with `numbers` is
-            `default_preroll`.
-            Without both, the history begins with the shot, and images converge where nothing moves.
+        images: names, formats and encodings of the images.
+        numbers: numbers of the frames to write; None is all of them.
+        preroll: number of frames before those from which their history is built; None with `numbers` is
+            `default_preroll`. Without both, the history begins with the shot, and static images converge.
         model: name or folder.
-        display_size: (width, height) of the images. Without it and `scale` it is the shot's; without one, the
-            model's only ratio, or 2x.
+        display_size: (width, height) of the images; None without `scale` is the shot's, or the model's only
+            ratio, or 2x.
         scale: instead of `display_size`.
         compare: whether to write the page.
         maps: whether the page has auxiliary outputs, too.
-        providers, threads, precision, preset, validate: see `Upscaler`.
+        providers, threads, precision, preset, validate, skip: see `Upscaler`.
         at_rest: see `Upscaler`; None is "converge", or "off" with a preroll.
-        skip: see `Upscaler`.
         passes: 2 merges a forward and a backward run.
-        scratch: where the frames of two passes are kept meanwhile; None is the system's place.
+        scratch: folder for waiting frames of two passes; None is the system's.
         extrapolation: name or folder of the model for unshaded frames.
-        record: a folder to record all frames to; the recording of an earlier run into `output` is replaced.
+        record: folder to record all frames to; the recording of an earlier run into `output` is replaced.
         overwrite: whether to replace the files of an earlier run.
-        holds_shot: whether the shot may be in a subfolder of `output` of its own.
+        holds_shot: whether the shot may be in its own subfolder of `output`.
         profile: whether to print the times of the stages.
         json: whether to print each frame as a line of JSON.
-        console: for people.
+        console: prints messages.
     """
 
     shot: Shot
@@ -81,11 +125,11 @@ class UpscaleJob:
     console: Terminal = field(default_factory=lambda: Terminal(stderr=True))
 
     @property
-    def has_preroll(self) -> bool:
+    def _has_preroll(self) -> bool:
         """Whether images depend on the frames of the preroll only, so that chunks of a shot are equal."""
         return self.numbers is not None or self.preroll is not None
 
-    def frames(self, upscaler: Upscaler) -> FramePlan:
+    def plan(self, upscaler: Upscaler) -> FramePlan:
         """Return the frames to step through; ShotError where the shot lacks one."""
         return plan_frames(self.shot, self.numbers, self._preroll(upscaler), self.passes)
 
@@ -102,64 +146,125 @@ class UpscaleJob:
             providers=self.providers,
             threads=self.threads,
             precision=precision,
-            at_rest=self.at_rest or ("off" if self.has_preroll else "converge"),
+            at_rest=self.at_rest or ("off" if self._has_preroll else "converge"),
             skip=self.skip,
             extrapolation=self.extrapolation if self.passes == 1 else None,
             validate=self.validate,
         )
 
-    def backward_upscaler(self, forward: Upscaler) -> Upscaler:
-        """Return an Upscaler with the same model for the backward run of two passes."""
-        return Upscaler(
-            forward.model,
-            display_size=forward.display_size,
-            render_size=self.shot.render_size,
-            at_rest=forward.at_rest,
-            skip=forward.skip,
-            validate="off",  # the forward run checks the frames
-        )
-
-    def _preroll(self, upscaler: Upscaler) -> int:
-        if self.preroll is not None:
-            return self.preroll
-        size = upscaler.display_size or self.shot.render_size
-        return default_preroll(size[0] / self.shot.render_size[0])
-
-    def recording_upscaler(self, opened: Upscaler) -> Upscaler:
+    def recording_upscaler(self, other: Upscaler) -> Upscaler:
         """Return an Upscaler with the same model that records; an earlier run's recording is replaced."""
         from supersampler.recording.recorder import remove_recording
 
-        assert self.record is not None  # noqa: S101 - checked by the caller
-        remove_recording(self.record)  # `Results.begin` has checked that it is an earlier run's
-        return Upscaler(
-            opened.model,
-            display_size=opened.display_size,
-            render_size=self.shot.render_size,
-            at_rest=opened.at_rest,
-            skip=opened.skip,
-            extrapolation=self.extrapolation,
-            validate=self.validate,
-            record=self.record,
-        )
+        if self.record is not None:
+            remove_recording(self.record)  # `Results.begin` has checked that it is an earlier run's
+        arguments = {"extrapolation": self.extrapolation, "record": self.record}
+        return self._with_same_model(other, validate=self.validate, **arguments)
+
+    def backward_upscaler(self, forward: Upscaler) -> Upscaler:
+        """Return an Upscaler with the same model for the backward run of two passes."""
+        return self._with_same_model(forward, validate="off")  # the forward run checks the frames
 
     def settings(self, upscaler: Upscaler) -> dict[str, object]:
         """Return all that the images depend on, but the number of frames: a shot may still grow."""
-        extrapolation = (
-            None if self.extrapolation is None else read_model_info(find_model(self.extrapolation))
-        )
+        name = self.extrapolation
         return {
             **model_settings(upscaler.model),
             "shot": str(self.shot.path.resolve()),
             "names": self.shot.info.file_names,
             "frame rate": self.shot.frame_rate,
             **({FIRST: self.shot.first_number} if self.numbers is None else {FRAMES: str(self.numbers)}),
-            PREROLL: self._preroll(upscaler) if self.has_preroll else None,
+            PREROLL: self._preroll(upscaler) if self._has_preroll else None,
             "render size": size_text(self.shot.render_size),
             "conventions": self.shot.conventions.to_json(),
             "at rest": upscaler.at_rest,
             "passes": None if self.passes == 1 else self.passes,
-            "extrapolation": None if extrapolation is None else dict(extrapolation.files),
+            "extrapolation": None if name is None else dict(read_model_info(find_model(name)).files),
             "display size": size_text(upscaler.display_size),
             **self.images.to_json(),
             SOURCE: dict(self.source),
         }
+
+    def _preroll(self, upscaler: Upscaler) -> int:
+        size = upscaler.display_size or self.shot.render_size
+        return default_preroll(size[0] / self.shot.render_size[0]) if self.preroll is None else self.preroll
+
+    def _with_same_model(self, other: Upscaler, **arguments: Any) -> Upscaler:
+        return Upscaler(
+            other.model, display_size=other.display_size, render_size=self.shot.render_size,
+            at_rest=other.at_rest, skip=other.skip, **arguments,
+        )  # fmt: skip
+
+
+def default_preroll(scale: float) -> int:
+    """Return the number of frames before a range that build its history: one jitter period, at least 32.
+
+    docs/how-to/farm.md compares the images with those of a run of the whole shot.
+
+    Args:
+        scale: display size / render size.
+    """
+    return min(max(MIN_PREROLL, jitter_phase_count(scale)), MAX_PREROLL)
+
+
+def open_for(
+    numbers: FrameNumbers,
+    preroll: int | None,
+    open_frames: Callable[[tuple[int, int]], Shot],
+    passes: int = 1,
+) -> tuple[Shot, str]:
+    """Open what a run reads of a shot; gaps elsewhere do not matter.
+
+    Args:
+        numbers: numbers of the frames to write.
+        preroll: frames before each range; None is the default of the ratio.
+        open_frames: opens the frames from a first to a last number; ShotError where one between is missing.
+        passes: 2 also reads frames after a range, for the backward run, where there is no gap.
+
+    Returns:
+        The shot, and a note or "": where a frame before the preroll is missing, exposure is measured after
+        it. Then there are no frames after the ranges, either.
+    """
+    before = (MAX_PREROLL if preroll is None else preroll) + EXPOSURE_FRAMES
+    min_before = MIN_PREROLL if preroll is None else preroll
+    after = min_before if passes == 2 else 0
+    try:
+        return open_frames((numbers.first - before, numbers.last + after)), ""
+    except ShotError as error:
+        shot = open_frames((numbers.first - min_before, numbers.last))
+        return shot, f"History and exposure begin at frame {shot.first_number}: {error.problem}."
+
+
+def plan_frames(shot: Shot, numbers: FrameNumbers | None, preroll: int, passes: int = 1) -> FramePlan:
+    """Return the plan of a run.
+
+    Args:
+        shot: the shot.
+        numbers: numbers of the frames to write; None is all of them, in one segment.
+        preroll: number of frames before a range that build its history, if they exist and no cut is among
+            them. The backward run of two passes has as many after a range.
+        passes: 1 or 2.
+
+    Raises:
+        ShotError: the shot has no frame of one of the numbers.
+    """
+    begin, end = shot.first_number, shot.first_number + len(shot) - 1
+    if numbers is None:
+        return FramePlan(FrameNumbers(((begin, end),)), (Segment(0, len(shot), len(shot)),), begin)
+    missing = [number for a, b in numbers.ranges for number in (a, b) if not begin <= number <= end]
+    if missing:
+        raise ShotError(shot.path, f"has no frame {missing[0]}", f"Its frames are {begin} to {end}.")
+    segments: list[Segment] = []
+    for first, last in numbers.ranges:
+        index, stop = first - begin, last - begin + 1
+        cut = shot.last_cut(index)
+        start = max(cut, index - preroll)
+        while start > cut and not shot.is_shaded(start):  # history begins with colour
+            start -= 1
+        if segments and start <= segments[-1].stop:
+            start = segments.pop().start
+        end = stop
+        while passes == 2 and end < min(stop + preroll, len(shot)) and shot.last_cut(end) != end:
+            end += 1
+        segments.append(Segment(start, stop, end))
+    return FramePlan(numbers, tuple(segments), begin)

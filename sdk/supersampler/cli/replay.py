@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from supersampler.cli.arguments import Executor, ImageFormat, Precision, parse_providers, size_text
-from supersampler.cli.terminal import echo
+from supersampler.cli.terminal import Terminal, echo, frame_warnings
 
 if TYPE_CHECKING:
     from supersampler.cli.results import Results
-    from supersampler.recording import Call, Setup
+    from supersampler.recording import Setup
     from supersampler.recording.replay import Replay, Replayed
 
 
@@ -29,19 +29,20 @@ def replay(
     ] = None,
     extrapolate: Annotated[
         str | None,
-        typer.Option(help="Likewise, the model that extrapolates unshaded frames.", show_default="recorded"),
+        typer.Option(
+            help="A model folder, or a shipped model by name, for unshaded frames.", show_default="recorded"
+        ),
     ] = None,
     executor: Annotated[
-        Executor | None,
-        typer.Option(help="onnx, cpu or gpu: the backend.", show_default="recorded"),
+        Executor | None, typer.Option(help="The backend: onnx, cpu or gpu.", show_default="recorded")
     ] = None,
     precision: Annotated[
-        Precision | None, typer.Option(help="Of the network.", show_default="recorded")
+        Precision | None, typer.Option(help="Precision of the network.", show_default="recorded")
     ] = None,
     providers: Annotated[
         str | None,
         typer.Option(
-            help="ONNX Runtime providers, as of `supersampler upscale`.", show_default="recorded, or auto"
+            help="ONNX Runtime providers, as for `supersampler upscale`.", show_default="recorded, or auto"
         ),
     ] = None,
     overwrite: Annotated[
@@ -50,18 +51,20 @@ def replay(
 ) -> None:
     """Replay a recording of `upscale --record FOLDER` or `Upscaler(record=FOLDER)`, and compare the images.
 
-    Prints the number of bit-identical frames, the first other frame, and the largest difference. Exit code 1
-    if a frame is beyond tolerance, or is refused in only one of the two runs.
+    Prints the number of bit-identical frames, the first frame that differs, and the largest difference. Exit
+    code 1 if a frame is beyond tolerance, or is refused in only one of the two runs.
 
     \b
     Examples:
       supersampler replay kitchen.recording
       supersampler replay kitchen.recording -o out --format png --executor onnx
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
+    from supersampler.cli.results import ImageOptions, Results, model_settings
+    from supersampler.io.files import check_apart
     from supersampler.recording import open_recording
     from supersampler.recording.replay import Replay
 
-    replayed = Replay(
+    replay = Replay(
         open_recording(recording),
         model=model,
         extrapolation=extrapolate,
@@ -69,59 +72,38 @@ def replay(
         precision=precision,
         providers=None if providers is None else parse_providers(providers),
     )
-    formats = sorted({item.value for item in format or [ImageFormat.exr]})
-    results = None if output is None else _begun(replayed, output, formats, overwrite=overwrite)
+    results = None
+    if output is not None:
+        check_apart(output, recording)
+        results = Results(output, ImageOptions(formats=[str(item) for item in format or [ImageFormat.exr]]))
+        source = {"recording": str(recording.resolve()), "formats": results.options.image_formats}
+        results.begin({**model_settings(replay.model), **source}, None, overwrite=overwrite)
     steps: list[Replayed] = []
-    _say(*_machines(replayed))
+    for line in _machines(replay):
+        echo(line)
     try:
-        _run(replayed, steps, results)
+        _repeat(replay, steps, results)
     finally:  # also where a damaged file ends the replay
-        _say(*_verdict(replayed, steps))
+        for line in _verdict(replay, steps):
+            echo(line)
     if not all(step.within for step in steps):
         raise typer.Exit(1)
 
 
-def _say(*lines: str) -> None:
-    for line in lines:
-        echo(line)
-
-
-def _begun(replay: "Replay", folder: Path, formats: list[str], *, overwrite: bool) -> "Results":
-    from supersampler.cli.image_options import ImageOptions
-    from supersampler.cli.results import Results, model_settings
-    from supersampler.io.files import check_apart
-
-    check_apart(folder, replay.recording.path)
-    results = Results(folder, ImageOptions(formats=formats))
-    settings = {
-        **model_settings(replay.model),
-        "recording": str(replay.recording.path.resolve()),
-        "formats": formats,
-    }
-    results.begin(settings, None, overwrite=overwrite)
-    return results
-
-
-def _machines(replay: "Replay") -> list[str]:
-    """Return lines about the recording, the recorded machine and this one."""
+def _machines(replay: "Replay") -> Iterator[str]:
+    """Yield lines about the recording, the recorded machine and this one."""
     from supersampler.io.machine import machine
     from supersampler.recording import versions
 
     setup, model = replay.recording.setup, replay.model
     size = f"to {size_text(setup.display_size)}" if setup.display_size else f"{setup.scale:g} times"
     here = replace(
-        setup,
-        executor=model.executor,
-        precision=model.precision,
-        providers=tuple(model.providers),
-        versions=versions(),
-        machine=machine(),
-    )
-    return [
-        f"{replay.recording.path}: {setup.method}, {size}",
-        f"  recorded  {_machine(setup)}",
-        f"  here      {_machine(here)}",
-    ]
+        setup, executor=model.executor, precision=model.precision, providers=tuple(model.providers),
+        versions=versions(), machine=machine(),
+    )  # fmt: skip
+    yield f"{replay.recording.path}: {setup.method}, {size}"
+    yield f"  recorded  {_machine(setup)}"
+    yield f"  here      {_machine(here)}"
 
 
 def _machine(setup: "Setup") -> str:
@@ -131,66 +113,60 @@ def _machine(setup: "Setup") -> str:
     return f"{provider} ({setup.executor}, {setup.precision}); {packages}; {where}"
 
 
-def _run(replay: "Replay", steps: "list[Replayed]", results: "Results | None") -> None:
+def _repeat(replay: "Replay", steps: "list[Replayed]", results: "Results | None") -> None:
     """Repeat all calls; print their outcomes, append them to `steps` and write the images."""
-    from supersampler.cli.frame_warnings import frame_warnings
-    from supersampler.cli.image_options import OutputImage
-    from supersampler.cli.run_record import RECORDED
-    from supersampler.cli.terminal import Terminal
+    from supersampler.cli.results import RECORDED, OutputImage
     from supersampler.recording import CloseCall, StepCall
 
-    console = Terminal(stderr=True)
+    console, call = Terminal(stderr=True), None
     last: Replayed | None = None  # the last one that returned an image
-    call: Call | None = None
     for call in replay.recording:
-        if (
-            isinstance(call, StepCall) and call.outcome is None
-        ):  # it ended the recorded process, and may end this one
-            _say(f"frame {call.index}: its outcome was not recorded")
+        if isinstance(call, StepCall) and call.outcome is None:  # it may end this process, too
+            echo(f"frame {call.index}: its outcome was not recorded")
         with frame_warnings(console, len(steps)):
             step = replay.call(call)
-        if step is not None:
-            steps.append(replace(step, result=None))
-            if step.note:
-                _say(f"frame {step.index}: {step.note}")
-            if step.result is not None:
-                last = step
-                if results is not None:
-                    output = OutputImage(
-                        image=step.result.image, exposure=step.exposure, aovs=step.result.aovs
-                    )
-                    results.list_files(step.index)
-                    results.options.write(results.folder, step.index, output)
+        if step is None:
+            continue
+        steps.append(replace(step, result=None))
+        if step.note:
+            echo(f"frame {step.index}: {step.note}")
+        if step.result is not None:
+            last = step
+            if results is not None:
+                result = step.result
+                image = OutputImage(image=result.image, exposure=step.exposure, aovs=result.aovs)
+                results.list_files(step.index)
+                results.options.write(results.folder, step.index, image)
     if not isinstance(call, CloseCall):
-        _say("The recording was not closed; it ends with its last complete call.")
+        echo("The recording was not closed; it ends with its last complete call.")
     elif results is not None and last is not None and call.image is not None:
         results.list_files(last.index, recorded=True)
-        output = OutputImage(image=call.image, exposure=last.exposure)
-        results.options.write(results.folder, last.index, output, f"{RECORDED}/")
+        image = OutputImage(image=call.image, exposure=last.exposure)
+        results.options.write(results.folder, last.index, image, f"{RECORDED}/")
 
 
 def _verdict(replay: "Replay", steps: "list[Replayed]") -> Iterator[str]:
     """Yield lines that say whether images differ, from which frame on, and by how much."""
     if not replay.is_recorded_model:
-        yield "The model is not the recorded one: images are bound to differ."
+        yield "The model is not the recorded one, so the images differ."
     known = [step for step in steps if step.exact is not None]
     differ = [step for step in known if not step.exact]
-    same = f"{len(known) - len(differ)} of {len(known)} frames are bit for bit what they were"
+    same = f"{len(known) - len(differ)} of {len(known)} frames are bit-identical to the recorded ones"
     if not differ:
         yield f"{same}."
         return
-    yield f"{same}; frame {differ[0].index} is the first that is not."
-    apart = {step.index: step.difference for step in differ if step.difference is not None}
-    if apart:
-        frame = max(apart, key=lambda index: apart[index].max)
-        mean, most = (max(getattr(d, name) for d in apart.values()) for name in ("mean", "p99"))
+    yield f"{same}; frame {differ[0].index} is the first that differs."
+    found = {step.index: step.difference for step in differ if step.difference is not None}
+    if found:
+        frame = max(found, key=lambda index: found[index].max)
+        mean, p99 = (max(getattr(each, name) for each in found.values()) for name in ("mean", "p99"))
         yield (
-            f"Largest difference: {apart[frame].max:.2g} of [0, 1] on a screen, in frame {frame}; "
-            f"mean up to {mean:.2g}, at 99 % up to {most:.2g}."
+            f"Largest difference: {found[frame].max:.2g} of the display range, in frame {frame}; "
+            f"mean up to {mean:.2g}, 99th percentile up to {p99:.2g}."
         )
-    limits = f"mean {replay.tolerance.mean:.2g}, at 99 % {replay.tolerance.p99:.2g}"
+    limits = f"mean {replay.tolerance.mean:.2g}, 99th percentile {replay.tolerance.p99:.2g}"
     beyond = [step.index for step in differ if not step.within]
     if beyond:
         yield f"Frame {beyond[0]} is the first beyond tolerance: {limits}."
     else:
-        yield f"That is within tolerance: {limits}."
+        yield f"All differences are within tolerance: {limits}."

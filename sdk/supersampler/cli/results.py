@@ -1,34 +1,339 @@
-"""The output folder of `supersampler upscale`: numbered images, a page, a video, and upscale.json."""
+"""The output folder of `supersampler upscale`: numbered images, a page, a video, and upscale.json.
+
+upscale.json has the settings of a run and the list of the files that it wrote. In it,
+`"files": {"exr/####.exr": 12, "compare.html": 1}` stands for exr/0000.exr to exr/0011.exr and a page; with
+`"first frame": 7` for exr/0007.exr to exr/0018.exr. A run of some frames has a file of its own,
+upscale.0010-0050.json with `"frames": "10-50"`, so that several runs can write into one folder at once. A
+file is listed before it is written. Files that are not listed are never counted, replaced or removed. Only
+names that a run can write are accepted from the list.
+"""
 
 import json
 import os
-from collections.abc import Collection, Iterable, Mapping
-from dataclasses import replace
+import re
+from collections import deque
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any, Generic, Self, TypeVar
+
+import numpy as np
 
 from supersampler import __version__
-from supersampler.cli.image_options import ImageOptions
-from supersampler.cli.run_record import (
-    DEMO,
-    FIRST,
-    FRAMES,
-    RECORDED,
-    SOURCE,
-    RunRecord,
-    foreign,
-    frame_number,
-    frame_path,
-    numbered,
-    other_records,
-    read_run_record,
+from supersampler.errors import ArgumentError, ShotError
+from supersampler.frame import Float32
+from supersampler.io.display import to_uint8, to_uint16
+from supersampler.io.display_transforms import DEFAULT_TRANSFORM, REC709, DisplayTransform
+from supersampler.io.files import (
+    is_own_folder,
+    is_regular,
+    is_there,
+    remove_files,
+    remove_partial_files,
+    write_text,
 )
-from supersampler.errors import ShotError
-from supersampler.io.files import is_regular, is_there, remove_files, remove_partial_files
+from supersampler.io.images import (
+    Bytes,
+    Metadata,
+    half_pixels,
+    pixel_aspect,
+    write_exr,
+    write_png,
+    write_tiff,
+)
+from supersampler.io.json_fields import read_json
+from supersampler.io.shot.format import COLOR, LARGEST_NUMBER, aov_channels, is_frame_range
+from supersampler.io.shot.numbered import FrameNumbers
 from supersampler.io.video import check_encoder
 from supersampler.model import Model
 
-PREROLL = "preroll"
-"""Setting in which runs into one folder may differ, as they may in FIRST and FRAMES."""
+FILE_NAME = "upscale.json"
+FIRST, FRAMES, SOURCE, PREROLL = "first frame", "frames", "source", "preroll"
+"""Settings: number of the first frame in file names, 0 if missing; numbers of the frames of the run, missing
+if it has all from FIRST on; options by which the shot was opened; frames before a range."""
+RECORDED = "recorded"
+"""Subfolder of the last image of a recording, written by `supersampler replay`."""
+DEMO: Mapping[str, str] = {"command": "demo"}
+"""SOURCE of a run of `supersampler demo`, whose files another one replaces."""
+FORMATS = ("exr", "png", "tif")
+NAME = re.compile(r"(?!\.)[^/\\:*?\"<>|#\x00-\x1f]*#+[^/\\:*?\"<>|#\x00-\x1f]*")
+"""Names of images without extension: one run of # is the number, with at least as many digits."""
+_FRAME_FILES = re.compile(
+    rf"(?:{RECORDED}/)?(?:(?P<folder>{'|'.join(FORMATS)})/)?{NAME.pattern}\.(?P<format>{'|'.join(FORMATS)})"
+)
+_RECORDS = re.compile(r"upscale(\.-?\d[\d_-]*(?:_[0-9a-f]{8})?)?\.json")
+_RECORDING = "records to"
+_MAX_FILES = 10**9
+_MIN_ALPHA = 0.5 / 65535.0  # less is written as 0
+_START_OVER = f"Remove the files of that run and {FILE_NAME} yourself, or choose another folder."
+_Written = TypeVar("_Written")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OutputImage:
+    """The image of one frame, and what is written beside its colour.
+
+    Attributes:
+        image: (H, W, 3) linear RGB.
+        exposure: > 0, for PNG, TIFF and video.
+        aovs: (H, W, k) AOVs for the EXR; PNG and TIFF have the one named A, alpha.
+        aov_names: names of their channels; None: A for k = 1, else aovs.0, aovs.1 and so on.
+        metadata: entries of the header: EXR has all, PNG and TIFF the pixel aspect ratio.
+    """
+
+    image: Float32
+    exposure: float
+    aovs: Float32 | None = None
+    aov_names: Sequence[str] | None = None
+    metadata: Metadata | None = None
+
+    @property
+    def aov_channels(self) -> list[str]:
+        """Names of the AOVs' channels."""
+        count = 0 if self.aovs is None else self.aovs.shape[2]
+        return list(self.aov_names or (["A"] if count == 1 else aov_channels(count)))
+
+    @property
+    def alpha(self) -> Float32 | None:
+        """(H, W, 1) alpha in [0, 1]; None where no AOV is named A."""
+        if self.aovs is None or "A" not in self.aov_channels:
+            return None
+        at = self.aov_channels.index("A")
+        alpha: Float32 = np.nan_to_num(self.aovs[..., at : at + 1]).clip(0.0, 1.0)
+        return alpha
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ImageOptions:
+    """Names, formats and encodings of the images of a run.
+
+    Attributes:
+        formats: "exr", "png", "tif", "mp4"; several image formats have subfolders of their names.
+        name: name of the images without extension; a run of # is the frame's number.
+        transform: what PNG, TIFF and video show.
+        compression: of EXR: "zip", "dwaa", "piz" or "none".
+        bits: of PNG: 8 or 16. TIFF has 16.
+        straight_alpha: whether colour is not multiplied by alpha, as in PNG and TIFF; in EXR it is.
+        color_space: colour space of the linear light, which EXR files state. None: unknown, they have what
+            the source says.
+    """
+
+    formats: Collection[str] = ("exr",)
+    name: str = "####"
+    transform: DisplayTransform = DEFAULT_TRANSFORM
+    compression: str = "zip"
+    bits: int = 8
+    straight_alpha: bool = False
+    color_space: str | None = REC709
+
+    @property
+    def image_formats(self) -> list[str]:
+        """Formats of image files."""
+        return sorted({*self.formats} - {"mp4"})
+
+    @property
+    def video(self) -> bool:
+        """Whether there is a video."""
+        return "mp4" in self.formats
+
+    @property
+    def patterns(self) -> list[str]:
+        """Patterns of the files of each format, as upscale.json lists them."""
+        return [f"{self.subfolder(name)}{self.name}.{name}" for name in self.image_formats]
+
+    def subfolder(self, image_format: str) -> str:
+        """Return the subfolder of a format, "png/", or "" where there is none."""
+        return f"{image_format}/" if len(self.image_formats) > 1 else ""
+
+    def to_json(self) -> dict[str, object]:
+        """Return all that the files depend on, as JSON."""
+        return {
+            "formats": self.image_formats,
+            "name": self.name,
+            "compression": self.compression if "exr" in self.formats else None,
+            "bits": self.bits if "png" in self.formats else None,
+            "color space": self.color_space,
+            "display transform": self.transform.to_json(),
+        }
+
+    def write(self, folder: Path, number: int, output: OutputImage, subfolder: str = "") -> Bytes | None:
+        """Write the files of one frame, each atomically; several threads may write different frames.
+
+        Args:
+            folder: folder of the run.
+            number: number of the frame.
+            output: its image.
+            subfolder: subfolder of the folder, such as "recorded/".
+
+        Returns:
+            (H, W, 3) uint8, the image of the video; None where there is none.
+
+        Raises:
+            ShotError: the disk refused.
+        """
+        encoding, aspect = self.transform.encoding, pixel_aspect(output.metadata or {})
+        shown = self._shown_with_alpha(output) if {"png", "tif"}.intersection(self.formats) else None
+        for pattern in self.patterns:
+            path = frame_path(folder, f"{subfolder}{pattern}", number)
+            if shown is not None and path.suffix == ".png":
+                write_png(path, to_uint8(shown) if self.bits == 8 else to_uint16(shown), encoding, aspect)
+            elif shown is not None and path.suffix == ".tif":
+                write_tiff(path, to_uint16(shown), encoding, aspect)
+            else:
+                arrays = [output.image] if output.aovs is None else [output.image, output.aovs]
+                names = [*COLOR, *(output.aov_channels if output.aovs is not None else ())]
+                write_exr(
+                    path, half_pixels(arrays), names, compression=self.compression,
+                    metadata=output.metadata, color_space=self.color_space,
+                )  # fmt: skip
+        if not self.video:
+            return None
+        if shown is None or shown.shape[2] == 4:  # a video has no alpha: it shows the image over black
+            shown = self.transform.show(output.image, output.exposure)
+        return to_uint8(shown)
+
+    def _shown_with_alpha(self, output: OutputImage) -> Float32:
+        """Return (H, W, 3) as a display shows it, or (H, W, 4) with straight alpha."""
+        image, alpha = output.image, output.alpha
+        if alpha is None:
+            return self.transform.show(image, output.exposure)
+        if not self.straight_alpha:  # colour without coverage, such as a glow, stays as it is
+            image = np.divide(image, alpha, out=image.copy(), where=alpha > _MIN_ALPHA)
+        return np.concatenate([self.transform.show(image, output.exposure), alpha], axis=2)
+
+
+def checked_name(name: str) -> str:
+    """Return the value of --name; ArgumentError where files cannot have it."""
+    if NAME.fullmatch(name) is None or Path(name).suffix[1:] in FORMATS:
+        want = "a file name without extension, with one run of # for the number, such as beauty.####"
+        raise ArgumentError("--name", got=repr(name), want=want)
+    return name
+
+
+class OutputQueue(Generic[_Written]):
+    """Runs functions on threads, and passes their results on in order, on the caller's thread.
+
+    At most one more function waits than there are threads, so that few images are in memory.
+
+    Args:
+        then: called with each result, in the order of `put`.
+    """
+
+    def __init__(self, then: Callable[[_Written], None]) -> None:
+        threads = max(2, min(8, os.cpu_count() or 1))
+        self._pool = ThreadPoolExecutor(threads, thread_name_prefix="write")
+        self._then, self._max_waiting = then, threads + 1
+        self._waiting: deque[Future[_Written]] = deque()
+
+    def put(self, function: Callable[[], _Written]) -> None:
+        """Run a function when a thread is free; raises what an earlier one raised."""
+        self._waiting.append(self._pool.submit(function))
+        while self._waiting and (len(self._waiting) > self._max_waiting or self._waiting[0].done()):
+            self._then(self._waiting.popleft().result())
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        """Wait until all functions have run; after an error no further result is passed on."""
+        try:
+            while kind is None and self._waiting:
+                self._then(self._waiting.popleft().result())
+        finally:
+            self._pool.shutdown()
+
+
+@dataclass(frozen=True)
+class RunRecord:
+    """Content of upscale.json.
+
+    Attributes:
+        settings: all that the images depend on; JSON values.
+        files: number of files, from the first frame on, by pattern such as `exr/####.exr`; 1 for the page,
+            the number of frames for the video.
+        recording: the folder that the run records to, or None.
+    """
+
+    settings: Mapping[str, Any]
+    files: Mapping[str, int] = field(default_factory=dict)
+    recording: str | None = None
+
+    @property
+    def numbers(self) -> FrameNumbers:
+        """Numbers of the frames in the names of files, without an end where the run has all."""
+        if FRAMES in self.settings:
+            return FrameNumbers.parse(self.settings[FRAMES], FRAMES)
+        return FrameNumbers(((int(self.settings.get(FIRST, 0)), LARGEST_NUMBER),))
+
+    @property
+    def page(self) -> str:
+        """Name of the page."""
+        return f"compare{self._label}.html"
+
+    @property
+    def video(self) -> str:
+        """Name of the video."""
+        return f"video{self._label}.mp4"
+
+    @property
+    def file_name(self) -> str:
+        """Name of the file that holds this record."""
+        return f"upscale{self._label}.json"
+
+    @property
+    def _label(self) -> str:
+        return f".{self.numbers.label}" if FRAMES in self.settings else ""
+
+    def lists(self, pattern: str, number: int) -> bool:
+        """Return whether the frame of this number is listed."""
+        numbers = self.numbers
+        return number in numbers and numbers.position(number) < self.files.get(pattern, 0)
+
+    def write(self, folder: Path) -> None:
+        """Write the record into the folder, which is created where it is missing."""
+        content = {**self.settings, _RECORDING: self.recording, "files": dict(self.files)}
+        write_text(folder / self.file_name, json.dumps(content, indent=2) + "\n")
+
+    def own_files(self, folder: Path) -> list[Path]:
+        """Return the listed files that exist; ShotError where a link or folder has the name of one."""
+        single = (self.page, self.video)
+        found = [folder / name for name in single if self.files.get(name) and is_there(folder / name)]
+        for pattern in self.files.keys() - single:
+            found += sorted(path for n, path in _numbered(folder, pattern) if self.lists(pattern, n))
+        for path in found:
+            if not is_regular(path):
+                raise _foreign(path, "is no regular file")
+        return sorted(found)
+
+    def differences(self, settings: Mapping[str, object], ignored: Collection[str] = ()) -> list[str]:
+        """Return the names of other settings with different values."""
+        current = {name: value for name, value in settings.items() if name not in ignored}
+        return [name for name, v in current.items() if self.settings.get(name) != json.loads(json.dumps(v))]
+
+
+def read_run_record(folder: Path, name: str = FILE_NAME) -> RunRecord | None:
+    """Read the record of this name in a folder, or return None; ShotError where it is damaged or foreign."""
+    path = folder / name
+    if not is_there(path):
+        return None
+    if not is_regular(path):
+        raise _foreign(path, "is no regular file")
+    content = read_json(path)
+    files = content.pop("files", None) if isinstance(content, dict) else None
+    if not isinstance(files, dict):
+        problem = "does not list the files of its run: it is of an earlier version, or of something else"
+        raise ShotError(path, problem, _START_OVER)
+    recording = content.pop(_RECORDING, None)
+    record = RunRecord(content, files, recording if isinstance(recording, str) else None)
+    _check_numbers(path, record)
+    for pattern, count in files.items():
+        match = _FRAME_FILES.fullmatch(pattern)
+        is_written = pattern == record.video or (match and match["folder"] in (None, match["format"]))
+        max_count = 1 if pattern == record.page else _MAX_FILES if is_written else -1
+        if type(count) is not int or not 0 <= count <= max_count:
+            raise ShotError(path, f"lists {pattern!r}: {count!r}, which no run writes", _START_OVER)
+    return record
 
 
 class Results:
@@ -46,16 +351,12 @@ class Results:
     @property
     def page(self) -> str:
         """Name of the page."""
-        return self._record.single[0]
+        return self._record.page
 
     @property
     def video(self) -> str:
         """Name of the video."""
-        return self._record.single[1]
-
-    def number(self, position: int) -> int:
-        """Return the number of a frame, by its position among those of the run."""
-        return self._record.numbers[position]
+        return self._record.video
 
     def begin(
         self,
@@ -79,37 +380,37 @@ class Results:
         Raises:
             ShotError: files of another program are in the way; or images of other settings exist and
                 `overwrite` is False; or no video can be encoded. Nothing has been changed.
-            ModuleNotFoundError: PyAV is not installed, and a video is wanted.
+            ModuleNotFoundError: a video is requested, and PyAV is not installed.
         """
-        wanted = RunRecord(settings)
-        earlier = read_run_record(self.folder, wanted.file_name)
-        self._others = other_records(self.folder, wanted.file_name)
-        self._record = earlier or replace(wanted, settings=_numbers_of(settings))
+        record = RunRecord(settings)
+        earlier = read_run_record(self.folder, record.file_name)
+        names = [path.name for path in self.folder.iterdir()] if self.folder.is_dir() else []
+        names = sorted(n for n in names if _RECORDS.fullmatch(n) and n != record.file_name)
+        self._others = [other for name in names if (other := read_run_record(self.folder, name))]
+        numbers = {name: settings[name] for name in (FIRST, FRAMES) if name in settings}
+        self._record = earlier or replace(record, settings=numbers)
         own = self._record.own_files(self.folder)
         if earlier is not None and not overwrite:
-            overwrite = _is_demo(earlier.settings) and _is_demo(settings) and _differ(earlier, settings) != []
+            both_demos = earlier.settings.get(SOURCE) == DEMO == settings.get(SOURCE)
+            overwrite = both_demos and earlier.differences(settings) != []
             if not overwrite:
                 self._check_same(earlier, settings)
         for other in self._others:
-            if other.numbers.overlaps(wanted.numbers):
-                self._check_same(other, settings, but=(FIRST, FRAMES, PREROLL))
-        names = [
-            name
-            for name, is_wanted in zip(wanted.single, (page, self.options.video), strict=True)
-            if is_wanted
-        ]
-        self._check_free(wanted, frame_count, names)
+            if other.numbers.overlaps(record.numbers):
+                self._check_same(other, settings, ignored=(FIRST, FRAMES, PREROLL))
+        single = [record.page] * page + [record.video] * self.options.video
+        self._check_free(record, frame_count, single)
         self._check_recording(recording)
         if self.options.video:
-            check_encoder(self.folder / wanted.single[1])
+            check_encoder(self.folder / record.video)
         if overwrite:
             remove_files(own)
         kept = {} if overwrite else self._record.files
         recorded = self._record.recording if recording is None else os.path.realpath(recording)
         listed = [*self._record.files]
         self._save(RunRecord(settings, kept, recorded))
-        below = {str(Path(pattern).parent) for pattern in listed}
-        remove_partial_files(self.folder, lambda name: self._is_own_name(name, listed), below - {"."})
+        subfolders = {str(Path(pattern).parent) for pattern in listed} - {"."}
+        remove_partial_files(self.folder, lambda name: self._is_own_name(name, listed), subfolders)
         return 0 if frame_count is None else self.count_complete(frame_count)
 
     def count_complete(self, frame_count: int) -> int:
@@ -120,8 +421,8 @@ class Results:
             return frame_count if is_whole else 0
         count = min([frame_count, *(self._record.files.get(pattern, 0) for pattern in patterns)])
         for position in range(count):
-            paths = [frame_path(self.folder, pattern, self.number(position)) for pattern in patterns]
-            if not all(map(is_regular, paths)):
+            number = self._record.numbers[position]
+            if not all(is_regular(frame_path(self.folder, pattern, number)) for pattern in patterns):
                 return position
         return count
 
@@ -129,8 +430,8 @@ class Results:
         """List the files of one frame as this run's, before they are written.
 
         Args:
-            position: of the frame among those of the run.
-            recorded: whether it is an image from a recording, which has a subfolder of its own.
+            position: position of the frame among those of the run.
+            recorded: whether it is an image from a recording, which has its own subfolder.
 
         Raises:
             ShotError: the disk refused, or a file of another program has a name that is not listed yet.
@@ -138,8 +439,8 @@ class Results:
         listed = dict(self._record.files)
         for pattern in self.options.patterns:
             pattern = f"{RECORDED}/{pattern}" if recorded else pattern
-            for place in range(listed.get(pattern, 0), position + 1):
-                number = self.number(place)
+            for new in range(listed.get(pattern, 0), position + 1):
+                number = self._record.numbers[new]
                 if is_there(path := frame_path(self.folder, pattern, number)):
                     self._check_listed_elsewhere(pattern, number, path)
             listed[pattern] = max(listed.get(pattern, 0), position + 1)
@@ -150,7 +451,7 @@ class Results:
         """List the page or the video and return its path; ShotError if the file is another program's."""
         if not self._record.files.get(name):
             self._check_free(self._record, 0, [name])
-            self._save(replace(self._record, files={**self._record.files, name: 1}))
+            self.end_file(name, 1)
         return self.folder / name
 
     def end_file(self, name: str, frame_count: int) -> None:
@@ -159,44 +460,39 @@ class Results:
 
     def is_newest(self, name: str) -> bool:
         """Return whether the page or the video exists and no image is newer."""
-        times = {path: path.stat().st_mtime_ns for path in self._record.own_files(self.folder)}
-        images = [time for path, time in times.items() if path.name not in self._record.single]
-        return self.folder / name in times and times[self.folder / name] >= max(images, default=0)
-
-    def place(self, extension: str) -> Path:
-        """Return the folder of the files of a format."""
-        return self.folder / self.options.below(extension)
+        times = {path.name: path.stat().st_mtime_ns for path in self._record.own_files(self.folder)}
+        images = [time for other, time in times.items() if other not in (self.page, self.video)]
+        return name in times and times[name] >= max(images, default=0)
 
     def _save(self, record: RunRecord) -> None:
         record.write(self.folder)
         self._record = record
 
-    def _is_own_name(self, name: str, listed: Iterable[str]) -> bool:
+    def _is_own_name(self, name: str, listed: Collection[str]) -> bool:
         """Return whether a file of this name is one of this run, and not of another that is running."""
-        if name in (*self._record.single, self._record.file_name):
+        if name in (self.page, self.video, self._record.file_name):
             return True
-        numbers = [frame_number(Path(pattern).name, name) for pattern in listed]
+        numbers = [_frame_number(Path(pattern).name, name) for pattern in listed]
         return any(number is not None and number in self._record.numbers for number in numbers)
 
-    def _check_free(self, wanted: RunRecord, frame_count: int | None, single: Collection[str]) -> None:
+    def _check_free(self, record: RunRecord, frame_count: int | None, single: Collection[str]) -> None:
         """Raise ShotError where an unlisted file has the name of one that will be written."""
         for name in single:
             if not self._record.files.get(name) and is_there(self.folder / name):
-                raise foreign(self.folder / name)
-        patterns, numbers = self.options.patterns, wanted.numbers
+                raise _foreign(self.folder / name)
+        patterns, numbers = self.options.patterns, record.numbers
         if frame_count is None:
             patterns += [f"{RECORDED}/{pattern}" for pattern in patterns]
         for pattern in patterns:
-            for number, path in sorted(numbered(self.folder, pattern)):
-                is_wanted = number in numbers and (
-                    frame_count is None or numbers.position(number) < frame_count
-                )
-                if is_wanted and not self._record.lists(pattern, number):
+            for number, path in sorted(_numbered(self.folder, pattern)):
+                if number not in numbers or self._record.lists(pattern, number):
+                    continue
+                if frame_count is None or numbers.position(number) < frame_count:
                     self._check_listed_elsewhere(pattern, number, path)
 
     def _check_listed_elsewhere(self, pattern: str, number: int, path: Path) -> None:
         if not any(other.lists(pattern, number) for other in self._others):
-            raise foreign(path)
+            raise _foreign(path)
 
     def _check_recording(self, recording: Path | None) -> None:
         """Raise ShotError where the folder to record to exists and is not an earlier run's recording."""
@@ -210,32 +506,14 @@ class Results:
             raise ShotError(recording, problem, "Choose another name, or move it away.")
 
     def _check_same(
-        self, earlier: RunRecord, wanted: Mapping[str, object], *, but: Collection[str] = ()
+        self, earlier: RunRecord, settings: Mapping[str, object], *, ignored: Collection[str] = ()
     ) -> None:
-        """Raise ShotError where the settings of an earlier run differ, except in those named by `but`."""
-        for key in _differ(earlier, wanted, but):
+        """Raise ShotError where other settings of an earlier run than the ignored ones differ."""
+        for key in earlier.differences(settings, ignored):
             before = earlier.settings.get(key)
-            problem = f"images of another run are there: {key} was {before}, is now {wanted[key]}"
-            start_over = "" if but else ", or --overwrite to start over"
+            problem = f"images of another run are there: {key} was {before}, is now {settings[key]}"
+            start_over = "" if ignored else ", or --overwrite to start over"
             raise ShotError(self.folder, problem, f"Choose another folder{start_over}.")
-
-
-def _differ(earlier: RunRecord, wanted: Mapping[str, object], but: Collection[str] = ()) -> list[str]:
-    """Return the names of the settings in which an earlier run differs, except those in `but`."""
-    before = earlier.settings
-    return [
-        key
-        for key, value in wanted.items()
-        if key not in but and before.get(key) != json.loads(json.dumps(value))
-    ]
-
-
-def _is_demo(settings: Mapping[str, object]) -> bool:
-    return settings.get(SOURCE) == DEMO
-
-
-def _numbers_of(settings: Mapping[str, object]) -> dict[str, object]:
-    return {name: settings[name] for name in (FIRST, FRAMES) if name in settings}
 
 
 def model_settings(model: Model) -> dict[str, object]:
@@ -248,3 +526,53 @@ def model_settings(model: Model) -> dict[str, object]:
         "executor": model.executor,
         "precision": model.precision,
     }
+
+
+def frame_path(folder: Path, pattern: str, number: int) -> Path:
+    """Return a frame's file: exr/0007.exr for `exr/####.exr` and 7."""
+    sign = "-" if number < 0 else ""
+    return folder / re.sub("#+", lambda digits: f"{sign}{abs(number):0{len(digits[0])}d}", pattern)
+
+
+def _frame_number(pattern: str, name: str) -> int | None:
+    """Return the number of the frame whose file has this name by `frame_path`; None where there is none."""
+    if "#" not in pattern:
+        return None
+    before, _, after = re.split("(#+)", pattern)
+    found = re.fullmatch(rf"{re.escape(before)}(-?\d{{1,10}}){re.escape(after)}", name)
+    if found is None or frame_path(Path(), pattern, int(found[1])).name != name:
+        return None
+    return int(found[1])
+
+
+def _numbered(folder: Path, pattern: str) -> Iterator[tuple[int, Path]]:
+    """Yield number and path of all files with names of this pattern; ShotError where a folder is a link."""
+    place = folder / Path(pattern).parent
+    if not is_there(place) or (place == folder and not place.is_dir()):
+        return
+    subfolders = [part for part in (place, *place.parents) if part != folder and part.is_relative_to(folder)]
+    if not all(map(is_own_folder, subfolders)):
+        raise _foreign(place, "is no folder, or a link to one")
+    for path in place.iterdir():
+        number = _frame_number(Path(pattern).name, path.name)
+        if number is not None:
+            yield number, path
+
+
+def _foreign(path: Path, problem: str = "is there already") -> ShotError:
+    """Return the error for a file that this command did not write."""
+    hint = "Move it away, or choose another folder."
+    return ShotError(path, f"{problem}, and {FILE_NAME} does not list it as written by this command", hint)
+
+
+def _check_numbers(path: Path, record: RunRecord) -> None:
+    """Raise ShotError unless the numbers of a record are those of the run that its name says."""
+    first, frames = record.settings.get(FIRST, 0), record.settings.get(FRAMES, "0")
+    if type(first) is not int or not is_frame_range(first, LARGEST_NUMBER):
+        raise ShotError(path, f"says {FIRST!r}: {first!r}, which no run writes", _START_OVER)
+    try:
+        FrameNumbers.parse(frames if isinstance(frames, str) else "", FRAMES)
+    except ArgumentError as error:
+        raise ShotError(path, f"says {error}", _START_OVER) from error
+    if record.file_name != path.name:
+        raise ShotError(path, f"is the record of other frames, {record.file_name}", _START_OVER)

@@ -1,33 +1,56 @@
 """Upscale a shot into a folder, frame by frame; a stopped run can continue."""
 
 import time
-from collections.abc import Sequence
-from contextlib import AbstractContextManager, ExitStack, closing, nullcontext
-from dataclasses import replace
+from collections import deque
+from collections.abc import Callable, Collection, Generator, Iterator, Sequence
+from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, nullcontext
+from dataclasses import dataclass, replace
 from functools import partial
-from typing import NamedTuple
+from itertools import islice
+from typing import NamedTuple, TypeAlias
 
 import typer
 
-from supersampler.cli.frame_plan import EXPOSURE_FRAMES, FramePlan, Segment
-from supersampler.cli.image_options import OutputImage
-from supersampler.cli.job import UpscaleJob
-from supersampler.cli.output_queue import OutputQueue
-from supersampler.cli.profile import print_profile
-from supersampler.cli.progress import RunProgress
-from supersampler.cli.results import Results
-from supersampler.cli.run_page import RunPage, run_page
-from supersampler.cli.segment_steps import SegmentSteps
+from supersampler.aux_outputs import LEGENDS, aux_output_layers
+from supersampler.cli.arguments import size_text
+from supersampler.cli.job import EXPOSURE_FRAMES, FramePlan, Segment, UpscaleJob
+from supersampler.cli.results import OutputImage, OutputQueue, Results
+from supersampler.cli.terminal import RunProgress, frame_warnings, print_profile
+from supersampler.errors import FrameError, ShotError
+from supersampler.frame import Float32, Frame
 from supersampler.history import StepResult
+from supersampler.io.compare import ERROR_LEGEND, About, compare_layers, compare_page, versions
 from supersampler.io.display import ExposureMeter, usable_exposure
 from supersampler.io.files import check_apart
 from supersampler.io.images import Bytes, Metadata, pixel_aspect, result_metadata
 from supersampler.io.machine import StageTimes
+from supersampler.io.shot import ShotFrame
 from supersampler.io.video import VideoWriter, video_writer
+from supersampler.sequence.both_ways import BothWays, ChunkSize
+from supersampler.sequence.frame_store import FrameStore
+from supersampler.sequence.interpolation import interpolator_of
+from supersampler.sequence.upscaling import buffers_of
 from supersampler.upscaler import Upscaler
 
 COMPARE_FRAMES = 64
 """Number of frames, the last ones, in a page: browsers load larger pages slowly."""
+_PAGE_NOTES = (
+    "JPEG of quality 92, small ones PNG. The input is as rendered, with its jitter.",
+    "error: mean over r, g, b of |output − reference| of these images. PSNR: of the same images before "
+    "rounding to 8 bits, whole frame.",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Stepped:
+    """A frame and the outputs of its step."""
+
+    index: int
+    frame: Frame
+    reference: Float32 | None
+    aov_names: Sequence[str] | None
+    result: StepResult
+    seconds: float  # of the forward step
 
 
 class Written(NamedTuple):
@@ -39,6 +62,10 @@ class Written(NamedTuple):
     seconds: float  # of the step
 
 
+_AddToPage: TypeAlias = Callable[[Stepped, float], None]
+_OnStep: TypeAlias = Callable[[int, str], None]
+
+
 def run_job(job: UpscaleJob) -> Results:
     """Upscale the frames that are not complete yet, and print a summary.
 
@@ -48,11 +75,11 @@ def run_job(job: UpscaleJob) -> Results:
             would replace files of another program.
     """
     results = Results(job.output, job.images)
-    for written in filter(None, (None if job.holds_shot else job.output, job.record)):
-        check_apart(written, job.shot.source)
+    for path in filter(None, (None if job.holds_shot else job.output, job.record)):
+        check_apart(path, job.shot.source)
     with ExitStack() as stack:
         upscaler = stack.enter_context(job.upscaler())
-        plan = job.frames(upscaler)
+        plan = job.plan(upscaler)
         count = len(plan.numbers)
         upscaler.warm_up()  # raises for an unusable model or ratio before files are overwritten
         first = results.begin(
@@ -80,165 +107,270 @@ def run_job(job: UpscaleJob) -> Results:
 
 
 class _Run:
-    """One run: frames before position `first` are complete, and only rebuild what later ones need."""
+    """One run: frames before position `first` are complete, and only rebuild the history of later ones."""
 
     def __init__(
         self, job: UpscaleJob, upscaler: Upscaler, results: Results, plan: FramePlan, first: int
     ) -> None:
-        self._job, self._upscaler, self._results, self._plan = job, upscaler, results, plan
-        self._first, self._times = first, StageTimes()
+        self._job, self._shot, self._upscaler = job, job.shot, upscaler
+        self._results, self._plan, self._first = results, plan, first
+        self._times, self._chunk = StageTimes(), ChunkSize()
+        self._display_size = upscaler.display_size or job.shot.render_size
 
     def upscale(self, begins: int, *, page: bool, video: bool) -> None:
         """Step through the frames that lead to those from position `begins` on."""
-        job, began, cpu = self._job, time.perf_counter(), time.process_time()
-        segments = self._plan.rest(job.shot, begins)
-        steps = SegmentSteps(job, self._upscaler, self._times)
-        total = sum(steps.count(segment, self._needed(segment, begins)) for segment in segments)
+        job, results, began, cpu = self._job, self._results, time.perf_counter(), time.process_time()
+        index = self._plan.numbers[begins] - self._plan.first_number
+        # each segment with the index of its first frame whose image is needed
+        segments = [
+            (each, min(max(index, each.start), each.stop))
+            for each in self._plan.segments_from(self._shot, begins)
+        ]
+        total = sum(self._step_count(segment, needed) for segment, needed in segments)
         with (
-            run_page(job, self._upscaler, self._results) if page else nullcontext() as compare,
-            self._video() if video else nullcontext() as film,
+            self._page() if page else nullcontext() as add_to_page,
+            self._film() if video else nullcontext() as film,
             RunProgress(job.console, total, json=job.json) as progress,
             OutputQueue[Written](partial(self._finish, film, progress)) as queue,
         ):
-            progress.event("begin", shot=job.shot.name, frames=len(self._plan.numbers), complete=self._first)
-            for segment in segments:
-                self._step_through(steps, segment, self._needed(segment, begins), queue, compare, progress)
+            progress.event(
+                "begin", shot=self._shot.name, frames=len(self._plan.numbers), complete=self._first
+            )
+            for segment, needed in segments:
+                self._upscale_segment(segment, needed, queue, add_to_page, progress)
         if video:
-            self._results.end_file(self._results.video, len(self._plan.numbers))
-        wall, cpu = time.perf_counter() - began, time.process_time() - cpu
-        self._print_summary(wall)
+            results.end_file(results.video, len(self._plan.numbers))
+        wall, cpu, stats = time.perf_counter() - began, time.process_time() - cpu, self._upscaler.stats
+        rates = f"{stats.frames / wall:.1f} per second; the method alone {stats.frames / stats.seconds:.1f}"
+        job.console.print(f"{stats.frames} frames in {wall:.1f} s: {rates}")
+        if stats.extrapolated:
+            each = stats.extrapolation_seconds / stats.extrapolated
+            job.console.print(f"{stats.extrapolated} were not shaded; extrapolating one took {each:.2f} s")
         if job.profile:
-            print_profile(job.console, self._times, self._upscaler.stats.frames, wall, cpu)
-        progress.event(
-            "end",
-            frames=self._upscaler.stats.frames,
-            seconds=round(wall, 3),
-            cpu_seconds=round(cpu, 3),
-            stages=self._times.to_json(),
-        )
+            print_profile(job.console, self._times, stats.frames, wall, cpu)
+        seconds = {"seconds": round(wall, 3), "cpu_seconds": round(cpu, 3)}
+        progress.event("end", frames=stats.frames, **seconds, stages=self._times.to_json())
 
-    def _video(self) -> AbstractContextManager[VideoWriter]:
-        shot, size = self._job.shot, self._upscaler.display_size or self._job.shot.render_size
-        path = self._results.begin_file(self._results.video)
-        return video_writer(path, size, shot.frame_rate or 24.0, pixel_aspect(self._metadata(0)))
-
-    def _metadata(self, index: int) -> Metadata:
-        shot = self._job.shot
-        return result_metadata(
-            shot.read_metadata(index),
-            frame_rate=shot.frame_rate,
-            render_size=shot.render_size,
-            display_size=self._upscaler.display_size or shot.render_size,
-        )
-
-    def _exposure_at(self, segment: Segment) -> float | None:
-        """Return the exposure that a run of the whole shot has at the first frame of a segment.
-
-        None where a cut begins it.
-        """
-        shot, start = self._job.shot, segment.start
-        cut = shot.last_cut(start)
-        if cut == start:
-            return None
-        if (stated := usable_exposure(shot.exposure(start))) is not None:
-            return stated
-        meter, exposure = ExposureMeter(), 0.0
-        frames = shot.frames(
-            max(cut, start - EXPOSURE_FRAMES), start + 1, gbuffers=(), references=False, times=self._times
-        )
-        for item in frames:
-            frame = item.frame
-            with self._times.measure("exposure"):
-                exposure = meter.read(
-                    frame.color, given=frame.exposure, reset=frame.reset, pre_exposure=frame.pre_exposure
-                )
-        return exposure
-
-    def _needed(self, segment: Segment, begins: int) -> int:
-        """Return the index of the first frame of a segment whose image is needed."""
-        index = self._plan.numbers[begins] - self._plan.first_number
-        return min(max(index, segment.start), segment.stop)
-
-    def _step_through(
+    def _upscale_segment(
         self,
-        steps: SegmentSteps,
         segment: Segment,
         needed: int,
         queue: OutputQueue[Written],
-        page: RunPage | None,
+        add_to_page: _AddToPage | None,
         progress: RunProgress,
     ) -> None:
         job, meter = self._job, ExposureMeter()
 
-        def advance(index: int, direction: str) -> None:
+        def on_step(index: int, direction: str) -> None:
             position = self._plan.position(index)
-            writes = position is not None and position >= self._first
-            what = "upscaling" if writes and index < segment.stop else "replaying"
-            what = "stepping backward" if direction == "backward" else what
-            progress.advance(what)
+            writes = position is not None and position >= self._first and index < segment.stop
+            forward = "upscaling" if writes else "replaying"
+            progress.advance("stepping backward" if direction == "backward" else forward)
 
-        exposure_at_start, references = self._exposure_at(segment), page is not None
-        with closing(
-            steps.run(segment, exposure_at_start, needed, references=references, on_step=advance)
-        ) as stepped:
-            for item, aov_names, result, seconds in stepped:
-                frame = item.frame
-                exposure = meter.read(
-                    frame.color, given=frame.exposure, reset=frame.reset, pre_exposure=frame.pre_exposure
-                )
-                exposure /= frame.pre_exposure  # of the images
-                position = self._plan.position(item.index)
+        if job.passes == 1:
+            steps = self._in_order(segment, on_step, references=add_to_page is not None)
+        else:
+            steps = self._both_ways(segment, needed, on_step, references=add_to_page is not None)
+        with closing(steps):
+            for stepped in steps:
+                exposure = _measured(meter, stepped.frame) / stepped.frame.pre_exposure  # of the images
+                position = self._plan.position(stepped.index)
                 if position is None:
                     continue
                 if position >= self._first:
                     self._results.list_files(position)
                 if position >= self._first or job.images.video:
-                    written = item.index, aov_names, position, result, exposure, seconds
-                    queue.put(partial(self._write, *written))
-                if page is not None and position >= len(self._plan.numbers) - COMPARE_FRAMES:
+                    values = stepped.index, stepped.aov_names, stepped.result, stepped.seconds
+                    queue.put(partial(self._write, position, exposure, *values))
+                if add_to_page is not None and position >= len(self._plan.numbers) - COMPARE_FRAMES:
                     with self._times.measure("page"):
-                        page.add(item, result, exposure)
+                        add_to_page(stepped, exposure)
+
+    def _step_count(self, segment: Segment, needed: int) -> int:
+        """Return the number of steps of all passes through a segment."""
+        total = segment.stop - segment.start
+        if self._job.passes == 1:
+            return total
+        start = segment.start
+        while start < segment.end:
+            stop = start + 1
+            while stop < segment.end and self._shot.last_cut(stop) != stop:
+                stop += 1
+            skipped = max(0, needed - start) // self._chunk.frames * self._chunk.frames  # whole chunks
+            total += self._chunk.backward_steps(max(0, stop - start - skipped))
+            start = stop
+        return total
+
+    def _in_order(self, segment: Segment, on_step: _OnStep, *, references: bool) -> Generator[Stepped]:
+        """Yield each frame of a segment with the outputs of its step."""
+        upscaler, extrapolates = self._upscaler, self._job.extrapolation is not None
+        for item in self._frames(segment, upscaler.gbuffers, references=references):
+            frame, before = item.frame, upscaler.stats.seconds
+            step = upscaler.extrapolate if extrapolates and frame.color is None else upscaler.step
+            aovs = () if frame.aovs is None else ("aovs",)
+            with self._named(item.index), self._times.measure("step"):
+                result = step(frame, outputs=(*self._maps(), *aovs))
+            result = result if isinstance(result, StepResult) else StepResult(result)
+            seconds, names = upscaler.stats.seconds - before, item.raw.aov_names
+            yield Stepped(item.index, frame, item.reference, names, result, seconds)
+            on_step(item.index, "forward")
+
+    def _both_ways(
+        self, segment: Segment, needed: int, on_step: _OnStep, *, references: bool
+    ) -> Generator[Stepped]:
+        """Yield each frame of a segment with the merged outputs of a forward and a backward run.
+
+        Chunks before `needed`, the index of the first frame whose image is needed, have no backward run.
+        """
+        job, forward, start = self._job, self._upscaler, segment.start
+        interpolator = None if job.extrapolation is None else interpolator_of(job.extrapolation, forward)
+        buffers = buffers_of(forward, interpolator)
+        aov_names: deque[Sequence[str] | None] = deque()
+
+        def read() -> Iterator[Frame]:
+            for item in self._frames(segment, buffers, references=False):
+                aov_names.append(item.raw.aov_names)
+                yield item.frame
+
+        @contextmanager
+        def around(place: int, direction: str) -> Iterator[None]:
+            with self._named(start + place), self._times.measure("step"):
+                yield
+            on_step(start + place, direction)
+
+        with (
+            job.backward_upscaler(forward) as backward,
+            FrameStore(folder=job.scratch, names=buffers) as store,
+        ):
+            outputs = "aovs", *self._maps()
+            runs = BothWays(
+                forward, backward, store, self._chunk,
+                outputs=outputs, around=around, interpolator=interpolator,
+            )  # fmt: skip
+            merged, before = runs.run(read(), skip=needed - start), time.perf_counter()
+            written = islice(merged, segment.stop - start)  # later ones began the backward run
+            for index, (frame, result) in enumerate(written, start):
+                reference = self._shot.read_reference(index) if references else None
+                seconds = time.perf_counter() - before
+                yield Stepped(index, frame, reference, aov_names.popleft(), result, seconds)
+                before = time.perf_counter()
+
+    def _frames(
+        self, segment: Segment, gbuffers: Collection[str], *, references: bool
+    ) -> Iterator[ShotFrame]:
+        exposure = self._exposure_at(segment.start)
+        frames = self._shot.frames(
+            segment.start, segment.end, gbuffers=gbuffers, references=references, times=self._times
+        )
+        for item in frames:
+            if item.index == segment.start and exposure is not None:
+                item = replace(item, frame=replace(item.frame, reset=True, exposure=exposure))
+            yield item
+
+    def _exposure_at(self, index: int) -> float | None:
+        """Return the exposure that a run of the whole shot has at a frame; None where a cut begins there."""
+        cut = self._shot.last_cut(index)
+        if cut == index:
+            return None
+        if (stated := usable_exposure(self._shot.exposure(index))) is not None:
+            return stated
+        meter, exposure, start = ExposureMeter(), 0.0, max(cut, index - EXPOSURE_FRAMES)
+        for item in self._shot.frames(start, index + 1, gbuffers=(), references=False, times=self._times):
+            with self._times.measure("exposure"):
+                exposure = _measured(meter, item.frame)
+        return exposure
+
+    @contextmanager
+    def _named(self, index: int) -> Iterator[None]:
+        """Add the frame's number to its errors and warnings."""
+        number = self._shot.first_number + index
+        try:
+            with frame_warnings(self._job.console, number):
+                yield
+        except FrameError as error:
+            raise ShotError(self._shot.path, f"frame {number}: {str(error).rstrip('.')}") from error
+
+    def _maps(self) -> tuple[str, ...]:
+        return tuple(self._upscaler.model.info.maps) if self._job.maps else ()
+
+    def _metadata(self, index: int) -> Metadata:
+        shot = self._shot
+        return result_metadata(
+            shot.read_metadata(index), frame_rate=shot.frame_rate, render_size=shot.render_size,
+            display_size=self._display_size,
+        )  # fmt: skip
+
+    def _film(self) -> AbstractContextManager[VideoWriter]:
+        rate, aspect = self._shot.frame_rate or 24.0, pixel_aspect(self._metadata(0))
+        return video_writer(self._results.begin_file(self._results.video), self._display_size, rate, aspect)
 
     def _write(
         self,
+        position: int,
+        exposure: float,
         index: int,
         aov_names: Sequence[str] | None,
-        position: int,
         result: StepResult,
-        exposure: float,
         seconds: float,
     ) -> Written:
         """Write the files of a frame; on a thread of the queue."""
         job, number = self._job, self._plan.numbers[position]
         with self._times.measure("write"):
             output = OutputImage(
-                image=result.image,
-                exposure=exposure,
-                aovs=result.aovs,
-                aov_names=aov_names,
+                image=result.image, exposure=exposure, aovs=result.aovs, aov_names=aov_names,
                 metadata=self._metadata(index),
-            )
-            images = job.images if position >= self._first else replace(job.images, formats=())
-            shown = images.write(job.output, number, output)
-        return Written(position, number, shown, seconds)
+            )  # fmt: skip
+            images = job.images if position >= self._first else replace(job.images, formats=("mp4",))
+            return Written(position, number, images.write(job.output, number, output), seconds)
 
     def _finish(self, film: VideoWriter | None, progress: RunProgress, written: Written) -> None:
         if film is not None and written.shown is not None:
             with self._times.measure("video"):
                 film.write(written.shown)
         if written.position >= self._first:
-            progress.event(
-                "frame",
-                number=written.number,
-                index=written.position,
-                frames=len(self._plan.numbers),
-                seconds=round(written.seconds, 4),
-            )
+            places = {"index": written.position, "frames": len(self._plan.numbers)}
+            progress.event("frame", number=written.number, **places, seconds=round(written.seconds, 4))
 
-    def _print_summary(self, seconds: float) -> None:
-        stats, console = self._upscaler.stats, self._job.console
-        rates = f"{stats.frames / seconds:.1f} a second, the method alone {stats.frames / stats.seconds:.1f}"
-        console.print(f"{stats.frames} frames in {seconds:.1f} s: {rates}")
-        if stats.extrapolated:
-            each = stats.extrapolation_seconds / stats.extrapolated
-            console.print(f"{stats.extrapolated} were not shaded; extrapolating one took {each:.2f} s")
+    @contextmanager
+    def _page(self) -> Iterator[_AddToPage]:
+        """Write compare.html; it appears when the block ends without an error."""
+        job, shot, model, size = self._job, self._shot, self._upscaler.model, self._display_size
+        provider = model.providers[0].removesuffix("ExecutionProvider")
+        sources = ". ".join(line.rstrip(".") for line in (*shot.attribution, shot.license) if line)
+        about = About(
+            title=shot.name,
+            method=model.info.method,
+            display_size=size,
+            frame_rate=shot.frame_rate or 30.0,
+            facts={
+                "method": model.info.method,
+                "size": f"{size_text(shot.render_size)} to {size_text(size)}".replace("x", " × "),
+                "runs on": f"{provider} ({model.executor}, {model.precision})",
+                "frames": str(len(job.numbers or shot)),
+            },
+            legends={"error": ERROR_LEGEND, **LEGENDS},
+            notes=[
+                f"Images show {job.images.transform.description}.",
+                *_PAGE_NOTES,
+                *([f"Shot: {sources}."] if sources else []),
+                versions(),
+            ],
+        )
+        bicubic = Upscaler("bicubic", display_size=size, threads=job.threads, validate="off")
+        with compare_page(self._results.begin_file(self._results.page), about) as page, bicubic:
+
+            def add(stepped: Stepped, exposure: float) -> None:
+                frame, image = stepped.frame, stepped.result.image
+                plain = None if frame.color is None else bicubic.step(frame)
+                transform = job.images.transform
+                layers, numbers = compare_layers(
+                    frame, image, stepped.reference, exposure, bicubic=plain, transform=transform
+                )
+                layers = {**layers, **aux_output_layers(stepped.result)}
+                page.add(shot.first_number + stepped.index, layers, numbers)
+
+            yield add
+
+
+def _measured(meter: ExposureMeter, frame: Frame) -> float:
+    return meter.read(frame.color, given=frame.exposure, reset=frame.reset, pre_exposure=frame.pre_exposure)

@@ -1,11 +1,33 @@
-"""Text for the terminal. Names in other people's files send it no control codes, and are no markup."""
+"""Output on the terminal: text, warnings, progress and stage times.
 
-from typing import Any
+Names in other people's files send it no control codes, and are not markup.
+"""
+
+import json
+import os
+import time
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, Self
 
 import typer
 from rich.console import Console
 
-from supersampler.errors import printable
+from supersampler.errors import FrameWarning, printable
+from supersampler.io.machine import StageTimes
+
+LOG_SECONDS = 15.0
+"""Time between two lines of progress in a log."""
+_STAGES = {
+    "read": "decode the files of a frame, on a separate thread",
+    "exposure": "measure frames before the preroll",
+    "convert": "to this package's conventions, on the thread that reads",
+    "step": "upscale; only the last line has the CPU time of its threads",
+    "page": "bicubic, and encoding the images of compare.html",
+    "write": "display transform, half floats or integers, compression, disk",
+    "video": "encode",
+}
 
 
 def echo(line: str, *, err: bool = False) -> None:
@@ -14,7 +36,7 @@ def echo(line: str, *, err: bool = False) -> None:
 
 
 class Terminal(Console):
-    """A Console that takes text as it is: no markup, no emoji codes, and no control codes but line ends.
+    """A Console that prints text verbatim: no markup, no emoji codes, and no control codes but line ends.
 
     Args:
         stderr: whether it prints there, else to stdout.
@@ -25,8 +47,90 @@ class Terminal(Console):
 
     def print(self, *objects: Any, **options: Any) -> None:
         """Print text or renderables."""
-        super().print(*(_safe(item) if isinstance(item, str) else item for item in objects), **options)
+        safe = ["\n".join(map(printable, o.split("\n"))) if isinstance(o, str) else o for o in objects]
+        super().print(*safe, **options)
 
 
-def _safe(text: str) -> str:
-    return "\n".join(map(printable, text.split("\n")))
+@contextmanager
+def frame_warnings(console: Terminal, index: int) -> Iterator[None]:
+    """Print each FrameWarning of the block as one line with the frame's index; show others as usual."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", FrameWarning)
+        yield
+    for warning in caught:
+        if issubclass(warning.category, FrameWarning):
+            console.print(f"warning: frame {index}: {warning.message}", style="yellow", soft_wrap=True)
+        else:
+            warnings.showwarning(warning.message, warning.category, warning.filename, warning.lineno)
+
+
+class RunProgress:
+    """Progress of a run: a bar on a terminal, a line now and then in a log, or a line of JSON per frame.
+
+    Args:
+        console: prints the bar or the lines.
+        total: number of steps.
+        json: whether to print lines of JSON to stdout.
+    """
+
+    def __init__(self, console: Terminal, total: int, *, json: bool) -> None:
+        from rich import progress  # --help does not need it
+
+        self._console, self._total, self._json = console, total, json
+        self._began = self._logged = time.monotonic()
+        self._done = 0
+        columns: list[Any] = [progress.TextColumn("{task.description}"), progress.BarColumn()]
+        columns += [progress.MofNCompleteColumn(), progress.TextColumn("{task.fields[rate]}")]
+        columns += [progress.TimeRemainingColumn(), progress.TextColumn("left")]
+        self._bar = progress.Progress(
+            *columns, console=console, transient=True, disable=not console.is_terminal
+        )
+        self._task = self._bar.add_task("", total=total, rate="")
+
+    def __enter__(self) -> Self:
+        self._bar.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._bar.stop()
+
+    def advance(self, activity: str) -> None:
+        """Count a step; `activity` is "upscaling", "replaying" or "stepping backward"."""
+        self._done += 1
+        now = time.monotonic()
+        rate = self._done / max(now - self._began, 1e-9)
+        text = f"{rate:.1f} frames/s"
+        self._bar.update(self._task, advance=1, description=activity, rate=text)
+        if not self._console.is_terminal and not self._json and now - self._logged >= LOG_SECONDS:
+            self._logged = now
+            minutes, seconds = divmod(round((self._total - self._done) / rate), 60)
+            hours, minutes = divmod(minutes, 60)
+            left = f"{hours}:{minutes:02d}:{seconds:02d}" if hours else f"{minutes}:{seconds:02d}"
+            self._console.print(f"{activity} {self._done} of {self._total}: {text}, {left} left")
+
+    def event(self, event: str, **values: Any) -> None:
+        """Print a line of JSON, if these were requested."""
+        if self._json:
+            print(json.dumps({"event": event, **values}), flush=True)
+
+
+def print_profile(console: Terminal, times: StageTimes, frames: int, wall: float, cpu: float) -> None:
+    """Print the milliseconds of each call of each stage, and of each frame.
+
+    Args:
+        console: prints the table.
+        times: times of the stages.
+        frames: number of frames that were stepped.
+        wall: seconds of the run.
+        cpu: CPU seconds of the process in the run.
+    """
+    from rich.table import Table
+
+    table = Table("stage", "wall ms", "CPU ms", "of the run", "", box=None)
+    for name, meaning in _STAGES.items():
+        if stage := times.stages.get(name):
+            each = (f"{1000 * seconds / stage.calls:.1f}" for seconds in (stage.wall, stage.cpu))
+            table.add_row(name, *each, f"{stage.wall / wall:.0%}", meaning)
+    cores = f"{cpu / wall:.2f} of {os.cpu_count()} cores busy"
+    table.add_row("all", f"{1000 * wall / frames:.1f}", f"{1000 * cpu / frames:.1f}", "100%", cores)
+    console.print(table)

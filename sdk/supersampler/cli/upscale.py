@@ -1,56 +1,61 @@
 """`supersampler upscale`: upscales shots into folders of images."""
 
 import re
-from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 from supersampler.cli.arguments import (
+    SOURCE_OPTIONS,
     AtRest,
-    Compare,
-    Format,
-    Precision,
-    Preset,
-    Validate,
-    parse_providers,
-    parse_size,
-)
-from supersampler.cli.display_options import Display, Exposure, Look, Ocio, View, display_transform_of
-from supersampler.cli.source_options import (
     ChannelsOption,
     ColorSpaceOption,
+    Compare,
     ConventionsOption,
     CutsOption,
+    Display,
+    Exposure,
+    Format,
     FrameRateOption,
     JitterOption,
     LayoutOption,
+    Look,
+    Ocio,
+    Precision,
+    Preset,
     ReferenceOption,
+    Validate,
+    View,
+    display_transform_of,
     open_with,
+    parse_providers,
+    parse_size,
     source_notes,
 )
-from supersampler.cli.terminal import echo
+from supersampler.cli.terminal import Terminal, echo
 from supersampler.errors import ArgumentError, SupersamplerError
 
 if TYPE_CHECKING:
-    from supersampler.cli.image_options import ImageOptions
-    from supersampler.cli.job import UpscaleJob
+    from supersampler.cli.results import ImageOptions
     from supersampler.io.shot import Shot
-    from supersampler.io.shot.numbered import FrameNumbers
 
 _SUFFIXES = (".exr", ".png", ".tif", ".tiff", ".json", ".safetensors")  # folders may have dots in their names
-Compression = Literal["zip", "dwaa", "piz", "none"]
-Shots = Annotated[
-    list[str],
-    typer.Argument(
-        metavar="SHOT", help="A shot, a folder of frames, a pattern such as beauty.####.exr, or plaza."
-    ),
-]
+_JOB_OPTIONS = (
+    "preroll", "scale", "compare", "maps", "threads", "precision", "at_rest", "preset", "passes", "scratch",
+    "validate", "record", "overwrite", "profile", "json",
+)  # fmt: skip
+"""Parameters that `UpscaleJob` has by the same name."""
 
 
 def upscale(
-    shots: Shots,
+    shots: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="SHOT", help="A shot, a folder of frames, a pattern such as beauty.####.exr, or plaza."
+        ),
+    ],
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write.")],
     method: Annotated[
         str | None, typer.Option(help="A shipped model by name.", show_default="classifier")
@@ -73,26 +78,28 @@ def upscale(
         int | None,
         typer.Option(
             min=0,
-            help="Frames before a range that build its history. Also without --frames: images of chunks.",
-            show_default="with --frames one period of the jitter, at least 32",
+            help="Frames before a range that build its history. Without --frames: make images as chunks do.",
+            show_default="with --frames: one jitter period, at least 32",
         ),
     ] = None,
     format: Annotated[  # noqa: A002  # the option's name
         list[Format] | None,
         typer.Option(
-            help="exr: linear half floats. png, tif, mp4: as a display shows it. Repeat for several.",
-            show_default="exr, or that of sRGB frames",
+            help="exr: linear half floats. png, tif, mp4: as displayed. Repeat it for several.",
+            show_default="exr; sRGB frames keep theirs",
         ),
     ] = None,
     name: Annotated[
         str | None,
         typer.Option(
             metavar="NAME.####",
-            help="Names of results; #### is the number.",
-            show_default="those of the frames",
+            help="Names of the results; #### is the number.",
+            show_default="as the frames",
         ),
     ] = None,
-    compression: Annotated[Compression, typer.Option(help="Of EXR; dwaa loses a little.")] = "zip",
+    compression: Annotated[
+        Literal["zip", "dwaa", "piz", "none"], typer.Option(help="EXR compression; dwaa is lossy.")
+    ] = "zip",
     ocio: Ocio = None,
     display: Display = None,
     view: View = None,
@@ -102,7 +109,7 @@ def upscale(
     maps: Annotated[
         bool,
         typer.Option(
-            "--maps", help="With --compare: also classes, weight of the history, samples, what is frozen."
+            "--maps", help="With --compare: also class map, history weight, sample count, frozen pixels."
         ),
     ] = False,
     layout: LayoutOption = "auto",
@@ -116,45 +123,46 @@ def upscale(
     providers: Annotated[
         str,
         typer.Option(
-            help="ONNX Runtime providers in order, commas between: cuda,cpu. auto takes a GPU if any."
+            help="ONNX Runtime providers in order of preference: cuda,cpu. auto uses a GPU if there is one."
         ),
     ] = "auto",
-    threads: Annotated[int, typer.Option(min=0, help="CPU threads; 0 takes every core.")] = 0,
+    threads: Annotated[int, typer.Option(min=0, help="CPU threads; 0 uses every core.")] = 0,
     precision: Annotated[
-        Precision, typer.Option(help="Of the network. int8: fast on a CPU. fp32, fp16: a graph that ships.")
+        Precision,
+        typer.Option(help="Precision of the network. int8: fast on a CPU. fp32, fp16: a shipped graph."),
     ] = "auto",
     at_rest: Annotated[
         AtRest | None,
         typer.Option(
-            help="Where nothing moves. converge: to the mean of the samples. accumulate: also where noise "
+            help="Static pixels. converge: to the mean of their samples. accumulate: also where only noise "
             "changes, for path tracers. off: depend on recent frames only.",
             show_default="converge; off with --frames or --preroll",
         ),
     ] = None,
     no_skip: Annotated[
-        bool, typer.Option("--no-skip", help="Compute frozen tiles, too; the images are the same.")
+        bool, typer.Option("--no-skip", help="Also compute frozen tiles; the images are the same.")
     ] = False,
     preset: Annotated[
-        Preset | None, typer.Option(help="Sets method and precision for the best error at its speed.")
+        Preset | None, typer.Option(help="Sets method and precision: Pareto-optimal in time and error.")
     ] = None,
     passes: Annotated[
         int,
-        typer.Option(min=1, max=2, help="2: also step backward, and merge: better, and twice the time."),
+        typer.Option(min=1, max=2, help="2: also step backward, and merge; better images in twice the time."),
     ] = 1,
     scratch: Annotated[
         Path | None,
         typer.Option(
             metavar="FOLDER",
-            help="With --passes 2: where frames wait for the second pass; removed at the end.",
-            show_default="the system's temporary files",
+            help="With --passes 2: folder for frames that wait for the second pass; its files are removed.",
+            show_default="the system's temporary folder",
         ),
     ] = None,
     extrapolate: Annotated[
         str | None,
         typer.Option(
             metavar="MODEL",
-            help="Extrapolates frames of SHOT that were not shaded: guided-warp, or a model folder. "
-            "All frames need G-buffers.",
+            help="Extrapolate unshaded frames of SHOT: guided-warp, or a model folder. All frames need "
+            "G-buffers.",
         ),
     ] = None,
     validate: Annotated[
@@ -169,12 +177,10 @@ def upscale(
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace the results of an earlier run.")
     ] = False,
-    profile: Annotated[bool, typer.Option("--profile", help="Print where the time goes.")] = False,
-    json: Annotated[
-        bool, typer.Option("--json", help="Print a line of JSON for each frame on the standard output.")
-    ] = False,
+    profile: Annotated[bool, typer.Option("--profile", help="Print the time of each stage.")] = False,
+    json: Annotated[bool, typer.Option("--json", help="Print a line of JSON per frame to stdout.")] = False,
 ) -> None:
-    """Upscale SHOT, frame by frame, into a folder of images; several, each into a folder of its name.
+    """Upscale SHOT, frame by frame, into a folder of images; several shots, each into a folder of its name.
 
     A run that was stopped continues when the same command is given again: complete frames are kept, and the
     history is rebuilt from the frames since the last cut. Exit codes: 0 done, 1 an error, 2 wrong arguments,
@@ -186,127 +192,86 @@ def upscale(
       supersampler upscale "renders/beauty.####.exr" -o out --conventions blender --frames 100-199
       supersampler upscale shots/* -o out --format exr --format mp4 --view "ACES 2.0 - SDR 100 nits (Rec.709)"
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
-    from supersampler.cli.job import UpscaleJob
+    from supersampler.cli.job import UpscaleJob, open_for
+    from supersampler.cli.results import checked_name
+    from supersampler.cli.run import run_job
     from supersampler.io.shot.numbered import FrameNumbers
 
+    given = dict(locals())
     if method is not None and model is not None:
         raise ArgumentError("--method and --model", got="both given", want="one of the two")
     if display_size is not None and scale is not None:
         raise ArgumentError("--display-size and --scale", got="both given", want="one of the two")
     numbers = None if frames is None else FrameNumbers.parse(frames, "--frames")
-    source: dict[str, Any] = {
-        "layout": layout,
-        "jitter": jitter,
-        "channels": channels,
-        "conventions": conventions,
-        "frame_rate": frame_rate,
-        "cuts": cuts,
-        "reference": reference,
-        "color_space": color_space,
-    }
-    shown = {"ocio": ocio, "display": display, "view": view, "look": look, "exposure": exposure}
-    settings: dict[str, Any] = {
-        "numbers": numbers,
-        "preroll": preroll,
-        "model": model or method,
-        "display_size": None if display_size is None else parse_size(display_size, "--display-size"),
-        "scale": scale,
-        "compare": compare,
-        "maps": maps,
-        "providers": parse_providers(providers),
-        "threads": threads,
-        "precision": precision,
-        "at_rest": at_rest,
-        "skip": not no_skip,
-        "preset": preset,
-        "passes": passes,
-        "scratch": scratch,
-        "extrapolation": extrapolate,
-        "validate": validate,
-        "overwrite": overwrite,
-        "profile": profile,
-        "json": json,
-        "source": {name: str(value) for name, value in source.items() if value is not None},
-    }
+    size = None if display_size is None else parse_size(display_size, "--display-size")
+    if name is not None:
+        name = checked_name(re.sub(r"%0?(\d{0,2})d", lambda field: "#" * int(field[1] or 1), name))
     folders = _folders(shots, output)
     if record is not None and passes > 1:
         raise ArgumentError("--record", got="given with --passes 2", want="one pass, in order")
     if record is not None and len(folders) > 1:
         raise ArgumentError("--record", got="given for several shots", want="one shot")
-    failed = 0
+    console, failed = Terminal(stderr=True), False
     for text, folder in folders.items():
         try:
-            shot, note = _opened(text, source, numbers, preroll, passes)
-            images = _image_options(shot, format, name, compression, shown)
-            job = UpscaleJob(shot=shot, output=folder, images=images, **settings, record=record)
-            if note:
-                job.console.print(note, soft_wrap=True)
-            _run(job)
+            notes: list[str] = []
+            if numbers is None:
+                shot = open_with(text, given)
+            else:
+                shot, note = open_for(numbers, preroll, partial(open_with, text, given), passes)
+                notes = [note] if note else []
+            for line in (*notes, *source_notes(shot)):
+                console.print(line, soft_wrap=True)
+            job = UpscaleJob(
+                shot=shot,
+                output=folder,
+                source={key: str(given[key]) for key in SOURCE_OPTIONS if given[key] is not None},
+                images=_image_options(shot, given, name),
+                numbers=numbers,
+                model=model or method,
+                display_size=size,
+                providers=parse_providers(providers),
+                skip=not no_skip,
+                extrapolation=extrapolate,
+                console=console,
+                **{key: given[key] for key in _JOB_OPTIONS},
+            )
+            results = run_job(job)
+            if json:
+                continue
+            if record is not None:
+                echo(f"Replay: supersampler replay {record}")
+            if job.images.video:
+                echo(f"Video: {folder / results.video}")
+            if compare:
+                echo(f"Open in a browser: {folder / results.page}")
         except (SupersamplerError, OSError) as error:
             if len(folders) == 1:
                 raise
-            failed += 1
+            failed = True
             echo(f"error: {error}", err=True)
     if failed:
         raise typer.Exit(1)
 
 
-def _opened(
-    text: str, source: dict[str, Any], numbers: "FrameNumbers | None", preroll: int | None, passes: int
-) -> tuple["Shot", str]:
-    """Open a shot, or what the frames of these numbers need of it; return also a note to print, or ""."""
-    from supersampler.cli.frame_plan import open_for
-
-    if numbers is None:
-        return open_with(text, **source), ""
-    return open_for(numbers, preroll, lambda frames: open_with(text, **source, frames=frames), passes)
-
-
-def _run(job: "UpscaleJob") -> None:
-    """Run a job, and print what to open."""
-    from supersampler.cli.run import run_job
-
-    for note in source_notes(job.shot):
-        job.console.print(note, soft_wrap=True)
-    results = run_job(job)
-    if job.json:
-        return
-    if job.record is not None:
-        echo(f"Replay: supersampler replay {job.record}")
-    if job.images.video:
-        echo(f"Video: {job.output / results.video}")
-    if job.compare:
-        echo(f"Open in a browser: {job.output / results.page}")
-
-
-def _image_options(
-    shot: "Shot",
-    formats: list[Format] | None,
-    name: str | None,
-    compression: str,
-    shown: Mapping[str, Any],
-) -> "ImageOptions":
-    """Return the options of the images of a shot; sRGB-encoded frames come back as they were by default."""
-    from supersampler.cli.image_options import checked_name, image_options
+def _image_options(shot: "Shot", options: dict[str, Any], name: str | None) -> "ImageOptions":
+    """Return the options of the images of a shot; by default sRGB-encoded frames come back as they were."""
+    from supersampler.cli.results import ImageOptions, checked_name
     from supersampler.io.display_transforms import REC709
     from supersampler.io.images import UNKNOWN_COLOR_SPACE
 
     stored, srgb, stated = shot.stored_as, shot.conventions.srgb, shot.info.color_space
     space = None if stated == UNKNOWN_COLOR_SPACE else stated
     same = srgb and stored.format in ("png", "tif")
-    return image_options(
-        [item.value for item in formats] if formats else [stored.format if same else "exr"],
-        name=checked_name(shot.info.file_names if name is None else re.sub(r"%0?(\d{0,2})d", _hashes, name)),
-        transform=display_transform_of(color_space=space or REC709, srgb=srgb, **shown),
-        compression=compression,
+    return ImageOptions(
+        formats=[str(item) for item in options["format"] or [stored.format if same else "exr"]],
+        name=name or checked_name(shot.info.file_names),
+        transform=display_transform_of(space or REC709, srgb=srgb, options=options),
+        compression=options["compression"],
         straight_alpha=stored.format in ("png", "tif"),
         bits=16 if same and stored.type == "uint16" else 8,
         color_space=space,
     )
-
-
-def _hashes(field: re.Match[str]) -> str:
-    return "#" * int(field[1] or 1)
 
 
 def _folders(shots: list[str], output: Path) -> dict[str, Path]:

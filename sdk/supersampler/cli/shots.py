@@ -1,0 +1,228 @@
+"""`supersampler info`, `check` and `import`: commands that read shots, and print properties of models."""
+
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from supersampler.cli.arguments import (
+    ChannelsOption,
+    ColorSpaceOption,
+    ConventionsOption,
+    CutsOption,
+    FrameRateOption,
+    JitterOption,
+    LayoutOption,
+    ReferenceOption,
+    ShotArgument,
+    open_shot,
+    open_with,
+    size_text,
+    source_notes,
+)
+from supersampler.cli.terminal import Terminal, echo
+from supersampler.errors import ShotError, did_you_mean
+
+if TYPE_CHECKING:
+    from supersampler.io.shot import Shot
+    from supersampler.methods.model_info import ModelInfo, TensorInfo
+    from supersampler.methods.spec import MethodSpec
+
+
+def info(
+    what: Annotated[
+        str | None, typer.Argument(metavar="METHOD|SHOT", help="A method's name, a model folder, or a shot.")
+    ] = None,
+) -> None:
+    """Print a method's inputs and outputs, or a shot's properties; without argument, all names and the GPU.
+
+    \b
+    Examples:
+      supersampler info taau
+      supersampler info renders/kitchen
+    """  # noqa: D301  # \b is click's mark for lines that are not to be joined
+    from supersampler.backends.gpu.device import adapter_text
+    from supersampler.methods.model_file import extrapolation_names, find_model, model_names, read_model_info
+    from supersampler.methods.registry import methods
+
+    untrained = {name: spec for name, spec in methods().items() if not spec.ships}
+    models, extrapolations = model_names(), extrapolation_names()
+    if what is None:
+        rows = {
+            "models": ", ".join(models),
+            "extrapolation": ", ".join(extrapolations),
+            "without weights": ", ".join(untrained),
+            "shots": "plaza",
+            "GPU": adapter_text(),
+        }
+    elif what in [*models, *extrapolations] or (Path(what) / "model.json").is_file():
+        rows = _model_rows(read_model_info(find_model(what)))
+    elif what in untrained and not Path(what).exists():
+        rows = _untrained_rows(untrained[what])
+    elif (Path(what) / "dataset.json").is_file():
+        rows = import_module("supersampler_model.data.dataset.overview").rows(Path(what))
+    else:
+        try:
+            rows = _shot_rows(open_shot(what))
+        except ShotError as error:
+            hint = did_you_mean(what, methods())
+            raise ShotError(error.path, error.problem, hint or error.hint) from None
+    width = max(map(len, rows))
+    for name, value in rows.items():
+        for number, line in enumerate(value.split("\n")):
+            echo(f"{name if number == 0 else '':{width}}  {line}".rstrip())
+
+
+def check(
+    shot: ShotArgument,
+    layout: LayoutOption = "auto",
+    jitter: JitterOption = None,
+    channels: ChannelsOption = None,
+    conventions: ConventionsOption = None,
+    frame_rate: FrameRateOption = None,
+    cuts: CutsOption = None,
+    reference: ReferenceOption = None,
+    color_space: ColorSpaceOption = None,
+    frames: Annotated[int, typer.Option(min=2, help="Number of frames to read from the middle.")] = 6,
+) -> None:
+    """Detect the conventions of SHOT: motion, jitter and depth.
+
+    Tries motion units, directions and flips, and jitter units, signs and flips, on a few frames, and ranks
+    them by how well they reproject each image to the next. Prints the best, the margins and the Conventions
+    to write, and the G-buffers of the first frame. Exit code 1 where they contradict the shot's own.
+
+    \b
+    Examples:
+      supersampler check shots/kitchen
+      supersampler check "out/beauty.####.exr" --conventions unreal --jitter jitter.json
+    """  # noqa: D301  # \b is click's mark for lines that are not to be joined
+    from supersampler.methods.gbuffers import listed, names_of
+    from supersampler.validation import detect_conventions
+
+    opened = open_with(shot, locals())
+    detection = detect_conventions(opened, frames=frames)
+    echo(f"{opened.name}: {min(frames, len(opened))} of {len(opened)} frames")
+    echo(f"G-buffers: {listed(names_of(opened.read_raw(0)))}")
+    for line in (*source_notes(opened), *detection.summary().splitlines()):
+        echo(line)
+    if not detection.agrees:
+        raise typer.Exit(1)
+
+
+def import_shot(
+    source: Annotated[
+        str,
+        typer.Argument(
+            metavar="SOURCE", help="Folder of frames, pattern such as beauty.####.exr, or .safetensors."
+        ),
+    ],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="SHOT", help="Folder to write.")],
+    layout: LayoutOption = "auto",
+    jitter: JitterOption = None,
+    channels: ChannelsOption = None,
+    conventions: ConventionsOption = None,
+    frame_rate: FrameRateOption = None,
+    cuts: CutsOption = None,
+    reference: ReferenceOption = None,
+    color_space: ColorSpaceOption = None,
+) -> None:
+    """Copy frames of other programs into a shot of this package's format.
+
+    Pixels are not converted: the shot states their conventions, and `supersampler check` tests them. Motion
+    and depth packed into 8-bit channels are unpacked as --channels says (docs/shots.md), and what such files
+    lose is printed. A run that was stopped continues when the same command is given again.
+
+    \b
+    Examples:
+      supersampler import renders/kitchen -o shots/kitchen --jitter jitter.json
+      supersampler import "out/beauty.####.exr" -o shots/city --conventions unreal
+      supersampler import unreal_out -o shots/city --channels map.json --conventions unreal
+      supersampler import village_png -o shots/village --channels packed.json --conventions uv.json
+      supersampler import 0001.safetensors -o shots/arm
+    """  # noqa: D301  # \b is click's mark for lines that are not to be joined
+    from supersampler.io.shot import copy_shot
+
+    shot = open_with(source, locals())
+    with Terminal(stderr=True).status(f"copying {len(shot)} frames"):
+        written = copy_shot(shot, output, resume=True)
+    echo(f"{len(written)} frames of {size_text(written.render_size)} in {output}")
+    for note in source_notes(shot):
+        echo(note)
+    echo(f"Next: supersampler check {output}")
+
+
+def _untrained_rows(method: "MethodSpec") -> dict[str, str]:
+    from supersampler.methods.gbuffers import GBUFFERS, listed
+
+    train = f"`supersampler train {method.name}`"
+    export = f"`supersampler export {method.name} --weights FILE -o FOLDER`"
+    return {
+        "method": method.name,
+        "source": method.source,
+        "ratios": _ratio_text(method.ratios),
+        "G-buffers": listed([name for name in method.inputs if name in GBUFFERS]),
+        "weights": f"none ship\ntrain it: {train}\nand export it: {export}",
+    }
+
+
+def _model_rows(model: "ModelInfo") -> dict[str, str]:
+    from supersampler.methods.gbuffers import listed
+
+    ratios = _ratio_text(model.ratios)
+    if model.extrapolates:
+        ratios = "none: it computes the colour of unshaded frames, at render size"
+    extrapolated = {"extrapolated frames": "no others"} if model.only_extrapolated else {}
+    if model.extrapolated is not None:
+        extrapolated = {"extrapolated frames": f"by the model in {model.extrapolated.name}"}
+    return {
+        "method": model.method,
+        "source": model.source,
+        "folder": str(model.folder),
+        "contract": str(model.contract),
+        "ratios": ratios,
+        **extrapolated,
+        "inputs": "\n".join(map(_tensor_text, model.inputs)),
+        "G-buffers": listed(model.gbuffers),
+        "history": "\n".join(_tensor_text(item.input) for item in model.history) or "none",
+        "image": _tensor_text(model.image),
+        "settings": ", ".join(map(_fact, model.config.items())) or "none",
+        "agreement": ", ".join(map(_fact, model.parity.items())),
+        "files": "\n".join(f"{name}  sha256 {digest}" for name, digest in model.files.items()),
+        "licence": model.licence,
+        "attribution": "\n".join(model.attributions) or "none",
+        "made with": ", ".join(map(_fact, model.versions.items())),
+    }
+
+
+def _shot_rows(shot: "Shot") -> dict[str, str]:
+    from supersampler.methods.gbuffers import listed, names_of
+
+    frame = shot.read(0).frame
+    return {
+        "shot": shot.name,
+        "folder": str(shot.path),
+        "frames": f"{len(shot)}" + (f" at {shot.frame_rate:g} a second" if shot.frame_rate else ""),
+        "render size": size_text(shot.render_size),
+        "display size": size_text(shot.display_size),
+        "references": f"{len(shot.reference_indices)} frames",
+        "conventions": repr(shot.conventions),
+        "G-buffers": listed(names_of(frame)),
+        "AOVs": "none" if frame.aovs is None else f"{frame.aovs.shape[2]} channels",
+        "licence": shot.license or "not stated",
+        "attribution": "\n".join(shot.attribution) or "none",
+    }
+
+
+def _ratio_text(ratios: tuple[float, float]) -> str:
+    text = f"only {ratios[0]}" if ratios[0] == ratios[1] else f"{ratios[0]} to {ratios[1]}"
+    return f"{text} (display over render size, each axis)"
+
+
+def _tensor_text(tensor: "TensorInfo") -> str:
+    return f"{tensor.name}  {tensor.type} ({', '.join(map(str, tensor.shape))})"
+
+
+def _fact(item: tuple[str, object]) -> str:
+    name, value = item
+    return f"{len(value)} {name}" if isinstance(value, list) else f"{name} {value}"
