@@ -11,7 +11,7 @@ from supersampler import Frame
 from supersampler.frame import Size
 from supersampler.methods.extrapolation.spec import FlowNetworkConfig, GuidedFlowConfig, GuidedWarpConfig
 from supersampler_model.data.scenes.analytic import Values, Vector, grey
-from supersampler_model.methods.extrapolation.guided_flow import GuidedFlow
+from supersampler_model.methods.guided_flow import GuidedFlow
 
 SMALL = GuidedFlowConfig(network=FlowNetworkConfig((8, 8, 8)), warp=GuidedWarpConfig(strides=(1,)))
 

@@ -18,9 +18,9 @@ from supersampler.methods.spec import DISPLAY, MethodSpec
 from supersampler_export.folder import write_model_folder
 from supersampler_model.methods.base import Method
 from supersampler_model.ops.color import bounded, sanitize
-from supersampler_model.ops.sampling import grid_bands, grid_of, linear, resample
-from supersampler_model.ops.size import Size as Extent
-from supersampler_model.ops.size import render_size_of
+from supersampler_model.ops.images import Size as Extent
+from supersampler_model.ops.images import size_of
+from supersampler_model.ops.sampling import grid_of, linear, resample
 
 RATIO = 2
 WANTED = ("gbuffer_base_color", "gbuffer_display_base_color", "gbuffer_display_normal")
@@ -61,9 +61,9 @@ class Demodulated(Method):
         history_color: Tensor,  # (1, 3, 2 h, 2 w)
     ) -> Step:
         """Return the image, (1, 3, 2 h, 2 w)."""
-        render = render_size_of(color)
+        render = size_of(color)
         grid = grid_of(Extent(RATIO * render.width, RATIO * render.height), render, jitter)
-        kernels = grid_bands(grid, render, linear, reach=1)
+        kernels = grid.bands(render, linear, reach=1)
         light = resample(sanitize(color, 0.0) / (gbuffer_base_color + DARK), *kernels)
         packed = F.pixel_unshuffle(gbuffer_display_base_color, RATIO)  # as a network at render size reads it
         facing = 1.0 + 0.1 * gbuffer_display_normal[:, 2:]

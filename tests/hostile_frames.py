@@ -8,7 +8,7 @@ from torch import Tensor
 from supersampler.conventions.jitter import only_ratio, scaled
 from supersampler_export.parity import noise
 from supersampler_model.methods.base import Method
-from supersampler_model.ops.size import Size
+from supersampler_model.ops.images import Size
 
 RENDER = Size(37, 22)
 EXPOSURES = (0.0, 1.7, 0.0, 900.0, 900.0, 2.0, 0.0)

@@ -18,10 +18,10 @@ from supersampler.frame import Float32
 from supersampler.io.display import display_transform
 from supersampler.methods.classifier.spec import NetworkConfig
 from supersampler.methods.model_file import find_model
-from supersampler_export import calibrate
-from supersampler_export.cpu_network import cpu_network
-from supersampler_model.methods.classifier.model import Classifier
-from supersampler_model.ops.size import Size as ModelSize
+from supersampler_export import quantize
+from supersampler_export.quantize import cpu_network
+from supersampler_model.methods.classifier import Classifier
+from supersampler_model.ops.images import Size as ModelSize
 
 TINY = NetworkConfig(levels=(16, 16, 32, 64), decoder=16, hidden=16)
 Made = tuple[Classifier, Model]
@@ -35,7 +35,7 @@ def with_random_weights(method: Classifier, folder: Path) -> Made:
     nn.init.normal_(method.net.blend.weight, std=0.5)  # zeros would hide what lies where
     nn.init.normal_(method.net.blend.bias, std=0.5)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(calibrate, "FRAMES", 2)
+        patch.setattr(quantize, "FRAMES", 2)
         network = cpu_network(method.eval())
     assert network is not None
     (folder / "network.npz").write_bytes(network)

@@ -11,11 +11,10 @@ import torch
 from supersampler.methods.classifier.spec import ClassifierConfig, NetworkConfig
 from supersampler.methods.gbuffer.spec import SMALL_NETWORK, GBufferConfig
 from supersampler_model.data.dataset import open_dataset
-from supersampler_model.methods.classifier.model import Classifier
-from supersampler_model.methods.extrapolation.joint import Extrapolate
-from supersampler_model.methods.gbuffer.model import SmallGBuffer
-from supersampler_model.training.classifier_task import ClassifierTask
-from supersampler_model.training.extrapolate_task import ExtrapolateTask
+from supersampler_model.methods.classifier import Classifier
+from supersampler_model.methods.extrapolate import Extrapolate
+from supersampler_model.methods.gbuffer import SmallGBuffer
+from supersampler_model.training.classifier_tasks import ClassifierTask, ExtrapolateTask
 from supersampler_model.training.gbuffer_task import GBufferTask
 from supersampler_model.training.processes import join_processes, leave_processes
 from supersampler_model.training.task import Task
@@ -29,7 +28,7 @@ GBUFFER = GBufferConfig(
 )
 WHOLE, PARTLY = "whole", "partly"
 """Names of sets with all references, and with some that are known in part."""
-TASKS: dict[str, tuple[str, Callable[[], Task[Any]]]] = {
+TASKS: dict[str, tuple[str, Callable[[], Task]]] = {
     "classifier": (PARTLY, lambda: ClassifierTask(Classifier(CLASSIFIER))),
     "extrapolate": (PARTLY, lambda: ExtrapolateTask(Extrapolate(CLASSIFIER))),
     "gbuffer": (WHOLE, lambda: GBufferTask(SmallGBuffer(GBUFFER))),

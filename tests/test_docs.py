@@ -38,7 +38,7 @@ def test_the_page_on_adding_a_method_adds_one(tmp_path: Path, monkeypatch: pytes
     files = re.findall(r"```python\n# (\S+)\n(.*?)```", page, re.DOTALL)
     assert [path for path, _ in files] == [
         "sdk/supersampler/methods/average/spec.py",
-        "model/supersampler_model/methods/average/model.py",
+        "model/supersampler_model/methods/average.py",
         "tests/model/test_average.py",
     ]
     for path, text in files:

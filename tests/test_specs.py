@@ -19,7 +19,7 @@ from supersampler.methods.spec import MethodSpec, constant_indices, constants_ar
 from supersampler_model.methods import method_class
 from supersampler_model.methods.aovs import BlendAovs
 from supersampler_model.methods.base import Method
-from supersampler_model.methods.extrapolation.joint import UnshadedExtrapolate
+from supersampler_model.methods.extrapolate import UnshadedExtrapolate
 
 ROOT = Path(__file__).parents[1]
 MODELS = ROOT / "sdk/supersampler/models"

@@ -25,7 +25,7 @@ from supersampler_bench.markdown_table import table
 from supersampler_bench.record import Record, write_json
 from supersampler_model.data.dataset import open_dataset
 from supersampler_model.training.trainer import Plan, Trainer
-from supersampler_model.training.validate import validate, validation_entries
+from supersampler_model.training.validation import validate, validation_entries
 
 BATCH, AVERAGE = 4, 100
 

@@ -6,20 +6,17 @@ from typing import Any
 
 from supersampler.methods.classifier.spec import INPUTS, ClassifierConfig, PaperConfig, SmallConfig
 from supersampler.methods.gbuffer.spec import SMALL_NETWORK, GBufferConfig
-from supersampler_model.methods.classifier.model import Classifier
-from supersampler_model.methods.classifier.small import SmallClassifier
-from supersampler_model.methods.classifier_paper.model import PaperClassifier
-from supersampler_model.methods.gbuffer.buffers import FrameInputs, Gathered, History, Surfaces
-from supersampler_model.methods.gbuffer.model import SmallGBuffer4
-from supersampler_model.methods.gbuffer.surfaces import neutral_surfaces
-from supersampler_model.ops.sampling import pick
-from supersampler_model.ops.size import render_size_of
-from supersampler_model.training.class_loss import ClassifierWeights
-from supersampler_model.training.classifier_task import ClassifierTask
+from supersampler_model.methods.classifier import Classifier, SmallClassifier
+from supersampler_model.methods.classifier_paper import PaperClassifier
+from supersampler_model.methods.gbuffer import FrameInputs, Gathered, History, SmallGBuffer4
+from supersampler_model.methods.gbuffer_surfaces import Surfaces, neutral_surfaces
+from supersampler_model.ops.images import size_of
+from supersampler_model.training.classifier_tasks import ClassifierTask
 from supersampler_model.training.gbuffer_task import GBufferTask, GBufferWeights
+from supersampler_model.training.losses import ClassifierWeights
 from supersampler_model.training.task import Task
 
-Variants = Mapping[str, Callable[[], Task[Any]]]
+Variants = Mapping[str, Callable[[], Task]]
 """Tasks by the variant's name; each of the others differs from the first in one thing."""
 
 ALL_INPUTS = ClassifierConfig(inputs=INPUTS)
@@ -88,8 +85,8 @@ class WithoutBuffers(SmallGBuffer4):
 
     def gather(self, frame: FrameInputs, history: History) -> Gathered:
         """See `GBuffer.gather`."""
-        grid = frame.view.grid(render_size_of(frame.color))
-        near = {name: pick(getattr(frame.render, name), grid) for name in self.nearest}
+        grid = frame.view.grid(size_of(frame.color))
+        near = {name: grid.pick(getattr(frame.render, name)) for name in self.nearest}
         display = self._neutralized(frame.display._replace(**near))
         render = self._neutralized(frame.render)
         return super().gather(frame._replace(render=render, display=display), history)
@@ -99,15 +96,15 @@ class WithoutBuffers(SmallGBuffer4):
         return surfaces._replace(**{name: getattr(neutral, name) for name in self.neutral})
 
 
-def _without(*buffers: str) -> Callable[[], Task[Any]]:
+def _without(*buffers: str) -> Callable[[], Task]:
     return lambda: GBufferTask(WithoutBuffers(buffers))
 
 
-def _gbuffer(**fields: Any) -> Callable[[], Task[Any]]:
+def _gbuffer(**fields: Any) -> Callable[[], Task]:
     return lambda: GBufferTask(SmallGBuffer4(GBufferConfig(ratio=4, **{"network": SMALL_NETWORK, **fields})))
 
 
-def _network(**fields: Any) -> Callable[[], Task[Any]]:
+def _network(**fields: Any) -> Callable[[], Task]:
     return _gbuffer(network=replace(SMALL_NETWORK, **fields))
 
 
@@ -137,7 +134,7 @@ GBUFFERS: Variants = {
 """Parts of Wang et al. 2025, tables VI and IX."""
 
 
-def _task(make: Callable[[], Classifier]) -> Callable[[], Task[Any]]:
+def _task(make: Callable[[], Classifier]) -> Callable[[], Task]:
     return lambda: ClassifierTask(make())
 
 

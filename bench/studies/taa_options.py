@@ -28,8 +28,8 @@ from supersampler_bench.quality.score_record import quality_record, scores_row, 
 from supersampler_bench.quality.score_table import markdown_table as score_table
 from supersampler_bench.quality.score_table import tables_of
 from supersampler_bench.record import Record
-from supersampler_model.methods.taa.model import Taa
-from supersampler_model.ops.size import Size as Extent
+from supersampler_model.methods.taa import Taa
+from supersampler_model.ops.images import Size as Extent
 
 OPTIONS = {
     "taa": TaaConfig(),

@@ -26,7 +26,7 @@ from supersampler_bench.shots.rendered_frame import rendered_sequence
 from supersampler_export.half import to_half
 from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.methods import load_method
-from supersampler_model.ops.size import Size as Extent
+from supersampler_model.ops.images import Size as Extent
 
 SIZES: Sequence[tuple[Size, Size]] = (((160, 90), (320, 180)), ((107, 61), (160, 91)))
 """(render, display); the second is odd, at a ratio of 1.5."""

@@ -13,7 +13,7 @@ from supersampler.backends.onnx.runtime import ort
 from supersampler.frame import Size
 from supersampler.methods.model_info import extents
 from supersampler.methods.spec import sized
-from supersampler_model.methods.base import Fused
+from supersampler_model.methods.base import NetworkSubgraph
 
 _COUNTED = ("Conv", "MatMul", "Gemm")
 COUNTED_AT: Size = (960, 544)
@@ -24,7 +24,7 @@ def multiply_adds(network: onnx.ModelProto, display_size: Size = COUNTED_AT, rat
     """Count the multiply-adds of a network's convolutions and matrix products, per display pixel.
 
     Args:
-        network: from `export_fused`.
+        network: from `export_subgraph`.
         display_size: (width, height).
         ratio: of display to render size.
     """
@@ -41,17 +41,17 @@ def multiply_adds(network: onnx.ModelProto, display_size: Size = COUNTED_AT, rat
     return total / (display_size[0] * display_size[1])
 
 
-def multiply_adds_of(fused: Fused, display_size: Size = COUNTED_AT) -> float:
+def multiply_adds_of(subgraph: NetworkSubgraph, display_size: Size = COUNTED_AT) -> float:
     """Count the same from the torch module, on meta tensors.
 
     Args:
-        fused: the learned part of a method.
+        subgraph: the learned part of a method.
         display_size: (width, height).
     """
-    render = (display_size[0] // fused.ratio, display_size[1] // fused.ratio)
+    render = (display_size[0] // subgraph.ratio, display_size[1] // subgraph.ratio)
     sizes = extents(render=render, display=display_size, previous=render)
-    inputs = [torch.empty(sized(shape, sizes), device="meta") for shape in fused.inputs.values()]
-    network = copy.deepcopy(fused.module).eval().to("meta")
+    inputs = [torch.empty(sized(shape, sizes), device="meta") for shape in subgraph.inputs.values()]
+    network = copy.deepcopy(subgraph.module).eval().to("meta")
     with torch.no_grad(), FlopCounterMode(display=False) as counter:
         network(*inputs)
     operations: int = counter.get_total_flops()  # a product and a sum per multiply-add

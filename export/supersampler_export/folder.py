@@ -20,22 +20,23 @@ from supersampler.methods.model_file import CONTRACT
 from supersampler.methods.model_info import EXTRAPOLATED
 from supersampler.methods.spec import RENDER, TENSORS, Shape, dtype_of
 from supersampler_export.count import multiply_adds_of
-from supersampler_export.cpu_network import cpu_network
-from supersampler_export.graph import OPSET, export_fused, export_graph, history_name
-from supersampler_export.half import to_half, without_detours
+from supersampler_export.graph import OPSET, export_graph, export_subgraph, history_name
+from supersampler_export.half import to_half
 from supersampler_export.parity import (
     FRAMES,
     SHARE,
     TOLERANCE,
     Parity,
-    check_fused,
     check_half,
     check_parity,
+    check_subgraph,
     tolerance_of_half,
 )
+from supersampler_export.quantize import cpu_network
 from supersampler_export.quantized_graph import quantized_network
+from supersampler_export.simplify import without_detours
 from supersampler_model.methods.aovs import BlendAovs
-from supersampler_model.methods.base import Fused, Method
+from supersampler_model.methods.base import Method, NetworkSubgraph
 
 _FILES = {
     "aovs.onnx": "blends AOVs (alpha, any channels) by the step's `weight` output.",
@@ -94,11 +95,11 @@ def _folder_files(method: Method, inner: Mapping[str, bytes]) -> dict[str, bytes
     parity = check_parity(method, files["step.onnx"])
     if not method.extrapolates():  # upscalers blend AOVs
         files["aovs.onnx"] = aovs_graph()
-    fused, network = method.fused(), cpu_network(method)
-    if fused is not None:
-        alone = export_fused(fused)
+    subgraph, network = method.subgraph(), cpu_network(method)
+    if subgraph is not None:
+        alone = export_subgraph(subgraph)
         files["network.onnx"] = _serialized(alone)
-        check_fused(fused, files["network.onnx"])
+        check_subgraph(subgraph, files["network.onnx"])
         if network is not None:
             files["network.int8.onnx"] = _serialized(quantized_network(alone, network))
     half = to_half(method)
@@ -142,7 +143,7 @@ def _serialized(graph: onnx.ModelProto) -> bytes:
 
 def describe(method: Method) -> dict[str, Any]:
     """Return the content of model.json except for files and parity."""
-    spec, fused = method.spec, method.fused()
+    spec, subgraph = method.spec, method.subgraph()
     config = getattr(method, "config", spec.config())
     return {
         "contract": CONTRACT,
@@ -157,13 +158,13 @@ def describe(method: Method) -> dict[str, Any]:
             for name, shape in spec.history.items()
         ],
         "image": _tensor("image", spec.image),
-        **({} if fused is None else {"network": _network(fused)}),
+        **({} if subgraph is None else {"network": _network(subgraph)}),
         "aux_outputs": [_tensor(name, TENSORS[name]) for name in spec.aux_outputs],
         "maps": {name: where._asdict() for name, where in spec.maps.items()},
         "config": dataclasses.asdict(config),
-        **({"learned": dict(method.learned)} if method.learned else {}),
+        **({"learned": dict(method.provenance)} if method.provenance else {}),
         "licence": "Apache-2.0",
-        "attributions": list(method.learned.get("attributions", ())),
+        "attributions": list(method.provenance.get("attributions", ())),
         "versions": {
             "supersampler": __version__,
             "torch": torch.__version__.split("+")[0],
@@ -247,10 +248,10 @@ def _parity_record(parity: Sequence[Parity]) -> dict[str, Any]:
     }
 
 
-def _network(fused: Fused) -> dict[str, Any]:
-    tensors = {"inputs": fused.inputs, "outputs": fused.outputs}
+def _network(subgraph: NetworkSubgraph) -> dict[str, Any]:
+    tensors = {"inputs": subgraph.inputs, "outputs": subgraph.outputs}
     described = {kind: [_tensor(*item) for item in shapes.items()] for kind, shapes in tensors.items()}
-    return {**described, "multiply_adds": multiply_adds_of(fused)}
+    return {**described, "multiply_adds": multiply_adds_of(subgraph)}
 
 
 def _tensor(name: str, shape: Shape) -> dict[str, Any]:

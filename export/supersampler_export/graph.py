@@ -35,11 +35,10 @@ from supersampler.methods.spec import (
     Shape,
     sized,
 )
-from supersampler_export.gathers import simplified_gathers
 from supersampler_export.half import folded
-from supersampler_export.slices import joined_slices
-from supersampler_model.methods.base import Fused, Method
-from supersampler_model.ops.size import Size
+from supersampler_export.simplify import joined_slices, simplified_gathers
+from supersampler_model.methods.base import Method, NetworkSubgraph
+from supersampler_model.ops.images import Size
 
 OPSET = 17
 """Last opset in which every provider implements GridSample alike (docs/contract.md)."""
@@ -121,30 +120,30 @@ def _times(dim: Any, factor: int) -> Any:
     return dim if factor == 1 else factor * dim
 
 
-def export_fused(fused: Fused) -> onnx.ModelProto:
+def export_subgraph(subgraph: NetworkSubgraph) -> onnx.ModelProto:
     """Trace the network alone, with free sizes.
 
     Raises:
         ExportError: the exporter returned another opset, or an operator that is not portable.
     """
     dims = {n: torch.export.Dim(n, min=1, max=1 << 14) for n in (*HALF, *LARGE_HALF, *RENDER)}
-    dims |= {d: _times(dims[r], fused.ratio) for d, r in zip(DISPLAY, RENDER, strict=True)}
-    dynamic = [_free(shape, dims) for shape in fused.inputs.values()]
-    arguments = example_inputs(fused, Size(21, 13))
-    model = _traced(fused.module, arguments, list(fused.inputs), list(fused.outputs), dynamic)
-    _declare(model.graph.input, list(fused.inputs.values()))
-    _declare(model.graph.output, list(fused.outputs.values()))
+    dims |= {d: _times(dims[r], subgraph.ratio) for d, r in zip(DISPLAY, RENDER, strict=True)}
+    dynamic = [_free(shape, dims) for shape in subgraph.inputs.values()]
+    arguments = example_inputs(subgraph, Size(21, 13))
+    model = _traced(subgraph.module, arguments, list(subgraph.inputs), list(subgraph.outputs), dynamic)
+    _declare(model.graph.input, list(subgraph.inputs.values()))
+    _declare(model.graph.output, list(subgraph.outputs.values()))
     _strip(model)
     return model
 
 
-def example_inputs(fused: Fused, size: Size) -> list[Tensor]:
+def example_inputs(subgraph: NetworkSubgraph, size: Size) -> list[Tensor]:
     """Return random inputs of the network; `size` is half that of its images, or the render size."""
     sizes = {
         n: extent for names in (HALF, LARGE_HALF, RENDER) for n, extent in zip(names, size[::-1], strict=True)
     }
-    sizes |= {d: fused.ratio * sizes[r] for d, r in zip(DISPLAY, RENDER, strict=True)}
-    return [torch.rand(sized(shape, sizes)) for shape in fused.inputs.values()]
+    sizes |= {d: subgraph.ratio * sizes[r] for d, r in zip(DISPLAY, RENDER, strict=True)}
+    return [torch.rand(sized(shape, sizes)) for shape in subgraph.inputs.values()]
 
 
 def _traced(

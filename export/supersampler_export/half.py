@@ -1,19 +1,12 @@
 """Convert a method to half precision, for providers that move and compute it fast."""
 
 import copy
-from collections.abc import MutableSequence
 from typing import TypeVar
 
-import onnx
 from torch import Tensor, nn
 from torch.nn.utils.fusion import fuse_conv_bn_eval
 
-from supersampler_model.methods.base import Method
-from supersampler_model.methods.learned import LearnedMethod
-
-HALF, FLOAT = onnx.TensorProto.FLOAT16, onnx.TensorProto.FLOAT
-DETOURS = ("Abs", "ReduceMax", "ReduceSum")
-"""Operators that the exporter computes in float32 where their input is half floats."""
+from supersampler_model.methods.base import LearnedMethod, Method
 
 Folded = TypeVar("Folded", bound=nn.Module)
 
@@ -48,59 +41,13 @@ def folded(network: Folded) -> Folded:
     return network
 
 
-def without_detours(model: onnx.ModelProto) -> onnx.ModelProto:
-    """Remove the casts to float32 and back that the exporter adds around DETOURS; in place.
-
-    Providers convert by themselves where they compute such an operator in float32.
-    """
-    graph = model.graph
-    outputs = {value.name for value in graph.output}
-    makers = {name: node for node in graph.node for name in node.output}
-    readers: dict[str, list[onnx.NodeProto]] = {}
-    for node in graph.node:
-        for name in node.input:
-            readers.setdefault(name, []).append(node)
-    for node in graph.node:
-        before = makers.get(node.input[0]) if node.op_type in DETOURS else None
-        after = readers.get(node.output[0], [])
-        if before is None or not _casts_to(before, FLOAT) or node.output[0] in outputs:
-            continue
-        if not all(_casts_to(cast, HALF) and cast.output[0] not in outputs for cast in after):
-            continue
-        node.input[0] = before.input[0]
-        for back in after:
-            for reader in readers[back.output[0]]:
-                _rename(reader.input, back.output[0], node.output[0])
-    _drop_unread(graph)
-    return model
-
-
-def _casts_to(node: onnx.NodeProto, kind: int) -> bool:
-    return node.op_type == "Cast" and node.attribute[0].i == kind
-
-
-def _rename(names: MutableSequence[str], old: str, new: str) -> None:
-    for place, name in enumerate(names):
-        if name == old:
-            names[place] = new
-
-
-def _drop_unread(graph: onnx.GraphProto) -> None:
-    """Remove casts whose result nothing reads."""
-    read = {name for node in graph.node for name in node.input} | {value.name for value in graph.output}
-    unread = [node for node in graph.node if node.op_type == "Cast" and node.output[0] not in read]
-    for node in unread:
-        graph.node.remove(node)
-
-
 def to_half(method: Method) -> Method | None:
     """Return `method` in half precision; None without a network.
 
-    With `LearnedMethod.in_half` all stages compute in half floats (docs/explanation/precision.md), otherwise
-    only the network does.
+    With `runs_in_fp16` all stages compute in half floats (docs/explanation/precision.md), else the network.
     """
-    if method.fused() is None or not isinstance(method, LearnedMethod):
+    if method.subgraph() is None or not isinstance(method, LearnedMethod):
         return None
     made = copy.deepcopy(method).eval()
-    made.net = folded(made.net).half() if method.in_half else HalfNetwork(made.net)
+    made.net = folded(made.net).half() if method.runs_in_fp16 else HalfNetwork(made.net)
     return made.eval()

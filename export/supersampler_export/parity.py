@@ -1,46 +1,40 @@
 """The parity gate: ONNX Runtime must reproduce the images of torch over several frames."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from operator import truediv
-from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from supersampler.backends.onnx.runtime import ort
 from supersampler.conventions.jitter import only_ratio, scaled
 from supersampler.methods.gbuffers import GBUFFERS
 from supersampler_export.graph import ExportError, example_inputs, history_name, traced_sizes
-from supersampler_model.methods.base import Fused, Method
-from supersampler_model.methods.learned import LearnedMethod
+from supersampler_model.methods.base import LearnedMethod, Method, NetworkSubgraph
 from supersampler_model.ops.color import tone
-from supersampler_model.ops.size import Size
+from supersampler_model.ops.images import Size
 
 Sizes = Sequence[tuple[Size, Size]]
 """Pairs of (render, display)."""
-SIZES: Sizes = (
-    (Size(26, 18), Size(52, 37)),  # as traced
-    (Size(80, 45), Size(160, 90)),
-    (Size(61, 47), Size(92, 71)),  # odd, at a ratio of 1.5
-    (Size(33, 17), Size(33, 17)),  # native
-    (Size(21, 13), Size(63, 39)),
-    (Size(21, 13), Size(84, 52)),
-    (Size(1, 1), Size(1, 1)),
-    (Size(1, 9), Size(3, 28)),
-    (Size(240, 135), Size(480, 270)),
+SIZES: Sizes = tuple(
+    (Size(*render), Size(*display))
+    for render, display in (
+        ((26, 18), (52, 37)),  # as traced
+        ((80, 45), (160, 90)),
+        ((61, 47), (92, 71)),  # odd, at a ratio of 1.5
+        ((33, 17), (33, 17)),  # native
+        ((21, 13), (63, 39)),
+        ((21, 13), (84, 52)),
+        ((1, 1), (1, 1)),
+        ((1, 9), (3, 28)),
+        ((240, 135), (480, 270)),
+    )
 )
 """Sizes of the gate for methods with a range of ratios, up to its end; only the first was traced."""
-RENDERS: Sequence[Size] = (
-    Size(80, 45),
-    Size(61, 47),
-    Size(33, 17),
-    Size(1, 1),
-    Size(1, 9),
-    Size(2, 2),
-    Size(120, 68),
-)
+RENDERS = [Size(*size) for size in ((80, 45), (61, 47), (33, 17), (1, 1), (1, 9), (2, 2), (120, 68))]
 """Render sizes of the gate for methods with one ratio, besides the traced one."""
 
 FRAMES = 4
@@ -83,17 +77,13 @@ def check_parity(method: Method, graph: bytes, tolerance: float = TOLERANCE) -> 
     session = ort.InferenceSession(graph, options, providers=["CPUExecutionProvider"])
     results = [compare(method, session, render, display) for render, display in sizes_of(method)]
     for result in results:
-        if not result.difference <= tolerance:
-            raise ExportError(
-                f"{method.name} at {tuple(result.render)} -> {tuple(result.display)}: ONNX Runtime is off by "
-                f"{result.difference:.1e}; want {tolerance:.0e}"
-            )
+        _check(result, tolerance, f"{method.name} at {{}} -> {{}}: ONNX Runtime is off by")
     return results
 
 
 def tolerance_of_half(method: Method) -> float:
     """Return the tolerance of a method in half precision."""
-    in_half = isinstance(method, LearnedMethod) and method.in_half
+    in_half = isinstance(method, LearnedMethod) and method.runs_in_fp16
     return TOLERANCE_HALF if in_half else TOLERANCE_HALF_NETWORK
 
 
@@ -106,38 +96,29 @@ def check_half(method: Method, half: Method) -> None:
         ExportError: they differ by more than the tolerance at some size.
     """
     for render, display in sizes_of(method):
-        shaded = SHADED if method.extrapolates() else (False,) * FRAMES
-        ours = theirs = method.first_history(display, render, AOV_CHANNELS)
-        differences = []
-        for index, frame in enumerate(noise(render, display, len(shaded))):
-            if shaded[index]:
-                ours, theirs = (method.after_shaded(frame, h if index else None) for h in (ours, theirs))
-                continue
-            arguments = [frame[name] for name in method.inputs()]
-            with torch.no_grad():
-                image, ours, _ = method.step(*arguments, *ours)
-                other, theirs, _ = half.step(*arguments, *theirs)
-            differences.append(_difference(image, other, frame))
-        difference = np.quantile(np.concatenate(differences), SHARE)
-        if not difference <= (tolerance := tolerance_of_half(method)):
-            raise ExportError(
-                f"{method.name} in half floats at {tuple(render)} -> {tuple(display)}: off by "
-                f"{difference:.1e}; want {tolerance:.0e}"
-            )
+        difference = _differences(method, lambda *tensors: half.step(*tensors)[:2], render, display)
+        result = _parity(render, display, difference)
+        _check(result, tolerance_of_half(method), f"{method.name} in half floats at {{}} -> {{}}: off by")
+
+
+def _check(result: Parity, tolerance: float, message: str) -> None:
+    if not result.difference <= tolerance:
+        sizes = message.format(tuple(result.render), tuple(result.display))
+        raise ExportError(f"{sizes} {result.difference:.1e}; want {tolerance:.0e}")
 
 
 def sizes_of(method: Method) -> Sizes:
-    """Sizes of the gate for a method; only the first was traced."""
+    """Return the sizes of the gate for a method; only the first was traced."""
     ratio = only_ratio(method.ratios)
     if ratio is None:
-        most = method.ratios[1]
-        return tuple(pair for pair in SIZES if max(map(truediv, *reversed(pair))) < most + 0.2)  # rounded up
+        limit = method.ratios[1] + 0.2  # rounded up
+        return tuple(pair for pair in SIZES if max(map(truediv, *reversed(pair))) < limit)
     pairs = [(render, scaled(render, ratio)) for render in RENDERS]
     fitting = [(render, Size(*display)) for render, display in pairs if display is not None]
     return [traced_sizes(method), *fitting]
 
 
-def check_fused(fused: Fused, graph: bytes) -> None:
+def check_subgraph(subgraph: NetworkSubgraph, graph: bytes) -> None:
     """Compare the network alone in torch and ONNX Runtime, at sizes not traced.
 
     Raises:
@@ -145,44 +126,57 @@ def check_fused(fused: Fused, graph: bytes) -> None:
     """
     session = ort.InferenceSession(graph, providers=["CPUExecutionProvider"])
     for half in (Size(16, 8), Size(33, 17), Size(1, 1)):
-        inputs = example_inputs(fused, half)
+        inputs = example_inputs(subgraph, half)
         with torch.no_grad():
-            ours = fused.module(*inputs)
-        feeds = {name: value.numpy() for name, value in zip(fused.inputs, inputs, strict=True)}
-        for name, one, other in zip(fused.outputs, ours, session.run(None, feeds), strict=True):
+            ours = subgraph.module(*inputs)
+        feeds = {name: value.numpy() for name, value in zip(subgraph.inputs, inputs, strict=True)}
+        for name, one, other in zip(subgraph.outputs, ours, session.run(None, feeds), strict=True):
             error = np.abs(one.numpy() - other).max() / max(np.abs(other).max(), 1.0)
             if not error <= TOLERANCE:
                 raise ExportError(f"{name} at {tuple(half)}: ONNX Runtime is off by {error:.1e}")
 
 
 def compare(method: Method, session: ort.InferenceSession, render: Size, display: Size) -> Parity:
-    """Step FRAMES noisy frames through both, each with its own history."""
+    """Step noisy frames through torch and ONNX Runtime, each with its own history."""
+    names = [*method.inputs(), *(history_name(f"history_{name}") for name in method.history)]
+
+    def step(*tensors: Tensor) -> tuple[Tensor, list[Tensor]]:
+        feeds = {name: tensor.numpy() for name, tensor in zip(names, tensors, strict=True)}
+        image, *others = (torch.from_numpy(array) for array in session.run(None, feeds))
+        return image, others[: len(method.history)]
+
+    return _parity(render, display, _differences(method, step, render, display))
+
+
+def _parity(render: Size, display: Size, difference: NDArray[np.float32]) -> Parity:
+    median, at_share = np.quantile(difference, [0.5, SHARE])
+    return Parity(render, display, float(median), float(at_share), float(difference.max()))
+
+
+def _differences(
+    method: Method, step: Callable[..., tuple[Tensor, list[Tensor]]], render: Size, display: Size
+) -> NDArray[np.float32]:
+    """Return the differences of all values of the images of FRAMES noisy frames, toned without pre-exposure.
+
+    Args:
+        method: compared with `step`, each with its own history.
+        step: takes the inputs and the history of the method; returns an image and the next history.
+        render: size of the frames.
+        display: size of the images.
+    """
     shaded = SHADED if method.extrapolates() else (False,) * FRAMES
     ours = theirs = method.first_history(display, render, AOV_CHANNELS)
     differences = []
     for index, frame in enumerate(noise(render, display, len(shaded))):
         if shaded[index]:
-            ours, theirs = (
-                method.after_shaded(frame, history if index else None) for history in (ours, theirs)
-            )
+            ours, theirs = (method.after_shaded(frame, h if index else None) for h in (ours, theirs))
             continue
-        arguments = [frame[name] for name in method.inputs()]
+        arguments, unit = [frame[name] for name in method.inputs()], frame["pre_exposure"]
         with torch.no_grad():
             image, ours, _ = method.step(*arguments, *ours)
-        names = [*method.inputs(), *(history_name(f"history_{name}") for name in method.history)]
-        feeds = {name: value.numpy() for name, value in zip(names, [*arguments, *theirs], strict=True)}
-        results = [torch.from_numpy(array) for array in session.run(None, feeds)]
-        other, theirs = results[0], results[1 : 1 + len(ours)]
-        differences.append(_difference(image, other, frame))
-    difference = np.concatenate(differences)
-    median, at_share = np.quantile(difference, [0.5, SHARE])
-    return Parity(render, display, float(median), float(at_share), float(difference.max()))
-
-
-def _difference(image: Tensor, other: Tensor, frame: Mapping[str, Tensor]) -> "np.ndarray[Any, Any]":
-    """Difference of the values of two images of a frame, toned without pre-exposure."""
-    unit = frame["pre_exposure"]
-    return (tone(image / unit) - tone(other / unit)).abs().numpy().ravel()
+            other, theirs = step(*arguments, *theirs)
+        differences.append((tone(image / unit) - tone(other / unit)).abs().numpy().ravel())
+    return np.concatenate(differences)
 
 
 def noise(render: Size, display: Size, frames: int) -> Iterator[dict[str, Tensor]]:
@@ -216,7 +210,7 @@ def noise(render: Size, display: Size, frames: int) -> Iterator[dict[str, Tensor
 
 
 def _gbuffers(render: Size, display: Size, *, phase: float, steps: tuple[float, float]) -> dict[str, Tensor]:
-    """Base colour and parameters in [0, 1], unit normals, depth as the frame's."""
+    """Return base colour and parameters in [0, 1], unit normals, depth as the frame's."""
     made = {}
     for number, (name, place) in enumerate(GBUFFERS.items()):
         size = display if place.of_display else render
@@ -233,5 +227,5 @@ def _gbuffers(render: Size, display: Size, *, phase: float, steps: tuple[float, 
     return made
 
 
-def _tensor(array: "np.ndarray[tuple[int, ...], np.dtype[np.floating]]") -> Tensor:
+def _tensor(array: NDArray[np.floating]) -> Tensor:
     return torch.from_numpy(np.ascontiguousarray(array, np.float32))[None]

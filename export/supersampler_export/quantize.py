@@ -12,16 +12,27 @@ Each layer writes its output channels in the order in which the next layer reads
 no bytes are moved between layers.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+import io
+import itertools
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
-from torch import nn
+from torch import Tensor, nn
 
-from supersampler.methods.classifier.spec import CLASSES, DEFAULT_INPUTS
-from supersampler_model.methods.classifier.network import ClassifierNetwork
+from supersampler import Frame
+from supersampler.backends.onnx.session import frame_inputs
+from supersampler.io.shot import Shot
+from supersampler.methods.classifier.spec import CLASSES, DEFAULT_INPUTS, ClassifierConfig
+from supersampler.methods.spec import constants_of, flags_of
+from supersampler_model.methods.base import Method
+from supersampler_model.methods.classifier import Classifier
+from supersampler_model.methods.classifier_inputs import Gathered
+from supersampler_model.methods.classifier_network import ClassifierNetwork, unpack
+from supersampler_model.ops.images import Size
 
 Floats = NDArray[np.float64]
 Arrays = dict[str, NDArray[Any]]
@@ -31,6 +42,40 @@ BLOCK, WORD = 32, 4  # outputs per kernel iteration; bytes per multiplication
 EIGHT = 8  # outputs per iteration of the last layer
 KEPT = (16, 8, 4, 4)  # bytes per pixel and level among the decoder's 32 inputs
 HALF_SIZE_BYTES = 8  # bytes of the half-size inputs in a record
+SCALES, FRAMES = (1.5, 2.5), 10  # ratios that the shipped shot is stepped at, frames of each
+SHARE = 0.9999
+"""Quantile at which a range ends; outliers would make the quantization of all other values coarser."""
+MARGIN = 1.5
+"""Factor for scenes with larger values than the calibration shot."""
+
+
+def cpu_network(method: Method) -> bytes | None:
+    """Return the int8 network; None without kernels for the method's config."""
+    if not isinstance(method, Classifier) or type(method.net) is not ClassifierNetwork:
+        return None
+    # the fields that kernels read or are compiled for; the others must have their defaults
+    names = "network", *constants_of(method.spec), *flags_of(method.spec)
+    constants = {name: getattr(method.config, name) for name in names}
+    if method.config != replace(type(method.config)(), **constants) or not _fits(method.config):
+        return None
+    stream = io.BytesIO()
+    arrays: dict[str, Any] = quantized(method.net, calibrated(method))
+    np.savez(stream, **arrays)
+    return stream.getvalue()
+
+
+def _fits(config: ClassifierConfig) -> bool:
+    """Return whether the kernels support networks of these widths."""
+    widths = config.network
+    kept = [*(channels // 2 for channels in widths.levels[:-1]), widths.levels[-1]]
+    return (
+        len(kept) == len(KEPT)
+        and all(channels // 4**i <= room for i, (channels, room) in enumerate(zip(kept, KEPT, strict=True)))
+        and all(channels % 16 == 0 for channels in widths.levels)
+        and widths.decoder <= BLOCK
+        and widths.decoder_layers == 1
+        and widths.hidden + CLASSES <= 2 * BLOCK
+    )
 
 
 @dataclass(frozen=True)
@@ -103,9 +148,8 @@ def depthwise(weights: Floats, given: float, made: float) -> Arrays:
     """Quantize a 3x3 convolution of each channel, (channels, 3, 3), to bytes around MIDDLE."""
     sigma = np.maximum(np.abs(weights).max(axis=(1, 2)), 1e-12) / SIGNED
     whole = np.round(weights / sigma[:, None, None]).astype(np.int8)
-    columns = np.zeros(
-        (len(weights) // 16, 3, 16, WORD), np.int8
-    )  # three vertical neighbours and padding: one word
+    # a word has three vertical neighbours and padding
+    columns = np.zeros((len(weights) // 16, 3, 16, WORD), np.int8)
     columns[..., :3] = whole.reshape(-1, 16, 3, 3).transpose(0, 3, 1, 2)
     return {
         "weights": columns,
@@ -115,17 +159,16 @@ def depthwise(weights: Floats, given: float, made: float) -> Arrays:
 
 
 def folded(layer: nn.Module) -> tuple[Floats, Floats]:
-    """Weights (out, in) and bias of a `Pointwise`, its batch normalisation folded in."""
-    values = {
-        name: value.detach().cpu().numpy().astype(np.float64) for name, value in layer.state_dict().items()
-    }
+    """Return weights (out, in) and bias of a `Pointwise`, its batch normalisation folded in."""
+    state = layer.state_dict().items()
+    values = {name: value.detach().cpu().numpy().astype(np.float64) for name, value in state}
     scale = values["1.weight"] / np.sqrt(values["1.running_var"] + EPSILON)
     bias = values["1.bias"] - values["1.running_mean"] * scale
     return values["0.weight"][:, :, 0, 0] * scale[:, None], bias
 
 
 def packed_bytes() -> ByteLayout:
-    """Layout of packed pixels: all inputs are in [0, 1] except the difference of depth, in [-1, 1]."""
+    """Return the layout of packed pixels: inputs are in [0, 1] but the difference of depth, in [-1, 1]."""
     scale, zero = np.full(len(DEFAULT_INPUTS), 1.0 / BYTE), np.zeros(len(DEFAULT_INPUTS))
     at = DEFAULT_INPUTS.index("depth_difference")
     scale[at], zero[at] = 2.0 / BYTE, 0.5 * BYTE
@@ -133,7 +176,7 @@ def packed_bytes() -> ByteLayout:
 
 
 def unpacked(channels: int, level: int) -> list[int]:
-    """Channels of a level in the order in which the decoder reads its sub-pixels, KEPT bytes each."""
+    """Return channels of a level in the order in which the decoder reads its sub-pixels, KEPT bytes each."""
     parts = 4**level
     return [
         channel * parts + part if channel * parts < channels else -1
@@ -200,3 +243,76 @@ def quantized(network: ClassifierNetwork, ranges: Mapping[str, float]) -> Arrays
 def _weights(layer: nn.Module, name: str = "weight") -> Floats:
     values: Floats = layer.get_parameter(name).detach().cpu().numpy().astype(np.float64)
     return values
+
+
+def calibrated(method: Classifier) -> dict[str, float]:
+    """Step the shipped shot at several ratios; return the range of each layer's output, by name.
+
+    Rounded to two digits, so that rounding errors of the arithmetic do not change the int8 network.
+    """
+    ranges: dict[str, float] = {}
+    layers = {name: layer for name, layer in method.net.named_modules() if _is_quantized(name)}
+    hooks = [layer.register_forward_hook(_record_range(name, ranges)) for name, layer in layers.items()]
+
+    def infer(gathered: Gathered) -> tuple[Tensor, Tensor]:
+        logits, blend = method.net(*method.network_inputs(gathered))
+        return logits, unpack(blend)
+
+    vars(method)["infer"] = infer  # layer by layer, on packed pixels: as the int8 network computes
+    try:
+        for scale in SCALES:
+            _step_plaza(method, scale)
+    finally:
+        del vars(method)["infer"]
+        for hook in hooks:
+            hook.remove()
+    return {name: float(f"{MARGIN * value:.1e}") for name, value in ranges.items()}
+
+
+def _is_quantized(name: str) -> bool:
+    """Return whether the output of a layer is quantized: parts of blocks, decoder, compositor, classes."""
+    path = name.split(".")
+    return name in ("hidden", "classes") or (path[0], len(path)) in (("encoder", 4), ("decoder", 2))
+
+
+def _record_range(name: str, ranges: dict[str, float]) -> Callable[[nn.Module, object, Tensor], None]:
+    def note(_: nn.Module, __: object, given: Tensor) -> None:
+        values = given.abs().flatten()
+        rank = max(round((1.0 - SHARE) * len(values)), 1)
+        ranges[name] = max(ranges.get(name, 0.0), float(torch.topk(values, rank).values[-1]))
+
+    return note
+
+
+def _step_plaza(method: Classifier, scale: float) -> None:
+    shot = Shot.open("plaza")
+    render = Size(*shot.info.render_size)
+    display = Size(round(render.width * scale), round(render.height * scale))
+    history = method.first_history(display, render)
+    for item in itertools.islice(shot, FRAMES):
+        frame = painted(item.frame, display) if "gbuffer_base_color" in method.inputs() else item.frame
+        inputs = {
+            name: torch.from_numpy(np.ascontiguousarray(value))
+            for name, value in frame_inputs(frame, display, method.inputs()).items()
+        }
+        with torch.no_grad():
+            history = method.step(*(inputs[name] for name in method.inputs()), *history).history
+
+
+def painted(frame: Frame, display: tuple[int, int]) -> Frame:
+    """Return a frame with G-buffers, as if its toned colours were those of flat surfaces that face one way.
+
+    The shipped shot has none. At display size they are those of the nearest samples.
+    """
+    color = np.maximum(np.asarray(frame.color, np.float32), 0.0)
+    base = color / (1.0 + color.max(axis=2, keepdims=True))
+    normal = np.broadcast_to(np.array([0.0, 0.0, 1.0], np.float32), base.shape)
+    width, height = frame.size
+    rows = np.arange(display[1])[:, None] * height // display[1]
+    columns = np.arange(display[0]) * width // display[0]
+    found = {"base_color": base, "normal": normal, "depth": np.asarray(frame.depth, np.float32)}
+    return replace(
+        frame,
+        gbuffer={"base_color": base, "normal": normal},
+        gbuffer_display={name: image[rows, columns] for name, image in found.items()},
+    )

@@ -11,7 +11,7 @@ from random_networks import TINY, Made, compare, step_both, with_random_weights
 from supersampler import Frame
 from supersampler.methods.gbuffer_fast.spec import GBUFFERS_READ, GuidedConfig
 from supersampler.methods.gbuffers import GBUFFERS, grouped
-from supersampler_model.methods.gbuffer_fast.model import GuidedClassifier
+from supersampler_model.methods.gbuffer_fast import GuidedClassifier
 
 
 @pytest.fixture(scope="module")

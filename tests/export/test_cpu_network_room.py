@@ -5,10 +5,10 @@ from dataclasses import replace
 import pytest
 
 from supersampler.methods.classifier.spec import ClassifierConfig, NetworkConfig
-from supersampler_export.cpu_network import _fits, cpu_network
-from supersampler_model.methods.classifier.model import Classifier
-from supersampler_model.methods.classifier_paper.model import PaperClassifier
-from supersampler_model.methods.taau.model import Taau
+from supersampler_export.quantize import _fits, cpu_network
+from supersampler_model.methods.classifier import Classifier
+from supersampler_model.methods.classifier_paper import PaperClassifier
+from supersampler_model.methods.taau import Taau
 
 LARGEST = NetworkConfig(levels=(32, 64, 128, 256), decoder=32, decoder_layers=1, hidden=58)
 

@@ -11,7 +11,7 @@ from random_networks import TINY, Made, compare, step_both, with_random_weights
 from supersampler.methods.classifier.spec import CLASSIFIER, ClassifierConfig
 from supersampler.methods.classifier.variant import Variant
 from supersampler.methods.spec import flags_of
-from supersampler_model.methods.classifier.model import Classifier
+from supersampler_model.methods.classifier import Classifier
 
 VARIANTS = [
     Variant(rectified=False, own_motion=False),

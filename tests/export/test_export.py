@@ -25,24 +25,23 @@ from supersampler.methods.registry import methods
 from supersampler.methods.spec import MethodSpec
 from supersampler_export import folder as folder_module
 from supersampler_export.count import multiply_adds, multiply_adds_of
-from supersampler_export.cpu_network import cpu_network
 from supersampler_export.folder import describe, model_card, write_model_folder
 from supersampler_export.graph import ExportError, check_portable, export_graph
 from supersampler_export.parity import (
     SIZES,
     TOLERANCE,
-    check_fused,
     check_parity,
+    check_subgraph,
     compare,
     sizes_of,
     tolerance_of_half,
 )
+from supersampler_export.quantize import cpu_network
 from supersampler_model.methods import load_method
-from supersampler_model.methods.base import Method
-from supersampler_model.methods.classifier_paper.model import PaperClassifier
-from supersampler_model.methods.spatial.model import Bilinear
-from supersampler_model.methods.weights_file import Trained, save_trained
-from supersampler_model.ops.size import Size
+from supersampler_model.methods.base import Method, Trained, save_trained
+from supersampler_model.methods.classifier_paper import PaperClassifier
+from supersampler_model.methods.spatial import Bilinear
+from supersampler_model.ops.images import Size
 
 SHIPPED = [name for name, spec in methods().items() if spec.ships]
 LEARNED = [name for name in SHIPPED if methods()[name].task]
@@ -138,16 +137,16 @@ def test_the_description_names_every_tensor_of_the_graph(name: str) -> None:
 
 @pytest.mark.parametrize("name", LEARNED)
 def test_the_shipped_network_is_the_learned_part_of_the_method(name: str) -> None:
-    fused = load_method(name).fused()
+    fused = load_method(name).subgraph()
     assert fused is not None
     path = find_model(name) / "network.onnx"
     check_portable(onnx.load(path))
-    check_fused(fused, path.read_bytes())
+    check_subgraph(fused, path.read_bytes())
 
 
 @pytest.mark.parametrize("name", LEARNED)
 def test_the_shipped_network_has_as_many_multiply_adds_as_torch_counts(name: str) -> None:
-    fused = load_method(name).fused()
+    fused = load_method(name).subgraph()
     assert fused is not None
     network = onnx.load(find_model(name) / "network.onnx")
     for display in ((960, 544), (128, 64)):
@@ -193,7 +192,8 @@ def test_weights_go_with_methods_that_are_learned(arguments: list[str], tmp_path
 class Fickle(Bilinear):
     """Computes another image in torch than in its exported graph."""
 
-    def kernel(self, distance: Tensor) -> Tensor:
+    @staticmethod
+    def kernel(distance: Tensor) -> Tensor:
         widened = 1.0 if torch.compiler.is_exporting() else 1.01
         return (widened - distance.abs()).clamp(min=0.0)
 

@@ -13,15 +13,14 @@ from supersampler.frame import Float32
 from supersampler.methods.classifier.spec import ClassifierConfig, NetworkConfig
 from supersampler.methods.model_file import find_model, read_model_info
 from supersampler_export import folder as folder_module
-from supersampler_export.cpu_network import cpu_network
 from supersampler_export.folder import describe, write_model_folder
 from supersampler_export.graph import ExportError
 from supersampler_export.half import to_half
-from supersampler_model.methods.base import Method
-from supersampler_model.methods.extrapolation.guided_warp import GuidedWarp
-from supersampler_model.methods.extrapolation.joint import Extrapolate, UnshadedExtrapolate
-from supersampler_model.methods.weights_file import load_trained, shipped_weights
-from supersampler_model.ops.size import Size
+from supersampler_export.quantize import cpu_network
+from supersampler_model.methods.base import Method, load_trained, shipped_weights
+from supersampler_model.methods.extrapolate import Extrapolate, UnshadedExtrapolate
+from supersampler_model.methods.guided_warp import GuidedWarp
+from supersampler_model.ops.images import Size
 
 SIZE, DISPLAY = (21, 13), (41, 27)
 SMALL = ClassifierConfig(

@@ -22,9 +22,9 @@ from supersampler_export.graph import (
     shape_of,
     traced_sizes,
 )
-from supersampler_export.parity import check_fused
-from supersampler_model.methods.base import Fused, Method
-from supersampler_model.ops.size import Size
+from supersampler_export.parity import check_subgraph
+from supersampler_model.methods.base import Method, NetworkSubgraph
+from supersampler_model.ops.images import Size
 
 
 class Kept(Method):
@@ -89,7 +89,7 @@ def test_a_ratio_that_no_size_has_is_refused(monkeypatch: pytest.MonkeyPatch) ->
 @pytest.mark.parametrize("ratio", [2, 4])
 def test_example_inputs_of_a_network_are_of_render_half_and_display_size(ratio: int) -> None:
     inputs: dict[str, Shape] = {"a": (1, 5, *RENDER), "b": (1, 2, *DISPLAY), "c": (1, 7, *HALF)}
-    made = example_inputs(Fused(nn.Identity(), inputs, {}, ratio), Size(21, 13))
+    made = example_inputs(NetworkSubgraph(nn.Identity(), inputs, {}, ratio), Size(21, 13))
     assert [tuple(t.shape) for t in made] == [(1, 5, 13, 21), (1, 2, 13 * ratio, 21 * ratio), (1, 7, 13, 21)]
 
 
@@ -104,7 +104,7 @@ def test_a_network_of_any_size_from_one_pixel_on_can_be_traced(monkeypatch: pyte
         return helper.make_model(helper.make_graph([], "g", values, []))
 
     monkeypatch.setattr(graph, "_traced", traced)
-    graph.export_fused(Fused(nn.Identity(), inputs, {}, 4))
+    graph.export_subgraph(NetworkSubgraph(nn.Identity(), inputs, {}, 4))
     render, display, half = free
     for axis in (2, 3):
         assert (render[axis].min, half[axis].min) == (1, 1)
@@ -134,18 +134,18 @@ def test_a_network_may_be_off_by_the_tolerance_of_its_largest_value_or_of_1(
         helper.make_graph([zero, add], "ramp", values[:1], values[1:], [ramp]),
         opset_imports=[helper.make_opsetid("", 17)], ir_version=10,
     )  # fmt: skip
-    fused = Fused(Ramp(), {"image": shape}, {"made": shape}, 1)
+    fused = NetworkSubgraph(Ramp(), {"image": shape}, {"made": shape}, 1)
     with pytest.raises(ExportError, match="ONNX Runtime is off by") if refused else nullcontext():
-        check_fused(fused, exact.SerializeToString())
+        check_subgraph(fused, exact.SerializeToString())
 
 
 def test_multiply_adds_are_counted_for_each_pixel_of_the_display() -> None:
     """A 3x3 convolution of 4 to 8 channels at render size: 288 a pixel there, 72 a pixel of the display."""
     inputs: dict[str, Shape] = {"image": (1, 4, *RENDER)}
-    fused = Fused(nn.Conv2d(4, 8, 3, padding=1, bias=False), inputs, {}, 2)
+    fused = NetworkSubgraph(nn.Conv2d(4, 8, 3, padding=1, bias=False), inputs, {}, 2)
     assert multiply_adds_of(fused) == pytest.approx(4 * 8 * 9 / 4)
     assert multiply_adds_of(fused, (64, 32)) == pytest.approx(4 * 8 * 9 / 4)
-    half = Fused(fused.module, {"image": (1, 4, *HALF)}, {}, 1)
+    half = NetworkSubgraph(fused.module, {"image": (1, 4, *HALF)}, {}, 1)
     assert multiply_adds_of(half) == pytest.approx(4 * 8 * 9 / 4)
     assert next(fused.module.parameters()).device == torch.device("cpu"), "the module is not moved"
 

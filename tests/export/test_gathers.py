@@ -7,7 +7,7 @@ import onnx
 from onnx import TensorProto, helper, numpy_helper
 
 from supersampler.backends.onnx.runtime import ort
-from supersampler_export.gathers import simplified_gathers
+from supersampler_export.simplify import simplified_gathers
 
 ROWS = [[0, 2], [2, 1], [1, 0]]
 FLATTEN = helper.make_node("Reshape", ["rows", "flat"], ["indices"])

@@ -15,14 +15,14 @@ from supersampler.backends.onnx.runtime import ort
 from supersampler.methods.model_file import find_model
 from supersampler_export import parity
 from supersampler_export.graph import ExportError
-from supersampler_export.half import to_half, without_detours
+from supersampler_export.half import to_half
 from supersampler_export.parity import check_half
-from supersampler_export.slices import joined_slices
+from supersampler_export.simplify import joined_slices, without_detours
 from supersampler_model.methods import load_method
 from supersampler_model.methods.base import Method
-from supersampler_model.ops.color import MAX_HALF, least_divisor, limited
-from supersampler_model.ops.compositing import composite
-from supersampler_model.ops.size import Size
+from supersampler_model.ops.blending import composite
+from supersampler_model.ops.color import MAX_HALF, limited, min_divisor
+from supersampler_model.ops.images import Size
 
 HALF, FLOAT, LONG = TensorProto.FLOAT16, TensorProto.FLOAT, TensorProto.INT64
 
@@ -99,8 +99,8 @@ def test_half_floats_limit_light_that_they_would_round_to_infinite_light() -> No
 
 def test_small_divisors_and_weights_are_not_rounded_to_zero() -> None:
     zero = torch.zeros(1, dtype=torch.float16)
-    assert (zero / zero.clamp(min=least_divisor(zero, 1e-12))).item() == 0.0
-    assert least_divisor(zero.float(), 1e-12) == 1e-12
+    assert (zero / zero.clamp(min=min_divisor(zero, 1e-12))).item() == 0.0
+    assert min_divisor(zero.float(), 1e-12) == 1e-12
     dark, bright, one = torch.zeros(1, 3, 1, 1), torch.ones(1, 3, 1, 1), torch.ones(1, 1, 1, 1)
     factors = torch.tensor([-16.0, -15.5], dtype=torch.float16).reshape(1, 2, 1, 1)
     mean = composite([(dark, one)], [(bright, one)], factors, torch.zeros(()), dark).color

@@ -24,7 +24,7 @@ from supersampler_export.quantize import (
     unpacked,
 )
 from supersampler_export.quantize import folded as folded_pointwise
-from supersampler_model.methods.classifier.network import Pointwise
+from supersampler_model.methods.classifier_network import Pointwise
 
 RANDOM = np.random.default_rng(0)
 GIVEN = (

@@ -116,7 +116,7 @@ def test_the_int8_graph_has_the_inputs_and_outputs_of_the_network(name: str) -> 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_network_computes_what_torch_computes_on_the_inputs_of_real_frames(name: str) -> None:
-    fused = load_method(name).fused()
+    fused = load_method(name).subgraph()
     assert fused is not None
     session = session_of((find_model(name) / "network.onnx").read_bytes(), optimized=True)
     for one in all_passes(name):

@@ -14,7 +14,7 @@ from supersampler_export.graph import history_name
 from supersampler_model.data.scenes.analytic import still_scene
 from supersampler_model.methods import load_method
 from supersampler_model.ops.color import tone
-from supersampler_model.ops.size import Size
+from supersampler_model.ops.images import Size
 from torch_inputs import plain_inputs
 
 METHODS = ["taau", "classifier", "classifier-small"]

@@ -18,7 +18,7 @@ from supersampler.io.display import decibels, display_transform
 from supersampler.methods.at_rest import NOISY
 from supersampler_model.data.scenes.analytic import still_scene
 from supersampler_model.methods.base import Method
-from supersampler_model.methods.taau.model import Taau
+from supersampler_model.methods.taau import Taau
 
 MEAN, QUANTILE = 1.0, 4.0
 """What an image may be worse by than the method's own, 1/255 of the display."""

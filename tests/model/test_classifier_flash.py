@@ -3,9 +3,9 @@
 import torch
 from torch import Tensor
 
-from supersampler_model.methods.classifier.buffers import WarpedHistory
-from supersampler_model.methods.classifier.model import unexplained_light
-from supersampler_model.ops.size import Size
+from supersampler_model.methods.classifier import unexplained_light
+from supersampler_model.methods.classifier_inputs import WarpedHistory
+from supersampler_model.ops.images import Size
 
 DARK, LIT = 0.2, 0.8
 SIZE = Size(16, 8)

@@ -6,11 +6,16 @@ import torch
 
 from noise import noise
 from supersampler.methods.classifier.spec import CLASSES, DEFAULT_INPUTS, NEIGHBOURHOOD_INPUTS, CountCode
-from supersampler_model.methods.classifier.buffers import Gathered, History
-from supersampler_model.methods.classifier.model import Classifier
-from supersampler_model.methods.classifier.network_inputs import COUNTS, neighbourhood_inputs, pixel_inputs
+from supersampler_model.methods.classifier import Classifier
+from supersampler_model.methods.classifier_inputs import (
+    COUNTS,
+    Gathered,
+    History,
+    neighbourhood_inputs,
+    pixel_inputs,
+)
+from supersampler_model.ops.images import Size
 from supersampler_model.ops.sampling import View
-from supersampler_model.ops.size import Size
 
 DISPLAY = Size(47, 27)
 
@@ -69,7 +74,7 @@ def test_the_mean_around_tells_a_change_of_light_from_aliasing() -> None:
     g = gathered()
     seen = pixel_inputs(g)
     even = torch.full_like(seen["history"], 0.3)
-    checks = (g.grid.pixel_x + g.grid.pixel_y[:, None]) % 2 * 0.2 - 0.1
+    checks = (g.grid.x.pixel + g.grid.y.pixel[:, None]) % 2 * 0.2 - 0.1
     light = neighbourhood_inputs({"history": even + 0.1, "frame": even}, DISPLAY)
     aliased = neighbourhood_inputs({"history": even + checks, "frame": even}, DISPLAY)
     torch.testing.assert_close(light["mean_abs_difference"], aliased["mean_abs_difference"])

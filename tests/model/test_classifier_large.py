@@ -7,11 +7,10 @@ from supersampler import ArgumentError, Upscaler
 from supersampler.methods.at_rest import AT_REST_HISTORY
 from supersampler.methods.sizes import large_size
 from supersampler_bench.stress.scenes import still
-from supersampler_model.methods.classifier.model import Classifier
-from supersampler_model.methods.classifier_large.model import LargeClassifier
-from supersampler_model.methods.weights_file import load_trained, shipped_weights
-from supersampler_model.ops.downsampling import downsample
-from supersampler_model.ops.size import Size
+from supersampler_model.methods.base import load_trained, shipped_weights
+from supersampler_model.methods.classifier import Classifier, LargeClassifier
+from supersampler_model.ops.images import Size
+from supersampler_model.ops.sampling import downsample
 from torch_inputs import plain_inputs
 
 

@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from supersampler.methods.classifier.spec import NetworkConfig
-from supersampler_model.methods.classifier.network import (
+from supersampler_model.methods.classifier_network import (
     ClassifierNetwork,
     pack,
     unpack,

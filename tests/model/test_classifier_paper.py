@@ -4,13 +4,13 @@ import pytest
 import torch
 from torch import Tensor, nn
 
-from supersampler_model.methods.classifier.buffers import Gathered, History
-from supersampler_model.methods.classifier.network import class_probabilities
-from supersampler_model.methods.classifier_paper.model import PaperClassifier
+from supersampler_model.methods.classifier_inputs import Gathered, History
+from supersampler_model.methods.classifier_network import class_probabilities
+from supersampler_model.methods.classifier_paper import PaperClassifier
 from supersampler_model.ops.color import inverse_tone, tone
+from supersampler_model.ops.images import Size
 from supersampler_model.ops.motion import reproject, to_display
 from supersampler_model.ops.sampling import View, grid_of
-from supersampler_model.ops.size import Size
 
 RENDER, DISPLAY = Size(16, 8), Size(32, 16)
 NONE, VISIBILITY, SHADING = (torch.tensor([9.0 * (i == c) for i in range(3)]) for c in range(3))

@@ -13,9 +13,9 @@ from supersampler.methods.registry import methods
 from supersampler_export.parity import noise
 from supersampler_model.methods import method_class
 from supersampler_model.methods.base import Method, Outputs
-from supersampler_model.ops.compositing import composite, reactive_at
+from supersampler_model.ops.blending import composite, reactive_at
+from supersampler_model.ops.images import Size
 from supersampler_model.ops.sampling import grid_of
-from supersampler_model.ops.size import Size
 
 RENDER = Size(17, 11)
 ALL = {name: method_class(name) for name in methods()}

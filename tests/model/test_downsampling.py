@@ -15,8 +15,8 @@ from supersampler.methods.classifier_large.downsampling import DownsamplingTable
 from supersampler.methods.classifier_large.structs import Downsampling
 from supersampler.methods.sizes import large_size
 from supersampler_model.ops.color import inverse_tone, tone
-from supersampler_model.ops.downsampling import downsample
-from supersampler_model.ops.size import Size
+from supersampler_model.ops.images import Size
+from supersampler_model.ops.sampling import downsample
 
 SIZES = [Size(32, 18), Size(33, 17), Size(1, 1), Size(2, 1), Size(15, 40), Size(50, 3)]
 

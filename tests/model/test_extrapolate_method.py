@@ -14,13 +14,12 @@ from supersampler.errors import ArgumentError
 from supersampler.frame import Float32
 from supersampler.methods.at_rest import AT_REST_HISTORY
 from supersampler.methods.registry import methods
-from supersampler_model.methods.base import Method
-from supersampler_model.methods.classifier.model import Classifier
-from supersampler_model.methods.extrapolation.guided_warp import GuidedWarp
-from supersampler_model.methods.extrapolation.joint import Extrapolate, UnshadedExtrapolate, packed_base_color
-from supersampler_model.methods.weights_file import Trained, load_trained, shipped_weights
+from supersampler_model.methods.base import Method, Trained, load_trained, shipped_weights
+from supersampler_model.methods.classifier import Classifier
+from supersampler_model.methods.extrapolate import Extrapolate, UnshadedExtrapolate, packed_base_color
+from supersampler_model.methods.guided_warp import GuidedWarp
+from supersampler_model.ops.images import Size
 from supersampler_model.ops.sampling import View
-from supersampler_model.ops.size import Size
 
 RENDER, DISPLAY = (40, 23), (80, 46)
 SCENE = LitScene(velocity=(1.3, -0.6), radius=7.0, disc_velocity=(2.5, 0.5), sky=5.0)
@@ -137,7 +136,7 @@ def test_weights_of_another_method_are_refused(weights: Trained) -> None:
 def test_weights_of_both_sizes_begin_it(weights: Trained) -> None:
     small = Extrapolate.from_classifier(load_trained(shipped_weights("classifier-small")))
     assert small.config.network.levels == (16, 32, 64, 128)
-    assert small.learned["steps"] > 0
+    assert small.provenance["steps"] > 0
 
 
 @pytest.mark.parametrize(("render", "display"), [((1, 1), (1, 1)), ((21, 13), (63, 38)), ((9, 7), (9, 7))])

@@ -11,11 +11,11 @@ from torch import Tensor
 from supersampler.methods.gbuffer.spec import SMALL_NETWORK, GBufferNetworkConfig
 from supersampler_bench.quality import metrics
 from supersampler_model.methods.base import Method
-from supersampler_model.methods.gbuffer.buffers import Surfaces
-from supersampler_model.methods.gbuffer.model import DepthGBuffer, GBuffer, SmallGBuffer, SmallGBuffer4
-from supersampler_model.methods.gbuffer.network import GBufferNetwork
-from supersampler_model.methods.gbuffer.surfaces import (
+from supersampler_model.methods.gbuffer import DepthGBuffer, GBuffer, SmallGBuffer, SmallGBuffer4
+from supersampler_model.methods.gbuffer_network import GBufferNetwork
+from supersampler_model.methods.gbuffer_surfaces import (
     MIN_REFLECTANCE,
+    Surfaces,
     changed_light,
     gradients,
     neutral_surfaces,
@@ -26,8 +26,8 @@ from supersampler_model.methods.gbuffer.surfaces import (
     usable_surfaces,
 )
 from supersampler_model.ops.color import tone
-from supersampler_model.ops.size import Size
-from supersampler_model.training.structure import dissimilarity
+from supersampler_model.ops.images import Size
+from supersampler_model.training.losses import dissimilarity
 from torch_inputs import plain_inputs
 
 BOTH = [SmallGBuffer, SmallGBuffer4]

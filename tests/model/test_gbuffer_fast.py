@@ -5,12 +5,17 @@ import torch
 from torch import Tensor, nn
 
 from supersampler.methods.gbuffer_fast.spec import GBUFFER_FAST, GuidedConfig
-from supersampler_model.methods.gbuffer.surfaces import lit
-from supersampler_model.methods.gbuffer_fast.model import GuidedClassifier, neighbours
-from supersampler_model.methods.gbuffer_fast.surfaces import Guided, Surfaces, guide
+from supersampler_model.methods.gbuffer_fast import (
+    DisplaySurfaces,
+    GuidedClassifier,
+    GuidedLight,
+    guide,
+    neighbours,
+)
+from supersampler_model.methods.gbuffer_surfaces import lit
 from supersampler_model.ops.color import inverse_tone, tone
+from supersampler_model.ops.images import Size
 from supersampler_model.ops.sampling import View
-from supersampler_model.ops.size import Size
 from torch_inputs import plain_inputs
 
 RENDER, DISPLAY = Size(16, 8), Size(32, 16)
@@ -21,17 +26,19 @@ def plane(size: Size, channels: int, value: float) -> Tensor:
     return torch.full((1, channels, size.height, size.width), value)
 
 
-def wall(size: Size) -> Surfaces:
+def wall(size: Size) -> DisplaySurfaces:
     """A wall, left half nearer and darker; both halves face one way."""
     normal = plane(size, 3, 0.0)
     normal[:, 2] = 1.0
     depth, color = plane(size, 1, 0.1), plane(size, 3, 0.8)
     depth[..., : size.width // 2] = 0.2
     color[..., : size.width // 2] = 0.2
-    return Surfaces(color, normal, depth)
+    return DisplaySurfaces(color, normal, depth)
 
 
-def guided(light: Tensor, motion: Tensor | None = None, display: Surfaces | None = None) -> Guided:
+def guided(
+    light: Tensor, motion: Tensor | None = None, display: DisplaySurfaces | None = None
+) -> GuidedLight:
     motion = plane(RENDER, 2, 0.0) if motion is None else motion
     one, display = plane(RENDER, 1, 1.0), wall(DISPLAY) if display is None else display
     return guide(light, one, motion, wall(RENDER), display, VIEW.grid(RENDER), GuidedConfig())

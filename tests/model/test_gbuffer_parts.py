@@ -10,9 +10,8 @@ from torch import Tensor
 from supersampler.methods.gbuffer.spec import SMALL_NETWORK, GBufferNetworkConfig
 from supersampler.methods.registry import methods
 from supersampler_model.methods import method_class
-from supersampler_model.methods.gbuffer.buffers import Surfaces
-from supersampler_model.methods.gbuffer.model import GBuffer, SmallGBuffer
-from supersampler_model.methods.gbuffer.network import (
+from supersampler_model.methods.gbuffer import GBuffer, SmallGBuffer
+from supersampler_model.methods.gbuffer_network import (
     GRADIENTS,
     SURFACES,
     Enhancer,
@@ -20,7 +19,8 @@ from supersampler_model.methods.gbuffer.network import (
     GBufferNetwork,
     NetworkInputs,
 )
-from supersampler_model.methods.gbuffer.surfaces import (
+from supersampler_model.methods.gbuffer_surfaces import (
+    Surfaces,
     closest_around,
     motion_of_surface,
     neutral_surfaces,
@@ -32,8 +32,8 @@ from supersampler_model.methods.gbuffer.surfaces import (
     usable_surfaces,
     weighted_mean,
 )
+from supersampler_model.ops.images import Size
 from supersampler_model.ops.sampling import grid_of
-from supersampler_model.ops.size import Size
 
 GREY, SIDE = 0.2, 15
 
@@ -116,7 +116,7 @@ def test_the_gate_is_of_the_branch_that_sees_base_colour_and_depth_alone() -> No
 
 def seen(size: int = 16) -> NetworkInputs:
     """Noise of the shapes that a network of ratio 2 sees."""
-    shapes = SmallGBuffer().fused()
+    shapes = SmallGBuffer().subgraph()
     assert shapes is not None
     fields = {}
     for name in NetworkInputs._fields:

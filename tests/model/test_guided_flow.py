@@ -16,18 +16,17 @@ from supersampler.methods.extrapolation.spec import GuidedFlowConfig
 from supersampler_export.half import HalfNetwork
 from supersampler_model.data.scenes.analytic import EXTENT, places
 from supersampler_model.methods.base import Method
-from supersampler_model.methods.extrapolation.flow_network import moved
-from supersampler_model.methods.extrapolation.guided import surface_of
-from supersampler_model.methods.extrapolation.guided_flow import (
-    TONED,
+from supersampler_model.methods.guided_flow import (
+    MAX_TONED,
     Gathered,
     GuidedFlow,
     flow_history,
     halved,
     motions_of,
+    moved,
 )
-from supersampler_model.methods.extrapolation.guided_warp import GuidedWarp
-from supersampler_model.ops.size import Size as Extent
+from supersampler_model.methods.guided_warp import GuidedWarp, surface_of
+from supersampler_model.ops.images import Size as Extent
 
 SIZE = (64, 36)
 INPUTS = ["color", *GuidedFlow.inputs()]
@@ -252,8 +251,8 @@ def test_the_network_sees_no_light_brighter_than_toned_allows() -> None:
     for frame in frames:
         frame["color"][:, :, :12, :12] = 65504.0
     for light in gathered_from(frames).lights:
-        assert float(light[:, :3].max()) == pytest.approx(TONED, abs=1e-7)
-        assert TONED < 1.0
+        assert float(light[:, :3].max()) == pytest.approx(MAX_TONED, abs=1e-7)
+        assert MAX_TONED < 1.0
 
 
 def test_the_network_says_nearly_the_same_in_half_precision() -> None:

@@ -13,9 +13,8 @@ from supersampler import Frame, halton_jitter
 from supersampler.backends.onnx.session import frame_inputs
 from supersampler.frame import Float32, Size
 from supersampler_model.data.scenes.analytic import EXTENT, places
-from supersampler_model.methods.extrapolation.guided import back_to_shaded, indices_of_least, samples_at
-from supersampler_model.methods.extrapolation.guided_warp import GuidedWarp
-from supersampler_model.ops.size import Size as Extent
+from supersampler_model.methods.guided_warp import GuidedWarp, back_to_shaded, indices_of_smallest, samples_at
+from supersampler_model.ops.images import Size as Extent
 
 SIZE = (64, 36)
 INPUTS = ["color", *GuidedWarp.inputs()]
@@ -231,10 +230,10 @@ def test_a_sample_that_is_no_number_is_not_taken_however_often_it_could_be(name:
 )
 def test_the_least_are_found_and_of_equals_the_first(values: list[list[int]]) -> None:
     steps = [torch.tensor(row, dtype=torch.float32) / 16.0 for row in values]
-    found = torch.stack(indices_of_least(steps, 4)).numpy()
+    found = torch.stack(indices_of_smallest(steps, 4)).numpy()
     np.testing.assert_array_equal(found, np.argsort(np.array(values), axis=0, kind="stable")[:4])
 
 
 def test_far_too_large_values_are_equal_and_come_last() -> None:
-    numbers = indices_of_least([torch.tensor([v]) for v in (1e30, 3.0, 1e20, 2.0)], 4)
+    numbers = indices_of_smallest([torch.tensor([v]) for v in (1e30, 3.0, 1e20, 2.0)], 4)
     assert [int(n) for n in numbers] == [3, 1, 0, 2]

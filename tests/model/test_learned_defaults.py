@@ -6,7 +6,7 @@ from supersampler.errors import ArgumentError
 from supersampler.methods.model_file import extrapolation_names, model_names
 from supersampler.methods.registry import load, methods
 from supersampler_model.methods import learned_method, load_method, method_class
-from supersampler_model.methods.weights_file import load_trained, shipped_weights
+from supersampler_model.methods.base import load_trained, shipped_weights
 
 
 @pytest.mark.parametrize("name", [name for name, spec in methods().items() if spec.weights])

@@ -18,8 +18,8 @@ from supersampler.methods.registry import methods
 from supersampler.methods.taa.spec import TaaConfig
 from supersampler_model.data.scenes.analytic import DiscOverPlane, Plane, Scene, checker, zone_plate
 from supersampler_model.methods.base import Method
-from supersampler_model.methods.taa.model import Taa
-from supersampler_model.ops.size import Size
+from supersampler_model.methods.taa import Taa
+from supersampler_model.ops.images import Size
 from torch_inputs import plain_inputs
 
 RENDER, DISPLAY = (64, 36), (128, 72)

@@ -8,7 +8,15 @@ from hypothesis import strategies as st
 from torch import Tensor
 
 from supersampler.methods.classifier.spec import ToneSpace
+from supersampler_model.ops.blending import (
+    Corners,
+    clip_to_center,
+    clip_to_sample,
+    moments,
+    overshoot,
+)
 from supersampler_model.ops.color import TONES, from_ycocg, inverse_tone, sanitize, tone, valid, ycocg
+from supersampler_model.ops.images import Size, neighbours_3x3
 from supersampler_model.ops.motion import (
     dilate_motion_2x2,
     disocclusion,
@@ -19,29 +27,17 @@ from supersampler_model.ops.motion import (
     reproject,
     to_display,
 )
-from supersampler_model.ops.rectification import (
-    Rect,
-    clamp_to,
-    clip_to_center,
-    clip_to_sample,
-    moments,
-    overshoot,
-)
 from supersampler_model.ops.sampling import (
     bands,
     catmull_rom,
     gaussian,
-    grid_bands,
     grid_of,
     linear,
     neighbourhood_samples,
     positions,
     resample,
     span,
-    upsample,
 )
-from supersampler_model.ops.size import Size
-from supersampler_model.ops.windows import neighbours_3x3
 
 SIZES = st.tuples(st.integers(1, 9), st.integers(1, 7))
 RATIOS = st.floats(1.0, 4.0)
@@ -73,7 +69,7 @@ def test_a_display_pixel_looks_where_the_contract_says(
     display = Size(round(size[0] * ratio), round(size[1] * ratio))
     grid = grid_of(display, Size(*size), torch.tensor([jitter], dtype=torch.float32))
     image = random_image(1, size)
-    result = resample(image, *grid_bands(grid, Size(*size), linear, reach=1))
+    result = resample(image, *grid.bands(Size(*size), linear, reach=1))
     for row in {0, display.height // 2, display.height - 1}:
         for column in {0, display.width // 2, display.width - 1}:
             px = (column + 0.5) * size[0] / display.width - 0.5 - jitter[0]
@@ -107,7 +103,7 @@ def test_upsampling_removes_the_jitter() -> None:
     for jitter in ((0.3, -0.4), (-0.5, 0.5)):
         ramp = (x + jitter[0] + 10 * (y + jitter[1]))[None, None]  # sampled at centre + jitter
         grid = grid_of(Size(32, 24), Size(16, 12), torch.tensor([jitter]))
-        result = upsample(ramp, grid, catmull_rom)
+        result = grid.upsample(ramp, catmull_rom)
         rows, columns = torch.meshgrid(torch.arange(24.0), torch.arange(32.0), indexing="ij")
         expected = (columns + 0.5) / 2 - 0.5 + 10 * ((rows + 0.5) / 2 - 0.5)
         torch.testing.assert_close(result[0, 0, 6:-6, 6:-6], expected[6:-6, 6:-6], rtol=1e-4, atol=1e-3)
@@ -165,11 +161,11 @@ def test_a_neighbourhood_is_the_3x3_samples_around_the_nearest_with_edges_repeat
     samples = random_image(5, size, 4)
     window = neighbourhood_samples(samples, grid, 0.5)
     for y, x in {(0, 0), (display.height // 2, display.width // 3), (display.height - 1, display.width - 1)}:
-        row, column = int(grid.row[y]), int(grid.column[x])
+        row, column = int(grid.y.nearest[y]), int(grid.x.nearest[x])
         for i, (dy, dx) in enumerate((dy, dx) for dy in (-1, 0, 1) for dx in (-1, 0, 1)):
             sample = at(samples, column + dx, row + dy)
             torch.testing.assert_close(window.color[0, :, i, y, x], sample[:3])
-            away = (column + dx - grid.x[x]) ** 2 + (row + dy - grid.y[y]) ** 2
+            away = (column + dx - grid.x.position[x]) ** 2 + (row + dy - grid.y.position[y]) ** 2
             expected = sample[3] * ((-2.0 * away).exp() + 1e-4)
             torch.testing.assert_close(window.weight[0, i, y, x], expected, rtol=1e-4, atol=1e-7)
 
@@ -252,9 +248,9 @@ def test_clipping_ends_inside_the_box_and_leaves_what_is_inside(
     color: list[float], sample: list[float], low: list[float], size: float
 ) -> None:
     c, s, lo = (torch.tensor(v).reshape(1, 3, 1, 1) for v in (color, sample, low))
-    box = Rect(lo, lo + size)
+    box = Corners(lo, lo + size)
     inside = bool(((c >= box.low) & (c <= box.high)).all())
-    for clipped in (clip_to_center(c, box.box()), clip_to_sample(c, s, box), clamp_to(c, box)):
+    for clipped in (clip_to_center(c, box.box()), clip_to_sample(c, s, box), box.clamp(c)):
         assert bool((clipped >= box.low - 1e-4).all())
         assert bool((clipped <= box.high + 1e-4).all())
         if inside:
@@ -265,7 +261,7 @@ def test_clipping_ends_inside_the_box_and_leaves_what_is_inside(
 
 def test_clipping_to_the_sample_stays_on_the_segment() -> None:
     old, new = torch.tensor([2.0, 1.0, 0.0]), torch.tensor([0.2, 0.4, 0.3])
-    box = Rect(torch.zeros(1, 3, 1, 1), torch.full((1, 3, 1, 1), 0.5))
+    box = Corners(torch.zeros(1, 3, 1, 1), torch.full((1, 3, 1, 1), 0.5))
     clipped = clip_to_sample(old.reshape(1, 3, 1, 1), new.reshape(1, 3, 1, 1), box)[0, :, 0, 0]
     share = (clipped - old) / (new - old)
     torch.testing.assert_close(share, share[:1].expand(3))

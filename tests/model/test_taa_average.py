@@ -5,10 +5,10 @@ import torch
 from torch import Tensor
 
 from supersampler.methods.taa.spec import TaaConfig
-from supersampler_model.methods.taa.model import Gathered, Taa
+from supersampler_model.methods.taa import Gathered, Taa
+from supersampler_model.ops.blending import Corners
 from supersampler_model.ops.color import tone, ycocg
-from supersampler_model.ops.rectification import Rect
-from supersampler_model.ops.size import Size
+from supersampler_model.ops.images import Size
 from torch_inputs import plain_inputs
 
 SIZE = Size(6, 4)
@@ -18,14 +18,14 @@ def plane(value: float, channels: int = 3) -> Tensor:
     return torch.full((1, channels, SIZE.height, SIZE.width), value)
 
 
-def gathered(box: Rect, has_history: float = 1.0) -> Gathered:
+def gathered(box: Corners, has_history: float = 1.0) -> Gathered:
     """A sample of 0.2 and a history of 0.6, toned RGB."""
     return Gathered(plane(0.2), plane(0.6), plane(has_history, 1), plane(1.0, 1), plane(0.0, 1), box)
 
 
 def test_a_frame_is_a_tenth_of_the_image_and_the_history_the_rest() -> None:
     method = Taa()
-    seen = gathered(Rect(plane(0.0), plane(1.0)))
+    seen = gathered(Corners(plane(0.0), plane(1.0)))
     weight = method.network(seen, torch.ones(1))
     torch.testing.assert_close(weight, plane(0.1, 1))
     image = Taa(TaaConfig(space="rgb")).finish(seen, weight, torch.ones(1))
@@ -34,14 +34,14 @@ def test_a_frame_is_a_tenth_of_the_image_and_the_history_the_rest() -> None:
 
 @pytest.mark.parametrize(("has_history", "exposure"), [(0.0, 1.0), (1.0, 0.0)])
 def test_without_a_history_the_frame_is_all_of_the_image(has_history: float, exposure: float) -> None:
-    weight = Taa().network(gathered(Rect(plane(0.0), plane(1.0)), has_history), torch.tensor([exposure]))
+    weight = Taa().network(gathered(Corners(plane(0.0), plane(1.0)), has_history), torch.tensor([exposure]))
     assert (weight == 1.0).all()
 
 
 @pytest.mark.parametrize(("clip", "cut_to"), [("sample", 0.4), ("center", 0.4), ("clamp", 0.4)])
 def test_the_history_is_cut_by_the_box_before_it_is_averaged(clip: str, cut_to: float) -> None:
     method = Taa(TaaConfig(space="rgb", clip=clip))  # type: ignore[arg-type]
-    image = method.finish(gathered(Rect(plane(0.1), plane(0.4))), plane(0.1, 1), torch.ones(1))
+    image = method.finish(gathered(Corners(plane(0.1), plane(0.4))), plane(0.1, 1), torch.ones(1))
     torch.testing.assert_close(tone(image), plane(0.02 + 0.9 * cut_to), rtol=1e-4, atol=1e-4)
 
 

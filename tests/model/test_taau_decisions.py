@@ -4,8 +4,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from supersampler_model.methods.taau.model import Blend, CurrentFrame, Taau, WarpedHistory, light_after
-from supersampler_model.methods.taau.planes import Moments
+from supersampler_model.methods.taau import Blend, CurrentFrame, Moments, Taau, WarpedHistory, light_after
 from supersampler_model.ops.color import inverse_tone
 
 RULES = Taau()

@@ -12,10 +12,9 @@ from supersampler import Upscaler
 from supersampler.frame import Float32
 from supersampler.io.display import display_transform
 from supersampler.methods.taau.spec import MOST_SAMPLES, TaauConfig
-from supersampler_model.methods.taau.lag import samples_kept
-from supersampler_model.methods.taau.model import Taau
+from supersampler_model.methods.taau import Taau, samples_kept
 from supersampler_model.ops.at_rest import RestFrame, RestHistory, compare
-from supersampler_model.ops.size import Size
+from supersampler_model.ops.images import Size
 
 START = 40
 

@@ -20,8 +20,8 @@ from supersampler_model.data.scenes.analytic import (
     grey,
     places,
 )
-from supersampler_model.methods.taau.model import Taau
-from supersampler_model.ops.size import Size
+from supersampler_model.methods.taau import Taau
+from supersampler_model.ops.images import Size
 from torch_inputs import plain_inputs
 
 DISPLAY = (128, 72)

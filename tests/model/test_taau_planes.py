@@ -4,10 +4,9 @@ import pytest
 import torch
 from torch import Tensor
 
-from supersampler_model.methods.taau.model import shade_of
-from supersampler_model.methods.taau.planes import Moments, fit_of, plane_moments
-from supersampler_model.ops.sampling import grid_of, local_moments, pick
-from supersampler_model.ops.size import Size
+from supersampler_model.methods.taau import Moments, fit_of, plane_moments, shade_of
+from supersampler_model.ops.images import Size
+from supersampler_model.ops.sampling import grid_of, local_moments
 
 RENDER = Size(12, 9)
 SIGMA = 0.4
@@ -37,9 +36,9 @@ def test_a_ramp_has_no_variance_and_its_own_value_at_each_pixel(
 ) -> None:
     luma = 0.4 + across * X + down * Y
     grid = grid_of(Size(round(12 * ratio), round(9 * ratio)), RENDER, torch.tensor([[0.3, -0.2]]))
-    whole = pick(fit(luma), grid)
-    found = plane_moments(grey(luma), torch.ones(1, 1, 9, 12), whole, grid, SIGMA, 0.5)
-    expected = 0.4 + across * grid.x + down * grid.y[:, None]
+    whole = grid.pick(fit(luma))
+    found = plane_moments(grey(luma), torch.ones(1, 1, 9, 12), whole, grid, SIGMA)
+    expected = 0.4 + across * grid.x.position + down * grid.y.position[:, None]
     assert inner(whole, ratio).min() == 1.0
     torch.testing.assert_close(inner(found.center[0, 0], ratio), inner(expected, ratio), rtol=0.0, atol=1e-5)
     assert inner(found.variance[:, 0], ratio).max() < 1e-6
@@ -55,7 +54,7 @@ def test_edges_and_patterns_are_on_no_plane(luma: Tensor) -> None:
 def test_where_no_plane_fits_moments_are_those_of_salvi() -> None:
     luma, usable = torch.rand(9, 12, generator=torch.Generator().manual_seed(1)), torch.ones(1, 1, 9, 12)
     grid = grid_of(Size(24, 18), RENDER, torch.tensor([[0.3, -0.2]]))
-    found = plane_moments(grey(luma), usable, torch.zeros(1, 1, 18, 24), grid, SIGMA, 0.5)
+    found = plane_moments(grey(luma), usable, torch.zeros(1, 1, 18, 24), grid, SIGMA)
     first, second, _ = local_moments(grey(luma), usable, grid, SIGMA)
     torch.testing.assert_close(found, Moments(first, second - first * first), rtol=0.0, atol=1e-5)
 
@@ -68,8 +67,9 @@ def test_where_a_sample_is_missing_there_is_no_plane_and_without_most_the_varian
     assert (fit(luma, usable)[..., 3:6, 5:8] == 0.0).all()
     grid = grid_of(Size(24, 18), RENDER, torch.tensor([[0.3, -0.2]]))
     color, everywhere = grey(luma) * usable, torch.ones(1, 1, 18, 24)
-    found = plane_moments(color, usable, everywhere, grid, SIGMA, 0.5)
-    without = plane_moments(color, usable, 0.0 * everywhere, grid, SIGMA, 0.5)
-    beside = ((grid.x - 6.0).abs() < 1.0) & ((grid.y[:, None] - 4.0).abs() < 1.0)
+    found = plane_moments(color, usable, everywhere, grid, SIGMA)
+    without = plane_moments(color, usable, 0.0 * everywhere, grid, SIGMA)
+    x, y = grid.x.position, grid.y.position
+    beside = ((x - 6.0).abs() < 1.0) & ((y[:, None] - 4.0).abs() < 1.0)
     torch.testing.assert_close(found.center[0, 0][beside], without.center[0, 0][beside])
-    assert (found.variance[0, 0, :, grid.x > 10.0] == 1.0).all()
+    assert (found.variance[0, 0, :, x > 10.0] == 1.0).all()

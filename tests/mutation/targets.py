@@ -3,8 +3,6 @@
 TARGETS = [
     "model/supersampler_model/methods/**/*.py",
     "model/supersampler_model/training/losses.py",
-    "model/supersampler_model/training/class_loss.py",
-    "model/supersampler_model/training/structure.py",
     "model/supersampler_model/training/*task*.py",
     "model/supersampler_model/data/labels.py",
     "export/supersampler_export/*.py",

@@ -15,7 +15,7 @@ from supersampler.frame import Float32
 from supersampler.methods.extrapolation.spec import GUIDED_WARP
 from supersampler.methods.model_file import find_model, read_model_info
 from supersampler.model import ExecutorName
-from supersampler_model.methods.extrapolation.guided_warp import GuidedWarp
+from supersampler_model.methods.guided_warp import GuidedWarp
 
 SIZES = [(32, 18), (33, 17), (61, 35), (5, 40), (16, 3), (1, 1)]
 SCENE = LitScene(velocity=(1.3, -0.6), radius=7.0, disc_velocity=(2.5, 0.5), sky=5.0)

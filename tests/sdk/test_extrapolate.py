@@ -26,7 +26,7 @@ from supersampler.frame import Float32
 from supersampler.methods.model_file import extrapolation_names, model_names
 from supersampler.recording import StepCall, open_recording
 from supersampler.recording.replay import Replay
-from supersampler_model.methods.extrapolation.guided_warp import GuidedWarp
+from supersampler_model.methods.guided_warp import GuidedWarp
 
 SIZE, DISPLAY = (64, 36), (128, 72)
 SCENE = LitScene(velocity=(1.3, -0.6), radius=7.0, disc_velocity=(2.5, 0.5), sky=5.0)

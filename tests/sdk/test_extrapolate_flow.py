@@ -17,8 +17,8 @@ from supersampler.frame import Float32
 from supersampler.methods.model_file import find_model
 from supersampler.recording import open_recording
 from supersampler.recording.replay import Replay
-from supersampler_model.methods.extrapolation.guided_flow import GuidedFlow
-from supersampler_model.methods.weights_file import load_trained, shipped_weights
+from supersampler_model.methods.base import load_trained, shipped_weights
+from supersampler_model.methods.guided_flow import GuidedFlow
 
 SIZE, DISPLAY = (64, 36), (128, 72)
 SIZES = (SIZE, (48, 27), (80, 45), SIZE, (33, 19), SIZE)

@@ -12,8 +12,7 @@ from supersampler import Frame, Upscaler, halton_jitter
 from supersampler.errors import ArgumentError
 from supersampler.methods.missing import FILL_WINDOW, GREY_SHARE
 from supersampler_bench.compatibility import with_default_gbuffers
-from supersampler_model.ops.color import EXPOSURE_KEY
-from supersampler_model.ops.missing import filled
+from supersampler_model.ops.color import EXPOSURE_KEY, filled
 
 RENDER = (17, 13)
 SHADED = [(name, kind) for name, kind in BACKENDS if not name.startswith(("guided", "extrapolate"))]

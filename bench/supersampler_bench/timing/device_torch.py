@@ -16,7 +16,7 @@ from supersampler_bench.timing.device import OnDevice
 from supersampler_bench.timing.latency import WARM_UP, frames_of, quantiles
 from supersampler_model.data.shots import render_size
 from supersampler_model.methods import load_method
-from supersampler_model.ops.size import Size as Extent
+from supersampler_model.ops.images import Size as Extent
 
 
 def measure_torch(

@@ -1,16 +1,11 @@
-"""The methods as torch modules: in each folder `model.py` has the stages, `network.py` the network.
-
-`method_class` and `load_method` find them by name in `supersampler.methods.registry`.
-"""
+"""The methods as torch modules; `method_class` and `load_method` find them by name in the registry."""
 
 from pathlib import Path
 from typing import cast
 
 from supersampler.errors import ArgumentError, did_you_mean
 from supersampler.methods.registry import load, methods
-from supersampler_model.methods.base import Method
-from supersampler_model.methods.learned import LearnedMethod
-from supersampler_model.methods.weights_file import load_trained, shipped_weights
+from supersampler_model.methods.base import LearnedMethod, Method, load_trained, shipped_weights
 
 
 def method_class(name: str) -> type[Method]:

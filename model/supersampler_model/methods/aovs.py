@@ -11,7 +11,8 @@ from torch import Tensor
 
 from supersampler.methods.aovs.spec import AOVS
 from supersampler_model.methods.base import Method
-from supersampler_model.ops.color import MAX_HALF, finite, is_number, least_divisor
+from supersampler_model.ops.color import MAX_HALF, finite, is_number, min_divisor
+from supersampler_model.ops.images import display_size_of, size_of
 from supersampler_model.ops.motion import (
     dilate_motion_2x2,
     read,
@@ -20,11 +21,10 @@ from supersampler_model.ops.motion import (
     usable_depth,
     usable_motion,
 )
-from supersampler_model.ops.sampling import gaussian, grid_of, pick_first_vector, upsample
-from supersampler_model.ops.size import display_size_of, render_size_of
+from supersampler_model.ops.sampling import gaussian, grid_of
 
 SIGMA = 0.4  # Gaussian that upsamples this frame, render pixels
-LEAST_CERTAINTY = 1e-3  # sum of the weights below which samples are too far away
+MIN_CERTAINTY = 1e-3  # sum of the weights below which samples are too far away
 
 
 class BlendAovs(Method):
@@ -47,16 +47,16 @@ class BlendAovs(Method):
         Values are clamped to [-65504, 65504]. A NaN is a missing sample: where a channel has no others, the
         history stays.
         """
-        display, render = display_size_of(display_size), render_size_of(aovs)
+        display, render = display_size_of(display_size), size_of(aovs)
         grid = grid_of(display, render, jitter)
         known = is_number(aovs).float()
         values = torch.where(known > 0.0, aovs.clamp(-MAX_HALF, MAX_HALF), 0.0)
-        sums = upsample(torch.cat([values, known], dim=1), grid, gaussian(SIGMA))
+        sums = grid.upsample(torch.cat([values, known], dim=1), gaussian(SIGMA))
         total, certainty = sums.split_with_sizes([aovs.shape[1], aovs.shape[1]], dim=1)
-        current = total / certainty.clamp(min=least_divisor(certainty, 1e-6))
+        current = total / certainty.clamp(min=min_divisor(certainty, 1e-6))
         _, dilated = dilate_motion_2x2(usable_depth(depth), usable_motion(motion))
-        vectors = pick_first_vector(to_display(dilated, display, render), grid)
+        vectors = grid.pick_first_vectors(to_display(dilated, display, render))
         history = read(finite(history_aovs), reproject(vectors, display, grid).position)
-        keep = torch.where(certainty > LEAST_CERTAINTY, weight.clamp(0.0, 1.0), 1.0)
+        keep = torch.where(certainty > MIN_CERTAINTY, weight.clamp(0.0, 1.0), 1.0)
         blend = current + keep * (history - current)
         return blend, blend * 1.0

@@ -1,21 +1,30 @@
-"""Base class of methods: a pure function step(frame inputs, history) -> (image, history), as a torch module.
+"""Base classes of methods: pure functions step(frame inputs, history) -> (image, history), as torch modules.
 
 The method's `spec`, in the SDK, gives names, shapes, ratios and constants. `forward` takes the spec's inputs,
 then its history tensors; it returns the image, the next history and the auxiliary outputs, all in the order
-of the spec. A history of zeros means no history. A method is written as `compute`, of colours without
+of the spec. A history of zeros means no history. A method is written as `compute`, on colours without
 pre-exposure.
 """
 
+import json
+from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import is_dataclass
+from pathlib import Path
 from types import MappingProxyType
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, Self, get_type_hints
 
 import torch
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save_file
 from torch import Tensor, nn
 
+from supersampler.errors import ArgumentError
+from supersampler.io.files import replacing
 from supersampler.methods.model_info import extents
+from supersampler.methods.registry import find_method
 from supersampler.methods.spec import BETWEEN, CHANNELS, EARLIER, RENDER, SHADED, MethodSpec, Shape, sized
-from supersampler_model.ops.size import Size
+from supersampler_model.ops.images import Size
 
 
 class Outputs(NamedTuple):
@@ -26,7 +35,7 @@ class Outputs(NamedTuple):
     aux_outputs: list[Tensor]
 
 
-class Fused(NamedTuple):
+class NetworkSubgraph(NamedTuple):
     """The network of a step, for backends that compute the rest themselves."""
 
     module: nn.Module
@@ -44,9 +53,8 @@ class Method(nn.Module):
         spec: the facts of the method.
         name, history, ratios: those of the spec.
         config: its constants, an instance of `spec.config`.
-        compute: the step without pre-exposure: takes the inputs but for `pre_exposure`, returns what
-            `forward` returns.
-        learned: provenance of the weights, plain data; empty for methods without a network.
+        compute: the step without pre-exposure: takes the inputs but for `pre_exposure`; returns as `forward`.
+        provenance: of the weights, plain data; empty for methods without a network.
     """
 
     spec: ClassVar[MethodSpec]
@@ -55,7 +63,7 @@ class Method(nn.Module):
     ratios: ClassVar[tuple[float, float]]
     config: Any
     compute: Callable[..., tuple[Tensor, ...]]
-    learned: Mapping[str, Any] = MappingProxyType({})
+    provenance: Mapping[str, Any] = MappingProxyType({})
 
     def __init__(self, config: Any = None) -> None:
         super().__init__()
@@ -80,12 +88,12 @@ class Method(nn.Module):
 
     @classmethod
     def inputs(cls) -> list[str]:
-        """Names of the frame inputs that the step asks for, in order."""
+        """Return the names of the frame inputs of the step, in order."""
         return list(cls.spec.inputs)
 
     @classmethod
     def extrapolates(cls) -> bool:
-        """Whether it extrapolates unshaded frames at render size, in place of upscaling."""
+        """Return whether it extrapolates unshaded frames at render size, in place of upscaling."""
         return cls.spec.image[2:] == RENDER
 
     @classmethod
@@ -121,7 +129,7 @@ class Method(nn.Module):
         count = len(self.history)
         return Outputs(image, rest[:count], rest[count:])
 
-    def fused(self) -> Fused | None:
+    def subgraph(self) -> NetworkSubgraph | None:
         """Return the network; None without one, or where it cannot run as one graph."""
         return None
 
@@ -135,3 +143,116 @@ class Method(nn.Module):
         for pair in (SHADED, EARLIER, BETWEEN):
             sizes |= dict(zip(pair, render[::-1], strict=True))
         return [torch.zeros(sized(shape, sizes)) for shape in self.history.values()]
+
+
+class Trained(NamedTuple):
+    """Weights of one method, the content of a weights file.
+
+    Attributes:
+        method: its name.
+        config: of the method, plain data.
+        facts: provenance: steps, hash of the data, commit, scores.
+        tensors: by name.
+    """
+
+    method: str
+    config: dict[str, Any]
+    facts: dict[str, Any]
+    tensors: dict[str, Tensor]
+
+
+class LearnedMethod(Method):
+    """Base of methods with weights.
+
+    Attributes:
+        net: the network, the only part with parameters.
+        runs_in_fp16: whether the stages compute colours in [0, 1] and weights in the type of the network;
+            else the network alone may be in half floats.
+    """
+
+    net: nn.Module
+    runs_in_fp16: ClassVar[bool] = False
+
+    def __init__(self, config: Any = None) -> None:
+        super().__init__(config)
+        self.net = self.make_network()
+
+    @property
+    def dtype(self) -> torch.dtype:
+        """The working type: that of the network's parameters."""
+        return next(self.net.parameters()).dtype
+
+    @abstractmethod
+    def make_network(self) -> nn.Module:
+        """Return the untrained network, of the widths in `config`."""
+
+    @classmethod
+    def of(cls, trained: Trained) -> Self:
+        """Return the method with trained weights, in evaluation mode; missing config fields have defaults.
+
+        Raises:
+            ArgumentError: they are of another method, or of another version of this one.
+        """
+        if trained.method != cls.name:
+            raise ArgumentError("weights", got=f"of {trained.method}", want=f"of {cls.name}")
+        try:
+            method = cls(config_of(cls.spec.config, trained.config))
+            method.load_state_dict(trained.tensors)
+        except (TypeError, KeyError, RuntimeError) as error:  # names that this version does not have
+            got = f"of another version ({' '.join(str(error).split())})"
+            want = f"of this version of {cls.name}: train it again"
+            raise ArgumentError("weights", got=got, want=want) from error
+        method.provenance = trained.facts
+        return method.eval()
+
+
+def config_of(kind: type[Any], plain: Mapping[str, Any]) -> Any:
+    """Return a config dataclass from plain data: mappings become dataclasses, lists become tuples.
+
+    Raises:
+        TypeError: a name is no field of the dataclass.
+    """
+    hints = get_type_hints(kind)
+    values: dict[str, Any] = {}
+    for name, value in plain.items():
+        if is_dataclass(hints.get(name)):
+            values[name] = config_of(hints[name], value)
+        else:
+            values[name] = tuple(value) if isinstance(value, list) else value
+    return kind(**values)
+
+
+def shipped_weights(method: str) -> Path:
+    """Return the path of a method's released weights.
+
+    Raises:
+        ArgumentError: it has none.
+    """
+    spec = find_method(method)
+    if spec is None or not spec.weights:
+        raise ArgumentError("--weights", got=None, want=f"a file, as none ship for {method}")
+    return Path(__file__).parents[1] / "weights" / spec.weights
+
+
+def save_trained(path: Path, trained: Trained) -> None:
+    """Write a weights file atomically: safetensors whose header holds method, config and provenance."""
+    header = {name: getattr(trained, name) for name in ("method", "config", "facts")}
+    with replacing(path) as partial:
+        save_file(trained.tensors, partial, {"trained": json.dumps(header, sort_keys=True)})
+
+
+def load_trained(path: Path) -> Trained:
+    """Read a weights file.
+
+    Raises:
+        ArgumentError: the file is missing, damaged, or no weights file.
+    """
+    try:
+        with safe_open(path, "pt") as file:
+            header: Mapping[str, Any] = json.loads(file.metadata()["trained"])
+            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - no mapping
+        return Trained(header["method"], header["config"], header["facts"], tensors)
+    except (OSError, SafetensorError, KeyError, TypeError, ValueError) as error:
+        raise ArgumentError(
+            "weights", got=f"{path} ({error})", want="a weights.safetensors that `supersampler train` wrote"
+        ) from error

@@ -1,9 +1,9 @@
 """Convergence of static blocks: the mean of one jitter period of samples, shown once the next confirms it.
 
 A method keeps its own image. Beside it, the samples of each phase of the jitter are added once to a mean: its
-weights, its jitter and its light are then those of exactly one period. Nothing of it is shown until samples
-have come again, phase by phase, as they were one period before. Only what is the same twice is known to stand
-still, whatever moves, fades or flickers.
+weights, its jitter and its light are then those of exactly one period. The mean is not shown until samples
+have come again, phase by phase, as they were one period before. Only what is the same twice is known to be
+static, whatever moves, fades or flickers.
 
 The frame is divided into blocks of 4x4 samples. Each has a signature for each phase: the means of the fourth
 roots of its samples, and a weighted sum of them that depends on their order. A signature is written once and
@@ -11,19 +11,18 @@ never updated, so that slow changes add up. A block restarts, with its neighbour
 something moves, or the frame is marked as reactive. So light that fades, jumps or flickers, an edge that
 creeps, a screen that scrolls and a camera that moves less than can be seen show the method's own image.
 
-What repeats with the jitter itself would pass this test: light that blinks with a divisor of its period. So
-residuals of the samples from the mean are compared over the period, too. Aliasing averages out over a window
-of samples, light does not: a block is not shown where the window's mean residual is large for the variance in
-it (UNIFORM in 8x8 samples, BLATANT in a window beside it, COMMON in 32x32), or where the mean says nothing of
-the samples (UNRESOLVED).
+Light that blinks with a divisor of the jitter period would pass this test. So residuals of the samples from
+the mean are compared over the period, too. Aliasing averages out over a window of samples, light does not: a
+block is not shown where the window's mean residual is large for the variance in it (UNIFORM in 8x8 samples,
+BLATANT in a window beside it, COMMON in 32x32), or where the mean does not predict the samples (UNRESOLVED).
 
-Frames of a path tracer never come again. Where `adds_samples` is NOISY, all samples are added, and nothing is
-confirmed nor frozen. A block restarts where the mean residual of its small window, averaged over about eight
+Samples of a path tracer never repeat. Where `adds_samples` is NOISY, all samples are added, and nothing is
+confirmed or frozen. A block restarts where the mean residual of its small window, averaged over about eight
 frames, is more than NOISE_FLICKER and what the variance of the residuals explains.
 
 A block that has been confirmed for a whole period is frozen: its image is the mean, bit by bit, and no sample
 is added. In a tile of the display whose blocks are all frozen, the method's own history is kept as it is, and
-where all of the frame is frozen, all of it. A backend may therefore leave out the method there.
+where all of the frame is frozen, all of it. A backend may therefore skip the method there.
 """
 
 from typing import NamedTuple
@@ -32,90 +31,109 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from supersampler.methods.at_rest import (
-    BLATANT,
-    BLOCK,
-    COMMON,
-    DARK,
-    FLICKER,
-    INNER,
-    LEAST_WEIGHT,
-    MAX_STATIC_MOTION,
-    NOISE_FLICKER,
-    NOISE_RATE,
-    NOISE_SIGMAS,
-    NOISE_WEIGHT,
-    NOISY,
-    OLDEST,
-    ORDER,
-    OUTER,
-    PHASES_PER_SAMPLE,
-    SHOWN,
-    SHOWN_FROM,
-    SPARE_PHASES,
-    SPARKLING,
-    TILE,
-    TOLERANCE,
-    UNIFORM,
-    UNRESOLVED,
-    WINDOWS,
-)
+from supersampler.methods import at_rest as spec
+from supersampler.methods.at_rest import BLOCK, WINDOWS
 from supersampler_model.ops.color import bounded, sanitize, valid
+from supersampler_model.ops.images import (
+    Size,
+    block_means,
+    fit,
+    fit_axis,
+    pick_columns,
+    size_of,
+    spread,
+    window_means,
+)
 from supersampler_model.ops.motion import squared_length, usable_motion
-from supersampler_model.ops.sampling import Grid, grid_bands, resample
-from supersampler_model.ops.size import Size, render_size_of
-from supersampler_model.ops.windows import cut, means_of, pick_columns, spread
+from supersampler_model.ops.sampling import Bands, Grid, resample
 
-COVERED = 0.999  # of four bilinear weights
+COVERED = 0.999  # minimum sum of four bilinear weights
 
 
 class RestFrame(NamedTuple):
-    """This frame, at render size."""
+    """This frame, at render size.
+
+    `adds_samples` is 0 where `color` was not sampled in this frame, NOISY where samples never repeat, else 1.
+    """
 
     color: Tensor  # (1, 3, h, w) linear RGB as given: any value
     motion: Tensor  # (1, 2, h, w) render pixels
     jitter: Tensor  # (1, 2) render pixels
     exposure: Tensor  # (1,) > 0
-    reactive: Tensor  # (1, 1, h, w) over 0 where the history says little
-    adds_samples: (
-        Tensor  # (1,) 0 where `color` was not sampled in this frame, NOISY where it is never the same
-    )
+    reactive: Tensor  # (1, 1, h, w) over 0 where the history is not reliable
+    adds_samples: Tensor  # (1,)
+
+    @property
+    def is_sampled(self) -> Tensor:
+        """(1,) 1 where the frame adds samples, else 0."""
+        return (self.adds_samples >= 1.0).float()
+
+    @property
+    def is_noisy(self) -> Tensor:
+        """(1,) 1 where the samples are those of a path tracer, else 0."""
+        return (self.adds_samples >= spec.NOISY).float()
 
 
 class RestHistory(NamedTuple):
-    """The history tensors of `AT_REST_HISTORY`; zeros without a history."""
+    """The history tensors of `AT_REST_HISTORY`; zeros without a history.
+
+    The channels of `blocks` are the age, negative where frozen, and the sums of three tests; of noisy samples
+    the mean residual.
+    """
 
     mean: Tensor  # (1, 4, H, W) linear RGB, and the sum of weights
-    blocks: (
-        Tensor  # (1, 4, hb, wb) age, negative where frozen; sums of three tests, or mean residual of noise
-    )
+    blocks: Tensor  # (1, 4, hb, wb)
     signatures: Tensor  # (phases, 4, hb, wb)
     phases: Tensor  # (phases, 4) jitter x and y, frames since it was seen, frames between its last two
 
 
-class Stillness(NamedTuple):
-    """Static blocks of this frame, (1, 1, hb, wb) each."""
+class Cycle(NamedTuple):
+    """The jitter of this frame, and when it was last seen.
 
-    known: Tensor  # 1 where the block has a signature of this phase
-    moves: Tensor  # 1 where something moves nearby, or is reactive
-    stands: Tensor  # 1 where nothing moves or changes nearby, else 0
-    adds: Tensor  # 1 where this frame's samples belong into the mean
-    stays: Tensor  # 1 where the image is frozen and stays so
+    `counts` is 0 after a frame of the same jitter, or without samples: the frame then adds no phase.
+    """
+
+    slot: Tensor  # (1,) int64, its row in `phases`
+    age: Tensor  # (1,) frames since it was last seen; 0 if it is new
+    period: Tensor  # (1,) frames of a jitter period; 0 while it is unknown
+    counts: Tensor  # (1,) 1 where the frame adds a phase, else 0
+    phases: Tensor  # (phases, 4) the next table
+
+
+class StaticBlocks(NamedTuple):
+    """Static blocks of this frame, (1, 1, hb, wb) each; 1 where the condition holds, else 0."""
+
+    known: Tensor  # the block has a signature of this phase
+    moves: Tensor  # something moves nearby, or is reactive
+    static: Tensor  # nothing moves or changes nearby
+    adds: Tensor  # this frame's samples belong into the mean
+    stays: Tensor  # the image is frozen and stays so
     age: Tensor  # frames since the block changed, with this one
-    verifies: Tensor  # 1 where this frame confirms the mean
+    verifies: Tensor  # this frame confirms the mean
     tests: Tensor  # (1, 3, hb, wb) of the next history
     history: RestHistory  # of this frame's sizes, with the next signatures and phases
-    cycle: "Cycle"
+    cycle: Cycle
     at_pixels: "BlocksAtPixels"
 
     def resting(self, size: Size) -> Tensor:
-        """(1, 1, n, m) 1 in tiles of an image of this size where the method's own history is kept."""
+        """Return (1, 1, n, m): 1 in tiles of an image of this size where the method's own history is kept."""
         stays = self.at_pixels.resized(size).pick(self.stays)
-        tiles = -F.max_pool2d(-cut(cut(stays, 2, size.height + TILE - 1), 3, size.width + TILE - 1), TILE)
-        return spread(tiles, TILE, size)
+        whole = fit(stays, size.width + spec.TILE - 1, size.height + spec.TILE - 1)
+        return spread(-F.max_pool2d(-whole, spec.TILE), spec.TILE, size)
+
+    def kept(self, before: Tensor, after: Tensor) -> Tensor:
+        """Return a tensor of the method's own next history: as it was where the whole frame rests.
+
+        Args:
+            before: the tensor of the history, of any size where the frame does not rest.
+            after: as this frame leaves it.
+        """
+        for axis in range(2, after.dim()):
+            before = fit_axis(before, axis, after.shape[axis])
+        return torch.where((-self.stays).amax(dim=(1, 2, 3)) < 0.0, before, after)
 
 
-class Rested(NamedTuple):
+class Converged(NamedTuple):
     """The image and the next history."""
 
     image: Tensor  # (1, 3, H, W) linear RGB
@@ -123,19 +141,7 @@ class Rested(NamedTuple):
     frozen: Tensor  # (1, 1, H, W) 1 where the image is frozen, else 0
 
 
-class Cycle(NamedTuple):
-    """The jitter of this frame, and when it was last seen."""
-
-    slot: Tensor  # (1,) int64, its row in `phases`
-    age: Tensor  # (1,) frames since it was last seen; 0 if it is new
-    period: Tensor  # (1,) frames of a jitter period; 0 while it is unknown
-    counts: (
-        Tensor  # (1,) 1 where the frame adds a phase: 0 after a frame of the same jitter, or without samples
-    )
-    phases: Tensor  # (phases, 4) the next table
-
-
-def compare(frame: RestFrame, history: RestHistory, previous: Size, display: Size) -> Stillness:
+def compare(frame: RestFrame, history: RestHistory, previous: Size, display: Size) -> StaticBlocks:
     """Compare each block with its signature of this phase.
 
     Args:
@@ -144,10 +150,10 @@ def compare(frame: RestFrame, history: RestHistory, previous: Size, display: Siz
         previous: render size of the previous frame.
         display: (width, height) of the image.
     """
-    render = render_size_of(frame.color)
+    render = size_of(frame.color)
     history = of_frame(history, previous, display, render)
     cycle = follow_jitter(frame, history.phases)
-    sampled, noisy = ((frame.adds_samples >= least).float() for least in (1.0, NOISY))
+    sampled, noisy = frame.is_sampled, frame.is_noisy
     usable, color = valid(frame.color), sanitize(frame.color, 0.0)
     before, tests = history.blocks.split_with_sizes([1, 3], dim=1)
     age, was_frozen = before.abs(), (before < 0.0).float()
@@ -155,7 +161,7 @@ def compare(frame: RestFrame, history: RestHistory, previous: Size, display: Siz
     signature = signatures_of(color * usable)
     reference = history.signatures.index_select(0, cycle.slot)
     small, large = residuals_of(color, usable, history.mean, frame.jitter, age)
-    drift = tests + NOISE_RATE * (small.residuals / (small.level + DARK / frame.exposure) - tests)
+    drift = tests + spec.NOISE_RATE * (small.residuals / (small.level + spec.DARK / frame.exposure) - tests)
     drift = drift * (small.samples > 0.0)
 
     changed = torch.maximum(
@@ -163,112 +169,100 @@ def compare(frame: RestFrame, history: RestHistory, previous: Size, display: Siz
         drifting(drift, small, frame.exposure) * noisy,
     )
     restarts = widened(torch.maximum(changed, was_frozen * (1.0 - known) * sampled))
-    moving = (squared_length(usable_motion(frame.motion)) > MAX_STATIC_MOTION * MAX_STATIC_MOTION).float()
+    limit = spec.MAX_STATIC_MOTION * spec.MAX_STATIC_MOTION
+    moving = (squared_length(usable_motion(frame.motion)) > limit).float()
     moving = torch.maximum(moving, (frame.reactive > 0.0).float())
     moves = widened(F.max_pool2d(to_blocks(moving), BLOCK))
-    stands = (1.0 - moves) * (1.0 - restarts)
-    verifies = known * stands * cycle.counts * (1.0 - was_frozen)
+    static = (1.0 - moves) * (1.0 - restarts)
+    verifies = known * static * cycle.counts * (1.0 - was_frozen)
     confirmed = torch.where(
-        cycle.counts > 0.0, verifies * (tests + steadiness(small, large, frame.exposure)), tests * stands
+        cycle.counts > 0.0, verifies * (tests + steadiness(small, large, frame.exposure)), tests * static
     )
-    kept = torch.maximum(known * stands, 1.0 - cycle.counts) > 0.0  # no phase is added: nor is its signature
+    kept = torch.maximum(known * static, 1.0 - cycle.counts) > 0.0  # without a new phase, its signature stays
     signatures = write_slot(history.signatures, cycle.slot, torch.where(kept, reference, signature))
-    return Stillness(
+    return StaticBlocks(
         known=known,
         moves=moves,
-        stands=stands,
+        static=static,
         adds=cycle.counts * (1.0 - moves) * torch.maximum(restarts, 1.0 - known),
-        stays=was_frozen * stands,
-        age=((age * stands + cycle.counts) * (1.0 - moves)).clamp(max=OLDEST),
+        stays=was_frozen * static,
+        age=((age * static + cycle.counts) * (1.0 - moves)).clamp(max=spec.OLDEST),
         verifies=verifies,
-        tests=torch.where(noisy > 0.0, drift * stands, confirmed),
+        tests=torch.where(noisy > 0.0, drift * static, confirmed),
         history=history._replace(signatures=signatures, phases=cycle.phases),
         cycle=cycle,
-        at_pixels=BlocksAtPixels(display, render, render_size_of(age)),
+        at_pixels=BlocksAtPixels(display, render, size_of(age)),
     )
 
 
-def converge(image: Tensor, frame: RestFrame, still: Stillness, grid: Grid) -> Rested:
+def converge(image: Tensor, frame: RestFrame, blocks: StaticBlocks, grid: Grid) -> Converged:
     """Fade the image to the mean of the samples where nothing changes, and freeze it there.
 
     Args:
         image: (1, 3, H, W) the method's, linear RGB.
         frame: this frame.
-        still: what stands still in it.
+        blocks: its static blocks.
         grid: of the frame; it may extend beyond the image.
     """
-    display, render = render_size_of(image), render_size_of(frame.color)
+    display, render = size_of(image), size_of(frame.color)
     usable, color = valid(frame.color), sanitize(frame.color, 0.0)
-    noisy = (frame.adds_samples >= NOISY).float()
-    history, cycle, pick = still.history, still.cycle, still.at_pixels.pick
-    mean = add_samples(history.mean, color, usable, pick(still.stands), pick(still.adds), grid, display)
-    steady = (still.tests.amax(dim=1, keepdim=True) <= 0.0).float() * still.stands
-    periods = still.age / cycle.period.clamp(min=1.0) * (cycle.period > 0.0)
-    fade = ((periods - SHOWN_FROM) / (SHOWN - SHOWN_FROM)).clamp(0.0, 1.0) * steady * (1.0 - still.adds)
+    noisy = frame.is_noisy
+    history, cycle, pick = blocks.history, blocks.cycle, blocks.at_pixels.pick
+    mean = add_samples(history.mean, color, usable, pick(blocks.static), pick(blocks.adds), grid, display)
+    steady = (blocks.tests.amax(dim=1, keepdim=True) <= 0.0).float() * blocks.static
+    periods = blocks.age / cycle.period.clamp(min=1.0) * (cycle.period > 0.0)
+    fade = ((periods - spec.SHOWN_FROM) / (spec.SHOWN - spec.SHOWN_FROM)).clamp(0.0, 1.0)
+    fade = fade * steady * (1.0 - blocks.adds)
 
-    enough = (mean[:, 3:] >= LEAST_WEIGHT).float()
-    complete = pick(torch.maximum(still.stays, (periods >= 1.0).float())) * enough * (1.0 - noisy)
+    enough = (mean[:, 3:] >= spec.LEAST_WEIGHT).float()
+    complete = pick(torch.maximum(blocks.stays, (periods >= 1.0).float())) * enough * (1.0 - noisy)
     centred = at_centres(mean[:, :3], complete, offsets_of(cycle, display, render))
-    share = torch.where(noisy > 0.0, (mean[:, 3:] / NOISE_WEIGHT - 1.0).clamp(0.0, 1.0), pick(fade) * enough)
+    of_noise = (mean[:, 3:] / spec.NOISE_WEIGHT - 1.0).clamp(0.0, 1.0)
+    share = torch.where(noisy > 0.0, of_noise, pick(fade) * enough)
     shown = bounded(image + share * (centred - image))
-    shown = torch.where(pick(still.stays) > 0.0, mean[:, :3], shown)
+    shown = torch.where(pick(blocks.stays) > 0.0, mean[:, :3], shown)
 
-    due = still.verifies * (periods >= 2.0).float()
-    freezes = due * steady * still.at_pixels.least(enough)
-    frozen, retries = torch.maximum(still.stays, freezes), due * (1.0 - freezes)
-    age = torch.where(retries > 0.0, cycle.period, still.age) * (1.0 - 2.0 * frozen)
-    blocks = torch.cat([age, still.tests * (1.0 - due)], dim=1)
+    due = blocks.verifies * (periods >= 2.0).float()
+    freezes = due * steady * blocks.at_pixels.minimum(enough)
+    frozen, retries = torch.maximum(blocks.stays, freezes), due * (1.0 - freezes)
+    age = torch.where(retries > 0.0, cycle.period, blocks.age) * (1.0 - 2.0 * frozen)
+    next_blocks = torch.cat([age, blocks.tests * (1.0 - due)], dim=1)
     frozen_pixels = pick(frozen)
     mean = torch.cat([torch.where(frozen_pixels > 0.0, shown, mean[:, :3]), mean[:, 3:]], dim=1)
-    return Rested(shown, history._replace(mean=mean, blocks=blocks), frozen_pixels)
+    return Converged(shown, history._replace(mean=mean, blocks=next_blocks), frozen_pixels)
 
 
 def kept(resting: Tensor, before: Tensor, after: Tensor) -> Tensor:
-    """Return a method's own next history, (1, c, H, W), as it was in tiles that rest."""
+    """Return a method's own next history, (1, c, H, W): as it was in tiles that rest."""
     return torch.where(resting > 0.0, before, after)
 
 
-def kept_frame(still: Stillness, before: Tensor, after: Tensor) -> Tensor:
-    """Return a tensor of a method's own next history as it was where the whole frame rests.
-
-    Args:
-        still: what stands still.
-        before: the tensor of the history, of any size where the frame does not rest.
-        after: as this frame leaves it.
-    """
-    for axis in range(2, after.dim()):
-        before = cut(before, axis, after.shape[axis])
-    return torch.where((-still.stays).amax(dim=(1, 2, 3)) < 0.0, before, after)
-
-
 def of_frame(history: RestHistory, previous: Size, display: Size, render: Size) -> RestHistory:
-    """Return the history, of the sizes of this frame; zeros for what was of another size."""
+    """Return the history in the sizes of this frame; zeros for tensors of another size."""
     one = history.phases.new_ones(1)
     same = ((one * previous.width == render.width) & (one * previous.height == render.height)).float()
     across, down = ((extent + BLOCK - 1) // BLOCK for extent in render)
-    count = (
-        PHASES_PER_SAMPLE * display.width * display.height // (render.width * render.height) + SPARE_PHASES
-    )
-    blocks = cut(cut(history.blocks, 2, down), 3, across) * same
-    signatures = cut(cut(cut(history.signatures, 0, count), 2, down), 3, across)
-    return RestHistory(history.mean * same, blocks, signatures, cut(history.phases, 0, count) * same)
+    phases = spec.PHASES_PER_SAMPLE * display.width * display.height // (render.width * render.height)
+    count = phases + spec.SPARE_PHASES
+    blocks = fit(history.blocks, across, down) * same
+    signatures = fit(fit_axis(history.signatures, 0, count), across, down)
+    return RestHistory(history.mean * same, blocks, signatures, fit_axis(history.phases, 0, count) * same)
 
 
 def follow_jitter(frame: RestFrame, phases: Tensor) -> Cycle:
-    """Find the frame's jitter in the table of phases, or give it the row that was not used for longest."""
-    ages, periods = phases[:, 2], phases[:, 3]
+    """Find the frame's jitter in the table of phases, or give it the row unused for longest."""
+    ages, periods, oldest = phases[:, 2], phases[:, 3], spec.OLDEST
     row = torch.arange(phases.shape[0], device=phases.device)
     same = ((phases[:, :2] - frame.jitter).abs().sum(dim=1) < 1e-6) & (ages > 0.0)
-    rank = torch.where(same, 4.0 * OLDEST, torch.where(ages > 0.0, ages, 2.0 * OLDEST)) - row
-    first = torch.where(rank == rank.amax(dim=0, keepdim=True), -row.float(), -OLDEST)  # of rows of one rank
+    rank = torch.where(same, 4.0 * oldest, torch.where(ages > 0.0, ages, 2.0 * oldest)) - row
+    first = torch.where(rank == rank.amax(dim=0, keepdim=True), -row.float(), -oldest)  # of rows of one rank
     slot = (-first.amax(dim=0, keepdim=True)).long()
     here = row == slot
     age = (ages * (same & here)).sum().reshape(1)
     latest = (periods * (ages == 1.0)).sum().reshape(1)
-    sampled, noisy = ((frame.adds_samples >= least).float() for least in (1.0, NOISY))
-    counts = sampled * torch.maximum((age != 1.0).float(), noisy)
+    counts = frame.is_sampled * torch.maximum((age != 1.0).float(), frame.is_noisy)
     period = torch.where((age > 0.0) & (counts > 0.0), age, latest)
-    older = (ages + counts * (ages > 0.0)).clamp(max=OLDEST)
+    older = (ages + counts * (ages > 0.0)).clamp(max=oldest)
     fresh = torch.cat([frame.jitter[0], frame.jitter.new_ones(1), period])
     written = (here.float() * counts)[:, None]
     table = torch.cat([phases[:, :2], older[:, None], periods[:, None]], dim=1)
@@ -276,35 +270,28 @@ def follow_jitter(frame: RestFrame, phases: Tensor) -> Cycle:
 
 
 def signatures_of(color: Tensor) -> Tensor:
-    """(1, 4, hb, wb) signatures of blocks of samples: three means, and a sum that depends on their order."""
-    roots = color.sqrt().sqrt()
-    return F.conv2d(to_blocks(roots), _signature_weights(roots.device), stride=BLOCK)
-
-
-def _signature_weights(device: torch.device) -> Tensor:
-    """(4, 3, BLOCK, BLOCK) weights of the samples of a block."""
-    samples = BLOCK * BLOCK
+    """Return signatures of blocks, (1, 4, hb, wb): three means, and a sum that depends on the order."""
+    roots, samples = color.sqrt().sqrt(), BLOCK * BLOCK
     means = torch.eye(3)[:, :, None, None].expand(3, 3, BLOCK, BLOCK) / samples
-    order = torch.arange(3 * samples, dtype=torch.float32) * ORDER
-    return torch.cat([means, (2.0 * (order - order.floor()) - 1.0).reshape(1, 3, BLOCK, BLOCK) / samples]).to(
-        device
-    )
+    order = torch.arange(3 * samples, dtype=torch.float32) * spec.ORDER
+    order = (2.0 * (order - order.floor()) - 1.0).reshape(1, 3, BLOCK, BLOCK) / samples
+    return F.conv2d(to_blocks(roots), torch.cat([means, order]).to(roots.device), stride=BLOCK)
 
 
 def to_blocks(image: Tensor) -> Tensor:
     """Repeat the last row and column, so that blocks at the edges are whole."""
-    return cut(cut(image, 2, image.shape[2] + BLOCK - 1), 3, image.shape[3] + BLOCK - 1)
+    return fit(image, image.shape[3] + BLOCK - 1, image.shape[2] + BLOCK - 1)
 
 
 def differing(signature: Tensor, reference: Tensor, exposure: Tensor) -> Tensor:
-    """(1, 1, hb, wb) 1 where two signatures differ, else 0."""
+    """Return (1, 1, hb, wb): 1 where two signatures differ, else 0."""
     level = torch.maximum(signature[:, :3], reference[:, :3]).amax(dim=1, keepdim=True)
-    level = torch.maximum(level, (DARK / exposure) ** 0.25)
-    return ((signature - reference).abs().amax(dim=1, keepdim=True) > TOLERANCE * level).float()
+    level = torch.maximum(level, (spec.DARK / exposure) ** 0.25)
+    return ((signature - reference).abs().amax(dim=1, keepdim=True) > spec.TOLERANCE * level).float()
 
 
 def widened(blocks: Tensor) -> Tensor:
-    """Maximum over 3x3 blocks: a pixel near the border of a block has samples of its neighbour."""
+    """Return the maximum over 3x3 blocks: a pixel near the border of a block has samples of its neighbour."""
     return F.max_pool2d(blocks, 3, 1, 1)
 
 
@@ -315,7 +302,7 @@ def write_slot(signatures: Tensor, slot: Tensor, signature: Tensor) -> Tensor:
 
 
 class BlocksAtPixels:
-    """Which block each display pixel is of, and the pixel nearest to the centre of each sample."""
+    """Index of each display pixel's block, and of the pixel nearest to the centre of each sample."""
 
     def __init__(self, display: Size, render: Size, blocks: Size) -> None:
         self._render, self._blocks = render, blocks
@@ -334,39 +321,37 @@ class BlocksAtPixels:
 
     def pick(self, blocks: Tensor) -> Tensor:
         """Read the block of each display pixel: (1, 1, hb, wb) -> (1, 1, H, W)."""
-        return pick_columns(blocks, self._columns.to(blocks.device)).index_select(
-            2, self._rows.to(blocks.device)
-        )
+        columns, rows = self._columns.to(blocks.device), self._rows.to(blocks.device)
+        return pick_columns(blocks, columns).index_select(2, rows)
 
     def nearest(self, step: int) -> tuple[Tensor, Tensor]:
         """Return columns and rows of the pixels nearest to every `step`-th sample of an axis, int64."""
         return self._sample_columns[::step], self._sample_rows[::step]
 
-    def least(self, pixels: Tensor) -> Tensor:
-        """Minimum over the pixels at the centres of a block's samples: (1, 1, H, W) -> (1, 1, hb, wb)."""
+    def minimum(self, pixels: Tensor) -> Tensor:
+        """Return the minimum at the centres of each block's samples: (1, 1, H, W) -> (1, 1, hb, wb)."""
         columns, rows = self._sample_columns.to(pixels.device), self._sample_rows.to(pixels.device)
         return -F.max_pool2d(to_blocks(-pick_columns(pixels, columns).index_select(2, rows)), BLOCK)
 
 
 def trapezoid(distance: Tensor) -> Tensor:
     """Weight of a sample in the mean, by its distance in display pixels along one axis."""
-    return ((OUTER - distance.abs()) / (OUTER - INNER)).clamp(0.0, 1.0)
+    return ((spec.OUTER - distance.abs()) / (spec.OUTER - spec.INNER)).clamp(0.0, 1.0)
 
 
 def add_samples(
-    mean: Tensor, color: Tensor, usable: Tensor, stands: Tensor, adds: Tensor, grid: Grid, display: Size
+    mean: Tensor, color: Tensor, usable: Tensor, static: Tensor, adds: Tensor, grid: Grid, display: Size
 ) -> Tensor:
     """Add the samples near each pixel to the mean, (1, 4, H, W), or restart it with them."""
-    render = render_size_of(color)
+    render = size_of(color)
     ratio = display.width / render.width, display.height / render.height
-    across, down = (
-        axis._replace(outputs=extent)
-        for axis, extent in zip(
-            grid_bands(grid, render, trapezoid, reach=1, scale=ratio, inside=True), display, strict=True
-        )
-    )
+
+    def cut(axis: Bands, extent: int) -> Bands:
+        return axis._replace(outputs=extent)
+
+    across, down = map(cut, grid.bands(render, trapezoid, reach=1, scale=ratio, inside=True), display)
     near = resample(torch.cat([color * usable, usable], dim=1), across, down) * adds
-    weight = mean[:, 3:] * stands
+    weight = mean[:, 3:] * static
     total = weight + near[:, 3:]
     colors = mean[:, :3] * weight + near[:, :3]
     colors = torch.where(near[:, 3:] > 0.0, colors / total.clamp(min=1e-6), mean[:, :3])
@@ -374,7 +359,7 @@ def add_samples(
 
 
 def offsets_of(cycle: Cycle, display: Size, render: Size) -> tuple[Tensor, Tensor]:
-    """Mean offsets (H, W) of the samples of a period from each pixel's centre, x and y, display pixels."""
+    """Return mean offsets (H, W) of a period's samples from each pixel's centre, x and y, display pixels."""
     ages = cycle.phases[:, 2]
     used = ((ages > 0.0) & (ages <= cycle.period)).float()
     (gx, dx), (gy, dy) = (_moments(cycle.phases[:, axis], display[axis], render[axis]) for axis in (0, 1))
@@ -384,7 +369,7 @@ def offsets_of(cycle: Cycle, display: Size, render: Size) -> tuple[Tensor, Tenso
 
 
 def _moments(jitter: Tensor, display: int, render: int) -> tuple[Tensor, Tensor]:
-    """(phases, n) weights of the samples near the pixels of an axis by phase, and these times offsets."""
+    """Return weights of the samples near the pixels of an axis, (phases, n), and these times offsets."""
     pixel = torch.arange(display, device=jitter.device)
     place = (pixel + 0.5) * render / display - 0.5 - jitter[:, None]
     sample = place.floor()[:, :, None] + torch.arange(2, device=jitter.device)
@@ -404,21 +389,20 @@ def at_centres(mean: Tensor, complete: Tensor, offsets: tuple[Tensor, Tensor]) -
         before, after = neighbours(mean, axis)
         has_before, has_after = neighbours(complete, axis)
         below, above = mean - before, after - mean
-        most = 2.0 * torch.minimum(below.abs(), above.abs()) * has_before * has_after
-        slope = torch.maximum(torch.minimum(0.5 * (below + above), most), -most)
+        limit = 2.0 * torch.minimum(below.abs(), above.abs()) * has_before * has_after
+        slope = torch.maximum(torch.minimum(0.5 * (below + above), limit), -limit)
         moved = moved + slope * offset
     return (mean - moved).clamp(min=0.0)
 
 
 def neighbours(image: Tensor, axis: int) -> tuple[Tensor, Tensor]:
-    """The pixels before and after each along an axis; edges are repeated."""
+    """Return the pixels before and after each along an axis; edges are repeated."""
     index, last = torch.arange(image.shape[axis], device=image.device), image.shape[axis] - 1
-    return image.index_select(axis, (index - 1).clamp(min=0)), image.index_select(
-        axis, (index + 1).clamp(max=last)
-    )
+    before, after = (index - 1).clamp(min=0), (index + 1).clamp(max=last)
+    return image.index_select(axis, before), image.index_select(axis, after)
 
 
-class Windows(NamedTuple):
+class WindowMoments(NamedTuple):
     """Moments over the window of each block, (1, 1, hb, wb)."""
 
     samples: Tensor  # number of them
@@ -435,7 +419,7 @@ class Windows(NamedTuple):
 
 def residuals_of(
     color: Tensor, usable: Tensor, mean: Tensor, jitter: Tensor, blocks: Tensor
-) -> tuple[Windows, Windows]:
+) -> tuple[WindowMoments, WindowMoments]:
     """Compare the samples with the mean, in the small and the large windows.
 
     Args:
@@ -445,29 +429,25 @@ def residuals_of(
         jitter: (1, 2) of the frame.
         blocks: (1, 1, hb, wb) any image of this size.
     """
-    enough = (mean[:, 3:] >= LEAST_WEIGHT).float()
-    expected, enough = at_samples(
-        torch.cat([mean[:, :3], enough], dim=1), render_size_of(color), jitter
-    ).split_with_sizes([3, 1], dim=1)
+    enough = (mean[:, 3:] >= spec.LEAST_WEIGHT).float()
+    expected = at_samples(torch.cat([mean[:, :3], enough], dim=1), size_of(color), jitter)
+    expected, enough = expected.split_with_sizes([3, 1], dim=1)
     counted = usable * (enough > COVERED)
     difference = (color - expected) * counted
     squares = [(part * part).sum(dim=1, keepdim=True) for part in (difference, color * counted)]
     values = torch.cat([counted, difference, color * counted, expected * counted, *squares], dim=1)
-    sums, size = means_of(to_blocks(values), BLOCK), render_size_of(blocks)
-    small, large = (windows_of(sums, side, size) for side in WINDOWS)
+    sums, size = block_means(to_blocks(values), BLOCK), size_of(blocks)
+    small, large = (moments_of(sums, side, size) for side in WINDOWS)
     return small, large
 
 
-def windows_of(sums: Tensor, side: int, size: Size) -> Windows:
+def moments_of(sums: Tensor, side: int, size: Size) -> WindowMoments:
     """Average the sums of blocks over windows of `side` blocks; see `residuals_of`."""
-    whole = cut(cut(sums, 2, size.height + side - 1), 3, size.width + side - 1)
-    pooled = spread(means_of(whole, side), side, size)
-    count, difference, color, expected, square, color_square = pooled.split_with_sizes(
-        [1, 3, 3, 3, 1, 1], dim=1
-    )
+    parts = window_means(sums, side, size).split_with_sizes([1, 3, 3, 3, 1, 1], dim=1)
+    count, difference, color, expected, square, color_square = parts
     share = 1.0 / count.clamp(min=1e-6)
     residuals = difference * share
-    return Windows(
+    return WindowMoments(
         count * (side * BLOCK) ** 2,
         (expected * share).amax(dim=1, keepdim=True),
         residuals,
@@ -476,40 +456,42 @@ def windows_of(sums: Tensor, side: int, size: Size) -> Windows:
     )
 
 
-def steadiness(small: Windows, large: Windows, exposure: Tensor) -> Tensor:
-    """(1, 3, hb, wb) how far the residuals are over UNIFORM, COMMON and UNRESOLVED; below 0 is steady.
+def steadiness(small: WindowMoments, large: WindowMoments, exposure: Tensor) -> Tensor:
+    """Return the excess of residuals over UNIFORM, COMMON and UNRESOLVED, (1, 3, hb, wb); below 0 is steady.
 
-    The first is at least how far those of the windows around are over BLATANT.
+    The first is not below the excess over BLATANT in the windows around.
     """
-    blatant = excess(small.square, small.variance, BLATANT, small, exposure)
+    blatant = excess(small.square, small.variance, spec.BLATANT, small, exposure)
     around = F.max_pool2d(blatant, 2 * WINDOWS[0] + 1, 1, WINDOWS[0])
-    sparkling = (small.contrast - SPARKLING * small.level.square()).clamp(min=0.0)
-    explained = small.contrast + (1.0 / UNRESOLVED - 1.0) * sparkling
+    sparkling = (small.contrast - spec.SPARKLING * small.level.square()).clamp(min=0.0)
+    explained = small.contrast + (1.0 / spec.UNRESOLVED - 1.0) * sparkling
     tests = [
-        torch.maximum(excess(small.square, small.variance, UNIFORM, small, exposure), around),
-        excess(large.square, large.variance, COMMON, large, exposure),
-        excess(small.variance, explained, UNRESOLVED, small, exposure),
+        torch.maximum(excess(small.square, small.variance, spec.UNIFORM, small, exposure), around),
+        excess(large.square, large.variance, spec.COMMON, large, exposure),
+        excess(small.variance, explained, spec.UNRESOLVED, small, exposure),
     ]
     return torch.cat(tests, dim=1)
 
 
-def excess(square: Tensor, variance: Tensor, ratio: float, window: Windows, exposure: Tensor) -> Tensor:
+def excess(square: Tensor, variance: Tensor, ratio: float, window: WindowMoments, exposure: Tensor) -> Tensor:
     """Return a square less `ratio` times a variance and FLICKER, as a part of the light squared."""
-    level = window.level + DARK / exposure
-    return ((square - ratio * variance) / (level * level) - FLICKER * FLICKER).clamp(-OLDEST, OLDEST)
+    level = window.level + spec.DARK / exposure
+    relative = (square - ratio * variance) / (level * level)
+    return (relative - spec.FLICKER * spec.FLICKER).clamp(-spec.OLDEST, spec.OLDEST)
 
 
-def drifting(drift: Tensor, window: Windows, exposure: Tensor) -> Tensor:
-    """(1, 1, hb, wb) 1 where a running mean of relative residuals is more than noise, else 0."""
-    level = window.level + DARK / exposure
-    frames = NOISE_RATE / (2.0 - NOISE_RATE)  # the variance of the running mean, over that of one frame
+def drifting(drift: Tensor, window: WindowMoments, exposure: Tensor) -> Tensor:
+    """Return (1, 1, hb, wb): 1 where a running mean of relative residuals is more than noise, else 0."""
+    level = window.level + spec.DARK / exposure
+    frames = spec.NOISE_RATE / (2.0 - spec.NOISE_RATE)  # variance of the running mean, over that of one frame
     noise = (window.variance * frames / window.samples.clamp(min=1.0)).sqrt() / level
-    return (drift.abs().amax(dim=1, keepdim=True) > NOISE_FLICKER + NOISE_SIGMAS * noise).float()
+    limit = spec.NOISE_FLICKER + spec.NOISE_SIGMAS * noise
+    return (drift.abs().amax(dim=1, keepdim=True) > limit).float()
 
 
 def at_samples(image: Tensor, render: Size, jitter: Tensor) -> Tensor:
-    """Read an image of the display bilinearly where the samples are: (1, c, H, W) -> (1, c, h, w)."""
-    display = render_size_of(image)
+    """Read an image of the display bilinearly at the samples: (1, c, H, W) -> (1, c, h, w)."""
+    display = size_of(image)
     columns = sample_positions(render.width, display.width, jitter[0, :1])
     rows = sample_positions(render.height, display.height, jitter[0, 1:])
     return interpolated_rows(interpolated_rows(image.transpose(2, 3), columns).transpose(2, 3), rows)
@@ -524,6 +506,6 @@ def interpolated_rows(image: Tensor, position: Tensor) -> Tensor:
 
 
 def sample_positions(render: int, display: int, jitter: Tensor) -> Tensor:
-    """(render,) positions of the samples of one axis in display pixels, 0 is a pixel's centre."""
+    """Return the positions of the samples of one axis, (render,) display pixels; 0 is a pixel's centre."""
     sample = torch.arange(render, dtype=torch.float32, device=jitter.device)
     return (sample + 0.5 + jitter) * display / render - 0.5

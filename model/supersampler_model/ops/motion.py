@@ -6,9 +6,8 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from supersampler_model.ops.sampling import Extent, Grid, in_row, pair, sum_of
-from supersampler_model.ops.size import Size, render_size_of
-from supersampler_model.ops.windows import (
+from supersampler_model.ops.images import (
+    Size,
     channels_of,
     maximum_3x3,
     minimum_3x3,
@@ -16,13 +15,18 @@ from supersampler_model.ops.windows import (
     neighbours_3x3,
     padded_3x3,
     shifted,
+    size_of,
+    sum_of,
 )
+from supersampler_model.ops.sampling import Extent, Grid, in_row, pair
 
 LONGEST, FAR = 3e38, 1e6  # pixels: larger motion is not finite; finite motion is clamped to FAR
 STEP = 2.0**-24  # of float32 below 1
 UNKNOWN_DEPTH = -1.0  # below the sky's 0: never the closest, never disoccluded
-LEAVES = 1.0  # render pixels along an axis over its background: a thin thing is gone in the next frame
-COVERS = 0.95  # of a thin thing's depth, which another part of it has at least
+THIN_MOTION = (
+    1.0  # render pixels along an axis, relative to its background, after which thin geometry is gone
+)
+SAME_THIN_DEPTH = 0.95  # minimum depth of another part of thin geometry, as a fraction of its depth
 
 
 def usable_motion(motion: Tensor) -> Tensor:
@@ -50,18 +54,17 @@ def dilate_motion_2x2(depth: Tensor, motion: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def morphological_opening(depth: Tensor) -> Tensor:
-    """Depth with foreground narrower than three samples replaced by its background (3x3 opening)."""
-    eroded = minimum_3x3(depth)  # reversed: the smallest is the farthest
-    return maximum_3x3(eroded)
+    """Replace foreground narrower than three samples by its background (3x3 opening of reversed depth)."""
+    return maximum_3x3(minimum_3x3(depth))
 
 
 def occluding_depth(depth: Tensor, motion: Tensor) -> Tensor:
-    """Depth that the next frame tests disocclusion against.
+    """Return the depth that the next frame tests disocclusion against.
 
-    Samples hit a thin thing in one frame and miss it in the next, so it must not hide its own history: its
-    background takes its place (`morphological_opening`). But a thin thing that moves over its background by
-    LEAVES hides what the next frame shows there, unless another part of it, as of a rail that moves along
-    itself, comes to that place. It is taken to move on as it did.
+    Samples hit thin geometry in one frame and miss it in the next, so it must not occlude its own history:
+    its background takes its place (`morphological_opening`). But thin geometry that moves over its background
+    by THIN_MOTION occludes what the next frame shows there, unless another part of it moves to that place, as
+    of a rail that moves along itself. Its motion is assumed to continue.
 
     Args:
         depth: (1, 1, h, w) reversed, usable.
@@ -69,7 +72,7 @@ def occluding_depth(depth: Tensor, motion: Tensor) -> Tensor:
     """
     farthest, behind = _farthest_3x3(depth, motion)
     over = motion - behind
-    w, h = render_size_of(depth)
+    w, h = size_of(depth)
     x, y = (torch.arange(extent, device=depth.device).to(depth.dtype) for extent in (w, h))
     across, down = channels_of(over)
     (left, right), (top, bottom) = (
@@ -78,13 +81,13 @@ def occluding_depth(depth: Tensor, motion: Tensor) -> Tensor:
     columns = torch.cat([left, right, left, right], dim=2)
     rows = torch.cat([top, top, bottom, bottom], dim=2)
     coming = read(depth, positions_of(columns, rows), mode="nearest").reshape(1, 4, h, w)
-    moves = (over.abs().amax(dim=1, keepdim=True) >= LEAVES) & (farthest >= 0.0)
-    leaves = moves & (coming.amax(dim=1, keepdim=True) < COVERS * depth)
+    moves = (over.abs().amax(dim=1, keepdim=True) >= THIN_MOTION) & (farthest >= 0.0)
+    leaves = moves & (coming.amax(dim=1, keepdim=True) < SAME_THIN_DEPTH * depth)
     return torch.where(leaves, depth, morphological_opening(depth))
 
 
 def _farthest_3x3(depth: Tensor, motion: Tensor) -> tuple[Tensor, Tensor]:
-    """Return depth and motion of the farthest of 3x3 samples: of equals, the one nearest to the centre."""
+    """Return depth and motion of the farthest of 3x3 samples; of equal ones, that nearest to the centre."""
     best = torch.cat([depth, motion], dim=1)
     for across, down in ((1, 0), (0, 1)):
         rows = best
@@ -130,7 +133,7 @@ def relative_depth_change(before: Tensor, depth: Tensor) -> Tensor:
 
 
 def longest(motion: Tensor) -> Tensor:
-    """Longest motion vector of each 3x3 neighbourhood, which tracks the fastest feature (Salvi 2016)."""
+    """Return the longest vector of each 3x3 neighbourhood: it tracks the fastest feature (Salvi 2016)."""
     best, chosen = squared_length(motion), motion
     for m in neighbours_3x3(motion):
         length = squared_length(m)
@@ -140,12 +143,12 @@ def longest(motion: Tensor) -> Tensor:
 
 
 def squared_length(vector: Tensor) -> Tensor:
-    """(1, 2, h, w) -> (1, 1, h, w)."""
+    """Return the squared length of vectors: (1, 2, h, w) -> (1, 1, h, w)."""
     return vector[:, :1] * vector[:, :1] + vector[:, 1:2] * vector[:, 1:2]
 
 
 class Reprojection(NamedTuple):
-    """Where each display pixel was in the previous frame."""
+    """Position of each display pixel in the previous frame."""
 
     position: Tensor  # (1, H, W, 2) x and y in pixels of that image; 0 is the centre of the first one
     on_screen: Tensor  # (1, 1, H, W) 1 inside the image, else 0
@@ -153,21 +156,21 @@ class Reprojection(NamedTuple):
     place: Tensor  # (1, H, W, 2) `position` as grid_sample reads it, from `_inside`
 
     def read(self, image: Tensor) -> Tensor:
-        """Sample an image of that size bilinearly, clamped at the border."""
+        """Read an image of that size bilinearly, clamped at the border."""
         return _bilinear(image, self.place)
 
     def speed(self) -> Tensor:
-        """(1, 1, H, W) length of the motion."""
+        """Return the length of the motion, (1, 1, H, W)."""
         return (self.motion * self.motion).sum(dim=3)[:, None].sqrt()
 
     def blur(self) -> Tensor:
-        """(1, 1, H, W) of bilinear resampling there: 0 on a pixel's centre, 1 on a corner of four."""
+        """Return the blur of bilinear reads, (1, 1, H, W): 0 on a pixel's centre, 1 on a corner of four."""
         t = self.position - self.position.floor()
         return 2.0 * (t * (1.0 - t)).sum(dim=3)[:, None]
 
 
 def to_display(motion: Tensor, display: Size, render: Size | Extent) -> Tensor:
-    """Motion vectors (1, 2, h, w) in render pixels as (1, h, w, 2) in display pixels."""
+    """Convert motion (1, 2, h, w) in render pixels to (1, h, w, 2) in display pixels."""
     scale = pair(motion, display.width / render.width, display.height / render.height)
     vectors = motion.permute(0, 2, 3, 1)
     return vectors * in_row(scale, vectors)
@@ -181,7 +184,7 @@ def reproject(motion: Tensor, display: Size, grid: Grid) -> Reprojection:
         display: (width, height) of the previous image.
         grid: of the pixels.
     """
-    x, y = grid.pixel_x.to(motion.dtype), grid.pixel_y.to(motion.dtype)
+    x, y = grid.x.pixel.to(motion.dtype), grid.y.pixel.to(motion.dtype)
     columns = torch.stack([x, 0.0 * x], dim=1)
     rows = torch.stack([0.0 * y, y], dim=1)
     position = motion + (columns + rows[:, None])
@@ -192,7 +195,7 @@ def reproject(motion: Tensor, display: Size, grid: Grid) -> Reprojection:
 
 def read(image: Tensor, position: Tensor, mode: str = "bilinear") -> Tensor:
     """Sample an image at positions (1, H, W, 2) in its pixels, clamped at the border."""
-    size = render_size_of(image)
+    size = size_of(image)
     place = _normalised(position, size)
     if mode == "bilinear":
         return _bilinear(image, _inside(place, size))
@@ -200,12 +203,12 @@ def read(image: Tensor, position: Tensor, mode: str = "bilinear") -> Tensor:
 
 
 def positions_of(x: Tensor, y: Tensor) -> Tensor:
-    """Positions (n, h, w, 2) for `read`, of x and y, (n, 1, h, w) each."""
+    """Join x and y, (n, 1, h, w) each, to positions (n, h, w, 2) for `read`."""
     return torch.cat([x, y], dim=1).permute(0, 2, 3, 1)
 
 
 def _normalised(position: Tensor, size: Size) -> Tensor:
-    """Positions as grid_sample reads them: exactly -1 and 1 at the borders of the image."""
+    """Convert positions to those of grid_sample: exactly -1 and 1 at the borders of the image."""
     extent = pair(position, 0.5 * size.width, 0.5 * size.height)
     return (position - in_row(extent - 0.5, position)) / in_row(extent, position)
 
@@ -217,7 +220,7 @@ def _inside(place: Tensor, size: Size) -> Tensor:
 
 
 def _ends(place: Tensor, size: Size) -> tuple[Tensor, Tensor]:
-    """(W, 2) each: places of the centres of the first and of the last pixel.
+    """Return the normalised positions of the centres of the first and of the last pixel, (W, 2) each.
 
     grid_sample adds 1 and multiplies by the size. 1 less than 2 - 1 / size, rounded to float32, gives the
     last pixel exactly. No place gives the first one: the next one inside reads 2e-4 of the second, at 4K.
@@ -242,11 +245,22 @@ def read_cubic(image: Tensor, position: Tensor, sharpness: float = 0.5) -> Tenso
         position: (1, H, W, 2) in its pixels.
         sharpness: minus the slope of the cubic at distance 1.
     """
-    reads = _cubic_reads(position, render_size_of(image), sharpness)
+    size, whole = size_of(image), position.floor()
+    t = position - whole
+    s = 1.0 - t
+    product = t * s
+    outer = -sharpness * product
+    second = t + product * ((2.0 - sharpness) * t - (1.0 - sharpness))  # weight of the sample after
+    first_weight, middle_weight = outer * s, 1.0 - outer
+    weights = first_weight, middle_weight, outer - first_weight
+    extent, (lowest, highest) = pair(position, 0.5 * size.width, 0.5 * size.height), _ends(position, size)
+    before = (whole - in_row(extent + 0.5, position)) / in_row(extent, position)
+    last = torch.minimum(before + in_row(3.0 / extent, position), highest)
+    middle = _inside(_normalised(whole + second / middle_weight, size), size)
+    first = torch.maximum(before, lowest)
     (first_x, first_y), (middle_x, middle_y), (last_x, last_y) = (
-        (weight[..., 0], weight[..., 1]) for weight in reads.weights
+        (weight[..., 0], weight[..., 1]) for weight in weights
     )
-    first, middle, last = reads.places
     of_x = in_row(torch.tensor([True, False], device=position.device), position)
     taps = [
         (middle_x * middle_y, middle),
@@ -257,26 +271,3 @@ def read_cubic(image: Tensor, position: Tensor, sharpness: float = 0.5) -> Tenso
     ]
     total = 1.0 - (1.0 - middle_x) * (1.0 - middle_y)
     return sum_of([weight * _bilinear(image, place) for weight, place in taps]) / total
-
-
-class _CubicReads(NamedTuple):
-    """Three bilinear reads along each axis: before the pixel, of the middle two samples, after it."""
-
-    places: tuple[Tensor, Tensor, Tensor]  # (1, H, W, 2) each, normalised
-    weights: tuple[Tensor, Tensor, Tensor]  # (1, H, W, 2) each; they sum to 1
-
-
-def _cubic_reads(position: Tensor, size: Size, sharpness: float) -> _CubicReads:
-    whole = position.floor()
-    t = position - whole
-    s = 1.0 - t
-    product = t * s
-    outer = -sharpness * product
-    first = outer * s
-    second = t + product * ((2.0 - sharpness) * t - (1.0 - sharpness))  # weight of the sample after
-    middle = 1.0 - outer
-    extent, (least, most) = pair(position, 0.5 * size.width, 0.5 * size.height), _ends(position, size)
-    before = (whole - in_row(extent + 0.5, position)) / in_row(extent, position)
-    after = torch.minimum(before + in_row(3.0 / extent, position), most)
-    between = _inside(_normalised(whole + second / middle, size), size)
-    return _CubicReads((torch.maximum(before, least), between, after), (first, middle, outer - first))

@@ -1,8 +1,8 @@
 """The sampling grid of display pixels in the render-size input, and separable resampling.
 
-Every image is (1, channels, height, width). The grid is DESIGN.md section 3: display pixel p looks at
-(p + 0.5) / r - 0.5 - jitter in the render-size input, per axis, with r = display / render; its previous
-position is p + r * motion in display pixels. align_corners is False everywhere.
+Every image is (1, channels, height, width). Display pixel p reads the render-size input at
+(p + 0.5) / r - 0.5 - jitter, per axis, with r = display / render; its previous position is p + r * motion in
+display pixels (docs/contract.md). align_corners is False everywhere.
 """
 
 from collections.abc import Callable
@@ -11,9 +11,9 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from supersampler_model.ops.color import least_divisor
-from supersampler_model.ops.size import Size, render_size_of
-from supersampler_model.ops.windows import pick_columns, pick_rows
+from supersampler.methods.classifier_large.spec import REACH, SHARPNESS
+from supersampler_model.ops.color import TONED, bounded, inverse_tone, min_divisor, tone
+from supersampler_model.ops.images import Size, pick_columns, pick_rows, size_of
 
 Kernel = Callable[[Tensor], Tensor]
 """Weight of a sample at a distance, elementwise."""
@@ -27,35 +27,85 @@ MIN_WEIGHT = 1e-3
 """Sum of weights below which no sample of a neighbourhood is usable."""
 
 
+class Bands(NamedTuple):
+    """Weights of resampling along one axis: in blocks of BLOCK outputs, each of `reach` samples.
+
+    All samples of a block are gathered once, and a matrix product sums them: fewer bytes are moved than with
+    one gather for each tap.
+    """
+
+    indices: Tensor  # (blocks, reach) int64, samples of each block
+    weights: Tensor  # (blocks, BLOCK, reach)
+    outputs: int | None  # None: all of the blocks
+
+    @property
+    def normalised(self) -> "Bands":
+        """The weights divided by their sum."""
+        return self._replace(weights=self.weights / self.weights.sum(dim=2, keepdim=True))
+
+
+class GridAxis(NamedTuple):
+    """The display pixels along one axis, and their positions in the render-size input."""
+
+    pixel: Tensor  # (n,) int64 display pixel: ascending, but for those beyond the display
+    position: Tensor  # (n,) render pixels, 0 is the centre of sample 0
+    nearest: Tensor  # (n,) int64, nearest sample
+    first: Tensor  # (n,) int64, first of the two samples around each pixel
+    span: int  # samples that the positions of BLOCK neighbouring pixels span at most
+
+
 class Grid(NamedTuple):
-    """Positions of the display pixels in the render-size input, and their nearest samples, per axis."""
+    """The display pixels and their positions in the render-size input."""
 
-    pixel_x: Tensor  # (W,) int64 display pixel: ascending, but for those beyond the display
-    pixel_y: Tensor  # (H,)
-    x: Tensor  # (W,) render pixels, 0 is the centre of sample 0
-    y: Tensor  # (H,)
-    column: Tensor  # (W,) int64, nearest sample
-    row: Tensor  # (H,)
-    left: Tensor  # (W,) int64, first of the two samples around each pixel
-    top: Tensor  # (H,)
-    across: int  # samples that the positions of BLOCK neighbouring pixels span at most, x axis
-    down: int  # y axis
-    aligned: bool  # whether W and H are multiples of ALIGNED
+    x: GridAxis
+    y: GridAxis
+    aligned: bool  # whether both axes are multiples of ALIGNED
 
-    def cut_to(self, display: Size) -> "Grid":
-        """The grid of the pixels of the display, where it extends beyond."""
-        width, height = display
-        return self._replace(
-            pixel_x=self.pixel_x[:width],
-            pixel_y=self.pixel_y[:height],
-            x=self.x[:width],
-            y=self.y[:height],
-            column=self.column[:width],
-            row=self.row[:height],
-            left=self.left[:width],
-            top=self.top[:height],
-            aligned=False,
-        )
+    def pick(self, image: Tensor) -> Tensor:
+        """Read the sample nearest to each display pixel: (1, c, h, w) -> (1, c, H, W)."""
+        return pick_columns(image, self.x.nearest).index_select(2, self.y.nearest)
+
+    def pick_vectors(self, vectors: Tensor) -> Tensor:
+        """Read as `pick` where the two channels come last: (1, h, w, 2) -> (1, H, W, 2)."""
+        return vectors.index_select(2, self.x.nearest).index_select(1, self.y.nearest)
+
+    def pick_first(self, image: Tensor) -> Tensor:
+        """Read the upper left of the four samples around each display pixel: (1, c, h, w) -> (1, c, H, W)."""
+        return pick_columns(image, self.x.first).index_select(2, self.y.first)
+
+    def pick_first_vectors(self, vectors: Tensor) -> Tensor:
+        """Read as `pick_first` where the two channels come last: (1, h, w, 2) -> (1, H, W, 2)."""
+        return vectors.index_select(2, self.x.first).index_select(1, self.y.first)
+
+    def at_pixels(self, image: Tensor) -> Tensor:
+        """Read an image of display size at the pixels of the grid, which may extend beyond the display."""
+        return pick_columns(image, self.x.pixel).index_select(2, self.y.pixel)
+
+    def bands(
+        self,
+        render: Size,
+        kernel: Kernel,
+        *,
+        reach: int = 2,
+        scale: tuple[float, float] = (1.0, 1.0),
+        inside: bool = False,
+    ) -> tuple[Bands, Bands]:
+        """Weigh the samples of an input of size `render` at the display pixels, per axis; see `bands`."""
+        across, down = (
+            bands(
+                axis.position, size, axis.span, kernel,
+                reach=reach, scale=factor, aligned=self.aligned, inside=inside,
+            )
+            for axis, size, factor in zip((self.x, self.y), render, scale, strict=True)
+        )  # fmt: skip
+        return across, down
+
+    def upsample(self, image: Tensor, kernel: Kernel, scale: tuple[float, float] = (1.0, 1.0)) -> Tensor:
+        """Sum `image` under `kernel` at every display pixel: (1, c, h, w) -> (1, c, H, W).
+
+        The kernel is evaluated at distances in render pixels times `scale`, (x, y).
+        """
+        return resample(image, *self.bands(size_of(image), kernel, scale=scale))
 
 
 class Extent(NamedTuple):
@@ -72,64 +122,57 @@ class View(NamedTuple):
     extent: Extent | Size
     jitter: Tensor  # (1, 2) render pixels
 
+    @property
+    def ratio(self) -> tuple[float, float]:
+        """Display pixels per render pixel, (x, y)."""
+        return self.display.width / self.extent.width, self.display.height / self.extent.height
+
     def to_render(self, position: Tensor) -> Tensor:
-        """Positions (1, H, W, 2) in display pixels as positions in render pixels."""
+        """Convert positions (1, H, W, 2) in display pixels to render pixels."""
         scale = pair(
             position, self.extent.width / self.display.width, self.extent.height / self.display.height
         )
         return position * in_row(scale, position) + in_row(0.5 * scale - 0.5 - self.jitter[0], position)
 
     def grid(self, render: Size, *, aligned: bool = False) -> Grid:
-        """Grid of the display pixels in an input of size `render`.
+        """Return the grid of the display pixels in an input of size `render`.
 
         Args:
             render: (width, height) of the input.
             aligned: extend the grid to multiples of ALIGNED, see `extended`.
         """
-        device = self.jitter.device
-        pixel_x, pixel_y = (
-            extended(extent, device) if aligned else torch.arange(extent, device=device)
-            for extent in self.display
-        )
-        x = positions(pixel_x, self.display.width, self.extent.width, self.jitter[0, :1])
-        y = positions(pixel_y, self.display.height, self.extent.height, self.jitter[0, 1:])
-        column, row = nearest(x, render.width), nearest(y, render.height)
-        left, top = nearest(x.floor(), render.width), nearest(y.floor(), render.height)
-        across = span(self.extent.width, self.display.width)
-        down = span(self.extent.height, self.display.height)
-        return Grid(pixel_x, pixel_y, x, y, column, row, left, top, across, down, aligned)
+
+        def axis(display: int, extent: float, samples: int, jitter: Tensor) -> GridAxis:
+            pixel = (
+                extended(display, jitter.device) if aligned else torch.arange(display, device=jitter.device)
+            )
+            position = positions(pixel, display, extent, jitter)
+            first = nearest(position.floor(), samples)
+            return GridAxis(pixel, position, nearest(position, samples), first, span(extent, display))
+
+        jitters = self.jitter[0, :1], self.jitter[0, 1:]
+        x, y = map(axis, self.display, self.extent, render, jitters)
+        return Grid(x, y, aligned)
 
 
 def grid_of(display: Size, render: Size, jitter: Tensor) -> Grid:
-    """Grid of one whole frame; `jitter` is (1, 2) render pixels."""
+    """Return the grid of one whole frame; `jitter` is (1, 2) render pixels."""
     return View(display, render, jitter).grid(render)
 
 
-class Bands(NamedTuple):
-    """Weights of resampling along one axis: in blocks of BLOCK outputs, each of `reach` samples.
-
-    All samples of a block are gathered once, and a matrix product sums them: fewer bytes are moved than with
-    one gather for each tap.
-    """
-
-    indices: Tensor  # (blocks, reach) int64, samples of each block
-    weights: Tensor  # (blocks, BLOCK, reach)
-    outputs: int | None  # None: all of the blocks
-
-
 def pair(like: Tensor, x: float, y: float) -> Tensor:
-    """(2,) two numbers, which may be symbolic while a graph is exported."""
+    """Return two numbers as (2,); they may be symbolic while a graph is exported."""
     one = like.new_ones(1)
     return torch.cat([one * x, one * y])
 
 
 def in_row(values: Tensor, like: Tensor) -> Tensor:
-    """(2,) values of x and y as (W, 2), for (1, H, W, 2): rows of two values are slow to repeat."""
+    """Repeat (2,) values of x and y as (W, 2), for (1, H, W, 2): rows of two values are slow to repeat."""
     return values.expand(like.shape[2], 2)
 
 
 def extended(size: int, device: torch.device) -> Tensor:
-    """(n,) int64 pixels of an axis, extended to a multiple of ALIGNED.
+    """Return the pixels of an axis, (n,) int64, extended to a multiple of ALIGNED.
 
     The last two pixels are repeated, of which an even one comes first: 2x2 pixels then extend the axis by
     whole pairs, as an image of packed pixels is extended.
@@ -140,7 +183,7 @@ def extended(size: int, device: torch.device) -> Tensor:
 
 
 def positions(pixel: Tensor, display: int, render: float, jitter: Tensor) -> Tensor:
-    """(n,) positions of display pixels of one axis, in render pixels.
+    """Return the positions of display pixels of one axis, (n,) render pixels.
 
     Args:
         pixel: (n,) of `display`.
@@ -151,8 +194,13 @@ def positions(pixel: Tensor, display: int, render: float, jitter: Tensor) -> Ten
     return (pixel + 0.5) * render / display - 0.5 - jitter
 
 
+def nearest(position: Tensor, size: int) -> Tensor:
+    """Return the index of the sample nearest to each position, (n,), ties upwards."""
+    return (position + 0.5).floor().long().clamp(0, size - 1)
+
+
 def span(size: float, outputs: float) -> int:
-    """Return the samples that the positions of BLOCK neighbouring outputs span at most.
+    """Return the number of samples that the positions of BLOCK neighbouring outputs span at most.
 
     Args:
         size: samples of an axis; fractional for a crop.
@@ -176,7 +224,7 @@ def bands(
     """Weigh the `reach` samples to either side of each `position` along an axis, clamped at the border.
 
     Args:
-        position: (n,) in samples; the first of each BLOCK is the least of it.
+        position: (n,) in samples; the first of each BLOCK is the smallest of it.
         size: samples of the axis.
         spanned: from `span`.
         kernel: evaluated at the signed distance in samples times `scale`.
@@ -201,11 +249,6 @@ def bands(
     return Bands(sample.squeeze(1).long().clamp(0, size - 1), weights, count)
 
 
-def nearest(position: Tensor, size: int) -> Tensor:
-    """(n,) index of the sample nearest to each position, ties upwards."""
-    return (position + 0.5).floor().long().clamp(0, size - 1)
-
-
 def resample(image: Tensor, x: Bands, y: Bands) -> Tensor:
     """Sum `image` under the separable kernel of `x` and `y`: (1, c, h, w) -> (1, c, len y, len x).
 
@@ -215,7 +258,6 @@ def resample(image: Tensor, x: Bands, y: Bands) -> Tensor:
 
 
 def _resample_rows(image: Tensor, y: Bands) -> Tensor:
-    """(1, c, h, w) -> (1, c, len y, w)."""
     rows = pick_rows(image, y.indices)
     _, channels, blocks, _, width = rows.shape
     sums = (y.weights.to(image.dtype) @ rows).reshape(1, channels, blocks * BLOCK, width)
@@ -225,50 +267,43 @@ def _resample_rows(image: Tensor, y: Bands) -> Tensor:
     return sums.index_select(2, torch.arange(y.outputs, device=image.device))
 
 
-def upsample(image: Tensor, grid: Grid, kernel: Kernel, scale: tuple[float, float] = (1.0, 1.0)) -> Tensor:
-    """Sum `image` under `kernel` at every display pixel: (1, c, h, w) -> (1, c, H, W).
+def downsample(image: Tensor, display: Size, exposure: Tensor) -> Tensor:
+    """Filter an image that is larger than the display by a Lanczos filter on toned colours.
 
-    The kernel is evaluated at distances in render pixels times `scale`, (x, y).
+    Args:
+        image: (1, 3, H', W') linear RGB, at most 1.4 times the display, per axis.
+        display: (width, height) of the result.
+        exposure: (1,) > 0. Colours are filtered as a screen shows them: dark sides of bright edges stay dark.
+
+    Returns:
+        (1, 3, H, W) linear RGB.
     """
-    return resample(image, *grid_bands(grid, render_size_of(image), kernel, scale=scale))
 
+    def axis(size: int, outputs: int) -> Bands:
+        position = (torch.arange(outputs, device=image.device) + 0.5) * size / outputs - 0.5
+        scale = SHARPNESS * outputs / size
+        return bands(position, size, span(size, outputs), lanczos, reach=REACH, scale=scale).normalised
 
-def grid_bands(
-    grid: Grid,
-    render: Size,
-    kernel: Kernel,
-    *,
-    reach: int = 2,
-    scale: tuple[float, float] = (1.0, 1.0),
-    inside: bool = False,
-) -> tuple[Bands, Bands]:
-    """Weights of the display pixels in an input of size `render`, per axis; see `bands`."""
-    across, down = (
-        bands(position, size, spanned, kernel, reach=reach, scale=factor, aligned=grid.aligned, inside=inside)
-        for position, size, spanned, factor in zip(
-            (grid.x, grid.y), render, (grid.across, grid.down), scale, strict=True
-        )
-    )
-    return across, down
+    across, down = map(axis, size_of(image), display)
+    toned = resample(tone(image * exposure), across, down)
+    return bounded(inverse_tone(toned.clamp(0.0, TONED[torch.float32])) / exposure)
 
 
 def normalised(sums: Tensor) -> Tensor:
     """Divide by the last channel, the sum of the weights: (1, c + 1, h, w) -> (1, c, h, w)."""
     values, weight = sums.split_with_sizes([sums.shape[1] - 1, 1], dim=1)
-    return values / weight.clamp(min=least_divisor(weight, 1e-6))
+    return values / weight.clamp(min=min_divisor(weight, 1e-6))
 
 
-def local_moments(
-    color: Tensor, usable: Tensor, grid: Grid, sigma: float, least: float = MIN_WEIGHT
-) -> tuple[Tensor, Tensor, Tensor]:
-    """E[c] and E[c^2], (1, 3, H, W) each, of the usable samples under a Gaussian at every display pixel.
+def local_moments(color: Tensor, usable: Tensor, grid: Grid, sigma: float) -> tuple[Tensor, Tensor, Tensor]:
+    """Return E[c] and E[c^2], (1, 3, H, W), of the usable samples under a Gaussian at every display pixel.
 
-    Where the sum of the Gaussian's weights, which is returned last, is `least` or below, E[c^2] is 1.
+    Where the sum of the Gaussian's weights, which is returned last, is MIN_WEIGHT or below, E[c^2] is 1.
     """
-    window = upsample(torch.cat([color, color * color, usable], dim=1), grid, gaussian(sigma))
+    window = grid.upsample(torch.cat([color, color * color, usable], dim=1), gaussian(sigma))
     first, second, weight = window.split_with_sizes([3, 3, 1], dim=1)
     total = weight.clamp(min=1e-6)
-    return first / total, torch.where(weight > least, second / total, 1.0), weight
+    return first / total, torch.where(weight > MIN_WEIGHT, second / total, 1.0), weight
 
 
 class Window(NamedTuple):
@@ -276,6 +311,19 @@ class Window(NamedTuple):
 
     color: Tensor  # (1, 3, WINDOW, H, W)
     weight: Tensor  # (1, WINDOW, H, W) Gaussian, 0 where a sample is not usable
+
+    def mean(self, kernel: Tensor, otherwise: Tensor) -> Tensor:
+        """Average the samples under a learned kernel.
+
+        Args:
+            kernel: (1, WINDOW, H, W) logarithms of factors to the weights.
+            otherwise: (1, 3, H, W) the result where no sample is usable.
+        """
+        weights = self.weight * kernel.exp()
+        total = weights.sum(dim=1, keepdim=True)
+        minimum = min_divisor(total, 1e-9)
+        color = (self.color * weights).sum(dim=2) / total.clamp(min=minimum)
+        return torch.where(total > minimum, color, otherwise)
 
 
 def neighbourhood_samples(samples: Tensor, grid: Grid, sigma: float) -> Window:
@@ -286,12 +334,14 @@ def neighbourhood_samples(samples: Tensor, grid: Grid, sigma: float) -> Window:
         grid: of the display.
         sigma: of the Gaussian, render pixels.
     """
-    width, height = render_size_of(samples)
-    row, column = offsets(grid.row), offsets(grid.column)
+    width, height = size_of(samples)
+    row, column = (
+        axis.nearest + torch.arange(-1, 2, device=samples.device)[:, None] for axis in (grid.y, grid.x)
+    )
     color, usable = _around(samples, row.clamp(0, height - 1), column.clamp(0, width - 1))
     by_row = torch.arange(WINDOW, device=samples.device)
-    rows = gaussian(sigma)(row - grid.y).index_select(0, by_row // 3)
-    columns = gaussian(sigma)(column - grid.x).index_select(0, by_row % 3)
+    rows = gaussian(sigma)(row - grid.y.position).index_select(0, by_row // 3)
+    columns = gaussian(sigma)(column - grid.x.position).index_select(0, by_row % 3)
     rows = torch.stack([rows, 0.0 * rows + 1e-4], dim=2).to(samples.dtype)
     columns = torch.stack([columns, 0.0 * columns + 1.0], dim=1).to(samples.dtype)
     near = rows @ columns  # the product of both and 1e-4
@@ -307,59 +357,6 @@ def _around(samples: Tensor, row: Tensor, column: Tensor) -> tuple[Tensor, Tenso
     place = row.index_select(0, by_row // 3) + height * (by_row % 3)[:, None]
     color, usable = (pick_rows(part, place) for part in across.split_with_sizes([3, 1], dim=1))
     return color, usable
-
-
-def offsets(index: Tensor) -> Tensor:
-    """(n,) indices of samples as (3, n): the sample before, itself, the sample after."""
-    return index + torch.arange(-1, 2, device=index.device)[:, None]
-
-
-def weighed(window: Window, kernel: Tensor, otherwise: Tensor) -> Tensor:
-    """Mean (1, 3, H, W) of neighbourhood samples under a learned kernel.
-
-    Args:
-        window: from `neighbourhood_samples`.
-        kernel: (1, WINDOW, H, W) logarithms of factors to the Gaussian weights.
-        otherwise: (1, 3, H, W) the result where no sample is usable.
-    """
-    weights = window.weight * kernel.exp()
-    total = weights.sum(dim=1, keepdim=True)
-    least = least_divisor(total, 1e-9)
-    color = (window.color * weights).sum(dim=2) / total.clamp(min=least)
-    return torch.where(total > least, color, otherwise)
-
-
-def pick(image: Tensor, grid: Grid) -> Tensor:
-    """Read the sample nearest to each display pixel: (1, c, h, w) -> (1, c, H, W)."""
-    return pick_columns(image, grid.column).index_select(2, grid.row)
-
-
-def at_pixels(image: Tensor, grid: Grid) -> Tensor:
-    """Read an image of display size at the pixels of a grid, which may extend beyond the display."""
-    return pick_columns(image, grid.pixel_x).index_select(2, grid.pixel_y)
-
-
-def pick_first(image: Tensor, grid: Grid) -> Tensor:
-    """Read the upper left of the four samples around each display pixel: (1, c, h, w) -> (1, c, H, W)."""
-    return pick_columns(image, grid.left).index_select(2, grid.top)
-
-
-def pick_first_vector(vectors: Tensor, grid: Grid) -> Tensor:
-    """`pick_first` where the two channels come last: (1, h, w, 2) -> (1, H, W, 2)."""
-    return vectors.index_select(2, grid.left).index_select(1, grid.top)
-
-
-def pick_vector(vectors: Tensor, grid: Grid) -> Tensor:
-    """`pick` where the two channels come last: (1, h, w, 2) -> (1, H, W, 2)."""
-    return vectors.index_select(2, grid.column).index_select(1, grid.row)
-
-
-def sum_of(terms: list[Tensor]) -> Tensor:
-    """Left-to-right sum, so that torch, ONNX and the CPU kernels add in one order."""
-    total = terms[0]
-    for term in terms[1:]:
-        total = total + term
-    return total
 
 
 def linear(distance: Tensor) -> Tensor:
@@ -380,12 +377,8 @@ def gaussian(sigma: float) -> Kernel:
     return lambda distance: (distance * distance * (-0.5 / (sigma * sigma))).exp()
 
 
-def of_size(image: Tensor, size: Size) -> Tensor:
-    """Nearest resampling to a size: identity where it is the image's own."""
-    own = render_size_of(image)
-    x = torch.arange(size.width, device=image.device)
-    y = torch.arange(size.height, device=image.device)
-    columns = nearest((x + 0.5) * own.width / size.width - 0.5, own.width)
-    return image.index_select(3, columns).index_select(
-        2, nearest((y + 0.5) * own.height / size.height - 0.5, own.height)
-    )
+def lanczos(distance: Tensor) -> Tensor:
+    """Lanczos filter of two lobes, support 2, as the polynomial that FSR uses in place of sines."""
+    squared = (distance * distance).clamp(max=4.0)
+    base, window = 0.4 * squared - 1.0, 0.25 * squared - 1.0
+    return (1.5625 * base * base - 0.5625) * window * window

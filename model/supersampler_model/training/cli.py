@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from statistics import mean
@@ -18,14 +19,16 @@ from supersampler.methods.registry import listed, methods
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
+    from types import FrameType
 
     from supersampler_model.data.dataset.description import Split
     from supersampler_model.training.trainer import Trainer, Update
-    from supersampler_model.training.validate import Validated
+    from supersampler_model.training.validation import Validated
 
 app = typer.Typer(help="Train a method that learns.", add_completion=False, rich_markup_mode=None)
 _LEARNED = {name: spec for name, spec in methods().items() if spec.task}
 _CONSOLE = Terminal(stderr=True)
+_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 @app.command()
@@ -66,17 +69,17 @@ def train(
     import torch
 
     from supersampler_model.data.dataset import open_dataset
-    from supersampler_model.methods.weights_file import load_trained, shipped_weights
+    from supersampler_model.methods.base import load_trained, shipped_weights
+    from supersampler_model.training.datasets import dataset_of_shots
     from supersampler_model.training.processes import (
         join_processes,
         leave_processes,
         one_process_first,
         process_rank,
     )
-    from supersampler_model.training.shots import dataset_of_shots
     from supersampler_model.training.tasks import start_task
     from supersampler_model.training.trainer import Plan, Trainer
-    from supersampler_model.training.validate import validate, validation_entries
+    from supersampler_model.training.validation import validate, validation_entries
 
     join_processes()
     torch.manual_seed(seed)
@@ -92,7 +95,7 @@ def train(
         raise ArgumentError("--data or --shot", got="neither", want="something to learn from")
     begin = shipped_weights(name) if init == "shipped" else init and Path(init)
     task = start_task(name, load_trained(begin) if begin else None)
-    learned = task.method.learned
+    learned = task.method.provenance
     begun = {key: learned[key] for key in ("steps", "commit", "data") if key in learned}
     named = [] if attributions is None else _lines(attributions)
     plan = Plan(steps=steps, size=size, batch=batch, frames=frames, rate=rate, seed=seed)
@@ -117,7 +120,6 @@ def update_and_save(trainer: Trainer, until: int, updates: list[Update]) -> None
         typer.Exit: Ctrl-C, after the update in progress; of one process.
     """
     from supersampler_model.training.processes import process_count, process_rank
-    from supersampler_model.training.stopping import StopRequest
 
     alone = process_count() == 1  # several would stop after different updates, and wait for each other
     with _progress(trainer, shown=process_rank() == 0) as advance:
@@ -126,12 +128,40 @@ def update_and_save(trainer: Trainer, until: int, updates: list[Update]) -> None
             updates.append(update)
             advance()
 
-        with StopRequest(_CONSOLE) if alone else nullcontext() as stop:
+        with StopRequest() if alone else nullcontext() as stop:
             trainer.run(until, on_update=count, stops=lambda: stop is not None and stop.requested)
         trainer.save()
     if stop is not None and stop.requested and trainer.done < trainer.plan.steps:
         _CONSOLE.print(f"Stopped after {trainer.done} updates. The same command, given again, goes on.")
         raise typer.Exit(130)
+
+
+class StopRequest:
+    """Context manager that records the first SIGINT or SIGTERM; the second one raises KeyboardInterrupt.
+
+    The update in progress is finished and saved first: nothing is lost.
+
+    Attributes:
+        requested: whether one came.
+    """
+
+    def __init__(self) -> None:
+        self.requested = False
+        self._before: dict[int, Any] = {}
+
+    def __enter__(self) -> StopRequest:
+        self._before = {number: signal.signal(number, self._stop) for number in _SIGNALS}
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for number, before in self._before.items():
+            signal.signal(number, before)
+
+    def _stop(self, _number: int, _frame: FrameType | None) -> None:
+        self.requested = True
+        for one in _SIGNALS:
+            signal.signal(one, signal.default_int_handler)
+        _CONSOLE.print("Stopping after this update; Ctrl-C again stops at once and loses the last ones.")
 
 
 @contextmanager
@@ -157,8 +187,8 @@ def _check_free(output: Path) -> None:
     Raises:
         ShotError: names the file.
     """
-    from supersampler_model.training.checkpoint import CHECKPOINT
     from supersampler_model.training.run_log import FILES as LOG_FILES
+    from supersampler_model.training.trainer import CHECKPOINT
 
     if not (output / CHECKPOINT).exists():  # which is written before all others, and checked when read
         for name in ("weights.safetensors", *LOG_FILES):
@@ -174,7 +204,7 @@ def _report(
     facts: dict[str, Any],
 ) -> None:
     """Write the weights and the log, and say how it goes."""
-    from supersampler_model.methods.weights_file import save_trained
+    from supersampler_model.methods.base import save_trained
     from supersampler_model.training.run_log import RunLog
 
     scores = {} if found is None else {**found.scores, **found.overlap}

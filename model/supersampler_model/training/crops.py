@@ -3,12 +3,18 @@
 A crop of the display reads a crop of the render-size input. Its `View` has a jitter that includes the offset
 between both, so that crops at any ratio are sampled as exactly as whole frames. A crop is a screen of its
 own: pixels that are reprojected outside of it have no history.
+
+Methods of a fixed integer ratio (`gbuffer`) read G-buffers of render and of display size. Their crops are
+`aligned`: they consist of whole render pixels, have the frame's jitter and read no pixels around the crop.
+Methods of any ratio read G-buffers of render size, to extrapolate unshaded frames (`extrapolate`), or of both
+sizes (`gbuffer-fast`).
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any, NamedTuple, Self
+from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
 import torch
@@ -16,22 +22,31 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from supersampler.errors import ArgumentError
+from supersampler.frame import Float32
+from supersampler.methods.gbuffers import GBUFFERS
 from supersampler_model.data.dataset import Dataset, TrainingFrame
 from supersampler_model.data.dataset.description import SequenceEntry
 from supersampler_model.data.labels import Alias
-from supersampler_model.ops.color import MAX_HALF
+from supersampler_model.ops.color import MAX_HALF, luminance
+from supersampler_model.ops.images import Size
 from supersampler_model.ops.sampling import Extent, View
-from supersampler_model.ops.size import Size
-from supersampler_model.training.frame_inputs import planes
-from supersampler_model.training.path_noise import PathNoise
+from supersampler_model.training.datasets import gbuffers, planes, sequences_of
 
 MARGIN = 3  # render pixels around the region that a crop reads
 CANDIDATES = 3  # random regions per crop, of which the one with the most aliased pixels is used
 FIREFLY_CHANCE = 0.03  # fraction of the frames with fireflies
 MAX_EXPOSURE_CHANGE = 1.0  # in augmentation, stops
+TWO_UNSHADED = 0.25
+"""Fraction of the crops with two unshaded frames after each shaded one; the others have one."""
+NOISE_CHANCE = 0.06  # fraction of the crops with path-tracing noise
+SAMPLES = 1, 2, 4, 8, 16  # a pixel
+MIN_SPREAD, MAX_SPREAD = 0.6, 1.3  # of `PathNoise.spread`
+MAX_CERTAIN, MAX_MISSED = 0.8, 0.3  # half of the crops with noise miss no path
+GBufferSizes = Literal["none", "render", "both"]
+"""Sizes of the G-buffers of a crop."""
 
 
-class Sample(NamedTuple):
+class CropFrame(NamedTuple):
     """One frame of a crop."""
 
     color: Tensor  # (1, 3, h, w) linear RGB
@@ -47,12 +62,12 @@ class Sample(NamedTuple):
     unshaded: bool = False  # whether the method must extrapolate its colour
 
     def without_truth(self) -> Self:
-        """Return the sample without reference, classes and reset: what a method reads."""
+        """Return the frame without reference, classes and reset: what a method reads."""
         none = self.exposure.new_empty(0)
-        return self._replace(reset=False, reference=none, ghost=none, alias=none)
+        return self._replace(reset=False, reference=none, ghost=none, alias=none, gbuffer=dict(self.gbuffer))
 
     def on(self, device: torch.device) -> Self:
-        """Return the sample with its tensors on `device`."""
+        """Return the frame with its tensors on `device`."""
         moved = self._asdict()
         moved |= {name: value.to(device) for name, value in moved.items() if isinstance(value, Tensor)}
         moved["view"] = self.view._replace(jitter=self.view.jitter.to(device))
@@ -60,7 +75,7 @@ class Sample(NamedTuple):
         return self._replace(**moved)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class CropRegion:
     """Region and augmentation of a crop; the same for all of its frames.
 
@@ -73,6 +88,9 @@ class CropRegion:
         colors: order of the colour channels.
         gain: multiplies colours.
         exposure: multiplies the exposure.
+        gbuffers: sizes of the G-buffers of the crop, where the frame has them.
+        aligned: whether corner and size are multiples of the ratio, a whole number equal on both axes.
+        world: (3, 3) orthogonal matrix applied to normals: methods may only use their differences.
     """
 
     left: int
@@ -84,36 +102,42 @@ class CropRegion:
     colors: tuple[int, int, int] = (0, 1, 2)
     gain: float = 1.0
     exposure: float = 1.0
+    gbuffers: GBufferSizes = "none"
+    aligned: bool = False
+    world: Float32 = field(default_factory=lambda: np.eye(3, dtype=np.float32))
 
-    def sample(self, frame: TrainingFrame, *, reset: bool) -> Sample:
-        """Cut the crop out of one frame."""
-        return self._part(frame, *self._visible(frame), reset=reset)
+    @classmethod
+    def draw(
+        cls,
+        random: np.random.Generator,
+        entry: SequenceEntry,
+        display_size: tuple[int, int],
+        size: int,
+        *,
+        gbuffers: GBufferSizes = "none",
+        aligned: bool = False,
+    ) -> Self:
+        """Draw a random region of a sequence, and its augmentation."""
+        (width, height), step = display_size, round(entry.ratio) if aligned else 1
+        render = entry.render_size(display_size)
+        r, g, b = (int(i) for i in random.permutation(3))
+        drawn: dict[str, Any] = {
+            "left": step * int(random.integers((width - size) // step + 1)),
+            "top": step * int(random.integers((height - size) // step + 1)),
+            "flip": (bool(random.integers(2)), bool(random.integers(2))),
+            "turned": bool(random.integers(2)),
+            "gain": float(2.0 ** random.uniform(-2.0, 2.0)),  # methods must not depend on the unit of light
+            "exposure": float(2.0 ** random.uniform(-MAX_EXPOSURE_CHANGE, MAX_EXPOSURE_CHANGE)),
+        }
+        if gbuffers != "none":
+            q, upper = np.linalg.qr(random.normal(size=(3, 3)))  # uniform rotations (Mezzadri 2007)
+            drawn["world"] = (q * np.sign(np.diag(upper))).astype(np.float32)
+        ratio = width / render[0], height / render[1]
+        return cls(size=size, ratio=ratio, colors=(r, g, b), gbuffers=gbuffers, aligned=aligned, **drawn)
 
-    def worth(self, frame: TrainingFrame) -> int:
-        """Return the number of aliased pixels in the crop."""
-        crop = frame.alias[self.display]
-        return int(((crop == Alias.GEOMETRY) | (crop == Alias.TEXTURE)).sum())
-
-    @property
-    def display(self) -> tuple[slice, slice]:
-        """Rows and columns of the crop in an image of display size."""
-        return slice(self.top, self.top + self.size), slice(self.left, self.left + self.size)
-
-    def turn(self, image: NDArray[Any]) -> NDArray[Any]:
-        """Flip and turn (height, width, ...)."""
-        image = image[:, ::-1] if self.flip[0] else image
-        image = image[::-1] if self.flip[1] else image
-        return image.swapaxes(0, 1) if self.turned else image
-
-    def _visible(self, frame: TrainingFrame) -> tuple[slice, slice]:
-        """Columns and rows of the render-size region that the crop reads."""
-        width, height = frame.depth.shape[::-1]
-        across = _visible(self.left, self.size, self.ratio[0], width)
-        return across, _visible(self.top, self.size, self.ratio[1], height)
-
-    def _part(self, frame: TrainingFrame, across: slice, down: slice, *, reset: bool) -> Sample:
-        """Cut the crop out, with these columns and rows at render size."""
-        here = down, across
+    def cut(self, frame: TrainingFrame, *, reset: bool) -> CropFrame:
+        """Cut the crop out of one frame, with the G-buffers that the frame has."""
+        down, across = here = self.render_region(frame)
         corners = zip(frame.jitter, (across, down), (self.left, self.top), self.ratio, strict=True)
         jitter = [j + part.start - corner / ratio for j, part, corner, ratio in corners]
         motion = frame.motion[here].astype(np.float32)
@@ -129,7 +153,7 @@ class CropRegion:
             return torch.from_numpy(self.turn(image[self.display]).astype(np.int64))[None]
 
         colors = list(self.colors)
-        return Sample(
+        return CropFrame(
             color=planes(self.turn(frame.color[here]))[:, colors] * self.gain,
             depth=planes(self.turn(frame.depth[here])),
             motion=planes(self.turn(motion)),
@@ -143,72 +167,158 @@ class CropRegion:
             reference=planes(self.turn(frame.reference[self.display]))[:, colors] * self.gain,
             ghost=classes(frame.ghost),
             alias=classes(frame.alias),
+            gbuffer=self.cut_gbuffers(frame),
         )
 
+    def cut_gbuffers(self, frame: TrainingFrame) -> dict[str, Tensor]:
+        """Cut the crop out of the G-buffers of one frame."""
+        found = {}
+        for name, image in gbuffers(frame).items() if self.gbuffers != "none" else ():
+            of_display = GBUFFERS[name].of_display
+            if of_display and self.gbuffers != "both":
+                continue
+            part = image[self.display if of_display else self.render_region(frame)]
+            if name.endswith("base_color"):
+                part = part[..., list(self.colors)]
+            elif name.endswith("normal"):
+                part = part.astype(np.float32) @ self.world.T
+            found[name] = planes(self.turn(part))
+        return found
 
-Draw = Callable[[np.random.Generator, SequenceEntry, tuple[int, int], int], CropRegion]
-"""Draws a random region: generator, sequence, its display size, size of the crop."""
+    def aliased_pixels(self, frame: TrainingFrame) -> int:
+        """Return the number of aliased pixels in the crop."""
+        crop = frame.alias[self.display]
+        return int(((crop == Alias.GEOMETRY) | (crop == Alias.TEXTURE)).sum())
+
+    @property
+    def display(self) -> tuple[slice, slice]:
+        """Rows and columns of the crop in an image of display size."""
+        return slice(self.top, self.top + self.size), slice(self.left, self.left + self.size)
+
+    def render_region(self, frame: TrainingFrame) -> tuple[slice, slice]:
+        """Return the rows and columns that the crop reads at render size, with a margin; as many anywhere."""
+
+        def axis(corner: int, ratio: float, extent: int) -> slice:
+            if self.aligned:
+                return slice(corner // round(ratio), (corner + self.size) // round(ratio))
+            first = int(np.floor((corner + 0.5) / ratio - 1.0)) - MARGIN
+            count = min(int(np.ceil(self.size / ratio)) + 2 * MARGIN + 4, extent)
+            first = min(max(first, 0), extent - count)
+            return slice(first, first + count)
+
+        height, width = frame.depth.shape
+        return axis(self.top, self.ratio[1], height), axis(self.left, self.ratio[0], width)
+
+    def turn(self, image: NDArray[Any]) -> NDArray[Any]:
+        """Flip and turn (height, width, ...)."""
+        image = image[:, ::-1] if self.flip[0] else image
+        image = image[::-1] if self.flip[1] else image
+        return image.swapaxes(0, 1) if self.turned else image
 
 
-def draw_region(
-    random: np.random.Generator,
-    entry: SequenceEntry,
-    display_size: tuple[int, int],
-    size: int,
-    *,
-    step: int = 1,
-) -> CropRegion:
-    """Draw a random region and augmentation, with corners at multiples of `step`."""
-    width, height = display_size
-    render = entry.render_size(display_size)
-    r, g, b = (int(i) for i in random.permutation(3))
-    return CropRegion(
-        left=step * int(random.integers((width - size) // step + 1)),
-        top=step * int(random.integers((height - size) // step + 1)),
-        size=size,
-        ratio=(width / render[0], height / render[1]),
-        flip=(bool(random.integers(2)), bool(random.integers(2))),
-        turned=bool(random.integers(2)),
-        colors=(r, g, b),
-        gain=float(2.0 ** random.uniform(-2.0, 2.0)),  # methods must not depend on the unit of light
-        exposure=float(2.0 ** random.uniform(-MAX_EXPOSURE_CHANGE, MAX_EXPOSURE_CHANGE)),
-    )
+class PathNoise(NamedTuple):
+    """Path-tracing noise in the colour of crops, the same in all frames; references stay without noise.
+
+    A pixel is the mean of a few samples. Each sample has a certain part, which every path finds, and a random
+    part: zero with some probability, else log-normal, with a tail of fireflies. Darker pixels have a smaller
+    certain part. docs/training.md compares its quantiles with those of Mitsuba 3.
+
+    Attributes:
+        samples: number of samples a pixel.
+        certain: certain share of the light of the brightest pixels, [0, 1].
+        missed: probability that the random part of a sample is zero, [0, 1).
+        spread: standard deviation of the logarithm of the random part, > 0.
+    """
+
+    samples: int
+    certain: float
+    missed: float
+    spread: float
+
+    @classmethod
+    def draw(cls, random: np.random.Generator) -> Self | None:
+        """Draw the parameters of one crop; None for crops without noise."""
+        if random.random() >= NOISE_CHANCE:
+            return None
+        return cls(
+            samples=int(random.choice(SAMPLES)),
+            certain=float(random.uniform(0.0, MAX_CERTAIN)),
+            missed=float(max(random.uniform(-MAX_MISSED, MAX_MISSED), 0.0)),
+            spread=float(random.uniform(MIN_SPREAD, MAX_SPREAD)),
+        )
+
+    def factors(self, certain: NDArray[np.float32], random: np.random.Generator) -> NDArray[np.float32]:
+        """Return random factors of the pixels' colours, with a mean of 1.
+
+        Args:
+            certain: certain share of each pixel's light, [0, 1].
+            random: of this frame.
+        """
+        shape = self.samples, *certain.shape
+        logarithm = self.spread * random.standard_normal(shape, np.float32) - 0.5 * self.spread**2
+        found = random.random(shape, np.float32) >= self.missed
+        uncertain = (np.exp(logarithm) * found).mean(axis=0, dtype=np.float32) / np.float32(1.0 - self.missed)
+        factors: NDArray[np.float32] = certain + (1.0 - certain) * uncertain
+        return factors
+
+    def on(self, color: Tensor, random: np.random.Generator) -> Tensor:
+        """Return a frame's colour, (1, 3, h, w) linear RGB, multiplied by noise."""
+        luma = luminance(color.clamp(min=0.0))
+        certain = self.certain * luma / (luma + luma.mean() + 1e-12)
+        return (color * torch.from_numpy(self.factors(certain.numpy(), random))).clamp(max=MAX_HALF)
 
 
-def with_fireflies(sample: Sample, random: np.random.Generator) -> Sample:
+def with_fireflies(frame: CropFrame, random: np.random.Generator) -> CropFrame:
     """Add fireflies of random brightness to a few frames.
 
     Path tracers and broken shaders produce such samples for one frame. Rendered training data has none, and a
     network that never saw one keeps it for a second.
     """
     if random.random() >= FIREFLY_CHANCE:
-        return sample
+        return frame
     fraction, stops = 10.0 ** random.uniform(-3.0, -1.0), random.uniform(3.0, 16.0)
-    is_firefly = torch.from_numpy(random.random(sample.depth.shape) < fraction)
-    light = torch.tensor(2.0**stops, dtype=torch.float32) / sample.exposure
-    return sample._replace(color=torch.where(is_firefly, light.clamp(max=MAX_HALF), sample.color))
+    is_firefly = torch.from_numpy(random.random(frame.depth.shape) < fraction)
+    light = torch.tensor(2.0**stops, dtype=torch.float32) / frame.exposure
+    return frame._replace(color=torch.where(is_firefly, light.clamp(max=MAX_HALF), frame.color))
 
 
 @dataclass
-class Place:
-    """Position of a stream, from which it resumes: number of the crop, and of the frame in it."""
+class StreamPosition:
+    """Position from which a stream resumes: number of the crop, and of the frame in it."""
 
     crop: int = 0
     frame: int = 0
 
 
-class Stream:
-    """An endless stream of crops of one split: crop after crop, the frames of each in order.
+class CropStream(ABC):
+    """An endless stream of crops, frame by frame.
+
+    Attributes:
+        position: of the next iteration.
+    """
+
+    def __init__(self) -> None:
+        self.position = StreamPosition()
+
+    @abstractmethod
+    def __iter__(self) -> Iterator[Any]:
+        """Yield frames from `position` on."""
+
+
+class Stream(CropStream):
+    """Crops of one split: crop after crop, the frames of each in order.
 
     Args:
         datasets: sets as `supersampler render` makes them.
         ratios: minimum and maximum ratio.
         size: of the crops, display pixels.
-        seed: of the random choices; two streams of the same seed and place are the same.
-        draw: returns one random region; called CANDIDATES times per crop.
+        seed: of the random choices; two streams of the same seed and position are the same.
+        gbuffers: sizes of the G-buffers of the crops.
+        aligned: whether crops consist of whole render pixels; the ratio is then one whole number.
 
     Raises:
-        ArgumentError: no sequence can be trained on, or crops are larger than a display.
+        ArgumentError: no sequence can be trained on, crops are larger than a display, or aligned crops are of
+            no multiple of the ratio.
     """
 
     def __init__(
@@ -218,64 +328,52 @@ class Stream:
         ratios: tuple[float, float],
         size: int,
         seed: Sequence[int],
-        draw: Draw = draw_region,
+        gbuffers: GBufferSizes = "none",
+        aligned: bool = False,
     ) -> None:
-        self._sequences = sequences_of(datasets, ratios, least=2)
+        super().__init__()
+        if aligned and size % ratios[0]:
+            want = f"a multiple of {ratios[0]:g}, the ratio of the method"
+            raise ArgumentError("size", got=size, want=want)
+        self._sequences = sequences_of(datasets, ratios, min_frames=2)
         smallest = min(min(dataset.description.display_size) for dataset, _, _ in self._sequences)
         if size > smallest:
             raise ArgumentError("size", got=size, want=f"at most {smallest}, the smaller side of a display")
-        self._size, self._seed, self._draw = size, list(seed), draw
-        self.place = Place()
+        self._size, self._seed = size, list(seed)
+        self._gbuffers: GBufferSizes = gbuffers
+        self._aligned = aligned
 
-    def __iter__(self) -> Iterator[Sample]:
+    def __iter__(self) -> Iterator[CropFrame]:
         while True:
-            random = np.random.default_rng([*self._seed, self.place.crop])
+            random = np.random.default_rng([*self._seed, self.position.crop])
             dataset, entry, count = self._sequences[int(random.integers(len(self._sequences)))]
             first = int(random.integers(max(count // 3, 1)))
-            display_size = dataset.description.display_size
-            regions = [self._draw(random, entry, display_size, self._size) for _ in range(CANDIDATES)]
+            place = random, entry, dataset.description.display_size, self._size
+            regions = [
+                CropRegion.draw(*place, gbuffers=self._gbuffers, aligned=self._aligned)
+                for _ in range(CANDIDATES)
+            ]
             first_frame = dataset.read(entry, first)
-            region = max(regions, key=lambda region: region.worth(first_frame))
+            region = max(regions, key=lambda region: region.aliased_pixels(first_frame))
             noise = PathNoise.draw(random)
-            for index in range(first + self.place.frame, count):
+            for index in range(first + self.position.frame, count):
                 frame = dataset.read(entry, index)
-                self.place.frame += 1
-                sample = region.sample(frame, reset=frame.reset or index == first)
-                of_frame = np.random.default_rng([*self._seed, self.place.crop, index])
+                self.position.frame += 1
+                crop = region.cut(frame, reset=frame.reset or index == first)
+                of_frame = np.random.default_rng([*self._seed, self.position.crop, index])
                 if noise is not None:
-                    sample = sample._replace(color=noise.on(sample.color, of_frame))
-                yield with_fireflies(sample, of_frame)
-            self.place = Place(self.place.crop + 1, 0)
+                    crop = crop._replace(color=noise.on(crop.color, of_frame))
+                yield with_fireflies(crop, of_frame)
+            self.position = StreamPosition(self.position.crop + 1, 0)
 
 
-def sequences_of(
-    datasets: Sequence[Dataset], ratios: tuple[float, float], *, least: int
-) -> list[tuple[Dataset, SequenceEntry, int]]:
-    """Return the sequences to train on, with the number of their frames.
+class UnshadedStream(Stream):
+    """Crops with every second frame unshaded, or two of three; crops without G-buffers are all shaded."""
 
-    Args:
-        datasets: that they are of.
-        ratios: minimum and maximum.
-        least: minimum number of consecutive frames.
-
-    Raises:
-        ArgumentError: there are none.
-    """
-    found = [
-        (dataset, entry, count)
-        for dataset in datasets
-        for entry in dataset.entries("train")
-        if entry.within(ratios) and (count := dataset.complete(entry)) >= least
-    ]
-    if not found:
-        want = f"{least} frames in a row to train on, at a ratio from {ratios[0]} to {ratios[1]}"
-        raise ArgumentError("data", got="nothing of use", want=want)
-    return found
-
-
-def _visible(corner: int, size: int, ratio: float, extent: int) -> slice:
-    """Samples that display pixels from `corner` on read, with a margin; as many at each corner."""
-    first = int(np.floor((corner + 0.5) / ratio - 1.0)) - MARGIN
-    count = min(int(np.ceil(size / ratio)) + 2 * MARGIN + 4, extent)
-    first = min(max(first, 0), extent - count)
-    return slice(first, first + count)
+    def __iter__(self) -> Iterator[CropFrame]:
+        for crop in super().__iter__():
+            random = np.random.default_rng([*self._seed, self.position.crop, 0, 1])
+            unshaded = 2 if random.random() < TWO_UNSHADED else 1
+            number = self.position.frame - 1  # the position already counts this frame
+            unshaded_here = number % (unshaded + 1) > 0 and bool(crop.gbuffer) and not crop.reset
+            yield crop._replace(unshaded=unshaded_here)

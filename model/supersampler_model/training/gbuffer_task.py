@@ -8,14 +8,12 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from supersampler_model.data.dataset import Dataset
-from supersampler_model.methods.gbuffer.buffers import FrameInputs, Gathered, History
-from supersampler_model.methods.gbuffer.model import GBuffer
-from supersampler_model.ops.size import render_size_of
-from supersampler_model.training.crops import Sample, Stream
-from supersampler_model.training.gbuffer_crops import gbuffer_set, gbuffer_stream
-from supersampler_model.training.losses import ImageWeights, shown
+from supersampler_model.methods.gbuffer import FrameInputs, Gathered, GBuffer, History
+from supersampler_model.ops.images import size_of
+from supersampler_model.training.crops import CropFrame, Stream
+from supersampler_model.training.datasets import gbuffer_set
+from supersampler_model.training.losses import ImageWeights, display_values, dissimilarity
 from supersampler_model.training.processes import mean_of_processes
-from supersampler_model.training.structure import dissimilarity
 from supersampler_model.training.task import State, Stepped, Task
 
 COS_45 = 0.5**0.5
@@ -40,7 +38,7 @@ class GBufferWeights(ImageWeights):
     reflective_structure: float = 0.75
 
 
-class GBufferTask(Task[Sample]):
+class GBufferTask(Task):
     """Image loss only; states are in the order of `GBuffer.history`."""
 
     def __init__(self, method: GBuffer, losses: GBufferWeights | None = None) -> None:
@@ -53,18 +51,19 @@ class GBufferTask(Task[Sample]):
 
     def stream(self, datasets: Sequence[Dataset], *, size: int, seed: Sequence[int]) -> Stream:
         """Stream crops of whole render pixels."""
-        return gbuffer_stream(datasets, ratio=self.method.config.ratio, size=size, seed=seed)
+        ratios = self.method.config.ratio, self.method.config.ratio
+        return Stream(datasets, ratios=ratios, size=size, seed=seed, gbuffers="both", aligned=True)
 
-    def first_state(self, sample: Sample) -> State:
-        """Zeros."""
-        empty = self.method.first_history(sample.view.display, render_size_of(sample.color))
-        return [tensor.to(sample.color.device) for tensor in empty]
+    def first_state(self, crop: CropFrame) -> State:
+        """Return zeros."""
+        empty = self.method.first_history(crop.view.display, size_of(crop.color))
+        return [tensor.to(crop.color.device) for tensor in empty]
 
-    def step(self, samples: list[Sample], states: list[State]) -> Stepped:
+    def step(self, crops: list[CropFrame], states: list[State]) -> Stepped:
         """Step all crops; from frame to frame gradients flow through the image, not through the count."""
         method = self.method
-        gathered = [self.gather(sample, state) for sample, state in zip(samples, states, strict=True)]
-        with torch.autocast(samples[0].color.device.type, torch.bfloat16, enabled=torch.is_grad_enabled()):
+        gathered = [self.gather(crop, state) for crop, state in zip(crops, states, strict=True)]
+        with torch.autocast(crops[0].color.device.type, torch.bfloat16, enabled=torch.is_grad_enabled()):
             (blend,) = method.net(*map(torch.cat, zip(*(g.inputs for g in gathered), strict=True)))
         blend = blend.float()
         images, after = [], []
@@ -73,16 +72,16 @@ class GBufferTask(Task[Sample]):
             images.append(done.image)
             after.append(list(done.history._replace(sample_count=done.history.sample_count.detach())))
         batch, reflective = torch.cat(images), torch.cat([reflective_of(g) for g in gathered])
-        weights, exposure = self.losses, torch.cat([s.exposure for s in samples])
-        reference = shown(torch.cat([s.reference for s in samples]), exposure)
-        map_ = dissimilarity(shown(batch, exposure), reference)
+        weights, exposure = self.losses, torch.cat([crop.exposure for crop in crops])
+        reference = display_values(torch.cat([crop.reference for crop in crops]), exposure)
+        map_ = dissimilarity(display_values(batch, exposure), reference)
         structure = weights.structure * _mean(map_, 1.0 + weights.reflective_structure * reflective)
         return Stepped(batch, after, 1.0 + weights.reflective * reflective, {"structure": structure})
 
-    def gather(self, sample: Sample, state: State) -> Gathered:
+    def gather(self, crop: CropFrame, state: State) -> Gathered:
         """Run the gather stage on one crop."""
-        render, display = self.method.surfaces_of(sample.gbuffer, sample.depth)
-        frame = FrameInputs(sample.color, sample.motion, sample.exposure, render, display, sample.view)
+        render, display = self.method.surfaces_of(crop.gbuffer, crop.depth)
+        frame = FrameInputs(crop.color, crop.motion, crop.exposure, render, display, crop.view)
         return self.method.gather(frame, History(*state))
 
 
@@ -99,7 +98,7 @@ def reflective_of(gathered: Gathered) -> Tensor:
 
 
 def _mean(values: Tensor, weight: Tensor) -> Tensor:
-    """Weighted mean over known values (equation 6)."""
+    """Return the weighted mean over known values (equation 6)."""
     known = values.isfinite().float()
     values = torch.where(known > 0.0, values, torch.zeros_like(values))
     return (values * weight).sum() / mean_of_processes((known * weight).sum()).clamp(min=1.0)

@@ -2,10 +2,11 @@
 
 Gradients of a recurrent image loss are dominated by a few directions. Muon replaces a gradient by the nearest
 orthogonal matrix, which updates all directions equally. Its steps are scaled as in Liu et al. 2025, section
-2.2, so that both use one learning rate.
+2.2, so that both use one learning rate. `torch.optim.Muon` has this update, but computes it in bfloat16 and
+takes matrices only; the released weights were trained in float32.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from typing import Any
 
 import torch
@@ -34,24 +35,20 @@ class Muon(torch.optim.Optimizer):
     def step(self) -> None:  # type: ignore[override]  # takes no closure
         """Update all parameters that have a gradient."""
         for group in self.param_groups:
-            for parameter in group["params"]:
-                if parameter.grad is None:
-                    continue
-                state = self.state[parameter]
+            for parameter in (p for p in group["params"] if p.grad is not None):
                 if is_matrix(parameter):
                     parameter.mul_(1.0 - group["lr"] * group["decay"])
-                    parameter.add_(_orthogonal_step(parameter.grad, state), alpha=-group["lr"])
-                else:
-                    parameter.add_(_adam_step(parameter.grad, state), alpha=-group["lr"])
+                step = _orthogonal_step if is_matrix(parameter) else _adam_step
+                parameter.add_(step(parameter.grad, self.state[parameter]), alpha=-group["lr"])
 
 
 def is_matrix(parameter: Tensor) -> bool:
-    """Whether a weight belongs to a 1x1 convolution."""
+    """Return whether a weight belongs to a 1x1 convolution."""
     return parameter.ndim == 4 and parameter.shape[2:] == (1, 1)
 
 
 def orthogonalised(matrix: Tensor) -> Tensor:
-    """The matrix with all singular values near 1, by the Newton-Schulz iteration."""
+    """Return the matrix with all singular values near 1, by the Newton-Schulz iteration."""
     a, b, c = _COEFFICIENTS
     wide = matrix.shape[0] <= matrix.shape[1]
     x: Tensor = matrix if wide else matrix.T
@@ -62,26 +59,20 @@ def orthogonalised(matrix: Tensor) -> Tensor:
     return x if wide else x.T
 
 
-def _orthogonal_step(gradient: Tensor, state: Mapping[str, Any]) -> Tensor:
-    momentum = _state_tensor(state, "momentum", gradient)
+def _orthogonal_step(gradient: Tensor, state: dict[str, Any]) -> Tensor:
+    momentum: Tensor = state.setdefault("momentum", torch.zeros_like(gradient))
     momentum.lerp_(gradient, 1.0 - MOMENTUM)
     ahead = gradient.lerp(momentum, MOMENTUM)
     step: Tensor = orthogonalised(ahead.flatten(1)) * (0.2 * max(ahead.shape[:2]) ** 0.5)
     return step.view_as(gradient)
 
 
-def _adam_step(gradient: Tensor, state: Any) -> Tensor:
-    first, second = _state_tensor(state, "first", gradient), _state_tensor(state, "second", gradient)
+def _adam_step(gradient: Tensor, state: dict[str, Any]) -> Tensor:
+    first: Tensor = state.setdefault("first", torch.zeros_like(gradient))
+    second: Tensor = state.setdefault("second", torch.zeros_like(gradient))
     state["count"] = count = state.get("count", 0) + 1
     first.lerp_(gradient, 1.0 - BETAS[0])
     second.lerp_(gradient * gradient, 1.0 - BETAS[1])
     scale = (second / (1.0 - BETAS[1] ** count)).sqrt() + TINY
     step: Tensor = first / (1.0 - BETAS[0] ** count) / scale
     return step
-
-
-def _state_tensor(state: Any, name: str, like: Tensor) -> Tensor:
-    if name not in state:
-        state[name] = torch.zeros_like(like)
-    tensor: Tensor = state[name]
-    return tensor

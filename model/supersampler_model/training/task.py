@@ -1,57 +1,26 @@
 """Interface between the trainer and a method: a stream of crops, and a training step on a batch of them."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from types import MappingProxyType
-from typing import Any, Generic, NamedTuple, Protocol, Self, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import torch
 from torch import Tensor
+from torch.utils import _pytree as pytree
 
 from supersampler_model.data.dataset import Dataset
 from supersampler_model.methods.base import Method
-from supersampler_model.methods.taau.model import Taau
-from supersampler_model.ops.size import Size
-from supersampler_model.training.crops import Place
+from supersampler_model.methods.taau import Taau
+from supersampler_model.ops.images import Size
+from supersampler_model.training.crops import CropStream
 from supersampler_model.training.losses import ImageWeights
-from supersampler_model.training.sequence_runner import SequenceRunner
+from supersampler_model.training.validation import SequenceRunner
 
 State = list[Tensor]
 """State of one crop between frames; the task defines the order."""
-
-
-class Crop(Protocol):
-    """One frame of a crop: the part that the trainer reads."""
-
-    @property
-    def exposure(self) -> Tensor:
-        """(1,) exposure of the displayed image."""
-
-    @property
-    def reference(self) -> Tensor:
-        """(1, 3, H, W) linear RGB, NaN where unknown."""
-
-    @property
-    def reset(self) -> bool:
-        """Whether it starts a new history."""
-
-    def on(self, device: torch.device) -> Self:
-        """Return it with its tensors on `device`."""
-
-
-CropT = TypeVar("CropT", bound=Crop)
-CropsT = TypeVar("CropsT", bound=Crop, covariant=True)
-
-
-class Crops(Protocol[CropsT]):
-    """An endless stream of crops, frame by frame."""
-
-    place: Place
-    """Position that the next iteration starts from."""
-
-    def __iter__(self) -> Iterator[CropsT]:
-        """Yield frames from `place` on."""
+Result = TypeVar("Result")
 
 
 class Stepped(NamedTuple):
@@ -63,11 +32,12 @@ class Stepped(NamedTuple):
     terms: Mapping[str, Tensor] = MappingProxyType({})  # further loss terms, weighted scalars
 
 
-class Task(ABC, Generic[CropT]):
+class Task(ABC):
     """A method and its training.
 
     Tasks are stateless: the trainer keeps the states of crops from frame to frame, detaches them between
-    updates, and saves them.
+    updates, and saves them. A frame of a crop is a named tuple with `exposure`, `reference`, `reset` and
+    `on(device)`, as `CropFrame`.
 
     Attributes:
         method: the trained method.
@@ -80,8 +50,7 @@ class Task(ABC, Generic[CropT]):
     @property
     def config(self) -> dict[str, Any]:
         """Config of the method, plain data."""
-        config: Any = self.method.config
-        return asdict(config)
+        return asdict(self.method.config)
 
     @property
     def ratios(self) -> tuple[float, float]:
@@ -106,13 +75,66 @@ class Task(ABC, Generic[CropT]):
         return SequenceRunner(method, display)
 
     @abstractmethod
-    def stream(self, datasets: Sequence[Dataset], *, size: int, seed: Sequence[int]) -> Crops[CropT]:
+    def stream(self, datasets: Sequence[Dataset], *, size: int, seed: Sequence[int]) -> CropStream:
         """Stream crops, `size` pixels square, of data sets from `data`."""
 
     @abstractmethod
-    def first_state(self, sample: CropT) -> State:
+    def first_state(self, crop: Any) -> State:
         """Return the state before the first frame of a crop: no history."""
 
     @abstractmethod
-    def step(self, samples: list[CropT], states: list[State]) -> Stepped:
+    def step(self, crops: list[Any], states: list[State]) -> Stepped:
         """Step each crop once, with the network on the whole batch."""
+
+
+def in_batches(stage: Callable[..., Result], crops: Sequence[tuple[Any, ...]]) -> list[Result]:
+    """Return `stage(*crop)` of each crop, and run crops of equal shapes as one batch.
+
+    A stage is hundreds of small operations. A batch needs as many of them as one crop does, each larger: less
+    overhead on a CPU, and much less on a GPU.
+
+    Args:
+        stage: a function of tensors, and of named tuples, lists and dictionaries of them; its operations must
+            not depend on values of tensors. Other values in them, as sizes, are the same in one batch.
+        crops: arguments.
+    """
+    batches: dict[Any, list[int]] = {}
+    found: list[list[Tensor]] = []
+    for index, crop in enumerate(crops):
+        tensors, structure = _split(crop)
+        found.append(tensors)
+        kinds = tuple((tensor.shape, tensor.dtype) for tensor in tensors)
+        batches.setdefault((structure, kinds), []).append(index)
+    results: dict[int, Result] = {}
+    for (structure, _), members in batches.items():
+        columns = zip(*(found[i] for i in members), strict=True)
+        batch = _batch(stage, structure, [torch.stack(column) for column in columns])
+        results |= dict(zip(members, batch, strict=True))
+    return [results[index] for index in range(len(crops))]
+
+
+def _batch(stage: Callable[..., Result], structure: Any, stacked: list[Tensor]) -> Iterator[Result]:
+    """Yield the results of one batch, from its tensors, the crops along the first axis."""
+    returned: list[Any] = []
+
+    def run(*tensors: Tensor) -> tuple[Tensor, ...]:
+        outputs, made = _split(stage(*_joined(tensors, structure)))
+        returned.append(made)
+        return tuple(outputs)
+
+    outputs = torch.func.vmap(run)(*stacked)
+    for tensors in zip(*(output.unbind() for output in outputs), strict=True):
+        yield _joined(tensors, returned[0])
+
+
+def _split(value: Any) -> tuple[list[Tensor], Any]:
+    """Return the tensors of a nested structure, and a hashable description of the rest of it."""
+    leaves, spec = pytree.tree_flatten(value)
+    rest = tuple(None if isinstance(leaf, Tensor) else (leaf,) for leaf in leaves)
+    return [leaf for leaf in leaves if isinstance(leaf, Tensor)], (spec, rest)
+
+
+def _joined(tensors: Iterable[Tensor], structure: tuple[Any, Any]) -> Any:
+    """Invert `_split`."""
+    (spec, rest), given = structure, iter(tensors)
+    return pytree.tree_unflatten([next(given) if leaf is None else leaf[0] for leaf in rest], spec)

@@ -1,14 +1,12 @@
 """Start the training of a method; the registry names its task."""
 
-from typing import Any
-
 from supersampler.methods.registry import load, methods
 from supersampler_model.methods import learned_method
-from supersampler_model.methods.weights_file import Trained
+from supersampler_model.methods.base import Trained
 from supersampler_model.training.task import Task
 
 
-def start_task(name: str, weights: Trained | None = None) -> Task[Any]:
+def start_task(name: str, weights: Trained | None = None) -> Task:
     """Return the training task of a method.
 
     Args:
@@ -25,5 +23,5 @@ def start_task(name: str, weights: Trained | None = None) -> Task[Any]:
         method = kind.of(weights)
     else:
         method = getattr(kind, "from_classifier", kind.of)(weights)
-    task: Task[Any] = load(methods()[name].task)(method)
+    task: Task = load(methods()[name].task)(method)
     return task

@@ -5,6 +5,8 @@ previous update ended with, so that the network is trained on histories of its o
 """
 
 import math
+import pickle
+import subprocess
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -18,20 +20,14 @@ from torch.nn.utils import parameters_to_vector, vector_to_parameters
 from torch.optim.swa_utils import AveragedModel
 
 from supersampler.errors import ArgumentError
+from supersampler.io.child_process import run
+from supersampler.io.files import replacing
 from supersampler_model.data.dataset import Dataset
-from supersampler_model.methods.base import Method
-from supersampler_model.methods.weights_file import Trained
-from supersampler_model.ops.sampling import sum_of
-from supersampler_model.training.checkpoint import (
-    CHECKPOINT,
-    assets,
-    data_hash,
-    load_checkpoint,
-    save_checkpoint,
-    source_commit,
-)
-from supersampler_model.training.crops import Place
-from supersampler_model.training.losses import image_loss, shown
+from supersampler_model.methods.base import Method, Trained
+from supersampler_model.ops.images import sum_of
+from supersampler_model.training.crops import StreamPosition
+from supersampler_model.training.datasets import assets, data_hash
+from supersampler_model.training.losses import display_values, image_loss
 from supersampler_model.training.optimizer import Muon
 from supersampler_model.training.processes import (
     gather_on_first,
@@ -40,9 +36,12 @@ from supersampler_model.training.processes import (
     process_rank,
     share_batch_norm,
 )
-from supersampler_model.training.task import Crop, State, Task
+from supersampler_model.training.task import State, Task
 
 CPU = torch.device("cpu")
+CHECKPOINT = "checkpoint.pt"
+"""Name in the folder of a run."""
+VERSION = 4
 
 
 @dataclass(frozen=True)
@@ -96,7 +95,7 @@ class Trainer:
             folder holds a run of other data, another method, other weights of the loss or another plan.
     """
 
-    def __init__(self, task: Task[Any], datasets: Sequence[Dataset], plan: Plan, folder: Path) -> None:
+    def __init__(self, task: Task, datasets: Sequence[Dataset], plan: Plan, folder: Path) -> None:
         self.task, self.plan, self.folder = task, plan, folder
         self.device = torch.device("cuda", torch.cuda.current_device()) if torch.cuda.is_available() else CPU
         mean = partial(_running_mean, plan.average)
@@ -115,7 +114,7 @@ class Trainer:
         self._own = slice(first, first + count)  # this process's streams, of those of the batch
         seeds = [[plan.seed, number] for number in range(plan.batch)]
         self._streams = [task.stream(self.datasets, size=plan.size, seed=seed) for seed in seeds[self._own]]
-        self._iterators: list[Iterator[Crop]] = [iter(s) for s in self._streams]
+        self._iterators: list[Iterator[Any]] = [iter(s) for s in self._streams]
         self._states: Sequence[State | None] = [None] * count
         self._error: Tensor | None = None
         if (folder / CHECKPOINT).exists():
@@ -146,7 +145,7 @@ class Trainer:
         """Write the checkpoint, of all processes at once: a run that is killed leaves none of two updates."""
         states = [state and [t.cpu() for t in state] for state in self._states]
         error = None if self._error is None else self._error.cpu()
-        shares = gather_on_first(([asdict(s.place) for s in self._streams], states, error))
+        shares = gather_on_first(([asdict(s.position) for s in self._streams], states, error))
         if process_rank() > 0:
             return
         errors = [error for *_, error in shares if error is not None]
@@ -166,7 +165,7 @@ class Trainer:
         )
 
     def _made_of(self) -> dict[str, Any]:
-        """Settings that must be unchanged for a run to resume."""
+        """Return the settings that must be unchanged for a run to resume."""
         return {
             "name": self.method.name,
             "config": self.task.config,
@@ -201,13 +200,13 @@ class Trainer:
         self._averaged.load_state_dict(content["average"])
         self.optimizer.load_state_dict(content["optimizer"])
         for stream, place in zip(self._streams, content["places"][self._own], strict=True):
-            stream.place = Place(**place)
+            stream.position = StreamPosition(**place)
         states, error = content["states"][self._own], content["error"]
         self._states = [state and [t.to(self.device) for t in state] for state in states]
         self._error = None if error is None else error[self._own].to(self.device)
 
     def _update(self) -> dict[str, float]:
-        """One step of the optimizer; returns the terms of its loss."""
+        """Take a step of the optimizer; return the terms of its loss."""
         self.method.train(self.done < (1.0 - self.plan.settle) * self.plan.steps)
         for group in self.optimizer.param_groups:
             group["lr"] = self._rate()
@@ -226,33 +225,28 @@ class Trainer:
         return dict(zip(terms, values.tolist(), strict=True))
 
     def _frame(self) -> dict[str, Tensor]:
-        """Step all streams by one frame; returns the terms of the loss."""
-        samples = [next(iterator).on(self.device) for iterator in self._iterators]
-        known = [None if s.reset else state for s, state in zip(samples, self._states, strict=True)]
-        fresh = torch.tensor([state is None for state in known], device=self.device)
-        states = [
-            self.task.first_state(s) if state is None else state
-            for s, state in zip(samples, known, strict=True)
-        ]
-        stepped = self.task.step(samples, states)
+        """Step all streams by one frame; return the terms of the loss."""
+        crops = [next(iterator).on(self.device) for iterator in self._iterators]
+        known = [None if crop.reset else state for crop, state in zip(crops, self._states, strict=True)]
+        fresh = torch.tensor([state is None for state in known], device=self.device)[:, None, None, None]
+        pairs = zip(crops, known, strict=True)
+        states = [self.task.first_state(crop) if state is None else state for crop, state in pairs]
+        stepped = self.task.step(crops, states)
         self._states = stepped.states
-        exposure = torch.cat([s.exposure for s in samples])
-        error = shown(stepped.images, exposure) - shown(torch.cat([s.reference for s in samples]), exposure)
-        before = (
-            None
-            if self._error is None
-            else torch.where(fresh[:, None, None, None], error.detach(), self._error)
-        )
+        exposure = torch.cat([crop.exposure for crop in crops])
+        reference = torch.cat([crop.reference for crop in crops])
+        error = display_values(stepped.images, exposure) - display_values(reference, exposure)
+        before = None if self._error is None else torch.where(fresh, error.detach(), self._error)
         self._error = error
         image = image_loss(error, before, stepped.weight, self.task.losses)
         return {"image": image, **stepped.terms}
 
     def _rate(self) -> float:
-        warm = max(self.plan.steps // 50, 1)
-        if self.done < warm:
-            return self.plan.rate * (self.done + 1) / warm
-        gone = (self.done - warm) / max(self.plan.steps - warm, 1)
-        return self.plan.rate * (0.01 + 0.99 * 0.5 * (1.0 + math.cos(math.pi * gone)))
+        warmup_steps = max(self.plan.steps // 50, 1)
+        if self.done < warmup_steps:
+            return self.plan.rate * (self.done + 1) / warmup_steps
+        progress = (self.done - warmup_steps) / max(self.plan.steps - warmup_steps, 1)
+        return self.plan.rate * (0.01 + 0.99 * 0.5 * (1.0 + math.cos(math.pi * progress)))
 
     def _average_gradients(self) -> None:
         for parameter in self.method.parameters():
@@ -263,5 +257,37 @@ class Trainer:
 
 
 def _running_mean(length: int, mean: Tensor, value: Tensor, count: Tensor | int) -> Tensor:
-    """Moving average over `length` updates, the plain mean before; integers are counters and are copied."""
+    """Average over `length` updates, all before that; integers are counters and are copied."""
     return mean.lerp(value, 1.0 / min(length, int(count) + 1)) if mean.is_floating_point() else value
+
+
+def save_checkpoint(path: Path, content: dict[str, Any]) -> None:
+    """Write a checkpoint atomically."""
+    with replacing(path) as partial:
+        torch.save({"version": VERSION, **content}, partial)
+
+
+def load_checkpoint(path: Path) -> dict[str, Any]:
+    """Read a checkpoint.
+
+    Raises:
+        ArgumentError: the file is no checkpoint, or of another version.
+    """
+    try:
+        content = torch.load(path, map_location="cpu", weights_only=True)
+    except (OSError, RuntimeError, ValueError, EOFError, pickle.UnpicklingError) as error:
+        raise ArgumentError("checkpoint", got=f"{path}: {error}", want="one that training wrote") from error
+    if not isinstance(content, dict) or content.get("version") != VERSION:
+        raise ArgumentError("checkpoint", got=str(path), want=f"a checkpoint of version {VERSION}")
+    return content
+
+
+def source_commit() -> str:
+    """Return the commit of the running code, with `+` if it was modified; `unknown` outside a repository."""
+    here = Path(__file__).parent
+    try:
+        done = run(["git", "describe", "--always", "--dirty=+", "--abbrev=12"], folder=here, seconds=10)
+        done.check_returncode()
+    except (OSError, subprocess.SubprocessError):
+        return "unknown"
+    return done.stdout.decode().strip()

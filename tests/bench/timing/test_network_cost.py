@@ -9,7 +9,7 @@ import pytest
 from supersampler import ArgumentError
 from supersampler.methods.model_file import find_model
 from supersampler_bench.timing.network_cost import cost_record, markdown_table, measure_cost
-from supersampler_model.methods.classifier.small import SmallClassifier
+from supersampler_model.methods.classifier import SmallClassifier
 
 
 def by_hand() -> float:

@@ -10,11 +10,10 @@ from torch import Tensor, nn
 from gbuffer_sets import gbuffer_data
 from supersampler.methods.classifier.spec import ClassifierConfig, NetworkConfig
 from supersampler_model.data.dataset import Dataset
-from supersampler_model.methods.classifier.model import Classifier
-from supersampler_model.training.batching import in_batches
-from supersampler_model.training.classifier_task import ClassifierTask
-from supersampler_model.training.crops import Sample
-from supersampler_model.training.task import State, Stepped
+from supersampler_model.methods.classifier import Classifier
+from supersampler_model.training.classifier_tasks import ClassifierTask
+from supersampler_model.training.crops import CropFrame
+from supersampler_model.training.task import State, Stepped, in_batches
 
 SIZE = 24
 TINY = ClassifierConfig(network=NetworkConfig(levels=(8, 16, 32, 64), decoder=8, hidden=8))
@@ -57,7 +56,7 @@ def test_crops_of_equal_shapes_are_one_call() -> None:
 
 
 @pytest.fixture(scope="module")
-def samples(tmp_path_factory: pytest.TempPathFactory) -> list[list[Sample]]:
+def samples(tmp_path_factory: pytest.TempPathFactory) -> list[list[CropFrame]]:
     """Three crops of two frames: two of equal shapes, and one of a larger crop."""
     data: Dataset = gbuffer_data(tmp_path_factory.mktemp("set"))
     task = ClassifierTask(Classifier(TINY))
@@ -65,7 +64,7 @@ def samples(tmp_path_factory: pytest.TempPathFactory) -> list[list[Sample]]:
     return [[next(walk) for _ in range(2)] for walk in walks]
 
 
-def stepped(task: ClassifierTask, crops: list[list[Sample]]) -> list[Stepped]:
+def stepped(task: ClassifierTask, crops: list[list[CropFrame]]) -> list[Stepped]:
     """Step each frame of crops of one size."""
     states: list[State] = [task.first_state(frames[0]) for frames in crops]
     results = []
@@ -75,7 +74,7 @@ def stepped(task: ClassifierTask, crops: list[list[Sample]]) -> list[Stepped]:
     return results
 
 
-def test_images_states_and_gradients_are_those_of_each_crop_alone(samples: list[list[Sample]]) -> None:
+def test_images_states_and_gradients_are_those_of_each_crop_alone(samples: list[list[CropFrame]]) -> None:
     torch.manual_seed(0)
     task = ClassifierTask(Classifier(TINY))
     task.method.eval()  # batch normalisation alone would see the others

@@ -8,14 +8,13 @@ from torch import Tensor
 
 from supersampler.methods.classifier.spec import BASE, ClassifierConfig, NetworkConfig
 from supersampler_model.data.labels import Alias, Ghost
-from supersampler_model.methods.classifier.model import Classifier
-from supersampler_model.methods.classifier.network import cut_to
+from supersampler_model.methods.classifier import Classifier
+from supersampler_model.ops.images import Size, cut_to, half_of
 from supersampler_model.ops.sampling import View
-from supersampler_model.ops.size import Size, half_of
-from supersampler_model.training.class_loss import class_loss
-from supersampler_model.training.classifier_task import ClassifierTask
-from supersampler_model.training.crops import Sample
-from supersampler_model.training.shots import UNKNOWN
+from supersampler_model.training.classifier_tasks import ClassifierTask
+from supersampler_model.training.crops import CropFrame
+from supersampler_model.training.datasets import UNKNOWN
+from supersampler_model.training.losses import class_loss
 from torch_inputs import plain_inputs
 
 RENDER, DISPLAY = Size(12, 8), Size(24, 16)
@@ -28,12 +27,12 @@ def task() -> ClassifierTask:
     return ClassifierTask(Classifier(SMALL).eval())
 
 
-def sample(ghost: Tensor, *, motion: float = 0.0, alias: int = Alias.NONE) -> Sample:
+def sample(ghost: Tensor, *, motion: float = 0.0, alias: int = Alias.NONE) -> CropFrame:
     """A noisy frame that moves along x, with labels for each of 24x16 pixels."""
     random = torch.Generator().manual_seed(0)
     vectors = torch.zeros(1, 2, *RENDER[::-1])
     vectors[:, 0] = motion
-    return Sample(
+    return CropFrame(
         color=torch.rand(1, 3, *RENDER[::-1], generator=random),
         depth=torch.full((1, 1, *RENDER[::-1]), 0.5),
         motion=vectors,
@@ -50,7 +49,7 @@ def labels(value: int) -> Tensor:
     return torch.full((1, *DISPLAY[::-1]), int(value))
 
 
-def weights(task: ClassifierTask, *samples: Sample) -> Tensor:
+def weights(task: ClassifierTask, *samples: CropFrame) -> Tensor:
     with torch.no_grad():
         weight = task.step(list(samples), [task.first_state(s) for s in samples]).weight
     assert isinstance(weight, Tensor)

@@ -10,11 +10,11 @@ import torch
 from supersampler import halton_jitter
 from supersampler_model.data.dataset import TrainingFrame
 from supersampler_model.data.scenes.analytic import DiscOverPlane
-from supersampler_model.methods.classifier.model import Classifier
-from supersampler_model.ops.size import Size
-from supersampler_model.training.classifier_task import ClassifierTask
+from supersampler_model.methods.classifier import Classifier
+from supersampler_model.ops.images import Size
+from supersampler_model.training.classifier_tasks import ClassifierTask
 from supersampler_model.training.crops import FIREFLY_CHANCE, CropRegion, with_fireflies
-from supersampler_model.training.frame_inputs import frame_inputs
+from supersampler_model.training.datasets import frame_inputs
 
 DISPLAY = (96, 64)
 FRAMES = 3
@@ -49,17 +49,17 @@ def whole(sequence: list[TrainingFrame]) -> torch.Tensor:
     history = method.first_history(Size(*DISPLAY), Size(*sequence[0].depth.shape[::-1]))
     for frame in sequence:
         with torch.no_grad():
-            image, history, _ = method.step(*frame_inputs(frame, method.inputs()), *history)
+            image, history, _ = method.step(*frame_inputs(frame, method.inputs()).values(), *history)
     shown: torch.Tensor = image
     return shown
 
 
 def cropped(sequence: list[TrainingFrame], cut: CropRegion) -> torch.Tensor:
     task = ClassifierTask(Classifier().eval())
-    states = [task.first_state(cut.sample(sequence[0], reset=True))]
+    states = [task.first_state(cut.cut(sequence[0], reset=True))]
     for frame in sequence:
         with torch.no_grad():
-            stepped = task.step([cut.sample(frame, reset=frame.reset)], states)
+            stepped = task.step([cut.cut(frame, reset=frame.reset)], states)
         states = stepped.states
     return stepped.images
 
@@ -70,9 +70,7 @@ def test_crops_at_all_places_of_a_frame_read_as_many_samples(render: tuple[int, 
     ratio = DISPLAY[0] / render[0], DISPLAY[1] / render[1]
     shapes = set()
     for left, top in itertools.product(range(DISPLAY[0] - size + 1), range(DISPLAY[1] - size + 1)):
-        shapes.add(
-            CropRegion(left=left, top=top, size=size, ratio=ratio).sample(frame, reset=True).color.shape
-        )
+        shapes.add(CropRegion(left=left, top=top, size=size, ratio=ratio).cut(frame, reset=True).color.shape)
     assert len(shapes) == 1
 
 
@@ -109,7 +107,7 @@ def test_a_gain_of_the_colours_alone_scales_the_image() -> None:
 
 def test_fireflies_strike_a_few_frames_in_colour_alone_and_stay_in_range() -> None:
     frame = frames((48, 32))[0]
-    sample = CropRegion(left=31, top=9, size=40, ratio=(2.0, 2.0)).sample(frame, reset=True)
+    sample = CropRegion(left=31, top=9, size=40, ratio=(2.0, 2.0)).cut(frame, reset=True)
     made = [with_fireflies(sample, np.random.default_rng(seed)) for seed in range(400)]
     struck = [other for other in made if not torch.equal(other.color, sample.color)]
     assert 0.5 * FIREFLY_CHANCE < len(struck) / len(made) < 2.0 * FIREFLY_CHANCE

@@ -18,18 +18,17 @@ from supersampler.errors import ArgumentError
 from supersampler.methods.classifier.spec import ClassifierConfig, NetworkConfig
 from supersampler_model.data.dataset import Dataset, TrainingFrame
 from supersampler_model.data.labels import Ghost
-from supersampler_model.methods.classifier.model import Classifier
-from supersampler_model.methods.extrapolation.joint import Extrapolate
-from supersampler_model.methods.weights_file import Trained, load_trained, shipped_weights
-from supersampler_model.ops.size import Size
-from supersampler_model.training.crops import Place, Sample
-from supersampler_model.training.extrapolate_task import ExtrapolateTask
-from supersampler_model.training.gbuffer_crops import GBufferRegion, unshaded_set
-from supersampler_model.training.sequence_runner import SequenceRunner
+from supersampler_model.methods.base import Trained, load_trained, shipped_weights
+from supersampler_model.methods.classifier import Classifier
+from supersampler_model.methods.extrapolate import Extrapolate
+from supersampler_model.ops.images import Size
+from supersampler_model.training.classifier_tasks import ExtrapolateTask
+from supersampler_model.training.crops import CropFrame, CropRegion, StreamPosition
+from supersampler_model.training.datasets import unshaded_set
 from supersampler_model.training.task import State, Stepped
 from supersampler_model.training.tasks import start_task
 from supersampler_model.training.trainer import Plan, Trainer
-from supersampler_model.training.validate import validate, validation_entries
+from supersampler_model.training.validation import SequenceRunner, validate, validation_entries
 
 SMALL = ClassifierConfig(network=NetworkConfig(levels=(8, 16, 32, 64), decoder=8, hidden=8))
 SIZE, PLAN = 32, Plan(steps=8, batch=2, frames=2, size=32, average=4, settle=0.0)
@@ -50,14 +49,14 @@ def frames(dataset: Dataset) -> list[TrainingFrame]:
     return list(dataset.frames(dataset.entries("train")[0]))
 
 
-def samples(data: Dataset, unshaded: int) -> list[Sample]:
+def samples(data: Dataset, unshaded: int) -> list[CropFrame]:
     """Return a crop with so many unshaded frames after each shaded one."""
-    cut = GBufferRegion(left=9, top=3, size=SIZE, ratio=(2.0, 2.0))
-    every = [cut.sample(f, reset=i == 0) for i, f in enumerate(frames(unshaded_set(data, (1.0, 3.0))))]
+    cut = CropRegion(left=9, top=3, size=SIZE, ratio=(2.0, 2.0), gbuffers="render")
+    every = [cut.cut(f, reset=i == 0) for i, f in enumerate(frames(unshaded_set(data, (1.0, 3.0))))]
     return [sample._replace(unshaded=i % (unshaded + 1) > 0) for i, sample in enumerate(every)]
 
 
-def stepped(task: ExtrapolateTask, sequence: Sequence[Sample]) -> list[Stepped]:
+def stepped(task: ExtrapolateTask, sequence: Sequence[CropFrame]) -> list[Stepped]:
     """Step a crop."""
     made, states = list[Stepped](), list[State]([task.first_state(sequence[0])])
     for sample in sequence:
@@ -68,8 +67,10 @@ def stepped(task: ExtrapolateTask, sequence: Sequence[Sample]) -> list[Stepped]:
 
 def test_a_crop_has_the_g_buffers_of_its_own_samples(data: Dataset) -> None:
     frame = frames(unshaded_set(data, (1.0, 3.0)))[2]
-    cut = GBufferRegion(left=9, top=3, size=SIZE, ratio=(2.0, 2.0), flip=(True, False), turned=True)
-    sample = cut.sample(frame, reset=False)
+    cut = CropRegion(
+        left=9, top=3, size=SIZE, ratio=(2.0, 2.0), flip=(True, False), turned=True, gbuffers="render"
+    )
+    sample = cut.cut(frame, reset=False)
     assert all(not name.startswith("gbuffer_display") for name in sample.gbuffer)
     assert sample.gbuffer["gbuffer_base_color"].shape == sample.color.shape
     off = (sample.gbuffer["gbuffer_base_color"] - sample.color).abs().max()
@@ -87,16 +88,16 @@ def test_what_is_hidden_is_not_seen(data: Dataset, task: ExtrapolateTask) -> Non
 
 def test_the_middle_of_a_crop_is_rendered_as_the_whole_frame_is(data: Dataset) -> None:
     method = Extrapolate(SMALL).eval()
-    task, dataset = ExtrapolateTask(method), unshaded_set(data, (1.0, 3.0))
+    task, dataset = ExtrapolateTask(method)(data, (1.0, 3.0))
     runner, unshaded = task.runner(method, Size(*DISPLAY)), list[bool]()
     sequence = frames(dataset)[:4]
     for frame in sequence:
         image = runner.step(frame)
         unshaded.append(runner.unshaded)
     assert unshaded == [False, True, False, True]
-    cut = GBufferRegion(0, 0, 36, (2.0, 2.0))
+    cut = CropRegion(0, 0, 36, (2.0, 2.0), gbuffers="render")
     crop = [
-        cut.sample(f, reset=i == 0)._replace(unshaded=is_unshaded)
+        cut.cut(f, reset=i == 0)._replace(unshaded=is_unshaded)
         for i, (f, is_unshaded) in enumerate(zip(sequence, unshaded, strict=True))
     ]
     with torch.no_grad():
@@ -132,7 +133,7 @@ def test_gradients_reach_all_weights(data: Dataset, task: ExtrapolateTask) -> No
     for parameter in task.method.net.blend.parameters():
         torch.nn.init.normal_(parameter, std=0.1)
     loss = torch.zeros(())
-    for done in stepped(task.__class__(task.method), samples(data, 1)[:3]):
+    for done in stepped(ExtrapolateTask(task.method), samples(data, 1)[:3]):
         loss = loss + done.images.mean() + sum(done.terms.values())
     loss.backward()  # type: ignore[no-untyped-call]
     missing = [name for name, p in task.method.named_parameters() if p.grad is None or not p.grad.any()]
@@ -147,7 +148,7 @@ def test_crops_hide_no_one_or_two_frames_after_each_shaded_one(data: Dataset, ta
     from_classifier = {crop[:5] for crop in crops[:-1]}
     assert from_classifier == {"susus", "suusu", "-----"}
     again = task.stream([task.data(data)], size=SIZE, seed=[3])
-    again.place = Place(1, 2)  # as a run that was stopped there goes on
+    again.position = StreamPosition(1, 2)  # as a run that was stopped there goes on
     assert [sample.unshaded for sample in islice(again, 3)] == [kind == "u" for kind in crops[1][2:5]]
 
 
@@ -180,10 +181,10 @@ def test_validation_tells_shaded_frames_from_hidden_ones(data: Dataset, task: Ex
 def test_a_run_begins_with_a_classifier_or_goes_on_with_its_own_weights() -> None:
     weights = load_trained(shipped_weights("classifier-small"))
     from_classifier = start_task("extrapolate", weights).method
-    assert from_classifier.learned == weights.facts
+    assert from_classifier.provenance == weights.facts
     own = Trained("extrapolate", asdict(SMALL), {"steps": 3}, Extrapolate(SMALL).state_dict())
-    assert start_task("extrapolate", own).method.learned == {"steps": 3}
-    assert start_task("extrapolate").method.learned == {}
+    assert start_task("extrapolate", own).method.provenance == {"steps": 3}
+    assert start_task("extrapolate").method.provenance == {}
 
 
 @pytest.mark.parametrize("name", ["taau", "nothing"])

@@ -10,11 +10,11 @@ from supersampler import halton_jitter
 from supersampler.errors import ShotError
 from supersampler.io.shot import Shot, ShotWriter
 from supersampler_model.data.scenes.analytic import DiscOverPlane
-from supersampler_model.methods.classifier.model import Classifier
-from supersampler_model.training.classifier_task import ClassifierTask
-from supersampler_model.training.shots import UNKNOWN, dataset_of_shots
+from supersampler_model.methods.classifier import Classifier
+from supersampler_model.training.classifier_tasks import ClassifierTask
+from supersampler_model.training.datasets import UNKNOWN, dataset_of_shots
 from supersampler_model.training.trainer import Plan, Trainer
-from supersampler_model.training.validate import validate
+from supersampler_model.training.validation import validate
 
 DISPLAY, RENDER = (64, 48), (32, 24)
 

@@ -21,23 +21,23 @@ from supersampler.errors import ArgumentError
 from supersampler_model.data.dataset import Dataset, TrainingFrame
 from supersampler_model.data.dataset.description import SequenceEntry
 from supersampler_model.data.labels import Ghost
-from supersampler_model.methods.extrapolation.guided_flow import GuidedFlow
-from supersampler_model.methods.weights_file import load_trained
-from supersampler_model.ops.size import Size
-from supersampler_model.training.flow_crops import (
+from supersampler_model.methods.base import load_trained
+from supersampler_model.methods.guided_flow import GuidedFlow
+from supersampler_model.ops.images import Size
+from supersampler_model.training.datasets import frame_inputs
+from supersampler_model.training.flow_task import (
     FULL_CHANNELS,
     HALF_CHANNELS,
+    FlowTask,
     LightCache,
+    LightCrop,
     LightFrames,
-    LightSample,
     LightStream,
     changing_light,
     draw_light,
 )
-from supersampler_model.training.flow_task import FlowTask
-from supersampler_model.training.frame_inputs import frame_inputs
 from supersampler_model.training.tasks import start_task
-from supersampler_model.training.validate import validate, validation_entries
+from supersampler_model.training.validation import validate, validation_entries
 
 SIZE = 16
 
@@ -83,14 +83,14 @@ def shadow(count: int, speed: float = 3.0, edge: float = 24.0) -> list[TrainingF
     return [training_frame(scene.frame(i), reset=i == 0) for i in range(count)]
 
 
-def whole(found: LightFrames, index: int) -> LightSample:
+def whole(found: LightFrames, index: int) -> LightCrop:
     """A found frame, neither cut nor turned."""
     later, earlier = torch.split(found.half[index : index + 1].float(), HALF_CHANNELS, dim=1)
     light, guides, reflects, color, changed = torch.split(
         found.full[index : index + 1].float(), FULL_CHANNELS, dim=1
     )
     earlier = torch.cat([earlier, later[:, 3:]], dim=1)
-    return LightSample(later, earlier, light, guides, reflects, color, changed, torch.ones(1))
+    return LightCrop(later, earlier, light, guides, reflects, color, changed, torch.ones(1))
 
 
 # --- what is found ---
@@ -119,7 +119,7 @@ def test_unshaded_frames_are_extrapolated_as_the_method_does() -> None:
     frames = shadow(5)
     found = found_of(method, frames)
     names = ["color", *method.inputs()]
-    given = [dict(zip(names, frame_inputs(frame, names), strict=True)) for frame in frames]
+    given = [frame_inputs(frame, names) for frame in frames]
     state: list[torch.Tensor] | None = None
     for number in (0, 1, 2):
         if number == 1:
@@ -164,7 +164,7 @@ def test_a_restarted_stream_goes_on_where_it_was(dataset: Dataset) -> None:
     stream = LightStream([dataset], lights, ratio=2, size=SIZE, seed=[4])
     for sample in islice(stream, 5):
         again = LightStream([dataset], lights, ratio=2, size=SIZE, seed=[4])
-        again.place = replace(stream.place, crop=stream.place.crop - 1)
+        again.position = replace(stream.position, crop=stream.position.crop - 1)
         assert torch.equal(next(iter(again)).light, sample.light)
 
 
@@ -235,4 +235,4 @@ def test_a_run_writes_weights_and_says_how_it_compares(
     assert {"image", "psnr", "psnr_guided-warp"} <= rows[0].keys()
     assert "tpsnr" not in rows[0]
     trained = load_trained(tmp_path / "run" / "weights.safetensors")
-    assert start_task("guided-flow", trained).method.learned["steps"] == 2
+    assert start_task("guided-flow", trained).method.provenance["steps"] == 2

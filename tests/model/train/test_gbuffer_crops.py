@@ -14,18 +14,19 @@ from torch.nn import functional as F
 from gbuffer_sets import DISPLAY, gbuffer_data
 from supersampler.errors import ArgumentError
 from supersampler_model.data.dataset import Dataset, TrainingFrame
-from supersampler_model.training.crops import Place, Sample
-from supersampler_model.training.gbuffer_crops import (
-    GBufferRegion,
-    draw_gbuffer_region,
-    gbuffer_set,
-    gbuffer_stream,
+from supersampler_model.training.crops import (
+    CropFrame,
+    CropRegion,
+    PathNoise,
+    Stream,
+    StreamPosition,
 )
-from supersampler_model.training.path_noise import PathNoise
+from supersampler_model.training.datasets import gbuffer_set
 
 RATIO = 2
-aligned_region = partial(GBufferRegion, aligned=True)
-draw_aligned = partial(draw_gbuffer_region, aligned=True)
+aligned_region = partial(CropRegion, gbuffers="both", aligned=True)
+draw_aligned = partial(CropRegion.draw, gbuffers="both", aligned=True)
+aligned_stream = partial(Stream, ratios=(RATIO, RATIO), gbuffers="both", aligned=True)
 ACROSS = torch.tensor([-1.0, 1.0])
 NAMES = ("base_color", "normal", "roughness", "metallic", "specular")
 
@@ -44,7 +45,7 @@ def test_a_crop_is_the_slice_of_the_frame_and_looks_at_it_with_its_jitter(datase
     assert frame.gbuffer is not None
     assert frame.gbuffer_display is not None
     cut = aligned_region(left=8, top=4, size=24, ratio=(RATIO, RATIO))
-    sample = cut.sample(frame, reset=False)
+    sample = cut.cut(frame, reset=False)
     inner, outer = np.s_[2:14, 4:16], np.s_[4:28, 8:32]
     for got, whole in (
         (sample.color, frame.color[inner]),
@@ -77,7 +78,7 @@ def test_jitter_motion_and_buffers_agree_however_a_crop_is_turned(
     cut = aligned_region(
         left=8, top=6, size=30, ratio=(RATIO, RATIO), flip=(across, down), turned=turned, colors=(2, 0, 1)
     )
-    before, now = (cut.sample(frames(dataset)[index], reset=False) for index in (1, 2))
+    before, now = (cut.cut(frames(dataset)[index], reset=False) for index in (1, 2))
     jitter, motion = now.view.jitter[0], now.motion[0]
     still = torch.zeros_like(motion)
     assert off(now, now, jitter, still) < 0.02
@@ -88,7 +89,7 @@ def test_jitter_motion_and_buffers_agree_however_a_crop_is_turned(
         assert off(now, before, jitter, mistaken) > 0.1
 
 
-def off(now: Sample, then: Sample, jitter: Tensor, motion: Tensor) -> float:
+def off(now: CropFrame, then: CropFrame, jitter: Tensor, motion: Tensor) -> float:
     """Largest difference of what samples of render size see to what is of display size where they lie."""
     size = now.color.shape[2]
     row, column = torch.meshgrid(torch.arange(size), torch.arange(size), indexing="ij")
@@ -112,10 +113,10 @@ def test_the_world_of_normals_is_turned_as_one_and_the_sky_stays_nothing(dataset
     drawn = draw_aligned(np.random.default_rng(0), entry, DISPLAY, 28)
     np.testing.assert_allclose(drawn.world @ drawn.world.T, np.eye(3), atol=1e-6)
     plain = aligned_region(left=8, top=0, size=28, ratio=(RATIO, RATIO))
-    turned = GBufferRegion(**{**vars(plain), "world": drawn.world})
+    turned = CropRegion(**{**vars(plain), "world": drawn.world})
     found = []
     for cut in (plain, turned):
-        sample = cut.sample(frame, reset=False)
+        sample = cut.cut(frame, reset=False)
         normals = [sample.gbuffer[f"gbuffer_{size}normal"].flatten(2)[0] for size in ("", "display_")]
         found.append((normals, torch.cat(normals, dim=1)))
     (parts, a), (_, b) = found
@@ -140,18 +141,18 @@ def test_base_colours_have_the_order_of_the_colours(dataset: Dataset) -> None:
     random, entry = np.random.default_rng(0), dataset.entries("train")[0]
     for frame in frames(dataset):
         cut = draw_aligned(random, entry, DISPLAY, 28)
-        sample = cut.sample(frame, reset=False)
+        sample = cut.cut(frame, reset=False)
         shining = cut.gain * sample.gbuffer["gbuffer_base_color"]  # everything shines by itself
         torch.testing.assert_close(sample.color, shining, rtol=0.0, atol=0.005 * cut.gain)
 
 
 def test_a_stream_goes_on_exactly_from_its_place(dataset: Dataset) -> None:
-    whole = gbuffer_stream([dataset], ratio=RATIO, size=28, seed=[3])
+    whole = aligned_stream([dataset], size=28, seed=[3])
     walk = iter(whole)
     for _ in range(8):
         next(walk)
-    again = gbuffer_stream([dataset], ratio=RATIO, size=28, seed=[3])
-    again.place = Place(**asdict(whole.place))
+    again = aligned_stream([dataset], size=28, seed=[3])
+    again.position = StreamPosition(**asdict(whole.position))
     for one, other in zip(itertools.islice(walk, 9), again, strict=False):
         assert torch.equal(one.color, other.color)
         assert torch.equal(one.view.jitter, other.view.jitter)
@@ -163,9 +164,9 @@ def test_a_stream_goes_on_exactly_from_its_place(dataset: Dataset) -> None:
 def test_crops_with_noise_have_other_noise_in_each_frame_and_in_colour_alone(
     dataset: Dataset, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    clean = list(itertools.islice(gbuffer_stream([dataset], ratio=RATIO, size=28, seed=[3]), 3))
+    clean = list(itertools.islice(aligned_stream([dataset], size=28, seed=[3]), 3))
     monkeypatch.setattr(PathNoise, "draw", lambda _: PathNoise(4, certain=0.0, missed=0.0, spread=0.6))
-    noisy = list(itertools.islice(gbuffer_stream([dataset], ratio=RATIO, size=28, seed=[3]), 3))
+    noisy = list(itertools.islice(aligned_stream([dataset], size=28, seed=[3]), 3))
     factors = []
     for one, other in zip(noisy, clean, strict=True):
         assert torch.equal(one.depth, other.depth)
@@ -189,4 +190,4 @@ def test_what_a_set_lacks_is_named(tmp_path: Path) -> None:
 
 def test_crops_of_parts_of_render_pixels_are_refused(dataset: Dataset) -> None:
     with pytest.raises(ArgumentError, match="multiple of 2"):
-        gbuffer_stream([dataset], ratio=RATIO, size=27, seed=[0])
+        aligned_stream([dataset], size=27, seed=[0])

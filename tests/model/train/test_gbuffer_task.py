@@ -8,9 +8,9 @@ import torch
 
 from gbuffer_sets import gbuffer_data
 from supersampler.methods.gbuffer.spec import SMALL_NETWORK, GBufferConfig
-from supersampler_model.methods.gbuffer.model import SmallGBuffer
+from supersampler_model.methods.gbuffer import SmallGBuffer
 from supersampler_model.training import gbuffer_task
-from supersampler_model.training.crops import Sample
+from supersampler_model.training.crops import CropFrame
 from supersampler_model.training.gbuffer_task import GBufferTask, reflective_of
 from supersampler_model.training.tasks import start_task
 from supersampler_model.training.trainer import Plan, Trainer
@@ -26,13 +26,13 @@ def task() -> GBufferTask:
 
 
 @pytest.fixture(scope="module")
-def samples(task: GBufferTask, tmp_path_factory: pytest.TempPathFactory) -> list[Sample]:
+def samples(task: GBufferTask, tmp_path_factory: pytest.TempPathFactory) -> list[CropFrame]:
     dataset = task.data(gbuffer_data(tmp_path_factory.mktemp("set"), RATIO))
     walk = iter(task.stream([dataset], size=SIZE, seed=[1]))
     return [next(walk) for _ in range(3)]
 
 
-def test_errors_weigh_more_on_metal_and_mirrors_alone(task: GBufferTask, samples: list[Sample]) -> None:
+def test_errors_weigh_more_on_metal_and_mirrors_alone(task: GBufferTask, samples: list[CropFrame]) -> None:
     sample = samples[0]
     rough = {name: value.clone() for name, value in sample.gbuffer.items()}
     rough["gbuffer_display_metallic"][:] = 0.0
@@ -48,7 +48,7 @@ def test_errors_weigh_more_on_metal_and_mirrors_alone(task: GBufferTask, samples
     torch.testing.assert_close(stepped.weight, torch.where(normal, expected, torch.ones_like(expected)))
 
 
-def test_errors_weigh_more_where_normals_have_turned(task: GBufferTask, samples: list[Sample]) -> None:
+def test_errors_weigh_more_where_normals_have_turned(task: GBufferTask, samples: list[CropFrame]) -> None:
     states = [task.first_state(samples[0])]
     states = task.step([samples[0]], states).states
     gathered = task.gather(samples[1], states[0])
@@ -60,7 +60,7 @@ def test_errors_weigh_more_where_normals_have_turned(task: GBufferTask, samples:
 
 
 def test_states_go_from_frame_to_frame_and_gradients_reach_all_weights(
-    task: GBufferTask, samples: list[Sample]
+    task: GBufferTask, samples: list[CropFrame]
 ) -> None:
     for parameter in task.method.net.blend.parameters():
         torch.nn.init.normal_(parameter, std=0.1)
@@ -85,12 +85,12 @@ def test_a_run_of_each_kind_begins(tmp_path: Path) -> None:
     trained = trainer.trained({})
     assert trained.method == "gbuffer-small"
     again = start_task("gbuffer-small", trained).method
-    assert again.learned["steps"] == 1
+    assert again.provenance["steps"] == 1
     assert start_task("gbuffer-small-4x").config["ratio"] == 4
 
 
 def test_structure_is_a_mean_over_the_pixels_of_all_processes(
-    task: GBufferTask, samples: list[Sample], monkeypatch: pytest.MonkeyPatch
+    task: GBufferTask, samples: list[CropFrame], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     alone = task.step([samples[0]], [task.first_state(samples[0])]).terms["structure"]
     monkeypatch.setattr(gbuffer_task, "mean_of_processes", lambda total: 2.0 * total)

@@ -9,14 +9,13 @@ import torch
 from torch import Tensor
 
 from supersampler.methods.gbuffer.spec import SMALL_NETWORK, GBufferConfig
-from supersampler_model.methods.gbuffer.buffers import Gathered, Surfaces
-from supersampler_model.methods.gbuffer.model import SmallGBuffer
+from supersampler_model.methods.gbuffer import Gathered, SmallGBuffer
+from supersampler_model.methods.gbuffer_surfaces import Surfaces
+from supersampler_model.ops.images import Size
 from supersampler_model.ops.sampling import View
-from supersampler_model.ops.size import Size
-from supersampler_model.training.crops import Sample
+from supersampler_model.training.crops import CropFrame
 from supersampler_model.training.gbuffer_task import GBufferTask, GBufferWeights, reflective_of
-from supersampler_model.training.losses import shown
-from supersampler_model.training.structure import dissimilarity
+from supersampler_model.training.losses import display_values, dissimilarity
 
 SIDE = 12  # of the render size
 
@@ -29,7 +28,7 @@ def surfaces(side: int, **fields: Tensor) -> Surfaces:
     return plain._replace(**fields)
 
 
-def sample(display: Surfaces) -> Sample:
+def sample(display: Surfaces) -> CropFrame:
     """A noisy frame at rest, whose truth is other noise."""
     random = torch.Generator().manual_seed(0)
     render = surfaces(SIDE)
@@ -41,7 +40,7 @@ def sample(display: Surfaces) -> Sample:
     view = View(Size(2 * SIDE, 2 * SIDE), Size(SIDE, SIDE), torch.zeros(1, 2))
     motion = torch.zeros(1, 2, SIDE, SIDE)
     exposure = torch.ones(1)
-    return Sample(
+    return CropFrame(
         color, render.depth, motion, exposure, view, True, reference, classes, classes, gbuffer
     )  # fmt: skip
 
@@ -64,7 +63,9 @@ def test_structure_costs_the_mean_dissimilarity_of_shown_images(task: GBufferTas
     frame.reference[..., :2, :2] = torch.nan
     with torch.no_grad():
         stepped = task.step([frame], [task.first_state(frame)])
-    apart = dissimilarity(shown(stepped.images, frame.exposure), shown(frame.reference, frame.exposure))
+    apart = dissimilarity(
+        display_values(stepped.images, frame.exposure), display_values(frame.reference, frame.exposure)
+    )
     expected = task.losses.structure * float(apart.nanmean())
     assert float(stepped.terms["structure"]) == pytest.approx(expected, rel=1e-4)
     assert expected > 0.01
@@ -74,7 +75,9 @@ def test_structure_counts_more_where_surfaces_shine(task: GBufferTask) -> None:
     frame = sample(half_metal())
     with torch.no_grad():
         stepped = task.step([frame], [task.first_state(frame)])
-    apart = dissimilarity(shown(stepped.images, frame.exposure), shown(frame.reference, frame.exposure))
+    apart = dissimilarity(
+        display_values(stepped.images, frame.exposure), display_values(frame.reference, frame.exposure)
+    )
     weight = torch.ones_like(apart)
     weight[..., :SIDE] += task.losses.reflective_structure
     assert task.losses.reflective_structure > 0.0

@@ -12,12 +12,12 @@ from supersampler import ArgumentError
 from supersampler.methods.classifier.spec import NetworkConfig
 from supersampler.methods.gbuffer_fast.spec import GuidedConfig
 from supersampler_model.data.dataset import Dataset
-from supersampler_model.methods.classifier.model import Classifier
-from supersampler_model.methods.gbuffer_fast.model import GuidedClassifier
-from supersampler_model.methods.weights_file import load_trained, shipped_weights
-from supersampler_model.training.crops import Sample
-from supersampler_model.training.gbuffer_crops import GBufferRegion, unshaded_set
-from supersampler_model.training.guided_task import GuidedTask
+from supersampler_model.methods.base import load_trained, shipped_weights
+from supersampler_model.methods.classifier import Classifier
+from supersampler_model.methods.gbuffer_fast import GuidedClassifier
+from supersampler_model.training.classifier_tasks import GuidedTask
+from supersampler_model.training.crops import CropFrame, CropRegion
+from supersampler_model.training.datasets import unshaded_set
 from supersampler_model.training.tasks import start_task
 from supersampler_model.training.trainer import Plan, Trainer
 
@@ -37,7 +37,7 @@ def task() -> GuidedTask:
 
 
 @pytest.fixture(scope="module")
-def samples(task: GuidedTask, data: Dataset) -> list[Sample]:
+def samples(task: GuidedTask, data: Dataset) -> list[CropFrame]:
     walk = iter(task.stream([task.data(data)], size=SIZE, seed=[1]))
     return [next(walk) for _ in range(3)]
 
@@ -45,8 +45,8 @@ def samples(task: GuidedTask, data: Dataset) -> list[Sample]:
 def test_a_crop_anywhere_has_the_g_buffers_of_both_sizes_at_its_place(data: Dataset) -> None:
     dataset = unshaded_set(data, (1.0, 4.0))
     frame_read = dataset.read(dataset.entries("train")[0], 2)
-    cut = GBufferRegion(left=9, top=3, size=SIZE, ratio=(2.0, 2.0), of_display=True)
-    sample = cut.sample(frame_read, reset=False)
+    cut = CropRegion(left=9, top=3, size=SIZE, ratio=(2.0, 2.0), gbuffers="both")
+    sample = cut.cut(frame_read, reset=False)
     color = sample.gbuffer["gbuffer_display_base_color"][0].permute(1, 2, 0).numpy()
     expected = frame(2).gbuffer_display
     assert expected is not None
@@ -58,7 +58,7 @@ def test_a_crop_anywhere_has_the_g_buffers_of_both_sizes_at_its_place(data: Data
 
 
 def test_states_go_from_frame_to_frame_and_gradients_reach_all_weights(
-    task: GuidedTask, samples: list[Sample]
+    task: GuidedTask, samples: list[CropFrame]
 ) -> None:
     assert isinstance(task.method.net.blend, nn.Conv2d)
     nn.init.normal_(task.method.net.blend.weight, std=0.1)
@@ -77,7 +77,7 @@ def test_states_go_from_frame_to_frame_and_gradients_reach_all_weights(
 
 
 def test_the_reflectance_in_a_state_is_that_of_the_frame_just_stepped(
-    task: GuidedTask, samples: list[Sample]
+    task: GuidedTask, samples: list[CropFrame]
 ) -> None:
     after = task.step([samples[0]], [task.first_state(samples[0])]).states[0][-1]
     base, least = samples[0].gbuffer["gbuffer_display_base_color"], task.method.config.min_reflectance
@@ -104,7 +104,7 @@ def test_a_run_begins_and_ends_with_weights_of_the_method(data: Dataset, tmp_pat
     task = start_task("gbuffer-fast")
     trainer = Trainer(task, [data], Plan(steps=1, batch=1, frames=2, size=SIZE), tmp_path / "run")
     trainer.run()
-    assert start_task("gbuffer-fast", trainer.trained({})).method.learned["steps"] == 1
+    assert start_task("gbuffer-fast", trainer.trained({})).method.provenance["steps"] == 1
 
 
 def test_sets_without_display_size_g_buffers_and_weights_of_other_methods_are_refused(

@@ -9,15 +9,15 @@ from torch import nn
 from gbuffer_sets import gbuffer_data
 from supersampler.methods.classifier.spec import ClassifierConfig, NetworkConfig
 from supersampler_model.data.dataset import Dataset
-from supersampler_model.methods.classifier_large.model import LargeClassifier
-from supersampler_model.methods.weights_file import load_trained, shipped_weights
+from supersampler_model.methods.base import load_trained, shipped_weights
+from supersampler_model.methods.classifier import LargeClassifier
+from supersampler_model.ops.images import Size
 from supersampler_model.ops.sampling import View
-from supersampler_model.ops.size import Size
-from supersampler_model.training.crops import Sample
-from supersampler_model.training.large_task import LargeTask
+from supersampler_model.training.classifier_tasks import LargeTask
+from supersampler_model.training.crops import CropFrame
 from supersampler_model.training.tasks import start_task
 from supersampler_model.training.trainer import Plan, Trainer
-from supersampler_model.training.validate import validate, validation_entries
+from supersampler_model.training.validation import validate, validation_entries
 from torch_inputs import plain_inputs
 
 SIZE = 24
@@ -36,13 +36,13 @@ def task() -> LargeTask:
 
 
 @pytest.fixture
-def samples(task: LargeTask, data: Dataset) -> list[Sample]:
+def samples(task: LargeTask, data: Dataset) -> list[CropFrame]:
     walk = iter(task.stream([data], size=SIZE, seed=[1]))
     return [next(walk) for _ in range(3)]
 
 
 def test_images_have_the_size_of_the_crops_and_states_are_larger(
-    task: LargeTask, samples: list[Sample]
+    task: LargeTask, samples: list[CropFrame]
 ) -> None:
     assert isinstance(task.method.net.blend, nn.Conv2d)
     nn.init.normal_(task.method.net.blend.weight, std=0.1)
@@ -72,7 +72,7 @@ def test_a_crop_of_a_whole_frame_gives_the_image_that_the_method_gives() -> None
         motion, jitter = torch.full((1, 2, 12, 16), 0.7), torch.rand(1, 2, generator=generator) - 0.5
         classes, exposure = torch.zeros(1, 24, 32, dtype=torch.int64), torch.tensor([1.5])
         view, truth = View(display, render, jitter), torch.zeros(1, 3, 24, 32)
-        sample = Sample(color, depth, motion, exposure, view, index == 0, truth, classes, classes)
+        sample = CropFrame(color, depth, motion, exposure, view, index == 0, truth, classes, classes)
         states = [task.first_state(sample)] if states is None else states
         with torch.no_grad():
             given = plain_inputs(render) | {

@@ -7,9 +7,15 @@ import torch
 from torch import Tensor
 
 from supersampler_model.ops.color import tone
-from supersampler_model.training.class_loss import ClassifierWeights, class_fractions, class_loss
-from supersampler_model.training.losses import ImageWeights, image_loss, shown
-from supersampler_model.training.structure import dissimilarity
+from supersampler_model.training.losses import (
+    ClassifierWeights,
+    ImageWeights,
+    class_fractions,
+    class_loss,
+    display_values,
+    dissimilarity,
+    image_loss,
+)
 
 CLASSES = ClassifierWeights()
 
@@ -97,7 +103,7 @@ def test_images_are_compared_exposed_toned_and_in_srgb() -> None:
     toned = tone(2.0 * image).flatten().tolist()
     expected = [0.0, 12.92 * toned[1], 1.055 * toned[2] ** (1.0 / 2.4) - 0.055]
     assert toned[1] < 0.0031308
-    torch.testing.assert_close(shown(image, torch.tensor([2.0])).flatten(), torch.tensor(expected))
+    torch.testing.assert_close(display_values(image, torch.tensor([2.0])).flatten(), torch.tensor(expected))
 
 
 def test_dissimilarity_of_an_even_shift_is_of_means_alone() -> None:

@@ -6,8 +6,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from supersampler_model.training.class_loss import ClassifierWeights, class_fractions, class_loss
-from supersampler_model.training.losses import image_loss
+from supersampler_model.training.losses import ClassifierWeights, class_fractions, class_loss, image_loss
 
 WEIGHTS = ClassifierWeights()
 EVEN = torch.ones(1, 1, 8, 8)
@@ -74,7 +73,7 @@ def test_the_class_loss_of_two_processes_is_that_of_the_whole_batch(monkeypatch:
     classes = torch.randint(0, 3, (2, 16, 16), generator=generator)
     classes[0][classes[0] == 2] = 0  # none of it in the first process's crop
     whole, losses = class_loss(logits, classes, classes, WEIGHTS), [torch.zeros(()), torch.zeros(())]
-    monkeypatch.setattr("supersampler_model.training.class_loss.mean_of_processes", mean_of_two)
+    monkeypatch.setattr("supersampler_model.training.losses.mean_of_processes", mean_of_two)
 
     def run(rank: int) -> None:
         part = slice(rank, rank + 1)

@@ -6,7 +6,7 @@ import torch
 
 from supersampler.frame import Float32
 from supersampler_model.ops.color import MAX_HALF
-from supersampler_model.training.path_noise import CHANCE, SAMPLES, PathNoise
+from supersampler_model.training.crops import NOISE_CHANCE, SAMPLES, PathNoise
 
 COLOR = torch.rand(1, 3, 64, 64, generator=torch.Generator().manual_seed(0))
 
@@ -56,6 +56,6 @@ def test_the_brightest_light_stays_a_half_float() -> None:
 def test_a_few_crops_have_noise_and_the_same_seed_draws_the_same() -> None:
     drawn = [PathNoise.draw(np.random.default_rng(seed)) for seed in range(2000)]
     noisy = [one for one in drawn if one is not None]
-    assert len(noisy) / len(drawn) == pytest.approx(CHANCE, rel=0.3)
+    assert len(noisy) / len(drawn) == pytest.approx(NOISE_CHANCE, rel=0.3)
     assert {one.samples for one in noisy} == set(SAMPLES)
     assert drawn[:50] == [PathNoise.draw(np.random.default_rng(seed)) for seed in range(50)]

@@ -14,13 +14,12 @@ from supersampler.errors import ArgumentError
 from supersampler.methods.spec import DISPLAY, MethodSpec
 from supersampler_model.data.dataset import Dataset
 from supersampler_model.methods.base import Method
-from supersampler_model.training.crops import Sample, Stream
-from supersampler_model.training.frame_inputs import frame_inputs
-from supersampler_model.training.gbuffer_crops import gbuffer_set, gbuffer_stream
+from supersampler_model.training.crops import CropFrame, Stream
+from supersampler_model.training.datasets import frame_inputs, gbuffer_set
 from supersampler_model.training.losses import ImageWeights
 from supersampler_model.training.task import State, Stepped, Task
 from supersampler_model.training.trainer import Plan, Trainer
-from supersampler_model.training.validate import validate, validation_entries
+from supersampler_model.training.validation import validate, validation_entries
 
 PLAN = Plan(steps=24, batch=2, frames=2, size=24, rate=8e-2, average=4)
 
@@ -53,7 +52,7 @@ class Mixture(Method):
         return F.softplus(self.net(seen))
 
 
-class MixtureTask(Task[Sample]):
+class MixtureTask(Task):
     """Crops as they are in `gbuffer_windows`; the images' total variation is a term of the loss."""
 
     def __init__(self) -> None:
@@ -68,12 +67,12 @@ class MixtureTask(Task[Sample]):
         return gbuffer_set(dataset, 2)
 
     def stream(self, datasets: Sequence[Dataset], *, size: int, seed: Sequence[int]) -> Stream:
-        return gbuffer_stream(datasets, ratio=2, size=size, seed=seed)
+        return Stream(datasets, ratios=(2, 2), size=size, seed=seed, gbuffers="both", aligned=True)
 
-    def first_state(self, sample: Sample) -> State:
+    def first_state(self, sample: CropFrame) -> State:
         return [torch.zeros_like(sample.reference)]
 
-    def step(self, samples: list[Sample], states: list[State]) -> Stepped:
+    def step(self, samples: list[CropFrame], states: list[State]) -> Stepped:
         seen = [
             self.method.seen(s.color * s.exposure, s.gbuffer["gbuffer_display_base_color"], previous)
             for s, (previous,) in zip(samples, states, strict=True)

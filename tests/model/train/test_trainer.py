@@ -18,17 +18,14 @@ from supersampler_model.data.dataset.description import Description, SequenceEnt
 from supersampler_model.data.dataset.frame_file import write_training_frame
 from supersampler_model.data.scenes.analytic import DiscOverPlane
 from supersampler_model.data.specs import SequenceSpec
-from supersampler_model.methods.classifier.model import Classifier
-from supersampler_model.methods.classifier.small import SmallClassifier
-from supersampler_model.methods.classifier_large.model import LargeClassifier
-from supersampler_model.methods.classifier_paper.model import PaperClassifier
-from supersampler_model.training.checkpoint import CHECKPOINT, load_checkpoint
-from supersampler_model.training.class_loss import ClassifierWeights
-from supersampler_model.training.classifier_task import ClassifierTask
+from supersampler_model.methods.classifier import Classifier, LargeClassifier, SmallClassifier
+from supersampler_model.methods.classifier_paper import PaperClassifier
+from supersampler_model.training.classifier_tasks import ClassifierTask
 from supersampler_model.training.cli import update_and_save
+from supersampler_model.training.losses import ClassifierWeights
 from supersampler_model.training.tasks import start_task
-from supersampler_model.training.trainer import Plan, Trainer, Update
-from supersampler_model.training.validate import validate
+from supersampler_model.training.trainer import CHECKPOINT, Plan, Trainer, Update, load_checkpoint
+from supersampler_model.training.validation import validate
 
 DISPLAY, RENDER = (64, 48), (32, 24)
 PLAN = Plan(steps=6, batch=2, frames=2, size=32, average=4, settle=0.0)

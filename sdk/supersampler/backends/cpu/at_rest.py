@@ -161,7 +161,7 @@ class _Seen(NamedTuple):
 
 
 class Stillness(NamedTuple):
-    """Masks and values of each block of a frame, (down, across): twin of `Stillness` in ops/at_rest.py."""
+    """Masks and values of each block of a frame, (down, across): twin of `StaticBlocks` in ops/at_rest.py."""
 
     cycle: Cycle
     noisy: bool

@@ -143,7 +143,7 @@ def gaussian(sigma: float) -> Kernel:
 def line_filters(sigma: float) -> list[Kernel]:
     """Return filters that fit a line to samples under a Gaussian: its mean, its slope, and its shift.
 
-    Twin of `supersampler_model.methods.taau.planes.Axis`. The shift is the same for all samples.
+    Twin of `supersampler_model.methods.taau.PlaneAxis`. The shift is the same for all samples.
     """
     window = gaussian(sigma)
 

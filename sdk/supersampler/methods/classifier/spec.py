@@ -187,8 +187,8 @@ CLASSIFIER = register(
         history={**BASE.history, **AT_REST_HISTORY},
         aux_outputs=(*BASE.aux_outputs, "converged"),
         maps={**BASE.maps, **CONVERGED},
-        torch="supersampler_model.methods.classifier.model:Classifier",
-        task="supersampler_model.training.classifier_task:ClassifierTask",
+        torch="supersampler_model.methods.classifier:Classifier",
+        task="supersampler_model.training.classifier_tasks:ClassifierTask",
         weights="classifier.safetensors",
         cpu="supersampler.methods.classifier.cpu:ClassifierCpu",
         gpu="supersampler.methods.classifier.gpu:classifier_program",
@@ -200,7 +200,7 @@ CLASSIFIER_SMALL = register(
         CLASSIFIER,
         name="classifier-small",
         config=SmallConfig,
-        torch="supersampler_model.methods.classifier.small:SmallClassifier",
+        torch="supersampler_model.methods.classifier:SmallClassifier",
         weights="classifier-small.safetensors",
     )
 )
@@ -215,7 +215,7 @@ CLASSIFIER_PAPER = register(
             "classes": (1, CLASSES, *DISPLAY),
         },
         config=PaperConfig,
-        torch="supersampler_model.methods.classifier_paper.model:PaperClassifier",
-        task="supersampler_model.training.classifier_task:ClassifierTask",
+        torch="supersampler_model.methods.classifier_paper:PaperClassifier",
+        task="supersampler_model.training.classifier_tasks:ClassifierTask",
     )
 )

@@ -1,4 +1,4 @@
-"""Tables of the filter to the display: twins of `supersampler_model.ops.downsampling`, in its float32."""
+"""Tables of the filter to the display: twins of `supersampler_model.ops.sampling`, in its float32."""
 
 import numpy as np
 

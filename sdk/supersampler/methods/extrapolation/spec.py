@@ -83,7 +83,7 @@ GUIDED_WARP = register(
         image=(1, 3, *RENDER),
         ratios=(1.0, 1.0),
         config=GuidedWarpConfig,
-        torch="supersampler_model.methods.extrapolation.guided_warp:GuidedWarp",
+        torch="supersampler_model.methods.guided_warp:GuidedWarp",
         cpu="supersampler.methods.extrapolation.cpu:GuidedWarpCpu",
         kernels_support=_kernels_support,
     )
@@ -106,7 +106,7 @@ GUIDED_FLOW = register(
             "earlier_motion_jitter": (1, 2),  # of the frame before the last shaded one
         },
         config=GuidedFlowConfig,
-        torch="supersampler_model.methods.extrapolation.guided_flow:GuidedFlow",
+        torch="supersampler_model.methods.guided_flow:GuidedFlow",
         task="supersampler_model.training.flow_task:FlowTask",
         weights="guided-flow.safetensors",
         cpu="",
@@ -117,8 +117,8 @@ EXTRAPOLATE = register(
         BASE,
         name="extrapolate",
         source="Wu et al. 2023, section 4.4, on Guo, Chen, Dong and Tong 2022 (docs/methods.md)",
-        torch="supersampler_model.methods.extrapolation.joint:Extrapolate",
-        task="supersampler_model.training.extrapolate_task:ExtrapolateTask",
+        torch="supersampler_model.methods.extrapolate:Extrapolate",
+        task="supersampler_model.training.classifier_tasks:ExtrapolateTask",
         weights="extrapolate.safetensors",
     )
 )

@@ -111,7 +111,7 @@ GBUFFER = register(
         aux_outputs=("weight",),
         ratios=(2.0, 2.0),
         config=GBufferConfig,
-        torch="supersampler_model.methods.gbuffer.model:GBuffer",
+        torch="supersampler_model.methods.gbuffer:GBuffer",
         task="supersampler_model.training.gbuffer_task:GBufferTask",
     )
 )
@@ -121,7 +121,7 @@ GBUFFER_4X = register(
         name="gbuffer-4x",
         ratios=(4.0, 4.0),
         config=GBuffer4Config,
-        torch="supersampler_model.methods.gbuffer.model:GBuffer4",
+        torch="supersampler_model.methods.gbuffer:GBuffer4",
     )
 )
 GBUFFER_SMALL = register(
@@ -129,7 +129,7 @@ GBUFFER_SMALL = register(
         GBUFFER,
         name="gbuffer-small",
         config=SmallGBufferConfig,
-        torch="supersampler_model.methods.gbuffer.model:SmallGBuffer",
+        torch="supersampler_model.methods.gbuffer:SmallGBuffer",
         weights="gbuffer-small.safetensors",
     )
 )
@@ -139,7 +139,7 @@ GBUFFER_SMALL_4X = register(
         name="gbuffer-small-4x",
         ratios=(4.0, 4.0),
         config=SmallGBuffer4Config,
-        torch="supersampler_model.methods.gbuffer.model:SmallGBuffer4",
+        torch="supersampler_model.methods.gbuffer:SmallGBuffer4",
         weights="gbuffer-small-4x.safetensors",
     )
 )
@@ -149,6 +149,6 @@ GBUFFER_DEPTH = register(
         name="gbuffer-depth",
         inputs=(*FRAME_INPUTS, "gbuffer_display_depth"),
         config=SmallGBufferConfig,
-        torch="supersampler_model.methods.gbuffer.model:DepthGBuffer",
+        torch="supersampler_model.methods.gbuffer:DepthGBuffer",
     )
 )

@@ -10,7 +10,7 @@ BILINEAR = register(
         name="bilinear",
         source="bilinear interpolation",
         inputs=("color", "jitter", "pre_exposure", "display_size"),
-        torch="supersampler_model.methods.spatial.model:Bilinear",
+        torch="supersampler_model.methods.spatial:Bilinear",
     )
 )
 BICUBIC = register(
@@ -18,6 +18,6 @@ BICUBIC = register(
         BILINEAR,
         name="bicubic",
         source="Catmull-Rom interpolation (a = -0.5)",
-        torch="supersampler_model.methods.spatial.model:Bicubic",
+        torch="supersampler_model.methods.spatial:Bicubic",
     )
 )

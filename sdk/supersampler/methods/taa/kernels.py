@@ -120,7 +120,7 @@ def segment_in_slab(color, sample, low, high):
 def clip_to_sample(history, sample, low, high):
     """Clip the history to the point where the segment to the sample enters the box.
 
-    Without an intersection, clip it towards the box's centre; see `supersampler_model.ops.rectification`.
+    Without an intersection, clip it towards the box's centre; see `supersampler_model.ops.blending`.
     """
     a, b = segment_in_slab(history[0], sample[0], low[0], high[0])
     c, d = segment_in_slab(history[1], sample[1], low[1], high[1])

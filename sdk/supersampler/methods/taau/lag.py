@@ -1,4 +1,4 @@
-"""Lag of the history where light changes and nothing moves: twin of `supersampler_model.methods.taau.lag`."""
+"""Lag of the history where light changes and nothing moves: twin of `supersampler_model.methods.taau`."""
 
 from collections.abc import Mapping
 

@@ -95,7 +95,7 @@ TAAU = register(
         aux_outputs=("weight", "converged"),
         maps={"weight": MapOf("weight", 0, 1), "count": MapOf("next.samples", 0, 1), **CONVERGED},
         config=TaauConfig,
-        torch="supersampler_model.methods.taau.model:Taau",
+        torch="supersampler_model.methods.taau:Taau",
         cpu="supersampler.methods.taau.cpu:TaauCpu",
         gpu="supersampler.methods.taau.gpu:taau_program",
     )

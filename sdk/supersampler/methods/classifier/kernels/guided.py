@@ -1,4 +1,4 @@
-"""Guided colour of the variant `guided`: twins of supersampler_model.methods.gbuffer_fast.surfaces.
+"""Guided colour of the variant `guided`: twins of supersampler_model.methods.gbuffer_fast.
 
 Light of this frame is resampled at display pixels by the agreement of surfaces. A vector holds one channel of
 sixteen pixels.
@@ -38,7 +38,7 @@ from supersampler.methods.classifier.structs import Guide
 
 TONED = 1.0 - 1e-4
 LEAST_WEIGHT, MOST_DIFFERENCE, STEP_COST = 1e-4, 10.0, 0.002
-"""See `supersampler_model.methods.gbuffer_fast.surfaces`."""
+"""See `supersampler_model.methods.gbuffer_fast`."""
 USABLE = 3
 """Plane of the samples' colours: 1 where usable."""
 

@@ -1,0 +1,563 @@
+"""`classifier`: temporal supersampling guided by a classifier (Guo et al. 2022), the default method.
+
+A small network at half display size classifies each pixel: why its history may be invalid (disocclusion; a
+change of lighting) and why one sample may alias (an edge; fine detail). A compositor then blends up to six
+colours: the history warped by the dilated motion, the same clipped to the colours of this frame (Salvi 2016),
+the history warped by the pixel's own motion, the nearest samples of this frame, this frame smoothly
+upsampled, and this frame under a learned kernel. With a network output of zeros the result is the running
+mean of all samples.
+
+Light ten stops over white (GLARE_EXPOSED) that was not there before is shown, but not accumulated: the
+running mean restarts after it, until such light is there for a third frame in a row. Light over white is
+treated alike where it rises over all that the history has seen in one pixel of 64 (`unexplained_light`). The
+mean of all pixels restarts after a frame whose measured exposure is an outlier (`is_flash`).
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, ClassVar, NamedTuple, Self, TypeVar, cast
+
+import torch
+from torch import Tensor, nn
+
+from supersampler.errors import ArgumentError
+from supersampler.methods.classifier.spec import (
+    CLASSES,
+    CLASSIFIER,
+    CLASSIFIER_SMALL,
+    CONTRAST,
+    FLASH_FRACTION,
+    RISE,
+    WHITE,
+    ClassifierConfig,
+)
+from supersampler.methods.classifier_large.spec import CLASSIFIER_LARGE
+from supersampler.methods.spec import HALF, LARGE_HALF
+from supersampler_model.methods.base import LearnedMethod, NetworkSubgraph, Trained, config_of
+from supersampler_model.methods.classifier_inputs import (
+    CurrentFrame,
+    Gathered,
+    History,
+    WarpedHistory,
+    neighbourhood_inputs,
+    pixel_inputs,
+)
+from supersampler_model.methods.classifier_network import ClassifierNetwork, classes_of, pack
+from supersampler_model.ops.at_rest import RestFrame, RestHistory, compare, converge, kept
+from supersampler_model.ops.blending import Box, composite, reactive_at, step_to_box
+from supersampler_model.ops.color import (
+    CONFIRMED,
+    GLARE,
+    MAX_HALF,
+    TONED,
+    TONES,
+    bounded,
+    exposure_for,
+    filled,
+    from_ycocg,
+    glaring,
+    is_flash,
+    limited,
+    luminance,
+    sanitize,
+    valid,
+    without_glare,
+    ycocg,
+)
+from supersampler_model.ops.images import (
+    Size,
+    channels_of,
+    cut_to,
+    display_size_of,
+    half_of,
+    maximum_3x3,
+    minimum_3x3,
+    resize_nearest,
+    size_of,
+)
+from supersampler_model.ops.motion import (
+    Reprojection,
+    dilate_motion_2x2,
+    disocclusion,
+    occluding_depth,
+    read,
+    read_cubic,
+    relative_depth_change,
+    reproject,
+    to_display,
+    usable_depth,
+    usable_motion,
+)
+from supersampler_model.ops.sampling import (
+    MIN_WEIGHT,
+    Grid,
+    View,
+    catmull_rom,
+    downsample,
+    gaussian,
+    grid_of,
+    local_moments,
+    neighbourhood_samples,
+)
+
+HEIGHT = 64.0
+"""Of the Gaussian of a sample along an axis: at a height of 1, far weights are too small for half floats."""
+MAX_FACTOR: Mapping[torch.dtype, float] = {torch.float32: 16.0, torch.float16: 8.0}
+"""Maximum of the logarithm of a factor: sums of nine such factors are half floats."""
+MAX_SHARPNESS = 2.0  # factor of the detail that is added
+DIM = 1e30  # the unit off screen: every colour becomes black
+
+
+class Finished(NamedTuple):
+    """Results of the finish stage."""
+
+    image: Tensor  # (1, 3, H, W) linear RGB
+    state: Tensor  # as in `Classifier.history`
+    classes: Tensor
+    weight: Tensor  # (1, 1, H, W) weight of the history in the image
+
+
+class Classifier(LearnedMethod):
+    """Classify, then compose.
+
+    Attributes:
+        larger: whether history and network have 1.4 times the display's width and height.
+    """
+
+    spec: ClassVar = CLASSIFIER
+    config: ClassifierConfig
+    runs_in_fp16: ClassVar = True
+    larger: ClassVar = False
+
+    def make_network(self) -> nn.Module:
+        """Return the untrained network."""
+        c = self.config
+        return ClassifierNetwork(
+            c.network, packed=4 * c.planes, half_inputs=c.half_inputs, blend_parameters=c.blend_parameters
+        )
+
+    def subgraph(self) -> NetworkSubgraph | None:
+        """Return classifier and compositor, on packed pixels; tensor names are those of released graphs."""
+        c, half = self.config, LARGE_HALF if self.larger else HALF
+        inputs = {"packed": (1, 4 * c.planes, *half), "half_inputs": (1, c.half_inputs, *half)}
+        outputs = {"logits": (1, CLASSES, *half), "blend_parameters": (1, 4 * c.blend_parameters, *half)}
+        return NetworkSubgraph(self.net, inputs, outputs)
+
+    def compute(
+        self,
+        color: Tensor,  # (1, 3, h, w) linear RGB
+        depth: Tensor,  # (1, 1, h, w) reversed
+        motion: Tensor,  # (1, 2, h, w) render pixels, previous minus current
+        reactive: Tensor,  # (1, 1, h, w) in [0, 1]
+        jitter: Tensor,  # (1, 2) render pixels
+        exposure: Tensor,  # (1,) 0: measure
+        display_size: Tensor,  # (2,) int64
+        *others: Tensor,  # `adds_samples`, where there is a mean, and `Classifier.history`
+    ) -> tuple[Tensor, ...]:
+        """Return the image (1, 3, H, W), linear RGB >= 0, the next history and the auxiliary outputs."""
+        inner = display_size
+        if self.larger:
+            inner = (1.4 * display_size + 0.9).floor().long()  # integer division is not portable
+        history = others[-len(self.history) :]
+        grouped, now, before = self.group_history(history, color, jitter, inner)
+        gathered = self.gather(color, depth, motion, exposure, grouped, now, before)
+        gathered = gathered._replace(reactive=reactive_at(reactive, valid(color), gathered.grid))
+        if "static_mean" not in self.history:
+            return self.step_outputs(gathered, *self.infer(gathered), jitter)
+        frame = RestFrame(color, motion, jitter, gathered.exposure, reactive, others[0])
+        outputs = self.converged_outputs(gathered, frame, grouped, before.jitter, RestHistory(*history[-4:]))
+        if not self.larger:
+            return outputs
+        *first, weight, frozen = outputs
+        return (*first, resize_nearest(weight, display_size_of(display_size)), frozen)
+
+    def converged_outputs(
+        self,
+        gathered: Gathered,
+        frame: RestFrame,
+        history: History,
+        before: Tensor,
+        rest: RestHistory,
+        others: Sequence[tuple[Tensor, Tensor]] = (),
+    ) -> tuple[Tensor, ...]:
+        """Return the outputs of a step that converges where nothing changes.
+
+        Args:
+            gathered: from `gather`.
+            frame: this frame.
+            history: the method's own.
+            before: (1, 2) jitter of the previous frame.
+            rest: history of `ops.at_rest`.
+            others: more planes of the method's own history, before and after this frame.
+        """
+        display = size_of(rest.mean)
+        blocks = compare(frame, rest, size_of(history.depth), display)
+        resting = blocks.resting(gathered.display)
+        image, color, state, classes, surfaces, jitter, followed, weight = self.step_outputs(
+            gathered, *self.infer(gathered), frame.jitter, resting
+        )
+        own = (
+            kept(resting, history.color, color),
+            kept(resting, history.state, state),
+            kept(resting[:, :, ::2, ::2], history.classes, classes),
+            blocks.kept(history.depth, surfaces),
+            blocks.kept(before, jitter),
+            blocks.kept(history.exposure, followed),
+            *(kept(resting, old, new) for old, new in others),
+        )
+        grid = grid_of(display, size_of(frame.color), frame.jitter)
+        shown = downsample(image, display, gathered.exposure) if self.larger else image
+        converged = converge(shown, frame, blocks, grid)
+        return (converged.image, *own, *converged.history, weight, converged.frozen)
+
+    @staticmethod
+    def group_history(
+        history: Sequence[Tensor], color: Tensor, jitter: Tensor, display_size: Tensor
+    ) -> tuple[History, View, View]:
+        """Return the history tensors by name, and the views of this frame and of the previous one."""
+        history_color, state, classes, depth, history_jitter, exposure = history[:6]
+        display = display_size_of(display_size)
+        now = View(display, size_of(color), jitter)
+        before = View(display, size_of(depth), history_jitter)
+        return History(history_color, state, classes, depth, exposure), now, before
+
+    def step_outputs(
+        self, gathered: Gathered, logits: Tensor, blend: Tensor, jitter: Tensor, resting: Tensor | None = None
+    ) -> tuple[Tensor, ...]:
+        """Return the method's own image and next history, and the weight of the history.
+
+        Args:
+            gathered: from `gather`.
+            logits: from `infer`, as `blend`.
+            blend: blend parameters.
+            jitter: (1, 2) of this frame.
+            resting: (1, 1, H, W) 1 where the history will be kept; None: nowhere.
+        """
+        done = self.finish(gathered, logits, blend, resting)
+        history = (done.image, done.state, done.classes, gathered.surfaces, jitter * 1.0, gathered.followed)
+        return (done.image, *history, done.weight)
+
+    def gather(
+        self,
+        color: Tensor,
+        depth: Tensor,
+        motion: Tensor,
+        exposure: Tensor,
+        history: History,
+        now: View,
+        before: View,
+    ) -> Gathered:
+        """Resample this frame and the history at the display pixels."""
+        usable, color = valid(color), sanitize(color, 0.0)
+        followed = exposure_for(color, usable, exposure, history.exposure)
+        flash = is_flash(followed, exposure, history.exposure)
+        exposure = followed.abs()
+        depth, motion = usable_depth(depth), usable_motion(motion)
+        surfaces = torch.cat([depth, occluding_depth(depth, motion)], dim=1)
+        grid = now.grid(size_of(color), aligned=True)
+        closest, dilated = dilate_motion_2x2(depth, motion)
+        closest = grid.pick_first(closest)
+        vectors, own_vectors = (to_display(vector, now.display, now.extent) for vector in (dilated, motion))
+        front = reproject(grid.pick_first_vectors(vectors), now.display, grid)
+        own = reproject(grid.pick_vectors(own_vectors), now.display, grid)
+        exposed = filled(color, usable, exposure) * exposure
+        planes = [maximum_3x3(glaring(exposed, usable)), edge_of(depth), maximum_3x3(usable)]
+        at_pixel = channels_of(grid.pick(torch.cat(planes, dim=1).to(self.dtype)))
+        current = self.gather_current(self.toned(exposed), usable, at_pixel, now, grid)
+        warped = self.gather_history(history, front, own, closest, before, exposure)
+        return Gathered(
+            current, warped, front, closest, surfaces, exposure, followed, flash, now.display, grid
+        )
+
+    def toned(self, color: Tensor, unit: Tensor | float = 1.0) -> Tensor:
+        """Convert linear RGB to the space in which colours are blended; `unit`: see `tone`."""
+        return TONES[self.config.tone_space].tone(color, unit)
+
+    def gather_current(
+        self, toned: Tensor, usable: Tensor, at_pixel: Sequence[Tensor], view: View, grid: Grid
+    ) -> CurrentFrame:
+        """Upsample the usable samples of this frame.
+
+        Args:
+            toned: (1, 3, h, w), filled where samples are missing; shown where no other is near.
+            usable: (1, 1, h, w) 0 where a sample is missing, else 1.
+            at_pixel: its glare, edge, sampled.
+            view: of the frame.
+            grid: of the display.
+        """
+        fill, toned = grid.pick(toned), toned * usable
+        samples = torch.cat([toned, usable], dim=1).to(self.dtype)
+        sample, confidence = self.near_samples(samples, view, grid)
+        sharp = grid.upsample(samples, catmull_rom)
+        mean, deviation, found = self.local_statistics(toned, usable, grid)
+        smooth = torch.where(found > MIN_WEIGHT, from_ycocg(mean), fill.to(self.dtype))
+        sharp, whole = sharp.split_with_sizes([3, 1], dim=1)
+        # with missing samples the negative weights dominate
+        frame = torch.where(whole > 0.9, sharp / whole.clamp(min=0.9), smooth)
+        glare, edge, sampled = at_pixel
+        return CurrentFrame(
+            frame=frame.clamp(0.0, TONED[self.dtype]),
+            sample=sample,
+            confidence=confidence,
+            mean=mean,
+            deviation=deviation,
+            window=neighbourhood_samples(samples, grid, self.config.kernel_sigma),
+            edge=edge,
+            glare=glare,
+            sampled=sampled,
+        )
+
+    def near_samples(self, samples: Tensor, view: View, grid: Grid) -> tuple[Tensor, Tensor]:
+        """Return the mean of the samples near each pixel, and the sum of their weights in [0, 1]."""
+        near = grid.upsample(samples, lambda d: HEIGHT * gaussian(self.config.sample_sigma)(d), view.ratio)
+        near, weight = near.split_with_sizes([3, 1], dim=1)
+        mean = (near / weight.clamp(min=1e-6 * HEIGHT**2)).clamp(0.0, TONED[self.dtype])
+        return mean, (weight / HEIGHT**2).clamp(max=1.0)
+
+    def local_statistics(self, toned: Tensor, usable: Tensor, grid: Grid) -> tuple[Tensor, Tensor, Tensor]:
+        """Return mean and deviation of the samples around, YCoCg, and the sum of their weights."""
+        first, second, found = local_moments(ycocg(toned), usable, grid, self.config.moment_sigma)
+        deviation = (second - first * first).clamp(min=0.0).sqrt()  # a small difference: in float32
+        return first.to(self.dtype), deviation.to(self.dtype), found
+
+    def gather_history(
+        self,
+        history: History,
+        front: Reprojection,
+        own: Reprojection,
+        depth: Tensor,
+        before: View,
+        exposure: Tensor,
+        relit: Tensor | None = None,
+    ) -> WarpedHistory:
+        """Warp the history.
+
+        Args:
+            history: after the previous frame.
+            front: by the dilated motion.
+            own: by the pixel's own motion.
+            depth: (1, 1, H, W) of the closest sample around; with G-buffers of the pixel's own surface.
+            before: view of the previous frame.
+            exposure: (1,) of this frame.
+            relit: (1, 3, H, W) factor of the colour warped by the pixel's own motion, with G-buffers of
+                display size. The history's depth is then that of this motion, too.
+        """
+        c, on = self.config, front.on_screen  # zeros off screen, as before a first frame
+        surface = front if relit is None else own
+        place = before.to_render(surface.position)
+        split = relit is not None  # the operators of the released graphs
+        parts = channels_of(history.depth) if split else [history.depth[:, :1], history.depth[:, 1:2]]
+        depths, occluders = parts
+        occluded = disocclusion(depth, occluders, place, c.depth_margin, c.depth_ramp)
+        depth_before = surface.on_screen * read(depths, (place + 0.5).floor(), mode="nearest")
+        difference = relative_depth_change(depth_before, depth)  # equation 10
+        samples, low, high = channels_of(on * front.read(history.state))
+        high, glare = without_glare(high)
+        given = sanitize(history.color, 0.0)
+        unit = 1.0 / exposure
+        unit_on_screen = torch.where(on > 0.0, unit, DIM)
+        linear = self.toned(front.read(given), unit_on_screen)
+        cubic = read_cubic(given, front.position, c.history_sharpness).clamp(0.0, MAX_HALF)
+        color, undilated = self.toned(cubic, unit_on_screen), own.read(given)
+        if relit is not None:
+            undilated = (undilated * relit).clamp(0.0, MAX_HALF)
+            unit = torch.where(own.on_screen > 0.0, unit, DIM)
+        classes = read(history.classes, 0.5 * front.position[:, ::2, ::2])
+        return WarpedHistory(
+            color=color,
+            rounded=color.to(self.dtype),
+            detail=(color - linear).to(self.dtype),
+            undilated=self.toned(undilated, unit),
+            samples=samples,
+            range=torch.cat([low, high], dim=1),
+            glare=glare,
+            difference=(difference.clamp(-1.0, 1.0) * (depth >= 0.0)).to(self.dtype),
+            surface=surface.on_screen * (1.0 - 2.0 * occluded).clamp(min=0.0),
+            classes=(on[:, :, ::2, ::2] * classes).to(self.dtype),
+        )
+
+    def infer(self, gathered: Gathered) -> tuple[Tensor, Tensor]:
+        """Return logits (1, 6, H / 2, W / 2) and blend parameters (1, m, H, W)."""
+        infer = cast("Callable[..., tuple[Tensor, Tensor]]", self.net.on_pixels)
+        return infer(*self.inputs_of_pixels(gathered))
+
+    def network_inputs(self, gathered: Gathered) -> tuple[Tensor, Tensor]:
+        """Return the network inputs: packed pixels, and channels at half display size."""
+        pixels, half_inputs = self.inputs_of_pixels(gathered)
+        return pack(torch.cat(pixels, dim=1)), half_inputs
+
+    def inputs_of_pixels(self, gathered: Gathered) -> tuple[list[Tensor], Tensor]:
+        """Return the network inputs: channels at display size, and channels at half display size."""
+        c = self.config
+        pixels = pixel_inputs(gathered, c.count_code)
+        around = neighbourhood_inputs(pixels, gathered.display)
+        classes = gathered.warped.classes[:, : CLASSES * c.recurrent]
+        half_inputs = torch.cat([classes, *(around[name] for name in c.neighbourhood_inputs)], dim=1)
+        return [pixels[name].to(self.dtype) for name in c.inputs], half_inputs
+
+    def history_colors(self, gathered: Gathered, sharpness: Tensor) -> list[tuple[Tensor, Tensor]]:
+        """Return the history colours and their initial weights, those of a running mean.
+
+        Colours are float32; what is added to the warped one may be half floats.
+        """
+        current, warped, brightest = gathered.current, gathered.warped, TONED[torch.float32]
+        sharpened = warped.color + sharpness.clamp(0.0, MAX_SHARPNESS) * warped.detail
+        sharpened = sharpened.clamp(0.0, brightest)
+        known = (warped.samples > 0.0).float()  # without history the weight is 0 whatever the network infers
+        colors = [(sharpened, known * (warped.samples * warped.surface + 1e-3))]
+        weight = known * (0.1 * warped.samples + 1e-3)
+        if self.config.rectified:
+            box = Box(current.mean, self.config.gamma * current.deviation)
+            step = from_ycocg(step_to_box(ycocg(sharpened.to(self.dtype)), box))
+            colors.append(((sharpened + step).clamp(0.0, brightest), weight))
+        if self.config.own_motion:
+            colors.append((warped.undilated, weight))
+        return colors
+
+    def finish(
+        self, gathered: Gathered, logits: Tensor, blend: Tensor, resting: Tensor | None = None
+    ) -> Finished:
+        """Blend, update count, luma range and classes, and return to linear RGB.
+
+        Args:
+            gathered: from `gather`.
+            logits: (1, 6, H / 2, W / 2).
+            blend: (1, m, H, W) blend parameters.
+            resting: see `step_outputs`.
+        """
+        c, current, warped, display = self.config, gathered.current, gathered.warped, gathered.display
+        blend = blend.clamp(-16.0, MAX_FACTOR[blend.dtype])
+        factors, sharpness, kernel = blend.split_with_sizes((c.candidates, *c.filters), dim=1)
+        history_colors = self.history_colors(gathered, sharpness)
+        kernel = limited(current.window.mean(kernel, current.frame))
+        sampled = current.sampled.float()
+        current_colors = [
+            (current.sample, sampled * (current.confidence.float() + 1e-3)),
+            (current.frame, 0.05 * sampled),
+            (kernel, 0.05 * sampled),
+        ]
+        color, weight, odds = composite(
+            history_colors, current_colors, factors, gathered.reactive, current.frame
+        )
+        image = bounded(TONES[c.tone_space].inverse(color) / gathered.exposure)
+
+        classes = classes_of(logits.float(), warped.samples[:, :, ::2, ::2] > 0.0)
+        count = torch.minimum(odds, warped.samples).clamp(max=c.samples) + current.confidence
+        luma = luminance(current.sample)
+        trust = (4.0 * odds / warped.samples.clamp(min=1e-6)).clamp(max=1.0) * (warped.samples > 0.0)
+        rate = current.confidence * c.contraction
+        low, high = channels_of(warped.range)
+        low = torch.minimum(low, luma) + rate * (luma - low).clamp(min=0.0)
+        high = torch.maximum(high, luma) - rate * (high - luma).clamp(min=0.0)
+        low, high = luma + trust * (low - luma), luma + trust * (high - luma)
+        glares = (current.glare > 0.0) & ((warped.samples > 0.0) | (warped.glare > 0.0))
+        still_bright = (luma > WHITE) & (warped.glare > 0.0)
+        unexplained = unexplained_light(luma, current.mean[:, :1], warped, display, resting)
+        unconfirmed = (glares | still_bright | unexplained) & (warped.glare < CONFIRMED - 1.0)
+        count = torch.where(unconfirmed | gathered.flash, 0.0, count)
+        glared = torch.where(unconfirmed, warped.glare + 1.0, (CONFIRMED * current.glare).float())
+        state = torch.cat([count, low, high + GLARE * glared], dim=1)
+        image, state, weight = (cut_to(plane, display) for plane in (image, state, weight))
+        return Finished(image, state, cut_to(classes, half_of(display)), weight)
+
+
+class SmallClassifier(Classifier):
+    """`classifier-small`: half the width and fewer blended colours, for CPUs."""
+
+    spec: ClassVar = CLASSIFIER_SMALL
+
+
+class LargeClassifier(Classifier):
+    """`classifier-large`: a history and network images larger than the display, downsampled for it.
+
+    Each frame resamples the history, which blurs it and lets fine detail alias. A history of 1.4 times the
+    display's width and height loses less, as Unreal Engine's Temporal Super Resolution does with history
+    screen percentages over 100 ("TSR", SIGGRAPH 2022).
+    """
+
+    spec: ClassVar = CLASSIFIER_LARGE
+    larger: ClassVar = True
+
+    @classmethod
+    def from_classifier(cls, trained: Trained) -> Self:
+        """Return the method before its training; see `adapted`."""
+        return adapted(cls(), trained)
+
+
+def edge_of(depth: Tensor) -> Tensor:
+    """Return the relative range of depth over 3x3 samples, (1, 1, h, w) in [0, 1]."""
+    closest, farthest = maximum_3x3(depth), minimum_3x3(depth)
+    return ((closest - farthest.clamp(min=0.0)) / closest.clamp(min=1e-12)).clamp(0.0, 1.0)
+
+
+def unexplained_light(
+    luma: Tensor, around: Tensor, warped: WarpedHistory, display: Size, resting: Tensor | None
+) -> Tensor:
+    """Return whether light rises over all samples of the history, (1, 1, H, W), in a frame that is a flash.
+
+    Args:
+        luma: (1, 1, H, W) of the samples near each pixel, toned.
+        around: (1, 1, H, W) mean luma of a neighbourhood, toned.
+        warped: the history.
+        display: (width, height) of the image; planes may extend beyond it.
+        resting: (1, 1, H, W) 1 where pixels do not count; None: all do.
+    """
+    known = warped.samples * warped.surface > 0.0
+    rises = (luma > WHITE) & (luma > warped.range[:, 1:2] + RISE) & known
+    bright = cut_to((rises & (luma > around + CONTRAST)).float(), display)
+    counted = bright if resting is None else bright * (1.0 - resting)
+    sparse = counted.sum(dim=(2, 3), keepdim=True)
+    return rises & (sparse / (display.width * display.height) > FLASH_FRACTION)
+
+
+Adapted = TypeVar("Adapted", bound=Classifier)
+
+
+def adapted(method: Adapted, trained: Trained) -> Adapted:
+    """Return an untrained method with the weights of `classifier` for what both have, in evaluation mode.
+
+    Raises:
+        ArgumentError: the weights are of another method.
+    """
+    method.load_state_dict(transferred(trained, method.config))
+    method.provenance = trained.facts
+    return method.eval()
+
+
+def transferred(trained: Trained, config: ClassifierConfig) -> Mapping[str, Tensor]:
+    """Return the weights of `classifier` for another config of the same widths.
+
+    Inputs and blended colours that `classifier` lacks begin at weights of 0; those that it has alone are left
+    out.
+
+    Args:
+        trained: weights of `classifier`.
+        config: of a method whose network has other inputs, or blends other colours.
+
+    Raises:
+        ArgumentError: they are of another method.
+    """
+    if trained.method != Classifier.name:
+        raise ArgumentError("weights", got=f"of {trained.method}", want=f"of {Classifier.name}")
+    theirs: Any = config_of(ClassifierConfig, trained.config)
+    tensors = dict(trained.tensors)
+
+    def move(name: str, old: Sequence[str], new: Sequence[str], axis: int) -> None:
+        """Move the groups of four channels of an axis; channels after those of `old` stay."""
+        packed, weight = 4 * len(old), tensors[name]
+        groups, rest = weight.split_with_sizes([packed, weight.shape[axis] - packed], dim=axis)
+        known = dict(zip(old, groups.split_with_sizes([4] * len(old), dim=axis), strict=True))
+        none = torch.zeros_like(groups.narrow(axis, 0, 4))
+        tensors[name] = torch.cat([*(known.get(part, none) for part in new), rest], dim=axis)
+
+    for name in ("net.encoder.blocks.0.0.0.weight", "net.hidden.0.weight"):
+        move(name, theirs.inputs, config.inputs, axis=1)
+    for name in ("net.blend.weight", "net.blend.bias"):
+        move(name, _blended(theirs), _blended(config), axis=0)
+    return tensors
+
+
+def _blended(config: ClassifierConfig) -> tuple[str, ...]:
+    """Return the names of the blend parameters, in their order."""
+    colors = ["history", *["rectified"] * config.rectified, *["own"] * config.own_motion]
+    names = [*colors, "sample", "frame", "kernel"]
+    return (*names, *(f"{part}{i}" for part, count in enumerate(config.filters) for i in range(count)))

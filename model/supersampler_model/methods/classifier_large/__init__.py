@@ -1,4 +1,0 @@
-"""`classifier-large`: `classifier` with a history of 1.4 times the display's width and height.
-
-The step (`model`); the filter to the display is supersampler_model.ops.downsampling.
-"""

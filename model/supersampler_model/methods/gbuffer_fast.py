@@ -1,0 +1,274 @@
+"""`gbuffer-fast`: `classifier` where G-buffers of display size are known.
+
+Each sample is divided by the reflectance of its own surface, which leaves light. Light is resampled at the
+display pixels from the samples of similar surfaces, and multiplied by the reflectance of each pixel's own
+surface: an image with the textures and edges of the G-buffers in the first frame, the guided colour. It takes
+the place of this frame's upsampled colour, and a learned kernel on its 3x3 pixels that of the kernel on
+samples: it smooths edges, which one sample a pixel leaves jagged. The history warped by the surface's own
+motion is relit: divided by the previous reflectance, multiplied by the current one. The rest is `classifier`.
+"""
+
+from collections.abc import Mapping
+from typing import ClassVar, NamedTuple, Self
+
+import torch
+from torch import Tensor
+
+from supersampler.methods.gbuffer_fast.spec import GBUFFER_FAST, GBUFFERS_READ, GuidedConfig
+from supersampler_model.methods.base import Trained
+from supersampler_model.methods.classifier import Classifier, adapted, edge_of
+from supersampler_model.methods.classifier_inputs import CurrentFrame, Gathered, History, root
+from supersampler_model.methods.gbuffer import NEIGHBOUR_WEIGHTS
+from supersampler_model.methods.gbuffer_surfaces import depth_difference, lit, samples_3x3, squared_norm
+from supersampler_model.ops.at_rest import RestFrame, RestHistory
+from supersampler_model.ops.blending import reactive_at
+from supersampler_model.ops.color import (
+    exposure_for,
+    filled,
+    glaring,
+    is_flash,
+    largest,
+    limited,
+    sanitize,
+    tone,
+    valid,
+)
+from supersampler_model.ops.images import Size, channels_of, maximum_3x3, neighbours_3x3, size_of, sum_of
+from supersampler_model.ops.motion import (
+    dilate_motion_2x2,
+    occluding_depth,
+    reproject,
+    to_display,
+    usable_depth,
+    usable_motion,
+)
+from supersampler_model.ops.sampling import WINDOW, Grid, View, Window, gaussian
+
+MIN_WEIGHT = 1e-4
+"""Of the farthest sample, and of the most different surface: some light is found everywhere."""
+MAX_DIFFERENCE = 10.0
+"""Largest exponent of depth: half floats hold its exponential."""
+STEP_COST = 0.002
+"""Relative depth that a nearer sample may differ more and still be the pixel's own surface."""
+
+
+class DisplaySurfaces(NamedTuple):
+    """G-buffers, at render or display size; colours and normals in the working type."""
+
+    base_color: Tensor  # (1, 3, h, w) in [0, 1]
+    normal: Tensor  # (1, 3, h, w) unit length; 0 at the sky
+    depth: Tensor  # (1, 1, h, w) reversed, float32
+
+    def usable(self, dtype: torch.dtype) -> "DisplaySurfaces":
+        """Sanitize: values out of range and NaN become 0, depth UNKNOWN_DEPTH."""
+        base, normal = (image.to(dtype) for image in (self.base_color, self.normal))
+        base = torch.where((base >= 0.0) & (base <= 1.0), base, 0.0)
+        normal = torch.where((normal >= -1.0) & (normal <= 1.0), normal, 0.0)
+        return DisplaySurfaces(base, normal, usable_depth(self.depth))
+
+    def reflectance(self, minimum: float) -> Tensor:
+        """Return (1, 3, h, w): base colour, raised to `minimum` at black; 1 at the sky.
+
+        Colour over reflectance is light, which varies less than textures do (FuseSR, Zhong et al. 2023).
+        """
+        sky = squared_norm(self.normal) < 0.1
+        return torch.where(sky, 1.0, minimum + (1.0 - minimum) * self.base_color)
+
+    def features(self, config: GuidedConfig) -> Tensor:
+        """Return features (1, 6, h, w) whose squared distance is the difference of surfaces but for depth."""
+        normal = config.normal_falloff**0.5 * self.normal
+        return torch.cat([normal, config.base_color_falloff**0.5 * self.base_color], dim=1)
+
+
+class GuidedFrame(NamedTuple):
+    """The inputs of one frame; depth is part of the surfaces."""
+
+    color: Tensor  # (1, 3, h, w) linear RGB
+    motion: Tensor  # (1, 2, h, w) render pixels, previous minus current
+    exposure: Tensor  # (1,) 0: measure
+    render: DisplaySurfaces
+    display: DisplaySurfaces
+    view: View
+
+
+class GuidedLight(NamedTuple):
+    """This frame's light at display pixels, and the motion of their surfaces."""
+
+    light: Tensor  # (1, 3, H, W) toned
+    agreement: Tensor  # (1, 1, H, W) sum of the samples' weights, about 1 where a similar surface was sampled
+    motion: Tensor  # (1, 2, H, W) render pixels
+
+
+class GuidedClassifier(Classifier):
+    """`Classifier` on guided colours."""
+
+    spec: ClassVar = GBUFFER_FAST
+    config: GuidedConfig
+
+    @classmethod
+    def from_classifier(cls, trained: Trained) -> Self:
+        """Return the method before its training; see `adapted`."""
+        return adapted(cls(), trained)
+
+    def compute(
+        self,
+        color: Tensor,  # (1, 3, h, w) linear RGB
+        depth: Tensor,  # (1, 1, h, w) reversed
+        motion: Tensor,  # (1, 2, h, w) render pixels, previous minus current
+        reactive: Tensor,  # (1, 1, h, w) in [0, 1]
+        jitter: Tensor,  # (1, 2) render pixels
+        exposure: Tensor,  # (1,) 0: measure
+        display_size: Tensor,  # (2,) int64
+        *others: Tensor,  # `adds_samples`, G-buffers in the order of `inputs`, the history
+    ) -> tuple[Tensor, ...]:
+        """Return the image (1, 3, H, W), linear RGB >= 0, the next history and the auxiliary outputs."""
+        adds_samples, *buffers = others[: 1 + len(GBUFFERS_READ)]
+        render, display = self.surfaces_of(dict(zip(GBUFFERS_READ, buffers, strict=True)), depth)
+        history = others[1 + len(GBUFFERS_READ) :]
+        shared, now, before = self.group_history(history, color, jitter, display_size)
+        frame = GuidedFrame(color, motion, exposure, render, display, now)
+        gathered = self.gather_guided(frame, shared, history[6], before)
+        gathered = gathered._replace(reactive=reactive_at(reactive, valid(color), gathered.grid))
+        samples = RestFrame(color, motion, jitter, gathered.exposure, reactive, adds_samples)
+        reflectance = history[6], self.reflectance_of(display)
+        rest = RestHistory(*history[-4:])
+        return self.converged_outputs(gathered, samples, shared, before.jitter, rest, [reflectance])
+
+    @staticmethod
+    def surfaces_of(gbuffers: Mapping[str, Tensor], depth: Tensor) -> tuple[DisplaySurfaces, DisplaySurfaces]:
+        """Return the surfaces at render and at display size, from G-buffers by input name."""
+        render = DisplaySurfaces(gbuffers["gbuffer_base_color"], gbuffers["gbuffer_normal"], depth)
+        of_display = (gbuffers[f"gbuffer_display_{name}"] for name in DisplaySurfaces._fields)
+        return render, DisplaySurfaces(*of_display)
+
+    def reflectance_of(self, display: DisplaySurfaces) -> Tensor:
+        """Return the reflectance that the history keeps, (1, 3, H, W)."""
+        return display.usable(self.dtype).reflectance(self.config.min_reflectance).float()
+
+    def gather_guided(
+        self, frame: GuidedFrame, history: History, reflectance_before: Tensor, before: View
+    ) -> Gathered:
+        """Resample this frame and the history at the display pixels.
+
+        Args:
+            frame: this frame.
+            history: after the previous frame, that of `classifier`.
+            reflectance_before: (1, 3, H, W) of the previous frame.
+            before: view of the previous frame.
+        """
+        usable, color = valid(frame.color), sanitize(frame.color, 0.0)
+        followed = exposure_for(color, usable, frame.exposure, history.exposure)
+        flash = is_flash(followed, frame.exposure, history.exposure)
+        exposure, view, c = followed.abs(), frame.view, self.config
+        motion = usable_motion(frame.motion)
+        render, whole = (surfaces.usable(self.dtype) for surfaces in (frame.render, frame.display))
+        grid = view.grid(size_of(color), aligned=True)
+        display = DisplaySurfaces(*(grid.at_pixels(image) for image in whole))
+        exposed = filled(color, usable, exposure) * exposure
+        light = limited(tone(exposed / render.reflectance(c.min_reflectance)).to(self.dtype))
+        guided = guide(light, usable, motion, render, display, grid, c)
+        reflectance = display.reflectance(c.min_reflectance)
+        edge = grid.at_pixels(edge_of(whole.depth).to(self.dtype))
+        current = self.gather_now(exposed, usable, lit(guided.light, reflectance), edge, view, grid)
+        _, dilated = dilate_motion_2x2(render.depth, motion)
+        vectors = grid.pick_first_vectors(to_display(dilated, view.display, view.extent))
+        front = reproject(vectors, view.display, grid)
+        own = reproject(to_display(guided.motion, view.display, view.extent), view.display, grid)
+        relit = reflectance.float() / own.read(reflectance_before).clamp(min=0.5 * c.min_reflectance)
+        warped = self.gather_history(history, front, own, display.depth, before, exposure, relit)
+        surfaces = torch.cat([render.depth, occluding_depth(render.depth, motion)], dim=1)
+        inputs = {
+            "relit_to_frame": largest((root(warped.undilated.to(self.dtype)) - root(current.frame)).abs()),
+            "agreement": guided.agreement.to(self.dtype),
+        }
+        return Gathered(
+            current, warped, front, display.depth, surfaces, exposure, followed, flash, view.display, grid,
+            inputs,
+        )  # fmt: skip
+
+    def gather_now(
+        self, exposed: Tensor, usable: Tensor, guided: Tensor, edge: Tensor, view: View, grid: Grid
+    ) -> CurrentFrame:
+        """Upsample the usable samples of this frame, beside the guided colour.
+
+        Args:
+            exposed: (1, 3, h, w) exposed colour.
+            usable: (1, 1, h, w) 1 where it is valid, else 0.
+            guided: (1, 3, H, W) light of the display's surfaces times their reflectance, toned.
+            edge: (1, 1, H, W) relative range of depth around.
+            view: of this frame.
+            grid: of the display.
+        """
+        toned = self.toned(exposed) * usable
+        samples = torch.cat([toned, usable], dim=1).to(self.dtype)
+        sample, confidence = self.near_samples(samples, view, grid)
+        mean, deviation, _ = self.local_statistics(toned, usable, grid)
+        planes = [maximum_3x3(glaring(exposed, usable)), maximum_3x3(usable)]
+        glare, sampled = channels_of(grid.pick(torch.cat(planes, dim=1).to(self.dtype)))
+        return CurrentFrame(
+            frame=guided,
+            sample=sample,
+            confidence=confidence,
+            mean=mean,
+            deviation=deviation,
+            window=neighbours(guided, view.display),
+            edge=edge,
+            glare=glare,
+            sampled=sampled,
+        )
+
+
+def neighbours(image: Tensor, display: Size) -> Window:
+    """Return the 3x3 pixels around each pixel, (1, 3, H, W), with their initial weights."""
+    weights = image.new_tensor(NEIGHBOUR_WEIGHTS).reshape(1, WINDOW, 1, 1)
+    return Window(torch.stack(neighbours_3x3(image, display), dim=2), weights)
+
+
+def guide(
+    light: Tensor,
+    usable: Tensor,
+    motion: Tensor,
+    render: DisplaySurfaces,
+    display: DisplaySurfaces,
+    grid: Grid,
+    config: GuidedConfig,
+) -> GuidedLight:
+    """Resample light from the 3x3 samples around each display pixel, by distance and agreement of surfaces.
+
+    Motion is that of the sample whose depth is most similar.
+
+    Args:
+        light: (1, 3, h, w) colour over reflectance, toned, in the working type; filled where `usable` is 0.
+        usable: (1, 1, h, w) 1 where the colour is valid, else 0.
+        motion: (1, 2, h, w) render pixels.
+        render: surfaces of the samples.
+        display: surfaces of the pixels of the grid.
+        grid: of the display.
+        config: of the method.
+    """
+    near = gaussian(config.guide_sigma)
+    own, target = render.features(config), display.features(config)
+    lowest, chosen = torch.full_like(display.depth, torch.inf), None
+    colors, weights, similar = [], [], []
+    for down, across, (color, known, depth, features, moved) in samples_3x3(
+        [light, usable, render.depth, own, motion], grid
+    ):
+        distance = near(grid.y.nearest + down - grid.y.position)[:, None] * near(
+            grid.x.nearest + across - grid.x.position
+        )
+        difference = depth_difference(depth, display.depth)
+        of_depth = (difference * difference * (0.5 / config.depth_sigma**2)).clamp(max=MAX_DIFFERENCE)
+        similarity = (-(of_depth + squared_norm(features - target).float())).exp()
+        distance = (distance + MIN_WEIGHT) * known
+        colors.append(color)
+        weights.append(distance * (similarity + MIN_WEIGHT))
+        similar.append(distance * similarity)
+        cost = difference + STEP_COST * (down * down + across * across)
+        chosen = moved if chosen is None else torch.where(cost < lowest, moved, chosen)
+        lowest = torch.minimum(cost, lowest)
+    assert chosen is not None  # noqa: S101 - nine samples
+    found = sum_of(weights)
+    total = found.clamp(min=1e-9)
+    mean = sum_of([c * (w / total).to(c.dtype) for c, w in zip(colors, weights, strict=True)])
+    mean = torch.where(found > 0.0, mean, grid.pick(light))
+    return GuidedLight(mean, sum_of(similar).clamp(max=1.0), chosen)

@@ -1,0 +1,51 @@
+"""`bilinear` and `bicubic`: spatial upsampling without history. The baselines of the bench."""
+
+from abc import abstractmethod
+from typing import ClassVar
+
+import torch
+from torch import Tensor
+
+from supersampler.methods.spatial.spec import BICUBIC, BILINEAR
+from supersampler_model.methods.base import Method
+from supersampler_model.ops.color import bounded, filled, sanitize, valid
+from supersampler_model.ops.images import display_size_of, size_of
+from supersampler_model.ops.sampling import catmull_rom, grid_of, linear, resample
+
+
+class Spatial(Method):
+    """Separable interpolation with `kernel`; missing samples are filled from those around."""
+
+    reach: ClassVar[int]
+
+    @staticmethod
+    @abstractmethod
+    def kernel(distance: Tensor) -> Tensor:
+        """Return the weight of a sample at a distance in render pixels, 0 from `reach` on."""
+
+    def compute(
+        self,
+        color: Tensor,  # (1, 3, h, w) linear RGB
+        jitter: Tensor,  # (1, 2) render pixels
+        display_size: Tensor,  # (2,) int64
+    ) -> tuple[Tensor]:
+        """Return the image (1, 3, H, W), linear RGB >= 0."""
+        display, render = display_size_of(display_size), size_of(color)
+        bands = grid_of(display, render, jitter).bands(render, self.kernel, reach=self.reach)
+        return (bounded(resample(filled(sanitize(color, 0.0), valid(color), torch.ones(1)), *bands)),)
+
+
+class Bilinear(Spatial):
+    """Bilinear interpolation."""
+
+    spec: ClassVar = BILINEAR
+    kernel = staticmethod(linear)
+    reach = 1
+
+
+class Bicubic(Spatial):
+    """Catmull-Rom interpolation."""
+
+    spec: ClassVar = BICUBIC
+    kernel = staticmethod(catmull_rom)
+    reach = 2

@@ -1,4 +1,0 @@
-"""`bilinear` and `bicubic`: the baselines without history.
-
-They have no network.
-"""

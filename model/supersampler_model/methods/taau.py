@@ -1,0 +1,500 @@
+"""`taau`: temporal upsampling without a network; the fallback, and the baseline of every network.
+
+Each display pixel stores a colour, the number of accumulated samples, and the spread of those samples. A new
+frame adds its samples near the pixel, weighted by distance. The number of samples of the history is reduced
+where
+
+* the pixel is disoccluded (foreground broader than two samples was closer in the previous frame),
+* the lighting changed: the mean of a neighbourhood changed by more than jitter explains,
+* light changes slowly while nothing moves, so that the history lags behind (`samples_kept`),
+* its colour lies outside a variance box of this frame's colours (Salvi 2016); it is then clipped to the box,
+* motion resamples it: each resampling blurs, so more blur keeps fewer samples.
+
+The box is widened by the spread of the pixel's own samples over time. Otherwise features thinner than the
+sample distance vanish from the box in frames that miss them, and flicker: the weakness of variance clipping
+that Salvi names. On smooth surfaces, whose shade differs from sample to sample, the box holds the plane
+through the samples and the variance about it (`plane_moments`), and the error of a sample is at most its
+distance from that plane, or from the mean around it: light that moves over them changes all samples alike.
+Otherwise the history would lag in a wide box, and the samples of each frame would show as a grid.
+
+Light ten stops over white (GLARE_EXPOSED) that was not there before is shown, but accumulated only from its
+third consecutive frame on. Until then the warped history is kept. A single bright frame, and an unshaded
+frame extrapolated from it, therefore leave no trace. Less light is treated alike where it raises the contrast
+of the whole frame (FLASH) and that around a pixel. Where the mean around the pixel rises so far that light
+counts as changed, the history restarts instead.
+"""
+
+from typing import ClassVar, NamedTuple
+
+import torch
+from torch import Tensor
+from torch.nn import functional as F
+
+from supersampler.methods.at_rest import BLOCK, DARK, WINDOWS
+from supersampler.methods.taau.spec import (
+    FIT,
+    FLASH,
+    FLASH_MEMORY,
+    LAG_STEP,
+    LEAST_BLOCKS,
+    LEAST_FLASH,
+    MOST_SAMPLES,
+    TAAU,
+    UNFIT,
+    TaauConfig,
+)
+from supersampler_model.methods.base import Method
+from supersampler_model.ops.at_rest import RestFrame, RestHistory, StaticBlocks, compare, converge, kept
+from supersampler_model.ops.blending import Box, clip_to_center, overshoot, reactive_at
+from supersampler_model.ops.color import (
+    CONFIRMED,
+    DARKNESS,
+    GLARE,
+    bounded,
+    exposure_for,
+    filled,
+    from_ycocg,
+    glaring,
+    inverse_tone,
+    sanitize,
+    tone,
+    valid,
+    without_glare,
+    ycocg,
+)
+from supersampler_model.ops.images import (
+    block_means,
+    blurred,
+    channels_of,
+    display_size_of,
+    fit,
+    maximum_3x3,
+    padded_3x3,
+    size_of,
+    spread,
+)
+from supersampler_model.ops.motion import (
+    Reprojection,
+    dilate_motion_2x2,
+    disocclusion,
+    occluding_depth,
+    read,
+    read_cubic,
+    reproject,
+    to_display,
+    usable_depth,
+    usable_motion,
+)
+from supersampler_model.ops.sampling import (
+    MIN_WEIGHT,
+    Bands,
+    Grid,
+    View,
+    catmull_rom,
+    gaussian,
+    normalised,
+    resample,
+)
+
+MIN_CHANGE = 0.004  # of toned luma: one step of an 8-bit image
+MIN_SAMPLES = 1e-3  # with fewer samples the history is not used
+MIN_BOX_WEIGHT = 0.5  # usable fraction of the window of the box, below which its variance is 1
+
+
+class Moments(NamedTuple):
+    """Mean and variance of the samples in a window; those of luma are about its plane as far as that fits."""
+
+    center: Tensor  # (1, 3, H, W)
+    variance: Tensor  # (1, 3, H, W) 1 where most samples of the window are not usable
+
+
+class CurrentFrame(NamedTuple):
+    """This frame at display size; colours are toned YCoCg."""
+
+    frame: Tensor  # (1, 3, H, W) smooth upsampling
+    sample: Tensor  # (1, 3, H, W) mean of the samples near each pixel
+    confidence: Tensor  # (1, 1, H, W) sum of their Gaussian weights, [0, 1]
+    moments: Moments  # of the samples around each pixel
+    fit: Tensor  # (1, 1, H, W) whether 3x3 samples are on a plane, [0, 1]
+    shade: Tensor  # (1, 2, H, W) mean and deviation of luma over 3x3 samples
+    glare: Tensor  # (1, 1, H, W) 1 where one of those samples is over GLARE_EXPOSED
+
+
+class WarpedHistory(NamedTuple):
+    """The warped history at display size."""
+
+    light: Tensor  # (1, 3, H, W) linear RGB
+    color: Tensor  # (1, 3, H, W) `light` in toned YCoCg
+    samples: Tensor  # (1, 1, H, W) number of accumulated samples, 0 without history
+    power: Tensor  # (1, 1, H, W) mean square of sample - history, toned luma, as `Taau.finish` limits it
+    shade: Tensor  # (1, 2, H, W) as in CurrentFrame
+    glare: Tensor  # (1, 1, H, W) consecutive frames with light over GLARE_EXPOSED nearby, up to CONFIRMED
+    surface: Tensor  # (1, 1, H, W) 0 where the surface was occluded, 1 where it was visible
+    speed: Tensor  # (1, 1, H, W) display pixels
+    blur: Tensor  # (1, 1, H, W) of this resampling, 0 on a pixel's centre, 1 on a corner of four
+
+
+class Blend(NamedTuple):
+    """Blend parameters of each display pixel."""
+
+    history: Tensor  # (1, 3, H, W) rectified
+    weight: Tensor  # (1, 1, H, W) of this frame's sample
+    samples: Tensor  # (1, 1, H, W) effective number in the history
+    spreads: Tensor  # (1, 1, H, W) 1 where the spread of the history is still valid
+    trusted: Tensor  # (1, 1, H, W) fraction of the history that is kept where this frame adds no sample
+    kept: Tensor  # (1, 1, H, W) number in the history there
+    unconfirmed: Tensor  # (1, 1, H, W) whether this frame adds no sample
+
+
+class Taau(Method):
+    """Temporal upsampling of accumulated samples."""
+
+    spec: ClassVar = TAAU
+    config: TaauConfig
+
+    def compute(
+        self,
+        color: Tensor,  # (1, 3, h, w) linear RGB
+        depth: Tensor,  # (1, 1, h, w) reversed
+        motion: Tensor,  # (1, 2, h, w) render pixels, previous minus current
+        reactive: Tensor,  # (1, 1, h, w) in [0, 1]
+        jitter: Tensor,  # (1, 2) render pixels
+        exposure: Tensor,  # (1,) 0: measure
+        display_size: Tensor,  # (2,) int64
+        adds_samples: Tensor,  # (1,) 0: none
+        *history: Tensor,  # as in `TAAU.history`
+    ) -> tuple[Tensor, ...]:
+        """Return the image (1, 3, H, W), linear RGB >= 0, the next history and the auxiliary outputs."""
+        view = View(display_size_of(display_size), size_of(color), jitter)
+        display, render = view.display, size_of(color)
+        history_color, samples_before, surface_before, jitter_before, *others = history
+        exposed_before, light, *rest = others
+        grid = view.grid(render)
+        given_color, usable, color = color, valid(color), sanitize(color, 0.0)
+        followed = exposure_for(color, usable, exposure, exposed_before)
+        exposure = followed.abs()
+        exposed = filled(color, usable, exposure) * exposure
+        toned, glare = ycocg(tone(exposed)), glaring(exposed, usable)
+        depth, motion = usable_depth(depth), usable_motion(motion)
+        surface = torch.cat([occluding_depth(depth, motion), shade_of(toned[:, :1] * usable, usable)], dim=1)
+
+        current = self.gather_current(toned, usable, glare, surface, grid, view)
+        closest, dilated = dilate_motion_2x2(depth, motion)
+        closest = grid.pick_first(closest)
+        vectors = grid.pick_first_vectors(to_display(dilated, display, render))
+        reprojection = reproject(vectors, display, grid)
+        exposure_before = exposed_before.abs()
+        change = exposure / torch.where(exposure_before > 0.0, exposure_before, exposure)
+        before = View(display, size_of(surface_before), jitter_before)
+        visible, shade = self.gather_surface(surface_before, before, reprojection, closest, change)
+        warped = self.gather_history(history_color, samples_before, reprojection, visible, shade, exposure)
+        next_light = light_after(light_of(surface[:, 1:3]), light, change)
+        frame = RestFrame(given_color, motion, jitter, exposure, reactive, adds_samples)
+        blocks = compare(frame, RestHistory(*rest), size_of(surface_before), display)
+        limit = samples_kept(exposed, usable, history_color * exposure, blocks, self.config)
+        samples = torch.minimum(warped.samples, blocks.at_pixels.pick(limit))
+        warped = warped._replace(samples=samples)
+        blend = self.network(current, warped, next_light[:, 3:4])
+        reactive = reactive_at(reactive, usable, grid)
+        image, samples = self.finish(current, warped, blend, exposure, reactive)
+        next_color = torch.where(blend.unconfirmed, warped.light, image)
+        weight = (1.0 - blend.weight) * (blend.samples > MIN_SAMPLES) * (1.0 - reactive)
+        resting = blocks.resting(display)
+        converged = converge(image, frame, blocks, grid)
+        return (
+            converged.image,
+            kept(resting, history_color, next_color),
+            kept(resting, samples_before, samples),
+            blocks.kept(surface_before, surface),
+            blocks.kept(jitter_before, jitter),
+            blocks.kept(exposed_before, followed),
+            blocks.kept(light, next_light),
+            *converged.history,
+            weight,
+            converged.frozen,
+        )
+
+    def gather_current(
+        self, toned: Tensor, usable: Tensor, glare: Tensor, surface: Tensor, grid: Grid, view: View
+    ) -> CurrentFrame:
+        """Upsample the usable samples of this frame four ways, all separable.
+
+        `toned`: (1, 3, h, w), filled where samples are missing; shown where no other is near.
+        """
+        fill, toned = grid.pick(toned), toned * usable
+        samples = torch.cat([toned, usable], dim=1)
+        c = self.config
+        smooth, found = grid.upsample(samples, gaussian(c.frame_sigma)).split_with_sizes([3, 1], dim=1)
+        smooth = torch.where(found > MIN_WEIGHT, smooth / found.clamp(min=MIN_WEIGHT), fill)
+        sharp, whole = grid.upsample(samples, catmull_rom).split_with_sizes([3, 1], dim=1)
+        sharpness = c.frame_sharpness * (whole > 0.9)  # with missing samples the negative weights dominate
+        near = grid.upsample(samples, gaussian(c.sample_sigma), view.ratio)
+        near, weight = near.split_with_sizes([3, 1], dim=1)
+        fit = fit_of(toned[:, :1], usable, surface[:, 2:3])
+        at_pixel = grid.pick(torch.cat([surface[:, 1:3], fit, maximum_3x3(glare)], dim=1))
+        shade, fit, glare = at_pixel.split_with_sizes([2, 1, 1], dim=1)
+        return CurrentFrame(
+            frame=smooth + sharpness * (sharp / whole.clamp(min=1e-6) - smooth),
+            sample=near / weight.clamp(min=1e-6),
+            confidence=weight.clamp(max=1.0),
+            moments=plane_moments(toned, usable, fit, grid, c.moment_sigma),
+            fit=fit,
+            shade=shade,
+            glare=glare,
+        )
+
+    def gather_surface(
+        self, history: Tensor, before: View, reprojection: Reprojection, depth: Tensor, change: Tensor
+    ) -> tuple[Tensor, Tensor]:
+        """Return the surface's previous visibility, (1, 1, H, W), and its shade at this exposure."""
+        position, c = before.to_render(reprojection.position), self.config
+        occluded = disocclusion(depth, history[:, :1], position, c.depth_margin, c.depth_ramp)
+        visible = reprojection.on_screen * (1.0 - 2.0 * occluded).clamp(min=0.0)
+        mean, deviation = channels_of(read(history[:, 1:3], position))
+        dim = 1.0 + (change - 1.0) * mean  # c / (1 + c) at another exposure, and its slope
+        return visible, torch.cat([change * mean / dim, change * deviation / (dim * dim)], dim=1)
+
+    def gather_history(
+        self,
+        color: Tensor,
+        samples: Tensor,
+        reprojection: Reprojection,
+        visible: Tensor,
+        shade: Tensor,
+        exposure: Tensor,
+    ) -> WarpedHistory:
+        """Warp the history."""
+        position = reprojection.position
+        light = sanitize(read_cubic(color, position, self.config.history_sharpness), 0.0)
+        samples, power = channels_of(read(samples, position))
+        power, glare = without_glare(power)
+        return WarpedHistory(
+            light=light,
+            color=ycocg(tone(light * exposure)),
+            samples=samples,
+            power=power,
+            shade=shade,
+            glare=glare,
+            surface=visible,
+            speed=reprojection.speed(),
+            blur=reprojection.blur(),
+        )
+
+    def network(self, current: CurrentFrame, warped: WarpedHistory, flash: Tensor) -> Blend:
+        """Compute the blend parameters by rules, in place of a network; `flash`: last of `light_after`."""
+        c = self.config
+        unchanged = 1.0 - self.change_of_light(current.shade, warped.shade)
+        unknown = (warped.glare > 0.0) & (warped.glare < CONFIRMED)  # its shade has light that was not added
+        unchanged = torch.where(unknown, 1.0, unchanged)
+        spread = warped.power.sqrt() * unchanged
+        moving = (warped.speed / c.gamma_speed).clamp(max=1.0)
+        gamma = c.gamma_still + (c.gamma_moving - c.gamma_still) * moving
+        center, variance = current.moments
+        box = Box(center, gamma * variance.sqrt() + c.gamma_time * spread)
+
+        inside = 1.0 - (c.forget * (overshoot(warped.color, box) - 1.0)).clamp(0.0, 1.0)
+        limit = c.samples / (1.0 + c.blur_cost * warped.blur + c.speed_cost * warped.speed)
+        holds = warped.surface * unchanged
+        samples = torch.minimum(warped.samples * holds * inside, limit)
+        weight = current.confidence / (samples + current.confidence).clamp(min=1e-6)
+        glares = (current.glare > 0.0) & (warped.glare < CONFIRMED - 1.0)
+        trusted = torch.where(glares, warped.surface, holds)
+        kept = torch.minimum(warped.samples * trusted, limit)
+        now, before = current.shade[:, 1:2], warped.shade[:, 1:2]
+        flashes = (flash > 1.0) | ((flash > 0.0) & exceeds(now * now, before * before))
+        unconfirmed = (glares | flashes) & (kept > MIN_SAMPLES)
+        return Blend(clip_to_center(warped.color, box), weight, samples, holds, trusted, kept, unconfirmed)
+
+    def change_of_light(self, now: Tensor, before: Tensor) -> Tensor:
+        """Return (1, 1, H, W): 1 where the mean luma around changed by more than jitter explains."""
+        c = self.config
+        moved = (now[:, :1] - before[:, :1]).abs()
+        jitter = c.change_deviation * torch.maximum(now[:, 1:2], before[:, 1:2])
+        noise = jitter + c.change_relative * torch.maximum(now[:, :1], before[:, :1]) + MIN_CHANGE
+        return ((moved / noise - 1.0) / c.change_ramp).clamp(0.0, 1.0)
+
+    def finish(
+        self, current: CurrentFrame, warped: WarpedHistory, blend: Blend, exposure: Tensor, reactive: Tensor
+    ) -> tuple[Tensor, Tensor]:
+        """Blend, or use this frame alone with few samples; return linear RGB and the next samples.
+
+        `reactive`, (1, 1, H, W), is the share of this frame alone in the image, whatever the samples.
+        """
+        settled = (blend.samples / self.config.settled).clamp(max=1.0)
+        sample = current.frame + settled * (current.sample - current.frame)
+        color = blend.history + blend.weight * (sample - blend.history)
+        color = torch.where(blend.samples > MIN_SAMPLES, color, current.frame)
+        color = color + reactive * (current.frame - color)
+        samples = blend.samples * (1.0 - reactive)
+        image = bounded(inverse_tone(from_ycocg(color).clamp(min=0.0)) / exposure)
+
+        reach = warped.power.sqrt() + self.config.spread_step
+        luma = current.sample[:, :1]
+        contrast = (luma - current.shade[:, :1]).abs()
+        about_plane = (luma - current.moments.center[:, :1]).abs().minimum(contrast)
+        contrast = contrast + current.fit * (about_plane - contrast)
+        error = (luma - warped.color[:, :1]).abs().minimum(reach).minimum(contrast)
+        counted = samples.clamp(max=self.config.spread_samples) + current.confidence
+        rate = current.confidence / counted.clamp(min=1e-6)
+        known = (blend.samples > MIN_SAMPLES).float() * blend.spreads
+        power = known * (warped.power + rate * (error * error - warped.power) - DARKNESS).clamp(min=0.0)
+        now = [samples + current.confidence, power + GLARE * CONFIRMED * current.glare]
+        glare = (warped.glare + current.glare).clamp(max=CONFIRMED)
+        before = [blend.kept, blend.trusted * warped.power + GLARE * glare]
+        return image, torch.where(blend.unconfirmed, torch.cat(before, dim=1), torch.cat(now, dim=1))
+
+
+def light_of(shade: Tensor) -> Tensor:
+    """Return mean luma and mean square deviation over all samples of `shade_of`, (1, 2)."""
+    size = size_of(shade)
+    planes = torch.cat([shade[:, :1], shade[:, 1:2] * shade[:, 1:2]], dim=1)
+    return planes.sum(dim=(2, 3)) / (size.width * size.height)
+
+
+def light_after(light: Tensor, before: Tensor, change: Tensor) -> Tensor:
+    """Return `history.light` of the next frame, (1, 4), with a flag: the light of this frame is unconfirmed.
+
+    That holds where the contrast of the previous frames does not explain that of this frame, and in one more
+    such frame: an unshaded one may be extrapolated from it.
+
+    Args:
+        light: (1, 2) `light_of` this frame.
+        before: (1, 4) `history.light`.
+        change: (1,) ratio of the exposures.
+    """
+    dim = 1.0 + (change - 1.0) * before[:, :1]
+    slope = change / (dim * dim)
+    contrasts, flashes = slope * slope * before[:, 1:3], before[:, 3:4]
+    last, older = contrasts[:, :1], contrasts[:, 1:2]
+    known = torch.where(flashes > 0.0, older, torch.maximum(last, older))
+    flash = (known > 0.0) & (flashes < 2.0) & exceeds(light[:, 1:2], known)
+    return torch.cat([light, torch.maximum(last, FLASH_MEMORY * older), flash * (flashes + 1.0)], dim=1)
+
+
+def exceeds(contrast: Tensor, before: Tensor) -> Tensor:
+    """Return whether a square deviation is more than that of previous frames explains."""
+    return contrast > FLASH * before + LEAST_FLASH
+
+
+def shade_of(luma: Tensor, usable: Tensor) -> Tensor:
+    """Return mean and standard deviation of `luma`, (1, 2, h, w), over the usable ones of 3x3 samples.
+
+    Without usable samples the deviation is 1, so that no mean counts as changed.
+    """
+    sums = blurred(torch.cat([luma, luma * luma, usable], dim=1))
+    known = (sums[:, 2:3] > MIN_WEIGHT).float()
+    moments = normalised(sums)
+    mean, square = moments[:, :1], moments[:, 1:2]
+    deviation = (square - mean * mean).clamp(min=0.0).sqrt()
+    return torch.cat([mean, deviation * known + (1.0 - known)], dim=1)
+
+
+def samples_kept(
+    color: Tensor, usable: Tensor, history: Tensor, blocks: StaticBlocks, config: TaauConfig
+) -> Tensor:
+    """Return how many samples of the history are kept where light changes slowly, by block, (1, 1, hb, wb).
+
+    The variance box does not find that on textured ground: previous colours are still in the box. But the
+    samples of a window have the mean of the history there, whatever its texture. Of each block that neither
+    moves nor stays frozen, some samples are compared with the nearest pixels of the history, toned. Where the
+    mean difference of a window of such blocks exceeds its standard error, few samples are kept.
+
+    Args:
+        color: (1, 3, h, w) this frame, exposed; finite.
+        usable: (1, 1, h, w) 1 where a sample counts, else 0.
+        history: (1, 3, H, W) colours of the history, exposed.
+        blocks: static blocks of this frame.
+        config: constants.
+    """
+    columns, rows = blocks.at_pixels.nearest(LAG_STEP)
+    before = tone(history.index_select(3, columns).index_select(2, rows))
+    now = tone(color[:, :, ::LAG_STEP, ::LAG_STEP])
+    free = (1.0 - blocks.moves) * (1.0 - blocks.stays)
+    size, side = size_of(free), WINDOWS[1]
+    parts = torch.cat([now - before, before], dim=1) * usable[:, :, ::LAG_STEP, ::LAG_STEP]
+    parts = fit(parts, size.width * BLOCK // LAG_STEP, size.height * BLOCK // LAG_STEP)
+    difference, level = block_means(parts, BLOCK // LAG_STEP).split_with_sizes([3, 3], dim=1)
+    values = torch.cat([difference, difference * difference, level, torch.ones_like(free)], dim=1) * free
+    sums = spread(block_means(extended(values, side - 1), side), side, size)
+    difference, square, level, share = sums.split_with_sizes([3, 3, 3, 1], dim=1)
+    difference, square, level = (part / share.clamp(min=1e-6) for part in (difference, square, level))
+    variance = (square - difference * difference).clamp(min=0.0)
+    error = (variance / (share * side * side - 1.0).clamp(min=1.0)).sqrt()
+    lag = (difference.abs() - config.lag_deviations * error).amax(dim=1, keepdim=True)
+    excess = lag / (level.amax(dim=1, keepdim=True) + DARK) - config.lag
+    limit = config.lag_samples / excess.clamp(min=config.lag_samples / MOST_SAMPLES)
+    return torch.where(free * (share >= LEAST_BLOCKS) > 0.0, limit, MOST_SAMPLES)
+
+
+def extended(blocks: Tensor, count: int) -> Tensor:
+    """Append so many rows and columns of zeros."""
+    width, height = size_of(blocks)
+    down, across = (
+        (torch.arange(extent + count, device=blocks.device) < extent).float() for extent in (height, width)
+    )
+    return fit(blocks, width + count, height + count) * down[:, None] * across
+
+
+class PlaneAxis(NamedTuple):
+    """Filters of the samples along an axis, under a Gaussian window."""
+
+    mean: Bands  # weights that sum to 1
+    slope: Bands  # least-squares slope, per standard deviation of the positions in the window
+    shift: Tensor  # (n,) mean position in the window less that of the pixel, in these standard deviations
+
+    @classmethod
+    def of(cls, window: Bands, first: Bands, second: Bands) -> "PlaneAxis":
+        """Return the filters from the Gaussian, and from that times distance and squared distance."""
+        total = window.weights.sum(dim=2, keepdim=True)
+        mean = first.weights.sum(dim=2, keepdim=True) / total
+        variance = second.weights.sum(dim=2, keepdim=True) / total - mean * mean
+        scale = 1.0 / variance.sqrt()
+        slope = (first.weights - mean * window.weights) * scale / total
+        shift = (mean * scale).reshape(-1)
+        if window.outputs is not None:
+            shift = shift.index_select(0, torch.arange(window.outputs, device=shift.device))
+        return cls(window._replace(weights=window.weights / total), window._replace(weights=slope), shift)
+
+
+def fit_of(luma: Tensor, usable: Tensor, deviation: Tensor) -> Tensor:
+    """Return whether 3x3 samples are on a plane, (1, 1, h, w): 0 on detail and edges, 1 on smooth surfaces.
+
+    On a smooth surface whose shade changes from sample to sample, variance clipping (Salvi 2016) finds as
+    much contrast as on detail. Contrast about the plane of the samples is that of detail alone.
+
+    Args:
+        luma: (1, 1, h, w), 0 where not usable.
+        usable: (1, 1, h, w) 1 or 0.
+        deviation: (1, 1, h, w) standard deviation of these samples.
+    """
+    slope = luma.new_tensor([-1.0, 0.0, 1.0]).expand(3, 3) / 6.0
+    slopes = F.conv2d(padded_3x3(luma), torch.stack([slope, slope.T])[:, None])
+    explained = (slopes * slopes).sum(dim=1, keepdim=True) * (6.0 / 9.0)
+    fraction = explained / (deviation * deviation).clamp(min=1e-7)
+    return ((fraction - UNFIT) / (FIT - UNFIT)).clamp(0.0, 1.0) * (blurred(usable) > 0.999)
+
+
+def plane_moments(color: Tensor, usable: Tensor, fit: Tensor, grid: Grid, sigma: float) -> Moments:
+    """Return moments of the usable samples under a Gaussian at every display pixel.
+
+    Args:
+        color: (1, 3, h, w) YCoCg, 0 where not usable.
+        usable: (1, 1, h, w) 1 or 0.
+        fit: (1, 1, H, W) fraction of the plane's part in the result.
+        grid: of the display pixels.
+        sigma: of the Gaussian, render pixels.
+    """
+    window, render = gaussian(sigma), size_of(color)
+    kernels = window, lambda d: d * window(d), lambda d: d * d * window(d)
+    x, y = (PlaneAxis.of(*axis) for axis in zip(*(grid.bands(render, k) for k in kernels), strict=True))
+    sums = resample(torch.cat([color, color * color, usable], dim=1), x.mean, y.mean)
+    first, second, weight = sums.split_with_sizes([3, 3, 1], dim=1)
+    total = weight.clamp(min=1e-6)
+    mean = first / total
+    variance = (second / total - mean * mean).clamp(min=0.0)
+    across, down = resample(color[:, :1], x.slope, y.mean), resample(color[:, :1], x.mean, y.slope)
+    fit = fit * (weight > 0.999)  # the slopes are of whole windows
+    luma = mean[:, :1] - fit * (across * x.shift + down * y.shift[:, None])
+    luma_variance = (variance[:, :1] - fit * (across * across + down * down)).clamp(min=0.0)
+    variance = torch.cat([luma_variance, variance[:, 1:]], dim=1)
+    return Moments(torch.cat([luma, mean[:, 1:]], dim=1), torch.where(weight > MIN_BOX_WEIGHT, variance, 1.0))

@@ -1,4 +1,0 @@
-"""`taau`: temporal upsampling by formula alone.
-
-Nothing is learned; its CPU kernels are supersampler.methods.taau.
-"""

@@ -1,0 +1,190 @@
+"""Training data: sets of a user's shots, sets at other ratios with G-buffers, and frames as tensors."""
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from supersampler.errors import ArgumentError, ShotError
+from supersampler.io.display import auto_exposure
+from supersampler.io.shot import Shot, ShotFrame
+from supersampler.methods.gbuffers import GBUFFERS
+from supersampler_model.data.dataset import Dataset, TrainingFrame, create_dataset
+from supersampler_model.data.dataset.description import Description, SequenceEntry, Split
+from supersampler_model.data.dataset.frame_file import write_training_frame
+from supersampler_model.data.specs import SequenceSpec
+
+UNKNOWN = 255
+"""Value of unknown classes."""
+FAMILY = "shot"
+
+
+def dataset_of_shots(shots: Sequence[Shot], folder: Path, split: Split) -> Dataset:
+    """Copy shots to a training set for fast reads of crops; existing frames are kept.
+
+    Shots usually have no class labels. Frames without a reference stay, as history; their references are NaN.
+
+    Args:
+        shots: of one display size, each with some references.
+        folder: of the data set.
+        split: its split.
+
+    Raises:
+        ShotError: a shot has no reference, or another display size than the first.
+        OSError: writing failed.
+    """
+    size = shots[0].display_size
+    for shot in shots:
+        if not shot.reference_indices or shot.display_size is None or size is None:
+            hint = "Render some frames with many samples a pixel at display size and list them in shot.json."
+            raise ShotError(shot.path, "no frame has a reference to learn from", hint)
+        if shot.display_size != size:
+            raise ShotError(shot.path, f"references are {shot.display_size}, those of the others {size}")
+    assert size is not None  # noqa: S101 - the loop has seen to it
+    entries = tuple(
+        SequenceEntry(
+            spec=SequenceSpec(
+                family=FAMILY, seed=index, frames=len(shot), frame_rate=shot.frame_rate or 30.0
+            ),
+            ratio=size[0] / shot.render_size[0],
+            split=split,
+        )
+        for index, shot in enumerate(shots)
+    )
+    description = Description(display_size=size, samples=1, gbuffers=False, seed=0, sequences=entries)
+    dataset = create_dataset(folder, description)
+    for shot, entry in zip(shots, entries, strict=True):
+        for item in shot.frames(dataset.complete(entry)):
+            frame = _training_frame(shot, item, size[::-1])
+            write_training_frame(dataset.path(entry, item.index), frame)
+    return dataset
+
+
+def _training_frame(shot: Shot, item: ShotFrame, shape: tuple[int, int]) -> TrainingFrame:
+    frame = item.frame
+    if frame.color is None:
+        raise ShotError(shot.path, f"frame {item.index} has no colour to learn from")
+    classes = shot.read_classes(item.index)
+    unknown = np.full(shape, UNKNOWN, np.uint8)
+    truth = np.full((*shape, 3), np.nan, np.float16) if item.reference is None else item.reference
+    return TrainingFrame(
+        color=frame.color.astype(np.float16),
+        depth=frame.depth,
+        motion=frame.motion.astype(np.float16),
+        jitter=frame.jitter,
+        reset=frame.reset,
+        exposure=frame.exposure or auto_exposure(frame.color),
+        reference=truth.astype(np.float16),
+        ghost=unknown if classes is None else classes.ghost,
+        alias=unknown if classes is None else classes.alias,
+    )
+
+
+def gbuffer_set(dataset: Dataset, ratio: int) -> Dataset:
+    """Return a data set with the sequences rendered at one ratio, with G-buffers of both sizes.
+
+    Raises:
+        ArgumentError: there are none, or a render pixel is no whole number of display pixels.
+    """
+    at, size = dataset.at(ratio), dataset.description.display_size
+    if size[0] % ratio or size[1] % ratio:
+        want = f"a set whose display size is a multiple of {ratio}, the ratio of the method"
+        raise ArgumentError("data", got=f"{dataset.folder}, of {size[0]}x{size[1]}", want=want)
+    missing = "" if any(map(at.complete, at.entries())) else f"frames at ratio {ratio}"
+    missing = missing if dataset.description.gbuffers else "G-buffers of display size"
+    if missing:
+        want = f"a set made by `supersampler render --gbuffers --also {ratio}`"
+        raise ArgumentError("data", got=f"{dataset.folder}, without {missing}", want=want)
+    return at
+
+
+def unshaded_set(dataset: Dataset, ratios: tuple[float, float]) -> Dataset:
+    """Return a data set with the sequences at each ratio within `ratios` of their second renderings.
+
+    Raises:
+        ArgumentError: there is none, so that no frame has G-buffers of render size.
+    """
+    own = dataset.entries()
+    names = (path.name for entry in own for path in dataset.path(entry, 0).parent.glob("0000.*x.safetensors"))
+    rendered = {float(name.removeprefix("0000.").removesuffix("x.safetensors")) for name in names}
+    sequences = tuple(replace(entry, ratio=ratio) for ratio in sorted(rendered) for entry in own)
+    sequences = tuple(entry for entry in sequences if entry.within(ratios))
+    if not sequences:
+        want = "a set made by `supersampler render --gbuffers --also 2`"
+        got = f"{dataset.folder}, without G-buffers of render size at a ratio from {ratios[0]} to {ratios[1]}"
+        raise ArgumentError("data", got=got, want=want)
+    return Dataset(dataset.folder, replace(dataset.description, sequences=sequences), own=dataset)
+
+
+def sequences_of(
+    datasets: Sequence[Dataset], ratios: tuple[float, float], *, min_frames: int
+) -> list[tuple[Dataset, SequenceEntry, int]]:
+    """Return the sequences to train on, of ratios in a range, with the number of their consecutive frames.
+
+    Raises:
+        ArgumentError: there are none of so many frames.
+    """
+    found = [
+        (dataset, entry, count)
+        for dataset in datasets
+        for entry in dataset.entries("train")
+        if entry.within(ratios) and (count := dataset.complete(entry)) >= min_frames
+    ]
+    if not found:
+        want = f"{min_frames} frames in a row to train on, at a ratio from {ratios[0]} to {ratios[1]}"
+        raise ArgumentError("data", got="nothing of use", want=want)
+    return found
+
+
+def data_hash(datasets: Sequence[Dataset]) -> str:
+    """Return the sha256 of the descriptions of the data sets."""
+    digest = hashlib.sha256()
+    for dataset in datasets:
+        digest.update(repr(dataset.description).encode())
+    return digest.hexdigest()
+
+
+def assets(datasets: Sequence[Dataset]) -> list[str]:
+    """Return the names of the asset files in the training sequences, for attribution."""
+    entries = [entry for dataset in datasets for entry in dataset.entries("train")]
+    return sorted({name for entry in entries for name, _ in entry.spec.files})
+
+
+def frame_inputs(frame: TrainingFrame, names: Sequence[str]) -> dict[str, Tensor]:
+    """Return the inputs of a method from a training frame, by name, in the order of the names.
+
+    Raises:
+        ArgumentError: the frame lacks one.
+    """
+    images = {**gbuffers(frame), "color": frame.color, "depth": frame.depth, "motion": frame.motion}
+    numbers = {
+        "jitter": torch.tensor([frame.jitter], dtype=torch.float32),
+        "exposure": torch.tensor([frame.exposure], dtype=torch.float32),
+        "pre_exposure": torch.ones(1),
+        "adds_samples": torch.ones(1),
+        "reactive": torch.zeros(1, 1, *frame.depth.shape),
+        "display_size": torch.tensor(frame.reference.shape[1::-1]),
+    }
+    if missing := [name for name in names if name not in images and name not in numbers]:
+        want = "frames with G-buffers of both sizes: `supersampler render --gbuffers --also 2,4`"
+        raise ArgumentError("data", got=f"frames without {', '.join(missing)}", want=want)
+    return {name: numbers[name] if name in numbers else planes(images[name]) for name in names}
+
+
+def gbuffers(frame: TrainingFrame) -> dict[str, NDArray[Any]]:
+    """Return the G-buffers of both sizes by input name, as stored."""
+    found = {name: (getattr(frame, place.group) or {}).get(place.key) for name, place in GBUFFERS.items()}
+    return {name: image for name, image in found.items() if image is not None}
+
+
+def planes(image: NDArray[Any]) -> Tensor:
+    """Convert (h, w) or (h, w, c) to (1, c, h, w) float32; uint8 to [0, 1]."""
+    channels = image[..., None] if image.ndim == 2 else image
+    tensor = torch.from_numpy(np.array(channels.transpose(2, 0, 1), np.float32, order="C"))[None]
+    return tensor / 255.0 if image.dtype == np.uint8 else tensor
