@@ -88,7 +88,7 @@ def test_what_is_hidden_is_not_seen(data: Dataset, task: ExtrapolateTask) -> Non
 
 def test_the_middle_of_a_crop_is_rendered_as_the_whole_frame_is(data: Dataset) -> None:
     method = Extrapolate(SMALL).eval()
-    task, dataset = ExtrapolateTask(method)(data, (1.0, 3.0))
+    task, dataset = ExtrapolateTask(method), unshaded_set(data, (1.0, 3.0))
     runner, unshaded = task.runner(method, Size(*DISPLAY)), list[bool]()
     sequence = frames(dataset)[:4]
     for frame in sequence:
