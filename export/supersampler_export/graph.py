@@ -37,8 +37,8 @@ from supersampler.methods.spec import (
 )
 from supersampler_export.half import folded
 from supersampler_export.simplify import joined_slices, simplified_gathers
+from supersampler_model import ops
 from supersampler_model.methods.base import Method, NetworkSubgraph
-from supersampler_model.ops.images import Size
 
 OPSET = 17
 """Last opset in which every provider implements GridSample alike (docs/contract.md)."""
@@ -68,7 +68,7 @@ def export_graph(method: Method) -> onnx.ModelProto:
     Raises:
         ExportError: the exporter returned another opset, or an operator that is not portable.
     """
-    arguments = example_arguments(method, *traced_sizes(method), Size(22, 15))
+    arguments = example_arguments(method, *traced_sizes(method), ops.Size(22, 15))
     names = [*method.inputs(), *(f"history_{name}" for name in method.history)]
     shapes = {name: shape_of(method, name) for name in names}
     dims = _dims(method)
@@ -88,13 +88,13 @@ def export_graph(method: Method) -> onnx.ModelProto:
     return model
 
 
-def traced_sizes(method: Method) -> tuple[Size, Size]:
+def traced_sizes(method: Method) -> tuple[ops.Size, ops.Size]:
     """(render, display) that a graph is traced at; not a whole ratio unless the method requires one."""
-    render, ratio = Size(26, 18), only_ratio(method.ratios)
+    render, ratio = ops.Size(26, 18), only_ratio(method.ratios)
     display = (52, 37) if ratio is None else scaled(render, ratio)
     if display is None:
         raise ExportError(f"{method.name}: {tuple(render)} has no size {ratio:g} times as large")
-    return render, Size(*display)
+    return render, ops.Size(*display)
 
 
 def _dims(method: Method) -> dict[str, Any]:
@@ -129,7 +129,7 @@ def export_subgraph(subgraph: NetworkSubgraph) -> onnx.ModelProto:
     dims = {n: torch.export.Dim(n, min=1, max=1 << 14) for n in (*HALF, *LARGE_HALF, *RENDER)}
     dims |= {d: _times(dims[r], subgraph.ratio) for d, r in zip(DISPLAY, RENDER, strict=True)}
     dynamic = [_free(shape, dims) for shape in subgraph.inputs.values()]
-    arguments = example_inputs(subgraph, Size(21, 13))
+    arguments = example_inputs(subgraph, ops.Size(21, 13))
     model = _traced(subgraph.module, arguments, list(subgraph.inputs), list(subgraph.outputs), dynamic)
     _declare(model.graph.input, list(subgraph.inputs.values()))
     _declare(model.graph.output, list(subgraph.outputs.values()))
@@ -137,7 +137,7 @@ def export_subgraph(subgraph: NetworkSubgraph) -> onnx.ModelProto:
     return model
 
 
-def example_inputs(subgraph: NetworkSubgraph, size: Size) -> list[Tensor]:
+def example_inputs(subgraph: NetworkSubgraph, size: ops.Size) -> list[Tensor]:
     """Return random inputs of the network; `size` is half that of its images, or the render size."""
     sizes = {
         n: extent for names in (HALF, LARGE_HALF, RENDER) for n, extent in zip(names, size[::-1], strict=True)
@@ -174,7 +174,9 @@ def shape_of(method: Method, parameter: str) -> Shape:
     return TENSORS[parameter]
 
 
-def example_arguments(method: Method, render: Size, display: Size, previous: Size) -> list[Tensor]:
+def example_arguments(
+    method: Method, render: ops.Size, display: ops.Size, previous: ops.Size
+) -> list[Tensor]:
     """Return random inputs of the step, for tracing."""
     sizes = extents(render=render, display=display, previous=previous) | {CHANNELS: 3}
     for i, (height, width) in enumerate((SHADED, EARLIER, BETWEEN), 1):

@@ -13,14 +13,13 @@ from supersampler.backends.onnx.runtime import ort
 from supersampler.conventions.jitter import only_ratio, scaled
 from supersampler.methods.gbuffers import GBUFFERS
 from supersampler_export.graph import ExportError, example_inputs, history_name, traced_sizes
+from supersampler_model import ops
 from supersampler_model.methods.base import LearnedMethod, Method, NetworkSubgraph
-from supersampler_model.ops.color import tone
-from supersampler_model.ops.images import Size
 
-Sizes = Sequence[tuple[Size, Size]]
+Sizes = Sequence[tuple[ops.Size, ops.Size]]
 """Pairs of (render, display)."""
 SIZES: Sizes = tuple(
-    (Size(*render), Size(*display))
+    (ops.Size(*render), ops.Size(*display))
     for render, display in (
         ((26, 18), (52, 37)),  # as traced
         ((80, 45), (160, 90)),
@@ -34,7 +33,7 @@ SIZES: Sizes = tuple(
     )
 )
 """Sizes of the gate for methods with a range of ratios, up to its end; only the first was traced."""
-RENDERS = [Size(*size) for size in ((80, 45), (61, 47), (33, 17), (1, 1), (1, 9), (2, 2), (120, 68))]
+RENDERS = [ops.Size(*size) for size in ((80, 45), (61, 47), (33, 17), (1, 1), (1, 9), (2, 2), (120, 68))]
 """Render sizes of the gate for methods with one ratio, besides the traced one."""
 
 FRAMES = 4
@@ -59,8 +58,8 @@ TOLERANCE_HALF = 3e-3
 class Parity:
     """Difference between torch and ONNX Runtime on one pair of sizes, of images toned to [0, 1)."""
 
-    render: Size
-    display: Size
+    render: ops.Size
+    display: ops.Size
     median: float
     difference: float  # at SHARE of the values
     largest: float
@@ -114,7 +113,7 @@ def sizes_of(method: Method) -> Sizes:
         limit = method.ratios[1] + 0.2  # rounded up
         return tuple(pair for pair in SIZES if max(map(truediv, *reversed(pair))) < limit)
     pairs = [(render, scaled(render, ratio)) for render in RENDERS]
-    fitting = [(render, Size(*display)) for render, display in pairs if display is not None]
+    fitting = [(render, ops.Size(*display)) for render, display in pairs if display is not None]
     return [traced_sizes(method), *fitting]
 
 
@@ -125,7 +124,7 @@ def check_subgraph(subgraph: NetworkSubgraph, graph: bytes) -> None:
         ExportError: they differ by more than the tolerance, of the largest value.
     """
     session = ort.InferenceSession(graph, providers=["CPUExecutionProvider"])
-    for half in (Size(16, 8), Size(33, 17), Size(1, 1)):
+    for half in (ops.Size(16, 8), ops.Size(33, 17), ops.Size(1, 1)):
         inputs = example_inputs(subgraph, half)
         with torch.no_grad():
             ours = subgraph.module(*inputs)
@@ -136,7 +135,7 @@ def check_subgraph(subgraph: NetworkSubgraph, graph: bytes) -> None:
                 raise ExportError(f"{name} at {tuple(half)}: ONNX Runtime is off by {error:.1e}")
 
 
-def compare(method: Method, session: ort.InferenceSession, render: Size, display: Size) -> Parity:
+def compare(method: Method, session: ort.InferenceSession, render: ops.Size, display: ops.Size) -> Parity:
     """Step noisy frames through torch and ONNX Runtime, each with its own history."""
     names = [*method.inputs(), *(history_name(f"history_{name}") for name in method.history)]
 
@@ -148,13 +147,13 @@ def compare(method: Method, session: ort.InferenceSession, render: Size, display
     return _parity(render, display, _differences(method, step, render, display))
 
 
-def _parity(render: Size, display: Size, difference: NDArray[np.float32]) -> Parity:
+def _parity(render: ops.Size, display: ops.Size, difference: NDArray[np.float32]) -> Parity:
     median, at_share = np.quantile(difference, [0.5, SHARE])
     return Parity(render, display, float(median), float(at_share), float(difference.max()))
 
 
 def _differences(
-    method: Method, step: Callable[..., tuple[Tensor, list[Tensor]]], render: Size, display: Size
+    method: Method, step: Callable[..., tuple[Tensor, list[Tensor]]], render: ops.Size, display: ops.Size
 ) -> NDArray[np.float32]:
     """Return the differences of all values of the images of FRAMES noisy frames, toned without pre-exposure.
 
@@ -175,11 +174,11 @@ def _differences(
         with torch.no_grad():
             image, ours, _ = method.step(*arguments, *ours)
             other, theirs = step(*arguments, *theirs)
-        differences.append((tone(image / unit) - tone(other / unit)).abs().numpy().ravel())
+        differences.append((ops.tone(image / unit) - ops.tone(other / unit)).abs().numpy().ravel())
     return np.concatenate(differences)
 
 
-def noise(render: Size, display: Size, frames: int) -> Iterator[dict[str, Tensor]]:
+def noise(render: ops.Size, display: ops.Size, frames: int) -> Iterator[dict[str, Tensor]]:
     """Yield frames of smooth colour plus noise, sloping depth with steps, motion of a few pixels.
 
     G-buffers are other waves at both sizes; depth at display size is the same surface as at render size. Each
@@ -209,7 +208,9 @@ def noise(render: Size, display: Size, frames: int) -> Iterator[dict[str, Tensor
         }
 
 
-def _gbuffers(render: Size, display: Size, *, phase: float, steps: tuple[float, float]) -> dict[str, Tensor]:
+def _gbuffers(
+    render: ops.Size, display: ops.Size, *, phase: float, steps: tuple[float, float]
+) -> dict[str, Tensor]:
     """Return base colour and parameters in [0, 1], unit normals, depth as the frame's."""
     made = {}
     for number, (name, place) in enumerate(GBUFFERS.items()):

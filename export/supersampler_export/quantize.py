@@ -28,11 +28,11 @@ from supersampler.backends.onnx.session import frame_inputs
 from supersampler.io.shot import Shot
 from supersampler.methods.classifier.spec import CLASSES, DEFAULT_INPUTS, ClassifierConfig
 from supersampler.methods.spec import constants_of, flags_of
+from supersampler_model import ops
 from supersampler_model.methods.base import Method
 from supersampler_model.methods.classifier import Classifier
 from supersampler_model.methods.classifier_inputs import Gathered
 from supersampler_model.methods.classifier_network import ClassifierNetwork, unpack
-from supersampler_model.ops.images import Size
 
 Floats = NDArray[np.float64]
 Arrays = dict[str, NDArray[Any]]
@@ -286,8 +286,8 @@ def _record_range(name: str, ranges: dict[str, float]) -> Callable[[nn.Module, o
 
 def _step_plaza(method: Classifier, scale: float) -> None:
     shot = Shot.open("plaza")
-    render = Size(*shot.info.render_size)
-    display = Size(round(render.width * scale), round(render.height * scale))
+    render = ops.Size(*shot.info.render_size)
+    display = ops.Size(round(render.width * scale), round(render.height * scale))
     history = method.first_history(display, render)
     for item in itertools.islice(shot, FRAMES):
         frame = painted(item.frame, display) if "gbuffer_base_color" in method.inputs() else item.frame

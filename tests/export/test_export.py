@@ -37,11 +37,11 @@ from supersampler_export.parity import (
     tolerance_of_half,
 )
 from supersampler_export.quantize import cpu_network
+from supersampler_model import ops
 from supersampler_model.methods import load_method
 from supersampler_model.methods.base import Method, Trained, save_trained
 from supersampler_model.methods.classifier_paper import PaperClassifier
 from supersampler_model.methods.spatial import Bilinear
-from supersampler_model.ops.images import Size
 
 SHIPPED = [name for name, spec in methods().items() if spec.ships]
 LEARNED = [name for name in SHIPPED if methods()[name].task]
@@ -289,7 +289,7 @@ def test_the_gate_measures_in_both_directions() -> None:
     graph = helper.make_graph([node], "same", [value[0]], [value[1]])
     same = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=10)
     assert all(p.largest == 0 for p in check_parity(Same(), same.SerializeToString()))
-    assert Size(26, 18) in [p.render for p in check_parity(Same(), same.SerializeToString())]
+    assert ops.Size(26, 18) in [p.render for p in check_parity(Same(), same.SerializeToString())]
 
 
 @pytest.fixture(scope="module")
@@ -315,7 +315,7 @@ def test_a_method_of_one_ratio_is_held_against_torch_at_sizes_of_it(gbuffer_mode
     assert {(1, 1), (1, 9), (33, 17)} <= {render for render, _ in gate}
     assert all(display == (2 * render[0], 2 * render[1]) for render, display in gate)
     session = ort.InferenceSession(gbuffer_model / "step.onnx", providers=["CPUExecutionProvider"])
-    sizes = Size(5, 3), Size(10, 6)
+    sizes = ops.Size(5, 3), ops.Size(10, 6)
     assert compare(Demodulated(), session, *sizes).difference <= TOLERANCE
     assert compare(Darker(), session, *sizes).median > TOLERANCE
     card = (gbuffer_model / "MODEL_CARD.md").read_text()

@@ -17,10 +17,10 @@ from supersampler_export.folder import describe, write_model_folder
 from supersampler_export.graph import ExportError
 from supersampler_export.half import to_half
 from supersampler_export.quantize import cpu_network
+from supersampler_model import ops
 from supersampler_model.methods.base import Method, load_trained, shipped_weights
 from supersampler_model.methods.extrapolate import Extrapolate, UnshadedExtrapolate
 from supersampler_model.methods.guided_warp import GuidedWarp
-from supersampler_model.ops.images import Size
 
 SIZE, DISPLAY = (21, 13), (41, 27)
 SMALL = ClassifierConfig(
@@ -54,7 +54,7 @@ def frame(index: int, kind: str) -> Frame:
 
 def by_torch(method: Extrapolate, pattern: str) -> list[Float32]:
     history, warp_history, images = (
-        method.first_history(Size(*DISPLAY), Size(*SIZE)),
+        method.first_history(ops.Size(*DISPLAY), ops.Size(*SIZE)),
         list[torch.Tensor](),
         [],
     )

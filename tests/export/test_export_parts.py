@@ -23,8 +23,8 @@ from supersampler_export.graph import (
     traced_sizes,
 )
 from supersampler_export.parity import check_subgraph
+from supersampler_model import ops
 from supersampler_model.methods.base import Method, NetworkSubgraph
-from supersampler_model.ops.images import Size
 
 
 class Kept(Method):
@@ -52,7 +52,7 @@ class Kept(Method):
 
 
 def test_example_arguments_have_the_shapes_of_the_contract_and_sizes_that_differ() -> None:
-    arguments = example_arguments(Kept(), Size(26, 18), Size(53, 37), Size(22, 15))
+    arguments = example_arguments(Kept(), ops.Size(26, 18), ops.Size(53, 37), ops.Size(22, 15))
     color, display_size, aovs, depth, *history = arguments
     assert color.shape == (1, 3, 18, 26)
     assert display_size.tolist() == [53, 37]
@@ -77,7 +77,7 @@ def test_a_graph_is_traced_at_no_whole_ratio_where_the_method_may_have_one(
     ratios: tuple[float, float], display: tuple[int, int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(Kept, "ratios", ratios)
-    assert traced_sizes(Kept()) == (Size(26, 18), Size(*display))
+    assert traced_sizes(Kept()) == (ops.Size(26, 18), ops.Size(*display))
 
 
 def test_a_ratio_that_no_size_has_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -89,7 +89,7 @@ def test_a_ratio_that_no_size_has_is_refused(monkeypatch: pytest.MonkeyPatch) ->
 @pytest.mark.parametrize("ratio", [2, 4])
 def test_example_inputs_of_a_network_are_of_render_half_and_display_size(ratio: int) -> None:
     inputs: dict[str, Shape] = {"a": (1, 5, *RENDER), "b": (1, 2, *DISPLAY), "c": (1, 7, *HALF)}
-    made = example_inputs(NetworkSubgraph(nn.Identity(), inputs, {}, ratio), Size(21, 13))
+    made = example_inputs(NetworkSubgraph(nn.Identity(), inputs, {}, ratio), ops.Size(21, 13))
     assert [tuple(t.shape) for t in made] == [(1, 5, 13, 21), (1, 2, 13 * ratio, 21 * ratio), (1, 7, 13, 21)]
 
 

@@ -18,11 +18,9 @@ from supersampler_export.graph import ExportError
 from supersampler_export.half import to_half
 from supersampler_export.parity import check_half
 from supersampler_export.simplify import joined_slices, without_detours
+from supersampler_model import ops
 from supersampler_model.methods import load_method
 from supersampler_model.methods.base import Method
-from supersampler_model.ops.blending import composite
-from supersampler_model.ops.color import MAX_HALF, limited, min_divisor
-from supersampler_model.ops.images import Size
 
 HALF, FLOAT, LONG = TensorProto.FLOAT16, TensorProto.FLOAT, TensorProto.INT64
 
@@ -37,7 +35,7 @@ def halved(name: str) -> tuple[Method, Method]:
 @pytest.fixture
 def one_size(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of the sizes of the gate that with the most distant samples: at a ratio of 4."""
-    monkeypatch.setattr(parity, "sizes_of", lambda _: [(Size(21, 13), Size(84, 52))])
+    monkeypatch.setattr(parity, "sizes_of", lambda _: [(ops.Size(21, 13), ops.Size(84, 52))])
 
 
 @pytest.mark.usefixtures("one_size")
@@ -64,14 +62,14 @@ def test_whatever_comes_all_outputs_are_finite_and_in_single_precision(name: str
     history = half.first_history(display, RENDER, 3)
     for index, frame in enumerate(frames(display)):
         if index % 2:
-            frame["color"] = (frame["color"] * 0.5 * MAX_HALF).clamp(max=MAX_HALF)
+            frame["color"] = (frame["color"] * 0.5 * ops.MAX_HALF).clamp(max=ops.MAX_HALF)
         with torch.no_grad():
             image, history, others = half.step(*(frame[name] for name in half.inputs()), *history)
         for made in (image, *history, *others):
             assert made.dtype == torch.float32
             assert made.isfinite().all()
         assert image.min() >= 0.0
-        assert image.max() <= MAX_HALF * frame["pre_exposure"]
+        assert image.max() <= ops.MAX_HALF * frame["pre_exposure"]
 
 
 @pytest.mark.parametrize("bias", [-40.0, 40.0])
@@ -93,17 +91,17 @@ def test_whatever_the_network_infers_images_are_finite(name: str, bias: float) -
 
 def test_half_floats_limit_light_that_they_would_round_to_infinite_light() -> None:
     bright = torch.tensor([0.5, 0.99999])
-    assert limited(bright) is bright
-    assert limited(bright.half()).tolist() == [0.5, 1.0 - 2.0**-10]
+    assert ops.limited(bright) is bright
+    assert ops.limited(bright.half()).tolist() == [0.5, 1.0 - 2.0**-10]
 
 
 def test_small_divisors_and_weights_are_not_rounded_to_zero() -> None:
     zero = torch.zeros(1, dtype=torch.float16)
-    assert (zero / zero.clamp(min=min_divisor(zero, 1e-12))).item() == 0.0
-    assert min_divisor(zero.float(), 1e-12) == 1e-12
+    assert (zero / zero.clamp(min=ops.min_divisor(zero, 1e-12))).item() == 0.0
+    assert ops.min_divisor(zero.float(), 1e-12) == 1e-12
     dark, bright, one = torch.zeros(1, 3, 1, 1), torch.ones(1, 3, 1, 1), torch.ones(1, 1, 1, 1)
     factors = torch.tensor([-16.0, -15.5], dtype=torch.float16).reshape(1, 2, 1, 1)
-    mean = composite([(dark, one)], [(bright, one)], factors, torch.zeros(()), dark).color
+    mean = ops.composite([(dark, one)], [(bright, one)], factors, torch.zeros(()), dark).color
     assert mean.mean().item() == pytest.approx(1.0 / (1.0 + math.exp(-0.5)), rel=1e-4)
 
 

@@ -11,14 +11,13 @@ from supersampler.backends.onnx.runtime import ort
 from supersampler.conventions import jitter_phase_count
 from supersampler.methods.model_file import find_model
 from supersampler_export.graph import history_name
+from supersampler_model import ops
 from supersampler_model.data.scenes.analytic import still_scene
 from supersampler_model.methods import load_method
-from supersampler_model.ops.color import tone
-from supersampler_model.ops.images import Size
 from torch_inputs import plain_inputs
 
 METHODS = ["taau", "classifier", "classifier-small"]
-RENDER, DISPLAY = Size(64, 36), Size(128, 72)
+RENDER, DISPLAY = ops.Size(64, 36), ops.Size(128, 72)
 FROZEN = 2 * jitter_phase_count(2.0) + 1
 """Frames after which a still scene is frozen."""
 GRAPHS = [
@@ -70,7 +69,7 @@ def test_the_shipped_graph_freezes_and_restarts_as_torch_does(name: str) -> None
         feeds = {name: value.numpy() for name, value in zip(names, [*arguments, *theirs], strict=True)}
         made = dict(zip(outputs, map(torch.from_numpy, session.run(None, feeds)), strict=True))
         theirs = [made[f"next.{name}"] for name in method.history]
-        difference = (tone(image) - tone(made["image"])).abs()
+        difference = (ops.tone(image) - ops.tone(made["image"])).abs()
         assert torch.quantile(difference, 0.99) < 1e-4, index
         converged.append(float(made["converged"].mean()))
     assert max(converged[: FROZEN - 2]) == 0.0

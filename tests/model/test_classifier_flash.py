@@ -3,12 +3,12 @@
 import torch
 from torch import Tensor
 
+from supersampler_model import ops
 from supersampler_model.methods.classifier import unexplained_light
 from supersampler_model.methods.classifier_inputs import WarpedHistory
-from supersampler_model.ops.images import Size
 
 DARK, LIT = 0.2, 0.8
-SIZE = Size(16, 8)
+SIZE = ops.Size(16, 8)
 HISTORY = WarpedHistory(
     *(torch.full((1, 1, 8, 16), value) for value in (DARK, DARK, 0.0, DARK, 4.0, 0.0, 0.0, 0.0, 1.0, 0.0))
 )

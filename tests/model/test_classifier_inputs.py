@@ -6,6 +6,7 @@ import torch
 
 from noise import noise
 from supersampler.methods.classifier.spec import CLASSES, DEFAULT_INPUTS, NEIGHBOURHOOD_INPUTS, CountCode
+from supersampler_model import ops
 from supersampler_model.methods.classifier import Classifier
 from supersampler_model.methods.classifier_inputs import (
     COUNTS,
@@ -14,10 +15,8 @@ from supersampler_model.methods.classifier_inputs import (
     neighbourhood_inputs,
     pixel_inputs,
 )
-from supersampler_model.ops.images import Size
-from supersampler_model.ops.sampling import View
 
-DISPLAY = Size(47, 27)
+DISPLAY = ops.Size(47, 27)
 
 
 def gathered(value: float | None = None) -> Gathered:
@@ -29,14 +28,14 @@ def gathered(value: float | None = None) -> Gathered:
         torch.from_numpy(np.ascontiguousarray(a, np.float32))[None]
         for a in (frame.color.transpose(2, 0, 1), frame.depth[None], frame.motion.transpose(2, 0, 1))
     ]
-    history_color, state, classes, depth, *_ = method.first_history(DISPLAY, Size(32, 18))
+    history_color, state, classes, depth, *_ = method.first_history(DISPLAY, ops.Size(32, 18))
     history_color = torch.from_numpy(random.gamma(0.5, 2.0, history_color.shape).astype(np.float32))
     state = torch.from_numpy(random.uniform(0.0, 1.0, state.shape).astype(np.float32))
     if value is not None:
         for image in (*images, history_color):
             image[torch.from_numpy(random.random(image.shape) < 0.1)] = value
     history = History(history_color, state, classes, depth + 0.02, torch.ones(1))
-    view = View(DISPLAY, Size(32, 18), torch.tensor([frame.jitter]))
+    view = ops.View(DISPLAY, ops.Size(32, 18), torch.tensor([frame.jitter]))
     with torch.no_grad():
         color, depth, motion = images
         return method.gather(color, depth, motion, torch.ones(1), history, view, view)

@@ -7,10 +7,9 @@ from supersampler import ArgumentError, Upscaler
 from supersampler.methods.at_rest import AT_REST_HISTORY
 from supersampler.methods.sizes import large_size
 from supersampler_bench.stress.scenes import still
+from supersampler_model import ops
 from supersampler_model.methods.base import load_trained, shipped_weights
 from supersampler_model.methods.classifier import Classifier, LargeClassifier
-from supersampler_model.ops.images import Size
-from supersampler_model.ops.sampling import downsample
 from torch_inputs import plain_inputs
 
 
@@ -22,9 +21,9 @@ def test_the_image_is_that_of_the_classifier_at_the_larger_size_filtered(
     large = LargeClassifier.from_classifier(trained)
     classifier = Classifier(large.config).eval()
     classifier.load_state_dict(large.state_dict())
-    inner = Size(*large_size(Size(*display)))
-    ours = large.first_history(Size(*display), Size(*render))
-    theirs = classifier.first_history(inner, Size(*render))
+    inner = ops.Size(*large_size(ops.Size(*display)))
+    ours = large.first_history(ops.Size(*display), ops.Size(*render))
+    theirs = classifier.first_history(inner, ops.Size(*render))
     own = len(ours) - len(AT_REST_HISTORY)  # the mean of what stands still has the size of the display
     assert [t.shape for t in ours[:own]] == [t.shape for t in theirs[:own]]
     generator = torch.Generator().manual_seed(0)
@@ -38,7 +37,7 @@ def test_the_image_is_that_of_the_classifier_at_the_larger_size_filtered(
         with torch.no_grad():
             image, ours, maps = large.step(*outer, *ours)
             whole, theirs, _ = classifier.step(*larger, *theirs)
-        torch.testing.assert_close(image, downsample(whole, Size(*display), torch.tensor([2.0])))
+        torch.testing.assert_close(image, ops.downsample(whole, ops.Size(*display), torch.tensor([2.0])))
         assert image.shape[2:] == display[::-1]
         assert [m.shape[2:] for m in maps] == [display[::-1]] * 2
 

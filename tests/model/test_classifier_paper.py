@@ -4,15 +4,12 @@ import pytest
 import torch
 from torch import Tensor, nn
 
+from supersampler_model import ops
 from supersampler_model.methods.classifier_inputs import Gathered, History
 from supersampler_model.methods.classifier_network import class_probabilities
 from supersampler_model.methods.classifier_paper import PaperClassifier
-from supersampler_model.ops.color import inverse_tone, tone
-from supersampler_model.ops.images import Size
-from supersampler_model.ops.motion import reproject, to_display
-from supersampler_model.ops.sampling import View, grid_of
 
-RENDER, DISPLAY = Size(16, 8), Size(32, 16)
+RENDER, DISPLAY = ops.Size(16, 8), ops.Size(32, 16)
 NONE, VISIBILITY, SHADING = (torch.tensor([9.0 * (i == c) for i in range(3)]) for c in range(3))
 
 
@@ -47,7 +44,7 @@ def gathered(method: PaperClassifier, *, samples: float = 4.0, depth_before: flo
     state[:, :1] = samples
     state[:, 1:4], state[:, 4:7] = 0.1, 0.9
     history = History(past + 0.75, state, classes, depth + depth_before, exposure + 1.0)
-    view = View(DISPLAY, RENDER, torch.zeros(1, 2))
+    view = ops.View(DISPLAY, RENDER, torch.zeros(1, 2))
     motion = torch.zeros(1, 2, *RENDER[::-1])
     with torch.no_grad():
         return method.gather(color, 0.5 * color[:, :1] / 0.25, motion, torch.ones(1), history, view, view)
@@ -59,10 +56,12 @@ def test_the_weight_is_of_the_history_and_the_rest_of_the_frame(
 ) -> None:
     always(method, weight)
     done = method.finish(gathered(method), logits(NONE), torch.zeros(0))
-    toned = weight * tone(torch.full((1, 3, 1, 1), 0.75)) + (1.0 - weight) * tone(
+    toned = weight * ops.tone(torch.full((1, 3, 1, 1), 0.75)) + (1.0 - weight) * ops.tone(
         torch.full((1, 3, 1, 1), 0.25)
     )
-    torch.testing.assert_close(done.image, inverse_tone(toned).expand_as(done.image), rtol=1e-4, atol=1e-5)
+    torch.testing.assert_close(
+        done.image, ops.inverse_tone(toned).expand_as(done.image), rtol=1e-4, atol=1e-5
+    )
     torch.testing.assert_close(done.weight, torch.full_like(done.weight, weight), rtol=1e-4, atol=1e-5)
 
 
@@ -90,7 +89,7 @@ def test_counter_and_range_start_anew_in_the_pixels_that_were_hidden_alone(metho
     assert anew[..., :7].all()
     assert not anew[..., 9:].any()
     low, high = state[:, 1:4], state[:, 4:7]
-    now = tone(torch.tensor(0.25).expand(1, 3, 1, 1))
+    now = ops.tone(torch.tensor(0.25).expand(1, 3, 1, 1))
     torch.testing.assert_close(low[..., :7], now.expand(1, 3, 16, 7), rtol=1e-4, atol=1e-5)
     torch.testing.assert_close(high[..., :7], low[..., :7])
 
@@ -160,14 +159,14 @@ def test_counter_and_range_are_read_at_the_nearest_pixel_and_classes_between(met
     )  # fmt: skip
     motion = torch.zeros(1, 2, 16, 32)
     motion[:, 0] = 0.2  # 0.4 display pixels to the right
-    past = reproject(to_display(motion, DISPLAY, RENDER), DISPLAY, here.grid)
-    view = View(DISPLAY, RENDER, torch.zeros(1, 2))
+    past = ops.reproject(ops.to_display(motion, DISPLAY, RENDER), DISPLAY, here.grid)
+    view = ops.View(DISPLAY, RENDER, torch.zeros(1, 2))
     seen = method.gather_history(history, past, past, here.depth, view, torch.ones(1))
     assert float(seen.samples[0, 0, 5, 7]) == 7.0
     assert (seen.range[0, :, 5, 7] == 7.0).all()
     torch.testing.assert_close(seen.classes[0, :, 5, 7], torch.full((6,), 7.4), rtol=1e-5, atol=1e-4)
     torch.testing.assert_close(
-        seen.color[0, :, 5, 7], tone(torch.full((1, 3, 1, 1), 7.4))[0, :, 0, 0], rtol=1e-2, atol=0
+        seen.color[0, :, 5, 7], ops.tone(torch.full((1, 3, 1, 1), 7.4))[0, :, 0, 0], rtol=1e-2, atol=0
     )
 
 
@@ -180,11 +179,11 @@ def test_depth_of_the_previous_frame_is_read_at_the_nearest_render_pixel(
     history = History(torch.zeros(1, 3, 16, 32), state, classes, rows, torch.ones(1))
     vectors = torch.zeros(1, 2, 16, 32)
     vectors[:, 1] = motion  # render pixels
-    grid = grid_of(DISPLAY, RENDER, torch.zeros(1, 2))
-    before = reproject(to_display(vectors, DISPLAY, RENDER), DISPLAY, grid)
+    grid = ops.grid_of(DISPLAY, RENDER, torch.zeros(1, 2))
+    before = ops.reproject(ops.to_display(vectors, DISPLAY, RENDER), DISPLAY, grid)
     # The display pixel at the centre of render row 3, shifted by half a display pixel.
     before = before._replace(position=before.position + torch.tensor([0.0, 0.5]))
-    view = View(DISPLAY, RENDER, torch.zeros(1, 2))
+    view = ops.View(DISPLAY, RENDER, torch.zeros(1, 2))
     depth = torch.full((1, 1, 16, 32), 1.0)
     seen = method.gather_history(history, before, before, depth, view, torch.ones(1)).difference
     torch.testing.assert_close(seen[0, 0, 6], torch.full((32,), (read - 1.0) / read))

@@ -11,24 +11,22 @@ from torch import Tensor
 
 from supersampler.methods.registry import methods
 from supersampler_export.parity import noise
+from supersampler_model import ops
 from supersampler_model.methods import method_class
 from supersampler_model.methods.base import Method, Outputs
-from supersampler_model.ops.blending import composite, reactive_at
-from supersampler_model.ops.images import Size
-from supersampler_model.ops.sampling import grid_of
 
-RENDER = Size(17, 11)
+RENDER = ops.Size(17, 11)
 ALL = {name: method_class(name) for name in methods()}
 TEMPORAL = [name for name, kind in ALL.items() if "reactive" in kind.inputs()]
 CONVERGING = [name for name, kind in ALL.items() if "adds_samples" in kind.inputs()]
 
 
-def made(name: str) -> tuple[Method, Size]:
+def made(name: str) -> tuple[Method, ops.Size]:
     """An untrained method, the same each time, and a display size that it takes."""
     torch.manual_seed(0)
     method = ALL[name]().eval()
     ratio = 1 if method.extrapolates() else max(2, round(method.ratios[0]))
-    return method, Size(ratio * RENDER.width, ratio * RENDER.height)
+    return method, ops.Size(ratio * RENDER.width, ratio * RENDER.height)
 
 
 def run(name: str, changes: Sequence[Mapping[str, Tensor]]) -> list[Outputs]:
@@ -79,8 +77,8 @@ def test_fully_reactive_is_the_image_of_this_frame_alone(name: str) -> None:
     method, _ = made(name)
     masked = run(name, [{}, {}, mask])[-1].image
     torch.manual_seed(0)
-    nothing = method.first_history(Size(2 * RENDER.width, 2 * RENDER.height), RENDER)
-    frame = list(noise(RENDER, Size(2 * RENDER.width, 2 * RENDER.height), 3))[-1]
+    nothing = method.first_history(ops.Size(2 * RENDER.width, 2 * RENDER.height), RENDER)
+    frame = list(noise(RENDER, ops.Size(2 * RENDER.width, 2 * RENDER.height), 3))[-1]
     given = {**frame, **mask, "color": frame["color"] / frame["pre_exposure"], "pre_exposure": torch.ones(1)}
     with torch.no_grad():
         alone = method.step(*(given[key] for key in method.inputs()), *nothing).image
@@ -103,8 +101,8 @@ def test_a_frame_that_adds_no_samples_leaves_the_mean(name: str) -> None:
 def test_bad_values_of_a_mask_count_as_the_nearest_ones_and_missing_samples_as_0() -> None:
     mask = torch.tensor([[[[-1.0, float("nan"), 0.25, 3.0, float("inf"), 1.0]]]])
     usable = torch.tensor([[[[1.0, 1.0, 1.0, 1.0, 1.0, 0.0]]]])
-    grid = grid_of(Size(6, 1), Size(6, 1), torch.zeros(1, 2))
-    assert reactive_at(mask, usable, grid).flatten().tolist() == [0.0, 0.0, 0.25, 1.0, 1.0, 0.0]
+    grid = ops.grid_of(ops.Size(6, 1), ops.Size(6, 1), torch.zeros(1, 2))
+    assert ops.reactive_at(mask, usable, grid).flatten().tolist() == [0.0, 0.0, 0.25, 1.0, 1.0, 0.0]
 
 
 @settings(max_examples=30, deadline=None)
@@ -117,7 +115,7 @@ def test_the_compositor_moves_the_image_towards_the_colours_of_this_frame(value:
     pairs = list(zip(colors, weights, strict=True))
 
     def blended(mask: float) -> tuple[Tensor, Tensor]:
-        result = composite(pairs[:2], pairs[2:], factors, torch.tensor(mask), colors[2])
+        result = ops.composite(pairs[:2], pairs[2:], factors, torch.tensor(mask), colors[2])
         return result.color, result.weight
 
     (plain, weight), (alone, none) = blended(0.0), blended(1.0)
@@ -130,7 +128,7 @@ def test_the_compositor_moves_the_image_towards_the_colours_of_this_frame(value:
 def test_an_ordinary_frame_is_bit_for_bit_that_of_a_mask_of_zeros() -> None:
     pairs = [(torch.rand(1, 3, 4, 4), torch.rand(1, 1, 4, 4)) for _ in range(3)]
     factors = torch.randn(1, 3, 4, 4)
-    whole = composite(pairs[:1], pairs[1:], factors, torch.zeros(()), pairs[1][0])
-    planes = composite(pairs[:1], pairs[1:], factors, torch.zeros(1, 1, 4, 4), pairs[1][0])
+    whole = ops.composite(pairs[:1], pairs[1:], factors, torch.zeros(()), pairs[1][0])
+    planes = ops.composite(pairs[:1], pairs[1:], factors, torch.zeros(1, 1, 4, 4), pairs[1][0])
     for one, other in zip(whole, planes, strict=True):
         np.testing.assert_array_equal(one.numpy(), other.numpy())

@@ -8,31 +8,31 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from supersampler.io.display import followed_exposure, usable_exposure
-from supersampler_model.ops.color import exposure_for
+from supersampler_model import ops
 
 
 def test_exposure_is_given_or_measured_and_adapts() -> None:
     color, all_of_it, none = torch.full((1, 3, 4, 4), 0.5), torch.ones(1, 1, 4, 4), torch.zeros(1)
-    assert abs(exposure_for(color, all_of_it, torch.tensor([3.0]), none).item()) == 3.0
-    measured = abs(exposure_for(color, all_of_it, none, none).item())
+    assert abs(ops.exposure_for(color, all_of_it, torch.tensor([3.0]), none).item()) == 3.0
+    measured = abs(ops.exposure_for(color, all_of_it, none, none).item())
     assert measured == pytest.approx(0.18 / 0.5)
     before = torch.tensor([measured * 8])
-    adapting = exposure_for(color, all_of_it, none, before).item()
+    adapting = ops.exposure_for(color, all_of_it, none, before).item()
     assert adapting == pytest.approx(measured * 8**0.9, rel=1e-4)
 
 
 def test_exposure_looks_at_usable_pixels_only() -> None:
     color, usable, none = torch.full((1, 3, 4, 4), 0.5), torch.ones(1, 1, 4, 4), torch.zeros(1)
     color[..., 0, :], usable[..., 0, :] = 0.0, 0.0
-    assert abs(exposure_for(color, usable, none, none).item()) == pytest.approx(0.18 / 0.5)
-    assert exposure_for(color * 0, usable * 0, none, torch.tensor([0.7])).item() == pytest.approx(0.7)
+    assert abs(ops.exposure_for(color, usable, none, none).item()) == pytest.approx(0.18 / 0.5)
+    assert ops.exposure_for(color * 0, usable * 0, none, torch.tensor([0.7])).item() == pytest.approx(0.7)
 
 
 def followed(luma: float, exposure: float, before: float) -> float:
     """What `exposure_for` returns of a frame of one luminance; not a number: of none that is usable."""
     usable = torch.full((1, 1, 2, 2), float(luma >= 0.0))
     color = torch.full((1, 3, 2, 2), luma).nan_to_num(0.0)
-    return exposure_for(color, usable, torch.tensor([exposure]), torch.tensor([before])).item()
+    return ops.exposure_for(color, usable, torch.tensor([exposure]), torch.tensor([before])).item()
 
 
 @pytest.mark.parametrize("exposure", [1e30, 1e-40, float("inf"), 2.0**25, 2.0**-25, -1.0])

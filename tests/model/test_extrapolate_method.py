@@ -14,12 +14,11 @@ from supersampler.errors import ArgumentError
 from supersampler.frame import Float32
 from supersampler.methods.at_rest import AT_REST_HISTORY
 from supersampler.methods.registry import methods
+from supersampler_model import ops
 from supersampler_model.methods.base import Method, Trained, load_trained, shipped_weights
 from supersampler_model.methods.classifier import Classifier
 from supersampler_model.methods.extrapolate import Extrapolate, UnshadedExtrapolate, packed_base_color
 from supersampler_model.methods.guided_warp import GuidedWarp
-from supersampler_model.ops.images import Size
-from supersampler_model.ops.sampling import View
 
 RENDER, DISPLAY = (40, 23), (80, 46)
 SCENE = LitScene(velocity=(1.3, -0.6), radius=7.0, disc_velocity=(2.5, 0.5), sky=5.0)
@@ -55,7 +54,7 @@ def step(method: Method, inputs: Mapping[str, Tensor], history: State) -> tuple[
 
 
 def first(method: Method, render: Sizes = RENDER, display: Sizes = DISPLAY) -> State:
-    return method.first_history(Size(*display), Size(*render))
+    return method.first_history(ops.Size(*display), ops.Size(*render))
 
 
 def test_before_training_shaded_frames_are_those_of_classifier_bit_for_bit(
@@ -167,7 +166,7 @@ def test_base_colour_that_is_no_number_in_range_spoils_nothing(
 
 def test_surfaces_are_read_where_samples_lie() -> None:
     base = torch.arange(6.0).reshape(1, 1, 2, 3).expand(1, 3, 2, 3) / 5.0
-    view = View(Size(6, 4), Size(3, 2), torch.zeros(1, 2))
+    view = ops.View(ops.Size(6, 4), ops.Size(3, 2), torch.zeros(1, 2))
     seen = torch.nn.functional.pixel_shuffle(packed_base_color(base, view), 2)
     expected = base.repeat_interleave(2, dim=2).repeat_interleave(2, dim=3).sqrt()
     torch.testing.assert_close(seen[:, :, :4, :6], expected)

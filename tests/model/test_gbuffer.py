@@ -10,6 +10,7 @@ from torch import Tensor
 
 from supersampler.methods.gbuffer.spec import SMALL_NETWORK, GBufferNetworkConfig
 from supersampler_bench.quality import metrics
+from supersampler_model import ops
 from supersampler_model.methods.base import Method
 from supersampler_model.methods.gbuffer import DepthGBuffer, GBuffer, SmallGBuffer, SmallGBuffer4
 from supersampler_model.methods.gbuffer_network import GBufferNetwork
@@ -25,8 +26,6 @@ from supersampler_model.methods.gbuffer_surfaces import (
     relative_depth,
     usable_surfaces,
 )
-from supersampler_model.ops.color import tone
-from supersampler_model.ops.images import Size
 from supersampler_model.training.losses import dissimilarity
 from torch_inputs import plain_inputs
 
@@ -64,7 +63,7 @@ def step(
 ) -> tuple[Tensor, list[Tensor]]:
     if history is None:
         display, render = inputs["gbuffer_display_depth"].shape[2:], inputs["depth"].shape[2:]
-        history = method.first_history(Size(*display[::-1]), Size(*render[::-1]))
+        history = method.first_history(ops.Size(*display[::-1]), ops.Size(*render[::-1]))
     with torch.no_grad():
         done = method.step(*(inputs[name] for name in method.inputs()), *history)
     return done.image, done.history
@@ -88,9 +87,9 @@ def test_a_texture_is_there_in_the_first_frame(kind: type[GBuffer]) -> None:
     light = torch.tensor([0.7, 0.9, 1.1]).reshape(1, 3, 1, 1)
     image, _ = step(method, frame(render, display, light * reflectance(render), jitter))
     truth = light * reflectance(display)
-    off = (tone(image) - tone(truth)).abs()
+    off = (ops.tone(image) - ops.tone(truth)).abs()
     blurred = torch.nn.functional.avg_pool2d(truth, 3, 1, 1, count_include_pad=False)
-    assert off.mean() < 0.5 * (tone(blurred) - tone(truth)).abs().mean()
+    assert off.mean() < 0.5 * (ops.tone(blurred) - ops.tone(truth)).abs().mean()
 
 
 def test_of_depth_alone_no_surface_is_told_from_another() -> None:

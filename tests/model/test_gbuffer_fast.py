@@ -5,6 +5,7 @@ import torch
 from torch import Tensor, nn
 
 from supersampler.methods.gbuffer_fast.spec import GBUFFER_FAST, GuidedConfig
+from supersampler_model import ops
 from supersampler_model.methods.gbuffer_fast import (
     DisplaySurfaces,
     GuidedClassifier,
@@ -13,20 +14,17 @@ from supersampler_model.methods.gbuffer_fast import (
     neighbours,
 )
 from supersampler_model.methods.gbuffer_surfaces import lit
-from supersampler_model.ops.color import inverse_tone, tone
-from supersampler_model.ops.images import Size
-from supersampler_model.ops.sampling import View
 from torch_inputs import plain_inputs
 
-RENDER, DISPLAY = Size(16, 8), Size(32, 16)
-VIEW = View(DISPLAY, RENDER, torch.zeros(1, 2))
+RENDER, DISPLAY = ops.Size(16, 8), ops.Size(32, 16)
+VIEW = ops.View(DISPLAY, RENDER, torch.zeros(1, 2))
 
 
-def plane(size: Size, channels: int, value: float) -> Tensor:
+def plane(size: ops.Size, channels: int, value: float) -> Tensor:
     return torch.full((1, channels, size.height, size.width), value)
 
 
-def wall(size: Size) -> DisplaySurfaces:
+def wall(size: ops.Size) -> DisplaySurfaces:
     """A wall, left half nearer and darker; both halves face one way."""
     normal = plane(size, 3, 0.0)
     normal[:, 2] = 1.0
@@ -69,7 +67,7 @@ def test_agreement_is_near_one_on_a_sampled_surface_and_near_zero_on_one_that_no
 def test_lit_light_is_the_linear_product_of_light_and_reflectance() -> None:
     linear, reflected = torch.rand(1, 3, 4, 4) * 30.0, torch.rand(1, 3, 4, 4)
     torch.testing.assert_close(
-        inverse_tone(lit(tone(linear), reflected)), linear * reflected, rtol=2e-3, atol=1e-4
+        ops.inverse_tone(lit(ops.tone(linear), reflected)), linear * reflected, rtol=2e-3, atol=1e-4
     )
 
 
@@ -81,7 +79,7 @@ def test_the_sky_reflects_all_and_black_surfaces_the_least() -> None:
 
 def test_neighbours_beyond_the_display_are_its_last_pixels() -> None:
     image = torch.arange(6.0).reshape(1, 1, 1, 6).expand(1, 3, 4, 6)
-    window = neighbours(image, Size(4, 4))
+    window = neighbours(image, ops.Size(4, 4))
     assert window.color[0, 0, 5, 0, 3] == 3.0, "right of the last pixel of the display"
     assert window.color[0, 0, 3, 0, 3] == 2.0
 

@@ -9,6 +9,7 @@ from torch import Tensor
 
 from supersampler.methods.gbuffer.spec import SMALL_NETWORK, GBufferNetworkConfig
 from supersampler.methods.registry import methods
+from supersampler_model import ops
 from supersampler_model.methods import method_class
 from supersampler_model.methods.gbuffer import GBuffer, SmallGBuffer
 from supersampler_model.methods.gbuffer_network import (
@@ -32,8 +33,6 @@ from supersampler_model.methods.gbuffer_surfaces import (
     usable_surfaces,
     weighted_mean,
 )
-from supersampler_model.ops.images import Size
-from supersampler_model.ops.sampling import grid_of
 
 GREY, SIDE = 0.2, 15
 
@@ -193,7 +192,7 @@ def test_samples_are_taken_from_surfaces_like_the_pixels(mark: Callable[[Tensor]
     right = (torch.arange(12) >= 6).float().expand(1, 1, 12, 12)
     render, display = surfaces(6, **mark(right[..., ::2, ::2])), surfaces(12, **mark(right))
     light = 0.2 + 0.5 * right[..., ::2, ::2].expand(-1, 3, -1, -1)
-    grid = grid_of(Size(12, 12), Size(6, 6), torch.zeros(1, 2))
+    grid = ops.grid_of(ops.Size(12, 12), ops.Size(6, 6), torch.zeros(1, 2))
     samples = samples_of(light, torch.ones(1, 1, 6, 6), render, display, grid)
     torch.testing.assert_close(
         weighted_mean(samples), 0.2 + 0.5 * right.expand(-1, 3, -1, -1), rtol=0.0, atol=0.03
@@ -206,7 +205,7 @@ def test_samples_are_taken_from_surfaces_like_the_pixels(mark: Callable[[Tensor]
 def test_motion_is_of_the_sample_whose_depth_is_most_like_the_pixels() -> None:
     depth, motion = torch.full((1, 1, 3, 3), 0.2), torch.zeros(1, 2, 3, 3)
     depth[..., 0, 2], motion[..., 0, 2] = 0.5, 3.0
-    grid = grid_of(Size(3, 3), Size(3, 3), torch.zeros(1, 2))
+    grid = ops.grid_of(ops.Size(3, 3), ops.Size(3, 3), torch.zeros(1, 2))
     found = motion_of_surface(depth, motion, torch.full((1, 1, 3, 3), 0.49), grid)
     near = torch.tensor([[0.0, 3.0, 3.0], [0.0, 3.0, 3.0], [0.0, 0.0, 0.0]])
     torch.testing.assert_close(found, near.expand(1, 2, 3, 3))
@@ -216,7 +215,7 @@ def test_motion_is_of_the_sample_whose_depth_is_most_like_the_pixels() -> None:
 def test_between_samples_of_the_same_depth_the_nearest_one_leads() -> None:
     motion = torch.arange(9.0).reshape(1, 1, 3, 3).expand(1, 2, 3, 3)
     depth = torch.full((1, 1, 3, 3), 0.2)
-    grid = grid_of(Size(3, 3), Size(3, 3), torch.zeros(1, 2))
+    grid = ops.grid_of(ops.Size(3, 3), ops.Size(3, 3), torch.zeros(1, 2))
     torch.testing.assert_close(motion_of_surface(depth, motion, depth, grid), motion)
 
 

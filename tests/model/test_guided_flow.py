@@ -14,6 +14,7 @@ from supersampler.backends.onnx.session import frame_inputs
 from supersampler.frame import Size
 from supersampler.methods.extrapolation.spec import GuidedFlowConfig
 from supersampler_export.half import HalfNetwork
+from supersampler_model import ops
 from supersampler_model.data.scenes.analytic import EXTENT, places
 from supersampler_model.methods.base import Method
 from supersampler_model.methods.guided_flow import (
@@ -26,7 +27,6 @@ from supersampler_model.methods.guided_flow import (
     moved,
 )
 from supersampler_model.methods.guided_warp import GuidedWarp, surface_of
-from supersampler_model.ops.images import Size as Extent
 
 SIZE = (64, 36)
 INPUTS = ["color", *GuidedFlow.inputs()]
@@ -196,7 +196,7 @@ def zoomed(size: Size, jitter: tuple[float, float], factor: float) -> NDArray[np
 
 def test_without_a_shaded_frame_the_image_is_black() -> None:
     method, frame = random_flow(), tensors(SCENE.frame(1))
-    nothing = method.first_history(Extent(*SIZE), Extent(*SIZE))
+    nothing = method.first_history(ops.Size(*SIZE), ops.Size(*SIZE))
     with torch.no_grad():
         image = method.step(*(frame[name] for name in method.inputs()), *nothing).image
     assert image.max() == 0.0

@@ -12,9 +12,9 @@ from lit_scene import LitScene, even
 from supersampler import Frame, halton_jitter
 from supersampler.backends.onnx.session import frame_inputs
 from supersampler.frame import Float32, Size
+from supersampler_model import ops
 from supersampler_model.data.scenes.analytic import EXTENT, places
 from supersampler_model.methods.guided_warp import GuidedWarp, back_to_shaded, indices_of_smallest, samples_at
-from supersampler_model.ops.images import Size as Extent
 
 SIZE = (64, 36)
 INPUTS = ["color", *GuidedWarp.inputs()]
@@ -120,7 +120,7 @@ def test_black_surfaces_keep_what_they_reflect_besides() -> None:
 
 def test_without_a_shaded_frame_the_image_is_black() -> None:
     method, frame = GuidedWarp(), LitScene().frame(1, SIZE)
-    nothing = method.first_history(Extent(*SIZE), Extent(*SIZE))
+    nothing = method.first_history(ops.Size(*SIZE), ops.Size(*SIZE))
     assert extrapolated(frame, nothing)[0].max() == 0.0
 
 
@@ -174,10 +174,10 @@ def test_frames_of_another_size_are_extrapolated_from_a_shaded_one() -> None:
 
 def test_a_place_is_that_of_the_sample_that_was_taken() -> None:
     motion = torch.full((1, 2, 4, 8), 0.25)
-    x, y = samples_at(motion, torch.tensor([[0.1, -0.2]]), Extent(8, 4), torch.tensor([[-0.3, 0.4]]))
+    x, y = samples_at(motion, torch.tensor([[0.1, -0.2]]), ops.Size(8, 4), torch.tensor([[-0.3, 0.4]]))
     torch.testing.assert_close(x[0, 0, 0], torch.arange(8) + 0.25 + 0.1 + 0.3)
     torch.testing.assert_close(y[0, 0, :, 0], torch.arange(4) + 0.25 - 0.2 - 0.4)
-    x, _ = samples_at(0.0 * motion, torch.zeros(1, 2), Extent(16, 8), torch.zeros(1, 2))
+    x, _ = samples_at(0.0 * motion, torch.zeros(1, 2), ops.Size(16, 8), torch.zeros(1, 2))
     torch.testing.assert_close(x[0, 0, 0], 2.0 * torch.arange(8) + 0.5)
 
 

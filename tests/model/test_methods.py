@@ -16,10 +16,10 @@ from supersampler.io.display import display_transform
 from supersampler.methods.model_file import model_names
 from supersampler.methods.registry import methods
 from supersampler.methods.taa.spec import TaaConfig
+from supersampler_model import ops
 from supersampler_model.data.scenes.analytic import DiscOverPlane, Plane, Scene, checker, zone_plate
 from supersampler_model.methods.base import Method
 from supersampler_model.methods.taa import Taa
-from supersampler_model.ops.images import Size
 from torch_inputs import plain_inputs
 
 RENDER, DISPLAY = (64, 36), (128, 72)
@@ -42,7 +42,7 @@ def run(name: str, scene: Scene, count: int) -> list[Float32]:
 
 
 def run_torch(method: Method, scene: Scene, count: int) -> list[Float32]:
-    history = method.first_history(Size(*DISPLAY), Size(*RENDER))
+    history = method.first_history(ops.Size(*DISPLAY), ops.Size(*RENDER))
     images = []
     for frame in frames(scene, count):
         assert frame.color is not None

@@ -8,36 +8,7 @@ from hypothesis import strategies as st
 from torch import Tensor
 
 from supersampler.methods.classifier.spec import ToneSpace
-from supersampler_model.ops.blending import (
-    Corners,
-    clip_to_center,
-    clip_to_sample,
-    moments,
-    overshoot,
-)
-from supersampler_model.ops.color import TONES, from_ycocg, inverse_tone, sanitize, tone, valid, ycocg
-from supersampler_model.ops.images import Size, neighbours_3x3
-from supersampler_model.ops.motion import (
-    dilate_motion_2x2,
-    disocclusion,
-    longest,
-    morphological_opening,
-    read,
-    read_cubic,
-    reproject,
-    to_display,
-)
-from supersampler_model.ops.sampling import (
-    bands,
-    catmull_rom,
-    gaussian,
-    grid_of,
-    linear,
-    neighbourhood_samples,
-    positions,
-    resample,
-    span,
-)
+from supersampler_model import ops
 
 SIZES = st.tuples(st.integers(1, 9), st.integers(1, 7))
 RATIOS = st.floats(1.0, 4.0)
@@ -66,10 +37,10 @@ def cubic(d: float, sharpness: float) -> float:
 def test_a_display_pixel_looks_where_the_contract_says(
     size: tuple[int, int], ratio: float, jitter: tuple[float, float]
 ) -> None:
-    display = Size(round(size[0] * ratio), round(size[1] * ratio))
-    grid = grid_of(display, Size(*size), torch.tensor([jitter], dtype=torch.float32))
+    display = ops.Size(round(size[0] * ratio), round(size[1] * ratio))
+    grid = ops.grid_of(display, ops.Size(*size), torch.tensor([jitter], dtype=torch.float32))
     image = random_image(1, size)
-    result = resample(image, *grid.bands(Size(*size), linear, reach=1))
+    result = ops.resample(image, *grid.bands(ops.Size(*size), ops.linear, reach=1))
     for row in {0, display.height // 2, display.height - 1}:
         for column in {0, display.width // 2, display.width - 1}:
             px = (column + 0.5) * size[0] / display.width - 0.5 - jitter[0]
@@ -85,11 +56,11 @@ def test_a_display_pixel_looks_where_the_contract_says(
 @pytest.mark.parametrize(("size", "outputs"), [(40, 100), (100, 100), (70, 31), (1, 3)])
 def test_resampling_by_blocks_is_the_sum_over_the_taps_of_each_output(size: int, outputs: int) -> None:
     image = random_image(4, (size, 2))
-    position = positions(torch.arange(outputs), outputs, size, torch.tensor([0.3]))
-    kernel = gaussian(0.6)
-    across = bands(position, size, span(size, outputs), kernel)
-    down = bands(torch.arange(2.0), 2, span(2, 2), linear, reach=1)
-    result = resample(image, across, down)
+    position = ops.positions(torch.arange(outputs), outputs, size, torch.tensor([0.3]))
+    kernel = ops.gaussian(0.6)
+    across = ops.bands(position, size, ops.span(size, outputs), kernel)
+    down = ops.bands(torch.arange(2.0), 2, ops.span(2, 2), ops.linear, reach=1)
+    result = ops.resample(image, across, down)
     first = position.floor() - 1.0
     expected = torch.zeros_like(result)
     for k in range(4):
@@ -102,8 +73,8 @@ def test_upsampling_removes_the_jitter() -> None:
     y, x = torch.meshgrid(torch.arange(12.0), torch.arange(16.0), indexing="ij")
     for jitter in ((0.3, -0.4), (-0.5, 0.5)):
         ramp = (x + jitter[0] + 10 * (y + jitter[1]))[None, None]  # sampled at centre + jitter
-        grid = grid_of(Size(32, 24), Size(16, 12), torch.tensor([jitter]))
-        result = grid.upsample(ramp, catmull_rom)
+        grid = ops.grid_of(ops.Size(32, 24), ops.Size(16, 12), torch.tensor([jitter]))
+        result = grid.upsample(ramp, ops.catmull_rom)
         rows, columns = torch.meshgrid(torch.arange(24.0), torch.arange(32.0), indexing="ij")
         expected = (columns + 0.5) / 2 - 0.5 + 10 * ((rows + 0.5) / 2 - 0.5)
         torch.testing.assert_close(result[0, 0, 6:-6, 6:-6], expected[6:-6, 6:-6], rtol=1e-4, atol=1e-3)
@@ -124,7 +95,7 @@ def test_five_bilinear_reads_are_a_cross_of_twelve_cubic_taps(
     weighted = [at(image, x0 + i, y0 + j) * w for (i, j), w in zip(cross, weights, strict=True)]
     expected = torch.stack(weighted).sum(0) / sum(weights)
     torch.testing.assert_close(
-        read_cubic(image, place, sharpness)[0, :, 0, 0], expected, rtol=1e-3, atol=1e-4
+        ops.read_cubic(image, place, sharpness)[0, :, 0, 0], expected, rtol=1e-3, atol=1e-4
     )
 
 
@@ -134,10 +105,10 @@ def test_reads_near_the_border_and_beyond_take_its_pixels_and_lose_no_light(widt
     for off in (0.0, -0.5, 0.4999, -3.0, 1e6):
         x = torch.arange(float(width)) + off
         place = torch.stack([x.expand(2, -1), torch.tensor([[0.0], [1.0]]).expand(-1, width)], dim=2)[None]
-        for found in (read(light, place), read_cubic(light, place)):
+        for found in (ops.read(light, place), ops.read_cubic(light, place)):
             assert (found - 1.0).abs().max() < 1e-6
         expected = x.clamp(0.0, width - 1.0) / max(width - 1, 1)
-        torch.testing.assert_close(read(ramp, place)[0, 0, 0], expected, rtol=0.0, atol=1e-6)
+        torch.testing.assert_close(ops.read(ramp, place)[0, 0, 0], expected, rtol=0.0, atol=1e-6)
 
 
 @pytest.mark.parametrize("width", [2, 93, 641, 1920, 3840])
@@ -146,7 +117,7 @@ def test_a_read_beyond_the_border_takes_next_to_nothing_of_the_pixel_beside(widt
     light[..., 1:-1] = 1e6
     x = torch.tensor([-3.0, width + 2.0])
     place = torch.stack([x, torch.zeros(2)], dim=1)[None, None]
-    first, last = read(light, place)[0, 0, 0]
+    first, last = ops.read(light, place)[0, 0, 0]
     assert last == 1.0
     assert first - 1.0 <= 1e6 * width * 2.0**-24
 
@@ -156,10 +127,10 @@ def test_a_read_beyond_the_border_takes_next_to_nothing_of_the_pixel_beside(widt
 def test_a_neighbourhood_is_the_3x3_samples_around_the_nearest_with_edges_repeated(
     size: tuple[int, int], ratio: float, jitter: tuple[float, float]
 ) -> None:
-    display = Size(round(size[0] * ratio), round(size[1] * ratio))
-    grid = grid_of(display, Size(*size), torch.tensor([jitter], dtype=torch.float32))
+    display = ops.Size(round(size[0] * ratio), round(size[1] * ratio))
+    grid = ops.grid_of(display, ops.Size(*size), torch.tensor([jitter], dtype=torch.float32))
     samples = random_image(5, size, 4)
-    window = neighbourhood_samples(samples, grid, 0.5)
+    window = ops.neighbourhood_samples(samples, grid, 0.5)
     for y, x in {(0, 0), (display.height // 2, display.width // 3), (display.height - 1, display.width - 1)}:
         row, column = int(grid.y.nearest[y]), int(grid.x.nearest[x])
         for i, (dy, dx) in enumerate((dy, dx) for dy in (-1, 0, 1) for dx in (-1, 0, 1)):
@@ -170,14 +141,14 @@ def test_a_neighbourhood_is_the_3x3_samples_around_the_nearest_with_edges_repeat
             torch.testing.assert_close(window.weight[0, i, y, x], expected, rtol=1e-4, atol=1e-7)
 
 
-@pytest.mark.parametrize("display", [Size(8, 6), Size(16, 12)])
-def test_the_history_is_at_the_pixel_plus_its_motion(display: Size) -> None:
+@pytest.mark.parametrize("display", [ops.Size(8, 6), ops.Size(16, 12)])
+def test_the_history_is_at_the_pixel_plus_its_motion(display: ops.Size) -> None:
     image = random_image(3, display)
     ratio = display.width / 8
     motion = torch.tensor([2.0, -1.0]).reshape(1, 2, 1, 1) / ratio  # (2, -1) display pixels
-    vectors = to_display(motion.expand(1, 2, *display[::-1]), display, Size(8, 6))
-    reprojection = reproject(vectors, display, grid_of(display, Size(8, 6), torch.zeros(1, 2)))
-    warped = read(image, reprojection.position)
+    vectors = ops.to_display(motion.expand(1, 2, *display[::-1]), display, ops.Size(8, 6))
+    reprojection = ops.reproject(vectors, display, ops.grid_of(display, ops.Size(8, 6), torch.zeros(1, 2)))
+    warped = ops.read(image, reprojection.position)
     torch.testing.assert_close(warped[:, :, 1:, :-2], image[:, :, :-1, 2:], rtol=1e-4, atol=1e-5)
     assert reprojection.on_screen[:, :, 1:, :-2].all()
     assert not reprojection.on_screen[:, :, 0].any()
@@ -189,11 +160,11 @@ def test_dilation_takes_the_motion_of_what_is_in_front() -> None:
     depth[..., 2, 3] = 1.0
     motion = torch.zeros(1, 2, 5, 6)
     motion[..., 2, 3] = 4.0
-    nearest, chosen = dilate_motion_2x2(depth, motion)
+    nearest, chosen = ops.dilate_motion_2x2(depth, motion)
     moved = chosen[0, 0] == 4.0
     assert torch.equal(nearest[0, 0] == 1.0, moved)
     assert moved.nonzero().tolist() == [[1, 2], [1, 3], [2, 2], [2, 3]]
-    assert (longest(motion)[0, 0] == 4.0).sum() == 9
+    assert (ops.longest(motion)[0, 0] == 4.0).sum() == 9
 
 
 def test_what_was_closer_hides_what_is_behind() -> None:
@@ -201,10 +172,10 @@ def test_what_was_closer_hides_what_is_behind() -> None:
     before[..., :3] = 0.1  # a wall on the left
     place = torch.tensor([[0.5, 2.5], [2.25, 2.5], [2.5, 2.5], [3.5, 2.5]]).reshape(1, 1, 4, 2)
     now = torch.full((1, 1, 1, 4), 0.01)
-    occluded = disocclusion(now, before, place, margin=0.01, ramp=0.05)
+    occluded = ops.disocclusion(now, before, place, margin=0.01, ramp=0.05)
     torch.testing.assert_close(occluded.ravel(), torch.tensor([1.0, 0.75, 0.5, 0.0]))
-    assert not disocclusion(now * 10, before, place, margin=0.01, ramp=0.05).any()  # the wall itself
-    assert not disocclusion(
+    assert not ops.disocclusion(now * 10, before, place, margin=0.01, ramp=0.05).any()  # the wall itself
+    assert not ops.disocclusion(
         torch.full_like(now, -1.0), before, place, margin=0.01, ramp=0.05
     ).any()  # unknown
 
@@ -216,14 +187,14 @@ def test_thin_things_are_taken_out_of_depth_and_broad_ones_stay() -> None:
     both = broad.clone()
     both[..., 10:11, :] = 0.2  # a wire across
     both[..., :, 12] = 0.2  # and one down
-    torch.testing.assert_close(morphological_opening(both), broad)
+    torch.testing.assert_close(ops.morphological_opening(both), broad)
 
 
 @settings(max_examples=30)
 @given(size=SIZES, seed=st.integers(0, 99))
 def test_neighbours_repeat_the_edge(size: tuple[int, int], seed: int) -> None:
     image = random_image(seed, size)
-    window = neighbours_3x3(image)
+    window = ops.neighbours_3x3(image)
     for i, (dy, dx) in enumerate((dy, dx) for dy in (-1, 0, 1) for dx in (-1, 0, 1)):
         for x, y in ((0, 0), (size[0] - 1, size[1] - 1)):
             torch.testing.assert_close(window[i][0, :, y, x], at(image, x + dx, y + dy))
@@ -231,7 +202,7 @@ def test_neighbours_repeat_the_edge(size: tuple[int, int], seed: int) -> None:
 
 def test_moments_are_unweighted_and_raw() -> None:
     image = random_image(4, (7, 5))
-    first, second = moments(image)
+    first, second = ops.moments(image)
     patch = image[0, :, 1:4, 2:5].reshape(3, 9)
     torch.testing.assert_close(first[0, :, 2, 3], patch.mean(1))
     torch.testing.assert_close(second[0, :, 2, 3], (patch * patch).mean(1))
@@ -248,21 +219,21 @@ def test_clipping_ends_inside_the_box_and_leaves_what_is_inside(
     color: list[float], sample: list[float], low: list[float], size: float
 ) -> None:
     c, s, lo = (torch.tensor(v).reshape(1, 3, 1, 1) for v in (color, sample, low))
-    box = Corners(lo, lo + size)
+    box = ops.Corners(lo, lo + size)
     inside = bool(((c >= box.low) & (c <= box.high)).all())
-    for clipped in (clip_to_center(c, box.box()), clip_to_sample(c, s, box), box.clamp(c)):
+    for clipped in (ops.clip_to_center(c, box.box()), ops.clip_to_sample(c, s, box), box.clamp(c)):
         assert bool((clipped >= box.low - 1e-4).all())
         assert bool((clipped <= box.high + 1e-4).all())
         if inside:
             torch.testing.assert_close(clipped, c, rtol=1e-4, atol=1e-5)
-    distance = overshoot(c, box.box()).item()
+    distance = ops.overshoot(c, box.box()).item()
     assert (distance <= 1.0 + 1e-4) == inside or abs(distance - 1) < 1e-3
 
 
 def test_clipping_to_the_sample_stays_on_the_segment() -> None:
     old, new = torch.tensor([2.0, 1.0, 0.0]), torch.tensor([0.2, 0.4, 0.3])
-    box = Corners(torch.zeros(1, 3, 1, 1), torch.full((1, 3, 1, 1), 0.5))
-    clipped = clip_to_sample(old.reshape(1, 3, 1, 1), new.reshape(1, 3, 1, 1), box)[0, :, 0, 0]
+    box = ops.Corners(torch.zeros(1, 3, 1, 1), torch.full((1, 3, 1, 1), 0.5))
+    clipped = ops.clip_to_sample(old.reshape(1, 3, 1, 1), new.reshape(1, 3, 1, 1), box)[0, :, 0, 0]
     share = (clipped - old) / (new - old)
     torch.testing.assert_close(share, share[:1].expand(3))
     assert clipped.max().item() == pytest.approx(0.5)
@@ -271,7 +242,7 @@ def test_clipping_to_the_sample_stays_on_the_segment() -> None:
 @given(values=st.lists(st.floats(0, 1000, width=32), min_size=3, max_size=3))
 def test_tone_and_ycocg_have_inverses(values: list[float]) -> None:
     color = torch.tensor(values).reshape(1, 3, 1, 1)
-    back = inverse_tone(from_ycocg(ycocg(tone(color))))
+    back = ops.inverse_tone(ops.from_ycocg(ops.ycocg(ops.tone(color))))
     torch.testing.assert_close(back, color, rtol=2e-3, atol=1e-4)
 
 
@@ -279,17 +250,17 @@ def test_values_out_of_range_are_clamped_and_only_nan_is_missing() -> None:
     nan, inf = float("nan"), float("inf")
     bad = torch.tensor([nan, inf, -inf, -1e-3, 65505.0, 3e38, 0.0, 65504.0, 0.5]).reshape(1, 1, 1, 9)
     wanted = [7.0, 65504, 0, 0, 65504, 65504, 0, 65504, 0.5]
-    torch.testing.assert_close(sanitize(bad, 7.0).ravel(), torch.tensor(wanted))
-    assert valid(bad.expand(1, 3, 1, 9)).ravel().tolist() == [0, 1, 1, 1, 1, 1, 1, 1, 1]
+    torch.testing.assert_close(ops.sanitize(bad, 7.0).ravel(), torch.tensor(wanted))
+    assert ops.valid(bad.expand(1, 3, 1, 9)).ravel().tolist() == [0, 1, 1, 1, 1, 1, 1, 1, 1]
     one = torch.ones(1, 3, 1, 1)
     one[:, 1] = nan
-    assert valid(one).item() == 0.0
+    assert ops.valid(one).item() == 0.0
 
 
-@pytest.mark.parametrize("space", TONES)
+@pytest.mark.parametrize("space", ops.TONES)
 def test_a_tone_curve_keeps_to_one_and_comes_back(space: ToneSpace) -> None:
     color = random_image(3, (9, 7)) ** 8 * 60000.0
-    toned = TONES[space].tone(color, 1.0)
+    toned = ops.TONES[space].tone(color, 1.0)
     assert toned.min() >= 0.0
     assert toned.max() <= 1.0
-    torch.testing.assert_close(TONES[space].inverse(toned), color, rtol=1e-2, atol=1e-4)
+    torch.testing.assert_close(ops.TONES[space].inverse(toned), color, rtol=1e-2, atol=1e-4)

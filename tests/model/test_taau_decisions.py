@@ -4,8 +4,8 @@ import pytest
 import torch
 from torch import Tensor
 
+from supersampler_model import ops
 from supersampler_model.methods.taau import Blend, CurrentFrame, Moments, Taau, WarpedHistory, light_after
-from supersampler_model.ops.color import inverse_tone
 
 RULES = Taau()
 C = RULES.config
@@ -247,4 +247,4 @@ def test_the_image_is_exposed_back_and_never_negative(
         torch.zeros(1, 1, 1, 1, dtype=torch.bool),
     )
     image, *_ = RULES.finish(present(), remembered(), blend, torch.tensor([4.0]), plane(0.0))
-    torch.testing.assert_close(image, inverse_tone(plane(*toned)) / 4.0, rtol=1e-3, atol=1e-6)
+    torch.testing.assert_close(image, ops.inverse_tone(plane(*toned)) / 4.0, rtol=1e-3, atol=1e-6)

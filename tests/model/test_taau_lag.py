@@ -12,9 +12,9 @@ from supersampler import Upscaler
 from supersampler.frame import Float32
 from supersampler.io.display import display_transform
 from supersampler.methods.taau.spec import MOST_SAMPLES, TaauConfig
+from supersampler_model import ops
 from supersampler_model.methods.taau import Taau, samples_kept
-from supersampler_model.ops.at_rest import RestFrame, RestHistory, compare
-from supersampler_model.ops.images import Size
+from supersampler_model.ops import at_rest
 
 START = 40
 
@@ -62,16 +62,18 @@ def test_ground_under_steady_light_keeps_all_its_samples(pattern: Any) -> None:
 
 
 def test_missing_samples_and_blocks_that_move_are_not_compared() -> None:
-    size, display = Size(32, 32), Size(64, 64)
+    size, display = ops.Size(32, 32), ops.Size(64, 64)
     color, history = torch.full((1, 3, 32, 32), 0.5), torch.full((1, 3, 64, 64), 0.5)
     color[..., :16, :], history[..., :32, :] = 0.9, 0.1
-    blank = RestHistory(*(torch.zeros(s) for s in ((1, 4, 64, 64), (1, 4, 8, 8), (38, 4, 8, 8), (38, 4))))
+    blank = at_rest.RestHistory(
+        *(torch.zeros(s) for s in ((1, 4, 64, 64), (1, 4, 8, 8), (38, 4, 8, 8), (38, 4)))
+    )
 
     def kept(usable: torch.Tensor, motion: torch.Tensor) -> float:
-        frame = RestFrame(
+        frame = at_rest.RestFrame(
             color, motion, torch.zeros(1, 2), torch.ones(1), torch.zeros(1, 1, 32, 32), torch.ones(1)
         )
-        still = compare(frame, blank, size, display)
+        still = at_rest.compare(frame, blank, size, display)
         return float(samples_kept(color, usable, history, still, taau().config).min())
 
     usable, motion = torch.ones(1, 1, 32, 32), torch.zeros(1, 2, 32, 32)

@@ -9,6 +9,7 @@ import torch
 from supersampler import Frame, halton_jitter
 from supersampler.frame import Float32
 from supersampler.io.display import display_transform
+from supersampler_model import ops
 from supersampler_model.data.scenes.analytic import (
     NEAR,
     Mask,
@@ -21,7 +22,6 @@ from supersampler_model.data.scenes.analytic import (
     places,
 )
 from supersampler_model.methods.taau import Taau
-from supersampler_model.ops.images import Size
 from torch_inputs import plain_inputs
 
 DISPLAY = (128, 72)
@@ -78,8 +78,8 @@ class Ball(Scene):
 
 def errors(scene: Ball, ratio: float, count: int = 20) -> list[Float32]:
     """Errors of display values on the ball's middle, frame by frame, after eight frames; elsewhere NaN."""
-    method, render = Taau().eval(), Size(round(DISPLAY[0] / ratio), round(DISPLAY[1] / ratio))
-    history, found = method.first_history(Size(*DISPLAY), render), []
+    method, render = Taau().eval(), ops.Size(round(DISPLAY[0] / ratio), round(DISPLAY[1] / ratio))
+    history, found = method.first_history(ops.Size(*DISPLAY), render), []
     for index in range(count):
         frame = scene.frame(index, render, halton_jitter(index, ratio))
         with torch.no_grad():

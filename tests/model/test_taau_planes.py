@@ -4,11 +4,10 @@ import pytest
 import torch
 from torch import Tensor
 
+from supersampler_model import ops
 from supersampler_model.methods.taau import Moments, fit_of, plane_moments, shade_of
-from supersampler_model.ops.images import Size
-from supersampler_model.ops.sampling import grid_of, local_moments
 
-RENDER = Size(12, 9)
+RENDER = ops.Size(12, 9)
 SIGMA = 0.4
 X, Y = torch.arange(12.0).expand(9, 12), torch.arange(9.0)[:, None].expand(9, 12)
 
@@ -35,7 +34,7 @@ def test_a_ramp_has_no_variance_and_its_own_value_at_each_pixel(
     ratio: float, across: float, down: float
 ) -> None:
     luma = 0.4 + across * X + down * Y
-    grid = grid_of(Size(round(12 * ratio), round(9 * ratio)), RENDER, torch.tensor([[0.3, -0.2]]))
+    grid = ops.grid_of(ops.Size(round(12 * ratio), round(9 * ratio)), RENDER, torch.tensor([[0.3, -0.2]]))
     whole = grid.pick(fit(luma))
     found = plane_moments(grey(luma), torch.ones(1, 1, 9, 12), whole, grid, SIGMA)
     expected = 0.4 + across * grid.x.position + down * grid.y.position[:, None]
@@ -53,9 +52,9 @@ def test_edges_and_patterns_are_on_no_plane(luma: Tensor) -> None:
 
 def test_where_no_plane_fits_moments_are_those_of_salvi() -> None:
     luma, usable = torch.rand(9, 12, generator=torch.Generator().manual_seed(1)), torch.ones(1, 1, 9, 12)
-    grid = grid_of(Size(24, 18), RENDER, torch.tensor([[0.3, -0.2]]))
+    grid = ops.grid_of(ops.Size(24, 18), RENDER, torch.tensor([[0.3, -0.2]]))
     found = plane_moments(grey(luma), usable, torch.zeros(1, 1, 18, 24), grid, SIGMA)
-    first, second, _ = local_moments(grey(luma), usable, grid, SIGMA)
+    first, second, _ = ops.local_moments(grey(luma), usable, grid, SIGMA)
     torch.testing.assert_close(found, Moments(first, second - first * first), rtol=0.0, atol=1e-5)
 
 
@@ -65,7 +64,7 @@ def test_where_a_sample_is_missing_there_is_no_plane_and_without_most_the_varian
     usable[..., :, 9:] = 0.0
     luma = 0.4 + 0.02 * X
     assert (fit(luma, usable)[..., 3:6, 5:8] == 0.0).all()
-    grid = grid_of(Size(24, 18), RENDER, torch.tensor([[0.3, -0.2]]))
+    grid = ops.grid_of(ops.Size(24, 18), RENDER, torch.tensor([[0.3, -0.2]]))
     color, everywhere = grey(luma) * usable, torch.ones(1, 1, 18, 24)
     found = plane_moments(color, usable, everywhere, grid, SIGMA)
     without = plane_moments(color, usable, 0.0 * everywhere, grid, SIGMA)

@@ -6,7 +6,7 @@ from torch import Tensor
 
 from supersampler import Model, Upscaler
 from supersampler.model import ExecutorName
-from supersampler_model.ops.motion import morphological_opening, occluding_depth
+from supersampler_model import ops
 from thin_things import contrast, expected_depth, hostile, kept_depth, trace, upscaler_of
 
 WALL, WIRE = 0.1, 0.5
@@ -27,7 +27,7 @@ def wire(over: tuple[float, float], *, level: bool = False, wall: float = 0.0) -
 @pytest.mark.parametrize("wall", [0.0, -3.0])
 def test_a_thin_thing_that_moves_over_its_background_hides_it(over: tuple[float, float], wall: float) -> None:
     depth, motion = wire(over, wall=wall)
-    torch.testing.assert_close(occluding_depth(depth, motion), depth)
+    torch.testing.assert_close(ops.occluding_depth(depth, motion), depth)
 
 
 @pytest.mark.parametrize(
@@ -36,20 +36,20 @@ def test_a_thin_thing_that_moves_over_its_background_hides_it(over: tuple[float,
 )
 def test_one_that_stays_or_moves_along_itself_hides_nothing(over: tuple[float, float], level: bool) -> None:
     depth, motion = wire(over, level=level)
-    torch.testing.assert_close(occluding_depth(depth, motion), torch.full_like(depth, WALL))
+    torch.testing.assert_close(ops.occluding_depth(depth, motion), torch.full_like(depth, WALL))
 
 
 def test_one_that_another_follows_hides_nothing() -> None:
     depth, motion = wire((4.0, 0.0))
     depth[..., 11] = WIRE  # comes to the place of the first
-    found = occluding_depth(depth, motion)
+    found = ops.occluding_depth(depth, motion)
     assert (found[..., 7] == WALL).all()
 
 
 def test_one_whose_background_is_unknown_hides_nothing() -> None:
     depth, motion = wire((4.0, 0.0))
     depth[..., 8] = -1.0
-    torch.testing.assert_close(occluding_depth(depth, motion), morphological_opening(depth))
+    torch.testing.assert_close(ops.occluding_depth(depth, motion), ops.morphological_opening(depth))
 
 
 def test_broad_things_hide_what_is_behind_them_however_they_move() -> None:
@@ -57,7 +57,7 @@ def test_broad_things_hide_what_is_behind_them_however_they_move() -> None:
     depth[..., 3:9, 4:10] = WIRE
     for speed in (0.0, 0.5, 4.0):
         motion[:, 0, 3:9, 4:10] = speed
-        torch.testing.assert_close(occluding_depth(depth, motion), depth)
+        torch.testing.assert_close(ops.occluding_depth(depth, motion), depth)
 
 
 @pytest.mark.parametrize("executor", ["cpu", "onnx"])

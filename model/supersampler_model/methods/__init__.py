@@ -1,4 +1,8 @@
-"""The methods as torch modules; `method_class` and `load_method` find them by name in the registry."""
+"""The methods as torch modules, one file a method; `method_class` and `load_method` find them by name.
+
+`base` is what they share. A learned method that is large keeps its network or its inputs in a file beside it
+(`classifier_network`, `gbuffer_surfaces`).
+"""
 
 from pathlib import Path
 from typing import cast

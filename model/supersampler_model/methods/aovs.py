@@ -10,18 +10,8 @@ import torch
 from torch import Tensor
 
 from supersampler.methods.aovs.spec import AOVS
+from supersampler_model import ops
 from supersampler_model.methods.base import Method
-from supersampler_model.ops.color import MAX_HALF, finite, is_number, min_divisor
-from supersampler_model.ops.images import display_size_of, size_of
-from supersampler_model.ops.motion import (
-    dilate_motion_2x2,
-    read,
-    reproject,
-    to_display,
-    usable_depth,
-    usable_motion,
-)
-from supersampler_model.ops.sampling import gaussian, grid_of
 
 SIGMA = 0.4  # Gaussian that upsamples this frame, render pixels
 MIN_CERTAINTY = 1e-3  # sum of the weights below which samples are too far away
@@ -47,16 +37,16 @@ class BlendAovs(Method):
         Values are clamped to [-65504, 65504]. A NaN is a missing sample: where a channel has no others, the
         history stays.
         """
-        display, render = display_size_of(display_size), size_of(aovs)
-        grid = grid_of(display, render, jitter)
-        known = is_number(aovs).float()
-        values = torch.where(known > 0.0, aovs.clamp(-MAX_HALF, MAX_HALF), 0.0)
-        sums = grid.upsample(torch.cat([values, known], dim=1), gaussian(SIGMA))
+        display, render = ops.display_size_of(display_size), ops.size_of(aovs)
+        grid = ops.grid_of(display, render, jitter)
+        known = ops.is_number(aovs).float()
+        values = torch.where(known > 0.0, aovs.clamp(-ops.MAX_HALF, ops.MAX_HALF), 0.0)
+        sums = grid.upsample(torch.cat([values, known], dim=1), ops.gaussian(SIGMA))
         total, certainty = sums.split_with_sizes([aovs.shape[1], aovs.shape[1]], dim=1)
-        current = total / certainty.clamp(min=min_divisor(certainty, 1e-6))
-        _, dilated = dilate_motion_2x2(usable_depth(depth), usable_motion(motion))
-        vectors = grid.pick_first_vectors(to_display(dilated, display, render))
-        history = read(finite(history_aovs), reproject(vectors, display, grid).position)
+        current = total / certainty.clamp(min=ops.min_divisor(certainty, 1e-6))
+        _, dilated = ops.dilate_motion_2x2(ops.usable_depth(depth), ops.usable_motion(motion))
+        vectors = grid.pick_first_vectors(ops.to_display(dilated, display, render))
+        history = ops.read(ops.finite(history_aovs), ops.reproject(vectors, display, grid).position)
         keep = torch.where(certainty > MIN_CERTAINTY, weight.clamp(0.0, 1.0), 1.0)
         blend = current + keep * (history - current)
         return blend, blend * 1.0

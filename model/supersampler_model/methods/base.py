@@ -24,7 +24,7 @@ from supersampler.io.files import replacing
 from supersampler.methods.model_info import extents
 from supersampler.methods.registry import find_method
 from supersampler.methods.spec import BETWEEN, CHANNELS, EARLIER, RENDER, SHADED, MethodSpec, Shape, sized
-from supersampler_model.ops.images import Size
+from supersampler_model import ops
 
 
 class Outputs(NamedTuple):
@@ -137,7 +137,7 @@ class Method(nn.Module):
         """Return the method for extrapolated frames on the same history; None: this method."""
         return None
 
-    def first_history(self, display: Size, render: Size, channels: int = 1) -> list[Tensor]:
+    def first_history(self, display: ops.Size, render: ops.Size, channels: int = 1) -> list[Tensor]:
         """Return zeros: no history."""
         sizes = extents(render=render, display=display, previous=render) | {CHANNELS: channels}
         for pair in (SHADED, EARLIER, BETWEEN):

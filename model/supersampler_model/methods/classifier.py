@@ -32,6 +32,7 @@ from supersampler.methods.classifier.spec import (
 )
 from supersampler.methods.classifier_large.spec import CLASSIFIER_LARGE
 from supersampler.methods.spec import HALF, LARGE_HALF
+from supersampler_model import ops
 from supersampler_model.methods.base import LearnedMethod, NetworkSubgraph, Trained, config_of
 from supersampler_model.methods.classifier_inputs import (
     CurrentFrame,
@@ -42,62 +43,7 @@ from supersampler_model.methods.classifier_inputs import (
     pixel_inputs,
 )
 from supersampler_model.methods.classifier_network import ClassifierNetwork, classes_of, pack
-from supersampler_model.ops.at_rest import RestFrame, RestHistory, compare, converge, kept
-from supersampler_model.ops.blending import Box, composite, reactive_at, step_to_box
-from supersampler_model.ops.color import (
-    CONFIRMED,
-    GLARE,
-    MAX_HALF,
-    TONED,
-    TONES,
-    bounded,
-    exposure_for,
-    filled,
-    from_ycocg,
-    glaring,
-    is_flash,
-    limited,
-    luminance,
-    sanitize,
-    valid,
-    without_glare,
-    ycocg,
-)
-from supersampler_model.ops.images import (
-    Size,
-    channels_of,
-    cut_to,
-    display_size_of,
-    half_of,
-    maximum_3x3,
-    minimum_3x3,
-    resize_nearest,
-    size_of,
-)
-from supersampler_model.ops.motion import (
-    Reprojection,
-    dilate_motion_2x2,
-    disocclusion,
-    occluding_depth,
-    read,
-    read_cubic,
-    relative_depth_change,
-    reproject,
-    to_display,
-    usable_depth,
-    usable_motion,
-)
-from supersampler_model.ops.sampling import (
-    MIN_WEIGHT,
-    Grid,
-    View,
-    catmull_rom,
-    downsample,
-    gaussian,
-    grid_of,
-    local_moments,
-    neighbourhood_samples,
-)
+from supersampler_model.ops import at_rest
 
 HEIGHT = 64.0
 """Of the Gaussian of a sample along an axis: at a height of 1, far weights are too small for half floats."""
@@ -160,23 +106,25 @@ class Classifier(LearnedMethod):
         history = others[-len(self.history) :]
         grouped, now, before = self.group_history(history, color, jitter, inner)
         gathered = self.gather(color, depth, motion, exposure, grouped, now, before)
-        gathered = gathered._replace(reactive=reactive_at(reactive, valid(color), gathered.grid))
+        gathered = gathered._replace(reactive=ops.reactive_at(reactive, ops.valid(color), gathered.grid))
         if "static_mean" not in self.history:
             return self.step_outputs(gathered, *self.infer(gathered), jitter)
-        frame = RestFrame(color, motion, jitter, gathered.exposure, reactive, others[0])
-        outputs = self.converged_outputs(gathered, frame, grouped, before.jitter, RestHistory(*history[-4:]))
+        frame = at_rest.RestFrame(color, motion, jitter, gathered.exposure, reactive, others[0])
+        outputs = self.converged_outputs(
+            gathered, frame, grouped, before.jitter, at_rest.RestHistory(*history[-4:])
+        )
         if not self.larger:
             return outputs
         *first, weight, frozen = outputs
-        return (*first, resize_nearest(weight, display_size_of(display_size)), frozen)
+        return (*first, ops.resize_nearest(weight, ops.display_size_of(display_size)), frozen)
 
     def converged_outputs(
         self,
         gathered: Gathered,
-        frame: RestFrame,
+        frame: at_rest.RestFrame,
         history: History,
         before: Tensor,
-        rest: RestHistory,
+        rest: at_rest.RestHistory,
         others: Sequence[tuple[Tensor, Tensor]] = (),
     ) -> tuple[Tensor, ...]:
         """Return the outputs of a step that converges where nothing changes.
@@ -189,35 +137,35 @@ class Classifier(LearnedMethod):
             rest: history of `ops.at_rest`.
             others: more planes of the method's own history, before and after this frame.
         """
-        display = size_of(rest.mean)
-        blocks = compare(frame, rest, size_of(history.depth), display)
+        display = ops.size_of(rest.mean)
+        blocks = at_rest.compare(frame, rest, ops.size_of(history.depth), display)
         resting = blocks.resting(gathered.display)
         image, color, state, classes, surfaces, jitter, followed, weight = self.step_outputs(
             gathered, *self.infer(gathered), frame.jitter, resting
         )
         own = (
-            kept(resting, history.color, color),
-            kept(resting, history.state, state),
-            kept(resting[:, :, ::2, ::2], history.classes, classes),
+            at_rest.kept(resting, history.color, color),
+            at_rest.kept(resting, history.state, state),
+            at_rest.kept(resting[:, :, ::2, ::2], history.classes, classes),
             blocks.kept(history.depth, surfaces),
             blocks.kept(before, jitter),
             blocks.kept(history.exposure, followed),
-            *(kept(resting, old, new) for old, new in others),
+            *(at_rest.kept(resting, old, new) for old, new in others),
         )
-        grid = grid_of(display, size_of(frame.color), frame.jitter)
-        shown = downsample(image, display, gathered.exposure) if self.larger else image
-        converged = converge(shown, frame, blocks, grid)
+        grid = ops.grid_of(display, ops.size_of(frame.color), frame.jitter)
+        shown = ops.downsample(image, display, gathered.exposure) if self.larger else image
+        converged = at_rest.converge(shown, frame, blocks, grid)
         return (converged.image, *own, *converged.history, weight, converged.frozen)
 
     @staticmethod
     def group_history(
         history: Sequence[Tensor], color: Tensor, jitter: Tensor, display_size: Tensor
-    ) -> tuple[History, View, View]:
+    ) -> tuple[History, ops.View, ops.View]:
         """Return the history tensors by name, and the views of this frame and of the previous one."""
         history_color, state, classes, depth, history_jitter, exposure = history[:6]
-        display = display_size_of(display_size)
-        now = View(display, size_of(color), jitter)
-        before = View(display, size_of(depth), history_jitter)
+        display = ops.display_size_of(display_size)
+        now = ops.View(display, ops.size_of(color), jitter)
+        before = ops.View(display, ops.size_of(depth), history_jitter)
         return History(history_color, state, classes, depth, exposure), now, before
 
     def step_outputs(
@@ -243,25 +191,27 @@ class Classifier(LearnedMethod):
         motion: Tensor,
         exposure: Tensor,
         history: History,
-        now: View,
-        before: View,
+        now: ops.View,
+        before: ops.View,
     ) -> Gathered:
         """Resample this frame and the history at the display pixels."""
-        usable, color = valid(color), sanitize(color, 0.0)
-        followed = exposure_for(color, usable, exposure, history.exposure)
-        flash = is_flash(followed, exposure, history.exposure)
+        usable, color = ops.valid(color), ops.sanitize(color, 0.0)
+        followed = ops.exposure_for(color, usable, exposure, history.exposure)
+        flash = ops.is_flash(followed, exposure, history.exposure)
         exposure = followed.abs()
-        depth, motion = usable_depth(depth), usable_motion(motion)
-        surfaces = torch.cat([depth, occluding_depth(depth, motion)], dim=1)
-        grid = now.grid(size_of(color), aligned=True)
-        closest, dilated = dilate_motion_2x2(depth, motion)
+        depth, motion = ops.usable_depth(depth), ops.usable_motion(motion)
+        surfaces = torch.cat([depth, ops.occluding_depth(depth, motion)], dim=1)
+        grid = now.grid(ops.size_of(color), aligned=True)
+        closest, dilated = ops.dilate_motion_2x2(depth, motion)
         closest = grid.pick_first(closest)
-        vectors, own_vectors = (to_display(vector, now.display, now.extent) for vector in (dilated, motion))
-        front = reproject(grid.pick_first_vectors(vectors), now.display, grid)
-        own = reproject(grid.pick_vectors(own_vectors), now.display, grid)
-        exposed = filled(color, usable, exposure) * exposure
-        planes = [maximum_3x3(glaring(exposed, usable)), edge_of(depth), maximum_3x3(usable)]
-        at_pixel = channels_of(grid.pick(torch.cat(planes, dim=1).to(self.dtype)))
+        vectors, own_vectors = (
+            ops.to_display(vector, now.display, now.extent) for vector in (dilated, motion)
+        )
+        front = ops.reproject(grid.pick_first_vectors(vectors), now.display, grid)
+        own = ops.reproject(grid.pick_vectors(own_vectors), now.display, grid)
+        exposed = ops.filled(color, usable, exposure) * exposure
+        planes = [ops.maximum_3x3(ops.glaring(exposed, usable)), edge_of(depth), ops.maximum_3x3(usable)]
+        at_pixel = ops.channels_of(grid.pick(torch.cat(planes, dim=1).to(self.dtype)))
         current = self.gather_current(self.toned(exposed), usable, at_pixel, now, grid)
         warped = self.gather_history(history, front, own, closest, before, exposure)
         return Gathered(
@@ -270,10 +220,10 @@ class Classifier(LearnedMethod):
 
     def toned(self, color: Tensor, unit: Tensor | float = 1.0) -> Tensor:
         """Convert linear RGB to the space in which colours are blended; `unit`: see `tone`."""
-        return TONES[self.config.tone_space].tone(color, unit)
+        return ops.TONES[self.config.tone_space].tone(color, unit)
 
     def gather_current(
-        self, toned: Tensor, usable: Tensor, at_pixel: Sequence[Tensor], view: View, grid: Grid
+        self, toned: Tensor, usable: Tensor, at_pixel: Sequence[Tensor], view: ops.View, grid: ops.Grid
     ) -> CurrentFrame:
         """Upsample the usable samples of this frame.
 
@@ -287,45 +237,49 @@ class Classifier(LearnedMethod):
         fill, toned = grid.pick(toned), toned * usable
         samples = torch.cat([toned, usable], dim=1).to(self.dtype)
         sample, confidence = self.near_samples(samples, view, grid)
-        sharp = grid.upsample(samples, catmull_rom)
+        sharp = grid.upsample(samples, ops.catmull_rom)
         mean, deviation, found = self.local_statistics(toned, usable, grid)
-        smooth = torch.where(found > MIN_WEIGHT, from_ycocg(mean), fill.to(self.dtype))
+        smooth = torch.where(found > ops.MIN_WEIGHT, ops.from_ycocg(mean), fill.to(self.dtype))
         sharp, whole = sharp.split_with_sizes([3, 1], dim=1)
         # with missing samples the negative weights dominate
         frame = torch.where(whole > 0.9, sharp / whole.clamp(min=0.9), smooth)
         glare, edge, sampled = at_pixel
         return CurrentFrame(
-            frame=frame.clamp(0.0, TONED[self.dtype]),
+            frame=frame.clamp(0.0, ops.TONED[self.dtype]),
             sample=sample,
             confidence=confidence,
             mean=mean,
             deviation=deviation,
-            window=neighbourhood_samples(samples, grid, self.config.kernel_sigma),
+            window=ops.neighbourhood_samples(samples, grid, self.config.kernel_sigma),
             edge=edge,
             glare=glare,
             sampled=sampled,
         )
 
-    def near_samples(self, samples: Tensor, view: View, grid: Grid) -> tuple[Tensor, Tensor]:
+    def near_samples(self, samples: Tensor, view: ops.View, grid: ops.Grid) -> tuple[Tensor, Tensor]:
         """Return the mean of the samples near each pixel, and the sum of their weights in [0, 1]."""
-        near = grid.upsample(samples, lambda d: HEIGHT * gaussian(self.config.sample_sigma)(d), view.ratio)
+        near = grid.upsample(
+            samples, lambda d: HEIGHT * ops.gaussian(self.config.sample_sigma)(d), view.ratio
+        )
         near, weight = near.split_with_sizes([3, 1], dim=1)
-        mean = (near / weight.clamp(min=1e-6 * HEIGHT**2)).clamp(0.0, TONED[self.dtype])
+        mean = (near / weight.clamp(min=1e-6 * HEIGHT**2)).clamp(0.0, ops.TONED[self.dtype])
         return mean, (weight / HEIGHT**2).clamp(max=1.0)
 
-    def local_statistics(self, toned: Tensor, usable: Tensor, grid: Grid) -> tuple[Tensor, Tensor, Tensor]:
+    def local_statistics(
+        self, toned: Tensor, usable: Tensor, grid: ops.Grid
+    ) -> tuple[Tensor, Tensor, Tensor]:
         """Return mean and deviation of the samples around, YCoCg, and the sum of their weights."""
-        first, second, found = local_moments(ycocg(toned), usable, grid, self.config.moment_sigma)
+        first, second, found = ops.local_moments(ops.ycocg(toned), usable, grid, self.config.moment_sigma)
         deviation = (second - first * first).clamp(min=0.0).sqrt()  # a small difference: in float32
         return first.to(self.dtype), deviation.to(self.dtype), found
 
     def gather_history(
         self,
         history: History,
-        front: Reprojection,
-        own: Reprojection,
+        front: ops.Reprojection,
+        own: ops.Reprojection,
         depth: Tensor,
-        before: View,
+        before: ops.View,
         exposure: Tensor,
         relit: Tensor | None = None,
     ) -> WarpedHistory:
@@ -345,23 +299,23 @@ class Classifier(LearnedMethod):
         surface = front if relit is None else own
         place = before.to_render(surface.position)
         split = relit is not None  # the operators of the released graphs
-        parts = channels_of(history.depth) if split else [history.depth[:, :1], history.depth[:, 1:2]]
+        parts = ops.channels_of(history.depth) if split else [history.depth[:, :1], history.depth[:, 1:2]]
         depths, occluders = parts
-        occluded = disocclusion(depth, occluders, place, c.depth_margin, c.depth_ramp)
-        depth_before = surface.on_screen * read(depths, (place + 0.5).floor(), mode="nearest")
-        difference = relative_depth_change(depth_before, depth)  # equation 10
-        samples, low, high = channels_of(on * front.read(history.state))
-        high, glare = without_glare(high)
-        given = sanitize(history.color, 0.0)
+        occluded = ops.disocclusion(depth, occluders, place, c.depth_margin, c.depth_ramp)
+        depth_before = surface.on_screen * ops.read(depths, (place + 0.5).floor(), mode="nearest")
+        difference = ops.relative_depth_change(depth_before, depth)  # equation 10
+        samples, low, high = ops.channels_of(on * front.read(history.state))
+        high, glare = ops.without_glare(high)
+        given = ops.sanitize(history.color, 0.0)
         unit = 1.0 / exposure
         unit_on_screen = torch.where(on > 0.0, unit, DIM)
         linear = self.toned(front.read(given), unit_on_screen)
-        cubic = read_cubic(given, front.position, c.history_sharpness).clamp(0.0, MAX_HALF)
+        cubic = ops.read_cubic(given, front.position, c.history_sharpness).clamp(0.0, ops.MAX_HALF)
         color, undilated = self.toned(cubic, unit_on_screen), own.read(given)
         if relit is not None:
-            undilated = (undilated * relit).clamp(0.0, MAX_HALF)
+            undilated = (undilated * relit).clamp(0.0, ops.MAX_HALF)
             unit = torch.where(own.on_screen > 0.0, unit, DIM)
-        classes = read(history.classes, 0.5 * front.position[:, ::2, ::2])
+        classes = ops.read(history.classes, 0.5 * front.position[:, ::2, ::2])
         return WarpedHistory(
             color=color,
             rounded=color.to(self.dtype),
@@ -399,15 +353,15 @@ class Classifier(LearnedMethod):
 
         Colours are float32; what is added to the warped one may be half floats.
         """
-        current, warped, brightest = gathered.current, gathered.warped, TONED[torch.float32]
+        current, warped, brightest = gathered.current, gathered.warped, ops.TONED[torch.float32]
         sharpened = warped.color + sharpness.clamp(0.0, MAX_SHARPNESS) * warped.detail
         sharpened = sharpened.clamp(0.0, brightest)
         known = (warped.samples > 0.0).float()  # without history the weight is 0 whatever the network infers
         colors = [(sharpened, known * (warped.samples * warped.surface + 1e-3))]
         weight = known * (0.1 * warped.samples + 1e-3)
         if self.config.rectified:
-            box = Box(current.mean, self.config.gamma * current.deviation)
-            step = from_ycocg(step_to_box(ycocg(sharpened.to(self.dtype)), box))
+            box = ops.Box(current.mean, self.config.gamma * current.deviation)
+            step = ops.from_ycocg(ops.step_to_box(ops.ycocg(sharpened.to(self.dtype)), box))
             colors.append(((sharpened + step).clamp(0.0, brightest), weight))
         if self.config.own_motion:
             colors.append((warped.undilated, weight))
@@ -428,36 +382,36 @@ class Classifier(LearnedMethod):
         blend = blend.clamp(-16.0, MAX_FACTOR[blend.dtype])
         factors, sharpness, kernel = blend.split_with_sizes((c.candidates, *c.filters), dim=1)
         history_colors = self.history_colors(gathered, sharpness)
-        kernel = limited(current.window.mean(kernel, current.frame))
+        kernel = ops.limited(current.window.mean(kernel, current.frame))
         sampled = current.sampled.float()
         current_colors = [
             (current.sample, sampled * (current.confidence.float() + 1e-3)),
             (current.frame, 0.05 * sampled),
             (kernel, 0.05 * sampled),
         ]
-        color, weight, odds = composite(
+        color, weight, odds = ops.composite(
             history_colors, current_colors, factors, gathered.reactive, current.frame
         )
-        image = bounded(TONES[c.tone_space].inverse(color) / gathered.exposure)
+        image = ops.bounded(ops.TONES[c.tone_space].inverse(color) / gathered.exposure)
 
         classes = classes_of(logits.float(), warped.samples[:, :, ::2, ::2] > 0.0)
         count = torch.minimum(odds, warped.samples).clamp(max=c.samples) + current.confidence
-        luma = luminance(current.sample)
+        luma = ops.luminance(current.sample)
         trust = (4.0 * odds / warped.samples.clamp(min=1e-6)).clamp(max=1.0) * (warped.samples > 0.0)
         rate = current.confidence * c.contraction
-        low, high = channels_of(warped.range)
+        low, high = ops.channels_of(warped.range)
         low = torch.minimum(low, luma) + rate * (luma - low).clamp(min=0.0)
         high = torch.maximum(high, luma) - rate * (high - luma).clamp(min=0.0)
         low, high = luma + trust * (low - luma), luma + trust * (high - luma)
         glares = (current.glare > 0.0) & ((warped.samples > 0.0) | (warped.glare > 0.0))
         still_bright = (luma > WHITE) & (warped.glare > 0.0)
         unexplained = unexplained_light(luma, current.mean[:, :1], warped, display, resting)
-        unconfirmed = (glares | still_bright | unexplained) & (warped.glare < CONFIRMED - 1.0)
+        unconfirmed = (glares | still_bright | unexplained) & (warped.glare < ops.CONFIRMED - 1.0)
         count = torch.where(unconfirmed | gathered.flash, 0.0, count)
-        glared = torch.where(unconfirmed, warped.glare + 1.0, (CONFIRMED * current.glare).float())
-        state = torch.cat([count, low, high + GLARE * glared], dim=1)
-        image, state, weight = (cut_to(plane, display) for plane in (image, state, weight))
-        return Finished(image, state, cut_to(classes, half_of(display)), weight)
+        glared = torch.where(unconfirmed, warped.glare + 1.0, (ops.CONFIRMED * current.glare).float())
+        state = torch.cat([count, low, high + ops.GLARE * glared], dim=1)
+        image, state, weight = (ops.cut_to(plane, display) for plane in (image, state, weight))
+        return Finished(image, state, ops.cut_to(classes, ops.half_of(display)), weight)
 
 
 class SmallClassifier(Classifier):
@@ -485,12 +439,12 @@ class LargeClassifier(Classifier):
 
 def edge_of(depth: Tensor) -> Tensor:
     """Return the relative range of depth over 3x3 samples, (1, 1, h, w) in [0, 1]."""
-    closest, farthest = maximum_3x3(depth), minimum_3x3(depth)
+    closest, farthest = ops.maximum_3x3(depth), ops.minimum_3x3(depth)
     return ((closest - farthest.clamp(min=0.0)) / closest.clamp(min=1e-12)).clamp(0.0, 1.0)
 
 
 def unexplained_light(
-    luma: Tensor, around: Tensor, warped: WarpedHistory, display: Size, resting: Tensor | None
+    luma: Tensor, around: Tensor, warped: WarpedHistory, display: ops.Size, resting: Tensor | None
 ) -> Tensor:
     """Return whether light rises over all samples of the history, (1, 1, H, W), in a frame that is a flash.
 
@@ -503,7 +457,7 @@ def unexplained_light(
     """
     known = warped.samples * warped.surface > 0.0
     rises = (luma > WHITE) & (luma > warped.range[:, 1:2] + RISE) & known
-    bright = cut_to((rises & (luma > around + CONTRAST)).float(), display)
+    bright = ops.cut_to((rises & (luma > around + CONTRAST)).float(), display)
     counted = bright if resting is None else bright * (1.0 - resting)
     sparse = counted.sum(dim=(2, 3), keepdim=True)
     return rises & (sparse / (display.width * display.height) > FLASH_FRACTION)

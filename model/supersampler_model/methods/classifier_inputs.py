@@ -13,18 +13,7 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from supersampler.methods.classifier.spec import NEIGHBOURHOOD_INPUTS, CountCode
-from supersampler_model.ops.color import largest, luminance
-from supersampler_model.ops.images import (
-    Size,
-    blurred,
-    channels_of,
-    half_of,
-    maximum_3x3,
-    minimum_3x3,
-    repeat_edges,
-)
-from supersampler_model.ops.motion import Reprojection
-from supersampler_model.ops.sampling import Grid, Window
+from supersampler_model import ops
 
 FULL_COUNT = 64.0  # samples at which the logarithm is 1
 COUNTS: Mapping[CountCode, Callable[[Tensor], Tensor]] = {
@@ -46,7 +35,7 @@ class CurrentFrame(NamedTuple):
     confidence: Tensor  # (1, 1, H, W) sum of their Gaussian weights, [0, 1]
     mean: Tensor  # (1, 3, H, W) of the samples of a neighbourhood, YCoCg
     deviation: Tensor  # (1, 3, H, W) their standard deviation
-    window: Window  # the 3x3 samples around each pixel
+    window: ops.Window  # the 3x3 samples around each pixel
     edge: Tensor  # (1, 1, H, W) relative range of depth around
     glare: Tensor  # (1, 1, H, W) 1 where one of 3x3 samples is over GLARE_EXPOSED
     sampled: Tensor  # (1, 1, H, W) 1 where one of 3x3 samples is usable
@@ -72,14 +61,14 @@ class Gathered(NamedTuple):
 
     current: CurrentFrame
     warped: WarpedHistory
-    reprojection: Reprojection
+    reprojection: ops.Reprojection
     depth: Tensor  # (1, 1, H, W) of the closest sample around
     surfaces: Tensor  # (1, 2, h, w) depth, and occluding depth
     exposure: Tensor  # (1,) > 0
     followed: Tensor  # (1,) signed exposure for the history, see `exposure_for`
     flash: Tensor  # (1,) bool, see `is_flash`
-    display: Size
-    grid: Grid
+    display: ops.Size
+    grid: ops.Grid
     further_inputs: Mapping[str, Tensor] | None = None  # of the network, (1, 1, H, W) by name
     reactive: Tensor = torch.zeros(())  # (1, 1, H, W) of `reactive_at`
 
@@ -99,22 +88,22 @@ def pixel_inputs(gathered: Gathered, count: CountCode = "saturating") -> dict[st
     current, warped, reprojection = gathered.current, gathered.warped, gathered.reprojection
     range_ = warped.range.to(current.frame.dtype)
     frame, sample, color, range_ = (root(c) for c in (current.frame, current.sample, warped.rounded, range_))
-    luma, luma_before = luminance(sample), luminance(color)
-    around = torch.cat([minimum_3x3(luma_before), maximum_3x3(luma_before)], dim=1)
-    low, high = channels_of(gathered.grid.at_pixels(around))  # of the repeated pixel, beyond the display
+    luma, luma_before = ops.luminance(sample), ops.luminance(color)
+    around = torch.cat([ops.minimum_3x3(luma_before), ops.maximum_3x3(luma_before)], dim=1)
+    low, high = ops.channels_of(gathered.grid.at_pixels(around))  # of the repeated pixel, beyond the display
     speed = reprojection.speed()
     return {
-        "frame": luminance(frame),
+        "frame": ops.luminance(frame),
         "sample": luma,
         "history": luma_before,
-        "history_to_sample": largest((color - sample).abs()),
-        "history_to_frame": largest((color - frame).abs()),
-        "contrast": largest(current.deviation).clamp(min=1e-3).sqrt(),
+        "history_to_sample": ops.largest((color - sample).abs()),
+        "history_to_frame": ops.largest((color - frame).abs()),
+        "contrast": ops.largest(current.deviation).clamp(min=1e-3).sqrt(),
         "history_contrast": high - low,
         "beyond_range": torch.maximum(low - luma, luma - high).clamp(min=0.0),
         "min_luma": range_[:, :1],
         "max_luma": range_[:, 1:2],
-        "detail": root(largest(warped.detail.abs())),
+        "detail": root(ops.largest(warped.detail.abs())),
         "confidence": current.confidence,
         "count": COUNTS[count](warped.samples),
         "depth_difference": warped.difference,
@@ -126,16 +115,16 @@ def pixel_inputs(gathered: Gathered, count: CountCode = "saturating") -> dict[st
     }
 
 
-def neighbourhood_inputs(pixels: Mapping[str, Tensor], display: Size) -> dict[str, Tensor]:
+def neighbourhood_inputs(pixels: Mapping[str, Tensor], display: ops.Size) -> dict[str, Tensor]:
     """Compute all of NEIGHBOURHOOD_INPUTS from the inputs per pixel, at half size under a 5x5 tent.
 
     Aliasing averages out over a neighbourhood, a change of lighting does not.
     """
     difference = pixels["history"] - pixels["frame"]
-    both, half = torch.cat([difference, difference.abs()], dim=1), half_of(display)
+    both, half = torch.cat([difference, difference.abs()], dim=1), ops.half_of(display)
     means = F.conv2d(both, both.new_full((2, 1, 2, 2), 0.25), stride=2, groups=2)
-    means = repeat_edges(blurred(blurred(means, half), half), half)
-    return dict(zip(NEIGHBOURHOOD_INPUTS, channels_of(root(means.abs())), strict=True))
+    means = ops.repeat_edges(ops.blurred(ops.blurred(means, half), half), half)
+    return dict(zip(NEIGHBOURHOOD_INPUTS, ops.channels_of(root(means.abs())), strict=True))
 
 
 def root(value: Tensor) -> Tensor:

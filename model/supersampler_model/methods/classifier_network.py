@@ -13,7 +13,7 @@ from torch.nn import functional as F
 from torch.nn.utils.fusion import fuse_conv_bn_eval
 
 from supersampler.methods.classifier.spec import CLASSES, NetworkConfig
-from supersampler_model.ops.images import cut_to, size_of
+from supersampler_model import ops
 
 ALIGNED = 8  # the deepest level is at 1/8 of the packed size
 
@@ -171,7 +171,7 @@ def _on_pixels(weight: Tensor, channels: int) -> Tensor:
 
 def encode(encoder: nn.Module, *inputs: Tensor) -> Tensor:
     """Run an `Encoder` on inputs of any size: (n, c, h, w) each to (n, out_channels, h, w)."""
-    return cut_to(encoder(padded(torch.cat(inputs, dim=1))), size_of(inputs[0]))
+    return ops.cut_to(encoder(padded(torch.cat(inputs, dim=1))), ops.size_of(inputs[0]))
 
 
 def pack(image: Tensor) -> Tensor:

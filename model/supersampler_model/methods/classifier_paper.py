@@ -11,6 +11,7 @@ import torch
 from torch import Tensor, nn
 
 from supersampler.methods.classifier.spec import CLASSES, CLASSIFIER_PAPER, NetworkConfig
+from supersampler_model import ops
 from supersampler_model.methods.base import NetworkSubgraph
 from supersampler_model.methods.classifier import Classifier, Finished
 from supersampler_model.methods.classifier_inputs import Gathered, History, WarpedHistory
@@ -21,10 +22,6 @@ from supersampler_model.methods.classifier_network import (
     encode,
     pack,
 )
-from supersampler_model.ops.color import TONES, bounded, sanitize
-from supersampler_model.ops.images import cut_to, size_of
-from supersampler_model.ops.motion import Reprojection, read, read_cubic, relative_depth_change
-from supersampler_model.ops.sampling import View, grid_of, linear, resample
 
 PLANES = 20  # section 3: colour 3, depth 1, motion 2, count 1, range 6, depth change 1, classes 6
 COMPOSITOR_INPUTS = 14  # colour 3, history 3, classes 6, count 1, depth change 1
@@ -65,21 +62,21 @@ class PaperClassifier(Classifier):
     def gather_history(
         self,
         history: History,
-        front: Reprojection,
-        own: Reprojection,
+        front: ops.Reprojection,
+        own: ops.Reprojection,
         depth: Tensor,
-        before: View,
+        before: ops.View,
         exposure: Tensor,
         relit: Tensor | None = None,
     ) -> WarpedHistory:
         """Warp the history: count, range and depth by nearest samples, classes bilinearly (section 3)."""
         del own, relit
         nearest = (before.to_render(front.position) + 0.5).floor()
-        depth_before = read(history.depth[:, :1], nearest, mode="nearest")
-        difference = relative_depth_change(depth_before, depth)  # equation 10
-        state = read(history.state, (front.position + 0.5).floor(), mode="nearest")
-        color = read_cubic(history.color, front.position)  # "similar to TAA"
-        toned = self.toned(sanitize(color, 0.0) * exposure)
+        depth_before = ops.read(history.depth[:, :1], nearest, mode="nearest")
+        difference = ops.relative_depth_change(depth_before, depth)  # equation 10
+        state = ops.read(history.state, (front.position + 0.5).floor(), mode="nearest")
+        color = ops.read_cubic(history.color, front.position)  # "similar to TAA"
+        toned = self.toned(ops.sanitize(color, 0.0) * exposure)
         return WarpedHistory(
             color=toned,
             rounded=toned,
@@ -90,7 +87,7 @@ class PaperClassifier(Classifier):
             glare=torch.zeros_like(state[:, :1]),
             difference=difference.clamp(-1.0, 1.0) * (depth >= 0.0),
             surface=front.on_screen,
-            classes=read(history.classes, front.position),
+            classes=ops.read(history.classes, front.position),
         )
 
     def infer(self, gathered: Gathered) -> tuple[Tensor, Tensor]:
@@ -118,9 +115,9 @@ class PaperClassifier(Classifier):
         """Upsample the logits, compute the weight, blend; update sample count and range."""
         del blend, resting  # it has no blend parameters, and keeps no history at rest
         current, warped = gathered.current, gathered.warped
-        half = size_of(logits)
-        grid = grid_of(size_of(current.frame), half, torch.zeros(1, 2, device=logits.device))
-        upsampled = resample(logits, *grid.bands(half, linear, reach=1))
+        half = ops.size_of(logits)
+        grid = ops.grid_of(ops.size_of(current.frame), half, torch.zeros(1, 2, device=logits.device))
+        upsampled = ops.resample(logits, *grid.bands(half, ops.linear, reach=1))
         groups = upsampled[:, :3], upsampled[:, 3:]
         classes = torch.cat([class_probabilities(group) for group in groups], dim=1)
 
@@ -131,7 +128,7 @@ class PaperClassifier(Classifier):
         )
         weight = weight * known * (1.0 - gathered.reactive)  # of the history (WO 2024/043984)
         color = current.frame + weight * (warped.color - current.frame)
-        image = bounded(TONES[self.config.tone_space].inverse(color) / gathered.exposure)
+        image = ops.bounded(ops.TONES[self.config.tone_space].inverse(color) / gathered.exposure)
 
         occluded = (classes[:, 1:2] > torch.maximum(classes[:, :1], classes[:, 2:3])).float()
         kept = known * (1.0 - occluded) * (1.0 - gathered.reactive)
@@ -144,4 +141,4 @@ class PaperClassifier(Classifier):
         point = torch.cat([now, now], dim=1)  # the range of this frame alone
         range_ = point + kept * (torch.cat([low, high], dim=1) - point)
         state = torch.cat([next_count, range_], dim=1)
-        return Finished(*(cut_to(plane, gathered.display) for plane in (image, state, classes, weight)))
+        return Finished(*(ops.cut_to(plane, gathered.display) for plane in (image, state, classes, weight)))

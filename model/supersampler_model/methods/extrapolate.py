@@ -15,13 +15,10 @@ from supersampler.errors import ArgumentError
 from supersampler.methods.classifier.spec import NetworkConfig
 from supersampler.methods.extrapolation.spec import EXTRAPOLATE, EXTRAPOLATE_UNSHADED
 from supersampler.methods.spec import HALF
+from supersampler_model import ops
 from supersampler_model.methods.base import NetworkSubgraph, Trained, config_of
 from supersampler_model.methods.classifier import Classifier, SmallClassifier
 from supersampler_model.methods.classifier_network import ClassifierNetwork, Encoder, encode, pack, unpack
-from supersampler_model.ops.blending import reactive_at
-from supersampler_model.ops.color import finite, valid
-from supersampler_model.ops.images import size_of
-from supersampler_model.ops.sampling import View
 
 SURFACE = 3  # channels of an extrapolated pixel's surface in the network inputs: base colour
 
@@ -144,18 +141,18 @@ class UnshadedExtrapolate(TwoEncoders):
         """Return the results of `Classifier.compute`."""
         grouped, now, before = self.group_history(history, color, jitter, display_size)
         gathered = self.gather(color, depth, motion, exposure, grouped, now, before)
-        gathered = gathered._replace(reactive=reactive_at(reactive, valid(color), gathered.grid))
+        gathered = gathered._replace(reactive=ops.reactive_at(reactive, ops.valid(color), gathered.grid))
         surface = packed_base_color(gbuffer_base_color, now).to(self.dtype)
         logits, blend = self.net(*self.network_inputs(gathered), surface)
         return self.step_outputs(gathered, logits, unpack(blend), jitter)
 
 
-def packed_base_color(base_color: Tensor, view: View) -> Tensor:
+def packed_base_color(base_color: Tensor, view: ops.View) -> Tensor:
     """Return the square root of the nearest sample's base colour, packed: (1, 4 SURFACE, H / 2, W / 2).
 
     Args:
         base_color: (1, 3, h, w); NaN and Inf count as black.
         view: of the display.
     """
-    known = finite(base_color).clamp(0.0, 1.0)
-    return pack(view.grid(size_of(base_color), aligned=True).pick(known).sqrt())
+    known = ops.finite(base_color).clamp(0.0, 1.0)
+    return pack(view.grid(ops.size_of(base_color), aligned=True).pick(known).sqrt())

@@ -23,6 +23,7 @@ from supersampler.methods.gbuffer.spec import (
     GBufferConfig,
 )
 from supersampler.methods.spec import DISPLAY, RENDER, Shape
+from supersampler_model import ops
 from supersampler_model.methods import gbuffer_network as network
 from supersampler_model.methods.base import LearnedMethod, NetworkSubgraph
 from supersampler_model.methods.gbuffer_network import NetworkInputs
@@ -46,29 +47,6 @@ from supersampler_model.methods.gbuffer_surfaces import (
     usable_surfaces,
     weighted_mean,
 )
-from supersampler_model.ops.blending import composite, reactive_at
-from supersampler_model.ops.color import (
-    TONED,
-    bounded,
-    exposure_for,
-    filled,
-    inverse_tone,
-    limited,
-    sanitize,
-    tone,
-    valid,
-)
-from supersampler_model.ops.images import channels_of, display_size_of, neighbours_3x3, size_of, sum_of
-from supersampler_model.ops.motion import (
-    Reprojection,
-    dilate_motion_2x2,
-    disocclusion,
-    read_cubic,
-    reproject,
-    to_display,
-    usable_motion,
-)
-from supersampler_model.ops.sampling import View, gaussian, normalised
 
 MAX_FACTOR: Mapping[torch.dtype, float] = {torch.float32: 12.0, torch.float16: 8.0}
 """Maximum of the logarithm of a factor, and minus its minimum: sums of nine such factors are half floats."""
@@ -87,7 +65,7 @@ class FrameInputs(NamedTuple):
     exposure: Tensor  # (1,) 0: measure
     render: Surfaces
     display: Surfaces
-    view: View
+    view: ops.View
 
 
 class CurrentFrame(NamedTuple):
@@ -190,9 +168,9 @@ class GBuffer(LearnedMethod):
         names = [name for name in self.inputs() if name.startswith("gbuffer_")]
         render, display = self.surfaces_of(dict(zip(names, others, strict=False)), depth)
         history = History(*others[len(names) :])
-        view = View(display_size_of(display_size), size_of(color), jitter)
+        view = ops.View(ops.display_size_of(display_size), ops.size_of(color), jitter)
         gathered = self.gather(FrameInputs(color, motion, exposure, render, display, view), history)
-        mask = reactive_at(reactive, valid(color), view.grid(size_of(color)))
+        mask = ops.reactive_at(reactive, ops.valid(color), view.grid(ops.size_of(color)))
         gathered = gathered._replace(reactive=mask)
         (blend,) = self.net(*gathered.inputs)
         done = self.finish(gathered, blend, history)
@@ -207,11 +185,11 @@ class GBuffer(LearnedMethod):
 
     def gather(self, frame: FrameInputs, history: History) -> Gathered:
         """Resample this frame and the history for the network and the blend."""
-        usable, color = valid(frame.color), sanitize(frame.color, 0.0)
-        followed = exposure_for(color, usable, frame.exposure, history.exposure)
+        usable, color = ops.valid(frame.color), ops.sanitize(frame.color, 0.0)
+        followed = ops.exposure_for(color, usable, frame.exposure, history.exposure)
         frame = frame._replace(
-            color=filled(color, usable, followed.abs()),
-            motion=usable_motion(frame.motion),
+            color=ops.filled(color, usable, followed.abs()),
+            motion=ops.usable_motion(frame.motion),
             exposure=followed.abs(),
             render=usable_surfaces(frame.render, self.dtype),
             display=usable_surfaces(frame.display, self.dtype),
@@ -234,14 +212,16 @@ class GBuffer(LearnedMethod):
             followed: (1,) see `CurrentFrame`.
         """
         c, exposed = self.config, frame.color * frame.exposure
-        grid = frame.view.grid(size_of(exposed))
-        toned, reflected = tone(exposed), reflectance(frame.display)
+        grid = frame.view.grid(ops.size_of(exposed))
+        toned, reflected = ops.tone(exposed), reflectance(frame.display)
         counted = usable.clamp(min=FILLED)  # what is filled shows where there is nothing else
-        light = limited(tone(exposed / reflectance(frame.render)).to(self.dtype))
+        light = ops.limited(ops.tone(exposed / reflectance(frame.render)).to(self.dtype))
         samples = samples_of(light, counted, frame.render, frame.display, grid)
         colors = torch.cat([toned * counted, counted], dim=1).to(self.dtype)
-        near = grid.upsample(colors, gaussian(c.sample_sigma), (float(c.ratio), float(c.ratio)))
-        smooth = normalised(grid.upsample(colors, gaussian(c.smooth_sigma))).clamp(0.0, TONED[self.dtype])
+        near = grid.upsample(colors, ops.gaussian(c.sample_sigma), (float(c.ratio), float(c.ratio)))
+        smooth = ops.normalised(grid.upsample(colors, ops.gaussian(c.smooth_sigma))).clamp(
+            0.0, ops.TONED[self.dtype]
+        )
         return CurrentFrame(
             toned=toned * usable,
             usable=usable,
@@ -250,7 +230,7 @@ class GBuffer(LearnedMethod):
             samples=samples,
             guided=lit(weighted_mean(samples), reflected),
             smooth=smooth,
-            near=limited((near[:, :3] + 1e-3 * smooth) / (near[:, 3:] + 1e-3)),
+            near=ops.limited((near[:, :3] + 1e-3 * smooth) / (near[:, 3:] + 1e-3)),
             confidence=near[:, 3:].clamp(max=1.0),
             followed=followed,
         )
@@ -259,29 +239,29 @@ class GBuffer(LearnedMethod):
         """Return (1, 1, H, W) 1 where the light changed so much that the history is invalid, else 0."""
         inputs = current.inputs
         known = current.usable * before.values[:, FRAME - 1 :] * before.on_screen
-        color_before = sanitize(before.values[:, :3], 0.0)
+        color_before = ops.sanitize(before.values[:, :3], 0.0)
         changed = changed_light(inputs.color * inputs.exposure, color_before * inputs.exposure, known)
-        return inputs.view.grid(size_of(inputs.color)).pick(changed)
+        return inputs.view.grid(ops.size_of(inputs.color)).pick(changed)
 
     def gather_history(self, current: CurrentFrame, history: History, changed: Tensor) -> WarpedHistory:
         """Warp the previous image; its sample count is 0 where the light has `changed`."""
         c, inputs, view = self.config, current.inputs, current.inputs.view
         depth, motion, exposure = inputs.render.depth, inputs.motion, inputs.exposure
-        render = size_of(depth)
+        render = ops.size_of(depth)
         grid = view.grid(render)
         own_motion = motion_of_surface(depth, motion, inputs.display.depth, grid)
-        own = reproject(to_display(own_motion, view.display, render), view.display, grid)
-        _, dilated = dilate_motion_2x2(depth, motion)
-        vectors = grid.pick_first_vectors(to_display(dilated, view.display, render))
-        front = reproject(vectors, view.display, grid)
-        before = View(view.display, render, history.jitter).to_render(own.position)
-        occluded = disocclusion(
+        own = ops.reproject(ops.to_display(own_motion, view.display, render), view.display, grid)
+        _, dilated = ops.dilate_motion_2x2(depth, motion)
+        vectors = grid.pick_first_vectors(ops.to_display(dilated, view.display, render))
+        front = ops.reproject(vectors, view.display, grid)
+        before = ops.View(view.display, render, history.jitter).to_render(own.position)
+        occluded = ops.disocclusion(
             inputs.display.depth, history.frame[:, 3:4], before, c.depth_margin, c.depth_ramp
         )
         reflectance_before = own.read(history.reflectance).clamp(min=0.5 * MIN_REFLECTANCE)
-        bilinear = sanitize(own.read(history.color), 0.0)
+        bilinear = ops.sanitize(own.read(history.color), 0.0)
         cubic, dilated_cubic = (
-            sanitize(read_cubic(history.color, place.position, c.history_sharpness), 0.0)
+            ops.sanitize(ops.read_cubic(history.color, place.position, c.history_sharpness), 0.0)
             for place in (own, front)
         )
         relit = cubic / reflectance_before * current.reflectance
@@ -310,15 +290,15 @@ class GBuffer(LearnedMethod):
             (warped.undilated, known * (0.1 * kept + 1e-3)),
         ]
         current_colors = [
-            (limited(_smoothed(current.guided, around)), confidence + 0.3),
+            (ops.limited(_smoothed(current.guided, around)), confidence + 0.3),
             (current.smooth, 0.1 * confidence + 0.01),
             (guided, 0.2 * confidence + 0.05),
             (current.near, 0.2 * confidence + 1e-3),
         ]
-        color, weight, odds = composite(
+        color, weight, odds = ops.composite(
             history_colors, current_colors, factors, gathered.reactive, current.smooth
         )
-        image = bounded(inverse_tone(color) / current.inputs.exposure)
+        image = ops.bounded(ops.inverse_tone(color) / current.inputs.exposure)
         next_history = History(
             color=image,
             reflectance=current.reflectance.float(),
@@ -333,9 +313,9 @@ class GBuffer(LearnedMethod):
         return Finished(image, next_history, weight)
 
 
-def _toned(color: Tensor, place: Reprojection) -> Tensor:
+def _toned(color: Tensor, place: ops.Reprojection) -> Tensor:
     """Apply the tone curve; 0 off screen."""
-    return (tone(color) * place.on_screen).clamp(0.0, TONED[torch.float32])
+    return (ops.tone(color) * place.on_screen).clamp(0.0, ops.TONED[torch.float32])
 
 
 def _smoothed(image: Tensor, kernel: Tensor) -> Tensor:
@@ -345,9 +325,11 @@ def _smoothed(image: Tensor, kernel: Tensor) -> Tensor:
         image: (1, 3, H, W).
         kernel: (1, 9, H, W) logarithms of factors to NEIGHBOUR_WEIGHTS.
     """
-    weights = [w * factor for w, factor in zip(NEIGHBOUR_WEIGHTS, channels_of(kernel.exp()), strict=True)]
-    total = sum_of(weights)
-    return sum_of([w * pixel for w, pixel in zip(weights, neighbours_3x3(image), strict=True)]) / total
+    weights = [w * factor for w, factor in zip(NEIGHBOUR_WEIGHTS, ops.channels_of(kernel.exp()), strict=True)]
+    total = ops.sum_of(weights)
+    return (
+        ops.sum_of([w * pixel for w, pixel in zip(weights, ops.neighbours_3x3(image), strict=True)]) / total
+    )
 
 
 class GBuffer4(GBuffer):
@@ -437,7 +419,7 @@ def _warped(
     dtype = render.base_color.dtype
     color, previous_depth, base, normal, usable = nearest.values.split_with_sizes([3, 1, 3, 3, 1], dim=1)
     base, normal = base.to(dtype), normal.to(dtype)
-    toned = tone(sanitize(color, 0.0) * current.inputs.exposure)
+    toned = ops.tone(ops.sanitize(color, 0.0) * current.inputs.exposure)
     kept = nearest.on_screen * usable
     if masked:
         now = (current.toned.to(dtype), render.base_color, render.depth)

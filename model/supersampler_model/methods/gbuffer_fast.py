@@ -15,34 +15,13 @@ import torch
 from torch import Tensor
 
 from supersampler.methods.gbuffer_fast.spec import GBUFFER_FAST, GBUFFERS_READ, GuidedConfig
+from supersampler_model import ops
 from supersampler_model.methods.base import Trained
 from supersampler_model.methods.classifier import Classifier, adapted, edge_of
 from supersampler_model.methods.classifier_inputs import CurrentFrame, Gathered, History, root
 from supersampler_model.methods.gbuffer import NEIGHBOUR_WEIGHTS
 from supersampler_model.methods.gbuffer_surfaces import depth_difference, lit, samples_3x3, squared_norm
-from supersampler_model.ops.at_rest import RestFrame, RestHistory
-from supersampler_model.ops.blending import reactive_at
-from supersampler_model.ops.color import (
-    exposure_for,
-    filled,
-    glaring,
-    is_flash,
-    largest,
-    limited,
-    sanitize,
-    tone,
-    valid,
-)
-from supersampler_model.ops.images import Size, channels_of, maximum_3x3, neighbours_3x3, size_of, sum_of
-from supersampler_model.ops.motion import (
-    dilate_motion_2x2,
-    occluding_depth,
-    reproject,
-    to_display,
-    usable_depth,
-    usable_motion,
-)
-from supersampler_model.ops.sampling import WINDOW, Grid, View, Window, gaussian
+from supersampler_model.ops import at_rest
 
 MIN_WEIGHT = 1e-4
 """Of the farthest sample, and of the most different surface: some light is found everywhere."""
@@ -64,7 +43,7 @@ class DisplaySurfaces(NamedTuple):
         base, normal = (image.to(dtype) for image in (self.base_color, self.normal))
         base = torch.where((base >= 0.0) & (base <= 1.0), base, 0.0)
         normal = torch.where((normal >= -1.0) & (normal <= 1.0), normal, 0.0)
-        return DisplaySurfaces(base, normal, usable_depth(self.depth))
+        return DisplaySurfaces(base, normal, ops.usable_depth(self.depth))
 
     def reflectance(self, minimum: float) -> Tensor:
         """Return (1, 3, h, w): base colour, raised to `minimum` at black; 1 at the sky.
@@ -88,7 +67,7 @@ class GuidedFrame(NamedTuple):
     exposure: Tensor  # (1,) 0: measure
     render: DisplaySurfaces
     display: DisplaySurfaces
-    view: View
+    view: ops.View
 
 
 class GuidedLight(NamedTuple):
@@ -128,10 +107,10 @@ class GuidedClassifier(Classifier):
         shared, now, before = self.group_history(history, color, jitter, display_size)
         frame = GuidedFrame(color, motion, exposure, render, display, now)
         gathered = self.gather_guided(frame, shared, history[6], before)
-        gathered = gathered._replace(reactive=reactive_at(reactive, valid(color), gathered.grid))
-        samples = RestFrame(color, motion, jitter, gathered.exposure, reactive, adds_samples)
+        gathered = gathered._replace(reactive=ops.reactive_at(reactive, ops.valid(color), gathered.grid))
+        samples = at_rest.RestFrame(color, motion, jitter, gathered.exposure, reactive, adds_samples)
         reflectance = history[6], self.reflectance_of(display)
-        rest = RestHistory(*history[-4:])
+        rest = at_rest.RestHistory(*history[-4:])
         return self.converged_outputs(gathered, samples, shared, before.jitter, rest, [reflectance])
 
     @staticmethod
@@ -146,7 +125,7 @@ class GuidedClassifier(Classifier):
         return display.usable(self.dtype).reflectance(self.config.min_reflectance).float()
 
     def gather_guided(
-        self, frame: GuidedFrame, history: History, reflectance_before: Tensor, before: View
+        self, frame: GuidedFrame, history: History, reflectance_before: Tensor, before: ops.View
     ) -> Gathered:
         """Resample this frame and the history at the display pixels.
 
@@ -156,29 +135,31 @@ class GuidedClassifier(Classifier):
             reflectance_before: (1, 3, H, W) of the previous frame.
             before: view of the previous frame.
         """
-        usable, color = valid(frame.color), sanitize(frame.color, 0.0)
-        followed = exposure_for(color, usable, frame.exposure, history.exposure)
-        flash = is_flash(followed, frame.exposure, history.exposure)
+        usable, color = ops.valid(frame.color), ops.sanitize(frame.color, 0.0)
+        followed = ops.exposure_for(color, usable, frame.exposure, history.exposure)
+        flash = ops.is_flash(followed, frame.exposure, history.exposure)
         exposure, view, c = followed.abs(), frame.view, self.config
-        motion = usable_motion(frame.motion)
+        motion = ops.usable_motion(frame.motion)
         render, whole = (surfaces.usable(self.dtype) for surfaces in (frame.render, frame.display))
-        grid = view.grid(size_of(color), aligned=True)
+        grid = view.grid(ops.size_of(color), aligned=True)
         display = DisplaySurfaces(*(grid.at_pixels(image) for image in whole))
-        exposed = filled(color, usable, exposure) * exposure
-        light = limited(tone(exposed / render.reflectance(c.min_reflectance)).to(self.dtype))
+        exposed = ops.filled(color, usable, exposure) * exposure
+        light = ops.limited(ops.tone(exposed / render.reflectance(c.min_reflectance)).to(self.dtype))
         guided = guide(light, usable, motion, render, display, grid, c)
         reflectance = display.reflectance(c.min_reflectance)
         edge = grid.at_pixels(edge_of(whole.depth).to(self.dtype))
         current = self.gather_now(exposed, usable, lit(guided.light, reflectance), edge, view, grid)
-        _, dilated = dilate_motion_2x2(render.depth, motion)
-        vectors = grid.pick_first_vectors(to_display(dilated, view.display, view.extent))
-        front = reproject(vectors, view.display, grid)
-        own = reproject(to_display(guided.motion, view.display, view.extent), view.display, grid)
+        _, dilated = ops.dilate_motion_2x2(render.depth, motion)
+        vectors = grid.pick_first_vectors(ops.to_display(dilated, view.display, view.extent))
+        front = ops.reproject(vectors, view.display, grid)
+        own = ops.reproject(ops.to_display(guided.motion, view.display, view.extent), view.display, grid)
         relit = reflectance.float() / own.read(reflectance_before).clamp(min=0.5 * c.min_reflectance)
         warped = self.gather_history(history, front, own, display.depth, before, exposure, relit)
-        surfaces = torch.cat([render.depth, occluding_depth(render.depth, motion)], dim=1)
+        surfaces = torch.cat([render.depth, ops.occluding_depth(render.depth, motion)], dim=1)
         inputs = {
-            "relit_to_frame": largest((root(warped.undilated.to(self.dtype)) - root(current.frame)).abs()),
+            "relit_to_frame": ops.largest(
+                (root(warped.undilated.to(self.dtype)) - root(current.frame)).abs()
+            ),
             "agreement": guided.agreement.to(self.dtype),
         }
         return Gathered(
@@ -187,7 +168,7 @@ class GuidedClassifier(Classifier):
         )  # fmt: skip
 
     def gather_now(
-        self, exposed: Tensor, usable: Tensor, guided: Tensor, edge: Tensor, view: View, grid: Grid
+        self, exposed: Tensor, usable: Tensor, guided: Tensor, edge: Tensor, view: ops.View, grid: ops.Grid
     ) -> CurrentFrame:
         """Upsample the usable samples of this frame, beside the guided colour.
 
@@ -203,8 +184,8 @@ class GuidedClassifier(Classifier):
         samples = torch.cat([toned, usable], dim=1).to(self.dtype)
         sample, confidence = self.near_samples(samples, view, grid)
         mean, deviation, _ = self.local_statistics(toned, usable, grid)
-        planes = [maximum_3x3(glaring(exposed, usable)), maximum_3x3(usable)]
-        glare, sampled = channels_of(grid.pick(torch.cat(planes, dim=1).to(self.dtype)))
+        planes = [ops.maximum_3x3(ops.glaring(exposed, usable)), ops.maximum_3x3(usable)]
+        glare, sampled = ops.channels_of(grid.pick(torch.cat(planes, dim=1).to(self.dtype)))
         return CurrentFrame(
             frame=guided,
             sample=sample,
@@ -218,10 +199,10 @@ class GuidedClassifier(Classifier):
         )
 
 
-def neighbours(image: Tensor, display: Size) -> Window:
+def neighbours(image: Tensor, display: ops.Size) -> ops.Window:
     """Return the 3x3 pixels around each pixel, (1, 3, H, W), with their initial weights."""
-    weights = image.new_tensor(NEIGHBOUR_WEIGHTS).reshape(1, WINDOW, 1, 1)
-    return Window(torch.stack(neighbours_3x3(image, display), dim=2), weights)
+    weights = image.new_tensor(NEIGHBOUR_WEIGHTS).reshape(1, ops.WINDOW, 1, 1)
+    return ops.Window(torch.stack(ops.neighbours_3x3(image, display), dim=2), weights)
 
 
 def guide(
@@ -230,7 +211,7 @@ def guide(
     motion: Tensor,
     render: DisplaySurfaces,
     display: DisplaySurfaces,
-    grid: Grid,
+    grid: ops.Grid,
     config: GuidedConfig,
 ) -> GuidedLight:
     """Resample light from the 3x3 samples around each display pixel, by distance and agreement of surfaces.
@@ -246,7 +227,7 @@ def guide(
         grid: of the display.
         config: of the method.
     """
-    near = gaussian(config.guide_sigma)
+    near = ops.gaussian(config.guide_sigma)
     own, target = render.features(config), display.features(config)
     lowest, chosen = torch.full_like(display.depth, torch.inf), None
     colors, weights, similar = [], [], []
@@ -267,8 +248,8 @@ def guide(
         chosen = moved if chosen is None else torch.where(cost < lowest, moved, chosen)
         lowest = torch.minimum(cost, lowest)
     assert chosen is not None  # noqa: S101 - nine samples
-    found = sum_of(weights)
+    found = ops.sum_of(weights)
     total = found.clamp(min=1e-9)
-    mean = sum_of([c * (w / total).to(c.dtype) for c, w in zip(colors, weights, strict=True)])
+    mean = ops.sum_of([c * (w / total).to(c.dtype) for c, w in zip(colors, weights, strict=True)])
     mean = torch.where(found > 0.0, mean, grid.pick(light))
-    return GuidedLight(mean, sum_of(similar).clamp(max=1.0), chosen)
+    return GuidedLight(mean, ops.sum_of(similar).clamp(max=1.0), chosen)

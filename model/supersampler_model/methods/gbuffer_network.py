@@ -14,8 +14,8 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from supersampler.methods.gbuffer.spec import Attention, GBufferNetworkConfig
+from supersampler_model import ops
 from supersampler_model.methods.classifier_network import Block, Pointwise, padded
-from supersampler_model.ops.images import cut_to, size_of
 
 SURFACES = 10  # base colour, normal, roughness, metallic, specular, relative depth
 GRADIENTS = 2  # of base colour and of normals
@@ -118,7 +118,7 @@ class Refiner(nn.Module):
         """(n, width, h, w) and (n, REFINER_INPUTS, h, w) to (n, width, h, w)."""
         fine = self.down(padded(torch.cat([features, refiner_inputs], dim=1)))
         coarse = doubled(self.below(F.max_pool2d(fine, 2)))
-        return cut_to(self.up(torch.cat([fine, coarse], dim=1)), size_of(features))
+        return ops.cut_to(self.up(torch.cat([fine, coarse], dim=1)), ops.size_of(features))
 
 
 class FusionNetwork(nn.Module):
@@ -142,7 +142,7 @@ class FusionNetwork(nn.Module):
         x = self.deepest(kept.pop())
         for block in self.up:
             x = block(torch.cat([kept.pop(), doubled(x)], dim=1))
-        return cut_to(x, size_of(features))
+        return ops.cut_to(x, ops.size_of(features))
 
 
 class GBufferNetwork(nn.Module):

@@ -8,10 +8,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from supersampler_model.ops.color import MAX_HALF, TONED, largest, luminance, min_divisor
-from supersampler_model.ops.images import channels_of, pick_columns, shifted, size_of, sum_of
-from supersampler_model.ops.motion import positions_of, read, usable_depth
-from supersampler_model.ops.sampling import Grid, gaussian
+from supersampler_model import ops
 
 MIN_REFLECTANCE = 0.04  # added to every reflectance; about that of a dielectric
 SAMPLE_SIGMA = 0.5  # Gaussian weight of a sample by distance, render pixels
@@ -53,7 +50,7 @@ def usable_surfaces(surfaces: Surfaces, dtype: torch.dtype) -> Surfaces:
     *buffers, depth = surfaces
     known = [torch.where((b >= -1.0) & (b <= 1.0), b, 0.0) for b in (b.to(dtype) for b in buffers)]
     base, roughness, metallic, specular = (b.clamp(min=0.0) for b in (known[0], *known[2:]))
-    return Surfaces(base, known[1], roughness, metallic, specular, usable_depth(depth))
+    return Surfaces(base, known[1], roughness, metallic, specular, ops.usable_depth(depth))
 
 
 def neutral_surfaces(depth: Tensor) -> Surfaces:
@@ -81,13 +78,13 @@ def lit(light: Tensor, reflected: Tensor) -> Tensor:
     It equals `tone(inverse_tone(light) * reflected)`; linear light is not computed, as it may exceed half
     floats.
     """
-    color, minimum = light * reflected, min_divisor(light, 1.0 / MAX_HALF)
-    return (color / ((1.0 - largest(light)).clamp(min=minimum) + largest(color))).clamp(
-        0.0, TONED[light.dtype]
+    color, minimum = light * reflected, ops.min_divisor(light, 1.0 / ops.MAX_HALF)
+    return (color / ((1.0 - ops.largest(light)).clamp(min=minimum) + ops.largest(color))).clamp(
+        0.0, ops.TONED[light.dtype]
     )
 
 
-def samples_of(light: Tensor, usable: Tensor, render: Surfaces, display: Surfaces, grid: Grid) -> Samples:
+def samples_of(light: Tensor, usable: Tensor, render: Surfaces, display: Surfaces, grid: ops.Grid) -> Samples:
     """Gather the 3x3 samples around each display pixel, weighted by distance and surface similarity.
 
     Args:
@@ -103,8 +100,10 @@ def samples_of(light: Tensor, usable: Tensor, render: Surfaces, display: Surface
     lengths, target_length, twice = squared_norm(own), squared_norm(target), -2.0 * target
     for down, across, sample in samples_3x3([light, usable, render.depth, lengths, own], grid):
         color, valid, depth, length, features = sample
-        vertical = gaussian(SAMPLE_SIGMA)(grid.y.nearest + down - grid.y.position)[:, None]
-        near = (vertical * gaussian(SAMPLE_SIGMA)(grid.x.nearest + across - grid.x.position) + 1e-4) * valid
+        vertical = ops.gaussian(SAMPLE_SIGMA)(grid.y.nearest + down - grid.y.position)[:, None]
+        near = (
+            vertical * ops.gaussian(SAMPLE_SIGMA)(grid.x.nearest + across - grid.x.position) + 1e-4
+        ) * valid
         deviation = depth_difference(depth, display.depth).to(target.dtype)
         of_depth = (deviation * deviation * (0.5 / DEPTH_SIGMA**2)).clamp(max=10.0)
         of_features = (features * twice).sum(dim=1, keepdim=True) + length + target_length
@@ -112,15 +111,15 @@ def samples_of(light: Tensor, usable: Tensor, render: Surfaces, display: Surface
         colors.append(color)
         weights.append(near * (similarity + 1e-4))
         similar.append(near * similarity)
-    return Samples(colors, weights, sum_of(similar))
+    return Samples(colors, weights, ops.sum_of(similar))
 
 
-def samples_3x3(images: Sequence[Tensor], grid: Grid) -> Iterator[tuple[int, int, list[Tensor]]]:
+def samples_3x3(images: Sequence[Tensor], grid: ops.Grid) -> Iterator[tuple[int, int, list[Tensor]]]:
     """Yield the 3x3 samples around each display pixel: offset down, offset across, samples (1, c, H, W)."""
-    width, height = size_of(images[0])
+    width, height = ops.size_of(images[0])
     offsets = (-1, 0, 1)
     columns = [(grid.x.nearest + across).clamp(0, width - 1) for across in offsets]
-    picked = [[pick_columns(image, column) for image in images] for column in columns]
+    picked = [[ops.pick_columns(image, column) for image in images] for column in columns]
     for down in offsets:
         row = (grid.y.nearest + down).clamp(0, height - 1)
         for across, of_column in zip(offsets, picked, strict=True):
@@ -147,10 +146,10 @@ def weighted_mean(samples: Samples, kernel: Tensor | None = None) -> Tensor:
     """
     weights = samples.weights
     if kernel is not None:
-        factors = channels_of(kernel.float().exp())
+        factors = ops.channels_of(kernel.float().exp())
         weights = [weight * factor for weight, factor in zip(weights, factors, strict=True)]
-    total = sum_of(weights).clamp(min=1e-12)
-    return sum_of([c * (w / total).to(c.dtype) for c, w in zip(samples.colors, weights, strict=True)])
+    total = ops.sum_of(weights).clamp(min=1e-12)
+    return ops.sum_of([c * (w / total).to(c.dtype) for c, w in zip(samples.colors, weights, strict=True)])
 
 
 def relative_depth(depth: Tensor, closest: Tensor) -> Tensor:
@@ -166,7 +165,7 @@ def closest_around(depth: Tensor) -> Tensor:
 def gradients(surfaces: Surfaces) -> Tensor:
     """Return L1 differences (1, 2, h, w) of base colour and normal to the right and lower pixel (III.B)."""
     both = torch.cat([surfaces.base_color, surfaces.normal], dim=1)
-    across, down = ((shifted(both, *side) - both).abs() for side in ((1, 0), (0, 1)))
+    across, down = ((ops.shifted(both, *side) - both).abs() for side in ((1, 0), (0, 1)))
     sums = (across + down).split_with_sizes([3, 3], dim=1)
     return torch.cat([part.sum(dim=1, keepdim=True) for part in sums], dim=1)
 
@@ -204,7 +203,7 @@ def changed_light(now: Tensor, previous: Tensor, known: Tensor) -> Tensor:
 
 
 def _stops(exposed: Tensor) -> Tensor:
-    return luminance(exposed).clamp(min=MIN_LUMINANCE).log() * LOG2_E
+    return ops.luminance(exposed).clamp(min=MIN_LUMINANCE).log() * LOG2_E
 
 
 def _differs(warped: Tensor, image: Tensor, size: int) -> Tensor:
@@ -218,11 +217,11 @@ def _differs(warped: Tensor, image: Tensor, size: int) -> Tensor:
     columns = torch.arange(-reach, w + reach, device=image.device).clamp(0, w - 1)
     wide = image.index_select(2, rows).index_select(3, columns)
     parts = [wide[:, :, y : y + h, x : x + w] for y in range(size) for x in range(size)]
-    far = largest((torch.cat(parts) - warped).abs()) > MAX_COLOR_CHANGE
+    far = ops.largest((torch.cat(parts) - warped).abs()) > MAX_COLOR_CHANGE
     return (far.to(image.dtype).sum(dim=0, keepdim=True) > 0.5 * size * size).float()
 
 
-def motion_of_surface(depth: Tensor, motion: Tensor, display_depth: Tensor, grid: Grid) -> Tensor:
+def motion_of_surface(depth: Tensor, motion: Tensor, display_depth: Tensor, grid: ops.Grid) -> Tensor:
     """Return the motion (1, 2, H, W) of the 3x3 sample whose depth is most similar to the display pixel's."""
     lowest = torch.full_like(display_depth, torch.inf)
     chosen = torch.zeros_like(display_depth).expand(-1, 2, -1, -1)
@@ -264,7 +263,7 @@ def read_nearest(image: Tensor, motion: Tensor, offset: Tensor) -> NearestSample
     on_screen = (x > -0.5) & (x < w - 0.5) & (y > -0.5) & (y < h - 0.5)
     x, y = x.clamp(-2.0, w + 1.0), y.clamp(-2.0, h + 1.0)
     column, row = (x + 0.5).floor(), (y + 0.5).floor()
-    values = read(image, positions_of(column, row), mode="nearest")
+    values = ops.read(image, ops.positions_of(column, row), mode="nearest")
     return NearestSamples(values, torch.cat([column - x, row - y], dim=1), on_screen.float())
 
 
@@ -272,7 +271,7 @@ def read_bilinear(image: Tensor, motion: Tensor, offset: Tensor) -> Tensor:
     """Read a previous frame bilinearly where `motion` points; for arguments see `read_nearest`."""
     x, y = _targets(motion, offset)
     x, y = x.clamp(-2.0, image.shape[3] + 1.0), y.clamp(-2.0, image.shape[2] + 1.0)
-    return read(image, positions_of(x, y))
+    return ops.read(image, ops.positions_of(x, y))
 
 
 def _targets(motion: Tensor, offset: Tensor) -> tuple[Tensor, Tensor]:

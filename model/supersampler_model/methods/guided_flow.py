@@ -20,6 +20,7 @@ from torch.nn import functional as F
 
 from supersampler.methods.extrapolation.spec import GUIDED_FLOW, FlowNetworkConfig, GuidedFlowConfig
 from supersampler.methods.spec import HALF
+from supersampler_model import ops
 from supersampler_model.methods.base import LearnedMethod, NetworkSubgraph
 from supersampler_model.methods.classifier_network import Block, padded
 from supersampler_model.methods.gbuffer_network import doubled
@@ -34,9 +35,6 @@ from supersampler_model.methods.guided_warp import (
     shaded_of,
     surface_of,
 )
-from supersampler_model.ops.color import bounded, finite, measured_exposure, tone
-from supersampler_model.ops.images import Size, cut_to, size_of, sum_of
-from supersampler_model.ops.motion import positions_of, read, usable_motion
 
 LIGHT = 4  # channels of an input: toned light, roughness
 FLOW = 2  # output channels of the flow: offset across, offset down
@@ -100,7 +98,7 @@ class FlowNetwork(nn.Module):
             joined = [features, moved(both[:n], flow), moved(both[n:], AGE_RATIO * flow), flow.to(both.dtype)]
             more, features = decoder(torch.cat(joined, dim=1))
             outputs = torch.cat([2.0 * doubled(flow) + more[:, :FLOW], more[:, FLOW:]], dim=1)
-        return (cut_to(outputs, size_of(later)),)
+        return (ops.cut_to(outputs, ops.size_of(later)),)
 
     def features(self, lights: Tensor) -> list[Tensor]:
         """Return features of (n, LIGHT, h, w), finest level first, padded to whole pixels of the coarsest."""
@@ -119,7 +117,7 @@ def moved(image: Tensor, flow: Tensor) -> Tensor:
     """
     x = torch.arange(image.shape[3], device=image.device) + flow[:, :1]
     y = torch.arange(image.shape[2], device=image.device)[:, None] + flow[:, 1:]
-    return read(image.float(), positions_of(x, y)).to(image.dtype)
+    return ops.read(image.float(), ops.positions_of(x, y)).to(image.dtype)
 
 
 class FlowHistory(NamedTuple):
@@ -194,21 +192,21 @@ class GuidedFlow(LearnedMethod):
         """Compute the guided light of the last shaded frame, and of the earlier one at half size."""
         c, last, earlier = self.config.warp, history.last, history.earlier
         to_last, to_earlier = motions_of(motion, jitter, history)
-        x, y = samples_at(to_last, jitter, size_of(last.color), last.jitter)
+        x, y = samples_at(to_last, jitter, ops.size_of(last.color), last.jitter)
         light = guided_light(surface, last, x, y, c)
-        x, y = samples_at(to_earlier, jitter, size_of(earlier.color), earlier.jitter)
+        x, y = samples_at(to_earlier, jitter, ops.size_of(earlier.color), earlier.jitter)
         half_surface = Surface(*map(halved, surface))
         lights = [halved(light), guided_light(half_surface, earlier, halved(x), halved(y), c)]
-        exposure, _ = measured_exposure(lights[0], torch.ones_like(half_surface.depth))
-        rough = halved(finite(roughness).clamp(0.0, 1.0))
-        toned = (tone(half * exposure).clamp(max=MAX_TONED) for half in lights)
+        exposure, _ = ops.measured_exposure(lights[0], torch.ones_like(half_surface.depth))
+        rough = halved(ops.finite(roughness).clamp(0.0, 1.0))
+        toned = (ops.tone(half * exposure).clamp(max=MAX_TONED) for half in lights)
         return Gathered(surface, light, Lights(*(torch.cat([t, rough], dim=1) for t in toned)), to_last)
 
     def finish(self, gathered: Gathered, flow: Tensor) -> Tensor:
         """Return the image (1, 3, h, w) from the network's output."""
         surface = gathered.surface
         light = self.refined(gathered.light, self.guides(surface), flow)
-        return bounded(light * reflectance(surface, self.config.warp))
+        return ops.bounded(light * reflectance(surface, self.config.warp))
 
     def guides(self, surface: Surface) -> Tensor:
         """Return surface features (1, 4, h, w) in standard deviations: normal and logarithm of depth."""
@@ -227,10 +225,10 @@ class GuidedFlow(LearnedMethod):
             flow: (n, sum(OUTPUTS), h / 2, w / 2) from the network.
         """
         c = self.config
-        flow, gain, logit = doubled_linear(flow, size_of(light)).split_with_sizes(OUTPUTS, dim=1)
+        flow, gain, logit = doubled_linear(flow, ops.size_of(light)).split_with_sizes(OUTPUTS, dim=1)
         source = moved(torch.cat([light, guides], dim=1), (2.0 * flow).clamp(-c.max_motion, c.max_motion))
         difference = source[:, 3:] - guides
-        similarity = (-0.5 * sum_of([difference[:, i : i + 1] ** 2 for i in range(4)])).exp()
+        similarity = (-0.5 * ops.sum_of([difference[:, i : i + 1] ** 2 for i in range(4)])).exp()
         factor = (gain.clamp(-1.0, 1.0) * (c.max_stops * 0.6931472)).exp()
         refined = (light + similarity * (source[:, :3] - light)) * factor
         return light + logit.sigmoid() * (refined - light)
@@ -239,9 +237,9 @@ class GuidedFlow(LearnedMethod):
         """Return the next history, in the order of `history`; `motion` points to the last shaded frame."""
         return [
             *(history.last.color, *history.last.surface, history.last.jitter * 1.0),
-            *(motion, jitter * 1.0, usable_motion(history.shaded_motion)),
+            *(motion, jitter * 1.0, ops.usable_motion(history.shaded_motion)),
             *(history.earlier.color, *history.earlier.surface, history.earlier.jitter * 1.0),
-            *(usable_motion(history.between), history.between_jitter * 1.0),
+            *(ops.usable_motion(history.between), history.between_jitter * 1.0),
         ]
 
 
@@ -271,9 +269,9 @@ def halved(image: Tensor) -> Tensor:
     return image[:, :, ::2, ::2]
 
 
-def doubled_linear(image: Tensor, size: Size) -> Tensor:
+def doubled_linear(image: Tensor, size: ops.Size) -> Tensor:
     """Upsample bilinearly, as the inverse of `halved`: (n, c, h / 2, w / 2) -> (n, c, h, w)."""
     zeros = torch.zeros((image.shape[0], 1, size.height, size.width), device=image.device)
     x = zeros + 0.5 * torch.arange(size.width, device=image.device)
     y = zeros + 0.5 * torch.arange(size.height, device=image.device)[:, None]
-    return read(image, positions_of(x, y))
+    return ops.read(image, ops.positions_of(x, y))

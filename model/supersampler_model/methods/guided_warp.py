@@ -17,10 +17,8 @@ import torch
 from torch import Tensor
 
 from supersampler.methods.extrapolation.spec import GUIDED_WARP, GuidedWarpConfig
+from supersampler_model import ops
 from supersampler_model.methods.base import Method
-from supersampler_model.ops.color import MAX_HALF, bounded, finite, sanitize, valid
-from supersampler_model.ops.images import Size, size_of, sum_of
-from supersampler_model.ops.motion import FAR, UNKNOWN_DEPTH, positions_of, read, usable_depth, usable_motion
 
 NEIGHBOURS = ((0, -1), (-1, 0), (1, 0), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1))
 """Offsets (x, y) of the eight neighbours of a pixel, nearest first."""
@@ -51,7 +49,7 @@ class Guide(NamedTuple):
 
     pixels: Tensor  # (h w, 7) features of the pixels
     samples: Tensor  # (h' w', 7) features of the shaded frame's samples
-    size: Size  # of the shaded frame
+    size: ops.Size  # of the shaded frame
     x: Tensor  # (h w) position of each pixel in the shaded frame; 0 is the first sample
     y: Tensor
 
@@ -65,13 +63,13 @@ class Candidate(NamedTuple):
 
 def shaded_of(color: Tensor, base_color: Tensor, normal: Tensor, depth: Tensor, jitter: Tensor) -> Shaded:
     """Sanitize a shaded frame."""
-    surface = surface_of(base_color, normal, depth, valid(color))
-    return Shaded(sanitize(color, 0.0), surface, jitter)
+    surface = surface_of(base_color, normal, depth, ops.valid(color))
+    return Shaded(ops.sanitize(color, 0.0), surface, jitter)
 
 
 def reflectance(surface: Surface, config: GuidedWarpConfig) -> Tensor:
     """Return the reflectance (1, 3, h, w): base colour plus `config.least`; 1 at the sky."""
-    sky = sum_of([surface.normal[:, i : i + 1] ** 2 for i in range(3)]) < 0.1
+    sky = ops.sum_of([surface.normal[:, i : i + 1] ** 2 for i in range(3)]) < 0.1
     return torch.where(sky, 1.0, surface.base_color + config.least)
 
 
@@ -87,15 +85,15 @@ def guided_light(surface: Surface, shaded: Shaded, x: Tensor, y: Tensor, config:
     """
     guide = _guide(surface, shaded, x, y, config)
     light = _rows(shaded.color / reflectance(shaded.surface, config))
-    return _mean(_candidates(guide, config), light, size_of(surface.depth))
+    return _mean(_candidates(guide, config), light, ops.size_of(surface.depth))
 
 
 def _guide(surface: Surface, shaded: Shaded, x: Tensor, y: Tensor, config: GuidedWarpConfig) -> Guide:
-    size = size_of(shaded.color)
+    size = ops.size_of(shaded.color)
     x, y = x.clamp(0.0, size.width - 1.0), y.clamp(0.0, size.height - 1.0)
     # Without any valid depth in the shaded frame, depth must not count: all its samples would be unlike.
     has_depth = (shaded.surface.depth >= 0.0).float().sum() > 0.0
-    unknown = torch.full_like(surface.depth, UNKNOWN_DEPTH)
+    unknown = torch.full_like(surface.depth, ops.UNKNOWN_DEPTH)
     surface = surface._replace(depth=torch.where(has_depth, surface.depth, unknown))
     pixels, samples = _features(surface, config), _features(shaded.surface, config)
     return Guide(pixels, samples, size, x.reshape(-1), y.reshape(-1))
@@ -133,12 +131,12 @@ def _candidate(
     return Candidate(index, 0.5 * ((difference * difference).sum(dim=1) + (x * x + y * y)))
 
 
-def _mean(candidates: Sequence[Candidate], light: Tensor, size: Size) -> Tensor:
+def _mean(candidates: Sequence[Candidate], light: Tensor, size: ops.Size) -> Tensor:
     """Return the weighted mean (1, 3, h, w) of samples of `light`, (h' w', 3) (equation 3)."""
     lowest = reduce(torch.minimum, [candidate.cost for candidate in candidates])
     weights = [(lowest - candidate.cost).exp()[:, None] for candidate in candidates]
     terms = [light.index_select(0, c.sample) * weight for c, weight in zip(candidates, weights, strict=True)]
-    mean = sum_of(terms) / sum_of(weights)
+    mean = ops.sum_of(terms) / ops.sum_of(weights)
     return mean.reshape(1, size.height, size.width, 3).permute(0, 3, 1, 2)
 
 
@@ -154,11 +152,11 @@ def surface_of(base_color: Tensor, normal: Tensor, depth: Tensor, usable: Tensor
     Returns:
         The surfaces; their depth is UNKNOWN_DEPTH where a G-buffer is invalid or the sample is not usable.
     """
-    depth = usable_depth(depth)
-    known = torch.cat([base_color, normal], dim=1).abs() <= MAX_HALF
+    depth = ops.usable_depth(depth)
+    known = torch.cat([base_color, normal], dim=1).abs() <= ops.MAX_HALF
     valid_here = [known[:, i : i + 1] for i in range(6)] + ([] if usable is None else [usable > 0.0])
-    depth = torch.where(reduce(torch.logical_and, valid_here), depth, UNKNOWN_DEPTH)
-    return Surface(finite(base_color).clamp(0.0, 1.0), finite(normal).clamp(-1.0, 1.0), depth)
+    depth = torch.where(reduce(torch.logical_and, valid_here), depth, ops.UNKNOWN_DEPTH)
+    return Surface(ops.finite(base_color).clamp(0.0, 1.0), ops.finite(normal).clamp(-1.0, 1.0), depth)
 
 
 def back_to_shaded(motion: Tensor, jitter: Tensor, before: Tensor, jitter_before: Tensor) -> Tensor:
@@ -171,16 +169,18 @@ def back_to_shaded(motion: Tensor, jitter: Tensor, before: Tensor, jitter_before
             frame; zeros if the previous frame was shaded.
         jitter_before: (1, 2) of the previous frame.
     """
-    motion = usable_motion(motion)
-    render, previous = size_of(motion), size_of(before)
-    places = positions_of(*samples_at(motion, jitter, previous, jitter_before))
-    rest = read(usable_motion(before), places)
+    motion = ops.usable_motion(motion)
+    render, previous = ops.size_of(motion), ops.size_of(before)
+    places = ops.positions_of(*samples_at(motion, jitter, previous, jitter_before))
+    rest = ops.read(ops.usable_motion(before), places)
     across = rest[:, :1] * render.width / previous.width
     down = rest[:, 1:] * render.height / previous.height
-    return (motion + torch.cat([across, down], dim=1)).clamp(-FAR, FAR)
+    return (motion + torch.cat([across, down], dim=1)).clamp(-ops.FAR, ops.FAR)
 
 
-def samples_at(motion: Tensor, jitter: Tensor, other: Size, other_jitter: Tensor) -> tuple[Tensor, Tensor]:
+def samples_at(
+    motion: Tensor, jitter: Tensor, other: ops.Size, other_jitter: Tensor
+) -> tuple[Tensor, Tensor]:
     """Return the positions x and y, (1, 1, h, w) each, that motion points to among another frame's samples.
 
     Args:
@@ -189,7 +189,7 @@ def samples_at(motion: Tensor, jitter: Tensor, other: Size, other_jitter: Tensor
         other: size of the other frame.
         other_jitter: (1, 2) of the other frame; position 0 is its first sample.
     """
-    w, h = size_of(motion)
+    w, h = ops.size_of(motion)
     x = torch.arange(w, device=motion.device) + motion[:, :1] + (jitter[0, 0] + 0.5)
     y = torch.arange(h, device=motion.device)[:, None] + motion[:, 1:] + (jitter[0, 1] + 0.5)
     return x * other.width / w - (other_jitter[0, 0] + 0.5), y * other.height / h - (other_jitter[0, 1] + 0.5)
@@ -251,7 +251,7 @@ class GuidedWarp(Method):
         surface = surface_of(gbuffer_base_color, gbuffer_normal, depth)
         shaded = shaded_of(history_color, history_base_color, history_normal, history_depth, history_jitter)
         to_shaded = back_to_shaded(motion, jitter, history_motion, history_motion_jitter)
-        x, y = samples_at(to_shaded, jitter, size_of(shaded.color), shaded.jitter)
+        x, y = samples_at(to_shaded, jitter, ops.size_of(shaded.color), shaded.jitter)
         light = guided_light(surface, shaded, x, y, self.config)
-        image = bounded(light * reflectance(surface, self.config))
+        image = ops.bounded(light * reflectance(surface, self.config))
         return (image, shaded.color, *shaded.surface, shaded.jitter * 1.0, to_shaded, jitter * 1.0)

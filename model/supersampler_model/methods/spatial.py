@@ -7,10 +7,8 @@ import torch
 from torch import Tensor
 
 from supersampler.methods.spatial.spec import BICUBIC, BILINEAR
+from supersampler_model import ops
 from supersampler_model.methods.base import Method
-from supersampler_model.ops.color import bounded, filled, sanitize, valid
-from supersampler_model.ops.images import display_size_of, size_of
-from supersampler_model.ops.sampling import catmull_rom, grid_of, linear, resample
 
 
 class Spatial(Method):
@@ -30,16 +28,20 @@ class Spatial(Method):
         display_size: Tensor,  # (2,) int64
     ) -> tuple[Tensor]:
         """Return the image (1, 3, H, W), linear RGB >= 0."""
-        display, render = display_size_of(display_size), size_of(color)
-        bands = grid_of(display, render, jitter).bands(render, self.kernel, reach=self.reach)
-        return (bounded(resample(filled(sanitize(color, 0.0), valid(color), torch.ones(1)), *bands)),)
+        display, render = ops.display_size_of(display_size), ops.size_of(color)
+        bands = ops.grid_of(display, render, jitter).bands(render, self.kernel, reach=self.reach)
+        return (
+            ops.bounded(
+                ops.resample(ops.filled(ops.sanitize(color, 0.0), ops.valid(color), torch.ones(1)), *bands)
+            ),
+        )
 
 
 class Bilinear(Spatial):
     """Bilinear interpolation."""
 
     spec: ClassVar = BILINEAR
-    kernel = staticmethod(linear)
+    kernel = staticmethod(ops.linear)
     reach = 1
 
 
@@ -47,5 +49,5 @@ class Bicubic(Spatial):
     """Catmull-Rom interpolation."""
 
     spec: ClassVar = BICUBIC
-    kernel = staticmethod(catmull_rom)
+    kernel = staticmethod(ops.catmull_rom)
     reach = 2

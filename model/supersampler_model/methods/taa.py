@@ -16,29 +16,8 @@ import torch
 from torch import Tensor
 
 from supersampler.methods.taa.spec import TAA, TaaConfig
+from supersampler_model import ops
 from supersampler_model.methods.base import Method
-from supersampler_model.ops.blending import (
-    Corners,
-    clip_to_center,
-    clip_to_sample,
-    moments,
-    reactive_at,
-    variance_box,
-)
-from supersampler_model.ops.color import (
-    bounded,
-    exposure_for,
-    filled,
-    from_ycocg,
-    inverse_tone,
-    sanitize,
-    tone,
-    valid,
-    ycocg,
-)
-from supersampler_model.ops.images import blurred, display_size_of, maximum_3x3, minimum_3x3, size_of
-from supersampler_model.ops.motion import longest, read_cubic, reproject, to_display, usable_motion
-from supersampler_model.ops.sampling import grid_of, linear, resample
 
 
 class Gathered(NamedTuple):
@@ -49,7 +28,7 @@ class Gathered(NamedTuple):
     has_history: Tensor  # (1, 1, H, W) 0 or 1
     usable: Tensor  # (1, 1, H, W) 1 where all samples of the neighbourhood are usable, else 0
     reactive: Tensor  # (1, 1, H, W) in [0, 1], 0 where one of them is not usable
-    box: Corners
+    box: ops.Corners
 
 
 class Taa(Method):
@@ -70,10 +49,10 @@ class Taa(Method):
         history_exposure: Tensor,  # (1,) 0: no history
     ) -> tuple[Tensor, ...]:
         """Return the image (1, 3, H, W), linear RGB >= 0, the next history and the weight of the history."""
-        usable, color = valid(color), sanitize(color, 0.0)
-        followed = exposure_for(color, usable, exposure, history_exposure)
+        usable, color = ops.valid(color), ops.sanitize(color, 0.0)
+        followed = ops.exposure_for(color, usable, exposure, history_exposure)
         exposure = followed.abs()
-        color = filled(color, usable, exposure)
+        color = ops.filled(color, usable, exposure)
         gathered = self.gather(color, usable, motion, reactive, jitter, exposure, display_size, history_color)
         weight = self.network(gathered, history_exposure)
         image = self.finish(gathered, weight, exposure)
@@ -91,23 +70,23 @@ class Taa(Method):
         history_color: Tensor,
     ) -> Gathered:
         """Upsample this frame, compute the boxes of its neighbourhoods, warp the history."""
-        display, render = display_size_of(display_size), size_of(color)
-        grid = grid_of(display, render, jitter)
+        display, render = ops.display_size_of(display_size), ops.size_of(color)
+        grid = ops.grid_of(display, render, jitter)
         toned = self.to_space(color * exposure)
-        sample = resample(toned, *grid.bands(render, linear, reach=1))
+        sample = ops.resample(toned, *grid.bands(render, ops.linear, reach=1))
         corners = grid.pick(torch.cat(self.neighbourhood_box(toned), dim=1))
-        box = Corners(*corners.split_with_sizes([3, 3], dim=1))
-        vectors = to_display(longest(usable_motion(motion)), display, render)
-        reprojection = reproject(grid.pick_vectors(vectors), display, grid)
-        warped = read_cubic(history_color, reprojection.position)
-        history = self.to_space(sanitize(warped, 0.0) * exposure)
-        usable = minimum_3x3(usable)
+        box = ops.Corners(*corners.split_with_sizes([3, 3], dim=1))
+        vectors = ops.to_display(ops.longest(ops.usable_motion(motion)), display, render)
+        reprojection = ops.reproject(grid.pick_vectors(vectors), display, grid)
+        warped = ops.read_cubic(history_color, reprojection.position)
+        history = self.to_space(ops.sanitize(warped, 0.0) * exposure)
+        usable = ops.minimum_3x3(usable)
         return Gathered(
             sample=sample,
             history=history,
             has_history=reprojection.on_screen,
             usable=grid.pick(usable),
-            reactive=reactive_at(reactive, usable, grid),
+            reactive=ops.reactive_at(reactive, usable, grid),
             box=box,
         )
 
@@ -123,33 +102,33 @@ class Taa(Method):
         """Clip the history, blend, and return to linear RGB."""
         match self.config.clip:
             case "sample":
-                history = clip_to_sample(gathered.history, gathered.sample, gathered.box)
+                history = ops.clip_to_sample(gathered.history, gathered.sample, gathered.box)
             case "center":
-                history = clip_to_center(gathered.history, gathered.box.box())
+                history = ops.clip_to_center(gathered.history, gathered.box.box())
             case _:
                 history = gathered.box.clamp(gathered.history)
         history = torch.where(gathered.usable > 0.0, history, gathered.history)
         blend = history + weight * (gathered.sample - history)
-        return bounded(inverse_tone(self.from_space(blend).clamp(min=0.0)) / exposure)
+        return ops.bounded(ops.inverse_tone(self.from_space(blend).clamp(min=0.0)) / exposure)
 
-    def neighbourhood_box(self, color: Tensor) -> Corners:
+    def neighbourhood_box(self, color: Tensor) -> ops.Corners:
         """Return the box of each 3x3 neighbourhood at render size."""
-        extent = Corners(minimum_3x3(color), maximum_3x3(color))
+        extent = ops.Corners(ops.minimum_3x3(color), ops.maximum_3x3(color))
         if self.config.gamma is None:
             return extent
-        first, second = moments(color)
+        first, second = ops.moments(color)
         for _ in range(3, self.config.window, 2):
-            first, second = blurred(first), blurred(second)
-        center, half = variance_box(first, second, self.config.gamma)
-        box = Corners(center - half, center + half)
+            first, second = ops.blurred(first), ops.blurred(second)
+        center, half = ops.variance_box(first, second, self.config.gamma)
+        box = ops.Corners(center - half, center + half)
         if self.config.intersect_extent:
-            return Corners(torch.maximum(box.low, extent.low), torch.minimum(box.high, extent.high))
+            return ops.Corners(torch.maximum(box.low, extent.low), torch.minimum(box.high, extent.high))
         return box
 
     def to_space(self, exposed: Tensor) -> Tensor:
         """Convert exposed linear RGB to the space in which colours are compared and blended."""
-        return ycocg(tone(exposed)) if self.config.space == "ycocg" else tone(exposed)
+        return ops.ycocg(ops.tone(exposed)) if self.config.space == "ycocg" else ops.tone(exposed)
 
     def from_space(self, color: Tensor) -> Tensor:
         """Convert back to toned RGB."""
-        return from_ycocg(color) if self.config.space == "ycocg" else color
+        return ops.from_ycocg(color) if self.config.space == "ycocg" else color

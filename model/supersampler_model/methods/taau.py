@@ -43,58 +43,9 @@ from supersampler.methods.taau.spec import (
     UNFIT,
     TaauConfig,
 )
+from supersampler_model import ops
 from supersampler_model.methods.base import Method
-from supersampler_model.ops.at_rest import RestFrame, RestHistory, StaticBlocks, compare, converge, kept
-from supersampler_model.ops.blending import Box, clip_to_center, overshoot, reactive_at
-from supersampler_model.ops.color import (
-    CONFIRMED,
-    DARKNESS,
-    GLARE,
-    bounded,
-    exposure_for,
-    filled,
-    from_ycocg,
-    glaring,
-    inverse_tone,
-    sanitize,
-    tone,
-    valid,
-    without_glare,
-    ycocg,
-)
-from supersampler_model.ops.images import (
-    block_means,
-    blurred,
-    channels_of,
-    display_size_of,
-    fit,
-    maximum_3x3,
-    padded_3x3,
-    size_of,
-    spread,
-)
-from supersampler_model.ops.motion import (
-    Reprojection,
-    dilate_motion_2x2,
-    disocclusion,
-    occluding_depth,
-    read,
-    read_cubic,
-    reproject,
-    to_display,
-    usable_depth,
-    usable_motion,
-)
-from supersampler_model.ops.sampling import (
-    MIN_WEIGHT,
-    Bands,
-    Grid,
-    View,
-    catmull_rom,
-    gaussian,
-    normalised,
-    resample,
-)
+from supersampler_model.ops import at_rest
 
 MIN_CHANGE = 0.004  # of toned luma: one step of an 8-bit image
 MIN_SAMPLES = 1e-3  # with fewer samples the history is not used
@@ -165,46 +116,48 @@ class Taau(Method):
         *history: Tensor,  # as in `TAAU.history`
     ) -> tuple[Tensor, ...]:
         """Return the image (1, 3, H, W), linear RGB >= 0, the next history and the auxiliary outputs."""
-        view = View(display_size_of(display_size), size_of(color), jitter)
-        display, render = view.display, size_of(color)
+        view = ops.View(ops.display_size_of(display_size), ops.size_of(color), jitter)
+        display, render = view.display, ops.size_of(color)
         history_color, samples_before, surface_before, jitter_before, *others = history
         exposed_before, light, *rest = others
         grid = view.grid(render)
-        given_color, usable, color = color, valid(color), sanitize(color, 0.0)
-        followed = exposure_for(color, usable, exposure, exposed_before)
+        given_color, usable, color = color, ops.valid(color), ops.sanitize(color, 0.0)
+        followed = ops.exposure_for(color, usable, exposure, exposed_before)
         exposure = followed.abs()
-        exposed = filled(color, usable, exposure) * exposure
-        toned, glare = ycocg(tone(exposed)), glaring(exposed, usable)
-        depth, motion = usable_depth(depth), usable_motion(motion)
-        surface = torch.cat([occluding_depth(depth, motion), shade_of(toned[:, :1] * usable, usable)], dim=1)
+        exposed = ops.filled(color, usable, exposure) * exposure
+        toned, glare = ops.ycocg(ops.tone(exposed)), ops.glaring(exposed, usable)
+        depth, motion = ops.usable_depth(depth), ops.usable_motion(motion)
+        surface = torch.cat(
+            [ops.occluding_depth(depth, motion), shade_of(toned[:, :1] * usable, usable)], dim=1
+        )
 
         current = self.gather_current(toned, usable, glare, surface, grid, view)
-        closest, dilated = dilate_motion_2x2(depth, motion)
+        closest, dilated = ops.dilate_motion_2x2(depth, motion)
         closest = grid.pick_first(closest)
-        vectors = grid.pick_first_vectors(to_display(dilated, display, render))
-        reprojection = reproject(vectors, display, grid)
+        vectors = grid.pick_first_vectors(ops.to_display(dilated, display, render))
+        reprojection = ops.reproject(vectors, display, grid)
         exposure_before = exposed_before.abs()
         change = exposure / torch.where(exposure_before > 0.0, exposure_before, exposure)
-        before = View(display, size_of(surface_before), jitter_before)
+        before = ops.View(display, ops.size_of(surface_before), jitter_before)
         visible, shade = self.gather_surface(surface_before, before, reprojection, closest, change)
         warped = self.gather_history(history_color, samples_before, reprojection, visible, shade, exposure)
         next_light = light_after(light_of(surface[:, 1:3]), light, change)
-        frame = RestFrame(given_color, motion, jitter, exposure, reactive, adds_samples)
-        blocks = compare(frame, RestHistory(*rest), size_of(surface_before), display)
+        frame = at_rest.RestFrame(given_color, motion, jitter, exposure, reactive, adds_samples)
+        blocks = at_rest.compare(frame, at_rest.RestHistory(*rest), ops.size_of(surface_before), display)
         limit = samples_kept(exposed, usable, history_color * exposure, blocks, self.config)
         samples = torch.minimum(warped.samples, blocks.at_pixels.pick(limit))
         warped = warped._replace(samples=samples)
         blend = self.network(current, warped, next_light[:, 3:4])
-        reactive = reactive_at(reactive, usable, grid)
+        reactive = ops.reactive_at(reactive, usable, grid)
         image, samples = self.finish(current, warped, blend, exposure, reactive)
         next_color = torch.where(blend.unconfirmed, warped.light, image)
         weight = (1.0 - blend.weight) * (blend.samples > MIN_SAMPLES) * (1.0 - reactive)
         resting = blocks.resting(display)
-        converged = converge(image, frame, blocks, grid)
+        converged = at_rest.converge(image, frame, blocks, grid)
         return (
             converged.image,
-            kept(resting, history_color, next_color),
-            kept(resting, samples_before, samples),
+            at_rest.kept(resting, history_color, next_color),
+            at_rest.kept(resting, samples_before, samples),
             blocks.kept(surface_before, surface),
             blocks.kept(jitter_before, jitter),
             blocks.kept(exposed_before, followed),
@@ -215,7 +168,7 @@ class Taau(Method):
         )
 
     def gather_current(
-        self, toned: Tensor, usable: Tensor, glare: Tensor, surface: Tensor, grid: Grid, view: View
+        self, toned: Tensor, usable: Tensor, glare: Tensor, surface: Tensor, grid: ops.Grid, view: ops.View
     ) -> CurrentFrame:
         """Upsample the usable samples of this frame four ways, all separable.
 
@@ -224,14 +177,14 @@ class Taau(Method):
         fill, toned = grid.pick(toned), toned * usable
         samples = torch.cat([toned, usable], dim=1)
         c = self.config
-        smooth, found = grid.upsample(samples, gaussian(c.frame_sigma)).split_with_sizes([3, 1], dim=1)
-        smooth = torch.where(found > MIN_WEIGHT, smooth / found.clamp(min=MIN_WEIGHT), fill)
-        sharp, whole = grid.upsample(samples, catmull_rom).split_with_sizes([3, 1], dim=1)
+        smooth, found = grid.upsample(samples, ops.gaussian(c.frame_sigma)).split_with_sizes([3, 1], dim=1)
+        smooth = torch.where(found > ops.MIN_WEIGHT, smooth / found.clamp(min=ops.MIN_WEIGHT), fill)
+        sharp, whole = grid.upsample(samples, ops.catmull_rom).split_with_sizes([3, 1], dim=1)
         sharpness = c.frame_sharpness * (whole > 0.9)  # with missing samples the negative weights dominate
-        near = grid.upsample(samples, gaussian(c.sample_sigma), view.ratio)
+        near = grid.upsample(samples, ops.gaussian(c.sample_sigma), view.ratio)
         near, weight = near.split_with_sizes([3, 1], dim=1)
         fit = fit_of(toned[:, :1], usable, surface[:, 2:3])
-        at_pixel = grid.pick(torch.cat([surface[:, 1:3], fit, maximum_3x3(glare)], dim=1))
+        at_pixel = grid.pick(torch.cat([surface[:, 1:3], fit, ops.maximum_3x3(glare)], dim=1))
         shade, fit, glare = at_pixel.split_with_sizes([2, 1, 1], dim=1)
         return CurrentFrame(
             frame=smooth + sharpness * (sharp / whole.clamp(min=1e-6) - smooth),
@@ -244,13 +197,13 @@ class Taau(Method):
         )
 
     def gather_surface(
-        self, history: Tensor, before: View, reprojection: Reprojection, depth: Tensor, change: Tensor
+        self, history: Tensor, before: ops.View, reprojection: ops.Reprojection, depth: Tensor, change: Tensor
     ) -> tuple[Tensor, Tensor]:
         """Return the surface's previous visibility, (1, 1, H, W), and its shade at this exposure."""
         position, c = before.to_render(reprojection.position), self.config
-        occluded = disocclusion(depth, history[:, :1], position, c.depth_margin, c.depth_ramp)
+        occluded = ops.disocclusion(depth, history[:, :1], position, c.depth_margin, c.depth_ramp)
         visible = reprojection.on_screen * (1.0 - 2.0 * occluded).clamp(min=0.0)
-        mean, deviation = channels_of(read(history[:, 1:3], position))
+        mean, deviation = ops.channels_of(ops.read(history[:, 1:3], position))
         dim = 1.0 + (change - 1.0) * mean  # c / (1 + c) at another exposure, and its slope
         return visible, torch.cat([change * mean / dim, change * deviation / (dim * dim)], dim=1)
 
@@ -258,19 +211,19 @@ class Taau(Method):
         self,
         color: Tensor,
         samples: Tensor,
-        reprojection: Reprojection,
+        reprojection: ops.Reprojection,
         visible: Tensor,
         shade: Tensor,
         exposure: Tensor,
     ) -> WarpedHistory:
         """Warp the history."""
         position = reprojection.position
-        light = sanitize(read_cubic(color, position, self.config.history_sharpness), 0.0)
-        samples, power = channels_of(read(samples, position))
-        power, glare = without_glare(power)
+        light = ops.sanitize(ops.read_cubic(color, position, self.config.history_sharpness), 0.0)
+        samples, power = ops.channels_of(ops.read(samples, position))
+        power, glare = ops.without_glare(power)
         return WarpedHistory(
             light=light,
-            color=ycocg(tone(light * exposure)),
+            color=ops.ycocg(ops.tone(light * exposure)),
             samples=samples,
             power=power,
             shade=shade,
@@ -284,26 +237,30 @@ class Taau(Method):
         """Compute the blend parameters by rules, in place of a network; `flash`: last of `light_after`."""
         c = self.config
         unchanged = 1.0 - self.change_of_light(current.shade, warped.shade)
-        unknown = (warped.glare > 0.0) & (warped.glare < CONFIRMED)  # its shade has light that was not added
+        unknown = (warped.glare > 0.0) & (
+            warped.glare < ops.CONFIRMED
+        )  # its shade has light that was not added
         unchanged = torch.where(unknown, 1.0, unchanged)
         spread = warped.power.sqrt() * unchanged
         moving = (warped.speed / c.gamma_speed).clamp(max=1.0)
         gamma = c.gamma_still + (c.gamma_moving - c.gamma_still) * moving
         center, variance = current.moments
-        box = Box(center, gamma * variance.sqrt() + c.gamma_time * spread)
+        box = ops.Box(center, gamma * variance.sqrt() + c.gamma_time * spread)
 
-        inside = 1.0 - (c.forget * (overshoot(warped.color, box) - 1.0)).clamp(0.0, 1.0)
+        inside = 1.0 - (c.forget * (ops.overshoot(warped.color, box) - 1.0)).clamp(0.0, 1.0)
         limit = c.samples / (1.0 + c.blur_cost * warped.blur + c.speed_cost * warped.speed)
         holds = warped.surface * unchanged
         samples = torch.minimum(warped.samples * holds * inside, limit)
         weight = current.confidence / (samples + current.confidence).clamp(min=1e-6)
-        glares = (current.glare > 0.0) & (warped.glare < CONFIRMED - 1.0)
+        glares = (current.glare > 0.0) & (warped.glare < ops.CONFIRMED - 1.0)
         trusted = torch.where(glares, warped.surface, holds)
         kept = torch.minimum(warped.samples * trusted, limit)
         now, before = current.shade[:, 1:2], warped.shade[:, 1:2]
         flashes = (flash > 1.0) | ((flash > 0.0) & exceeds(now * now, before * before))
         unconfirmed = (glares | flashes) & (kept > MIN_SAMPLES)
-        return Blend(clip_to_center(warped.color, box), weight, samples, holds, trusted, kept, unconfirmed)
+        return Blend(
+            ops.clip_to_center(warped.color, box), weight, samples, holds, trusted, kept, unconfirmed
+        )
 
     def change_of_light(self, now: Tensor, before: Tensor) -> Tensor:
         """Return (1, 1, H, W): 1 where the mean luma around changed by more than jitter explains."""
@@ -326,7 +283,7 @@ class Taau(Method):
         color = torch.where(blend.samples > MIN_SAMPLES, color, current.frame)
         color = color + reactive * (current.frame - color)
         samples = blend.samples * (1.0 - reactive)
-        image = bounded(inverse_tone(from_ycocg(color).clamp(min=0.0)) / exposure)
+        image = ops.bounded(ops.inverse_tone(ops.from_ycocg(color).clamp(min=0.0)) / exposure)
 
         reach = warped.power.sqrt() + self.config.spread_step
         luma = current.sample[:, :1]
@@ -337,16 +294,16 @@ class Taau(Method):
         counted = samples.clamp(max=self.config.spread_samples) + current.confidence
         rate = current.confidence / counted.clamp(min=1e-6)
         known = (blend.samples > MIN_SAMPLES).float() * blend.spreads
-        power = known * (warped.power + rate * (error * error - warped.power) - DARKNESS).clamp(min=0.0)
-        now = [samples + current.confidence, power + GLARE * CONFIRMED * current.glare]
-        glare = (warped.glare + current.glare).clamp(max=CONFIRMED)
-        before = [blend.kept, blend.trusted * warped.power + GLARE * glare]
+        power = known * (warped.power + rate * (error * error - warped.power) - ops.DARKNESS).clamp(min=0.0)
+        now = [samples + current.confidence, power + ops.GLARE * ops.CONFIRMED * current.glare]
+        glare = (warped.glare + current.glare).clamp(max=ops.CONFIRMED)
+        before = [blend.kept, blend.trusted * warped.power + ops.GLARE * glare]
         return image, torch.where(blend.unconfirmed, torch.cat(before, dim=1), torch.cat(now, dim=1))
 
 
 def light_of(shade: Tensor) -> Tensor:
     """Return mean luma and mean square deviation over all samples of `shade_of`, (1, 2)."""
-    size = size_of(shade)
+    size = ops.size_of(shade)
     planes = torch.cat([shade[:, :1], shade[:, 1:2] * shade[:, 1:2]], dim=1)
     return planes.sum(dim=(2, 3)) / (size.width * size.height)
 
@@ -381,16 +338,16 @@ def shade_of(luma: Tensor, usable: Tensor) -> Tensor:
 
     Without usable samples the deviation is 1, so that no mean counts as changed.
     """
-    sums = blurred(torch.cat([luma, luma * luma, usable], dim=1))
-    known = (sums[:, 2:3] > MIN_WEIGHT).float()
-    moments = normalised(sums)
+    sums = ops.blurred(torch.cat([luma, luma * luma, usable], dim=1))
+    known = (sums[:, 2:3] > ops.MIN_WEIGHT).float()
+    moments = ops.normalised(sums)
     mean, square = moments[:, :1], moments[:, 1:2]
     deviation = (square - mean * mean).clamp(min=0.0).sqrt()
     return torch.cat([mean, deviation * known + (1.0 - known)], dim=1)
 
 
 def samples_kept(
-    color: Tensor, usable: Tensor, history: Tensor, blocks: StaticBlocks, config: TaauConfig
+    color: Tensor, usable: Tensor, history: Tensor, blocks: at_rest.StaticBlocks, config: TaauConfig
 ) -> Tensor:
     """Return how many samples of the history are kept where light changes slowly, by block, (1, 1, hb, wb).
 
@@ -407,15 +364,15 @@ def samples_kept(
         config: constants.
     """
     columns, rows = blocks.at_pixels.nearest(LAG_STEP)
-    before = tone(history.index_select(3, columns).index_select(2, rows))
-    now = tone(color[:, :, ::LAG_STEP, ::LAG_STEP])
+    before = ops.tone(history.index_select(3, columns).index_select(2, rows))
+    now = ops.tone(color[:, :, ::LAG_STEP, ::LAG_STEP])
     free = (1.0 - blocks.moves) * (1.0 - blocks.stays)
-    size, side = size_of(free), WINDOWS[1]
+    size, side = ops.size_of(free), WINDOWS[1]
     parts = torch.cat([now - before, before], dim=1) * usable[:, :, ::LAG_STEP, ::LAG_STEP]
-    parts = fit(parts, size.width * BLOCK // LAG_STEP, size.height * BLOCK // LAG_STEP)
-    difference, level = block_means(parts, BLOCK // LAG_STEP).split_with_sizes([3, 3], dim=1)
+    parts = ops.fit(parts, size.width * BLOCK // LAG_STEP, size.height * BLOCK // LAG_STEP)
+    difference, level = ops.block_means(parts, BLOCK // LAG_STEP).split_with_sizes([3, 3], dim=1)
     values = torch.cat([difference, difference * difference, level, torch.ones_like(free)], dim=1) * free
-    sums = spread(block_means(extended(values, side - 1), side), side, size)
+    sums = ops.spread(ops.block_means(extended(values, side - 1), side), side, size)
     difference, square, level, share = sums.split_with_sizes([3, 3, 3, 1], dim=1)
     difference, square, level = (part / share.clamp(min=1e-6) for part in (difference, square, level))
     variance = (square - difference * difference).clamp(min=0.0)
@@ -428,22 +385,22 @@ def samples_kept(
 
 def extended(blocks: Tensor, count: int) -> Tensor:
     """Append so many rows and columns of zeros."""
-    width, height = size_of(blocks)
+    width, height = ops.size_of(blocks)
     down, across = (
         (torch.arange(extent + count, device=blocks.device) < extent).float() for extent in (height, width)
     )
-    return fit(blocks, width + count, height + count) * down[:, None] * across
+    return ops.fit(blocks, width + count, height + count) * down[:, None] * across
 
 
 class PlaneAxis(NamedTuple):
     """Filters of the samples along an axis, under a Gaussian window."""
 
-    mean: Bands  # weights that sum to 1
-    slope: Bands  # least-squares slope, per standard deviation of the positions in the window
+    mean: ops.Bands  # weights that sum to 1
+    slope: ops.Bands  # least-squares slope, per standard deviation of the positions in the window
     shift: Tensor  # (n,) mean position in the window less that of the pixel, in these standard deviations
 
     @classmethod
-    def of(cls, window: Bands, first: Bands, second: Bands) -> "PlaneAxis":
+    def of(cls, window: ops.Bands, first: ops.Bands, second: ops.Bands) -> "PlaneAxis":
         """Return the filters from the Gaussian, and from that times distance and squared distance."""
         total = window.weights.sum(dim=2, keepdim=True)
         mean = first.weights.sum(dim=2, keepdim=True) / total
@@ -468,13 +425,13 @@ def fit_of(luma: Tensor, usable: Tensor, deviation: Tensor) -> Tensor:
         deviation: (1, 1, h, w) standard deviation of these samples.
     """
     slope = luma.new_tensor([-1.0, 0.0, 1.0]).expand(3, 3) / 6.0
-    slopes = F.conv2d(padded_3x3(luma), torch.stack([slope, slope.T])[:, None])
+    slopes = F.conv2d(ops.padded_3x3(luma), torch.stack([slope, slope.T])[:, None])
     explained = (slopes * slopes).sum(dim=1, keepdim=True) * (6.0 / 9.0)
     fraction = explained / (deviation * deviation).clamp(min=1e-7)
-    return ((fraction - UNFIT) / (FIT - UNFIT)).clamp(0.0, 1.0) * (blurred(usable) > 0.999)
+    return ((fraction - UNFIT) / (FIT - UNFIT)).clamp(0.0, 1.0) * (ops.blurred(usable) > 0.999)
 
 
-def plane_moments(color: Tensor, usable: Tensor, fit: Tensor, grid: Grid, sigma: float) -> Moments:
+def plane_moments(color: Tensor, usable: Tensor, fit: Tensor, grid: ops.Grid, sigma: float) -> Moments:
     """Return moments of the usable samples under a Gaussian at every display pixel.
 
     Args:
@@ -484,15 +441,15 @@ def plane_moments(color: Tensor, usable: Tensor, fit: Tensor, grid: Grid, sigma:
         grid: of the display pixels.
         sigma: of the Gaussian, render pixels.
     """
-    window, render = gaussian(sigma), size_of(color)
+    window, render = ops.gaussian(sigma), ops.size_of(color)
     kernels = window, lambda d: d * window(d), lambda d: d * d * window(d)
     x, y = (PlaneAxis.of(*axis) for axis in zip(*(grid.bands(render, k) for k in kernels), strict=True))
-    sums = resample(torch.cat([color, color * color, usable], dim=1), x.mean, y.mean)
+    sums = ops.resample(torch.cat([color, color * color, usable], dim=1), x.mean, y.mean)
     first, second, weight = sums.split_with_sizes([3, 3, 1], dim=1)
     total = weight.clamp(min=1e-6)
     mean = first / total
     variance = (second / total - mean * mean).clamp(min=0.0)
-    across, down = resample(color[:, :1], x.slope, y.mean), resample(color[:, :1], x.mean, y.slope)
+    across, down = ops.resample(color[:, :1], x.slope, y.mean), ops.resample(color[:, :1], x.mean, y.slope)
     fit = fit * (weight > 0.999)  # the slopes are of whole windows
     luma = mean[:, :1] - fit * (across * x.shift + down * y.shift[:, None])
     luma_variance = (variance[:, :1] - fit * (across * across + down * down)).clamp(min=0.0)

@@ -1,4 +1,11 @@
-"""Operations that methods share: colour, motion, sampling, rectification; the CPU kernels compute the same.
+"""Operations that methods share: colour, images, motion, sampling, blending.
 
-They have no weights and do not depend on a method.
+They have no weights and do not depend on a method; the CPU kernels compute the same. Methods use them as
+`ops.tone(color)`; `ops.at_rest`, which is an algorithm of its own, is imported as a module.
 """
+
+from supersampler_model.ops.blending import *
+from supersampler_model.ops.color import *
+from supersampler_model.ops.images import *
+from supersampler_model.ops.motion import *
+from supersampler_model.ops.sampling import *

@@ -16,6 +16,7 @@ from torch import Tensor
 from supersampler.errors import ArgumentError
 from supersampler.methods.registry import methods
 from supersampler.methods.sizes import large_size
+from supersampler_model import ops
 from supersampler_model.data.dataset import Dataset
 from supersampler_model.data.labels import Ghost
 from supersampler_model.methods import load_method
@@ -26,8 +27,6 @@ from supersampler_model.methods.classifier_network import unpack
 from supersampler_model.methods.extrapolate import SURFACE, Extrapolate, packed_base_color
 from supersampler_model.methods.gbuffer_fast import GuidedClassifier, GuidedFrame
 from supersampler_model.methods.guided_warp import GuidedWarp
-from supersampler_model.ops.images import Size, cut_to, half_of, resize_nearest, size_of
-from supersampler_model.ops.sampling import downsample
 from supersampler_model.training.crops import CropFrame, Stream, UnshadedStream
 from supersampler_model.training.datasets import UNKNOWN, unshaded_set
 from supersampler_model.training.losses import ClassifierWeights, class_loss
@@ -52,7 +51,7 @@ class ClassifierTask(Task):
 
     def first_state(self, crop: CropFrame) -> State:
         """Return zeros, with the jitter of the crop's view."""
-        empty = self.method.first_history(crop.view.display, size_of(crop.color))
+        empty = self.method.first_history(crop.view.display, ops.size_of(crop.color))
         color, state, classes, depth, _, exposure = (t.to(crop.color.device) for t in empty[:6])
         return [color, state, classes, depth, crop.view.jitter, exposure]
 
@@ -94,7 +93,7 @@ class ClassifierTask(Task):
             state, classes = done.state.detach(), done.classes.detach()
             after.append([done.image, state, classes, g.surfaces, crop.view.jitter, g.followed])
         ghost, alias = _ghost(crops, gathered), torch.cat([crop.alias for crop in crops])
-        logits = cut_to(logits, half_of(gathered[0].display))
+        logits = ops.cut_to(logits, ops.half_of(gathered[0].display))
         invalid = ((ghost == Ghost.VISIBILITY) | (ghost == Ghost.SHADING)).float()[:, None]
         return Stepped(
             images=torch.cat(images),
@@ -129,7 +128,9 @@ class ClassifierTask(Task):
 def _ghost(crops: list[CropFrame], gathered: list[Gathered]) -> Tensor:
     """Return ghosting classes, (n, H, W); pixels reprojected outside of the crop are disoccluded."""
     ghost = torch.cat([crop.ghost for crop in crops])
-    off_screen = torch.cat([1.0 - cut_to(g.reprojection.on_screen, g.display) for g in gathered])[:, 0] > 0.0
+    off_screen = (
+        torch.cat([1.0 - ops.cut_to(g.reprojection.on_screen, g.display) for g in gathered])[:, 0] > 0.0
+    )
     return torch.where(off_screen & (ghost < UNKNOWN), Ghost.VISIBILITY, ghost)
 
 
@@ -140,15 +141,15 @@ class LargeTask(ClassifierTask):
         """See `ClassifierTask`."""
         done, display = super().step([_enlarged(crop) for crop in crops], states), crops[0].view.display
         pairs = zip(done.images.split_with_sizes([1] * len(crops)), done.states, strict=True)
-        images = [downsample(image, display, state[-1].abs()) for image, state in pairs]
-        weight = done.weight if isinstance(done.weight, float) else resize_nearest(done.weight, display)
+        images = [ops.downsample(image, display, state[-1].abs()) for image, state in pairs]
+        weight = done.weight if isinstance(done.weight, float) else ops.resize_nearest(done.weight, display)
         return done._replace(images=torch.cat(images), weight=weight)
 
 
 def _enlarged(crop: CropFrame) -> CropFrame:
     """Return the crop with the view and classes of the larger image."""
-    display = Size(*large_size(crop.view.display))
-    ghost, alias = (resize_nearest(classes[None], display)[0] for classes in (crop.ghost, crop.alias))
+    display = ops.Size(*large_size(crop.view.display))
+    ghost, alias = (ops.resize_nearest(classes[None], display)[0] for classes in (crop.ghost, crop.alias))
     return crop._replace(view=crop.view._replace(display=display), ghost=ghost, alias=alias)
 
 
@@ -257,7 +258,7 @@ class ExtrapolateTask(ClassifierTask):
         every, ratios = [*(EXTRAPOLATED * list(datasets)), *own], self.method.ratios
         return UnshadedStream(every, ratios=ratios, size=size, seed=seed, gbuffers="render")
 
-    def runner(self, method: Method, display: Size) -> SequenceRunner:
+    def runner(self, method: Method, display: ops.Size) -> SequenceRunner:
         """Return a runner for which every second frame is unshaded and extrapolated."""
         return AlternatingRunner(method, display, self._extrapolator.to("cpu"))
 

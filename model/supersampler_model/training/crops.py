@@ -24,12 +24,10 @@ from torch import Tensor
 from supersampler.errors import ArgumentError
 from supersampler.frame import Float32
 from supersampler.methods.gbuffers import GBUFFERS
+from supersampler_model import ops
 from supersampler_model.data.dataset import Dataset, TrainingFrame
 from supersampler_model.data.dataset.description import SequenceEntry
 from supersampler_model.data.labels import Alias
-from supersampler_model.ops.color import MAX_HALF, luminance
-from supersampler_model.ops.images import Size
-from supersampler_model.ops.sampling import Extent, View
 from supersampler_model.training.datasets import gbuffers, planes, sequences_of
 
 MARGIN = 3  # render pixels around the region that a crop reads
@@ -53,7 +51,7 @@ class CropFrame(NamedTuple):
     depth: Tensor  # (1, 1, h, w)
     motion: Tensor  # (1, 2, h, w) render pixels
     exposure: Tensor  # (1,)
-    view: View
+    view: ops.View
     reset: bool
     reference: Tensor  # (1, 3, H, W) linear RGB
     ghost: Tensor  # (1, H, W) int64
@@ -158,9 +156,9 @@ class CropRegion:
             depth=planes(self.turn(frame.depth[here])),
             motion=planes(self.turn(motion)),
             exposure=torch.tensor([frame.exposure * self.exposure / self.gain], dtype=torch.float32),
-            view=View(
-                Size(self.size, self.size),
-                Extent(self.size / ratio[0], self.size / ratio[1]),
+            view=ops.View(
+                ops.Size(self.size, self.size),
+                ops.Extent(self.size / ratio[0], self.size / ratio[1]),
                 torch.tensor([jitter], dtype=torch.float32),
             ),
             reset=reset,
@@ -263,9 +261,9 @@ class PathNoise(NamedTuple):
 
     def on(self, color: Tensor, random: np.random.Generator) -> Tensor:
         """Return a frame's colour, (1, 3, h, w) linear RGB, multiplied by noise."""
-        luma = luminance(color.clamp(min=0.0))
+        luma = ops.luminance(color.clamp(min=0.0))
         certain = self.certain * luma / (luma + luma.mean() + 1e-12)
-        return (color * torch.from_numpy(self.factors(certain.numpy(), random))).clamp(max=MAX_HALF)
+        return (color * torch.from_numpy(self.factors(certain.numpy(), random))).clamp(max=ops.MAX_HALF)
 
 
 def with_fireflies(frame: CropFrame, random: np.random.Generator) -> CropFrame:
@@ -279,7 +277,7 @@ def with_fireflies(frame: CropFrame, random: np.random.Generator) -> CropFrame:
     fraction, stops = 10.0 ** random.uniform(-3.0, -1.0), random.uniform(3.0, 16.0)
     is_firefly = torch.from_numpy(random.random(frame.depth.shape) < fraction)
     light = torch.tensor(2.0**stops, dtype=torch.float32) / frame.exposure
-    return frame._replace(color=torch.where(is_firefly, light.clamp(max=MAX_HALF), frame.color))
+    return frame._replace(color=torch.where(is_firefly, light.clamp(max=ops.MAX_HALF), frame.color))
 
 
 @dataclass

@@ -14,14 +14,13 @@ import torch
 from torch import Tensor
 
 from supersampler.errors import ArgumentError
+from supersampler_model import ops
 from supersampler_model.data.dataset import Dataset, TrainingFrame
 from supersampler_model.data.dataset.description import SequenceEntry
 from supersampler_model.data.labels import Ghost
 from supersampler_model.methods.base import Method
 from supersampler_model.methods.guided_flow import LIGHT, Gathered, GuidedFlow, flow_history
 from supersampler_model.methods.guided_warp import GuidedWarp, reflectance, surface_of
-from supersampler_model.ops.color import MAX_HALF, bounded
-from supersampler_model.ops.images import Size
 from supersampler_model.training.crops import CropStream, StreamPosition
 from supersampler_model.training.datasets import frame_inputs, gbuffer_set, sequences_of
 from supersampler_model.training.losses import ImageWeights
@@ -115,10 +114,10 @@ class LightCache:
     def _light_frame(self, frame: TrainingFrame, color: Tensor, gathered: Gathered) -> LightFrames:
         method, (later, earlier) = self._method, gathered.lights
         full = [
-            bounded(gathered.light * frame.exposure),
-            method.guides(gathered.surface).clamp(-MAX_HALF, MAX_HALF),
+            ops.bounded(gathered.light * frame.exposure),
+            method.guides(gathered.surface).clamp(-ops.MAX_HALF, ops.MAX_HALF),
             reflectance(gathered.surface, method.config.warp),
-            bounded(color * frame.exposure),
+            ops.bounded(color * frame.exposure),
             changing_light(frame),
         ]
         return LightFrames(torch.cat([later, earlier[:, :3]], dim=1).half(), torch.cat(full, dim=1).half())
@@ -247,7 +246,7 @@ class FlowTask(Task):
             raise ArgumentError("size", got=size, want=f"more than {coarsest}")
         return LightStream(datasets, self._lights, ratio=RATIO, size=size, seed=seed)
 
-    def runner(self, method: Method, display: Size) -> SequenceRunner:
+    def runner(self, method: Method, display: ops.Size) -> SequenceRunner:
         """Return a runner for which every second frame is unshaded; only those are scored."""
         return ExtrapolationRunner(method, display)
 

@@ -7,9 +7,9 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
+from supersampler_model import ops
 from supersampler_model.data.dataset import Dataset
 from supersampler_model.methods.gbuffer import FrameInputs, Gathered, GBuffer, History
-from supersampler_model.ops.images import size_of
 from supersampler_model.training.crops import CropFrame, Stream
 from supersampler_model.training.datasets import gbuffer_set
 from supersampler_model.training.losses import ImageWeights, display_values, dissimilarity
@@ -56,7 +56,7 @@ class GBufferTask(Task):
 
     def first_state(self, crop: CropFrame) -> State:
         """Return zeros."""
-        empty = self.method.first_history(crop.view.display, size_of(crop.color))
+        empty = self.method.first_history(crop.view.display, ops.size_of(crop.color))
         return [tensor.to(crop.color.device) for tensor in empty]
 
     def step(self, crops: list[CropFrame], states: list[State]) -> Stepped:

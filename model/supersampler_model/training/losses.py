@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from supersampler_model.ops.color import luminance, tone
+from supersampler_model import ops
 from supersampler_model.training.processes import mean_of_processes
 
 SSIM_SIZE, SSIM_SIGMA = 11, 1.5
@@ -46,7 +46,7 @@ class ClassifierWeights(ImageWeights):
 
 def display_values(image: Tensor, exposure: Tensor) -> Tensor:
     """Convert linear RGB to display values: exposed, toned, sRGB (`supersampler.display_transform`)."""
-    toned = tone(image * exposure.reshape(-1, 1, 1, 1)).clamp(0.0, 1.0)
+    toned = ops.tone(image * exposure.reshape(-1, 1, 1, 1)).clamp(0.0, 1.0)
     bright = 1.055 * toned.clamp(min=0.0031308) ** (1.0 / 2.4) - 0.055
     return torch.where(toned <= 0.0031308, 12.92 * toned, bright)
 
@@ -81,7 +81,7 @@ def dissimilarity(image: Tensor, truth: Tensor) -> Tensor:
     Returns:
         (n, 1, H, W), NaN where a window has no reference.
     """
-    a, b = luminance(image), luminance(truth)
+    a, b = ops.luminance(image), ops.luminance(truth)
     maps = torch.cat([a, b, a * a, b * b, a * b], dim=1)
     mean_a, mean_b, aa, bb, ab = _gaussian_means(maps).split_with_sizes([1] * 5, dim=1)
     means = (2.0 * mean_a * mean_b + C1) / (mean_a * mean_a + mean_b * mean_b + C1)

@@ -10,10 +10,10 @@ import torch
 from torch import Tensor
 from torch.utils import _pytree as pytree
 
+from supersampler_model import ops
 from supersampler_model.data.dataset import Dataset
 from supersampler_model.methods.base import Method
 from supersampler_model.methods.taau import Taau
-from supersampler_model.ops.images import Size
 from supersampler_model.training.crops import CropStream
 from supersampler_model.training.losses import ImageWeights
 from supersampler_model.training.validation import SequenceRunner
@@ -70,7 +70,7 @@ class Task(ABC):
         """
         return dataset
 
-    def runner(self, method: Method, display: Size) -> SequenceRunner:
+    def runner(self, method: Method, display: ops.Size) -> SequenceRunner:
         """Return a runner that validates `method` on whole sequences."""
         return SequenceRunner(method, display)
 

@@ -22,9 +22,9 @@ from torch.optim.swa_utils import AveragedModel
 from supersampler.errors import ArgumentError
 from supersampler.io.child_process import run
 from supersampler.io.files import replacing
+from supersampler_model import ops
 from supersampler_model.data.dataset import Dataset
 from supersampler_model.methods.base import Method, Trained
-from supersampler_model.ops.images import sum_of
 from supersampler_model.training.crops import StreamPosition
 from supersampler_model.training.datasets import assets, data_hash
 from supersampler_model.training.losses import display_values, image_loss
@@ -211,8 +211,8 @@ class Trainer:
         for group in self.optimizer.param_groups:
             group["lr"] = self._rate()
         frames = [self._frame() for _ in range(self.plan.frames)]
-        terms = {name: sum_of([frame[name] for frame in frames]) for name in frames[0]}
-        loss = sum_of(list(terms.values())) / self.plan.frames
+        terms = {name: ops.sum_of([frame[name] for frame in frames]) for name in frames[0]}
+        loss = ops.sum_of(list(terms.values())) / self.plan.frames
         self.optimizer.zero_grad()
         loss.backward()  # type: ignore[no-untyped-call]
         self._average_gradients()

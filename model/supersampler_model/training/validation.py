@@ -13,10 +13,10 @@ from supersampler.frame import Float32
 from supersampler.io.display import decibels, display_transform
 from supersampler.methods.at_rest import ADDS_SAMPLES
 from supersampler.methods.spec import FRAME_INPUTS
+from supersampler_model import ops
 from supersampler_model.data.dataset import Dataset, TrainingFrame
 from supersampler_model.data.dataset.description import SequenceEntry
 from supersampler_model.methods.base import Method
-from supersampler_model.ops.images import Size, resize_nearest
 from supersampler_model.training.datasets import frame_inputs, gbuffers
 
 WARM_UP = 8
@@ -36,7 +36,7 @@ class SequenceRunner:
         unshaded: whether the previous frame was unshaded.
     """
 
-    def __init__(self, method: Method, display: Size) -> None:
+    def __init__(self, method: Method, display: ops.Size) -> None:
         self._method, self._display = method, display
         self.history: list[Tensor] = []
         self.unshaded = False
@@ -45,7 +45,7 @@ class SequenceRunner:
     def step(self, frame: TrainingFrame) -> Tensor | None:
         """Return the image of the next frame, (1, 3, H, W) linear RGB; None: the method has none."""
         if frame.reset or not self.history:
-            self.history = self._method.first_history(self._display, Size(*frame.depth.shape[::-1]))
+            self.history = self._method.first_history(self._display, ops.Size(*frame.depth.shape[::-1]))
         return self._image(frame)
 
     def truth(self, frame: TrainingFrame) -> NDArray[Any]:
@@ -67,7 +67,7 @@ class AlternatingRunner(SequenceRunner):
         extrapolator: computes the colour of unshaded frames.
     """
 
-    def __init__(self, method: Method, display: Size, extrapolator: Method) -> None:
+    def __init__(self, method: Method, display: ops.Size, extrapolator: Method) -> None:
         super().__init__(method, display)
         self._on_unshaded, self._extrapolator = method.on_extrapolated() or method, extrapolator
         self._extrapolator_history: list[Tensor] | None = None
@@ -149,13 +149,13 @@ def validation_entries(
 def validate(
     method: Method,
     entries: Sequence[tuple[Dataset, SequenceEntry]],
-    runner: Callable[[Method, Size], SequenceRunner] = SequenceRunner,
+    runner: Callable[[Method, ops.Size], SequenceRunner] = SequenceRunner,
 ) -> Validated:
     """Step `method` through all `entries` with a `runner`."""
     rows, images = [], []
     counts = np.zeros((2, len(CLASS_NAMES)))
     for dataset, entry in entries:
-        display = Size(*dataset.description.display_size)
+        display = ops.Size(*dataset.description.display_size)
         scores, image = _sequence(method, dataset.frames(entry), runner(method, display), counts)
         rows.append(scores)
         images.append(image)
@@ -197,7 +197,7 @@ def _count(classes: Tensor, frame: TrainingFrame, counts: "np.ndarray") -> None:
     """Add to the intersections and unions of each class, on every second pixel."""
     for group, truth in enumerate((frame.ghost, frame.alias)):
         true = truth[::2, ::2]
-        own = resize_nearest(classes[:, 3 * group : 3 * group + 3], Size(*true.shape[::-1]))
+        own = ops.resize_nearest(classes[:, 3 * group : 3 * group + 3], ops.Size(*true.shape[::-1]))
         inferred = own[0].argmax(dim=0).numpy()
         for c in range(3):
             a, b = inferred == c, true == c

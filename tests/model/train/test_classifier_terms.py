@@ -7,17 +7,16 @@ import torch
 from torch import Tensor
 
 from supersampler.methods.classifier.spec import BASE, ClassifierConfig, NetworkConfig
+from supersampler_model import ops
 from supersampler_model.data.labels import Alias, Ghost
 from supersampler_model.methods.classifier import Classifier
-from supersampler_model.ops.images import Size, cut_to, half_of
-from supersampler_model.ops.sampling import View
 from supersampler_model.training.classifier_tasks import ClassifierTask
 from supersampler_model.training.crops import CropFrame
 from supersampler_model.training.datasets import UNKNOWN
 from supersampler_model.training.losses import class_loss
 from torch_inputs import plain_inputs
 
-RENDER, DISPLAY = Size(12, 8), Size(24, 16)
+RENDER, DISPLAY = ops.Size(12, 8), ops.Size(24, 16)
 SMALL = ClassifierConfig(network=NetworkConfig(levels=(8, 16, 32, 64), decoder=8, hidden=8))
 
 
@@ -37,7 +36,7 @@ def sample(ghost: Tensor, *, motion: float = 0.0, alias: int = Alias.NONE) -> Cr
         depth=torch.full((1, 1, *RENDER[::-1]), 0.5),
         motion=vectors,
         exposure=torch.ones(1),
-        view=View(DISPLAY, RENDER, torch.tensor([[0.1, -0.2]])),
+        view=ops.View(DISPLAY, RENDER, torch.tensor([[0.1, -0.2]])),
         reset=True,
         reference=torch.rand(1, 3, *DISPLAY[::-1], generator=random),
         ghost=ghost,
@@ -87,7 +86,7 @@ def test_the_classes_of_both_groups_are_learned_from_their_own_labels(task: Clas
     with torch.no_grad():
         terms = task.step([frame], [task.first_state(frame)]).terms
     handle.remove()
-    logits = cut_to(said[0], half_of(Size(*ghost.shape[:0:-1])))
+    logits = ops.cut_to(said[0], ops.half_of(ops.Size(*ghost.shape[:0:-1])))
     torch.testing.assert_close(terms["classes"], class_loss(logits, ghost, frame.alias, task.losses))
     exchanged = class_loss(logits, frame.alias, ghost, task.losses)
     assert not torch.isclose(terms["classes"], exchanged, rtol=1e-3)

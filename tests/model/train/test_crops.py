@@ -8,10 +8,10 @@ import pytest
 import torch
 
 from supersampler import halton_jitter
+from supersampler_model import ops
 from supersampler_model.data.dataset import TrainingFrame
 from supersampler_model.data.scenes.analytic import DiscOverPlane
 from supersampler_model.methods.classifier import Classifier
-from supersampler_model.ops.images import Size
 from supersampler_model.training.classifier_tasks import ClassifierTask
 from supersampler_model.training.crops import FIREFLY_CHANCE, CropRegion, with_fireflies
 from supersampler_model.training.datasets import frame_inputs
@@ -46,7 +46,7 @@ def frames(render: tuple[int, int]) -> list[TrainingFrame]:
 
 def whole(sequence: list[TrainingFrame]) -> torch.Tensor:
     method = Classifier().eval()
-    history = method.first_history(Size(*DISPLAY), Size(*sequence[0].depth.shape[::-1]))
+    history = method.first_history(ops.Size(*DISPLAY), ops.Size(*sequence[0].depth.shape[::-1]))
     for frame in sequence:
         with torch.no_grad():
             image, history, _ = method.step(*frame_inputs(frame, method.inputs()).values(), *history)

@@ -16,12 +16,12 @@ from stopped_run import assert_goes_on_exactly
 from supersampler.cli import app
 from supersampler.errors import ArgumentError
 from supersampler.methods.classifier.spec import ClassifierConfig, NetworkConfig
+from supersampler_model import ops
 from supersampler_model.data.dataset import Dataset, TrainingFrame
 from supersampler_model.data.labels import Ghost
 from supersampler_model.methods.base import Trained, load_trained, shipped_weights
 from supersampler_model.methods.classifier import Classifier
 from supersampler_model.methods.extrapolate import Extrapolate
-from supersampler_model.ops.images import Size
 from supersampler_model.training.classifier_tasks import ExtrapolateTask
 from supersampler_model.training.crops import CropFrame, CropRegion, StreamPosition
 from supersampler_model.training.datasets import unshaded_set
@@ -89,7 +89,7 @@ def test_what_is_hidden_is_not_seen(data: Dataset, task: ExtrapolateTask) -> Non
 def test_the_middle_of_a_crop_is_rendered_as_the_whole_frame_is(data: Dataset) -> None:
     method = Extrapolate(SMALL).eval()
     task, dataset = ExtrapolateTask(method), unshaded_set(data, (1.0, 3.0))
-    runner, unshaded = task.runner(method, Size(*DISPLAY)), list[bool]()
+    runner, unshaded = task.runner(method, ops.Size(*DISPLAY)), list[bool]()
     sequence = frames(dataset)[:4]
     for frame in sequence:
         image = runner.step(frame)

@@ -18,12 +18,12 @@ from gbuffer_sets import gbuffer_data
 from supersampler import Frame
 from supersampler.cli import app
 from supersampler.errors import ArgumentError
+from supersampler_model import ops
 from supersampler_model.data.dataset import Dataset, TrainingFrame
 from supersampler_model.data.dataset.description import SequenceEntry
 from supersampler_model.data.labels import Ghost
 from supersampler_model.methods.base import load_trained
 from supersampler_model.methods.guided_flow import GuidedFlow
-from supersampler_model.ops.images import Size
 from supersampler_model.training.datasets import frame_inputs
 from supersampler_model.training.flow_task import (
     FULL_CHANNELS,
@@ -209,7 +209,7 @@ def test_it_learns_how_a_shadow_moves() -> None:
 def test_validation_hides_every_second_frame(dataset: Dataset) -> None:
     task = FlowTask(random_flow())
     entries = validation_entries([dataset], task.ratios)
-    frames, runner = list(dataset.frames(entries[0][1])), task.runner(task.baseline.eval(), Size(64, 36))
+    frames, runner = list(dataset.frames(entries[0][1])), task.runner(task.baseline.eval(), ops.Size(64, 36))
     results = [runner.step(frame) for frame in frames]
     assert [i for i, image in enumerate(results) if image is not None] == [1, 3, 5, 7, 9]
     for frame, image in zip(frames, results, strict=True):

@@ -9,10 +9,9 @@ import torch
 from torch import Tensor
 
 from supersampler.methods.gbuffer.spec import SMALL_NETWORK, GBufferConfig
+from supersampler_model import ops
 from supersampler_model.methods.gbuffer import Gathered, SmallGBuffer
 from supersampler_model.methods.gbuffer_surfaces import Surfaces
-from supersampler_model.ops.images import Size
-from supersampler_model.ops.sampling import View
 from supersampler_model.training.crops import CropFrame
 from supersampler_model.training.gbuffer_task import GBufferTask, GBufferWeights, reflective_of
 from supersampler_model.training.losses import display_values, dissimilarity
@@ -37,7 +36,7 @@ def sample(display: Surfaces) -> CropFrame:
     color = torch.rand(1, 3, SIDE, SIDE, generator=random)
     reference = torch.rand(1, 3, 2 * SIDE, 2 * SIDE, generator=random)
     classes = torch.zeros(1, 2 * SIDE, 2 * SIDE, dtype=torch.int64)
-    view = View(Size(2 * SIDE, 2 * SIDE), Size(SIDE, SIDE), torch.zeros(1, 2))
+    view = ops.View(ops.Size(2 * SIDE, 2 * SIDE), ops.Size(SIDE, SIDE), torch.zeros(1, 2))
     motion = torch.zeros(1, 2, SIDE, SIDE)
     exposure = torch.ones(1)
     return CropFrame(

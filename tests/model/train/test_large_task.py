@@ -8,11 +8,10 @@ from torch import nn
 
 from gbuffer_sets import gbuffer_data
 from supersampler.methods.classifier.spec import ClassifierConfig, NetworkConfig
+from supersampler_model import ops
 from supersampler_model.data.dataset import Dataset
 from supersampler_model.methods.base import load_trained, shipped_weights
 from supersampler_model.methods.classifier import LargeClassifier
-from supersampler_model.ops.images import Size
-from supersampler_model.ops.sampling import View
 from supersampler_model.training.classifier_tasks import LargeTask
 from supersampler_model.training.crops import CropFrame
 from supersampler_model.training.tasks import start_task
@@ -64,14 +63,14 @@ def test_images_have_the_size_of_the_crops_and_states_are_larger(
 
 def test_a_crop_of_a_whole_frame_gives_the_image_that_the_method_gives() -> None:
     task = start_task("classifier-large", load_trained(shipped_weights("classifier")))
-    method, render, display = task.method, Size(16, 12), Size(32, 24)
+    method, render, display = task.method, ops.Size(16, 12), ops.Size(32, 24)
     history, states = method.first_history(display, render), None
     generator = torch.Generator().manual_seed(0)
     for index in range(3):
         color, depth = (torch.rand(1, c, 12, 16, generator=generator) for c in (3, 1))
         motion, jitter = torch.full((1, 2, 12, 16), 0.7), torch.rand(1, 2, generator=generator) - 0.5
         classes, exposure = torch.zeros(1, 24, 32, dtype=torch.int64), torch.tensor([1.5])
-        view, truth = View(display, render, jitter), torch.zeros(1, 3, 24, 32)
+        view, truth = ops.View(display, render, jitter), torch.zeros(1, 3, 24, 32)
         sample = CropFrame(color, depth, motion, exposure, view, index == 0, truth, classes, classes)
         states = [task.first_state(sample)] if states is None else states
         with torch.no_grad():

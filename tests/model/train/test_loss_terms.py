@@ -6,7 +6,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from supersampler_model.ops.color import tone
+from supersampler_model import ops
 from supersampler_model.training.losses import (
     ClassifierWeights,
     ImageWeights,
@@ -100,7 +100,7 @@ def test_pixels_without_truth_are_not_counted() -> None:
 
 def test_images_are_compared_exposed_toned_and_in_srgb() -> None:
     image = torch.tensor([0.0, 0.001, 0.5]).reshape(1, 3, 1, 1)
-    toned = tone(2.0 * image).flatten().tolist()
+    toned = ops.tone(2.0 * image).flatten().tolist()
     expected = [0.0, 12.92 * toned[1], 1.055 * toned[2] ** (1.0 / 2.4) - 0.055]
     assert toned[1] < 0.0031308
     torch.testing.assert_close(display_values(image, torch.tensor([2.0])).flatten(), torch.tensor(expected))

@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from supersampler.frame import Float32
-from supersampler_model.ops.color import MAX_HALF
+from supersampler_model import ops
 from supersampler_model.training.crops import NOISE_CHANCE, SAMPLES, PathNoise
 
 COLOR = torch.rand(1, 3, 64, 64, generator=torch.Generator().manual_seed(0))
@@ -50,7 +50,7 @@ def test_all_channels_of_a_pixel_have_one_factor() -> None:
 
 def test_the_brightest_light_stays_a_half_float() -> None:
     bright = noise(1, spread=1.3).on(torch.full((1, 3, 64, 64), 60000.0), np.random.default_rng(2))
-    assert bright.max() == MAX_HALF
+    assert bright.max() == ops.MAX_HALF
 
 
 def test_a_few_crops_have_noise_and_the_same_seed_draws_the_same() -> None:
