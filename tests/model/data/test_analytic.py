@@ -5,6 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from more_scenes import Cut, Floor, ShadingStep, dots, ripples, thin_lines
+from supersampler import halton_jitter
 from supersampler.conventions import camera_motion
 from supersampler_bench.quality.metrics import psnr
 from supersampler_model.data.scenes.analytic import (
@@ -20,20 +21,13 @@ from supersampler_model.data.scenes.analytic import (
     checker,
     places,
     plain,
+    still_scene,
+    still_scene_with_mover,
     zone_plate,
 )
 
 RENDER, DISPLAY = (64, 36), (128, 72)
 PATTERNS = pytest.mark.parametrize("pattern", [zone_plate, thin_lines, dots, checker])
-
-
-def halton(count: int) -> NDArray[np.float64]:
-    """(count, 2) of the sequence in bases 2 and 3, moved to [-0.5, 0.5)."""
-
-    def element(index: int, base: int) -> float:
-        return 0.0 if index == 0 else (index % base + element(index // base, base)) / base
-
-    return np.array([[element(i, 2) - 0.5, element(i, 3) - 0.5] for i in range(1, count + 1)])
 
 
 def accumulated(scene: Scene, count: int, sign: float) -> NDArray[np.float32]:
@@ -42,8 +36,8 @@ def accumulated(scene: Scene, count: int, sign: float) -> NDArray[np.float32]:
     `sign` -1 reads the jitter the wrong way round.
     """
     total, hits = np.zeros((72, 128, 3)), np.zeros((72, 128, 1))
-    for jitter in halton(count):
-        frame = scene.frame(0, RENDER, (jitter[0], jitter[1]))
+    for jitter in (halton_jitter(index, 16.0) for index in range(count)):
+        frame = scene.frame(0, RENDER, jitter)
         right, down = (int(sign * offset >= 0) for offset in jitter)  # which half of the pixel was hit
         total[down::2, right::2] += np.asarray(frame.color)
         hits[down::2, right::2] += 1
@@ -213,3 +207,31 @@ def test_camera_motion_is_that_of_a_plane_that_an_analytic_camera_passes() -> No
     motion = camera_motion(frame.depth, projection @ cameras[1], projection @ cameras[0], jitter=jitter)
     np.testing.assert_allclose(motion, frame.motion, atol=1e-3)
     assert np.abs(frame.motion).min() > 0.1
+
+
+# --- the static scene of `bench still` ---
+
+
+def test_nothing_moves_but_the_disc() -> None:
+    size = (64, 36)
+    frame = still_scene().frame(5, size)
+    assert not np.asarray(frame.motion).any()
+    with_mover = still_scene_with_mover()
+    near = np.asarray(with_mover.frame(40, size).depth) > 0.05
+    moves = np.asarray(with_mover.frame(40, size).motion)[..., 0] != 0
+    assert near.any()
+    np.testing.assert_array_equal(near, moves)
+
+
+def test_a_frame_depends_on_its_jitter_alone() -> None:
+    scene, jitter = still_scene(), halton_jitter(3, 2.0)
+    one, later = (scene.frame(index, (80, 45), jitter) for index in (3, 35))
+    np.testing.assert_array_equal(one.color, later.color)
+
+
+def test_colors_are_in_range_and_the_disc_leaves_the_lower_half_alone() -> None:
+    still, moving = (scene.truth(40, (64, 36), 4) for scene in (still_scene(), still_scene_with_mover()))
+    assert still.min() >= 0.0
+    assert still.max() <= 1.0
+    np.testing.assert_array_equal(still[18:], moving[18:])
+    assert np.abs(still[:18] - moving[:18]).max() > 0.1

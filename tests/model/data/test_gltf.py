@@ -1,4 +1,4 @@
-"""glTF files are read as they were written, in all encodings that the format allows."""
+"""glTF files are read as they were written, in all encodings that the format allows, and drawn alike."""
 
 from pathlib import Path
 from typing import Any, Literal
@@ -6,14 +6,24 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 
-from gl_scenes import box, moved
+from gl_scenes import box, moved, sky
 from gltf_files import GltfFile, cube, noise, strip
 from supersampler_model.data.errors import SceneError
+from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.scenes.gltf import GltfScene
 from supersampler_model.data.scenes.procedural.paths import turned_by
-from supersampler_model.data.scenes.scene import Instance, Material, Matrix, Texture, tangents_of
+from supersampler_model.data.scenes.scene import (
+    Camera,
+    Instance,
+    Material,
+    Matrix,
+    Scene,
+    Texture,
+    tangents_of,
+)
 
 STILL = np.eye(4)
+CAMERA = Camera(position=(0.0, 0.0, 5.0), target=(0.0, 0.0, 0.0), fov_y=60.0)
 
 
 def opened(file: GltfFile, folder: Path) -> GltfScene:
@@ -29,6 +39,11 @@ def material_of(folder: Path, **content: Any) -> Material:
     return first(cube(**content), folder).material
 
 
+def pixels_of(texture: Texture | None) -> Any:
+    assert texture is not None
+    return texture.pixels
+
+
 # --- files and arrays ---
 
 
@@ -40,8 +55,7 @@ def test_a_cube_comes_out_as_written(tmp_path: Path, buffer: Literal["inside", "
     mesh, material = instance.mesh, instance.material
     for name in ("positions", "normals", "uv", "tangents", "indices"):
         np.testing.assert_array_equal(getattr(mesh, name), getattr(shape, name))
-    assert material.base_color_texture is not None
-    np.testing.assert_array_equal(material.base_color_texture.pixels, noise(0))
+    np.testing.assert_array_equal(pixels_of(material.base_color_texture), noise(0))
     assert (material.metallic, material.roughness, material.emissive) == (0.25, 1.0, (1.0, 2.0, 3.0))
     assert material.double_sided
     assert material.alpha_cutoff is None
@@ -54,9 +68,7 @@ def test_an_image_may_lie_beside_the_file(tmp_path: Path) -> None:
     start = view["byteOffset"]
     (tmp_path / "the paint.png").write_bytes(file.binary[start : start + view["byteLength"]])
     file.json["images"][0]["uri"] = "the%20paint.png"
-    texture = first(file, tmp_path).material.base_color_texture
-    assert texture is not None
-    np.testing.assert_array_equal(texture.pixels, noise(0))
+    np.testing.assert_array_equal(pixels_of(first(file, tmp_path).material.base_color_texture), noise(0))
 
 
 def test_integers_strides_and_sparse_rows_are_read(tmp_path: Path) -> None:
@@ -119,26 +131,18 @@ def test_metallic_roughness_and_occlusion_become_one_texture(tmp_path: Path) -> 
     file.json["materials"][0]["pbrMetallicRoughness"]["metallicRoughnessTexture"] = {"index": 1}
     file.texture(noise(1))
     file.texture(noise(2, height=2, width=4, channels=1))
-    orm = first(file, tmp_path).material.orm_texture
-    assert orm is not None
-    np.testing.assert_array_equal(orm.pixels[..., 1:], noise(1)[..., 1:])
+    orm = pixels_of(first(file, tmp_path).material.orm_texture)
+    np.testing.assert_array_equal(orm[..., 1:], noise(1)[..., 1:])
     red = np.repeat(np.repeat(noise(2, 2, 4, 1)[..., 0], 2, axis=0), 2, axis=1)
-    np.testing.assert_allclose(orm.pixels[..., 0], 255 - 0.5 * (255.0 - red), atol=0.51)
+    np.testing.assert_allclose(orm[..., 0], 255 - 0.5 * (255.0 - red), atol=0.51)
 
 
-def test_without_occlusion_nothing_is_occluded(tmp_path: Path) -> None:
+def test_without_occlusion_or_with_one_that_is_black_all_over_nothing_is_occluded(tmp_path: Path) -> None:
     pbr = {"metallicRoughnessTexture": {"index": 0}}
-    orm = material_of(tmp_path, pbrMetallicRoughness=pbr).orm_texture
-    assert orm is not None
-    assert orm.pixels[..., 0].min() == 255
-
-
-def test_occlusion_that_is_black_all_over_is_left_out(tmp_path: Path) -> None:
+    assert pixels_of(material_of(tmp_path, pbrMetallicRoughness=pbr).orm_texture)[..., 0].min() == 255
     file = cube(occlusionTexture={"index": 1})
     file.texture(np.full((4, 4, 3), 3, np.uint8))
-    texture = first(file, tmp_path).material.orm_texture
-    assert texture is not None
-    assert (texture.pixels[..., 0] == 255).all()
+    assert (pixels_of(first(file, tmp_path).material.orm_texture)[..., 0] == 255).all()
 
 
 def test_occlusion_with_coordinates_of_its_own_is_left_out(tmp_path: Path) -> None:
@@ -146,15 +150,14 @@ def test_occlusion_with_coordinates_of_its_own_is_left_out(tmp_path: Path) -> No
 
 
 def test_a_normal_map_is_scaled(tmp_path: Path) -> None:
-    plain = material_of(tmp_path, normalTexture={"index": 0}).normal_texture
-    scaled = material_of(tmp_path, normalTexture={"index": 0, "scale": 0.5}).normal_texture
-    assert plain is not None
-    assert scaled is not None
-    before, after = plain.pixels / 127.5 - 1.0, scaled.pixels / 127.5 - 1.0
-    np.testing.assert_array_equal(plain.pixels, noise(0))
-    expected = before * (0.5, 0.5, 1.0)
+    plain, scaled = (
+        pixels_of(material_of(tmp_path, normalTexture={"index": 0, **scale}).normal_texture)
+        for scale in ({}, {"scale": 0.5})
+    )
+    np.testing.assert_array_equal(plain, noise(0))
+    expected = (plain / 127.5 - 1.0) * (0.5, 0.5, 1.0)
     expected /= np.linalg.norm(expected, axis=-1, keepdims=True)
-    np.testing.assert_allclose(after, expected, atol=0.005)
+    np.testing.assert_allclose(scaled / 127.5 - 1.0, expected, atol=0.005)
 
 
 @pytest.mark.parametrize(
@@ -176,8 +179,7 @@ def test_holes_are_where_opacity_is_below_the_cutoff(
     file.json["materials"][0]["pbrMetallicRoughness"] = pbr
     material = first(file, tmp_path).material
     assert material.alpha_cutoff == (None if cutoff is None else pytest.approx(cutoff))
-    assert material.base_color_texture is not None
-    np.testing.assert_array_equal(material.base_color_texture.pixels, pixels)  # colours not times opacity
+    np.testing.assert_array_equal(pixels_of(material.base_color_texture), pixels)  # not times opacity
 
 
 def test_what_is_more_than_half_transparent_is_left_out(tmp_path: Path) -> None:
@@ -202,17 +204,17 @@ def test_emission_may_exceed_one_and_textures_may_be_shifted(tmp_path: Path) -> 
 
 def test_what_is_shared_in_the_file_is_shared_in_every_frame(tmp_path: Path) -> None:
     file = cube()
-    other = {"baseColorTexture": {"index": 0}, "roughnessFactor": 0.5}
-    index = file.add("materials", pbrMetallicRoughness=other)
+    index = file.add(
+        "materials", pbrMetallicRoughness={"baseColorTexture": {"index": 0}, "roughnessFactor": 0.5}
+    )
     primitive = file.json["meshes"][0]["primitives"][0]
     file.json["meshes"][0]["primitives"].append({**primitive, "material": index})
     file.json["scenes"][0]["nodes"].append(file.add("nodes", mesh=0))
     scene = opened(file, tmp_path)
-    now, later = scene.instances(0.0, 0.0, STILL), scene.instances(1.0, 0.9, STILL)
-    assert len({id(instance.mesh) for instance in (*now, *later)}) == 2
-    assert len({id(instance.material) for instance in (*now, *later)}) == 2
-    assert isinstance(now[0].material.base_color_texture, Texture)
-    assert now[0].material.base_color_texture is now[1].material.base_color_texture
+    shown = (*scene.instances(0.0, 0.0, STILL), *scene.instances(1.0, 0.9, STILL))
+    assert len({id(instance.mesh) for instance in shown}) == 2
+    assert len({id(instance.material) for instance in shown}) == 2
+    assert len({id(instance.material.base_color_texture) for instance in shown}) == 1
 
 
 # --- nodes and clips ---
@@ -223,8 +225,7 @@ def placed(file: GltfFile, folder: Path, time: float = 0.0) -> Matrix:
 
 
 def test_nodes_hang_on_nodes(tmp_path: Path) -> None:
-    file = cube()
-    half = float(np.sqrt(0.5))
+    file, half = cube(), float(np.sqrt(0.5))
     file.json["nodes"] = [
         {"mesh": 0, "matrix": moved(1, 2, 3, (2, 1, -1)).T.ravel().tolist()},
         {"children": [0], "translation": [7, 0, 0], "rotation": [0, half, 0, half], "scale": [1, 3, 1]},
@@ -232,9 +233,7 @@ def test_nodes_hang_on_nodes(tmp_path: Path) -> None:
     file.json["scenes"][0]["nodes"] = [1]
     parent = moved(7, 0, 0) @ turned_by(1, np.pi / 2) @ moved(0, 0, 0, (1, 3, 1))
     expected = parent @ moved(1, 2, 3, (2, 1, -1))
-    np.testing.assert_allclose(placed(file, tmp_path), expected, atol=1e-12)
-    world = moved(-1, 0, 0) @ turned_by(0, 0.3)
-    before = moved(-2, 0, 0)
+    world, before = moved(-1, 0, 0) @ turned_by(0, 0.3), moved(-2, 0, 0)
     (instance,) = opened(file, tmp_path).instances(0.0, 0.0, world, before)
     np.testing.assert_allclose(instance.model, world @ expected, atol=1e-12)
     assert instance.model_before is not None
@@ -242,12 +241,11 @@ def test_nodes_hang_on_nodes(tmp_path: Path) -> None:
 
 
 def test_a_rotation_turns_evenly_the_short_way(tmp_path: Path) -> None:
-    file = cube()
-    angle = 1.2
+    file, angle = cube(), 1.2
     end = -np.array([0.0, 0.0, np.sin(angle / 2), np.cos(angle / 2)])  # the same turn as without the sign
     file.channel("rotation", [1.0, 3.0], [[0, 0, 0, 1], end])
-    for time, share in ((0.0, 0.0), (1.5, 0.25), (2.0, 0.5), (9.0, 1.0)):  # still before and after
-        np.testing.assert_allclose(placed(file, tmp_path, time), turned_by(2, share * angle), atol=1e-6)
+    for time, fraction in ((0.0, 0.0), (1.5, 0.25), (2.0, 0.5), (9.0, 1.0)):  # still before and after
+        np.testing.assert_allclose(placed(file, tmp_path, time), turned_by(2, fraction * angle), atol=1e-6)
 
 
 def test_keyframes_are_joined_as_the_clip_says(tmp_path: Path) -> None:
@@ -263,7 +261,7 @@ def test_keyframes_are_joined_as_the_clip_says(tmp_path: Path) -> None:
         np.testing.assert_allclose(placed(file, tmp_path, 3.5), moved(4, 2, 0), atol=1e-6)
 
 
-def test_before_is_where_it_was_then(tmp_path: Path) -> None:
+def test_the_previous_state_is_that_of_the_previous_time_and_a_missing_clip_is_named(tmp_path: Path) -> None:
     file = cube()
     file.channel("scale", [0.0, 1.0], [[1, 1, 1], [3, 1, 1]])
     scene = opened(file, tmp_path)
@@ -271,13 +269,6 @@ def test_before_is_where_it_was_then(tmp_path: Path) -> None:
     np.testing.assert_array_equal(now.model_before, then.model)
     assert now.model[0, 0] == pytest.approx(2.0)
     assert (scene.clips[0].name, scene.clips[0].duration) == ("move", 1.0)
-
-
-def test_a_clip_that_is_not_there_is_named(tmp_path: Path) -> None:
-    file = cube()
-    file.channel("scale", [0.0], [[2, 1, 1]])
-    scene = opened(file, tmp_path)
-    assert scene.instances(5.0, 5.0, STILL, clip=0)[0].model[0, 0] == 2.0
     with pytest.raises(SceneError, match=r"clip is 1; want 0 to 0"):
         scene.instances(0.0, 0.0, STILL, clip=1)
 
@@ -293,9 +284,8 @@ def skinned(instance: Instance, *, before: bool = False) -> Matrix:
     assert skin is not None
     assert palette is not None
     local = np.concatenate([mesh.positions, np.ones((len(mesh.positions), 1))], axis=1)
-    return np.asarray(
-        (np.einsum("nk,nkij,nj->ni", skin.weights, palette[skin.joints], local) @ model.T)[:, :3]
-    )
+    posed = np.einsum("nk,nkij,nj->ni", skin.weights, palette[skin.joints], local)
+    return np.asarray((posed @ model.T)[:, :3])
 
 
 def test_a_skin_follows_its_joints_and_not_its_node(tmp_path: Path) -> None:
@@ -306,8 +296,7 @@ def test_a_skin_follows_its_joints_and_not_its_node(tmp_path: Path) -> None:
     bend = moved(0.5, 1, 0) @ turned_by(2, np.pi / 4) @ moved(0, -1, 0)
     upper = np.clip(bound[:, 1:2] - 0.5, 0.0, 1.0)
     turned = bound @ bend[:3, :3].T + bend[:3, 3]
-    expected = (1 - upper) * bound + upper * turned + away
-    np.testing.assert_allclose(skinned(instance), expected, atol=1e-6)
+    np.testing.assert_allclose(skinned(instance), (1 - upper) * bound + upper * turned + away, atol=1e-6)
     np.testing.assert_allclose(scene.bounds, [[-0.5, 0, 0], [0.5, 2, 0]], atol=1e-6)
 
 
@@ -320,3 +309,54 @@ def test_a_palette_holds_the_joints_in_use(tmp_path: Path) -> None:
     (instance,) = opened(file, tmp_path).instances(0.0, 0.0, STILL)
     assert instance.palette is not None
     assert instance.palette.shape == (2, 4, 4)
+
+
+# --- drawn ---
+
+
+def scene_of(instances: tuple[Instance, ...]) -> Scene:
+    return Scene(camera=CAMERA, camera_before=CAMERA, environment=sky(), instances=instances)
+
+
+def pixel_of(x: float, y: float) -> tuple[float, float]:
+    """Where `CAMERA` sees a point of z = 0, in an image of 160 x 90."""
+    zoom = 45.0 / np.tan(np.radians(30.0)) / 5.0
+    return 80.0 + zoom * x, 45.0 - zoom * y
+
+
+def test_row_0_of_an_image_is_at_v_0(tmp_path: Path, renderer: Renderer) -> None:
+    corners = {(0, 0): (255, 0, 0), (0, 1): (0, 255, 0), (1, 0): (0, 0, 255), (1, 1): (255, 255, 255)}
+    pixels = np.zeros((64, 64, 3), np.uint8)
+    for (row, column), color in corners.items():
+        pixels[32 * row : 32 * row + 32, 32 * column : 32 * column + 32] = color
+    file = GltfFile()
+    attributes = {
+        "NORMAL": file.array(np.tile([0.0, 0.0, 1.0], (4, 1))),
+        "TEXCOORD_0": file.array([[0, 0], [1, 0], [0, 1], [1, 1]]),
+    }
+    places = [[-1, 1, 0], [1, 1, 0], [-1, -1, 0], [1, -1, 0]]
+    primitive = file.primitive(places, [(0, 2, 1), (1, 2, 3)], **attributes)
+    paint = {"baseColorTexture": {"index": file.texture(pixels)}}
+    material = file.add("materials", pbrMetallicRoughness=paint)
+    file.add("nodes", mesh=file.add("meshes", primitives=[{**primitive, "material": material}]))
+    seen = renderer.display(scene_of((first(file, tmp_path),))).base_color
+    for (row, column), color in corners.items():
+        x, y = pixel_of(column - 0.5, 0.5 - row)
+        np.testing.assert_allclose(seen[int(y), int(x)], np.array(color) / 255.0, atol=0.01)
+
+
+@pytest.mark.parametrize("clip_moves", [True, False])
+def test_motion_is_exact(tmp_path: Path, renderer: Renderer, clip_moves: bool) -> None:
+    file = strip()
+    if clip_moves:  # the upper joint moves all of it to the right; else its transform does
+        del file.json["animations"][0]["channels"][0]
+        weights = file.array(np.tile([0.0, 1.0, 0.0, 0.0], (10, 1)))
+        file.json["meshes"][0]["primitives"][0]["attributes"]["WEIGHTS_0"] = weights
+        instances = opened(file, tmp_path).instances(0.3, 0.1, STILL)
+    else:
+        instances = opened(file, tmp_path).instances(0.0, 0.0, moved(0.3, 0, 0), moved(0.1, 0, 0))
+    surfaces = renderer.display(scene_of(instances))
+    drawn = surfaces.depth > 0.0
+    assert drawn.sum() > 200
+    expected = np.subtract(pixel_of(0.1, 0.0), pixel_of(0.3, 0.0))
+    np.testing.assert_allclose(surfaces.motion[drawn], np.broadcast_to(expected, (drawn.sum(), 2)), atol=1e-3)

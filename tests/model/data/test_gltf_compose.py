@@ -13,9 +13,10 @@ from gl_scenes import box, plane
 from gltf_files import GltfFile, cube, strip
 from supersampler_model.data.errors import SceneError
 from supersampler_model.data.renderer.renderer import Renderer
-from supersampler_model.data.scenes.gltf import GltfError, GltfScene, compose
+from supersampler_model.data.scenes.gltf import Composition, GltfError, GltfScene, compose
 from supersampler_model.data.scenes.gltf.compose import Course, ping_pong, read_folder
 from supersampler_model.data.scenes.gltf.ground import Ground, triangles_of
+from supersampler_model.data.scenes.scene import Scene
 from supersampler_model.data.sequences import SequenceSpec, make_sequence
 
 FRAMES = 12
@@ -34,13 +35,17 @@ def room(*, table: bool = False) -> GltfFile:
     return file
 
 
+def files_in(folder: Path) -> Path:
+    (folder / "props").mkdir()
+    room().save(folder / "room.glb")
+    cube().save(folder / "props" / "cube.glb")
+    strip().save(folder / "props" / "strip.gltf", "data")
+    return folder
+
+
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    (tmp_path / "props").mkdir()
-    room().save(tmp_path / "room.glb")
-    cube().save(tmp_path / "props" / "cube.glb")
-    strip().save(tmp_path / "props" / "strip.gltf", "data")
-    return tmp_path
+    return files_in(tmp_path)
 
 
 def ground_of(file: GltfFile, folder: Path) -> Ground:
@@ -60,11 +65,8 @@ def test_nobody_stands_in_or_under_things(tmp_path: Path, table: bool) -> None:
 
 def floor(width: float, depth: float, x: float = 0.0, y: float = 0.0, *, up: bool = True) -> Floats:
     """Two triangles (2, 3, 3) that face up or down."""
-    corners = np.array([[-1, 0, -1], [-1, 0, 1], [1, 0, 1], [1, 0, -1]]) * (width / 2, 0, depth / 2) + (
-        x,
-        y,
-        0,
-    )
+    corners = np.array([[-1, 0, -1], [-1, 0, 1], [1, 0, 1], [1, 0, -1]]) * (width / 2, 0, depth / 2)
+    corners += np.array([x, y, 0])
     return corners[[[0, 1, 2], [0, 2, 3]] if up else [[0, 2, 1], [0, 3, 2]]]
 
 
@@ -97,62 +99,59 @@ def test_places_near_another_are_at_that_distance_and_in_sight(tmp_path: Path) -
         assert ground.clear(place, other)
 
 
-def test_the_same_seed_is_the_same_sequence(folder: Path) -> None:
-    one, again, other = (compose(folder, seed, FRAMES).scene(5) for seed in (3, 3, 4))
-    assert one.camera == again.camera
-    assert (one.sun, one.spot, one.points) == (again.sun, again.spot, again.points)
-    for a, b in zip(one.instances, again.instances, strict=True):
+def assert_same(one: Scene, other: Scene) -> None:
+    assert (one.camera, one.sun, one.spot, one.points) == (other.camera, other.sun, other.spot, other.points)
+    for a, b in zip(one.instances, other.instances, strict=True):
         np.testing.assert_array_equal(a.model, b.model)
-    np.testing.assert_array_equal(one.environment.pixels, again.environment.pixels)
-    assert one.camera != other.camera
+    np.testing.assert_array_equal(one.environment.pixels, other.environment.pixels)
 
 
-@pytest.mark.parametrize("seed", range(8))
-def test_before_is_the_frame_before_except_at_cuts(folder: Path, seed: int) -> None:
-    sequence = compose(folder, seed, FRAMES)
-    scenes = [sequence.scene(index) for index in range(FRAMES)]
-    assert sequence.cut(0)
-    for index in range(1, FRAMES):
-        before, now = scenes[index - 1], scenes[index]
-        assert now.camera_before == (now.camera if sequence.cut(index) else before.camera)
-        assert now.camera.exposure == sequence.exposure(index)
-        for a, b in zip(before.instances, now.instances, strict=True):
-            assert a.mesh is b.mesh  # drawn from what has been uploaded
-            assert b.model_before is not None
-            np.testing.assert_array_equal(a.model, b.model_before)
-            assert (a.palette is None) == (b.palette_before is None)
-            if a.palette is not None:
-                assert b.palette_before is not None
+def test_the_same_seed_or_spec_is_the_same_sequence(folder: Path) -> None:
+    sequence = compose(folder, 3, FRAMES)
+    again = make_sequence(SequenceSpec(**json.loads(json.dumps(asdict(sequence.spec)))))
+    assert again.spec == sequence.spec
+    for other in (again, compose(folder, 3, FRAMES)):
+        assert_same(sequence.scene(5), other.scene(5))
+    assert sequence.scene(5).camera != compose(folder, 4, FRAMES).scene(5).camera
+
+
+@pytest.fixture(scope="module")
+def sequences(tmp_path_factory: pytest.TempPathFactory) -> list[Composition]:
+    folder = files_in(tmp_path_factory.mktemp("files"))
+    return [compose(folder, seed, FRAMES) for seed in range(8)]
+
+
+def test_the_previous_state_is_the_previous_frame_except_at_cuts(sequences: list[Composition]) -> None:
+    for sequence in sequences:
+        scenes = [sequence.scene(index) for index in range(FRAMES)]
+        assert sequence.cut(0)
+        for index in range(1, FRAMES):
+            before, now = scenes[index - 1], scenes[index]
+            assert now.camera_before == (now.camera if sequence.cut(index) else before.camera)
+            assert now.camera.exposure == sequence.exposure(index)
+            for a, b in zip(before.instances, now.instances, strict=True):
+                assert a.mesh is b.mesh  # drawn from what has been uploaded
+                np.testing.assert_array_equal(a.model, b.model_before)
                 np.testing.assert_array_equal(a.palette, b.palette_before)
 
 
-def test_something_always_moves_and_cuts_happen(folder: Path) -> None:
-    sequences = [compose(folder, seed, FRAMES) for seed in range(8)]
-    for sequence in sequences:
-        assert any((i.model != i.model_before).any() for i in sequence.scene(1).instances)
+def test_something_always_moves_and_all_kinds_of_things_occur(sequences: list[Composition]) -> None:
     scenes = [sequence.scene(1) for sequence in sequences]
+    for scene in scenes:
+        assert any((i.model != i.model_before).any() for i in scene.instances)
     assert any(scene.camera != scene.camera_before for scene in scenes)
     assert any(sequence.cut(index) for sequence in sequences for index in range(1, FRAMES))
     assert any(scene.spot for scene in scenes)
     assert any(scene.points for scene in scenes)
-
-
-def test_procedural_things_stand_among_the_files_props(folder: Path) -> None:
-    scenes = [compose(folder, seed, FRAMES).scene(1) for seed in range(8)]
     assert 0 < sum(len(scene.particles) for scene in scenes) < 8
-    holes = [any(i.material.alpha_cutoff is not None for i in scene.instances) for scene in scenes]
-    mirrors = [
-        any(i.material.metallic == 1.0 and i.material.orm_texture is not None for i in scene.instances)
-        for scene in scenes
-    ]
-    assert any(holes)
-    assert any(mirrors)
+    materials = [i.material for scene in scenes for i in scene.instances]
+    assert any(material.alpha_cutoff is not None for material in materials)
+    assert any(material.metallic == 1.0 and material.orm_texture is not None for material in materials)
 
 
-def test_props_stand_on_the_stage_and_the_camera_above_it(folder: Path) -> None:
+def test_props_stand_on_the_stage_and_the_camera_above_it(sequences: list[Composition]) -> None:
     staged = 0
-    for seed in range(8):
-        sequence = compose(folder, seed, FRAMES)
+    for sequence in sequences:
         scene = sequence.scene(0)
         assert 0.2 < scene.camera.position[1] < 2.2
         if "room.glb" not in dict(sequence.spec.files):
@@ -173,8 +172,8 @@ def test_without_a_stage_things_stand_on_a_bare_floor(tmp_path: Path) -> None:
     assert len(sequence.scene(0).instances) > 2
 
 
-def test_a_composition_can_be_rendered(folder: Path, renderer: Renderer) -> None:
-    scene = compose(folder, 1, FRAMES).scene(1)
+def test_a_composition_can_be_rendered(sequences: list[Composition], renderer: Renderer) -> None:
+    scene = sequences[1].scene(1)
     surfaces, reference = renderer.display(scene), renderer.reference(scene)
     assert (surfaces.depth > 0.0).mean() > 0.2
     assert 0.01 < reference.color.mean() < 20.0
@@ -209,16 +208,6 @@ def test_what_is_not_there_or_broken_is_named(folder: Path, tmp_path: Path) -> N
     (folder / "room.glb").write_bytes(b"glTF")
     with pytest.raises(GltfError, match=r"room\.glb: "):
         compose(folder, 0)
-
-
-def test_a_spec_from_json_is_the_same_sequence(folder: Path) -> None:
-    sequence = compose(folder, 5, FRAMES)
-    again = make_sequence(SequenceSpec(**json.loads(json.dumps(asdict(sequence.spec)))))
-    assert again.spec == sequence.spec
-    one, other = sequence.scene(3), again.scene(3)
-    assert one.camera == other.camera
-    for a, b in zip(one.instances, other.instances, strict=True):
-        np.testing.assert_array_equal(a.model, b.model)
 
 
 def test_a_file_that_is_not_the_one_it_was_rendered_with_is_named(folder: Path) -> None:

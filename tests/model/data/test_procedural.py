@@ -1,43 +1,31 @@
-"""Procedural families: exposure is usable, objects move, and lights change."""
+"""Procedural families: pure functions of their spec; exposure is usable, things move, lights change."""
 
-from collections.abc import Callable
-from functools import cache, partial
+import json
+from collections.abc import Iterator
+from dataclasses import asdict, replace
+from functools import cache
 
 import numpy as np
 import pytest
 
 from supersampler.io.display import display_transform
+from supersampler_model.data.errors import SceneError
 from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.scenes.procedural import fixtures, lighting, materials, paths, shapes
 from supersampler_model.data.scenes.procedural.stage import Stage
 from supersampler_model.data.scenes.scene import Camera, Instance, Mesh, Scene
-from supersampler_model.data.sequences import (
-    APART_FAMILIES,
-    TEST_FAMILIES,
-    TRAIN_FAMILIES,
-    Sequence,
-    SequenceSpec,
-    make_sequence,
-)
+from supersampler_model.data.sequences import APART_FAMILIES, TEST_FAMILIES, TRAIN_FAMILIES, make_sequence
+from supersampler_model.data.specs import Sequence, SequenceSpec
 
 FAMILIES = (*TRAIN_FAMILIES, *TEST_FAMILIES, *APART_FAMILIES)
+FRAMES = 24
 SIZE = (96, 54)
-MOST_TRIANGLES = 60_000
+MAX_TRIANGLES = 60_000
 
 
 @cache
-def sequence_of(family: str, seed: int) -> Sequence:
-    return make_sequence(SequenceSpec(family=family, seed=seed, frames=32))
-
-
-def scene_of(family: str, seed: int = 1, index: int = 4) -> Scene:
-    return sequence_of(family, seed).scene(index)
-
-
-def moves(thing: Instance) -> bool:
-    if thing.palette is not None and thing.palette_before is not None:
-        return not np.array_equal(thing.palette, thing.palette_before)
-    return thing.model_before is not None and not np.array_equal(thing.model, thing.model_before)
+def sequence_of(family: str, seed: int = 3) -> Sequence:
+    return make_sequence(SequenceSpec(family=family, seed=seed, frames=FRAMES))
 
 
 @pytest.fixture(scope="session")
@@ -45,9 +33,111 @@ def small_renderer() -> Renderer:
     return Renderer(SIZE, samples=4)
 
 
+# --- sequences ---
+
+
+def content(scene: Scene) -> Iterator[object]:
+    """Everything of a scene that can differ, in order."""
+    yield scene.camera, scene.camera_before, scene.sun, scene.spot, scene.points
+    yield scene.environment.pixels
+    for cloud in scene.particles:
+        yield from (cloud.centers, cloud.radii, cloud.colors)
+    for thing in scene.instances:
+        yield from (thing.model, thing.model_before, thing.palette, thing.palette_before, thing.emission)
+        yield from (thing.mesh.positions, thing.mesh.normals, thing.mesh.uv, thing.mesh.indices)
+        material = thing.material
+        yield material.base_color, material.roughness, material.metallic, material.emissive
+        for name in ("base_color", "normal", "orm", "emissive"):
+            texture = getattr(material, f"{name}_texture")
+            yield None if texture is None else texture.pixels
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_the_same_spec_gives_the_same_scene_in_any_order(family: str) -> None:
+    one = sequence_of(family)
+    other = make_sequence(SequenceSpec(**json.loads(json.dumps(asdict(one.spec)))))
+    one.scene(17)
+    for a, b in zip(content(one.scene(5)), content(other.scene(5)), strict=True):
+        assert np.array_equal(a, b) if isinstance(a, np.ndarray) else a == b  # type: ignore[arg-type]
+    assert [one.cut(i) for i in range(FRAMES)] == [other.cut(i) for i in range(FRAMES)]
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_the_previous_state_is_that_of_the_previous_frame(family: str) -> None:
+    sequence = sequence_of(family)
+    before = sequence.scene(0)
+    assert before.camera_before == before.camera
+    for index in range(1, FRAMES):
+        scene = sequence.scene(index)
+        assert scene.camera_before == (scene.camera if sequence.cut(index) else before.camera)
+        for now, then in zip(scene.instances, before.instances, strict=True):
+            assert now.mesh is then.mesh
+            assert now.material is then.material
+            np.testing.assert_array_equal(now.model_before, then.model)
+            np.testing.assert_array_equal(now.palette_before, then.palette)
+        before = scene
+
+
+def test_some_sequences_have_cuts_and_cuts_move_the_camera() -> None:
+    seen = 0
+    for seed in range(12):
+        sequence = sequence_of("floors", seed)
+        cuts = [index for index in range(FRAMES) if sequence.cut(index)]
+        assert cuts[0] == 0
+        for index in cuts[1:]:
+            here, there = (np.array(sequence.scene(i).camera.position) for i in (index, index - 1))
+            assert np.linalg.norm(here - there) > 0.5
+            seen += 1
+    assert 0 < seen < 24
+
+
+def test_some_exposures_change_and_some_are_left_to_be_measured() -> None:
+    ranges, measured = [], 0
+    for seed in range(12):
+        sequence = sequence_of("floors", seed)
+        given = [sequence.exposure(index) for index in (0, FRAMES - 1)]
+        cameras = [sequence.scene(index).camera.exposure for index in (0, FRAMES - 1)]
+        assert given in ([None, None], cameras)
+        measured += given[0] is None
+        ranges.append(max(cameras) / min(cameras))
+    assert 0 < measured < 12
+    assert min(ranges) == pytest.approx(1.0)
+    assert 1.3 < max(ranges) < 3.0
+
+
+def test_families_for_tests_are_no_families_to_learn_from() -> None:
+    assert len(set(FAMILIES)) == len(FAMILIES)
+    assert len(TRAIN_FAMILIES) >= 6
+    assert len(TEST_FAMILIES) >= 5
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"family": "moon"}, r"spec\.family is 'moon'; want one of fences, "),
+        ({"seed": -1}, r"spec\.seed is -1; want"),
+        ({"frames": 0}, r"spec\.frames is 0; want"),
+        ({"frame_rate": 0.0}, r"spec\.frame_rate is 0\.0; want"),
+    ],
+)
+def test_a_bad_spec_is_named(change: dict[str, object], message: str) -> None:
+    fields = {"family": "floors", "seed": 1, "frames": 4, "frame_rate": 30.0} | change
+    with pytest.raises(SceneError, match=message):
+        make_sequence(SequenceSpec(**fields))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("index", [-1, FRAMES])
+def test_there_is_no_frame_outside(index: int) -> None:
+    with pytest.raises(SceneError, match=r"index is .*; want 0 to 23"):
+        sequence_of("floors").scene(index)
+
+
+# --- what families show ---
+
+
 @pytest.mark.parametrize("family", FAMILIES)
 def test_a_frame_is_neither_black_nor_blown_out(family: str, small_renderer: Renderer) -> None:
-    scene = scene_of(family)
+    scene = sequence_of(family).scene(4)
     shown = display_transform(small_renderer.reference(scene).color, scene.camera.exposure)
     assert 0.12 < shown.mean() < 0.7
     assert (shown.max(axis=-1) < 0.04).mean() < 0.25
@@ -55,20 +145,40 @@ def test_a_frame_is_neither_black_nor_blown_out(family: str, small_renderer: Ren
     assert shown.std() > 0.05
 
 
+def moves(thing: Instance) -> bool:
+    before, now = thing.model_before, thing.model
+    if thing.palette is not None and thing.palette_before is not None:
+        before, now = thing.palette_before, thing.palette
+    return not np.array_equal(before, now)  # type: ignore[arg-type]
+
+
 @pytest.mark.parametrize("family", FAMILIES)
-def test_things_move_and_lights_change(family: str) -> None:
-    for seed in (1, 2):
-        scene, later = scene_of(family, seed), scene_of(family, seed, 20)
-        moving = [thing for thing in scene.instances if moves(thing)]
-        assert len(moving) >= 3
+def test_scenes_are_cheap_things_move_lights_change_and_seeds_differ(family: str) -> None:
+    scenes = []
+    for seed in (3, 4):
+        scene, later = (sequence_of(family, seed).scene(index) for index in (4, 20))
+        assert sum(len(thing.mesh.indices) for thing in scene.instances) < MAX_TRIANGLES
+        assert sum(map(moves, scene.instances)) >= 3
         assert (scene.sun, scene.spot, scene.points) != (later.sun, later.spot, later.points)
+        scenes.append(scene)
+    one, other = scenes
+    assert one.camera != other.camera
+    assert not np.array_equal(one.environment.pixels, other.environment.pixels)
+    assert one.points != other.points
 
 
-@pytest.mark.parametrize("family", FAMILIES)
-def test_a_scene_is_cheap_to_draw(family: str) -> None:
-    for seed in (1, 2):
-        scene = scene_of(family, seed)
-        assert sum(len(thing.mesh.indices) for thing in scene.instances) < MOST_TRIANGLES
+def test_shading_changes_between_frames_where_nothing_moves(small_renderer: Renderer) -> None:
+    """Else there would be next to no shading ghosting to learn from."""
+    changed = []
+    for family in TRAIN_FAMILIES:
+        scene, after = (sequence_of(family).scene(index) for index in (4, 7))
+        relit = replace(scene, sun=after.sun, spot=after.spot, points=after.points)
+        one, other = (display_transform(small_renderer.reference(s).color) for s in (scene, relit))
+        changed.append(float((np.abs(one - other).max(axis=-1) > 0.03).mean()))
+    assert np.mean(changed) > 0.05
+
+
+# --- the parts of scenes ---
 
 
 def test_every_third_hour_is_dusk_or_night_and_then_the_sun_is_low_or_gone() -> None:
@@ -125,24 +235,6 @@ def test_a_pendulum_keeps_its_length() -> None:
     assert np.ptp(places, axis=0).max() > 0.5
 
 
-def test_shading_changes_between_frames_where_nothing_moves(small_renderer: Renderer) -> None:
-    """Else there would be next to no shading ghosting to learn from."""
-    changed = []
-    for family in TRAIN_FAMILIES:
-        scene, after = scene_of(family), scene_of(family, index=7)
-        still = Scene(
-            camera=scene.camera, camera_before=scene.camera, environment=scene.environment,
-            instances=scene.instances, sun=scene.sun, spot=scene.spot, points=scene.points,
-        )  # fmt: skip
-        relit = Scene(
-            camera=scene.camera, camera_before=scene.camera, environment=scene.environment,
-            instances=scene.instances, sun=after.sun, spot=after.spot, points=after.points,
-        )  # fmt: skip
-        one, other = (display_transform(small_renderer.reference(s).color) for s in (still, relit))
-        changed.append(float((np.abs(one - other).max(axis=-1) > 0.03).mean()))
-    assert np.mean(changed) > 0.05
-
-
 @pytest.mark.parametrize(
     "mesh",
     [
@@ -173,15 +265,9 @@ def test_textures_repeat_without_a_seam() -> None:
         assert seam <= np.abs(np.diff(field, axis=0)).max() + 1e-9
 
 
-def _pulse(kind: str, rng: np.random.Generator) -> lighting.Pulse:
-    return lighting.pulse(rng, kind)
-
-
 def test_pulses_are_never_negative_and_vary() -> None:
-    named = [partial(_pulse, kind) for kind in lighting.PULSES]
-    makers: list[Callable[[np.random.Generator], lighting.Pulse]]
-    makers = [*named, lighting.nervous, lighting.clouds, lighting.lightning]
-    for make in makers:
+    kinds = [lambda rng, kind=kind: lighting.pulse(rng, kind) for kind in lighting.PULSES]
+    for make in (*kinds, lighting.nervous, lighting.clouds, lighting.lightning):
         pulse = make(np.random.default_rng(2))
         values = [pulse(t / 30.0) for t in range(300)]
         assert min(values) >= 0.0
@@ -194,3 +280,32 @@ def test_wind_holds_the_ground_still_and_bends_the_rest() -> None:
     np.testing.assert_array_equal(palette(1.3)[0], np.eye(4))
     assert 0.0 < np.abs(palette(1.3)[1:, :3, 3]).max() < 0.4
     assert not np.array_equal(palette(1.3), palette(1.4))
+
+
+@pytest.mark.parametrize("rows", [1, 3, 16])
+def test_every_row_has_words_that_end_at_different_columns(rows: int) -> None:
+    page = materials.lettering(np.random.default_rng(1), rows, 256)
+    assert page.shape == (256, 256)
+    assert page.min() == 0.0
+    assert page.max() == 1.0
+    lines = np.split(page[: 256 // rows * rows], rows)
+    ends = [int(np.flatnonzero(line.max(axis=0))[-1]) for line in lines]
+    assert len(set(ends)) >= rows // 3
+    assert all(0.02 < line[:, :end].mean() < 0.5 for line, end in zip(lines, ends, strict=True))
+
+
+def test_words_have_gaps_between_them() -> None:
+    line = materials.lettering(np.random.default_rng(2), 8, 512)[:64]
+    inked = line.max(axis=0) > 0.0
+    gaps = np.diff(np.flatnonzero(inked))
+    assert gaps.max() > 0.5 * 64 * 0.62  # a space is a glyph wide
+
+
+def test_signs_reflect_and_screens_shine() -> None:
+    rng = np.random.default_rng(3)
+    board, lit, page = materials.sign(rng, 4), materials.sign(rng, 4, shine=2.0), materials.screen(rng, 1.5)
+    assert board.base_color_texture is not None
+    assert max(board.emissive) == 0.0
+    assert lit.emissive == (2.0,) * 3
+    assert page.emissive_texture is not None
+    assert page.emissive_texture.pixels.std() > 20.0  # not one colour

@@ -25,6 +25,8 @@ from supersampler_model.data.scenes.scene import (
 )
 
 WHITE = np.full((2, 2, 3), 255, np.uint8)
+PAINT = Texture(pixels=WHITE)
+ROWS = np.ones((2, 4), np.float32)
 HERE = moved(0, 0, 0)
 LAMP = Point(position=(0.0, 1.0, 0.0), color=(1.0, 1.0, 1.0))
 WIDER = Camera(position=(0.0, 0.0, 1.0), target=(0.0, 0.0, 0.0), near=0.2)
@@ -54,14 +56,8 @@ BAD: list[tuple[Callable[[], object], str]] = [
     (lambda: Texture(pixels=WHITE.astype(np.float32)), r"texture\.pixels is .* float32; want .* uint8"),
     (lambda: Texture(pixels=np.zeros((0, 4, 3), np.uint8)), r"texture\.pixels is \(0, 4, 3\)"),
     (lambda: Material(alpha_cutoff=0.5), r"material\.base_color_texture is missing; want an RGBA"),
-    (
-        lambda: Material(alpha_cutoff=0.5, base_color_texture=Texture(pixels=WHITE)),
-        r"material\.base_color_texture is without opacity",
-    ),
-    (
-        lambda: Material(normal_texture=Texture(pixels=WHITE)),
-        r"material\.normal_texture\.srgb is True; want False",
-    ),
+    (lambda: Material(alpha_cutoff=0.5, base_color_texture=PAINT), r"base_color_texture is without opacity"),
+    (lambda: Material(normal_texture=PAINT), r"material\.normal_texture\.srgb is True; want False"),
     (lambda: Material(base_color_texture="paint.png"), r"base_color_texture is str; want a Texture"),  # type: ignore[arg-type]
     (lambda: Material(base_color=(2.0, 0.0, 0.0)), r"material\.base_color is 2\.0; want .* <= 1"),
     (lambda: Material(roughness=float("nan")), r"material\.roughness is nan"),
@@ -81,12 +77,8 @@ BAD: list[tuple[Callable[[], object], str]] = [
     (lambda: scene(points=(LAMP,) * 17), r"scene\.points is 17 lights; .* 16"),
     (lambda: scene(camera_before=WIDER), r"camera_before\.near"),
     (
-        lambda: Particles(
-            centers=np.zeros((2, 3), np.float32),
-            radii=np.ones(3, np.float32),
-            colors=np.ones((2, 4), np.float32),
-        ),
-        r"particles\.radii is \(3,\) float32; want \(2\) float32",
+        lambda: Particles(centers=ROWS[:, :3], radii=ROWS[0, :3], colors=ROWS),
+        r"radii is \(3,\) float32; want \(2\)",
     ),
 ]
 

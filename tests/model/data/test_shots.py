@@ -10,6 +10,7 @@ from supersampler import ArgumentError, halton_jitter
 from supersampler.io.shot import Shot, ShotWriter
 from supersampler_model.data.labels import Alias, Ghost, label
 from supersampler_model.data.product_shot import Plaza
+from supersampler_model.data.rendered import labels_of
 from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.scenes.scene import Camera, Scene
 from supersampler_model.data.sequences import Sequence, SequenceSpec
@@ -84,19 +85,15 @@ def test_what_is_stored_is_what_was_rendered(folder: Path, small_renderer: Rende
 
 
 def test_references_carry_the_labels_of_their_frame(folder: Path, small_renderer: Renderer) -> None:
-    rendered = [
-        small_renderer.render(Yard(1).scene(i), (48, 27), jitter=(0, 0), reset=i in (0, 2)) for i in range(3)
-    ]
+    before = None
     for index in range(3):
-        exposure = rendered[index].exposure
-        past = rendered[index - 1].evidence(exposure) if index else None
-        wanted, found = (
-            label(rendered[index].evidence(exposure), past),
-            shots(folder)[1.5].read_classes(index),
-        )
+        scene, reset = Yard(1).scene(index), index in (0, 2)
+        now = small_renderer.render(scene, (48, 27), jitter=(0, 0), reset=reset)
+        expected, found = labels_of(now, before), shots(folder)[1.5].read_classes(index)
         assert found is not None
-        np.testing.assert_array_equal(found.ghost, wanted.ghost)
-        np.testing.assert_array_equal(found.alias, wanted.alias)
+        np.testing.assert_array_equal(found.ghost, expected.ghost)
+        np.testing.assert_array_equal(found.alias, expected.alias)
+        before = now
 
 
 def files(folder: Path) -> list[Path]:

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable
 from ctypes.util import find_library
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 from supersampler_model.data.errors import GraphicsError
 
@@ -88,8 +88,6 @@ PIP = "pip install lavavu-osmesa"
 _LOWER_LEFT, _ZERO_TO_ONE = 0x8CA1, 0x935F
 _TEXTURE_2D, _DEPTH_COMPONENT, _DEPTH_COMPONENT32F, _FLOAT = 0x0DE1, 0x1902, 0x8CAC, 0x1406
 
-Backend = Literal["auto", "egl", "osmesa"]
-
 
 class Graphics(NamedTuple):
     """A context, with GL functions that moderngl lacks.
@@ -119,19 +117,18 @@ class Graphics(NamedTuple):
         return texture
 
 
-def open_graphics(backend: Backend = "auto") -> Graphics:
-    """Return a new context with depth in [0, 1]; "auto" takes EGL where it works, else OSMesa.
+def open_graphics() -> Graphics:
+    """Return a new context with depth in [0, 1]: EGL where it works, else OSMesa.
 
     Raises:
         GraphicsError: neither is available; the message, one line, gives the reason and what to install.
     """
     if importlib.util.find_spec("moderngl") is None:
         raise GraphicsError(NO_MODERNGL)
-    openers = {"egl": _open_egl, "osmesa": _open_osmesa}
     reasons = []
-    for name in openers if backend == "auto" else (backend,):
+    for name, open_ in (("egl", _open_egl), ("osmesa", _open_osmesa)):
         try:
-            graphics = openers[name]()
+            graphics = open_()
             break
         except Exception as error:  # moderngl raises bare Exceptions
             reasons.append(f"{name}: {' '.join(str(error).split())}")

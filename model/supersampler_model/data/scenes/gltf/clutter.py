@@ -1,7 +1,6 @@
 """Procedural objects for compositions: thin ones, leaves, mirrors, fast movers, lights, particles."""
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
@@ -89,7 +88,7 @@ def _bush(rng: Rng, stage: Stage, ground: Ground, focus: Values) -> list[Values]
     place = ground.near(rng, focus, 0.6, 2.5)
     plant = Stage(environment=stage.environment)
     bush(rng, plant, (0.0, 0.0), rng.uniform(0.05, 0.16))
-    stage.props += [replace(prop, pose=paths.attached(prop.pose, _moved(place))) for prop in plant.props]
+    stage.props += [prop._replace(pose=paths.attached(prop.pose, _moved(place))) for prop in plant.props]
     return [place]
 
 

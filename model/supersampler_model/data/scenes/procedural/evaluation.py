@@ -36,11 +36,10 @@ def machine_hall(rng: Rng) -> Stage:
     stage.particles.append(smoke(rng, (rng.uniform(-3, 3), 0.3, -4.0), grey=0.25))
     if rng.random() < 0.6:
         stage.particles.append(sparks(rng, (rng.uniform(-3, 3), 1.6, -2.4), 90))
-    stage.vantages += [
-        paths.Vantage(position=(0.5, 1.7, 3.4), target=(0.0, 1.5, -3.0), room=0.9),
-        paths.Vantage(position=(-4.0, 2.9, 2.0), target=(1.0, 1.0, -3.5), room=0.8),
-        paths.Vantage(position=(3.6, 1.2, 1.6), target=(-1.5, 1.8, -4.0), room=0.8),
-    ]
+    stage.add_vantages(
+        ((0.5, 1.7, 3.4), (0.0, 1.5, -3.0), 0.9), ((-4.0, 2.9, 2.0), (1.0, 1.0, -3.5), 0.8),
+        ((3.6, 1.2, 1.6), (-1.5, 1.8, -4.0), 0.8),
+    )  # fmt: skip
     return stage
 
 
@@ -127,7 +126,8 @@ def market(rng: Rng) -> Stage:
     stage.sun = lighting.sunlight(
         rng, 5.5, 11.0, elevation=(35, 60), pulsing=clouds, warmth=0.45, center=(0, 0, -3)
     )
-    stage.put(shapes.plane(60.0, 60.0, 0.7), _paving(rng))
+    paving = materials.brick(rng, 16) if rng.random() < 0.5 else materials.tiles(rng, 8, 0.1, 0.35)
+    stage.put(shapes.plane(60.0, 60.0, 0.7), paving)
     skyline(rng, stage)
     _houses(rng, stage)
     woods = [materials.planks(rng) for _ in range(3)]
@@ -145,16 +145,11 @@ def market(rng: Rng) -> Stage:
     )
     if rng.random() < 0.6:
         stage.particles.append(smoke(rng, (float(rng.choice([-1.9, 1.9])), 1.1, -2.0), grey=0.5))
-    stage.vantages += [
-        paths.Vantage(position=(0.4, 1.65, 4.0), target=(-0.2, 1.4, -4.0), room=0.8),
-        paths.Vantage(position=(-0.8, 2.6, 3.2), target=(0.8, 1.0, -3.0), room=0.7),
-        paths.Vantage(position=(0.8, 1.4, 1.0), target=(-1.8, 1.2, -3.5), room=0.5),
-    ]
+    stage.add_vantages(
+        ((0.4, 1.65, 4.0), (-0.2, 1.4, -4.0), 0.8), ((-0.8, 2.6, 3.2), (0.8, 1.0, -3.0), 0.7),
+        ((0.8, 1.4, 1.0), (-1.8, 1.2, -3.5), 0.5),
+    )  # fmt: skip
     return stage
-
-
-def _paving(rng: Rng) -> Material:
-    return materials.brick(rng, 16) if rng.random() < 0.5 else materials.tiles(rng, 8, 0.1, 0.35)
 
 
 def _houses(rng: Rng, stage: Stage) -> None:
@@ -260,11 +255,10 @@ def night_garden(rng: Rng) -> Stage:
     stage.particles.append(fireflies(rng, (-4, 0.2, -5), (4, 1.8, 3), 35))
     if rng.random() < 0.5:
         stage.particles.append(smoke(rng, (0.0, 0.1, -1.6), 18, grey=0.04, rise=0.4))
-    stage.vantages += [
-        paths.Vantage(position=(0.6, 1.6, 4.2), target=(0.0, 0.9, -3.0), room=0.9),
-        paths.Vantage(position=(-2.6, 1.2, 2.6), target=(1.0, 0.9, -3.0), room=0.7),
-        paths.Vantage(position=(1.8, 2.2, 3.0), target=(-0.6, 0.6, -2.5), room=0.8),
-    ]
+    stage.add_vantages(
+        ((0.6, 1.6, 4.2), (0.0, 0.9, -3.0), 0.9), ((-2.6, 1.2, 2.6), (1.0, 0.9, -3.0), 0.7),
+        ((1.8, 2.2, 3.0), (-0.6, 0.6, -2.5), 0.8),
+    )  # fmt: skip
     return stage
 
 
@@ -346,11 +340,10 @@ def gallery(rng: Rng) -> Stage:
     _gallery_lights(rng, stage)
     if rng.random() < 0.4:
         stage.particles.append(dust(rng, (-3, 0.5, -6), (3, 3, 2), opacity=0.25))
-    stage.vantages += [
-        paths.Vantage(position=(0.3, 1.6, 3.6), target=(-0.1, 1.2, -3.0), room=0.9),
-        paths.Vantage(position=(-3.2, 1.3, 1.8), target=(1.5, 1.0, -3.6), room=0.8),
-        paths.Vantage(position=(3.2, 0.8, 1.2), target=(-1.2, 1.2, -3.6), room=0.7),
-    ]
+    stage.add_vantages(
+        ((0.3, 1.6, 3.6), (-0.1, 1.2, -3.0), 0.9), ((-3.2, 1.3, 1.8), (1.5, 1.0, -3.6), 0.8),
+        ((3.2, 0.8, 1.2), (-1.2, 1.2, -3.6), 0.7),
+    )  # fmt: skip
     return stage
 
 
@@ -468,11 +461,10 @@ def court(rng: Rng) -> Stage:
     _floodlights(rng, stage, night)
     if rng.random() < 0.4:
         stage.particles.append(dust(rng, (-4, 0, -6), (4, 2, 3)))
-    stage.vantages += [
-        paths.Vantage(position=(0.8, 1.7, 4.6), target=(0.0, 1.0, -3.0), room=1.2),
-        paths.Vantage(position=(-4.4, 1.3, 2.0), target=(1.0, 0.9, -3.5), room=1.0),
-        paths.Vantage(position=(3.8, 2.8, 3.6), target=(-0.8, 0.4, -3.0), room=1.2),
-    ]
+    stage.add_vantages(
+        ((0.8, 1.7, 4.6), (0.0, 1.0, -3.0), 1.2), ((-4.4, 1.3, 2.0), (1.0, 0.9, -3.5), 1.0),
+        ((3.8, 2.8, 3.6), (-0.8, 0.4, -3.0), 1.2),
+    )  # fmt: skip
     return stage
 
 

@@ -10,6 +10,7 @@ from supersampler_model.data.scenes.procedural.paths import (
     Place,
     Point3,
     Pose,
+    attached,
     place_of,
     placed,
     spinning,
@@ -109,9 +110,14 @@ def caster(rng: Rng, stage: Stage, sun: Callable[[float], Sun], kind: str | None
     elif kind == "train":
         mesh, pose = _train(rng, radius, frame)
     else:
-        way = _clouds_way(rng, radius) if kind == "clouds" else _boughs_way(rng, radius)
+        if kind == "clouds":
+            angle, speed = rng.uniform(-0.5, 0.5), (5.0, 14.0)
+            end = 0.4 * radius * np.array([np.cos(angle), np.sin(angle), 0.0])
+        else:
+            end, speed = radius * rng.uniform(0.04, 0.12) * np.array([1.0, 0.3, 0.0]), (2.0, 8.0)
+        way = swing(rng, (-end).tolist(), end.tolist(), rng.uniform(*speed))
         mesh = _blots(rng, 9, radius, 0.14) if kind == "clouds" else _blots(rng, 18, 0.8 * radius, 0.08)
-        pose = _moved(frame, way)
+        pose = attached(lambda _: frame, upright(way))
     stage.put(mesh, materials.glow((0.0, 0.0, 0.0), 0.0), pose)
 
 
@@ -161,21 +167,6 @@ def _blots(rng: Rng, count: int, radius: float, size: float) -> Mesh:
             leaf = shapes.wall(width, 0.6 * width)
             blots.append((leaf, middle @ turned_by(2, angle) @ placed(0.0, -0.3 * width)))
     return shapes.merged(blots)
-
-
-def _clouds_way(rng: Rng, radius: float) -> Place:
-    angle, extent = rng.uniform(-0.5, 0.5), 0.4 * radius
-    end = extent * np.array([np.cos(angle), np.sin(angle), 0.0])
-    return swing(rng, (-end).tolist(), end.tolist(), rng.uniform(5.0, 14.0))
-
-
-def _boughs_way(rng: Rng, radius: float) -> Place:
-    end = radius * rng.uniform(0.04, 0.12) * np.array([1.0, 0.3, 0.0])
-    return swing(rng, (-end).tolist(), end.tolist(), rng.uniform(2.0, 8.0))
-
-
-def _moved(frame: Matrix, way: Place) -> Pose:
-    return lambda t: np.asarray(frame @ placed(*way(t).tolist()))
 
 
 WHEEL = np.eye(4)[[1, 0, 2, 3]] * np.array([1.0, 1.0, -1.0, 1.0])

@@ -35,15 +35,13 @@ def floors(rng: Rng) -> Stage:
     if rng.random() < 0.5:
         stage.particles.append(dust(rng, (-5, 0.2, -8), (5, 3, 4)))
     low = rng.uniform(0.5, 1.3)
-    stage.vantages += [
-        paths.Vantage(position=(0.6, low, 5.5), target=(0.0, 0.6, -6.0), room=1.3, brisk=True),
-        paths.Vantage(position=(-3.0, low + 0.3, 4.0), target=(2.0, 0.5, -5.0), room=1.2, brisk=True),
-        paths.Vantage(position=(2.8, 1.7, 3.0), target=(-1.0, 0.0, -4.0), room=1.2, brisk=True),
-        paths.Vantage(position=(-6.2, 1.6, -3.5), target=(4.0, 0.2, -4.5), room=0.6, brisk=True),
-        paths.Vantage(position=(0.8, low + 0.4, -13.5), target=(-0.4, 0.5, 0.0), room=1.2, brisk=True),
-        paths.Vantage(position=(5.6, 3.8, 1.0), target=(-1.0, 0.0, -4.5), room=0.9, brisk=True),
-        paths.Vantage(position=(1.4, 0.3, 1.6), target=(-0.8, 0.5, -6.0), room=0.8, brisk=True),
-    ]
+    stage.add_vantages(
+        ((0.6, low, 5.5), (0.0, 0.6, -6.0), 1.3), ((-3.0, low + 0.3, 4.0), (2.0, 0.5, -5.0), 1.2),
+        ((2.8, 1.7, 3.0), (-1.0, 0.0, -4.0), 1.2), ((-6.2, 1.6, -3.5), (4.0, 0.2, -4.5), 0.6),
+        ((0.8, low + 0.4, -13.5), (-0.4, 0.5, 0.0), 1.2), ((5.6, 3.8, 1.0), (-1.0, 0.0, -4.5), 0.9),
+        ((1.4, 0.3, 1.6), (-0.8, 0.5, -6.0), 0.8),
+        brisk=True,
+    )  # fmt: skip
     return stage
 
 
@@ -154,21 +152,22 @@ def metals(rng: Rng) -> Stage:
     if show_room:
         _goods(rng, stage, _plinths(rng, stage))
     else:
-        _table(rng, stage)
+        wooden = rng.random() < 0.5
+        top = materials.planks(rng, 6, 0.6) if wooden else materials.brushed(rng, (0.6, 0.6, 0.62))
+        legs = [(shapes.box(0.1, TABLE, 0.1), placed(x, 0, z)) for x in (-1.7, 1.7) for z in (-0.7, 0.7)]
+        stage.put([(shapes.box(3.6, 0.08, 1.7, 0.8), placed(0, TABLE - 0.08, 0)), *legs], top)
         _goods(rng, stage, [(x, TABLE, z) for x in np.linspace(-1.4, 1.4, 6).tolist() for z in (-0.45, 0.35)])
     _engine(rng, stage)
     _workshop_lights(rng, stage, (1.4 if dark else 1.1) * rng.uniform(0.7, 1.4))
     if rng.random() < 0.5:
         stage.particles.append(sparks(rng, (rng.uniform(-1, 1), TABLE + 0.2, -0.3)))
-    stage.vantages += [
-        paths.Vantage(position=(0.3, 1.65, 2.4), target=(0.0, 1.05, 0.0), room=0.8, brisk=True),
-        paths.Vantage(position=(-1.7, 1.35, 1.3), target=(0.3, 1.05, -0.2), room=0.6, brisk=True),
-        paths.Vantage(position=(1.6, 1.9, 1.9), target=(-0.2, 0.9, -0.3), room=0.7, brisk=True),
-        paths.Vantage(position=(3.1, 1.6, -0.5), target=(-0.6, 0.9, -0.1), room=0.5, brisk=True),
-        paths.Vantage(position=(0.3, 2.9, 1.3), target=(0.0, 0.7, -0.3), room=0.6, brisk=True),
-        paths.Vantage(position=(-3.0, 1.5, -1.7), target=(1.6, 0.9, 1.2), room=0.5, brisk=True),
-        paths.Vantage(position=(-0.6, 1.3, 1.15), target=(0.5, 1.05, -0.5), room=0.3, brisk=True),
-    ]
+    stage.add_vantages(
+        ((0.3, 1.65, 2.4), (0.0, 1.05, 0.0), 0.8), ((-1.7, 1.35, 1.3), (0.3, 1.05, -0.2), 0.6),
+        ((1.6, 1.9, 1.9), (-0.2, 0.9, -0.3), 0.7), ((3.1, 1.6, -0.5), (-0.6, 0.9, -0.1), 0.5),
+        ((0.3, 2.9, 1.3), (0.0, 0.7, -0.3), 0.6), ((-3.0, 1.5, -1.7), (1.6, 0.9, 1.2), 0.5),
+        ((-0.6, 1.3, 1.15), (0.5, 1.05, -0.5), 0.3),
+        brisk=True,
+    )  # fmt: skip
     return stage
 
 
@@ -191,12 +190,6 @@ def _room(rng: Rng, stage: Stage) -> None:
             can = shapes.cylinder(0.1, rng.uniform(0.15, 0.4))
             cover = materials.paint(rng) if rng.random() < 0.4 else materials.any_metal(rng, 0.3)
             stage.put(can, cover, placed(float(x + rng.uniform(-0.1, 0.1)), y, -2.4))
-
-
-def _table(rng: Rng, stage: Stage) -> None:
-    top = materials.planks(rng, 6, 0.6) if rng.random() < 0.5 else materials.brushed(rng, (0.6, 0.6, 0.62))
-    legs = [(shapes.box(0.1, TABLE, 0.1), placed(x, 0, z)) for x in (-1.7, 1.7) for z in (-0.7, 0.7)]
-    stage.put([(shapes.box(3.6, 0.08, 1.7, 0.8), placed(0, TABLE - 0.08, 0)), *legs], top)
 
 
 def _plinths(rng: Rng, stage: Stage) -> list[tuple[float, float, float]]:
@@ -309,14 +302,12 @@ def flicker(rng: Rng) -> Stage:
         stage.particles.append(sparks(rng, (rng.uniform(-1.5, 1.5), 2.4, -2.9)))
     if rng.random() < 0.5:
         stage.particles.append(dust(rng, (-2, 0.3, -6), (2, 2.6, 2)))
-    stage.vantages += [
-        paths.Vantage(position=(0.4, 1.55, 3.4), target=(-0.1, 1.2, -3.0), room=0.7, brisk=True),
-        paths.Vantage(position=(-1.6, 1.3, 2.2), target=(0.9, 1.0, -2.5), room=0.5, brisk=True),
-        paths.Vantage(position=(1.5, 1.9, 2.6), target=(-0.6, 0.8, -2.5), room=0.5, brisk=True),
-        paths.Vantage(position=(0.3, 1.6, -7.0), target=(-0.2, 1.1, 1.0), room=0.6, brisk=True),
-        paths.Vantage(position=(-1.9, 1.5, 0.6), target=(2.0, 1.0, -3.0), room=0.4, brisk=True),
-        paths.Vantage(position=(0.2, 0.5, 1.6), target=(-0.1, 1.5, -4.0), room=0.5, brisk=True),
-    ]
+    stage.add_vantages(
+        ((0.4, 1.55, 3.4), (-0.1, 1.2, -3.0), 0.7), ((-1.6, 1.3, 2.2), (0.9, 1.0, -2.5), 0.5),
+        ((1.5, 1.9, 2.6), (-0.6, 0.8, -2.5), 0.5), ((0.3, 1.6, -7.0), (-0.2, 1.1, 1.0), 0.6),
+        ((-1.9, 1.5, 0.6), (2.0, 1.0, -3.0), 0.4), ((0.2, 0.5, 1.6), (-0.1, 1.5, -4.0), 0.5),
+        brisk=True,
+    )  # fmt: skip
     return stage
 
 
@@ -434,13 +425,12 @@ def station(rng: Rng) -> Stage:
     stage.particles.append(smoke(rng, (rng.uniform(-3, 3), 0.3, TRACK), grey=rng.uniform(0.2, 0.8)))
     if rng.random() < 0.5:
         stage.particles.append(dust(rng, (-5, 0.3, -7), (5, 3.5, 2)))
-    stage.vantages += [
-        paths.Vantage(position=(0.5, 1.6, 2.0), target=(-0.5, 1.7, WALL), room=1.0, brisk=True),
-        paths.Vantage(position=(-3.5, 1.7, 0.5), target=(2.5, 1.5, WALL), room=0.8, brisk=True),
-        paths.Vantage(position=(3.8, 1.5, -0.5), target=(-2.0, 1.8, WALL), room=0.7, brisk=True),
-        paths.Vantage(position=(-5.5, 1.6, -1.6), target=(5.0, 1.6, -3.4), room=0.5, brisk=True),
-        paths.Vantage(position=(1.5, 2.4, -2.0), target=(0.5, 2.2, WALL), room=0.5, brisk=True),
-    ]
+    stage.add_vantages(
+        ((0.5, 1.6, 2.0), (-0.5, 1.7, WALL), 1.0), ((-3.5, 1.7, 0.5), (2.5, 1.5, WALL), 0.8),
+        ((3.8, 1.5, -0.5), (-2.0, 1.8, WALL), 0.7), ((-5.5, 1.6, -1.6), (5.0, 1.6, -3.4), 0.5),
+        ((1.5, 2.4, -2.0), (0.5, 2.2, WALL), 0.5),
+        brisk=True,
+    )  # fmt: skip
     return stage
 
 

@@ -17,7 +17,7 @@ from supersampler_model.data.scenes.procedural.fixtures import (
 )
 from supersampler_model.data.scenes.procedural.paths import placed, turned_by
 from supersampler_model.data.scenes.procedural.stage import Stage
-from supersampler_model.data.scenes.scene import Color, Material, Mesh, Rng, Values
+from supersampler_model.data.scenes.scene import Color, Material, Rng, Values
 
 FENCE_HEIGHT = 2.2
 
@@ -39,14 +39,12 @@ def fences(rng: Rng) -> Stage:
     if rng.random() < 0.4:
         stage.particles.append(dust(rng, (-6, 0, -5), (6, 3, 4)))
     side = rng.uniform(2.0, 4.5)
-    stage.vantages += [
-        paths.Vantage(position=(side, 1.6, 5.0), target=(-0.5, 1.3, -2.0), room=1.3, brisk=True),
-        paths.Vantage(position=(-4.5, 1.2, 2.6), target=(1.0, 1.4, -2.5), room=1.0, brisk=True),
-        paths.Vantage(position=(0.5, 1.0, 4.0), target=(0.0, 3.2, -4.0), room=1.0, brisk=True),
-        paths.Vantage(position=(-6.8, 1.7, -1.2), target=(3.0, 0.7, -3.4), room=0.7, brisk=True),
-        paths.Vantage(position=(2.5, 3.4, 3.6), target=(-0.5, 0.3, -2.5), room=1.2, brisk=True),
-        paths.Vantage(position=(-1.0, 1.4, 1.7), target=(0.6, 0.9, -4.5), room=0.6, brisk=True),
-    ]
+    stage.add_vantages(
+        ((side, 1.6, 5.0), (-0.5, 1.3, -2.0), 1.3), ((-4.5, 1.2, 2.6), (1.0, 1.4, -2.5), 1.0),
+        ((0.5, 1.0, 4.0), (0.0, 3.2, -4.0), 1.0), ((-6.8, 1.7, -1.2), (3.0, 0.7, -3.4), 0.7),
+        ((2.5, 3.4, 3.6), (-0.5, 0.3, -2.5), 1.2), ((-1.0, 1.4, 1.7), (0.6, 0.9, -4.5), 0.6),
+        brisk=True,
+    )  # fmt: skip
     return stage
 
 
@@ -159,14 +157,12 @@ def movers(rng: Rng) -> Stage:
         stage.particles.append(smoke(rng, (rng.uniform(-4, 4), 0.0, -4.8)))
     if rng.random() < 0.3:
         stage.particles.append(dust(rng, (-5, 0, -4), (5, 2, 3)))
-    stage.vantages += [
-        paths.Vantage(position=(-1.0, 1.6, 5.2), target=(0.5, 1.5, -5.0), room=1.2, brisk=True),
-        paths.Vantage(position=(-5.5, 1.9, 3.0), target=(2.5, 1.2, -4.0), room=1.2, brisk=True),
-        paths.Vantage(position=(5.0, 1.1, 4.2), target=(-1.0, 1.6, -4.5), room=1.0, brisk=True),
-        paths.Vantage(position=(-7.5, 1.7, -5.9), target=(4.0, 1.3, -4.2), room=0.6, brisk=True),
-        paths.Vantage(position=(3.0, 4.4, 4.0), target=(-0.8, 0.4, -3.5), room=1.2, brisk=True),
-        paths.Vantage(position=(0.8, 0.6, 3.4), target=(-1.5, 1.4, -5.0), room=0.8, brisk=True),
-    ]
+    stage.add_vantages(
+        ((-1.0, 1.6, 5.2), (0.5, 1.5, -5.0), 1.2), ((-5.5, 1.9, 3.0), (2.5, 1.2, -4.0), 1.2),
+        ((5.0, 1.1, 4.2), (-1.0, 1.6, -4.5), 1.0), ((-7.5, 1.7, -5.9), (4.0, 1.3, -4.2), 0.6),
+        ((3.0, 4.4, 4.0), (-0.8, 0.4, -3.5), 1.2), ((0.8, 0.6, 3.4), (-1.5, 1.4, -5.0), 0.8),
+        brisk=True,
+    )  # fmt: skip
     return stage
 
 
@@ -214,8 +210,11 @@ def _front(rng: Rng, stage: Stage, x: float, width: float, height: float, shine:
 def _van(rng: Rng, stage: Stage) -> None:
     z, speed = rng.uniform(-3.5, 1.2), rng.uniform(4.0, 12.0)
     pose = paths.headed(paths.swing(rng, (-9.0, 0.0, z), (9.0, 0.0, z), speed))
-    stage.put(_van_body(rng), materials.paint(rng, gloss=0.9), pose)
-    stage.put(_van_glass(), materials.metal(rng, (0.2, 0.22, 0.25), 0.08), pose)
+    body = [(shapes.box(1.7, rng.uniform(1.3, 1.8), 2.6), placed(0, 0.4, -0.6))]
+    body += [(shapes.box(1.66, 0.7, 1.3), placed(0, 0.4, 1.2)), (shapes.box(1.6, 0.15, 4.1), placed(0, 0.3))]
+    stage.put(body, materials.paint(rng, gloss=0.9), pose)
+    glass = [(shapes.box(1.5, 0.5, 0.7), placed(0, 1.1, 0.95))]
+    stage.put(glass, materials.metal(rng, (0.2, 0.22, 0.25), 0.08), pose)
     for side in (-0.86, 0.86):
         sign = placed(side, 0.8, -0.6, yaw=np.sign(side) * np.pi / 2.0)
         stage.put(shapes.panel(1.8, 0.8), materials.poster(rng), paths.attached(pose, sign))
@@ -223,16 +222,6 @@ def _van(rng: Rng, stage: Stage) -> None:
     rubber = materials.paint(rng, (0.06, 0.06, 0.06), 0.2)
     for z_axle in (-1.1, 1.2):
         stage.put(wheel, rubber, paths.attached(pose, placed(0, 0.36, z_axle)))
-
-
-def _van_body(rng: Rng) -> Mesh:
-    tall = rng.uniform(1.3, 1.8)
-    box, hood, floor = shapes.box(1.7, tall, 2.6), shapes.box(1.66, 0.7, 1.3), shapes.box(1.6, 0.15, 4.1)
-    return shapes.merged([(box, placed(0, 0.4, -0.6)), (hood, placed(0, 0.4, 1.2)), (floor, placed(0, 0.3))])
-
-
-def _van_glass() -> Mesh:
-    return shapes.merged([(shapes.box(1.5, 0.5, 0.7), placed(0, 1.1, 0.95))])
 
 
 def _drone(rng: Rng, stage: Stage, dark: bool) -> None:
@@ -297,14 +286,12 @@ def foliage(rng: Rng) -> Stage:
     _meadow_lights(rng, stage, weather.dark)
     if not weather.dark and rng.random() < 0.85:
         caster(rng, stage, weather.sun, str(rng.choice(CASTERS, p=(0.2, 0.1, 0.35, 0.35))))
-    stage.vantages += [
-        paths.Vantage(position=(0.3, 1.3, 4.6), target=(0.0, 1.1, -3.0), room=1.0, brisk=True),
-        paths.Vantage(position=(-3.2, 0.8, 3.2), target=(1.0, 1.0, -3.0), room=0.8, brisk=True),
-        paths.Vantage(position=(3.0, 2.2, 4.2), target=(-0.6, 0.5, -2.0), room=1.2, brisk=True),
-        paths.Vantage(position=(-0.6, 1.6, -0.6), target=(0.8, 1.0, -7.0), room=0.6, brisk=True),
-        paths.Vantage(position=(4.8, 1.5, -0.4), target=(-2.5, 0.7, -5.5), room=0.8, brisk=True),
-        paths.Vantage(position=(-1.5, 3.6, 4.4), target=(0.6, 0.0, -2.0), room=1.0, brisk=True),
-    ]
+    stage.add_vantages(
+        ((0.3, 1.3, 4.6), (0.0, 1.1, -3.0), 1.0), ((-3.2, 0.8, 3.2), (1.0, 1.0, -3.0), 0.8),
+        ((3.0, 2.2, 4.2), (-0.6, 0.5, -2.0), 1.2), ((-0.6, 1.6, -0.6), (0.8, 1.0, -7.0), 0.6),
+        ((4.8, 1.5, -0.4), (-2.5, 0.7, -5.5), 0.8), ((-1.5, 3.6, 4.4), (0.6, 0.0, -2.0), 1.0),
+        brisk=True,
+    )  # fmt: skip
     return stage
 
 

@@ -1,7 +1,6 @@
 """Poses, and random motions of objects and cameras as smooth functions of time in seconds."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -195,8 +194,7 @@ def wind(rng: Rng, anchors: Values, strength: float) -> Callable[[float], Matric
     return palette
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Vantage:
+class Vantage(NamedTuple):
     """A camera position of a scene; the camera may move up to `room` metres around it.
 
     A `brisk` camera seldom stands still, and when it turns it turns fast.
@@ -205,7 +203,6 @@ class Vantage:
     position: Vector
     target: Vector
     room: float = 1.0
-    fov_y: tuple[float, float] = (45.0, 62.0)
     brisk: bool = False
 
 
@@ -220,19 +217,22 @@ def camera_path(rng: Rng, vantage: Vantage, exposure: Callable[[float], float]) 
     room = vantage.room * rng.uniform(0.5, 1.0)
     speed = float(np.exp(rng.uniform(-0.4 if vantage.brisk else -1.0, 1.2)))
     rate, phase = speed / room, float(rng.uniform(-0.9, 0.4) + rng.choice([0.0, np.pi]))
-    sweep, sweep_rate = (rng.uniform(0.15, 0.5), rng.uniform(1.5, 5.0))  # radians, radians a second
-    turn = Pan(sweep, lambda t: float(np.sin(sweep_rate * t + phase)))
-    if vantage.brisk:
-        turn = _even_pan(rng)
+    sweep, sweep_rate, sweep_phase = rng.uniform(0.15, 0.5), rng.uniform(1.5, 5.0), phase  # radians a second
+    if vantage.brisk:  # at constant speed, except for its ends
+        sweep, sweep_speed = rng.uniform(0.3, 0.55), float(np.exp(rng.uniform(-1.0, 0.6)))
+        sweep_rate = 0.5 * np.pi * sweep_speed / sweep
+        sweep_phase = float(rng.uniform(-1.3, 0.2) + rng.choice([0.0, np.pi]))
     shaky = float(rng.random() < 0.5 and kind != "still")
     hand, gaze = drift(rng, 0.02 * shaky, 1.2), drift(rng, 0.03 * shaky, 1.5)
-    fov = rng.uniform(*vantage.fov_y)
+    fov = rng.uniform(45.0, 62.0)  # degrees
 
     def camera(t: float) -> Camera:
         offset = 0.0 if way is None else way * room * np.sin(rate * t + phase)
         aim = target + (offset if kind == "truck" else 0.0)
         if kind == "pan":
-            aim = target + right * np.linalg.norm(eye - target) * turn.extent * turn.at(t)
+            turn = np.sin(sweep_rate * t + sweep_phase)
+            turn = float(np.arcsin(0.97 * turn) / np.arcsin(0.97) if vantage.brisk else turn)
+            aim = target + right * np.linalg.norm(eye - target) * sweep * turn
         return Camera(
             position=vector(eye + offset + hand(t)),
             target=vector(aim + gaze(t)),
@@ -241,17 +241,3 @@ def camera_path(rng: Rng, vantage: Vantage, exposure: Callable[[float], float]) 
         )
 
     return camera
-
-
-class Pan(NamedTuple):
-    """How a camera turns to and fro."""
-
-    extent: float  # radians to each side
-    at: Callable[[float], float]  # seconds to a fraction of that, in [-1, 1]
-
-
-def _even_pan(rng: Rng) -> Pan:
-    """Return a pan at constant speed, except for its ends."""
-    extent, speed = rng.uniform(0.3, 0.55), float(np.exp(rng.uniform(-1.0, 0.6)))  # radians a second
-    rate, phase = 0.5 * np.pi * speed / extent, float(rng.uniform(-1.3, 0.2) + rng.choice([0.0, np.pi]))
-    return Pan(extent, lambda t: float(np.arcsin(0.97 * np.sin(rate * t + phase)) / np.arcsin(0.97)))

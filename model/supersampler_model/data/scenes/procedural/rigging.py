@@ -24,9 +24,16 @@ def ship(rng: Rng, stage: Stage, keel: float) -> None:
     """Add a ship whose keel lies along x at z = `keel` and whose bow points to -x."""
     at = placed(0.0, 0.0, keel)
     _hull(rng, stage, keel)
-    spars, sails, hemp = _bowsprit_and_gaff(), [], _gaff_ropes()
+    x = MASTS[-1][0]
+    boom, gaff = (x + 5.2, 3.2, 0.0), (x + 4.0, 6.6, 0.0)  # their ends
+    spars = [_spar((*BOW, 0.0), (*BOWSPRIT, 0.0), 0.14, 0.06), _spar((x, 4.6, 0.0), gaff, 0.08, 0.05)]
+    spars.append(_spar((x, 3.0, 0.0), boom, 0.09, 0.06))
+    hemp: list[Mesh] = [rope(gaff, boom, 0.014), rope(gaff, (x, 9.0, 0.0), 0.014)]
+    sails = []
     for mast, after in pairwise((*MASTS, (8.6, 0.0))):
-        spars += _mast(*mast)
+        x, height = mast
+        platform = (shapes.box(1.0, 0.07, 1.4), placed(x, TOP * height))
+        spars += [_spar((x, DECK, 0.0), (x, height, 0.0), 0.17, 0.06), platform]
         braced = rng.uniform(0.25, 0.55)
         for level, half in YARDS:
             yard = _Yard(mast[0], level * mast[1], half, braced)
@@ -64,26 +71,6 @@ def _spar(start: Point, end: Point, radius: float, tip: float) -> Part:
     toward = np.subtract(end, start)
     length = float(np.linalg.norm(toward))
     return shapes.lathe([(radius, 0.0), (tip, length), (0.0, length)], 10), along(np.asarray(start), toward)
-
-
-def _mast(x: float, height: float) -> list[Part]:
-    platform = (shapes.box(1.0, 0.07, 1.4), placed(x, TOP * height))
-    return [_spar((x, DECK, 0.0), (x, height, 0.0), 0.17, 0.06), platform]
-
-
-def _bowsprit_and_gaff() -> list[Part]:
-    x = MASTS[-1][0]
-    return [
-        _spar((*BOW, 0.0), (*BOWSPRIT, 0.0), 0.14, 0.06),
-        _spar((x, 4.6, 0.0), (x + 4.0, 6.6, 0.0), 0.08, 0.05),
-        _spar((x, 3.0, 0.0), (x + 5.2, 3.2, 0.0), 0.09, 0.06),
-    ]
-
-
-def _gaff_ropes() -> list[Mesh]:
-    x = MASTS[-1][0]
-    peak = (x + 4.0, 6.6, 0.0)
-    return [rope(peak, (x + 5.2, 3.2, 0.0), 0.014), rope(peak, (x, 9.0, 0.0), 0.014)]
 
 
 def _standing_rigging() -> Iterable[Mesh]:
@@ -166,11 +153,10 @@ def rigging(rng: Rng) -> Stage:
     _cart(rng, stage)
     _gulls(rng, stage)
     _lights(rng, stage)
-    stage.vantages += [
-        paths.Vantage(position=(-3.2, 1.9, 4.6), target=(-2.4, 4.4, KEEL), room=2.0),
-        paths.Vantage(position=(-6.5, 3.0, 2.5), target=(0.5, 5.0, KEEL), room=1.5),
-        paths.Vantage(position=(3.4, 1.7, 3.0), target=(-0.6, 4.8, KEEL), room=2.5),
-    ]
+    stage.add_vantages(
+        ((-3.2, 1.9, 4.6), (-2.4, 4.4, KEEL), 2.0), ((-6.5, 3.0, 2.5), (0.5, 5.0, KEEL), 1.5),
+        ((3.4, 1.7, 3.0), (-0.6, 4.8, KEEL), 2.5),
+    )  # fmt: skip
     return stage
 
 

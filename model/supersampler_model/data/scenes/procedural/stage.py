@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,11 +22,11 @@ from supersampler_model.data.scenes.scene import (
     Scene,
     Spot,
     Sun,
+    Vector,
 )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Prop:
+class Prop(NamedTuple):
     """An object that may move, bend and flicker."""
 
     mesh: Mesh
@@ -74,17 +75,13 @@ class Stage:
     ) -> None:  # fmt: skip
         """Add an object, at the origin by default; several parts are merged into one mesh."""
         fixed = np.eye(4) if at is None else at
-        pose = fixed if callable(fixed) else _at(fixed)
-        self.props.append(
-            Prop(
-                mesh=mesh if isinstance(mesh, Mesh) else merged(mesh),
-                material=material,
-                pose=pose,
-                palette=palette,
-                emission=emission,
-                casts_shadow=shadow,
-            )
-        )
+        pose = fixed if callable(fixed) else lambda _: fixed
+        mesh = mesh if isinstance(mesh, Mesh) else merged(mesh)
+        self.props.append(Prop(mesh, material, pose, palette, emission, shadow))
+
+    def add_vantages(self, *views: tuple[Vector, Vector, float], brisk: bool = False) -> None:
+        """Add camera positions: position, target and room, see `Vantage`."""
+        self.vantages += [Vantage(*view, brisk) for view in views]
 
     def scene(self, now: float, before: float, camera: Camera, camera_before: Camera) -> Scene:
         """Return the stage at the time `now`, with its state at the time `before`, both in seconds."""
@@ -98,7 +95,3 @@ class Stage:
             points=tuple(point(now) for point in self.points),
             particles=tuple(cloud(now) for cloud in self.particles),
         )
-
-
-def _at(matrix: Matrix) -> Pose:
-    return lambda _: matrix
