@@ -11,7 +11,13 @@ import pytest
 from supersampler import ArgumentError, Frame, FrameError, Shot, Upscaler, upscale_sequence
 from supersampler.io.shot import ShotWriter
 from supersampler.sequence import both_ways
-from supersampler.sequence.interpolation import UNSEEN, Interpolator, Side, interpolated, surface_agreement
+from supersampler.sequence.interpolation import (
+    MIN_AGREEMENT,
+    Interpolator,
+    Side,
+    interpolated,
+    surface_agreement,
+)
 from upscale_runs import DISPLAY_SIZE, SIZE, moving, pixels, upscale
 
 COUNT = 7
@@ -81,7 +87,7 @@ def test_the_first_frame_after_a_cut_must_be_shaded() -> None:
 
 def test_the_side_that_saw_the_surface_counts() -> None:
     shape = (2, 2)
-    seen, unseen = np.ones(shape, np.float32), np.full(shape, UNSEEN, np.float32)
+    seen, unseen = np.ones(shape, np.float32), np.full(shape, MIN_AGREEMENT, np.float32)
     dark, bright = np.zeros((*shape, 3), np.float32), np.ones((*shape, 3), np.float32)
     assert interpolated(Side(dark, seen, 1), Side(bright, unseen, 1)).max() < 0.01
     assert interpolated(Side(dark, seen, 1), Side(bright, seen, 3)).mean() == pytest.approx(0.25)
@@ -100,7 +106,7 @@ def test_a_surface_that_moved_agrees_where_it_was_and_not_off_screen() -> None:
     found = surface_agreement(now, history)
     assert np.median(found) > 0.5
     away = {**history, "history.motion": history["history.motion"] + np.float32(100.0)}
-    assert (surface_agreement(now, away) == UNSEEN).all()
+    assert (surface_agreement(now, away) == MIN_AGREEMENT).all()
 
 
 def test_a_computed_colour_is_stepped_on_like_an_extrapolated_one() -> None:

@@ -29,8 +29,8 @@ from supersampler.io.images import read_exr
 from supersampler.io.shot import ShotWriter
 from supersampler.sequence import both_ways
 from supersampler.sequence.backward_motion import reversed_frame
+from supersampler.sequence.both_ways import weight_of
 from supersampler.sequence.frame_store import FrameStore, Stored
-from supersampler.sequence.merge import weight_of
 from supersampler_bench.compatibility import with_default_gbuffers
 from supersampler_model.data.scenes.analytic import DiscOverPlane, Plane, Scene, zone_plate
 from upscale_runs import DISPLAY_SIZE, images, moving, pixels, run, upscale, write_shot
@@ -48,7 +48,7 @@ def small_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def on_disk(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("supersampler.sequence.upscaling.MEMORY", 0.0)
+    monkeypatch.setattr("supersampler.sequence.frame_store.MEMORY", 0.0)
 
 
 def frames(count: int = COUNT, cuts: tuple[int, ...] = ()) -> list[Frame]:
@@ -265,7 +265,7 @@ def test_arguments_are_refused_before_a_frame_is_read(options: dict[str, Any], s
 def test_images_are_the_same_from_memory_and_from_the_disk(monkeypatch: pytest.MonkeyPatch) -> None:
     in_memory = merged(frames())
     for limit in (0.0, 40_000.0):
-        monkeypatch.setattr("supersampler.sequence.upscaling.MEMORY", limit)
+        monkeypatch.setattr("supersampler.sequence.frame_store.MEMORY", limit)
         assert all(map(np.array_equal, merged(frames()), in_memory))
 
 
@@ -273,7 +273,7 @@ def test_gbuffers_reach_both_runs_from_the_disk_too(monkeypatch: pytest.MonkeyPa
     model = Model.load("gbuffer-small", providers="cpu")
     given = [with_default_gbuffers(frame, model.info.gbuffers, DISPLAY_SIZE) for frame in frames(3)]
     in_memory = merged(given, model=model)
-    monkeypatch.setattr("supersampler.sequence.upscaling.MEMORY", 0.0)
+    monkeypatch.setattr("supersampler.sequence.frame_store.MEMORY", 0.0)
     assert all(map(np.array_equal, merged(given, model=model), in_memory))
     backward = Upscaler(model, display_size=DISPLAY_SIZE)
     following: Frame | None = None

@@ -22,8 +22,8 @@ from supersampler.frame import Array, Float32, Frame, Size
 from supersampler.io.shot import Shot, ShotFrame
 from supersampler.methods.gbuffers import lacking, listed, names_of
 from supersampler.methods.model_file import find_model, read_model_info
+from supersampler.sequence.both_ways import buffers_of
 from supersampler.sequence.interpolation import interpolator_of
-from supersampler.sequence.upscaling import buffers_of
 from supersampler.upscaler import Upscaler
 from supersampler_bench.quality.measure import (
     StepImage,

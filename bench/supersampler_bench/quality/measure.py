@@ -18,10 +18,8 @@ from supersampler.history import StepResult
 from supersampler.io.display import auto_exposure, display_transform
 from supersampler.io.shot import ClassMaps, Shot, ShotFrame
 from supersampler.methods.gbuffers import names_of
-from supersampler.sequence.both_ways import BothWays, ChunkSize
-from supersampler.sequence.frame_store import FrameStore
+from supersampler.sequence.both_ways import BothWays, buffers_of, frames_of
 from supersampler.sequence.interpolation import Interpolator
-from supersampler.sequence.upscaling import buffers_of, frames_of
 from supersampler.upscaler import Upscaler
 from supersampler_bench.compatibility import incompatibility
 from supersampler_bench.fsr2.method import FSR2_LIKE, Fsr2Like
@@ -213,13 +211,9 @@ def both_ways_images(
     backward = Upscaler(
         forward.model, display_size=forward.display_size, at_rest=forward.at_rest, validate="off"
     )
-    names = buffers_of(forward, interpolator)
-    with FrameStore(names=names) as store:
-        runs = BothWays(
-            forward, backward, store, ChunkSize(), outputs=tuple(outputs), interpolator=interpolator
-        )
-        for _, result in runs.run(frames):
-            yield StepImage(result.image, result.class_map)
+    runs = BothWays(forward, backward, outputs=tuple(outputs), interpolator=interpolator)
+    for _, result in runs.run(frames):
+        yield StepImage(result.image, result.class_map)
 
 
 def upscaler_of(

@@ -26,10 +26,8 @@ from supersampler.io.images import Bytes, Metadata, pixel_aspect, result_metadat
 from supersampler.io.machine import StageTimes
 from supersampler.io.shot import ShotFrame
 from supersampler.io.video import VideoWriter, video_writer
-from supersampler.sequence.both_ways import BothWays, ChunkSize
-from supersampler.sequence.frame_store import FrameStore
+from supersampler.sequence.both_ways import BothWays, ChunkSize, buffers_of
 from supersampler.sequence.interpolation import interpolator_of
-from supersampler.sequence.upscaling import buffers_of
 from supersampler.upscaler import Upscaler
 
 COMPARE_FRAMES = 64
@@ -238,14 +236,11 @@ class _Run:
                 yield
             on_step(start + place, direction)
 
-        with (
-            job.backward_upscaler(forward) as backward,
-            FrameStore(folder=job.scratch, names=buffers) as store,
-        ):
+        with job.backward_upscaler(forward) as backward:
             outputs = "aovs", *self._maps()
             runs = BothWays(
-                forward, backward, store, self._chunk,
-                outputs=outputs, around=around, interpolator=interpolator,
+                forward, backward, self._chunk, outputs=outputs, around=around, interpolator=interpolator,
+                scratch=job.scratch,
             )  # fmt: skip
             merged, before = runs.run(read(), skip=needed - start), time.perf_counter()
             written = islice(merged, segment.stop - start)  # later ones began the backward run

@@ -1,8 +1,128 @@
-"""Sequences whose later frames are known: `upscale_sequence` steps forward and backward, and merges.
+"""Sequences whose later frames are known: `upscale_sequence` steps forward and backward, and merges."""
 
-The runs and their chunks are in both_ways.py, the merge in merge.py.
-"""
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
 
-from supersampler.sequence.upscaling import upscale_sequence
+from supersampler.arguments import checked_path
+from supersampler.errors import ArgumentError, shown
+from supersampler.frame import Float32, Frame, Size
+from supersampler.io.shot import Shot
+from supersampler.model import AtRest, ExecutorName, Model, Precision
+from supersampler.sequence.both_ways import BothWays, ChunkSize, buffers_of, frames_of
+from supersampler.sequence.interpolation import interpolator_of
+from supersampler.upscaler import Upscaler
+from supersampler.validation import Validate
 
 __all__ = ["upscale_sequence"]
+
+MAX_LOOKAHEAD = 64
+
+
+def upscale_sequence(
+    frames: Shot | Iterable[Frame],
+    *,
+    display_size: Size | None = None,
+    scale: float | None = None,
+    model: Model | str | Path | None = None,
+    passes: int = 2,
+    lookahead: int | None = None,
+    providers: str | Sequence[str] = "auto",
+    threads: int = 0,
+    executor: ExecutorName = "auto",
+    precision: Precision = "auto",
+    at_rest: AtRest = "converge",
+    skip: bool = True,
+    extrapolation: str | Path | None = None,
+    validate: Validate = "warn",
+    scratch: str | Path | None = None,
+) -> Iterator[Float32]:
+    """Upscale frames whose later frames are available: a shot on disk, or a live stream with some delay.
+
+    With two passes, each image is the mean of a run in order and one in reverse, which begins at the next
+    cut or 16 frames after a chunk of 64 frames. What is disoccluded for one run was visible to the other.
+
+    >>> for image in upscale_sequence(Shot.open("plaza"), display_size=(640, 360)):
+    ...     show(image)  # (360, 640, 3) float32, linear RGB
+
+    Frames are read once, in order: a generator will do as well as a list or a `Shot`. The frames of a chunk
+    and its backward images are kept in memory up to 1 GiB, and beyond that in a scratch file, which is
+    removed at the end, after an error, and when the iterator is closed or deleted.
+
+    Args:
+        frames: a `Shot`, or Frames in order. `reset` marks the first frame after a cut.
+        display_size: (width, height) of the images; or `scale`.
+        scale: display over render size.
+        model: see `Upscaler`.
+        passes: 1 steps in order, bit for bit as `Upscaler.step`; 2 runs both ways.
+        lookahead: for live use, with two passes: chunks of this many frames, 1 to 64, which read as many
+            further frames. The image of a frame comes at most 2 * `lookahead` frames later and costs three
+            steps; frames are kept in memory. None is for frames on disk.
+        providers: see `Upscaler`.
+        threads: see `Upscaler`.
+        executor: see `Upscaler`.
+        precision: see `Upscaler`.
+        at_rest: see `Upscaler`.
+        skip: see `Upscaler`.
+        extrapolation: model for frames without colour, such as "guided-warp". One pass takes their light from
+            the previous shaded frame, as `Upscaler.extrapolate`; two passes from the previous and the next.
+        validate: see `Upscaler`.
+        scratch: existing folder for the scratch file; None is the system's place for temporary files.
+
+    Returns:
+        An iterator over the images, (H, W, 3) float32 linear RGB, in order; each may be kept.
+
+    Raises:
+        ArgumentError: an argument is not usable; before anything is read.
+        FrameError: a frame breaks the contract.
+        ShotError: a frame cannot be read, or there is no room for the scratch file.
+        ModelError, ProviderError: see `Upscaler`.
+    """
+    chunk = _checked_chunk(passes, lookahead)
+    folder = None if scratch is None else Path(checked_path("scratch", scratch))
+    if not isinstance(frames, Shot) and not isinstance(frames, Iterable):
+        raise ArgumentError("frames", got=shown(frames), want="a Shot, or an iterable of Frames")
+    forward = Upscaler(
+        model, display_size=display_size, scale=scale, providers=providers, threads=threads,
+        executor=executor, precision=precision, at_rest=at_rest, skip=skip, validate=validate,
+        extrapolation=extrapolation if passes == 1 else None,
+    )  # fmt: skip
+    if passes == 1:
+        return _in_order(frames, forward, extrapolates=extrapolation is not None)
+    interpolator = None if extrapolation is None else interpolator_of(extrapolation, forward, executor)
+    backward = Upscaler(
+        forward.model, display_size=display_size, scale=scale, at_rest=at_rest, skip=skip, validate="off"
+    )  # the same frames: one check is enough
+    memory = None if lookahead is None else math.inf
+    runs = BothWays(forward, backward, chunk, interpolator=interpolator, memory=memory, scratch=folder)
+    return _both_ways(frames_of(frames, buffers_of(forward, interpolator)), forward, backward, runs)
+
+
+def _in_order(frames: Shot | Iterable[Frame], forward: Upscaler, *, extrapolates: bool) -> Iterator[Float32]:
+    with forward:
+        for frame in frames_of(frames, forward.gbuffers):
+            unshaded = extrapolates and frame.color is None
+            yield forward.extrapolate(frame) if unshaded else forward.step(frame)
+
+
+def _both_ways(
+    frames: Iterator[Frame], forward: Upscaler, backward: Upscaler, runs: BothWays
+) -> Iterator[Float32]:
+    with forward, backward:
+        for merged in runs.run(frames):
+            yield merged.result.image
+
+
+def _checked_chunk(passes: int, lookahead: int | None) -> ChunkSize:
+    if type(passes) is not int or passes not in (1, 2):
+        raise ArgumentError("passes", got=shown(passes), want="1 or 2")
+    if lookahead is None:
+        return ChunkSize()
+    if passes == 1:
+        raise ArgumentError(
+            "lookahead", got=shown(lookahead), want="None, because one pass reads no later frame"
+        )
+    if type(lookahead) is not int or not 1 <= lookahead <= MAX_LOOKAHEAD:
+        want = f"a whole number of frames from 1 to {MAX_LOOKAHEAD}, or None"
+        raise ArgumentError("lookahead", got=shown(lookahead), want=want)
+    return ChunkSize(lookahead, lookahead)

@@ -1,27 +1,65 @@
 """Motion for a run over reversed frames: where each sample is in the next frame.
 
-A renderer that writes it fills `Frame.motion_next`. Otherwise the next frame's motion, which leads back, is
-scattered: each of its samples was at a known place in this frame. Of several that were at one pixel, the one
-whose depth is nearest to the pixel's belongs to it. A pixel that none reached, because its surface is hidden
-in the next frame or was magnified, takes the motion of the nearest pixels of its surface.
+A renderer that knows it fills `Frame.motion_next`. Otherwise the next frame's motion, which leads back, is
+scattered: each of its samples was at a known position in this frame. If several were at one pixel, the one
+with the nearest depth is used. A pixel that none reached, because its surface is occluded in the next frame
+or was magnified, takes the motion of the nearest pixels of its surface.
 """
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.arguments import ieee_arithmetic
 from supersampler.backends.cpu.kernel_loader import kernel_if_possible
-from supersampler.backends.cpu.structs import pack
+from supersampler.backends.cpu.structs import Floats, pack
 from supersampler.frame import Float32, Frame
-from supersampler.sequence.kernels.structs import HIDDEN, OTHER_SURFACE, REACH, SAME_SURFACE, ScatterTables
+
+SAME_SURFACE = 0.1
+"""Maximum difference of two depths of one surface in neighbouring frames, relative to the larger one."""
+HIDDEN = 1e30
+"""Mismatch of a pixel that no sample reached."""
+REACH = 4
+"""Pixels to each side that are searched for a surface's motion."""
+OTHER_SURFACE = 2 * REACH * REACH + 1
+"""Squared distance in pixels that is added for another surface; larger than any other."""
+
+
+class ScatterTables(NamedTuple):
+    """Two neighbouring frames, and the motion from the first to the second.
+
+    Attributes:
+        motion: (height, width, 2) output: motion of the first frame's samples to the second frame.
+        mismatch: (height, width) output: relative difference of depth of the scattered sample.
+        depth: (height, width) of the first frame.
+        next_motion: (next_height, next_width, 2) of the second frame, back to the first.
+        next_depth: (next_height, next_width).
+        shift_x, shift_y: jitter of the second frame minus that of the first, in pixels of the first.
+        scale_x, scale_y: size of the first frame / size of the second.
+        width, height: of the first frame.
+        next_width, next_height: of the second.
+    """
+
+    motion: Floats
+    mismatch: Floats
+    depth: Floats
+    next_motion: Floats
+    next_depth: Floats
+    shift_x: float
+    shift_y: float
+    scale_x: float
+    scale_y: float
+    width: int
+    height: int
+    next_width: int
+    next_height: int
 
 
 @ieee_arithmetic
 def reversed_frame(frame: Frame, following: Frame | None) -> Frame:
-    """Return a frame as a run over reversed frames takes it: the following one is the previous one there.
+    """Return a frame for a run over reversed frames, in which `following` is the previous one.
 
     Args:
         frame: the frame.
@@ -29,24 +67,16 @@ def reversed_frame(frame: Frame, following: Frame | None) -> Frame:
     """
     if following is None:
         return replace(frame, motion=np.zeros((*frame.depth.shape, 2), np.float32), reset=True)
-    return replace(frame, motion=motion_to_next(frame, following), reset=False)
-
-
-@ieee_arithmetic
-def motion_to_next(frame: Frame, following: Frame) -> Float32:
-    """Return (h, w, 2) render pixels, next minus current: `frame.motion_next`, or scattered.
-
-    Args:
-        frame: the frame.
-        following: the next frame; of another render size, too.
-    """
-    if frame.motion_next is not None:
-        return np.asarray(frame.motion_next, np.float32)
-    return scattered_motion(frame, following)
+    given = frame.motion_next
+    motion = scattered_motion(frame, following) if given is None else np.asarray(given, np.float32)
+    return replace(frame, motion=motion, reset=False)
 
 
 def scattered_motion(frame: Frame, following: Frame) -> Float32:
-    """Return `frame.motion_next`, (h, w, 2) float32, computed from the motion of the next frame."""
+    """Return `frame.motion_next`, (h, w, 2) float32, computed from the motion of the next frame.
+
+    The frames may have different render sizes.
+    """
     (width, height), (next_width, next_height) = frame.size, following.size
     scale = width / next_width, height / next_height
     shift = (
@@ -61,7 +91,7 @@ def scattered_motion(frame: Frame, following: Frame) -> Float32:
         np.ascontiguousarray(following.depth),
         *shift, *scale, width, height, next_width, next_height,
     )  # fmt: skip
-    kernel = kernel_if_possible("sequence.kernels.scatter.scatter_motion")
+    kernel = kernel_if_possible("sequence.kernels.scatter_motion")
     if kernel is None:
         scatter_motion_numpy(tables)
     else:
@@ -70,18 +100,18 @@ def scattered_motion(frame: Frame, following: Frame) -> Float32:
 
 
 def scatter_motion_numpy(tables: ScatterTables) -> None:
-    """Write the motion as the kernel does, without a compiler."""
+    """Write the motion as the kernel does, in numpy."""
     _scatter(tables)
     known = tables.mismatch < HIDDEN
     missing = ~known
-    best = np.full(known.shape, np.inf, np.float32)  # distance in pixels, further apart on other surfaces
+    best = np.full(known.shape, np.inf, np.float32)  # squared distance, larger for other surfaces
     filled = tables.motion.copy()
     for dy, dx in sorted(_OFFSETS, key=lambda o: o[0] ** 2 + o[1] ** 2):
-        there = _shifted(known, dy, dx, fill=False)
+        is_known = _shifted(known, dy, dx, fill=False)
         depth = _shifted(tables.depth, dy, dx, fill=0.0)
         other = _mismatch(tables.depth, depth) > SAME_SURFACE
         cost = np.float32(dy * dy + dx * dx) + np.where(other, np.float32(OTHER_SURFACE), np.float32(0))
-        take = missing & there & (cost < best)
+        take = missing & is_known & (cost < best)
         best[take] = cost[take]
         filled[take] = _shifted(tables.motion, dy, dx, fill=0.0)[take]
     tables.motion[...] = filled
@@ -100,7 +130,7 @@ def _scatter(tables: ScatterTables) -> None:
     place = row[inside].astype(np.intp) * tables.width + column[inside].astype(np.intp)
     mismatch = _mismatch(tables.depth.ravel()[place], tables.next_depth[inside])
     scale = np.array([tables.scale_x, tables.scale_y], np.float32)
-    order = np.argsort(-mismatch, kind="stable")  # of several, the last one written is kept
+    order = np.argsort(-mismatch, kind="stable")  # the last one written is kept
     order = order[mismatch[order] <= SAME_SURFACE]
     tables.mismatch.fill(HIDDEN)
     tables.motion.fill(0.0)

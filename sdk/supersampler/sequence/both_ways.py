@@ -1,34 +1,49 @@
-"""A forward and a backward run over the frames of a sequence, chunk by chunk, merged."""
+"""A forward and a backward run over the frames of a sequence, chunk by chunk, and their merged images."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Literal, NamedTuple
 
-from supersampler.frame import Float32, Frame
+import numpy as np
+
+from supersampler.arguments import ieee_arithmetic
+from supersampler.backends.cpu.kernel_loader import kernel_if_possible
+from supersampler.backends.cpu.structs import Floats, pack
+from supersampler.frame import Float32, Frame, checked_frame
 from supersampler.history import StepResult
 from supersampler.io.display import ExposureMeter
+from supersampler.io.shot import Shot, ShotFrame
 from supersampler.sequence.backward_motion import reversed_frame
 from supersampler.sequence.frame_store import FrameStore, Stored, StoredFrame
 from supersampler.sequence.interpolation import Interpolator
-from supersampler.sequence.merge import merge_aovs, merge_images, weight_of, weight_outputs
 from supersampler.upscaler import Upscaler
 
-CHUNK, OVERLAP = 64, 16
-"""Frames of a chunk, and frames after it from which its backward run begins: that many build its history."""
+MOTION_NEXT = "motion_next"
+"""Name of that buffer in the `gbuffers` of `Shot.frames`."""
+WEIGHT_MAPS = ("count", "converged")
+"""Auxiliary outputs that `weight_of` reads, where a method has them."""
+MIN_COUNT = 0.05
+"""Lower bound of the sample count in a weight: weights stay positive."""
+WARM_UP_STEPS = 4
+"""Steps after which a run's image has its full weight."""
+CONVERGED = 255.0
+"""Additional weight where an image is the mean of all samples of a static pixel. If only one run has
+converged, the merged image differs from it by less than an 8-bit step."""
 
 Direction = Literal["backward", "forward"]
 Around = Callable[[int, Direction], AbstractContextManager[object]]
 
 
 class ChunkSize(NamedTuple):
-    """Frames that are merged at once, and further ones that the backward run begins with."""
+    """Frames that are merged at once, and frames after them that build the backward run's history."""
 
-    frames: int = CHUNK
-    overlap: int = OVERLAP
+    frames: int = 64
+    overlap: int = 16
 
     def backward_steps(self, count: int) -> int:
-        """Return the steps of the backward run over so many frames without a cut."""
+        """Return the steps of the backward run over `count` frames without a cut."""
         steps = 0
         while count >= sum(self):
             steps, count = steps + sum(self), count - self.frames
@@ -42,13 +57,32 @@ class Merged(NamedTuple):
     result: StepResult
 
 
+class MergedImages(NamedTuple):
+    """Two images of one frame, and their weights.
+
+    Attributes:
+        image: (pixels, 3) of the forward run; their weighted mean is written to it.
+        other: (pixels, 3) of the backward run.
+        weight, other_weight: (pixels,) weights of the images.
+        pixels: number of pixels.
+        exposure: multiplies the images before the tone curve.
+    """
+
+    image: Floats
+    other: Floats
+    weight: Floats
+    other_weight: Floats
+    pixels: int
+    exposure: float
+
+
 @dataclass
 class _Window:
     """Frames that were read and not merged yet.
 
     Attributes:
         first: index of the first one in the sequence.
-        frames: in order.
+        frames: the frames, in order.
         ended: whether a cut or the end follows the last one.
         following: the first frame after the cut, which was read to find it.
     """
@@ -64,53 +98,58 @@ class BothWays:
 
     Args:
         forward: steps through the frames in order; it keeps its history from chunk to chunk.
-        backward: of the same model and display size; steps through each chunk's frames in reverse.
-        store: keeps frames and backward images until they are merged.
-        size: of the chunks.
-        outputs: names of further outputs; all but "aovs" are those of the forward run.
+        backward: an Upscaler with the same model and display size, for each chunk's frames in reverse.
+        chunk: size of the chunks.
+        outputs: names of auxiliary outputs; all but "aovs" are those of the forward run.
         around: makes a context for each step, from the index of its frame and the direction.
-        interpolator: computes the colour of frames that were not shaded; without one they are refused.
+        interpolator: computes the colour of unshaded frames; without one they are refused.
+        memory, scratch: see `FrameStore`.
+
+    Raises:
+        ShotError: `scratch` is not a folder.
     """
 
     def __init__(
         self,
         forward: Upscaler,
         backward: Upscaler,
-        store: FrameStore,
-        size: ChunkSize,
+        chunk: ChunkSize | None = None,
         *,
         outputs: tuple[str, ...] = (),
         around: Around = lambda *_: nullcontext(),
         interpolator: Interpolator | None = None,
+        memory: float | None = None,
+        scratch: Path | None = None,
     ) -> None:
-        self._interpolator = interpolator
-        self._colors: dict[int, Stored] = {}  # of unshaded frames of the window, by place
-        self._forward, self._backward, self._store = forward, backward, store
-        self._size, self._around = size, around
+        self._forward, self._backward, self._interpolator = forward, backward, interpolator
+        self._chunk, self._outputs, self._around = chunk or ChunkSize(), outputs, around
+        self._store = FrameStore(memory=memory, folder=scratch, names=buffers_of(forward, interpolator))
+        self._colors: dict[int, Stored] = {}  # colours of unshaded frames of the window
         self._meter, self._steps = ExposureMeter(), 0  # of the forward run since the last cut
-        self._asked = outputs
-        self._weights = weight_outputs(forward.model.info.maps)
+        self._weights = tuple(name for name in WEIGHT_MAPS if name in forward.model.info.maps)
 
     def run(self, frames: Iterable[Frame], *, skip: int = 0) -> Iterator[Merged]:
         """Yield the outputs of each frame, in order; at most chunk + overlap frames are read ahead.
 
         Args:
-            frames: in order, cut where they have `reset`.
-            skip: number of frames at the beginning that only build the history: in chunks without others, the
-                backward run is left out.
+            frames: in order; `reset` marks the first one after a cut.
+            skip: number of frames at the beginning that only build the history: chunks without others have
+                no backward run.
         """
         source, window = iter(frames), _Window()
-        while self._fill(window, source):
-            count = len(window.frames) if window.ended else self._size.frames
-            wanted = window.first + count > skip
-            self._compute_colors(window, count)
-            images = self._step_backward(window, count) if wanted else [None] * count
-            for place in range(count):
-                yield self._merged(window.first + place, place, window.frames[place], images[place])
-                self._store.drop(window.frames[place].stored)
-            for stored in self._colors.values():
-                self._store.drop(stored)
-            window.frames, window.first = window.frames[count:], window.first + count
+        with self._store:
+            while self._fill(window, source):
+                count = len(window.frames) if window.ended else self._chunk.frames
+                if self._interpolator is not None:
+                    self._colors = self._interpolator.colors(window.frames, count, self._store)
+                is_needed = window.first + count > skip
+                images = self._step_backward(window, count) if is_needed else [None] * count
+                for place in range(count):
+                    yield self._merged(window, place, images[place])
+                    self._store.drop(window.frames[place].stored)
+                for stored in self._colors.values():
+                    self._store.drop(stored)
+                window.frames, window.first = window.frames[count:], window.first + count
 
     def _fill(self, window: _Window, source: Iterator[Frame]) -> bool:
         """Read until the window is full or a cut ends it; return False at the end of the sequence."""
@@ -119,34 +158,13 @@ class BothWays:
             if window.following is not None:
                 window.frames.append(self._store.put_frame(window.following))
                 window.following = None
-        while len(window.frames) < sum(self._size):
+        while len(window.frames) < sum(self._chunk):
             frame = next(source, None)
             if frame is None or (frame.reset and window.frames):
                 window.ended, window.following = True, frame
                 break
             window.frames.append(self._store.put_frame(frame))
         return bool(window.frames)
-
-    def _compute_colors(self, window: _Window, count: int) -> None:
-        """Store the colours of the window's unshaded frames."""
-        self._colors = {}
-        if self._interpolator is not None:
-            self._colors = self._interpolator.colors(window.frames, count, self._store)
-
-    def _step(self, upscaler: Upscaler, frame: Frame, place: int, outputs: tuple[str, ...]) -> StepResult:
-        color: Float32 | None = None
-        if frame.color is None and place in self._colors:
-            color = self._store.get(self._colors[place])["color"]
-        if color is None:
-            result = upscaler.step(frame, outputs=outputs)
-        else:
-            result = upscaler.step_computed(frame, color, outputs=outputs)
-        return result if isinstance(result, StepResult) else StepResult(result)
-
-    def _outputs(self, frame: Frame) -> tuple[str, ...]:
-        """Return the outputs that a merged step on this frame needs."""
-        aovs = ("aovs",) * (frame.aovs is not None and "aovs" in self._asked)
-        return *aovs, *self._weights
 
     def _step_backward(self, window: _Window, count: int) -> list[Stored | None]:
         """Step from the last frame to the first; return the images of the first `count`, in order."""
@@ -155,8 +173,7 @@ class BothWays:
         for steps, place in enumerate(reversed(range(len(window.frames))), start=1):
             frame = self._store.get_frame(window.frames[place])
             with self._around(window.first + place, "backward"):
-                outputs = self._outputs(frame)
-                result = self._step(self._backward, reversed_frame(frame, following), place, outputs)
+                result = self._step(self._backward, reversed_frame(frame, following), place)
             if place < count:
                 arrays = {"image": result.image, "weight": weight_of(result, steps)}
                 if result.aovs is not None:
@@ -165,13 +182,12 @@ class BothWays:
             following = frame
         return found[::-1]
 
-    def _merged(self, index: int, place: int, stored: StoredFrame, backward: Stored | None) -> Merged:
+    @ieee_arithmetic
+    def _merged(self, window: _Window, place: int, backward: Stored | None) -> Merged:
         """Step forward, and merge with the backward image."""
-        frame = self._store.get_frame(stored)
-        asked = [name for name in self._asked if name != "aovs"]
-        outputs = tuple(dict.fromkeys((*self._outputs(frame), *asked)))
-        with self._around(index, "forward"):
-            result = self._step(self._forward, frame, place, outputs)
+        frame = self._store.get_frame(window.frames[place])
+        with self._around(window.first + place, "forward"):
+            result = self._step(self._forward, frame, place, self._outputs)
         self._steps = 1 if frame.reset else self._steps + 1
         exposure = self._meter.read(
             frame.color, given=frame.exposure, reset=frame.reset, pre_exposure=frame.pre_exposure
@@ -181,5 +197,79 @@ class BothWays:
             self._store.drop(backward)
             merge_images(result.image, other["image"], weight, other["weight"], exposure / frame.pre_exposure)
             if result.aovs is not None:
-                merge_aovs(result.aovs, other["aovs"], weight, other["weight"])
+                share = other["weight"] / (weight + other["weight"])
+                result.aovs[...] += share[..., None] * (other["aovs"] - result.aovs)
         return Merged(frame, result)
+
+    def _step(
+        self, upscaler: Upscaler, frame: Frame, place: int, outputs: tuple[str, ...] = ()
+    ) -> StepResult:
+        """Step with these outputs and those of the merge, on a computed colour where there is none."""
+        aovs = ("aovs",) * (frame.aovs is not None and "aovs" in self._outputs)
+        others = (name for name in outputs if name != "aovs")
+        names = tuple(dict.fromkeys((*aovs, *self._weights, *others)))
+        if frame.color is None and place in self._colors:
+            color = self._store.get(self._colors[place])["color"]
+            result = upscaler.step_computed(frame, color, outputs=names)
+        else:
+            result = upscaler.step(frame, outputs=names)
+        return result if isinstance(result, StepResult) else StepResult(result)
+
+
+def buffers_of(upscaler: Upscaler, interpolator: Interpolator | None = None) -> frozenset[str]:
+    """Return the names of the buffers that two passes read of each frame, as in `Shot.frames`."""
+    return frozenset((*upscaler.gbuffers, *(interpolator.gbuffers if interpolator else ()), MOTION_NEXT))
+
+
+def frames_of(frames: Shot | Iterable[Frame], names: Collection[str]) -> Iterator[Frame]:
+    """Yield the frames of a shot, with these buffers, or those of an iterable, checked."""
+    if isinstance(frames, Shot):
+        yield from (item.frame for item in frames.frames(gbuffers=names, references=False))
+        return
+    for frame in frames:
+        yield checked_frame(frame.frame if isinstance(frame, ShotFrame) else frame)
+
+
+@ieee_arithmetic
+def weight_of(result: StepResult, steps: int) -> Float32:
+    """Return the weight (H, W) of a run's image in the merge, > 0.
+
+    It is the sample count, where a method has one, and less in a run's first steps. Where a run has just
+    begun, or its history was disoccluded, the other run's image dominates; elsewhere they are averaged.
+
+    Args:
+        result: with the outputs WEIGHT_MAPS that the method has.
+        steps: number of steps of the run since its history began, including this one.
+    """
+    weight = np.full(result.image.shape[:2], min(steps / WARM_UP_STEPS, 1.0), np.float32)
+    if result.count is not None:
+        weight *= np.maximum(result.count, np.float32(MIN_COUNT))
+    if result.converged is not None and result.converged.any():
+        weight *= 1.0 + np.float32(CONVERGED) * np.square(result.converged)
+    return weight
+
+
+@ieee_arithmetic
+def merge_images(
+    image: Float32, other: Float32, weight: Float32, other_weight: Float32, exposure: float
+) -> None:
+    """Write the weighted mean of two images to `image`.
+
+    The mean is taken of c / (1 + max(c)), of exposed colours: the brighter of two linear values would
+    dominate on a display.
+
+    Args:
+        image: (H, W, 3) float32 linear RGB of the forward run.
+        other: (H, W, 3) float32 linear RGB of the backward run.
+        weight: (H, W) weight of the first.
+        other_weight: (H, W) weight of the other.
+        exposure: exposure of the frame.
+    """
+    kernel = kernel_if_possible("sequence.kernels.merge_images")
+    images = MergedImages(image, other, weight, other_weight, weight.size, exposure)
+    if kernel is not None and all(array.flags.c_contiguous for array in images[:4]):
+        kernel(pack(images))
+        return
+    tone, other_tone = (1.0 + np.float32(exposure) * each.max(axis=2) for each in (image, other))
+    a, b = weight / tone, other_weight / other_tone
+    image += (b / np.maximum(a + b, np.float32(1e-30)))[..., None] * (other - image)

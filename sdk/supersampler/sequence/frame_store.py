@@ -1,11 +1,9 @@
-"""Arrays of frames and images that wait for their turn, in memory and in a scratch file on disk."""
+"""Arrays of frames and images that are needed later, in memory and in a scratch file on disk."""
 
 import tempfile
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
-from typing import IO, Any
+from typing import IO, Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,33 +13,21 @@ from supersampler.frame import GBUFFER_CHANNELS, GBUFFER_DISPLAY_CHANNELS, Frame
 from supersampler.io.files import os_errors_as_shot_error
 
 MEMORY = 2.0**30
-"""Bytes of frames and images that are kept in memory; what is more goes to the disk."""
-_NO_ROOM = "Is the disk full? `scratch` names a folder on another; images that were written stay."
+"""Bytes of frames and images that are kept in memory; more go to the disk."""
+_NO_ROOM = "Is the disk full? `scratch` names a folder on another disk; images that were written stay."
 _IMAGES = ("color", "depth", "motion", "reactive", "aovs", "motion_next")
 _GROUPS = {"gbuffer": GBUFFER_CHANNELS, "gbuffer_display": GBUFFER_DISPLAY_CHANNELS}
 
 
-@dataclass(frozen=True)
-class Stored:
-    """Arrays that a `FrameStore` holds.
-
-    Attributes:
-        key: of the store.
-        arrays: type and shape of each array, by name, in the order of the file.
-    """
+class Stored(NamedTuple):
+    """Arrays in a `FrameStore`: key, and type and shape of each array by name, in the order of the file."""
 
     key: int
     arrays: Mapping[str, tuple[np.dtype[Any], tuple[int, ...]]]
 
 
-@dataclass(frozen=True)
-class StoredFrame:
-    """A frame that a `FrameStore` holds.
-
-    Attributes:
-        stored: its arrays.
-        jitter, reset, exposure, pre_exposure: see `Frame`.
-    """
+class StoredFrame(NamedTuple):
+    """A frame in a `FrameStore`: its arrays, and other values of `Frame`."""
 
     stored: Stored
     jitter: tuple[float, float]
@@ -56,103 +42,101 @@ class FrameStore:
     The file has no name, or one that the system removes: nothing of it is left however the process ends.
 
     Args:
-        memory: bytes to keep in memory.
+        memory: bytes to keep in memory; None is MEMORY.
         folder: where to make the scratch file, when it is needed; None is the system's place for temporary
             files.
         names: optional arrays of frames to keep, by `input_name`; None keeps all.
 
     Raises:
-        ShotError: `folder` is no folder.
+        ShotError: `folder` is not a folder.
     """
 
     def __init__(
-        self, *, memory: float = MEMORY, folder: Path | None = None, names: frozenset[str] | None = None
+        self,
+        *,
+        memory: float | None = None,
+        folder: Path | None = None,
+        names: frozenset[str] | None = None,
     ) -> None:
         if folder is not None and not folder.is_dir():
-            raise ShotError(folder, "is no folder", "`scratch` names an existing one.")
-        self._names, self._place, self._room = names, folder or tempfile.gettempdir(), memory
-        self._held: dict[int, dict[str, NDArray[Any]]] = {}
-        self._next = 0
+            raise ShotError(folder, "is not a folder", "`scratch` names an existing one.")
+        self._names, self._folder = names, folder or tempfile.gettempdir()
+        self._free_memory = MEMORY if memory is None else memory
+        self._in_memory: dict[int, dict[str, NDArray[Any]]] = {}
+        self._next_key = self._file_end = 0
         self._file: IO[bytes] | None = None
-        self._places: dict[int, tuple[int, int]] = {}  # offset and bytes in the file, by key
-        self._free: list[tuple[int, int]] = []
-        self._end = 0
+        self._in_file: dict[int, tuple[int, int]] = {}  # offset and bytes, by key
+        self._free: list[tuple[int, int]] = []  # in the file
 
     def put(self, arrays: Mapping[str, NDArray[Any]]) -> Stored:
         """Keep some arrays, which must not be changed later; ShotError where the disk is full."""
-        key, self._next = self._next, self._next + 1
-        facts = {name: (array.dtype, array.shape) for name, array in arrays.items()}
+        key, self._next_key = self._next_key, self._next_key + 1
+        stored = Stored(key, {name: (array.dtype, array.shape) for name, array in arrays.items()})
         size = sum(array.nbytes for array in arrays.values())
-        if size <= self._room:
-            self._held[key] = dict(arrays)
-            self._room -= size
-            return Stored(key, facts)
+        if size <= self._free_memory:
+            self._in_memory[key] = dict(arrays)
+            self._free_memory -= size
+            return stored
         offset, room = self._allocated(size)
-        with os_errors_as_shot_error(self._place, "written", _NO_ROOM):
+        with os_errors_as_shot_error(self._folder, "written", _NO_ROOM):
             if self._file is None:
-                self._file = tempfile.TemporaryFile(buffering=0, dir=self._place)  # noqa: SIM115  # see `close`
+                self._file = tempfile.TemporaryFile(buffering=0, dir=self._folder)  # noqa: SIM115  # see `close`
             self._file.seek(offset)
             for array in arrays.values():
                 left = memoryview(np.ascontiguousarray(array).reshape(-1).view(np.uint8))  # type: ignore[arg-type]
                 while left:  # on a nearly full disk only a part is written
                     left = left[self._file.write(left) :]
-        self._places[key] = offset, room
-        return Stored(key, facts)
+        self._in_file[key] = offset, room
+        return stored
 
     def get(self, stored: Stored) -> dict[str, NDArray[Any]]:
         """Return the arrays, which must not be changed."""
-        if stored.key in self._held:
-            return dict(self._held[stored.key])
+        if stored.key in self._in_memory:
+            return dict(self._in_memory[stored.key])
         assert self._file is not None  # noqa: S101  # `put` made it
-        with os_errors_as_shot_error(self._place, "read"):
-            self._file.seek(self._places[stored.key][0])
+        with os_errors_as_shot_error(self._folder, "read"):
+            self._file.seek(self._in_file[stored.key][0])
             return {name: self._read(*fact) for name, fact in stored.arrays.items()}
 
     def put_frame(self, frame: Frame) -> StoredFrame:
-        """Keep a copy of a frame, of the optional arrays those of `names`."""
-        arrays = {name: getattr(frame, name) for name in _IMAGES if getattr(frame, name) is not None}
+        """Keep a copy of a frame, with the optional arrays in `names`."""
+        arrays = {name: getattr(frame, name) for name in _IMAGES}
         for group in _GROUPS:
-            buffers = getattr(frame, group) or {}
-            arrays |= {f"{group}_{name}": array for name, array in buffers.items()}
-        if self._names is not None:
-            required = {*_IMAGES, *self._names}
-            arrays = {name: array for name, array in arrays.items() if name in required}
-        copies = {name: array.copy() for name, array in arrays.items()}  # engines reuse their buffers
-        values = frame.jitter, frame.reset, frame.exposure, frame.pre_exposure
-        return StoredFrame(self.put(copies), *values)
+            arrays |= {f"{group}_{name}": array for name, array in (getattr(frame, group) or {}).items()}
+        kept = arrays if self._names is None else {*_IMAGES, *self._names}
+        copies = {  # engines reuse their buffers
+            name: array.copy() for name, array in arrays.items() if array is not None and name in kept
+        }
+        return StoredFrame(self.put(copies), frame.jitter, frame.reset, frame.exposure, frame.pre_exposure)
 
     def get_frame(self, frame: StoredFrame) -> Frame:
         """Return a frame."""
-        arrays = self.get(frame.stored)
+        stored, jitter, reset, exposure, pre_exposure = frame
+        arrays = self.get(stored)
         buffers: dict[str, Any] = {name: arrays.get(name) for name in _IMAGES}
         for group, channels in _GROUPS.items():
             found = {name: arrays[f"{group}_{name}"] for name in channels if f"{group}_{name}" in arrays}
             buffers[group] = found or None
-        return Frame(
-            **buffers, jitter=frame.jitter, reset=frame.reset, exposure=frame.exposure,
-            pre_exposure=frame.pre_exposure,
-        )  # fmt: skip
+        return Frame(**buffers, jitter=jitter, reset=reset, exposure=exposure, pre_exposure=pre_exposure)
 
     def drop(self, stored: Stored) -> None:
         """Forget arrays, and free their memory or their place in the file."""
-        held = self._held.pop(stored.key, None)
-        if held is not None:
-            self._room += sum(array.nbytes for array in held.values())
-        elif stored.key in self._places:
-            self._free.append(self._places.pop(stored.key))
+        arrays = self._in_memory.pop(stored.key, None)
+        if arrays is not None:
+            self._free_memory += sum(array.nbytes for array in arrays.values())
+        elif stored.key in self._in_file:
+            self._free.append(self._in_file.pop(stored.key))
 
     def close(self) -> None:
         """Remove all that is kept, and the scratch file."""
-        self._held.clear()
+        self._in_memory.clear()
         if self._file is not None:
             self._file.close()
 
-    def __enter__(self) -> "FrameStore":
+    def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def _allocated(self, size: int) -> tuple[int, int]:
@@ -162,8 +146,8 @@ class FrameStore:
             best = min(fitting, key=lambda place: place[1])
             self._free.remove(best)
             return best
-        self._end += size
-        return self._end - size, size
+        self._file_end += size
+        return self._file_end - size, size
 
     def _read(self, dtype: np.dtype[Any], shape: tuple[int, ...]) -> NDArray[Any]:
         """Read an array at the file's position."""
@@ -172,6 +156,6 @@ class FrameStore:
         while left:
             count = self._file.readinto(left) if self._file is not None else 0  # type: ignore[attr-defined]
             if not count:
-                raise ShotError(self._place, "its scratch file is shorter than it was written")
+                raise ShotError(self._folder, "its scratch file is shorter than it was written")
             left = left[count:]
         return array

@@ -1,12 +1,13 @@
 """Colour of frames that were not shaded, from the shaded frames before and after.
 
-Each side's light is extrapolated onto the surfaces of the unshaded frame by a model such as `guided-warp`,
-from the frame before with its motion, and from the frame after with the motion to the next frame. Both
-images have the reflectance of the same pixels, so that their mean interpolates the light between the shaded
-frames. It is weighted by the distance in time, and by whether the surface was seen on that side.
+A model such as `guided-warp` extrapolates the light of each side onto the surfaces of the unshaded frame:
+from the frame before by its motion, and from the frame after by the motion to the next frame. Both images
+have the reflectance of the same pixels, so their mean interpolates the light between the shaded frames. It is
+weighted by the distance in time, and by whether the surface was visible on that side.
 """
 
 from collections.abc import Iterator, Sequence
+from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -23,10 +24,10 @@ from supersampler.sequence.frame_store import FrameStore, Stored, StoredFrame
 from supersampler.upscaler import Upscaler
 
 SURFACE_SIGMA, DEPTH_SIGMA = 0.1, 0.02
-"""Differences of base colour and normal, and of relative depth, that one standard deviation is."""
-UNSEEN = 1e-3
-"""Smallest weight of a side, relative to one where the surface was seen."""
-_NEEDED = tuple(f"history.{name}" for name in ("motion", "jitter", "depth", "base_color", "normal"))
+"""Standard deviations of base colour and normal, and of relative depth, on one surface."""
+MIN_AGREEMENT = 1e-3
+"""Agreement of a surface that was not visible in the shaded frame."""
+_REQUIRED = tuple(f"history.{name}" for name in ("motion", "jitter", "depth", "base_color", "normal"))
 
 
 class Side(NamedTuple):
@@ -34,7 +35,7 @@ class Side(NamedTuple):
 
     Attributes:
         color: (h, w, 3) linear RGB.
-        agreement: (h, w) how far its surfaces were seen in the shaded frame, UNSEEN to 1.
+        agreement: (h, w) similarity of its surfaces to those of the shaded frame, MIN_AGREEMENT to 1.
         frames: distance to the shaded frame.
     """
 
@@ -47,18 +48,18 @@ class Interpolator:
     """Computes the colours of the unshaded frames of windows of a sequence, one window after another.
 
     Args:
-        extrapolator: of the light of one side.
+        extrapolator: extrapolates the light of one side.
         gbuffers: names of the G-buffers that it and the upscaler read on unshaded frames.
 
     Attributes:
-        gbuffers: these names.
+        gbuffers: as given.
 
     Raises:
         ArgumentError: the model keeps no surfaces of the shaded frame.
     """
 
     def __init__(self, extrapolator: Extrapolator, gbuffers: tuple[str, ...]) -> None:
-        missing = {*_NEEDED} - {entry.input.name for entry in extrapolator.info.history}
+        missing = {*_REQUIRED} - {entry.input.name for entry in extrapolator.info.history}
         if missing:
             got = f"{extrapolator.info.method!r}, without {', '.join(sorted(missing))}"
             raise ArgumentError("extrapolation", got=got, want="a model such as guided-warp for two passes")
@@ -71,9 +72,9 @@ class Interpolator:
         """Return the colours of the unshaded frames among some, by their indices, as arrays "color".
 
         Args:
-            frames: consecutive, without a cut but at the first one.
+            frames: consecutive frames; only the first one may follow a cut.
             next_start: index of the frame that the next call begins with; len(frames) where a cut follows.
-            store: of the frames; takes the colours.
+            store: has the frames, and keeps the colours.
 
         Raises:
             FrameError: the first frame after a cut is not shaded, or a frame lacks a G-buffer.
@@ -83,14 +84,14 @@ class Interpolator:
             self._history, self._since = self._extrapolator.after_shaded(last), 0
             return {}
         before = self._sides_before(frames, next_start, store)
-        found = {}
+        found = {index: stored for index, (stored, _) in before.items()}
         for index, after in self._sides_after(frames, store):
-            arrays = store.get(before[index][0])
-            side = Side(arrays["color"], arrays["agreement"], before[index][1])
+            stored, since = before[index]
+            arrays = store.get(stored)
+            side = Side(arrays["color"], arrays["agreement"], since)
             found[index] = store.put({"color": interpolated(side, after)})
-            store.drop(before[index][0])
-        last_ones = {index: stored for index, (stored, _) in before.items() if index not in found}
-        return found | last_ones
+            store.drop(stored)
+        return found
 
     def _sides_before(
         self, frames: Sequence[StoredFrame], next_start: int, store: FrameStore
@@ -144,7 +145,7 @@ def interpolator_of(model: str | Path, upscaler: Upscaler, executor: ExecutorNam
 
     Args:
         model: name of a model that extrapolates, or its folder.
-        upscaler: of the images.
+        upscaler: the Upscaler.
         executor: see `Model.load`.
 
     Raises:
@@ -166,42 +167,38 @@ def interpolated(before: Side, after: Side) -> Float32:
 
 
 def surface_agreement(frame: Frame, history: dict[str, NDArray[Any]]) -> Float32:
-    """Return how far each surface of a frame was seen in a shaded frame, (h, w), UNSEEN to 1.
+    """Return the similarity of each surface of a frame to a shaded frame, (h, w), MIN_AGREEMENT to 1.
 
-    It is the similarity to the most similar of the four samples around the place where it was.
+    It is that of the most similar of the four samples around the reprojected position.
 
     Args:
-        frame: with base colour and normals.
+        frame: a frame with base colour and normals.
         history: tensors of the extrapolation after `frame`: the shaded frame, and the motion to it.
     """
     motion, jitter = history["history.motion"][0], history["history.jitter"][0]
     height, width = frame.depth.shape
     shaded_depth = history["history.depth"][0, 0]
     shaded_height, shaded_width = shaded_depth.shape
-    x = (np.arange(width, dtype=np.float32) + motion[0] + np.float32(frame.jitter[0] + 0.5)) * np.float32(
-        shaded_width / width
-    ) - np.float32(jitter[0] + 0.5)
-    y = (
-        np.arange(height, dtype=np.float32)[:, None] + motion[1] + np.float32(frame.jitter[1] + 0.5)
-    ) * np.float32(shaded_height / height) - np.float32(jitter[1] + 0.5)
+    columns, rows = np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32)[:, None]
+    x = (columns + motion[0] + np.float32(frame.jitter[0] + 0.5)) * np.float32(shaded_width / width)
+    y = (rows + motion[1] + np.float32(frame.jitter[1] + 0.5)) * np.float32(shaded_height / height)
+    x, y = x - np.float32(jitter[0] + 0.5), y - np.float32(jitter[1] + 0.5)
     on_screen = (x > -1.0) & (x < shaded_width) & (y > -1.0) & (y < shaded_height)
-    column, row = np.where(on_screen, np.floor(x), 0).astype(np.intp), np.where(on_screen, np.floor(y), 0)
-    row = row.astype(np.intp)
-    least = np.full((height, width), np.float32(np.inf))
-    for down in (0, 1):
-        for across in (0, 1):
-            place = (
-                np.clip(row + down, 0, shaded_height - 1) * shaded_width
-                + np.clip(column + across, 0, shaded_width - 1)
-            )  # fmt: skip
-            np.fmin(least, _difference(frame, history, place), out=least)
-    agreement = np.exp(-0.5 * np.minimum(least, np.float32(100.0)))
-    result: Float32 = np.where(on_screen, np.maximum(agreement, np.float32(UNSEEN)), np.float32(UNSEEN))
+    column, row = (np.where(on_screen, np.floor(each), 0).astype(np.intp) for each in (x, y))
+    min_difference = np.full((height, width), np.float32(np.inf))
+    for down, right in product((0, 1), repeat=2):
+        near_row = np.clip(row + down, 0, shaded_height - 1)
+        near_column = np.clip(column + right, 0, shaded_width - 1)
+        difference = _difference(frame, history, near_row * shaded_width + near_column)
+        np.fmin(min_difference, difference, out=min_difference)
+    agreement = np.exp(-0.5 * np.minimum(min_difference, np.float32(100.0)))
+    lowest = np.float32(MIN_AGREEMENT)
+    result: Float32 = np.where(on_screen, np.maximum(agreement, lowest), lowest)
     return result
 
 
 def _difference(frame: Frame, history: dict[str, NDArray[Any]], place: NDArray[np.intp]) -> Float32:
-    """Return squared standard deviations between each surface and a sample of the shaded frame, (h, w)."""
+    """Return the squared distance of each surface to a sample of the shaded frame, in standard deviations."""
     gbuffer = frame.gbuffer or {}
     depth = history["history.depth"][0, 0].ravel()[place]
     larger = np.maximum(np.maximum(depth, frame.depth), np.float32(1e-30))
@@ -209,6 +206,6 @@ def _difference(frame: Frame, history: dict[str, NDArray[Any]], place: NDArray[n
     for name in ("base_color", "normal"):
         samples = history[f"history.{name}"][0].reshape(3, -1)
         for channel in range(3):
-            apart = samples[channel][place] - gbuffer[name][..., channel]
-            squares = squares + np.square(apart / np.float32(SURFACE_SIGMA))
+            difference = samples[channel][place] - gbuffer[name][..., channel]
+            squares = squares + np.square(difference / np.float32(SURFACE_SIGMA))
     return squares

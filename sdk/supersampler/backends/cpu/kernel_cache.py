@@ -22,7 +22,7 @@ NEVER_CALLED = (  # numba refers to these where Python code could raise; kernels
 )  # fmt: skip
 SYMBOLS = (*CALLED, *NEVER_CALLED)
 """All external symbols that a kernel may refer to."""
-SOURCES = ("backends/cpu", "conventions", "integrations", "methods", "sequence/kernels")
+SOURCES = ("backends/cpu", "conventions", "integrations", "methods", "sequence")
 """Folders of the package with kernels, and with the structs and constants that kernels import."""
 _MAGIC = b"supersampler kernel 2\n"
 _DIGEST = 32  # bytes of a SHA-256

@@ -1,9 +1,24 @@
-"""Kernel of `scattered_motion`: compiled, never called from Python."""
+"""Kernels of `scattered_motion` and `merge_images`: compiled, never called from Python."""
 
 import numpy as np
 
 from supersampler.backends.cpu.simd.device_function import device_function
-from supersampler.sequence.kernels.structs import HIDDEN, OTHER_SURFACE, REACH, SAME_SURFACE, ScatterTables
+from supersampler.sequence.backward_motion import HIDDEN, OTHER_SURFACE, REACH, SAME_SURFACE, ScatterTables
+from supersampler.sequence.both_ways import MergedImages
+
+
+def merge_images(images: MergedImages):
+    """Write the weighted mean of two images, taken after the tone curve c / (1 + max(c))."""
+    image, other, one = images.image, images.other, np.float32(1.0)
+    for pixel in range(images.pixels):
+        at = 3 * pixel
+        a, b = images.weight[pixel], images.other_weight[pixel]
+        a = a / (one + images.exposure * max(max(image[at], image[at + 1]), image[at + 2]))
+        b = b / (one + images.exposure * max(max(other[at], other[at + 1]), other[at + 2]))
+        share = b / max(a + b, np.float32(1e-30))
+        for channel in range(3):
+            value = image[at + channel]
+            image[at + channel] = value + share * (other[at + channel] - value)
 
 
 @device_function
