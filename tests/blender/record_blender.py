@@ -18,7 +18,7 @@ from typing import Any
 from compact_frames import compact, cropped
 from supersampler.cli import app
 from supersampler.conventions import halton_jitter
-from supersampler.integrations.blender import process, render
+from supersampler.integrations.blender import render
 from supersampler.io.shot import ShotWriter, open_source
 from supersampler.io.shot.blender import read_render_record
 
@@ -46,10 +46,10 @@ def record_shot(blender: str, folder: Path, name: str, work: Path) -> None:
     part, pixel_filter, count = SHOTS[name]
     script = work / "render_frames.py"
     setting = "scene.cycles.pixel_filter_type, scene.cycles.filter_width = "
-    text, count_of_settings = re.subn(f"{setting}.*", setting + pixel_filter, process._SCRIPT.read_text())
+    text, count_of_settings = re.subn(f"{setting}.*", setting + pixel_filter, render._SCRIPT.read_text())
     assert count_of_settings == 1
     script.write_text(text)
-    process._SCRIPT = script
+    render._SCRIPT = script
     vars(render)["halton_jitter"] = lambda index, scale: tuple(part * x for x in halton_jitter(index, scale))
     quality = ["256", "--denoise"] if name == "filtered" else ["64", "--no-denoise"]
     run_command(blender, work, name, "--frames", f"6-{5 + count}", "--samples", *quality)
@@ -72,11 +72,11 @@ def run_command(blender: str, work: Path, name: str, *options: str) -> None:
 def main(blender: str, folder: str) -> None:
     with TemporaryDirectory() as work:
         record_render(blender, Path(folder, "recorded"), Path(work))
-        original = process._SCRIPT
+        original = render._SCRIPT
         for name in SHOTS:
             size = [448, 294] if name == "filtered" else [192, 128]  # enough edges in a part of it
             make_scene(blender, Path(work), {"size": size})
-            process._SCRIPT = original
+            render._SCRIPT = original
             record_shot(blender, Path(folder, "checked"), name, Path(work))
 
 

@@ -12,8 +12,7 @@ from typer.testing import CliRunner, Result
 from blender_files import RECORDED, fake_blender, scene_file
 from supersampler import ArgumentError
 from supersampler.cli import app
-from supersampler.integrations.blender.process import find_blender
-from supersampler.integrations.blender.render import frame_range
+from supersampler.integrations.blender.render import find_blender, frame_range
 from supersampler.io.images import read_exr, read_exr_metadata
 from supersampler.io.shot import open_source
 from supersampler.upscaler import Upscaler

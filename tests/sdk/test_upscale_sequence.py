@@ -246,7 +246,7 @@ def test_a_full_disk_is_one_line_and_leaves_nothing(tmp_path: Path, monkeypatch:
         ({"passes": True}, "passes is True"),
         ({"lookahead": 0}, "lookahead is 0"),
         ({"lookahead": 65}, "lookahead is 65"),
-        ({"passes": 1, "lookahead": 4}, "want None, as one pass"),
+        ({"passes": 1, "lookahead": 4}, "want None, because one pass"),
         ({"scratch": 5}, "scratch is 5"),
         ({"display_size": None}, "display_size or scale is neither"),
     ],

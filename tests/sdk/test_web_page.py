@@ -17,8 +17,7 @@ from typer.testing import CliRunner
 from supersampler import Shot
 from supersampler.cli import app
 from supersampler.errors import ArgumentError, ShotError
-from supersampler.integrations.web import PACKAGES, serving, site_files, write_site
-from supersampler.integrations.web.site import page_files
+from supersampler.integrations.web import PACKAGES, page_files, serving, site_files, write_site
 from supersampler.io.images import read_exr
 from supersampler.methods.executors import with_shaders
 from web_page import FolderFiles
@@ -282,11 +281,11 @@ def test_a_damaged_package_is_an_error_that_names_it(tmp_path: Path, damaged: by
 
 def test_the_wheel_has_the_files_of_the_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     project = (Path(__file__).parents[2] / "pyproject.toml").read_text("utf-8")
-    assert '"examples/web" = "supersampler/integrations/web/page"' in project
-    module = tmp_path / "supersampler/integrations/web/site.py"
-    shutil.copytree(page_files(), module.parent / "page")
-    monkeypatch.setattr("supersampler.integrations.web.site.__file__", str(module))
-    assert page_files() == module.parent / "page"
+    assert '"examples/web" = "supersampler/integrations/web_page"' in project
+    module = tmp_path / "supersampler/integrations/web.py"
+    shutil.copytree(page_files(), module.parent / "web_page")
+    monkeypatch.setattr("supersampler.integrations.web.__file__", str(module))
+    assert page_files() == module.parent / "web_page"
 
 
 def test_options_of_the_page_without_web_are_refused(tmp_path: Path) -> None:

@@ -1,4 +1,7 @@
-"""Sequences whose later frames are known: `upscale_sequence` steps forward and backward, and merges."""
+"""Sequences whose later frames are known: `upscale_sequence` steps forward and backward, and merges.
+
+The runs and their chunks are in both_ways.py, the light of unshaded frames in interpolation.py.
+"""
 
 import math
 from collections.abc import Iterable, Iterator, Sequence

@@ -1,19 +1,31 @@
-"""Render a .blend file small and with jitter, into a folder that a run can continue, as a Shot."""
+"""Render a .blend file at low resolution with jitter, by Blender in a child process, as a Shot.
+
+The folder of the frames is one that a later run can continue. The messages of the script and Blender's own
+output share one pipe. Each message begins with a random token that this process generates for the run. No
+other line can pass for a message, although Blender prints names from the .blend file verbatim, including
+their line breaks.
+"""
 
 import hashlib
+import json
+import os
 import re
 import secrets
-from collections.abc import Callable, Iterator
+import shutil
+import sys
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from threading import Condition, Thread
+from typing import Literal, NamedTuple, Self
 
 from supersampler.arguments import checked_scale
 from supersampler.conventions import halton_jitter, jitter_phase_count
-from supersampler.errors import ArgumentError, ShotError
+from supersampler.errors import ArgumentError, ShotError, printable
 from supersampler.frame import Size
-from supersampler.integrations.blender.process import BlenderRender, find_blender
+from supersampler.io.child_process import GRACE, ChildProcess, end_text
 from supersampler.io.files import (
     NO_ROOM,
     LogFile,
@@ -27,6 +39,7 @@ from supersampler.io.files import (
     remove_partial_files,
     rename_partial,
 )
+from supersampler.io.json_fields import Field
 from supersampler.io.shot.blender import (
     RENDER_FILE,
     Camera,
@@ -40,22 +53,31 @@ from supersampler.io.shot.shot import Shot
 
 Engine = Literal["cycles", "eevee", "workbench"]
 _FRAMES = re.compile(r"\d{4,}\.exr|render\.json")
+_SCRIPT = Path(__file__).with_name("render_frames.py")  # imports bpy: not to be imported here
+_SETTINGS = "SUPERSAMPLER_RENDER"  # environment variable of the script
+_LAST_LINES = 20  # of Blender's output, searched for its error
+_LINE_BYTES = 1 << 20  # maximum of one read
+_POLL = 0.5  # seconds between checks whether the process has ended
+_INSTALL_PATHS = {
+    "darwin": ("/Applications/Blender.app/Contents/MacOS/Blender",),
+    "win32": ("Program Files/Blender Foundation/Blender */blender.exe",),
+}
 
 
 @dataclass(frozen=True, kw_only=True)
 class RenderRequest:
-    """What to render of a .blend file; None is the scene's own.
+    """Settings of a render of a .blend file; None is the scene's own.
 
     Attributes:
         blend: the file; it is never written.
         frames: numbers of the first and the last frame.
         display_size: (width, height) of the upscaled images.
         scale: display over render size, >= 1.
-        samples: of a render pixel; None is 16 in Cycles.
-        denoise: whether Cycles denoises; None does.
-        engine: of the render.
+        samples: samples per render pixel; None is 16 in Cycles.
+        denoise: whether Cycles denoises; None is True.
+        engine: render engine.
         camera, scene: names in the file.
-        program: Blender, or a Python that has bpy; None looks for Blender.
+        program: Blender, or a Python that has bpy; None searches for Blender.
     """
 
     blend: Path
@@ -85,9 +107,8 @@ class RenderRequest:
         }
 
 
-@dataclass(frozen=True, slots=True)
-class Rendering:
-    """What is rendered: the scene, and its frames."""
+class Rendering(NamedTuple):
+    """The rendered scene and its frames."""
 
     scene: RenderedScene
     shot: Shot
@@ -97,19 +118,19 @@ class Rendering:
 def rendering(
     request: RenderRequest, folder: Path, *, overwrite: bool = False, note: Callable[[str], None]
 ) -> Iterator[Rendering]:
-    """Yield a scene and a Shot, whose frames Blender renders meanwhile: reading one waits for it.
+    """Yield a scene and a Shot whose frames Blender renders meanwhile; reading one waits for it.
 
     Frames that an earlier call with the same request has completed are kept. Blender ends with the block.
 
     Args:
-        request: what to render.
-        folder: for the frames, render.json and blender.log.
+        request: settings of the render.
+        folder: folder for the frames, render.json and blender.log.
         overwrite: remove the frames of an earlier call instead.
         note: called with each message about a setting that differs from that of the file.
 
     Raises:
         ArgumentError: there is no Blender, or the request is out of range.
-        ShotError: the .blend file cannot be rendered so; or the folder holds other files, or frames of
+        ShotError: the .blend file cannot be rendered like this; or the folder holds other files, or frames of
             another request.
     """
     check_is_file(request.blend)
@@ -188,7 +209,7 @@ class _RenderFolder:
         remove_partial_files(self.path, _FRAMES.fullmatch)
 
     def is_complete(self) -> bool:
-        """Return whether all frames that are wanted are there."""
+        """Return whether all requested frames exist."""
         return self.record.scene is not None and self._count() <= len(self.record.cameras)
 
     def describe(self, scene: RenderedScene) -> None:
@@ -243,10 +264,198 @@ class _RenderFolder:
                 "the file has changed" if changed[0] == "blend" else f"{changed[0]} was {was}, is now {now}"
             )
             raise ShotError(self.path, f"frames of another render are there: {what}", hint)
-        wanted = self.request.frames or (earlier.scene.numbers if earlier.scene is not None else None)
-        if wanted is not None and wanted[0] != earlier.first:
-            problem = f"frames from {earlier.first} on are there; this render begins with {wanted[0]}"
+        requested = self.request.frames or (earlier.scene.numbers if earlier.scene is not None else None)
+        if requested is not None and requested[0] != earlier.first:
+            problem = f"frames from {earlier.first} on are there; this render begins with {requested[0]}"
             raise ShotError(self.path, problem, hint)
+
+
+class BlenderRender:
+    """A running render; frames are complete in the order of their numbers.
+
+    >>> with BlenderRender(find_blender(), blend, log, settings, target) as render:
+    ...     render.wait_for_scene()
+    ...     render.wait_for(0)
+
+    Args:
+        program: as `find_blender` returns it.
+        blend: the scene's file; it is never written.
+        log: receives Blender's output; it is closed with the render.
+        settings: see `render_frames.main`, without "blend" and "token".
+        target: folder of the frames, which another thread writes; an error ends the render.
+
+    Raises:
+        ShotError: (of any method) Blender ended before its work was done; the message says why.
+    """
+
+    def __init__(
+        self,
+        program: str,
+        blend: Path,
+        log: LogFile,
+        settings: Mapping[str, object],
+        target: _RenderFolder,
+    ) -> None:
+        self._blend, self._log, self._target = blend, log, target
+        self._token = secrets.token_hex(16)
+        self._has_scene = False
+        self._count = 0  # frames that are complete
+        self._error: str | ShotError = ""
+        self._done = False
+        self._changed = Condition()
+        own = {**settings, "blend": str(blend.resolve()), "token": self._token}
+        self._child = start_script(program, _SCRIPT, {_SETTINGS: json.dumps(own)})
+        Thread(target=self._read, name="blender", daemon=True).start()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def wait_for_scene(self) -> None:
+        """Wait until Blender has opened the file."""
+        if not self._wait(lambda: self._has_scene):
+            raise self._failure("before the first frame")
+
+    def wait_for(self, index: int) -> None:
+        """Wait until a frame is complete, by its index among those of this render."""
+        if not self._wait(lambda: self._count > index):
+            raise self._failure(f"after {self._count} frames" if self._count else "at the first frame")
+
+    def close(self) -> None:
+        """End Blender, if it still runs; complete frames are kept."""
+        self._child.close()
+        with self._changed:
+            self._changed.wait_for(lambda: self._done, GRACE)  # its last messages are read
+            self._done = True
+        self._log.close()
+
+    def _wait(self, is_true: Callable[[], bool]) -> bool:
+        """Wait until a condition holds, and return True; False where Blender has ended without it."""
+        with self._changed:
+            while not (is_true() or self._done):
+                self._changed.wait(_POLL)
+                if self._child.poll() is not None:  # a program that Blender started may hold the pipe
+                    self._changed.wait_for(lambda: self._done, GRACE)
+                    self._done = True
+            return is_true()
+
+    def _read(self) -> None:
+        """Read Blender's output until it ends, or until there is an error, which ends Blender."""
+        lines: deque[str] = deque(maxlen=_LAST_LINES)
+        error: str | ShotError = ""
+        try:
+            for line in _lines(self._child):
+                if line.startswith(self._token):
+                    self._take(line.removeprefix(self._token))
+                else:
+                    self._log.write(line)
+                    lines.append(line)
+        except (ShotError, _ScriptError) as problem:
+            error = problem if isinstance(problem, ShotError) else str(problem)
+        except Exception as problem:  # otherwise the other threads would wait forever
+            error = f"{type(problem).__name__}: {problem}"
+        if not error:
+            code = self._child.wait(GRACE)
+            last = next((line for line in reversed(lines) if "Error" in line), lines[-1] if lines else "")
+            error = f"Blender ended with {end_text(code)}{last and f': {last}'}"
+        self._child.stop()
+        with self._changed:
+            self._error = error
+            self._done = True
+            self._changed.notify_all()
+
+    def _take(self, text: str) -> None:
+        """Process a message of the script.
+
+        Raises:
+            ShotError: it is no such message, or the frame cannot be stored.
+            _ScriptError: the script reports an error.
+        """
+        content = Field(self._blend, "Blender's answer", json.loads(text))
+        content.members()  # raises unless it is an object
+        with self._changed:
+            if "error" in content.value:
+                raise _ScriptError(content["error"].of(str))
+            if "scene" in content.value:
+                self._target.describe(RenderedScene.of(content["scene"]))
+                self._has_scene = True
+            elif "frame" in content.value:
+                self._target.add(content["frame"].of(int), Camera.of(content))
+                self._count += 1
+            else:
+                self._target.note(printable(content["note"].of(str)))
+            self._changed.notify_all()
+
+    def _failure(self, when: str) -> ShotError:
+        if isinstance(self._error, ShotError):
+            return self._error
+        error = self._error or f"Blender ended with {end_text(self._child.poll())}"
+        problem = f"the render ended {when}: {printable(error).rstrip('.')}"
+        return ShotError(self._blend, problem, f"Blender's output is in {self._log.path}.")
+
+
+class _ScriptError(Exception):
+    """The script cannot render the scene; the text says why."""
+
+
+def start_script(program: str, script: Path, variables: Mapping[str, str]) -> ChildProcess:
+    """Start a script in Blender; its output is all that either prints.
+
+    Args:
+        program: as `find_blender` returns it.
+        script: its file.
+        variables: environment variables for it. Those of this Python are not passed on, because Blender's
+            Python would find this one's packages.
+    """
+    command = [program, str(script)]
+    if not Path(program).stem.lower().startswith("python"):
+        command = [program, "--background", "--python-exit-code", "1", "--python", str(script)]
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
+    return ChildProcess(command, environment={**environment, **variables})
+
+
+def _lines(child: ChildProcess) -> Iterator[str]:
+    """Yield the non-empty lines of a program's output; a very long one in parts."""
+    assert child.output is not None  # noqa: S101  # it has a pipe
+    with child.output as pipe:
+        while line := pipe.readline(_LINE_BYTES):
+            if text := line.decode(errors="replace").strip():
+                yield text
+
+
+def find_blender(path: str | None = None) -> str:
+    """Return the program that renders: `path`, or `blender` on the PATH, or where installers put it.
+
+    Args:
+        path: Blender, or a Python that has the module bpy; None searches for Blender.
+
+    Raises:
+        ArgumentError: there is none.
+    """
+    if path is not None:
+        found = shutil.which(path)
+        if found is None:
+            want = "the path of Blender, or of a Python that has bpy"
+            raise ArgumentError("--blender", got=f"{path}, which is no program", want=want)
+        return found
+    root = Path(Path.home().anchor)
+    places = (sorted(root.glob(place.lstrip("/"))) for place in _INSTALL_PATHS.get(sys.platform, ()))
+    found = shutil.which("blender") or next((str(hit) for hits in places for hit in reversed(hits)), None)
+    if found is None:
+        hint = "Install it from blender.org, or `pip install bpy` with Python 3.11."
+        raise ArgumentError("--blender", got="left out, and no Blender was found", want="its path", hint=hint)
+    return found
+
+
+def frame_range(text: str) -> tuple[int, int]:
+    """Parse "1-48" as (1, 48) and "12" as (12, 12); ArgumentError for anything else."""
+    found = re.fullmatch(r"\s*(\d{1,9})\s*(?:-\s*(\d{1,9})\s*)?", text)
+    first, last = (int(found[1]), int(found[2] or found[1])) if found else (1, 0)
+    if first > last:
+        raise ArgumentError("--frames", got=repr(text), want="FIRST-LAST, such as 1-48, or one number")
+    return first, last
 
 
 def _unlisted(path: Path) -> ShotError:
@@ -257,12 +466,3 @@ def _unlisted(path: Path) -> ShotError:
 def _files(record: RenderRecord) -> list[str]:
     """Return the names of the frames that a record lists."""
     return [frame_file(record.first + index) for index in range(len(record.cameras))]
-
-
-def frame_range(text: str) -> tuple[int, int]:
-    """Parse "1-48" as (1, 48) and "12" as (12, 12); ArgumentError for anything else."""
-    found = re.fullmatch(r"\s*(\d{1,9})\s*(?:-\s*(\d{1,9})\s*)?", text)
-    first, last = (int(found[1]), int(found[2] or found[1])) if found else (1, 0)
-    if first > last:
-        raise ArgumentError("--frames", got=repr(text), want="FIRST-LAST, such as 1-48, or one number")
-    return first, last

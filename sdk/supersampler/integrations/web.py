@@ -1,15 +1,24 @@
-"""The files of the page, and the page as a folder: all links in it are relative, so any file host will do."""
+"""The page that upscales in a browser: written as a static folder, and served on this machine.
+
+All links in it are relative, so any file host will do. Its own files are in examples/web; the wheel has them
+in web_page/.
+"""
 
 import json
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from functools import cache, partial
-from pathlib import Path
-from typing import TypeAlias
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path, PurePosixPath
+from threading import Thread
+from typing import Any, TypeAlias
+from urllib.parse import unquote, urlsplit
 
 import numpy as np
 
-from supersampler.errors import ShotError
+from supersampler.errors import ArgumentError, ShotError
 from supersampler.io.files import (
     check_inside,
     is_own_folder,
@@ -32,7 +41,7 @@ RECORD = "site.json"
 PACKAGES: Mapping[str, str] = {"three": "0.187.0", "onnxruntime-web": "1.30.0"}
 """Packages of npm and their versions, for three.html and for the fallback without WebGPU."""
 SiteFiles: TypeAlias = Mapping[str, Callable[[], bytes]]
-"""Functions that return the content of a file, by the file's path relative to the page's folder, with "/"."""
+"""Functions that return the content of a file, by its path in the page's folder, with "/"."""
 _FILES: Mapping[str, tuple[str, ...]] = {
     "three": ("build/three.core.js", "build/three.webgpu.js", "build/three.tsl.js", "LICENSE"),
     "onnxruntime-web": (
@@ -45,13 +54,25 @@ _FILES: Mapping[str, tuple[str, ...]] = {
     ),
 }
 _WRITTEN_BY = "supersampler demo --web"
-_MOST_FILES = 10_000
+_MAX_FILES = 10_000
 _STALE = re.compile(
     r"(models|onnx|shot|vendor|page|scene|three)(/[\w-]+)*/[\w.-]+\.(wgsl|bin|json|onnx|exr|m?js|wasm)",
     re.ASCII,
 )
-"""Names that another version may have written: of those that a record lists, no others are removed."""
+"""Names that another version may have written: no other listed file is removed."""
 _FOREIGN = "Move it away, or choose another folder."
+HOST = "127.0.0.1"
+TYPES: Mapping[str, str] = {
+    ".html": "text/html; charset=utf-8",
+    ".css": "text/css; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".mjs": "text/javascript; charset=utf-8",
+    ".json": "application/json",
+    ".wgsl": "text/plain; charset=utf-8",
+    ".wasm": "application/wasm",
+}
+"""Types of files; Python's own come from the system, where they may be wrong."""
+_TIMEOUT = 30.0  # seconds for a request or an answer
 
 
 def site_files(
@@ -61,8 +82,7 @@ def site_files(
 
     Args:
         shader_files: returns the shaders of a method by name: `supersampler_export.shaders.folder`.
-        node_modules: npm's folder with PACKAGES; None, or a package that it lacks: the parts of the page that
-            need it say so.
+        node_modules: npm's folder with PACKAGES; parts of the page that need a missing package say so.
 
     Raises:
         ShotError: a package is damaged, or has another version.
@@ -86,7 +106,7 @@ def site_files(
 
 
 def write_site(folder: Path, files: SiteFiles) -> None:
-    """Write the page as a folder. Files of an earlier call are replaced or removed, and no others.
+    """Write the page as a folder; only files of an earlier call are replaced or removed.
 
     Args:
         folder: to write to; it may hold other files, under other names.
@@ -114,25 +134,25 @@ def write_site(folder: Path, files: SiteFiles) -> None:
 
 def page_files() -> Path:
     """Return the folder of the page's own files: beside this module, or in a checkout's examples/."""
-    shipped = Path(__file__).parent / "page"
-    return shipped if shipped.is_dir() else Path(__file__).parents[4] / "examples" / "web"
+    shipped = Path(__file__).parent / "web_page"
+    return shipped if shipped.is_dir() else Path(__file__).parents[3] / "examples" / "web"
 
 
 def _record(folder: Path, names: set[str]) -> None:
-    """Write the list of the files that are this page's."""
+    """Write the list of this page's files."""
     content = {"written_by": _WRITTEN_BY, "files": sorted(names)}
     write_text(folder / RECORD, json.dumps(content, indent=1) + "\n")
 
 
 def _listed(folder: Path) -> list[str]:
-    """Return the names that the record of an earlier call lists; ShotError where it is none."""
+    """Return the names in the record of an earlier call; ShotError where it is another program's."""
     path = folder / RECORD
     if not is_there(path):
         return []
     record = Field(path, "the file", read_json(path) if is_regular(path) else None)
     if not isinstance(record.value, dict) or record.value.get("written_by") != _WRITTEN_BY:
         raise ShotError(path, f"was not written by `{_WRITTEN_BY}`", _FOREIGN)
-    return [item.text() for item in record["files"].items(_MOST_FILES)]
+    return [item.text() for item in record["files"].items(_MAX_FILES)]
 
 
 def _content(path: Path) -> bytes:
@@ -141,7 +161,7 @@ def _content(path: Path) -> bytes:
 
 
 def _reference(shot: Shot, index: int) -> bytes:
-    """Return a reference as half floats, packed in a way that the page can read."""
+    """Return a reference as an EXR of half floats, compressed so that the page can read it."""
     return encode_exr(np.asarray(shot.read_reference(index), np.float16))
 
 
@@ -161,3 +181,90 @@ def _packages(node_modules: Path | None) -> dict[str, Path]:
             raise ShotError(package, f"is version {version}; the page is tested with {tested_version}", hint)
         found[name] = package
     return found
+
+
+@contextmanager
+def serving(files: SiteFiles, port: int = 0) -> Iterator[str]:
+    """Serve files on 127.0.0.1 during the block, on threads; yields the URL.
+
+    Args:
+        files: as `site_files` returns them.
+        port: to listen on; 0 takes a free one.
+
+    Raises:
+        ArgumentError: the port is in use, or not allowed.
+    """
+    try:
+        server = _Server(port, files)
+    except OSError as error:
+        got = f"{port} ({error.strerror})"
+        raise ArgumentError("port", got=got, want="a free port", hint="0 takes any.") from error
+    thread = Thread(target=server.serve_forever, name="serve-page", daemon=True)
+    thread.start()
+    try:
+        yield f"http://{HOST}:{server.server_port}/"
+    finally:
+        server.shutdown()
+        server.server_close()
+        thread.join(_TIMEOUT)
+
+
+class _Server(ThreadingHTTPServer):
+    """Answers from a mapping: no path of a request ever reaches the file system."""
+
+    def __init__(self, port: int, files: SiteFiles) -> None:
+        self.files = files
+        super().__init__((HOST, port), _Handler)
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Print nothing: a browser left, or sent an invalid request."""
+
+
+class _Handler(BaseHTTPRequestHandler):
+    server: _Server
+    timeout = _TIMEOUT
+
+    def do_GET(self) -> None:  # the base class's name
+        """Answer with a file."""
+        self._answer(with_content=True)
+
+    def do_HEAD(self) -> None:  # the base class's name
+        """Answer with the header of a file's answer."""
+        self._answer(with_content=False)
+
+    def _answer(self, *, with_content: bool) -> None:
+        if not self._names_this_server():
+            self.send_error(HTTPStatus.MISDIRECTED_REQUEST)
+            return
+        path = unquote(urlsplit(self.path).path)
+        name = f"{path}index.html" if path.endswith("/") else path
+        content = self.server.files.get(name.removeprefix("/"))
+        if content is None:
+            self.send_error(HTTPStatus.NOT_FOUND)
+            return
+        try:
+            data = content()
+        except ShotError:
+            self.send_error(HTTPStatus.INTERNAL_SERVER_ERROR)
+            return
+        self.send_response(HTTPStatus.OK)
+        suffix = PurePosixPath(name).suffix
+        self.send_header("Content-Type", TYPES.get(suffix, "application/octet-stream"))
+        self.send_header("Content-Length", str(len(data)))
+        self.send_header("Cache-Control", "no-cache")  # the next run may serve other files
+        self.end_headers()
+        if with_content:
+            with suppress(OSError):  # a browser that leaves or reloads a page stops reading
+                self.wfile.write(data)
+
+    def _names_this_server(self) -> bool:
+        """Return whether the request names this server.
+
+        A page of another site can let its own name resolve to 127.0.0.1. Its requests have that name here,
+        and browsers would let it read the answers.
+        """
+        port = self.server.server_port
+        return self.headers.get("Host", f"{HOST}:{port}") in {f"{HOST}:{port}", f"localhost:{port}"}
+
+    def log_message(self, format: str, *args: Any) -> None:  # noqa: A002  # the base class's name
+        """Print nothing."""
