@@ -1,0 +1,130 @@
+"""Make an image of the docs: crops of methods' images, or frames of scene families.
+
+python docs/images/make.py NAME
+
+input-and-output: the shipped shot as rendered, upscaled, and its reference (README).
+both-ways: the shipped shot in one pass, in two passes, and its reference (docs/how-to/upscale-both-ways.md).
+by-eye: test shots by taau and classifier, and their references (docs/quality.md); run
+    `supersampler bench shots` before.
+families: a frame of each family of scenes, and the classes of its pixels (docs/data.md).
+"""
+
+import os
+import sys
+from collections.abc import Iterable
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from supersampler import Shot, Upscaler, upscale_sequence
+from supersampler.io.display import auto_exposure, display_transform, to_uint8
+from supersampler.io.files import replacing
+from supersampler.io.images import encode_jpeg
+from supersampler_bench.shots.public_shots import CACHE_VARIABLE, default_cache, shot_folder
+from supersampler_model.data.dataset.overview import overlay
+from supersampler_model.data.labels import label
+from supersampler_model.data.renderer.renderer import Renderer
+from supersampler_model.data.sequences import (
+    APART_FAMILIES,
+    TEST_FAMILIES,
+    TRAIN_FAMILIES,
+    SequenceSpec,
+    make_sequence,
+)
+from supersampler_model.data.shots import variant_name
+
+Pixels = NDArray[np.uint8]
+GAP = 8
+
+
+def input_and_output() -> Pixels:
+    """Return crops of the shipped shot as rendered, upscaled, and its reference."""
+    upscaler = Upscaler("classifier", scale=2)
+    for item in islice(Shot.open("plaza"), 28):
+        image = upscaler.step(item.frame)
+    if item.frame.color is None or item.reference is None:
+        raise SystemExit(f"frame {item.index} has no colour or no reference")
+    rendered = item.frame.color.repeat(2, axis=0).repeat(2, axis=1)
+    parts = shown([rendered, image, item.reference], auto_exposure(item.reference))
+    return np.concatenate([crops(parts, corner, (240, 135), zoom=2) for corner in ((60, 30), (330, 190))])
+
+
+def both_ways() -> Pixels:
+    """Return crops of the shipped shot in one pass, in two passes, and its reference."""
+    shot, index, (width, height) = Shot.open("plaza"), 18, (120, 68)
+    size, reference = shot.display_size, shot.read_reference(index)
+    if size is None or reference is None:
+        raise SystemExit(f"frame {index} has no reference")
+    images = [list(upscale_sequence(shot, display_size=size, passes=passes))[index] for passes in (1, 2)]
+    exposure = auto_exposure(reference)
+    one, two, ideal = (display_transform(image, exposure) for image in (*images, reference))
+    gain = (np.abs(one - ideal) - np.abs(two - ideal)).sum(axis=2)
+    tiles = gain[: gain.shape[0] // height * height, : gain.shape[1] // width * width]
+    sums = tiles.reshape(-1, height, tiles.shape[1] // width, width).sum(axis=(1, 3))
+    best = np.argsort(-sums, axis=None)[:2]  # the tiles in which the passes differ most
+    corners = [(int(i % sums.shape[1]) * width, int(i // sums.shape[1]) * height) for i in best]
+    parts = shown([*images, reference], exposure)
+    return np.concatenate([crops(parts, corner, (width, height), zoom=4) for corner in corners])
+
+
+def by_eye() -> Pixels:
+    """Return crops of test shots by two methods, and their references."""
+    cache, rows = Path(os.environ.get(CACHE_VARIABLE) or default_cache()), []
+    for name, index, corner in (("rigging", 20, (60, 10)), ("court", 10, (160, 100))):
+        shot = Shot.open(shot_folder(cache, name) / f"{variant_name(2.0)}.json")
+        upscalers = [Upscaler(method, display_size=shot.display_size) for method in ("taau", "classifier")]
+        for item in islice(shot.frames(), index + 1):
+            images = [upscaler.step(item.frame) for upscaler in upscalers]
+        if item.reference is None:
+            raise SystemExit(f"frame {index} of {name} has no reference")
+        exposure = item.frame.exposure or auto_exposure(item.reference)
+        rows.append(crops(shown([*images, item.reference], exposure), corner, (240, 135), zoom=2))
+    return np.concatenate(rows)
+
+
+def families() -> Pixels:
+    """Return a frame of each family of scenes, and the classes of its pixels."""
+    size, index, columns = (240, 135), 12, 3
+    renderer, tiles = Renderer(size), []
+    for family in (*TRAIN_FAMILIES, *TEST_FAMILIES, *APART_FAMILIES):
+        sequence = make_sequence(SequenceSpec(family=family, seed=6, frames=24))
+        before, now = (
+            renderer.render(sequence.scene(i), size, jitter=(0.0, 0.0), reset=sequence.cut(i))
+            for i in (index - 1, index)
+        )
+        image = to_uint8(display_transform(now.reference.color, now.exposure))
+        labels = label(now.evidence(now.exposure), before.evidence(now.exposure))
+        tiles.append(np.concatenate([image, overlay(labels, image)], axis=1))
+    tiles += [np.full_like(tiles[0], 255)] * (-len(tiles) % columns)
+    rows = [np.concatenate(tiles[i : i + columns], axis=1) for i in range(0, len(tiles), columns)]
+    return np.concatenate(rows)
+
+
+def shown(images: Iterable[NDArray[np.float32]], exposure: float) -> list[Pixels]:
+    """Return the images as a display shows them."""
+    return [to_uint8(display_transform(np.asarray(image), exposure)) for image in images]
+
+
+def crops(images: Iterable[Pixels], corner: tuple[int, int], size: tuple[int, int], zoom: int) -> Pixels:
+    """Return a row of crops, enlarged by nearest pixels, with white borders at their right and bottom."""
+    (left, top), (width, height) = corner, size
+    parts = [image[top : top + height, left : left + width] for image in images]
+    parts = [part.repeat(zoom, axis=0).repeat(zoom, axis=1) for part in parts]
+    border = ((0, GAP), (0, GAP), (0, 0))
+    return np.concatenate([np.pad(part, border, constant_values=255) for part in parts], axis=1)
+
+
+IMAGES = {
+    "input-and-output": (input_and_output, 88),
+    "both-ways": (both_ways, 88),
+    "by-eye": (by_eye, 88),
+    "families": (families, 85),
+}
+"""Functions and JPEG qualities."""
+
+if __name__ == "__main__":
+    make, quality = IMAGES[sys.argv[1]]
+    with replacing(Path(__file__).with_name(f"{sys.argv[1]}.jpg")) as partial:
+        partial.write_bytes(encode_jpeg(make(), quality=quality))
