@@ -19,7 +19,7 @@ FIELDS = (
     "motion_unit", "motion_direction", "motion_flip_y", "motion_jittered",
     "jitter_unit", "jitter_sign", "jitter_flip_y", "motion_resolution",
 )  # fmt: skip
-MOTIONS = [
+MOTION_READINGS = [
     {"motion_unit": unit, "motion_direction": way, "motion_flip_y": flip, "motion_jittered": jittered}
     for unit, way, flip, jittered in product(
         ("pixels", "uv", "ndc"),
@@ -28,7 +28,7 @@ MOTIONS = [
         (False, True),
     )
 ]
-JITTERS = [
+JITTER_READINGS = [
     {"jitter_unit": unit, "jitter_sign": sign, "jitter_flip_y": flip}
     for unit, sign, flip in product(("pixels", "uv", "ndc"), (1, -1), (False, True))
 ]
@@ -53,13 +53,13 @@ def assert_found(detection: Detection, conventions: Conventions) -> None:
     assert eval(detection.call) == detection.conventions  # noqa: S307 - it is promised to be an expression
 
 
-@pytest.mark.parametrize("mistake", MOTIONS, ids=lambda m: "-".join(map(str, m.values())))
+@pytest.mark.parametrize("mistake", MOTION_READINGS, ids=lambda m: "-".join(map(str, m.values())))
 def test_every_motion_is_found(frames: list[Frame], mistake: dict[str, Any]) -> None:
     conventions = Conventions(**mistake)
     assert_found(detect_conventions(planted(frames, conventions)), conventions)
 
 
-@pytest.mark.parametrize("mistake", JITTERS, ids=lambda m: "-".join(map(str, m.values())))
+@pytest.mark.parametrize("mistake", JITTER_READINGS, ids=lambda m: "-".join(map(str, m.values())))
 def test_every_jitter_is_found(frames: list[Frame], mistake: dict[str, Any]) -> None:
     conventions = Conventions(**mistake)
     assert_found(detect_conventions(planted(frames, conventions)), conventions)

@@ -8,7 +8,7 @@ import pytest
 from supersampler.conventions import Conventions, RawFrame
 from supersampler.errors import ArgumentError, FrameError
 from supersampler.validation.detection import _middle
-from supersampler.validation.evidence import Evidence
+from supersampler.validation.probe import FrameProbe
 from supersampler.validation.rankings import jitters_in_the_pixel, rank_jitter, rank_motion
 from supersampler.validation.reprojection import frame_pairs
 
@@ -26,7 +26,7 @@ def raw(jitter: tuple[float, float] = (0.0, 0.0), **fields: Any) -> RawFrame:
 
 
 def readings(*jitters: tuple[float, float]) -> set[tuple[str, int, bool]]:
-    seen = [Evidence.of_raw(raw(jitter), Conventions()) for jitter in jitters]
+    seen = [FrameProbe.of_raw(raw(jitter), Conventions()) for jitter in jitters]
     found = jitters_in_the_pixel(seen, Conventions())
     return {(o["jitter_unit"], o["jitter_sign"], o["jitter_flip_y"]) for o in found}
 
@@ -72,7 +72,7 @@ def test_fewer_than_two_frames_cannot_be_compared(length: int, asked: Any) -> No
 def test_vectors_of_display_size_are_read_at_the_middle_of_render_pixels() -> None:
     w, h = SIZE
     x, y = np.meshgrid(np.arange(2 * w), np.arange(2 * h))
-    seen = Evidence.of_raw(raw(motion=np.stack([x, y], axis=-1).astype(np.float32)), Conventions())
+    seen = FrameProbe.of_raw(raw(motion=np.stack([x, y], axis=-1).astype(np.float32)), Conventions())
     places = np.array([0, 2, 5]), np.array([0, 3, 7])
     want = np.array([[1, 1], [7, 5], [15, 11]])  # (2 i + 1) * 2 h // (2 h): the lower right of four
     plain = Conventions(motion_resolution="display", motion_unit="uv")
@@ -83,7 +83,7 @@ def test_vectors_of_display_size_are_read_at_the_middle_of_render_pixels() -> No
 def test_rows_of_bottom_up_frames_are_turned_and_srgb_is_decoded() -> None:
     color = np.full((6, 8, 3), 0.5, np.float32)
     color[0] = 0.0
-    seen = Evidence.of_raw(raw(color=color, depth=color[..., 0]), Conventions(bottom_up=True, srgb=True))
+    seen = FrameProbe.of_raw(raw(color=color, depth=color[..., 0]), Conventions(bottom_up=True, srgb=True))
     assert seen.light is not None
     assert seen.light[-1, 0] == 0.0
     assert seen.light[0, 0] == pytest.approx(0.214, abs=1e-3)
@@ -98,14 +98,14 @@ def test_only_shaded_neighbours_of_one_size_without_a_cut_are_compared() -> None
     plain, cut, dark = raw((0.1, 0.2)), raw((0.3, -0.1), reset=True), raw(color=None)
 
     def compared(*frames: RawFrame) -> int:
-        return len(frame_pairs([Evidence.of_raw(frame, Conventions()) for frame in frames]))
+        return len(frame_pairs([FrameProbe.of_raw(frame, Conventions()) for frame in frames]))
 
     assert compared(plain, plain, plain) == 2
     assert compared(plain, cut) == 0
     assert compared(cut, plain) == 1
     assert compared(plain, dark) == compared(dark, plain) == 0
     assert compared(plain, small) == 0
-    [pair] = frame_pairs([Evidence.of_raw(frame, Conventions()) for frame in (plain, raw((0.3, -0.1)))])
+    [pair] = frame_pairs([FrameProbe.of_raw(frame, Conventions()) for frame in (plain, raw((0.3, -0.1)))])
     np.testing.assert_allclose(pair.shift(Conventions()), [0.2, -0.3])
     np.testing.assert_allclose(pair.shift(Conventions(jitter_sign=-1)), [-0.2, 0.3])
 
@@ -115,7 +115,7 @@ def test_only_shaded_neighbours_of_one_size_without_a_cut_are_compared() -> None
 )
 def test_depth_and_motion_of_another_shape_are_refused(fields: dict[str, Any]) -> None:
     with pytest.raises(FrameError, match="motion"):
-        Evidence.of_raw(raw(**fields), Conventions())
+        FrameProbe.of_raw(raw(**fields), Conventions())
 
 
 def test_what_cannot_be_told_is_said_with_the_reason() -> None:
@@ -125,6 +125,6 @@ def test_what_cannot_be_told_is_said_with_the_reason() -> None:
     assert "never changes" in rank_jitter([], [], Conventions()).reason
     jittered = Conventions(motion_jittered=True)
     assert "three frames" in rank_jitter([], jitters, jittered).reason
-    seen = [Evidence.of_raw(raw((0.1 * i, 0.2)), Conventions()) for i in range(3)]
+    seen = [FrameProbe.of_raw(raw((0.1 * i, 0.2)), Conventions()) for i in range(3)]
     assert "three frames" in rank_jitter(frame_pairs(seen[:2]), jitters, jittered).reason
     assert rank_jitter(frame_pairs(seen), jitters, jittered).certain

@@ -19,7 +19,7 @@ from supersampler.frame import Float32
 from supersampler.io.display import display_transform
 from supersampler.methods.model_file import extrapolation_names
 from supersampler.sequence.frame_store import FrameStore
-from supersampler.validation.evidence import Evidence
+from supersampler.validation.probe import FrameProbe
 
 POWERS = st.lists(st.integers(-20, 20).map(lambda power: 2.0**power), min_size=3, max_size=5)
 
@@ -143,9 +143,9 @@ def test_checks_compare_the_light_of_frames_without_it() -> None:
     color = np.asarray(frame.color) * np.float32(4.0)
     exposed = replace(frame, color=color, pre_exposure=4.0)
     raw = RawFrame(color=color, depth=frame.depth, motion=frame.motion, pre_exposure=4.0)
-    plain = Evidence.of_frame(frame).light
+    plain = FrameProbe.of_frame(frame).light
     assert plain is not None
-    for evidence in (Evidence.of_frame(exposed), Evidence.of_raw(raw, Conventions())):
+    for evidence in (FrameProbe.of_frame(exposed), FrameProbe.of_raw(raw, Conventions())):
         assert evidence.light is not None
         np.testing.assert_allclose(evidence.light, plain, rtol=1e-6)
 

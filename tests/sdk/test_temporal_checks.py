@@ -12,7 +12,7 @@ from supersampler.conventions.jitter import halton_jitter
 from supersampler.errors import FrameError, FrameWarning
 from supersampler.frame import Frame
 from supersampler.validation import FrameChecker
-from supersampler.validation.evidence import Evidence, reading_text
+from supersampler.validation.probe import FrameProbe, reading_text
 from supersampler.validation.rankings import SURE, Detection, Hypothesis, Verdict, ranked
 from supersampler.validation.reprojection import FramePair, frame_pairs
 from supersampler.validation.temporal import (
@@ -142,7 +142,7 @@ def test_a_reading_that_leads_off_the_screen_counts_as_the_greatest_error() -> N
     frames = [Plane(checker, (2.0, 1.0)).frame(index, (96, 54), (0.0, 0.0)) for index in (0, 1)]
     seen = FramesSeen()
     for frame in frames:
-        seen = seen.after(Evidence.of_frame(frame), (192, 108))
+        seen = seen.after(FrameProbe.of_frame(frame), (192, 108))
     uv = repr(Conventions(motion_unit="uv"))
     assert seen.errors[uv][1] == 1.0
     assert max(other for _, other in seen.errors.values()) == 1.0
@@ -152,7 +152,7 @@ def test_pairs_of_frames_with_texture_are_counted_from_the_second_on() -> None:
     scene, seen = Plane(checker, (2.0, 1.0)), FramesSeen()
     for index, pairs in enumerate((0, 1, 2)):
         frame = scene.frame(index, (96, 54), halton_jitter(index, 2.0))
-        seen = seen.after(Evidence.of_frame(frame), (192, 108))
+        seen = seen.after(FrameProbe.of_frame(frame), (192, 108))
         assert (seen.pairs, len(seen.jitters)) == (pairs, index + 1)
     assert seen.previous is not None
     assert seen.previous.jitter == seen.jitters[-1]
@@ -225,7 +225,7 @@ def moved_edge(axis: int, sign: float, jitter_before: float) -> FramePair:
     motion = np.broadcast_to((2.3 * unit).astype(np.float32), (40, 40, 2))
     frame = replace(even((x, y), (40, 40)), depth=depth, motion=motion)
     before = replace(frame, jitter=(x_before, y_before))
-    [pair] = frame_pairs([Evidence.of_frame(before), Evidence.of_frame(frame)])
+    [pair] = frame_pairs([FrameProbe.of_frame(before), FrameProbe.of_frame(frame)])
     return pair
 
 
@@ -244,7 +244,7 @@ def test_planes_decide_where_what_flickers_seems_to_hide_closer_things(kind: str
     plane = 0.1 + 0.002 * x + 0.003 * y
     frame = replace(even((0.1, 0.2), (40, 40)), depth=plane if kind == "reversed" else 1.0 / plane)
     seen = FramesSeen(
-        previous=Evidence.of_frame(frame), surfaces={"reversed": (0.0, 30.0)}, jitters=(frame.jitter,)
+        previous=FrameProbe.of_frame(frame), surfaces={"reversed": (0.0, 30.0)}, jitters=(frame.jitter,)
     )
     found = temporal_mistakes(seen, (40, 40), (80, 80))
     assert any("as if depth were linear" in str(mistake.error()) for mistake in found) == doubted

@@ -11,7 +11,6 @@ from supersampler.arguments import checked_choice, ieee_arithmetic
 from supersampler.errors import FrameWarning
 from supersampler.frame import Frame, Size
 from supersampler.methods.at_rest import MAX_STATIC_MOTION
-from supersampler.validation.evidence import Evidence
 from supersampler.validation.gbuffers import gbuffer_mistakes
 from supersampler.validation.mistakes import (
     COLOR_UPSIDE_DOWN,
@@ -20,6 +19,7 @@ from supersampler.validation.mistakes import (
     RESET_ALWAYS,
     Mistake,
 )
+from supersampler.validation.probe import FrameProbe
 from supersampler.validation.reprojection import frame_pairs
 from supersampler.validation.single_frame import single_frame_mistakes
 from supersampler.validation.temporal import FramesSeen, temporal_mistakes
@@ -31,7 +31,7 @@ _MAX_RESETS = 4  # number of frames in a row with `reset` that continue each oth
 _HELD_FRAMES = 8  # number with one jitter and nothing that moves, after which "warn" reports it
 _STRIDE = 8  # pixels between those whose motion is read for that
 _JITTERS = 32  # shaded frames over which jitter is averaged
-_ONE_SIDED = 0.15  # render pixels: the least average, in an axis, that is reported
+_ONE_SIDED = 0.15  # render pixels: the smallest average, in an axis, that is reported
 
 
 class FrameChecker:
@@ -45,7 +45,7 @@ class FrameChecker:
         converges: whether the method's image converges where nothing moves (`ModelInfo.converges`). "warn"
             then also reports, in any frame, a jitter that stays the same while nothing moves.
 
-    The jitter of the first 32 shaded frames after a start or cut is averaged: see `_one_sided`.
+    The jitter of the first 32 shaded frames after a start or cut is averaged, too.
 
     Raises:
         ArgumentError: `validate` is another value.
@@ -86,11 +86,10 @@ class FrameChecker:
         resets = self._resets
         found: list[Mistake] = []
         if self.validate == "strict" or (self.validate == "warn" and read < _WARN_FRAMES):
-            evidence = Evidence.of_frame(frame)
-            resets = self._resets_with(evidence)
-            seen = seen.after(evidence, display_size)
-            found = frame_mistakes(frame, evidence, seen, display_size)
-            found += gbuffer_mistakes(frame, gbuffers)
+            probe = FrameProbe.of_frame(frame)
+            resets = self._resets_with(probe)
+            seen = seen.after(probe, display_size)
+            found = [*frame_mistakes(frame, probe, seen, display_size), *gbuffer_mistakes(frame, gbuffers)]
             if resets == _MAX_RESETS:
                 found.append(RESET_ALWAYS.found(frames=resets))
             read += 1
@@ -102,12 +101,14 @@ class FrameChecker:
         jitters = () if fresh else self._jitters
         if frame.color is not None and self.validate != "off" and len(jitters) < _JITTERS:
             jitters = (*jitters, frame.jitter)
-            found += _one_sided(jitters)
+            x, y = np.mean(jitters, axis=0).tolist()
+            if len(jitters) == _JITTERS and len(set(jitters)) > 1 and max(abs(x), abs(y)) >= _ONE_SIDED:
+                found.append(JITTER_ONE_SIDED.found(x=x, y=y, frames=_JITTERS))
         self._reported = self._report(found, reported)
         self._seen, self._read, self._resets = seen, read, resets
         self._jitter, self._held, self._jitters = frame.jitter, held, jitters
 
-    def _resets_with(self, frame: Evidence) -> int:
+    def _resets_with(self, frame: FrameProbe) -> int:
         """Return how many frames in a row, up to this one, have `reset` and continue the one before."""
         previous = self._seen.previous
         if not frame.reset or previous is None:
@@ -116,7 +117,7 @@ class FrameChecker:
         return self._resets + 1 if pairs and pairs[0].continues else 1
 
     def _held_after(self, frame: Frame) -> int:
-        """Return the number of frames in a row, this one too, with one jitter in which nothing moved."""
+        """Return the number of frames in a row, up to this one, with one jitter and nothing that moves."""
         if self.validate != "warn" or not self._converges or frame.jitter != self._jitter:
             return 1
         moves = np.abs(frame.motion[::_STRIDE, ::_STRIDE]) > MAX_STATIC_MOTION
@@ -125,7 +126,7 @@ class FrameChecker:
     def _report(self, found: Sequence[Mistake], reported: frozenset[str]) -> frozenset[str]:
         """Raise the first certain mistake, or warn of each kind once; return the kinds reported so far."""
         for mistake in found:
-            if self.validate == "strict" and not mistake.only_a_hint:
+            if self.validate == "strict" and mistake.severity == "error":
                 raise mistake.error()
         for mistake in found:
             if mistake.kind not in reported:
@@ -133,25 +134,13 @@ class FrameChecker:
         return reported | {mistake.kind for mistake in found}
 
 
-def _one_sided(jitters: Sequence[tuple[float, float]]) -> list[Mistake]:
-    """Return the mistake of jitters that lie on one side of the pixel's centre, once there are enough."""
-    x, y = np.mean(jitters, axis=0).tolist()
-    if len(jitters) < _JITTERS or len(set(jitters)) == 1 or max(abs(x), abs(y)) < _ONE_SIDED:
-        return []
-    return [JITTER_ONE_SIDED.found(x=x, y=y, frames=len(jitters))]
-
-
-def frame_mistakes(frame: Frame, evidence: Evidence, seen: FramesSeen, display_size: Size) -> list[Mistake]:
+def frame_mistakes(frame: Frame, probe: FrameProbe, seen: FramesSeen, display_size: Size) -> list[Mistake]:
     """Return the mistakes of a frame alone, and those of it and the earlier frames together.
 
-    Args:
-        frame: the frame.
-        evidence: of the frame.
-        seen: the state after it.
-        display_size: (width, height) of the output.
+    `seen` is the state after the frame; `display_size` is (width, height) of the output.
     """
-    found = list(single_frame_mistakes(frame, evidence.light))
+    found = list(single_frame_mistakes(frame, probe.light))
     upside_down = any(mistake.kind == COLOR_UPSIDE_DOWN.kind for mistake in found)  # then no reading fits
-    if evidence.light is not None and not upside_down:
+    if probe.light is not None and not upside_down:
         found += temporal_mistakes(seen, frame.size, display_size)
     return found

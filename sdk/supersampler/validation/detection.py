@@ -9,7 +9,6 @@ from supersampler.conventions import Conventions, RawFrame
 from supersampler.conventions.fields import Resolution
 from supersampler.errors import ArgumentError, FrameError, shown
 from supersampler.validation.checker import frame_mistakes
-from supersampler.validation.evidence import Evidence
 from supersampler.validation.mistakes import (
     DEPTH_NOT_REVERSED,
     JITTER_CONSTANT,
@@ -19,6 +18,7 @@ from supersampler.validation.mistakes import (
     RESET_ALWAYS,
     Mistake,
 )
+from supersampler.validation.probe import FrameProbe
 from supersampler.validation.rankings import (
     Detection,
     jitters_in_the_pixel,
@@ -66,7 +66,7 @@ def detect_conventions(
     always_reset = all(raw.reset for raw in raws)
     if always_reset:
         raws = [replace(raw, reset=index == 0) for index, raw in enumerate(raws)]
-    seen = [Evidence.of_raw(raw, stated) for raw in raws]
+    seen = [FrameProbe.of_raw(raw, stated) for raw in raws]
     resolution: Resolution = "render" if seen[0].motion.shape[:2] == seen[0].depth.shape else "display"
     found = replace(stated, motion_resolution=resolution)
     textured = [pair for pair in frame_pairs(seen) if pair.textured and not _turned(pair.now)]
@@ -80,9 +80,8 @@ def detect_conventions(
     notes = [str(mistake.error()) for mistake in swapped_axes(textured, jitters, found)]
     if found.depth != stated.depth and found.depth.endswith("infinite"):
         kind = found.depth.removesuffix("_infinite")
-        notes.append(
-            f"Images do not show a far plane; if there is one, write depth='{kind}' with near and far."
-        )
+        text = f"Images do not show a far plane; if there is one, write depth='{kind}' with near and far."
+        notes.append(text)
     flips = "motion_flip_y", "jitter_flip_y"
     likely = replace(found, **jitter.ranked[0].overrides) if jitter.ranked else found
     if all(getattr(likely, name) != getattr(stated, name) for name in flips):
@@ -96,7 +95,7 @@ def detect_conventions(
     return Detection(motion, jitter, depth, stated, found, tuple(notes))
 
 
-def _turned(frame: Evidence) -> bool:
+def _turned(frame: FrameProbe) -> bool:
     """Return whether colour is upside down against depth: then no reading of the motion fits."""
     return frame.light is not None and any(True for _ in upside_down(frame.depth, frame.light))
 
@@ -110,7 +109,7 @@ def _other_mistakes(raws: Sequence[RawFrame], found: Conventions) -> list[str]:
             frame = converter.to_frame(replace(raw, motion_next=None) if found.motion_jittered else raw)
         except (FrameError, ArgumentError) as error:
             return [*(str(mistake.error()) for mistake in mistakes.values()), str(error)]
-        evidence = Evidence.of_frame(frame)
+        evidence = FrameProbe.of_frame(frame)
         seen = FramesSeen() if frame.reset else seen
         seen = seen.after(evidence, frame.size)
         mistakes |= {each.kind: each for each in frame_mistakes(frame, evidence, seen, frame.size)}

@@ -8,13 +8,13 @@ from numpy.typing import NDArray
 from supersampler.frame import Array, Float32, Frame
 from supersampler.methods.gbuffers import GBUFFERS, Place
 from supersampler.validation import mistakes
-from supersampler.validation.evidence import PLACES, grid
 from supersampler.validation.mistakes import Mistake, where
+from supersampler.validation.probe import pixel_grid
 
-_MIN_PLACES = 100  # minimum number of places
+_MIN_PIXELS = 100
 _RANGE_ERROR = 1e-3  # rounding error of half floats near 1
 _LENGTH_ERROR = 0.05  # accepted error of a normal's length
-_MIN_FRACTION = 0.01  # minimum fraction of wrong places
+_MIN_FRACTION = 0.01  # minimum fraction of wrong pixels
 _MAX_RATIO = 1.25  # accepted ratio of depths at two sizes
 _MIN_SPREAD = 0.05  # of log depth, from which on surfaces have several distances
 
@@ -25,41 +25,29 @@ def gbuffer_mistakes(frame: Frame, names: Collection[str]) -> Iterator[Mistake]:
         array = place.find(frame)
         if array is None:
             continue
-        bad = _not_finite(array)
+        with np.errstate(invalid="ignore", over="ignore"):  # Inf - Inf
+            bad = ~np.isfinite(array if array.ndim == 2 else array.sum(axis=-1, dtype=np.float32))
         if bad.any():
             is_depth = place.key == "depth"
             mistake = mistakes.GBUFFER_DEPTH_NOT_FINITE if is_depth else mistakes.GBUFFER_NOT_FINITE
             yield mistake.found(place=place, where=where(bad))
-        elif place.key == "normal":
-            yield from _normal(place, array)
         elif place.key == "depth":
             yield from _depth(place, array, frame)
         else:
-            yield from _share(place, array)
+            values = array[pixel_grid((array.shape[1], array.shape[0]))].astype(np.float32)
+            yield from _normal(place, values) if place.key == "normal" else _fraction(place, values)
 
 
-def _not_finite(array: Array) -> NDArray[np.bool_]:
-    with np.errstate(invalid="ignore", over="ignore"):  # Inf - Inf
-        return ~np.isfinite(array if array.ndim == 2 else array.sum(axis=-1, dtype=np.float32))
-
-
-def _values(array: Array) -> Float32:
-    rows, columns = grid((array.shape[1], array.shape[0]), PLACES)
-    return array[rows, columns].astype(np.float32)
-
-
-def _share(place: Place, array: Array) -> Iterator[Mistake]:
-    values = _values(array)
+def _fraction(place: Place, values: Float32) -> Iterator[Mistake]:
     outside = float(np.mean((values < -_RANGE_ERROR) | (values > 1.0 + _RANGE_ERROR)))
     if outside > _MIN_FRACTION:
-        least, most = float(values.min()), float(values.max())
-        whole = least >= 0.0 and most > 2.0 and np.mean(values == np.rint(values)) > 0.99
+        low, high = float(values.min()), float(values.max())
+        whole = low >= 0.0 and high > 2.0 and np.mean(values == np.rint(values)) > 0.99
         mistake = mistakes.GBUFFER_BYTES if whole else mistakes.GBUFFER_OUT_OF_RANGE
-        yield mistake.found(place=place, share=outside, least=least, most=most)
+        yield mistake.found(place=place, share=outside, low=low, high=high)
 
 
-def _normal(place: Place, array: Array) -> Iterator[Mistake]:
-    values = _values(array)
+def _normal(place: Place, values: Float32) -> Iterator[Mistake]:
     length = np.linalg.norm(values, axis=-1)
     wrong = (length > _LENGTH_ERROR) & (np.abs(length - 1.0) > _LENGTH_ERROR)
     if wrong.mean() <= _MIN_FRACTION:
@@ -68,19 +56,20 @@ def _normal(place: Place, array: Array) -> Iterator[Mistake]:
     decoded = decoded[decoded > _LENGTH_ERROR]  # the encoded sky is 0
     fitting = np.abs(decoded - 1.0) <= _LENGTH_ERROR
     encoded = values.min() >= -_RANGE_ERROR and 2 * fitting.sum() > len(decoded)
-    lengths = length[wrong]
     mistake = mistakes.NORMAL_ENCODED if encoded else mistakes.NORMAL_NOT_UNIT
-    yield mistake.found(place=place, share=wrong.mean(), least=lengths.min(), most=lengths.max())
+    lengths = length[wrong]
+    yield mistake.found(place=place, share=wrong.mean(), low=lengths.min(), high=lengths.max())
 
 
 def _depth(place: Place, array: Array, frame: Frame) -> Iterator[Mistake]:
     """Compare display-size depth with render-size depth, which must be of the same kind."""
     if array.min() < 0.0:
-        yield mistakes.GBUFFER_DEPTH_NEGATIVE.found(place=place, least=float(array.min()))
+        yield mistakes.GBUFFER_DEPTH_NEGATIVE.found(place=place, low=float(array.min()))
         return
-    own, other = _same_places(frame, array)
+    rows, columns = pixel_grid(frame.size)
+    own, other = frame.depth[rows, columns], _at_samples(array, frame, rows, columns)
     both = (own > 0.0) & (other > 0.0) & np.isfinite(own)
-    if both.sum() < _MIN_PLACES:
+    if both.sum() < _MIN_PIXELS:
         return
     quotient, product = np.log(other[both] / own[both]), np.log(other[both] * own[both])
     scale = float(np.exp(np.median(quotient)))
@@ -91,15 +80,13 @@ def _depth(place: Place, array: Array, frame: Frame) -> Iterator[Mistake]:
         yield mistakes.GBUFFER_DEPTH_SCALED.found(place=place, scale=scale)
 
 
-def _same_places(frame: Frame, array: Array) -> tuple[Float32, Float32]:
-    """Return render-size depth at some pixels, and display-size depth at their sample positions."""
-    rows, columns = grid(frame.size, PLACES)
+def _at_samples(array: Array, frame: Frame, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> Float32:
+    """Return display-size depth where some render pixels are sampled."""
     indices = []
     for axis, (index, jitter) in enumerate(((rows, frame.jitter[1]), (columns, frame.jitter[0]))):
-        ratio = array.shape[axis] / frame.depth.shape[axis]
-        position = np.floor((index + 0.5 + jitter) * ratio).astype(np.intp)
-        indices.append(np.clip(position, 0, array.shape[axis] - 1))
-    return frame.depth[rows, columns], array[indices[0], indices[1]].astype(np.float32)
+        position = np.floor((index + 0.5 + jitter) * (array.shape[axis] / frame.depth.shape[axis]))
+        indices.append(np.clip(position.astype(np.intp), 0, array.shape[axis] - 1))
+    return array[indices[0], indices[1]].astype(np.float32)
 
 
 def _spread(values: Float32) -> float:

@@ -4,7 +4,7 @@
 """
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,7 @@ class Mistake:
         kind: identity of the mistake; each kind warns once until the next reset.
         field: field of `Frame`.
         got, want, hint: see `FrameError`.
-        only_a_hint: True where a correct frame may look the same; then it warns, but never raises.
+        severity: "hint" where a correct frame may look the same; then it warns, but never raises.
     """
 
     kind: str
@@ -29,7 +29,7 @@ class Mistake:
     got: str
     want: str
     hint: str = ""
-    only_a_hint: bool = False
+    severity: Literal["error", "hint"] = "error"
 
     def found(self, **facts: Any) -> "Mistake":
         """Return the mistake with names in braces replaced by `facts`."""
@@ -62,23 +62,23 @@ COLOR_CLIPPED = Mistake(
     "color clipped", "color", "never above 1, and often 1 in one channel or two",
     "linear scene colour from before tone mapping",
     "If it is tone-mapped, hand it in from before; if it is only sRGB, Conventions(srgb=True).",
-    only_a_hint=True)
+    severity="hint")
 COLOR_BYTES = Mistake(
-    "color bytes", "color", "in whole numbers up to {most:.0f}",
+    "color bytes", "color", "in whole numbers up to {high:.0f}",
     "linear scene colour from before tone mapping",
     "Are these bytes? Divide by 255; those of an image file are sRGB, too: Conventions(srgb=True).")
 COLOR_EIGHT_BIT = Mistake(
     "color eight bit", "color", "in steps of 1/255, as an 8-bit image", COLOR_BYTES.want,
-    "Eight bits are sRGB: Conventions(srgb=True), or render to floats.", only_a_hint=True)
+    "Eight bits are sRGB: Conventions(srgb=True), or render to floats.", severity="hint")
 COLOR_DISPLAYED = Mistake(
     "color displayed", "color", "never above {top}, and as bright as a displayed image", COLOR_BYTES.want,
     "{scale}Is it sRGB-encoded? Then Conventions(srgb=True); if it is tone-mapped, hand it in from before.",
-    only_a_hint=True)
+    severity="hint")
 COLOR_FILTERED = Mistake(
     "color filtered", "color", "mixed in {share:.0%} of the edges of depth",
     "samples at one place in the pixel, at centre + jitter",
     "Turn off anti-aliasing, multi-sampling, blur and wide pixel filters (Blender: 0.01 pixels).",
-    only_a_hint=True)
+    severity="hint")
 ROWS_BOTTOM_UP = Mistake(
     "rows bottom-up", "color", "bottom-up with depth and motion: frames fit {times:.1f} times better so",
     "row 0 on top",
@@ -91,7 +91,7 @@ DEPTH_NOT_FINITE = Mistake(
     "depth not finite", "depth", "NaN or Inf {where}", "finite",
     "Is it a distance? Conventions(depth='linear') takes inf for the sky.")
 DEPTH_NEGATIVE = Mistake(
-    "depth negative", "depth", "negative, as small as {least:.3g}", _DEPTH,
+    "depth negative", "depth", "negative, as small as {low:.3g}", _DEPTH,
     "Depth in [-1, 1] is OpenGL's: write (d + 1) / 2. A view-space z is negative: write -z, depth='linear'.")
 DEPTH_NOT_REVERSED = Mistake(
     "depth not reversed", "depth", "of another kind: {evidence}", _DEPTH,
@@ -103,7 +103,7 @@ DEPTH_FORWARD = replace(
 DEPTH_COARSE = Mistake(
     "depth coarse", "depth", "in {count} evenly spaced values", "floats, or 16 bits at least",
     "Is it from an 8-bit image? It is too coarse to find disocclusions, and its kind is not checked.",
-    only_a_hint=True)
+    severity="hint")
 DEPTH_CONSTANT = Mistake(
     "depth constant", "depth", "the same everywhere, though things move at different speeds",
     "near / distance of each pixel", "Is the depth buffer bound, and read before it is cleared?")
@@ -135,15 +135,15 @@ JITTER_CONSTANT = Mistake(
     "a new place in the pixel each frame, in render pixels",
     "halton_jitter and jittered_projection make one; without it no detail can be gained.")
 JITTER_HELD = replace(
-    JITTER_CONSTANT, got="{jitter} in {frames} frames in which nothing moved", only_a_hint=True,
+    JITTER_CONSTANT, got="{jitter} in {frames} frames in which nothing moved", severity="hint",
     hint="A still image converges by samples at new places: go on with halton_jitter, or stop stepping.")
 JITTER_ONE_SIDED = Mistake(
     "jitter one-sided", "jitter", "({x:.2f}, {y:.2f}) on average over {frames} shaded frames",
     "samples on all sides of the pixel's centre: about (0, 0)",
     "Where every second frame is not shaded, count shaded frames: halton_jitter(index // 2, ratio).",
-    only_a_hint=True)
+    severity="hint")
 JITTER_TOO_SMALL = Mistake(
-    "jitter too small", "jitter", "never more than {most:.2g}", JITTER_CONSTANT.want,
+    "jitter too small", "jitter", "never more than {high:.2g}", JITTER_CONSTANT.want,
     "Try Conventions(jitter_unit='ndc') or 'uv'.")
 JITTER_MISREAD = replace(MOTION_MISREAD, kind="jitter misread", field="jitter", want=_JITTER)
 JITTER_NOT_APPLIED = Mistake(
@@ -169,14 +169,14 @@ GBUFFER_DEPTH_NOT_FINITE = replace(
     GBUFFER_NOT_FINITE, hint="Is it a distance? The sky of near / distance is 0.")
 GBUFFER_OUT_OF_RANGE = Mistake(
     "{place} out of range", "{place}",
-    "outside [0, 1] in {share:.0%} of its values, from {least:.3g} to {most:.3g}", "linear, in [0, 1]",
+    "outside [0, 1] in {share:.0%} of its values, from {low:.3g} to {high:.3g}", "linear, in [0, 1]",
     "It is a share of light or a parameter of the material, without lighting or exposure.")
 GBUFFER_BYTES = replace(
     GBUFFER_OUT_OF_RANGE,
     hint="Are these bytes? Divide by 255; a base colour in sRGB is to be made linear, too.")
 NORMAL_NOT_UNIT = Mistake(
     "{place} not unit", "{place}",
-    "of a length that is neither 1 nor 0 in {share:.0%} of its pixels, from {least:.2g} to {most:.2g}",
+    "of a length that is neither 1 nor 0 in {share:.0%} of its pixels, from {low:.2g} to {high:.2g}",
     "world-space normals of unit length, 0 at the sky",
     "Normalise after the normal map is read, and do not average or resize.")
 NORMAL_ENCODED = replace(
@@ -184,7 +184,7 @@ NORMAL_ENCODED = replace(
     got="encoded: it fits n * 0.5 + 0.5",
     hint="Decode it: 2 * normal - 1, and 0 at the sky.")
 GBUFFER_DEPTH_NEGATIVE = Mistake(
-    "{place} negative", "{place}", "negative, as small as {least:.3g}",
+    "{place} negative", "{place}", "negative, as small as {low:.3g}",
     "near / distance of the same near plane as frame.depth, 0 at the sky")
 GBUFFER_DEPTH_IS_DISTANCE = Mistake(
     "{place} of another kind", "{place}", "a distance: it grows where frame.depth falls",

@@ -9,20 +9,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.conventions import Conventions
-from supersampler.validation.evidence import (
-    JITTERS,
-    MOTIONS,
+from supersampler.validation.mistakes import JITTER_SWAPPED, MOTION_SWAPPED, Mistake
+from supersampler.validation.probe import (
+    JITTER_READINGS,
+    MOTION_READINGS,
     ORDERS,
     DepthOrder,
-    Evidence,
+    FrameProbe,
     Overrides,
-    bend,
-    grid,
+    pixel_grid,
+    plane_curvature,
     reading_text,
-    sky_share,
+    sky_fraction,
 )
-from supersampler.validation.mistakes import JITTER_SWAPPED, MOTION_SWAPPED, Mistake
-from supersampler.validation.reprojection import MIN_PLACES, FramePair
+from supersampler.validation.reprojection import MIN_TEXTURED, FramePair
 from supersampler.validation.single_frame import depth_values
 from supersampler.validation.temporal import jitter_in_vectors, vectors_have_jitter
 
@@ -33,6 +33,7 @@ _OVERRULES = 1.33  # the same for a verdict that contradicts what is stated
 _TIE = 1.02  # within this ratio of errors, the stated hypothesis ranks first
 _MAX_RATIO = 0.8  # maximum ratio of errors for a significant improvement
 _MIN_DIFFERENCE = 0.25  # of errors of depth without that of planes
+_MIN_CURVATURE = 1e-4  # below it, all depths are as flat
 _NO_TEXTURE = "no two neighbouring frames have texture to compare"
 _DEPTH_TEXT = {
     "reversed": "reversed (larger is closer)", "forward": "forward (0 is the near plane)",
@@ -124,10 +125,10 @@ class Detection:
 
     def summary(self) -> str:
         """Return lines of text: each verdict with its margin, the notes, and the call to write."""
-        lines = [*(verdict.text for verdict in self.verdicts), *self.notes]
-        if self.agrees:
-            return "\n".join([*lines, f"The frames are as stated: {self.call}"])
-        return "\n".join([*lines, f"The frames are not as stated: {self.stated!r}", f"Write: {self.call}"])
+        end = [f"The frames are as stated: {self.call}"]
+        if not self.agrees:
+            end = [f"The frames are not as stated: {self.stated!r}", f"Write: {self.call}"]
+        return "\n".join([*(verdict.text for verdict in self.verdicts), *self.notes, *end])
 
 
 def ranked(name: str, hypotheses: Sequence[Hypothesis], stated: Conventions) -> Verdict:
@@ -143,9 +144,8 @@ def ranked(name: str, hypotheses: Sequence[Hypothesis], stated: Conventions) -> 
     best, own = verdict.ranked[0], [h for h in verdict.ranked if _is_stated(h, stated)]
     if own and own[0] is not best and own[0].error < _OVERRULES * best.error:
         margin = own[0].error / max(best.error, 1e-6)
-        return Verdict(
-            name, verdict.ranked, f"'{best.text}' fits only {margin:.2f} times better than as stated"
-        )
+        reason = f"'{best.text}' fits only {margin:.2f} times better than as stated"
+        return Verdict(name, verdict.ranked, reason)
     return verdict
 
 
@@ -153,7 +153,7 @@ def _is_stated(hypothesis: Hypothesis, stated: Conventions) -> bool:
     return all(getattr(stated, key) == value for key, value in hypothesis.overrides.items())
 
 
-def jitters_in_the_pixel(frames: Sequence[Evidence], stated: Conventions) -> list[Overrides]:
+def jitters_in_the_pixel(frames: Sequence[FrameProbe], stated: Conventions) -> list[Overrides]:
     """Return the readings of the jitter that keep samples inside their pixel; none for constant jitter."""
     if np.ptp([frame.jitter for frame in frames], axis=0).max() == 0:
         return []
@@ -162,7 +162,7 @@ def jitters_in_the_pixel(frames: Sequence[Evidence], stated: Conventions) -> lis
         reading = replace(stated, **overrides)
         return max(float(np.abs(frame.jitter_pixels(reading)).max()) for frame in frames)
 
-    return [overrides for overrides in JITTERS if largest(overrides) <= 0.5 + 1e-3]
+    return [overrides for overrides in JITTER_READINGS if largest(overrides) <= 0.5 + 1e-3]
 
 
 def rank_motion(pairs: Sequence[FramePair], jitters: Sequence[Overrides], stated: Conventions) -> Verdict:
@@ -180,9 +180,9 @@ def rank_motion(pairs: Sequence[FramePair], jitters: Sequence[Overrides], stated
         return float(np.mean([pair.error(pair.offset(reading), where) for pair, where in moves.items()]))
 
     def error_of_no_motion(reading: Conventions) -> float:
-        shifts = [0.0 if reading.motion_jittered else pair.shift(reading) for pair in moves]
-        errors = [p.error(np.array(s), where) for s, (p, where) in zip(shifts, moves.items(), strict=True)]
-        return float(np.mean(errors))
+        jittered = reading.motion_jittered
+        shifts = {pair: np.zeros(2) if jittered else pair.shift(reading) for pair in moves}
+        return float(np.mean([pair.error(shifts[pair], where) for pair, where in moves.items()]))
 
     def hypothesis(overrides: Overrides, error: float) -> Hypothesis:
         return Hypothesis(reading_text("motion", Conventions(**overrides)), overrides, error)
@@ -191,10 +191,10 @@ def rank_motion(pairs: Sequence[FramePair], jitters: Sequence[Overrides], stated
     with_jitter = replace(stated, motion_jittered=True)
     have_jitter = {
         repr(o): any(_vectors_have_jitter(pairs, replace(stated, **o, **jitter)) for jitter in jitters)
-        for o in MOTIONS
+        for o in MOTION_READINGS
     }
     readings = [replace(stated, **jitter, motion_jittered=False) for jitter in jitters]
-    for overrides in MOTIONS:
+    for overrides in MOTION_READINGS:
         bare = error(replace(with_jitter, **overrides))
         best = min((error(replace(reading, **overrides)) for reading in readings), default=bare)
         hypotheses.append(hypothesis({**overrides, "motion_jittered": False}, best))
@@ -202,11 +202,8 @@ def rank_motion(pairs: Sequence[FramePair], jitters: Sequence[Overrides], stated
             hypotheses.append(hypothesis({**overrides, "motion_jittered": True}, bare))
     verdict = ranked("motion", hypotheses, stated)
     if verdict.ranked[0].error > _MAX_RATIO * min(map(error_of_no_motion, [with_jitter, *readings])):
-        return Verdict(
-            "motion",
-            verdict.ranked,
-            "too little moves: no reading explains the image much better than no motion",
-        )
+        reason = "too little moves: no reading explains the image much better than no motion"
+        return Verdict("motion", verdict.ranked, reason)
     return verdict
 
 
@@ -230,7 +227,7 @@ def rank_jitter(pairs: Sequence[FramePair], jitters: Sequence[Overrides], found:
     return ranked("jitter", hypotheses, found)
 
 
-def rank_depth(pairs: Sequence[FramePair], frames: Sequence[Evidence], found: Conventions) -> Verdict:
+def rank_depth(pairs: Sequence[FramePair], frames: Sequence[FrameProbe], found: Conventions) -> Verdict:
     """Rank reversed, forward and linear depth by the sum of three errors, each from 0 to 1.
 
     They are of disocclusions, whose occluders are closer; of the sky's value; and of planes, where 1 /
@@ -239,13 +236,19 @@ def rank_depth(pairs: Sequence[FramePair], frames: Sequence[Evidence], found: Co
     count = max(depth_values(frame.depth) for frame in frames)
     if count:
         return Verdict("depth", (), f"it has {count} evenly spaced values, and one step may be a distance")
-    bends = np.array([np.mean([bend(frame.depth, order) for frame in frames]) for order in ORDERS])
-    skies = np.array([np.mean([sky_share(frame.depth, order) for frame in frames]) for order in ORDERS])
+    curved, skies = (
+        {order: float(np.mean([measure(frame.depth, order) for frame in frames])) for order in ORDERS}
+        for measure in (plane_curvature, sky_fraction)
+    )
+    most_curved = float(np.nanmax([*curved.values(), 0.0]))
     hypotheses, without_planes = [], {}
-    for order, bent, sky in zip(ORDERS, bends, skies, strict=True):
-        no_sky = 0.5 if skies.max() < 1e-3 else float(sky < 1e-3)
+    for order in ORDERS:
+        no_sky = 0.5 if max(skies.values()) < 1e-3 else float(skies[order] < 1e-3)
         without_planes[order] = _wrongly_hidden(pairs, order, found) + no_sky
-        error = without_planes[order] + _share(bent, bends, least=1e-4)
+        of_planes = 0.0
+        if most_curved >= _MIN_CURVATURE:
+            of_planes = 1.0 if np.isnan(curved[order]) else curved[order] / most_curved
+        error = without_planes[order] + of_planes
         hypotheses.append(Hypothesis(_DEPTH_TEXT[order], _depth_overrides(order, frames, found), error))
     verdict = ranked("depth", hypotheses, found)
     best, own = (
@@ -275,7 +278,7 @@ def swapped_axes(
 
     if moves:
         limit = _MAX_RATIO * error(found, swapped=False)
-        if min(error(replace(found, **o), swapped=True) for o in MOTIONS) < limit:
+        if min(error(replace(found, **o), swapped=True) for o in MOTION_READINGS) < limit:
             mistakes.append(MOTION_SWAPPED)
     limit = _MAX_RATIO * _error(pairs, found) if pairs else 0.0
     if pairs and jitters:  # with exchanged jitter, motion seems to have jitter in it
@@ -294,13 +297,13 @@ def _vectors_have_jitter(pairs: Sequence[FramePair], reading: Conventions) -> bo
 
 
 def _moving(pairs: Sequence[FramePair], reading: Conventions) -> dict[FramePair, NDArray[np.bool_]]:
-    """Return the mask of moving places of each pair that has enough of them."""
+    """Return the mask of moving pixels of each pair that has enough of them."""
     moves = {pair: pair.moving(reading) for pair in pairs}
-    return {pair: where for pair, where in moves.items() if where.sum() >= MIN_PLACES / 4}
+    return {pair: where for pair, where in moves.items() if where.sum() >= MIN_TEXTURED / 4}
 
 
 def _error(pairs: Sequence[FramePair], reading: Conventions, *, jitter_swapped: bool = False) -> float:
-    """Return the mean reprojection error over all places."""
+    """Return the mean reprojection error over all pixels."""
     errors = [pair.error(pair.offset(reading, jitter_swapped=jitter_swapped)) for pair in pairs]
     return float(np.mean(errors))
 
@@ -309,7 +312,7 @@ def _roughness(pairs: Sequence[FramePair], reading: Conventions) -> float:
     """Return the median change of unjittered motion from frame to frame, in pixels."""
 
     def motion(pair: FramePair) -> NDArray[np.float64]:
-        return pair.now.vectors(reading, grid(pair.now.size, 4000)) - pair.shift(reading)
+        return pair.now.vectors(reading, pixel_grid(pair.now.size, 4000)) - pair.shift(reading)
 
     changes = [np.abs(motion(now) - motion(before)) for before, now in _neighbours(pairs)]
     return float(np.mean([np.median(change) for change in changes]))
@@ -320,7 +323,7 @@ def _neighbours(pairs: Sequence[FramePair]) -> list[tuple[FramePair, FramePair]]
     return [(before, now) for before, now in pairwise(pairs) if now.now.size == before.now.size]
 
 
-def _depth_overrides(order: DepthOrder, frames: Sequence[Evidence], found: Conventions) -> Overrides:
+def _depth_overrides(order: DepthOrder, frames: Sequence[FrameProbe], found: Conventions) -> Overrides:
     """Return overrides for an order; near and far planes are kept as stated, as images do not show them."""
     if found.depth.startswith(order):
         return {"depth": found.depth, "far": found.far}
@@ -331,14 +334,7 @@ def _depth_overrides(order: DepthOrder, frames: Sequence[Evidence], found: Conve
 
 
 def _wrongly_hidden(pairs: Sequence[FramePair], order: DepthOrder, found: Conventions) -> float:
-    """Return the fraction of disoccluded places with a farther occluder; 0.5 without such places."""
+    """Return the fraction of disoccluded pixels with a farther occluder; 0.5 without any."""
     counts = [pair.disoccluded(order, found, 60_000) for pair in pairs]
     closer, farther = sum(count[0] for count in counts), sum(count[1] for count in counts)
     return (farther + 1) / (closer + farther + 2)
-
-
-def _share(value: float, values: NDArray[np.float64], *, least: float) -> float:
-    largest = np.nanmax(values, initial=0.0)
-    if largest < least:
-        return 0.0
-    return 1.0 if np.isnan(value) else float(value / largest)

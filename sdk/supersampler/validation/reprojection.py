@@ -1,7 +1,7 @@
 """Reprojection error between two frames, for given conventions of motion and jitter.
 
 The error is the mean squared difference of tone-mapped luminance between a pixel and its place in the
-previous image, at a few thousand places. It is squared: at aliased edges most pixels stay equal, and a median
+previous image, at a few thousand pixels. It is squared: at aliased edges most pixels stay equal, and a median
 or mean absolute difference would hardly depend on the motion there. Both images are read through the same
 small filter, as otherwise the blur of wrong motion could give the smaller error.
 """
@@ -16,109 +16,64 @@ from numpy.typing import NDArray
 from supersampler.conventions import Conventions
 from supersampler.errors import FrameError
 from supersampler.frame import Float32
-from supersampler.validation.evidence import PLACES, DepthOrder, Evidence, Places, disoccluded, grid
+from supersampler.validation.probe import (
+    DepthOrder,
+    FrameProbe,
+    PixelGrid,
+    count_disoccluded,
+    pixel_grid,
+)
 
-_TILES = 5  # most tiles along each axis
-_SIDES = (64, 32)  # of a tile, in pixels; the first of which four fit
-_LEAST = 2  # pixels; shorter moves may be the jitter's
+MIN_TEXTURED = 1000
+"""Minimum number of textured pixels for significant errors."""
+
+_TEXTURE = 0.01  # minimum change of the tone-mapped luminance between neighbours
+# Movement without motion vectors: tiles of the image are looked for in the previous one.
+_MAX_TILES = 5  # along each axis
+_TILE_SIDES = (64, 32)  # pixels; the first of which four fit
+_MIN_MOVE = 2  # pixels; shorter moves may be the jitter's
 _MAX_RATIO = 0.7  # of errors, moved and unmoved
 _MIN_CONTRAST = 1e-3  # variance of tone-mapped luminance in a tile
 _MIN_TILES = 3
 
 
-def image_moves(tone: Float32, tone_before: Float32) -> bool:
-    """Return whether most tiles with texture fit elsewhere in the previous image, and a fifth clearly better.
-
-    Args:
-        tone: (h, w) tone-mapped luminance in [0, 1].
-        tone_before: the same of the previous image.
-    """
-    height, width = tone.shape
-    side = next((side for side in _SIDES if min(height, width) >= 1.5 * side), 0)
-    if side == 0:
-        return False
-    count = moved = clearly = 0
-    for top in _starts(height, side):
-        for left in _starts(width, side):
-            place = slice(top, top + side), slice(left, left + side)
-            if np.var(tone[place]) < _MIN_CONTRAST:  # False for NaN, which is then found nowhere
-                continue
-            count += 1
-            x, y = _shift(tone[place], tone_before[place])
-            moved += max(abs(x), abs(y)) >= _LEAST
-            clearly += max(abs(x), abs(y)) >= _LEAST and _fits(tone, tone_before, place, (x, y))
-    return count >= _MIN_TILES and 2 * moved >= count and 5 * clearly >= count
-
-
-def _starts(extent: int, side: int) -> NDArray[np.intp]:
-    """Return the first pixels of tiles, away from the borders where there is room."""
-    return np.linspace(0, extent - side, min(_TILES, extent * 2 // side)).astype(np.intp)
-
-
-def _shift(tile: Float32, before: Float32) -> tuple[int, int]:
-    """Return (x, y) from the tile to where it correlates best with the previous one."""
-    side = tile.shape[0]
-    window = np.hanning(side)[:, None] * np.hanning(side)
-    now, earlier = (np.fft.rfft2((each - each.mean()) * window) for each in (tile, before))
-    peak = np.fft.irfft2(earlier * np.conj(now), s=(side, side))
-    y, x = np.unravel_index(np.argmax(peak), peak.shape)
-    return int((x + side // 2) % side) - side // 2, int((y + side // 2) % side) - side // 2
-
-
-def _fits(tone: Float32, before: Float32, place: tuple[slice, slice], shift: tuple[int, int]) -> bool:
-    """Return whether the part of a tile that is on screen fits clearly better there than in its own place."""
-    rows, columns = (np.arange(part.start, part.stop) for part in place)
-    rows = rows[(rows + shift[1] >= 0) & (rows + shift[1] < tone.shape[0])]
-    columns = columns[(columns + shift[0] >= 0) & (columns + shift[0] < tone.shape[1])]
-    here = tone[np.ix_(rows, columns)]
-    moved = np.square(here - before[np.ix_(rows + shift[1], columns + shift[0])]).mean()
-    return bool(moved < _MAX_RATIO * np.square(here - before[np.ix_(rows, columns)]).mean())
-
-
-MIN_PLACES = 1000
-"""Minimum number of textured places for significant errors."""
-
-_TEXTURE = 0.01  # minimum change of the tone-mapped luminance between neighbours
-
-
 class FramePair:
-    """Two neighbouring frames of one size, both shaded, compared at some places.
+    """Two neighbouring frames of one size, both shaded, compared at some pixels.
 
     Attributes:
         before, now: the frames.
-        places: rows and columns (n,) of the compared pixels.
-        tone, tone_before: tone-mapped luminance, padded by one pixel.
-        textured: whether at least MIN_PLACES of them differ from their neighbours.
+        pixels: the compared pixels.
+        textured: whether at least MIN_TEXTURED of them differ from their neighbours.
+        variance: variance of their tone-mapped luminance; unrelated images have twice that error.
     """
 
-    def __init__(self, before: Evidence, now: Evidence) -> None:
+    def __init__(self, before: FrameProbe, now: FrameProbe) -> None:
         self.before, self.now = before, now
         if now.light is None or before.light is None:
             raise FrameError("color", got=None, want="shaded frames")
-        self.places = rows, columns = grid((now.light.shape[1], now.light.shape[0]), PLACES)
+        self.pixels = rows, columns = pixel_grid((now.light.shape[1], now.light.shape[0]))
         known = now.light[rows, columns]
         known = known[np.isfinite(known) & (known > 0)]
         middle = float(np.median(known)) if known.size else 1.0
-        self.tone, self.tone_before = _tone(now.light, middle), _tone(before.light, middle)
-        tone = self.tone
-        here = _read(tone, columns, rows)
-        right, below = _read(tone, columns + 1, rows), _read(tone, columns, rows + 1)
+        self._tone, self._tone_before = _tone_mapped(now.light, middle), _tone_mapped(before.light, middle)
+        self._here = here = _sample(self._tone, columns, rows)
+        right, below = _sample(self._tone, columns + 1, rows), _sample(self._tone, columns, rows + 1)
         change = np.maximum(np.abs(right - here), np.abs(below - here))
-        self._tone_now = here
-        self.textured = int((change > _TEXTURE).sum()) >= MIN_PLACES  # NaN compares False
+        self.textured = int((change > _TEXTURE).sum()) >= MIN_TEXTURED  # NaN compares False
+        self.variance = float(np.nanvar(here))
 
     def error(self, offset: NDArray[np.floating[Any]], where: NDArray[np.bool_] | None = None) -> float:
         """Return the mean squared difference, in [0, 1]; inf where less than half is on screen.
 
         Args:
-            offset: (n, 2) or (2,) pixels from each place to its place in the previous frame.
-            where: (n,) mask of the places to compare, at least one; by default all.
+            offset: (n, 2) or (2,) pixels from each pixel to its place in the previous frame.
+            where: (n,) mask of the pixels to compare, at least one; by default all.
         """
-        rows, columns = self.places
+        rows, columns = self.pixels
         offset = np.broadcast_to(offset, (len(rows), 2))
         use = slice(None) if where is None else where
-        before = _read(self.tone_before, columns[use] + offset[use, 0], rows[use] + offset[use, 1])
-        difference = before - self._tone_now[use]
+        before = _sample(self._tone_before, columns[use] + offset[use, 0], rows[use] + offset[use, 1])
+        difference = before - self._here[use]
         difference = difference[np.isfinite(difference)]
         return float(np.mean(difference**2)) if 2 * len(difference) > len(before) else float("inf")
 
@@ -129,21 +84,17 @@ class FramePair:
     def offset(
         self,
         conventions: Conventions,
-        places: Places | None = None,
+        pixels: PixelGrid | None = None,
         *,
         motion_swapped: bool = False,
         jitter_swapped: bool = False,
     ) -> NDArray[np.float64]:
-        """Return (n, 2) pixels from each place to its place in the previous frame.
+        """Return (n, 2) pixels from each of some pixels to its place in the previous frame.
 
-        Args:
-            conventions: conventions of motion and jitter.
-            places: rows and columns; None: the compared ones.
-            motion_swapped: exchange x and y of motion.
-            jitter_swapped: exchange x and y of jitter.
+        `pixels` are the compared ones by default; `motion_swapped` and `jitter_swapped` exchange x and y.
         """
-        places = self.places if places is None else places
-        offset = self.now.vectors(conventions, places, swapped=motion_swapped).astype(np.float64)
+        pixels = self.pixels if pixels is None else pixels
+        offset = self.now.vectors(conventions, pixels, swapped=motion_swapped).astype(np.float64)
         if conventions.motion_jittered:
             return offset
         shift = self.shift(conventions)
@@ -153,12 +104,7 @@ class FramePair:
     def lacks_motion(self) -> bool:
         """Whether the motion is 0 everywhere, though most of the image moves."""
         inner = slice(1, -1), slice(1, -1)
-        return not self.now.motion.any() and image_moves(self.tone[inner], self.tone_before[inner])
-
-    @property
-    def variance(self) -> float:
-        """Variance of the tone-mapped luminance; the error between unrelated images is twice as much."""
-        return float(np.nanvar(self._tone_now))
+        return not self.now.motion.any() and _image_moves(self._tone[inner], self._tone_before[inner])
 
     @property
     def continues(self) -> bool:
@@ -166,20 +112,20 @@ class FramePair:
         return self.textured and self.error(self.offset(Conventions())) < 0.5 * self.variance
 
     def moving(self, conventions: Conventions) -> NDArray[np.bool_]:
-        """Return the (n,) mask of places that move by at least a tenth of the longest vectors."""
-        length = np.abs(self.now.vectors(conventions, self.places)).max(axis=1)
+        """Return the (n,) mask of pixels that move by at least a tenth of the longest vectors."""
+        length = np.abs(self.now.vectors(conventions, self.pixels)).max(axis=1)
         length = np.where(np.isfinite(length), length, 0)
         moves: NDArray[np.bool_] = (length > 0) & (length >= 0.1 * np.percentile(length, 99))
         return moves
 
-    def disoccluded(self, order: DepthOrder, conventions: Conventions, places: int) -> tuple[int, int]:
-        """Count disoccluded places with (closer, farther) occluders, on a grid of about `places` pixels."""
-        sampled = grid(self.now.size, places)
-        offset = self.offset(conventions, sampled)
-        return disoccluded(self.now.depth, self.before.depth, order, sampled, offset)
+    def disoccluded(self, order: DepthOrder, conventions: Conventions, count: int) -> tuple[int, int]:
+        """Count disoccluded pixels with (closer, farther) occluders, on a grid of about `count` pixels."""
+        pixels = pixel_grid(self.now.size, count)
+        offset = self.offset(conventions, pixels)
+        return count_disoccluded(self.now.depth, self.before.depth, order, pixels, offset)
 
 
-def frame_pairs(frames: Sequence[Evidence]) -> list[FramePair]:
+def frame_pairs(frames: Sequence[FrameProbe]) -> list[FramePair]:
     """Return the pairs of neighbours without a cut between, both shaded and of one size."""
     return [
         FramePair(before, now)
@@ -188,16 +134,16 @@ def frame_pairs(frames: Sequence[Evidence]) -> list[FramePair]:
     ]
 
 
-def _tone(image: Float32, middle: float) -> Float32:
+def _tone_mapped(light: Float32, middle: float) -> Float32:
     """Return luminance tone-mapped to [0, 1], padded by one pixel; NaN where it is not finite."""
-    tone = np.maximum(image, 0)
+    tone = np.maximum(light, 0)
     with np.errstate(invalid="ignore"):  # Inf / Inf is NaN, which is skipped
         tone /= tone + np.float32(middle)
     return np.pad(tone, 1, mode="edge")
 
 
-def _read(padded: Float32, x: NDArray[Any], y: NDArray[Any]) -> NDArray[np.floating[Any]]:
-    """Sample a result of `_tone` at (x, y) with a quadratic B-spline of 3 x 3 pixels; NaN outside."""
+def _sample(padded: Float32, x: NDArray[Any], y: NDArray[Any]) -> NDArray[np.floating[Any]]:
+    """Sample a result of `_tone_mapped` at (x, y) with a quadratic B-spline of 3 x 3 pixels; NaN outside."""
     height, width = padded.shape[0] - 2, padded.shape[1] - 2
     inside = (x > -0.5) & (x < width - 0.5) & (y > -0.5) & (y < height - 0.5)  # False where NaN
     x, y = np.where(inside, x, 0.0), np.where(inside, y, 0.0)
@@ -206,12 +152,54 @@ def _read(padded: Float32, x: NDArray[Any], y: NDArray[Any]) -> NDArray[np.float
     weights_x, weights_y = _spline(x - column), _spline(y - row)
     total = np.zeros(x.shape)
     for dy, weight_y in enumerate(weights_y):
-        line = sum(
-            weight_x * values[corner + (dy * (width + 2) + dx)] for dx, weight_x in enumerate(weights_x)
-        )
-        total += weight_y * line
+        start = corner + dy * (width + 2)
+        total += weight_y * sum(weight * values[start + dx] for dx, weight in enumerate(weights_x))
     return np.where(inside, total, np.nan)
 
 
 def _spline(fraction: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
     return 0.5 * (0.5 - fraction) ** 2, 0.75 - fraction**2, 0.5 * (0.5 + fraction) ** 2
+
+
+def _image_moves(tone: Float32, tone_before: Float32) -> bool:
+    """Return whether most textured tiles fit elsewhere in the previous image, and a fifth clearly better."""
+    height, width = tone.shape
+    side = next((side for side in _TILE_SIDES if min(height, width) >= 1.5 * side), 0)
+    if side == 0:
+        return False
+    tops, lefts = (  # away from the borders where there is room
+        np.linspace(0, extent - side, min(_MAX_TILES, extent * 2 // side)).astype(np.intp)
+        for extent in (height, width)
+    )
+    count = moved = clearly = 0
+    for top in tops:
+        for left in lefts:
+            tile = slice(top, top + side), slice(left, left + side)
+            if np.var(tone[tile]) < _MIN_CONTRAST:  # False for NaN, which is then found nowhere
+                continue
+            count += 1
+            x, y = _tile_shift(tone[tile], tone_before[tile])
+            if max(abs(x), abs(y)) >= _MIN_MOVE:
+                moved += 1
+                clearly += _fits_better(tone, tone_before, tile, (x, y))
+    return count >= _MIN_TILES and 2 * moved >= count and 5 * clearly >= count
+
+
+def _tile_shift(tile: Float32, before: Float32) -> tuple[int, int]:
+    """Return (x, y) from the tile to where it correlates best with the previous one."""
+    side = tile.shape[0]
+    window = np.hanning(side)[:, None] * np.hanning(side)
+    now, earlier = (np.fft.rfft2((each - each.mean()) * window) for each in (tile, before))
+    peak = np.fft.irfft2(earlier * np.conj(now), s=(side, side))
+    y, x = np.unravel_index(np.argmax(peak), peak.shape)
+    return int((x + side // 2) % side) - side // 2, int((y + side // 2) % side) - side // 2
+
+
+def _fits_better(tone: Float32, before: Float32, tile: tuple[slice, slice], shift: tuple[int, int]) -> bool:
+    """Return whether the part of a tile that is on screen fits clearly better there than in its own place."""
+    rows, columns = (np.arange(part.start, part.stop) for part in tile)
+    rows = rows[(rows + shift[1] >= 0) & (rows + shift[1] < tone.shape[0])]
+    columns = columns[(columns + shift[0] >= 0) & (columns + shift[0] < tone.shape[1])]
+    here = tone[np.ix_(rows, columns)]
+    moved = np.square(here - before[np.ix_(rows + shift[1], columns + shift[0])]).mean()
+    return bool(moved < _MAX_RATIO * np.square(here - before[np.ix_(rows, columns)]).mean())

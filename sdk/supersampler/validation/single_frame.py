@@ -7,117 +7,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.conventions.encodings import srgb_encoded
-from supersampler.frame import Array, Float32, Frame, Size
+from supersampler.frame import Array, Float32, Frame
 from supersampler.io.display import usable_exposure
 from supersampler.validation import mistakes
-from supersampler.validation.evidence import PLACES, bend, grid, sky_share
 from supersampler.validation.mistakes import Mistake, where
-
-_MIN_EDGES = 60  # minimum number of edges to judge by: of 31, point samples had 65 % mixed ones by chance
-_MIN_CONTRAST = 0.15  # of tone-mapped luminance
-_FLAT = 0.04  # of the contrast: change on either side of an edge
-_MIXED = 0.12  # of the contrast: a pixel that is neither of the sides
-_DEPTH_RATIO, _SAME_SURFACE = 1.1, 1.03  # of depths across an edge, and along a side
-
-
-def mixed_edges(light: Float32, depth: Array) -> float:
-    """Return the fraction of edges with a pixel between their two sides; 0.0 with too few edges to judge.
-
-    Depth is sampled at a point. A pixel on one side of an edge of depth has the colour of that side,
-    unless colour is filtered. Edges count where the colour of each side is even over 2x3 pixels, so that
-    textures, noise and soft shadows do not.
-    """
-    values = np.maximum(light, 0)
-    known = values[np.isfinite(values) & (values > 0)]
-    middle = np.float32(np.median(known) if known.size else 1.0)
-    with np.errstate(invalid="ignore"):  # Inf / Inf is NaN, which compares False
-        tone = np.divide(values, values + middle, dtype=np.float32)
-    sharp = mixed = 0
-    for tones, depths in ((tone, depth), (tone.T, depth.T)):
-        first, second = _profiles(tones, depths)
-        at_first, at_second = np.abs(first) < _MIXED, np.abs(second - 1) < _MIXED
-        sharp += int((at_first & at_second).sum())
-        mixed += int((at_second & (first >= _MIXED) & (first < 0.7)).sum())
-        mixed += int((at_first & (second <= 1 - _MIXED) & (second > 0.3)).sum())
-    return mixed / (sharp + mixed) if sharp + mixed >= _MIN_EDGES else 0.0
-
-
-def _profiles(tone: Float32, depth: Array) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return the two pixels at each edge along rows, from 0 (colour of one side) to 1 (of the other)."""
-    height, width = tone.shape[0] - 2, tone.shape[1] - 5
-    if height < 1 or width < 1:
-        return np.empty(0), np.empty(0)
-    z = [depth[1:-1, i : i + width] for i in range(6)]
-    edge = ~_near(z[2], z[3], _DEPTH_RATIO)
-    for a, b in ((0, 1), (1, 2), (3, 4), (4, 5)):
-        edge &= _near(z[a], z[b], _SAME_SURFACE)
-    rows, columns = np.nonzero(edge)
-    around = np.stack([[tone[rows + y, columns + x] for x in range(6)] for y in range(3)])  # (3, 6, n)
-    line = around[1]
-    contrast = line[5] - line[0]
-    allowed = _FLAT * np.abs(contrast)
-    even = np.abs(contrast) > _MIN_CONTRAST
-    even &= (np.abs(line[1] - line[0]) < allowed) & (np.abs(line[5] - line[4]) < allowed)
-    sides = [0, 1, 4, 5]
-    even &= (np.abs(around[:, sides] - line[sides]) < 2 * allowed).all(axis=(0, 1))
-    line, contrast = line[:, even], contrast[even]
-    return (line[2] - line[0]) / contrast, (line[3] - line[0]) / contrast
-
-
-def _near(a: Array, b: Array, ratio: float) -> NDArray[np.bool_]:
-    with np.errstate(invalid="ignore"):
-        near: NDArray[np.bool_] = np.maximum(a, b) <= ratio * np.minimum(a, b)
-    return near
-
-
-_FEWEST, _MOST = 6, 300  # distinct values of such a buffer
-_PLACES_EACH = 8  # minimum mean number of places with one value
-_UNEVEN = 0.1  # of a step
-_MIN_UNEVEN = 0.02  # fraction of places where the change from pixel to pixel changes by a step
-_COARSE_MOTION = 0.2  # render pixels
-
-
-def even_values(values: NDArray[np.floating[Any]]) -> tuple[int, float]:
-    """Return the number of distinct values and their spacing; (0, 0.0) if they are many or uneven."""
-    distinct = np.unique(values[np.isfinite(values)].astype(np.float64))
-    if not _FEWEST <= len(distinct) <= min(_MOST, len(values) // _PLACES_EACH):
-        return 0, 0.0
-    extent = distinct[-1] - distinct[0]
-    step = extent / max(1.0, np.rint(extent / np.diff(distinct).min()))
-    position = (distinct - distinct[0]) / step
-    even = bool((np.abs(position - np.rint(position)) < _UNEVEN).all()) and position[-1] <= 4 * _MOST
-    return (len(distinct), float(step)) if even else (0, 0.0)
-
-
-def depth_values(depth: Array) -> int:
-    """Return how many evenly spaced values depth, or 1 / depth, has; 0 where it is finer."""
-    rows, columns = grid((max(0, depth.shape[1] - 2), depth.shape[0]), PLACES)
-    line = np.stack([depth[rows, columns + x] for x in range(3)]).astype(np.float64)
-    line = line[:, ((line > 0.0) & (line < 1e6)).all(axis=0)]  # no sky
-    for values in (line, 1.0 / line):
-        count, step = even_values(values[1])
-        # Those of a plane are even, too, but change by the same from pixel to pixel; rounded ones do not.
-        bend = np.abs(np.diff(values, 2, axis=0)) / max(step, 1e-30)
-        if count and np.mean((bend > 0.5) & (bend < 2.5)) > _MIN_UNEVEN:
-            return count
-    return 0
-
-
-def motion_step(motion: Array, size: Size) -> float:
-    """Return the spacing in pixels of motion in few values, the larger of x and y; 0.0 if it is finer."""
-    vectors = motion[grid(size, PLACES)].astype(np.float64)
-    step = max(even_values(vectors[:, axis])[1] for axis in (0, 1))
-    return step if step >= _COARSE_MOTION else 0.0
-
+from supersampler.validation.probe import GRID_PIXELS, pixel_grid, plane_curvature, sky_fraction
 
 _MAX_MIXED = 0.55  # fraction of mixed edges: point samples have fewer, filtered ones more
 _FULL = 0.9  # of a display's range: what its brightest pixel exceeds
 _MIDDLE = (0.3, 0.85)  # of a display's range: the median of its pixels' largest channels
 _MIN_SPREAD = 0.2  # of the brightest value: between the tenth and the ninetieth percentile
 _MIN_DEPTHS = 100  # minimum number of distinct depths
-_MIN_SURFACE = 1000  # minimum number of places that are not sky
+_MIN_SURFACE = 1000  # minimum number of pixels that are not sky
 _MAX_CHANGE = 0.5  # of the deviation: mean change from pixel to pixel
 _MIN_LEVELS = 16  # minimum number of distinct values
+# Of edges of depth, where colour is mixed by a wide pixel filter.
+_MIN_EDGES = 60  # minimum number of edges to judge by: of 31, point samples had 65 % mixed ones by chance
+_MIN_CONTRAST = 0.15  # of tone-mapped luminance
+_FLAT = 0.04  # of the contrast: change on either side of an edge
+_MIXED = 0.12  # of the contrast: a pixel that is neither of the sides
+_DEPTH_RATIO, _SAME_SURFACE = 1.1, 1.03  # of depths across an edge, and along a side
+# Of few, evenly spaced values: stored in eight bits, or in half floats around an offset.
+_MIN_VALUES, _MAX_VALUES = 6, 300  # distinct values of such a buffer
+_PIXELS_EACH = 8  # minimum mean number of pixels with one value
+_UNEVEN = 0.1  # of a step
+_MIN_UNEVEN = 0.02  # fraction of pixels where the change from pixel to pixel changes by a step
+_COARSE_MOTION = 0.2  # render pixels
 
 
 def single_frame_mistakes(frame: Frame, light: Float32 | None) -> Iterator[Mistake]:
@@ -135,23 +50,26 @@ def single_frame_mistakes(frame: Frame, light: Float32 | None) -> Iterator[Mista
             yield mistakes.COLOR_FILTERED.found(share=mixed)
 
 
+# --- colour ---
+
+
 def _color(frame: Frame, color: Array, light: Float32) -> Iterator[Mistake]:
     bad = ~np.isfinite(light)
     if bad.any():
         yield mistakes.COLOR_NOT_FINITE.found(where=where(bad))
-    places = grid(frame.size, PLACES)
-    values = color[places].astype(np.float32)
+    pixels = pixel_grid(frame.size)
+    values = color[pixels].astype(np.float32)
     negative = float(np.mean(values < -1e-6))
     if negative > 0.01:
         yield mistakes.COLOR_NEGATIVE.found(share=negative)
     full = (values == 1.0).sum(axis=1)  # clipped lights are seldom white
     if _are_whole(values) or _are_whole(srgb_encoded(values)):
-        yield mistakes.COLOR_BYTES.found(most=np.max(values))
+        yield mistakes.COLOR_BYTES.found(high=np.max(values))
     elif _are_whole(values * 255):
         yield mistakes.COLOR_EIGHT_BIT
     elif np.max(values, initial=0.0) <= 1.0 and np.mean((full == 1) | (full == 2)) > 0.005:
         yield mistakes.COLOR_CLIPPED
-    elif top := _display_range(values, frame.depth[places], light):
+    elif top := _display_range(values, frame.depth[pixels], light):
         yield mistakes.COLOR_DISPLAYED.found(top=f"{top:g}", scale="" if top == 1 else "Divide by 255. ")
 
 
@@ -166,13 +84,13 @@ def _display_range(values: Float32, depth: Array, light: Float32) -> float:
     if len(np.unique(depth)) < _MIN_DEPTHS:  # a pattern, not a scene: it may have any colours
         return 0.0
     dark, middle, bright = np.percentile(surface, (10, 50, 90)).tolist()
-    most = float(values.max())
-    if bright - dark < _MIN_SPREAD * most:  # an even image, with a few lamps, say
+    high = float(values.max())
+    if bright - dark < _MIN_SPREAD * high:  # an even image, with a few lamps, say
         return 0.0
     across = np.abs(np.diff(light, axis=1))
     if not float(np.mean(across)) < _MAX_CHANGE * float(np.std(light)):  # noise has any distribution
         return 0.0
-    fits = (top for top in (1.0, 255.0) if _FULL * top <= most <= top)
+    fits = (top for top in (1.0, 255.0) if _FULL * top <= high <= top)
     return next((top for top in fits if _MIDDLE[0] <= middle / top <= _MIDDLE[1]), 0.0)
 
 
@@ -186,89 +104,73 @@ def _are_whole(values: Float32) -> bool:
     return len(np.unique(whole)) >= _MIN_LEVELS
 
 
-def _depth(depth: Float32) -> Iterator[Mistake]:
-    bad = ~np.isfinite(depth)
-    if bad.any():
-        yield mistakes.DEPTH_NOT_FINITE.found(where=where(bad))
-        return
-    least, greatest = float(depth.min()), float(depth.max())
-    if least < 0:
-        yield mistakes.DEPTH_NEGATIVE.found(least=least)
-        return
-    count = depth_values(depth)
-    if count:
-        yield mistakes.DEPTH_COARSE.found(count=count)
-        return
-    kind = _other_kind(depth, least, greatest)
-    if kind:
-        yield mistakes.depth_kind(f"it looks {kind}", kind)
+def mixed_edges(light: Float32, depth: Array) -> float:
+    """Return the fraction of edges with a pixel between their two sides; 0.0 with too few edges to judge.
 
-
-def _other_kind(depth: Float32, least: float, greatest: float) -> str:
-    """Return "forward" or "linear" where depth is likely so; "" where it may be reversed.
-
-    1 / depth that is linear along planes is linear depth, but that of a parallel projection looks the same:
-    its values are then those of near / distance, 0 at the sky and 1 at most.
+    Depth is sampled at a point. A pixel on one side of an edge of depth has the colour of that side,
+    unless colour is filtered. Edges count where the colour of each side is even over 2x3 pixels, so that
+    textures, noise and soft shadows do not.
     """
-    if least == greatest:
-        return ""
-    if greatest >= 1e6:  # a sky of 1e10 or so; near / distance has no such values
-        return "linear"
-    rows, columns = grid((depth.shape[1], depth.shape[0]), PLACES)
-    values = depth[rows, columns]
-    if greatest == 1 and sky_share(values, "forward") > 0.02 and sky_share(values, "reversed") == 0:
-        return "forward"
-    # Reversed depth would place all surfaces within 1.11 times the near plane's distance, unevenly.
-    if least >= 0.9 and greatest <= 1 and 1 - least >= 4 * (1 - greatest) and np.median(values) > 0.95:
-        return "forward"
-    if least == 0 or np.median(values) <= 1:
-        return ""
-    as_reversed, as_linear = bend(depth, "reversed"), bend(depth, "linear")
-    return "linear" if as_reversed > 2e-3 and as_linear < 0.1 * as_reversed else ""
+    values = np.maximum(light, 0)
+    known = values[np.isfinite(values) & (values > 0)]
+    middle = np.float32(np.median(known) if known.size else 1.0)
+    with np.errstate(invalid="ignore"):  # Inf / Inf is NaN, which compares False
+        tone = np.divide(values, values + middle, dtype=np.float32)
+    sharp = mixed = 0
+    for tones, depths in ((tone, depth), (tone.T, depth.T)):
+        first, second = _edge_profiles(tones, depths)
+        at_first, at_second = np.abs(first) < _MIXED, np.abs(second - 1) < _MIXED
+        sharp += int((at_first & at_second).sum())
+        mixed += int((at_second & (first >= _MIXED) & (first < 0.7)).sum())
+        mixed += int((at_first & (second <= 1 - _MIXED) & (second > 0.3)).sum())
+    return mixed / (sharp + mixed) if sharp + mixed >= _MIN_EDGES else 0.0
 
 
-def _motion(frame: Frame) -> Iterator[Mistake]:
-    bad = ~np.isfinite(np.add(frame.motion[..., 0], frame.motion[..., 1], dtype=np.float32))
-    if bad.any():
-        yield mistakes.MOTION_NOT_FINITE.found(where=where(bad))
-        return
-    rows, columns = grid(frame.size, PLACES)
-    vectors = frame.motion[rows, columns].astype(np.float32)
-    off = float(np.mean((np.abs(vectors) > np.array(frame.size, np.float32)).any(axis=1)))
-    if off > 0.05 and min(frame.size) >= 16:
-        yield mistakes.MOTION_TOO_LONG.found(share=off)
-    step = motion_step(frame.motion, frame.size)
-    if step:
-        yield mistakes.MOTION_COARSE.found(step=step)
-    if frame.depth.min() == frame.depth.max() > 0 and _not_a_plane(vectors, rows, columns):
-        yield mistakes.DEPTH_CONSTANT
+def _edge_profiles(tone: Float32, depth: Array) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Return the two pixels at each edge along rows, from 0 (colour of one side) to 1 (of the other)."""
+    height, width = tone.shape[0] - 2, tone.shape[1] - 5
+    if height < 1 or width < 1:
+        return np.empty(0), np.empty(0)
 
+    def near(a: int, b: int, ratio: float) -> NDArray[np.bool_]:
+        with np.errstate(invalid="ignore"):
+            result: NDArray[np.bool_] = np.maximum(z[a], z[b]) <= ratio * np.minimum(z[a], z[b])
+        return result
 
-def _not_a_plane(vectors: Float32, rows: NDArray[Any], columns: NDArray[Any]) -> bool:
-    """Return whether motion differs by more than half a pixel from an affine function of the position."""
-    if len(rows) < 8:
-        return False
-    basis = np.stack([np.ones(len(rows)), rows, columns], axis=1)
-    fit = basis @ np.linalg.lstsq(basis, vectors, rcond=None)[0]
-    return float(np.sqrt(np.mean((vectors - fit) ** 2))) > 0.5
+    z = [depth[1:-1, i : i + width] for i in range(6)]
+    edge = ~near(2, 3, _DEPTH_RATIO)
+    for a, b in ((0, 1), (1, 2), (3, 4), (4, 5)):
+        edge &= near(a, b, _SAME_SURFACE)
+    rows, columns = np.nonzero(edge)
+    around = np.stack([[tone[rows + y, columns + x] for x in range(6)] for y in range(3)])  # (3, 6, n)
+    line = around[1]
+    contrast = line[5] - line[0]
+    allowed = _FLAT * np.abs(contrast)
+    even = np.abs(contrast) > _MIN_CONTRAST
+    even &= (np.abs(line[1] - line[0]) < allowed) & (np.abs(line[5] - line[4]) < allowed)
+    sides = [0, 1, 4, 5]
+    even &= (np.abs(around[:, sides] - line[sides]) < 2 * allowed).all(axis=(0, 1))
+    line, contrast = line[:, even], contrast[even]
+    return (line[2] - line[0]) / contrast, (line[3] - line[0]) / contrast
 
 
 def upside_down(depth: Float32, light: Float32) -> Iterator[Mistake]:
     """Compare edges of colour and depth; if they agree only upside down, one of the two is flipped."""
     height, width = depth.shape
-    rows, columns = grid((width, height - 1), 4 * PLACES)
+    rows, columns = pixel_grid((width, height - 1), 4 * GRID_PIXELS)
     here, below = depth[rows, columns], depth[rows + 1, columns]
     with np.errstate(invalid="ignore"):  # Inf - Inf, reported by `_depth`
         edge = np.abs(here - below) > 0.1 * np.maximum(here, below)
     if edge.sum() < 200:
         return
-    upright = _change(light, rows, columns, edge)
-    turned = _change(light[::-1], rows, columns, edge)
+    upright, turned = (_edge_contrast(each, rows, columns, edge) for each in (light, light[::-1]))
     if turned > 1.5 and turned > 1.5 * upright:
         yield mistakes.COLOR_UPSIDE_DOWN.found(times=turned / max(upright, 1e-6))
 
 
-def _change(light: Float32, rows: NDArray[Any], columns: NDArray[Any], edge: NDArray[np.bool_]) -> float:
+def _edge_contrast(
+    light: Float32, rows: NDArray[Any], columns: NDArray[Any], edge: NDArray[np.bool_]
+) -> float:
     """Return the mean change of brightness from row to row at edges, divided by that of all pixels."""
     here, below = np.maximum(light[rows, columns], 0), np.maximum(light[rows + 1, columns], 0)
     known = np.isfinite(here) & np.isfinite(below)
@@ -278,3 +180,97 @@ def _change(light: Float32, rows: NDArray[Any], columns: NDArray[Any], edge: NDA
     middle = max(float(np.median(here)), 1e-6)
     change = np.abs(here / (here + middle) - below / (below + middle))
     return float(change[edge].mean() / max(float(change.mean()), 1e-6))
+
+
+# --- depth ---
+
+
+def _depth(depth: Float32) -> Iterator[Mistake]:
+    bad = ~np.isfinite(depth)
+    if bad.any():
+        yield mistakes.DEPTH_NOT_FINITE.found(where=where(bad))
+        return
+    low, high = float(depth.min()), float(depth.max())
+    if low < 0:
+        yield mistakes.DEPTH_NEGATIVE.found(low=low)
+    elif count := depth_values(depth):
+        yield mistakes.DEPTH_COARSE.found(count=count)
+    elif kind := _other_kind(depth, low, high):
+        yield mistakes.depth_kind(f"it looks {kind}", kind)
+
+
+def _other_kind(depth: Float32, low: float, high: float) -> str:
+    """Return "forward" or "linear" where depth is likely so; "" where it may be reversed.
+
+    1 / depth that is linear along planes is linear depth, but that of a parallel projection looks the same:
+    its values are then those of near / distance, 0 at the sky and 1 at most.
+    """
+    if low == high:
+        return ""
+    if high >= 1e6:  # a sky of 1e10 or so; near / distance has no such values
+        return "linear"
+    values = depth[pixel_grid((depth.shape[1], depth.shape[0]))]
+    if high == 1 and sky_fraction(values, "forward") > 0.02 and sky_fraction(values, "reversed") == 0:
+        return "forward"
+    # Reversed depth would place all surfaces within 1.11 times the near plane's distance, unevenly.
+    if low >= 0.9 and high <= 1 and 1 - low >= 4 * (1 - high) and np.median(values) > 0.95:
+        return "forward"
+    if low == 0 or np.median(values) <= 1:
+        return ""
+    as_reversed, as_linear = plane_curvature(depth, "reversed"), plane_curvature(depth, "linear")
+    return "linear" if as_reversed > 2e-3 and as_linear < 0.1 * as_reversed else ""
+
+
+def depth_values(depth: Array) -> int:
+    """Return how many evenly spaced values depth, or 1 / depth, has; 0 where it is finer."""
+    rows, columns = pixel_grid((max(0, depth.shape[1] - 2), depth.shape[0]))
+    line = np.stack([depth[rows, columns + x] for x in range(3)]).astype(np.float64)
+    line = line[:, ((line > 0.0) & (line < 1e6)).all(axis=0)]  # no sky
+    for values in (line, 1.0 / line):
+        count, step = _even_values(values[1])
+        # Those of a plane are even, too, but change by the same from pixel to pixel; rounded ones do not.
+        change = np.abs(np.diff(values, 2, axis=0)) / max(step, 1e-30)
+        if count and np.mean((change > 0.5) & (change < 2.5)) > _MIN_UNEVEN:
+            return count
+    return 0
+
+
+def _even_values(values: NDArray[np.floating[Any]]) -> tuple[int, float]:
+    """Return the number of distinct values and their spacing; (0, 0.0) if they are many or uneven."""
+    distinct = np.unique(values[np.isfinite(values)].astype(np.float64))
+    if not _MIN_VALUES <= len(distinct) <= min(_MAX_VALUES, len(values) // _PIXELS_EACH):
+        return 0, 0.0
+    extent = distinct[-1] - distinct[0]
+    step = extent / max(1.0, np.rint(extent / np.diff(distinct).min()))
+    position = (distinct - distinct[0]) / step
+    even = bool((np.abs(position - np.rint(position)) < _UNEVEN).all()) and position[-1] <= 4 * _MAX_VALUES
+    return (len(distinct), float(step)) if even else (0, 0.0)
+
+
+# --- motion ---
+
+
+def _motion(frame: Frame) -> Iterator[Mistake]:
+    bad = ~np.isfinite(np.add(frame.motion[..., 0], frame.motion[..., 1], dtype=np.float32))
+    if bad.any():
+        yield mistakes.MOTION_NOT_FINITE.found(where=where(bad))
+        return
+    pixels = pixel_grid(frame.size)
+    vectors = frame.motion[pixels].astype(np.float32)
+    off = float(np.mean((np.abs(vectors) > np.array(frame.size, np.float32)).any(axis=1)))
+    if off > 0.05 and min(frame.size) >= 16:
+        yield mistakes.MOTION_TOO_LONG.found(share=off)
+    step = max(_even_values(vectors[:, axis])[1] for axis in (0, 1))
+    if step >= _COARSE_MOTION:
+        yield mistakes.MOTION_COARSE.found(step=step)
+    if frame.depth.min() == frame.depth.max() > 0 and _is_not_affine(vectors, *pixels):
+        yield mistakes.DEPTH_CONSTANT
+
+
+def _is_not_affine(vectors: Float32, rows: NDArray[Any], columns: NDArray[Any]) -> bool:
+    """Return whether motion differs by more than half a pixel from an affine function of the position."""
+    if len(rows) < 8:
+        return False
+    basis = np.stack([np.ones(len(rows)), rows, columns], axis=1)
+    fit = basis @ np.linalg.lstsq(basis, vectors, rcond=None)[0]
+    return float(np.sqrt(np.mean((vectors - fit) ** 2))) > 0.5

@@ -1,4 +1,4 @@
-"""Pixel checks over several frames: whether another reading of motion, jitter or depth fits better."""
+"""Checks over several frames: whether another reading of motion, jitter or depth fits better."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -11,37 +11,55 @@ from supersampler.conventions import Conventions
 from supersampler.conventions.fields import motion_factor
 from supersampler.frame import Size
 from supersampler.validation import mistakes
-from supersampler.validation.evidence import (
-    JITTERS,
-    MOTIONS,
-    PLACES,
+from supersampler.validation.mistakes import Mistake
+from supersampler.validation.probe import (
+    JITTER_READINGS,
+    MOTION_READINGS,
     DepthOrder,
-    Evidence,
-    bend,
-    grid,
+    FrameProbe,
+    pixel_grid,
+    plane_curvature,
     reading_text,
 )
-from supersampler.validation.mistakes import MOTION_NEXT_MISREAD, Mistake
-from supersampler.validation.reprojection import MIN_PLACES, FramePair, frame_pairs
+from supersampler.validation.reprojection import MIN_TEXTURED, FramePair, frame_pairs
 from supersampler.validation.single_frame import depth_values
 
+Sums = Mapping[str, tuple[float, float]]
+AmplitudeErrors = Mapping[tuple[float, float], tuple[float, ...]]
+JitterInVectors = tuple[float, float]
+"""Sums over frames: the change of motion along the jitter's change, and the jitter's change, squared."""
 FACTORS: tuple[tuple[float, float], ...] = tuple(
     (x, y) for x in (0.0, 0.5, 1.0, 1.5) for y in (0.0, 0.5, 1.0, 1.5)
 )
 """Factors of the jitter's x and y that are tried."""
 
-AmplitudeErrors = Mapping[tuple[float, float], tuple[float, ...]]
-JitterInVectors = tuple[float, float]
-"""Sums over frames: the change of motion along the jitter's change, and the jitter's change, squared."""
-
+_MAX_RATIO_FIRST = 0.65  # maximum ratio of a reading's error to the frame's own, after one pair of frames
+_MAX_RATIO_LATER = 0.75  # and after several pairs, with summed errors
+_NOISE = 1e-5  # squares of tone-mapped luminance; smaller errors are noise
+_MIN_DISOCCLUDED = 20  # minimum number of disoccluded pixels
+_MAX_DISOCCLUDED = 15  # number that one pair of frames can add: in one pair, jitter alone hides thin things
+_MIN_REPEATS = 3  # minimum number of frames with one jitter
+_ORDERS: tuple[DepthOrder, ...] = ("reversed", "forward")
+_BOTTOM_UP = Conventions(motion_flip_y=True, jitter_flip_y=True)
+# Of the jitter's amplitude in the image.
 _MIN_PAIRS = 2
 _MIN_GAIN = 0.04  # of the error: that of the best factors is lower by it
 _MIN_GAIN_OF_AN_AXIS = 0.08  # where the other axis is right; 0.06 of correct frames
 _RIGHT = 0.15  # off by less than this, an axis is right
 _MAX_ERROR = 0.7  # of the variance: a frame that continues the previous one
-_NOISE = 1e-5  # squares of tone-mapped luminance; smaller errors are noise
 _PLAUSIBLE = (0.65, 1.5)  # either axis; correct frames were estimated at 0.71 to 1.34
 _PLAUSIBLE_MEAN = (0.75, 1.4)  # of both; 0.82 to 1.25
+# Of the motion to the next frame: factors of x and y, and the reading's name.
+_NEXT_READINGS: Mapping[tuple[int, int], str] = {
+    (1, 1): "",
+    (-1, -1): "current minus next",
+    (1, -1): "y flipped",
+    (-1, 1): "current minus next, y flipped",
+}
+_SAME_SURFACE = 0.05  # relative difference of depth
+_MIN_MOVE = 0.5  # pixels: shorter vectors say nothing about their sign
+_MIN_PIXELS = 200
+_MAX_DIFFERENCE, _MAX_SHARE = 0.25, 0.25  # pixels, and of the median vector; beyond both is a mistake
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,136 +82,6 @@ class Amplitude:
         return mean if abs(self.x - self.y) < 0.25 else f"{mean} ({self.x:.2f} in x, {self.y:.2f} in y)"
 
 
-def amplitude_errors(pair: FramePair, reading: Conventions) -> dict[tuple[float, float], tuple[float, ...]]:
-    """Return the reprojection error of a pair of frames with each of FACTORS, and the image's variance."""
-    vectors, shift = pair.now.vectors(reading, pair.places), pair.shift(reading)
-    variance = pair.variance
-    return {factors: (min(pair.error(vectors + shift * factors), 1.0), variance) for factors in FACTORS}
-
-
-def jitter_in_vectors(
-    sums: JitterInVectors, pair: FramePair, jitters: Sequence[tuple[float, float]], reading: Conventions
-) -> JitterInVectors:
-    """Return the sums with one more pair added; `jitters` are those of the frames before its second one."""
-    now, before = pair.now, pair.before
-    if len(jitters) < 2 or before.motion.shape != now.motion.shape:
-        return sums
-    earlier = replace(before, jitter=jitters[-2]).jitter_pixels(reading)
-    change = pair.shift(reading) - (before.jitter_pixels(reading) - earlier)
-    moved = np.median(now.vectors(reading, pair.places) - before.vectors(reading, pair.places), axis=0)
-    return sums[0] + float(moved @ change), sums[1] + float(change @ change)
-
-
-def vectors_have_jitter(sums: JitterInVectors) -> bool:
-    """Return whether motion changes with the jitter, by about as much."""
-    return sums[1] > 0 and 0.5 < sums[0] / sums[1] < 2.0
-
-
-def wrong_amplitude(errors: AmplitudeErrors, pairs: int) -> Amplitude | None:
-    """Return the amplitude where it is clearly not 1, from errors summed over pairs of frames; else None.
-
-    The error is nearly a quadratic function of the factors, whose minimum is the estimate.
-    """
-    if pairs < _MIN_PAIRS or not errors:
-        return None
-    x, y = np.array(list(errors)).T
-    values, (variance, *_) = np.array(list(errors.values())).T
-    c = np.linalg.lstsq(np.stack([x * x, x * y, y * y, x, y, np.ones_like(x)], axis=1), values, rcond=None)[0]
-    bend: NDArray[np.float64] = np.array([[2 * c[0], c[1]], [c[1], 2 * c[2]]])
-    stated = errors[1.0, 1.0][0]
-    if np.linalg.eigvalsh(bend)[0] <= 0 or stated <= _NOISE * pairs:
-        return None
-    found = np.linalg.solve(bend, -c[3:5])
-    lowest, one_axis = values.min(), np.abs(found - 1.0).min() < _RIGHT
-    gain = _MIN_GAIN_OF_AN_AXIS if one_axis else _MIN_GAIN
-    if lowest > min((1 - gain) * stated, _MAX_ERROR * variance):
-        return None
-    none = errors[0.0, 0.0][0] == lowest
-    if not none and (found.min() < -0.25 or found.max() > 3.0):
-        return None
-    off = (found < _PLAUSIBLE[0]) | (found > _PLAUSIBLE[1])
-    if off.any() or not _PLAUSIBLE_MEAN[0] <= found.mean() <= _PLAUSIBLE_MEAN[1]:
-        return Amplitude(float(found[0]), float(found[1]), none)
-    return None
-
-
-READINGS: Mapping[tuple[int, int], str] = {
-    (1, 1): "",
-    (-1, -1): "current minus next",
-    (1, -1): "y flipped",
-    (-1, 1): "current minus next, y flipped",
-}
-"""Factors of x and y, and how a reading is called."""
-_SAME_SURFACE = 0.05  # relative difference of depth
-_MOVES = 0.5  # pixels: shorter vectors say nothing about their sign
-_LEAST = 200  # number of places
-_PIXELS, _SHARE = 0.25, 0.25  # difference, of the median vector, that is a mistake
-
-
-def motion_next_mistakes(before: Evidence, now: Evidence) -> list[Mistake]:
-    """Return the mistake in the motion to the next frame of `before`, if it does not lead to `now`.
-
-    A place that moves leads to one of the same surface in the next frame, from which that frame's motion
-    leads back: their sum is 0, but for accelerations of what is not rigid.
-    """
-    if before.motion_next is None or now.reset or now.size != before.size:
-        return []
-    differences = _differences(before, now)
-    own = differences.get((1, 1))
-    if own is None:
-        return []
-    difference, length = own
-    if difference <= max(_PIXELS, _SHARE * length):
-        return []
-    best = min(differences, key=lambda reading: differences[reading][0])
-    fits = differences[best][0] <= max(_PIXELS, _SHARE * differences[best][1])
-    text = f"; it fits if it is {READINGS[best]}" if fits and READINGS[best] else ""
-    return [MOTION_NEXT_MISREAD.found(difference=difference, length=length, reading=text)]
-
-
-def _differences(before: Evidence, now: Evidence) -> dict[tuple[int, int], tuple[float, float]]:
-    """Return, for each reading, the median difference, and length of the vectors, pixels."""
-    rows, columns = grid(before.size, PLACES)
-    stated = np.asarray(before.motion_next)[rows, columns].astype(np.float64)
-    there = -now.motion[rows, columns].astype(np.float64)  # where things go, nearly, if `stated` is wrong
-    moves = np.isfinite(stated).all(1) & np.isfinite(there).all(1)
-    moves &= np.maximum(np.abs(stated).max(1), np.abs(there).max(1)) > _MOVES
-    found = {}
-    for reading in READINGS:
-        vectors = stated[moves] * reading
-        difference, length = _difference(before, now, rows[moves], columns[moves], vectors)
-        if len(difference) >= min(_LEAST, len(rows) // 20):
-            found[reading] = float(np.median(difference)), float(np.median(length))
-    return found
-
-
-def _difference(
-    before: Evidence, now: Evidence, rows: NDArray[Any], columns: NDArray[Any], vectors: NDArray[Any]
-) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return lengths of vector + the motion where it leads, and of the longer of both."""
-    shift = np.subtract(before.jitter, now.jitter)
-    x = np.rint(columns + vectors[:, 0] + shift[0])
-    y = np.rint(rows + vectors[:, 1] + shift[1])
-    inside = (x >= 0) & (x < now.size[0]) & (y >= 0) & (y < now.size[1])
-    row, column = y[inside].astype(np.intp), x[inside].astype(np.intp)
-    here, there = before.depth[rows[inside], columns[inside]], now.depth[row, column]
-    same = np.abs(here - there) <= _SAME_SURFACE * np.maximum(here, there)
-    back, vectors = now.motion[row, column][same].astype(np.float64), vectors[inside][same]
-    difference = np.hypot(*(vectors + back).T)
-    return difference, np.maximum(np.hypot(*vectors.T), np.hypot(*back.T))
-
-
-Sums = Mapping[str, tuple[float, float]]
-
-_MAX_RATIO_FIRST = 0.65  # maximum ratio of a reading's error to the frame's own, after one pair of frames
-_MAX_RATIO_LATER = 0.75  # and after several pairs, with summed errors
-_MIN_DISOCCLUDED = 20  # minimum number of disoccluded places
-_MAX_DISOCCLUDED = 15  # number that one pair of frames can add: in one pair, jitter alone hides thin things
-_MIN_REPEATS = 3  # minimum number of frames with one jitter
-_ORDERS: tuple[DepthOrder, ...] = ("reversed", "forward")
-_BOTTOM_UP = Conventions(motion_flip_y=True, jitter_flip_y=True)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FramesSeen:
     """State of the checks since the last cut.
@@ -202,7 +90,7 @@ class FramesSeen:
         previous: copy of the previous frame; None where it is missing or was not shaded.
         pairs: number of compared pairs of frames.
         errors: for each reading, sums over the pairs of (the frame's own error, the reading's error).
-        surfaces: for each depth order, numbers of disoccluded places with (closer, farther) occluders,
+        surfaces: for each depth order, numbers of disoccluded pixels with (closer, farther) occluders,
             at most _MAX_DISOCCLUDED of a pair.
         jitters: jitter of the last 64 frames.
         amplitudes: for each factor of the jitter, the error summed over the pairs.
@@ -211,7 +99,7 @@ class FramesSeen:
         following: mistakes in the motion from the previous frame to this one.
     """
 
-    previous: Evidence | None = None
+    previous: FrameProbe | None = None
     pairs: int = 0
     errors: Sums = field(default_factory=dict)
     surfaces: Mapping[DepthOrder, tuple[float, float]] = field(default_factory=dict)
@@ -221,26 +109,30 @@ class FramesSeen:
     lacks_motion: bool = False
     following: tuple[Mistake, ...] = ()
 
-    def after(self, frame: Evidence, display_size: Size) -> "FramesSeen":
+    def after(self, frame: FrameProbe, display_size: Size) -> "FramesSeen":
         """Return the state after one more frame."""
         if frame.light is None:
             return replace(self, previous=None, following=())
-        seen = replace(self, following=())
-        if self.previous is not None:
-            seen = replace(seen, following=tuple(motion_next_mistakes(self.previous, frame)))
-        for pair in frame_pairs([frame] if self.previous is None else [self.previous, frame]):
-            if pair.textured:
-                errors = _added(self.errors, _errors(pair, display_size))
-                seen = replace(
-                    seen,
-                    pairs=self.pairs + 1,
-                    errors=errors,
-                    surfaces=_added(self.surfaces, _surfaces(pair)),
-                    amplitudes=_added(self.amplitudes, amplitude_errors(pair, Conventions())),
-                    varied=jitter_in_vectors(self.varied, pair, self.jitters, Conventions()),
-                    lacks_motion=self.lacks_motion or pair.lacks_motion,
-                )
-        return replace(seen, previous=frame.copied(), jitters=(*self.jitters, frame.jitter)[-64:])
+        following = () if self.previous is None else motion_next_mistakes(self.previous, frame)
+        seen = replace(
+            self,
+            previous=frame.copied(),
+            jitters=(*self.jitters, frame.jitter)[-64:],
+            following=tuple(following),
+        )
+        pairs = frame_pairs([frame] if self.previous is None else [self.previous, frame])
+        if not pairs or not pairs[0].textured:
+            return seen
+        pair = pairs[0]
+        return replace(
+            seen,
+            pairs=self.pairs + 1,
+            errors=_added(self.errors, _errors(pair, display_size)),
+            surfaces=_added(self.surfaces, _surfaces(pair)),
+            amplitudes=_added(self.amplitudes, _amplitude_errors(pair)),
+            varied=jitter_in_vectors(self.varied, pair, self.jitters, Conventions()),
+            lacks_motion=self.lacks_motion or pair.lacks_motion,
+        )
 
 
 def temporal_mistakes(seen: FramesSeen, size: Size, display_size: Size) -> Iterator[Mistake]:
@@ -252,13 +144,14 @@ def temporal_mistakes(seen: FramesSeen, size: Size, display_size: Size) -> Itera
     call = _better_reading(seen)
     if call:
         own, other = seen.errors[call]
+        times = own / max(other, 1e-6)
         if call == repr(_BOTTOM_UP):
-            yield mistakes.ROWS_BOTTOM_UP.found(times=own / max(other, 1e-6), call=call)
+            yield mistakes.ROWS_BOTTOM_UP.found(times=times, call=call)
             return
         is_jitter = call.startswith("Conventions(jitter")
         text = reading_text("jitter" if is_jitter else "motion", _readings(size, display_size)[call])
         mistake = mistakes.JITTER_MISREAD if is_jitter else mistakes.MOTION_MISREAD
-        yield mistake.found(times=own / max(other, 1e-6), reading=text, call=call)
+        yield mistake.found(times=times, reading=text, call=call)
         return  # with wrong motion, disocclusions are no evidence
     yield from seen.following
     if np.ptp(seen.jitters, axis=0).max() > 0:
@@ -268,54 +161,32 @@ def temporal_mistakes(seen: FramesSeen, size: Size, display_size: Size) -> Itera
         yield mistakes.depth_kind(f"moving surfaces hide closer ones, as if depth were {kind}", kind)
 
 
-def amplitude_mistakes(errors: AmplitudeErrors, pairs: int, varied: JitterInVectors) -> Iterator[Mistake]:
-    """Yield the mistake that the image has not the jitter that is stated, or a fraction of it.
-
-    Where the motion changes with the jitter, the vectors contain it, so that it is added twice.
-    """
-    found = wrong_amplitude(errors, pairs)
-    if found is not None and found.is_small and vectors_have_jitter(varied):
-        reading = Conventions(motion_jittered=True)
-        times = errors[1.0, 1.0][0] / max(errors[0.0, 0.0][0], 1e-6)
-        yield mistakes.MOTION_MISREAD.found(
-            times=times, reading=reading_text("motion", reading), call=repr(reading)
-        )
-    elif found is not None and found.none:
-        yield mistakes.JITTER_NOT_APPLIED
-    elif found is not None:
-        yield mistakes.JITTER_AMPLITUDE.found(factor=found.text)
-
-
 def _readings(size: Size, display_size: Size) -> dict[str, Conventions]:
     """Return other readings of a frame's motion or jitter, by their Python calls."""
-    scale = (size[0] / display_size[0], size[1] / display_size[1])
-    found = [
-        Conventions(**motion, motion_jittered=jittered) for motion in MOTIONS for jittered in (False, True)
-    ]
-    found += [Conventions(**jitter) for jitter in JITTERS if jitter["jitter_unit"] == "pixels"]
-    found += [Conventions(motion_scale=scale), _BOTTOM_UP]
+    found = [Conventions(**motion, motion_jittered=j) for motion in MOTION_READINGS for j in (False, True)]
+    found += [Conventions(**jitter) for jitter in JITTER_READINGS if jitter["jitter_unit"] == "pixels"]
+    found += [Conventions(motion_scale=(size[0] / display_size[0], size[1] / display_size[1])), _BOTTOM_UP]
     return {repr(reading): reading for reading in found if reading != Conventions()}
 
 
 def _errors(pair: FramePair, display_size: Size) -> Sums:
     """Return the errors of a pair (as stated, by the reading) for each reading, where they can differ."""
     size, as_stated = pair.now.size, Conventions()
-    moves, error_of = pair.moving(as_stated), pair.error
-    few = moves.sum() < MIN_PLACES / 4
-    own = {
-        True: 0.0 if few else error_of(pair.offset(as_stated), moves),
-        False: error_of(pair.offset(as_stated)),
-    }
-    still = 0.0 if few else error_of(pair.shift(as_stated), moves)
+    moves = pair.moving(as_stated)
+    few = moves.sum() < MIN_TEXTURED / 4
+    own_moving = 0.0 if few else pair.error(pair.offset(as_stated), moves)
+    unmoved = 0.0 if few else pair.error(pair.shift(as_stated), moves)
+    own_all = pair.error(pair.offset(as_stated))
     errors = {}
     for call, reading in _readings(size, display_size).items():
         about_motion = motion_factor(reading, size, size) != (1.0, 1.0)
         if about_motion and few:
             continue
-        error = error_of(pair.offset(reading), moves if about_motion else None)
-        if about_motion and error > _MAX_RATIO_LATER * still:
-            error = max(error, own[True])  # not better than no motion: chance
-        errors[call] = (min(own[about_motion], 1.0), min(error, 1.0))
+        own = own_moving if about_motion else own_all
+        error = pair.error(pair.offset(reading), moves if about_motion else None)
+        if about_motion and error > _MAX_RATIO_LATER * unmoved:
+            error = max(error, own)  # not better than no motion: chance
+        errors[call] = (min(own, 1.0), min(error, 1.0))
     return errors
 
 
@@ -332,13 +203,29 @@ def _better_reading(seen: FramesSeen) -> str:
     return best if best and parts[best] < (_MAX_RATIO_FIRST if seen.pairs == 1 else _MAX_RATIO_LATER) else ""
 
 
+def _jitter_values(jitters: tuple[tuple[float, float], ...], size: Size) -> Iterator[Mistake]:
+    if len(jitters) < _MIN_REPEATS:
+        return
+    values = np.array(jitters)
+    if np.ptp(values, axis=0).max() == 0:
+        yield mistakes.JITTER_CONSTANT.found(jitter=jitters[-1], frames=len(jitters))
+    elif min(size) >= 64 and (np.abs(values) <= 1.0 / np.array(size)).all():
+        yield mistakes.JITTER_TOO_SMALL.found(high=np.abs(values).max())
+
+
+def _added(sums: Mapping[Any, Any], more: Mapping[Any, Any]) -> dict[Any, Any]:
+    return {key: tuple(np.add(sums.get(key, 0), value).tolist()) for key, value in more.items()}
+
+
+# --- depth: disocclusions ---
+
+
 def _surfaces(pair: FramePair) -> dict[DepthOrder, tuple[float, float]]:
     """Return the disocclusions in each order; none where one step of depth may be a distance."""
     if depth_values(pair.now.depth):
         return {}
     counts = {order: pair.disoccluded(order, Conventions(), 30_000) for order in _ORDERS}
-    most = max(max(count) for count in counts.values())
-    scale = min(1.0, _MAX_DISOCCLUDED / max(most, 1))
+    scale = min(1.0, _MAX_DISOCCLUDED / max(1, *(number for count in counts.values() for number in count)))
     return {order: (scale * closer, scale * farther) for order, (closer, farther) in counts.items()}
 
 
@@ -352,22 +239,132 @@ def _other_order(surfaces: Mapping[DepthOrder, tuple[float, float]]) -> DepthOrd
     return None
 
 
-def _planes_are_reversed(frame: Evidence | None, kind: DepthOrder) -> bool:
+def _planes_are_reversed(frame: FrameProbe | None, kind: DepthOrder) -> bool:
     """Return whether planes fit reversed depth better than this kind; aliased things mislead the counts."""
     if frame is None:
         return False
-    return bend(frame.depth, "reversed") < bend(frame.depth, kind)
+    return plane_curvature(frame.depth, "reversed") < plane_curvature(frame.depth, kind)
 
 
-def _jitter_values(jitters: tuple[tuple[float, float], ...], size: Size) -> Iterator[Mistake]:
-    if len(jitters) < _MIN_REPEATS:
+# --- jitter: its amplitude in the image, as a fraction of the stated one ---
+
+
+def _amplitude_errors(pair: FramePair) -> dict[tuple[float, float], tuple[float, ...]]:
+    """Return the reprojection error of a pair of frames with each of FACTORS, and the image's variance."""
+    stated = Conventions()
+    vectors, shift = pair.now.vectors(stated, pair.pixels), pair.shift(stated)
+    return {f: (min(pair.error(vectors + shift * f), 1.0), pair.variance) for f in FACTORS}
+
+
+def jitter_in_vectors(
+    sums: JitterInVectors, pair: FramePair, jitters: Sequence[tuple[float, float]], reading: Conventions
+) -> JitterInVectors:
+    """Return the sums with one more pair added; `jitters` are those of the frames before its second one."""
+    now, before = pair.now, pair.before
+    if len(jitters) < 2 or before.motion.shape != now.motion.shape:
+        return sums
+    earlier = replace(before, jitter=jitters[-2]).jitter_pixels(reading)
+    change = pair.shift(reading) - (before.jitter_pixels(reading) - earlier)
+    moved = np.median(now.vectors(reading, pair.pixels) - before.vectors(reading, pair.pixels), axis=0)
+    return sums[0] + float(moved @ change), sums[1] + float(change @ change)
+
+
+def vectors_have_jitter(sums: JitterInVectors) -> bool:
+    """Return whether motion changes with the jitter, by about as much."""
+    return sums[1] > 0 and 0.5 < sums[0] / sums[1] < 2.0
+
+
+def amplitude_mistakes(errors: AmplitudeErrors, pairs: int, varied: JitterInVectors) -> Iterator[Mistake]:
+    """Yield the mistake that the image does not have the stated jitter, or a fraction of it.
+
+    Where the motion changes with the jitter, the vectors contain it, so that it is added twice.
+    """
+    found = wrong_amplitude(errors, pairs)
+    if found is None:
         return
-    values = np.array(jitters)
-    if np.ptp(values, axis=0).max() == 0:
-        yield mistakes.JITTER_CONSTANT.found(jitter=jitters[-1], frames=len(jitters))
-    elif min(size) >= 64 and (np.abs(values) <= 1.0 / np.array(size)).all():
-        yield mistakes.JITTER_TOO_SMALL.found(most=np.abs(values).max())
+    if found.is_small and vectors_have_jitter(varied):
+        reading = Conventions(motion_jittered=True)
+        times, text = errors[1.0, 1.0][0] / max(errors[0.0, 0.0][0], 1e-6), reading_text("motion", reading)
+        yield mistakes.MOTION_MISREAD.found(times=times, reading=text, call=repr(reading))
+    elif found.none:
+        yield mistakes.JITTER_NOT_APPLIED
+    else:
+        yield mistakes.JITTER_AMPLITUDE.found(factor=found.text)
 
 
-def _added(sums: Mapping[Any, Any], more: Mapping[Any, Any]) -> dict[Any, Any]:
-    return {key: tuple(np.add(sums.get(key, 0), value).tolist()) for key, value in more.items()}
+def wrong_amplitude(errors: AmplitudeErrors, pairs: int) -> Amplitude | None:
+    """Return the amplitude where it is clearly not 1, from errors summed over pairs of frames; else None.
+
+    The error is nearly a quadratic function of the factors, whose minimum is the estimate.
+    """
+    if pairs < _MIN_PAIRS or not errors:
+        return None
+    x, y = np.array(list(errors)).T
+    values, (variance, *_) = np.array(list(errors.values())).T
+    c = np.linalg.lstsq(np.stack([x * x, x * y, y * y, x, y, np.ones_like(x)], axis=1), values, rcond=None)[0]
+    hessian: NDArray[np.float64] = np.array([[2 * c[0], c[1]], [c[1], 2 * c[2]]])
+    stated = errors[1.0, 1.0][0]
+    if np.linalg.eigvalsh(hessian)[0] <= 0 or stated <= _NOISE * pairs:
+        return None
+    found = np.linalg.solve(hessian, -c[3:5])
+    lowest, one_axis = values.min(), np.abs(found - 1.0).min() < _RIGHT
+    gain = _MIN_GAIN_OF_AN_AXIS if one_axis else _MIN_GAIN
+    if lowest > min((1 - gain) * stated, _MAX_ERROR * variance):
+        return None
+    none = errors[0.0, 0.0][0] == lowest
+    if not none and (found.min() < -0.25 or found.max() > 3.0):
+        return None
+    off = (found < _PLAUSIBLE[0]) | (found > _PLAUSIBLE[1])
+    if off.any() or not _PLAUSIBLE_MEAN[0] <= found.mean() <= _PLAUSIBLE_MEAN[1]:
+        return Amplitude(float(found[0]), float(found[1]), none)
+    return None
+
+
+# --- motion to the next frame, against the next frame's motion, which leads back ---
+
+
+def motion_next_mistakes(before: FrameProbe, now: FrameProbe) -> Iterator[Mistake]:
+    """Yield the mistake in the motion to the next frame of `before`, if it does not lead to `now`.
+
+    A moving pixel leads to one of the same surface in the next frame, from which that frame's motion leads
+    back: their sum is 0, but for accelerations of what is not rigid.
+    """
+    if before.motion_next is None or now.reset or now.size != before.size:
+        return
+    rows, columns = pixel_grid(before.size)
+    stated = before.motion_next[rows, columns].astype(np.float64)
+    there = -now.motion[rows, columns].astype(np.float64)  # where things go, nearly, if `stated` is wrong
+    moves = np.isfinite(stated).all(1) & np.isfinite(there).all(1)
+    moves &= np.maximum(np.abs(stated).max(1), np.abs(there).max(1)) > _MIN_MOVE
+    found = {}
+    for reading in _NEXT_READINGS:
+        differences, lengths = _there_and_back(
+            before, now, rows[moves], columns[moves], stated[moves] * reading
+        )
+        if len(differences) >= min(_MIN_PIXELS, len(rows) // 20):
+            found[reading] = float(np.median(differences)), float(np.median(lengths))
+    fitting = {
+        reading
+        for reading, (off, length) in found.items()
+        if off <= max(_MAX_DIFFERENCE, _MAX_SHARE * length)
+    }
+    if (1, 1) not in found or (1, 1) in fitting:
+        return
+    best = min(found, key=lambda reading: found[reading][0])
+    text = f"; it fits if it is {_NEXT_READINGS[best]}" if best in fitting else ""
+    difference, length = found[1, 1]
+    yield mistakes.MOTION_NEXT_MISREAD.found(difference=difference, length=length, reading=text)
+
+
+def _there_and_back(
+    before: FrameProbe, now: FrameProbe, rows: NDArray[Any], columns: NDArray[Any], vectors: NDArray[Any]
+) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Return lengths of vector + the motion where it leads, and of the longer of both."""
+    shift = np.subtract(before.jitter, now.jitter)
+    x, y = np.rint(columns + vectors[:, 0] + shift[0]), np.rint(rows + vectors[:, 1] + shift[1])
+    inside = (x >= 0) & (x < now.size[0]) & (y >= 0) & (y < now.size[1])
+    row, column = y[inside].astype(np.intp), x[inside].astype(np.intp)
+    here, there = before.depth[rows[inside], columns[inside]], now.depth[row, column]
+    same = np.abs(here - there) <= _SAME_SURFACE * np.maximum(here, there)
+    back, vectors = now.motion[row, column][same].astype(np.float64), vectors[inside][same]
+    return np.hypot(*(vectors + back).T), np.maximum(np.hypot(*vectors.T), np.hypot(*back.T))
