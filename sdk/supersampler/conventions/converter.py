@@ -1,6 +1,6 @@
 """`Converter`: `RawFrame` to `Frame` and back, for the frames of one sequence."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -66,6 +66,7 @@ class RawFrame:
 
 
 _Pair = tuple[float, float]
+_Factor = Callable[[ConventionFields, Size, Size], _Pair]
 
 
 class Converter:
@@ -99,7 +100,7 @@ class Converter:
         frame = Frame(
             color=None if raw.color is None else self._color(_floating("color", raw.color)),
             depth=self._depth(depth),
-            motion=self._motion_in(self._rows(_floating("motion", raw.motion)), size, jitter, shift),
+            motion=self._vectors_in("motion", raw.motion, jitter, motion_factor, size, shift),
             motion_next=self._motion_next_in(raw, size, jitter),
             jitter=jitter,
             reset=reset,
@@ -189,59 +190,65 @@ class Converter:
             return 0.0, 0.0
         return jitter[0] - previous[0] * size[0], jitter[1] - previous[1] * size[1]
 
-    def _motion_in(self, motion: Array, size: Size, jitter: _Pair, shift: _Pair) -> Array:
-        motion, own_size = self._at_samples("motion", motion, size, jitter)
-        factor = motion_factor(self.conventions, size, own_size)
-        if factor == (1.0, 1.0) and shift == (0.0, 0.0):
+    def _vectors_in(
+        self, name: str, stored: Array, jitter: _Pair, factor: _Factor, size: Size, shift: _Pair = (0.0, 0.0)
+    ) -> Array:
+        """Return the vectors of the render pixels, in render pixels."""
+        motion = self._rows(_floating(name, stored))
+        own_size = _checked_motion_size(name, motion, size, self.conventions.motion_resolution)
+        if self.conventions.motion_resolution == "display":
+            rows, columns = (
+                _nearest(
+                    (np.arange(size[axis]) + 0.5 + jitter[axis]) * own_size[axis] / size[axis], own_size[axis]
+                )
+                for axis in (1, 0)
+            )
+            motion = motion[rows[:, None], columns]
+        scale = factor(self.conventions, size, own_size)
+        if scale == (1.0, 1.0) and shift == (0.0, 0.0):
             return motion
-        pixels: NDArray[np.float32] = motion.astype(np.float32) * _vector(factor) - _vector(shift)
+        pixels: NDArray[np.float32] = motion.astype(np.float32) * _vector(scale) - _vector(shift)
         return pixels
 
+    def _vectors_out(self, motion: Array, frame: Frame, factor: _Factor) -> tuple[Array, _Pair]:
+        """Return the vector of each pixel of the buffer, still in render pixels, and the factor to those."""
+        size = own_size = frame.size
+        if self.conventions.motion_resolution == "display":
+            own_size = self._display_size(frame)
+            rows, columns = (
+                _nearest(
+                    (np.arange(own_size[axis]) + 0.5) * size[axis] / own_size[axis] - frame.jitter[axis],
+                    size[axis],
+                )
+                for axis in (1, 0)
+            )
+            motion = motion[rows[:, None], columns]
+        return motion, factor(self.conventions, size, own_size)
+
+    def _motion_out(self, frame: Frame, shift: _Pair) -> Array:
+        motion, factor = self._vectors_out(frame.motion, frame, motion_factor)
+        if factor == (1.0, 1.0) and shift == (0.0, 0.0):
+            return motion
+        own: NDArray[np.float32] = (motion.astype(np.float32) + _vector(shift)) / _vector(factor)
+        return own
+
     def _motion_next_in(self, raw: RawFrame, size: Size, jitter: _Pair) -> Array | None:
-        """Return `Frame.motion_next`; FrameError where it has a jitter, the next frame's, in it."""
+        """Return `Frame.motion_next`; FrameError where it contains jitter, the next frame's."""
         if raw.motion_next is None:
             return None
         if self.conventions.motion_jittered:
             hint = "Leave it out, or write vectors without jitter: this one's is the next frame's."
             raise FrameError("motion_next", got="given, with jitter in it", want="without jitter", hint=hint)
-        stored = self._rows(_floating("motion_next", raw.motion_next))
-        motion, own_size = self._at_samples("motion_next", stored, size, jitter)
-        return _scaled(motion, motion_next_factor(self.conventions, size, own_size))
-
-    def _at_samples(self, name: str, motion: Array, size: Size, jitter: _Pair) -> tuple[Array, Size]:
-        """Return the vector of each sample, and the size of the buffer."""
-        own_size = _checked_motion_size(name, motion, size, self.conventions.motion_resolution)
-        if self.conventions.motion_resolution == "display":
-            columns = _nearest((np.arange(size[0]) + 0.5 + jitter[0]) * own_size[0] / size[0], own_size[0])
-            rows = _nearest((np.arange(size[1]) + 0.5 + jitter[1]) * own_size[1] / size[1], own_size[1])
-            motion = motion[rows[:, None], columns]
-        return motion, own_size
+        return self._vectors_in("motion_next", raw.motion_next, jitter, motion_next_factor, size)
 
     def _motion_next_out(self, frame: Frame) -> Array | None:
         """Return `RawFrame.motion_next`; None also where these conventions have jitter in vectors."""
         if frame.motion_next is None or self.conventions.motion_jittered:
             return None
-        motion, own_size = self._at_pixels(frame.motion_next, frame)
-        x, y = motion_next_factor(self.conventions, frame.size, own_size)
-        return self._rows(_scaled(motion, (1.0 / x, 1.0 / y)))
-
-    def _at_pixels(self, motion: Array, frame: Frame) -> tuple[Array, Size]:
-        """Return the vector of each pixel of the buffer, and its size."""
-        size = own_size = frame.size
-        if self.conventions.motion_resolution == "display":
-            own_size = self._display_size(frame)
-            columns = (np.arange(own_size[0]) + 0.5) * size[0] / own_size[0] - frame.jitter[0]
-            rows = (np.arange(own_size[1]) + 0.5) * size[1] / own_size[1] - frame.jitter[1]
-            motion = motion[_nearest(rows, size[1])[:, None], _nearest(columns, size[0])]
-        return motion, own_size
-
-    def _motion_out(self, frame: Frame, shift: _Pair) -> Array:
-        motion, own_size = self._at_pixels(frame.motion, frame)
-        factor = motion_factor(self.conventions, frame.size, own_size)
-        if factor == (1.0, 1.0) and shift == (0.0, 0.0):
-            return motion
-        own: NDArray[np.float32] = (motion.astype(np.float32) + _vector(shift)) / _vector(factor)
-        return own
+        motion, (x, y) = self._vectors_out(frame.motion_next, frame, motion_next_factor)
+        if (x, y) != (1.0, 1.0):
+            motion = motion.astype(np.float32) * _vector((1.0 / x, 1.0 / y))
+        return self._rows(motion)
 
     def _display_size(self, frame: Frame) -> Size:
         if self.display_size is None:
@@ -270,13 +277,6 @@ def _render_size(depth: NDArray[Any]) -> Size:
         hint = "Drop the last axis: array[..., 0]." if depth.ndim == 3 else ""
         raise FrameError("depth", got=f"of shape {depth.shape}", want="(h, w), at least one pixel", hint=hint)
     return depth.shape[1], depth.shape[0]
-
-
-def _scaled(motion: Array, factor: _Pair) -> Array:
-    if factor == (1.0, 1.0):
-        return motion
-    pixels: NDArray[np.float32] = motion.astype(np.float32) * _vector(factor)
-    return pixels
 
 
 def _checked_motion_size(name: str, motion: NDArray[Any], size: Size, resolution: str) -> Size:

@@ -104,7 +104,7 @@ def motion_factor(conventions: ConventionFields, size: Size, own_size: Size) -> 
 
 
 def motion_next_factor(conventions: ConventionFields, size: Size, own_size: Size) -> tuple[float, float]:
-    """Return what `motion_factor` does, for `motion_next`: to render pixels, next minus current."""
+    """Return the factor (x, y) from a stored `motion_next` to render pixels, next minus current."""
     sign = 1.0 if conventions.motion_next_direction == "next_minus_current" else -1.0
     return _signed_factor(conventions, size, own_size, sign)
 
