@@ -17,7 +17,7 @@ def test_the_shipped_shot_is_small_and_whole() -> None:
     assert sum(path.stat().st_size for path in shot.path.rglob("*.*")) < 18e6
     assert (shot.render_size, shot.display_size, len(shot)) == ((320, 180), (640, 360), 32)
     assert shot.reference_indices == list(range(15, 32))
-    assert (shot.license, shot.attribution) == ("Apache-2.0", [])
+    assert (shot.info.license, shot.info.attribution) == ("Apache-2.0", ())
     first = shot.read(15)
     assert first.frame.color is not None
     assert first.frame.color.dtype == np.float16

@@ -65,7 +65,7 @@ def test_what_is_written_is_read_in_order(tmp_path: Path) -> None:
         DISPLAY_SIZE,
         24.0,
     )
-    assert (shot.license, shot.attribution, shot.path) == ("CC0", ["Ann"], tmp_path)
+    assert (shot.info.license, shot.info.attribution, shot.path) == ("CC0", ("Ann",), tmp_path)
     assert (len(shot), shot.reference_indices) == (4, [0, 2])
     for index, item in enumerate(shot):
         assert item.index == index

@@ -1,4 +1,7 @@
-"""Write EXR, PNG, TIFF and JPEG files by OpenImageIO. Channel types are kept; writes are atomic."""
+"""Read EXR, PNG and TIFF files and their headers, and write those and JPEG, by OpenImageIO.
+
+Channel types are kept; writes are atomic.
+"""
 
 import re
 import tempfile
@@ -102,12 +105,6 @@ def read_image(
     return image
 
 
-def read_exr_channels(path: Path | str) -> list[str]:
-    """Return the channel names of `read_exr` from the file's header, without reading pixels."""
-    with opened(path, ("exr",)) as (source, kind):
-        return [name for names in _part_names(source, path, kind) for name in names]
-
-
 def read_types(path: Path | str) -> dict[str, str]:
     """Return the channels of `read_image` with their types: "half", "float", "uint", "uint8", "uint16"."""
     with opened(path) as (source, kind):
@@ -164,9 +161,7 @@ def _unreadable(path: Path | str, reason: str) -> ShotError:
         return ShotError(path, problem, "Write R, G and B; ImageMagick converts it: magick IN.exr OUT.exr.")
     if re.search("subsampled", reason, re.IGNORECASE):
         return ShotError(path, f"holds channels of less than its size ({reason})", "Write all at one size.")
-    hint = "Write it with other settings, or copy it again."
-    if _SIGNS_OF_DAMAGE.search(reason):
-        hint = _DAMAGED
+    hint = _DAMAGED if _SIGNS_OF_DAMAGE.search(reason) else "Write it with other settings, or copy it again."
     return ShotError(path, f"is not an image that can be read ({reason})", hint)
 
 
@@ -205,19 +200,22 @@ def _read_part(
 ) -> dict[str, Channel]:
     source.seek_subimage(part, 0)
     spec = source.spec()
-    for size in ((spec.width, spec.height), (spec.full_width, spec.full_height)):
+    x, y, width, height = data = spec.x, spec.y, spec.width, spec.height
+    full_x, full_y, full_width, full_height = display = (
+        spec.full_x, spec.full_y, spec.full_width, spec.full_height,
+    )  # fmt: skip
+    covers = x <= full_x and y <= full_y and x + width >= full_x + full_width
+    for size in (data[2:], display[2:]):
         if (problem := image_size_problem(*size)) is not None:
             raise ShotError(path, problem, _TOO_LARGE)
     if spec.deep:
         raise ShotError(path, "holds deep pixels", "Write it with one value per pixel.")
-    if outside is None and not _covers_display(spec):
-        window = (spec.x, spec.y, spec.width, spec.height)
-        full = (spec.full_x, spec.full_y, spec.full_width, spec.full_height)
-        problem = f"holds a part of its image: (x, y, w, h) {window} of {full}"
+    if outside is None and not (covers and y + height >= full_y + full_height):
+        problem = f"holds a part of its image: (x, y, w, h) {data} of {display}"
         raise ShotError(path, problem, "Render it without a crop region.")
     indices = [index for index, name in enumerate(names) if name in wanted]
     begin = indices[0]
-    area = max(spec.width * spec.height, spec.full_width * spec.full_height)
+    area = max(width * height, full_width * full_height)
     size_bytes = area * (indices[-1] + 1 - begin) * np.dtype(np.float32).itemsize
     if size_bytes > IMAGE_BYTES:
         problem = f"has {size_bytes >> 30} GiB of pixels; want at most {IMAGE_BYTES >> 30}"
@@ -240,16 +238,6 @@ def _plane(source: ImageInput, part: int, index: int, pixels: NDArray[Any]) -> C
         if whole is not None:
             return whole[..., 0]
     return pixels.astype(np.float16, copy=False) if kind == "half" else pixels
-
-
-def _covers_display(spec: ImageSpec) -> bool:
-    """Return whether the data window contains the whole display window."""
-    return bool(
-        spec.x <= spec.full_x
-        and spec.y <= spec.full_y
-        and spec.x + spec.width >= spec.full_x + spec.full_width
-        and spec.y + spec.height >= spec.full_y + spec.full_height
-    )
 
 
 def _in_display(plane: Channel, spec: ImageSpec, outside: float) -> Channel:
@@ -403,16 +391,11 @@ _ROUNDED = 0.02  # relative difference of the two axes' ratios that rounding to 
 def result_metadata(
     metadata: Metadata, *, frame_rate: float | None, render_size: Size, display_size: Size
 ) -> Metadata:
-    """Return the entries of an image's header.
+    """Return the header entries of an upscaled image: those of its frame (`read_exr_metadata`), fitted.
 
-    The pixel aspect ratio changes where the two axes are enlarged by different ratios. The frame rate, where
-    the header states one, becomes that of the film; a time code of another rate is left out.
-
-    Args:
-        metadata: of the frame, see `read_exr_metadata`.
-        frame_rate: of the film; None keeps the header's.
-        render_size: (width, height) of the frame.
-        display_size: (width, height) of the image.
+    The pixel aspect ratio changes where the two axes are enlarged by different ratios. A frame rate that the
+    header states becomes `frame_rate`, that of the film (None keeps it); a time code of another rate is
+    left out.
     """
     entries = dict(metadata)
     across, down = display_size[0] / render_size[0], display_size[1] / render_size[1]
@@ -473,8 +456,7 @@ def write_exr(
     Raises:
         ShotError: the types or sizes cannot be stored, or the disk refused.
     """
-    named = image if isinstance(image, Mapping) else _by_name(path, image, channels)
-    _check_storable(path, named)
+    named = _checked_channels(path, image, channels)
     arrays = list(named.values())
     kinds = ["half" if array.dtype == np.float16 else "float" for array in arrays]
     spec = _spec(arrays[0].shape, list(named), kinds[0])
@@ -486,8 +468,11 @@ def write_exr(
             spec.attribute(name, TypeDesc(value.type), value.values)
         else:
             spec.attribute(name, value)
-    if color_space is not None:
-        _state_color_space(spec, color_space)
+    if color_space is not None:  # as OpenImageIO (`colorInteropID`) and Nuke (primaries) read it
+        config = ColorConfig(STUDIO_CONFIG)
+        spec.attribute("oiio:ColorSpace", config.get_color_interop_id(color_space) or color_space)
+        if primaries := config.get_chromaticities(color_space):
+            spec.attribute("chromaticities", TypeDesc("float[8]"), primaries)
     spec.attribute("DateTime", "")  # otherwise OpenImageIO stores the time, and files of equal images differ
     pixels = np.stack(arrays, axis=-1) if isinstance(image, Mapping) else image
     _write(path, spec, np.ascontiguousarray(pixels))  # np.stack: float32 where types differ, exact for half
@@ -518,35 +503,25 @@ def write_png(path: Path | str, image: Levels, encoding: str = SRGB, pixel_aspec
     Raises:
         ShotError: the array has another shape or type, or the disk refused.
     """
-    spec = _integer_spec(path, image, np.uint8, np.uint16, channels=(3, 4))
-    spec.attribute("oiio:UnassociatedAlpha", 1)  # otherwise OpenImageIO divides by alpha
-    spec.attribute("oiio:ColorSpace", encoding)
-    if pixel_aspect != 1.0:
-        spec.attribute("PixelAspectRatio", pixel_aspect)
-    spec.attribute("png:compressionLevel", 3)  # costs far less than the default, for files little larger
-    spec.attribute("png:filter", _PAETH)
-    _write(path, spec, np.ascontiguousarray(image))
+    # Compression 3 costs far less than the default, for files little larger.
+    _write_levels(path, image, encoding, pixel_aspect, {"png:compressionLevel": 3, "png:filter": _PAETH})
 
 
 def write_tiff(path: Path | str, image: Levels, encoding: str = SRGB, pixel_aspect: float = 1.0) -> None:
-    """Write pixels as TIFF, deflated, atomically.
+    """Write pixels as TIFF, deflated, as `write_png` does; TIFF has a tag for sRGB only."""
+    _write_levels(path, image, encoding, pixel_aspect, {"compression": "zip", "DateTime": ""})
 
-    Args:
-        path: the file; its folder is created where it is missing.
-        image: (h, w, 3) uint8 or uint16; or (h, w, 4), with alpha that the colours are not multiplied by.
-        encoding: of the pixels, by OpenImageIO's name; TIFF has a tag for sRGB only.
-        pixel_aspect: see `write_png`.
 
-    Raises:
-        ShotError: the array has another shape or type, or the disk refused.
-    """
+def _write_levels(
+    path: Path | str, image: Levels, encoding: str, pixel_aspect: float, attributes: Mapping[str, int | str]
+) -> None:
     spec = _integer_spec(path, image, np.uint8, np.uint16, channels=(3, 4))
     spec.attribute("oiio:UnassociatedAlpha", 1)  # otherwise OpenImageIO divides by alpha
     spec.attribute("oiio:ColorSpace", encoding)
     if pixel_aspect != 1.0:
         spec.attribute("PixelAspectRatio", pixel_aspect)
-    spec.attribute("compression", "zip")
-    spec.attribute("DateTime", "")
+    for name, value in attributes.items():
+        spec.attribute(name, value)
     _write(path, spec, np.ascontiguousarray(image))
 
 
@@ -579,14 +554,15 @@ def _encoded(name: str, write: Callable[[Path], None]) -> bytes:
         return path.read_bytes()
 
 
-def _by_name(path: Path | str, image: Channel, channels: Sequence[str]) -> dict[str, Channel]:
-    if image.ndim != 3 or image.shape[2] != len(channels):
-        want = f"(h, w, {len(channels)}) for the channels {', '.join(channels)}"
-        raise ShotError(path, f"the image to write is {image.shape}; want {want}")
-    return {name: image[..., index] for index, name in enumerate(channels)}
-
-
-def _check_storable(path: Path | str, image: Mapping[str, Channel]) -> None:
+def _checked_channels(
+    path: Path | str, image: Channel | Mapping[str, Channel], channels: Sequence[str]
+) -> Mapping[str, Channel]:
+    """Return the channels of an image by name; ShotError where EXR cannot store them."""
+    if not isinstance(image, Mapping):
+        if image.ndim != 3 or image.shape[2] != len(channels):
+            want = f"(h, w, {len(channels)}) for the channels {', '.join(channels)}"
+            raise ShotError(path, f"the image to write is {image.shape}; want {want}")
+        image = {name: image[..., index] for index, name in enumerate(channels)}
     shapes = {array.shape for array in image.values()}
     if len(shapes) != 1 or len(min(shapes)) != 2 or 0 in min(shapes):
         found = ", ".join(f"{name} {array.shape}" for name, array in image.items()) or "nothing"
@@ -595,6 +571,7 @@ def _check_storable(path: Path | str, image: Mapping[str, Channel]) -> None:
         if array.dtype not in (np.float16, np.float32):
             problem = f"channel {name} to write is {array.dtype}; want float16 or float32"
             raise ShotError(path, problem, f"Convert it: {name}.astype(np.float32).")
+    return image
 
 
 def _integer_spec(
@@ -605,14 +582,6 @@ def _integer_spec(
         want = f"{shapes} {' or '.join(each.__name__ for each in types)}"
         raise ShotError(path, f"the image to write is {image.shape} {image.dtype}; want {want}")
     return _spec(image.shape, ["R", "G", "B", "A"][: image.shape[2]], image.dtype.name)
-
-
-def _state_color_space(spec: ImageSpec, name: str) -> None:
-    """Write the space into the header, as OpenImageIO (`colorInteropID`) and Nuke (primaries) read it."""
-    config = ColorConfig(STUDIO_CONFIG)
-    spec.attribute("oiio:ColorSpace", config.get_color_interop_id(name) or name)
-    if primaries := config.get_chromaticities(name):
-        spec.attribute("chromaticities", TypeDesc("float[8]"), primaries)
 
 
 def _spec(shape: tuple[int, ...], names: list[str], kind: str) -> ImageSpec:

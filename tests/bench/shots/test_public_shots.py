@@ -246,4 +246,4 @@ def test_the_shot_that_ships_is_rendered_by_one_command(
     assert shot.read_classes(16) is not None
     shipped = Shot.open("plaza")
     assert [shot.read_raw(i).jitter for i in range(17)] == [shipped.read_raw(i).jitter for i in range(17)]
-    assert shot.license == shipped.license
+    assert shot.info.license == shipped.info.license

@@ -4,7 +4,7 @@ import json
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NoReturn, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,12 +13,12 @@ from supersampler.conventions import Conventions, RawFrame, camera_motion, jitte
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.frame import GBUFFER_CHANNELS, Array, Float32, Size
 from supersampler.io.files import SHOT_FRAMES, write_text
-from supersampler.io.images import read_exr, read_exr_channels, read_types
+from supersampler.io.images import read_exr, read_types
 from supersampler.io.json_fields import Field, read_json
-from supersampler.io.shot.channels import import_channels
+from supersampler.io.shot.channels import SequenceOptions, first_file, import_channels
 from supersampler.io.shot.format import LARGEST_NUMBER, FrameEntry, ShotInfo, check_size, take
 from supersampler.io.shot.named_channels import blended_and_ignored
-from supersampler.io.shot.numbered import Jitter, Range, numbered_files, of_range
+from supersampler.io.shot.numbered import numbered_files
 from supersampler.io.shot.shot import Shot
 
 RENDER_FILE = "render.json"
@@ -167,46 +167,31 @@ def import_blender(
     folder: Path | str,
     *,
     layer: str | None = None,
-    files: str = "*.exr",
-    frames: Range | None = None,
-    display_size: Size | None = None,
-    frame_rate: float | None = None,
-    jitter: Jitter | None = None,
-    cuts: Sequence[int] = (),
     reference: str | None = None,
     conventions: Conventions | None = None,
-    name: str | None = None,
-    color_space: str | None = None,
+    **options: Unpack[SequenceOptions],
 ) -> Shot:
     """Open a folder of Blender's OpenEXR MultiLayer frames as a Shot.
 
     Colour is the Combined pass; its alpha and the layer's other passes that can be blended (DiffDir, Emit,
-    Mist) are AOVs, and the rest is in `Shot.ignored_channels`. Depth is
-    Depth or Z, motion is Vector X and Y, and to the next frame Z and W; Normal and DiffCol are G-buffers,
-    where they exist. Jitter the camera by `shift_x = x / max(w, h)`, `shift_y = -y / max(w, h)`, and render
-    with a Blackman-Harris filter 0.01 pixels wide: one sample at that point.
+    Mist) are AOVs, and the rest is in `Shot.ignored_channels`. Depth is Depth or Z, motion is Vector X and Y,
+    and to the next frame Z and W; Normal and DiffCol are G-buffers, where they exist. Jitter the camera by
+    `shift_x = x / max(w, h)`, `shift_y = -y / max(w, h)`, and render with a Blackman-Harris filter of 0.01
+    pixels: one sample at that point.
 
     Args:
         folder: folder of the frames.
         layer: name of the view layer; required where several have all passes.
-        files: see `import_channels`.
-        frames: see `import_channels`.
         reference: pattern of the references' files in the folder, such as `reference/*.exr`.
         conventions: by default `Conventions.blender()`; jitter in pixels, y down, pixel centre + jitter.
-        display_size: (width, height) of the references; by default the first reference's.
-        frame_rate: see `import_channels`.
-        jitter: see `import_channels`.
-        cuts: see `import_channels`.
-        name: name of the shot; by default the folder's.
-        color_space: see `import_channels`.
+        options: see `import_channels`.
 
     Raises:
         ShotError: files or passes are missing, or differ in size.
         ArgumentError: several layers have all passes, or `layer` is none of them.
     """
     folder = Path(folder)
-    numbered = numbered_files(folder, files)
-    first = next(iter(of_range(folder, numbered, frames).values()))
+    first = first_file(folder, options)
     types = read_types(first)
     channel_map = layer_map(first, types, layer)
     conventions = Conventions.blender() if conventions is None else conventions
@@ -215,22 +200,10 @@ def import_blender(
     if reference is not None:
         image = next(iter(numbered_files(folder, reference).values()))
         channel_map["reference"] = [f"{reference}:{channel}" for channel in _reference_channels(image)]
-    layer = channel_map["color"][0].removesuffix(".Combined.R")
-    shot = import_channels(
-        folder,
-        channel_map,
-        aov_names=aov_names(channel_map.get("aovs", ()), layer),
-        conventions=conventions,
-        files=files,
-        frames=frames,
-        display_size=display_size,
-        frame_rate=frame_rate,
-        jitter=jitter,
-        cuts=cuts,
-        name=name,
-        color_space=color_space,
-    )
-    shot.ignored_channels = tuple(_ignored(types, channel_map))
+    names = aov_names(channel_map.get("aovs", ()), channel_map["color"][0].removesuffix(".Combined.R"))
+    shot = import_channels(folder, channel_map, conventions=conventions, aov_names=names, **options)
+    used = {name for names in channel_map.values() for name in names}
+    shot.ignored_channels = tuple(name for name in types if name not in used)
     return shot
 
 
@@ -287,12 +260,6 @@ def aov_names(channels: Iterable[str], layer: str) -> list[str]:
     return [name.removeprefix(f"{layer}.").removeprefix("Combined.") for name in channels]
 
 
-def _ignored(types: Iterable[str], channel_map: Mapping[str, Sequence[str]]) -> list[str]:
-    """Return the channels of a file that are not read."""
-    read = {name for names in channel_map.values() for name in names}
-    return [name for name in types if name not in read]
-
-
 def _complete_layers(channels: Sequence[str], *, motion: bool = True) -> list[str]:
     """Return the names of the layers that have colour, depth and, if wanted, motion, in the file's order."""
     layers = [name.removesuffix(".Combined.R") for name in channels if name.endswith(".Combined.R")]
@@ -306,7 +273,7 @@ def _complete_layers(channels: Sequence[str], *, motion: bool = True) -> list[st
 
 def _reference_channels(path: Path) -> list[str]:
     """Return the colour channels of a reference: a layer's Combined pass, or plain R, G, B."""
-    channels = read_exr_channels(path)
+    channels = list(read_types(path))
     for name in channels:
         if name == "R" or name.endswith(".Combined.R"):
             return [f"{name.removesuffix('R')}{axis}" for axis in "RGB"]

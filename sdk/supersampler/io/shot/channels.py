@@ -4,7 +4,7 @@ import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypedDict
 
 import numpy as np
 
@@ -165,6 +165,21 @@ _BITS = {"uint8": 8, "uint16": 16, "int8": 8, "int16": 16}
 _MAPPED = re.compile(r"(.*\.(?:exr|png|tiff?)):(.*)", re.DOTALL | re.IGNORECASE)
 _FRAME_RATE = 24.0  # where no file states one
 MAP_FILE_NAME = "channels.json"
+
+
+class SequenceOptions(TypedDict, total=False):
+    """Options that the importers of numbered files hand on to `import_channels`, which documents them."""
+
+    files: str
+    frames: Range | None
+    display_size: Size | None
+    frame_rate: float | None
+    jitter: Jitter | None
+    cuts: Sequence[int]
+    name: str | None
+    color_space: str | None
+
+
 ChannelMap: TypeAlias = Mapping[str, str | Sequence[str] | Mapping[str, Any]]
 _COUNTS: Mapping[str, int] = {
     "color": 3, "depth": 1, "motion": 2, "motion_next": 2, **GBUFFER_CHANNELS, "reference": 3,
@@ -267,6 +282,12 @@ def import_channels(
     return shot
 
 
+def first_file(folder: Path, options: SequenceOptions) -> Path:
+    """Return the file of the first frame that these options choose."""
+    numbered = numbered_files(folder, options.get("files", "*.exr"))
+    return next(iter(of_range(folder, numbered, options.get("frames")).values()))
+
+
 def import_described_channels(
     folder: Path | str,
     *,
@@ -275,10 +296,9 @@ def import_described_channels(
     jitter: Jitter | None = None,
     color_space: str | None = None,
 ) -> Shot:
-    """Open a folder of EXR frames by its channels.json, which holds the arguments of `import_channels`.
+    """Open a folder of EXR frames by its channels.json, which holds arguments of `import_channels`.
 
-    Its keys: channels, conventions; optional display_size, frame_rate, cuts, name, color_space. The arguments
-    are those of `import_channels`.
+    Its keys: channels, conventions; optional display_size, frame_rate, cuts, name, color_space.
 
     Raises:
         ShotError: see `import_channels`; or channels.json is missing or wrong.

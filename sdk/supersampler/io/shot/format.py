@@ -286,15 +286,18 @@ def read_frame(
     if entry.display_file is not None:
         display = read_exr(display_path, without=unwanted, outside=outside)
     check_size(display_path, display, display_size)
-    motion_of_display, aovs = MOTION[0] in display, take_aovs(path, channels)
-    with_next, next_path = (display, display_path) if MOTION_NEXT[0] in display else (channels, path)
+    aovs = take_aovs(path, channels)
     if aovs is not None and aov_names and len(aov_names) != aovs.shape[2]:
         raise ShotError(path, f"has {aovs.shape[2]} AOVs; the shot names {len(aov_names)}")
+    motion_file, next_file = (
+        (display_path, display) if name in display else (path, channels)
+        for name in (MOTION[0], MOTION_NEXT[0])
+    )
     return RawFrame(
         color=take(path, channels, COLOR) if entry.shaded else None,
         depth=take(path, channels, DEPTH).astype(np.float32, copy=False),
-        motion=take(display_path, display, MOTION) if motion_of_display else take(path, channels, MOTION),
-        motion_next=take(next_path, with_next, MOTION_NEXT) if MOTION_NEXT[0] in with_next else None,
+        motion=take(*motion_file, MOTION),
+        motion_next=take(*next_file, MOTION_NEXT) if MOTION_NEXT[0] in next_file[1] else None,
         jitter=entry.jitter,
         reset=entry.reset,
         exposure=entry.exposure,

@@ -3,13 +3,12 @@
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import chain
 from pathlib import Path
+from typing import Unpack
 
 from supersampler.conventions import Conventions
 from supersampler.errors import ShotError
-from supersampler.frame import Size
 from supersampler.io.images import read_other_views, read_types
-from supersampler.io.shot.channels import import_channels
-from supersampler.io.shot.numbered import Jitter, Range, numbered_files, of_range
+from supersampler.io.shot.channels import SequenceOptions, first_file, import_channels
 from supersampler.io.shot.shot import Shot
 
 _XYZ, _RGB = ("xyz", "rgb"), ("rgb",)
@@ -152,15 +151,8 @@ def import_named_channels(
     folder: Path | str,
     *,
     conventions: Conventions,
-    files: str = "*.exr",
-    frames: Range | None = None,
     reference: str | None = None,
-    display_size: Size | None = None,
-    frame_rate: float | None = None,
-    jitter: Jitter | None = None,
-    cuts: Sequence[int] = (),
-    name: str | None = None,
-    color_space: str | None = None,
+    **options: Unpack[SequenceOptions],
 ) -> Shot:
     """Open a folder of EXR frames as a Shot by the names of their channels, such as R, Z and motion.X.
 
@@ -171,20 +163,13 @@ def import_named_channels(
         folder: folder of the files.
         conventions: conventions of these channels and of the jitter; names do not state them.
         reference: pattern of the references' files, with R, G and B, such as `reference/*.exr`.
-        files: see `import_channels`.
-        frames: see `import_channels`.
-        display_size: see `import_channels`.
-        frame_rate: see `import_channels`.
-        jitter: see `import_channels`.
-        cuts: see `import_channels`.
-        name: see `import_channels`.
-        color_space: see `import_channels`.
+        options: see `import_channels`.
 
     Raises:
         ShotError: files or channels are missing or differ in size, or several channels have one meaning.
     """
     folder = Path(folder)
-    first = next(iter(of_range(folder, numbered_files(folder, files), frames).values()))
+    first = first_file(folder, options)
     types, other_views = of_first_view(first, read_types(first))
     channel_map = recognised_map(first, types)
     if channel_map is None:
@@ -197,25 +182,10 @@ def import_named_channels(
         channel_map["aovs"] = aovs
     if reference is not None:
         channel_map["reference"] = [f"{reference}:{axis}" for axis in "RGB"]
-    shot = import_channels(
-        folder,
-        channel_map,
-        conventions=conventions,
-        files=files,
-        frames=frames,
-        display_size=display_size,
-        frame_rate=frame_rate,
-        jitter=jitter,
-        cuts=cuts,
-        name=name,
-        aov_names=_in_results(aovs, channel_map.get("color", ["R"])[0][:-1]),
-        color_space=color_space,
-    )
+    layer = channel_map.get("color", ["R"])[0][:-1]
+    names = [name.removeprefix(layer) for name in aovs]  # in results, where colour is R, G, B: beauty.A is A
+    if len({*names, *"RGB"}) != len(names) + 3:
+        names = aovs
+    shot = import_channels(folder, channel_map, conventions=conventions, aov_names=names, **options)
     shot.ignored_channels = (*ignored, *other_views)
     return shot
-
-
-def _in_results(aovs: Sequence[str], layer: str) -> list[str]:
-    """Return the names of AOVs in files of results, where colour is R, G, B: beauty.A is A."""
-    names = [name.removeprefix(layer) for name in aovs]
-    return names if len({*names, *"RGB"}) == len(names) + 3 else list(aovs)

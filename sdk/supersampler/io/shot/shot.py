@@ -132,16 +132,9 @@ class Shot:
         sky = sky_depth(info.conventions)
 
         def raw_frame(index: int, gbuffers: Collection[str] | None) -> RawFrame:
-            size = entries[index].render_size or info.render_size
-            return read_frame(
-                folder,
-                entries[index],
-                size,
-                info.display_size,
-                gbuffers,
-                sky=sky,
-                aov_names=info.aov_names,
-            )
+            entry, names = entries[index], info.aov_names
+            size = entry.render_size or info.render_size
+            return read_frame(folder, entry, size, info.display_size, gbuffers, sky=sky, aov_names=names)
 
         def reference(index: int) -> Float32:
             return read_reference(folder / str(entries[index].reference), info.display_size)
@@ -180,16 +173,6 @@ class Shot:
     def conventions(self) -> Conventions:
         """Conventions of the stored frames."""
         return self.info.conventions
-
-    @property
-    def license(self) -> str:
-        """Licence of the images; "" is unknown."""
-        return self.info.license
-
-    @property
-    def attribution(self) -> list[str]:
-        """Names to credit where the images are shown."""
-        return list(self.info.attribution)
 
     @property
     def first_number(self) -> int:

@@ -10,7 +10,12 @@ from supersampler.errors import ArgumentError, ShotError
 from supersampler.io.files import os_errors_as_shot_error
 from supersampler.io.images import read_types
 from supersampler.io.shot.blender import RENDER_FILE, import_blender, import_render, is_blender
-from supersampler.io.shot.channels import MAP_FILE_NAME, import_channels, import_described_channels
+from supersampler.io.shot.channels import (
+    MAP_FILE_NAME,
+    SequenceOptions,
+    import_channels,
+    import_described_channels,
+)
 from supersampler.io.shot.format import FILE_NAME
 from supersampler.io.shot.named_channels import import_named_channels, of_first_view, recognised_map
 from supersampler.io.shot.numbered import FRAME_SUFFIXES, Range, is_pattern, numbered_files, suggestion
@@ -18,6 +23,9 @@ from supersampler.io.shot.safetensors import import_arm
 from supersampler.io.shot.shot import Shot, path_or_shipped
 
 Layout: TypeAlias = Literal["auto", "shot", "render", "blender", "channels", "arm"]
+_OPENERS: Mapping[str, Callable[..., Shot]] = {
+    "shot": Shot.open, "render": import_render, "blender": import_blender, "arm": import_arm,
+}  # fmt: skip
 _KNOWN = (
     f"Known are a folder with {FILE_NAME}, Blender's EXR frames, EXR frames with {MAP_FILE_NAME}, and Arm's "
     ".safetensors."
@@ -57,13 +65,15 @@ def open_source(
     if layout == "auto":
         layout = guess_layout(path, None if files is None else str(files))
     opener = _opener(layout, path, options)
-    takes = signature(opener).parameters
-    if files is not None and "files" not in takes:
+    parameters = {*signature(opener).parameters}
+    if "options" in parameters:
+        parameters |= SequenceOptions.__annotations__.keys()
+    if files is not None and "files" not in parameters:
         raise ArgumentError("path", got="a pattern", want=f"a folder or file, as the layout is {layout!r}")
     for name in options:
-        if name not in takes:
+        if name not in parameters:
             raise ArgumentError(name, got="given", want=f"left out: the layout {layout!r} does not use it")
-    if "frames" in takes:
+    if "frames" in parameters:
         return opener(path, frames=frames, **options)
     shot = opener(path, **options)
     return shot if frames is None else shot.cropped(*frames)
@@ -72,10 +82,7 @@ def open_source(
 def _opener(layout: str, path: Path, options: Mapping[str, object]) -> Callable[..., Shot]:
     """Return the importer of a layout; ArgumentError where it needs conventions that are not given."""
     if layout != "channels":
-        openers: Mapping[str, Callable[..., Shot]] = {
-            "shot": Shot.open, "render": import_render, "blender": import_blender, "arm": import_arm,
-        }  # fmt: skip
-        return openers[layout]
+        return _OPENERS[layout]
     if "channel_map" not in options and (path / MAP_FILE_NAME).exists():
         return import_described_channels
     if "conventions" not in options:
