@@ -164,7 +164,7 @@ def read_json(path: Path, limit: int | None = None) -> Any:  # JSON is anything
     """Return the content of a JSON file.
 
     Raises:
-        ShotError: it is missing, cannot be read, is not JSON, or is larger than `limit` bytes (JSON_BYTES where None).
+        ShotError: it is missing, cannot be read, is not JSON, or is larger than `limit` (JSON_BYTES) bytes.
     """
     limit = JSON_BYTES if limit is None else limit
     try:
