@@ -1,6 +1,7 @@
-"""Tests of `Conventions`: round trips over all fields, the vendors' formulas, refused values."""
+"""Tests of `Conventions`: round trips over all fields, numbers computed by hand, refused values."""
 
 import json
+import math
 import re
 from collections.abc import Callable
 from dataclasses import fields, replace
@@ -16,7 +17,7 @@ from supersampler.conventions import PRESETS, Conventions, RawFrame
 from supersampler.conventions.encodings import DepthKind
 from supersampler.conventions.jitter import jittered_projection
 from supersampler.errors import ArgumentError, FrameError
-from supersampler.frame import Frame, Size
+from supersampler.frame import Float32, Frame, Size
 
 KINDS: list[DepthKind] = ["reversed_infinite", "reversed", "forward_infinite", "forward", "linear"]
 NEAR, FAR = 0.1, 100.0
@@ -74,15 +75,11 @@ def assert_same(got: Frame, want: Frame) -> None:
     np.testing.assert_allclose(got.motion, want.motion, rtol=1e-5, atol=1e-5)
     assert got.jitter == pytest.approx(want.jitter, abs=1e-9)
     assert (got.reset, got.exposure, got.pre_exposure) == (want.reset, want.exposure, want.pre_exposure)
-    assert got.reactive is not None
-    np.testing.assert_array_equal(got.reactive, want.reactive)
-    assert got.gbuffer is not None
-    assert got.gbuffer_display is not None
-    assert want.gbuffer is not None
-    np.testing.assert_array_equal(got.gbuffer["roughness"], want.gbuffer["roughness"])
-    np.testing.assert_allclose(got.gbuffer_display["depth"], want.depth, rtol=1e-5, atol=2e-7)
-    assert got.aovs is not None
-    np.testing.assert_array_equal(got.aovs, want.aovs)
+    for name in ("reactive", "aovs"):
+        np.testing.assert_array_equal(getattr(got, name), getattr(want, name))
+    buffers, display = got.gbuffer or {}, got.gbuffer_display or {}
+    np.testing.assert_array_equal(buffers["roughness"], (want.gbuffer or {})["roughness"])
+    np.testing.assert_allclose(display["depth"], want.depth, rtol=1e-5, atol=2e-7)
 
 
 @settings(deadline=None, max_examples=150)
@@ -165,17 +162,6 @@ def test_fsr_wants_half_the_size_and_a_flip_for_ndc_where_its_readme_says_the_si
     np.testing.assert_allclose(by_readme, right * [2, -2], rtol=1e-6)  # twice too long, upside down
 
 
-def test_jittered_motion_of_a_projected_point_loses_its_jitter() -> None:
-    size, previous, current = (8, 4), (0.25, -0.4), (-0.3, 0.1)
-    converter = Conventions(motion_unit="ndc", motion_jittered=True).converter()
-    vector = ndc(BEFORE, previous, size) - ndc(NOW, current, size)
-    true = (ndc(BEFORE, (0, 0), size) - ndc(NOW, (0, 0), size)) * [4, -2]
-    depth, motion = np.full((4, 8), 0.5, np.float32), np.tile(vector.astype(np.float32), (4, 8, 1))
-    converter.to_frame(RawFrame(depth=depth, motion=motion, jitter=previous, reset=True))
-    frame = converter.to_frame(RawFrame(depth=depth, motion=motion, jitter=current))
-    np.testing.assert_allclose(frame.motion[2, 3], true, atol=1e-6)
-
-
 def test_jittered_motion_leads_to_the_same_colour_in_the_jittered_image() -> None:
     """The image is a ramp that moves by (2, 1); a pixel's colour is the ramp at its centre + jitter."""
     x, y = np.meshgrid(np.arange(9.0), np.arange(7.0))
@@ -234,20 +220,6 @@ def test_jitter_becomes_where_the_sample_is(
 
 
 @pytest.mark.parametrize(
-    ("conventions", "stored"),
-    [
-        (Conventions(), NEAR / 4),
-        (Conventions(depth="forward_infinite"), 1 - NEAR / 4),
-        (Conventions(depth="reversed", far=FAR), NEAR * (FAR - 4) / (4 * (FAR - NEAR))),
-        (Conventions(depth="forward", far=FAR), FAR * (4 - NEAR) / (4 * (FAR - NEAR))),
-        (Conventions(depth="linear"), 4.0),
-    ],
-)
-def test_depth_of_every_kind_is_near_over_distance(conventions: Conventions, stored: float) -> None:
-    assert one_pixel(conventions, depth=stored).depth[0, 0] == pytest.approx(NEAR / 4, rel=1e-4)
-
-
-@pytest.mark.parametrize(
     ("conventions", "sky"),
     [
         (Conventions(), 0.0),
@@ -261,29 +233,6 @@ def test_depth_of_every_kind_is_near_over_distance(conventions: Conventions, sto
 )
 def test_the_sky_is_zero(conventions: Conventions, sky: float) -> None:
     assert one_pixel(conventions, depth=sky).depth[0, 0] == 0.0
-
-
-def test_motion_at_display_size_is_read_at_the_pixels_sample() -> None:
-    motion = np.zeros((2, 12, 2), np.float32)
-    motion[..., 0] = np.arange(12)  # render pixel 1 spans the columns 4 to 7 of the display
-    for jitter, column in ((-0.4, 4), (0.0, 6), (0.4, 7)):
-        raw = RawFrame(depth=np.ones((2, 3), np.float32), motion=motion, jitter=(jitter, 0.0))
-        frame = Conventions(motion_resolution="display").converter().to_frame(raw)
-        assert frame.motion[0, 1, 0] == pytest.approx(column / 4)  # display pixels to render pixels
-
-
-def test_bottom_up_turns_rows_only() -> None:
-    depth = np.arange(6, dtype=np.float32).reshape(3, 2) / 10
-    motion = np.ones((3, 2, 2), np.float32)
-    frame = Conventions(bottom_up=True).converter().to_frame(RawFrame(depth=depth, motion=motion))
-    np.testing.assert_array_equal(frame.depth, depth[::-1])
-    np.testing.assert_array_equal(frame.motion, motion)
-
-
-def test_srgb_colour_becomes_linear() -> None:
-    frame = one_pixel(Conventions(srgb=True), color=np.full((4, 8, 3), 0.5, np.float32))
-    assert frame.color is not None
-    np.testing.assert_allclose(frame.color, 0.214041, rtol=1e-5)
 
 
 def test_what_cannot_be_converted_names_the_field() -> None:
@@ -306,22 +255,209 @@ def test_what_cannot_be_converted_names_the_field() -> None:
         Conventions(motion_resolution="display").converter().from_frame(frame)
 
 
+RENDER, DISPLAY = (3, 2), (6, 4)
+JITTER = (0.4, -0.3)
+
+
+def numbered(size: tuple[int, int]) -> Float32:
+    """Vectors that say which pixel they are of: (column, row)."""
+    x, y = np.meshgrid(np.arange(size[0]), np.arange(size[1]))
+    return np.stack([x, y], axis=-1).astype(np.float32)
+
+
+PLAIN: dict[str, Any] = {
+    "color": np.ones((2, 3, 3), np.float32),
+    "depth": np.full((2, 3), 0.5, np.float32),
+    "motion": np.zeros((2, 3, 2), np.float32),
+    "jitter": (0.0, 0.0),
+}
+
+
+def raw(**fields: Any) -> RawFrame:
+    return RawFrame(**PLAIN | fields)
+
+
+def frame(**fields: Any) -> Frame:
+    return Frame(**PLAIN | fields)
+
+
+def test_motion_of_display_size_is_read_where_the_samples_lie() -> None:
+    """Of column i at ratio 2 the sample lies in display column floor(2 (i + 0.5 + jitter))."""
+    conventions = Conventions(motion_resolution="display", motion_unit="uv")
+    motion = numbered(DISPLAY) / np.array(RENDER, np.float32)
+    got = conventions.converter().to_frame(raw(motion=motion, jitter=JITTER)).motion
+    np.testing.assert_allclose(got[..., 0], [[1, 3, 5]] * 2, rtol=1e-6)
+    np.testing.assert_allclose(got[..., 1], [[0] * 3, [2] * 3], rtol=1e-6)
+
+
+def test_motion_of_display_size_is_written_from_the_sample_of_each_pixel() -> None:
+    """Display column p looks at floor((p + 0.5) / 2 - jitter), rows likewise, within the frame."""
+    conventions = Conventions(motion_resolution="display", motion_unit="uv")
+    converter = conventions.converter(display_size=DISPLAY)
+    got = np.asarray(converter.from_frame(frame(motion=numbered(RENDER), jitter=JITTER)).motion) * RENDER
+    np.testing.assert_allclose(got[..., 0], [[0, 0, 0, 1, 1, 2]] * 4, rtol=1e-6)
+    np.testing.assert_allclose(got[..., 1], [[0] * 6, [1] * 6, [1] * 6, [1] * 6], rtol=1e-6)
+
+
+def test_pixels_of_display_size_are_shorter_than_those_of_render_size() -> None:
+    conventions = Conventions(motion_resolution="display")
+    motion = np.broadcast_to(np.array([4.0, -6.0], np.float32), (4, 6, 2))
+    got = conventions.converter().to_frame(raw(motion=motion)).motion
+    np.testing.assert_array_equal(got, np.broadcast_to([2.0, -3.0], (2, 3, 2)))
+
+
+def test_a_jitter_of_half_a_pixel_survives_rounding_and_a_longer_one_is_refused() -> None:
+    convert = Conventions().converter().to_frame
+    assert convert(raw(jitter=(0.50005, -0.50005))).jitter == (0.5, -0.5)
+    with pytest.raises(FrameError, match="jitter"):
+        convert(raw(jitter=(0.502, 0.0)))
+
+
+def test_jittered_motion_loses_the_difference_of_both_jitters() -> None:
+    """Previous minus current, rendered at p - jitter, holds - previous + current jitter."""
+    converter = Conventions(motion_jittered=True).converter()
+    first = converter.to_frame(raw(jitter=(0.1, 0.2)))
+    second = converter.to_frame(raw(jitter=(0.4, -0.3)))
+    np.testing.assert_array_equal(first.motion, 0.0)
+    np.testing.assert_allclose(second.motion, np.broadcast_to([-0.3, 0.5], (2, 3, 2)), rtol=1e-6)
+    cut = converter.to_frame(raw(jitter=(-0.2, 0.1), reset=True))
+    np.testing.assert_array_equal(cut.motion, 0.0)
+    assert np.any(converter.to_frame(raw(jitter=(0.4, 0.0))).motion)
+
+
+@pytest.mark.parametrize(("size", "previous"), [(RENDER, (0.1, 0.2)), ((6, 4), (0.2, 0.4))])
+def test_a_frame_that_is_passed_over_counts_for_the_next_ones_jitter(
+    size: tuple[int, int], previous: tuple[float, float]
+) -> None:
+    """In pixels of its own size: 0.2 of a pixel half as large is 0.1."""
+    converter = Conventions(motion_jittered=True, jitter_sign=-1).converter()
+    converter.pass_over((-previous[0], -previous[1]), size)
+    got = converter.to_frame(raw(jitter=(-0.4, 0.3)))
+    np.testing.assert_allclose(got.motion, np.broadcast_to([-0.3, 0.5], (2, 3, 2)), rtol=1e-6)
+
+
+DISTANCES = np.array([[0.2, 1.0, 5.0], [25.0, 100.0, 100.0]], np.float32)
+
+
 @pytest.mark.parametrize(
-    ("field", "value", "message"),
+    ("kind", "stored"),
     [
-        ("motion_unit", "texels", "motion_unit is 'texels'; want 'pixels', 'uv' or 'ndc'"),
-        ("motion_scale", (0.0, 1.0), "motion_scale is .*two finite numbers that are not 0"),
-        ("motion_jittered", 1, "motion_jittered is 1; want True or False"),
-        ("depth", "reversed", "far is None; want a distance.*reversed_infinite"),
-        ("near", 0.0, "near is 0.0; want a finite distance > 0"),
-        ("far", 10.0, "far is 10.0; want None, as depth is 'reversed_infinite'"),
-        ("jitter_sign", 0, r"jitter_sign is 0; want \+1 or -1"),
-        ("jitter", "pixels", "conventions is given 'jitter'; want one of motion_unit"),
+        ("linear", DISTANCES),
+        ("reversed", NEAR * (FAR - DISTANCES) / (DISTANCES * (FAR - NEAR))),
+        ("forward", 1.0 - NEAR * (FAR - DISTANCES) / (DISTANCES * (FAR - NEAR))),
     ],
 )
-def test_a_wrong_field_is_named(field: str, value: object, message: str) -> None:
+def test_depth_with_a_far_plane_becomes_near_over_distance_and_0_at_the_plane(
+    kind: Any, stored: Float32
+) -> None:
+    conventions = Conventions(depth=kind, near=NEAR, far=FAR)
+    got = conventions.converter().to_frame(raw(depth=stored.astype(np.float32))).depth
+    want = np.where(DISTANCES < FAR, NEAR / DISTANCES, 0.0)
+    np.testing.assert_allclose(got, want, rtol=1e-4, atol=1e-6)
+    back = conventions.converter().from_frame(frame(depth=want.astype(np.float32))).depth
+    np.testing.assert_allclose(np.asarray(back), stored, rtol=1e-4, atol=1e-6)
+
+
+def test_depth_without_a_far_plane_becomes_near_over_distance() -> None:
+    want = NEAR / DISTANCES
+    for kind, stored in (
+        ("linear", DISTANCES),
+        ("forward_infinite", 1.0 - want),
+        ("reversed_infinite", want),
+    ):
+        got = Conventions(depth=kind, near=NEAR).converter().to_frame(raw(depth=stored)).depth  # type: ignore[arg-type]
+        np.testing.assert_allclose(got, want, rtol=1e-4)
+
+
+def test_the_sky_has_no_distance_and_0_is_none_without_a_warning() -> None:
+    sky = np.zeros((2, 3), np.float32)
+    linear, bounded = (
+        Conventions(depth="linear", near=NEAR),
+        Conventions(depth="linear", near=NEAR, far=FAR),
+    )
+    assert np.isposinf(linear.converter().from_frame(frame(depth=sky)).depth).all()
+    assert (np.asarray(bounded.converter().from_frame(frame(depth=sky)).depth) == FAR).all()
+    assert not linear.converter().to_frame(raw(depth=sky)).depth.any()  # 0 is no distance of a surface
+    assert not linear.converter().to_frame(raw(depth=sky + np.inf)).depth.any()
+
+
+def test_a_surface_beyond_the_far_plane_cannot_be_written_but_one_at_it_may_be_rounded() -> None:
+    converter = Conventions(depth="reversed", near=NEAR, far=FAR).converter()
+    depth = np.full((2, 3), NEAR / FAR, np.float32)
+    depth[1] *= 1.0 - 5e-6
+    np.testing.assert_allclose(np.asarray(converter.from_frame(frame(depth=depth)).depth), 0.0, atol=1e-6)
+    depth[1, 2] = 0.99 * NEAR / FAR
+    with pytest.raises(FrameError, match="beyond the far plane"):
+        converter.from_frame(frame(depth=depth))
+
+
+def test_rows_are_turned_in_every_buffer_and_colours_decoded() -> None:
+    rows = np.array([[0.04, 0.04, 0.04], [0.5, 0.5, 0.5]], np.float32)
+    stored = raw(
+        color=np.repeat(rows[..., None], 3, axis=2), depth=rows, motion=np.repeat(rows[..., None], 2, axis=2),
+        aovs=rows[..., None], gbuffer={"roughness": rows}, gbuffer_display={"depth": rows},
+    )  # fmt: skip
+    got = Conventions(bottom_up=True, srgb=True).converter().to_frame(stored)
+    assert got.color is not None
+    assert got.aovs is not None
+    assert got.gbuffer is not None
+    assert got.gbuffer_display is not None
+    linear = [((0.5 + 0.055) / 1.055) ** 2.4, 0.04 / 12.92]
+    np.testing.assert_allclose(got.color[:, 0, 0], linear, rtol=1e-5)
+    for buffer in (got.depth, got.motion[..., 0], got.aovs[..., 0], got.gbuffer["roughness"]):
+        np.testing.assert_allclose(buffer[:, 0], [0.5, 0.04])
+    np.testing.assert_allclose(got.gbuffer_display["depth"][:, 0], [0.5, 0.04])
+
+
+def test_motion_of_another_size_is_refused_and_a_larger_one_with_a_hint() -> None:
+    motion = np.zeros((4, 5, 2), np.float32)
+    with pytest.raises(FrameError, match="motion_resolution='display'"):
+        Conventions().converter().to_frame(raw(motion=motion))
+    for smaller in (motion[:1], motion[:, :2]):
+        with pytest.raises(FrameError) as refused:
+            Conventions().converter().to_frame(raw(motion=smaller))
+        assert "motion_resolution" not in str(refused.value)
+        with pytest.raises(FrameError, match="at least"):
+            Conventions(motion_resolution="display").converter().to_frame(raw(motion=smaller))
+
+
+@pytest.mark.parametrize("display", [(2, 4), (6, 1)])
+def test_a_display_smaller_than_the_frame_is_refused(display: tuple[int, int]) -> None:
+    converter = Conventions(motion_resolution="display").converter(display_size=display)
+    with pytest.raises(ArgumentError, match="display_size"):
+        converter.from_frame(frame())
+
+
+@pytest.mark.parametrize("background", [0.0, -0.0, np.inf])
+def test_the_background_of_linear_depth_is_sky_beside_surfaces(background: float) -> None:
+    depth = np.array([[2.0, background, 1.0], [np.nan, 4.0, 8.0]], np.float32)
+    got = Conventions(depth="linear", near=1.0).converter().to_frame(raw(depth=depth))
+    np.testing.assert_array_equal(got.depth, np.array([[0.5, 0.0, 1.0], [np.nan, 0.25, 0.125]], np.float32))
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"motion_unit": "texels"}, "motion_unit is 'texels'; want 'pixels', 'uv' or 'ndc'"),
+        ({"motion_scale": (0.0, 1.0)}, "motion_scale is .*two finite numbers that are not 0"),
+        ({"motion_scale": (1.0, 1.0, 1.0)}, "motion_scale"),
+        ({"motion_jittered": 1}, "motion_jittered is 1; want True or False"),
+        ({"srgb": 1}, "srgb"),
+        ({"depth": "reversed"}, "far is None; want a distance.*reversed_infinite"),
+        ({"depth": "forward"}, "far"),
+        ({"near": 0.0}, "near is 0.0; want a finite distance > 0"),
+        ({"near": -1.0}, "near"),
+        ({"near": math.inf}, "near"),
+        ({"far": 10.0}, "far is 10.0; want None, as depth is 'reversed_infinite'"),
+        ({"depth": "reversed", "near": 1.0, "far": 1.0}, "far"),
+        ({"depth": "reversed", "near": 1.0, "far": math.nan}, "far"),
+        ({"jitter_sign": 0}, r"jitter_sign is 0; want \+1 or -1"),
+        ({"jitter": "pixels"}, "conventions is given 'jitter'; want one of motion_unit"),
+    ],
+)
+def test_a_wrong_field_is_named(fields: dict[str, Any], message: str) -> None:
     with pytest.raises(ArgumentError, match=message):
-        Conventions.from_json({field: value})
+        Conventions.from_json(fields)
 
 
 def test_every_field_is_explained() -> None:
