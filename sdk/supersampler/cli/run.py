@@ -331,7 +331,7 @@ class _Run:
         """Write compare.html; it appears when the block ends without an error."""
         job, shot, model, size = self._job, self._shot, self._upscaler.model, self._display_size
         provider = model.providers[0].removesuffix("ExecutionProvider")
-        sources = ". ".join(line.rstrip(".") for line in (*shot.attribution, shot.license) if line)
+        sources = ". ".join(line.rstrip(".") for line in (*shot.info.attribution, shot.info.license) if line)
         about = About(
             title=shot.name,
             method=model.info.method,
