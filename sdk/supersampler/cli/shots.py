@@ -209,8 +209,8 @@ def _shot_rows(shot: "Shot") -> dict[str, str]:
         "conventions": repr(shot.conventions),
         "G-buffers": listed(names_of(frame)),
         "AOVs": "none" if frame.aovs is None else f"{frame.aovs.shape[2]} channels",
-        "licence": shot.license or "not stated",
-        "attribution": "\n".join(shot.attribution) or "none",
+        "licence": shot.info.license or "not stated",
+        "attribution": "\n".join(shot.info.attribution) or "none",
     }
 
 
