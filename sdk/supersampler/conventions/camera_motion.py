@@ -17,7 +17,7 @@ ClipDepth = Literal["zero_to_one", "minus_one_to_one"]
 
 BEHIND = np.float32(1e-6)
 """W of the previous clip space over that of this one: what has less was behind the previous camera."""
-_LANES = 16  # least width of the kernel's images
+_LANES = 16  # minimum width of the kernel's images
 _PARALLEL = 1e-5  # of the depth row to the w row of a matrix: the rounding of float32 matrices
 
 

@@ -18,7 +18,7 @@ from supersampler.frame import Size
 
 
 def check_ratio(ratios: tuple[float, float], render_size: Size, display_size: Size) -> None:
-    """Raise FrameError unless a method with these ratios (least, largest) upscales between the sizes.
+    """Raise FrameError unless a method with these ratios (min, max) upscales between the sizes.
 
     A range allows for the rounding of either size to whole pixels: some sizes less than a pixel larger or
     smaller have a ratio in it. A method with one ratio computes whole
@@ -52,7 +52,7 @@ def check_ratio(ratios: tuple[float, float], render_size: Size, display_size: Si
 
 
 def only_ratio(ratios: tuple[float, float]) -> float | None:
-    """Return the only ratio, where least and largest are equal; None for a range."""
+    """Return the only ratio, where both ends are equal; None for a range."""
     low, high = ratios
     return low if low == high else None
 

@@ -23,14 +23,14 @@ EXPOSURE_KEY = 0.18
 """Middle grey: the log-average luminance that `auto_exposure` maps an image to."""
 
 EXPOSURES = (2.0**-24, 2.0**24)
-"""Least and largest exposure that a frame can give. Outside of it, exposure is measured. The range brings any
-half float to middle grey, with at least two stops to spare."""
+"""Range of exposures that a frame can give; outside of it, exposure is measured. It brings any half float to
+middle grey, with at least two stops to spare."""
 
 CEILING_DB = 100.0
 """The PSNR of equal images, finite for means and JSON."""
 
 _ROWS = 32  # that are computed at a time: they stay in the cache
-_DARKEST = 1e-4  # least luminance in the logarithmic average
+_DARKEST = 1e-4  # minimum luminance in the logarithmic average
 MAX_HALF = 65504.0
 _LARGEST = 1e30  # exposure; its product with an image still fits single precision
 _ADAPTATION = 0.1  # part of the way, in stops, that exposure moves in one frame
@@ -135,13 +135,13 @@ def followed_exposure(given: float | None, target: float | None, before: float) 
         before: result of the previous frame: negative after an unconfirmed outlier, 0 for the first frame.
     """
     known = abs(before)
-    wanted = given or target or known or EXPOSURE_KEY
+    exposure = given or target or known or EXPOSURE_KEY
     if not known > 0.0:
-        return -wanted
-    if not known / _OUTLIER <= wanted <= known * _OUTLIER:
-        return wanted if before < 0.0 else -known
+        return -exposure
+    if not known / _OUTLIER <= exposure <= known * _OUTLIER:
+        return exposure if before < 0.0 else -known
     if given is not None or target is None:
-        return wanted
+        return exposure
     return float(known ** (1.0 - _ADAPTATION) * target**_ADAPTATION)
 
 

@@ -1,4 +1,4 @@
-"""What PNG, TIFF and video files show of linear light: a tone curve, an OpenColorIO view, or sRGB alone.
+"""Transforms from linear light to PNG, TIFF and video: a tone curve, an OpenColorIO view, or sRGB alone.
 
 >>> transform = display_transform_from(color_space="ACEScg", view="ACES 2.0 - SDR 100 nits (Rec.709)")
 >>> write_png("0001.png", to_uint8(transform.show(image, exposure)))
@@ -94,7 +94,7 @@ class DisplayTransform:
 
     @property
     def description(self) -> str:
-        """What is shown, in one line for people."""
+        """The transform, in one line for people."""
         exposure = "" if self.stops == 0.0 else "exposure"
         exposure += f" of {self.stops:+g} stops" if self.stops else ""
         curve = "c / (1 + max(r, g, b)), sRGB" if self.tone_curve else "clipped to [0, 1], sRGB"

@@ -23,11 +23,11 @@ IMAGE_PIXELS: Final = 1 << 27
 """Width times height: 16384 x 8192."""
 IMAGE_PARTS: Final = 1024
 IMAGE_CHANNELS: Final = 4096
-"""Of all parts of an image file."""
+"""In all parts of an image file together."""
 IMAGE_BYTES: Final = 1 << 33
-"""Of the pixels of an image file that are decoded at once."""
+"""Pixels of an image file that are decoded at once."""
 JSON_BYTES: Final = 1 << 26
-"""Of a file, or of the header of another format."""
+"""A JSON file, or the JSON header of another format."""
 RATES: Final = (0.001, 1000.0)
 """Frames a second, of a video and of a file's header."""
 SHOT_FRAMES: Final = 1 << 20
@@ -61,9 +61,7 @@ def os_errors_as_shot_error(path: Path | str, action: str = "read", hint: str = 
 def partial_name(path: Path, run: str = "") -> Path:
     """Return a temporary name beside `path`, as `remove_partial_files` finds it.
 
-    Args:
-        path: the file.
-        run: eight hexadecimal digits; "" generates them.
+    `run` is eight hexadecimal digits; "" generates them.
     """
     return path.with_name(f".{path.stem}.{run or secrets.token_hex(4)}{_PARTIAL}{path.suffix}")
 
@@ -111,16 +109,9 @@ def new_file(path: Path) -> FileIO:
 
 
 class LogFile:
-    """The text of another program, in a file that each run replaces.
+    """The output of another program, in a file that each run replaces.
 
-    The first line says whose file it is. A file without that line is not replaced.
-
-    Args:
-        path: the file.
-        mark: the first line.
-
-    Raises:
-        ShotError: another program's file has this name, or the disk refuses.
+    The first line is `mark`. A file that begins otherwise is not ours and not replaced: a ShotError.
     """
 
     def __init__(self, path: Path, mark: str) -> None:
@@ -153,12 +144,8 @@ def move_new_folder(partial: Path, folder: Path) -> None:
 def remove_partial_files(folder: Path, is_own: Callable[[str], object], below: Iterable[str] = ()) -> None:
     """Remove the temporary files that killed runs left for files whose names `is_own` accepts.
 
-    Only regular files with a name of `replacing` are removed.
-
-    Args:
-        folder: where to look; it may be a link.
-        is_own: whether a file of this name may have been written by the killed run.
-        below: subfolders to look in, too; links are skipped.
+    Only regular files with a name of `replacing` are removed, in `folder`, which may be a link, and in its
+    subfolders `below`, where links are skipped.
     """
     root = Path(os.path.realpath(folder))
     for place in (root, *(root / name for name in below if name)):
@@ -171,12 +158,9 @@ def remove_partial_files(folder: Path, is_own: Callable[[str], object], below: I
 
 
 def check_ours(path: Path, is_ours: Callable[[Path], bool], what: str) -> None:
-    """Raise ShotError where something is at `path` that this package did not write.
+    """Raise ShotError where something is at `path`, which is to be replaced, that this package did not write.
 
-    Args:
-        path: a file that is to be replaced; it need not exist.
-        is_ours: tells from a file's content whether this package wrote it.
-        what: what it should be, such as "a record of `bench ... --json`".
+    `is_ours` tells it by the content; `what` is what should be there: "a record of `bench ... --json`".
     """
     if is_there(path) and not (is_regular(path) and is_ours(path)):
         hint = "Move it away, or choose another name."
@@ -205,11 +189,7 @@ def user_cache() -> Path:
 
 
 def utf8_path(path: Path | str) -> str:
-    """Return a path as a library takes it that wants UTF-8, also where the locale is not UTF-8.
-
-    Raises:
-        ShotError: the path is not UTF-8.
-    """
+    """Return a path for a library that expects UTF-8 in any locale; ShotError where it is not UTF-8."""
     try:
         return os.fsencode(path).decode()
     except UnicodeDecodeError:
@@ -246,12 +226,7 @@ def is_there(path: Path) -> bool:
 
 
 def check_apart(output: Path, source: Path) -> None:
-    """Raise ShotError where `output` is `source`, contains it or lies in it, links followed.
-
-    Args:
-        output: a file or folder to write; it need not exist.
-        source: the file or folder that is read.
-    """
+    """Raise ShotError where `output` is `source`, contains it or lies in it, links followed."""
     hint = "Choose another place for what is written."
     holds = _lies_in(source, output)
     if _lies_in(output, source):

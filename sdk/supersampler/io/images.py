@@ -44,7 +44,7 @@ _MAGIC: Mapping[str, tuple[bytes, ...]] = {
     "exr": (b"v/1\x01",), "png": (b"\x89PNG",), "tif": (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"),
 }  # fmt: skip
 FORMATS = tuple(_MAGIC)
-"""Of the files that are read: "exr", "png", "tif"."""
+"""Formats that are read."""
 _DAMAGED = "The file is damaged or cut off; write or copy it again."
 _TOO_LARGE = "Write it smaller; if it is smaller, its header is damaged: copy it again."
 _SIGNS_OF_DAMAGE = re.compile(
@@ -256,7 +256,7 @@ def _in_display(plane: Channel, spec: ImageSpec, outside: float) -> Channel:
 
 
 UNKNOWN_COLOR_SPACE = "unknown"
-"""Of files with primaries that are none of those below."""
+"""Colour space of files with primaries that are none of those below."""
 
 
 class TypedValues(NamedTuple):

@@ -53,7 +53,7 @@ class Camera:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RenderedScene:
-    """What Blender says of the scene that it renders.
+    """Description of the rendered scene, as Blender reports it.
 
     Attributes:
         name: of the scene.
@@ -215,17 +215,11 @@ def is_blender(channels: Iterable[str]) -> bool:
 def layer_map(
     path: Path, types: Mapping[str, str], layer: str | None, *, motion: bool = True
 ) -> dict[str, list[str]]:
-    """Return the channels of a view layer's passes by our names.
-
-    Args:
-        path: the file, for messages.
-        types: names of all of its channels, with their types.
-        layer: name of the view layer; None where only one is complete.
-        motion: whether the pass Vector is needed.
+    """Return the channels of a view layer's passes by our names, from the types of all channels of a file.
 
     Raises:
-        ShotError: no layer has all passes that are needed.
-        ArgumentError: several have, or `layer` has not.
+        ShotError: no layer has all passes that are needed; `motion` tells whether Vector is.
+        ArgumentError: several have and `layer` is None, or `layer` has not.
     """
     channels = list(types)
     layers = _complete_layers(channels, motion=motion)
@@ -261,7 +255,7 @@ def aov_names(channels: Iterable[str], layer: str) -> list[str]:
 
 
 def _complete_layers(channels: Sequence[str], *, motion: bool = True) -> list[str]:
-    """Return the names of the layers that have colour, depth and, if wanted, motion, in the file's order."""
+    """Return the names of the layers that have colour, depth and, if needed, motion, in the file's order."""
     layers = [name.removesuffix(".Combined.R") for name in channels if name.endswith(".Combined.R")]
     return [
         layer
@@ -304,18 +298,13 @@ def rendered_shot(
     camera_of: Callable[[int], Camera],
     stop_waiting: Callable[[], None] = lambda: None,
 ) -> Shot:
-    """Return a Shot of frames that need not exist yet.
+    """Return a Shot of `count` frames that need not exist yet.
+
+    `camera_of` returns the camera of a frame, by its index, when its file is complete, and raises ShotError
+    where it never will be. `stop_waiting` makes a call that waits raise it, too.
 
     Vectors are corrected, as measured with Blender 4.5. Those of Cycles hold no change of the lens shift, and
     none of the sky. Those of Eevee hold both, and the jitter's. Workbench writes none, and gets the camera's.
-
-    Args:
-        folder: of the frames.
-        record: what is rendered; its scene is known.
-        count: number of frames.
-        camera_of: returns the camera of a frame, by its index, when its file is complete; ShotError where it
-            never will be.
-        stop_waiting: makes a `camera_of` that waits raise ShotError.
     """
     scene, first, jitter = record.scene, record.first, record.jitter
     if scene is None:
@@ -372,15 +361,13 @@ def _arrays(
     names = layer_map(path, read_types(path), scene.layer, motion=False)
     names.pop("motion_next", None)  # the next frame's camera, which it lacks, may not be known yet
     aovs = names.get("aovs", [])
-    wanted = {
-        name: channels
-        for name, channels in names.items()
-        if gbuffers is None or name not in GBUFFER_CHANNELS or f"gbuffer_{name}" in gbuffers
-    }
-    only = [name for each in wanted.values() for name in each]
+    for name in GBUFFER_CHANNELS:
+        if gbuffers is not None and f"gbuffer_{name}" not in gbuffers:
+            names.pop(name, None)
+    only = [channel for channels in names.values() for channel in channels]
     channels = read_exr(path, only=only, outside={names["depth"][0]: _SKY})
     check_size(path, channels, scene.render_size)
-    arrays = {name: take(path, channels, each) for name, each in wanted.items()}
+    arrays = {name: take(path, channels, each) for name, each in names.items()}
     arrays["depth"] = arrays["depth"].astype(np.float32, copy=False)
     if len(aovs) == 1:
         arrays["aovs"] = arrays["aovs"][..., None]

@@ -84,11 +84,9 @@ class Packing:
 def parse_packing(name: str, value: Mapping[str, Any], count: int) -> tuple[list[str], Packing]:
     """Return the channels of a packed array, in the order of `Packing.decoded`, and its packing.
 
-    Args:
-        name: of the array, for messages.
-        value: {"bytes": ..., "range": [low, high], "base": 256}. "bytes" lists the channels of a number, the
-            most significant byte first; of an array of several numbers, one such list each.
-        count: numbers a pixel.
+    `value` is {"bytes": ..., "range": [low, high], "base": 256}. "bytes" lists the channels of a number, the
+    most significant byte first; of an array of `count` > 1 numbers a pixel, one such list each. `name` is the
+    array's, for messages.
 
     Raises:
         ArgumentError: a key is missing or unknown, or a value is not of this form.
@@ -123,12 +121,7 @@ def losses_of(
 ) -> tuple[str, ...]:
     """Return sentences on what integers in the files do not hold; none where no integers are read.
 
-    Args:
-        color_bits: of each channel of the colour; None where it is floating point.
-        motion: packing of the motion; None where it is floating point.
-        pixels_per_unit: (x, y) of the motion's unit, either sign.
-        depth: packing of the depth; None where it is floating point.
-        is_jittered: whether any frame has a jitter.
+    `color_bits`, `motion` and `depth` are None where these are floating point.
     """
     losses = []
     if color_bits is not None:
@@ -439,14 +432,14 @@ class _MappedFiles:
         render_size: Size | None = None,
         gbuffers: Collection[str] | None = None,
     ) -> RawFrame:
-        wanted = {
-            name: source
-            for name, source in self.sources.items()
-            if gbuffers is None or name not in _OPTIONAL or _OPTIONAL[name] in gbuffers
-        }
         arrays: dict[str, Array] = {}
         for pattern, files in self.files.items():
-            sources = {name: source for name, source in wanted.items() if source.pattern == pattern}
+            sources = {
+                name: source
+                for name, source in self.sources.items()
+                if source.pattern == pattern
+                and (gbuffers is None or name not in _OPTIONAL or _OPTIONAL[name] in gbuffers)
+            }
             if not sources:
                 continue
             path, names = files[self.numbers[index]], [n for s in sources.values() for n in s.channels]

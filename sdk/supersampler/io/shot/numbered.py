@@ -17,7 +17,7 @@ from supersampler.io.shot.format import is_frame_range
 
 JITTER_FILE_NAME = "jitter.json"
 FRAME_SUFFIXES = (".exr", ".png", ".tif", ".tiff")
-"""Of the image files that are read."""
+"""Suffixes of the image files that are read."""
 Jitter: TypeAlias = Sequence[tuple[float, float]] | Path | str
 """(x, y) of each frame, or a JSON file that holds [[x, y], ...]; a shorter list repeats."""
 Range: TypeAlias = tuple[int, int]
@@ -130,12 +130,8 @@ def file_names(path: Path, pattern: str) -> str:
 def read_jitter(folder: Path, jitter: Jitter | None, indices: Iterable[int]) -> list[tuple[float, float]]:
     """Return the jitter of frames: as given, or from `jitter.json` in the folder, or zero.
 
-    A list of another length repeats from its start, as the jitter of renderers does.
-
-    Args:
-        folder: of the frames.
-        jitter: of the sequence, from its first frame.
-        indices: of the frames, counted from the first of the sequence.
+    `indices` count from the first frame of the sequence, where `jitter` begins. A list of another length
+    repeats from its start, as the jitter of renderers does.
 
     Raises:
         ShotError: the file is missing, or does not hold [x, y] pairs.
@@ -204,8 +200,8 @@ def _number_finder(path: Path) -> Callable[..., _Span | None]:
         raise ShotError(path, "has no field for the frame number", suggestion(path.parent))
     if fields:
         field, (begin, end) = fields[0], _without(path.name, fields[0].span())
-        least = len(field[0]) if field[0][0] == "#" else int(field[1] or 1)
-        digits = rf"\d{{{least},}}", rf"-\d+|\d{{{least},}}"
+        count = len(field[0]) if field[0][0] == "#" else int(field[1] or 1)
+        digits = rf"\d{{{count},}}", rf"-\d+|\d{{{count},}}"
         in_field = [re.compile(f"{_expression(begin)}({each}){_ending(end)}", re.DOTALL) for each in digits]
     else:
         whole = re.compile(_ending(path.name), re.DOTALL)
@@ -286,7 +282,7 @@ class FrameNumbers:
 
     @property
     def first(self) -> int:
-        """The least number."""
+        """The smallest number."""
         return self.ranges[0][0]
 
     @property

@@ -97,9 +97,7 @@ def guess_layout(
 ) -> Literal["shot", "render", "blender", "channels", "arm"]:
     """Return the layout by file and channel names; ShotError, with what was found, where it is unknown.
 
-    Args:
-        path: the folder or file.
-        files: pattern of the frames' files in the folder; None: any EXR files.
+    `files` is the pattern of the frames' files in the folder; None accepts any EXR files.
     """
     with os_errors_as_shot_error(path, hint=_KNOWN):
         if path.is_file() and path.suffix in (".safetensors", ".json"):

@@ -43,6 +43,7 @@ from supersampler.io.shot.format import (
 from supersampler.io.shot.shot import Shot, converter_at
 
 _DISPLAY, _REFERENCE = "display", "reference"
+_NAMING = ("first_number", "file_names", "color_space")
 _FOREIGN = "Move it away, or write the shot to another folder."
 
 
@@ -154,13 +155,13 @@ class ShotWriter:
                 without a reference.
         """
         converter = converter_at(self._info, self._entries, len(self._entries))
-        if isinstance(frame, Frame):
-            raw = converter.from_frame(frame)
-        else:
-            raw = frame
+        raw = converter.from_frame(frame) if isinstance(frame, Frame) else frame
+        if raw is frame:
             converter.to_frame(raw)  # raises where it could not be read again
         height, width = raw.depth.shape
-        info = self._info if self._entries else self._info_of(raw)
+        info = self._info
+        if not self._entries:
+            info = replace(info, render_size=(width, height), aov_names=tuple(raw.aov_names or ()))
         self._check_display(raw, reference, classes)
         number = f"{len(self._entries):04d}.exr"
         entry = FrameEntry(
@@ -179,16 +180,9 @@ class ShotWriter:
             if reference is not None and not shared:
                 path = self.path / str(entry.reference)
                 write_reference(path, reference, classes, self._reference_compression)
-            self._publish(info, [*self._entries, entry])
-
-    def _info_of(self, first: RawFrame) -> ShotInfo:
-        height, width = first.depth.shape
-        return replace(self._info, render_size=(width, height), aov_names=tuple(first.aov_names or ()))
-
-    def _publish(self, info: ShotInfo, entries: list[FrameEntry]) -> None:
-        """List the frames in shot.json: they are then part of the shot."""
-        write_text(self._description, shot_json(info, entries))
-        self._info, self._entries = info, entries
+            entries = [*self._entries, entry]
+            write_text(self._description, shot_json(info, entries))  # lists the frame, which is then complete
+            self._info, self._entries = info, entries
 
     @contextmanager
     def _writing(self, names: list[str]) -> Iterator[None]:
@@ -225,11 +219,8 @@ class ShotWriter:
             names = read_json(self._note)
         except ShotError:  # the run was killed while it wrote the note, before any of the files
             return frozenset()
-        return (
-            frozenset(name for name in names if isinstance(name, str))
-            if isinstance(names, list)
-            else frozenset()
-        )
+        listed = names if isinstance(names, list) else []
+        return frozenset(name for name in listed if isinstance(name, str))
 
     def _is_listed(self, name: str) -> bool:
         """Return whether any shot.json or variant in the folder lists a file."""
@@ -246,15 +237,7 @@ class ShotWriter:
         if not resume:
             hint = "Resume it (resume=True), delete the folder, or choose another."
             raise ShotError(path, f"a shot of {len(entries)} frames is there already", hint)
-        for field in (
-            "name",
-            "display_size",
-            "frame_rate",
-            "conventions",
-            "first_number",
-            "file_names",
-            "color_space",
-        ):
+        for field in ("name", "display_size", "frame_rate", "conventions", *_NAMING):
             existing, requested = getattr(info, field), getattr(self._info, field)
             if existing != requested:
                 hint = "Resume with what the shot was begun with, or write to another folder."
