@@ -44,7 +44,6 @@ class FramePair:
         before, now: the frames.
         pixels: the compared pixels.
         textured: whether at least MIN_TEXTURED of them differ from their neighbours.
-        variance: variance of their tone-mapped luminance; unrelated images have twice that error.
     """
 
     def __init__(self, before: FrameProbe, now: FrameProbe) -> None:
@@ -60,7 +59,6 @@ class FramePair:
         right, below = _sample(self._tone, columns + 1, rows), _sample(self._tone, columns, rows + 1)
         change = np.maximum(np.abs(right - here), np.abs(below - here))
         self.textured = int((change > _TEXTURE).sum()) >= MIN_TEXTURED  # NaN compares False
-        self.variance = float(np.nanvar(here))
 
     def error(self, offset: NDArray[np.floating[Any]], where: NDArray[np.bool_] | None = None) -> float:
         """Return the mean squared difference, in [0, 1]; inf where less than half is on screen.
@@ -105,6 +103,11 @@ class FramePair:
         """Whether the motion is 0 everywhere, though most of the image moves."""
         inner = slice(1, -1), slice(1, -1)
         return not self.now.motion.any() and _image_moves(self._tone[inner], self._tone_before[inner])
+
+    @property
+    def variance(self) -> float:
+        """Variance of the tone-mapped luminance; unrelated images have twice that error."""
+        return float(np.nanvar(self._here))
 
     @property
     def continues(self) -> bool:

@@ -253,7 +253,8 @@ def _amplitude_errors(pair: FramePair) -> dict[tuple[float, float], tuple[float,
     """Return the reprojection error of a pair of frames with each of FACTORS, and the image's variance."""
     stated = Conventions()
     vectors, shift = pair.now.vectors(stated, pair.pixels), pair.shift(stated)
-    return {f: (min(pair.error(vectors + shift * f), 1.0), pair.variance) for f in FACTORS}
+    variance = pair.variance
+    return {factors: (min(pair.error(vectors + shift * factors), 1.0), variance) for factors in FACTORS}
 
 
 def jitter_in_vectors(
