@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass
 from json import loads
 from pathlib import Path
 from statistics import fmean
-from typing import Annotated, Any
+from typing import Annotated
 
 import torch
 import typer
@@ -21,8 +21,8 @@ import typer
 from studies.ablation_variants import VARIANTS, Variants
 from supersampler.errors import ArgumentError
 from supersampler_bench.cli.options import ERRORS, JSON, UPDATE, check_page, publish
-from supersampler_bench.markdown_table import table
-from supersampler_bench.record import Record, write_json
+from supersampler_bench.markdown import table
+from supersampler_bench.record import BenchRecord, write_json
 from supersampler_model.data.dataset import open_dataset
 from supersampler_model.training.trainer import Plan, Trainer
 from supersampler_model.training.validation import validate, validation_entries
@@ -129,24 +129,27 @@ def run_variant(ablation: Ablation, name: str, seed: int) -> Scores:
     return scores
 
 
-def ablation_record(rows: Sequence[Row], ablation: Ablation) -> dict[str, Any]:
-    """Return everything, ready for JSON."""
-    plan = {"method": ablation.method, "steps": ablation.steps, "batch": BATCH, "size": ablation.size}
-    return {"bench": "ablation", **plan, "rows": [asdict(row) for row in rows]}
+@dataclass(frozen=True)
+class AblationRecord(BenchRecord):
+    """Scores of all variants of a method, and how they were trained."""
 
+    method: str
+    steps: int
+    batch: int
+    size: int
+    rows: list[Row]
+    BENCH = "ablation"
 
-def markdown_table(record: Record) -> str:
-    """Return the table of a record as Markdown, with its caption."""
-    rows = [Row(row["name"], [Scores(**run) for run in row["seeds"]]) for row in record["rows"]]
-    caption = (
-        f"Each trained for {record['steps']} updates of {record['batch']} crops of {record['size']}x"
-        f"{record['size']} pixels, far from the end: what is compared is how fast it learns. Means over "
-        "the seeds and over the validation sequences; ± is half of the range of the seeds. Differences "
-        f"in brackets are chance: less than the range of the first, {rows[0].spread:.2f} dB, or of their "
-        "own."
-    )
-    headings = ["variant", "PSNR dB:", "against the first:", "tPSNR dB:", "seeds:"]
-    return table(headings, [_cells(row, rows[0]) for row in rows], caption)
+    def table(self) -> str:
+        """Return the table as Markdown, with its caption."""
+        caption = (
+            f"Each trained for {self.steps} updates of {self.batch} crops of {self.size}x{self.size} pixels, "
+            "far from the end: what is compared is how fast it learns. Means over the seeds and over the "
+            "validation sequences; ± is half of the range of the seeds. Differences in brackets are chance: "
+            f"less than the range of the first, {self.rows[0].spread:.2f} dB, or of their own."
+        )
+        headings = ["variant", "PSNR dB:", "against the first:", "tPSNR dB:", "seeds:"]
+        return table(headings, [_cells(row, self.rows[0]) for row in self.rows], caption)
 
 
 def _cells(row: Row, first: Row) -> list[object]:
@@ -172,13 +175,13 @@ def main(
     """Train METHOD with one choice changed at a time, briefly, and compare on validation sequences."""
     if method not in VARIANTS:
         raise ArgumentError("METHOD", got=method, want=f"one of {', '.join(VARIANTS)}")
-    tables = {f"study ablation {method}": markdown_table}
-    check_page(update, tables)
+    block = f"study ablation {method}"
+    check_page(update, AblationRecord, block)
     plan = Ablation(method, data, output, steps=steps, size=size, seeds=seeds, workers=workers)
     rows = run_ablation(
         plan, lambda name, s: ERRORS.print(f"{name}: {s.psnr:.2f} dB, tPSNR {s.tpsnr:.2f} dB")
     )
-    publish(ablation_record(rows, plan), tables, json, update)
+    publish(AblationRecord(method, steps, BATCH, size, rows), block, json, update)
 
 
 if __name__ == "__main__":

@@ -31,7 +31,7 @@ from supersampler.methods.model_file import model_names
 from supersampler.model import ExecutorName, Precision
 from supersampler_bench.cli.options import JSON, counted, listed, say, warn
 from supersampler_bench.compatibility import incompatibility
-from supersampler_bench.record import Record, machine_name, read_record, setting, write_json
+from supersampler_bench.record import JsonRecord, Setting, machine_name, read_record, write_json
 from supersampler_bench.timing.latency import frames_of
 
 FRAMES, STILL_FRAMES = 24, 48
@@ -254,7 +254,7 @@ def _hash_of_scene(render: Size, display: Size, *, still: bool) -> str:
     return whole.hexdigest()
 
 
-def hashed_of(record: Record) -> list[Hashed]:
+def hashed_of(record: JsonRecord) -> list[Hashed]:
     """Return the results in a record by `hashes_record`."""
     return [
         Hashed(
@@ -269,7 +269,7 @@ def hashed_of(record: Record) -> list[Hashed]:
     ]
 
 
-def differences(before: Record, after: Record, *, partly: bool = False) -> Iterator[str]:
+def differences(before: JsonRecord, after: JsonRecord, *, partly: bool = False) -> Iterator[str]:
     """Yield a line for each run whose images or history differ; `partly`: runs may be missing in `after`."""
     new = {result.name: result for result in hashed_of(after)}
     inputs = before["inputs"]
@@ -297,7 +297,7 @@ def _difference(old: Hashed, new: Hashed) -> Iterator[str]:
         yield f"{old.name}: images are the same, but these history tensors differ: {', '.join(tensors)}"
 
 
-def other_setting(before: Record, after: Record) -> str:
+def other_setting(before: JsonRecord, after: JsonRecord) -> str:
     """Return by what machines and versions of two records differ, as a sentence; "" where they do not."""
     pairs = [("machine", machine_name(before), machine_name(after))]
     versions, others = before["versions"], after["versions"]
@@ -327,7 +327,7 @@ def main(
     with counted("runs", len(SIZES) * len(hashed)) as advance:
         results = measure_hashes(hashed, SIZES, on_run=advance)
     record = hashes_record(results)
-    here = {**record, **setting()}
+    here = {**record, **asdict(Setting.now())}
     if json is not None:
         write_json(here, json)
     if before is None:

@@ -24,10 +24,8 @@ from supersampler_bench.cli.options import (
     publish,
 )
 from supersampler_bench.quality.measure import StepImage, Stepper, measure_steppers, reference_size
-from supersampler_bench.quality.score_record import quality_record, scores_row, shot_record
-from supersampler_bench.quality.score_table import markdown_table as score_table
-from supersampler_bench.quality.score_table import tables_of
-from supersampler_bench.record import Record
+from supersampler_bench.quality.score_table import QualityRecord
+from supersampler_bench.quality.scores import MethodRow, ShotRow
 from supersampler_model.methods.taa import Taa
 from supersampler_model.ops.images import Size as Extent
 
@@ -69,9 +67,11 @@ def steppers(shot: Shot) -> list[Stepper]:
     return [stepper_of(title, config, reference_size(shot)) for title, config in OPTIONS.items()]
 
 
-def markdown_table(record: Record) -> str:
-    """Return the tables of a record as Markdown: of the mean at each ratio, or of the only shot."""
-    return "\n\n".join(score_table(title, rows) for title, rows in tables_of(record))
+class TaaOptionsRecord(QualityRecord):
+    """Scores of all options."""
+
+    BENCH = "salvi-options"
+    TABLES = ("",)
 
 
 def main(
@@ -79,16 +79,14 @@ def main(
 ) -> None:
     """Measure every option; frames need references."""
     name, opened = opened_shots(shot, cache, ratio)
-    tables = {f"study salvi-options {name}": markdown_table}
-    check_page(update, tables)
+    block = f"study salvi-options {name}"
+    check_page(update, TaaOptionsRecord, block)
     measured = []
     with counted("frames", sum(len(one) for one, _ in opened)) as advance:
         for one, origin in opened:
             scores = measure_steppers(one, steppers(one), on_frame=advance)
-            measured.append(
-                {**shot_record(one), **(origin or {}), "methods": [scores_row(each) for each in scores]}
-            )
-    publish({**quality_record(measured), "bench": "salvi-options"}, tables, json, update)
+            measured.append(ShotRow.of(one, origin, methods=[MethodRow.of(each) for each in scores]))
+    publish(TaaOptionsRecord.of(measured), block, json, update)
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@ ONNX Runtime's CPU provider computes graphs in half floats mostly in float32; to
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -20,9 +20,9 @@ from supersampler.methods.model_file import find_model, read_model_info
 from supersampler.methods.registry import methods
 from supersampler.model import ExecutorName, Precision
 from supersampler_bench.compatibility import gbuffers_of
-from supersampler_bench.markdown_table import size_text, table
-from supersampler_bench.record import Record
-from supersampler_bench.shots.rendered_frame import rendered_sequence
+from supersampler_bench.markdown import size_text, table
+from supersampler_bench.record import BenchRecord
+from supersampler_bench.shots.rendering import rendered_sequence
 from supersampler_export.half import to_half
 from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.methods import load_method
@@ -156,26 +156,25 @@ def stepper_of_torch(name: str, render: Size, display: Size, *, half: bool = Fal
     return step
 
 
-def parity_record(results: Sequence[Agreement]) -> dict[str, Any]:
-    """Return all values, ready for JSON."""
-    return {"bench": "parity", "results": [asdict(r) for r in results]}
+@dataclass(frozen=True)
+class ParityRecord(BenchRecord):
+    """Differences from torch."""
 
+    results: list[Agreement]
+    BENCH = "parity"
 
-def markdown_table(record: Record) -> str:
-    """Return the table of a record as Markdown, with its caption."""
-    results = [Agreement(**row) for row in record["results"]]
-    rows = [
-        [
-            r.method,
-            r.runs,
-            size_text(r.display),
-            *(f"{r.first:.1e}", f"{r.last:.1e}", f"{r.psnr:.1f}", f"{r.p999:.1e}"),
+    def table(self) -> str:
+        """Return the table as Markdown, with its caption."""
+        rows = [
+            [
+                *(r.method, r.runs, size_text(r.display)),
+                *(f"{r.first:.1e}", f"{r.last:.1e}", f"{r.psnr:.1f}", f"{r.p999:.1e}"),
+            ]
+            for r in self.results
         ]
-        for r in results
-    ]
-    caption = (
-        "Difference from the images of torch, in [0, 1] after the display transform, over "
-        f"{results[0].frames} consecutive frames: means over the first and the last tenth."
-    )
-    headings = ["method", "runs", "display", "first:", "last:", "PSNR dB, last:", "at 99.9 %:"]
-    return table(headings, rows, caption)
+        caption = (
+            "Difference from the images of torch, in [0, 1] after the display transform, over "
+            f"{self.results[0].frames} consecutive frames: means over the first and the last tenth."
+        )
+        headings = ["method", "runs", "display", "first:", "last:", "PSNR dB, last:", "at 99.9 %:"]
+        return table(headings, rows, caption)

@@ -7,12 +7,15 @@ import platform
 import sys
 import time
 from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from subprocess import TimeoutExpired
-from typing import Any, TypeAlias
+from typing import Any, ClassVar, Self, TypeAlias
+
+import msgspec
 
 from supersampler.errors import ArgumentError
 from supersampler.io.child_process import run
@@ -20,8 +23,8 @@ from supersampler.io.files import replacing
 from supersampler.io.machine import machine
 from supersampler.methods.model_file import extrapolation_names, model_names, shipped_model
 
-Record: TypeAlias = Mapping[str, Any]
-"""The values of a measurement, ready for JSON or read back from it."""
+JsonRecord: TypeAlias = Mapping[str, Any]
+"""A record as JSON: of any bench, of this version or another."""
 
 SHIPPED_PARETO = Path(__file__).parent / "pareto.json"
 """Times and scores of the shipped methods; presets are chosen from it."""
@@ -31,17 +34,108 @@ _IMAGE_FILES = ("step.onnx", "network.npz")
 _PACKAGES = ("supersampler", "numpy", "onnxruntime", "flip-evaluator")
 
 
-def setting() -> dict[str, Any]:
-    """Return the setting of a measurement: versions, commit, models, machine, command and date."""
-    return {
-        "commit": _commit(),
-        "model_digests": dict(model_digests()),
-        "versions": {"python": platform.python_version(), **{name: _version(name) for name in _PACKAGES}},
-        "machine": machine(),
-        "command": ["supersampler", *sys.argv[1:]],
-        "date": datetime.now(UTC).isoformat(timespec="seconds"),
-        "seconds": round(time.monotonic() - _BEGAN, 1),
-    }
+@dataclass(frozen=True)
+class Setting:
+    """Setting of a measurement.
+
+    Attributes:
+        commit: of the repository; None outside of one.
+        model_digests: see `model_digests`; None in records from before there were any.
+        versions: of Python and of packages.
+        machine: processor, cores and operating system.
+        command: that measured.
+        date: in UTC.
+        seconds: duration of the command.
+    """
+
+    commit: str | None = None
+    model_digests: dict[str, str] | None = None
+    versions: dict[str, str | None] = field(default_factory=dict)
+    machine: dict[str, Any] = field(default_factory=dict)
+    command: list[str] = field(default_factory=list)
+    date: str = ""
+    seconds: float = 0.0
+
+    @classmethod
+    def now(cls) -> "Setting":
+        """Return the setting of this process."""
+        return cls(
+            commit=_commit(),
+            model_digests=dict(model_digests()),
+            versions={"python": platform.python_version(), **{name: _version(name) for name in _PACKAGES}},
+            machine=machine(),
+            command=["supersampler", *sys.argv[1:]],
+            date=datetime.now(UTC).isoformat(timespec="seconds"),
+            seconds=round(time.monotonic() - _BEGAN, 1),
+        )
+
+
+_SETTING = tuple(Setting.__dataclass_fields__)
+
+
+@dataclass(frozen=True)
+class BenchRecord:
+    """Values of one measurement, and their tables. A subclass has the values of one bench as fields.
+
+    Attributes:
+        setting: of the measurement.
+        quick: whether few steps and frames were measured, so that numbers are rough.
+    """
+
+    setting: Setting = field(default_factory=Setting.now, kw_only=True)
+    quick: bool = field(default=False, kw_only=True)
+    BENCH: ClassVar[str] = ""
+    TABLES: ClassVar[tuple[str, ...]] = ("",)
+    """Names of the Markdown tables: "" is made by `table`, "summary" by `summary_table`, and so on."""
+
+    def __init_subclass__(cls) -> None:
+        if cls.BENCH:
+            BENCHES[cls.BENCH] = cls
+
+    @classmethod
+    def block_names(cls, name: str) -> list[str]:
+        """Return the names of a record's blocks in Markdown files: "latency" and "latency summary"."""
+        return [f"{name} {table}".rstrip() for table in cls.TABLES]
+
+    def tables(self, name: str) -> dict[str, str]:
+        """Return the Markdown of each block, by the block's name."""
+        return dict(zip(self.block_names(name), map(self.table_text, self.TABLES), strict=True))
+
+    def table_text(self, table: str) -> str:
+        """Return the Markdown of one of TABLES."""
+        return str(getattr(self, f"{table}_table".lstrip("_"))())
+
+    @property
+    def machine_name(self) -> str:
+        """The processor and the number of its cores."""
+        return machine_name(asdict(self.setting))
+
+    def to_json(self) -> dict[str, Any]:
+        """Return all values, ready for JSON."""
+        values = asdict(self)
+        return {"bench": self.BENCH, **values, **values.pop("setting")}
+
+    @classmethod
+    def from_json(cls, data: JsonRecord) -> Self:
+        """Return the record that `to_json` returned.
+
+        Raises:
+            ArgumentError: it is of another bench, or was written by another version.
+        """
+        kind = BENCHES.get(data["bench"], cls)
+        setting = {name: data[name] for name in _SETTING if name in data}
+        try:
+            record = msgspec.convert({**data, "setting": setting}, kind)
+        except msgspec.ValidationError as error:
+            hint = "Measure again: the record has the command."
+            raise ArgumentError("record", got=str(error), want="one of this version", hint=hint) from error
+        if not isinstance(record, cls):
+            raise ArgumentError("record", got=f"one of {data['bench']!r}", want=f"one of {cls.BENCH!r}")
+        return record
+
+
+BENCHES: dict[str, type[BenchRecord]] = {}
+"""Types of records by the name of their bench; filled when their modules are imported."""
 
 
 @cache
@@ -56,7 +150,7 @@ def _model_digest(folder: Path) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
-def age_of(record: Record) -> str:
+def age_of(record: JsonRecord) -> str:
     """Return a sentence that says which models of a record have changed since; "" where none has."""
     now = model_digests()
     named = {
@@ -90,7 +184,7 @@ def _commit() -> str | None:
     return found.stdout.decode().strip() if found.returncode == 0 else None
 
 
-def machine_name(record: Record) -> str:
+def machine_name(record: JsonRecord) -> str:
     """Return the processor and the number of cores that a record was measured on."""
     return f"{record['machine']['cpu']}, {record['machine']['cores']} cores"
 
@@ -120,13 +214,14 @@ def is_record(path: Path) -> bool:
     return True
 
 
-def write_json(record: Record, path: Path) -> None:
+def write_json(record: BenchRecord | JsonRecord, path: Path) -> None:
     """Write a record, whole or not at all; NaN becomes null, because JSON has no NaN.
 
     Raises:
         ShotError: the file cannot be written.
     """
-    text = json.dumps(_without_nan(record), indent=1, allow_nan=False) + "\n"
+    values = record.to_json() if isinstance(record, BenchRecord) else record
+    text = json.dumps(_without_nan(values), indent=1, allow_nan=False) + "\n"
     with replacing(path) as partial:
         partial.write_text(text, encoding="utf-8", newline="\n")
 

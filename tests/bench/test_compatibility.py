@@ -83,15 +83,15 @@ def test_a_device_is_timed_with_buffers_captured_too(gbuffer_model: Path) -> Non
 
 def test_stress_gives_buffers_and_says_what_a_ratio_leaves_out(gbuffer_model: Path) -> None:
     stressed = subjects([str(gbuffer_model), "bilinear"], ["onnx"])
-    scenarios = chosen(["a cut in every frame", "odd and tiny sizes", "ratios from 1 to 3"])
+    scenarios = chosen(["a cut in every frame", "ratios from 1 to 3"])
     planned = [(scenario.name, Path(subject.method).name) for scenario, subject in runs(scenarios, stressed)]
     assert planned == [
         ("a cut in every frame", "demodulated"), ("a cut in every frame", "bilinear"),
-        ("ratios from 1 to 3", "bilinear"), ("odd and tiny sizes", "bilinear"),
+        ("ratios from 1 to 3", "bilinear"),
     ]  # fmt: skip
     (text,) = left_out(scenarios, stressed)
-    assert text.endswith("whose ratios are 2 alone, is left out of ratios from 1 to 3, odd and tiny sizes")
-    for outcome in measure(chosen(["a cut in every frame", "saved and restored"]), stressed[:1], quick=True):
+    assert text.endswith("whose ratios are 2 alone, is left out of ratios from 1 to 3")
+    for outcome in measure(chosen(["a cut in every frame", "threads"]), stressed[:1], quick=True):
         assert outcome.passed, outcome
 
 

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import pytest
 import torch
 
-from supersampler_bench.parity import markdown_table, measure_parity, parity_record
+from supersampler_bench.parity import ParityRecord, measure_parity
 
 
 @pytest.fixture(autouse=True)
@@ -34,4 +34,4 @@ def test_methods_stay_with_torch_however_they_run() -> None:
         half = 2e-4 if result.runs == "torch, fp16" else 1e-4  # others round little in half floats
         assert result.last < {"int8": 1.0 / 255.0, "fp16": half, "fp32": 1e-5}[precision], result
         assert result.psnr > {"int8": 45.0, "fp16": 65.0, "fp32": 80.0}[precision], result
-    assert "cpu, int8" in markdown_table(parity_record(results))
+    assert "cpu, int8" in ParityRecord(results).table()

@@ -12,14 +12,18 @@ from supersampler import ArgumentError, Frame
 from supersampler.frame import Float32, Size
 from supersampler.history import State
 from supersampler_bench.cli.app import app
-from supersampler_bench.stress.compare import Difference, recovery
-from supersampler_bench.stress.contraction import contraction
-from supersampler_bench.stress.recovery import LEAST_BOUND, hostile_bound
-from supersampler_bench.stress.report import draw_sheets, markdown_table, stress_record
-from supersampler_bench.stress.runner import FAMILIES, Outcome, chosen, measure, run, runs
-from supersampler_bench.stress.scenario import ROUNDING, Figure, Scenario, Session, Subject
+from supersampler_bench.stress.compare import Difference, contraction, recovery
+from supersampler_bench.stress.hostile import MIN_BOUND, hostile_bound
+from supersampler_bench.stress.runner import (
+    Outcome,
+    StressRecord,
+    chosen,
+    measure,
+    run,
+    runs,
+)
+from supersampler_bench.stress.scenario import FAMILIES, ROUNDING, Figure, Scenario, Session, Subject
 from supersampler_bench.stress.scenes import LAP, LOOP, PERIOD, Orbit, moving, still
-from supersampler_bench.stress.steady import passed_by_average
 from supersampler_bench.stress.subjects import subjects
 from supersampler_model.data.scenes.analytic import EXTENT, places
 
@@ -132,14 +136,11 @@ def test_contraction_keeps_what_never_fades_within_its_values() -> None:
     assert found.rate == pytest.approx(0.5, abs=2e-3)
 
 
-@pytest.mark.parametrize(
-    "name", ["at rest", "values not a number", "contraction at rest", "saved and restored"]
-)
+@pytest.mark.parametrize("name", ["at rest", "values not a number", "contraction at rest", "threads"])
 def test_a_sound_average_passes(name: str) -> None:
     outcome = run(scenario(name), SOUND, quick=True)
     assert outcome.error == ""
     assert failed(outcome) == []
-    assert outcome.curve
 
 
 def test_what_keeps_a_bad_value_fails() -> None:
@@ -164,7 +165,7 @@ def test_what_raises_breaks_its_scenario_alone() -> None:
     outcomes = list(measure([scenario("threads")], [subject(begin), SOUND], quick=True))
     assert [o.passed for o in outcomes] == [False, True]
     assert outcomes[0].error == "RuntimeError: no device"
-    table = markdown_table(stress_record(outcomes, quick=True))
+    table = StressRecord(outcomes, quick=True).table()
     assert "- threads, average cpu: broke. RuntimeError: no device" in table
 
 
@@ -270,20 +271,15 @@ def test_the_largest_error_after_a_reset_is_the_bound_and_measuring_stops_once_i
             yield Difference(0.0, most)
 
     bound = hostile_bound(Difference(0.0, 0.04), after_resets())
-    assert bound == Difference(LEAST_BOUND.mean, 0.05 + ROUNDING)
+    assert bound == Difference(MIN_BOUND.mean, 0.05 + ROUNDING)
     assert measured == [0.02, 0.05]
-    assert hostile_bound(Difference(0.0, 0.5), after_resets()).most == 0.09 + ROUNDING
-    assert hostile_bound(Difference(0.0, 0.0), after_resets()).most == 0.02 + ROUNDING
+    assert hostile_bound(Difference(0.0, 0.5), after_resets()).p999 == 0.09 + ROUNDING
+    assert hostile_bound(Difference(0.0, 0.0), after_resets()).p999 == 0.02 + ROUNDING
 
 
 def test_a_nan_is_within_no_bound() -> None:
     assert not Figure("difference", float("nan"), 1.0).passed
     assert Figure("difference", 1.0, 1.0).passed
-
-
-def test_an_average_lets_more_through_of_what_is_slow() -> None:
-    assert passed_by_average(0.1, 8) == pytest.approx(0.136, abs=5e-3)
-    assert passed_by_average(0.1, 32) == pytest.approx(0.47, abs=5e-3)
 
 
 def test_the_moving_scene_comes_back_and_its_motion_is_exact() -> None:
@@ -302,7 +298,7 @@ def test_the_moving_scene_comes_back_and_its_motion_is_exact() -> None:
 def test_every_scenario_says_what_it_does() -> None:
     scenarios: Sequence[Scenario] = [s for family in FAMILIES.values() for s in family]
     assert len({s.name for s in scenarios}) == len(scenarios) >= 25
-    assert all(s.done.endswith(".") for s in scenarios)
+    assert all(s.description.endswith(".") for s in scenarios)
     assert {s.name for s in chosen(["light"])} == {s.name for s in FAMILIES["light"]}
     with pytest.raises(ArgumentError, match="only is 'weather'"):
         chosen(["weather"])
@@ -326,21 +322,20 @@ def test_outcomes_are_kept_and_taken_from_there(tmp_path: Path) -> None:
     assert len(calls) > stepped
 
 
-def test_what_is_outside_its_bound_stands_out(tmp_path: Path) -> None:
+def test_what_is_outside_its_bound_stands_out() -> None:
     good = run(scenario("threads"), SOUND, quick=True)
     bad = replace(
         good, method="other", figures=(Figure("difference", 0.5, 0.0), Figure("bad values", 3.0, 0.0))
     )
-    record = stress_record([good, bad], quick=True)
-    table = markdown_table(record)
+    record = StressRecord([good, bad], quick=True)
+    table = record.table()
     assert "| threads | difference | 0 | 0 | **0.5** |" in table
     assert "| values not in [0, 65504] | 0 | 0 | **3** |" in table
     assert "2 of 4 figures are within their bounds" in table
-    assert [o["passed"] for o in record["outcomes"]] == [True, False]
-    assert [path.name for path in draw_sheets([good, bad], tmp_path)] == ["sessions.png"]
+    assert [o["passed"] for o in record.to_json()["outcomes"]] == [True, False]
 
 
-def test_the_command_writes_a_record_a_table_and_curves(tmp_path: Path) -> None:
+def test_the_command_writes_a_record_and_a_table(tmp_path: Path) -> None:
     page = tmp_path / "page.md"
     blocks = "<!-- bench:stress -->\n<!-- /bench -->\n", "<!-- bench:stress scenarios -->\n<!-- /bench -->\n"
     page.write_text("".join(blocks))
@@ -363,14 +358,14 @@ def test_the_command_writes_a_record_a_table_and_curves(tmp_path: Path) -> None:
     assert "| threads | difference |" in result.output
     assert "One thread, two, three, five:" not in result.output, "what is done is for the page"
     assert '"outcomes"' in (tmp_path / "stress.json").read_text()
-    assert (tmp_path / "out" / "sessions.png").stat().st_size > 10_000
+    assert len(list((tmp_path / "out").iterdir())) == 3
 
 
-def test_a_page_that_lacks_one_of_the_blocks_is_refused_before_anything_runs(tmp_path: Path) -> None:
+def test_a_page_without_a_block_is_refused_before_anything_runs(tmp_path: Path) -> None:
     page = tmp_path / "page.md"
-    page.write_text("<!-- bench:stress -->\n<!-- /bench -->\n")
+    page.write_text("<!-- bench:latency -->\n<!-- /bench -->\n")
     result = CliRunner().invoke(
         app, ["stress", "--only", "threads", "-o", str(tmp_path / "out"), "--update", str(page)]
     )
-    assert "0 blocks of 'stress scenarios'" in str(result.exception)
+    assert "0 blocks of 'stress'" in str(result.exception)
     assert not (tmp_path / "out").exists()

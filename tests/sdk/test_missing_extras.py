@@ -79,7 +79,7 @@ def test_the_quick_report_leaves_out_what_needs_torch(tmp_path: Path) -> None:
 import sys
 sys.modules["torch"] = None
 from pathlib import Path
-from supersampler_bench.report import quick_measurements as quick
+from supersampler_bench.report import quick
 quick._PARTS = {{"parity": quick._PARTS["parity"]}}
 quick.measure_quickly(Path({str(tmp_path)!r}), lambda name, message: print(name, message))
 """

@@ -4,12 +4,15 @@ from pathlib import Path
 
 from supersampler.upscaler import PRESETS
 from supersampler_bench.record import read_record
-from supersampler_bench.timing.pareto import at_ratio, points_of, presets
+from supersampler_bench.specs import parse_spec
+from supersampler_bench.timing.pareto import ParetoRecord, at_ratio, presets
 
 MEASURED = Path(__file__).parents[2] / "bench" / "supersampler_bench" / "pareto.json"
 
 
 def test_presets_are_the_points_of_the_frontier_that_their_rule_chooses() -> None:
-    chosen = presets(at_ratio(points_of(read_record(MEASURED)), 2.0))
+    chosen = presets(at_ratio(ParetoRecord.from_json(read_record(MEASURED)).points, 2.0))
     shipped = {name: (p.model, p.precision) for name, p in PRESETS.items()}
-    assert {name: (s.model, s.precision) for name, s in chosen.items()} == shipped
+    assert {
+        name: (s.model, s.precision) for name, s in ((n, parse_spec(text)) for n, text in chosen.items())
+    } == shipped

@@ -2,7 +2,7 @@
 
 import typer
 
-from supersampler_bench.cli import device, parity, quality, report, shots, still, stress, timing
+from supersampler_bench.cli import quality, report, timing
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, rich_markup_mode=None)
 
@@ -19,14 +19,14 @@ for command in (
     timing.traffic,
     timing.latency,
     timing.startup,
-    device.device,
+    timing.device,
     timing.skip,
-    still.still,
+    quality.still,
     timing.pareto,
-    stress.stress,
-    parity.parity,
-    shots.shots,
-    shots.product_shot,
+    report.stress,
+    quality.parity,
+    quality.shots,
+    quality.product_shot,
     report.records,
     report.tables,
     report.report,

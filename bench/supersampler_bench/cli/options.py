@@ -1,7 +1,7 @@
 """Shared options of the commands, progress bars, and output of records and tables."""
 
 import time
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, cast
@@ -16,8 +16,8 @@ from supersampler.frame import Size
 from supersampler.io.files import check_ours
 from supersampler.io.shot import Shot
 from supersampler.model import ExecutorName
-from supersampler_bench.markdown_blocks import find_block, update_blocks
-from supersampler_bench.record import Record, is_record, setting, write_json
+from supersampler_bench.markdown import find_blocks, update_blocks
+from supersampler_bench.record import BenchRecord, is_record, write_json
 from supersampler_bench.shots import public_shots
 
 ERRORS = Terminal(stderr=True)
@@ -61,9 +61,6 @@ _CACHE_SOURCE: Any = {
 }
 CACHE = Annotated[Path | None, typer.Option(**_CACHE_SOURCE)]
 CACHE_ARGUMENT = Annotated[Path | None, typer.Argument(**_CACHE_SOURCE)]
-
-Tables = Mapping[str, Callable[[Record], str]]
-"""Functions that make the tables of a record, by the name of the table's block."""
 
 
 def say(text: str) -> None:
@@ -160,37 +157,40 @@ def executors_of(text: str) -> list[ExecutorName]:
     return words_of("--executors", text, kinds)
 
 
-def check_page(page: Path | None, names: Iterable[str]) -> None:
-    """Fail before the measurement, not after it, where a page lacks one of the blocks.
+def check_page(page: Path | None, kind: type[BenchRecord], name: str) -> None:
+    """Fail before the measurement, not after it, where a page has no block of such a record.
+
+    Args:
+        page: Markdown file; None: there is none.
+        kind: of the record.
+        name: of its first block, as "latency".
 
     Raises:
-        ArgumentError: it does.
+        ArgumentError: the page has none of its blocks, or one twice.
     """
     if page is not None:
-        for name in names:
-            find_block(page, name)
+        find_blocks(page, kind.block_names(name))
 
 
 def publish(
-    measured: Mapping[str, Any],
-    tables: Tables,
+    record: BenchRecord,
+    name: str,
     json: Path | None,
     page: Path | None,
     *,
     page_only: Collection[str] = (),
 ) -> None:
-    """Print the tables of a measurement; write the record to `json`, the tables to the page.
+    """Print the tables of a record; write the record to `json`, the tables to the page.
 
     Args:
-        measured: all values, ready for JSON.
-        tables: of the record.
+        record: of a measurement.
+        name: of its first block, as "latency".
         json: file of the record; None writes none.
-        page: Markdown file that has the blocks of the tables; None writes none.
-        page_only: names of tables that are not printed.
+        page: Markdown file that has blocks of the tables; None writes none.
+        page_only: names of blocks that are not printed.
     """
-    record = {**measured, **setting()}
-    texts = {name: make(record) for name, make in tables.items()}
-    printed = [text for name, text in texts.items() if name not in page_only]
+    texts = record.tables(name)
+    printed = [text for block, text in texts.items() if block not in page_only and text]
     Terminal().print("\n\n".join(printed), soft_wrap=True)
     if json is not None:
         write_json(record, json)

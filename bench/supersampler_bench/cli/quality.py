@@ -1,31 +1,43 @@
-"""`supersampler bench quality` and `extrapolation`: methods against the references of a shot."""
+"""`supersampler bench` commands about images: quality, extrapolation, still, parity and the test shots."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from rich.table import Table
 
+from supersampler.cli.arguments import parse_size
 from supersampler.cli.terminal import Terminal
+from supersampler.errors import ArgumentError
+from supersampler.frame import Size
 from supersampler.io.shot import Shot
 from supersampler_bench.cli.options import (
     CACHE,
+    CACHE_ARGUMENT,
+    DISPLAY_SIZE,
+    EXECUTORS,
     JSON,
     METHODS,
     RATIO,
+    SAMPLES,
     SHOT,
     UPDATE,
     check_page,
     counted,
+    executors_of,
     listed,
     opened_shots,
     publish,
+    say,
     warn,
+    words_of,
 )
-from supersampler_bench.markdown_blocks import find_blocks, update_blocks
+from supersampler_bench.markdown import update_blocks
 from supersampler_bench.record import write_json
+from supersampler_bench.shots import public_shots
 
 if TYPE_CHECKING:
-    from supersampler_bench.record import Record
+    from supersampler_bench.quality.scores import ShotRow
 
 
 def quality(
@@ -63,44 +75,40 @@ def quality(
       supersampler bench quality my_shot -o errors
       supersampler bench quality test-shots --ratio 1.5,2,3,4 --json results.json
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
-    from supersampler_bench.quality import score_table
-    from supersampler_bench.quality.confusion import rich_class_table
-    from supersampler_bench.quality.score_record import quality_record
+    from supersampler_bench.quality.score_table import QualityRecord, rich_class_table, rich_table
 
     name, opened = opened_shots(shot, cache, ratio)
     for page in update or []:
-        find_blocks(page, score_table.block_names(f"quality {name}"))
-    record = quality_record([_measured(one, origin, listed(methods), output) for one, origin in opened])
+        check_page(page, QualityRecord, f"quality {name}")
+    record = QualityRecord.of([_measured(one, origin, listed(methods), output) for one, origin in opened])
     if output is not None:
-        from supersampler_bench.quality.figures import draw_means  # needs matplotlib
+        from supersampler_bench.report.figures import draw_means  # needs matplotlib
 
         draw_means(record, output)
     console = Terminal()
-    for title, rows in [*score_table.shot_tables(record), *score_table.mean_tables(record).values()]:
-        console.print(score_table.rich_table(title, rows))
+    for title, rows in [*record.shot_tables(), *record.mean_tables().values()]:
+        console.print(rich_table(title, rows))
         if (classes := rich_class_table(title, rows)) is not None:
             console.print(classes)
     if json is not None:
         write_json(record, json)
     for page in update or []:
-        update_blocks(page, score_table.blocks(record, f"quality {name}"))
+        update_blocks(page, record.tables(f"quality {name}"))
 
 
-def _measured(shot: Shot, origin: dict[str, Any], methods: list[str], output: Path | None) -> "Record":
-    from supersampler_bench.quality.error_maps import ErrorMaps
+def _measured(shot: Shot, origin: dict[str, Any], methods: list[str], output: Path | None) -> "ShotRow":
     from supersampler_bench.quality.measure import measure_quality, runnable
-    from supersampler_bench.quality.score_record import shot_scores
+    from supersampler_bench.quality.scores import shot_row
 
     methods = runnable(shot, methods, warn)
-    maps = ErrorMaps(methods)
     with counted(shot.name, len(shot)) as advance:
-        watch = maps if output is not None else (lambda _: None)
-        results = measure_quality(shot, methods, watch=watch, on_frame=advance)
-    measured = shot_scores(shot, results, origin)
-    if output is not None:
-        from supersampler_bench.quality.figures import draw_shot  # needs matplotlib
+        if output is None:
+            return shot_row(shot, measure_quality(shot, methods, on_frame=advance), origin)
+        from supersampler_bench.report.figures import ErrorMaps, draw_shot  # needs matplotlib
 
-        draw_shot(measured, maps, output)
+        maps = ErrorMaps(methods)
+        measured = shot_row(shot, measure_quality(shot, methods, watch=maps, on_frame=advance), origin)
+    draw_shot(measured, maps, output)
     return measured
 
 
@@ -139,8 +147,7 @@ def extrapolation(
     from supersampler_bench.quality import extrapolation as bench
 
     name, opened = opened_shots(shot, cache, ratio)
-    tables = {f"extrapolation {name}": bench.markdown_table}
-    check_page(update, tables)
+    check_page(update, bench.ExtrapolationRecord, f"extrapolation {name}")
     upscalers, extrapolators, alternations = listed(methods), listed(models), listed(alternation)
     runs = sum(len(bench.runs_of(text, every_frame=every_frame)) for text in alternations)
     measured = []
@@ -155,6 +162,160 @@ def extrapolation(
                 on_left_out=warn,
                 on_frame=advance,
             )
-            measured.append(bench.shot_scores(one, scores, origin))
-    record = bench.extrapolation_record(measured, extrapolators, every_frame=every_frame)
-    publish(record, tables, json, update)
+            measured.append(bench.unshaded_row(one, scores, origin))
+    record = bench.ExtrapolationRecord.of(measured, extrapolators, every_frame=every_frame)
+    publish(record, f"extrapolation {name}", json, update)
+
+
+QUICK_DISPLAY: Size = (96, 54)
+TIMED_DISPLAY: Size = (960, 540)
+QUICK_RATIO = 1.0  # of the shortest jitter period
+
+
+def still(
+    scenes: Annotated[
+        str, typer.Option(help="SCENE:RATIO: analytic, court, or with moving objects, as court-mover.")
+    ] = "analytic:1,analytic:1.5,analytic:2,analytic:3,analytic-mover:2,court:2,gallery:2,court-mover:2",
+    methods: METHODS = "taa,taau,classifier-small,classifier",
+    executors: EXECUTORS = "cpu,onnx",
+    display_size: DISPLAY_SIZE = "320x180",
+    samples: SAMPLES = 64,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Each scene at ratio 1 only, with small images.")
+    ] = False,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Folder for still.png: curves over the frames.")
+    ] = None,
+    json: JSON = None,
+    update: UPDATE = None,
+) -> None:
+    """Measure images of scenes that stand still, after 1, 2 and 4 jitter periods, and the time of a frame.
+
+    Compared with the reference. Test shots are rendered here, with OpenGL. Times are measured well only if
+    nothing else runs on the machine.
+
+    \b
+    Examples:
+      supersampler bench still --scenes analytic:2 --methods taau
+      supersampler bench still -o docs/images --json still.json --update README.md
+    """  # noqa: D301  # \b is click's mark for lines that are not to be joined
+    from supersampler_bench.quality.still import (
+        TIMED_RATIO,
+        StillRecord,
+        frame_count,
+        measure_still,
+        measure_times,
+    )
+
+    check_page(update, StillRecord, "still")
+    chosen, display, timed_display = (
+        _scenes_of(scenes),
+        parse_size(display_size, "--display-size"),
+        TIMED_DISPLAY,
+    )
+    if quick:
+        chosen = [(name, QUICK_RATIO) for name in dict(chosen)]
+        display = timed_display = QUICK_DISPLAY
+    names, kinds = listed(methods), executors_of(executors)
+    ratios = [*(ratio for _, ratio in chosen), TIMED_RATIO]
+    with counted("frames", sum(map(frame_count, ratios))) as advance:
+        times = measure_times(names if "cpu" in kinds else [], timed_display, on_frame=advance)
+        results = measure_still(chosen, names, display, executors=kinds, samples=samples, on_frame=advance)
+    record = StillRecord(display, results, timed_display, times, quick=quick)
+    if output is not None:
+        from supersampler_bench.report.figures import draw_still  # needs matplotlib
+
+        draw_still(record, output / "still.png")
+        say(str(output / "still.png"))
+    publish(record, "still", json, update)
+
+
+def _scenes_of(text: str) -> list[tuple[str, float]]:
+    """Return names and ratios of scenes.
+
+    Raises:
+        ArgumentError: there is no such scene, or a ratio is no number.
+    """
+    from supersampler_bench.quality.still import SCENES
+
+    found = []
+    for part in listed(text):
+        name, _, ratio = part.partition(":")
+        words_of("--scenes", name, SCENES)
+        try:
+            found.append((name, float(ratio)))
+        except ValueError as error:
+            raise ArgumentError("--scenes", got=repr(part), want="SCENE:RATIO, as analytic:2") from error
+    return found
+
+
+def parity(
+    methods: Annotated[
+        str, typer.Option(help="Names of shipped models, with commas between.")
+    ] = "taa,taau,classifier-small,classifier,classifier-large,gbuffer-fast",
+    frames: Annotated[int, typer.Option(min=10, help="Consecutive frames at each size.")] = 200,
+    json: JSON = None,
+    update: UPDATE = None,
+) -> None:
+    """Compare the ONNX and CPU backends with torch, over a long sequence that is rendered here, with OpenGL.
+
+    \b
+    Example:
+      supersampler bench parity --methods classifier --frames 300 --update docs/results/backends.md
+    """  # noqa: D301  # \b is click's mark for lines that are not to be joined
+    from supersampler_bench import parity as bench
+
+    check_page(update, bench.ParityRecord, "parity")
+    names = listed(methods)
+    with counted("frames", len(bench.methods_by_size(names)) * frames) as advance:
+        results = bench.measure_parity(names, frames, on_frame=advance)
+    publish(bench.ParityRecord(results), "parity", json, update)
+
+
+def shots(
+    cache: CACHE_ARGUMENT = None,
+    workers: Annotated[int, typer.Option(min=1, help="Processes.")] = 1,
+    freeze: Annotated[
+        bool, typer.Option("--freeze", help="Make these pixels the ones that figures are published for.")
+    ] = False,
+) -> None:
+    """Render the public test shots, 40 frames each at ratios 1 to 4, and check their pixels.
+
+    Each has references of 64 samples a pixel, truth classes, and G-buffers of both sizes on every frame. The
+    same command continues a stopped run. The pixels' hashes are compared with the frozen ones; another driver
+    renders slightly different pixels, which gives a warning.
+    """
+    from supersampler_bench.shots.rendering import frames_there, render_test_shots
+
+    folder, plans = cache or public_shots.default_cache(), (public_shots.TEST_SHOTS, public_shots.APART_SHOTS)
+    total = sum(plan.frames * len(plan.seeds) for plan in plans)
+    done = sum(frames_there(folder, plan) for plan in plans)
+    with counted("rendering", total, done, resumes=True) as advance:
+        for plan in plans:
+            render_test_shots(folder, plan, workers=workers, on_frame=advance)
+    found = [
+        shot
+        for plan in plans
+        for shot in public_shots.open_test_shots(folder, plan.ratios, plan, public_shots.FROZEN)
+    ]
+    if freeze:
+        found = public_shots.freeze(found, public_shots.FROZEN)
+    table = Table("shot", "ratio", "pixels (SHA-256)", "as frozen", caption=found[0].driver)
+    for shot in found:
+        table.add_row(shot.shot.name, f"{shot.ratio:g}", shot.digest[:16], "yes" if shot.as_frozen else "no")
+    Terminal().print(table)
+    for warning in filter(None, (shot.warning() for shot in found)):
+        warn(warning)
+    say(f"{len(found)} shots in {folder / public_shots.NAME}")
+
+
+def product_shot(
+    output: Annotated[
+        Path, typer.Argument(help="Folder to write; it ships as sdk/supersampler/shots/plaza.")
+    ],
+) -> None:
+    """Render the shot that ships with the package, from its scene in code."""
+    from supersampler_model.data.product_shot import FRAMES, render_product_shot
+
+    with counted("rendering", FRAMES, resumes=True) as advance:
+        render_product_shot(output, on_frame=advance)

@@ -1,18 +1,21 @@
-"""`supersampler bench ...` cost, latency, startup, skip and pareto: how long methods take."""
+"""`supersampler bench` commands about time: cost, traffic, startup, latency, device, skip and pareto."""
 
 import os
+import time
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from supersampler.cli.arguments import parse_size
 from supersampler.errors import ArgumentError, DeviceError
 from supersampler.frame import Size
-from supersampler.model import Precision
+from supersampler.model import Model, Precision
 from supersampler_bench.cli.options import (
     DISPLAY_SIZE,
+    DISPLAY_SIZES,
     ERRORS,
     EXECUTORS,
     JSON,
@@ -22,11 +25,11 @@ from supersampler_bench.cli.options import (
     SCENES,
     STEPS,
     UPDATE,
-    Tables,
     check_page,
     counted,
     executors_of,
     listed,
+    numbers_of,
     publish,
     say,
     size_pairs_of,
@@ -34,7 +37,7 @@ from supersampler_bench.cli.options import (
     warn,
     words_of,
 )
-from supersampler_bench.record import SHIPPED_PARETO, read_record
+from supersampler_bench.record import SHIPPED_PARETO, BenchRecord, Setting, read_record, write_json
 
 ROUNDS = "With --against: of --steps steps each."
 STARTS = "With --against: programs timed to their first image; 0, or 6 and more."
@@ -53,13 +56,12 @@ def cost(
     Example:
       supersampler bench cost --methods classifier,my_classifier --update docs/results/methods.md
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
-    from supersampler_bench.timing import network_cost as bench
+    from supersampler_bench.timing import traffic as bench
 
-    tables = {"cost": bench.markdown_table}
-    check_page(update, tables)
+    check_page(update, bench.CostRecord, "cost")
     size = parse_size(display_size, "--display-size")
     costs = [bench.measure_cost(name, size) for name in listed(methods)]
-    publish(bench.cost_record(costs, size), tables, json, update)
+    publish(bench.CostRecord(size, costs), "cost", json, update)
 
 
 def traffic(
@@ -84,14 +86,11 @@ def traffic(
     from supersampler_bench.specs import parse_spec
     from supersampler_bench.timing import traffic as bench
     from supersampler_bench.timing.gpu_traffic import count_gpu
-    from supersampler_bench.timing.onnx_traffic import count_onnx
-    from supersampler_bench.timing.roofline import roofline_table
 
-    tables = {"traffic": bench.markdown_table, "traffic roofline": roofline_table}
-    check_page(update, tables)
+    check_page(update, bench.TrafficRecord, "traffic")
     names, pairs = listed(methods), size_pairs_of(sizes)
-    both = (count_onnx, count_gpu)
-    counters = {name: both if parse_spec(name).precision == "auto" else (count_onnx,) for name in names}
+    both = (bench.count_onnx, count_gpu)
+    counters = {name: both if parse_spec(name).precision == "auto" else (bench.count_onnx,) for name in names}
     with counted("steps", sum(map(len, counters.values())) * len(pairs)) as advance:
         results = []
         for render, display in pairs:
@@ -103,8 +102,8 @@ def traffic(
                     except (ArgumentError, DeviceError) as error:  # another ratio, no shaders, or no device
                         warn(f"{name}: {error}")
                     advance()
-            results.append((render, display, rows))
-    publish(bench.traffic_record(results), tables, json, update)
+            results.append(bench.SizeTraffic(render, display, rows))
+    publish(bench.TrafficRecord(results), "traffic", json, update)
 
 
 def startup(
@@ -122,14 +121,13 @@ def startup(
       supersampler bench startup --methods classifier --update docs/results/backends.md
       supersampler bench startup --methods taau:gpu,classifier:gpu
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
-    from supersampler_bench.timing import startup as bench
+    from supersampler_bench.timing import against as bench
 
-    tables = {"startup": bench.markdown_table}
-    check_page(update, tables)
+    check_page(update, bench.StartupRecord, "startup")
     names, render = listed(methods), parse_size(render_size, "--render-size")
     with counted("programs", len(names) * (cold + warm)) as advance:
         results = bench.measure_startup(names, render, cold=cold, warm=warm, on_process=advance)
-    publish(bench.startup_record(results, render, 2.0), tables, json, update)
+    publish(bench.StartupRecord(render, 2.0, results), "startup", json, update)
 
 
 def latency(
@@ -189,8 +187,7 @@ def latency(
     _check_not_given(context, ("rounds", "starts", "fresh"), "they are of --against")
     from supersampler_bench.timing import latency as bench
 
-    tables = {"latency": bench.markdown_table}
-    check_page(update, tables)
+    check_page(update, bench.LatencyRecord, "latency")
     known: tuple[Precision, ...] = ("auto", "fp32", "fp16", "int8")
     with ERRORS.status("timing"):
         results = bench.measure_latency(
@@ -206,7 +203,7 @@ def latency(
             on_left_out=warn,
         )
         limits = bench.measure_limits()
-    publish(bench.latency_record(results, limits, ratio), tables, json, update)
+    publish(bench.LatencyRecord(ratio, results, limits), "latency", json, update)
 
 
 def _check_not_given(context: typer.Context, names: Iterable[str], why: str) -> None:
@@ -229,14 +226,13 @@ def _compare_versions(
 ) -> None:
     from supersampler_bench.timing import against as bench
 
-    tables = {"against": bench.markdown_table}
-    check_page(update, tables)
+    check_page(update, bench.AgainstRecord, "against")
     rounds = bench.Rounds(**taken)
     with counted("rounds", len(methods) * rounds.total(len(displays) * len(threads))) as advance:
         sides, results = bench.measure_against(
             python, methods, displays, threads, ratio=ratio, rounds=rounds, on_round=advance, on_left_out=warn
         )
-    publish(bench.against_record(sides, results, ratio, rounds), tables, json, update)
+    publish(bench.AgainstRecord(ratio, sides, rounds, results), "against", json, update)
 
 
 def skip(
@@ -260,14 +256,14 @@ def skip(
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_bench.timing import skip as bench
 
-    tables = {"skip": bench.markdown_table}
-    check_page(update, tables)
+    check_page(update, bench.SkipRecord, "skip")
     families, names, size = listed(scenes), listed(methods), parse_size(display_size, "--display-size")
     with counted("frames", len(bench.MOVES) * len(families) * bench.frame_count(ratio)) as advance:
         results = bench.measure_skipping(
             families, names, size, ratio=ratio, samples=samples, on_frame=advance
         )
-    publish(bench.skip_record(results, size, ratio), tables, json, update)
+    record = bench.SkipRecord(size, ratio, results, bench.frame_count(ratio))
+    publish(record, "skip", json, update)
 
 
 def pareto(
@@ -301,38 +297,116 @@ def pareto(
       supersampler bench pareto bench/results/quality-test-shots*.json -o docs/images --update docs/pareto.md
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_bench.compatibility import gbuffers_of
+    from supersampler_bench.quality.extrapolation import ExtrapolationRecord
+    from supersampler_bench.quality.score_table import QualityRecord
     from supersampler_bench.timing import pareto as bench
-    from supersampler_bench.timing import pareto_extrapolated as extrapolated
 
-    tables: Tables = {
-        "pareto": bench.markdown_table,
-        "presets": bench.preset_table,
-        "pareto unshaded": extrapolated.unshaded_table,
-    }
-    check_page(update, tables)
-    records, size = (
-        [read_record(path) for path in quality or [SHIPPED_PARETO]],
-        parse_size(display_size, "--display-size"),
-    )
-    scored = [record for record in records if record["bench"] != extrapolated.BENCH]
+    check_page(update, bench.ParetoRecord, "pareto")
+    records = [BenchRecord.from_json(read_record(path)) for path in quality or [SHIPPED_PARETO]]
+    size = parse_size(display_size, "--display-size")
+    scored = [r for r in records if isinstance(r, QualityRecord | bench.ParetoRecord)]
+    unscored = [r for r in records if isinstance(r, ExtrapolationRecord | bench.ParetoRecord)]
     with counted("rounds", (2 * len(bench.scores_of(scored)) + 1) * steps) as advance:
         points = bench.measure_pareto(
             scored, size, threads=threads, steps=steps, on_left_out=warn, on_round=advance
         )
-        unshaded = extrapolated.measure_unshaded(
-            records, size, threads=threads, steps=steps, on_round=advance
-        )
-    record = bench.pareto_record(points, bench.shots_of(scored[0]), size, threads, unshaded)
-    publish(record, tables, json, update)
+        unshaded = bench.measure_unshaded(unscored, size, threads=threads, steps=steps, on_round=advance)
+    record = bench.ParetoRecord(bench.shots_of(scored[0]), size, threads, points, unshaded)
+    publish(record, "pareto", json, update)
     if output is not None:
         from supersampler_bench.report.figures import draw_pareto  # needs matplotlib
 
-        draw_pareto(points, f"{display_size}, {threads} threads", output)
+        draw_pareto(record, output)
     if budget_ms is not None:
         best = bench.best_within(points, budget_ms)
         for point in best:
-            reads = " (reads G-buffers)" if gbuffers_of([point.spec.model]) else ""
+            reads = " (reads G-buffers)" if gbuffers_of([point.run.model]) else ""
             say(f"ratio {point.ratio:g}: {point.spec}{reads}, {point.milliseconds:.1f} ms")
         if not best:
             say(f"no setting takes {budget_ms:g} ms or less")
             raise typer.Exit(1)
+
+
+def device(
+    methods: METHODS = "taa,taau,classifier-small,classifier,classifier-large",
+    display_size: DISPLAY_SIZES = "3840x2160,1920x1080",
+    precisions: Annotated[str, typer.Option(help="fp32, fp16, with commas between.")] = "fp32,fp16",
+    providers: Annotated[str, typer.Option(help="Of ONNX Runtime, in order, commas between.")] = "auto",
+    executor: Annotated[
+        str, typer.Option(help="onnx; gpu: the shaders, by timestamp queries; torch: the modules on CUDA.")
+    ] = "onnx",
+    ratio: Annotated[str, typer.Option(help="Display over render size, with commas between.")] = "2",
+    steps: STEPS = 100,
+    capture: Annotated[
+        bool, typer.Option("--capture", help="Also with the step captured, as a CUDA graph; torch: compiled.")
+    ] = False,
+    json: JSON = None,
+    update: UPDATE = None,
+) -> None:
+    """Time a backend on a device: frames and images stay in its memory.
+
+    GPU: also each pass, copies of the device, steps on arrays, and the images against those of the CPU
+    backend. The record is written after each result.
+
+    \b
+    Examples:
+      supersampler bench device --providers cuda --capture --json device.json
+      supersampler bench device --executor gpu --ratio 2,1.5,4 --steps 300 --json device-gpu.json
+    """  # noqa: D301  # \b is click's mark for lines that are not to be joined
+    from supersampler_bench.timing import device as bench
+
+    if executor not in (known := ("onnx", "gpu", "torch")):
+        raise ArgumentError("--executor", got=repr(executor), want=f"one of {', '.join(known)}")
+    kinds: tuple[Precision, ...] = ("fp32", "fp16")
+    chosen = words_of("--precisions", precisions, kinds)
+    names, displays, ratios = (
+        listed(methods),
+        sizes_of("--display-size", display_size),
+        numbers_of("--ratio", ratio),
+    )
+    if executor == "gpu":
+        _time_shaders(names, displays, ratios, steps, json, update)
+        return
+    check_page(update, bench.DeviceRecord, "device")
+    both = (False, True) if capture else (False,)
+    taken: dict[str, Any] = {"ratios": ratios, "steps": steps, "on_left_out": warn}
+    with ERRORS.status("timing"):
+        if executor == "torch":
+            results, name = bench.measure_torch(names, displays, compiled=both, **taken), "cuda"
+        else:
+            results = bench.measure_device(
+                names, displays, chosen, provider=providers, captures=both, **taken
+            )
+            name = Model.load("bilinear", providers=providers, executor="onnx").device
+        copied = bench.measure_copy(name)
+    publish(bench.DeviceRecord(results, copied), "device", json, update)
+
+
+def _time_shaders(
+    methods: list[str],
+    displays: list[Size],
+    ratios: list[float],
+    steps: int,
+    json: Path | None,
+    update: Path | None,
+) -> None:
+    from supersampler_bench.timing.device_gpu import device_with_timestamps, measure_gpu
+    from supersampler_bench.timing.device_record import GpuRecord, compare_images
+
+    check_page(update, GpuRecord, "device")
+    device, began = device_with_timestamps(), time.perf_counter()
+    record = GpuRecord.of(device, methods)
+    say(f"{record.adapter['device']}: copies {1e-9 * record.limits.moved:.0f} GB/s")
+
+    def keep(text: str) -> None:
+        if json is not None:
+            write_json(replace(record, setting=Setting.now()), json)
+        say(f"{time.perf_counter() - began:6.1f} s: {text}")
+
+    for step in measure_gpu(device, methods, displays, ratios, steps=steps, on_left_out=warn):
+        record.steps.append(step)
+        keep(f"{step.method} {step.render} to {step.display}: {step.median:.3f} ms, first {step.first:.1f} s")
+    for image in compare_images(device, methods, on_left_out=warn):
+        record.images.append(image)
+        keep(f"{image.method}, {image.memory}: mean {image.mean:.1e}, largest {image.largest:.3f}")
+    publish(replace(record, setting=Setting.now()), "device", json, update)

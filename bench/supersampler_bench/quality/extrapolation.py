@@ -13,9 +13,12 @@ frame, so that each frame is scored as both.
 The warping baselines upscale shaded frames alone, with motion that spans the unshaded frames between them.
 """
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.frame import Array, Float32, Frame, Size
@@ -25,6 +28,7 @@ from supersampler.methods.model_file import find_model, read_model_info
 from supersampler.sequence.both_ways import buffers_of
 from supersampler.sequence.interpolation import interpolator_of
 from supersampler.upscaler import Upscaler
+from supersampler_bench.quality import masks, metrics
 from supersampler_bench.quality.measure import (
     StepImage,
     Stepper,
@@ -34,13 +38,93 @@ from supersampler_bench.quality.measure import (
     runnable,
     upscaler_of,
 )
-from supersampler_bench.quality.score_record import mean_row, scores_row, shot_record, shots_by_ratio
 from supersampler_bench.quality.score_table import COLUMNS as QUALITY_COLUMNS
 from supersampler_bench.quality.score_table import Column, sizes
 from supersampler_bench.quality.score_table import markdown_table as scores_table
-from supersampler_bench.quality.summaries import BORDER, WARM_UP_FRAMES, MethodScores, Scores
-from supersampler_bench.quality.warping import motion_over_two_frames, warped, with_background_filled
-from supersampler_bench.record import Record
+from supersampler_bench.quality.scores import (
+    BORDER,
+    WARM_UP_FRAMES,
+    Alternated,
+    MethodRow,
+    MethodScores,
+    Scores,
+    ScoresRecord,
+    ShotRow,
+    shots_by_ratio,
+)
+
+Bool = NDArray[np.bool_]
+REACH = 32
+"""Radius, display pixels, of the search for a disoccluded pixel's background."""
+
+
+def warped(image: Float32, frame: Frame) -> Float32:
+    """Reproject the previous image, (H, W, 3), by a frame's motion; off screen the border repeats."""
+    height, width = image.shape[:2]
+    motion = masks.display_motion(frame, (width, height))
+    rows, columns = np.indices((height, width))
+    x, y = (np.clip(columns + motion[..., 0], 0, width - 1), np.clip(rows + motion[..., 1], 0, height - 1))
+    found, _ = metrics.warp(image, np.stack([x - columns, y - rows], axis=-1))
+    return found.astype(np.float32)
+
+
+def with_background_filled(image: Float32, frame: Frame, before: Frame) -> Float32:
+    """Fill disoccluded and off-screen pixels of a warped image from the nearest background.
+
+    That is the nearest pixel, within REACH, that was fully visible and is not closer than the filled one.
+
+    Args:
+        image: (H, W, 3), by `warped`.
+        frame: this one.
+        before: the previous one, shaded or unshaded.
+    """
+    size = (image.shape[1], image.shape[0])
+    unshaded, in_part, depth = (
+        masks.to_display(plane, frame.jitter, size)
+        for plane in (
+            masks.disoccluded(frame, before),
+            masks.disoccluded(frame, before, in_part=True),
+            frame.depth,
+        )
+    )
+    filled, (rows, columns) = image.copy(), np.nonzero(unshaded)
+    for down, across in _outwards():
+        y, x = rows + down, columns + across
+        inside = (y >= 0) & (y < size[1]) & (x >= 0) & (x < size[0])
+        y, x = np.clip(y, 0, size[1] - 1), np.clip(x, 0, size[0] - 1)
+        behind = depth[y, x] <= masks.DEPTH_RATIO * depth[rows, columns]
+        found = inside & ~in_part[y, x] & behind
+        filled[rows[found], columns[found]] = image[y[found], x[found]]
+        rows, columns = rows[~found], columns[~found]
+        if not len(rows):
+            break
+    return filled
+
+
+def motion_over_two_frames(frame: Frame, since: Array | None, jitter: tuple[float, float]) -> Array:
+    """Return motion (h, w, 2) from a frame across the previous one, to the frame that `since` leads to.
+
+    Args:
+        frame: this one.
+        since: (h, w, 2), from the previous frame to an earlier one; None: return the frame's own motion.
+        jitter: of the previous frame.
+    """
+    if since is None:
+        return frame.motion
+    to_sample = frame.motion + np.subtract(frame.jitter, jitter)
+    further, inside = metrics.warp(since, to_sample)
+    total = np.where(inside[..., None], frame.motion + further, frame.motion)  # off screen: no matter
+    return total.astype(np.float32)
+
+
+def _outwards() -> Iterator[tuple[int, int]]:
+    """Yield offsets (down, across) within REACH of a pixel, the nearest first."""
+    rows, columns = np.mgrid[-REACH : REACH + 1, -REACH : REACH + 1]
+    far = np.hypot(rows, columns)
+    order = np.argsort(far, axis=None, kind="stable")[1:]
+    kept = order[far.ravel()[order] <= REACH]
+    yield from zip(rows.ravel()[kept].tolist(), columns.ravel()[kept].tolist(), strict=True)
+
 
 EVERY_SECOND = "1:1"
 """One unshaded frame after each shaded one."""
@@ -273,63 +357,68 @@ class WarpBaseline:
         return image
 
 
-def shot_scores(
-    shot: Shot, alternations: dict[str, list[UnshadedScores]], origin: Record | None = None
-) -> dict[str, Any]:
-    """Return the part of a record about one shot; `origin` is what else is known of the shot's pixels."""
-    rows = [
-        {"alternation": text, "methods": [scores_row(s) for s in scores]}
-        for text, scores in alternations.items()
-    ]
-    return {**shot_record(shot), **(origin or {}), "alternations": rows}
+@dataclass(frozen=True)
+class ExtrapolationRecord(ScoresRecord):
+    """Scores of unshaded frames on shots, and their means at each ratio.
 
-
-def extrapolation_record(
-    shots: Sequence[Record], models: Sequence[str], *, every_frame: bool = False
-) -> dict[str, Any]:
-    """Return all values, ready for JSON.
-
-    Args:
-        shots: by `shot_scores`; if there are several, each has its ratio, and there is a mean at each.
+    Attributes:
         models: that extrapolate.
+        means: at each ratio and alternation.
         every_frame: see `measure_extrapolation`.
     """
-    means = []
-    for ratio, group in shots_by_ratio(shots).items():
-        for same in zip(*(shot["alternations"] for shot in group), strict=True):
-            by_method = zip(*(row["methods"] for row in same), strict=True)
-            methods = [mean_row(rows) for rows in by_method]
-            means.append({"ratio": ratio, "alternation": same[0]["alternation"], "methods": methods})
-    facts = {
-        "models": list(models),
-        "every_frame": every_frame,
-        "warm_up_frames": WARM_UP_FRAMES,
-        "border": BORDER,
-    }
-    return {"bench": "extrapolation", **facts, "shots": list(shots), "means": means}
+
+    models: list[str]
+    means: list[Alternated]
+    every_frame: bool = False
+    BENCH = "extrapolation"
+
+    @classmethod
+    def of(
+        cls, shots: Sequence[ShotRow], models: Sequence[str], *, every_frame: bool = False
+    ) -> "ExtrapolationRecord":
+        """Return the record of shots by `unshaded_row`."""
+        means = []
+        for ratio, group in shots_by_ratio(shots).items():
+            for same in zip(*(shot.alternations for shot in group), strict=True):
+                by_method = zip(*(row.methods for row in same), strict=True)
+                methods = [MethodRow.mean(rows) for rows in by_method]
+                means.append(Alternated(same[0].alternation, methods, ratio))
+        return cls(list(shots), list(models), means, every_frame)
+
+    def rows(self) -> Iterator[tuple[float, Alternated]]:
+        """Yield the means, or the rows of the only shot, each with its ratio."""
+        if self.means:
+            yield from ((row.ratio or 1.0, row) for row in self.means)
+            return
+        yield from ((shot.real_ratio, row) for shot in self.shots for row in shot.alternations)
+
+    def table(self) -> str:
+        """Return the tables as Markdown, one for each alternation, with captions."""
+        if not self.means:
+            return "\n\n".join(self._table(sizes(self.shots[0]), row) for row in self.shots[0].alternations)
+        tables = []
+        for mean in self.means:
+            names = ", ".join(shot.name for shot in self.shots if shot.ratio == mean.ratio)
+            tables.append(self._table(f"Mean of the shots {names} at ratio {mean.ratio:g}", mean))
+        return "\n\n".join(tables)
+
+    def _table(self, about: str, row: Alternated) -> str:
+        of_runs = (
+            "In as many runs as frames alternate, each frame is unshaded and shaded: scores are of it "
+            "unshaded; "
+            if self.every_frame
+            else "Scores are of the unshaded ones; "
+        )
+        caption = (
+            f"{about}, {row.alternation} unshaded to shaded frames. {of_runs}tPSNR is of all; "
+            f"without the first {WARM_UP_FRAMES} frames and a border of {BORDER} pixels"
+        )
+        return scores_table(caption, row.methods, COLUMNS)
 
 
-def markdown_table(record: Record) -> str:
-    """Return the tables of a record as Markdown, one for each alternation, with captions."""
-    every_frame = record.get("every_frame", False)
-    if not record["means"]:
-        shot = record["shots"][0]
-        return "\n\n".join(_table(sizes(shot), row, every_frame) for row in shot["alternations"])
-    tables = []
-    for mean in record["means"]:
-        names = ", ".join(shot["name"] for shot in record["shots"] if shot["ratio"] == mean["ratio"])
-        tables.append(_table(f"Mean of the shots {names} at ratio {mean['ratio']:g}", mean, every_frame))
-    return "\n\n".join(tables)
-
-
-def _table(about: str, row: Record, every_frame: bool) -> str:
-    of_runs = (
-        "In as many runs as frames alternate, each frame is unshaded and shaded: scores are of it unshaded; "
-        if every_frame
-        else "Scores are of the unshaded ones; "
-    )
-    caption = (
-        f"{about}, {row['alternation']} unshaded to shaded frames. {of_runs}tPSNR is of all; "
-        f"without the first {WARM_UP_FRAMES} frames and a border of {BORDER} pixels"
-    )
-    return scores_table(caption, row["methods"], COLUMNS)
+def unshaded_row(
+    shot: Shot, alternations: Mapping[str, Sequence[UnshadedScores]], origin: Mapping[str, Any] | None = None
+) -> ShotRow:
+    """Return the part of a record about one shot; `origin` is what else is known of the shot's pixels."""
+    rows = [Alternated(text, [MethodRow.of(s) for s in scores]) for text, scores in alternations.items()]
+    return ShotRow.of(shot, origin, alternations=rows)

@@ -23,9 +23,16 @@ from supersampler.sequence.interpolation import Interpolator
 from supersampler.upscaler import Upscaler
 from supersampler_bench.compatibility import incompatibility
 from supersampler_bench.fsr2.method import FSR2_LIKE, Fsr2Like
-from supersampler_bench.quality import confusion, masks, metrics, strred
-from supersampler_bench.quality.confusion import Counts
-from supersampler_bench.quality.summaries import BORDER, MASKED, FrameScores, MethodScores, Scores
+from supersampler_bench.quality import masks, metrics, strred
+from supersampler_bench.quality.scores import (
+    BORDER,
+    MASKED,
+    Counts,
+    FrameScores,
+    MethodScores,
+    Scores,
+    count_classes,
+)
 from supersampler_bench.specs import parse_spec
 from supersampler_model.data.shots import variant_name
 
@@ -317,7 +324,7 @@ def _score(
     def classes(border: int) -> Counts | None:
         if class_map is None or truth.classes is None:
             return None
-        return confusion.count(class_map, truth.classes, border)
+        return count_classes(class_map, truth.classes, border)
 
     return FrameScores(truth.frame, scores(0), scores(BORDER), classes(0), classes(BORDER))
 

@@ -1,20 +1,27 @@
-"""Tables of quality records, for the terminal and as blocks of Markdown files."""
+"""Quality records and their tables, for the terminal and as blocks of Markdown files."""
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import TypeAlias
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import ClassVar, Self, TypeAlias
 
 from rich.table import Table
 
-from supersampler_bench.markdown_table import figure, size_text, table
-from supersampler_bench.quality.confusion import class_tables
-from supersampler_bench.quality.score_record import shots_by_ratio
-from supersampler_bench.quality.summaries import BORDER, WARM_UP_FRAMES
-from supersampler_bench.record import Record
+from supersampler_bench.markdown import figure, size_text, table
+from supersampler_bench.quality.scores import (
+    BORDER,
+    CLASSES,
+    WARM_UP_FRAMES,
+    Counts,
+    MethodRow,
+    ScoresRecord,
+    ShotRow,
+    fractions,
+    mean_rows,
+    overlap,
+)
 
-Rows: TypeAlias = Sequence[Record]
-"""Summaries of methods: a record's `means` at one ratio, or the `methods` of a shot."""
-Titled: TypeAlias = tuple[str, Rows]
+Titled: TypeAlias = tuple[str, Sequence[MethodRow]]
+"""Caption and rows of a table."""
 NO_CLASSES = "No method predicts classes, or the shots have no true classes."
 
 
@@ -68,7 +75,7 @@ CLIP_COLUMNS = (*COLUMNS[:5], Column("strred", "STRRED", 1, higher=False))
 
 
 def markdown_table(
-    title: str, rows: Rows, columns: Sequence[Column] = COLUMNS, *, everything: bool = False
+    title: str, rows: Sequence[MethodRow], columns: Sequence[Column] = COLUMNS, *, everything: bool = False
 ) -> str:
     """Return a table as Markdown; the best figure of each column is bold.
 
@@ -81,86 +88,141 @@ def markdown_table(
     shown = _shown(columns, rows)
     cells = zip(*(_column(column, rows, "**{}**", everything) for column in shown), strict=True)
     headings = ["method", *(f"{column.heading}:" for column in shown)]
-    named = ([row["method"], *figures] for row, figures in zip(rows, cells, strict=True))
+    named = ([row.method, *figures] for row, figures in zip(rows, cells, strict=True))
     return table(headings, named, f"{title}.")
 
 
-def rich_table(title: str, rows: Rows) -> Table:
+def rich_table(title: str, rows: Sequence[MethodRow]) -> Table:
     """Return the table for a terminal: a line a metric, so that it fits into 80 columns."""
     shown = Table("", caption=title)
     for row in rows:
-        shown.add_column(row["method"], justify="right")
+        shown.add_column(row.method, justify="right")
     for column in _shown(dict.fromkeys((*COLUMNS, *CLIP_COLUMNS)), rows):
         shown.add_row(column.heading, *_column(column, rows, "[bold]{}[/bold]"))
     return shown
 
 
-def _shown(columns: Iterable[Column], rows: Rows) -> list[Column]:
+def _shown(columns: Iterable[Column], rows: Sequence[MethodRow]) -> list[Column]:
     """Return the columns, without rare ones in which no row has a value."""
     return [c for c in columns if not c.rare or {*_column(c, rows, "{}", everything=True)} != {"–"}]
 
 
-def _column(column: Column, rows: Rows, bold: str, everything: bool = False) -> list[str]:
-    way = "all_full" if everything else "warm_cropped"
-    figures = [column.figure(row["summary"][way]) for row in rows]
+def _column(column: Column, rows: Sequence[MethodRow], bold: str, everything: bool = False) -> list[str]:
+    figures = [column.figure(row.summary["all_full" if everything else "warm_cropped"]) for row in rows]
     known = [float(f) for f in figures if f != "–"]  # as shown: equal figures are equally good
     best = (max if column.higher else min)(known, default=None)
     return [bold.format(f) if f != "–" and float(f) == best else f for f in figures]
 
 
-def shot_tables(record: Record, *, everything: bool = False) -> list[Titled]:
-    """Return caption and rows of each shot."""
-    return [(caption(shot, everything=everything), shot["methods"]) for shot in record["shots"]]
+def confusions_of(rows: Sequence[MethodRow]) -> list[tuple[str, Counts]]:
+    """Return the counts of each method that predicts classes, where true classes are known."""
+    counted = [(row.method, row.counts()) for row in rows]
+    return [(method, counts) for method, counts in counted if counts is not None]
 
 
-def mean_tables(record: Record, *, everything: bool = False) -> dict[float, Titled]:
-    """Return caption and rows of the mean at each ratio; nothing for one shot."""
-    found: dict[float, Titled] = {}
-    for ratio, shots in shots_by_ratio(record["shots"]).items():
-        names = ", ".join(shot["name"] for shot in shots)
-        title = (
-            f"Mean of the shots {names} at ratio {ratio:g} to {size_text(shots[0]['display_size'])}: "
-            f"{shots[0]['frames']} frames each, {_counted(everything)}"
+def class_tables(rows: Sequence[MethodRow]) -> str:
+    """Return two Markdown tables for each method that predicts classes; "" where there are none."""
+    return "\n\n".join(
+        _class_table(f"{group}, `{method}`", names, matrix)
+        for method, counts in confusions_of(rows)
+        for (group, names), matrix in zip(CLASSES.items(), counts, strict=True)
+    )
+
+
+def _class_table(title: str, names: Sequence[str], matrix: Counts) -> str:
+    part = matrix.sum(axis=1) / max(matrix.sum(), 1)
+    rows = [
+        [name, *(figure(100.0 * f, 1, " %") for f in row), figure(100.0 * of_all, 2, " %"), figure(iou, 3)]
+        for name, row, of_all, iou in zip(names, fractions(matrix), part, overlap(matrix), strict=True)
+    ]
+    return table([title, *(f"predicted {name}:" for name in names), "of all pixels:", "IoU:"], rows)
+
+
+def rich_class_table(title: str, rows: Sequence[MethodRow]) -> Table | None:
+    """Return the intersections over union for a terminal, a line a class; None where there are none."""
+    confusions = confusions_of(rows)
+    if not confusions:
+        return None
+    shown = Table("intersection over union", *(method for method, _ in confusions), caption=title)
+    for index, (group, names) in enumerate(CLASSES.items()):
+        found = [overlap(counts[index]) for _, counts in confusions]
+        for number, name in enumerate(names):
+            shown.add_row(f"{group}: {name}", *(figure(of[number], 3) for of in found))
+    return shown
+
+
+@dataclass(frozen=True)
+class QualityRecord(ScoresRecord):
+    """Scores of methods on shots, and their means at each ratio."""
+
+    means: list[MethodRow] = field(default_factory=list)
+    BENCH = "quality"
+    TABLES: ClassVar[tuple[str, ...]] = ("", "clip", "classes")
+
+    @classmethod
+    def of(cls, shots: Sequence[ShotRow]) -> Self:
+        """Return the record of shots by `shot_row`."""
+        return cls(list(shots), means=list(mean_rows(shots)))
+
+    def without_frames(self) -> Self:
+        """Return the record without the values of single frames, which are most of its size."""
+        shots = [replace(s, methods=[replace(row, frames=[]) for row in s.methods]) for s in self.shots]
+        return replace(self, shots=shots)
+
+    def rows(self) -> Iterator[tuple[float, MethodRow]]:
+        """Yield the means, or the rows of the only shot, each with its ratio."""
+        if self.means:
+            yield from ((row.ratio or 1.0, row) for row in self.means)
+            return
+        yield from ((shot.real_ratio, row) for shot in self.shots for row in shot.methods)
+
+    def shot_tables(self, *, everything: bool = False) -> list[Titled]:
+        """Return caption and rows of each shot."""
+        return [(caption(shot, everything=everything), shot.methods) for shot in self.shots]
+
+    def mean_tables(self, *, everything: bool = False) -> dict[float, Titled]:
+        """Return caption and rows of the mean at each ratio; nothing for one shot."""
+        found: dict[float, Titled] = {}
+        for ratio, shots in self.shots_by_ratio().items():
+            title = (
+                f"Mean of the shots {', '.join(shot.name for shot in shots)} at ratio {ratio:g} to "
+                f"{size_text(shots[0].display_size)}: {shots[0].frames} frames each, {_counted(everything)}"
+            )
+            found[ratio] = title, [mean for mean in self.means if mean.ratio == ratio]
+        return found
+
+    def main_tables(self, *, everything: bool = False) -> list[Titled]:
+        """Return the tables of the means, or of the shot where there is only one."""
+        means = self.mean_tables(everything=everything)
+        return list(means.values()) or self.shot_tables(everything=everything)
+
+    def table(self) -> str:
+        """Return the table that README shows."""
+        return "\n\n".join(markdown_table(*titled) for titled in self.main_tables())
+
+    def clip_table(self) -> str:
+        """Return the metrics of all pixels, without and then with warm-up and border."""
+        texts = [markdown_table(*titled, CLIP_COLUMNS) for titled in self.main_tables()]
+        whole = self.main_tables(everything=True)
+        return "\n\n".join(
+            [*texts, *(markdown_table(*titled, CLIP_COLUMNS, everything=True) for titled in whole)]
         )
-        found[ratio] = title, [mean for mean in record["means"] if mean["ratio"] == ratio]
-    return found
+
+    def classes_table(self) -> str:
+        """Return the predicted against the true classes."""
+        texts = [(title, class_tables(rows)) for title, rows in self.main_tables()]
+        return "\n\n".join(f"{text}\n\n{title}." for title, text in texts if text) or NO_CLASSES
 
 
-def tables_of(record: Record, *, everything: bool = False) -> list[Titled]:
-    """Return the tables of the means, or of the shot where there is only one."""
-    means = mean_tables(record, everything=everything)
-    return list(means.values()) or shot_tables(record, everything=everything)
-
-
-def block_names(name: str) -> list[str]:
-    """Return the names of the blocks of a Markdown file that `blocks` fills."""
-    return [name, f"{name} clip", f"{name} classes"]
-
-
-def blocks(record: Record, name: str) -> dict[str, str]:
-    """Return the Markdown of each block that `--update` fills, by the block's name.
-
-    The first is the table that README shows; the second has the metrics of all pixels, without and then with
-    warm-up and border; the third compares predicted with true classes.
-    """
-    titled, whole = tables_of(record), tables_of(record, everything=True)
-    first = [markdown_table(*t) for t in titled]
-    clip = [markdown_table(*t, CLIP_COLUMNS) for t in titled]
-    clip += [markdown_table(*t, CLIP_COLUMNS, everything=True) for t in whole]
-    classes = [(title, class_tables(rows)) for title, rows in titled]
-    shown = [f"{text}\n\n{title}." for title, text in classes if text] or [NO_CLASSES]
-    return dict(zip(block_names(name), ("\n\n".join(texts) for texts in (first, clip, shown)), strict=True))
-
-
-def caption(shot: Record, *, everything: bool = False) -> str:
+def caption(shot: ShotRow, *, everything: bool = False) -> str:
     """Return in one line what was measured on a shot."""
-    scored = sum(frame >= WARM_UP_FRAMES or everything for frame in shot["reference_frames"])
-    return f"{sizes(shot)}: {scored} reference frames of {shot['frames']}, {_counted(everything)}"
+    scored = sum(frame >= WARM_UP_FRAMES or everything for frame in shot.reference_frames)
+    return f"{sizes(shot)}: {scored} reference frames of {shot.frames}, {_counted(everything)}"
 
 
-def sizes(shot: Record) -> str:
+def sizes(shot: ShotRow) -> str:
     """Return the name of a shot with references and its sizes."""
-    return f"{shot['name']}, {size_text(shot['render_size'])} to {size_text(shot['display_size'])}"
+    return f"{shot.name}, {size_text(shot.render_size)} to {size_text(shot.display_size)}"
 
 
 def _counted(everything: bool) -> str:

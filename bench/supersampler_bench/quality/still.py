@@ -1,4 +1,4 @@
-"""Scenes before a fixed camera: how near methods come to what the samples hold, and in what time."""
+"""Scenes in front of a fixed camera: convergence of methods to the reference, and the time of a frame."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -12,9 +12,11 @@ from supersampler.conventions import jitter_phase_count
 from supersampler.frame import Float32, Frame, Size
 from supersampler.io.display import display_transform
 from supersampler.model import ExecutorName
+from supersampler_bench.markdown import figure, size_text, table
 from supersampler_bench.quality.metrics import Bool, psnr
+from supersampler_bench.record import BenchRecord
 from supersampler_bench.shots.public_shots import TEST_SHOTS
-from supersampler_bench.shots.rendered_frame import rendered_frame
+from supersampler_bench.shots.rendering import rendered_frame
 from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.scenes.analytic import Scene, still_scene, still_scene_with_mover
 from supersampler_model.data.sequences import HeldSequence
@@ -243,3 +245,64 @@ def _still(frames: Sequence[Frame], display: Size) -> Bool:
     side = 2 * _REACH + 1
     near = np.lib.stride_tricks.sliding_window_view(wide, (side, side)).any(axis=(-2, -1))
     return np.asarray(~near)
+
+
+@dataclass(frozen=True)
+class StillRecord(BenchRecord):
+    """Scores of methods in scenes, at a display size; times in TIMED_SCENE, at another."""
+
+    display: Size
+    scores: list[StillScores]
+    timed_display: Size
+    times: list[StillTimes]
+    BENCH = "still"
+    TABLES = ("", "summary")
+
+    def scores_at_one_ratio(self) -> list[StillScores]:
+        """Return the scores at the ratio that summary and figure show: the one closest to 2."""
+        ratio = min((score.ratio for score in self.scores), key=lambda value: abs(value - 2.0))
+        return [score for score in self.scores if score.ratio == ratio]
+
+    def table(self) -> str:
+        """Return the table of all scores as Markdown, with its caption."""
+        rows = [
+            [
+                *(score.scene, f"{score.ratio:g}", score.method, score.executor),
+                figure(100.0 * score.scored, 0, " %"),
+                *(figure(score.after(count), 1) for count in PERIODS),
+                figure(score.flicker, 4),
+            ]
+            for score in self.scores
+        ]
+        periods = [f"PSNR dB, {count}:" for count in PERIODS]
+        caption = (
+            f"Images of {size_text(self.display)}, of the part of the pixels that never change: PSNR after "
+            f"1, 2 and 4 jitter periods; flicker within the last period. {self.machine_name}."
+        )
+        return table(["scene", "ratio:", "method", "backend", "pixels:", *periods, "flicker:"], rows, caption)
+
+    def summary_table(self) -> str:
+        """Return a row for each method and backend, of all scenes at one ratio, as Markdown."""
+        shown = self.scores_at_one_ratio()
+        scenes = list(dict.fromkeys(score.scene for score in shown))
+        times = {(row.method, "cpu"): row for row in self.times}  # the ONNX backend computes full steps
+        rows = []
+        for method, executor in dict.fromkeys((score.method, score.executor) for score in shown):
+            first, *others = [s for s in shown if (s.method, s.executor) == (method, executor)]
+            timed = times.get((method, executor), StillTimes(method, 0.0, 1.0, 1.0))
+            scores = [first.after(count) for count in PERIODS] + [s.after(PERIODS[-1]) for s in others]
+            shares = [figure(timed.settling, 2), figure(timed.rest, 2)]
+            rows.append([method, executor, *(figure(score, 1) for score in scores), *shares])
+        headings = [
+            *("method", "backend"),
+            *(f"{scenes[0]}, {count} period{'s' * (count > 1)}:" for count in PERIODS),
+            *(f"{scene}, {PERIODS[-1]}:" for scene in scenes[1:]),
+            *("time, settling:", "time, at rest:"),
+        ]
+        caption = (
+            f"PSNR, dB, after jitter periods at ratio {shown[0].ratio:g}, of pixels that never change; "
+            f"images of {size_text(self.display)}. Time of a frame in the second period and in the fourth, "
+            f"as a share of the method's full step: {TIMED_SCENE} at ratio {TIMED_RATIO:g}, images of "
+            f"{size_text(self.timed_display)}. {self.machine_name}."
+        )
+        return table(headings, rows, caption)

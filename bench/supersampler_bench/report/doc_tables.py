@@ -1,110 +1,82 @@
-"""Write the tables of README.md and docs/**/*.md from the records in bench/results."""
+"""Tables of README.md and docs/**/*.md from the records in bench/results; the commands that measure these."""
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+import shlex
+import sys
+import tomllib
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
 from supersampler.errors import ArgumentError
-from supersampler_bench import parity
-from supersampler_bench.markdown_blocks import find_block, update_block
-from supersampler_bench.quality import extrapolation, still_table
-from supersampler_bench.quality.score_table import block_names, blocks
-from supersampler_bench.record import SHIPPED_PARETO, Record, age_of, read_record
-from supersampler_bench.stress import report as stress
-from supersampler_bench.timing import against, device, device_record, latency, pareto, skip, startup, traffic
-from supersampler_bench.timing import network_cost as cost
-from supersampler_bench.timing.pareto_extrapolated import unshaded_table
-from supersampler_bench.timing.roofline import roofline_table
+from supersampler.io.child_process import run
+from supersampler.io.files import is_there
+from supersampler_bench.markdown import find_block, update_block
+from supersampler_bench.parity import ParityRecord
+from supersampler_bench.quality.extrapolation import ExtrapolationRecord
+from supersampler_bench.quality.score_table import QualityRecord
+from supersampler_bench.quality.still import StillRecord
+from supersampler_bench.record import (
+    SHIPPED_PARETO,
+    BenchRecord,
+    JsonRecord,
+    age_of,
+    read_record,
+    write_json,
+)
+from supersampler_bench.stress.runner import StressRecord
+from supersampler_bench.timing.against import AgainstRecord, StartupRecord
+from supersampler_bench.timing.device import DeviceRecord
+from supersampler_bench.timing.device_record import GpuRecord
+from supersampler_bench.timing.latency import LatencyRecord
+from supersampler_bench.timing.pareto import ParetoRecord
+from supersampler_bench.timing.skip import SkipRecord
+from supersampler_bench.timing.traffic import CostRecord, TrafficRecord
 
+RECORDS: tuple[type[BenchRecord], ...] = (
+    *(QualityRecord, ExtrapolationRecord, StillRecord, ParityRecord, StressRecord),
+    *(LatencyRecord, AgainstRecord, StartupRecord, SkipRecord, ParetoRecord),
+    *(DeviceRecord, GpuRecord, CostRecord, TrafficRecord),
+)
+"""Types of the records whose tables the documentation has."""
 RESULTS = Path("bench/results")
-"""Where the records of published numbers are, in the repository."""
+"""Folder of the records of published numbers, in the repository."""
+COMMANDS = Path("bench/records.toml")
 STUDY = "study "
 """Prefix of the blocks that programs in bench/studies write, from records in bench/results/studies."""
-Blocks = Mapping[str, Callable[[], str]]
-"""Functions that return the text of blocks of a Markdown file, by the block's name."""
-
-_TABLES: Mapping[str, Callable[[Record], str]] = {
-    "against": against.markdown_table,
-    "cost": cost.markdown_table,
-    "device": device.markdown_table,
-    "extrapolation": extrapolation.markdown_table,
-    "parity": parity.markdown_table,
-    "skip": skip.markdown_table,
-    "startup": startup.markdown_table,
-    "traffic": traffic.markdown_table,
-}
-"""Functions that make the table of a record, by the record's bench."""
+_PAPER = Path("out/classifier-paper")
+_EXPORT = f"export classifier-paper --weights bench/weights/classifier-paper.safetensors -o {_PAPER}"
 
 
-def blocks_of(name: str, record: Record) -> Blocks:
-    """Return the blocks that a record fills.
+def blocks_of(name: str, record: JsonRecord) -> Mapping[str, Callable[[], str]]:
+    """Return functions that make the blocks of a record, by the block's name.
+
+    They raise ArgumentError if the record was written by another version.
 
     Args:
         name: of its file, without the suffix: "quality-plaza" is the block "quality plaza".
         record: read from it.
     """
-    bench, block = record["bench"], name.replace("-", " ", 1)
-    if bench == "quality":
-        return {part: partial(_quality_block, record, block, part) for part in block_names(block)}
-    if bench == "pareto":
-        return {
-            block: partial(pareto.markdown_table, record),
-            f"{block} unshaded": partial(unshaded_table, record),
-            "presets": partial(pareto.preset_table, record),
-        }
-    if bench == "stress":
-        whole = {} if record["quick"] else {f"{block} scenarios": stress.scenario_list}
-        return {block: partial(stress.markdown_table, record), **whole}
-    if bench == "still":
-        return {
-            block: partial(still_table.markdown_table, record),
-            f"{block} summary": partial(still_table.summary_table, record),
-        }
-    if bench == device_record.BENCH:
-        return {
-            block: partial(device_record.step_table, record),
-            f"{block} passes": partial(device_record.pass_table, record),
-            f"{block} images": partial(device_record.image_table, record),
-        }
-    if bench == "latency":
-        return {
-            block: partial(latency.markdown_table, record),
-            f"{block} summary": partial(latency.summary_table, record),
-        }
-    if bench == "traffic":
-        return {
-            block: partial(traffic.markdown_table, record),
-            f"{block} roofline": partial(roofline_table, record),
-        }
-    return {block: partial(_TABLES[bench], record)} if bench in _TABLES else {}
+    kind = next((kind for kind in RECORDS if record["bench"] == kind.BENCH), None)
+    block = name.replace("-", " ", 1)
+    if kind is None:
+        return {}
+    names = zip(kind.block_names(block), kind.TABLES, strict=True)
+    return {each: partial(_block_text, record, table) for each, table in names}
 
 
-def _quality_block(record: Record, name: str, part: str) -> str:
-    return blocks(record, name)[part]
+def _block_text(record: JsonRecord, table: str) -> str:
+    return BenchRecord.from_json(record).table_text(table)
 
 
-def block_text(name: str, maker: Callable[[], str]) -> str:
-    """Return the text of a block.
-
-    Raises:
-        ArgumentError: its record was written by another version.
-    """
-    try:
-        return maker()
-    except (KeyError, TypeError) as error:  # a value is missing or unknown in this version
-        hint = "Measure again: the record has the command."
-        raise ArgumentError("record", got=f"without {error}", want=f"all of {name!r}", hint=hint) from error
-
-
-def read_records(folder: Path) -> dict[str, Record]:
+def read_records(folder: Path) -> dict[str, JsonRecord]:
     """Return all records of a folder, by the names of their files.
 
     Raises:
         ArgumentError: there is none, or a file is not a record.
     """
-    records: dict[str, Record] = {path.stem: read_record(path) for path in sorted(folder.glob("*.json"))}
+    records: dict[str, JsonRecord] = {path.stem: read_record(path) for path in sorted(folder.glob("*.json"))}
     if not records:
         hint = "Run it in the repository, or say where records of `bench ... --json` are."
         raise ArgumentError("results", got=f"{folder} without records", want="a folder of records", hint=hint)
@@ -119,24 +91,29 @@ class Block:
         page: the file.
         name: of the block.
         text: its present text.
-        wanted: the text that its record gives; None where there is no record of this version.
+        recorded: the text that its record gives; None where there is no record of this version.
         problem: why there is none.
     """
 
     page: Path
     name: str
     text: str
-    wanted: str | None
+    recorded: str | None
     problem: str = ""
 
     @property
     def is_recorded(self) -> bool:
         """Whether the text is the one that the record gives; without a record it must be empty."""
-        return self.text == (self.wanted or "")
+        return self.text == (self.recorded or "")
+
+    def write(self) -> None:
+        """Write the text that the record gives, if there is one."""
+        if self.recorded is not None and not self.is_recorded:
+            update_block(self.page, self.name, self.recorded)
 
 
 def find_all(root: Path) -> Iterator[Block]:
-    """Return all blocks of README.md and docs/**/*.md of a repository.
+    """Yield all blocks of README.md and docs/**/*.md of a repository.
 
     Raises:
         ArgumentError: there are no records, one is damaged, or a page has a block twice.
@@ -151,12 +128,11 @@ def find_all(root: Path) -> Iterator[Block]:
     }
     for page in (root / "README.md", *sorted((root / "docs").rglob("*.md"))):
         for name in re.findall(r"<!-- bench:(.+?) -->", page.read_text(encoding="utf-8")):
-            if name.startswith(STUDY):
-                continue
-            yield _block(page, name, makers.get(name))
+            if not name.startswith(STUDY):
+                yield _block(page, name, makers.get(name))
 
 
-def _with_age(maker: Callable[[], str], record: Record) -> str:
+def _with_age(maker: Callable[[], str], record: JsonRecord) -> str:
     """Return the text of a block, which says where models have changed since it was measured."""
     age = age_of(record)
     return f"{maker()}\n\n{age}" if age else maker()
@@ -168,12 +144,92 @@ def _block(page: Path, name: str, maker: Callable[[], str] | None) -> Block:
     if maker is None:
         return Block(page, name, text, None, "there is no record of it")
     try:
-        return Block(page, name, text, block_text(name, maker))
+        return Block(page, name, text, maker())
     except ArgumentError as error:
         return Block(page, name, text, None, str(error))
 
 
-def write(block: Block) -> None:
-    """Write the text that a block's record gives, if there is one."""
-    if block.wanted is not None and not block.is_recorded:
-        update_block(block.page, block.name, block.wanted)
+@dataclass(frozen=True)
+class Recipe:
+    """Command that measures a record.
+
+    Attributes:
+        name: of the record's file, without the suffix.
+        command: as one types it, without --json.
+        record: the present one; None where there is none.
+    """
+
+    name: str
+    command: str
+    record: JsonRecord | None
+
+    @property
+    def problem(self) -> str:
+        """Reason why it has to be measured; "" where nothing has changed since."""
+        if self.record is None:
+            return "was never measured"
+        words = shlex.split(self.command)
+        if [word for word in self.record["command"] if word in words] != words:
+            return "was measured by another command"
+        return age_of(self.record)
+
+    @property
+    def seconds(self) -> float:
+        """Duration of the last measurement; 0 where that is not known."""
+        return float((self.record or {}).get("seconds", 0.0))
+
+
+def recipes(root: Path, names: Sequence[str] = ()) -> Iterator[Recipe]:
+    """Yield the recipes of a repository, in the order of the file.
+
+    Args:
+        root: the repository.
+        names: of records; none are all.
+
+    Raises:
+        ArgumentError: there is no such file, or it has no such record.
+    """
+    try:
+        commands = tomllib.loads((root / COMMANDS).read_text(encoding="utf-8"))["commands"]
+    except (OSError, KeyError, tomllib.TOMLDecodeError) as error:
+        want = "a repository of supersampler"
+        raise ArgumentError("root", got=f"{root} ({error})", want=want) from error
+    if unknown := [name for name in names if name not in commands]:
+        raise ArgumentError("records", got=", ".join(unknown), want=f"some of {', '.join(commands)}")
+    for name in names or commands:
+        path = root / RESULTS / f"{name}.json"
+        yield Recipe(name, commands[name], read_record(path) if is_there(path) else None)
+
+
+def measure(root: Path, recipe: Recipe, on_line: Callable[[str], None]) -> bool:
+    """Run a recipe's command; its record is replaced when that has ended well, by summaries alone.
+
+    Args:
+        root: the repository.
+        recipe: what to measure.
+        on_line: called with errors.
+
+    Returns:
+        Whether it ended well.
+    """
+    path = RESULTS / f"{recipe.name}.json"
+    steps = [f"{recipe.command.removeprefix('supersampler ')} --json {path}"]
+    if str(_PAPER) in recipe.command and not is_there(root / _PAPER):
+        steps.insert(0, _EXPORT)
+    for step in steps:
+        done = run([sys.executable, "-m", "supersampler", *shlex.split(step)], seconds=None, folder=root)
+        if done.returncode:
+            on_line(done.stderr.decode(errors="replace").strip() or f"code {done.returncode}")
+            return False
+    record = read_record(root / path)
+    if record["bench"] == QualityRecord.BENCH:
+        write_json(QualityRecord.from_json(record).without_frames(), root / path)
+    return True
+
+
+def clock(seconds: float) -> str:
+    """Return a duration as "1 h 05 min" or "40 s"."""
+    minutes = round(seconds / 60)
+    if minutes < 2:
+        return f"{seconds:.0f} s"
+    return f"{minutes // 60} h {minutes % 60:02d} min" if minutes >= 60 else f"{minutes} min"

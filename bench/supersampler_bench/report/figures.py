@@ -1,73 +1,287 @@
-"""Figures of records for the HTML page: time against error, stages of a step, curves over frames."""
+"""Figures of records: time against error, stages of a step, curves over frames, error heat maps, classes."""
 
+import math
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
+from numpy.typing import NDArray
 
 from supersampler.conventions import jitter_phase_count
+from supersampler.frame import Float32
+from supersampler.io.compare import false_color
 from supersampler.io.files import replacing
-from supersampler_bench.quality.figures import draw_curves
-from supersampler_bench.quality.score_table import CLIP_COLUMNS, Column, sizes
-from supersampler_bench.quality.still import StillScores
-from supersampler_bench.quality.still_table import scores_at_one_ratio
-from supersampler_bench.record import Record
-from supersampler_bench.timing.latency import Timed, timed_of
-from supersampler_bench.timing.pareto import Point, by_ratio, frontier, points_of
+from supersampler_bench.markdown import figure as figure_text
+from supersampler_bench.markdown import size_text
+from supersampler_bench.quality.measure import ScoredImage
+from supersampler_bench.quality.score_table import (
+    CLIP_COLUMNS,
+    COLUMNS,
+    Column,
+    QualityRecord,
+    caption,
+    confusions_of,
+    sizes,
+)
+from supersampler_bench.quality.scores import (
+    BORDER,
+    CLASSES,
+    WARM_UP_FRAMES,
+    Counts,
+    MethodRow,
+    ShotRow,
+    fractions,
+    overlap,
+)
+from supersampler_bench.quality.still import StillRecord, StillScores
+from supersampler_bench.record import BenchRecord, JsonRecord
+from supersampler_bench.timing.latency import LatencyRecord, Timed
+from supersampler_bench.timing.pareto import ParetoRecord, Point, by_ratio, frontier
+from supersampler_model.data.shots import variant_name
+
+
+@dataclass(frozen=True)
+class FrameErrors:
+    """Images and errors of one frame, in the order of the methods.
+
+    Attributes:
+        frame: its number.
+        images: (H, W, 3) each, after the display transform.
+        errors: (H, W) each, LDR-FLIP.
+    """
+
+    frame: int
+    images: list[Float32] = field(default_factory=list)
+    errors: list[Float32] = field(default_factory=list)
+
+
+class ErrorMaps:
+    """Callback `watch` of `measure_quality`, which keeps the mean errors and the frame of largest error.
+
+    Warm-up frames count only in shots that have no later ones.
+
+    Args:
+        methods: their names.
+    """
+
+    def __init__(self, methods: list[str]) -> None:
+        self.methods = methods
+        self.worst = self._now = FrameErrors(-1)
+        self._sums: list[NDArray[np.float64]] = []
+        self._count, self._largest, self._warm = 0, -1.0, False
+
+    def __call__(self, seen: ScoredImage) -> None:
+        """Take one image; those of a frame follow one another in the order of the methods."""
+        if seen.method == 0:
+            self._now = FrameErrors(seen.frame)
+        self._now.images.append(seen.shown)
+        self._now.errors.append(seen.flip)
+        if len(self._now.errors) == len(self.methods):
+            self._take(self._now)
+
+    @property
+    def means(self) -> list[Float32]:
+        """(H, W) each, the mean over the frames, by method."""
+        return [np.asarray(total / self._count, np.float32) for total in self._sums]
+
+    def _take(self, now: FrameErrors) -> None:
+        if now.frame >= WARM_UP_FRAMES and not self._warm:
+            self._sums, self._count, self._largest, self._warm = [], 0, -1.0, True
+        sums = self._sums or [np.zeros(error.shape) for error in now.errors]
+        self._sums = [total + error for total, error in zip(sums, now.errors, strict=True)]
+        self._count += 1
+        size = float(np.mean([error.mean() for error in now.errors]))
+        if size > self._largest:
+            self._largest, self.worst = size, now
+
+
+_FALSE_COLORS = ListedColormap(false_color(np.linspace(0.0, 1.0, 256)[None])[0] / 255.0)
+_DPI = 100
+_PANEL = 6.4  # inches, 640 pixels: larger images are averaged down
+
+
+def draw_shot(shot: ShotRow, maps: ErrorMaps, folder: Path) -> None:
+    """Write a folder with curves, errors and, where a method predicts them, classes of one shot.
+
+    Args:
+        shot: by `shot_row`.
+        maps: that have watched the measurement.
+        folder: of the folder.
+    """
+    name = shot.name + (f"-{variant_name(shot.ratio)}" if shot.ratio is not None else "")
+    draw_curves(shot, folder / name / "curves.png")
+    draw_errors(sizes(shot), maps, folder / name / "errors.png")
+    if confusions := confusions_of(shot.methods):
+        draw_classes(caption(shot), confusions, folder / name / "classes.png")
+
+
+def draw_means(record: QualityRecord, folder: Path) -> None:
+    """Draw the classes of all shots at each ratio, where there are several shots."""
+    for ratio, (title, rows) in record.mean_tables().items():
+        if confusions := confusions_of(rows):
+            draw_classes(title, confusions, folder / f"classes-{variant_name(ratio)}.png")
+
+
+def draw_curves(shot: ShotRow, path: Path) -> None:
+    """Draw each metric of each method over the frames, without the border; the warm-up is shaded.
+
+    Args:
+        shot: by `shot_row`.
+        path: of the PNG.
+    """
+    rows = shot.methods
+    columns = [c for c in dict.fromkeys((*COLUMNS, *CLIP_COLUMNS)) if any(_curve(c, row) for row in rows)]
+    height = -(-len(columns) // 2)
+    figure = Figure(figsize=(14.0, 2.6 * height + 0.6), dpi=_DPI, layout="constrained")
+    panels = figure.subplots(height, 2, squeeze=False).ravel()
+    for axes, column in zip(panels, columns, strict=False):
+        for row in rows:
+            values = _curve(column, row)
+            numbers = list(range(min(values), max(values) + 1)) if values else []
+            if column.name == "strred":  # pairs of frames: the frames between them have no value
+                numbers = list(values)
+            curve = [values.get(number, math.nan) for number in numbers]
+            axes.plot(numbers, curve, label=row.method, marker=".", markersize=4, linewidth=1.0)
+        axes.axvspan(-0.5, WARM_UP_FRAMES - 0.5, color="0.92", zorder=0)
+        axes.set_title(column.heading, fontsize="medium")
+        axes.grid(alpha=0.3)
+    for axes in panels[len(columns) :]:
+        axes.remove()
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=min(len(labels), 7))
+    about = f"without a border of {BORDER} pixels; the first {WARM_UP_FRAMES} frames shaded"
+    figure.suptitle(f"{sizes(shot)}: {about}")
+    with replacing(path) as partial:
+        figure.savefig(partial, format="png")
+
+
+def _curve(column: Column, row: MethodRow) -> dict[int, float]:
+    """Return the known values of a metric by frame."""
+    values = {frame["frame"]: frame["cropped"].get(column.name) for frame in row.frames}
+    return {
+        frame: value * column.scale
+        for frame, value in values.items()
+        if value is not None and not math.isnan(value)
+    }
+
+
+def draw_errors(title: str, maps: ErrorMaps, path: Path) -> None:
+    """Draw, by method, its image of the worst frame, the error there and the mean error, on one scale.
+
+    Args:
+        title: of the figure.
+        maps: that have watched at least one frame.
+        path: of the PNG.
+    """
+    means, worst = maps.means, maps.worst
+    height, width = means[0].shape
+    figure = Figure(figsize=(3.0 * _PANEL, len(means) * _PANEL * height / width + 1.0), dpi=_DPI)
+    figure.set_layout_engine("constrained", w_pad=0.02, h_pad=0.02)
+    panels = figure.subplots(len(means), 3, squeeze=False)
+    limits = [_limit(errors) for errors in (worst.errors, means)]
+    for row, method, image, error, mean in zip(
+        panels, maps.methods, worst.images, worst.errors, means, strict=True
+    ):
+        row[0].imshow(image)
+        shown = [
+            axes.imshow(values, cmap=_FALSE_COLORS, vmin=0.0, vmax=limit)
+            for axes, values, limit in zip(row[1:], (error, mean), limits, strict=True)
+        ]
+        headings = (f"frame {worst.frame}", f"error of frame {worst.frame}", "mean error")
+        for axes, heading in zip(row, headings, strict=True):
+            axes.set_axis_off()
+            axes.set_title(f"{method}: {heading}", fontsize="medium")
+    for column, image in zip((1, 2), shown, strict=True):
+        figure.colorbar(image, ax=panels[:, column], location="bottom", fraction=0.02, pad=0.01, extend="max")
+    figure.suptitle(f"{title}: LDR-FLIP, in the frame in which all err the most, and on average")
+    with replacing(path) as partial:
+        figure.savefig(partial, format="png")
+
+
+def draw_classes(title: str, confusions: Sequence[tuple[str, Counts]], path: Path) -> None:
+    """Draw, by method, the predicted classes of each true class.
+
+    Args:
+        title: of the figure.
+        confusions: methods and their class counts.
+        path: of the PNG.
+    """
+    figure = Figure(figsize=(10.0, 4.2 * len(confusions) + 0.5), dpi=_DPI, layout="constrained")
+    panels = figure.subplots(len(confusions), len(CLASSES), squeeze=False)
+    for row, (method, counts) in zip(panels, confusions, strict=True):
+        for axes, (group, names), matrix in zip(row, CLASSES.items(), counts, strict=True):
+            _draw_matrix(axes, names, matrix)
+            axes.set_title(f"{method}: {group}", fontsize="medium")
+    figure.suptitle(title)
+    with replacing(path) as partial:
+        figure.savefig(partial, format="png")
+
+
+def _draw_matrix(axes: Axes, names: Sequence[str], matrix: Counts) -> None:
+    predicted_as = fractions(matrix)
+    part = matrix.sum(axis=1) / max(matrix.sum(), 1)
+    axes.imshow(np.nan_to_num(predicted_as), cmap="Blues", vmin=0.0, vmax=1.0)
+    axes.set_xticks(range(len(names)), names)
+    labels = [
+        f"{name}\n{of_all:.2%} of pixels\nIoU {figure_text(iou, 3)}"
+        for name, of_all, iou in zip(names, part, overlap(matrix), strict=True)
+    ]
+    axes.set_yticks(range(len(names)), labels)
+    axes.set(xlabel="predicted", ylabel="true")
+    for (true, predicted), value in np.ndenumerate(predicted_as):
+        ink = "white" if value > 0.5 else "black"
+        axes.text(predicted, true, figure_text(100.0 * value, 1, "%"), ha="center", va="center", color=ink)
+
+
+def _limit(errors: Sequence[Float32]) -> float:
+    """Upper end of the colour scale: the 99.8th percentile, since outliers would darken all else."""
+    return max(float(np.percentile(error, 99.8)) for error in errors) or 1.0
+
 
 _GREY = "0.65"
 _NEAR = 0.04  # fraction of the time and of the range of scores within which points share a label
 
 
-def draw_record(record: Record, folder: Path) -> list[tuple[str, Path]]:
+def draw_record(data: JsonRecord, folder: Path) -> list[tuple[str, Path]]:
     """Draw what a record has figures of: time against each error, stages of steps, curves over frames.
 
     Args:
-        record: of any bench.
+        data: of any bench.
         folder: of the PNG files.
 
     Returns:
         Title and file of each.
     """
-    if record["bench"] == "pareto":
-        return _pareto(record, folder)
-    if record["bench"] == "latency":
-        return _latency(record, folder)
-    if record["bench"] == "quality":
+    record = BenchRecord.from_json(data)
+    if isinstance(record, ParetoRecord):
+        written = draw_pareto(record, folder)
+        headings = {f"pareto-{c.name.replace('_', '-')}": c.title for c in CLIP_COLUMNS}
+        return [(f"{headings[path.stem]} against time", path) for path in written]
+    if isinstance(record, LatencyRecord) and any(r.stages for r in record.timed):
+        draw_latency(record.timed, folder / "latency.png")
+        return [("Stages of a step on the CPU backend", folder / "latency.png")]
+    if isinstance(record, QualityRecord):
         return _curves(record, folder)
-    if record["bench"] == "still":
+    if isinstance(record, StillRecord):
         draw_still(record, folder / "still.png")
         return [("PSNR in front of a fixed camera, over the frames", folder / "still.png")]
     return []
 
 
-def _pareto(record: Record, folder: Path) -> list[tuple[str, Path]]:
-    width, height = record["display"]
-    written = draw_pareto(points_of(record), f"{width}x{height}, {record['threads']} threads", folder)
-    headings = {f"pareto-{c.name.replace('_', '-')}": c.title for c in CLIP_COLUMNS}
-    return [(f"{headings[path.stem]} against time", path) for path in written]
-
-
-def _latency(record: Record, folder: Path) -> list[tuple[str, Path]]:
-    timed, path = timed_of(record), folder / "latency.png"
-    if not any(r.stages for r in timed):
-        return []
-    draw_latency(timed, path)
-    return [("Stages of a step on the CPU backend", path)]
-
-
-def _curves(record: Record, folder: Path) -> list[tuple[str, Path]]:
-    if len({shot.get("ratio") for shot in record["shots"]}) > 1:
+def _curves(record: QualityRecord, folder: Path) -> list[tuple[str, Path]]:
+    if len({shot.ratio for shot in record.shots}) > 1:
         return []  # too many: curves of each shot at each ratio
     curves = []
-    for number, shot in enumerate(record["shots"]):
-        if not all("frames" in row for row in shot["methods"]):
-            continue  # a record of this repository: summaries alone
-        path = folder / f"curves-{number}.png"
-        draw_curves(shot, path)
-        curves.append((f"{sizes(shot)}: over the frames", path))
+    for number, shot in enumerate(record.shots):
+        if all(row.frames for row in shot.methods):  # published records have summaries alone
+            path = folder / f"curves-{number}.png"
+            draw_curves(shot, path)
+            curves.append((f"{sizes(shot)}: over the frames", path))
     return curves
 
 
@@ -115,7 +329,7 @@ def _draw_group(axes: Axes, results: Sequence[Timed], stages: Sequence[str]) -> 
     axes.grid(alpha=0.3, axis="x")
 
 
-def draw_still(record: Record, path: Path) -> None:
+def draw_still(record: StillRecord, path: Path) -> None:
     """Draw a panel for each scene at one ratio: PSNR of each method over the frames.
 
     Args:
@@ -123,7 +337,7 @@ def draw_still(record: Record, path: Path) -> None:
         path: of the PNG.
     """
     scenes: dict[str, list[StillScores]] = {}
-    for score in scores_at_one_ratio(record):
+    for score in record.scores_at_one_ratio():
         scenes.setdefault(score.scene, []).append(score)
     columns = min(len(scenes), 2)
     rows = -(-len(scenes) // columns)
@@ -156,18 +370,13 @@ def _draw_scene(axes: Axes, scores: Sequence[StillScores]) -> None:
     axes.grid(alpha=0.3)
 
 
-def draw_pareto(points: Sequence[Point], title: str, folder: Path) -> list[Path]:
-    """Write `folder`/pareto-METRIC.png: a panel for each ratio, with its frontier; other settings are grey.
-
-    Args:
-        points: all settings.
-        title: of each figure.
-        folder: made if it does not exist.
-    """
+def draw_pareto(record: ParetoRecord, folder: Path) -> list[Path]:
+    """Write `folder`/pareto-METRIC.png: a panel for each ratio, with its frontier; others are grey."""
+    title = f"{size_text(record.display)}, {record.threads} threads"
     folder.mkdir(parents=True, exist_ok=True)
     written = []
     for metric in CLIP_COLUMNS:
-        known = [p for p in points if metric.name in p.scores]
+        known = [p for p in record.points if metric.name in p.scores]
         if known:
             path = folder / f"pareto-{metric.name.replace('_', '-')}.png"
             _draw(known, metric, title, path)
@@ -207,7 +416,7 @@ def _draw_ratio(axes: Axes, points: Sequence[Point], metric: Column) -> None:
             place = point.milliseconds, metric.scale * point.scores[metric.name]
             axes.plot(*place, "o", color="tab:blue" if leading else _GREY, markersize=6)
         axes.annotate(
-            ", ".join(str(point.spec) for point in group),
+            ", ".join(point.spec for point in group),
             (group[-1].milliseconds, metric.scale * group[-1].scores[metric.name]),
             xytext=(6, 4),
             textcoords="offset points",

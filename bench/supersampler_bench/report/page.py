@@ -14,8 +14,8 @@ from markdown_it import MarkdownIt
 from supersampler.errors import ArgumentError
 from supersampler.io.compare import versions
 from supersampler.io.files import replacing
-from supersampler_bench.record import Record, machine_name
-from supersampler_bench.report.doc_tables import block_text, blocks_of
+from supersampler_bench.record import JsonRecord, machine_name
+from supersampler_bench.report.doc_tables import blocks_of
 from supersampler_bench.report.figures import draw_record
 
 _CONTENT_GOES_HERE = "<!-- content -->"
@@ -67,13 +67,12 @@ def is_page(path: Path) -> bool:
         return False
 
 
-def write_page(path: Path, records: Mapping[str, Record], results: Path, comparison: str) -> None:
+def write_page(path: Path, records: Mapping[str, JsonRecord], comparison: str) -> None:
     """Write the page, whole or not at all.
 
     Args:
         path: of the page.
         records: by the names of their files.
-        results: their folder. PNG files in its folder NAME are figures of the record NAME.
         comparison: HTML of `split_view`.
 
     Raises:
@@ -81,7 +80,7 @@ def write_page(path: Path, records: Mapping[str, Record], results: Path, compari
     """
     parts = [
         _head(records),
-        *_sections(records, results),
+        *_sections(records),
         _comparison(comparison),
         _machines(records),
         _foot(),
@@ -93,7 +92,7 @@ def write_page(path: Path, records: Mapping[str, Record], results: Path, compari
         )
 
 
-def _head(records: Mapping[str, Record]) -> str:
+def _head(records: Mapping[str, JsonRecord]) -> str:
     known = {record["bench"] for record in records.values()}
     parts = [(s.bench, s.title) for s in SECTIONS if s.bench in known]
     links = [*parts, ("images", "Images"), ("machine", "Machine and versions")]
@@ -108,7 +107,7 @@ def _head(records: Mapping[str, Record]) -> str:
     )
 
 
-def _machines(records: Mapping[str, Record]) -> str:
+def _machines(records: Mapping[str, JsonRecord]) -> str:
     rows = []
     for name, record in records.items():
         installed = ", ".join(f"{what} {version}" for what, version in record["versions"].items() if version)
@@ -126,23 +125,23 @@ def _machines(records: Mapping[str, Record]) -> str:
     return f'<section id="machine"><h2>Machine and versions</h2>{table}</section>'
 
 
-def _sections(records: Mapping[str, Record], results: Path) -> Iterator[str]:
+def _sections(records: Mapping[str, JsonRecord]) -> Iterator[str]:
     for section in SECTIONS:
         found = {name: record for name, record in records.items() if record["bench"] == section.bench}
         if found:
             yield f'<section id="{section.bench}"><h2>{escape(section.title)}</h2>{_html(section.about)}'
             for name, record in found.items():
-                yield from _record(name, record, results)
+                yield from _record_html(name, record)
             yield "</section>"
 
 
-def _record(name: str, record: Record, results: Path) -> Iterator[str]:
+def _record_html(name: str, record: JsonRecord) -> Iterator[str]:
     yield f"<h3>{escape(name)}{_badge(record)}</h3>"
     yield f'<p class="facts">{escape(machine_name(record))}, {escape(record["date"][:10])}</p>'
     makers = [partial(_table, maker) for maker in blocks_of(name, record).values()]
-    for make in (*makers, partial(_figures, name, record, results)):
+    for make in (*makers, partial(_figures, record)):
         try:
-            yield block_text(name, make)
+            yield make()
         except ArgumentError as error:
             yield f'<p class="facts">{escape(str(error))}</p>'
 
@@ -151,15 +150,13 @@ def _table(maker: Callable[[], str]) -> str:
     return _html(maker())
 
 
-def _figures(name: str, record: Record, results: Path) -> str:
+def _figures(record: JsonRecord) -> str:
     with tempfile.TemporaryDirectory() as folder:
         opened = record["bench"] in _OPENED
-        figures = [
+        return "\n".join(
             _figure(title, path, opened=opened and number == 0)
             for number, (title, path) in enumerate(draw_record(record, Path(folder)))
-        ]
-    kept = [_figure(path.stem, path) for path in sorted((results / name).rglob("*.png"))]
-    return "\n".join([*figures, *kept])
+        )
 
 
 def _figure(title: str, path: Path, *, opened: bool = False) -> str:
@@ -184,7 +181,7 @@ def _foot() -> str:
     return f"<footer>Made with {escape(versions())}.</footer></main>"
 
 
-def _badge(record: Record) -> str:
+def _badge(record: JsonRecord) -> str:
     return _QUICK if record.get("quick") else ""
 
 

@@ -1,31 +1,34 @@
-"""Comparison of images with those of an undisturbed session, and with those of an earlier loop."""
+"""Comparison of images: with an undisturbed session, with an earlier loop; growth of errors in a history."""
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
-from itertools import islice
+from dataclasses import dataclass, replace
+from itertools import cycle, islice
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from supersampler import Frame
 from supersampler.frame import Float32
+from supersampler.history import State
 from supersampler.io.display import decibels, display_transform
-from supersampler_bench.stress.scenario import STEP, Figure, Measured, Session, Trial
+from supersampler_bench.stress.scenario import DECAY, REST, STEP, Figure, Figures, Session, Trial
 
 OUTLIER = 0.1
-"""What the worst 0.1 % of values may differ by where a disturbance counts as forgotten."""
+"""Largest difference at 99.9 % of the values where a disturbance counts as forgotten."""
 
 
 @dataclass(frozen=True)
 class Difference:
-    """Absolute difference of two images after the display transform, [0, 1]: the mean, and at 99.9 %."""
+    """Absolute difference of two images after the display transform, [0, 1]: mean and 99.9th percentile."""
 
     mean: float
-    most: float
+    p999: float
 
     @property
     def invisible(self) -> bool:
         """Whether the difference is too small to see."""
-        return self.mean <= STEP and self.most <= OUTLIER
+        return self.mean <= STEP and self.p999 <= OUTLIER
 
 
 def difference(one: Float32, other: Float32, exposure: float = 1.0) -> Difference:
@@ -34,80 +37,177 @@ def difference(one: Float32, other: Float32, exposure: float = 1.0) -> Differenc
     return Difference(float(apart.mean()), float(np.quantile(apart, 0.999)))
 
 
-def step_both(
-    disturbed: Session, baseline: Session, frames: Iterable[tuple[Frame, Frame]], exposure: float = 1.0
-) -> list[Difference]:
-    """Step two sessions, each with its own frame of the pairs."""
-    return [difference(disturbed.step(one), baseline.step(other), exposure) for one, other in frames]
+class Disturbance:
+    """A session that is disturbed beside a baseline session, on frames that repeat.
 
+    Args:
+        trial: both sessions show the method's own images.
+        frames: undisturbed ones.
+    """
 
-def same_frames(frames: Iterable[Frame], count: int) -> Iterator[tuple[Frame, Frame]]:
-    """Return the next `count` frames, for both sessions."""
-    return ((frame, frame) for frame in islice(frames, count))
+    def __init__(self, trial: Trial, frames: Sequence[Frame]) -> None:
+        self._trial, self.frames = trial, cycle(frames)
+        self.disturbed, self.baseline = trial.begin_own(), trial.begin_own()
+
+    def step(self, pairs: Iterable[tuple[Frame, Frame]], exposure: float = 1.0) -> list[Difference]:
+        """Step both sessions, each with its own frame of the pairs."""
+        return [
+            difference(self.disturbed.step(one), self.baseline.step(other), exposure) for one, other in pairs
+        ]
+
+    def step_same(self, count: int) -> list[Difference]:
+        """Step both sessions with the next frames."""
+        return self.step((frame, frame) for frame in islice(self.frames, count))
+
+    def measured(self, after: Sequence[Difference] | None = None, more: int = 0) -> Figures:
+        """Return for how many frames a disturbance was visible after its end.
+
+        Args:
+            after: differences after its end; None: step `Trial.watched` frames.
+            more: added to the subject's bound.
+        """
+        after = self.step_same(self._trial.watched) if after is None else after
+        return [Figure("frames until clean", recovery(after), self._trial.subject.recovery + more)]
 
 
 def recovery(after: Sequence[Difference]) -> float:
-    """Frames after a disturbance until no difference is visible any more; all if one always is."""
-    seen = [index + 1 for index, o in enumerate(after) if not o.invisible]
-    return float(seen[-1] if seen else 0)
-
-
-def recovery_figure(
-    trial: Trial, during: Sequence[Difference], after: Sequence[Difference], more: int = 0
-) -> Measured:
-    """Return how many frames a disturbance was seen for after its end, which the subject bounds."""
-    curve = [o.mean for o in (*during, *after)]
-    return Measured((Figure("frames until clean", recovery(after), trial.subject.recovery + more),), curve)
+    """Return the number of frames until no difference is visible any more; all if the last one is."""
+    visible = [index + 1 for index, one in enumerate(after) if not one.invisible]
+    return float(visible[-1] if visible else 0)
 
 
 @dataclass(frozen=True)
 class Repeated:
-    """The same frames over and over.
+    """Images of the same frames, over and over.
 
     Attributes:
-        changes: mean difference of each loop's images from those of the loop before, from the second on.
-        drift: mean difference of the last loop's images from those of the `settled` one.
-        psnr: dB, of each loop where truths are known.
+        change: mean difference of the last loop's images from those of the loop before.
+        mean_abs_difference: of the last loop's images from those of the `settled` loop.
+        psnr: dB, of the last loop; NaN without references.
+        lost: PSNR, dB, from the settled loop to the last.
         swing: dB, from the worst to the best image of the last loop.
-        images: what a screen shows of the last loop.
     """
 
-    changes: list[float]
+    change: float
     mean_abs_difference: float
-    psnr: list[float]
+    psnr: float
+    lost: float
     swing: float
-    images: Sequence[Float32]
 
-    def lost(self) -> float:
-        """PSNR, dB, from the settled loop to the last."""
-        return self.psnr[settled(len(self.psnr))] - self.psnr[-1]
-
-
-def settled(loops: int) -> int:
-    """Number of the loop from which on nothing should change: the thirteenth, or the middle one of few."""
-    return min(12, loops // 2)
+    def measured(self) -> Figures:
+        """Return the change in the last loop, and the PSNR lost."""
+        return [
+            Figure("change in a loop", self.change, REST),
+            Figure("PSNR lost, dB", self.lost, DECAY),
+        ]
 
 
 def repeat(trial: Trial, frames: Sequence[Frame], truths: Sequence[Float32] = ()) -> Repeated:
     """Step through the same frames until `trial.frames` are done, in whole loops, at least three."""
     session, loops = trial.begin(), max(trial.frames // len(frames), 3)
-    wanted = [display_transform(truth) for truth in truths]
-    changes, psnr, swing = [], [], 0.0
+    references = [display_transform(truth) for truth in truths]
+    settled = min(12, loops // 2)  # from which on nothing should change
+    psnr, change, swing = [float("nan")] * loops, 0.0, 0.0
     before: list[Float32] = []
     early: list[Float32] = []
     for loop in range(loops):
         images = [display_transform(session.step(frame)) for frame in frames]
         if before:
-            changes.append(_mean_apart(images, before))
-        if wanted:
-            scores = [decibels(float(np.mean((a - b) ** 2))) for a, b in zip(images, wanted, strict=True)]
-            psnr.append(float(np.mean(scores)))
+            change = _mean_apart(images, before)
+        if references:
+            scores = [decibels(float(np.mean((a - b) ** 2))) for a, b in zip(images, references, strict=True)]
+            psnr[loop] = float(np.mean(scores))
             swing = float(np.ptp(scores))
-        if loop == settled(loops):
+        if loop == settled:
             early = images
         before = images
-    return Repeated(changes, _mean_apart(before, early), psnr, swing, before)
+    return Repeated(change, _mean_apart(before, early), psnr[-1], psnr[settled] - psnr[-1], swing)
 
 
 def _mean_apart(one: Sequence[Float32], other: Sequence[Float32]) -> float:
     return float(np.mean([np.abs(a - b).mean() for a, b in zip(one, other, strict=True)]))
+
+
+EVERY = 16
+"""Frames between measurements of a rate: few enough that the difference stays far above rounding."""
+COLOR = "history.color"
+_NOTHING = 1e-12
+
+
+@dataclass(frozen=True)
+class Contraction:
+    """Factors by which one frame multiplies a difference, means of every `EVERY` frames; it grows above 1."""
+
+    rates: list[float]
+
+    @property
+    def last(self) -> list[float]:
+        """The second half, in which only the slowest of all errors is left."""
+        return self.rates[len(self.rates) // 2 :]
+
+    @property
+    def rate(self) -> float:
+        """Geometric mean of the second half."""
+        return float(np.exp(np.log(np.maximum(self.last, _NOTHING)).mean()))
+
+
+def contraction(
+    base: Session, other: Session, frames: Sequence[Frame], rounds: int, size: float, warm_up: int
+) -> Contraction:
+    """Measure the largest Lyapunov exponent of a recursion, after Benettin et al. 1980.
+
+    Two sessions step through the same frames; the history of one differs a little. Every few frames that
+    difference is measured and scaled back to its size, in the whole history.
+
+    Args:
+        base: a session.
+        other: a second session of the same subject.
+        frames: they repeat.
+        rounds: of `EVERY` frames.
+        size: root mean square of the difference, linear RGB: small, yet far above rounding.
+        warm_up: frames before there is a difference.
+    """
+    endless = cycle(frames)
+    for frame in islice(endless, warm_up):
+        base.step(frame)
+    state = base.save_state()
+    colors = np.asarray(_history(state)[COLOR])
+    noise = size * np.random.default_rng(11).standard_normal(colors.shape)
+    _load(other, state, {COLOR: np.maximum(colors + noise, 0.0).astype(np.float32)})
+    rates = []
+    for _ in range(rounds):
+        for frame in islice(endless, EVERY):
+            base.step(frame)
+            other.step(frame)
+        state, changed = base.save_state(), other.save_state()
+        apart = _rms(_history(changed)[COLOR] - _history(state)[COLOR])
+        rates.append(float((apart / size) ** (1.0 / EVERY)))
+        if apart < _NOTHING:
+            break  # bit for bit the same: everything has faded
+        _load(other, changed, dict(_scaled(_history(state), _history(changed), size / apart)))
+    return Contraction(rates)
+
+
+def _history(state: State) -> Any:
+    return state.history or {}
+
+
+def _scaled(base: Any, changed: Any, factor: float) -> Iterator[tuple[str, NDArray[Any]]]:
+    """Yield all tensors of single precision in both histories, `factor` times as far apart.
+
+    Planes other than the colour are clipped to the range of `base`: differences that hardly fade would grow
+    without bound.
+    """
+    for name, array in changed.items():
+        if array.dtype == np.float32 and name in base and base[name].shape == array.shape:
+            apart = base[name] + factor * (array - base[name])
+            kept = apart if name == COLOR else np.clip(apart, base[name].min(), base[name].max())
+            yield name, kept.astype(np.float32)
+
+
+def _load(session: Session, state: State, changes: dict[str, NDArray[Any]]) -> None:
+    session.load_state(replace(state, history={**_history(state), **changes}))
+
+
+def _rms(values: NDArray[Any]) -> float:
+    return float(np.sqrt(np.mean(np.square(values, dtype=np.float64))))

@@ -1,25 +1,36 @@
-"""Scenarios of bad values: NaN, infinite, negative, denormal, huge; spikes of light."""
+"""Scenarios of hostile frames: bad values, spikes of light, one bad frame and its recovery, two passes."""
 
-from collections.abc import Mapping
-from dataclasses import replace
-from itertools import cycle, islice, product
-from typing import Any
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import chain, cycle, islice, product
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from supersampler import Frame
 from supersampler.frame import Float32, Size
+from supersampler.history import State
 from supersampler.io.display import display_transform
-from supersampler_bench.stress.compare import recovery, recovery_figure, same_frames, step_both
-from supersampler_bench.stress.scenario import LARGEST, RECOVERY, STEP, Figure, Measured, Scenario, Trial
-from supersampler_bench.stress.scenes import PERIOD, moving, still
+from supersampler_bench.quality.metrics import psnr
+from supersampler_bench.stress.compare import Difference, Disturbance, difference, recovery
+from supersampler_bench.stress.scenario import (
+    LARGEST,
+    RECOVERY,
+    ROUNDING,
+    STEP,
+    Figure,
+    Figures,
+    Run,
+    Session,
+    Trial,
+    bad_values,
+    scenario,
+)
+from supersampler_bench.stress.scenes import PERIOD, STILL, Orbit, frames_of, still, truth
+from supersampler_model.data.scenes.analytic import Plane, Scene, zone_plate
 
-WATCHED = RECOVERY + 8
-"""Frames that are watched after a disturbance."""
-WIDE = (192, 96)
-"""Where a bad pixel could reach farther than a network sees."""
-BLOCK = 8  # display pixels
 FIELDS = ("color", "depth", "motion")
 PLACES = ("pixels", "row", "frame")
 VALUES: Mapping[str, tuple[float, float, float]] = {  # of each field
@@ -29,7 +40,8 @@ VALUES: Mapping[str, tuple[float, float, float]] = {  # of each field
     "denormal": (1e-42, 1e-42, 1e-42),
     "huge": (3e38, 1e30, 1e9),
 }
-_CASES = len(FIELDS) * len(PLACES)
+Hostile = Callable[[Frame], Iterator[Frame]]
+"""Yields hostile versions of a frame."""
 
 
 def with_values(frame: Frame, field: str, where: NDArray[np.bool_], value: float) -> Frame:
@@ -40,9 +52,9 @@ def with_values(frame: Frame, field: str, where: NDArray[np.bool_], value: float
     return replace(frame, **fields)
 
 
-def places(kind: str, frame: Frame) -> NDArray[np.bool_]:
-    """(h, w) a tenth of all pixels, one row, or all."""
-    width, height = frame.size
+def places(kind: str, size: Size) -> NDArray[np.bool_]:
+    """Return a mask (h, w) of a tenth of all pixels, one row, or all pixels."""
+    width, height = size
     if kind == "pixels":
         return np.random.default_rng(5).random((height, width)) < 0.1
     where = np.zeros((height, width), bool)
@@ -50,58 +62,79 @@ def places(kind: str, frame: Frame) -> NDArray[np.bool_]:
     return where
 
 
-class _Injected:
+def bad_frames(frame: Frame, values: Iterable[tuple[str, float]]) -> Iterator[Frame]:
+    """Yield the frame with each (field, value), in a tenth of its pixels, in a row, and in all."""
+    for (field, value), kind in product(values, PLACES):
+        yield with_values(frame, field, places(kind, frame.size), value)
+
+
+def injected(trial: Trial, values: Sequence[float]) -> Figures:
     """In one frame's colour, depth, motion; in a tenth of its pixels, in a row, in all: nine in turn."""
-
-    def __init__(self, values: tuple[float, float, float]) -> None:
-        self._values = dict(zip(FIELDS, values, strict=True))
-
-    def __call__(self, trial: Trial) -> Measured:
-        disturbed, baseline = trial.pair()
-        frames = cycle(still(trial.render, trial.every))
-        step_both(disturbed, baseline, same_frames(frames, PERIOD))
-        differences, worst = [], 0.0
-        for field, kind in product(FIELDS, PLACES):
-            frame = next(frames)
-            bad = with_values(frame, field, places(kind, frame), self._values[field])
-            differences += step_both(disturbed, baseline, [(bad, frame)])
-            after = step_both(disturbed, baseline, same_frames(frames, trial.subject.recovery + 8))
-            worst, differences = max(worst, recovery(after)), differences + after
-        return Measured(
-            (Figure("frames until clean", worst, trial.subject.recovery),), [o.mean for o in differences]
-        )
+    run = Disturbance(trial, trial.still)
+    run.step_same(PERIOD)
+    worst = 0.0
+    for (field, value), kind in product(zip(FIELDS, values, strict=True), PLACES):
+        frame = next(run.frames)
+        run.step([(with_values(frame, field, places(kind, frame.size), value), frame)])
+        worst = max(worst, recovery(run.step_same(trial.subject.recovery + 8)))
+    return [Figure("frames until clean", worst, trial.subject.recovery)]
 
 
-COUNTS_AS: Mapping[str, float] = {"infinite": LARGEST, "negative": 0.0, "denormal": 0.0, "huge": LARGEST}
+for _name, _values in VALUES.items():
+    _frames = len(FIELDS) * len(PLACES) * (RECOVERY + 8)
+    scenario(
+        "hostile",
+        f"values {_name}",
+        _values,
+        cpu=_frames,
+        quick=_frames if _name == "not a number" else 0,
+        remembers=False,
+    )(injected)
+
+REPLACEMENTS: Mapping[str, float] = {"infinite": LARGEST, "negative": 0.0, "denormal": 0.0, "huge": LARGEST}
 """Linear value that replaces a colour of each kind."""
 
 
-class _Lasting:
+def lasting(trial: Trial, value: float, replacement: float) -> Figures:
     """A disc of every frame's colour has the value: images equal those of frames with its replacement."""
-
-    def __init__(self, value: float, counts_as: float) -> None:
-        self._value, self._counts_as = value, counts_as
-
-    def __call__(self, trial: Trial) -> Measured:
-        disc, pairs = _disc(trial.render), []
-        for frame in islice(cycle(still(trial.render, trial.every)), trial.frames):
-            bad = with_values(frame, "color", disc, self._value)
-            pairs.append((bad, with_values(frame, "color", disc, self._counts_as)))
-        differences = [o.mean for o in step_both(trial.begin(), trial.begin(), pairs)]
-        return Measured((Figure("apart", max(differences), STEP),), differences)
+    disc, pairs = _disc(trial.render), []
+    for frame in islice(cycle(trial.still), trial.frames):
+        bad, good = (with_values(frame, "color", disc, value) for value in (value, replacement))
+        pairs.append((bad, good))
+    one, other = trial.begin(), trial.begin()
+    differences = [difference(one.step(bad), other.step(good)).mean for bad, good in pairs]
+    return [Figure("apart", max(differences), STEP)]
 
 
-def lasting_hole(trial: Trial) -> Measured:
+for _name, _value in REPLACEMENTS.items():
+    scenario(
+        "hostile",
+        f"a region {_name}",
+        VALUES[_name][0],
+        _value,
+        cpu=96,
+        remembers=False,
+    )(lasting)
+
+
+@scenario(
+    "hostile",
+    "a region not a number",
+    cpu=96,
+    quick=80,
+    remembers=False,
+)
+def lasting_hole(trial: Trial) -> Figures:
     """A disc of every frame's colour is not a number: its middle is not much darker than around it."""
     disc, session = _disc(trial.render), trial.begin()
-    curve: list[float] = []
+    darker: list[float] = []
     width, height = trial.display
     middle = slice(height // 2 - 2, height // 2 + 2), slice(width // 2 - 2, width // 2 + 2)
-    for frame in islice(cycle(still(trial.render, trial.every)), trial.frames):
+    for frame in islice(cycle(trial.still), trial.frames):
         image = session.step(with_values(frame, "color", disc, np.nan))
         around = float(np.mean(np.asarray(frame.color)[~disc]))
-        curve.append(1.0 - float(image[middle].mean()) / around)
-    return Measured((Figure("darker than around", max(curve), 0.5),), curve)
+        darker.append(1.0 - float(image[middle].mean()) / around)
+    return [Figure("darker than around", max(darker), 0.5)]
 
 
 def _disc(render: Size) -> NDArray[np.bool_]:
@@ -110,105 +143,250 @@ def _disc(render: Size) -> NDArray[np.bool_]:
     return np.asarray(np.hypot(x - width / 2, y - height / 2) < height / 8)
 
 
-def spread(trial: Trial) -> Measured:
+WIDE = (192, 96)
+"""Display size at which a bad pixel could affect more than a network's receptive field."""
+BLOCK = 8  # display pixels
+
+
+@scenario(
+    "hostile",
+    "one pixel not a number",
+    cpu=128,
+    onnx=64,
+    quick=32,
+    remembers=False,
+)
+def spread(trial: Trial) -> Figures:
     """Colour, depth and motion of one pixel are NaN in each frame of 192x96: only its surroundings change."""
     disturbed, baseline = trial.begin(WIDE), trial.begin(WIDE)
     render = WIDE[0] // 2, WIDE[1] // 2
     x, y = render[0] // 2, render[1] // 2
     where = np.zeros(render[::-1], bool)
     where[y, x] = True
-    curve = []
+    reach = []
     for frame in islice(cycle(still(render)), trial.frames):
         bad = frame
         for field in FIELDS:
             bad = with_values(bad, field, where, np.nan)
-        curve.append(_reach(disturbed.step(bad), baseline.step(frame), x, y))
-    return Measured((Figure("reach, pixels", max(curve), trial.subject.reach + BLOCK),), curve)
+        reach.append(_reach(disturbed.step(bad), baseline.step(frame), x, y))
+    return [Figure("reach, pixels", max(reach), trial.subject.reach + BLOCK)]
 
 
 def _reach(image: Float32, baseline: Float32, x: int, y: int) -> float:
-    """Distance, display pixels, from a render pixel's middle to the end of the farthest block that differs.
+    """Return the distance, display pixels, from a render pixel to the end of the farthest differing block.
 
-    Blocks of 8x8, by a step on average: with an int8 network, single pixels are rounded otherwise as soon
-    as anything differs anywhere.
+    Blocks have 8x8 pixels and differ by a step on average: with an int8 network, single pixels are rounded
+    differently as soon as anything differs anywhere.
     """
     apart = np.abs(display_transform(image) - display_transform(baseline)).mean(axis=-1)
     height, width = apart.shape
     blocks = apart.reshape(height // BLOCK, BLOCK, width // BLOCK, BLOCK).mean(axis=(1, 3))
-    rows, columns = (BLOCK * (places + 0.5) for places in np.nonzero(blocks > STEP))
+    rows, columns = (BLOCK * (indices + 0.5) for indices in np.nonzero(blocks > STEP))
     away = np.maximum(np.abs(rows - (2 * y + 1)), np.abs(columns - (2 * x + 1)))
     return float(away.max(initial=-0.5 * BLOCK)) + 0.5 * BLOCK
 
 
-def spike(trial: Trial) -> Measured:
-    """2x2 pixels have the brightest light of half floats, in one frame."""
-    disturbed, baseline = trial.pair()
-    frames = cycle(still(trial.render, trial.every))
-    step_both(disturbed, baseline, same_frames(frames, 2 * PERIOD))
-    frame = next(frames)
-    where = np.zeros(trial.render[::-1], bool)
-    where[4:6, 4:6] = True
-    during = step_both(disturbed, baseline, [(with_values(frame, "color", where, LARGEST), frame)])
-    return recovery_figure(trial, during, step_both(disturbed, baseline, same_frames(frames, trial.watched)))
+CLEAN = 30
+"""Number of clean frames after the hostile one."""
+MIN_BOUND = Difference(mean=0.1 / 255.0, p999=4.0 / 255.0)
+"""Smallest bound of the difference in the last clean frame: 0.1 steps of an 8-bit image in the mean, and 4 at
+99.9 % of the values."""
+RESETS = (0, -2, 2, -4, 4)
+"""Frames, relative to the hostile one, at which a reset is measured for the bound. The error after a reset
+varies with the jitter phase. All are even, because every second frame may be extrapolated."""
+EXPOSURES = (1e30, 1e-40, 1e-3, 1e4)
+BRIGHT = (10.0, 100.0, 1500.0)
+"""Linear colour of a lamp, a spark and the sun on metal: clean frames contain such values, too."""
 
 
-def fireflies(trial: Trial) -> Measured:
-    """In motion, for a period, half a percent of the pixels are far too bright."""
-    disturbed, baseline = trial.pair()
-    frames, random = cycle(moving(trial.render, trial.every)), np.random.default_rng(3)
-    step_both(disturbed, baseline, same_frames(frames, PERIOD))
-    during = []
-    for frame in islice(frames, PERIOD):
-        where = random.random(trial.render[::-1]) < 0.005
-        bad = with_values(frame, "color", where, float(10.0 ** random.uniform(2.0, np.log10(LARGEST))))
-        during += step_both(disturbed, baseline, [(bad, frame)])
-    return recovery_figure(trial, during, step_both(disturbed, baseline, same_frames(frames, trial.watched)))
+def one_frame(trial: Trial, hostile: Hostile) -> Figures:
+    """One hostile frame, then 30 clean ones: largest difference from an undisturbed session.
+
+    The exposure is measured. The bound is the largest difference after a reset at that frame, or at the
+    second or fourth frame before or after it.
+    """
+    session = trial.begin()
+    frames = [replace(frame, exposure=None) for frame in trial.still]
+    starts, period = dict[int, _Start](), len(frames)
+    for index in range(period + max(RESETS) + 1):
+        if index - period in RESETS:
+            following = [frames[(index + later) % period] for later in range(CLEAN + 1)]
+            starts[index - period] = _Start(session, session.save_state(), following)
+        session.step(frames[index % period])
+    resets = {
+        offset: [replace(bad, reset=True) for bad in hostile(start.frames[0])]
+        for offset, start in starts.items()
+    }
+    results = []
+    for case, bad in enumerate(hostile(starts[0].frames[0])):
+        error = starts[0].error_after(bad)
+        after_resets = (starts[offset].error_after(resets[offset][case]) for offset in RESETS)
+        results.append((error, hostile_bound(error, after_resets)))
+    means = [(error.mean, bound.mean) for error, bound in results]
+    outliers = [(error.p999, bound.p999) for error, bound in results]
+    return [
+        Figure("difference", *max(means, key=lambda pair: pair[0] / pair[1])),
+        Figure("difference at 99.9 %", *max(outliers, key=lambda pair: pair[0] / pair[1])),
+    ]
 
 
-SCENARIOS = (
-    *(
-        Scenario(
-            f"values {name}",
-            "difference / frame",
-            _Injected(values),
-            cpu=_CASES * WATCHED,
-            onnx=_CASES * WATCHED,
-            quick=_CASES * WATCHED if name == "not a number" else 0,
-            remembers=False,
-        )
-        for name, values in VALUES.items()
-    ),
-    *(
-        Scenario(
-            f"a region {name}",
-            "difference / frame",
-            _Lasting(VALUES[name][0], counts_as),
-            cpu=96,
-            onnx=96,
-            remembers=False,
-        )
-        for name, counts_as in COUNTS_AS.items()
-    ),
-    Scenario(
-        "a region not a number",
-        "darker / frame",
-        lasting_hole,
-        cpu=96,
-        onnx=96,
-        quick=80,
+@dataclass(frozen=True)
+class _Start:
+    """A frame of the run: the session, its state before that frame, and the frames from that one on."""
+
+    session: Session
+    state: State
+    frames: Sequence[Frame]
+
+    def error_after(self, first: Frame) -> Difference:
+        """Return the difference of the last clean frame's image when `first` replaces the first frame."""
+        return difference(self._last_image(first), self._baseline)
+
+    @cached_property
+    def _baseline(self) -> Float32:
+        return self._last_image(self.frames[0])
+
+    def _last_image(self, first: Frame) -> Float32:
+        self.session.load_state(self.state)
+        self.session.step(first)
+        return [self.session.step(later) for later in self.frames[1:]][-1]
+
+
+def hostile_bound(error: Difference, after_resets: Iterable[Difference]) -> Difference:
+    """Return the bound of an error: MIN_BOUND, or the largest error after a reset if that is larger.
+
+    Resets are measured only until the bound reaches `error`: further ones would not change the verdict.
+    """
+    bound = MIN_BOUND
+    for other in after_resets:
+        bound = Difference(max(bound.mean, other.mean + ROUNDING), max(bound.p999, other.p999 + ROUNDING))
+        if error.mean <= bound.mean and error.p999 <= bound.p999:
+            break
+    return bound
+
+
+def _other_exposures(frame: Frame) -> Iterator[Frame]:
+    return (replace(frame, exposure=exposure) for exposure in EXPOSURES)
+
+
+def _spoiled(values: Iterable[tuple[str, float]]) -> Hostile:
+    pairs = list(values)
+    return lambda frame: bad_frames(frame, pairs)
+
+
+_ONE_FRAME: Mapping[str, tuple[Hostile, int]] = {
+    "exposure": (_other_exposures, len(EXPOSURES)),
+    **{
+        field: (_spoiled((field, values[i]) for values in VALUES.values()), 3 * len(VALUES))
+        for i, field in enumerate(FIELDS)
+    },
+    "bright light": (_spoiled(("color", value) for value in BRIGHT), 3 * len(BRIGHT)),
+    "brightest light": (_spoiled([("color", LARGEST)]), 3),
+}
+"""Hostile frames, and how many there are."""
+for _name, (_hostile, _cases) in _ONE_FRAME.items():
+    _frames = 2 * _cases * CLEAN
+    scenario(
+        "recovery",
+        f"one frame's {_name}",
+        _hostile,
+        cpu=_frames,
+        quick=_frames if _name == "exposure" else 0,
+        ratios=None,
+    )(one_frame)
+
+HARM = 0.05
+"""dB of PSNR that a shot may lose by the second pass."""
+STATIC: Sequence[Scene] = (STILL, Plane(zone_plate))
+SCENES: Sequence[Scene] = (STILL, Orbit(), Plane(zone_plate, velocity=(0.37, 0.21)))
+SPOILED = 24
+"""Number of frames of a shot that has one hostile frame."""
+
+
+class Shot(NamedTuple):
+    """Frames from a cut to the next, and their exact images."""
+
+    frames: Sequence[Frame]
+    truths: Sequence[Float32]
+
+
+def shots_of(trial: Trial, lengths: Sequence[int], of: Sequence[Scene]) -> Figures:
+    """Upscale shots of these lengths, one after another."""
+    return _lost(trial, _shots(trial, lengths, of))
+
+
+def hostile_shots(trial: Trial, hostile: Hostile) -> Figures:
+    """Shots of 24 frames: the first, one in the middle or the last is hostile. Exposure is measured."""
+    (shot,) = _shots(trial, (SPOILED,), (Orbit(),))
+    frames = [replace(frame, exposure=None) for frame in shot.frames]
+    shots = [
+        Shot([*frames[:place], bad, *frames[place + 1 :]], shot.truths)
+        for place in (0, SPOILED // 2, SPOILED - 1)
+        for bad in hostile(frames[place])
+    ]
+    return _lost(trial, shots)
+
+
+def _two_passes(name: str, run: Run, frames: int, *arguments: object, description: str = "") -> None:
+    scenario(
+        "two-passes",
+        f"two passes, {name}",
+        *arguments,
+        description=description,
+        cpu=frames,
+        quick=frames if frames < 30 else 0,
         remembers=False,
-        logarithmic=False,
-    ),
-    Scenario(
-        "one pixel not a number",
-        "reach / frame",
-        spread,
-        cpu=128,
-        onnx=64,
-        quick=32,
-        remembers=False,
-        logarithmic=False,
-    ),
-    Scenario("spike of 65504", "difference / frame", spike, cpu=96, onnx=96, quick=56),
-    Scenario("fireflies", "difference / frame", fireflies, cpu=96, onnx=96),
-)
+        two_passes=True,
+        ratios=None,
+    )(run)
+
+
+for _name, _lengths, _scenes, _text in (
+    ("cuts", (12, 3, 8, 5) * 3, SCENES, "Shots of 12, 3, 8 and 5 frames."),
+    ("single frames", (8, 1) * 6, SCENES, "Single frames between shots of eight."),
+    ("one frame", (1,) * 12, SCENES, "Shots of one frame each."),
+    ("two frames", (2,) * 12, SCENES, "Shots of two frames each."),
+    ("still", (8, 40, 160) * 2, STATIC, "Shots of 8, 40 and 160 frames in which nothing moves."),
+):
+    _two_passes(_name, shots_of, sum(_lengths), _lengths, _scenes, description=_text)
+for _name, _values in VALUES.items():
+    _two_passes(_name, hostile_shots, 27 * SPOILED, _spoiled(zip(FIELDS, _values, strict=True)))
+_two_passes("exposure", hostile_shots, 12 * SPOILED, _other_exposures)
+
+
+def _shots(trial: Trial, lengths: Sequence[int], of: Sequence[Scene]) -> list[Shot]:
+    """Return shots of these lengths, of the scenes in turn; frames and jitter go on from shot to shot."""
+    shots, first = [], 0
+    for length, scene in zip(lengths, cycle(of), strict=False):
+        stop = first + length
+        truths = [truth(scene, 0 if scene in STATIC else i, trial.display) for i in range(first, stop)]
+        shots.append(Shot(frames_of(scene, trial.render, stop)[first:], truths))
+        first = stop
+    return shots
+
+
+def _lost(trial: Trial, shots: Sequence[Shot]) -> Figures:
+    """Upscale shots with cuts between them, in one pass and in two; measure the PSNR lost by the second.
+
+    PSNR of a shot is the mean of that of its images.
+    """
+    upscaled = trial.subject.sequences
+    if upscaled is None:
+        raise TypeError(f"{trial.subject.method} has one pass")  # see `Scenario.suits`
+    frames = [replace(frame, reset=i == 0) for shot in shots for i, frame in enumerate(shot.frames)]
+    images = [list(upscaled(frames, trial.display, passes)) for passes in (1, 2)]
+    truths = [display_transform(image) for shot in shots for image in shot.truths]
+    stops = np.cumsum([len(shot.frames) for shot in shots])
+    one, two = (
+        np.array([part.mean() for part in np.split(_scores(each, truths), stops[:-1])]) for each in images
+    )
+    lost = one - two
+    trial.bad_values += sum(map(bad_values, chain(*images)))
+    return [
+        Figure("PSNR lost, mean of shots, dB", float(lost.mean()), HARM),
+        Figure("PSNR lost, worst shot, dB", float(lost.max()), HARM),
+    ]
+
+
+def _scores(images: Sequence[Float32], truths: Sequence[Float32]) -> list[float]:
+    return [psnr(display_transform(image), truth) for image, truth in zip(images, truths, strict=True)]

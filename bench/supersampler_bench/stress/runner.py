@@ -1,45 +1,37 @@
-"""Run scenarios one after another; kept outcomes let a stopped run continue."""
+"""Run scenarios one after another, with their record and table. Kept outcomes let a stopped run continue."""
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 import supersampler
-import supersampler_bench.stress
+import supersampler_bench.stress.hostile
+import supersampler_bench.stress.long_runs
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
 from supersampler.io.files import replacing
-from supersampler_bench.stress import hostile, light, recovery, sampling, sessions, steady, travel, two_passes
-from supersampler_bench.stress.scenario import Figure, Scenario, Subject
+from supersampler_bench.markdown import table
+from supersampler_bench.record import BenchRecord
+from supersampler_bench.stress.scenario import FAMILIES, Figure, Scenario, Subject
 
-FAMILIES: Mapping[str, Sequence[Scenario]] = {
-    "steady": steady.SCENARIOS,
-    "hostile": hostile.SCENARIOS,
-    "recovery": recovery.SCENARIOS,
-    "light": light.SCENARIOS,
-    "travel": travel.SCENARIOS,
-    "sampling": sampling.SCENARIOS,
-    "sessions": sessions.SCENARIOS,
-    "two-passes": two_passes.SCENARIOS,
-}
-"""All scenarios, by kind."""
 BAD_VALUES = "bad values"
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What one run of a scenario gave.
+    """Result of one run of a scenario.
 
     Attributes:
         scenario, method, executor, precision: what was run.
         display: (width, height) of the images.
-        frames: how many, about.
-        figures: what was measured; that no image had a bad value is among them. None of a run that broke.
-        curve: what to look at.
-        error: why it broke.
+        frames: approximate number of frames.
+        figures: measured values, among them the number of bad values; none of a run that raised.
+        error: the error that it raised.
     """
 
     scenario: str
@@ -49,7 +41,6 @@ class Outcome:
     display: Size
     frames: int
     figures: tuple[Figure, ...]
-    curve: list[float]
     error: str = ""
 
     @property
@@ -57,12 +48,17 @@ class Outcome:
         """Whether it ran, and all figures are within their bounds."""
         return not self.error and all(figure.passed for figure in self.figures)
 
+    @property
+    def subject(self) -> str:
+        """Method and executor."""
+        return f"{self.method} {self.executor}"
+
 
 def chosen(names: Sequence[str], *, quick: bool = False) -> list[Scenario]:
-    """Return the scenarios of these names, or of these families; all where there are none.
+    """Return the scenarios of these names or families; all if no names are given.
 
     Raises:
-        ArgumentError: there is none of that name.
+        ArgumentError: there is no such scenario or family.
     """
     known = {scenario.name for family in FAMILIES.values() for scenario in family}
     for name in names:
@@ -104,38 +100,43 @@ def measure(
     quick: bool = False,
     keep: Path | None = None,
 ) -> Iterator[Outcome]:
-    """Run all that make sense; yields each when it is done.
+    """Run all scenarios that suit each subject; yield each outcome when it is there.
 
     Args:
         scenarios: of FAMILIES, or others.
         subjects: methods in executors.
         quick: few and small frames.
-        keep: folder where outcomes are kept, and taken from where nothing has changed since.
+        keep: folder of kept outcomes, which are reused where nothing has changed since.
     """
     state = source_state() if keep is not None else ""
     for scenario, subject in runs(scenarios, subjects):
-        path = None if keep is None else keep / f"{_file_name(scenario, subject, quick=quick)}.json"
+        parts = [scenario.name.replace(" ", "_"), Path(subject.method).name, subject.executor]
+        path = None if keep is None else keep / f"{'-'.join(parts + ['quick'] * quick)}.json"
         outcome = None if path is None else _kept(path, state)
         if outcome is None:
             outcome = run(scenario, subject, quick=quick)
             if path is not None:
-                _keep(outcome, path, state)
+                with replacing(path) as partial:
+                    partial.write_text(json.dumps({"of": state, **asdict(outcome)}), encoding="utf-8")
         yield outcome
 
 
+def _kept(path: Path, state: str) -> Outcome | None:
+    if not path.is_file():
+        return None
+    data: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return msgspec.convert(data, Outcome) if data.pop("of") == state else None
+
+
 def run(scenario: Scenario, subject: Subject, *, quick: bool = False) -> Outcome:
-    """Run one scenario; what breaks in it is part of the outcome."""
+    """Run one scenario; an error that it raises is part of the outcome."""
     trial = scenario.trial(subject, quick=quick)
     figures: tuple[Figure, ...] = ()
-    curve: list[float] = []
     error = ""
     try:
-        measured = scenario.run(trial)
-    except Exception as broke:  # whatever a method raises is what is looked for
+        figures = (*scenario.run(trial), Figure(BAD_VALUES, float(trial.bad_values), 0.0))
+    except Exception as broke:  # errors of methods are what stress looks for
         error = f"{type(broke).__name__}: {broke}"
-    else:
-        bad = float(measured.bad_values + sum(session.bad_values for session in trial.opened))
-        figures, curve = (*measured.figures, Figure(BAD_VALUES, bad, 0.0)), measured.curve
     return Outcome(
         scenario=scenario.name,
         method=subject.method,
@@ -144,13 +145,12 @@ def run(scenario: Scenario, subject: Subject, *, quick: bool = False) -> Outcome
         display=trial.display,
         frames=trial.frames,
         figures=figures,
-        curve=curve,
         error=error,
     )
 
 
 def source_state() -> str:
-    """Digest of all that outcomes depend on: the runtime with its models, the scenarios."""
+    """Return a digest of everything that outcomes depend on: the runtime with its models, the scenarios."""
     digest = hashlib.sha256()
     for module in (supersampler, supersampler_bench.stress):
         root = Path(str(module.__file__)).parent
@@ -160,21 +160,70 @@ def source_state() -> str:
     return digest.hexdigest()
 
 
-def _file_name(scenario: Scenario, subject: Subject, *, quick: bool) -> str:
-    parts = (scenario.name.replace(" ", "_"), Path(subject.method).name, subject.executor)
-    return "-".join((*parts, "quick") if quick else parts)
+@dataclass(frozen=True)
+class StressRecord(BenchRecord):
+    """Outcomes of scenarios."""
+
+    outcomes: list[Outcome]
+    BENCH = "stress"
+    TABLES = ("", "scenarios")
+
+    def to_json(self) -> dict[str, Any]:
+        """Return all values, ready for JSON, and whether each run passed."""
+        values = super().to_json()
+        for row, outcome in zip(values["outcomes"], self.outcomes, strict=True):
+            row["passed"] = outcome.passed
+        return values
+
+    def table(self) -> str:
+        """Return the table as Markdown, and a list of the runs that raised.
+
+        Each row is a figure, each column a method and executor.
+        """
+        outcomes = self.outcomes
+        subjects = list(dict.fromkeys(o.subject for o in outcomes))
+        rows = []
+        for scenario in dict.fromkeys(o.scenario for o in outcomes):
+            found = {o.subject: o for o in outcomes if o.scenario == scenario}
+            for name in dict.fromkeys(f.name for o in found.values() for f in o.figures):
+                if name != BAD_VALUES:
+                    rows.append(_row(scenario, name, [found.get(subject) for subject in subjects]))
+        figures = [(o.subject, f) for o in outcomes for f in o.figures]
+        bad = [sum(f.value or 0.0 for of, f in figures if (of, f.name) == (s, BAD_VALUES)) for s in subjects]
+        bold = (f"**{count:.0f}**" if count else "0" for count in bad)
+        rows.append(["all of these", "values not in [0, 65504]", "0", *bold])
+        within = sum(f.passed for _, f in figures)
+        caption = f"{within} of {len(figures)} figures are within their bounds; those that are not are bold."
+        if {o.scenario for o in outcomes} & {s.name for s in FAMILIES["recovery"]}:
+            caption += (
+                " After one hostile frame, the bound is the largest difference after a reset at one of "
+            )
+            caption += "five frames, if that is larger."
+        broken = [f"- {o.scenario}, {o.subject}: broke. {o.error}" for o in outcomes if o.error]
+        headings = ["scenario", "figure", "at most:", *(f"{subject}:" for subject in subjects)]
+        return "\n".join([table(headings, rows, caption), *([""] if broken else []), *broken])
+
+    def scenarios_table(self) -> str:
+        """Return the descriptions of all scenarios and their numbers of frames, as Markdown."""
+        scenarios = (s for family in FAMILIES.values() for s in family)
+        rows = ([s.name, s.description, s.cpu or "–", s.onnx or "–"] for s in scenarios)
+        return table(["scenario", "what is done", "frames, cpu:", "onnx:"], rows)
 
 
-def _keep(outcome: Outcome, path: Path, state: str) -> None:
-    with replacing(path) as partial:
-        partial.write_text(json.dumps({"of": state, **asdict(outcome)}), encoding="utf-8")
+def _row(scenario: str, name: str, found: Sequence[Outcome | None]) -> list[str]:
+    figures = [None if o is None else next((f for f in o.figures if f.name == name), None) for o in found]
+    bounds = {f.bound for f in figures if f is not None}
+    common = bounds.pop() if len(bounds) == 1 else None
+    cells = []
+    for outcome, figure in zip(found, figures, strict=True):
+        if figure is None:
+            cells.append("**broke**" if outcome is not None and outcome.error else "–")
+            continue
+        text = _number(figure.value) + (f" ({_number(figure.bound)})" if common is None else "")
+        cells.append(text if figure.passed else f"**{text}**")
+    return [scenario, name, "see cells" if common is None else _number(common), *cells]
 
 
-def _kept(path: Path, state: str) -> Outcome | None:
-    if not path.is_file():
-        return None
-    data: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    if data.pop("of") != state:
-        return None
-    data["figures"] = tuple(Figure(**figure) for figure in data["figures"])
-    return Outcome(**{**data, "display": tuple(data["display"])})
+def _number(value: float | None) -> str:
+    value = float("nan") if value is None else value
+    return f"{value:.3g}" if value == 0.0 or abs(value) >= 1e-2 else f"{value:.1e}"

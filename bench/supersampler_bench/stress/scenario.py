@@ -2,27 +2,29 @@
 
 import inspect
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
-from typing import Protocol
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Protocol
 
 import numpy as np
 
 from supersampler import Frame
 from supersampler.frame import Float32, Size
 from supersampler.history import State
+from supersampler_bench.stress import scenes
 
 STEP = 1.0 / 255.0
-"""Of an 8-bit image: what images that should be alike may differ by on average."""
+"""One step of an 8-bit image: bound of the mean difference of images that should be alike."""
 REST = 0.5 / 255.0
 """Largest mean change of an image at rest in a jitter period: half a step of an 8-bit image."""
 ROUNDING = 1e-5
 """Mean difference of images that single precision causes, without int8."""
 RECOVERY = 48
-"""Frames, one and a half periods of the jitter at ratio 2, in which most methods forget what was bad."""
+"""Frames, one and a half jitter periods at ratio 2, in which most methods forget bad input."""
 REACH = 8.0
-"""Display pixels around a bad one that may look different; of a network, beside what it sees."""
+"""Display pixels around a bad one that may look different, apart from a network's receptive field."""
 DECAY = 0.1
-"""dB of PSNR that an image may lose from one loop to a later one, or be below what it is compared with."""
+"""dB of PSNR that an image may lose from one loop to a later one, or to the image it is compared with."""
 LARGEST = 65504.0
 
 
@@ -39,6 +41,8 @@ class Session(Protocol):
         """See `Upscaler.load_state`."""
 
 
+Begin = Callable[[Size, int], Session]
+"""Returns a session for a display size and a number of threads."""
 Sequences = Callable[[Sequence[Frame], Size, int], Iterable[Float32]]
 """Returns the images of a sequence of frames, at a display size, in one pass or in two."""
 
@@ -50,15 +54,15 @@ class Subject:
     Attributes:
         method: its name.
         executor: "cpu" or "onnx".
-        precision: of what is learned, "fp32", "fp16" or "int8".
-        remembers: whether anything goes from frame to frame.
+        precision: of the network, "fp32", "fp16" or "int8".
+        remembers: whether it has a history.
         reach: display pixels around a bad one that may look different.
-        begin: makes a session for a display size, on so many threads.
-        exact: the same method in the graph, in single precision; None where this is it.
-        own: the same with `at_rest="off"`.
-        recovery: frames in which what was bad is forgotten.
+        begin: of the method as it runs by default.
+        exact: of the method on the ONNX backend in single precision; None where `begin` is that.
+        own: of the method with `at_rest="off"`.
+        recovery: frames in which bad input is forgotten.
         every: frames from one shaded frame to the next; 1: all are shaded.
-        ratios: of display to render size, the least and the largest.
+        ratios: smallest and largest ratio of display to render size.
         sequences: upscales whole sequences, for methods of two passes; None for others, which are stepped.
     """
 
@@ -67,9 +71,9 @@ class Subject:
     precision: str
     remembers: bool
     reach: float
-    begin: Callable[[Size, int], Session]
-    exact: Callable[[Size, int], Session] | None = None
-    own: Callable[[Size, int], Session] | None = None
+    begin: Begin
+    exact: Begin | None = None
+    own: Begin | None = None
     recovery: int = RECOVERY
     every: int = 1
     ratios: tuple[float, float] = (1.0, 4.0)
@@ -77,7 +81,7 @@ class Subject:
 
     @property
     def tolerance(self) -> float:
-        """What two ways to the same image may differ by on average, as a screen shows it."""
+        """Mean display difference that two ways to compute the same image may have."""
         return ROUNDING if self.precision == "fp32" else STEP
 
 
@@ -87,21 +91,66 @@ def bad_values(image: Float32) -> int:
 
 
 @dataclass
-class Watched:
-    """A session that counts invalid values of its images.
+class Trial:
+    """One run of a scenario.
 
     Attributes:
-        session: the one.
-        bad_values: how many were not numbers in [0, 65504] so far.
+        subject: the method under stress.
+        display: (width, height) of the images.
+        frames: approximate number of frames to step.
+        bad_values: number of bad values in all images so far.
     """
 
-    session: Session
+    subject: Subject
+    display: Size
+    frames: int
     bad_values: int = 0
+
+    @property
+    def render(self) -> Size:
+        """Render size at ratio 2, or at the nearest ratio that the subject supports."""
+        low, high = self.subject.ratios
+        ratio = min(max(2.0, low), high)
+        return round(self.display[0] / ratio), round(self.display[1] / ratio)
+
+    @property
+    def still(self) -> Sequence[Frame]:
+        """One jitter period of the static scene."""
+        return scenes.still(self.render, self.subject.every)
+
+    @property
+    def moving(self) -> Sequence[Frame]:
+        """One loop of the moving scene."""
+        return scenes.moving(self.render, self.subject.every)
+
+    @property
+    def watched(self) -> int:
+        """Number of frames to watch after a disturbance: a few more than it may last."""
+        return max(self.frames, self.subject.recovery + 8)
+
+    def begin(self, display: Size | None = None, *, threads: int = 1) -> Session:
+        """Begin a session."""
+        return Watched(self.subject.begin(display or self.display, threads), self)
+
+    def begin_own(self) -> Session:
+        """Begin a session of the method's own images.
+
+        Sessions that converge at rest differ until disturbed blocks have converged again.
+        """
+        return Watched((self.subject.own or self.subject.begin)(self.display, 1), self)
+
+
+@dataclass(frozen=True)
+class Watched:
+    """A session that adds the bad values of its images to those of a trial."""
+
+    session: Session
+    trial: Trial
 
     def step(self, frame: Frame) -> Float32:
         """Step, and count."""
         image = self.session.step(frame)
-        self.bad_values += bad_values(image)
+        self.trial.bad_values += bad_values(image)
         return image
 
     def save_state(self) -> State:
@@ -114,104 +163,44 @@ class Watched:
 
 
 @dataclass(frozen=True)
-class Trial:
-    """One run of a scenario.
-
-    Attributes:
-        subject: what is stressed.
-        display: (width, height) of the images.
-        frames: how many to step, about.
-        opened: all sessions that the scenario began.
-    """
-
-    subject: Subject
-    display: Size
-    frames: int
-    opened: list[Watched] = field(default_factory=list)
-
-    @property
-    def render(self) -> Size:
-        """Render size at ratio 2, or the ratio nearest to it that the subject supports."""
-        low, high = self.subject.ratios
-        ratio = min(max(2.0, low), high)
-        return round(self.display[0] / ratio), round(self.display[1] / ratio)
-
-    @property
-    def every(self) -> int:
-        """Frames from one shaded frame to the next."""
-        return self.subject.every
-
-    @property
-    def watched(self) -> int:
-        """Frames to watch after a disturbance: some more than it may be seen in."""
-        return max(self.frames, self.subject.recovery + 8)
-
-    def begin(self, display: Size | None = None, *, threads: int = 1) -> Watched:
-        """Begin a session."""
-        self.opened.append(Watched(self.subject.begin(display or self.display, threads)))
-        return self.opened[-1]
-
-    def pair(self) -> tuple[Watched, Watched]:
-        """Begin two sessions of the method's own images: one to disturb, and one to compare it with.
-
-        With `at_rest="converge"` they would differ until the disturbed blocks have converged again.
-        """
-        begin = self.subject.own or self.subject.begin
-        both = Watched(begin(self.display, 1)), Watched(begin(self.display, 1))
-        self.opened.extend(both)
-        return both
-
-
-@dataclass(frozen=True)
 class Figure:
-    """What was measured; within its bound where `value` <= `bound`."""
+    """A measured value, None or NaN if it is unknown; within its bound where `value` <= `bound`."""
 
     name: str
-    value: float
+    value: float | None
     bound: float
 
     @property
     def passed(self) -> bool:
-        """False of NaN, too."""
-        return self.value <= self.bound
+        """Whether it is within its bound; an unknown value is not."""
+        return self.value is not None and self.value <= self.bound
 
 
-@dataclass(frozen=True)
-class Measured:
-    """Figures of one run, and a curve to look at.
-
-    Attributes:
-        figures: with their bounds.
-        curve: values to plot, by frame or by shot.
-        bad_values: number of invalid values in images that were not made by a session of the trial.
-    """
-
-    figures: tuple[Figure, ...]
-    curve: list[float]
-    bad_values: int = 0
+Figures = Sequence[Figure]
+Run = Callable[..., Figures]
+"""Runs a scenario: a function of a trial and other arguments."""
 
 
 @dataclass(frozen=True)
 class Scenario:
-    """A disturbance of a method, and the figures that are taken.
+    """A disturbance of a method, and its figures.
 
     Attributes:
-        name: of a few words.
-        curve: what its curve shows, over what: "y / x".
-        run: runs it; its docstring is the description.
+        name: a few words.
+        run: runs it.
+        description: what `run` does, in a sentence or two.
         cpu, onnx: frames on that backend; the ONNX backend is much slower.
-        quick: frames of a short run in any; 0: it is left out there.
-        remembers: only of methods with a history.
-        pairs: only of subjects that are compared with single precision.
-        two_passes: of subjects of two passes, and only of these.
-        same_size: the ONNX backend has images as large as the CPU backend.
-        logarithmic: whether its curve has a logarithmic axis.
-        ratios: of display to render size, the least and the largest that it asks for; None: it takes any.
+        quick: frames of a short run on any backend; 0: not part of short runs.
+        remembers: only for methods with a history.
+        pairs: only for subjects that are compared with single precision.
+        two_passes: for subjects of two passes, and only for these.
+        same_size: images on the ONNX backend are as large as on the CPU backend.
+        ratios: smallest and largest ratio that it uses; None: any.
     """
 
     name: str
-    curve: str
-    run: Callable[[Trial], Measured]
+    run: Callable[[Trial], Figures]
+    description: str
     cpu: int
     onnx: int
     quick: int = 0
@@ -219,16 +208,10 @@ class Scenario:
     pairs: bool = False
     two_passes: bool = False
     same_size: bool = False
-    logarithmic: bool = True
     ratios: tuple[float, float] | None = (2.0, 2.0)
 
-    @property
-    def done(self) -> str:
-        """What is done, in a sentence or two."""
-        return " ".join((inspect.getdoc(self.run) or "").split())
-
     def suits(self, subject: Subject) -> bool:
-        """Whether it makes sense for this subject, and at its ratios."""
+        """Return whether it makes sense for this subject, and at its ratios."""
         if not self.supports(subject) or self.two_passes != (subject.sequences is not None):
             return False
         if self.pairs:
@@ -236,7 +219,7 @@ class Scenario:
         return subject.remembers or not self.remembers
 
     def supports(self, subject: Subject) -> bool:
-        """Whether the subject supports all ratios that it asks for."""
+        """Return whether the subject supports all ratios of the scenario."""
         if self.ratios is None:
             return True
         return subject.ratios[0] <= self.ratios[0] and self.ratios[1] <= subject.ratios[1]
@@ -247,3 +230,38 @@ class Scenario:
         small = quick or self.pairs or (onnx and not self.same_size)
         frames = self.quick if quick else self.onnx if onnx else self.cpu
         return Trial(subject, (48, 32) if small else (96, 64), frames)
+
+
+FAMILIES: dict[str, list[Scenario]] = {
+    family: []
+    for family in ("steady", "hostile", "recovery", "light", "travel", "sampling", "sessions", "two-passes")
+}
+"""All scenarios, by family."""
+
+
+def scenario(
+    family: str, name: str, *arguments: object, cpu: int, onnx: int = 0, description: str = "", **traits: Any
+) -> Callable[[Run], Run]:
+    """Decorate a function of (trial, *arguments), which adds it to a family.
+
+    Args:
+        family: of FAMILIES.
+        name: see `Scenario`.
+        arguments: of the function, after the trial.
+        cpu: frames on the CPU backend.
+        onnx: frames on the ONNX backend; 0: as many as on the CPU backend.
+        description: by default the function's docstring.
+        traits: other fields of `Scenario`.
+    """
+
+    def add(run: Run) -> Run:
+        text = description or " ".join((inspect.getdoc(run) or "").split())
+        bound = partial(_run, run, arguments)
+        FAMILIES[family].append(Scenario(name, bound, text, cpu=cpu, onnx=onnx or cpu, **traits))
+        return run
+
+    return add
+
+
+def _run(run: Run, arguments: Sequence[object], trial: Trial) -> Figures:
+    return run(trial, *arguments)

@@ -26,15 +26,15 @@ from supersampler_model.data.scenes.analytic import (
 
 RATIO = 2.0
 PERIOD = jitter_phase_count(RATIO)
-LAP = 40  # frames in which the moving scene comes back
+LAP = 40  # frames after which the moving scene repeats
 LOOP = lcm(PERIOD, LAP)
-"""Frames after which scene and jitter are both as they were: their images must repeat, too."""
+"""Frames after which scene and jitter both repeat: so must the images."""
 STILL: Scene = WiresOverPlane(Plane(checker))
 
 
 @dataclass(frozen=True)
 class Orbit(Scene):
-    """A near, ringed disc goes round before a plane that swings; after `LAP` frames all is as it was."""
+    """A near, ringed disc circles in front of a swinging plane; everything repeats after `LAP` frames."""
 
     def surface(self, index: int, x: Values, y: Values) -> Surface:
         """Return the disc where it is, else the plane."""
@@ -62,18 +62,18 @@ def _round(index: int) -> Values:
 
 @cache
 def still(render: Size, every: int = 1) -> Sequence[Frame]:
-    """One period of the jitter of the scene that stands; `every`: see `frames_of`."""
+    """Return one jitter period of the static scene; `every`: see `frames_of`."""
     return frames_of(STILL, render, PERIOD * every, every)
 
 
 @cache
 def moving(render: Size, every: int = 1) -> Sequence[Frame]:
-    """One loop of the scene that moves; `every`: see `frames_of`."""
+    """Return one loop of the moving scene; `every`: see `frames_of`."""
     return frames_of(Orbit(), render, lcm(PERIOD * every, LAP), every)
 
 
 def frames_of(scene: Scene, render: Size, count: int, every: int = 1) -> Sequence[Frame]:
-    """Frames of a scene, none of which resets.
+    """Return frames of a scene, none of which resets.
 
     Args:
         scene: the scene.
@@ -87,7 +87,7 @@ def frames_of(scene: Scene, render: Size, count: int, every: int = 1) -> Sequenc
 
 @cache
 def real(render: Size) -> Sequence[Frame]:
-    """The middle of the shipped shot's frames."""
+    """Return crops from the middle of the shipped shot's frames."""
     found = []
     for item in islice(Shot.open("plaza"), 24):
         frame = item.frame
@@ -104,5 +104,5 @@ def real(render: Size) -> Sequence[Frame]:
 
 @cache
 def truth(scene: Scene, index: int, display: Size) -> Float32:
-    """What a frame should look like."""
+    """Return the exact image of a frame."""
     return scene.truth(index, display, 8)

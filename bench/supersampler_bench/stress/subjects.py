@@ -1,4 +1,4 @@
-"""Methods and backends under stress, and their bounds: reach and recovery."""
+"""Methods and backends under stress, and their bounds of reach and recovery."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -17,17 +17,17 @@ from supersampler_bench.stress.scenario import REACH, RECOVERY, Session, Subject
 from supersampler_bench.stress.scenes import PERIOD
 
 SLOW: Mapping[str, int] = {"taau": 9 * PERIOD}
-"""Frames in which slower methods recover. `taau` keeps eighteen samples, of which a frame brings a fifth, and
-an error within its colour box fades no faster than they do."""
+"""Frames in which slower methods recover. `taau` keeps eighteen samples, a fifth of which a frame replaces:
+an error within its colour box fades no faster."""
 
 
 def subjects(methods: Sequence[str], executors: Sequence[ExecutorName]) -> list[Subject]:
-    """Return all methods in all executors that they have.
+    """Return all methods in all of these executors that they have.
 
     Args:
         methods: shipped models or model folders, with a precision as in "classifier:fp16"; "taau+guided-warp"
             is `taau` with every second frame unshaded and extrapolated by the other; "taau:x2" is two passes.
-        executors: of the first.
+        executors: of the upscaling method.
     """
     return [subject for method in methods for subject in _of(method, executors)]
 
@@ -85,7 +85,7 @@ class _Session:
     """An Upscaler that gets default G-buffers where it reads some, and no colour in every second frame.
 
     Args:
-        upscaler: the one.
+        upscaler: it steps the frames.
         display: (width, height) of the images.
         alternates: whether every second frame is unshaded. The first one, and one after a cut or a loaded
             state, is shaded.
@@ -125,10 +125,10 @@ def _model(method: str, executor: ExecutorName, precision: Precision, threads: i
 
 
 def _receptive_radius(info: ModelInfo) -> int:
-    """Display pixels that a network sees to either side; 0 without one.
+    """Return the radius of a network's receptive field, display pixels; 0 without a network.
 
-    Each level sees one of its own pixels farther, of 2, 4, 8, ... display pixels, and where the largest of
-    them begin depends on the place.
+    Each level adds one of its own pixels, of 2, 4, 8, ... display pixels, and the phase of the largest ones
+    depends on the position.
     """
     levels = len(info.config["network"]["levels"]) if "network" in info.config else 0
     strides = [2 << level for level in range(levels)]

@@ -1,22 +1,23 @@
-"""Step time of the ONNX backend on its device, with frame and image in device memory."""
+"""Step time on a device, with frame and image in its memory: of the ONNX backend, and of torch on CUDA."""
 
 import itertools
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import torch
 
 from supersampler import Frame, Model, Upscaler
 from supersampler.backends.onnx.runtime import ort
 from supersampler.backends.onnx.session import frame_inputs
-from supersampler.errors import ArgumentError
+from supersampler.errors import ArgumentError, DeviceError
 from supersampler.frame import Size
 from supersampler.model import Precision
 from supersampler_bench.compatibility import compatible, with_default_gbuffers
-from supersampler_bench.markdown_table import size_text, table
-from supersampler_bench.record import Record, machine_name
+from supersampler_bench.markdown import size_text, table
+from supersampler_bench.record import BenchRecord
 from supersampler_bench.timing.latency import (
     COPIED,
     WARM_UP,
@@ -27,6 +28,8 @@ from supersampler_bench.timing.latency import (
     take_turns,
 )
 from supersampler_model.data.shots import render_size
+from supersampler_model.methods import load_method
+from supersampler_model.ops.images import Size as Extent
 
 
 @dataclass(frozen=True)
@@ -156,32 +159,92 @@ def measure_copy(device: str) -> float:
     return 2 * COPIED / fastest(20, copy)
 
 
-def device_record(results: Sequence[OnDevice], copied: float) -> dict[str, Any]:
-    """Return all values, ready for JSON."""
-    return {"bench": "device", "timed": [asdict(result) for result in results], "copied": copied}
+@dataclass(frozen=True)
+class DeviceRecord(BenchRecord):
+    """Times on a device, and the bytes a second of a copy in its memory (0: not known)."""
 
+    timed: list[OnDevice]
+    copied: float
+    BENCH = "device"
 
-def markdown_table(record: Record) -> str:
-    """Return the table of a record as Markdown, with its caption."""
-    copied = record["copied"]
-    rows = [
-        [
-            f"{size_text(r.render)} to {size_text(r.display)}",
-            r.method,
-            r.precision,
-            r.provider,
-            "yes" if r.capture else "no",
-            *(f"{time:.2f}" for time in (r.median, r.p95, r.p99)),
-            f"{1e-6 * r.moved:.0f}",
-            f"{r.median / (1e3 * r.moved / copied):.0f}x" if copied else "–",
+    def table(self) -> str:
+        """Return the table as Markdown, with its caption."""
+        rows = [
+            [
+                f"{size_text(r.render)} to {size_text(r.display)}",
+                r.method,
+                r.precision,
+                r.provider,
+                "yes" if r.capture else "no",
+                *(f"{time:.2f}" for time in (r.median, r.p95, r.p99)),
+                f"{1e-6 * r.moved:.0f}",
+                f"{r.median / (1e3 * r.moved / self.copied):.0f}x" if self.copied else "–",
+            ]
+            for r in self.timed
         ]
-        for r in (OnDevice(**row) for row in record["timed"])
+        limit = f", at the {1e-9 * self.copied:.0f} GB/s that a copy there reaches" if self.copied else ""
+        caption = (
+            "A step, frame and image in the device's memory; settings of a size take turns, but those of "
+            f"torch. {self.machine_name}. MB: frame, history before and after, and image. Of a copy: "
+            f"how many times as long as moving these{limit}."
+        )
+        headings = ["size", "method", "precision", "provider", "capture", "ms:", "p95:", "p99:", "MB:"]
+        return table([*headings, "of a copy:"], rows, caption)
+
+
+def measure_torch(
+    methods: Sequence[str],
+    displays: Sequence[Size],
+    ratios: Sequence[float],
+    *,
+    steps: int,
+    compiled: Sequence[bool] = (False,),
+    on_left_out: Callable[[str], None] = lambda _: None,
+) -> list[OnDevice]:
+    """Time shipped methods in float32, one after another.
+
+    Args:
+        methods: their names.
+        displays: (width, height) of the images.
+        ratios: display over render size; those that a method lacks are left out.
+        steps: that count, of each.
+        compiled: whether `torch.compile` compiles the step, each to time.
+        on_left_out: called with the reason why a method is left out.
+
+    Raises:
+        DeviceError: torch has no CUDA device.
+    """
+    if not torch.cuda.is_available():
+        raise DeviceError("torch has no CUDA device")
+    results = []
+    for display, ratio in itertools.product(displays, ratios):
+        frames = frames_of(render_size(display, ratio))
+        kept = compatible(methods, frames[0].size, display, on_left_out)
+        results += [_timed(*one, display, frames, steps) for one in itertools.product(kept, compiled)]
+    return results
+
+
+@torch.no_grad()
+def _timed(name: str, compiled: bool, display: Size, frames: Sequence[Frame], steps: int) -> OnDevice:
+    method = load_method(name).to("cuda")
+    step: Callable[..., Any] = torch.compile(method.step) if compiled else method.step
+    placed = [
+        [  # the program reads `display_size`
+            torch.from_numpy(array).to("cpu" if name == "display_size" else "cuda")
+            for name, array in frame_inputs(frame, display, method.inputs()).items()
+        ]
+        for frame in frames
     ]
-    limit = f", at the {1e-9 * copied:.0f} GB/s that a copy there reaches" if copied else ""
-    caption = (
-        "A step, frame and image in the device's memory; settings of a size take turns, but those of torch. "
-        f"{machine_name(record)}. MB: frame, history before and after, and image. Of a copy: "
-        f"how many times as long as moving these{limit}."
+    history = [one.to("cuda") for one in method.first_history(Extent(*display), Extent(*frames[0].size))]
+    wall = []
+    for inputs in itertools.islice(itertools.cycle(placed), steps + WARM_UP):
+        torch.cuda.synchronize()
+        began = time.perf_counter()
+        image, history, _ = step(*inputs, *history)
+        torch.cuda.synchronize()
+        wall.append(1e3 * (time.perf_counter() - began))
+    moved = sum(one.nbytes for one in (*placed[0], *history, *history, image))
+    provider = f"torch {torch.__version__}, {torch.cuda.get_device_name()}"
+    return OnDevice(
+        name, frames[0].size, display, "fp32", provider, compiled, *quantiles(wall[WARM_UP:]), moved
     )
-    headings = ["size", "method", "precision", "provider", "capture", "ms:", "p95:", "p99:", "MB:"]
-    return table([*headings, "of a copy:"], rows, caption)

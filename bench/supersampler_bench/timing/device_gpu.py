@@ -1,4 +1,4 @@
-"""Step time of the GPU backend, and that of each pass, by timestamp queries of the device."""
+"""Step time of the GPU backend and of each pass by timestamps, and the limits of the device."""
 
 import itertools
 import time
@@ -10,16 +10,232 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler import Frame, Model, Upscaler
-from supersampler.errors import ArgumentError
+from supersampler.backends.gpu.device import LIMITS, default_device, name_of
+from supersampler.backends.gpu.memory import BufferSpec, MemorySpec, TextureSpec, allocate, write_to
+from supersampler.errors import ArgumentError, DeviceError
 from supersampler.frame import Size
 from supersampler_bench.compatibility import compatible
-from supersampler_bench.timing.device_stopwatch import EachDispatch, Stopwatch
 from supersampler_bench.timing.gpu_traffic import pass_costs
 from supersampler_bench.timing.latency import frames_of, quantiles, take_turns
 from supersampler_model.data.shots import render_size
 
 if TYPE_CHECKING:
     import wgpu
+
+TIMESTAMPS = "timestamp-query"
+_RESOLVE, _COPY_SRC = 512, 4  # usages, as WebGPU numbers them
+
+
+def device_with_timestamps() -> "wgpu.GPUDevice":
+    """Open another device on the adapter of `default_device`.
+
+    Raises:
+        DeviceError: there is no device, or it has no timestamp queries.
+    """
+    adapter = default_device().adapter
+    if TIMESTAMPS not in adapter.features:
+        raise DeviceError(f"adapter {name_of(adapter)} has no timestamp queries: steps cannot be timed on it")
+    return adapter.request_device_sync(required_features=[TIMESTAMPS], required_limits=dict(LIMITS))
+
+
+class Stopwatch:
+    """Pairs of timestamps in one command buffer.
+
+    Args:
+        device: see `device_with_timestamps`.
+        most: pairs that a command buffer has at most.
+    """
+
+    def __init__(self, device: "wgpu.GPUDevice", most: int) -> None:
+        self._device, self._pairs = device, 0
+        self._queries = device.create_query_set(type="timestamp", count=2 * most)
+        self._times = device.create_buffer(size=16 * most, usage=_RESOLVE | _COPY_SRC)
+        self._period = _nanoseconds(device)
+
+    def around(self, encoder: "wgpu.GPUCommandEncoder", encode: Callable[[], object]) -> None:
+        """Time what `encode` encodes, between two empty passes."""
+        begin, end = 2 * self._pairs, 2 * self._pairs + 1
+        self._pairs += 1
+        self._mark(encoder, beginning_of_pass_write_index=begin)
+        encode()
+        self._mark(encoder, end_of_pass_write_index=end)
+
+    def timed_pass(self, encoder: "wgpu.GPUCommandEncoder") -> "wgpu.GPUComputePassEncoder":
+        """Begin a compute pass that is timed as a whole."""
+        begin, end = 2 * self._pairs, 2 * self._pairs + 1
+        self._pairs += 1
+        return encoder.begin_compute_pass(
+            timestamp_writes={
+                "query_set": self._queries,
+                "beginning_of_pass_write_index": begin,
+                "end_of_pass_write_index": end,
+            }
+        )
+
+    def submit(self, encoder: "wgpu.GPUCommandEncoder") -> NDArray[np.float64]:
+        """Submit the commands; wait, and return the milliseconds of each pair in order."""
+        pairs, self._pairs = self._pairs, 0
+        encoder.resolve_query_set(self._queries, 0, 2 * pairs, self._times, 0)
+        self._device.queue.submit([encoder.finish()])
+        read = self._device.queue.read_buffer(self._times, 0, 16 * pairs)
+        begin, end = np.frombuffer(read, np.uint64).reshape(-1, 2).T
+        return 1e-6 * self._period * (end - begin).astype(np.float64)
+
+    def _mark(self, encoder: "wgpu.GPUCommandEncoder", **write: int) -> None:
+        encoder.begin_compute_pass(timestamp_writes={"query_set": self._queries, **write}).end()
+
+
+def _nanoseconds(device: "wgpu.GPUDevice") -> float:
+    """Return the unit of timestamps: wgpu's native library gives those of the driver."""
+    from wgpu.backends.wgpu_native._ffi import lib
+
+    return float(lib.wgpuQueueGetTimestampPeriod(device.queue._internal))
+
+
+class EachDispatch:
+    """A command encoder that gives each dispatch a timed pass of its own.
+
+    Args:
+        encoder: of the commands.
+        watch: gets a pair of timestamps for each dispatch.
+    """
+
+    def __init__(self, encoder: "wgpu.GPUCommandEncoder", watch: Stopwatch) -> None:
+        self._encoder, self._watch = encoder, watch
+        self._device = encoder._device  # as wgpu's encoders have it
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._encoder, name)
+
+    def begin_compute_pass(self) -> "_Dispatches":
+        """Begin what becomes a pass for each dispatch."""
+        return _Dispatches(self._encoder, self._watch)
+
+
+class _Dispatches:
+    """Calls of a compute pass; those before a dispatch are kept for it."""
+
+    def __init__(self, encoder: "wgpu.GPUCommandEncoder", watch: Stopwatch) -> None:
+        self._encoder, self._watch = encoder, watch
+        self._before: list[tuple[str, tuple[Any, ...]]] = []
+
+    def set_pipeline(self, *given: Any) -> None:
+        self._before.append(("set_pipeline", given))
+
+    def set_bind_group(self, *given: Any) -> None:
+        self._before.append(("set_bind_group", given))
+
+    def dispatch_workgroups(self, *count: int) -> None:
+        compute = self._watch.timed_pass(self._encoder)
+        for name, given in self._before:
+            getattr(compute, name)(*given)
+        compute.dispatch_workgroups(*count)
+        compute.end()
+        self._before.clear()
+
+    def end(self) -> None:
+        """All passes have ended."""
+
+
+COPY_SIZE = 4096, 2048
+"""Texels of 16 bytes: with 128 MiB the largest binding, several times the size of caches."""
+RUNS = 20
+_BUFFERS = """
+@group(0) @binding(0) var<storage, read> source: array<vec4u>;
+@group(0) @binding(1) var<storage, read_write> copied: array<vec4u>;
+@compute @workgroup_size(16, 16)
+fn main(@builtin(global_invocation_id) id: vec3u) {
+    let i = id.y * 4096u + id.x;
+    copied[i] = source[i];
+}
+"""
+_TEXTURES = """
+@group(0) @binding(0) var source: texture_2d<f32>;
+@group(0) @binding(1) var copied: texture_storage_2d<rgba32float, write>;
+@compute @workgroup_size(16, 16)
+fn main(@builtin(global_invocation_id) id: vec3u) {
+    textureStore(copied, id.xy, textureLoad(source, id.xy, 0));
+}
+"""
+_PRODUCTS = """
+@group(0) @binding(0) var<storage, read_write> sums: array<vec4u>;
+@compute @workgroup_size(16, 16)
+fn main(@builtin(global_invocation_id) id: vec3u) {
+    let i = id.y * 4096u + id.x;
+    let weights = sums[i] + vec4u(id.x, id.y, id.x ^ id.y, 0x01020304u);
+    var sum = vec4i(weights.wzyx);
+    for (var round = 0u; round < ROUNDSu; round++) {
+        sum += vec4i(dot4I8Packed(weights.x, u32(sum.x)), dot4I8Packed(weights.y, u32(sum.y)),
+                     dot4I8Packed(weights.z, u32(sum.z)), dot4I8Packed(weights.w, u32(sum.w)));
+    }
+    sums[i] = vec4u(sum);
+}
+"""
+ROUNDS = 64
+
+
+@dataclass(frozen=True)
+class DeviceLimits:
+    """Throughput of a device, per second.
+
+    Attributes:
+        buffers: bytes read and written by a copy of a buffer in a shader.
+        textures: the same of a texture of four floats.
+        multiplied: multiply-adds of bytes by `dot4I8Packed`.
+    """
+
+    buffers: float
+    textures: float
+    multiplied: float
+
+    @property
+    def moved(self) -> float:
+        """Bytes a second of the faster copy."""
+        return max(self.buffers, self.textures)
+
+    def min_ms(self, moved: int, multiply_adds: int) -> float:
+        """Return the milliseconds of moving bytes or of multiplying, whichever takes longer."""
+        return 1e3 * max(moved / self.moved, multiply_adds / self.multiplied)
+
+
+def measure_limits(device: "wgpu.GPUDevice", *, size: tuple[int, int] = COPY_SIZE) -> DeviceLimits:
+    """Measure copies of `size` texels, and products; the fastest of RUNS runs of each."""
+    texels = size[0] * size[1]
+    buffer, texture = BufferSpec(16 * texels), TextureSpec(size)
+    products = _PRODUCTS.replace("ROUNDS", str(ROUNDS))
+    noise = np.random.default_rng(0).random((size[1], size[0], 4), np.float32)  # zeros may be compressed
+
+    def seconds(code: str, *specs: MemorySpec) -> float:
+        bound = [allocate(device, spec) for spec in specs]
+        write_to(device, bound[0], noise)
+        return min(_run_seconds(device, code, [memory.resource for memory in bound], size))
+
+    times = seconds(_BUFFERS, buffer, buffer), seconds(_TEXTURES, texture, texture), seconds(products, buffer)
+    moved = 32 * texels
+    return DeviceLimits(moved / times[0], moved / times[1], 16 * ROUNDS * texels / times[2])
+
+
+def _run_seconds(
+    device: "wgpu.GPUDevice", code: str, bound: list[Any], size: tuple[int, int]
+) -> Iterator[float]:
+    pipeline = device.create_compute_pipeline(
+        layout="auto", compute={"module": device.create_shader_module(code=code), "entry_point": "main"}
+    )
+    entries = [
+        {"binding": i, "resource": one if "texture_2d" in code else {"buffer": one}}
+        for i, one in enumerate(bound)
+    ]
+    group = device.create_bind_group(layout=pipeline.get_bind_group_layout(0), entries=entries)
+    watch = Stopwatch(device, 1)
+    for _ in range(RUNS):
+        encoder = device.create_command_encoder()
+        compute = watch.timed_pass(encoder)
+        compute.set_pipeline(pipeline)
+        compute.set_bind_group(0, group)
+        compute.dispatch_workgroups(size[0] // 16, size[1] // 16)
+        compute.end()
+        yield 1e-3 * float(watch.submit(encoder)[0])
+
 
 BURST = 10
 """Steps in a command buffer, so that the device does not rest between them."""

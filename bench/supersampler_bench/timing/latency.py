@@ -6,7 +6,7 @@ import statistics
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
@@ -19,8 +19,8 @@ from supersampler.frame import Float32, Size
 from supersampler.methods.gbuffers import GBUFFERS
 from supersampler.model import ExecutorName, Precision
 from supersampler_bench.compatibility import compatible, with_default_gbuffers
-from supersampler_bench.markdown_table import size_text, table
-from supersampler_bench.record import Record, machine_name
+from supersampler_bench.markdown import size_text, table
+from supersampler_bench.record import BenchRecord
 from supersampler_model.data.shots import render_size
 
 WARM_UP = 4  # steps of each setting before any counts
@@ -310,45 +310,46 @@ def _resident() -> int:
     return pages * os.sysconf("SC_PAGE_SIZE")
 
 
-def latency_record(results: Sequence[Timed], limits: Limits, ratio: float) -> dict[str, Any]:
-    """Return all values, ready for JSON."""
-    timed = [asdict(result) for result in results]
-    return {"bench": "latency", "ratio": ratio, "timed": timed, "limits": asdict(limits)}
+@dataclass(frozen=True)
+class LatencyRecord(BenchRecord):
+    """Times of settings at a ratio, and the limits of the machine."""
 
+    ratio: float
+    timed: list[Timed]
+    limits: Limits
+    BENCH = "latency"
+    TABLES = ("", "summary")
 
-def timed_of(record: Record) -> list[Timed]:
-    """Return the results in a record by `latency_record`."""
-    return [Timed(**{**row, "setting": Setting(**row["setting"])}) for row in record["timed"]]
+    def table(self) -> str:
+        """Return the tables of all settings as Markdown, with their captions."""
+        caption = (
+            f"A step at ratio {self.ratio:g}, from frame in memory to image in memory, on the shipped shot, "
+            f"whose camera moves, repeated to the size; settings of a size take turns. {self.machine_name}. "
+            "Cores: milliseconds of all together. Memory: share of the step in which frame, history and "
+            f"image could be moved, at the {1e-9 * self.limits.moved:.1f} GB/s of a copy on all cores. G/s: "
+            "multiply-adds of the network over the time of the whole step; a product of matrices in single "
+            f"precision reaches {1e-9 * self.limits.multiplied:.0f}. MiB: growth of the process. First: "
+            "milliseconds from the model to its first image."
+        )
+        headings = ["display", "threads:", "method", "executor", "ms:", "p95:", "p99:", "cores:", "of taa:"]
+        headings += ["memory:", "G/s:", "MiB:", "first:"]
+        rows = (_row(timed, self.limits) for timed in self.timed)
+        return f"{table(headings, rows, caption)}\n\n{_stage_table(self.timed)}"
 
-
-def markdown_table(record: Record) -> str:
-    """Return the tables of a record as Markdown, with their captions."""
-    results, limits = timed_of(record), Limits(**record["limits"])
-    caption = (
-        f"A step at ratio {record['ratio']:g}, from frame in memory to image in memory, on the shipped shot, "
-        f"whose camera moves, repeated to the size; settings of a size take turns. {machine_name(record)}. "
-        "Cores: milliseconds of all together. Memory: share of the step in which frame, history and image "
-        f"could be moved, at the {1e-9 * limits.moved:.1f} GB/s of a copy on all cores. G/s: multiply-adds "
-        "of the network over the time of the whole step; a product of matrices in single precision reaches "
-        f"{1e-9 * limits.multiplied:.0f}. MiB: growth of the process. First: milliseconds from the model to "
-        "its first image."
-    )
-    headings = ["display", "threads:", "method", "executor", "ms:", "p95:", "p99:", "cores:", "of taa:"]
-    headings += ["memory:", "G/s:", "MiB:", "first:"]
-    return f"{table(headings, (_row(r, limits) for r in results), caption)}\n\n{_stage_table(results)}"
-
-
-def summary_table(record: Record) -> str:
-    """Return the times of the largest size on the most threads as Markdown, for README."""
-    results = timed_of(record)
-    most = max((r.setting.display, r.setting.threads) for r in results)
-    rows = [
-        [r.setting.method, *(f"{ms:.1f}" for ms in (r.median, r.p95, r.p99, r.processor)), f"{r.first:.0f}"]
-        for r in results
-        if (r.setting.display, r.setting.threads) == most
-    ]
-    headings = ["method", "ms:", "p95:", "p99:", "ms of all cores:", "first image, ms:"]
-    return table(headings, rows, f"{machine_name(record)}, {results[0].setting.executor} backend.")
+    def summary_table(self) -> str:
+        """Return the times of the largest size on the most threads as Markdown, for README."""
+        largest = max((r.setting.display, r.setting.threads) for r in self.timed)
+        rows = [
+            [
+                r.setting.method,
+                *(f"{ms:.1f}" for ms in (r.median, r.p95, r.p99, r.processor)),
+                f"{r.first:.0f}",
+            ]
+            for r in self.timed
+            if (r.setting.display, r.setting.threads) == largest
+        ]
+        headings = ["method", "ms:", "p95:", "p99:", "ms of all cores:", "first image, ms:"]
+        return table(headings, rows, f"{self.machine_name}, {self.timed[0].setting.executor} backend.")
 
 
 def _row(r: Timed, limits: Limits) -> list[object]:

@@ -1,29 +1,193 @@
 """Run time against error: settings that no other beats in both, and presets.
 
-Errors come from records of `bench quality`, which do not depend on the machine, or from an earlier Pareto
-record; times are measured here. Settings are compared at one ratio, because a ratio saves time in the
-renderer, not in the upscaler.
+Errors come from records of `bench quality` and `bench extrapolation`, which do not depend on the machine, or
+from an earlier Pareto record; times are measured here. Settings are compared at one ratio, because a ratio
+saves time in the renderer, not in the upscaler. The time of an unshaded frame is that of extrapolating and
+upscaling it; its shading is saved in the renderer.
 """
 
-import math
+import itertools
+import statistics
+import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
+from supersampler import Model, upscale_sequence
 from supersampler.errors import ArgumentError, ModelError
 from supersampler.frame import Size
 from supersampler.methods.model_file import find_model, model_names, read_model_info
-from supersampler_bench.compatibility import gbuffers_of
-from supersampler_bench.markdown_table import size_text, table
-from supersampler_bench.quality.score_record import rows_by_ratio
-from supersampler_bench.quality.score_table import CLIP_COLUMNS, Column
-from supersampler_bench.record import Record, machine_name
+from supersampler.upscaler import Upscaler
+from supersampler_bench.compatibility import gbuffers_of, with_default_gbuffers
+from supersampler_bench.markdown import size_text, table
+from supersampler_bench.quality.extrapolation import EVERY_SECOND, ExtrapolationRecord
+from supersampler_bench.quality.score_table import CLIP_COLUMNS, Column, QualityRecord
+from supersampler_bench.record import BenchRecord
 from supersampler_bench.specs import Spec, parse_spec
-from supersampler_bench.timing.latency import Setting, measure_settings
-from supersampler_bench.timing.two_passes import measure_passes
+from supersampler_bench.timing.latency import WARM_UP, Setting, frames_of, measure_settings, take_turns
+from supersampler_model.data.shots import render_size
 
-if TYPE_CHECKING:
-    from supersampler_bench.timing.pareto_extrapolated import UnshadedPoint
+FRAMES, PAIRS, ALL_FRAMES = 192, 5, 32
+"""Frames of a run; runs of one pass and of two; frames of the shipped shot, which the runs repeat."""
+
+
+class PassTimes(NamedTuple):
+    """Seconds of the runs of one pass and of two, in turns."""
+
+    frames: int
+    one: list[float]
+    two: list[float]
+
+    @property
+    def ratio(self) -> float:
+        """Median ratio of two passes to one, pair by pair."""
+        return statistics.median(two / one for one, two in zip(self.one, self.two, strict=True))
+
+
+def measure_passes(
+    spec: Spec,
+    display: Size,
+    *,
+    ratio: float = 2.0,
+    threads: int = 0,
+    frames: int = FRAMES,
+    pairs: int = PAIRS,
+) -> PassTimes:
+    """Time runs of one pass and of two in turns; the first run of two passes warms up.
+
+    Args:
+        spec: the method; its number of passes is not read.
+        display: (width, height) of the images.
+        ratio: display over render size.
+        threads: on the CPU.
+        frames: of a run, without cuts: the shipped shot's, tiled to the render size, again and again.
+        pairs: runs of each kind.
+    """
+    model = Model.load(
+        spec.model, providers="cpu", threads=threads, precision=spec.precision, executor=spec.executor
+    )
+    tiled = frames_of(render_size(display, ratio), first=0, count=ALL_FRAMES)
+    ring = [with_default_gbuffers(frame, model.info.gbuffers, display) for frame in tiled]
+
+    def seconds(passes: int) -> float:
+        given = itertools.islice(itertools.cycle(ring), frames)
+        began = time.perf_counter()
+        for _ in upscale_sequence(
+            given, display_size=display, model=model, passes=passes, at_rest=spec.at_rest, validate="off"
+        ):
+            pass
+        return time.perf_counter() - began
+
+    seconds(2)
+    runs = [(seconds(1), seconds(2)) for _ in range(pairs)]
+    return PassTimes(frames, [one for one, _ in runs], [two for _, two in runs])
+
+
+UNSHADED_COLUMNS = CLIP_COLUMNS[:4]
+
+
+@dataclass(frozen=True)
+class UnshadedPoint:
+    """One upscaler and the model that extrapolates every second frame for it.
+
+    Attributes:
+        upscaler: method, precision, and what it does at rest.
+        model: that extrapolates.
+        ratio: display over render size.
+        shaded: median wall time of a step on a shaded frame, milliseconds.
+        unshaded: the same of an unshaded frame, with its extrapolation.
+        scores: of unshaded frames, by the name of a column; tPSNR is of all frames.
+        shaded_psnr: of the same frames, were they shaded.
+    """
+
+    upscaler: str
+    model: str
+    ratio: float
+    shaded: float
+    unshaded: float
+    scores: Mapping[str, float]
+    shaded_psnr: float
+
+
+class _UnshadedRunner:
+    """An Upscaler with every second frame unshaded."""
+
+    def __init__(self, scored: UnshadedPoint, display: Size, threads: int) -> None:
+        spec = parse_spec(scored.upscaler)
+        self.scored = scored
+        self._upscaler = Upscaler(
+            spec.model,
+            display_size=display,
+            providers="cpu",
+            threads=threads,
+            precision=spec.precision,
+            at_rest=spec.at_rest,
+            extrapolation=scored.model,
+            validate="off",
+        )
+        frames = frames_of(render_size(display, scored.ratio))
+        complete = (with_default_gbuffers(frame, self._upscaler.gbuffers, display) for frame in frames)
+        self._frames = itertools.cycle([replace(frame, reset=False) for frame in complete])
+        self._walls: tuple[list[float], list[float]] = [], []
+        take_turns([self], WARM_UP)
+        self._walls = [], []
+
+    def step(self) -> None:
+        """Time a frame of either kind."""
+        for unshaded, walls in enumerate(self._walls):
+            frame, began = next(self._frames), time.perf_counter()
+            if unshaded:
+                self._upscaler.extrapolate(replace(frame, color=None))
+            else:
+                self._upscaler.step(frame)
+            walls.append(1e3 * (time.perf_counter() - began))
+
+    def timed(self) -> UnshadedPoint:
+        """Summarise."""
+        shaded, unshaded = map(statistics.median, self._walls)
+        return replace(self.scored, shaded=shaded, unshaded=unshaded)
+
+
+def measure_unshaded(
+    records: Sequence["ExtrapolationRecord | ParetoRecord"],
+    display: Size,
+    *,
+    threads: int,
+    steps: int,
+    on_round: Callable[[], None] = lambda: None,
+) -> list[UnshadedPoint]:
+    """Time in turns everything that records have scores of; return the fastest first.
+
+    Args:
+        records: where several have the same scores, the last counts.
+        display: (width, height) of the images that are timed.
+        threads: on the CPU.
+        steps: that count, of each kind of frame.
+        on_round: called `steps` times.
+    """
+    scored = [point for record in records for point in unshaded_points_of(record)]
+    latest = {(point.upscaler, point.model, point.ratio): point for point in scored}
+    runners = [_UnshadedRunner(point, display, threads) for point in latest.values()]
+    take_turns(runners, steps, on_round=on_round)
+    return sorted((runner.timed() for runner in runners), key=lambda p: (p.ratio, p.unshaded))
+
+
+def unshaded_points_of(record: "ExtrapolationRecord | ParetoRecord") -> Iterator[UnshadedPoint]:
+    """Yield the scores of a record; times are 0 where it has none."""
+    if isinstance(record, ParetoRecord):
+        yield from record.unshaded
+        return
+    for ratio, row in record.rows():
+        if row.alternation != EVERY_SECOND:
+            continue
+        scores = {method.method: method.known() for method in row.methods}
+        for method, model in itertools.product(scores, record.models):
+            upscaler, _, way = method.partition(", ")
+            if way == model:
+                found = {c.name: scores[method][c.name] for c in UNSHADED_COLUMNS}
+                shaded = scores[f"{upscaler}, shaded"]["psnr"]
+                yield UnshadedPoint(upscaler, model, ratio, 0.0, 0.0, found, shaded)
+
 
 SPATIAL = ("bilinear", "bicubic")
 PRESET_RATIO = 2.0
@@ -37,7 +201,7 @@ class Point:
     """One setting at one ratio.
 
     Attributes:
-        spec: method, precision, and what it does at rest.
+        spec: method, precision, and what it does at rest, see `parse_spec`.
         runs: executor and precision that were chosen.
         ratio: display over render size.
         milliseconds: median wall time of a step; for two passes, of a frame: that of a step, times the ratio
@@ -45,15 +209,20 @@ class Point:
         scores: by the name of a column, mean over the test shots.
     """
 
-    spec: Spec
+    spec: str
     runs: str
     ratio: float
     milliseconds: float
     scores: Mapping[str, float]
 
+    @property
+    def run(self) -> Spec:
+        """The spec, parsed."""
+        return parse_spec(self.spec, two_passes=True)
+
 
 def measure_pareto(
-    records: Sequence[Record],
+    records: Sequence["QualityRecord | ParetoRecord"],
     display: Size,
     *,
     threads: int,
@@ -66,7 +235,7 @@ def measure_pareto(
     Two passes are timed where the records have scores of one pass of the same setting.
 
     Args:
-        records: of `bench quality --json` or `bench pareto --json`, of the same shots.
+        records: of the same shots.
         display: (width, height) of the images that are timed.
         threads: on the CPU.
         steps: that count, of each setting.
@@ -98,7 +267,7 @@ def measure_pareto(
                 if spec.passes == 2:
                     factor = measure_passes(spec, display, ratio=ratio, threads=threads).ratio
                 runs = f"{t.executor}, {t.precision}"
-                points.append(Point(spec, runs, ratio, t.median * factor, scores[spec]))
+                points.append(Point(str(spec), runs, ratio, t.median * factor, scores[spec]))
     return points
 
 
@@ -111,7 +280,9 @@ def _missing(models: Iterable[str]) -> Iterator[tuple[str, ModelError]]:
             yield model, error
 
 
-def scores_of(records: Sequence[Record]) -> dict[float, dict[Spec, dict[str, float]]]:
+def scores_of(
+    records: Sequence["QualityRecord | ParetoRecord"],
+) -> dict[float, dict[Spec, dict[str, float]]]:
     """Return scores by ratio and setting, without warm-up and border: means, or those of the only shot.
 
     Raises:
@@ -121,24 +292,22 @@ def scores_of(records: Sequence[Record]) -> dict[float, dict[Spec, dict[str, flo
     for record in records:
         scores = list(_scores(record))
         if not scores or shots_of(record) != shots_of(records[0]):
-            got = f"of bench {record.get('bench')!r}, shots {', '.join(shots_of(record)) or 'none'}"
+            got = f"of bench {record.BENCH!r}, shots {', '.join(shots_of(record)) or 'none'}"
             want = "of `bench quality test-shots --json` or `bench pareto --json`, all of the same shots"
             raise ArgumentError("record", got=got, want=want)
-        for ratio, spec, summary in scores:
-            known = {name: score for name, score in summary.items() if score is not None}
-            found.setdefault(ratio, {})[spec] = {
-                c.name: known[c.name] for c in CLIP_COLUMNS if not math.isnan(known.get(c.name, math.nan))
-            }
+        for ratio, spec, known in scores:
+            names = (c.name for c in CLIP_COLUMNS if c.name in known)
+            found.setdefault(ratio, {})[spec] = {name: known[name] for name in names}
     return dict(sorted(found.items()))
 
 
-def _scores(record: Record) -> Iterator[tuple[float, Spec, Mapping[str, float | None]]]:
-    """Yield ratio, setting and scores of all that a record has."""
-    if record["bench"] == "pareto":
-        yield from ((point.ratio, point.spec, point.scores) for point in points_of(record))
+def _scores(record: "QualityRecord | ParetoRecord") -> Iterator[tuple[float, Spec, Mapping[str, float]]]:
+    """Yield ratio, setting and known scores of all that a record has."""
+    if isinstance(record, ParetoRecord):
+        yield from ((point.ratio, point.run, point.scores) for point in record.points)
         return
-    for row in rows_by_ratio(record, "methods"):
-        yield row["ratio"], parse_spec(row["method"], two_passes=True), row["summary"]["warm_cropped"]
+    for ratio, row in record.rows():
+        yield ratio, parse_spec(row.method, two_passes=True), row.known()
 
 
 def frontier(points: Sequence[Point], metric: Column) -> list[Point]:
@@ -152,7 +321,7 @@ def frontier(points: Sequence[Point], metric: Column) -> list[Point]:
     return found
 
 
-def presets(points: Sequence[Point]) -> dict[str, Spec]:
+def presets(points: Sequence[Point]) -> dict[str, str]:
     """Choose "fast", "balanced" and "high" from the frontier of time and PSNR, at one ratio.
 
     fast: the fastest that is better by `LEAST_GAIN` than images without a history.
@@ -164,9 +333,9 @@ def presets(points: Sequence[Point]) -> dict[str, Spec]:
     PRESET_RATIOS, because a preset is for any ratio, and two passes, because a live view has no later frames.
     """
     special = {name for name in model_names() if gbuffers_of([name]) or not _serves_presets(name)}
-    live = [p for p in points if p.spec.model not in special and p.spec.passes == 1]
-    line = frontier([p for p in live if p.spec.at_rest == "converge"], CLIP_COLUMNS[0])
-    floor = max(p.scores["psnr"] for p in points if p.spec.model in SPATIAL)
+    live = [p for p in points if p.run.model not in special and p.run.passes == 1]
+    line = frontier([p for p in live if p.run.at_rest == "converge"], CLIP_COLUMNS[0])
+    floor = max(p.scores["psnr"] for p in points if p.run.model in SPATIAL)
     good = [p for p in line if p.scores["psnr"] >= floor + LEAST_GAIN] or line[-1:]
     best = max(p.scores["psnr"] for p in line)
     fast = good[0]
@@ -192,11 +361,11 @@ def best_within(points: Sequence[Point], budget: float) -> list[Point]:
     """
     found = []
     for group in by_ratio(points).values():
-        steps = (p for p in group if p.milliseconds <= budget and p.spec.passes == 1)
+        steps = (p for p in group if p.milliseconds <= budget and p.run.passes == 1)
         fast_enough = sorted(steps, key=lambda p: p.scores["psnr"], reverse=True)
         for point in fast_enough:
             found.append(point)
-            if not gbuffers_of([point.spec.model]):
+            if not gbuffers_of([point.run.model]):
                 break
     return found
 
@@ -212,60 +381,69 @@ def at_ratio(points: Sequence[Point], ratio: float) -> list[Point]:
     return groups[min(groups, key=lambda known: abs(known - ratio))]
 
 
-def pareto_record(
-    points: Sequence[Point],
-    shots: Sequence[str],
-    display: Size,
-    threads: int,
-    unshaded: Sequence["UnshadedPoint"] = (),
-) -> dict[str, Any]:
-    """Return all values, ready for JSON.
+def shots_of(record: "QualityRecord | ParetoRecord") -> list[str]:
+    """Return the names of a record's shots."""
+    if isinstance(record, ParetoRecord):
+        return record.shots
+    return list(dict.fromkeys(shot.name for shot in record.shots))
 
-    Args:
-        points: by `measure_pareto`.
+
+@dataclass(frozen=True)
+class ParetoRecord(BenchRecord):
+    """Times and scores of settings.
+
+    Attributes:
         shots: names of those that were scored.
         display: (width, height) of the images that were timed.
         threads: on the CPU.
+        points: by `measure_pareto`.
         unshaded: by `measure_unshaded`.
     """
-    rows = [{**asdict(point), "spec": str(point.spec)} for point in points]
-    facts = {"shots": list(shots), "display": list(display), "threads": threads}
-    return {"bench": "pareto", **facts, "points": rows, "unshaded": [asdict(point) for point in unshaded]}
 
+    shots: list[str]
+    display: Size
+    threads: int
+    points: list[Point]
+    unshaded: list[UnshadedPoint] = field(default_factory=list)
+    BENCH = "pareto"
+    TABLES = ("", "presets", "unshaded")
 
-def shots_of(record: Record) -> list[str]:
-    """Return the names of a record's shots."""
-    if record.get("bench") == "pareto":
-        return list(record["shots"])
-    return list(dict.fromkeys(shot["name"] for shot in record.get("shots", ())))
+    def table(self) -> str:
+        """Return the settings as Markdown, with a caption; bold figures are on their frontier."""
+        columns = [c for c in CLIP_COLUMNS if any(c.name in p.scores for p in self.points)]
+        rows = []
+        for ratio, group in by_ratio(self.points).items():
+            lines = {c.name: frontier(group, c) for c in columns}
+            for point in sorted(group, key=lambda p: p.milliseconds):
+                figures = [(c.figure(point.scores), point in lines[c.name]) for c in columns]
+                cells = [f"**{text}**" if leads else text for text, leads in figures]
+                rows.append([f"{ratio:g}", point.spec, point.runs, f"{point.milliseconds:.1f}", *cells])
+        scores = f"scores of {self.shots[0]}" if len(self.shots) == 1 else "mean scores of the test shots"
+        caption = (
+            f"Time of a step to {size_text(self.display)} on {self.threads} threads ({self.machine_name}), "
+            f"and {scores}. Bold: no other setting at that ratio is both faster and better."
+        )
+        headings = ["ratio:", "setting", "runs", "ms:", *(f"{c.title}:" for c in columns)]
+        return table(headings, rows, caption)
 
+    def presets_table(self) -> str:
+        """Return the presets that follow from the points, as Markdown."""
+        return table(["preset", "setting"], presets(at_ratio(self.points, PRESET_RATIO)).items())
 
-def points_of(record: Record) -> list[Point]:
-    """Return the points of a record by `pareto_record`."""
-    return [Point(**{**row, "spec": parse_spec(row["spec"], two_passes=True)}) for row in record["points"]]
-
-
-def markdown_table(record: Record) -> str:
-    """Return the table of a record as Markdown, with its caption; bold figures are on their frontier."""
-    points, shots = points_of(record), record["shots"]
-    columns = [c for c in CLIP_COLUMNS if any(c.name in p.scores for p in points)]
-    rows = []
-    for ratio, group in by_ratio(points).items():
-        lines = {c.name: frontier(group, c) for c in columns}
-        for point in sorted(group, key=lambda p: p.milliseconds):
-            figures = [(c.figure(point.scores), point in lines[c.name]) for c in columns]
-            cells = [f"**{text}**" if leads else text for text, leads in figures]
-            rows.append([f"{ratio:g}", point.spec, point.runs, f"{point.milliseconds:.1f}", *cells])
-    scores = f"scores of {shots[0]}" if len(shots) == 1 else "mean scores of the test shots"
-    size = size_text(record["display"])
-    caption = (
-        f"Time of a step to {size} on {record['threads']} threads ({machine_name(record)}), and "
-        f"{scores}. Bold: no other setting at that ratio is both faster and better."
-    )
-    headings = ["ratio:", "setting", "runs", "ms:", *(f"{c.title}:" for c in columns)]
-    return table(headings, rows, caption)
-
-
-def preset_table(record: Record) -> str:
-    """Return the presets that follow from a record, as Markdown."""
-    return table(["preset", "setting"], presets(at_ratio(points_of(record), PRESET_RATIO)).items())
+    def unshaded_table(self) -> str:
+        """Return the times of unshaded frames as Markdown, with a caption; "" without any."""
+        if not self.unshaded:
+            return ""
+        rows = []
+        for p in self.unshaded:
+            times = [f"{p.shaded:.1f}", f"{p.unshaded:.1f}", f"{p.shaded_psnr:.2f}"]
+            scores = (c.figure(p.scores) for c in UNSHADED_COLUMNS)
+            rows.append([f"{p.ratio:g}", p.upscaler, p.model, *times, *scores])
+        caption = (
+            f"Every second frame is unshaded. Time of a step to {size_text(self.display)} on "
+            f"{self.threads} threads ({self.machine_name}): on a shaded frame, and on an unshaded one "
+            "with its extrapolation. Scores are of unshaded frames, tPSNR of all; PSNR shaded is of the same "
+            "frames, shaded."
+        )
+        headings = ["ratio:", "upscaler", "extrapolated by", "ms shaded:", "ms unshaded:", "PSNR dB shaded:"]
+        return table([*headings, *(f"{c.title}:" for c in UNSHADED_COLUMNS)], rows, caption)

@@ -2,9 +2,9 @@
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from statistics import median
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -12,11 +12,11 @@ from supersampler import Model, Upscaler, halton_jitter
 from supersampler.conventions import jitter_phase_count
 from supersampler.frame import Float32, Frame, Size
 from supersampler.io.display import display_transform
-from supersampler_bench.markdown_table import size_text, table
+from supersampler_bench.markdown import size_text, table
 from supersampler_bench.quality.metrics import psnr
-from supersampler_bench.record import Record, machine_name
+from supersampler_bench.record import BenchRecord
 from supersampler_bench.shots.public_shots import TEST_SHOTS
-from supersampler_bench.shots.rendered_frame import rendered_frame, rendered_sequence
+from supersampler_bench.shots.rendering import rendered_frame, rendered_sequence
 from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.sequences import HeldSequence
 from supersampler_model.data.shots import render_size
@@ -158,34 +158,32 @@ def _frames(
         yield rendered[jitter], truth
 
 
-def skip_record(results: Sequence[RestTimes], display: Size, ratio: float) -> dict[str, Any]:
-    """Return all values, ready for JSON."""
-    return {
-        "bench": "skip",
-        "display": list(display),
-        "ratio": ratio,
-        "held_frame": HELD_FRAME,
-        "scored": SCORED,
-        "frames": frame_count(ratio),
-        "scenes": [asdict(result) for result in results],
-    }
+@dataclass(frozen=True)
+class SkipRecord(BenchRecord):
+    """Times with and without `skip`, at a display size and ratio."""
 
+    display: Size
+    ratio: float
+    scenes: list[RestTimes]
+    frames: int
+    held_frame: int = HELD_FRAME
+    scored: int = SCORED
+    BENCH = "skip"
 
-def markdown_table(record: Record) -> str:
-    """Return the table of a record as Markdown, with its caption."""
-    rows = []
-    for r in (RestTimes(**row) for row in record["scenes"]):
-        shares = [f"{share:.2f}" for share in (r.first, r.second, r.last)]
-        frozen = f"{100 * r.converged:.0f} %"
-        rows.append([r.scene, r.moves, r.method, f"{r.milliseconds:.1f}", *shares, frozen, f"{r.psnr:.2f}"])
-    caption = (
-        f"Images of {size_text(record['display'])} at ratio {record['ratio']:g}; {record['frames']} frames "
-        "of test shots, the camera fixed unless it moves. First, second period, at rest: time of a step as a "
-        "share of that with skip=False, in the first and second jitter period and in the last "
-        f"{record['scored']} frames, of which all other columns are. {machine_name(record)}."
-    )
-    headings = [
-        "scene", "moves", "method", "ms, all tiles:", "first period:", "second period:", "at rest:",
-        "frozen:", "PSNR dB:",
-    ]  # fmt: skip
-    return table(headings, rows, caption)
+    def table(self) -> str:
+        """Return the table as Markdown, with its caption."""
+        rows = []
+        for r in self.scenes:
+            shares = [f"{share:.2f}" for share in (r.first, r.second, r.last)]
+            frozen = f"{100 * r.converged:.0f} %"
+            rows.append(
+                [r.scene, r.moves, r.method, f"{r.milliseconds:.1f}", *shares, frozen, f"{r.psnr:.2f}"]
+            )
+        caption = (
+            f"Images of {size_text(self.display)} at ratio {self.ratio:g}; {self.frames} frames of test "
+            "shots, the camera fixed unless it moves. First, second period, at rest: time of a step as a "
+            "share of that with skip=False, in the first and second jitter period and in the last "
+            f"{self.scored} frames, of which all other columns are. {self.machine_name}."
+        )
+        headings = ["scene", "moves", "method", "ms, all tiles:", "first period:", "second period:"]
+        return table([*headings, "at rest:", "frozen:", "PSNR dB:"], rows, caption)

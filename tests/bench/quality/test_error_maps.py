@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from supersampler_bench.quality.error_maps import ErrorMaps
 from supersampler_bench.quality.measure import ScoredImage
+from supersampler_bench.report.figures import ErrorMaps
 
 
 def watch(maps: ErrorMaps, frame: int, *errors: float) -> None:

@@ -18,18 +18,19 @@ from supersampler_bench.quality.extrapolation import (
     PSNR_SHADED,
     TEMPORAL_METRICS,
     Alternation,
+    ExtrapolationRecord,
     UnshadedScores,
     WarpBaseline,
-    extrapolation_record,
-    markdown_table,
     measure_extrapolation,
+    motion_over_two_frames,
     runs_of,
-    shot_scores,
+    unshaded_row,
+    warped,
+    with_background_filled,
 )
 from supersampler_bench.quality.masks import disoccluded
-from supersampler_bench.quality.summaries import FRAME_METRICS, MASKED, FrameScores, MethodScores
-from supersampler_bench.quality.warping import motion_over_two_frames, warped, with_background_filled
-from supersampler_bench.record import read_record, setting, write_json
+from supersampler_bench.quality.scores import FRAME_METRICS, MASKED, FrameScores, MethodScores
+from supersampler_bench.record import read_record, write_json
 from supersampler_bench.report.doc_tables import blocks_of
 
 SIZE, DISPLAY, FRAMES = (48, 27), (96, 54), 12
@@ -213,7 +214,7 @@ def test_the_command_prints_a_table_and_a_record_that_makes_it_again(folder: Pat
     done = CliRunner().invoke(app, [*arguments, "--json", str(file), "--update", str(page)])
     assert done.exit_code == 0
     record = read_record(file)
-    table = markdown_table(record)
+    table = ExtrapolationRecord.from_json(record).table()
     assert table in page.read_text()
     assert "| bilinear, guided-warp |" in table
     assert "lit, 48x27 to 96x54, 1:1 unshaded to shaded frames" in table
@@ -228,9 +229,9 @@ def test_the_command_runs_once_for_each_offset_so_that_every_frame_is_scored(
     arguments = ["bench", "extrapolation", str(folder), "--methods", "bilinear", "--alternation", "1:1"]
     done = CliRunner().invoke(app, [*arguments, "--every-frame", "--json", str(file)])
     assert done.exit_code == 0
-    record = read_record(file)
-    assert "In as many runs as frames alternate, each frame is unshaded and shaded" in markdown_table(record)
-    shaded = record["shots"][0]["alternations"][0]["methods"][0]["summary"]["all_cropped"]
+    record = ExtrapolationRecord.from_json(read_record(file))
+    assert "In as many runs as frames alternate, each frame is unshaded and shaded" in record.table()
+    shaded = record.shots[0].alternations[0].methods[0].known("all_cropped")
     first_weighs_twice = abs(shaded["psnr"] - shaded[PSNR_SHADED])  # it is never unshaded
     assert first_weighs_twice < 0.2
 
@@ -238,10 +239,9 @@ def test_the_command_runs_once_for_each_offset_so_that_every_frame_is_scored(
 def test_of_several_shots_the_means_are_shown(folder: Path, tmp_path: Path) -> None:
     shot = Shot.open(folder)
     found = measure_extrapolation(shot, ["bilinear"], ["guided-warp"], ["1:1"])
-    scores = shot_scores(shot, found, {"ratio": 2.0})
-    record = {**extrapolation_record([scores, scores], ["guided-warp"]), **setting()}
-    write_json(record, tmp_path / "a.json")
-    table = markdown_table(read_record(tmp_path / "a.json"))
+    scores = unshaded_row(shot, found, {"ratio": 2.0})
+    write_json(ExtrapolationRecord.of([scores, scores], ["guided-warp"]), tmp_path / "a.json")
+    table = ExtrapolationRecord.from_json(read_record(tmp_path / "a.json")).table()
     assert table.count("| bilinear, warp |") == 1
     assert "Mean of the shots lit, lit at ratio 2, 1:1 unshaded" in table
 

@@ -7,16 +7,22 @@ import numpy as np
 import pytest
 
 from supersampler.frame import Array, Float32, Size
-from supersampler_bench.fsr2 import color, locks, luminance_pyramid, sampling
-from supersampler_bench.fsr2.accumulate import History, Passed, accumulate
-from supersampler_bench.fsr2.buffers import Inputs, View, inputs_of
-from supersampler_bench.fsr2.depth_clip import Clip, depth_clip
-from supersampler_bench.fsr2.dilate import dilate
-from supersampler_bench.fsr2.rectify import luma_instability, rectify
-from supersampler_bench.fsr2.upsample import Box, upsample
+from supersampler_bench.fsr2 import images, passes
+from supersampler_bench.fsr2.images import FrameBuffers, FrameSizes, buffers_of
+from supersampler_bench.fsr2.method import (
+    Fsr2History,
+    LockUpdate,
+    Prepared,
+    accumulate,
+    aged,
+    luma_instability,
+    rectify,
+    update_locks,
+)
+from supersampler_bench.fsr2.passes import ColorBox, DepthClip, depth_clip, dilate, upsample
 from supersampler_model.data.scenes.analytic import FAR, NEAR, DiscOverPlane
 
-VIEW = View((12, 10), (24, 20), (0.0, 0.0))
+VIEW = FrameSizes((12, 10), (24, 20), (0.0, 0.0))
 
 
 def flat(size: Size, *values: float) -> Float32:
@@ -29,30 +35,30 @@ def flat(size: Size, *values: float) -> Float32:
 
 
 def test_log_luminance_is_that_of_pixel_centres() -> None:
-    x, y = sampling.centres((12, 10))
+    x, y = images.centres((12, 10))
     sampled = np.repeat((11.0 + (x + 0.3) - 0.5 * (y - 0.2))[..., None], 3, axis=-1)
-    logs = luminance_pyramid.log_luma(sampled, View((12, 10), (24, 20), (0.3, -0.2)))
+    logs = passes.log_luma(sampled, FrameSizes((12, 10), (24, 20), (0.3, -0.2)))
     np.testing.assert_allclose(logs[1:-1, 1:-1], np.log(11.0 + x - 0.5 * y)[1:-1, 1:-1], rtol=1e-5)
 
 
 def test_the_luma_of_shading_is_the_sixth_root_of_exposed_luminance() -> None:
-    shading = luminance_pyramid.shading_luma(flat((2, 1), math.log(0.4)), 3.0, VIEW)
+    shading = passes.shading_luma(flat((2, 1), math.log(0.4)), 3.0, VIEW)
     np.testing.assert_allclose(shading, flat((24, 20), 1.2 ** (1.0 / 6.0)), rtol=1e-5)
 
 
 def test_the_grid_of_shading_has_whole_cells_of_32_pixels() -> None:
     logs = np.zeros((180, 320), np.float32)
     logs[32:64, 64:96] = 1.0
-    grid = luminance_pyramid.shading_grid(logs)
+    grid = passes.shading_grid(logs)
     assert grid.shape == (5, 10)
     assert grid[1, 2] == grid.sum() == 1.0
 
 
 def test_exposure_is_the_published_formula_and_follows_the_light_slowly() -> None:
-    assert luminance_pyramid.auto_exposure(math.log(0.18)) == pytest.approx(1.0 / (9.6 * 0.18))
+    assert passes.auto_exposure(math.log(0.18)) == pytest.approx(1.0 / (9.6 * 0.18))
     logs = np.full((4, 4), 2.0, np.float32)
-    assert luminance_pyramid.followed_average(logs, None, 0.1) == 2.0
-    assert luminance_pyramid.followed_average(logs, 0.0, 0.1) == pytest.approx(2.0 * (1.0 - math.exp(-0.1)))
+    assert passes.followed_average(logs, None, 0.1) == 2.0
+    assert passes.followed_average(logs, 0.0, 0.1) == pytest.approx(2.0 * (1.0 - math.exp(-0.1)))
 
 
 # --- reconstruct and dilate, depth clip ---
@@ -61,7 +67,7 @@ def test_exposure_is_the_published_formula_and_follows_the_light_slowly() -> Non
 def test_dilation_takes_depth_and_motion_of_the_closest_neighbour() -> None:
     depth, motion = np.full((5, 6), FAR, np.float32), np.zeros((5, 6, 2), np.float32)
     depth[2, 3], motion[2, 3] = NEAR, (1.0, 0.0)
-    dilated = dilate(depth, motion, View((6, 5), (12, 10), (0.0, 0.0)))
+    dilated = dilate(depth, motion, FrameSizes((6, 5), (12, 10), (0.0, 0.0)))
     near = np.zeros((5, 6), bool)
     near[1:4, 2:5] = True
     assert ((dilated.depth == np.float32(NEAR)) == near).all()
@@ -73,8 +79,8 @@ def test_dilation_takes_depth_and_motion_of_the_closest_neighbour() -> None:
 
 def test_what_a_moving_disc_uncovers_is_marked_and_the_rest_is_not() -> None:
     scene = DiscOverPlane(velocity=(2.0, 0.0), background_velocity=(0.0, 0.0))
-    frame, view = scene.frame(6, (64, 36)), View((64, 36), (128, 72), (0.0, 0.0))
-    inputs = inputs_of(frame)
+    frame, view = scene.frame(6, (64, 36)), FrameSizes((64, 36), (128, 72), (0.0, 0.0))
+    inputs = buffers_of(frame)
     dilated = dilate(inputs.depth, inputs.motion, view)
     clip = depth_clip(inputs, dilated, view.of_image(dilated.motion), view).disoccluded
     uncovered = scene.disoccluded(6, (64, 36))
@@ -82,9 +88,9 @@ def test_what_a_moving_disc_uncovers_is_marked_and_the_rest_is_not() -> None:
     assert (clip[~uncovered] > 0.5).mean() < 0.02  # beside the edge, which dilation moves by a pixel
 
 
-def clip_of(depth: Array, motion: Array, previous_motion: Array) -> Clip:
+def clip_of(depth: Array, motion: Array, previous_motion: Array) -> DepthClip:
     """Return the depth clip of a frame; motion in render pixels."""
-    inputs = Inputs(flat(VIEW.render, 0.5, 0.5, 0.5), depth, motion)
+    inputs = FrameBuffers(flat(VIEW.render, 0.5, 0.5, 0.5), depth, motion)
     return depth_clip(inputs, dilate(depth, motion, VIEW), VIEW.of_image(previous_motion), VIEW)
 
 
@@ -112,7 +118,7 @@ def test_the_mask_is_where_motion_sets_in_on_a_surface() -> None:
     assert clip_of(surface, fast, fast).mask.max() == 0.0
     assert clip_of(surface, 0.25 * fast, still).mask.max() < 0.02
     larger = depth_clip(
-        Inputs(flat(VIEW.render, 0.5, 0.5, 0.5), surface, fast),
+        FrameBuffers(flat(VIEW.render, 0.5, 0.5, 0.5), surface, fast),
         dilate(surface, fast, VIEW),
         flat((24, 7), 10.0 / 12.0, 0.0),  # the same motion at another render size
         VIEW,
@@ -142,14 +148,14 @@ def test_the_mask_is_where_motion_sets_in_on_a_surface() -> None:
 )
 def test_ridges_of_one_pixel_are_thin_features(pattern: list[str], is_thin: bool) -> None:
     luma = np.array([[(0.3, 0.6, 0.9)[int(c)] for c in row] for row in pattern], np.float32)
-    assert locks.thin_features(luma)[1, 1] == is_thin
+    assert passes.thin_features(luma)[1, 1] == is_thin
 
 
 def test_a_sample_lands_on_the_display_pixel_that_its_jitter_says() -> None:
     luma = np.full((5, 5), 0.2, np.float32)
     luma[2, 2] = 0.8
     for jitter, place in (((-0.4, -0.4), (4, 4)), ((0.4, -0.4), (4, 5)), ((-0.4, 0.4), (5, 4))):
-        made = locks.new_locks(luma, View((5, 5), (10, 10), jitter))
+        made = passes.new_locks(luma, FrameSizes((5, 5), (10, 10), jitter))
         assert np.argwhere(made).tolist() == [[*place]]
 
 
@@ -159,7 +165,7 @@ def updated(
     """Return lifetime, luma, contribution and reactive factor of a lock, after a frame of shading 0.5."""
     one = np.ones((1, 1), np.float32)
     lock = np.array([[[lifetime, luma]]], np.float32)
-    update = locks.update_locks(lock, made * one > 0.0, 0.5 * one, 0.0 * one, mask * one, clip * one)
+    update = update_locks(lock, made * one > 0.0, 0.5 * one, 0.0 * one, mask * one, clip * one)
     return [float(v[0, 0]) for v in (update.lifetime, update.luma, update.contribution, update.reactive)]
 
 
@@ -176,11 +182,11 @@ def test_a_lock_holds_from_its_second_sample_on_until_the_shading_changes() -> N
 
 def test_a_lock_ages_by_one_in_a_jitter_period_and_ends_at_the_border() -> None:
     one = np.ones((1, 1), np.float32)
-    update = locks.LockUpdate(2.0 * one, 0.5 * one, one, one, one)
+    update = LockUpdate(2.0 * one, 0.5 * one, one, one, one)
     average = np.full((1, 1), 0.74 / 12.0, np.float32)
-    np.testing.assert_allclose(locks.aged(update, 32.0 * average, one > 0.0, VIEW), [[[1.0, 0.5]]], rtol=1e-5)
-    np.testing.assert_allclose(locks.aged(update, 99.0 * average, one > 0.0, VIEW), [[[0.0, 0.5]]])
-    np.testing.assert_allclose(locks.aged(update, average, one < 0.0, VIEW), [[[0.0, 0.5]]])
+    np.testing.assert_allclose(aged(update, 32.0 * average, one > 0.0, VIEW), [[[1.0, 0.5]]], rtol=1e-5)
+    np.testing.assert_allclose(aged(update, 99.0 * average, one > 0.0, VIEW), [[[0.0, 0.5]]])
+    np.testing.assert_allclose(aged(update, average, one < 0.0, VIEW), [[[0.0, 0.5]]])
 
 
 # --- colour ---
@@ -188,9 +194,9 @@ def test_a_lock_ages_by_one_in_a_jitter_period_and_ends_at_the_border() -> None:
 
 def test_the_tone_curve_is_undone_up_to_the_largest_half_float() -> None:
     light = np.array([[0.1, 2.0, 30.0], [0.0, 0.0, 0.0]], np.float32)
-    np.testing.assert_allclose(color.inverse_tonemap(color.tonemap(light)), light, rtol=1e-4)
-    np.testing.assert_allclose(color.inverse_tonemap(np.ones((1, 3), np.float32)), 65504.0)
-    np.testing.assert_allclose(color.from_ycocg(color.to_ycocg(light)), light, rtol=1e-6)
+    np.testing.assert_allclose(images.inverse_tonemap(images.tonemap(light)), light, rtol=1e-4)
+    np.testing.assert_allclose(images.inverse_tonemap(np.ones((1, 3), np.float32)), 65504.0)
+    np.testing.assert_allclose(images.from_ycocg(images.to_ycocg(light)), light, rtol=1e-6)
 
 
 # --- upsampling and sampling ---
@@ -199,7 +205,7 @@ def test_the_tone_curve_is_undone_up_to_the_largest_half_float() -> None:
 def test_one_colour_stays_and_its_box_is_a_point() -> None:
     zero = flat(VIEW.display, 0.0)
     ycocg = flat(VIEW.render, 0.4, -0.1, 0.2)
-    found = upsample(ycocg, zero, zero, zero, View(VIEW.render, VIEW.display, (0.2, -0.4)))
+    found = upsample(ycocg, zero, zero, zero, FrameSizes(VIEW.render, VIEW.display, (0.2, -0.4)))
     wanted = flat(VIEW.display, 0.4, -0.1, 0.2)
     np.testing.assert_allclose(found.color, wanted, rtol=1e-5)
     np.testing.assert_allclose(found.box.centre, wanted, rtol=1e-5)
@@ -218,26 +224,26 @@ def test_a_kernel_without_history_reaches_every_pixel_and_counts_samples_on_scre
 
 def _weight_of(dx: tuple[float, ...], dy: tuple[float, ...]) -> float:
     squares = np.array([x * x + y * y for x in dx for y in dy], np.float32)
-    return float(sampling.lanczos2_of_square(squares).sum() / 12.0)
+    return float(images.lanczos2_of_square(squares).sum() / 12.0)
 
 
 def test_the_approximation_of_lanczos2_is_near_it() -> None:
     x = np.linspace(0.0, 2.5, 51, dtype=np.float32)
     exact = np.where(x < 2.0, np.sinc(x) * np.sinc(x / 2.0), 0.0)
-    np.testing.assert_allclose(sampling.lanczos2_of_square(x * x), exact, atol=0.06)
+    np.testing.assert_allclose(images.lanczos2_of_square(x * x), exact, atol=0.06)
 
 
-@pytest.mark.parametrize("sample", [sampling.bilinear, sampling.lanczos])
+@pytest.mark.parametrize("sample", [images.bilinear, images.lanczos])
 def test_reads_at_texel_centres_return_the_texels(sample: object) -> None:
     image = np.random.default_rng(0).uniform(size=(5, 7, 2)).astype(np.float32)
     assert callable(sample)
-    np.testing.assert_allclose(sample(image, *sampling.centres((7, 5))), image, atol=1e-6)
+    np.testing.assert_allclose(sample(image, *images.centres((7, 5))), image, atol=1e-6)
 
 
 def test_lanczos_does_not_ring() -> None:
     step = np.repeat([[0.0, 0.0, 0.0, 1.0, 1.0, 1.0]], 4, axis=0).astype(np.float32)[..., None]
     x = np.linspace(0.5, 5.5, 41, dtype=np.float32)[None]
-    sampled = sampling.lanczos(step, x, np.full_like(x, 2.0))
+    sampled = images.lanczos(step, x, np.full_like(x, 2.0))
     assert sampled.min() == 0.0
     assert sampled.max() == 1.0
     assert 0.4 < sampled[0, 20, 0] < 0.6
@@ -249,7 +255,7 @@ def test_lanczos_does_not_ring() -> None:
 def rectified(value: float, *, kept: float = 0.0, untrusted: float = 0.0, speed: float = 0.0) -> list[float]:
     """Return luma and weight of a history of weight 1, after a box of 0.5 +- 0.05 within [0.1, 0.9]."""
     one = np.ones((1, 1), np.float32)
-    box = Box(*(np.array([[[v, 0.0, 0.0]]], np.float32) for v in (0.5, 0.05, 0.1, 0.9)))
+    box = ColorBox(*(np.array([[[v, 0.0, 0.0]]], np.float32) for v in (0.5, 0.05, 0.1, 0.9)))
     history = np.array([[[value, 0.0, 0.0]]], np.float32)
     luma, weight = rectify(history, one, box, kept * one, VIEW, untrusted=untrusted * one, speed=speed * one)
     return [float(luma[0, 0, 0]), float(weight[0, 0])]
@@ -267,11 +273,11 @@ def test_history_is_clamped_to_a_box_that_is_wide_only_at_rest() -> None:
 def unstable(now: float, lumas: tuple[float, ...], *, deviation: float = 0.2, reactive: float = 0.0) -> float:
     """Return the instability of a luma (after the tone curve) that followed others, the latest first."""
     light = now / (1.0 - now)
-    box = Box(*(np.array([[[v, 0.0, 0.0]]], np.float32) for v in (light, deviation, 0.0, 9.0)))
+    box = ColorBox(*(np.array([[[v, 0.0, 0.0]]], np.float32) for v in (light, deviation, 0.0, 9.0)))
     plane = np.ones((1, 1), np.float32)
-    found = luma_instability(box, np.array([[lumas]], np.float32), reactive * plane, 0.0 * plane)
-    np.testing.assert_allclose(found.lumas[0, 0], [now, *lumas[:3]], atol=1.0 / 255.0)
-    return float(found.factor[0, 0])
+    factor, after = luma_instability(box, np.array([[lumas]], np.float32), reactive * plane, 0.0 * plane)
+    np.testing.assert_allclose(after[0, 0], [now, *lumas[:3]], atol=1.0 / 255.0)
+    return float(factor[0, 0])
 
 
 def test_luma_that_comes_back_is_unstable() -> None:
@@ -286,11 +292,11 @@ def test_luma_that_comes_back_is_unstable() -> None:
 
 # --- accumulation ---
 
-NATIVE = View((9, 9), (9, 9), (0.0, 0.0))
+NATIVE = FrameSizes((9, 9), (9, 9), (0.0, 0.0))
 
 
 def step_of(
-    view: View,
+    view: FrameSizes,
     *,
     speed: float = 0.0,
     clip: Float32 | None = None,
@@ -298,21 +304,21 @@ def step_of(
     light: float = 0.5,
     lock: tuple[float, float] = (0.0, 0.5),
     lumas: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0),
-) -> tuple[Float32, History]:
+) -> tuple[Float32, Fsr2History]:
     """Accumulate a checkerboard of pixels of 0 and 1 on a history of one light; return board and result."""
     width, height = view.render
     board = (np.indices((height, width)).sum(axis=0) % 2).astype(np.float32)
     none, display = np.zeros((height, width), np.float32), flat(view.display, 0.0)
-    passed = Passed(
+    passed = Prepared(
         color=np.repeat(board[..., None], 3, axis=-1),
         motion=flat(view.render, speed, 0.0),
-        clip=Clip(none if clip is None else clip, none),
-        made=display > 0.0,
+        clip=DepthClip(none if clip is None else clip, none),
+        locked=display > 0.0,
         shading=display + 0.5,
         exposure=1.0,
     )
     lit = flat(view.display, light, light, light, reactive)
-    history = History(lit, flat(view.display, *lock), flat(view.display, *lumas))
+    history = Fsr2History(lit, flat(view.display, *lock), flat(view.display, *lumas))
     return board, accumulate(passed, history, view)
 
 
@@ -348,9 +354,9 @@ def test_the_reactive_factor_fades_and_tells_of_motion() -> None:
 def test_the_depth_clip_of_a_sample_lies_where_its_jitter_says() -> None:
     clip = np.zeros((9, 9), np.float32)
     clip[4, 3] = 1.0
-    _, found = step_of(View((9, 9), (18, 18), (0.4, -0.3)), clip=clip)
+    _, found = step_of(FrameSizes((9, 9), (18, 18), (0.4, -0.3)), clip=clip)
     factor = found.color[..., 3]  # a tenth of the clip, for the next frame
-    x, y = sampling.centres((18, 18))
+    x, y = images.centres((18, 18))
     total = factor.sum()
     assert total == pytest.approx(0.4)
     assert (factor * x).sum() / total == pytest.approx(2.0 * (3.5 + 0.4), abs=1e-3)

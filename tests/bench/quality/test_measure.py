@@ -16,8 +16,14 @@ from supersampler.io.shot import ClassMaps, Shot, ShotWriter
 from supersampler_bench.quality import measure as quality
 from supersampler_bench.quality import metrics
 from supersampler_bench.quality.measure import measure_quality
-from supersampler_bench.quality.score_record import mean_row, scores_row
-from supersampler_bench.quality.summaries import BORDER, FRAME_METRICS, MASKED, FrameScores, MethodScores
+from supersampler_bench.quality.scores import (
+    BORDER,
+    FRAME_METRICS,
+    MASKED,
+    FrameScores,
+    MethodRow,
+    MethodScores,
+)
 from supersampler_model.data.scenes.analytic import DiscOverPlane, Plane, Scene, checker
 
 RENDER, DISPLAY = (48, 27), (96, 54)
@@ -259,10 +265,10 @@ def test_a_summary_is_the_mean_over_frames_and_in_masks_over_pixels() -> None:
 def test_the_mean_of_shots_weighs_each_the_same_and_skips_those_that_lack_a_metric() -> None:
     long = MethodScores("m", [scores_of(frame, 20, 0) for frame in (8, 9, 10)])
     short = MethodScores("m", [scores_of(8, 30, 10)])
-    mean = mean_row([scores_row(long), scores_row(short)])["summary"]["warm_full"]
+    mean = MethodRow.mean([MethodRow.of(long), MethodRow.of(short)]).summary["warm_full"]
     assert mean["psnr"] == pytest.approx(25)
     assert mean["psnr_moving"] == pytest.approx(30)
-    assert np.isnan(mean["tpsnr"])
+    assert np.isnan(mean["tpsnr"] or 0.0)
 
 
 def test_real_methods_run_side_by_side_and_repeat_exactly(tmp_path: Path) -> None:

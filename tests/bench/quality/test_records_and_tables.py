@@ -2,7 +2,7 @@
 
 import json
 import re
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,13 +14,18 @@ from typer.testing import CliRunner
 from supersampler import ArgumentError, __version__
 from supersampler.cli import app
 from supersampler.io.shot import ClassMaps, Shot, ShotWriter
-from supersampler_bench.markdown_blocks import find_blocks, update_block
-from supersampler_bench.quality.figures import draw_means
-from supersampler_bench.quality.score_record import quality_record, scores_row, shot_record, shot_scores
-from supersampler_bench.quality.score_table import NO_CLASSES, block_names, blocks, caption, markdown_table
-from supersampler_bench.quality.summaries import FRAME_METRICS as FRAME_METRICS
-from supersampler_bench.quality.summaries import FrameScores, MethodScores
-from supersampler_bench.record import age_of, read_record, setting, write_json
+from supersampler_bench.markdown import find_blocks, update_block
+from supersampler_bench.quality.score_table import NO_CLASSES, QualityRecord, caption, markdown_table
+from supersampler_bench.quality.scores import (
+    FRAME_METRICS,
+    FrameScores,
+    MethodRow,
+    MethodScores,
+    ShotRow,
+    shot_row,
+)
+from supersampler_bench.record import Setting, age_of, read_record, write_json
+from supersampler_bench.report.figures import draw_means
 from supersampler_model.data.scenes.analytic import Plane, checker
 
 README = "# Title\n<!-- bench:quality plaza -->\nold\n<!-- /bench -->\ntext\n<!-- /bench -->\n"
@@ -37,18 +42,18 @@ RESULTS = [result("worse", 20.001, 0.2), result("better", 21.0, 0.1)]
 
 
 def test_the_best_figure_of_a_column_stands_out_whichever_way_is_better() -> None:
-    _, _, worse, better, *_ = markdown_table("title", [scores_row(r) for r in RESULTS]).split("\n")
+    _, _, worse, better, *_ = markdown_table("title", [MethodRow.of(r) for r in RESULTS]).split("\n")
     assert worse.startswith("| worse | 20.00 | – | 0.2000 |")
     assert better.startswith("| better | **21.00** | – | **0.1000** |")
     assert worse.split(" | ")[5] == better.split(" | ")[5] == "**1.23**"
 
 
 def test_thin_pixels_have_a_column_beside_aliased_ones_where_any_method_has_them() -> None:
-    rows = [scores_row(r) for r in RESULTS]
+    rows = [MethodRow.of(r) for r in RESULTS]
     without = markdown_table("title", rows)
     assert "thin" not in without
     headings = without.split("\n")[0]
-    rows[1]["summary"]["warm_cropped"]["psnr_thin"] = rows[1]["summary"]["all_full"]["psnr_thin"] = 23.0
+    rows[1].summary["warm_cropped"]["psnr_thin"] = rows[1].summary["all_full"]["psnr_thin"] = 23.0
     first, _, worse, better, *_ = markdown_table("title", rows).split("\n")
     assert first == headings.replace("aliased ↑ |", "aliased ↑ | PSNR dB, thin ↑ |")
     assert [row.split(" | ")[9] for row in (worse, better)] == ["–", "**23.00**"]
@@ -87,7 +92,7 @@ def test_a_missing_file_is_named(tmp_path: Path) -> None:
 
 def test_a_record_holds_what_the_numbers_depend_on_and_is_strict_json(tmp_path: Path) -> None:
     file = tmp_path / "results" / "quality.json"
-    write_json(quality_record([shot_scores(Shot.open("plaza"), RESULTS)]), file)
+    write_json(QualityRecord.of([shot_row(Shot.open("plaza"), RESULTS)]), file)
     record = json.loads(file.read_text(encoding="utf-8"))
     assert record["versions"]["supersampler"] == __version__
     assert record["machine"]["cores"] >= 1
@@ -102,7 +107,7 @@ def test_a_record_holds_what_the_numbers_depend_on_and_is_strict_json(tmp_path: 
 
 
 def test_only_the_date_and_the_time_it_took_differ_between_records_of_one_measurement() -> None:
-    first, second = (quality_record([shot_scores(Shot.open("plaza"), RESULTS)]) for _ in range(2))
+    first, second = (QualityRecord.of([shot_row(Shot.open("plaza"), RESULTS)]).to_json() for _ in range(2))
     for record in (first, second):
         assert record.pop("date")
         assert record.pop("seconds") >= 0.0
@@ -110,8 +115,8 @@ def test_only_the_date_and_the_time_it_took_differ_between_records_of_one_measur
 
 
 def test_the_markdown_table_says_what_was_measured() -> None:
-    title = caption(shot_record(Shot.open("plaza")))
-    lines = markdown_table(title, [scores_row(r) for r in RESULTS]).split("\n")
+    title = caption(ShotRow.of(Shot.open("plaza")))
+    lines = markdown_table(title, [MethodRow.of(r) for r in RESULTS]).split("\n")
     assert len({line.count("|") for line in lines[:4]}) == 1
     assert lines[-1].startswith("plaza, 320x180 to 640x360: 17 reference frames of 32, without the")
 
@@ -167,8 +172,8 @@ def test_a_page_without_a_block_for_the_shot_is_refused_before_anything_is_measu
     page = tmp_path / "page.md"
     page.write_text(README, encoding="utf-8")
     with pytest.raises(ArgumentError, match="0 blocks of 'quality other'"):
-        find_blocks(page, block_names("quality other"))
-    assert find_blocks(page, block_names("quality plaza")) == ["quality plaza"]
+        find_blocks(page, QualityRecord.block_names("quality other"))
+    assert find_blocks(page, QualityRecord.block_names("quality plaza")) == ["quality plaza"]
 
 
 def test_several_shots_have_tables_and_figures_of_their_mean(tmp_path: Path) -> None:
@@ -176,9 +181,9 @@ def test_several_shots_have_tables_and_figures_of_their_mean(tmp_path: Path) -> 
         MethodScores(r.method, [replace(f, cropped_classes=np.ones((2, 3, 3), np.int64)) for f in r.frames])
         for r in RESULTS
     ]
-    shots = [shot_scores(Shot.open("plaza"), methods, {"ratio": 2.0}) for methods in (measured, measured)]
-    record = quality_record(shots)
-    first, clip, classes = blocks(record, "quality shots").values()
+    shots = [shot_row(Shot.open("plaza"), methods, {"ratio": 2.0}) for methods in (measured, measured)]
+    record = QualityRecord.of(shots)
+    first, clip, classes = record.tables("quality shots").values()
     assert first.splitlines()[-1].startswith("Mean of the shots plaza, plaza at ratio 2 to 640x360")
     assert clip.count("Mean of the shots") == 2
     assert "**12.0**" in clip
@@ -186,8 +191,8 @@ def test_several_shots_have_tables_and_figures_of_their_mean(tmp_path: Path) -> 
     assert classes.count("Mean of the shots") == 1
     draw_means(record, tmp_path / "out")
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["classes-2x.png"]
-    without = quality_record([shot_scores(Shot.open("plaza"), RESULTS)])
-    assert blocks(without, "quality plaza")["quality plaza classes"] == NO_CLASSES
+    without = QualityRecord.of([shot_row(Shot.open("plaza"), RESULTS)])
+    assert without.tables("quality plaza")["quality plaza classes"] == NO_CLASSES
 
 
 def test_the_tables_of_a_record_that_was_read_back_are_the_same(tmp_path: Path) -> None:
@@ -195,10 +200,10 @@ def test_the_tables_of_a_record_that_was_read_back_are_the_same(tmp_path: Path) 
         MethodScores(r.method, [replace(f, cropped_classes=np.ones((2, 3, 3), np.int64)) for f in r.frames])
         for r in RESULTS
     ]
-    record = quality_record([shot_scores(Shot.open("plaza"), measured, {"ratio": 2.0}) for _ in range(2)])
+    record = QualityRecord.of([shot_row(Shot.open("plaza"), measured, {"ratio": 2.0}) for _ in range(2)])
     write_json(record, tmp_path / "record.json")
-    again = read_record(tmp_path / "record.json")
-    assert blocks(again, "quality shots") == blocks(record, "quality shots")
+    again = QualityRecord.from_json(read_record(tmp_path / "record.json"))
+    assert again.tables("quality shots") == record.tables("quality shots")
 
 
 def test_the_command_teaches_its_options() -> None:
@@ -219,7 +224,10 @@ def test_a_file_that_no_bench_wrote_is_kept(tmp_path: Path, command: tuple[str, 
 
 
 def test_a_table_says_which_models_have_changed_since_it_was_measured() -> None:
-    record: dict[str, Any] = {"rows": [{"method": "taau:fp32"}, {"method": "classifier"}], **setting()}
+    record: dict[str, Any] = {
+        "rows": [{"method": "taau:fp32"}, {"method": "classifier"}],
+        **asdict(Setting.now()),
+    }
     assert age_of(record) == ""
     record["model_digests"]["bilinear"] = "other"
     assert age_of(record) == ""  # the record has no row of it

@@ -11,13 +11,13 @@ from supersampler.conventions import jitter_phase_count
 from supersampler_bench.cli.app import app
 from supersampler_bench.quality.still import (
     PERIODS,
+    StillRecord,
     StillScores,
     StillTimes,
     frame_count,
     make_scene,
 )
-from supersampler_bench.quality.still_table import markdown_table, scores_of, still_record, summary_table
-from supersampler_bench.record import read_record, setting
+from supersampler_bench.record import read_record
 
 DISPLAY = (96, 54)
 
@@ -42,15 +42,15 @@ def test_quick_measures_every_scene_and_backend_and_writes_record_table_and_figu
         app, [*command, "-o", str(tmp_path), "--json", str(file), "--update", str(page)]
     )
     assert answer.exit_code == 0, answer.output
-    record = read_record(file)
-    scores = scores_of(record)
+    record = StillRecord.from_json(read_record(file))
+    scores = record.scores
     assert [(s.scene, s.ratio, s.executor) for s in scores] == [
         (scene, 1.0, executor) for scene in ("analytic", "analytic-mover") for executor in ("cpu", "onnx")
     ]
     assert all(len(s.psnr) == frame_count(1.0) for s in scores)
-    assert record["quick"]
+    assert record.quick
     assert all(s.after(4) > s.psnr[0] + 3.0 for s in scores)
-    assert summary_table(record) in page.read_text()
+    assert record.summary_table() in page.read_text()
     assert "| analytic-mover | 1 | taau | onnx |" in answer.output
     assert (tmp_path / "still.png").stat().st_size > 10_000
 
@@ -65,14 +65,15 @@ def test_the_summary_shows_all_scenes_at_the_ratio_closest_to_2() -> None:
         *(score(scene, 2.0, kind, 30.0) for scene in ("analytic", "court") for kind in ("cpu", "onnx")),
     ]
     times = [StillTimes("taau", 3.0, 0.3, 0.1)]
-    record = json.loads(json.dumps({**still_record(scores, DISPLAY, times, (960, 540)), **setting()}))
+    written = json.dumps(StillRecord(DISPLAY, scores, (960, 540), times).to_json())
+    record = StillRecord.from_json(json.loads(written))
     assert [scores[1].after(count) for count in PERIODS] == pytest.approx([30.0, 30.1, 30.3])
-    summary = summary_table(record)
+    summary = record.summary_table()
     assert "| taau | cpu | 30.0 | 30.1 | 30.3 | 30.3 | 0.30 | 0.10 |" in summary
     assert "| taau | onnx | 30.0 | 30.1 | 30.3 | 30.3 | 1.00 | 1.00 |" in summary
     assert "20." not in summary.partition("\n\n")[0]
     row = "| taau | cpu | 100 % | 20.0 | 20.1 | 20.3 | 0.0001 |"
-    assert f"| analytic | 1 {row}" in markdown_table(record)
+    assert f"| analytic | 1 {row}" in record.table()
 
 
 @pytest.mark.parametrize("scenes", ["courtyard:2", "analytic", "analytic:two"])

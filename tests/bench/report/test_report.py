@@ -4,9 +4,9 @@ import json
 import re
 import shutil
 from collections.abc import Mapping
+from dataclasses import replace
 from html import unescape
 from pathlib import Path
-from typing import Any
 
 import pytest
 from typer.testing import CliRunner
@@ -14,16 +14,14 @@ from typer.testing import CliRunner
 from supersampler import ArgumentError
 from supersampler.io.shot import Shot, ShotWriter
 from supersampler_bench.cli.app import app
-from supersampler_bench.parity import Agreement, parity_record
+from supersampler_bench.parity import Agreement, ParityRecord
 from supersampler_bench.quality.score_table import CLIP_COLUMNS
-from supersampler_bench.record import Record, read_record, setting, write_json
-from supersampler_bench.report import image_comparison as images
-from supersampler_bench.report import quick_measurements as quick
+from supersampler_bench.record import BenchRecord, JsonRecord, read_record, write_json
+from supersampler_bench.report import quick
 from supersampler_bench.report.doc_tables import RESULTS, find_all, read_records
-from supersampler_bench.report.image_comparison import split_view
 from supersampler_bench.report.page import SECTIONS, write_page
-from supersampler_bench.specs import parse_spec
-from supersampler_bench.timing.pareto import Point, pareto_record
+from supersampler_bench.report.quick import split_view
+from supersampler_bench.timing.pareto import ParetoRecord, Point
 from supersampler_model.data.errors import GraphicsError
 from supersampler_model.data.scenes.analytic import Plane, checker
 
@@ -31,23 +29,25 @@ ROOT = Path(__file__).parents[3]
 PNG = "data:image/png;base64,"
 
 
-def of_pareto() -> dict[str, Any]:
+def of_pareto() -> ParetoRecord:
     def point(word: str, milliseconds: float, psnr: float) -> Point:
         scores = {c.name: psnr for c in CLIP_COLUMNS[:2]}
-        return Point(parse_spec(word), "cpu, fp32", 2.0, milliseconds, scores)
+        return Point(word, "cpu, fp32", 2.0, milliseconds, scores)
 
     points = [point("bilinear", 9.0, 26.0), point("taau", 8.0, 29.0), point("classifier", 16.0, 30.0)]
-    return {**pareto_record(points, ["plaza"], (960, 540), 2), **setting()}
+    return ParetoRecord(["plaza"], (960, 540), 2, points)
 
 
-def of_parity(method: str) -> dict[str, Any]:
+def of_parity(method: str) -> ParityRecord:
     apart = Agreement(method, "cpu, int8", (32, 18), (64, 36), 10, 1e-3, 1e-3, 50.0, 1e-2)
-    return {**parity_record([apart]), **setting()}
+    return ParityRecord([apart])
 
 
-def page(folder: Path, records: Mapping[str, Record], view: str = "<p>split & view</p>") -> str:
+def page(
+    folder: Path, records: Mapping[str, BenchRecord | JsonRecord], view: str = "<p>split & view</p>"
+) -> str:
     path = folder / "page" / "report.html"
-    write_page(path, records, folder, view)
+    write_page(path, {n: r.to_json() if isinstance(r, BenchRecord) else r for n, r in records.items()}, view)
     return path.read_text(encoding="utf-8")
 
 
@@ -101,8 +101,8 @@ def test_a_record_of_another_version_is_said_to_be_one(repository: Path) -> None
     write_json(record, path)
     answer = CliRunner().invoke(app, ["tables", str(repository)])
     assert answer.exit_code == 0
-    assert "record is without 'display'" in answer.output
-    assert "record is without 'display'" in unescape(page(repository, {"cost": record}))
+    assert "missing required field `display`" in answer.output
+    assert "missing required field `display`" in unescape(page(repository, {"cost": record}))
 
 
 def test_a_folder_without_records_is_named(tmp_path: Path) -> None:
@@ -136,30 +136,24 @@ def test_names_in_records_are_text(tmp_path: Path) -> None:
     assert '<section id="device">' not in html, "it has no record"
 
 
-def test_figures_that_lie_beside_a_record_are_on_the_page(tmp_path: Path) -> None:
-    (tmp_path / "parity").mkdir()
-    (tmp_path / "parity" / "some curves.png").write_bytes(b"image bytes")
-    html = page(tmp_path, {"parity": of_parity("taau")})
-    assert f'alt="some curves" src="{PNG}aW1hZ2UgYnl0ZXM="' in html
-
-
 def test_what_was_measured_quickly_says_so_and_no_other(tmp_path: Path) -> None:
     assert "measured quickly" not in page(tmp_path, {"parity": of_parity("taau")})
     assert (
-        page(tmp_path, {"parity": {**of_parity("taau"), "quick": True}}).count("measured quickly</span>") == 2
+        page(tmp_path, {"parity": replace(of_parity("taau"), quick=True)}).count("measured quickly</span>")
+        == 2
     )
 
 
 def test_quick_measures_part_by_part_and_goes_on_without_opengl(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def without_opengl(_: Mapping[str, Record], __: Path) -> dict[str, Any]:
+    def without_opengl(_: Mapping[str, BenchRecord]) -> BenchRecord:
         raise GraphicsError("no OpenGL")
 
     parts = {
         "parity": without_opengl,
-        "pareto": lambda *_: of_pareto(),
-        "latency": lambda known, _: {"bench": "latency", "known": list(known)},
+        "pareto": lambda _: of_pareto(),
+        "latency": lambda known: replace(of_parity(", ".join(known))),
     }
     monkeypatch.setattr(quick, "_PARTS", parts)
     said: dict[str, str] = {}
@@ -168,7 +162,7 @@ def test_quick_measures_part_by_part_and_goes_on_without_opengl(
     assert sorted(path.name for path in tmp_path.iterdir()) == ["latency.json", "pareto.json"]
     record = read_record(tmp_path / "latency.json")
     assert record["quick"] is True
-    assert record["known"] == ["pareto"]
+    assert record["results"][0]["method"] == "pareto"
     quick.measure_quickly(tmp_path, said.__setitem__)  # over its own, but over no others
     write_json(of_parity("taau"), tmp_path / "mine.json")
     with pytest.raises(ArgumentError, match=r"mine\.json, which was not"):
@@ -178,8 +172,8 @@ def test_quick_measures_part_by_part_and_goes_on_without_opengl(
 def test_quick_makes_the_page_of_what_it_measured_beside_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(quick, "_PARTS", {"parity": lambda *_: of_parity("taau")})
-    monkeypatch.setattr(images, "split_view", lambda shot: f"images of {shot.name}")
+    monkeypatch.setattr(quick, "_PARTS", {"parity": lambda _: of_parity("taau")})
+    monkeypatch.setattr(quick, "split_view", lambda shot: f"images of {shot.name}")
     answer = CliRunner().invoke(app, ["report", "--quick", "-o", str(tmp_path / "here.html")])
     assert answer.exit_code == 0, answer.output
     assert "parity: measuring" in answer.output

@@ -22,7 +22,7 @@ from supersampler_bench.shots.public_shots import (
     open_test_shots,
     pixel_hash,
 )
-from supersampler_bench.shots.render_test_shots import frames_there, render_test_shot, render_test_shots
+from supersampler_bench.shots.rendering import frames_there, render_test_shot, render_test_shots
 from supersampler_model.data.errors import DataError
 from supersampler_model.data.sequences import APART_FAMILIES, TEST_FAMILIES
 
@@ -93,7 +93,7 @@ def test_a_second_run_renders_nothing_and_another_driver_does_not_mix_in(
     generations = {path: path.stat().st_mtime_ns for path in cache.rglob("*.exr")}
     render_test_shots(cache, TINY)
     assert {path: path.stat().st_mtime_ns for path in cache.rglob("*.exr")} == generations
-    monkeypatch.setattr("supersampler_bench.shots.render_test_shots.driver_name", lambda _: "another")
+    monkeypatch.setattr("supersampler_bench.shots.rendering.driver_name", lambda _: "another")
     with pytest.raises(ShotError, match=r"court: the existing shot has the driver .*run's is another"):
         render_test_shot(cache, TINY, "court")
 

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from studies.ablation import Ablation, Row, Scores, ablation_record, markdown_table
+from studies.ablation import BATCH, Ablation, AblationRecord, Row, Scores
 
 
 def ablation(seeds: int) -> Ablation:
@@ -21,7 +21,7 @@ def test_the_first_variant_has_two_seeds_at_least_and_a_seed_is_complete_before_
 
 def test_differences_within_the_range_of_the_seeds_are_in_brackets() -> None:
     rows = [row("all", 30.0, 30.2), row("less", 29.95), row("worse", 29.8), row("unsteady", 29.0, 30.3)]
-    table = markdown_table(ablation_record(rows, ablation(1))).splitlines()
+    table = AblationRecord("classifier-small", 800, BATCH, 128, rows).table().splitlines()
     assert table[2:6] == [
         "| all | 30.10 ± 0.10 | +0.00 | 29.10 | 2 |",
         "| less | 29.95 | (-0.15) | 28.95 | 1 |",

@@ -2,7 +2,7 @@
 
 import copy
 import json
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,7 @@ from studies.hashes import (
     subjects,
 )
 from supersampler.methods.model_file import model_names
-from supersampler_bench.record import setting
+from supersampler_bench.record import Setting
 
 FROZEN = Path(__file__).parents[3] / "bench" / "results" / "studies" / "hashes.json"
 SMALL = ((32, 18), (48, 27))
@@ -32,7 +32,7 @@ SMALL = ((32, 18), (48, 27))
 @pytest.fixture(scope="module")
 def record() -> dict[str, Any]:
     results = measure_hashes(subjects(["taa"]), [SMALL])
-    return {**hashes_record(results), **setting()}
+    return {**hashes_record(results), **asdict(Setting.now())}
 
 
 def test_a_method_is_hashed_in_every_way_that_it_runs() -> None:

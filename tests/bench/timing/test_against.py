@@ -15,19 +15,21 @@ from supersampler.cli import app as supersampler
 from supersampler.errors import ArgumentError
 from supersampler.io.child_process import run
 from supersampler_bench.cli.app import app
-from supersampler_bench.timing import child_process
+from supersampler_bench.timing import against
 from supersampler_bench.timing.against import (
     COVERAGE,
     FIRST,
     FIRST_FRESH,
+    FIRST_IMAGE,
     STEP_CORES,
     STEP_WALL,
+    STEPS,
     Rounds,
+    Version,
     _first_images,
     _in_rounds,
     interval,
 )
-from supersampler_bench.timing.child_process import FIRST_IMAGE, STEPS, Version
 
 SMALL = (32, 18)
 
@@ -63,7 +65,7 @@ def measured(tmp_path_factory: pytest.TempPathFactory) -> Measured:
     ]
     files = ["--json", str(folder / "against.json"), "--update", str(folder / "page.md")]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(child_process, "run", noted)
+        patch.setattr(against, "run", noted)
         result = CliRunner().invoke(app, ["latency", "--against", sys.executable, *options, *files])
     assert result.exit_code == 0, result.output
     record = json.loads((folder / "against.json").read_text())
@@ -121,7 +123,7 @@ def test_first_images_are_of_programs_with_kernels_kept_and_without(
         (cache / "kernel").touch()
         return subprocess.CompletedProcess(command, 0, stdout=b'{"seconds": 0.25}\n')
 
-    monkeypatch.setattr(child_process, "run", compiled)
+    monkeypatch.setattr(against, "run", compiled)
     rounds = Rounds(rounds=0, starts=7, fresh=6)
     found = list(_first_images(sides, "taa", SMALL, 2.0, rounds, lambda: None))
     assert [(row.what, len(row.rounds)) for row in found] == [(FIRST_FRESH, 6), (FIRST, 7)]

@@ -1,7 +1,6 @@
 """`bench skip` measures time, tiles at rest and error of static and of moving scenes."""
 
-from supersampler_bench.record import setting
-from supersampler_bench.timing.skip import MOVES, frame_count, markdown_table, measure_skipping, skip_record
+from supersampler_bench.timing.skip import MOVES, SkipRecord, frame_count, measure_skipping
 
 RATIO = 1.0  # of the shortest jitter sequence, so of the fewest frames
 
@@ -17,7 +16,6 @@ def test_a_scene_in_which_nothing_moves_is_frozen() -> None:
     assert still.converged == 1.0
     assert 1.0 > objects.converged >= camera.converged == 0.0
     assert still.psnr > camera.psnr
-    record = {**skip_record(results, (96, 64), RATIO), **setting()}
-    table = markdown_table(record)
+    table = SkipRecord((96, 64), RATIO, results, frame_count(RATIO)).table()
     assert f"| machine_hall | nothing | taau | {still.milliseconds:.1f} | {still.first:.2f} |" in table
     assert f"{frame_count(RATIO)} frames of test shots" in table

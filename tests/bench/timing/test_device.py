@@ -4,11 +4,9 @@ import pytest
 from typer.testing import CliRunner
 
 from supersampler.cli import app
-from supersampler_bench.record import setting
 from supersampler_bench.timing.device import (
+    DeviceRecord,
     OnDevice,
-    device_record,
-    markdown_table,
     measure_copy,
     measure_device,
 )
@@ -39,11 +37,11 @@ def test_each_precision_that_a_method_has_is_timed_with_and_without_recording() 
 def test_the_table_says_how_many_copies_long_a_step_is() -> None:
     sizes = (960, 540), (1920, 1080)
     timed = OnDevice("taau", *sizes, "fp32", "CUDAExecutionProvider", True, 2.0, 3.0, 4.0, 100_000_000)
-    table = markdown_table({**device_record([timed], 1e12), **setting()})
+    table = DeviceRecord([timed], 1e12).table()
     assert "| 960x540 to 1920x1080 | taau | fp32 | CUDAExecutionProvider | yes |" in table
     assert "| 2.00 | 3.00 | 4.00 | 100 | 20x |" in table
     assert "1000 GB/s" in table
-    assert "| – |" in markdown_table({**device_record([timed], 0.0), **setting()})
+    assert "| – |" in DeviceRecord([timed], 0.0).table()
 
 
 def test_a_device_whose_copies_cannot_be_timed_has_no_limit() -> None:

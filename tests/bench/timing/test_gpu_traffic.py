@@ -7,8 +7,7 @@ from supersampler.backends.gpu.program import TEXTURES
 from supersampler.backends.gpu.shader import Binding, Shader
 from supersampler_bench.specs import Spec, parse_spec
 from supersampler_bench.timing.gpu_traffic import accesses, count_gpu, part_of, pass_costs, products_of
-from supersampler_bench.timing.roofline import Gpu, least_ms, roofline_table
-from supersampler_bench.timing.traffic import Traffic, traffic_record
+from supersampler_bench.timing.traffic import Gpu, SizeTraffic, Traffic, TrafficRecord, min_ms
 
 RENDER, DISPLAY = (64, 36), (128, 72)
 CODE = """
@@ -28,15 +27,15 @@ def test_a_declared_part_is_pixels_of_sixteen_bytes_a_thread() -> None:
 
 def test_a_step_is_bound_by_bandwidth_or_by_arithmetic_whichever_takes_longer() -> None:
     gpu = Gpu("test", bandwidth=500.0, multiply_adds=10.0)
-    assert least_ms(gpu, 1_000_000_000, 0) == pytest.approx(2.0)
-    assert least_ms(gpu, 0, 120_000_000_000) == pytest.approx(3.0)
-    assert least_ms(gpu, 1_000_000_000, 120_000_000_000) == pytest.approx(3.0)
-    assert least_ms(gpu._replace(dot4=False), 0, 120_000_000_000) == pytest.approx(12.0)
+    assert min_ms(gpu, 1_000_000_000, 0) == pytest.approx(2.0)
+    assert min_ms(gpu, 0, 120_000_000_000) == pytest.approx(3.0)
+    assert min_ms(gpu, 1_000_000_000, 120_000_000_000) == pytest.approx(3.0)
+    assert min_ms(gpu._replace(dot4=False), 0, 120_000_000_000) == pytest.approx(12.0)
 
 
 def test_the_table_of_named_gpus_says_that_it_is_computed() -> None:
     rows = [Traffic("onnx", "taa", 9, 0, 600), Traffic("gpu", "taa", 480_000_000, 0, 4)]
-    text = roofline_table(traffic_record([(RENDER, DISPLAY, rows)]))
+    text = TrafficRecord([SizeTraffic(RENDER, DISPLAY, rows)]).roofline_table()
     assert "| NVIDIA H200 | 0.10 |" in text
     assert "Computed, not measured" in text
 

@@ -8,7 +8,7 @@ import pytest
 
 from supersampler import ArgumentError
 from supersampler.methods.model_file import find_model
-from supersampler_bench.timing.network_cost import cost_record, markdown_table, measure_cost
+from supersampler_bench.timing.traffic import CostRecord, measure_cost
 from supersampler_model.methods.classifier import SmallClassifier
 
 
@@ -33,7 +33,7 @@ def test_the_count_is_that_of_the_layers_and_within_the_budget(tmp_path: Path) -
     assert cost.multiply_adds == pytest.approx(by_hand())
     assert cost.multiply_adds <= 2000.0
     assert cost.method == "small"
-    assert f"{cost.multiply_adds:,.0f}" in markdown_table(cost_record([cost], (256, 128)))
+    assert f"{cost.multiply_adds:,.0f}" in CostRecord((256, 128), [cost]).table()
 
 
 def test_a_method_without_a_network_is_named() -> None:

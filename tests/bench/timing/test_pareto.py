@@ -1,5 +1,6 @@
 """Time against error: the frontier, the presets that follow, and the best setting within a time budget."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -8,22 +9,22 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from supersampler import ArgumentError
-from supersampler_bench.quality.score_table import CLIP_COLUMNS
-from supersampler_bench.record import setting
+from supersampler_bench.quality.extrapolation import ExtrapolationRecord
+from supersampler_bench.quality.score_table import CLIP_COLUMNS, QualityRecord
+from supersampler_bench.quality.scores import Alternated, MethodRow, ShotRow
 from supersampler_bench.report.figures import draw_pareto
 from supersampler_bench.specs import Spec, parse_spec
 from supersampler_bench.timing.pareto import (
+    ParetoRecord,
     Point,
     best_within,
     frontier,
-    markdown_table,
     measure_pareto,
-    pareto_record,
-    points_of,
-    preset_table,
+    measure_unshaded,
     presets,
     scores_of,
     shots_of,
+    unshaded_points_of,
 )
 
 PSNR, FLIP = CLIP_COLUMNS[0], CLIP_COLUMNS[2]
@@ -32,7 +33,7 @@ SCORES = st.lists(st.tuples(st.floats(0.1, 100.0), st.floats(10.0, 50.0)), min_s
 
 def point(word: str, milliseconds: float, psnr: float, ratio: float = 2.0) -> Point:
     scores = {"psnr": psnr, "flip": 1.0 / psnr}
-    return Point(parse_spec(word, two_passes=True), "cpu, fp32", ratio, milliseconds, scores)
+    return Point(word, "cpu, fp32", ratio, milliseconds, scores)
 
 
 KNOWN = [
@@ -65,22 +66,22 @@ def test_what_leads_is_beaten_by_none_and_what_does_not_by_some(found: list[tupl
 
 
 def test_scores_that_a_pareto_record_kept_can_be_timed_again() -> None:
-    record = pareto_record(KNOWN, ["a"], (96, 54), 2)
+    record = ParetoRecord(["a"], (96, 54), 2, KNOWN)
     scores = scores_of([record])[2.0]
     assert {str(spec): found["psnr"] for spec, found in scores.items()} == {
-        str(p.spec): p.scores["psnr"] for p in KNOWN
+        p.spec: p.scores["psnr"] for p in KNOWN
     }
 
 
 def test_presets_are_points_of_the_frontier_by_their_rule() -> None:
     chosen = presets(KNOWN)
     assert chosen == {
-        "fast": Spec("taau"),
-        "balanced": Spec("classifier-small"),
-        "high": Spec("classifier"),
+        "fast": "taau",
+        "balanced": "classifier-small",
+        "high": "classifier",
     }
-    assert presets([*KNOWN, point("better", 100.0, 31.0)])["high"] == Spec("better")
-    assert presets([p for p in KNOWN if p.spec.model != "classifier-small"])["balanced"] == chosen["high"]
+    assert presets([*KNOWN, point("better", 100.0, 31.0)])["high"] == "better"
+    assert presets([p for p in KNOWN if p.run.model != "classifier-small"])["balanced"] == chosen["high"]
 
 
 @pytest.mark.parametrize(
@@ -105,47 +106,51 @@ def test_two_passes_are_refused_where_frames_are_stepped_one_by_one() -> None:
         parse_spec("taau:x2")
 
 
-def quality() -> dict[str, Any]:
-    def mean(method: str, psnr: float) -> dict[str, Any]:
-        scores = {"psnr": psnr, "ssim": 0.9, "flip": 0.1, "tpsnr": 27.0, "strred": None}
-        return {"ratio": 2.0, "method": method, "summary": {"warm_cropped": scores}}
+def row(method: str, psnr: float, ratio: float | None = None) -> MethodRow:
+    scores = {"psnr": psnr, "ssim": 0.9, "flip": 0.1, "tpsnr": 27.0, "strred": None}
+    return MethodRow(method, {"warm_cropped": scores}, {}, ratio=ratio)
 
-    means = [("bilinear", 26.0), ("taau", 29.0), ("classifier-small:off", 30.0)]
-    return {"bench": "quality", "means": [mean(*m) for m in means]}
+
+ROWS = [("bilinear", 26.0), ("taau", 29.0), ("classifier-small:off", 30.0)]
+
+
+def shot(**rows: Any) -> ShotRow:
+    return ShotRow("own", None, 1, [0], (40, 30), (60, 45), "depth and motion", **rows)
+
+
+def quality(*more: str, ratio: float = 2.0, count: int = 3) -> QualityRecord:
+    means = [row(*one, ratio) for one in (*ROWS[:count], *((name, 29.0) for name in more))]
+    return QualityRecord([], means=means)
 
 
 def test_settings_with_scores_are_timed_plotted_and_come_back_from_their_record(tmp_path: Path) -> None:
     points = measure_pareto([quality()], (48, 27), threads=1, steps=1)
-    assert [str(p.spec) for p in points] == ["bilinear", "taau", "classifier-small:off"]
+    assert [p.spec for p in points] == ["bilinear", "taau", "classifier-small:off"]
     assert [p.runs for p in points] == ["onnx, fp32", "cpu, fp32", "cpu, int8"]
     assert all(p.milliseconds > 0.0 for p in points)
-    record = {**pareto_record(points, ["a", "b"], (48, 27), 1), **setting()}
-    table = markdown_table(record)
+    record = ParetoRecord(["a", "b"], (48, 27), 1, points)
+    table = record.table()
     assert "| **30.00** | " in table
     assert "STRRED" not in table
-    written = draw_pareto(points, "a title", tmp_path)
+    written = draw_pareto(record, tmp_path)
     assert {path.name for path in written} >= {"pareto-psnr.png", "pareto-flip.png"}
     assert all(path.stat().st_size > 5000 for path in written)
-    assert points_of(record) == points
+    assert ParetoRecord.from_json(record.to_json()).points == points
     assert "mean scores of the test shots" in table
-    assert "scores of a." in markdown_table({**record, "shots": ["a"]})
-    assert "| fast | taau |" in preset_table(record)
+    assert "scores of a." in replace(record, shots=["a"]).table()
+    assert "| fast | taau |" in record.presets_table()
 
 
 def test_a_model_folder_that_is_not_there_is_left_out_with_the_reason() -> None:
-    record, reasons = quality(), list[str]()
-    record["means"].append({**record["means"][0], "method": "classifier-paper"})
+    record, reasons = quality("classifier-paper"), list[str]()
     points = measure_pareto([record], (48, 27), threads=1, steps=1, on_left_out=reasons.append)
-    assert "classifier-paper" not in {p.spec.model for p in points}
+    assert "classifier-paper" not in {p.run.model for p in points}
     [reason] = reasons
     assert reason.startswith("classifier-paper is left out: no model 'classifier-paper'")
 
 
 def test_scores_of_one_shot_need_no_means() -> None:
-    shot = {"name": "own", "render_size": [40, 30], "display_size": [60, 45], "methods": quality()["means"]}
-    for method in shot["methods"]:
-        del method["ratio"]
-    record = {"bench": "quality", "shots": [shot], "means": []}
+    record = QualityRecord([shot(methods=[row(*one) for one in ROWS])])
     [(ratio, scores)] = scores_of([record]).items()
     assert ratio == 1.5
     assert scores[Spec("taau")]["psnr"] == 29.0
@@ -154,32 +159,28 @@ def test_scores_of_one_shot_need_no_means() -> None:
 
 
 def test_ratios_come_from_several_records_of_the_same_shots() -> None:
-    other = quality()
-    other["means"] = [{**mean, "ratio": 1.5} for mean in other["means"][:2]]
+    other = quality(ratio=1.5, count=2)
     scores = scores_of([quality(), other])
     assert {ratio: len(group) for ratio, group in scores.items()} == {1.5: 2, 2.0: 3}
-    own = {"name": "own", "render_size": [40, 30], "display_size": [60, 45], "methods": []}
     with pytest.raises(ArgumentError, match="of the same shots"):
-        scores_of([quality(), {**other, "shots": [own]}])
+        scores_of([quality(), replace(other, shots=[shot()])])
 
 
 def test_a_record_without_means_is_refused() -> None:
     with pytest.raises(ArgumentError, match="test-shots"):
-        measure_pareto([{"bench": "latency"}], (48, 27), threads=1)
+        measure_pareto([QualityRecord([])], (48, 27), threads=1)
 
 
 def test_the_best_within_a_budget_is_named_and_beside_it_the_best_without_gbuffers() -> None:
     reads_gbuffers = point("gbuffer-small", 14.0, 31.0)
     best = best_within([*KNOWN, reads_gbuffers, point("taa", 3.0, 27.0, ratio=1.5)], 15.0)
-    assert [str(p.spec) for p in best] == ["taa", "gbuffer-small", "classifier-small"]
+    assert [p.spec for p in best] == ["taa", "gbuffer-small", "classifier-small"]
     assert best_within(KNOWN, 4.0) == []
 
 
 def test_two_passes_are_timed_beside_one_and_no_preset_or_step_budget_takes_them() -> None:
-    record = quality()
-    [once] = [row for row in record["means"] if row["method"] == "taau"]
-    record["means"].append({**once, "method": "taau:x2"})
-    points = {str(p.spec): p for p in measure_pareto([record], (48, 27), threads=1, steps=1)}
+    record = quality("taau:x2")
+    points = {p.spec: p for p in measure_pareto([record], (48, 27), threads=1, steps=1)}
     assert points["taau:x2"].milliseconds > points["taau"].milliseconds
     twice = point("taau:x2", 12.0, 33.0)
     assert presets([*KNOWN, twice]) == presets(KNOWN)
@@ -188,3 +189,37 @@ def test_two_passes_are_timed_beside_one_and_no_preset_or_step_budget_takes_them
 
 def test_presets_leave_out_methods_that_do_not_serve_all_ratios() -> None:
     assert presets([*KNOWN, point("classifier-large", 30.0, 31.0)]) == presets(KNOWN)
+
+
+def extrapolation(*, means: bool = True) -> ExtrapolationRecord:
+    ways = [("shaded", 30.0), ("warp", 26.0), ("warp, filled", 26.5), ("guided-warp", 29.0)]
+    methods = [row(f"{name}, {way}", psnr) for name in ("taau", "taa:off") for way, psnr in ways]
+    rows = [Alternated(text, methods, 2.0 if means else None) for text in ("1:1", "2:1")]
+    return ExtrapolationRecord([shot(alternations=rows)], ["guided-warp"], rows if means else [])
+
+
+@pytest.mark.parametrize("means", [True, False])
+def test_only_what_renders_every_second_frame_has_a_time(means: bool) -> None:
+    found = list(unshaded_points_of(extrapolation(means=means)))
+    assert [(h.upscaler, h.model) for h in found] == [("taau", "guided-warp"), ("taa:off", "guided-warp")]
+    assert {h.ratio for h in found} == {2.0 if means else 1.5}
+    assert (found[0].scores["psnr"], found[0].shaded_psnr) == (29.0, 30.0)
+
+
+def test_both_kinds_of_frames_are_timed_shown_and_come_back_from_their_record() -> None:
+    measured = measure_unshaded([extrapolation()], (48, 27), threads=1, steps=1)
+    assert [h.unshaded for h in measured] == sorted(h.unshaded for h in measured)
+    assert all(h.shaded > 0.0 and h.unshaded > 0.0 for h in measured)
+    record = ParetoRecord(["a"], (48, 27), 1, [], measured)
+    assert list(unshaded_points_of(ParetoRecord.from_json(record.to_json()))) == measured
+    table = record.unshaded_table()
+    assert "| 2 | taau | guided-warp | " in table
+    assert "| 30.00 | 29.00 | 0.9000 | " in table
+    assert ParetoRecord(["a"], (48, 27), 1, []).unshaded_table() == ""
+
+
+def test_of_scores_that_several_records_have_the_last_are_timed_once() -> None:
+    points = [replace(p, scores={**p.scores, "psnr": 20.0}) for p in unshaded_points_of(extrapolation())]
+    before = ParetoRecord(["a"], (48, 27), 1, [], points)
+    measured = measure_unshaded([before, extrapolation()], (48, 27), threads=1, steps=1)
+    assert sorted((h.upscaler, h.scores["psnr"]) for h in measured) == [("taa:off", 29.0), ("taau", 29.0)]

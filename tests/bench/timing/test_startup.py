@@ -1,7 +1,7 @@
 """First-frame time with an empty and with a full kernel cache."""
 
 from gpu_steps import device_or_skip
-from supersampler_bench.timing.startup import FirstFrame, markdown_table, measure_startup, startup_record
+from supersampler_bench.timing.against import FirstFrame, StartupRecord, measure_startup
 
 
 def test_kernels_are_compiled_in_the_fresh_process_and_kept_for_the_later() -> None:
@@ -21,7 +21,7 @@ def test_a_program_on_the_gpu_is_timed_from_its_start_too() -> None:
 
 
 def test_the_table_has_a_row_for_each_method() -> None:
-    record = startup_record([FirstFrame("taa", 2.04, 0.214, 4096)], (480, 270), 2.0)
-    table = markdown_table({**record, "machine": {"cpu": "A", "cores": 2}})
+    record = StartupRecord((480, 270), 2.0, [FirstFrame("taa", 2.04, 0.214, 4096)])
+    table = record.table()
     assert "| taa | 2.0 | 0.21 | 4 |" in table
     assert "480x270" in table

@@ -7,9 +7,14 @@ import pytest
 
 from supersampler import ArgumentError, ModelError
 from supersampler.methods.model_file import find_model, read_model_info
-from supersampler_bench.timing import onnx_traffic
-from supersampler_bench.timing.onnx_traffic import count_onnx, small_extents
-from supersampler_bench.timing.traffic import Traffic, markdown_table, traffic_record
+from supersampler_bench.timing import traffic
+from supersampler_bench.timing.traffic import (
+    SizeTraffic,
+    Traffic,
+    TrafficRecord,
+    count_onnx,
+    small_extents,
+)
 
 SIZES = ((64, 36), (256, 144))
 
@@ -18,14 +23,14 @@ def test_the_count_at_a_size_is_that_of_a_run_at_this_size() -> None:
     render, display = (300, 190), (450, 285)
     info = read_model_info(find_model("taa"))
     counted = count_onnx("taa", render, display)
-    assert (counted.bytes, counted.multiply_adds, counted.dispatches) == onnx_traffic._count_run(
+    assert (counted.bytes, counted.multiply_adds, counted.dispatches) == traffic._count_run(
         info, info.steps["fp32"], render, display
     )
 
 
 def test_half_floats_are_counted_as_in_the_graph_without_the_casts_of_the_cpu_provider() -> None:
     info = read_model_info(find_model("classifier-small"))
-    counts = [onnx_traffic._count_run(info, info.steps[kind], *SIZES) for kind in ("fp32", "fp16")]
+    counts = [traffic._count_run(info, info.steps[kind], *SIZES) for kind in ("fp32", "fp16")]
     assert 0.6 < counts[1][0] / counts[0][0] < 0.85
     assert counts[1][1] == counts[0][1]
     nodes = onnx.load(info.steps["fp16"]).graph.node
@@ -43,30 +48,28 @@ def test_a_model_of_one_ratio_is_counted_at_this_ratio_alone() -> None:
 
 
 def test_bytes_are_those_of_inputs_and_outputs_of_each_type() -> None:
-    assert onnx_traffic._size_of({"float": [1, 3, 2, 2]}) == 48
-    assert onnx_traffic._size_of({"bool": [5]}) == 5
-    assert onnx_traffic._size_of({"int64": []}) == 8
-    assert onnx_traffic._size_of({"float": [3]}, onnx.TensorProto.FLOAT16) == 6  # run in float32
+    assert traffic._size_of({"float": [1, 3, 2, 2]}) == 48
+    assert traffic._size_of({"bool": [5]}) == 5
+    assert traffic._size_of({"int64": []}) == 8
+    assert traffic._size_of({"float": [3]}, onnx.TensorProto.FLOAT16) == 6  # run in float32
 
 
 def test_multiply_adds_are_outputs_times_the_numbers_summed_for_each() -> None:
-    conv = onnx_traffic._multiply_adds(
+    conv = traffic._multiply_adds(
         "Conv", [{"float": [1, 8, 4, 4]}, {"float": [6, 8, 3, 3]}], [{"float": [1, 6, 4, 4]}]
     )
     assert conv == 6 * 16 * 72
-    transposed = onnx_traffic._multiply_adds(
-        "ConvTranspose", [{"float": [1, 8, 4, 4]}], [{"float": [1, 6, 8, 8]}]
-    )
+    transposed = traffic._multiply_adds("ConvTranspose", [{"float": [1, 8, 4, 4]}], [{"float": [1, 6, 8, 8]}])
     assert transposed == 8 * 16 * 24
     product = [{"float": [2, 3]}, {"float": [3, 5]}]
-    assert onnx_traffic._multiply_adds("MatMul", product, [{"float": [2, 5]}]) == 30
-    assert onnx_traffic._multiply_adds("Add", product, [{"float": [2, 5]}]) == 0
+    assert traffic._multiply_adds("MatMul", product, [{"float": [2, 5]}]) == 30
+    assert traffic._multiply_adds("Add", product, [{"float": [2, 5]}]) == 0
 
 
 def test_a_cost_of_another_form_is_refused() -> None:
-    assert onnx_traffic._bilinear([1, 3, 4, 7, 20], Fraction(10), Fraction(20)) == 281
+    assert traffic._bilinear([1, 3, 4, 7, 20], Fraction(10), Fraction(20)) == 281
     with pytest.raises(ModelError, match="not linear"):
-        onnx_traffic._bilinear([1, 3, 4, 7, 21], Fraction(10), Fraction(20))
+        traffic._bilinear([1, 3, 4, 7, 21], Fraction(10), Fraction(20))
 
 
 def test_small_extents_have_ratio_and_remainders_of_the_actual_ones() -> None:
@@ -78,5 +81,5 @@ def test_small_extents_have_ratio_and_remainders_of_the_actual_ones() -> None:
 
 def test_the_table_has_a_row_for_each_backend_method_and_size() -> None:
     row = Traffic("onnx", "taau", 75_049_000_000, 1_000_000, 1067)
-    table = markdown_table(traffic_record([(*SIZES, [row])]))
+    table = TrafficRecord([SizeTraffic(*SIZES, [row])]).table()
     assert "| 64x36 to 256x144 | taau | onnx | 75.05 | 0.0 | 1067 |" in table

@@ -1,0 +1,331 @@
+"""Scores of methods on shots: of frames, their summaries, and the record of a quality measurement."""
+
+import hashlib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import product
+from typing import Any, Protocol, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from supersampler.errors import ArgumentError
+from supersampler.frame import Float32, Size
+from supersampler.io.display import decibels
+from supersampler.io.shot import ClassMaps, Shot
+from supersampler_bench.quality.metrics import crop
+from supersampler_bench.record import BenchRecord
+
+Scores = dict[str, float]
+"""By the metric's name; also `pixels_...`, the pixels of a masked PSNR, and `srred` and `trred`, whose
+product is STRRED. NaN where there is nothing to measure."""
+Counts = NDArray[np.int64]
+"""(2, 3, 3): pixels by group, true class and predicted class."""
+
+WARM_UP_FRAMES = 8
+BORDER = 8  # display pixels
+MASKED = ("disoccluded", "changing_light", "aliased", "thin", "moving")
+FRAME_METRICS = (
+    *("psnr", "ssim", "flip", "tpsnr", "warped_error_difference", "strred"),
+    *(f"psnr_{mask}" for mask in MASKED),
+)
+SUMMARY_VARIANTS = {
+    f"{'warm' if warm else 'all'}_{'cropped' if cropped else 'full'}": {"warm": warm, "cropped": cropped}
+    for warm, cropped in product((True, False), repeat=2)
+}
+"""Names of the four summaries: with or without the first frames, with or without the border."""
+CLASSES: Mapping[str, tuple[str, str, str]] = {
+    "ghosting": ("none", "visibility", "shading"),
+    "aliasing": ("none", "geometry", "texture"),
+}
+"""The classes of each group, in the order of `StepResult.class_map` and by the numbers of `ClassMaps`."""
+
+
+def count_classes(class_map: Float32, truth: ClassMaps, border: int = 0) -> Counts:
+    """Count display pixels by true and predicted class; the prediction is the likeliest class.
+
+    A map of half the size predicts one class for 2x2 pixels, so that finer areas never match completely.
+
+    Args:
+        class_map: (H / 2, W / 2, 6), sizes rounded up, see `StepResult.class_map`; or (H, W, 6), as that of
+            `classifier-paper`.
+        truth: of (H, W) pixels.
+        border: display pixels at each side that do not count.
+
+    Raises:
+        ArgumentError: the map has another size.
+    """
+    counts = np.zeros((2, 3, 3), np.int64)
+    full = truth.ghost.shape
+    half = (full[0] + 1) // 2, (full[1] + 1) // 2
+    if class_map.shape[:2] not in (full, half):
+        raise ArgumentError("class_map", got=f"of {class_map.shape[:2]} pixels", want=f"{half} or {full}")
+    side = 1 if class_map.shape[:2] == full else 2
+    for group, labels in enumerate((truth.ghost, truth.alias)):
+        coarse = class_map[..., 3 * group : 3 * group + 3].argmax(axis=-1)
+        predicted = coarse.repeat(side, axis=0).repeat(side, axis=1)[: full[0], : full[1]]
+        true = crop(labels, border).astype(np.intp)
+        cells = np.bincount((3 * true + crop(predicted, border)).ravel(), minlength=9)
+        counts[group] = cells.reshape(3, 3)
+    return counts
+
+
+def overlap(matrix: Counts) -> NDArray[np.float64]:
+    """Return intersection over union of each class, (3, 3) to (3,); NaN if neither present nor predicted."""
+    together = np.diagonal(matrix).astype(np.float64)
+    either = matrix.sum(axis=0) + matrix.sum(axis=1) - together
+    return np.asarray(np.divide(together, either, out=np.full(3, np.nan), where=either > 0))
+
+
+def fractions(matrix: Counts) -> NDArray[np.float64]:
+    """Return the fraction of each true class's pixels by predicted class; NaN for a class without pixels."""
+    there = matrix.sum(axis=1, keepdims=True)
+    return np.asarray(np.divide(matrix, there, out=np.full((3, 3), np.nan), where=there > 0))
+
+
+@dataclass(frozen=True)
+class FrameScores:
+    """One method's scores of one frame, for the whole image and without a border of `BORDER` pixels.
+
+    Class counts are None for a method or a shot without classes.
+    """
+
+    frame: int
+    full: Scores
+    cropped: Scores
+    full_classes: Counts | None = None
+    cropped_classes: Counts | None = None
+
+
+@dataclass(frozen=True)
+class MethodScores:
+    """One method's scores of a shot, over the frames that have a reference, in order."""
+
+    method: str
+    frames: list[FrameScores]
+
+    def summary(self, *, warm: bool = True, cropped: bool = True) -> Scores:
+        """Return the mean of each metric over the frames that have it; NaN where none does.
+
+        PSNR in a mask is that of the mean squared error over all its pixels of all frames, so that a frame
+        weighs by its number of such pixels. STRRED is the mean SRRED times the mean TRRED.
+
+        Args:
+            warm: leave out the first `WARM_UP_FRAMES` of the shot.
+            cropped: leave out the border.
+        """
+        scores = [f.cropped if cropped else f.full for f in self._counted(warm)]
+        return {name: _pooled(name, scores) for name in FRAME_METRICS}
+
+    def classes(self, *, warm: bool = True, cropped: bool = True) -> Counts | None:
+        """Return the class counts of the pixels that `summary` counts; None where classes are unknown."""
+        counts = [f.cropped_classes if cropped else f.full_classes for f in self._counted(warm)]
+        known = [c for c in counts if c is not None]
+        return np.sum(known, axis=0) if known else None
+
+    def _counted(self, warm: bool) -> list[FrameScores]:
+        return [f for f in self.frames if f.frame >= WARM_UP_FRAMES or not warm]
+
+
+def _pooled(name: str, scores: list[Scores]) -> float:
+    if name == "strred":
+        return _mean([s["srred"] for s in scores]) * _mean([s["trred"] for s in scores])
+    if name.removeprefix("psnr_") not in MASKED:
+        return _mean([s[name] for s in scores])
+    values = np.array([s[name] for s in scores])
+    known = ~np.isnan(values)
+    if not known.any():
+        return float("nan")
+    pixels = np.array([s[name.replace("psnr", "pixels")] for s in scores])
+    squared_errors = 10.0 ** (-values[known] / 10.0)
+    return decibels(float(np.average(squared_errors, weights=pixels[known])))
+
+
+def _mean(values: Sequence[float]) -> float:
+    known = [value for value in values if not np.isnan(value)]
+    return float(np.mean(known)) if known else float("nan")
+
+
+class Summarized(Protocol):
+    """Scores of one method that have summaries; see `MethodScores`."""
+
+    @property
+    def method(self) -> str:
+        """Name of the method."""
+
+    def summary(self, *, warm: bool, cropped: bool) -> Scores:
+        """Return each metric; NaN where it is unknown."""
+
+    def classes(self, *, warm: bool, cropped: bool) -> Counts | None:
+        """Return class counts; None where classes are unknown."""
+
+
+@dataclass(frozen=True)
+class ClassCounts:
+    """Pixels of a group of classes, by true and predicted class, and the overlap of each class."""
+
+    classes: list[str]
+    pixels_by_true_and_predicted_class: list[list[int]]
+    intersection_over_union: list[float | None]
+
+    @classmethod
+    def of(cls, counts: Counts | None) -> dict[str, Self] | None:
+        """Return the counts of each group."""
+        if counts is None:
+            return None
+        return {
+            group: cls(list(names), matrix.tolist(), overlap(matrix).tolist())
+            for (group, names), matrix in zip(CLASSES.items(), counts, strict=True)
+        }
+
+
+@dataclass(frozen=True)
+class MethodRow:
+    """Scores of one method in a record.
+
+    Attributes:
+        method: its name.
+        summary: of each of SUMMARY_VARIANTS, each metric; None or NaN where it is unknown.
+        classes: class counts of each of SUMMARY_VARIANTS, by group.
+        frames: scores of single frames: number, full, cropped. Published records have none.
+        ratio: of a mean over shots.
+    """
+
+    method: str
+    summary: dict[str, dict[str, float | None]]
+    classes: dict[str, dict[str, ClassCounts] | None]
+    frames: list[dict[str, Any]] = field(default_factory=list)
+    ratio: float | None = None
+
+    @classmethod
+    def of(cls, scores: Summarized) -> Self:
+        """Return the summaries of one method."""
+        variants = SUMMARY_VARIANTS.items()
+        return cls(
+            scores.method,
+            {name: dict(scores.summary(**variant)) for name, variant in variants},
+            {name: ClassCounts.of(scores.classes(**variant)) for name, variant in variants},
+        )
+
+    @classmethod
+    def mean(cls, rows: Sequence[Self], ratio: float | None = None) -> Self:
+        """Return the mean of one method's rows of several shots: of each metric, over the shots with it."""
+        summary: dict[str, dict[str, float | None]] = {}
+        classes: dict[str, dict[str, ClassCounts] | None] = {}
+        for name in SUMMARY_VARIANTS:
+            known = [row.known(name) for row in rows]
+            summary[name] = {key: _mean([s.get(key, np.nan) for s in known]) for key in rows[0].summary[name]}
+            counts = [c for row in rows if (c := row.counts(name)) is not None]
+            classes[name] = ClassCounts.of(np.sum(counts, axis=0) if counts else None)
+        return cls(rows[0].method, summary, classes, ratio=ratio)
+
+    def known(self, variant: str = "warm_cropped") -> Scores:
+        """Return the metrics of a summary that are known."""
+        return {k: v for k, v in self.summary[variant].items() if v is not None and not np.isnan(v)}
+
+    def counts(self, variant: str = "warm_cropped") -> Counts | None:
+        """Return the class counts of a summary; None where classes are unknown."""
+        groups = self.classes[variant]
+        if groups is None:
+            return None
+        return np.array([groups[group].pixels_by_true_and_predicted_class for group in CLASSES], np.int64)
+
+
+@dataclass(frozen=True)
+class Alternated:
+    """Scores of methods with one alternation of unshaded and shaded frames; `ratio`: of a mean over shots."""
+
+    alternation: str
+    methods: list[MethodRow]
+    ratio: float | None = None
+
+
+@dataclass(frozen=True)
+class ShotRow:
+    """Scores of methods on one shot in a record.
+
+    Attributes:
+        name: of the shot.
+        shot_json_sha256: of its description; None where that is no file.
+        frames: their number.
+        reference_frames: numbers of the frames that have a reference.
+        render_size, display_size: (width, height).
+        masks: what masks come from.
+        ratio, driver, pixels_sha256, as_frozen: of the test shots, see `PublicShot.origin`.
+        methods: rows of `bench quality`.
+        alternations: rows of `bench extrapolation`.
+    """
+
+    name: str
+    shot_json_sha256: str | None
+    frames: int
+    reference_frames: list[int]
+    render_size: Size
+    display_size: Size
+    masks: str
+    ratio: float | None = None
+    driver: str | None = None
+    pixels_sha256: str | None = None
+    as_frozen: bool | None = None
+    methods: list[MethodRow] = field(default_factory=list)
+    alternations: list[Alternated] = field(default_factory=list)
+
+    @classmethod
+    def of(cls, shot: Shot, origin: Mapping[str, Any] | None = None, **rows: Any) -> Self:
+        """Return the row of a shot; `origin` is what else is known of its pixels."""
+        file = shot.path if shot.path.is_file() else shot.path / "shot.json"
+        references = shot.reference_indices
+        classes = shot.read_classes(references[0]) if references else None
+        return cls(
+            name=shot.name,
+            shot_json_sha256=hashlib.sha256(file.read_bytes()).hexdigest() if file.is_file() else None,
+            frames=len(shot),
+            reference_frames=list(references),
+            render_size=shot.render_size,
+            display_size=shot.display_size or (0, 0),
+            masks="depth and motion" if classes is None else "truth classes",
+            **(origin or {}),
+            **rows,
+        )
+
+    @property
+    def real_ratio(self) -> float:
+        """Display over render width."""
+        return self.display_size[0] / self.render_size[0]
+
+
+@dataclass(frozen=True)
+class ScoresRecord(BenchRecord):
+    """Scores on shots. Several shots have a ratio each, and there is a mean at each ratio."""
+
+    shots: list[ShotRow]
+    warm_up_frames: int = field(default=WARM_UP_FRAMES, kw_only=True)
+    border: int = field(default=BORDER, kw_only=True)
+
+    def shots_by_ratio(self) -> dict[float, list[ShotRow]]:
+        """Return the shots of each ratio; nothing for a single shot, which has no mean."""
+        return shots_by_ratio(self.shots)
+
+
+def shots_by_ratio(shots: Sequence[ShotRow]) -> dict[float, list[ShotRow]]:
+    """Return the shots of each ratio; nothing for a single shot, which has no mean."""
+    groups: dict[float, list[ShotRow]] = {}
+    for shot in shots if len(shots) > 1 else ():
+        groups.setdefault(shot.ratio or shot.real_ratio, []).append(shot)
+    return groups
+
+
+def shot_row(shot: Shot, methods: Sequence[MethodScores], origin: Mapping[str, Any] | None = None) -> ShotRow:
+    """Return the part of a quality record about one shot, with the scores of single frames."""
+    rows = []
+    for scores in methods:
+        frames = [{"frame": f.frame, "full": f.full, "cropped": f.cropped} for f in scores.frames]
+        rows.append(replace(MethodRow.of(scores), frames=frames))
+    return ShotRow.of(shot, origin, methods=rows)
+
+
+def mean_rows(shots: Sequence[ShotRow]) -> Iterator[MethodRow]:
+    """Yield the mean of each method at each ratio; shots of a ratio have the same methods."""
+    for ratio, group in shots_by_ratio(shots).items():
+        for rows in zip(*(shot.methods for shot in group), strict=True):
+            yield MethodRow.mean(rows, ratio)
