@@ -13,9 +13,7 @@ from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from subprocess import TimeoutExpired
-from typing import Any, ClassVar, Self, TypeAlias
-
-import msgspec
+from typing import Any, ClassVar, Self, TypeAlias, TypeVar
 
 from supersampler.errors import ArgumentError
 from supersampler.io.child_process import run
@@ -23,6 +21,7 @@ from supersampler.io.files import replacing
 from supersampler.io.machine import machine
 from supersampler.methods.model_file import extrapolation_names, model_names, shipped_model
 
+T = TypeVar("T")
 JsonRecord: TypeAlias = Mapping[str, Any]
 """A record as JSON: of any bench, of this version or another."""
 
@@ -116,6 +115,11 @@ class BenchRecord:
         return {"bench": self.BENCH, **values, **values.pop("setting")}
 
     @classmethod
+    def adapted(cls, data: JsonRecord) -> JsonRecord:
+        """Return a JSON record with the types of the fields."""
+        return data
+
+    @classmethod
     def from_json(cls, data: JsonRecord) -> Self:
         """Return the record that `to_json` returned.
 
@@ -124,14 +128,25 @@ class BenchRecord:
         """
         kind = BENCHES.get(data["bench"], cls)
         setting = {name: data[name] for name in _SETTING if name in data}
-        try:
-            record = msgspec.convert({**data, "setting": setting}, kind)
-        except msgspec.ValidationError as error:
-            hint = "Measure again: the record has the command."
-            raise ArgumentError("record", got=str(error), want="one of this version", hint=hint) from error
+        record = converted({**kind.adapted(data), "setting": setting}, kind)
         if not isinstance(record, cls):
             raise ArgumentError("record", got=f"one of {data['bench']!r}", want=f"one of {cls.BENCH!r}")
         return record
+
+
+def converted(data: object, kind: type[T]) -> T:
+    """Return JSON data as a dataclass.
+
+    Raises:
+        ArgumentError: it was written by another version.
+    """
+    import msgspec
+
+    try:
+        return msgspec.convert(data, kind)
+    except msgspec.ValidationError as error:
+        hint = "Measure again: the record has the command."
+        raise ArgumentError("record", got=str(error), want="one of this version", hint=hint) from error
 
 
 BENCHES: dict[str, type[BenchRecord]] = {}

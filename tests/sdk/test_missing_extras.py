@@ -34,7 +34,8 @@ def test_every_package_of_an_extra_is_known_to_the_error_message() -> None:
 @pytest.mark.parametrize(
     ("missing", "words", "extra"),
     [
-        ("matplotlib", ["bench", "stress", "--quick"], "bench"),
+        ("matplotlib", ["bench", "quality", "plaza", "--methods", "bilinear", "-o", "x"], "bench"),
+        ("msgspec", ["bench", "pareto"], "bench"),
         ("onnx", ["bench", "cost"], "train"),
         ("onnx", ["bench", "traffic"], "train"),
         ("torch", ["bench", "parity"], "train"),

@@ -111,7 +111,7 @@ def figures(scenario: str, method: str, executor: Any) -> Sequence[Figure]:
     """What `bench stress` finds."""
     run = chosen([f"one frame's {scenario}"])[0].run
     display = (96, 64) if executor == "cpu" else (48, 32)
-    return run(Trial(subjects([method], [executor])[0], display, 0)).figures
+    return run(Trial(subjects([method], [executor])[0], display, 0))
 
 
 @pytest.mark.parametrize(

@@ -2,12 +2,11 @@
 
 import hashlib
 import json
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
-
-import msgspec
 
 import supersampler
 import supersampler_bench.stress.hostile
@@ -16,7 +15,7 @@ from supersampler.errors import ArgumentError
 from supersampler.frame import Size
 from supersampler.io.files import replacing
 from supersampler_bench.markdown import table
-from supersampler_bench.record import BenchRecord
+from supersampler_bench.record import BenchRecord, JsonRecord, converted
 from supersampler_bench.stress.scenario import FAMILIES, Figure, Scenario, Subject
 
 BAD_VALUES = "bad values"
@@ -125,7 +124,7 @@ def _kept(path: Path, state: str) -> Outcome | None:
     if not path.is_file():
         return None
     data: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    return msgspec.convert(data, Outcome) if data.pop("of") == state else None
+    return converted(data, Outcome) if data.pop("of") == state else None
 
 
 def run(scenario: Scenario, subject: Subject, *, quick: bool = False) -> Outcome:
@@ -175,6 +174,15 @@ class StressRecord(BenchRecord):
             row["passed"] = outcome.passed
         return values
 
+    @classmethod
+    def adapted(cls, data: JsonRecord) -> JsonRecord:
+        """Return a record with NaN in place of null, which JSON has for it."""
+        outcomes = [
+            {**o, "figures": [{**f, "value": math.nan} if f["value"] is None else f for f in o["figures"]]}
+            for o in data["outcomes"]
+        ]
+        return {**data, "outcomes": outcomes}
+
     def table(self) -> str:
         """Return the table as Markdown, and a list of the runs that raised.
 
@@ -189,7 +197,7 @@ class StressRecord(BenchRecord):
                 if name != BAD_VALUES:
                     rows.append(_row(scenario, name, [found.get(subject) for subject in subjects]))
         figures = [(o.subject, f) for o in outcomes for f in o.figures]
-        bad = [sum(f.value or 0.0 for of, f in figures if (of, f.name) == (s, BAD_VALUES)) for s in subjects]
+        bad = [sum(f.value for of, f in figures if (of, f.name) == (s, BAD_VALUES)) for s in subjects]
         bold = (f"**{count:.0f}**" if count else "0" for count in bad)
         rows.append(["all of these", "values not in [0, 65504]", "0", *bold])
         within = sum(f.passed for _, f in figures)
@@ -224,6 +232,5 @@ def _row(scenario: str, name: str, found: Sequence[Outcome | None]) -> list[str]
     return [scenario, name, "see cells" if common is None else _number(common), *cells]
 
 
-def _number(value: float | None) -> str:
-    value = float("nan") if value is None else value
+def _number(value: float) -> str:
     return f"{value:.3g}" if value == 0.0 or abs(value) >= 1e-2 else f"{value:.1e}"

@@ -164,16 +164,16 @@ class Watched:
 
 @dataclass(frozen=True)
 class Figure:
-    """A measured value, None or NaN if it is unknown; within its bound where `value` <= `bound`."""
+    """A measured value; within its bound where `value` <= `bound`."""
 
     name: str
-    value: float | None
+    value: float
     bound: float
 
     @property
     def passed(self) -> bool:
-        """Whether it is within its bound; an unknown value is not."""
-        return self.value is not None and self.value <= self.bound
+        """Whether it is within its bound; NaN is not."""
+        return self.value <= self.bound
 
 
 Figures = Sequence[Figure]

@@ -42,6 +42,7 @@ EXTRAS = {
     "matplotlib": "bench",
     "flip_evaluator": "bench",
     "markdown_it": "bench",
+    "msgspec": "bench",
     "wgpu": "gpu",
     "moderngl": "render",
     "safetensors": "render",
