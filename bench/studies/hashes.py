@@ -31,7 +31,7 @@ from supersampler.methods.model_file import model_names
 from supersampler.model import ExecutorName, Precision
 from supersampler_bench.cli.options import JSON, counted, listed, say, warn
 from supersampler_bench.compatibility import incompatibility
-from supersampler_bench.record import JsonRecord, Setting, machine_name, read_record, write_json
+from supersampler_bench.record import JsonRecord, Provenance, machine_name, read_record, write_json
 from supersampler_bench.timing.latency import frames_of
 
 FRAMES, STILL_FRAMES = 24, 48
@@ -64,7 +64,7 @@ _SKETCHES = 8  # sketches of a run
 
 
 @dataclass(frozen=True)
-class Subject:
+class ModelRun:
     """A shipped model, how it runs, and the model that extrapolates unshaded frames for it, if any."""
 
     method: str
@@ -91,7 +91,7 @@ class Hashed:
             the number of values.
     """
 
-    subject: Subject
+    subject: ModelRun
     render: Size
     display: Size
     frames: list[str]
@@ -100,7 +100,7 @@ class Hashed:
 
     @property
     def name(self) -> str:
-        """Subject and sizes as text, to find the same run in another record."""
+        """ModelRun and sizes as text, to find the same run in another record."""
         return f"{self.subject}, {_sizes(self.render, self.display)}"
 
 
@@ -108,7 +108,7 @@ def _sizes(render: Size, display: Size) -> str:
     return f"{render[0]}x{render[1]} to {display[0]}x{display[1]}"
 
 
-def subjects(methods: Sequence[str] | None = None) -> list[Subject]:
+def subjects(methods: Sequence[str] | None = None) -> list[ModelRun]:
     """Return every way in which models (all shipped ones by default) run on a CPU."""
     names = list(methods or model_names())
     pairs: list[tuple[str, str | None]] = [(name, None) for name in names]
@@ -120,12 +120,12 @@ def subjects(methods: Sequence[str] | None = None) -> list[Subject]:
         except ArgumentError:  # the model has no such executor or precision
             continue
         precision = cast("Precision", model.precision)
-        found.append(Subject(name, extrapolation, executor, precision, still))
+        found.append(ModelRun(name, extrapolation, executor, precision, still))
     return found
 
 
 def measure_hashes(
-    measured: Sequence[Subject],
+    measured: Sequence[ModelRun],
     sizes: Sequence[tuple[Size, Size]],
     *,
     on_run: Callable[[], None] = lambda: None,
@@ -142,7 +142,7 @@ def measure_hashes(
     return results
 
 
-def _hashed(subject: Subject, render: Size, display: Size) -> Hashed:
+def _hashed(subject: ModelRun, render: Size, display: Size) -> Hashed:
     upscaler = _upscaler(subject, display)
     frames, sketches = [], np.zeros(_SKETCHES)
     run = scene(render, display, still=subject.still)
@@ -158,7 +158,7 @@ def _hashed(subject: Subject, render: Size, display: Size) -> Hashed:
     return Hashed(subject, render, display, frames, tensors, [float(f"{s:.12g}") for s in sketches])
 
 
-def _upscaler(subject: Subject, display: Size) -> Upscaler:
+def _upscaler(subject: ModelRun, display: Size) -> Upscaler:
     runs: dict[str, Any] = {"display_size": display, "validate": "off"}
     if subject.extrapolation is None:
         return Upscaler(_model(subject.method, subject.executor, subject.precision), **runs)
@@ -260,7 +260,7 @@ def hashed_of(record: JsonRecord) -> list[Hashed]:
         Hashed(
             **{
                 **row,
-                "subject": Subject(**row["subject"]),
+                "subject": ModelRun(**row["subject"]),
                 "render": tuple(row["render"]),
                 "display": tuple(row["display"]),
             }
@@ -327,7 +327,7 @@ def main(
     with counted("runs", len(SIZES) * len(hashed)) as advance:
         results = measure_hashes(hashed, SIZES, on_run=advance)
     record = hashes_record(results)
-    here = {**record, **asdict(Setting.now())}
+    here = {**record, **asdict(Provenance.now())}
     if json is not None:
         write_json(here, json)
     if before is None:

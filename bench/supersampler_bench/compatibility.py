@@ -1,4 +1,4 @@
-"""Which methods run on which frames, and default G-buffers for frames that lack them."""
+"""Compatibility of methods with frames, and default G-buffers for frames that lack them."""
 
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import replace

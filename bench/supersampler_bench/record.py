@@ -34,8 +34,8 @@ _PACKAGES = ("supersampler", "numpy", "onnxruntime", "flip-evaluator")
 
 
 @dataclass(frozen=True)
-class Setting:
-    """Setting of a measurement.
+class Provenance:
+    """Provenance of a measurement.
 
     Attributes:
         commit: of the repository; None outside of one.
@@ -56,8 +56,8 @@ class Setting:
     seconds: float = 0.0
 
     @classmethod
-    def now(cls) -> "Setting":
-        """Return the setting of this process."""
+    def now(cls) -> "Provenance":
+        """Return that of this process."""
         return cls(
             commit=_commit(),
             model_digests=dict(model_digests()),
@@ -69,7 +69,7 @@ class Setting:
         )
 
 
-_SETTING = tuple(Setting.__dataclass_fields__)
+_PROVENANCE = tuple(Provenance.__dataclass_fields__)
 
 
 @dataclass(frozen=True)
@@ -77,11 +77,11 @@ class BenchRecord:
     """Values of one measurement, and their tables. A subclass has the values of one bench as fields.
 
     Attributes:
-        setting: of the measurement.
+        provenance: of the measurement.
         quick: whether few steps and frames were measured, so that numbers are rough.
     """
 
-    setting: Setting = field(default_factory=Setting.now, kw_only=True)
+    provenance: Provenance = field(default_factory=Provenance.now, kw_only=True)
     quick: bool = field(default=False, kw_only=True)
     BENCH: ClassVar[str] = ""
     TABLES: ClassVar[tuple[str, ...]] = ("",)
@@ -107,12 +107,12 @@ class BenchRecord:
     @property
     def machine_name(self) -> str:
         """The processor and the number of its cores."""
-        return machine_name(asdict(self.setting))
+        return machine_name(asdict(self.provenance))
 
     def to_json(self) -> dict[str, Any]:
         """Return all values, ready for JSON."""
         values = asdict(self)
-        return {"bench": self.BENCH, **values, **values.pop("setting")}
+        return {"bench": self.BENCH, **values, **values.pop("provenance")}
 
     @classmethod
     def adapted(cls, data: JsonRecord) -> JsonRecord:
@@ -127,8 +127,8 @@ class BenchRecord:
             ArgumentError: it is of another bench, or was written by another version.
         """
         kind = BENCHES.get(data["bench"], cls)
-        setting = {name: data[name] for name in _SETTING if name in data}
-        record = converted({**kind.adapted(data), "setting": setting}, kind)
+        provenance = {name: data[name] for name in _PROVENANCE if name in data}
+        record = converted({**kind.adapted(data), "provenance": provenance}, kind)
         if not isinstance(record, cls):
             raise ArgumentError("record", got=f"one of {data['bench']!r}", want=f"one of {cls.BENCH!r}")
         return record

@@ -12,10 +12,10 @@ from supersampler import ArgumentError, Frame
 from supersampler.frame import Float32, Size
 from supersampler.history import State
 from supersampler_bench.cli.app import app
-from supersampler_bench.stress.compare import Difference, contraction, recovery
+from supersampler_bench.stress.compare import ImageDifference, contraction, recovery
 from supersampler_bench.stress.hostile import MIN_BOUND, hostile_bound
 from supersampler_bench.stress.runner import (
-    Outcome,
+    ScenarioOutcome,
     StressRecord,
     chosen,
     measure,
@@ -80,7 +80,7 @@ def scenario(name: str) -> Scenario:
     return found
 
 
-def failed(outcome: Outcome) -> list[str]:
+def failed(outcome: ScenarioOutcome) -> list[str]:
     return [figure.name for figure in outcome.figures if not figure.passed]
 
 
@@ -256,7 +256,7 @@ def test_where_every_second_frame_is_shaded_its_shaded_frames_have_all_phases_of
 
 
 def test_a_disturbance_is_over_after_the_last_frame_that_shows_it() -> None:
-    clean, mean, spot = Difference(0.0, 0.0), Difference(0.01, 0.01), Difference(0.0, 0.2)
+    clean, mean, spot = ImageDifference(0.0, 0.0), ImageDifference(0.01, 0.01), ImageDifference(0.0, 0.2)
     assert recovery([mean, clean, spot, clean, clean]) == 3
     assert recovery([clean, clean]) == 0
     assert recovery([clean, mean]) == 2
@@ -265,16 +265,16 @@ def test_a_disturbance_is_over_after_the_last_frame_that_shows_it() -> None:
 def test_the_largest_error_after_a_reset_is_the_bound_and_measuring_stops_once_it_is_reached() -> None:
     measured = []
 
-    def after_resets() -> Iterator[Difference]:
+    def after_resets() -> Iterator[ImageDifference]:
         for most in (0.02, 0.05, 0.03, 0.09):
             measured.append(most)
-            yield Difference(0.0, most)
+            yield ImageDifference(0.0, most)
 
-    bound = hostile_bound(Difference(0.0, 0.04), after_resets())
-    assert bound == Difference(MIN_BOUND.mean, 0.05 + ROUNDING)
+    bound = hostile_bound(ImageDifference(0.0, 0.04), after_resets())
+    assert bound == ImageDifference(MIN_BOUND.mean, 0.05 + ROUNDING)
     assert measured == [0.02, 0.05]
-    assert hostile_bound(Difference(0.0, 0.5), after_resets()).p999 == 0.09 + ROUNDING
-    assert hostile_bound(Difference(0.0, 0.0), after_resets()).p999 == 0.02 + ROUNDING
+    assert hostile_bound(ImageDifference(0.0, 0.5), after_resets()).p999 == 0.09 + ROUNDING
+    assert hostile_bound(ImageDifference(0.0, 0.0), after_resets()).p999 == 0.02 + ROUNDING
 
 
 def test_a_nan_is_within_no_bound() -> None:

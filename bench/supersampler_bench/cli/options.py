@@ -81,7 +81,7 @@ def counted(text: str, total: int, done: int = 0, *, resumes: bool = False) -> I
         text: what is counted.
         total: number of steps.
         done: steps that an earlier run has done.
-        resumes: whether the same command continues a stopped run, which is then said.
+        resumes: whether the same command continues a stopped run; Ctrl-C then prints that.
     """
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     terminal = ERRORS.is_terminal

@@ -37,7 +37,7 @@ from supersampler_bench.cli.options import (
     warn,
     words_of,
 )
-from supersampler_bench.record import SHIPPED_PARETO, BenchRecord, Setting, read_record, write_json
+from supersampler_bench.record import SHIPPED_PARETO, BenchRecord, Provenance, read_record, write_json
 
 ROUNDS = "With --against: of --steps steps each."
 STARTS = "With --against: programs timed to their first image; 0, or 6 and more."
@@ -400,7 +400,7 @@ def _time_shaders(
 
     def keep(text: str) -> None:
         if json is not None:
-            write_json(replace(record, setting=Setting.now()), json)
+            write_json(replace(record, provenance=Provenance.now()), json)
         say(f"{time.perf_counter() - began:6.1f} s: {text}")
 
     for step in measure_gpu(device, methods, displays, ratios, steps=steps, on_left_out=warn):
@@ -409,4 +409,4 @@ def _time_shaders(
     for image in compare_images(device, methods, on_left_out=warn):
         record.images.append(image)
         keep(f"{image.method}, {image.memory}: mean {image.mean:.1e}, largest {image.largest:.3f}")
-    publish(replace(record, setting=Setting.now()), "device", json, update)
+    publish(replace(record, provenance=Provenance.now()), "device", json, update)

@@ -142,7 +142,7 @@ TEMPORAL_METRICS = ("tpsnr", "warped_error_difference", "strred")
 
 
 class Alternation:
-    """Which frames of a shot are unshaded: a fixed number after each shaded one; never the first after a cut.
+    """Pattern of unshaded frames: a fixed number after each shaded one; never the first after a cut.
 
     Args:
         text: unshaded to shaded frames: "1:1" leaves out every second frame, "2:1" two of three.

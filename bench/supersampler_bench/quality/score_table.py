@@ -27,7 +27,7 @@ NO_CLASSES = "No method predicts classes, or the shots have no true classes."
 
 @dataclass(frozen=True)
 class Column:
-    """How one metric is shown.
+    """Presentation of one metric.
 
     Attributes:
         name: of the metric, in a record.
@@ -68,10 +68,10 @@ COLUMNS = (
     Column("psnr_thin", "PSNR dB, thin", 2, rare=True),
     Column("psnr_moving", "PSNR dB, moving", 2),
 )
-"""Of the first table, which README shows."""
+"""Columns of the first table, which README shows."""
 
 CLIP_COLUMNS = (*COLUMNS[:5], Column("strred", "STRRED", 1, higher=False))
-"""Of the second table: metrics of all pixels, and those of whole clips."""
+"""Columns of the second table: metrics of all pixels, and those of whole clips."""
 
 
 def markdown_table(
@@ -165,7 +165,7 @@ class QualityRecord(ScoresRecord):
         return cls(list(shots), means=list(mean_rows(shots)))
 
     def without_frames(self) -> Self:
-        """Return the record without the values of single frames, which are most of its size."""
+        """Return the record without the values of single frames, which make up most of its size."""
         shots = [replace(s, methods=[replace(row, frames=[]) for row in s.methods]) for s in self.shots]
         return replace(self, shots=shots)
 

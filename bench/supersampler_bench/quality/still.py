@@ -122,7 +122,7 @@ def measure_still(
     results = []
     for name, ratio in scenes:
         scene = make_scene(name, display, ratio, samples)
-        runs = [_Run(*kind, model, scene) for kind, model in models.items()]
+        runs = [_StillRun(*kind, model, scene) for kind, model in models.items()]
         for frame in scene.frames:
             for run in runs:
                 run.step(frame)
@@ -173,7 +173,7 @@ def _models(
     return {kind: Model.load(kind[0], providers="cpu", executor=kind[1]) for kind in kinds}
 
 
-class _Run:
+class _StillRun:
     """One method's way through a scene."""
 
     def __init__(self, method: str, executor: ExecutorName, model: Model, scene: StillScene) -> None:

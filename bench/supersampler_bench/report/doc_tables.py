@@ -84,14 +84,14 @@ def read_records(folder: Path) -> dict[str, JsonRecord]:
 
 
 @dataclass(frozen=True)
-class Block:
+class DocBlock:
     """One block of a Markdown file, compared with its record.
 
     Attributes:
         page: the file.
         name: of the block.
         text: its present text.
-        recorded: the text that its record gives; None where there is no record of this version.
+        recorded: the text made from its record; None where there is no record of this version.
         problem: why there is none.
     """
 
@@ -103,16 +103,16 @@ class Block:
 
     @property
     def is_recorded(self) -> bool:
-        """Whether the text is the one that the record gives; without a record it must be empty."""
+        """Whether the text is that of the record; without a record it must be empty."""
         return self.text == (self.recorded or "")
 
     def write(self) -> None:
-        """Write the text that the record gives, if there is one."""
+        """Write the text of the record, if there is one."""
         if self.recorded is not None and not self.is_recorded:
             update_block(self.page, self.name, self.recorded)
 
 
-def find_all(root: Path) -> Iterator[Block]:
+def find_all(root: Path) -> Iterator[DocBlock]:
     """Yield all blocks of README.md and docs/**/*.md of a repository.
 
     Raises:
@@ -138,15 +138,15 @@ def _with_age(maker: Callable[[], str], record: JsonRecord) -> str:
     return f"{maker()}\n\n{age}" if age else maker()
 
 
-def _block(page: Path, name: str, maker: Callable[[], str] | None) -> Block:
+def _block(page: Path, name: str, maker: Callable[[], str] | None) -> DocBlock:
     content, start, stop = find_block(page, name)
     text = content[start:stop].replace("\r\n", "\n").strip("\n")
     if maker is None:
-        return Block(page, name, text, None, "there is no record of it")
+        return DocBlock(page, name, text, None, "there is no record of it")
     try:
-        return Block(page, name, text, maker())
+        return DocBlock(page, name, text, maker())
     except ArgumentError as error:
-        return Block(page, name, text, None, str(error))
+        return DocBlock(page, name, text, None, str(error))
 
 
 @dataclass(frozen=True)

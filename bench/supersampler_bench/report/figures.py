@@ -1,7 +1,8 @@
-"""Figures of records: time against error, stages of a step, curves over frames, error heat maps, classes."""
+"""Figures of records: time against error, curves over frames, error heat maps, classes."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -40,8 +41,7 @@ from supersampler_bench.quality.scores import (
 )
 from supersampler_bench.quality.still import StillRecord, StillScores
 from supersampler_bench.record import BenchRecord, JsonRecord
-from supersampler_bench.timing.latency import LatencyRecord, Timed
-from supersampler_bench.timing.pareto import ParetoRecord, Point, by_ratio, frontier
+from supersampler_bench.timing.pareto import ParetoPoint, ParetoRecord, by_ratio, frontier
 from supersampler_model.data.shots import variant_name
 
 
@@ -105,6 +105,46 @@ _DPI = 100
 _PANEL = 6.4  # inches, 640 pixels: larger images are averaged down
 
 
+@contextmanager
+def _panels(
+    count: int,
+    path: Path,
+    size: tuple[float, float],
+    *,
+    title: str = "",
+    legend: int = 0,
+    sharex: bool = False,
+) -> Iterator[Sequence[Axes]]:
+    """Yield panels of a figure, two in a row; then write the figure.
+
+    Args:
+        count: of the panels.
+        path: of the PNG.
+        size: of a panel, inches.
+        title: of the figure.
+        legend: entries in a row of the legend of the first panel; 0: there is no legend.
+        sharex: whether panels share their horizontal axis.
+    """
+    columns = min(count, 2)
+    rows = -(-count // columns)
+    figure = Figure(figsize=(size[0] * columns, size[1] * rows + 0.7), dpi=_DPI, layout="constrained")
+    panels = figure.subplots(rows, columns, squeeze=False, sharex=sharex).ravel()
+    for axes in panels[count:]:
+        axes.remove()
+    yield panels[:count]
+    if legend:
+        handles, labels = panels[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=min(len(labels), legend))
+    if title:
+        figure.suptitle(title)
+    _save(figure, path)
+
+
+def _save(figure: Figure, path: Path) -> None:
+    with replacing(path) as partial:
+        figure.savefig(partial, format="png")
+
+
 def draw_shot(shot: ShotRow, maps: ErrorMaps, folder: Path) -> None:
     """Write a folder with curves, errors and, where a method predicts them, classes of one shot.
 
@@ -136,28 +176,20 @@ def draw_curves(shot: ShotRow, path: Path) -> None:
     """
     rows = shot.methods
     columns = [c for c in dict.fromkeys((*COLUMNS, *CLIP_COLUMNS)) if any(_curve(c, row) for row in rows)]
-    height = -(-len(columns) // 2)
-    figure = Figure(figsize=(14.0, 2.6 * height + 0.6), dpi=_DPI, layout="constrained")
-    panels = figure.subplots(height, 2, squeeze=False).ravel()
-    for axes, column in zip(panels, columns, strict=False):
-        for row in rows:
-            values = _curve(column, row)
-            numbers = list(range(min(values), max(values) + 1)) if values else []
-            if column.name == "strred":  # pairs of frames: the frames between them have no value
-                numbers = list(values)
-            curve = [values.get(number, math.nan) for number in numbers]
-            axes.plot(numbers, curve, label=row.method, marker=".", markersize=4, linewidth=1.0)
-        axes.axvspan(-0.5, WARM_UP_FRAMES - 0.5, color="0.92", zorder=0)
-        axes.set_title(column.heading, fontsize="medium")
-        axes.grid(alpha=0.3)
-    for axes in panels[len(columns) :]:
-        axes.remove()
-    handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=min(len(labels), 7))
     about = f"without a border of {BORDER} pixels; the first {WARM_UP_FRAMES} frames shaded"
-    figure.suptitle(f"{sizes(shot)}: {about}")
-    with replacing(path) as partial:
-        figure.savefig(partial, format="png")
+    title = f"{sizes(shot)}: {about}"
+    with _panels(len(columns), path, (7.0, 2.6), title=title, legend=7) as panels:
+        for axes, column in zip(panels, columns, strict=True):
+            for row in rows:
+                values = _curve(column, row)
+                numbers = list(range(min(values), max(values) + 1)) if values else []
+                if column.name == "strred":  # pairs of frames: the frames between them have no value
+                    numbers = list(values)
+                curve = [values.get(number, math.nan) for number in numbers]
+                axes.plot(numbers, curve, label=row.method, marker=".", markersize=4, linewidth=1.0)
+            axes.axvspan(-0.5, WARM_UP_FRAMES - 0.5, color="0.92", zorder=0)
+            axes.set_title(column.heading, fontsize="medium")
+            axes.grid(alpha=0.3)
 
 
 def _curve(column: Column, row: MethodRow) -> dict[int, float]:
@@ -198,9 +230,8 @@ def draw_errors(title: str, maps: ErrorMaps, path: Path) -> None:
             axes.set_title(f"{method}: {heading}", fontsize="medium")
     for column, image in zip((1, 2), shown, strict=True):
         figure.colorbar(image, ax=panels[:, column], location="bottom", fraction=0.02, pad=0.01, extend="max")
-    figure.suptitle(f"{title}: LDR-FLIP, in the frame in which all err the most, and on average")
-    with replacing(path) as partial:
-        figure.savefig(partial, format="png")
+    figure.suptitle(f"{title}: LDR-FLIP, in the frame of largest error, and on average")
+    _save(figure, path)
 
 
 def draw_classes(title: str, confusions: Sequence[tuple[str, Counts]], path: Path) -> None:
@@ -218,8 +249,7 @@ def draw_classes(title: str, confusions: Sequence[tuple[str, Counts]], path: Pat
             _draw_matrix(axes, names, matrix)
             axes.set_title(f"{method}: {group}", fontsize="medium")
     figure.suptitle(title)
-    with replacing(path) as partial:
-        figure.savefig(partial, format="png")
+    _save(figure, path)
 
 
 def _draw_matrix(axes: Axes, names: Sequence[str], matrix: Counts) -> None:
@@ -248,7 +278,7 @@ _NEAR = 0.04  # fraction of the time and of the range of scores within which poi
 
 
 def draw_record(data: JsonRecord, folder: Path) -> list[tuple[str, Path]]:
-    """Draw what a record has figures of: time against each error, stages of steps, curves over frames.
+    """Draw what a record has figures of: time against each error, curves over frames.
 
     Args:
         data: of any bench.
@@ -262,9 +292,6 @@ def draw_record(data: JsonRecord, folder: Path) -> list[tuple[str, Path]]:
         written = draw_pareto(record, folder)
         headings = {f"pareto-{c.name.replace('_', '-')}": c.title for c in CLIP_COLUMNS}
         return [(f"{headings[path.stem]} against time", path) for path in written]
-    if isinstance(record, LatencyRecord) and any(r.stages for r in record.timed):
-        draw_latency(record.timed, folder / "latency.png")
-        return [("Stages of a step on the CPU backend", folder / "latency.png")]
     if isinstance(record, QualityRecord):
         return _curves(record, folder)
     if isinstance(record, StillRecord):
@@ -285,50 +312,6 @@ def _curves(record: QualityRecord, folder: Path) -> list[tuple[str, Path]]:
     return curves
 
 
-def draw_latency(results: Sequence[Timed], path: Path) -> None:
-    """Draw a panel for each size and number of threads: a bar for each method, split by stage.
-
-    Args:
-        results: at least one with stages; those without, as of the ONNX backend, are left out.
-        path: of the PNG.
-    """
-    groups: dict[str, list[Timed]] = {}
-    for r in (r for r in results if r.stages):
-        (width, height), threads = r.setting.display, r.setting.threads
-        groups.setdefault(f"{width}x{height}, threads: {threads}", []).append(r)
-    stages = list(dict.fromkeys(name for group in groups.values() for r in group for name in r.stages))
-    columns = min(len(groups), 2)
-    rows = -(-len(groups) // columns)
-    bars = max(map(len, groups.values()))
-    figure = Figure(figsize=(7.0 * columns, (0.36 * bars + 0.9) * rows + 0.5), dpi=100, layout="constrained")
-    panels = figure.subplots(rows, columns, squeeze=False).ravel()
-    for axes, (title, group) in zip(panels, groups.items(), strict=False):
-        _draw_group(axes, group, stages)
-        axes.set_title(title, fontsize="medium")
-    for axes in panels[len(groups) :]:
-        axes.remove()
-    handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
-    with replacing(path) as partial:
-        figure.savefig(partial, format="png")
-
-
-def _draw_group(axes: Axes, results: Sequence[Timed], stages: Sequence[str]) -> None:
-    places = range(len(results))
-    ends = [0.0] * len(results)
-    for number, stage in enumerate(stages):
-        spent = [r.stages.get(stage, 0.0) for r in results]
-        axes.barh(places, spent, left=ends, color=f"C{number}", label=stage)
-        ends = [end + each for end, each in zip(ends, spent, strict=True)]
-    for place, end, r in zip(places, ends, results, strict=True):
-        axes.annotate(f"{r.median:.1f}", (end, place), xytext=(5, 0), textcoords="offset points", va="center")
-    axes.set_yticks(places, [r.setting.method for r in results])
-    axes.invert_yaxis()
-    axes.margins(x=0.12)
-    axes.set_xlabel("milliseconds, means by stage; the number is the median of whole steps")
-    axes.grid(alpha=0.3, axis="x")
-
-
 def draw_still(record: StillRecord, path: Path) -> None:
     """Draw a panel for each scene at one ratio: PSNR of each method over the frames.
 
@@ -339,19 +322,10 @@ def draw_still(record: StillRecord, path: Path) -> None:
     scenes: dict[str, list[StillScores]] = {}
     for score in record.scores_at_one_ratio():
         scenes.setdefault(score.scene, []).append(score)
-    columns = min(len(scenes), 2)
-    rows = -(-len(scenes) // columns)
-    figure = Figure(figsize=(7.0 * columns, 3.3 * rows + 0.7), dpi=100, layout="constrained")
-    panels = figure.subplots(rows, columns, squeeze=False).ravel()
-    for axes, (scene, scores) in zip(panels, scenes.items(), strict=False):
-        _draw_scene(axes, scores)
-        axes.set_title(f"{scene}, ratio {scores[0].ratio:g}", fontsize="medium")
-    for axes in panels[len(scenes) :]:
-        axes.remove()
-    handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=4)
-    with replacing(path) as partial:
-        figure.savefig(partial, format="png")
+    with _panels(len(scenes), path, (7.0, 3.3), legend=4) as panels:
+        for axes, (scene, scores) in zip(panels, scenes.items(), strict=True):
+            _draw_scene(axes, scores)
+            axes.set_title(f"{scene}, ratio {scores[0].ratio:g}", fontsize="medium")
 
 
 def _draw_scene(axes: Axes, scores: Sequence[StillScores]) -> None:
@@ -384,24 +358,17 @@ def draw_pareto(record: ParetoRecord, folder: Path) -> list[Path]:
     return written
 
 
-def _draw(points: Sequence[Point], metric: Column, title: str, path: Path) -> None:
+def _draw(points: Sequence[ParetoPoint], metric: Column, title: str, path: Path) -> None:
     groups = by_ratio(points)
-    columns = min(len(groups), 2)
-    rows = -(-len(groups) // columns)
-    figure = Figure(figsize=(7.2 * columns, 4.4 * rows + 0.6), dpi=100, layout="constrained")
-    panels = figure.subplots(rows, columns, squeeze=False, sharex=True).ravel()
-    for axes, (ratio, group) in zip(panels, groups.items(), strict=False):
-        _draw_ratio(axes, group, metric)
-        axes.set_title(f"ratio {ratio:g}", fontsize="medium")
-    for axes in panels[len(groups) :]:
-        axes.remove()
     better = "up" if metric.higher else "down"
-    figure.suptitle(f"{title}: {metric.title} ({better} and left is better)")
-    with replacing(path) as partial:
-        figure.savefig(partial, format="png")
+    title = f"{title}: {metric.title} ({better} and left is better)"
+    with _panels(len(groups), path, (7.2, 4.4), title=title, sharex=True) as panels:
+        for axes, (ratio, group) in zip(panels, groups.items(), strict=True):
+            _draw_ratio(axes, group, metric)
+            axes.set_title(f"ratio {ratio:g}", fontsize="medium")
 
 
-def _draw_ratio(axes: Axes, points: Sequence[Point], metric: Column) -> None:
+def _draw_ratio(axes: Axes, points: Sequence[ParetoPoint], metric: Column) -> None:
     line = frontier(points, metric)
     axes.plot(
         [p.milliseconds for p in line],
@@ -432,11 +399,11 @@ def _draw_ratio(axes: Axes, points: Sequence[Point], metric: Column) -> None:
     axes.grid(alpha=0.3, which="both")
 
 
-def _near(points: Sequence[Point], metric: Column) -> list[list[Point]]:
+def _near(points: Sequence[ParetoPoint], metric: Column) -> list[list[ParetoPoint]]:
     """Group points whose labels would overlap, so that they share one; the fastest first."""
     scores = [point.scores[metric.name] for point in points]
     room = _NEAR * (max(scores) - min(scores))
-    groups: list[list[Point]] = []
+    groups: list[list[ParetoPoint]] = []
     for point in sorted(points, key=lambda p: (p.milliseconds, p.scores[metric.name])):
         for group in groups:
             last = group[-1]

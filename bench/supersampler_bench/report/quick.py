@@ -26,7 +26,7 @@ from supersampler_model.data.errors import GraphicsError
 
 METHODS = ("bilinear", "taa", "taau", "classifier-small", "classifier")
 FRAMES = (15, 23, 31)
-"""Of the shipped shot."""
+"""Frames of the shipped shot that are shown."""
 
 
 def split_view(shot: Shot, methods: Sequence[str] = METHODS, frames: Sequence[int] = FRAMES) -> str:

@@ -28,7 +28,7 @@ _HOW = "`supersampler bench shots` renders it."
 
 @dataclass(frozen=True, kw_only=True)
 class TestShots:
-    """What the test shots are. Seeds were chosen by eye: no family here is ever trained on.
+    """Settings of test shots. Seeds were chosen by eye; no family here is trained on.
 
     Attributes:
         seeds: of each family's sequence.
@@ -39,7 +39,7 @@ class TestShots:
         thin: whether the classes include that of thin objects.
     """
 
-    __test__ = False  # pytest takes classes of this name for tests
+    __test__ = False  # pytest would collect a class of this name
 
     seeds: Mapping[str, int] = field(
         default_factory=lambda: {
@@ -70,7 +70,7 @@ class TestShots:
 TEST_SHOTS = TestShots(ratios=(1.5, 2.0, 3.0, 4.0, 1.0))
 """The five that published means are over. Ratio 1 comes last: it was added to shots that were there."""
 APART_SHOTS = TestShots(seeds={"rigging": 113}, thin=True)
-"""Those that no mean includes, each measured by its own name: ropes, chains, chain-link, power lines."""
+"""Shots reported separately and excluded from means: ropes, chains, chain-link, power lines."""
 
 
 @dataclass(frozen=True)

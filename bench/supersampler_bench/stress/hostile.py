@@ -14,7 +14,7 @@ from supersampler.frame import Float32, Size
 from supersampler.history import State
 from supersampler.io.display import display_transform
 from supersampler_bench.quality.metrics import psnr
-from supersampler_bench.stress.compare import Difference, Disturbance, difference, recovery
+from supersampler_bench.stress.compare import Disturbance, ImageDifference, difference, recovery
 from supersampler_bench.stress.scenario import (
     LARGEST,
     RECOVERY,
@@ -188,7 +188,7 @@ def _reach(image: Float32, baseline: Float32, x: int, y: int) -> float:
 
 CLEAN = 30
 """Number of clean frames after the hostile one."""
-MIN_BOUND = Difference(mean=0.1 / 255.0, p999=4.0 / 255.0)
+MIN_BOUND = ImageDifference(mean=0.1 / 255.0, p999=4.0 / 255.0)
 """Smallest bound of the difference in the last clean frame: 0.1 steps of an 8-bit image in the mean, and 4 at
 99.9 % of the values."""
 RESETS = (0, -2, 2, -4, 4)
@@ -238,7 +238,7 @@ class _Start:
     state: State
     frames: Sequence[Frame]
 
-    def error_after(self, first: Frame) -> Difference:
+    def error_after(self, first: Frame) -> ImageDifference:
         """Return the difference of the last clean frame's image when `first` replaces the first frame."""
         return difference(self._last_image(first), self._baseline)
 
@@ -252,14 +252,16 @@ class _Start:
         return [self.session.step(later) for later in self.frames[1:]][-1]
 
 
-def hostile_bound(error: Difference, after_resets: Iterable[Difference]) -> Difference:
+def hostile_bound(error: ImageDifference, after_resets: Iterable[ImageDifference]) -> ImageDifference:
     """Return the bound of an error: MIN_BOUND, or the largest error after a reset if that is larger.
 
     Resets are measured only until the bound reaches `error`: further ones would not change the verdict.
     """
     bound = MIN_BOUND
     for other in after_resets:
-        bound = Difference(max(bound.mean, other.mean + ROUNDING), max(bound.p999, other.p999 + ROUNDING))
+        bound = ImageDifference(
+            max(bound.mean, other.mean + ROUNDING), max(bound.p999, other.p999 + ROUNDING)
+        )
         if error.mean <= bound.mean and error.p999 <= bound.p999:
             break
     return bound
@@ -303,7 +305,7 @@ SPOILED = 24
 """Number of frames of a shot that has one hostile frame."""
 
 
-class Shot(NamedTuple):
+class StressShot(NamedTuple):
     """Frames from a cut to the next, and their exact images."""
 
     frames: Sequence[Frame]
@@ -320,7 +322,7 @@ def hostile_shots(trial: Trial, hostile: Hostile) -> Figures:
     (shot,) = _shots(trial, (SPOILED,), (Orbit(),))
     frames = [replace(frame, exposure=None) for frame in shot.frames]
     shots = [
-        Shot([*frames[:place], bad, *frames[place + 1 :]], shot.truths)
+        StressShot([*frames[:place], bad, *frames[place + 1 :]], shot.truths)
         for place in (0, SPOILED // 2, SPOILED - 1)
         for bad in hostile(frames[place])
     ]
@@ -354,18 +356,18 @@ for _name, _values in VALUES.items():
 _two_passes("exposure", hostile_shots, 12 * SPOILED, _other_exposures)
 
 
-def _shots(trial: Trial, lengths: Sequence[int], of: Sequence[Scene]) -> list[Shot]:
+def _shots(trial: Trial, lengths: Sequence[int], of: Sequence[Scene]) -> list[StressShot]:
     """Return shots of these lengths, of the scenes in turn; frames and jitter go on from shot to shot."""
     shots, first = [], 0
     for length, scene in zip(lengths, cycle(of), strict=False):
         stop = first + length
         truths = [truth(scene, 0 if scene in STATIC else i, trial.display) for i in range(first, stop)]
-        shots.append(Shot(frames_of(scene, trial.render, stop)[first:], truths))
+        shots.append(StressShot(frames_of(scene, trial.render, stop)[first:], truths))
         first = stop
     return shots
 
 
-def _lost(trial: Trial, shots: Sequence[Shot]) -> Figures:
+def _lost(trial: Trial, shots: Sequence[StressShot]) -> Figures:
     """Upscale shots with cuts between them, in one pass and in two; measure the PSNR lost by the second.
 
     PSNR of a shot is the mean of that of its images.

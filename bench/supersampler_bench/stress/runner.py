@@ -22,7 +22,7 @@ BAD_VALUES = "bad values"
 
 
 @dataclass(frozen=True)
-class Outcome:
+class ScenarioOutcome:
     """Result of one run of a scenario.
 
     Attributes:
@@ -98,7 +98,7 @@ def measure(
     *,
     quick: bool = False,
     keep: Path | None = None,
-) -> Iterator[Outcome]:
+) -> Iterator[ScenarioOutcome]:
     """Run all scenarios that suit each subject; yield each outcome when it is there.
 
     Args:
@@ -120,14 +120,14 @@ def measure(
         yield outcome
 
 
-def _kept(path: Path, state: str) -> Outcome | None:
+def _kept(path: Path, state: str) -> ScenarioOutcome | None:
     if not path.is_file():
         return None
     data: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    return converted(data, Outcome) if data.pop("of") == state else None
+    return converted(data, ScenarioOutcome) if data.pop("of") == state else None
 
 
-def run(scenario: Scenario, subject: Subject, *, quick: bool = False) -> Outcome:
+def run(scenario: Scenario, subject: Subject, *, quick: bool = False) -> ScenarioOutcome:
     """Run one scenario; an error that it raises is part of the outcome."""
     trial = scenario.trial(subject, quick=quick)
     figures: tuple[Figure, ...] = ()
@@ -136,7 +136,7 @@ def run(scenario: Scenario, subject: Subject, *, quick: bool = False) -> Outcome
         figures = (*scenario.run(trial), Figure(BAD_VALUES, float(trial.bad_values), 0.0))
     except Exception as broke:  # errors of methods are what stress looks for
         error = f"{type(broke).__name__}: {broke}"
-    return Outcome(
+    return ScenarioOutcome(
         scenario=scenario.name,
         method=subject.method,
         executor=subject.executor,
@@ -163,7 +163,7 @@ def source_state() -> str:
 class StressRecord(BenchRecord):
     """Outcomes of scenarios."""
 
-    outcomes: list[Outcome]
+    outcomes: list[ScenarioOutcome]
     BENCH = "stress"
     TABLES = ("", "scenarios")
 
@@ -218,7 +218,7 @@ class StressRecord(BenchRecord):
         return table(["scenario", "what is done", "frames, cpu:", "onnx:"], rows)
 
 
-def _row(scenario: str, name: str, found: Sequence[Outcome | None]) -> list[str]:
+def _row(scenario: str, name: str, found: Sequence[ScenarioOutcome | None]) -> list[str]:
     figures = [None if o is None else next((f for f in o.figures if f.name == name), None) for o in found]
     bounds = {f.bound for f in figures if f is not None}
     common = bounds.pop() if len(bounds) == 1 else None

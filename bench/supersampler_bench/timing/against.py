@@ -127,7 +127,7 @@ class Version:
         Args:
             program: `FIRST_IMAGE` or `STEPS`.
             cache: folder for compiled kernels, instead of the version's own.
-            request: what the program takes.
+            request: of the program.
 
         Raises:
             ArgumentError: it fails; with its last message.
@@ -258,16 +258,16 @@ class StartupRecord(BenchRecord):
 
 
 COVERAGE = 0.95
-"""Least probability with which the interval of a median contains it."""
-FEWEST, FEWEST_FOR_INTERVAL = 10, 6
-"""Rounds of steps by default; the fewest rounds that give an interval of `COVERAGE`."""
+"""Minimum probability with which the interval of a median contains it."""
+ROUNDS, MIN_ROUNDS = 10, 6
+"""Rounds of steps by default; minimum number that gives an interval of `COVERAGE`."""
 _WARM_UP = 10  # steps of each process before those that count
 
 STEP_WALL, STEP_CORES = "step, wall", "step, all cores"
 FIRST, FIRST_FRESH = "first image", "first image, nothing kept"
-"""What is timed: a step; a program from its first line to its first image, with or without cached kernels."""
+"""Kinds of times: of a step; from the first line of a program to its first image, kernels cached or not."""
 Pair: TypeAlias = tuple[float, float]
-"""Of this version and of the other."""
+"""Times of this version and of the other."""
 Versions: TypeAlias = tuple[Version, Version]
 T = TypeVar("T")
 R = TypeVar("R")
@@ -275,7 +275,7 @@ R = TypeVar("R")
 
 @dataclass(frozen=True)
 class Rounds:
-    """How often everything is timed.
+    """Numbers of rounds.
 
     Attributes:
         rounds: rounds of steps.
@@ -284,9 +284,9 @@ class Rounds:
         fresh: rounds of first images with an empty kernel cache.
     """
 
-    rounds: int = FEWEST
+    rounds: int = ROUNDS
     steps: int = 10
-    starts: int = FEWEST
+    starts: int = ROUNDS
     fresh: int = 0
 
     def total(self, settings: int) -> int:
@@ -353,8 +353,8 @@ def measure_against(
             rounds are too few for an interval.
     """
     for name, count in asdict(rounds).items():
-        if name != "steps" and 0 < count < FEWEST_FOR_INTERVAL:
-            want = f"at least {FEWEST_FOR_INTERVAL}, or 0"
+        if name != "steps" and 0 < count < MIN_ROUNDS:
+            want = f"at least {MIN_ROUNDS}, or 0"
             raise ArgumentError(f"--{name}", got=count, want=want, hint="Fewer give no interval.")
     results: list[Compared] = []
     with TemporaryDirectory() as name:
@@ -395,7 +395,7 @@ def _write_frames(path: Path, methods: Sequence[str], render: Size, display: Siz
         if array is not None:
             arrays[f"{place.group}.{place.key}"] = array
     with replacing(path) as partial:
-        np.savez(partial, **arrays)  # type: ignore[arg-type]  # its stub takes the names for other arguments
+        np.savez(partial, **arrays)  # type: ignore[arg-type]  # its stub mistakes the names for other arguments
 
 
 def _steps(
@@ -470,7 +470,7 @@ def interval(values: Sequence[float], coverage: float = COVERAGE) -> Pair:
     """Return an interval that contains the median of the distribution behind some samples.
 
     Its ends are the k-th values from either end, with the largest k for which the median lies between them
-    with probability `coverage`, whatever the distribution. 0.95 takes `FEWEST_FOR_INTERVAL` values.
+    with probability `coverage`, whatever the distribution. 0.95 takes `MIN_ROUNDS` values.
     """
     count, ordered = len(values), sorted(values)
     outside, k = 2.0 * 0.5**count, 0  # the probability that the median is beyond the k-th from either end

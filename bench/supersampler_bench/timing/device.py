@@ -59,7 +59,7 @@ class OnDevice:
     moved: int
 
 
-class _Runner:
+class _DeviceRunner:
     """One model, with its frames on the device."""
 
     def __init__(self, model: Model, display: Size, frames: Sequence[Frame]) -> None:
@@ -134,7 +134,7 @@ def measure_device(
                 )
             except ArgumentError:  # the method has no such precision
                 continue
-            runners.append(_Runner(model, display, frames))
+            runners.append(_DeviceRunner(model, display, frames))
         take_turns(runners, steps)
         results += [runner.timed() for runner in runners]
     return results

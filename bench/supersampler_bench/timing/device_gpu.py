@@ -43,13 +43,13 @@ class Stopwatch:
 
     Args:
         device: see `device_with_timestamps`.
-        most: pairs that a command buffer has at most.
+        max_pairs: in one command buffer.
     """
 
-    def __init__(self, device: "wgpu.GPUDevice", most: int) -> None:
+    def __init__(self, device: "wgpu.GPUDevice", max_pairs: int) -> None:
         self._device, self._pairs = device, 0
-        self._queries = device.create_query_set(type="timestamp", count=2 * most)
-        self._times = device.create_buffer(size=16 * most, usage=_RESOLVE | _COPY_SRC)
+        self._queries = device.create_query_set(type="timestamp", count=2 * max_pairs)
+        self._times = device.create_buffer(size=16 * max_pairs, usage=_RESOLVE | _COPY_SRC)
         self._period = _nanoseconds(device)
 
     def around(self, encoder: "wgpu.GPUCommandEncoder", encode: Callable[[], object]) -> None:
@@ -93,7 +93,7 @@ def _nanoseconds(device: "wgpu.GPUDevice") -> float:
 
 
 class EachDispatch:
-    """A command encoder that gives each dispatch a timed pass of its own.
+    """A command encoder with a timed pass for each dispatch.
 
     Args:
         encoder: of the commands.
@@ -330,7 +330,7 @@ def measure_gpu(
         runners = []
         for method in compatible(methods, frames[0].size, display, on_left_out):
             try:
-                runners.append(_Runner(device, method, display, placed))
+                runners.append(_GpuRunner(device, method, display, placed))
             except ArgumentError as error:  # it has no shaders
                 on_left_out(f"{method}: {error}")
         take_turns(runners, -(-steps // BURST))
@@ -353,7 +353,7 @@ def frame_textures(device: "wgpu.GPUDevice", frame: Frame) -> dict[str, "wgpu.GP
     return textures
 
 
-class _Runner:
+class _GpuRunner:
     """One model, with its frames in textures. A turn is BURST steps, and as many with timed passes."""
 
     def __init__(

@@ -3,7 +3,7 @@
 A pass reads and writes each of its resources once: workgroups share what their threads read, and
 neighbouring workgroups find their common border in the cache. A declaration that ends in `// N a thread` is
 of a texture rgba32float larger than what the pass reads of it: N pixels for each thread that has a pixel.
-bench/studies/gpu_accesses.py compares the counts with those of shaders that mark what they touch.
+docs/explanation/gpu-backend.md compares the counts with those of instrumented shaders.
 """
 
 import re
@@ -29,13 +29,13 @@ FORMATS = {
     "image": ("rgba16float", 8),
 }
 """Formats of an engine's textures, and bytes of a pixel."""
-NOT_ASKED = ("aux", "params", "frame_reactive")
+UNTOUCHED = ("aux", "params", "frame_reactive")
 """Resources of an ordinary step that are not, or hardly, touched."""
 _PART = re.compile(r"// (\d+) a thread$", re.MULTILINE)
 
 
 class Access(NamedTuple):
-    """What a pass reads or writes of a resource.
+    """Bytes that a pass reads or writes of a resource.
 
     Attributes:
         number: of the pass.
@@ -87,7 +87,7 @@ def accesses(
     for number, (spec, one) in enumerate(passes):
         width, height = spec.extent.size(render, display)
         for binding in one.shader.bindings:
-            if binding.name not in NOT_ASKED:
+            if binding.name not in UNTOUCHED:
                 resource = spec.names.get(binding.name, binding.name)
                 part = part_of(one.shader, binding, width * height)
                 moved = sizes[resource] if part is None else min(sizes[resource], part)

@@ -31,7 +31,7 @@ COPIED = 1 << 28  # bytes of the copy that is timed; several times the size of c
 
 @dataclass(frozen=True)
 class Setting:
-    """What is timed: a method at a display size, how it runs, and on how many threads."""
+    """A method at a display size, how it runs, and on how many threads."""
 
     method: str
     display: Size
@@ -48,7 +48,7 @@ class Timed:
         setting: what was timed.
         executor: the one that was chosen.
         precision: the one that was chosen.
-        median, p95, p99, least: wall time of a step.
+        median, p95, p99: wall time of a step.
         processor: mean time that all cores together spent on a step.
         multiple: median over that of `taa` on the CPU backend at the same size and threads.
         stages: mean wall time by stage; empty for the ONNX backend.
@@ -65,7 +65,6 @@ class Timed:
     median: float
     p95: float
     p99: float
-    least: float
     processor: float
     multiple: float
     stages: dict[str, float]
@@ -83,7 +82,7 @@ class Limits:
     multiplied: float
 
 
-class _Runner:
+class _LatencyRunner:
     """One setting, ready to step."""
 
     def __init__(self, setting: Setting, frames: Sequence[Frame], providers: str, warm_up: int) -> None:
@@ -109,7 +108,7 @@ class _Runner:
         self._processor = 0.0
         self.step(counts=False)
         self._first = 1e3 * (time.perf_counter() - began)
-        self.least = min(self.step(counts=False) for _ in range(warm_up))
+        self.fastest = min(self.step(counts=False) for _ in range(warm_up))
         self._resident = max(_resident() - before, 0)
         self._warm_up = self._upscaler.stats.stages
 
@@ -135,7 +134,6 @@ class _Runner:
             median=median,
             p95=p95,
             p99=p99,
-            least=min(self.wall),
             processor=self._processor / steps,
             multiple=median / reference,
             stages={
@@ -238,9 +236,9 @@ def measure_settings(
     kept = compatible(methods, frames[0].size, display, on_left_out)
     first = Setting(REFERENCE, display, "cpu", threads)
     others = [s for s in settings if s != first and s.method in kept]
-    make = partial(_Runner, frames=frames, providers=providers, warm_up=warm_up)
+    make = partial(_LatencyRunner, frames=frames, providers=providers, warm_up=warm_up)
     runners = [make(first), *_made(make, others, on_left_out)]
-    slow = [runner for runner in runners if runner.least > SLOW * runners[0].least]
+    slow = [runner for runner in runners if runner.fastest > SLOW * runners[0].fastest]
     take_turns([runner for runner in runners if runner not in slow], steps, on_round=on_round)
     take_turns(slow, steps, on_round=on_round)
     reference = statistics.median(runners[0].wall)
@@ -248,8 +246,8 @@ def measure_settings(
 
 
 def _made(
-    make: Callable[[Setting], _Runner], settings: Sequence[Setting], on_left_out: Callable[[str], None]
-) -> Iterator[_Runner]:
+    make: Callable[[Setting], _LatencyRunner], settings: Sequence[Setting], on_left_out: Callable[[str], None]
+) -> Iterator[_LatencyRunner]:
     for setting in settings:
         try:
             yield make(setting)
@@ -278,7 +276,7 @@ def _tiled(image: Any, render: Size) -> Float32:
 
 
 def measure_limits() -> Limits:
-    """Measure a copy on all cores, and a matrix product on the threads that BLAS takes."""
+    """Measure a copy on all cores, and a matrix product on the threads of BLAS."""
     source = np.ones(COPIED // 4, np.float32)
     target = np.empty_like(source)
     cores = os.cpu_count() or 1
@@ -337,7 +335,7 @@ class LatencyRecord(BenchRecord):
         return f"{table(headings, rows, caption)}\n\n{_stage_table(self.timed)}"
 
     def summary_table(self) -> str:
-        """Return the times of the largest size on the most threads as Markdown, for README."""
+        """Return the times of the largest size and number of threads as Markdown, for README."""
         largest = max((r.setting.display, r.setting.threads) for r in self.timed)
         rows = [
             [

@@ -192,12 +192,12 @@ def unshaded_points_of(record: "ExtrapolationRecord | ParetoRecord") -> Iterator
 SPATIAL = ("bilinear", "bicubic")
 PRESET_RATIO = 2.0
 PRESET_RATIOS = 1.0, 3.0
-"""Least and largest ratio that a method of a preset must serve."""
-LEAST_GAIN, NEGLIGIBLE_GAIN = 1.0, 0.05  # dB: of a preset over no history; not worth any time
+"""Smallest and largest ratio that a method of a preset must serve."""
+MIN_GAIN, NEGLIGIBLE_GAIN = 1.0, 0.05  # dB: of a preset over no history; not worth any time
 
 
 @dataclass(frozen=True)
-class Point:
+class ParetoPoint:
     """One setting at one ratio.
 
     Attributes:
@@ -229,7 +229,7 @@ def measure_pareto(
     steps: int = 20,
     on_left_out: Callable[[str], None] = lambda _: None,
     on_round: Callable[[], None] = lambda: None,
-) -> list[Point]:
+) -> list[ParetoPoint]:
     """Time all settings that quality records have scores of, on this machine.
 
     Two passes are timed where the records have scores of one pass of the same setting.
@@ -267,7 +267,7 @@ def measure_pareto(
                 if spec.passes == 2:
                     factor = measure_passes(spec, display, ratio=ratio, threads=threads).ratio
                 runs = f"{t.executor}, {t.precision}"
-                points.append(Point(str(spec), runs, ratio, t.median * factor, scores[spec]))
+                points.append(ParetoPoint(str(spec), runs, ratio, t.median * factor, scores[spec]))
     return points
 
 
@@ -310,21 +310,21 @@ def _scores(record: "QualityRecord | ParetoRecord") -> Iterator[tuple[float, Spe
         yield ratio, parse_spec(row.method, two_passes=True), row.known()
 
 
-def frontier(points: Sequence[Point], metric: Column) -> list[Point]:
+def frontier(points: Sequence[ParetoPoint], metric: Column) -> list[ParetoPoint]:
     """Return the points of one ratio that no other beats in both time and error, the fastest first."""
     sign = 1.0 if metric.higher else -1.0
     known = [p for p in points if metric.name in p.scores]
-    found: list[Point] = []
+    found: list[ParetoPoint] = []
     for point in sorted(known, key=lambda p: (p.milliseconds, -sign * p.scores[metric.name])):
         if not found or sign * (point.scores[metric.name] - found[-1].scores[metric.name]) > 0.0:
             found.append(point)
     return found
 
 
-def presets(points: Sequence[Point]) -> dict[str, str]:
+def presets(points: Sequence[ParetoPoint]) -> dict[str, str]:
     """Choose "fast", "balanced" and "high" from the frontier of time and PSNR, at one ratio.
 
-    fast: the fastest that is better by `LEAST_GAIN` than images without a history.
+    fast: the fastest that is better by `MIN_GAIN` than images without a history.
     high: the fastest within `NEGLIGIBLE_GAIN` of the best.
     balanced: of those between, the one that gains most over fast per additional millisecond; else high.
 
@@ -336,7 +336,7 @@ def presets(points: Sequence[Point]) -> dict[str, str]:
     live = [p for p in points if p.run.model not in special and p.run.passes == 1]
     line = frontier([p for p in live if p.run.at_rest == "converge"], CLIP_COLUMNS[0])
     floor = max(p.scores["psnr"] for p in points if p.run.model in SPATIAL)
-    good = [p for p in line if p.scores["psnr"] >= floor + LEAST_GAIN] or line[-1:]
+    good = [p for p in line if p.scores["psnr"] >= floor + MIN_GAIN] or line[-1:]
     best = max(p.scores["psnr"] for p in line)
     fast = good[0]
     high = next(p for p in line if p.scores["psnr"] >= best - NEGLIGIBLE_GAIN)
@@ -346,15 +346,15 @@ def presets(points: Sequence[Point]) -> dict[str, str]:
 
 
 def _serves_presets(model: str) -> bool:
-    least, most = read_model_info(find_model(model)).ratios
-    return least <= PRESET_RATIOS[0] and most >= PRESET_RATIOS[1]
+    low, high = read_model_info(find_model(model)).ratios
+    return low <= PRESET_RATIOS[0] and high >= PRESET_RATIOS[1]
 
 
-def _gain(point: Point, fast: Point) -> float:
+def _gain(point: ParetoPoint, fast: ParetoPoint) -> float:
     return (point.scores["psnr"] - fast.scores["psnr"]) / (point.milliseconds - fast.milliseconds)
 
 
-def best_within(points: Sequence[Point], budget: float) -> list[Point]:
+def best_within(points: Sequence[ParetoPoint], budget: float) -> list[ParetoPoint]:
     """Return the settings of highest PSNR whose step takes at most `budget` milliseconds, at each ratio.
 
     Where the best one reads G-buffers, the best that reads none follows it. Two passes are no step.
@@ -370,12 +370,12 @@ def best_within(points: Sequence[Point], budget: float) -> list[Point]:
     return found
 
 
-def by_ratio(points: Sequence[Point]) -> dict[float, list[Point]]:
+def by_ratio(points: Sequence[ParetoPoint]) -> dict[float, list[ParetoPoint]]:
     """Return the points of each ratio."""
     return {ratio: [p for p in points if p.ratio == ratio] for ratio in sorted({p.ratio for p in points})}
 
 
-def at_ratio(points: Sequence[Point], ratio: float) -> list[Point]:
+def at_ratio(points: Sequence[ParetoPoint], ratio: float) -> list[ParetoPoint]:
     """Return the points of the nearest ratio."""
     groups = by_ratio(points)
     return groups[min(groups, key=lambda known: abs(known - ratio))]
@@ -403,7 +403,7 @@ class ParetoRecord(BenchRecord):
     shots: list[str]
     display: Size
     threads: int
-    points: list[Point]
+    points: list[ParetoPoint]
     unshaded: list[UnshadedPoint] = field(default_factory=list)
     BENCH = "pareto"
     TABLES = ("", "presets", "unshaded")

@@ -32,7 +32,7 @@ SCORED = 16  # frames at the end, after four periods of the jitter
 
 @dataclass(frozen=True)
 class RestTimes:
-    """One scene and method, over the last frames if nothing else is said.
+    """Times of one method in one scene, over the last frames unless stated otherwise.
 
     Attributes:
         scene: family of the test shot.
@@ -56,7 +56,7 @@ class RestTimes:
     psnr: float
 
 
-class _Runner:
+class _SkipRunner:
     """A method with one value of `skip`."""
 
     def __init__(self, method: str, display: Size, *, skip: bool) -> None:
@@ -102,7 +102,7 @@ def measure_skipping(
     results = []
     for family in families:
         for moves in MOVES:
-            runners = {(m, skip): _Runner(m, display, skip=skip) for m in methods for skip in SKIPS}
+            runners = {(m, skip): _SkipRunner(m, display, skip=skip) for m in methods for skip in SKIPS}
             for frame, truth in _frames(renderer, family, ratio, moves):
                 for runner in runners.values():
                     runner.step(frame, truth)
@@ -114,7 +114,9 @@ def measure_skipping(
     return results
 
 
-def _times(family: str, moves: str, method: str, runners: Mapping[bool, _Runner], ratio: float) -> RestTimes:
+def _times(
+    family: str, moves: str, method: str, runners: Mapping[bool, _SkipRunner], ratio: float
+) -> RestTimes:
     period = jitter_phase_count(ratio)
     full, skipped = (runners[skip].milliseconds for skip in SKIPS)
     parts = slice(WARM_UP, period), slice(period, 2 * period), slice(-SCORED, None)

@@ -110,7 +110,7 @@ class TrafficRecord(BenchRecord):
         return table(headings, rows, caption)
 
 
-class Gpu(NamedTuple):
+class GpuFigures(NamedTuple):
     """Published figures of a GPU.
 
     Attributes:
@@ -127,20 +127,20 @@ class Gpu(NamedTuple):
 
 
 GPUS = (
-    Gpu("NVIDIA H200", 4800.0, 33.5),
-    Gpu("NVIDIA H100 SXM", 3350.0, 33.5),
-    Gpu("GeForce RTX 4090", 1008.0, 41.3),
-    Gpu("GeForce RTX 3090", 936.0, 17.8),
-    Gpu("GeForce RTX 3060", 360.0, 6.4),
-    Gpu("Radeon RX 7900 XTX", 960.0, 30.7),
-    Gpu("Radeon RX 6600", 224.0, 4.5),
-    Gpu("Arc A770", 560.0, 9.8),
-    Gpu("Apple M2", 100.0, 1.8, dot4=False),
+    GpuFigures("NVIDIA H200", 4800.0, 33.5),
+    GpuFigures("NVIDIA H100 SXM", 3350.0, 33.5),
+    GpuFigures("GeForce RTX 4090", 1008.0, 41.3),
+    GpuFigures("GeForce RTX 3090", 936.0, 17.8),
+    GpuFigures("GeForce RTX 3060", 360.0, 6.4),
+    GpuFigures("Radeon RX 7900 XTX", 960.0, 30.7),
+    GpuFigures("Radeon RX 6600", 224.0, 4.5),
+    GpuFigures("Arc A770", 560.0, 9.8),
+    GpuFigures("Apple M2", 100.0, 1.8, dot4=False),
 )
 """Vendors' specifications, boost clocks."""
 
 
-def min_ms(gpu: Gpu, moved: int, multiply_adds: int) -> float:
+def min_ms(gpu: GpuFigures, moved: int, multiply_adds: int) -> float:
     """Return the time of a step at the GPU's full bandwidth or arithmetic, whichever is longer, milliseconds.
 
     Args:

@@ -24,7 +24,7 @@ from supersampler_bench.quality.scores import (
     ShotRow,
     shot_row,
 )
-from supersampler_bench.record import Setting, age_of, read_record, write_json
+from supersampler_bench.record import Provenance, age_of, read_record, write_json
 from supersampler_bench.report.figures import draw_means
 from supersampler_model.data.scenes.analytic import Plane, checker
 
@@ -226,7 +226,7 @@ def test_a_file_that_no_bench_wrote_is_kept(tmp_path: Path, command: tuple[str, 
 def test_a_table_says_which_models_have_changed_since_it_was_measured() -> None:
     record: dict[str, Any] = {
         "rows": [{"method": "taau:fp32"}, {"method": "classifier"}],
-        **asdict(Setting.now()),
+        **asdict(Provenance.now()),
     }
     assert age_of(record) == ""
     record["model_digests"]["bilinear"] = "other"

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from supersampler import ArgumentError
 from supersampler.cli import app
 from supersampler.io.shot import ShotWriter
-from supersampler_bench.record import Setting
+from supersampler_bench.record import Provenance
 from supersampler_bench.report.doc_tables import COMMANDS, Recipe, clock, measure, recipes
 from supersampler_model.data.scenes.analytic import Plane, checker
 
@@ -21,7 +21,13 @@ COST = "supersampler bench cost --methods classifier-small --display-size 64x36"
 
 
 def recorded(command: str, **values: Any) -> dict[str, Any]:
-    return {"bench": "cost", "rows": ["taau"], **asdict(Setting.now()), "command": command.split(), **values}
+    return {
+        "bench": "cost",
+        "rows": ["taau"],
+        **asdict(Provenance.now()),
+        "command": command.split(),
+        **values,
+    }
 
 
 @pytest.fixture

@@ -21,7 +21,7 @@ from supersampler_bench.report import quick
 from supersampler_bench.report.doc_tables import RESULTS, find_all, read_records
 from supersampler_bench.report.page import SECTIONS, write_page
 from supersampler_bench.report.quick import split_view
-from supersampler_bench.timing.pareto import ParetoRecord, Point
+from supersampler_bench.timing.pareto import ParetoPoint, ParetoRecord
 from supersampler_model.data.errors import GraphicsError
 from supersampler_model.data.scenes.analytic import Plane, checker
 
@@ -30,9 +30,9 @@ PNG = "data:image/png;base64,"
 
 
 def of_pareto() -> ParetoRecord:
-    def point(word: str, milliseconds: float, psnr: float) -> Point:
+    def point(word: str, milliseconds: float, psnr: float) -> ParetoPoint:
         scores = {c.name: psnr for c in CLIP_COLUMNS[:2]}
-        return Point(word, "cpu, fp32", 2.0, milliseconds, scores)
+        return ParetoPoint(word, "cpu, fp32", 2.0, milliseconds, scores)
 
     points = [point("bilinear", 9.0, 26.0), point("taau", 8.0, 29.0), point("classifier", 16.0, 30.0)]
     return ParetoRecord(["plaza"], (960, 540), 2, points)

@@ -15,7 +15,7 @@ from studies import hashes
 from studies.hashes import (
     FRAMES,
     SIZES,
-    Subject,
+    ModelRun,
     differences,
     hashes_record,
     measure_hashes,
@@ -23,7 +23,7 @@ from studies.hashes import (
     subjects,
 )
 from supersampler.methods.model_file import model_names
-from supersampler_bench.record import Setting
+from supersampler_bench.record import Provenance
 
 FROZEN = Path(__file__).parents[3] / "bench" / "results" / "studies" / "hashes.json"
 SMALL = ((32, 18), (48, 27))
@@ -32,7 +32,7 @@ SMALL = ((32, 18), (48, 27))
 @pytest.fixture(scope="module")
 def record() -> dict[str, Any]:
     results = measure_hashes(subjects(["taa"]), [SMALL])
-    return {**hashes_record(results), **asdict(Setting.now())}
+    return {**hashes_record(results), **asdict(Provenance.now())}
 
 
 def test_a_method_is_hashed_in_every_way_that_it_runs() -> None:
@@ -85,7 +85,7 @@ def test_a_history_that_differs_a_run_that_is_missing_and_other_frames_are_named
 
 
 def test_a_sketch_tells_how_far_images_are_apart(monkeypatch: pytest.MonkeyPatch) -> None:
-    subject = Subject("bilinear", None, "onnx", "fp32", False)
+    subject = ModelRun("bilinear", None, "onnx", "fp32", False)
     (before,) = measure_hashes([subject], [SMALL])
     frames = scene(*SMALL)
     noise = np.random.default_rng(0).normal(0.0, 1e-4, (18, 32, 3)).astype(np.float32)
@@ -100,7 +100,7 @@ def test_a_sketch_tells_how_far_images_are_apart(monkeypatch: pytest.MonkeyPatch
 
 @pytest.mark.parametrize("method", ["taau", "classifier"])
 def test_most_of_the_scene_at_rest_is_frozen(method: str) -> None:
-    upscaler = hashes._upscaler(Subject(method, None, "cpu", "auto", True), SIZES[0][1])
+    upscaler = hashes._upscaler(ModelRun(method, None, "cpu", "auto", True), SIZES[0][1])
     for frame in scene(*SIZES[0], still=True):
         upscaler.step(frame)
     assert (upscaler.stats.converged or 0.0) > 0.5

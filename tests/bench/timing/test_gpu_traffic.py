@@ -7,7 +7,7 @@ from supersampler.backends.gpu.program import TEXTURES
 from supersampler.backends.gpu.shader import Binding, Shader
 from supersampler_bench.specs import Spec, parse_spec
 from supersampler_bench.timing.gpu_traffic import accesses, count_gpu, part_of, pass_costs, products_of
-from supersampler_bench.timing.traffic import Gpu, SizeTraffic, Traffic, TrafficRecord, min_ms
+from supersampler_bench.timing.traffic import GpuFigures, SizeTraffic, Traffic, TrafficRecord, min_ms
 
 RENDER, DISPLAY = (64, 36), (128, 72)
 CODE = """
@@ -26,7 +26,7 @@ def test_a_declared_part_is_pixels_of_sixteen_bytes_a_thread() -> None:
 
 
 def test_a_step_is_bound_by_bandwidth_or_by_arithmetic_whichever_takes_longer() -> None:
-    gpu = Gpu("test", bandwidth=500.0, multiply_adds=10.0)
+    gpu = GpuFigures("test", bandwidth=500.0, multiply_adds=10.0)
     assert min_ms(gpu, 1_000_000_000, 0) == pytest.approx(2.0)
     assert min_ms(gpu, 0, 120_000_000_000) == pytest.approx(3.0)
     assert min_ms(gpu, 1_000_000_000, 120_000_000_000) == pytest.approx(3.0)

@@ -15,8 +15,8 @@ from supersampler_bench.quality.scores import Alternated, MethodRow, ShotRow
 from supersampler_bench.report.figures import draw_pareto
 from supersampler_bench.specs import Spec, parse_spec
 from supersampler_bench.timing.pareto import (
+    ParetoPoint,
     ParetoRecord,
-    Point,
     best_within,
     frontier,
     measure_pareto,
@@ -31,9 +31,9 @@ PSNR, FLIP = CLIP_COLUMNS[0], CLIP_COLUMNS[2]
 SCORES = st.lists(st.tuples(st.floats(0.1, 100.0), st.floats(10.0, 50.0)), min_size=1, max_size=8)
 
 
-def point(word: str, milliseconds: float, psnr: float, ratio: float = 2.0) -> Point:
+def point(word: str, milliseconds: float, psnr: float, ratio: float = 2.0) -> ParetoPoint:
     scores = {"psnr": psnr, "flip": 1.0 / psnr}
-    return Point(word, "cpu, fp32", ratio, milliseconds, scores)
+    return ParetoPoint(word, "cpu, fp32", ratio, milliseconds, scores)
 
 
 KNOWN = [
