@@ -112,7 +112,8 @@ class BenchRecord:
     def to_json(self) -> dict[str, Any]:
         """Return all values, ready for JSON."""
         values = asdict(self)
-        return {"bench": self.BENCH, **values, **values.pop("provenance")}
+        provenance = values.pop("provenance")
+        return {"bench": self.BENCH, **values, **provenance}
 
     @classmethod
     def adapted(cls, data: JsonRecord) -> JsonRecord:
