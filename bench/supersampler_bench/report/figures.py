@@ -131,7 +131,7 @@ def _panels(
     panels = figure.subplots(rows, columns, squeeze=False, sharex=sharex).ravel()
     for axes in panels[count:]:
         axes.remove()
-    yield panels[:count]
+    yield list(panels[:count])
     if legend:
         handles, labels = panels[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=min(len(labels), legend))
