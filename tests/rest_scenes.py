@@ -196,11 +196,23 @@ PATTERNS = st.one_of(
 )
 """Stripes along an axis are left out: where they scroll by half their length a frame, their samples are those
 of a finer pattern that stands still, as every second jitter lies on one side of the pixel."""
+
+
+def _blinking(frames: int, low: float) -> Light:
+    return lambda t: 1.0 if t // frames % 2 else low
+
+
+def _flashing(frames: int, low: float) -> Light:
+    return lambda t: low if t % frames else 1.5
+
+
+IN_STEP = (2, 3, 4, 8, 9, 16, 18, 32)
+"""Divisors of the periods of the jitter at ratios 1.5 and 2."""
 LIGHTS = st.one_of(
     st.just(lambda _: 1.0),
     st.builds(_fade, st.integers(0, 70), st.sampled_from([1, 2, 8, 32, 64, 200]), _shares),
-    st.builds(lambda p, low: lambda t: 1.0 if t // p % 2 else low, st.integers(2, 20), _shares),
-    st.builds(lambda p, low: lambda t: low if t % p else 1.5, st.integers(2, 40), _shares),
+    st.builds(_blinking, st.sampled_from([n for n in range(2, 20) if n not in IN_STEP]), _shares),
+    st.builds(_flashing, st.sampled_from([n for n in range(2, 40) if n not in (*IN_STEP, 6)]), _shares),
     st.builds(
         lambda p, a: lambda t: 1.0 + a * np.sin(2 * np.pi * t / p),
         st.one_of(st.sampled_from([16, 18, 31, 32, 33, 48, 64]), st.floats(4.0, 90.0)),
@@ -209,15 +221,27 @@ LIGHTS = st.one_of(
     st.builds(lambda rate: lambda t: 1.0 + rate * t, st.floats(-0.004, 0.004)),
     st.builds(_hue, st.floats(10.0, 90.0)),
 )
-"""Light that is on in every second frame is left out: a pattern of half a pixel would have its samples."""
-SCENES = st.builds(
-    RestScene,
-    PATTERNS,
-    LIGHTS,
-    st.sampled_from(["all", "spot", "edge"]),
-    st.sampled_from([0.0, 0.0, 0.1, 0.2, 0.37, 1.0, 1.5]),
-    st.sampled_from([0.0, 0.0, 0.0, 0.0038]),
-    st.sampled_from([False, False, True]),
-    st.sampled_from([(48, 32), (37, 27)]),
-    st.sampled_from([1.5, 2.0]),
+LIGHTS_IN_STEP = st.one_of(
+    st.builds(_blinking, st.sampled_from(IN_STEP), _shares),
+    st.builds(_flashing, st.sampled_from(IN_STEP), _shares),
 )
+"""In a few samples, light that blinks with a divisor of the jitter's period looks like a fine pattern: it is
+drawn for the whole wall alone. Light that is on in every second frame is left out: a pattern of half a pixel
+would have its samples."""
+
+
+def _scenes(lights: st.SearchStrategy[Light], places: list[str]) -> st.SearchStrategy[RestScene]:
+    return st.builds(
+        RestScene,
+        PATTERNS,
+        lights,
+        st.sampled_from(places),
+        st.sampled_from([0.0, 0.0, 0.1, 0.2, 0.37, 1.0, 1.5]),
+        st.sampled_from([0.0, 0.0, 0.0, 0.0038]),
+        st.sampled_from([False, False, True]),
+        st.sampled_from([(48, 32), (37, 27)]),
+        st.sampled_from([1.5, 2.0]),
+    )
+
+
+SCENES = _scenes(LIGHTS, ["all", "spot", "edge"]) | _scenes(LIGHTS_IN_STEP, ["all"])

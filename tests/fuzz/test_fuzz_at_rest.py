@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from fuzzing import examples
 from gpu_steps import device_or_skip
-from rest_scenes import SCENES, RestScene, wave, worse_by
+from rest_scenes import SCENES, RestScene, stripes, wave, worse_by
 from supersampler import Model, Upscaler
 
 MEAN, QUANTILE = 1.0, 4.0
@@ -70,3 +70,12 @@ def test_nor_is_it_on_the_gpu(scene: RestScene, method: str) -> None:
 def test_a_spot_that_blinks_with_every_other_jitter_is_not_averaged(executor: str) -> None:
     scene = RestScene(wave, lambda t: 1.0 if t % 2 else 0.3, place="spot", ratio=1.5)
     assert_never_worse(scene, "taau", executor)
+
+
+@pytest.mark.parametrize("executor", ["cpu", "onnx"])
+@pytest.mark.parametrize("render", [(48, 32), (37, 27)])
+def test_a_spot_that_blinks_on_fine_stripes_is_not_averaged_in_part(
+    executor: str, render: tuple[int, int]
+) -> None:
+    scene = RestScene(stripes(3.0, 1.0), lambda t: 1.0 if t // 2 % 2 else 0.125, place="spot", render=render)
+    assert_never_worse(scene, "classifier", executor)

@@ -61,16 +61,16 @@ UNIFORM, COMMON = 0.8, 0.06
 """Mean square residual of the small and of the large window, over the variance of the residuals in it, above
 which light changes with the jitter. Of static scenes nearly all windows are below 0.6 and 0.02; light that
 changes by one factor has the reciprocal of the squared contrast of the ground, and f / (1 - f) where it
-changes in a part f of a window."""
-BLATANT = 2.5
-"""Mean square residual of the small window, over the variance of the residuals in it, above which light is
-taken to change in the windows around it, too: they have a part of what changes."""
+changes in a part f of a window. So the small windows around one above UNIFORM count as above it, too."""
 UNRESOLVED = 0.85
 """Variance of the residuals in a small window, over that of the samples, above which the mean says nothing of
 the samples: they are of a pattern that moves in step with the jitter. Patterns reach 0.8 where they stand."""
 SPARKLING = 2.0
 """Variance of the samples, over the square of their mean, above which single bright samples stand out. There
 the limit rises towards 1."""
+BESIDE = 0.05
+"""Part of the largest variance of the samples in the windows around that is added to that in a window: pixels
+of the mean at a window's border hold samples from beyond it."""
 NOISE_RATE = 0.125
 """Part of a frame in the running mean of the residuals of noisy samples."""
 NOISE_FLICKER, NOISE_SIGMAS = 0.05, 5.0

@@ -27,7 +27,7 @@ from supersampler.backends.cpu.tiles import Bool, dilated, runs_of, scaled
 from supersampler.frame import Float32, Frame, Size
 from supersampler.methods.at_rest import (
     AT_REST_HISTORY,
-    BLATANT,
+    BESIDE,
     BLOCK,
     COMMON,
     DARK,
@@ -351,9 +351,12 @@ class AtRest:
             return kept
         if not verifies.any():
             return np.zeros_like(kept)
-        wanted = spread(windowed(verifies, WINDOWS[1]), WINDOWS[1], verifies.shape) & (history.ages != 0.0)
-        rows, columns = windows_around(wanted)
-        sums = self._sums(seen, history, wanted)[:, rows, columns]
+        near = windowed(
+            dilated(verifies, WINDOWS[0]), WINDOWS[1]
+        )  # large windows with a small one that is read
+        read = spread(near, WINDOWS[1], verifies.shape) & (history.ages != 0.0)
+        rows, columns = windows_around(read)
+        sums = self._sums(seen, history, read)[:, rows, columns]
         steadiness = steadiness_of(windows_of(sums, WINDOWS[0]), windows_of(sums, WINDOWS[1]), seen.dark)
         tests = np.zeros_like(history.tests)
         tests[:, rows, columns] = history.tests[:, rows, columns] + steadiness
@@ -576,11 +579,12 @@ def windows_of(sums: Float32, side: int) -> Windows:
 
 def steadiness_of(small: Windows, large: Windows, dark: float) -> Float32:
     """Return how far residuals are over the limits, (3, down, across); see `steadiness` in torch."""
+    uniform = _excess(small.square, small.variance, UNIFORM, small, dark)
     sparkling = np.maximum(small.contrast - SPARKLING * np.square(small.level), 0.0)
-    explained = small.contrast + (1.0 / UNRESOLVED - 1.0) * sparkling
-    around = _widened(_excess(small.square, small.variance, BLATANT, small, dark), WINDOWS[0])
+    contrast = small.contrast + np.float32(BESIDE) * _widened(small.contrast, WINDOWS[0])
+    explained = contrast + np.float32(1.0 / UNRESOLVED - 1.0) * sparkling
     tests = [
-        np.maximum(_excess(small.square, small.variance, UNIFORM, small, dark), around),
+        _widened(uniform, WINDOWS[0]),
         _excess(large.square, large.variance, COMMON, large, dark),
         _excess(small.variance, explained, UNRESOLVED, small, dark),
     ]

@@ -8,7 +8,7 @@ from supersampler.backends.gpu.history import Plane, of_plane
 from supersampler.backends.gpu.program import PassSpec
 from supersampler.backends.gpu.shader import Constants
 from supersampler.methods.at_rest import (
-    BLATANT,
+    BESIDE,
     BLOCK,
     COMMON,
     DARK,
@@ -42,9 +42,9 @@ REST_CONSTANTS: Constants = {
     "PHASES_PER_SAMPLE": PHASES_PER_SAMPLE, "SPARE_PHASES": SPARE_PHASES, "TOLERANCE": TOLERANCE,
     "DARK": DARK, "INNER": INNER, "OUTER": OUTER, "SHOWN_FROM": SHOWN_FROM, "SHOWN": SHOWN,
     "LEAST_WEIGHT": LEAST_WEIGHT,
-    "FLICKER": FLICKER, "UNIFORM": UNIFORM, "BLATANT": BLATANT, "COMMON": COMMON, "UNRESOLVED": UNRESOLVED,
-    "SPARKLING": SPARKLING, "NOISY": NOISY, "NOISE_RATE": NOISE_RATE, "NOISE_FLICKER": NOISE_FLICKER,
-    "NOISE_SIGMAS": NOISE_SIGMAS, "NOISE_WEIGHT": NOISE_WEIGHT,
+    "FLICKER": FLICKER, "UNIFORM": UNIFORM, "COMMON": COMMON, "UNRESOLVED": UNRESOLVED,
+    "BESIDE": BESIDE, "SPARKLING": SPARKLING, "NOISY": NOISY, "NOISE_RATE": NOISE_RATE,
+    "NOISE_FLICKER": NOISE_FLICKER, "NOISE_SIGMAS": NOISE_SIGMAS, "NOISE_WEIGHT": NOISE_WEIGHT,
     **dict(zip(("SMALL_WINDOW", "LARGE_WINDOW"), WINDOWS, strict=True)),
 }  # fmt: skip
 """Constants of methods/at_rest.py for the shaders."""

@@ -66,26 +66,27 @@ fn excess(square: f32, variance: f32, ratio: f32, window: Window) -> f32 {
 
 fn square(window: Window) -> f32 { return dot(window.residuals, window.residuals); }
 
-// How far the residuals of the small windows around a block are over BLATANT.
-fn blatant_around(block: vec2i, origin: vec2i) -> f32 {
-    var most = -OLDEST;
+// Maxima over the small window of a block and those around it: how far residuals are over UNIFORM, and the contrast.
+fn windows_around(block: vec2i, origin: vec2i) -> vec2f {
+    var most = vec2f(-OLDEST, 0.0);
     for (var i = 0; i < 9; i++) {
         let near = block / SMALL_WINDOW * SMALL_WINDOW + SMALL_WINDOW * vec2i(i % 3 - 1, i / 3 - 1);
         if (!inside(near, blocks_size())) { continue; }
         let window = window_of(near, origin, SMALL_WINDOW);
-        most = max(most, excess(square(window), window.variance, BLATANT, window));
+        most = max(most, vec2f(excess(square(window), window.variance, UNIFORM, window), window.contrast));
     }
     return most;
 }
 
-// How far the residuals are over UNIFORM, COMMON and UNRESOLVED; below 0 is steady.
+// How far the residuals are over UNIFORM, here or in a window beside it, COMMON and UNRESOLVED; below 0 is steady.
 fn steadiness(block: vec2i, origin: vec2i) -> vec3f {
     let small = window_of(block, origin, SMALL_WINDOW);
     let large = window_of(block, origin, LARGE_WINDOW);
+    let around = windows_around(block, origin);
     let sparkling = max(small.contrast - SPARKLING * small.level * small.level, 0.0);
-    let explained = small.contrast + (1.0 / UNRESOLVED - 1.0) * sparkling;
+    let explained = small.contrast + BESIDE * around.y + (1.0 / UNRESOLVED - 1.0) * sparkling;
     return vec3f(
-        max(excess(square(small), small.variance, UNIFORM, small), blatant_around(block, origin)),
+        around.x,
         excess(square(large), large.variance, COMMON, large),
         excess(small.variance, explained, UNRESOLVED, small));
 }
