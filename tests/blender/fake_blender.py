@@ -51,7 +51,7 @@ def main() -> None:
     if "crash" in plan:
         print("Writing: /tmp/scene.crash.txt", flush=True)
         os.abort()
-    report(note=plan.get("note", "motion blur is off: it blurs what the history must follow"))
+    report(note=plan.get("note", "motion blur is off: blurred frames cannot be reprojected"))
     report(scene=record["scene"] | plan.get("scene", {}))
     first, last = settings["frames"] or record["scene"]["numbers"]
     for number in range(first + settings["complete"], last + 1):

@@ -237,8 +237,8 @@ def test_a_video_shows_the_frames_as_blender_shows_them_at_the_rate_of_the_scene
     ("scene", "options", "message"),
     [
         ({"camera": False}, (), "has no active camera: add one"),
-        ({}, ("--camera", "Other"), "no camera is named 'Other'; there are Camera"),
-        ({}, ("--scene", "Other"), "no scene is named 'Other'; there are Scene"),
+        ({}, ("--camera", "Other"), "no camera is named 'Other'; the scene has Camera"),
+        ({}, ("--scene", "Other"), "no scene is named 'Other'; the file has Scene"),
         ({"camera_type": "ORTHO"}, ("--engine", "workbench"), "no motion of an orthographic camera"),
         (
             {"markers": [[5, "Camera"], [7, "Other"]]},

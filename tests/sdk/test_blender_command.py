@@ -161,8 +161,8 @@ def test_what_blender_says_of_a_scene_is_one_line(tmp_path: Path, plan: dict[str
 
 def test_a_program_that_is_no_blender_is_named(tmp_path: Path) -> None:
     line = one_line(blender(tmp_path, program=sys.executable))
-    assert f"{sys.executable} is no Blender, and cannot import bpy" in line
-    assert "--blender is nowhere, which is no program" in one_line(blender(tmp_path, program="nowhere"))
+    assert f"{sys.executable} is not Blender, and cannot import bpy" in line
+    assert "--blender is nowhere, which is not a program" in one_line(blender(tmp_path, program="nowhere"))
     other = fake_blender(tmp_path)
     other.write_text("#!/bin/sh\n")
     assert "before the first frame: Blender ended with code 0" in one_line(blender(tmp_path, program=other))

@@ -10,33 +10,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner, Result
 
 from supersampler import Frame
-from supersampler.cli import app
 from supersampler.conventions import Conventions
 from supersampler.io.images import read_exr, write_exr
 from supersampler.io.shot import Shot, ShotWriter
 from supersampler.methods.registry import methods
 from supersampler.upscaler import Upscaler
-from upscale_runs import interrupt_at
+from upscale_runs import interrupt_at, refusal, run
 
 COUNT = 6
 CUT = 3
 SHIPPED = "plaza"
 UPSCALE = ("upscale", SHIPPED, "-o", "x")
 HEAVY = ("onnxruntime", "numba", "OpenImageIO", "torch")
-
-
-def run(*arguments: object) -> Result:
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
-
-
-def one_line(result: Result) -> str:
-    """The error, once it is sure that it is one line and the exit code 1."""
-    assert (result.exit_code, result.stderr.count("\n")) == (1, 1)
-    assert result.stderr.startswith("error: ")
-    return str(result.stderr)
 
 
 def frame(index: int) -> Frame:
@@ -158,7 +145,7 @@ def test_a_page_that_is_asked_for_later_has_all_frames(shot: Path, tmp_path: Pat
 def test_other_settings_need_overwrite(shot: Path, tmp_path: Path) -> None:
     run("upscale", shot, "-o", tmp_path / "out", "--format", "png")
     other = ("upscale", shot, "-o", tmp_path / "out", "--method", "bilinear", "--scale", "1")
-    message = one_line(run(*other))
+    message = refusal(*other)
     assert "method was classifier, is now bilinear" in message
     assert "--overwrite" in message
     assert run(*other, "--overwrite").exit_code == 0
@@ -171,9 +158,7 @@ def test_overwrite_keeps_what_is_there_until_the_new_settings_are_known_to_do(
 ) -> None:
     run("upscale", shot, "-o", tmp_path / "out")
     before = image_files(tmp_path / "out")
-    assert "want a ratio from" in one_line(
-        run("upscale", shot, "-o", tmp_path / "out", "--scale=9", "--overwrite")
-    )
+    assert "want a ratio from" in refusal("upscale", shot, "-o", tmp_path / "out", "--scale=9", "--overwrite")
     assert image_files(tmp_path / "out") == before
 
 
@@ -185,8 +170,8 @@ def test_a_doubtful_frame_is_named(tmp_path: Path) -> None:
     warned = run("upscale", tmp_path / "shot", "-o", tmp_path / "out")
     assert warned.exit_code == 0
     assert "warning: frame 1: frame.color" in warned.stderr
-    stopped = run("upscale", tmp_path / "shot", "-o", tmp_path / "strict", "--validate", "strict")
-    assert f"{tmp_path / 'shot'}: frame 1: frame.color" in one_line(stopped)
+    message = refusal("upscale", tmp_path / "shot", "-o", tmp_path / "strict", "--validate", "strict")
+    assert f"{tmp_path / 'shot'}: frame 1: frame.color" in message
     assert list(image_files(tmp_path / "strict")) == ["0000.exr"]
 
 
@@ -218,7 +203,7 @@ def test_bad_arguments_are_one_line(
     arguments: tuple[str, ...], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert message in one_line(run(*arguments))
+    assert message in refusal(*arguments)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -314,7 +299,7 @@ def test_import_by_a_channel_map(tmp_path: Path) -> None:
     channel_map = {"color": ["R", "G", "B"], "depth": "Z", "motion": ["U", "V"]}
     (tmp_path / "map.json").write_text(json.dumps(channel_map))
     arguments = ("import", tmp_path / "renders", "-o", tmp_path / "shot", "--channels", tmp_path / "map.json")
-    assert "--conventions is left out; want given" in one_line(run(*arguments))
+    assert "--conventions is left out; want given" in refusal(*arguments)
     done = run(*arguments, "--conventions", '{"motion_unit": "uv"}', "--frame-rate", "25", "--cuts", "1")
     assert done.exit_code == 0
     written = Shot.open(tmp_path / "shot")

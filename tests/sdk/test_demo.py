@@ -3,11 +3,10 @@
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner, Result
 
-from supersampler.cli import app
 from supersampler.cli.results import DEMO, SOURCE, read_run_record
 from supersampler.io.shot import Shot
+from upscale_runs import run
 
 
 @pytest.fixture(autouse=True)
@@ -15,10 +14,6 @@ def short(monkeypatch: pytest.MonkeyPatch) -> None:
     """Demos of two frames."""
     whole = Shot.open
     monkeypatch.setattr(Shot, "open", lambda path: whole(path).cropped(0, 1))
-
-
-def run(*arguments: object) -> Result:
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
 def images(folder: Path) -> dict[str, bytes]:

@@ -5,13 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner, Result
+from typer.testing import Result
 
 from lit_scene import LitScene
 from supersampler import Shot, Upscaler, halton_jitter
-from supersampler.cli import app
 from supersampler.io.images import read_exr
 from supersampler.io.shot import ShotWriter
+from upscale_runs import run
 
 SIZE, DISPLAY, PATTERN = (64, 36), (128, 72), "suusu"
 
@@ -27,10 +27,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
                 scene.frame(index, SIZE, frame.jitter, **over), reference=scene.truth(index, DISPLAY)
             )
     return path
-
-
-def run(*arguments: object) -> Result:
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
 def said(result: Result) -> str:

@@ -6,15 +6,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner, Result
+from typer.testing import Result
 
 from gbuffer_method import RATIO, WANTED, exported, lit
 from noise import noise
 from supersampler import Conventions, Shot, ShotError, Upscaler
-from supersampler.cli import app
 from supersampler.io.images import read_exr, write_exr
 from supersampler.io.shot import ShotWriter, import_channels
 from supersampler.methods.gbuffers import GBUFFERS, names_of
+from upscale_runs import run
 
 RENDER, DISPLAY, FRAMES = (32, 18), (64, 36), 3
 
@@ -44,10 +44,6 @@ def broken(folder: Path, tmp_path: Path) -> Path:
             content = file.read_bytes()
             copy.write_bytes(content[: len(content) // 2] if "display" in file.parts else content)
     return tmp_path / "broken"
-
-
-def run(*arguments: object) -> Result:
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
 def said(result: Result) -> str:

@@ -17,7 +17,7 @@ ROOT = Path(__file__).parents[2]
 OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]+")
 CALL = re.compile(r"`supersampler (\w+)([^`]*)")
 OTHERS = {"--help", "--version", "--debug"} | {
-    "--abbrev", "--error-unmatch", "--exclude",  # git
+    "--abbrev", "--always", "--dirty", "--error-unmatch", "--exclude",  # git
     "--ignore-scripts", "--no-audit", "--no-fund",  # npm
     "--background", "--python", "--python-exit-code",  # Blender
     "--collect-all", "--no-python", "--nproc-per-node",  # PyInstaller, torchrun

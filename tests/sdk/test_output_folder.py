@@ -8,28 +8,18 @@ from typing import Any
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner, Result
+from typer.testing import Result
 
 from noise import noise
 from supersampler import ShotError
-from supersampler.cli import app
 from supersampler.cli.results import ImageOptions, OutputImage, Results, read_run_record
 from supersampler.io.images import read_exr, write_exr
 from supersampler.io.shot import Shot, ShotWriter, copy_shot
+from upscale_runs import refusal, run
 
 COUNT = 4
 FOREIGN = "upscale.json does not list it"
 IMAGE = np.zeros((4, 6, 3), np.float32)
-
-
-def run(*arguments: object) -> Result:
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
-
-
-def one_line(result: Result) -> str:
-    assert (result.exit_code, result.stderr.count("\n")) == (1, 1), result.output
-    assert result.stderr.startswith("error: ")
-    return str(result.stderr)
 
 
 def content(folder: Path) -> dict[str, bytes | str]:
@@ -53,6 +43,10 @@ def upscale(shot: Path, output: Path, *options: object) -> Result:
     return run("upscale", shot, "-o", output, "--method", "bilinear", *options)
 
 
+def refused(shot: Path, output: Path, *options: object) -> str:
+    return refusal("upscale", shot, "-o", output, "--method", "bilinear", *options)
+
+
 @pytest.mark.parametrize("where", ["shot", "shot/out", ".", "link", "link/out"])
 @pytest.mark.parametrize("options", [(), ("--overwrite",)])
 def test_a_folder_that_is_holds_or_lies_in_the_shot_is_refused_and_nothing_changes(
@@ -61,7 +55,7 @@ def test_a_folder_that_is_holds_or_lies_in_the_shot_is_refused_and_nothing_chang
     (shot.parent / "link").symlink_to("shot")
     before = content(shot.parent)
     for source in (shot, shot / "shot.json"):
-        assert "the input" in one_line(upscale(source, shot.parent / where, *options))
+        assert "the input" in refused(source, shot.parent / where, *options)
     assert content(shot.parent) == before
 
 
@@ -104,7 +98,7 @@ def test_a_foreign_file_in_the_way_is_named_and_nothing_changes(
         case _:
             path.symlink_to(shot / "0001.exr" if kind == "link" else "nowhere")
     before = content(tmp_path)
-    assert f"{path}: is there already, and {FOREIGN}" in one_line(upscale(shot, out, *options))
+    assert f"{path}: is there already, and {FOREIGN}" in refused(shot, out, *options)
     assert content(tmp_path) == before
 
 
@@ -128,10 +122,10 @@ def test_a_page_of_others_is_not_replaced(shot: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     out.mkdir()
     (out / "compare.html").write_text("mine")
-    assert f"compare.html: is there already, and {FOREIGN}" in one_line(upscale(shot, out, "--compare"))
+    assert f"compare.html: is there already, and {FOREIGN}" in refused(shot, out, "--compare")
     assert content(out) == {"compare.html": b"mine"}
     assert upscale(shot, out).exit_code == 0
-    assert f"compare.html: is there already, and {FOREIGN}" in one_line(upscale(shot, out, "--compare"))
+    assert f"compare.html: is there already, and {FOREIGN}" in refused(shot, out, "--compare")
     assert (out / "compare.html").read_text() == "mine"
 
 
@@ -182,7 +176,7 @@ def test_a_record_that_does_not_list_its_files_is_refused_with_what_to_do(shot: 
     (out / "upscale.json").write_text(json.dumps(settings))
     before = content(out)
     for options in ((), ("--overwrite",)):
-        message = one_line(upscale(shot, out, *options))
+        message = refused(shot, out, *options)
         assert "does not list the files of its run: it is of an earlier version" in message
         assert "Remove the files of that run and upscale.json yourself, or choose another folder." in message
         assert content(out) == before
@@ -207,7 +201,7 @@ def test_a_record_that_lists_what_no_run_writes_removes_nothing(
     (tmp_path / "victim").write_text("kept")
     write_exr(tmp_path / "0001.exr", IMAGE)
     before = content(tmp_path)
-    assert "upscale.json: " in one_line(upscale(shot, out, "--overwrite"))
+    assert "upscale.json: " in refused(shot, out, "--overwrite")
     assert content(tmp_path) == before
 
 
@@ -221,7 +215,7 @@ def test_links_in_the_place_of_listed_files_are_neither_followed_nor_removed(
     (out / linked).rename(elsewhere)
     (out / linked).symlink_to(elsewhere)
     before = content(tmp_path)
-    assert "upscale.json does not list it" in one_line(upscale(shot, out, *formats, "--overwrite"))
+    assert "upscale.json does not list it" in refused(shot, out, *formats, "--overwrite")
     assert content(tmp_path) == before
 
 
@@ -264,7 +258,7 @@ def test_what_is_in_the_way_of_a_recording_is_named_and_kept(
         recording.write_bytes(b"mine")
     before = content(tmp_path)
     for options in ((), ("--overwrite",)):
-        message = one_line(upscale(shot, out, *options, "--record", recording))
+        message = refused(shot, out, *options, "--record", recording)
         assert f"{recording}: is there already, and is no recording of an earlier run into {out}" in message
     assert content(tmp_path) == before
 
@@ -272,7 +266,7 @@ def test_what_is_in_the_way_of_a_recording_is_named_and_kept(
 @pytest.mark.parametrize("name", ["new.recording", "0001.exr", "shot.json"])
 def test_a_recording_into_the_shot_is_refused(shot: Path, tmp_path: Path, name: str) -> None:
     before = content(tmp_path)
-    assert "lies in the input" in one_line(upscale(shot, tmp_path / "out", "--record", shot / name))
+    assert "lies in the input" in refused(shot, tmp_path / "out", "--record", shot / name)
     assert content(tmp_path) == before
 
 
@@ -281,21 +275,19 @@ def test_a_run_that_cannot_begin_keeps_the_recording_of_the_one_before(
 ) -> None:
     before = content(tmp_path)
     for options in (("--method", "taau"), ("--scale", "99"), ("--method", "nope")):
-        one_line(upscale(shot, tmp_path / "out", "--record", recording, *options))
+        refused(shot, tmp_path / "out", "--record", recording, *options)
     assert content(tmp_path) == before
 
 
 def test_a_replay_writes_beside_its_recording_only_into_a_folder_of_its_own(
     recording: Path, tmp_path: Path
 ) -> None:
-    assert "holds the input" in one_line(run("replay", recording, "-o", tmp_path))
+    assert "holds the input" in refusal("replay", recording, "-o", tmp_path)
     out = tmp_path / "again"
     for name in ("0003.exr", "recorded/0003.exr"):
         (out / name).parent.mkdir(parents=True, exist_ok=True)
         (out / name).write_bytes(b"mine")
-        assert f"{out / name}: is there already, and {FOREIGN}" in one_line(
-            run("replay", recording, "-o", out)
-        )
+        assert f"{out / name}: is there already, and {FOREIGN}" in refusal("replay", recording, "-o", out)
         assert (out / name).read_bytes() == b"mine"
         (out / name).unlink()
     assert run("replay", recording, "-o", out).exit_code == 0
@@ -318,7 +310,7 @@ def test_an_import_into_its_source_is_refused(shot: Path, where: str) -> None:
         ' "conventions": {}}'
     )
     before = content(shot.parent)
-    assert "the input" in one_line(run("import", shot, "-o", shot.parent / where))
+    assert "the input" in refusal("import", shot, "-o", shot.parent / where)
     assert content(shot.parent) == before
 
 

@@ -5,19 +5,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner, Result
 
 from noise import noise
 from supersampler import Upscaler
-from supersampler.cli import app
 from supersampler.io.images import read_exr
 from supersampler.io.shot import ShotWriter
+from upscale_runs import run
 
 COUNT = 4
-
-
-def run(*arguments: object) -> Result:
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
 @pytest.fixture

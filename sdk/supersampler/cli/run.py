@@ -139,7 +139,8 @@ class _Run:
         if video:
             results.end_file(results.video, len(self._plan.numbers))
         wall, cpu, stats = time.perf_counter() - began, time.process_time() - cpu, self._upscaler.stats
-        rates = f"{stats.frames / wall:.1f} per second; the method alone {stats.frames / stats.seconds:.1f}"
+        rate, step_rate = stats.frames / wall, stats.frames / stats.seconds
+        rates = f"{rate:.1f} per second; without reading and writing {step_rate:.1f}"
         job.console.print(f"{stats.frames} frames in {wall:.1f} s: {rates}")
         if stats.extrapolated:
             each = stats.extrapolation_seconds / stats.extrapolated

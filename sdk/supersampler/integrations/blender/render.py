@@ -438,14 +438,16 @@ def find_blender(path: str | None = None) -> str:
         found = shutil.which(path)
         if found is None:
             want = "the path of Blender, or of a Python that has bpy"
-            raise ArgumentError("--blender", got=f"{path}, which is no program", want=want)
+            raise ArgumentError("--blender", got=f"{path}, which is not a program", want=want)
         return found
     root = Path(Path.home().anchor)
     places = (sorted(root.glob(place.lstrip("/"))) for place in _INSTALL_PATHS.get(sys.platform, ()))
     found = shutil.which("blender") or next((str(hit) for hits in places for hit in reversed(hits)), None)
     if found is None:
         hint = "Install it from blender.org, or `pip install bpy` with Python 3.11."
-        raise ArgumentError("--blender", got="left out, and no Blender was found", want="its path", hint=hint)
+        raise ArgumentError(
+            "--blender", got="not given, and no Blender was found", want="its path", hint=hint
+        )
     return found
 
 

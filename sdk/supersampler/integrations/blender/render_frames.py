@@ -1,4 +1,4 @@
-"""Render the frames of a scene small and with jitter. Runs inside Blender without supersampler.
+"""Render the frames of a scene at low resolution with jitter. Runs inside Blender without supersampler.
 
     SUPERSAMPLER_RENDER='{...}' blender --background --python-exit-code 1 --python render_frames.py
 
@@ -28,21 +28,21 @@ def report(**content: object) -> None:
 try:
     import bpy
 except ImportError as error:
-    report(error=f"{sys.executable} is no Blender, and cannot import bpy: {error}")
+    report(error=f"{sys.executable} is not Blender, and cannot import bpy: {error}")
     sys.exit(1)
 
 OLDEST = (3, 6)  # Blender
 PASSES = ("use_pass_combined", "use_pass_z", "use_pass_vector", "use_pass_normal", "use_pass_diffuse_color")
 SAMPLES = 16  # of a pixel in Cycles, denoised: docs/tutorials/blender.md compares
-EXACT_FILTER = ("BLACKMAN_HARRIS", 0.01)  # pixels: each is one place. The width of BOX is always 1.
+EXACT_FILTER = ("BLACKMAN_HARRIS", 0.01)  # width in pixels: one position; that of BOX is always 1
 
 
 class SceneError(Exception):
-    """The scene cannot be rendered so; the text says why and what to do."""
+    """The scene cannot be rendered with these settings; the text says why and what to do."""
 
 
 def main(settings: dict[str, Any]) -> None:
-    """Render what the settings say.
+    """Render with these settings.
 
     Args:
         settings: "blend": file to open; "folder" to write to; "run": part of the files' temporary names;
@@ -54,7 +54,7 @@ def main(settings: dict[str, Any]) -> None:
             OIDN in Cycles, the scene's own elsewhere.
     """
     if bpy.app.version < OLDEST:
-        raise SceneError(f"Blender {bpy.app.version_string} is too old: 3.6 and later will do")
+        raise SceneError(f"Blender {bpy.app.version_string} is too old; use 3.6 or later")
     bpy.ops.wm.open_mainfile(filepath=settings["blend"], load_ui=False)
     if bpy.app.autoexec_fail:
         what = f"Python in the file is not run ({bpy.app.autoexec_fail_message})"
@@ -79,8 +79,10 @@ def main(settings: dict[str, Any]) -> None:
 def own_range(scene: Any) -> tuple[int, int]:
     """Return the numbers of the scene's first and last frame."""
     if scene.frame_step != 1:
-        problem = f"the scene renders each {scene.frame_step}th frame; motion leads to the frame before"
-        raise SceneError(f"{problem}: give --frames {scene.frame_start}-{scene.frame_end}")
+        problem = (
+            f"the scene renders every {scene.frame_step}th frame, but motion leads to the previous frame"
+        )
+        raise SceneError(f"{problem}: pass --frames {scene.frame_start}-{scene.frame_end}")
     return scene.frame_start, scene.frame_end
 
 
@@ -88,7 +90,7 @@ def chosen_scene(name: str | None) -> Any:
     """Return the scene of that name, shown in the window."""
     if name is not None:
         if name not in bpy.data.scenes:
-            raise SceneError(f"no scene is named {name!r}; there are {named(bpy.data.scenes)}")
+            raise SceneError(f"no scene is named {name!r}; the file has {named(bpy.data.scenes)}")
         if bpy.context.window is not None:
             bpy.context.window.scene = bpy.data.scenes[name]
         return bpy.data.scenes[name]
@@ -102,18 +104,18 @@ def choose_camera(scene: Any, name: str | None) -> None:
     if name is not None:
         found = [item for item in cameras if item.name == name]
         if not found:
-            raise SceneError(f"no camera is named {name!r}; there are {named(cameras)}")
+            raise SceneError(f"no camera is named {name!r}; the scene has {named(cameras)}")
         for marker in markers:
             marker.camera = None  # it would take the place of the one that is named
         scene.camera = found[0]  # last: each change of a marker chooses a camera
     if scene.camera is None:
-        hint = f"give --camera, one of {named(cameras)}" if cameras else "add one"
+        hint = f"pass --camera, one of {named(cameras)}" if cameras else "add one"
         raise SceneError(f"scene {scene.name!r} has no active camera: {hint}")
     if scene.camera.data.type == "PANO":
-        raise SceneError("a panoramic camera cannot be jittered; take a perspective or orthographic one")
+        raise SceneError("a panoramic camera cannot be jittered; use a perspective or orthographic one")
     if name is None and len({marker.camera.name for marker in markers}) > 1:
         switched = named([marker.camera for marker in markers])
-        raise SceneError(f"markers switch cameras ({switched}): render each part by --frames, --camera")
+        raise SceneError(f"markers switch cameras ({switched}): render each part with --frames and --camera")
 
 
 def set_engine(scene: Any, engine: str | None, samples: int | None, denoise: bool | None) -> None:
@@ -126,7 +128,7 @@ def set_engine(scene: Any, engine: str | None, samples: int | None, denoise: boo
         scene.cycles.use_adaptive_sampling = False
         scene.cycles.samples = SAMPLES if samples is None else samples
         scene.cycles.use_denoising = denoise is None or denoise
-        scene.cycles.denoising_prefilter = "NONE"  # one place a pixel: OIDN's guides have no noise
+        scene.cycles.denoising_prefilter = "NONE"  # one position per pixel: OIDN's guides have no noise
         if samples is None or denoise is None:
             what = f"{scene.cycles.samples} samples, {'' if scene.cycles.use_denoising else 'not '}denoised"
             report(note=f"Cycles renders {what}; --samples and --no-denoise change it")
@@ -136,18 +138,18 @@ def set_engine(scene: Any, engine: str | None, samples: int | None, denoise: boo
             scene.eevee.taa_render_samples = samples
     elif scene.render.engine == "BLENDER_WORKBENCH":
         if scene.camera.data.type == "ORTHO":
-            raise SceneError("Workbench writes no motion of an orthographic camera; give --engine eevee")
+            raise SceneError("Workbench writes no motion of an orthographic camera; use --engine eevee")
         scene.display.render_aa = "OFF"
     else:
         raise SceneError(
-            f"engine {scene.render.engine} is not supported; give --engine cycles, eevee or workbench"
+            f"engine {scene.render.engine} is not supported; use --engine cycles, eevee or workbench"
         )
     if scene.render.use_motion_blur:
         scene.render.use_motion_blur = False
-        report(note="motion blur is off: it blurs what the history must follow")
+        report(note="motion blur is off: blurred frames cannot be reprojected")
     if scene.camera.data.dof.use_dof:
         scene.camera.data.dof.use_dof = False
-        report(note="depth of field is off: blurred depth and motion belong to no place")
+        report(note="depth of field is off: blurred depth and motion cannot be reprojected")
 
 
 def choose_engine(scene: Any, engine: str) -> None:
@@ -167,7 +169,7 @@ def choose_engine(scene: Any, engine: str) -> None:
 
 
 def set_passes(scene: Any) -> str:
-    """Turn on the passes that are read, besides those that are on, and return the view layer's name."""
+    """Enable the passes that are read, in addition to others, and return the view layer's name."""
     layers = [layer for layer in scene.view_layers if layer.use]
     if not layers:
         raise SceneError(f"all view layers of scene {scene.name!r} are off: turn one on")
@@ -198,14 +200,14 @@ def set_size(scene: Any, display_size: list[int] | None, scale: float) -> tuple[
 
 
 def set_output(scene: Any) -> None:
-    """Write multilayer EXR, float, lossless, of the render alone."""
+    """Write lossless multilayer EXR of floats, without compositing."""
     render, image = scene.render, scene.render.image_settings
     if hasattr(image, "media_type"):  # Blender 5
         image.media_type = "MULTI_LAYER_IMAGE"
     image.file_format, image.color_depth, image.exr_codec = "OPEN_EXR_MULTILAYER", "32", "ZIP"
     render.use_file_extension, render.use_overwrite, render.use_placeholder = True, True, False
     if render.use_compositing and (getattr(scene, "compositing_node_group", None) or scene.use_nodes):
-        report(note="compositing is off: the upscaled frames are to be composited")
+        report(note="compositing is off: composite the upscaled frames")
     editor = scene.sequence_editor
     strips = editor and (getattr(editor, "strips", None) or getattr(editor, "sequences", None))
     if render.use_sequencer and strips:
@@ -217,10 +219,10 @@ def set_output(scene: Any) -> None:
 
 
 class CameraShift:
-    """The camera's lens shift: the artist's own of each frame, with the jitter added.
+    """The camera's lens shift: the scene's own in each frame plus the jitter.
 
     It is keyed on every frame (of the scene in memory), because rendering evaluates the animation again.
-    Blender's Vector pass holds no move of the shift, neither the jitter's nor an animated one's.
+    Blender's Vector pass contains no motion of the shift, neither of the jitter nor of an animation.
     """
 
     def __init__(self, scene: Any, numbers: range) -> None:
@@ -251,7 +253,7 @@ class CameraShift:
         return data.shift_x, data.shift_y
 
     def _pixels(self) -> tuple[float, float]:
-        """Return how many render pixels a shift of 1 is in x and y: the side that the sensor fits."""
+        """Return the render pixels of a shift of 1 in x and y: the side that the sensor fits."""
         render = self.scene.render
         width, height = render.resolution_x, render.resolution_y
         aspect = render.pixel_aspect_y / render.pixel_aspect_x
