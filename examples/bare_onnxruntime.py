@@ -1,9 +1,9 @@
-"""The images of `Upscaler` in fifty lines that do not import supersampler: what an engine's glue must do.
+"""Compute the images of `Upscaler` in fifty lines without supersampler: what an engine integration must do.
 
     python examples/bare_onnxruntime.py [MODEL_FOLDER SHOT_FOLDER OUT_FOLDER]
 
-A frame goes in as NCHW float32, `next.*` of one step as `history.*` of the following one, and all zeros mean
-no history. The contract is docs/contract.md.
+Inputs are NCHW float32. `next.*` outputs of a step are the `history.*` inputs of the next one; zeros mean no
+history. The contract is docs/contract.md.
 """
 
 import json

@@ -1,11 +1,11 @@
-"""Run exported SPIR-V with Vulkan alone: a whole host, which does not import supersampler.
+"""Run exported SPIR-V with Vulkan alone: a complete host that does not import supersampler.
 
     pip install vulkan
     supersampler export classifier --target spirv -o out/shaders
     python examples/raw_frames.py plaza out/raw
     python examples/bare_vulkan.py out/shaders out/raw out/images
 
-All that it knows is in upscaler.json. Images are raw half floats (height, width, RGBA), linear. It waits for
+It reads everything from upscaler.json. Images are raw half floats (height, width, RGBA), linear. It waits for
 each frame, and keeps all images in the layout GENERAL: simple, not fast.
 """
 
@@ -33,7 +33,7 @@ KINDS = {
     "storage-texture": vk.VK_DESCRIPTOR_TYPE_STORAGE_IMAGE,
 }
 GENERAL, COMPUTE = vk.VK_IMAGE_LAYOUT_GENERAL, vk.VK_PIPELINE_BIND_POINT_COMPUTE
-MOST = 64  # descriptors of each kind in a frame's pool, times passes
+MAX_DESCRIPTORS = 64  # of each kind, per pass
 
 
 class Memory(NamedTuple):
@@ -60,7 +60,7 @@ def main() -> None:
 
 
 class Gpu:
-    """A device with a queue for compute, and commands that run at once."""
+    """A device with a compute queue, whose commands run immediately."""
 
     def __init__(self) -> None:
         application = vk.VkApplicationInfo(apiVersion=vk.VK_MAKE_VERSION(1, 3, 0))
@@ -97,7 +97,7 @@ class Gpu:
         vk.vkQueueWaitIdle(self.queue)
 
     def barrier(self) -> None:
-        """Let all that follows see what was written before."""
+        """Make earlier writes visible to later commands."""
         every = vk.VK_PIPELINE_STAGE_ALL_COMMANDS_BIT
         written, seen = (
             vk.VK_ACCESS_MEMORY_WRITE_BIT,
@@ -186,7 +186,7 @@ class Host:
 
     def step(self, frame: dict[str, Any], files: dict[str, bytes]) -> bytes:
         """Upscale a frame, and return the image."""
-        gpu, held = self.gpu, list[Memory]()  # held: freed afterwards
+        gpu, held = self.gpu, list[Memory]()  # freed at the end
         commands = gpu.begin()
         if frame["reset"] or self.previous is None:
             held += self.history.values()
@@ -220,7 +220,7 @@ class Host:
         self.history = {}
         for history, following in self.about["history"]["pairs"]:
             self.history[history] = bound[following]
-            if before == frame["size"]:  # they swap: shaders write only a part of the signatures
+            if before == frame["size"]:  # they swap: shaders write only some of the signatures
                 self.history[following] = bound[history]
         self.previous = frame
         kept = {id(one) for one in self.history.values()}
@@ -229,7 +229,9 @@ class Host:
         return image
 
     def _encode(self, commands: Any, bound: dict[str, Memory], sizes: dict[str, list[int]]) -> Any:
-        kinds = [vk.VkDescriptorPoolSize(kind, MOST * len(self.passes)) for kind in {*KINDS.values()}]
+        kinds = [
+            vk.VkDescriptorPoolSize(kind, MAX_DESCRIPTORS * len(self.passes)) for kind in {*KINDS.values()}
+        ]
         described = vk.VkDescriptorPoolCreateInfo(maxSets=2 * len(self.passes), pPoolSizes=kinds)
         pool = vk.vkCreateDescriptorPool(self.gpu.device, described, None)
         for one, pipeline, layout, set_layouts in self.passes:
@@ -255,14 +257,9 @@ class Host:
         )  # fmt: skip
 
     def _params(self, frame: dict[str, Any], sizes: dict[str, list[int]]) -> bytes:
-        values = {**sizes, "jitter": frame["jitter"]}
-        values |= {"exposure": [frame["exposure"] or 0.0], "writes_aux": [0.0]}
-        values |= {
-            "adds_samples": [1.0],
-            "pre_exposure": [1.0],
-            "has_reactive": [0.0],
-            "skips": [1.0],
-        }  # no mask: frame_reactive is not read
+        values = {**sizes, "jitter": frame["jitter"], "exposure": [frame["exposure"] or 0.0]}
+        values |= {"writes_aux": [0.0], "adds_samples": [1.0], "pre_exposure": [1.0], "skips": [1.0]}
+        values["has_reactive"] = [0.0]  # no mask: frame_reactive is not read
         params = bytearray(self.about["params"]["bytes"])
         for field in self.about["params"]["fields"]:
             struct.pack_into(f"<{field['count']}f", params, field["offset"], *values[field["name"]])
@@ -327,7 +324,7 @@ class Host:
 
 
 def bases_of(render: list[int], previous: list[int], display: list[int]) -> dict[str, list[int]]:
-    """Return the sizes that the rules of upscaler.json are of."""
+    """Return the base sizes of the rules in upscaler.json."""
     bases = {"one": [1, 1], "render": render, "previous": previous, "display": display}
     for name, (width, height) in (("signatures", render), ("previous_signatures", previous)):
         phases = 9 * display[0] * display[1] // (width * height) + 2
@@ -342,7 +339,7 @@ def size_of(rule: dict[str, Any], sizes: dict[str, list[int]]) -> list[int]:
 
 
 def region(size: tuple[int, int]) -> Any:
-    """Return the copy of a whole image, whose rows are packed in a buffer."""
+    """Return the region of a whole image with packed rows."""
     layers = vk.VkImageSubresourceLayers(vk.VK_IMAGE_ASPECT_COLOR_BIT, 0, 0, 1)
     return vk.VkBufferImageCopy(
         imageSubresource=layers, imageOffset=vk.VkOffset3D(0, 0, 0), imageExtent=vk.VkExtent3D(*size, 1)

@@ -1,11 +1,11 @@
-"""Run exported shaders with wgpu alone: a whole host, which does not import supersampler.
+"""Run exported shaders with wgpu alone: a complete host that does not import supersampler.
 
     supersampler export classifier --target wgsl -o out/shaders
     python examples/raw_frames.py plaza out/raw
     python examples/bare_wgpu.py out/shaders out/raw out/images
 
-All that it knows is in upscaler.json. Images are raw half floats (height, width, RGBA), linear. Textures of
-work and history may be larger than needed: SPARE pixels here.
+It reads everything from upscaler.json. Images are raw half floats (height, width, RGBA), linear. Work
+and history textures may be larger than needed: by SPARE pixels here.
 """
 
 import json
@@ -38,7 +38,7 @@ def main() -> None:
 
 
 def loaded(device: wgpu.GPUDevice, file: Path, name: str, size: list[int]) -> wgpu.GPUTexture:
-    """Return an image of a frame as a texture; an engine has it in one."""
+    """Return an image of a frame as a texture; an engine has one already."""
     texel, bytes_ = FORMATS[name]
     usage = SAMPLED | wgpu.TextureUsage.COPY_DST
     texture = device.create_texture(size=(*size, 1), format=texel, usage=usage)
@@ -54,7 +54,7 @@ class Host:
         self.device, self.folder, self.display = device, folder, display
         self.about = json.loads((folder / "upscaler.json").read_text())
         self.passes = [(one, *self._compiled(one)) for one in self.about["passes"]]
-        self.held: dict[str, Any] = {}  # what a bind group takes, by name: weights, and the history
+        self.held: dict[str, Any] = {}  # resources of bind groups by name: weights and history
         self.previous: dict[str, Any] | None = None
 
     def step(self, frame: dict[str, Any], textures: dict[str, Any]) -> None:
@@ -94,23 +94,23 @@ class Host:
             compute.dispatch_workgroups(*(-(-extent // side) for extent, side in covered))
         compute.end()
         self.device.queue.submit([encoder.finish()])
-        for history, following in pairs:  # they swap: shaders write only a part of the signatures
+        for history, following in pairs:  # they swap: shaders write only some of the signatures
             self.held |= {history: bound[following], following: bound[history]}
         if before != frame["size"]:
             self.held = {name: held for name, held in self.held.items() if not name.startswith("next_")}
         self.previous = frame
 
     def _params(self, frame: dict[str, Any], sizes: dict[str, list[int]]) -> bytes:
-        values = {**sizes, "jitter": frame["jitter"]}
-        values |= {"exposure": [frame["exposure"] or 0.0], "writes_aux": [0.0]}
-        values |= {"adds_samples": [1.0], "pre_exposure": [1.0], "has_reactive": [0.0], "skips": [1.0]}
+        values = {**sizes, "jitter": frame["jitter"], "exposure": [frame["exposure"] or 0.0]}
+        values |= {"writes_aux": [0.0], "adds_samples": [1.0], "pre_exposure": [1.0], "skips": [1.0]}
+        values["has_reactive"] = [0.0]  # no mask: frame_reactive is not read
         params = bytearray(self.about["params"]["bytes"])
         for field in self.about["params"]["fields"]:
             struct.pack_into(f"<{field['count']}f", params, field["offset"], *values[field["name"]])
         return bytes(params)
 
     def _allocated(self, resource: dict[str, Any], sizes: dict[str, list[int]]) -> Any:
-        """Allocate a resource, zeros; return what a bind group takes."""
+        """Allocate a resource of zeros, for a bind group."""
         width, height = size_of(resource["size"], sizes)
         if resource["kind"] == "texture":
             size = (width + SPARE, height + SPARE, 1)
@@ -140,7 +140,7 @@ class Host:
 
 
 def bases_of(render: list[int], previous: list[int], display: list[int]) -> dict[str, list[int]]:
-    """Return the sizes that the rules of upscaler.json are of."""
+    """Return the base sizes of the rules in upscaler.json."""
     bases = {"one": [1, 1], "render": render, "previous": previous, "display": display}
     for name, (width, height) in (("signatures", render), ("previous_signatures", previous)):
         phases = 9 * display[0] * display[1] // (width * height) + 2

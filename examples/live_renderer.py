@@ -1,9 +1,9 @@
-"""A renderer drives `Upscaler.step` frame by frame, as an engine does; input and output go side by side.
+"""A renderer calls `Upscaler.step` frame by frame, as an engine does, and shows input and output.
 
     python examples/live_renderer.py --family fences --ratio 2 --zoom 4 -o out/live
 
-The loop in `main` is what an engine copies. Images are written, made into a film where ffmpeg is installed,
-and shown where there is a display. Needs `pip install "supersampler[render]"`; no GPU is needed.
+Copy the loop in `main` into your engine. Images are written, encoded as a video if ffmpeg is installed, and
+shown if there is a display. Needs `pip install "supersampler[render]"`; no GPU is needed.
 """
 
 import atexit
@@ -48,7 +48,7 @@ def main(options: Namespace) -> None:
 
     for index in range(options.frames):
         began = perf_counter()
-        scene = game.scene(index)  # where everything is, and where it was one frame ago
+        scene = game.scene(index)  # objects in this frame and in the previous one
         jitter = halton_jitter(index, options.ratio)  # samples are taken at pixel centre + jitter
         color, surfaces = renderer.frame(scene, render_size, jitter=jitter)
         frame = Frame(
@@ -60,7 +60,7 @@ def main(options: Namespace) -> None:
             exposure=game.exposure(index),  # None: it is measured
         )
         rendered = perf_counter()
-        image = upscaler.step(frame)  # (H, W, 3) linear RGB: now come bloom, tone mapping and the interface
+        image = upscaler.step(frame)  # (H, W, 3) linear RGB; bloom, tone mapping and the interface follow
         upscaling.append(perf_counter() - rendered)
         rendering.append(rendered - began)
 
@@ -77,14 +77,14 @@ def main(options: Namespace) -> None:
 
 
 def side_by_side(color: NDArray[Any], image: NDArray[Any], exposure: float, zoom: int) -> Pixels:
-    """Return input and output as a screen shows them; below them, if `zoom` > 1, the middle of each."""
+    """Return input and output as displayed; below them, if `zoom` > 1, the middle of each."""
     pair = [to_uint8(display_transform(part, exposure)) for part in (color, image)]
     rows = [[squares(part, image.shape[1::-1], by) for part in pair] for by in sorted({1, zoom})]
     return np.concatenate([np.concatenate(row, axis=1) for row in rows])
 
 
 def squares(pixels: Pixels, to: tuple[int, ...], zoom: int) -> Pixels:
-    """Fill size `to` with its middle, `zoom` times larger, by nearest pixels: each of them can be seen."""
+    """Fill size `to` with the middle of the image, enlarged `zoom` times by nearest pixels."""
     columns, rows = (
         (np.arange(n) // zoom + (n - n // zoom) // 2) * m // n
         for n, m in zip(to, pixels.shape[1::-1], strict=True)
@@ -93,7 +93,7 @@ def squares(pixels: Pixels, to: tuple[int, ...], zoom: int) -> Pixels:
 
 
 def open_window(when: str) -> Callable[[Pixels], bool] | None:
-    """Return a function that shows an image and says whether the window is still open; else None."""
+    """Return a function that shows an image and returns whether the window is open; None without window."""
     if when == "never":
         return None
     try:
@@ -106,7 +106,7 @@ def open_window(when: str) -> Callable[[Pixels], bool] | None:
         return None
     image, closed = tkinter.PhotoImage(master=root), []
     tkinter.Label(root, image=image).pack()
-    atexit.register(root.destroy)  # else Tk outlives what it still refers to
+    atexit.register(root.destroy)  # before the objects that Tk refers to
     root.protocol("WM_DELETE_WINDOW", lambda: closed.append(True))
 
     def show(pixels: Pixels) -> bool:
@@ -118,16 +118,16 @@ def open_window(when: str) -> Callable[[Pixels], bool] | None:
 
 
 def times(seconds: list[float]) -> str:
-    """The first frame also compiles and allocates."""
+    """Return the time of the first frame, which also compiles and allocates, and the median of the others."""
     rest = f", then {1000 * median(seconds[1:]):.1f} ms (median)" if seconds[1:] else ""
     return f"first frame {1000 * seconds[0]:.1f} ms{rest}"
 
 
 def film(folder: Path, frames: int, frame_rate: float) -> None:
-    """Make live.mp4 of the images, where ffmpeg is installed."""
+    """Encode the images as live.mp4, if ffmpeg is installed."""
     if shutil.which("ffmpeg"):
         source = f"-framerate {frame_rate} -i %04d.png -frames:v {frames}"
-        coding = "-pix_fmt yuv420p -vf pad=ceil(iw/2)*2:ceil(ih/2)*2"  # what every player plays: even sizes
+        coding = "-pix_fmt yuv420p -vf pad=ceil(iw/2)*2:ceil(ih/2)*2"  # every player plays even sizes
         command = f"ffmpeg -v error -y {source} {coding} live.mp4".split()
         subprocess.run(command, cwd=folder, check=True)  # noqa: S603
         print(f"film: {folder / 'live.mp4'}")
@@ -137,19 +137,15 @@ def parse_arguments() -> Namespace:
     parser = ArgumentParser(formatter_class=ArgumentDefaultsHelpFormatter)
     add = parser.add_argument
     add("--model", default="classifier", help="name of a model, or its folder")
-    add(
-        "--family",
-        default="fences",
-        choices=(*TRAIN_FAMILIES, *TEST_FAMILIES, *APART_FAMILIES),
-        help="of scenes",
-    )
-    add("--seed", type=int, default=0, help="of the scene, its camera, cuts and exposure")
-    add("--frames", type=int, default=48, help="how many")
-    add("--display-size", type=parse_size, default="640x360", metavar="WxH", help="of the output")
+    families = (*TRAIN_FAMILIES, *TEST_FAMILIES, *APART_FAMILIES)
+    add("--family", default="fences", choices=families, help="family of scenes")
+    add("--seed", type=int, default=0, help="seed of scene, camera, cuts and exposure")
+    add("--frames", type=int, default=48, help="number of frames")
+    add("--display-size", type=parse_size, default="640x360", metavar="WxH", help="size of the output")
     add("--ratio", type=float, default=2.0, help="display size over render size, 1 to 4")
-    add("--zoom", type=int, default=1, choices=range(1, 17), help="show the middle too, this much larger")
-    add("--window", choices=("auto", "always", "never"), default="auto", help="auto: where it can be")
-    add("-o", "--output", type=Path, default=Path("out/live"), help="folder of the images")
+    add("--zoom", type=int, default=1, choices=range(1, 17), help="also show the middle, enlarged")
+    add("--window", choices=("auto", "always", "never"), default="auto", help="auto: if there is a display")
+    add("-o", "--output", type=Path, default=Path("out/live"), help="folder for the images")
     return parser.parse_args()
 
 

@@ -1,15 +1,14 @@
-"""Path tracing by Mitsuba 3, upscaled: the history averages noise, so few samples a pixel go a long way.
+"""Upscale path tracing by Mitsuba 3: the history averages noise, so few samples per pixel are needed.
 
     pip install . mitsuba
     python examples/mitsuba_sequence.py --samples 1 4 16
 
-A camera moves around a Cornell box. All samples of a render pixel go through one place, centre + jitter, so
-that depth and motion belong to them. Prints the PSNR of the last frame, after the display transform, against
-a reference: of bicubic upscaling, of taau, of the classifier, and of an image rendered at full size with as
-many rays.
+A camera moves around a Cornell box. All samples of a render pixel go through one position, centre + jitter,
+which depth and motion describe. Prints the PSNR of the last frame, after the display transform, against a
+reference: for bicubic upscaling, taau, the classifier, and an image rendered at full size with as many rays.
 
-Mitsuba needs the library LLVM. Where it ends in "Cannot select", that LLVM does not support the processor:
-name a newer one in $DRJIT_LIBLLVM_PATH.
+Mitsuba needs the library LLVM. If it ends with "Cannot select", that LLVM does not support the processor:
+set $DRJIT_LIBLLVM_PATH to a newer one.
 """
 
 import argparse
@@ -26,15 +25,15 @@ from supersampler.io.display import auto_exposure, decibels, display_transform
 mi.set_variant("llvm_ad_rgb")
 
 SCALE = 2
-NEAR = 0.1  # what depth is relative to
-FIELD_OF_VIEW = 40.0  # degrees, of the width
+NEAR = 0.1  # depth is NEAR / distance
+FIELD_OF_VIEW = 40.0  # degrees, horizontal
 UP = np.array([0.0, 1.0, 0.0])
 
 
 def main() -> None:
     """Render and upscale the sequence, with each number of samples."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--samples", type=int, nargs="+", default=[1, 4, 16], help="of a render pixel")
+    parser.add_argument("--samples", type=int, nargs="+", default=[1, 4, 16], help="samples per render pixel")
     parser.add_argument("--frames", type=int, default=24)
     parser.add_argument("--size", type=int, default=128, help="width and height of the render, pixels")
     parser.add_argument("--reference-samples", type=int, default=1024)
@@ -98,13 +97,13 @@ def scene_of(index: int, size: int) -> tuple[Any, Any]:
 
 
 def traced(index: int, size: int, places: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Trace a path through each place; return radiance (n, 3) and view distance (n,), inf where nothing is.
+    """Trace a path through each position; return radiance (n, 3) and view distance (n,), inf without a hit.
 
     Args:
-        index: of the frame.
+        index: index of the frame.
         size: width and height of the image.
         places: (n, 2) in pixels, x right, y down.
-        seed: of the path's random numbers.
+        seed: seed of the random numbers.
     """
     scene, sensor = scene_of(index, size)
     sampler = mi.load_dict({"type": "independent"})
@@ -122,7 +121,7 @@ def traced(index: int, size: int, places: np.ndarray, seed: int) -> tuple[np.nda
 
 
 def rendered(index: int, size: int, samples: int) -> Frame:
-    """Render a frame: so many samples through one place of each pixel."""
+    """Render a frame, with all samples through one position of each pixel."""
     jitter = halton_jitter(index, SCALE)
     rows, columns = np.mgrid[:size, :size]
     centres = np.stack([columns, rows], axis=-1).reshape(-1, 2) + 0.5
@@ -136,7 +135,7 @@ def rendered(index: int, size: int, samples: int) -> Frame:
 
 
 def spread(index: int, size: int, samples: int, seed: int) -> np.ndarray:
-    """Render an image (size, size, 3) with so many samples, spread over each pixel."""
+    """Render an image (size, size, 3) with samples spread over each pixel."""
     rows, columns = np.mgrid[:size, :size]
     corners = np.stack([columns, rows], axis=-1).reshape(-1, 2)
     chance, total = np.random.default_rng(seed), np.zeros((size, size, 3))

@@ -1,10 +1,10 @@
-"""Step a shot with the network in ONNX Runtime, on any of its providers, and kernels before and after it.
+"""Step a shot with the network in ONNX Runtime, on any provider, and CPU kernels before and after it.
 
     python examples/onnx_network.py [SHOT] [--providers openvino] [--precision int8] [--frames 16] [-o OUT]
 
-Prints the time of each step, and how far its image is from that of the CPU backend, whose kernels run the
-network, too. With -o, writes the images as PNG. docs/contract.md says what network.onnx and network.int8.onnx
-read and write, for engines whose own shaders do what the kernels do here.
+Prints the time of each step, and the difference of its image from that of the CPU backend, whose kernels also
+run the network. With -o, writes the images as PNG. docs/contract.md describes the inputs and outputs of
+network.onnx and network.int8.onnx, for engines whose own shaders do what the kernels do here.
 """
 
 import itertools
@@ -25,13 +25,8 @@ def main(options: Namespace) -> None:
     """Step the frames of a shot on both backends."""
     shot, providers = Shot.open(options.shot), options.providers.split(",")
     size = shot.display_size
-    upscaler = Upscaler(
-        options.model,
-        display_size=size,
-        executor="cpu+onnx",
-        providers=providers,
-        precision=options.precision,
-    )
+    backend = {"executor": "cpu+onnx", "providers": providers, "precision": options.precision}
+    upscaler = Upscaler(options.model, display_size=size, **backend)
     kernels = Upscaler(options.model, display_size=size, executor="cpu", providers="cpu")
     print(f"{options.model}: network in {upscaler.model.precision} on {upscaler.model.providers[0]}")
     if options.output is not None:
@@ -41,12 +36,9 @@ def main(options: Namespace) -> None:
         image = upscaler.step(item.frame)
         milliseconds = 1e3 * (time.perf_counter() - began)
         exposure = item.frame.exposure or 1.0
-        shown, other = (
-            display_transform(image, exposure),
-            display_transform(kernels.step(item.frame), exposure),
-        )
-        off = float(np.abs(shown - other).mean())
-        print(f"frame {item.index}: {milliseconds:.1f} ms, mean difference {off:.5f} of 1")
+        shown, other = (display_transform(i, exposure) for i in (image, kernels.step(item.frame)))
+        difference = float(np.abs(shown - other).mean())
+        print(f"frame {item.index}: {milliseconds:.1f} ms, mean difference {difference:.5f} of 1")
         if options.output is not None:
             write_png(options.output / f"{item.index:04d}.png", to_uint8(shown))
 
@@ -56,8 +48,8 @@ def parse_arguments() -> Namespace:
     add = parser.add_argument
     add("shot", nargs="?", default="plaza", help="name of a shot, or its folder")
     add("--model", default="classifier", help="name of a classifier, or a model folder")
-    add("--providers", default="cpu", help="of ONNX Runtime, in order of preference, with commas between")
-    add("--precision", default="int8", choices=("fp32", "int8"), help="of the network")
+    add("--providers", default="cpu", help="of ONNX Runtime, in order of preference: cuda,cpu")
+    add("--precision", default="int8", choices=("fp32", "int8"), help="precision of the network")
     add("--frames", type=int, default=16, help="number of frames")
     add("-o", "--output", type=Path, help="folder for the images")
     return parser.parse_args()

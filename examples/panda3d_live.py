@@ -3,8 +3,8 @@
     pip install . panda3d
     python examples/panda3d_live.py --frames 48 -o out/panda
 
-A camera flies around a panda in a landscape; both come with Panda3D. Only the camera moves, so that
-`camera_motion` gives the motion of all that is seen. Writes images: the render, enlarged, beside the output.
+A camera flies around a panda in a landscape; both come with Panda3D. Only the camera moves, so
+`camera_motion` computes the motion of every pixel. Writes images: the enlarged render beside the output.
 """
 
 import argparse
@@ -42,9 +42,9 @@ def main() -> None:
     """Render and upscale the sequence."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--frames", type=int, default=48)
-    parser.add_argument("--display-size", type=parse_size, default=(960, 540), help="as 960x540")
+    parser.add_argument("--display-size", type=parse_size, default=(960, 540), help="such as 960x540")
     parser.add_argument("--model", default="classifier", help="name of a model, or its folder")
-    parser.add_argument("-o", "--output", type=Path, default=Path("out/panda"), help="folder of the images")
+    parser.add_argument("-o", "--output", type=Path, default=Path("out/panda"), help="folder for the images")
     options = parser.parse_args()
     options.output.mkdir(parents=True, exist_ok=True)
 
@@ -96,7 +96,7 @@ class Renderer:
             model.reparentTo(self.base.render)
             if name == "environment":
                 model.setPos(-8, 42, 0)
-        for texture in self.base.render.findAllTextures():  # as sharp as at display size
+        for texture in self.base.render.findAllTextures():  # mip levels of the display size
             sampler = SamplerState(texture.getDefaultSampler())
             sampler.setMinfilter(SamplerState.FTLinearMipmapLinear)
             sampler.setLodBias(mip_bias(SCALE, "log2"))
@@ -116,12 +116,12 @@ class Renderer:
         )
 
     def view_projection(self) -> np.ndarray:
-        """Return projection @ view with the lens as it is: Panda3D's matrices act on row vectors."""
+        """Return projection @ view of the lens; Panda3D's matrices act on row vectors."""
         view = self.base.render.getTransform(self.camera).getMat()
         return rows_of(view * self.lens.getProjectionMat()).T
 
     def shift(self, jitter: tuple[float, float]) -> None:
-        """Move the samples by a jitter, in pixels: the film moves with them, and its y points up."""
+        """Move the samples by a jitter in pixels, by moving the film, whose y points up."""
         film, (width, height) = self.lens.getFilmSize(), self.size
         self.lens.setFilmOffset(jitter[0] * film[0] / width, -jitter[1] * film[1] / height)
 

@@ -3,9 +3,9 @@
     pip install ".[gpu]" pygfx
     python examples/pygfx_live.py --frames 48 -o out/pygfx
 
-The upscaler is one of pygfx's effect passes: it finds colour and depth in pygfx's own textures and encodes
-its commands into pygfx's encoder. Only the camera moves, so that depth and camera give the motion of all that
-is seen. Images are read back at the end of each frame to be written: the render, enlarged, beside the output.
+The upscaler is one of pygfx's effect passes: it reads colour and depth from pygfx's own textures and encodes
+its commands into pygfx's encoder. Only the camera moves, so motion follows from depth and camera. Images are
+read back at the end of each frame and written: the enlarged render beside the output.
 """
 
 import argparse
@@ -60,9 +60,9 @@ def main() -> None:
     """Render and upscale the sequence."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--frames", type=int, default=48)
-    parser.add_argument("--display-size", type=parse_size, default=(960, 540), help="as 960x540")
+    parser.add_argument("--display-size", type=parse_size, default=(960, 540), help="such as 960x540")
     parser.add_argument("--model", default="classifier", help="name of a model, or its folder")
-    parser.add_argument("-o", "--output", type=Path, default=Path("out/pygfx"), help="folder of the images")
+    parser.add_argument("-o", "--output", type=Path, default=Path("out/pygfx"), help="folder for the images")
     options = parser.parse_args()
     options.output.mkdir(parents=True, exist_ok=True)
 
@@ -90,12 +90,12 @@ def main() -> None:
 
 
 class Upscale(EffectPass):  # type: ignore[misc]  # pygfx has no types
-    """Upscales what pygfx has rendered.
+    """Upscales the frames of pygfx.
 
     Args:
-        device: pygfx's.
+        device: pygfx's device.
         model: name of a model, or its folder.
-        camera: of the scene.
+        camera: the scene's camera.
         size: (width, height) of the render.
         display_size: (width, height) of the image.
 
@@ -134,7 +134,7 @@ class Upscale(EffectPass):  # type: ignore[misc]  # pygfx has no types
         self._is_first = True
 
     def begin(self, jitter: tuple[float, float]) -> None:
-        """Take the camera's matrices, without jitter, and move its samples by the jitter."""
+        """Read the camera's matrices without jitter, and move its samples by the jitter."""
         camera, (width, height) = self._camera, self._size
         camera.clear_view_offset()
         self._projection = camera.projection_matrix
@@ -160,13 +160,7 @@ class Upscale(EffectPass):  # type: ignore[misc]  # pygfx has no types
     def _encode_motion(self, encoder: wgpu.GPUCommandEncoder, z_buffer: wgpu.GPUTextureView) -> None:
         # WGSL takes matrices by columns
         matrices = [self._previous @ np.linalg.inv(self._matrix), np.linalg.inv(self._projection)]
-        values = [
-            *matrices[0].T.flat,
-            *matrices[1].T.flat,
-            *self._jitter,
-            self._camera.near,
-            0.0,
-        ]  # by columns
+        values = [*matrices[0].T.flat, *matrices[1].T.flat, *self._jitter, self._camera.near, 0.0]
         camera = self._device.create_buffer_with_data(
             data=np.array(values, np.float32), usage=wgpu.BufferUsage.UNIFORM
         )

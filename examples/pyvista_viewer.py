@@ -4,7 +4,7 @@
     python examples/pyvista_viewer.py --frames 48 -o out/viewer
 
 The camera turns, a ring scans the frog, and in the middle of the sequence the camera jumps. The data set
-comes with PyVista. Images are written; without -o a window shows them. OpenGL in software will do.
+comes with PyVista. Images are written; without -o a window shows them. Software OpenGL is sufficient.
 """
 
 import argparse
@@ -24,14 +24,18 @@ def main() -> None:
     """Render the sequence."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--frames", type=int, default=48)
-    parser.add_argument("--size", type=parse_size, default=(1280, 720), help="of the window, as 1280x720")
+    parser.add_argument(
+        "--size", type=parse_size, default=(1280, 720), help="size of the window, such as 1280x720"
+    )
     parser.add_argument("--scale", type=float, default=2.0, help="window size over render size")
     parser.add_argument("--model", default="classifier", help="name of a model, or its folder")
-    parser.add_argument("-o", "--output", type=Path, help="folder of the images; else a window shows them")
+    parser.add_argument("-o", "--output", type=Path, help="folder for the images; else a window shows them")
     options = parser.parse_args()
 
     plotter = scene(options.size, off_screen=options.output is not None)
-    window = enable_supersampling(plotter, scale=options.scale, model=options.model)  # all that is needed
+    window = enable_supersampling(
+        plotter, scale=options.scale, model=options.model
+    )  # the only line that is needed
     if options.output is None:
         plotter.show(interactive_update=True)
     else:
@@ -48,9 +52,7 @@ def main() -> None:
             plotter.screenshot(options.output / f"{index:04d}.png")
     if window.upscaler is not None:
         step = window.upscaler.stats.seconds / window.upscaler.stats.frames
-        print(
-            f"a frame {1000 * median(seconds):.0f} ms (median), of which the upscaling {1000 * step:.0f} ms"
-        )
+        print(f"{1000 * median(seconds):.0f} ms a frame (median), {1000 * step:.0f} ms of it for upscaling")
     plotter.close()
 
 

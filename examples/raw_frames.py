@@ -1,9 +1,9 @@
-"""Write the frames of a shot as raw float32 files, for hosts in languages that read no EXR files.
+"""Write the frames of a shot as raw float32 files, for hosts in languages that cannot read EXR files.
 
     python examples/raw_frames.py plaza out/raw --frames 32
 
-frames.json names the files and has sizes, jitter, exposure and resets. Rows go from the top; colour has four
-channels (alpha is 1), depth one, motion two: what textures rgba32float, r32float and rg32float hold.
+frames.json lists the files, sizes, jitter, exposure and resets. The top row is first. Colour has four
+channels (alpha is 1), depth one, motion two, as textures of rgba32float, r32float and rg32float.
 """
 
 import argparse
@@ -29,25 +29,15 @@ def main() -> None:
     for item in islice(shot, options.frames):
         frame = item.frame
         if frame.color is None or frame.depth is None:
-            raise SystemExit(f"frame {item.index} has no colour or no depth: take a shot that was shaded")
+            raise SystemExit(f"frame {item.index} has no colour or no depth")
         alpha = np.ones((*frame.color.shape[:2], 1), np.float32)
-        pixels = {
-            "color": np.concatenate([frame.color, alpha], axis=2),
-            "depth": frame.depth,
-            "motion": frame.motion,
-        }
+        color = np.concatenate([frame.color, alpha], axis=2)
+        pixels = {"color": color, "depth": frame.depth, "motion": frame.motion}
         files = {name: f"{item.index:04d}.{name}.f32" for name in pixels}
         for name, file in files.items():
             np.asarray(pixels[name], "<f4").tofile(options.output / file)
-        frames.append(
-            {
-                "jitter": frame.jitter,
-                "exposure": frame.exposure,
-                "reset": frame.reset,
-                "size": frame.size,
-                **files,
-            }
-        )
+        values = {name: getattr(frame, name) for name in ("jitter", "exposure", "reset", "size")}
+        frames.append({**values, **files})
     description = {"display": shot.display_size, "frames": frames}
     (options.output / "frames.json").write_text(json.dumps(description, indent=1))
     print(f"{len(frames)} frames: {options.output}")

@@ -1,8 +1,8 @@
-"""A viewer renders while its image gets better, and stops when the image has converged.
+"""A viewer renders while its image improves, and stops when the image has converged.
 
     python examples/viewer_at_rest.py -o out/at_rest.png
 
-The camera pans over a poster, stands still, and pans on. A viewer copies `is_final` and the loop in `main`.
+The camera pans over a poster, stands still, and pans on. Copy `is_final` and the loop in `main`.
 The renderer is a few lines of numpy; no display is needed.
 """
 
@@ -28,7 +28,7 @@ def main(options: Namespace) -> None:
     for index in range(PAN + STAND + PAN):
         speed = 0.0 if PAN <= index < PAN + STAND else SPEED
         if speed == 0.0 and is_final(upscaler):
-            continue  # the image on screen is as good as it gets: sleep until something changes
+            continue  # the image on screen is final: sleep until something changes
         camera += speed
         image = upscaler.step(render(camera, speed, rendered))
         rendered += 1
@@ -39,17 +39,17 @@ def main(options: Namespace) -> None:
 
 
 def is_final(upscaler: Upscaler) -> bool:
-    """Whether another frame of the same scene would not change the image."""
-    return (upscaler.stats.converged or 0.0) >= 0.99  # 1, but for blocks that are never frozen
+    """Return whether another frame of the same scene would leave the image unchanged."""
+    return (upscaler.stats.converged or 0.0) >= 0.99  # not 1: a few blocks are never frozen
 
 
 def render(camera: float, speed: float, index: int) -> Frame:
     """Sample a poster of rings and stripes once per pixel.
 
     Args:
-        camera: render pixels that it has moved to the right.
-        speed: the same since the previous frame.
-        index: number of the frame among those that were rendered: the jitter must go on while nothing moves.
+        camera: render pixels that the camera has moved to the right.
+        speed: render pixels since the previous frame.
+        index: index among the rendered frames, for the jitter, which continues while nothing moves.
     """
     width, height = RENDER
     jitter = halton_jitter(index, RATIO)
