@@ -118,7 +118,7 @@ def test_an_engine_that_is_not_supported_is_refused_in_one_line(monkeypatch: pyt
     spec.loader.exec_module(script)
     scene = SimpleNamespace(render=SimpleNamespace(engine="LUXCORE"))
     with pytest.raises(
-        script.SceneError, match=r"^engine LUXCORE is not supported; use --engine cycles, .*$"
+        script.BlenderSceneError, match=r"^engine LUXCORE is not supported; use --engine cycles, .*$"
     ):
         script.set_engine(scene, None, None, None)
 

@@ -40,7 +40,7 @@ _PAGE_NOTES = (
 
 
 @dataclass(frozen=True, eq=False)
-class Stepped:
+class SteppedFrame:
     """A frame and the outputs of its step."""
 
     index: int
@@ -60,7 +60,7 @@ class Written(NamedTuple):
     seconds: float  # of the step
 
 
-_AddToPage: TypeAlias = Callable[[Stepped, float], None]
+_AddToPage: TypeAlias = Callable[[SteppedFrame, float], None]
 _OnStep: TypeAlias = Callable[[int, str], None]
 
 
@@ -95,7 +95,7 @@ def run_job(job: UpscaleJob) -> Results:
             return results
         begins = 0 if job.record or video else min(first, count - COMPARE_FRAMES) if page else first
         try:
-            _Run(job, upscaler, results, plan, first).upscale(max(begins, 0), page=page, video=video)
+            _UpscaleRun(job, upscaler, results, plan, first).upscale(max(begins, 0), page=page, video=video)
         except KeyboardInterrupt:
             complete = results.count_complete(count)
             job.console.print(f"Stopped: {complete} of {count} frames are complete.")
@@ -104,7 +104,7 @@ def run_job(job: UpscaleJob) -> Results:
     return results
 
 
-class _Run:
+class _UpscaleRun:
     """One run: frames before position `first` are complete, and only rebuild the history of later ones."""
 
     def __init__(
@@ -200,7 +200,7 @@ class _Run:
             start = stop
         return total
 
-    def _in_order(self, segment: Segment, on_step: _OnStep, *, references: bool) -> Generator[Stepped]:
+    def _in_order(self, segment: Segment, on_step: _OnStep, *, references: bool) -> Generator[SteppedFrame]:
         """Yield each frame of a segment with the outputs of its step."""
         upscaler, extrapolates = self._upscaler, self._job.extrapolation is not None
         for item in self._frames(segment, upscaler.gbuffers, references=references):
@@ -211,12 +211,12 @@ class _Run:
                 result = step(frame, outputs=(*self._maps(), *aovs))
             result = result if isinstance(result, StepResult) else StepResult(result)
             seconds, names = upscaler.stats.seconds - before, item.raw.aov_names
-            yield Stepped(item.index, frame, item.reference, names, result, seconds)
+            yield SteppedFrame(item.index, frame, item.reference, names, result, seconds)
             on_step(item.index, "forward")
 
     def _both_ways(
         self, segment: Segment, needed: int, on_step: _OnStep, *, references: bool
-    ) -> Generator[Stepped]:
+    ) -> Generator[SteppedFrame]:
         """Yield each frame of a segment with the merged outputs of a forward and a backward run.
 
         Chunks before `needed`, the index of the first frame whose image is needed, have no backward run.
@@ -248,7 +248,7 @@ class _Run:
             for index, (frame, result) in enumerate(written, start):
                 reference = self._shot.read_reference(index) if references else None
                 seconds = time.perf_counter() - before
-                yield Stepped(index, frame, reference, aov_names.popleft(), result, seconds)
+                yield SteppedFrame(index, frame, reference, aov_names.popleft(), result, seconds)
                 before = time.perf_counter()
 
     def _frames(
@@ -355,7 +355,7 @@ class _Run:
         bicubic = Upscaler("bicubic", display_size=size, threads=job.threads, validate="off")
         with compare_page(self._results.begin_file(self._results.page), about) as page, bicubic:
 
-            def add(stepped: Stepped, exposure: float) -> None:
+            def add(stepped: SteppedFrame, exposure: float) -> None:
                 frame, image = stepped.frame, stepped.result.image
                 plain = None if frame.color is None else bicubic.step(frame)
                 transform = job.images.transform

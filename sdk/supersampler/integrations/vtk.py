@@ -49,7 +49,7 @@ _COLOR_BUFFER_BIT, _NEAREST = 0x4000, 0x2600
 
 
 @dataclass(frozen=True, slots=True)
-class View:
+class SceneView:
     """Camera and props at one frame.
 
     Attributes:
@@ -91,12 +91,12 @@ class View:
         depth *= buffer < 1.0
         return depth
 
-    def motion(self, buffer: Float32, previous: "View") -> Float32:
+    def motion(self, buffer: Float32, previous: "SceneView") -> Float32:
         """Return `Frame.motion` of static props: that of the camera."""
         return self._motion(buffer, previous.view_projection)
 
     def moved_props(
-        self, buffer: Float32, previous: "View"
+        self, buffer: Float32, previous: "SceneView"
     ) -> Iterator[tuple[Collection[vtkProp3D], Float32]]:
         """Yield props that move together, and the motion of pixels that show them."""
         moves: dict[bytes, list[vtkProp3D]] = {}
@@ -109,7 +109,7 @@ class View:
             move = previous.matrices[props[0]] @ np.linalg.inv(self.matrices[props[0]])
             yield props, self._motion(buffer, previous.view_projection @ move)
 
-    def is_jump(self, motion: Float32, previous: "View") -> bool:
+    def is_jump(self, motion: Float32, previous: "SceneView") -> bool:
         """Return whether the camera jumped, so that the history is useless."""
         if self.parallel != previous.parallel or self.size != previous.size:
             return True
@@ -339,8 +339,8 @@ class SupersampledWindow:
         self.upscaler: Upscaler | None = None
         self._frames = 0
         self._unit = 1.0  # view distance of depth 1, since the first frame
-        self._view: View | None = None  # of the last frame; None makes the next one the first
-        self._small: tuple[ExitStack, View] | None = None  # while the window renders small
+        self._view: SceneView | None = None  # of the last frame; None makes the next one the first
+        self._small: tuple[ExitStack, SceneView] | None = None  # while the window renders small
         self._nested = False
         self._pixels = WindowPixels(window)
         self._samples = window.GetMultiSamples()
@@ -382,7 +382,7 @@ class SupersampledWindow:
                     stack.enter_context(changed(renderer, "Draw", 0))
             stack.enter_context(_hidden(prop for prop in self._props() if isinstance(prop, vtkActor2D)))
             stack.enter_context(self._widths.scaled(self._props(), size))
-            view = View.of(self._renderer, size, jitter)
+            view = SceneView.of(self._renderer, size, jitter)
             x, y = camera.GetWindowCenter()
             center = x + 2.0 * jitter[0] / size[0], y - 2.0 * jitter[1] / size[1]  # jitter y points down
             stack.enter_context(changed(camera, "WindowCenter", *center))
@@ -403,7 +403,7 @@ class SupersampledWindow:
         finally:
             self._nested = False
 
-    def _frame(self, view: View) -> Frame:
+    def _frame(self, view: SceneView) -> Frame:
         color, buffer = self._pixels.read_color(view.size), self._pixels.read_depth(view.size)
         if self._view is None:
             self._unit, reset = view.near, True
@@ -414,7 +414,7 @@ class SupersampledWindow:
         depth = view.frame_depth(buffer, self._unit)
         return Frame(color=color, depth=depth, motion=motion, jitter=view.jitter, reset=reset, exposure=1.0)
 
-    def _motion(self, view: View, buffer: Float32, previous: View) -> Float32:
+    def _motion(self, view: SceneView, buffer: Float32, previous: SceneView) -> Float32:
         motion = view.motion(buffer, previous)
         # copied whole: the two parts one by one take ten times as long
         vectors = motion.view(np.uint64)[..., 0]

@@ -34,6 +34,18 @@ from supersampler.io.shot.safetensors import open_safetensors
 from supersampler.methods.model_file import CONTRACT, sha256
 from supersampler.methods.model_info import ModelInfo
 
+__all__ = [
+    "Call",
+    "CloseCall",
+    "LoadStateCall",
+    "Recording",
+    "ResetCall",
+    "Setup",
+    "StepCall",
+    "StepOutcome",
+    "open_recording",
+]
+
 FORMAT = 5
 """Version of a recording's files; other versions are refused."""
 MAX_LINE = 4 << 20
@@ -110,7 +122,7 @@ class Setup(RecordedModel):
 
 
 @dataclass(frozen=True, eq=False)
-class Outcome:
+class StepOutcome:
     """Result or error of a recorded step.
 
     Attributes:
@@ -140,7 +152,7 @@ class StepCall:
     name: str
     frame: Frame
     outputs: tuple[str, ...]
-    outcome: Outcome | None = None
+    outcome: StepOutcome | None = None
 
 
 @dataclass(frozen=True)
@@ -240,19 +252,19 @@ class Recording:
         raw = read_frame(self.path, entry, entry.render_size, None)
         return StepCall(index, name, Conventions().converter().to_frame(raw), line["outputs"].texts())
 
-    def _outcome(self, line: Field, file: str) -> Outcome:
+    def _outcome(self, line: Field, file: str) -> StepOutcome:
         """Read the outcome of a step; `file` has the kept pixels of its images."""
         if (error := line.optional("raised")) is not None:
             if len(error.texts()) != 2:
                 error.refuse("[class, text]")
             name, text = error.texts()
-            return Outcome(error=(name, text))
+            return StepOutcome(error=(name, text))
         digests = {name: crc.whole(0, 0xFFFFFFFF) for name, crc in line["returned"].members().items()}
         path = self._checked(line, file)
         channels = read_exr(path)
         aovs = take_aovs(path, channels)
         images = {"image": take(path, channels, COLOR)} | ({} if aovs is None else {"aovs": aovs})
-        return Outcome(digests, images)
+        return StepOutcome(digests, images)
 
     def _checked(self, line: Field, name: str) -> Path:
         """Return the path of a call's file, after a check of its place and SHA-256."""

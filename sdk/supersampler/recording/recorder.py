@@ -59,9 +59,9 @@ from supersampler.recording import (
     SETUP,
     SHADED,
     STATE,
-    Outcome,
     RecordedModel,
     Setup,
+    StepOutcome,
     versions,
 )
 
@@ -305,19 +305,19 @@ class Recorder:
         self._log = self._last = None
 
 
-def returned(index: int, result: StepResult) -> Outcome:
+def returned(index: int, result: StepResult) -> StepOutcome:
     """Return the outcome of step `index`, which returned `result`."""
     arrays = {name: array for name, array in vars(result).items() if array is not None}
     images = {name: arrays[name] for name in ("image", "aovs") if name in arrays}
-    return Outcome(
+    return StepOutcome(
         {name: _crc32(array) for name, array in arrays.items()},
         {name: _sampled(index, image) for name, image in images.items()},
     )
 
 
-def raised(error: Exception) -> Outcome:
+def raised(error: Exception) -> StepOutcome:
     """Return the outcome of a step that raised `error`."""
-    return Outcome(error=(type(error).__name__, str(error)))
+    return StepOutcome(error=(type(error).__name__, str(error)))
 
 
 def holds_only_a_recording(path: Path) -> bool:
@@ -363,7 +363,7 @@ def _sampled(index: int, image: Float32) -> Float32:
     return image[top::stride, left::stride]
 
 
-def _write_samples(path: Path, outcome: Outcome) -> None:
+def _write_samples(path: Path, outcome: StepOutcome) -> None:
     """Write the kept pixels of a step's images; ShotError where the disk refuses."""
     image, aovs = outcome.samples["image"], outcome.samples.get("aovs")
     names = [*COLOR, *aov_channels(0 if aovs is None else aovs.shape[2])]

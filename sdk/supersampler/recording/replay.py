@@ -23,29 +23,29 @@ from supersampler.model import ExecutorName, Model, Precision
 from supersampler.recording import (
     Call,
     LoadStateCall,
-    Outcome,
     RecordedModel,
     Recording,
     ResetCall,
     StepCall,
+    StepOutcome,
 )
 from supersampler.recording.recorder import raised, returned
 from supersampler.upscaler import Upscaler
 
 
-class Difference(NamedTuple):
+class ImageDifference(NamedTuple):
     """Mean, 99th percentile and maximum of absolute differences after the display transform, in [0, 1]."""
 
     mean: float
     p99: float
     max: float
 
-    def is_within(self, tolerance: "Difference") -> bool:
+    def is_within(self, tolerance: "ImageDifference") -> bool:
         """Return whether mean and 99th percentile are within a tolerance; single values may differ more."""
         return self.mean <= tolerance.mean and self.p99 <= tolerance.p99
 
 
-FP32_TOLERANCE, REDUCED_TOLERANCE = Difference(1e-5, 1e-3, 1.0), Difference(1.0 / 255.0, 0.03, 1.0)
+FP32_TOLERANCE, REDUCED_TOLERANCE = ImageDifference(1e-5, 1e-3, 1.0), ImageDifference(1.0 / 255.0, 0.03, 1.0)
 """Tolerances between machines and executors: for fp32 networks, and for fp16 or int8 networks."""
 
 
@@ -67,7 +67,7 @@ class Replayed:
     result: StepResult | None = None
     exposure: float = 1.0
     exact: bool | None = None
-    difference: Difference | None = None
+    difference: ImageDifference | None = None
     within: bool = True
     note: str = ""
 
@@ -181,7 +181,7 @@ class Replay:
             return Replayed(call.index, result, exposure, exact=False, within=False, note=note)
         here = returned(call.index, result)
         exact = here.digests == recorded.digests
-        difference = Difference(0.0, 0.0, 0.0) if exact else _difference(here, recorded, exposure)
+        difference = ImageDifference(0.0, 0.0, 0.0) if exact else _difference(here, recorded, exposure)
         within = exact or difference.is_within(self.tolerance)
         return Replayed(call.index, result, exposure, exact, difference, within)
 
@@ -199,7 +199,7 @@ class Replay:
         return result if isinstance(result, StepResult) else StepResult(result)
 
 
-def _compare_errors(call: StepCall, here: Outcome) -> Replayed:
+def _compare_errors(call: StepCall, here: StepOutcome) -> Replayed:
     """Return the comparison of a step that raises in the replay."""
     note = f"raises {_error_text(here)}"
     if call.outcome is None:
@@ -210,25 +210,25 @@ def _compare_errors(call: StepCall, here: Outcome) -> Replayed:
     return Replayed(call.index, exact=exact, within=exact, note=note)
 
 
-def _error_text(outcome: Outcome) -> str:
+def _error_text(outcome: StepOutcome) -> str:
     kind, text = outcome.error
     return f"{kind} ({text.rstrip('.')})"
 
 
-def _difference(here: Outcome, recorded: Outcome, exposure: float) -> Difference:
+def _difference(here: StepOutcome, recorded: StepOutcome, exposure: float) -> ImageDifference:
     """Compare the kept pixels; differences of AOVs are relative to values above 1, without tone curve."""
     differences = []
     for name in here.samples.keys() | recorded.samples.keys():
         a, b = here.samples.get(name), recorded.samples.get(name)
         if a is None or b is None or a.shape != b.shape:
-            return Difference(1.0, 1.0, 1.0)
+            return ImageDifference(1.0, 1.0, 1.0)
         if name == "image":
             difference = display_transform(a, exposure) - display_transform(b, exposure)
         else:
             difference = (a - b) / np.maximum(1.0, np.maximum(np.abs(a), np.abs(b)))
         differences.append(np.abs(difference).ravel())
     values = np.nan_to_num(np.concatenate(differences), nan=1.0)
-    return Difference(float(values.mean()), float(np.quantile(values, 0.99)), float(values.max()))
+    return ImageDifference(float(values.mean()), float(np.quantile(values, 0.99)), float(values.max()))
 
 
 def _is_same(recorded: RecordedModel | None, used: str | Path | None) -> bool:

@@ -37,7 +37,7 @@ SAMPLES = 16  # of a pixel in Cycles, denoised: docs/tutorials/blender.md compar
 EXACT_FILTER = ("BLACKMAN_HARRIS", 0.01)  # width in pixels: one position; that of BOX is always 1
 
 
-class SceneError(Exception):
+class BlenderSceneError(Exception):
     """The scene cannot be rendered with these settings; the text says why and what to do."""
 
 
@@ -54,7 +54,7 @@ def main(settings: dict[str, Any]) -> None:
             OIDN in Cycles, the scene's own elsewhere.
     """
     if bpy.app.version < OLDEST:
-        raise SceneError(f"Blender {bpy.app.version_string} is too old; use 3.6 or later")
+        raise BlenderSceneError(f"Blender {bpy.app.version_string} is too old; use 3.6 or later")
     bpy.ops.wm.open_mainfile(filepath=settings["blend"], load_ui=False)
     if bpy.app.autoexec_fail:
         what = f"Python in the file is not run ({bpy.app.autoexec_fail_message})"
@@ -82,7 +82,7 @@ def own_range(scene: Any) -> tuple[int, int]:
         problem = (
             f"the scene renders every {scene.frame_step}th frame, but motion leads to the previous frame"
         )
-        raise SceneError(f"{problem}: pass --frames {scene.frame_start}-{scene.frame_end}")
+        raise BlenderSceneError(f"{problem}: pass --frames {scene.frame_start}-{scene.frame_end}")
     return scene.frame_start, scene.frame_end
 
 
@@ -90,7 +90,7 @@ def chosen_scene(name: str | None) -> Any:
     """Return the scene of that name, shown in the window."""
     if name is not None:
         if name not in bpy.data.scenes:
-            raise SceneError(f"no scene is named {name!r}; the file has {named(bpy.data.scenes)}")
+            raise BlenderSceneError(f"no scene is named {name!r}; the file has {named(bpy.data.scenes)}")
         if bpy.context.window is not None:
             bpy.context.window.scene = bpy.data.scenes[name]
         return bpy.data.scenes[name]
@@ -104,18 +104,22 @@ def choose_camera(scene: Any, name: str | None) -> None:
     if name is not None:
         found = [item for item in cameras if item.name == name]
         if not found:
-            raise SceneError(f"no camera is named {name!r}; the scene has {named(cameras)}")
+            raise BlenderSceneError(f"no camera is named {name!r}; the scene has {named(cameras)}")
         for marker in markers:
             marker.camera = None  # it would take the place of the one that is named
         scene.camera = found[0]  # last: each change of a marker chooses a camera
     if scene.camera is None:
         hint = f"pass --camera, one of {named(cameras)}" if cameras else "add one"
-        raise SceneError(f"scene {scene.name!r} has no active camera: {hint}")
+        raise BlenderSceneError(f"scene {scene.name!r} has no active camera: {hint}")
     if scene.camera.data.type == "PANO":
-        raise SceneError("a panoramic camera cannot be jittered; use a perspective or orthographic one")
+        raise BlenderSceneError(
+            "a panoramic camera cannot be jittered; use a perspective or orthographic one"
+        )
     if name is None and len({marker.camera.name for marker in markers}) > 1:
         switched = named([marker.camera for marker in markers])
-        raise SceneError(f"markers switch cameras ({switched}): render each part with --frames and --camera")
+        raise BlenderSceneError(
+            f"markers switch cameras ({switched}): render each part with --frames and --camera"
+        )
 
 
 def set_engine(scene: Any, engine: str | None, samples: int | None, denoise: bool | None) -> None:
@@ -138,10 +142,12 @@ def set_engine(scene: Any, engine: str | None, samples: int | None, denoise: boo
             scene.eevee.taa_render_samples = samples
     elif scene.render.engine == "BLENDER_WORKBENCH":
         if scene.camera.data.type == "ORTHO":
-            raise SceneError("Workbench writes no motion of an orthographic camera; use --engine eevee")
+            raise BlenderSceneError(
+                "Workbench writes no motion of an orthographic camera; use --engine eevee"
+            )
         scene.display.render_aa = "OFF"
     else:
-        raise SceneError(
+        raise BlenderSceneError(
             f"engine {scene.render.engine} is not supported; use --engine cycles, eevee or workbench"
         )
     if scene.render.use_motion_blur:
@@ -165,14 +171,14 @@ def choose_engine(scene: Any, engine: str) -> None:
         except TypeError:  # this version has none of that name
             continue
         return
-    raise SceneError(f"this Blender has no engine {engine}")
+    raise BlenderSceneError(f"this Blender has no engine {engine}")
 
 
 def set_passes(scene: Any) -> str:
     """Enable the passes that are read, in addition to others, and return the view layer's name."""
     layers = [layer for layer in scene.view_layers if layer.use]
     if not layers:
-        raise SceneError(f"all view layers of scene {scene.name!r} are off: turn one on")
+        raise BlenderSceneError(f"all view layers of scene {scene.name!r} are off: turn one on")
     for name in PASSES:
         if hasattr(layers[0], name):
             setattr(layers[0], name, True)
@@ -348,6 +354,6 @@ def named(items: Any) -> str:
 if __name__ == "__main__":
     try:
         main(SETTINGS)
-    except (SceneError, RuntimeError) as error:  # Blender's operators raise RuntimeError
+    except (BlenderSceneError, RuntimeError) as error:  # Blender's operators raise RuntimeError
         report(error=" ".join(str(error).split()))
         sys.exit(1)
