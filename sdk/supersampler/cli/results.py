@@ -173,13 +173,18 @@ class ImageOptions:
             ShotError: the disk refused.
         """
         encoding, aspect = self.transform.encoding, pixel_aspect(output.metadata or {})
-        shown = self._shown_with_alpha(output) if {"png", "tif"}.intersection(self.formats) else None
+        display_image = self._display_image(output) if {"png", "tif"}.intersection(self.formats) else None
         for pattern in self.patterns:
             path = frame_path(folder, f"{subfolder}{pattern}", number)
-            if shown is not None and path.suffix == ".png":
-                write_png(path, to_uint8(shown) if self.bits == 8 else to_uint16(shown), encoding, aspect)
-            elif shown is not None and path.suffix == ".tif":
-                write_tiff(path, to_uint16(shown), encoding, aspect)
+            if display_image is not None and path.suffix == ".png":
+                write_png(
+                    path,
+                    to_uint8(display_image) if self.bits == 8 else to_uint16(display_image),
+                    encoding,
+                    aspect,
+                )
+            elif display_image is not None and path.suffix == ".tif":
+                write_tiff(path, to_uint16(display_image), encoding, aspect)
             else:
                 arrays = [output.image] if output.aovs is None else [output.image, output.aovs]
                 names = [*COLOR, *(output.aov_channels if output.aovs is not None else ())]
@@ -189,11 +194,13 @@ class ImageOptions:
                 )  # fmt: skip
         if not self.video:
             return None
-        if shown is None or shown.shape[2] == 4:  # a video has no alpha: it shows the image over black
-            shown = self.transform.show(output.image, output.exposure)
-        return to_uint8(shown)
+        if (
+            display_image is None or display_image.shape[2] == 4
+        ):  # a video has no alpha: it shows the image over black
+            display_image = self.transform.show(output.image, output.exposure)
+        return to_uint8(display_image)
 
-    def _shown_with_alpha(self, output: OutputImage) -> Float32:
+    def _display_image(self, output: OutputImage) -> Float32:
         """Return (H, W, 3) as a display shows it, or (H, W, 4) with straight alpha."""
         image, alpha = output.image, output.alpha
         if alpha is None:

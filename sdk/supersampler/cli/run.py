@@ -56,7 +56,7 @@ class Written(NamedTuple):
 
     position: int
     number: int
-    shown: Bytes | None  # for the video
+    video_image: Bytes | None
     seconds: float  # of the step
 
 
@@ -320,9 +320,9 @@ class _UpscaleRun:
             return Written(position, number, images.write(job.output, number, output), seconds)
 
     def _finish(self, film: VideoWriter | None, progress: RunProgress, written: Written) -> None:
-        if film is not None and written.shown is not None:
+        if film is not None and written.video_image is not None:
             with self._times.measure("video"):
-                film.write(written.shown)
+                film.write(written.video_image)
         if written.position >= self._first:
             places = {"index": written.position, "frames": len(self._plan.numbers)}
             progress.event("frame", number=written.number, **places, seconds=round(written.seconds, 4))

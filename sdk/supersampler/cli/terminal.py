@@ -105,8 +105,8 @@ class RunProgress:
             self._logged = now
             minutes, seconds = divmod(round((self._total - self._done) / rate), 60)
             hours, minutes = divmod(minutes, 60)
-            left = f"{hours}:{minutes:02d}:{seconds:02d}" if hours else f"{minutes}:{seconds:02d}"
-            self._console.print(f"{activity} {self._done} of {self._total}: {text}, {left} left")
+            remaining = f"{hours}:{minutes:02d}:{seconds:02d}" if hours else f"{minutes}:{seconds:02d}"
+            self._console.print(f"{activity} {self._done} of {self._total}: {text}, {remaining} left")
 
     def event(self, event: str, **values: Any) -> None:
         """Print a line of JSON, if these were requested."""

@@ -83,9 +83,9 @@ class FrameStore:
                 self._file = tempfile.TemporaryFile(buffering=0, dir=self._folder)  # noqa: SIM115  # see `close`
             self._file.seek(offset)
             for array in arrays.values():
-                left = memoryview(np.ascontiguousarray(array).reshape(-1).view(np.uint8))  # type: ignore[arg-type]
-                while left:  # on a nearly full disk only a part is written
-                    left = left[self._file.write(left) :]
+                remaining = memoryview(np.ascontiguousarray(array).reshape(-1).view(np.uint8))  # type: ignore[arg-type]
+                while remaining:  # on a nearly full disk only a part is written
+                    remaining = remaining[self._file.write(remaining) :]
         self._in_file[key] = offset, room
         return stored
 
@@ -152,10 +152,10 @@ class FrameStore:
     def _read(self, dtype: np.dtype[Any], shape: tuple[int, ...]) -> NDArray[Any]:
         """Read an array at the file's position."""
         array = np.empty(shape, dtype)
-        left = memoryview(array.reshape(-1).view(np.uint8))  # type: ignore[arg-type]
-        while left:
-            count = self._file.readinto(left) if self._file is not None else 0  # type: ignore[attr-defined]
+        remaining = memoryview(array.reshape(-1).view(np.uint8))  # type: ignore[arg-type]
+        while remaining:
+            count = self._file.readinto(remaining) if self._file is not None else 0  # type: ignore[attr-defined]
             if not count:
                 raise ShotError(self._folder, "its scratch file is shorter than it was written")
-            left = left[count:]
+            remaining = remaining[count:]
         return array

@@ -87,7 +87,7 @@ def own_range(scene: Any) -> tuple[int, int]:
 
 
 def chosen_scene(name: str | None) -> Any:
-    """Return the scene of that name, shown in the window."""
+    """Return the scene of that name, after making it the window's scene."""
     if name is not None:
         if name not in bpy.data.scenes:
             raise BlenderSceneError(f"no scene is named {name!r}; the file has {named(bpy.data.scenes)}")
@@ -283,13 +283,13 @@ class MovedObjects:
     def __init__(self, scene: Any) -> None:
         self.scene = scene
         self.before: dict[str, Any] | None = None  # matrices of the previous frame
-        self.wanted = scene.render.engine == "BLENDER_WORKBENCH"
-        if self.wanted:
+        self.is_active = scene.render.engine == "BLENDER_WORKBENCH"
+        if self.is_active:
             report(note="Workbench writes no Vector pass: only the camera's motion is known")
 
     def warn(self) -> None:
         """Compare the present frame with the previous one; at most one warning."""
-        if not self.wanted:
+        if not self.is_active:
             return
         now = dict(self._matrices())
         moved = [name for name in now if self.before and self.before.get(name) not in (None, now[name])]
@@ -298,7 +298,7 @@ class MovedObjects:
             report(
                 note=f"objects move, and will blur: {', '.join(moved[:8])}; --engine eevee has their motion"
             )
-            self.wanted = False
+            self.is_active = False
 
     def _matrices(self) -> Iterator[tuple[str, Any]]:
         depsgraph = bpy.context.evaluated_depsgraph_get()

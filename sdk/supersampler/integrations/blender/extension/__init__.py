@@ -16,7 +16,7 @@ _TICK = 0.5  # seconds between two looks at the command
 
 
 class SupersamplerPreferences(bpy.types.AddonPreferences):
-    """Where the command is."""
+    """Path of the command."""
 
     bl_idname = __package__
 
@@ -119,7 +119,7 @@ class SUPERSAMPLER_OT_render(_RunsCommand, bpy.types.Operator):
 
     def start(self, context: Any) -> Run:
         """Start `supersampler blender`."""
-        changed = bpy.data.is_dirty and not bpy.app.background  # where it is always said to be changed
+        changed = bpy.data.is_dirty and not bpy.app.background  # which always reports unsaved changes
         if not bpy.data.filepath or changed:
             raise ValueError("Save the file first: it is rendered as it was saved last")
         scene, settings = context.scene, context.scene.supersampler

@@ -68,7 +68,7 @@ class Run:
         return False
 
     def wait(self, seconds: float) -> bool:
-        """Wait so long at most; return whether the command still runs."""
+        """Wait for at most `seconds`; return whether the command still runs."""
         self._reader.join(seconds)
         return self.pump()
 
