@@ -6,21 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from supersampler.cli.arguments import (
-    ChannelsOption,
-    ColorSpaceOption,
-    ConventionsOption,
-    CutsOption,
-    FrameRateOption,
-    JitterOption,
-    LayoutOption,
-    ReferenceOption,
-    ShotArgument,
-    open_shot,
-    open_with,
-    size_text,
-    source_notes,
-)
+from supersampler.cli import arguments
+from supersampler.cli.arguments import open_shot, open_with, size_text, source_notes
 from supersampler.cli.terminal import Terminal, echo
 from supersampler.errors import ShotError, did_you_mean
 
@@ -75,15 +62,15 @@ def info(
 
 
 def check(
-    shot: ShotArgument,
-    layout: LayoutOption = "auto",
-    jitter: JitterOption = None,
-    channels: ChannelsOption = None,
-    conventions: ConventionsOption = None,
-    frame_rate: FrameRateOption = None,
-    cuts: CutsOption = None,
-    reference: ReferenceOption = None,
-    color_space: ColorSpaceOption = None,
+    shot: arguments.ShotArgument,
+    layout: arguments.LayoutOption = "auto",
+    jitter: arguments.JitterOption = None,
+    channels: arguments.ChannelsOption = None,
+    conventions: arguments.ConventionsOption = None,
+    frame_rate: arguments.FrameRateOption = None,
+    cuts: arguments.CutsOption = None,
+    reference: arguments.ReferenceOption = None,
+    color_space: arguments.ColorSpaceOption = None,
     frames: Annotated[int, typer.Option(min=2, help="Number of frames to read from the middle.")] = 6,
 ) -> None:
     """Detect the conventions of SHOT: motion, jitter and depth.
@@ -118,14 +105,14 @@ def import_shot(
         ),
     ],
     output: Annotated[Path, typer.Option("-o", "--output", metavar="SHOT", help="Folder to write.")],
-    layout: LayoutOption = "auto",
-    jitter: JitterOption = None,
-    channels: ChannelsOption = None,
-    conventions: ConventionsOption = None,
-    frame_rate: FrameRateOption = None,
-    cuts: CutsOption = None,
-    reference: ReferenceOption = None,
-    color_space: ColorSpaceOption = None,
+    layout: arguments.LayoutOption = "auto",
+    jitter: arguments.JitterOption = None,
+    channels: arguments.ChannelsOption = None,
+    conventions: arguments.ConventionsOption = None,
+    frame_rate: arguments.FrameRateOption = None,
+    cuts: arguments.CutsOption = None,
+    reference: arguments.ReferenceOption = None,
+    color_space: arguments.ColorSpaceOption = None,
 ) -> None:
     """Copy frames of other programs into a shot of this package's format.
 

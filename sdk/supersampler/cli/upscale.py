@@ -7,27 +7,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from supersampler.cli import arguments
 from supersampler.cli.arguments import (
     SOURCE_OPTIONS,
-    AtRest,
-    ChannelsOption,
-    ColorSpaceOption,
-    Compare,
-    ConventionsOption,
-    CutsOption,
-    Display,
-    Exposure,
     Format,
-    FrameRateOption,
-    JitterOption,
-    LayoutOption,
-    Look,
-    Ocio,
-    Precision,
-    Preset,
-    ReferenceOption,
-    Validate,
-    View,
     display_transform_of,
     open_with,
     parse_providers,
@@ -100,26 +83,26 @@ def upscale(
     compression: Annotated[
         Literal["zip", "dwaa", "piz", "none"], typer.Option(help="EXR compression; dwaa is lossy.")
     ] = "zip",
-    ocio: Ocio = None,
-    display: Display = None,
-    view: View = None,
-    look: Look = None,
-    exposure: Exposure = None,
-    compare: Compare = False,
+    ocio: arguments.Ocio = None,
+    display: arguments.Display = None,
+    view: arguments.View = None,
+    look: arguments.Look = None,
+    exposure: arguments.Exposure = None,
+    compare: arguments.Compare = False,
     maps: Annotated[
         bool,
         typer.Option(
             "--maps", help="With --compare: also class map, history weight, sample count, frozen pixels."
         ),
     ] = False,
-    layout: LayoutOption = "auto",
-    jitter: JitterOption = None,
-    channels: ChannelsOption = None,
-    conventions: ConventionsOption = None,
-    frame_rate: FrameRateOption = None,
-    cuts: CutsOption = None,
-    reference: ReferenceOption = None,
-    color_space: ColorSpaceOption = None,
+    layout: arguments.LayoutOption = "auto",
+    jitter: arguments.JitterOption = None,
+    channels: arguments.ChannelsOption = None,
+    conventions: arguments.ConventionsOption = None,
+    frame_rate: arguments.FrameRateOption = None,
+    cuts: arguments.CutsOption = None,
+    reference: arguments.ReferenceOption = None,
+    color_space: arguments.ColorSpaceOption = None,
     providers: Annotated[
         str,
         typer.Option(
@@ -128,11 +111,11 @@ def upscale(
     ] = "auto",
     threads: Annotated[int, typer.Option(min=0, help="CPU threads; 0 uses every core.")] = 0,
     precision: Annotated[
-        Precision,
+        arguments.Precision,
         typer.Option(help="Precision of the network. int8: fast on a CPU. fp32, fp16: a shipped graph."),
     ] = "auto",
     at_rest: Annotated[
-        AtRest | None,
+        arguments.AtRest | None,
         typer.Option(
             help="Static pixels. converge: to the mean of their samples. accumulate: also where only noise "
             "changes, for path tracers. off: depend on recent frames only.",
@@ -143,7 +126,8 @@ def upscale(
         bool, typer.Option("--no-skip", help="Also compute frozen tiles; the images are the same.")
     ] = False,
     preset: Annotated[
-        Preset | None, typer.Option(help="Sets method and precision: Pareto-optimal in time and error.")
+        arguments.Preset | None,
+        typer.Option(help="Set method and precision: Pareto-optimal in time and error."),
     ] = None,
     passes: Annotated[
         int,
@@ -166,7 +150,7 @@ def upscale(
         ),
     ] = None,
     validate: Annotated[
-        Validate,
+        arguments.Validate,
         typer.Option(
             help="off: check shapes. warn: also pixels after cuts. strict: pixels of every frame, and stop."
         ),
