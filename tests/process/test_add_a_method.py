@@ -36,7 +36,7 @@ def test_a_method_from_existing_parts_touches_few_files_and_runs_everywhere(tmp_
     short = "--shot plaza --steps 2 --size 32 --batch 1 --frames 2"
     lines = lines.replace("--data data", short).replace("supersampler train", f"{command} train")
     lines = lines.replace("supersampler export", f"{command} export")
-    subprocess.run(["sh", "-e", "-c", lines], cwd=tmp_path, env=environment, check=True)
+    subprocess.run(["/bin/sh", "-e", "-c", lines], cwd=tmp_path, env=environment, check=True)
     shutil.rmtree(tmp_path / "run")
     after = {path for path in tmp_path.rglob("*") if path.is_file()}
     made = {path for path in after - before if "__pycache__" not in path.parts}
