@@ -50,8 +50,8 @@ from supersampler.methods.sizes import resized
 if TYPE_CHECKING:
     import wgpu
 
-    from supersampler.backends.gpu.device_frame import DeviceFrame
     from supersampler.backends.gpu.executor import GpuExecutor
+    from supersampler.backends.gpu.frame import DeviceFrame
 
 
 __all__ = ["AtRest", "ExecutorName", "Model", "Plan", "Precision"]

@@ -19,7 +19,7 @@ from supersampler.arguments import (
     checked_size,
     ieee_arithmetic,
 )
-from supersampler.backends.gpu.device_frame import DeviceFrame, check_encoder, checked_images, checked_target
+from supersampler.backends.gpu.frame import DeviceFrame, check_encoder, checked_images, checked_target
 from supersampler.backends.onnx.tensors import Tensor, checked_tensors, size_of_tensors, tensors_of_frame
 from supersampler.conventions.jitter import display_size_of
 from supersampler.errors import ArgumentError, FrameError, shown

@@ -2,7 +2,7 @@
 
 import pytest
 
-from supersampler.backends.gpu.declarations import needed, parsed
+from supersampler.backends.gpu.shader import needed, parsed
 
 SHARED = """// Shared functions.
 // They are in every pass.

@@ -13,10 +13,10 @@ import pytest
 from gpu_steps import METHODS, device_or_skip, model, moving
 from supersampler import Frame, Upscaler
 from supersampler.backends.gpu import device as devices
-from supersampler.backends.gpu.declarations import needed
 from supersampler.backends.gpu.device import LIMITS, TEXTURE_SIDE
-from supersampler.backends.gpu.passes import Pass
+from supersampler.backends.gpu.executor import Pass
 from supersampler.backends.gpu.program import ARRAYS, TEXTURES, PassSpec
+from supersampler.backends.gpu.shader import needed
 from supersampler.errors import ArgumentError, DeviceError
 from supersampler.model import Model
 

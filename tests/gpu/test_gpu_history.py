@@ -22,8 +22,7 @@ from gpu_steps import (
     moving,
 )
 from supersampler import Frame, Upscaler, halton_jitter
-from supersampler.backends.gpu import passes
-from supersampler.backends.gpu.executor import GpuExecutor
+from supersampler.backends.gpu.executor import MOST_GROUPS, GpuExecutor
 from supersampler.backends.gpu.memory import TEXELS, write_to
 from supersampler.backends.gpu.program import ARRAYS
 from supersampler.history import StepResult
@@ -208,8 +207,8 @@ def test_a_thousand_steps_do_not_grow() -> None:
     before, kept = run(200)
     after, still_kept = run(1000)
     assert after - before <= MOST_GROWTH
-    assert still_kept <= len(groups) * passes.MOST_GROUPS
-    assert kept <= len(groups) * passes.MOST_GROUPS
+    assert still_kept <= len(groups) * MOST_GROUPS
+    assert kept <= len(groups) * MOST_GROUPS
 
 
 def test_changing_render_sizes_do_not_grow() -> None:
@@ -232,7 +231,7 @@ def resident() -> int:
 
 def spoil(executor: GpuExecutor) -> None:
     """Fill the memory between passes with values that no pass writes."""
-    for space in executor._spaces.values():
+    for space in executor._buffers.values():
         for memory in (space.memory[name] for name in executor.program.work):
             shape: tuple[int, ...] = (memory.resource.size // 4,) if memory.texture is None else ()
             if memory.texture is not None:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from supersampler.backends.gpu.unrolling import MOST_ROUNDS, unrolled
+from supersampler.backends.gpu.shader import MOST_ROUNDS, unrolled
 
 
 def test_a_marked_loop_is_a_block_with_a_constant_for_each_round() -> None:

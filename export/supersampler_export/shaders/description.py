@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from supersampler import __version__
 from supersampler.backends.gpu.device import LIMITS
-from supersampler.backends.gpu.extents import DISPLAY, RENDER, Extent, PixelBuffer, PixelMemory
+from supersampler.backends.gpu.memory import DISPLAY, RENDER, Extent, PixelBuffer, PixelMemory
 from supersampler.backends.gpu.program import ARRAYS, TEXTURES, GpuProgram, PassSpec
 from supersampler.backends.gpu.shader import Binding, Shader
 from supersampler.methods.model_info import ModelInfo

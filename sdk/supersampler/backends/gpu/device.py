@@ -3,10 +3,10 @@
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from supersampler.backends.base import ForkSafeLock
-from supersampler.backends.gpu.wgpu_types import parse_all_types
 from supersampler.errors import DeviceError
 from supersampler.frame import Size
 
@@ -143,3 +143,23 @@ def check_texture_size(device: "wgpu.GPUDevice", size: Size) -> None:
 def storage_limit(device: Any) -> int:
     """Return the largest storage binding in bytes."""
     return int(device.limits["max-storage-buffer-binding-size"])
+
+
+@cache
+def parse_all_types() -> None:
+    """Let cffi parse pointers to all types of wgpu at once.
+
+    It reads and fills private attributes of cffi: where they are others, nothing is done, and each type is
+    parsed when it is asked for.
+    """
+    try:
+        from wgpu.backends.wgpu_native._ffi import ffi
+
+        declared, parsed = ffi._parser._declarations, ffi._parsed_types
+    except (ImportError, AttributeError):
+        return
+    names = [name.removeprefix("typedef ") for name in declared if name.startswith("typedef WGPU")]
+    members = "".join(f"{name} *{name}_;" for name in names)
+    ffi.cdef(f"struct supersampler_types {{ {members} }};")
+    for member, field in ffi.typeof("struct supersampler_types").fields:
+        parsed.setdefault(f"{member.removesuffix('_')} *", (field.type, False))

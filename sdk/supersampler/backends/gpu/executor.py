@@ -1,9 +1,11 @@
 """`GpuExecutor`: runs the passes of a method on a device."""
 
 from collections import OrderedDict
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import groupby
+from threading import Lock
 from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
@@ -12,8 +14,15 @@ from numpy.typing import NDArray
 
 from supersampler.backends.base import ForkSafeLock, StepReport
 from supersampler.backends.gpu.device import default_device, raising, storage_limit
-from supersampler.backends.gpu.device_frame import IMAGE_FORMAT, DeviceFrame, is_texture
-from supersampler.backends.gpu.frame_inputs import PARAMS, frame_buffers, step_params, write_frame
+from supersampler.backends.gpu.frame import (
+    IMAGE_FORMAT,
+    PARAMS,
+    DeviceFrame,
+    frame_buffers,
+    is_texture,
+    step_params,
+    write_frame,
+)
 from supersampler.backends.gpu.history import SIGNATURES, GpuHistory
 from supersampler.backends.gpu.memory import (
     BufferSpec,
@@ -25,20 +34,102 @@ from supersampler.backends.gpu.memory import (
     uniform_of,
     write_to,
 )
-from supersampler.backends.gpu.passes import Pass, Resource
 from supersampler.backends.gpu.program import ARRAYS, AUX, TEXTURES, GpuProgram
+from supersampler.backends.gpu.shader import Shader
 from supersampler.errors import DeviceError
 from supersampler.frame import Float32, Frame, Size
 
 if TYPE_CHECKING:
     import wgpu
 
+Resource = Any
+"""A buffer or a texture view."""
+MOST_GROUPS = 16
+"""Bind groups that a pass keeps: those of the resources that it used last."""
+_pipelines: "WeakKeyDictionary[wgpu.GPUDevice, dict[str, tuple[Any, list[Any]]]]" = WeakKeyDictionary()
+_lock = Lock()
+
+
+class Pass:
+    """A shader, ready to be encoded.
+
+    Args:
+        device: compiles it, unless it has compiled the same code before.
+        shader: the source.
+        tile: pixels that a workgroup computes, (x, y).
+        names: of the resources of variables, where they differ.
+
+    Attributes:
+        shader: as given.
+        tile: as given.
+    """
+
+    def __init__(
+        self, device: "wgpu.GPUDevice", shader: Shader, tile: tuple[int, int], names: Mapping[str, str]
+    ) -> None:
+        self.shader, self.tile = shader, tile
+        self._device, self._names = device, names
+        self._pipeline, self._layouts = _pipeline(device, shader)
+        self._bindings = [list(group) for _, group in groupby(shader.bindings, key=lambda b: b.group)]
+        self._groups: OrderedDict[tuple[int, ...], tuple[list[Resource], Any]] = OrderedDict()
+
+    def encode(
+        self, encoder: "wgpu.GPUComputePassEncoder", resources: Mapping[str, Resource], size: Sequence[int]
+    ) -> None:
+        """Dispatch the workgroups that cover `size`, (width, height).
+
+        Args:
+            encoder: of a compute pass.
+            resources: by name: that of the shader's variable, or the one that `names` gives for it.
+            size: in pixels.
+        """
+        encoder.set_pipeline(self._pipeline)
+        for number, bindings in enumerate(self._bindings):
+            bound = [resources[self._names.get(b.name, b.name)] for b in bindings]
+            encoder.set_bind_group(number, self._bind_group(number, bindings, bound))
+        across, down = (-(-extent // side) for extent, side in zip(size, self.tile, strict=True))
+        encoder.dispatch_workgroups(across, down)
+
+    def _bind_group(self, number: int, bindings: Sequence[Any], bound: list[Resource]) -> Any:
+        key = (number, *map(id, bound))
+        if key in self._groups:
+            self._groups.move_to_end(key)
+            return self._groups[key][1]
+        entries = [
+            {"binding": b.index, "resource": resource if b.is_texture else {"buffer": resource}}
+            for b, resource in zip(bindings, bound, strict=True)
+        ]
+        group = self._device.create_bind_group(layout=self._layouts[number], entries=entries)
+        self._groups[key] = bound, group  # `bound` keeps the ids from being used again
+        if len(self._groups) > MOST_GROUPS:
+            self._groups.popitem(last=False)
+        return group
+
+
+def _pipeline(device: "wgpu.GPUDevice", shader: Shader) -> tuple[Any, list[Any]]:
+    with _lock:
+        known = _pipelines.setdefault(device, {})
+        if shader.code not in known:
+            layouts = [
+                device.create_bind_group_layout(entries=[b.layout() for b in group])
+                for _, group in groupby(shader.bindings, key=lambda b: b.group)
+            ]
+            module = device.create_shader_module(label=shader.name, code=shader.code)
+            pipeline = device.create_compute_pipeline(
+                label=shader.name,
+                layout=device.create_pipeline_layout(bind_group_layouts=layouts),
+                compute={"module": module, "entry_point": "main"},
+            )
+            known[shader.code] = pipeline, layouts
+        return known[shader.code]
+
+
 MOST_SIZES = 2
 """Sizes whose buffers are kept; dynamic resolution changes them often."""
 
 
 @dataclass(eq=False)
-class Space:
+class StepBuffers:
     """Buffers of a step for frames and images of one size.
 
     Attributes:
@@ -76,8 +167,8 @@ class GpuExecutor:
         self.device = default_device() if device is None else device
         self.program, self.precision = program, program.precision
         self._compiled: dict[tuple[str, ...], list[Pass]] = {}
-        self._spaces: OrderedDict[tuple[Size, Size], Space] = OrderedDict()
-        self._lock = ForkSafeLock()  # of `_spaces` and of their buffers
+        self._buffers: OrderedDict[tuple[Size, Size], StepBuffers] = OrderedDict()
+        self._lock = ForkSafeLock()  # of `_buffers` and of their buffers
         self._views: WeakKeyDictionary[Any, Resource] = WeakKeyDictionary()  # of textures of the caller
         self.passes(ARRAYS)
         self.weights: dict[str, Memory] = {}
@@ -120,30 +211,24 @@ class GpuExecutor:
         """See `Executor`."""
         render, wanted = frame.size, [name for name in AUX if name in aux_outputs]
         with self._lock.lock, raising(self.device, f"in a step to {display}"):
-            space = self._space(render, display)
-            write_frame(self.device, space.memory, frame, self.program.layout.spec.inputs)
+            buffers = self._buffers_for(render, display)
+            write_frame(self.device, buffers.memory, frame, self.program.layout.spec.inputs)
             params = step_params(
-                render,
-                frame.jitter,
-                frame.exposure,
-                frame.pre_exposure,
-                history,
-                has_reactive=frame.reactive is not None,
-                adds_samples=adds_samples,
-                writes_aux=bool(wanted),
-                skip=skip,
-            )
+                frame, history, has_reactive=frame.reactive is not None, adds_samples=adds_samples,
+                writes_aux=bool(wanted), skip=skip,
+            )  # fmt: skip
             encoder = self.device.create_command_encoder()
-            self._encode(encoder, ARRAYS, params, history, next_history, {"image": space.image.buffer}, space)
-            space.image.encode(encoder)
+            target = {"image": buffers.image.buffer}
+            self._encode(encoder, ARRAYS, params, history, next_history, target, buffers)
+            buffers.image.encode(encoder)
             if wanted:
-                space.aux.encode(encoder)
+                buffers.aux.encode(encoder)
             self.device.queue.submit([encoder.finish()])
-            space.image.copy_to(image)
+            buffers.image.copy_to(image)
             if not wanted:
                 return StepReport({})
             values = np.empty((*image.shape[:2], len(AUX)), np.float32)
-            space.aux.copy_to(values)
+            buffers.aux.copy_to(values)
             return StepReport(
                 {name: np.ascontiguousarray(values[None, None, ..., AUX.index(name)]) for name in wanted}
             )
@@ -168,28 +253,22 @@ class GpuExecutor:
             next_history: written to; not `history`.
             image: texture or buffer to write to, checked.
             adds_samples: see `Executor.step`.
-            skip: see there.
+            skip: see `Executor.step`.
         """
         kinds = {"frame": frame.in_textures, "image": is_texture(image)}
         variants = {name: (TEXTURES if kind else ARRAYS)[name] for name, kind in kinds.items()}
         display = history.display
         params = step_params(
-            frame.size,
-            frame.jitter,
-            frame.exposure,
-            frame.pre_exposure,
-            history,
-            has_reactive="reactive" in frame.images,
-            adds_samples=adds_samples,
-            skip=skip,
-        )
+            frame, history, has_reactive="reactive" in frame.images, adds_samples=adds_samples,
+            writes_aux=False, skip=skip,
+        )  # fmt: skip
         with self._lock.lock, raising(self.device, f"encoding a step to {display}"):
-            space = self._space(frame.size, display)
+            buffers = self._buffers_for(frame.size, display)
             inputs = {f"frame_{name}": self._resource(image) for name, image in frame.images.items()}
             if frame.in_textures and "reactive" not in frame.images:
                 inputs["frame_reactive"] = self._no_mask
             inputs["image"] = self._resource(image)
-            self._encode(encoder, variants, params, history, next_history, inputs, space)
+            self._encode(encoder, variants, params, history, next_history, inputs, buffers)
 
     @cached_property
     def _no_mask(self) -> Resource:
@@ -217,14 +296,14 @@ class GpuExecutor:
         history: GpuHistory,
         next_history: GpuHistory,
         inputs: Mapping[str, Resource],
-        space: Space,
+        buffers: StepBuffers,
     ) -> None:
-        """Encode all passes; `inputs`: the image, and the frame unless it is in the buffers of `space`."""
+        """Encode all passes; `inputs`: the image, and the frame unless it is in the buffers of `buffers`."""
         render = int(params[0]), int(params[1])
         resources: dict[str, Resource] = {
-            "params": space.params,
-            "aux": space.aux.buffer,
-            **{name: memory.resource for name, memory in (*self.weights.items(), *space.memory.items())},
+            "params": buffers.params,
+            "aux": buffers.aux.buffer,
+            **{name: memory.resource for name, memory in (*self.weights.items(), *buffers.memory.items())},
             **{f"history_{name}": memory.resource for name, memory in history.memory.items()},
             **{f"next_{name}": memory.resource for name, memory in next_history.memory.items()},
             **inputs,
@@ -232,22 +311,22 @@ class GpuExecutor:
         if next_history.follow(history):
             source, target = (one.memory[SIGNATURES].resource for one in (history, next_history))
             encoder.copy_buffer_to_buffer(source, 0, target, 0, target.size)
-        encode_write(self.device, encoder, space.params, params)
+        encode_write(self.device, encoder, buffers.params, params)
         compute = encoder.begin_compute_pass()
         for spec, one in zip(self.program.passes, self.passes(variants), strict=True):
             one.encode(compute, resources, spec.extent.size(render, history.display))
         compute.end()
 
-    def _space(self, render: Size, display: Size) -> Space:
+    def _buffers_for(self, render: Size, display: Size) -> StepBuffers:
         key = render, display
-        if key not in self._spaces:
-            while len(self._spaces) >= MOST_SIZES:
-                self._spaces.popitem(last=False)
-            self._spaces[key] = self._new_space(render, display)
-        self._spaces.move_to_end(key)
-        return self._spaces[key]
+        if key not in self._buffers:
+            while len(self._buffers) >= MOST_SIZES:
+                self._buffers.popitem(last=False)
+            self._buffers[key] = self._new_buffers(render, display)
+        self._buffers.move_to_end(key)
+        return self._buffers[key]
 
-    def _new_space(self, render: Size, display: Size) -> Space:
+    def _new_buffers(self, render: Size, display: Size) -> StepBuffers:
         pixels, shape = display[0] * display[1], (display[1], display[0])
         if 12 * pixels > storage_limit(self.device):
             most = storage_limit(self.device) // 12
@@ -256,7 +335,7 @@ class GpuExecutor:
                 f"{storage_limit(self.device)}: at most {most} pixels"
             )
         memory = {**frame_buffers(self.program.layout.spec.inputs), **self.program.work}
-        return Space(
+        return StepBuffers(
             uniform_of(self.device, 4 * PARAMS),
             {name: allocate(self.device, of.spec(render, display)) for name, of in memory.items()},
             Readback(self.device, (*shape, 3)),

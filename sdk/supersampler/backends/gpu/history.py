@@ -7,18 +7,22 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.backends.gpu.extents import (
+from supersampler.backends.gpu.memory import (
     DISPLAY,
     HALF,
     LARGE,
     LARGE_HALF,
     PHASES,
     Extent,
+    Memory,
+    MemorySpec,
     PixelBuffer,
     PixelMemory,
     PixelTexture,
+    allocate,
+    read_back,
+    write_to,
 )
-from supersampler.backends.gpu.memory import Memory, MemorySpec, allocate, read_back, write_to
 from supersampler.frame import Float32, Size
 from supersampler.methods.at_rest import BLOCK, phase_count
 from supersampler.methods.spec import BLOCKS as BLOCKS_SHAPE

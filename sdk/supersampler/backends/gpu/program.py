@@ -1,4 +1,4 @@
-"""`GpuProgram`: what a step of a method is on a GPU: passes, memory, weights. It needs no device."""
+"""`GpuProgram`: passes, memory and weights of a method's step on a GPU, and the passes that methods share."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -7,12 +7,23 @@ from typing import Any, NamedTuple
 
 from numpy.typing import NDArray
 
-from supersampler.backends.gpu.extents import DISPLAY, ONE, Extent, PixelBuffer, PixelMemory
-from supersampler.backends.gpu.frame_inputs import frame_buffers
-from supersampler.backends.gpu.history import HistoryLayout
-from supersampler.backends.gpu.memory import MemorySpec
+from supersampler.backends.gpu.frame import frame_buffers
+from supersampler.backends.gpu.history import HistoryLayout, Plane, of_plane
+from supersampler.backends.gpu.memory import (
+    BLOCKS,
+    DISPLAY,
+    ONE,
+    RENDER,
+    Extent,
+    MemorySpec,
+    PixelBuffer,
+    PixelMemory,
+)
+from supersampler.backends.gpu.memory import PixelTexture as Texture
 from supersampler.backends.gpu.shader import Constants, Shader, load_shader
 from supersampler.frame import Size
+from supersampler.methods import at_rest
+from supersampler.methods.missing import FILL_CONSTANTS
 
 ARRAYS = {"frame": "frame_arrays", "image": "image_array"}
 TEXTURES = {"frame": "frame_textures", "image": "image_texture"}
@@ -105,3 +116,60 @@ class GpuProgram:
         """Return the shader of a pass for frames and images in buffers, or in textures."""
         constants = {**self.constants, **spec.constants}
         return load_shader(spec.shader, self.packages, constants, {**variants, **spec.variants})
+
+
+SIDE = 16
+"""Samples of a workgroup of `preprocess` in either direction."""
+REST_CONSTANTS: Constants = {
+    **{
+        name: value for name, value in vars(at_rest).items() if name.isupper() and type(value) in (int, float)
+    },
+    "SMALL_WINDOW": at_rest.WINDOWS[0],
+    "LARGE_WINDOW": at_rest.WINDOWS[1],
+}
+"""Constants of methods/at_rest.py for the shaders."""
+BLOCK_PASSES = (
+    PassSpec("follow_jitter", ONE, (1, 1), REST_CONSTANTS),
+    PassSpec("compare_blocks", BLOCKS, (4, 4), REST_CONSTANTS),
+    PassSpec("decide_blocks", BLOCKS, (8, 8), REST_CONSTANTS),
+)
+"""Passes that decide what stands still. They read the frame, the exposure and the history alone."""
+TILES = Extent("display", at_rest.TILE)
+TILE_PASS = PassSpec("rest_tiles", TILES, (8, 8), REST_CONSTANTS)
+REST_PLANES = {
+    "mean": Plane("static_mean"),
+    "blocks": Plane("static_blocks"),
+    "signatures": Plane("signatures", 4, None),
+    "phases": Plane("phases"),
+}
+REST_CHANNELS = {
+    "static_mean": of_plane("mean", 0, 1, 2, 3),
+    "static_blocks": of_plane("blocks", 0, 1, 2, 3),
+    "signatures": of_plane("signatures", 0, 1, 2, 3),
+    "phases": of_plane("phases", 0, 1, 2, 3),
+}
+REST_MEMORY: Mapping[str, PixelMemory] = {
+    "awake": PixelBuffer(4),
+    "block_sums": PixelBuffer(64, BLOCKS),
+    "block_states": Texture(BLOCKS, "rg32uint"),
+}
+"""Memory that BLOCK_PASSES write for later passes."""
+TILE_MEMORY: Mapping[str, PixelMemory] = {"tiles": PixelBuffer(8, TILES)}
+SAMPLE_MEMORY: Mapping[str, PixelMemory] = {
+    "samples": Texture(RENDER, "rgba16float"),
+    "dilated": Texture(RENDER),
+    "light": PixelBuffer(8, Extent("render", SIDE)),
+}
+"""Memory that `preprocess` writes for later passes, beside the history."""
+
+
+def preprocess(surface: str) -> PassSpec:
+    """Return the pass on the samples of a frame; `surface`: what it stores of them, "depth" or "shade"."""
+    return PassSpec(
+        "preprocess", RENDER, (SIDE, SIDE), FILL_CONSTANTS, variants={"surface": f"surface_{surface}"}
+    )
+
+
+def showing(shader: str, constants: Constants | None = None, tile: tuple[int, int] = (16, 16)) -> PassSpec:
+    """Return a pass that writes the image, at display size; `tile`: of `PassSpec`."""
+    return PassSpec(shader, DISPLAY, tile, constants={**REST_CONSTANTS, **(constants or {})})

@@ -1,20 +1,55 @@
-"""WGSL sources: imports, constants and the bindings that a pass declares."""
+"""WGSL sources: imports, constants, and the declarations and bindings that an entry point needs.
+
+Loops that are marked with `/* unroll */` are written out: wgpu adds a counter to every loop, and drivers then
+unroll none, so that vectors and arrays that a loop indexes stay in memory. Written out, the indices are
+constants. Mark small loops that index; others only cost time to compile.
+"""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
-from typing import Any
-
-from supersampler.backends.gpu.declarations import Part, needed, parsed
-from supersampler.backends.gpu.unrolling import unrolled
+from typing import Any, NamedTuple
 
 SHARED = "supersampler.backends.gpu"
+MOST_ROUNDS = 16
+"""Loops with more rounds stay loops: they would take long to compile."""
+Constants = Mapping[str, float | int | bool]
+
 _IMPORT = re.compile(r"^// import (\w+)\n", re.MULTILINE)
 _BINDING = re.compile(r"@group\((\d+)\) @binding\((\d+)\) var(?:<([^>]*)>)? (\w+): ([^;]+);")
 _STORAGE_TEXTURE = re.compile(r"texture_storage_2d<(\w+), write>")
-Constants = Mapping[str, float | int | bool]
+_NAME = re.compile(r"(?:@\w+(?:\([^)]*\))?\s*)*(?:fn|struct|alias|const|override|var(?:<[^>]*>)?)\s+(\w+)")
+_COMMENT = re.compile(r"//[^\n]*")
+_WORD = re.compile(r"(?<![\w.])[A-Za-z_]\w*")
+_LOCAL = re.compile(r"\b(?:let|var|const)\s+(\w+)")
+_PARAMETER = re.compile(r"(\w+)\s*:")
+_MARK = "/* unroll */"
+_LOOP = re.compile(r"/\* unroll \*/ for \(var (\w+) = (-?\d+)(u?); \1 (<=?) (\w+); \1\+\+\) \{")
+_CONSTANT = re.compile(r"^const (\w+) = (\d+)u?;", re.MULTILINE)
+_JUMP = re.compile(r"\b(?:break|continue)\b")
+
+
+class Declaration(NamedTuple):
+    """A function, structure, constant or variable of a module.
+
+    Attributes:
+        name: its name.
+        text: its code, with comments before it and at the end of its line.
+        words: names of others that it may use.
+    """
+
+    name: str
+    text: str
+    words: frozenset[str]
+
+
+class Part(NamedTuple):
+    """A file: its first comment, and its declarations."""
+
+    header: str
+    declarations: list[Declaration]
 
 
 @dataclass(frozen=True)
@@ -134,3 +169,124 @@ def _bindings(code: str) -> list[Binding]:
             of = "uint-texture" if kind == "texture_2d<u32>" else "texture"
         found.append(Binding(int(group), int(index), name, of, texture[1] if texture else ""))
     return sorted(found, key=lambda b: (b.group, b.index))
+
+
+def parsed(source: str) -> Part:
+    """Return the declarations of a file.
+
+    Comments belong to the declaration after them; the first comment, before an empty line, to the file.
+    """
+    header, blank, rest = source.partition("\n\n")
+    if not blank or _COMMENT.sub("", header).strip():
+        header, rest = "", source
+    found = []
+    while rest.strip():
+        end = _end(rest)
+        found.append(_declaration(rest[:end].strip()))
+        rest = rest[end:]
+    return Part(header.strip(), found)
+
+
+def needed(parts: Iterable[Part], entry: str = "main") -> str:
+    """Return the code of what `entry` needs, in order, with the headers of the files.
+
+    Raises:
+        KeyError: nothing is called `entry`.
+    """
+    parts = list(parts)
+    known = {one.name: one for part in parts for one in part.declarations}
+    reached, waiting = set[str](), [known[entry].name]
+    while waiting:
+        name = waiting.pop()
+        if name not in reached:
+            reached.add(name)
+            waiting += known[name].words & known.keys()
+    kept = [Part(p.header, [one for one in p.declarations if one.name in reached]) for p in parts]
+    return "\n".join(_text(part) for part in kept if part.declarations)
+
+
+def _text(part: Part) -> str:
+    """Return the code of a file: lines close up where both declarations are of one line."""
+    text = f"{part.header}\n\n" if part.header else ""
+    for index, one in enumerate(part.declarations):
+        before = part.declarations[index - 1].text if index else one.text
+        text += ("\n" if "\n" in before + one.text and index else "") + one.text + "\n"
+    return text
+
+
+def _end(source: str) -> int:
+    """Return where the first declaration of a source ends, the comment on its last line included."""
+    code, depth = _blanked(source), 0
+    for at, letter in enumerate(code):
+        depth += (letter in "([{") - (letter in ")]}")
+        if depth == 0 and letter in ";}":
+            line = source.find("\n", at)
+            end = len(source) if line < 0 else line
+            return end if not code[at + 1 : end].strip() else at + 1
+    raise ValueError(f"no declaration: {source[:60]!r}")
+
+
+def _declaration(text: str) -> Declaration:
+    code = _COMMENT.sub("", text).strip()
+    name = _NAME.match(code)
+    if name is None:
+        raise ValueError(f"no declaration: {text[:60]!r}")
+    words = set(_WORD.findall(code)) - {name[1]}
+    if "{" in code:
+        head, _, body = code.partition("{")
+        own = _LOCAL.findall(body) + _PARAMETER.findall(head if "fn " in head else body)
+        words -= set(own)
+    return Declaration(name[1], text, frozenset(words))
+
+
+def unrolled(code: str) -> str:
+    """Write out marked loops: a block with a constant for each round.
+
+    A marked loop is `/* unroll */ for (var i = FIRST; i < END; i++) {`, or with `<=`. FIRST is a number; END
+    is a number or a constant of the module that is a number. The loop neither breaks nor continues.
+
+    Raises:
+        ValueError: a marked loop is of another form.
+    """
+    return _written(code, {name: int(value) for name, value in _CONSTANT.findall(code)})
+
+
+def _written(code: str, constants: Mapping[str, int]) -> str:
+    before, mark, _ = code.partition(_MARK)
+    if not mark:
+        return code
+    loop = _LOOP.match(code, len(before))
+    if loop is None:
+        raise ValueError(f"no loop that can be unrolled: {_line(code, len(before))}")
+    name, first, unsigned, sign, last = loop.groups()
+    end = _closing(code, loop.end())
+    if last not in constants and not last.removesuffix("u").isdigit():
+        raise ValueError(f"{last} is no constant number: {_line(code, len(before))}")
+    stop = (constants[last] if last in constants else int(last.removesuffix("u"))) + (sign == "<=")
+    body, after = _written(code[loop.end() : end], constants), _written(code[end + 1 :], constants)
+    if _JUMP.search(_COMMENT.sub("", body)):
+        raise ValueError(f"a loop that is unrolled has no break or continue: {_line(code, len(before))}")
+    if stop - int(first) > MOST_ROUNDS:
+        return f"{before}{loop[0].removeprefix(_MARK + ' ')}{body}}}{after}"
+    kind = "u32" if unsigned else "i32"
+    rounds = [f"{{ const {name}: {kind} = {i}{unsigned};{body}}}" for i in range(int(first), stop)]
+    return before + "\n".join(rounds) + after
+
+
+def _closing(code: str, begin: int) -> int:
+    """Return where the block ends whose first character is at `begin`."""
+    depth = 1
+    for at, letter in enumerate(_blanked(code[begin:])):
+        depth += (letter == "{") - (letter == "}")
+        if depth == 0:
+            return begin + at
+    raise ValueError(f"a block without an end: {_line(code, begin)}")
+
+
+def _line(code: str, at: int) -> str:
+    return code[at:].partition("\n")[0].strip()
+
+
+def _blanked(code: str) -> str:
+    """Return code with spaces in place of comments."""
+    return _COMMENT.sub(lambda comment: " " * len(comment[0]), code)

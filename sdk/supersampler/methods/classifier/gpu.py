@@ -2,19 +2,8 @@
 
 import numpy as np
 
-from supersampler.backends.gpu.at_rest import (
-    BLOCK_PASSES,
-    REST_CHANNELS,
-    REST_CONSTANTS,
-    REST_MEMORY,
-    REST_PLANES,
-    SAMPLE_MEMORY,
-    TILE_MEMORY,
-    TILE_PASS,
-    preprocess,
-    showing,
-)
-from supersampler.backends.gpu.extents import (
+from supersampler.backends.gpu.history import Codec, HistoryLayout, Packed, Plane, of_plane
+from supersampler.backends.gpu.memory import (
     DISPLAY,
     HALF,
     ONE,
@@ -24,8 +13,20 @@ from supersampler.backends.gpu.extents import (
     PixelMemory,
     PixelTexture,
 )
-from supersampler.backends.gpu.history import Codec, HistoryLayout, Packed, Plane, of_plane
-from supersampler.backends.gpu.program import GpuProgram, PassSpec
+from supersampler.backends.gpu.program import (
+    BLOCK_PASSES,
+    REST_CHANNELS,
+    REST_CONSTANTS,
+    REST_MEMORY,
+    REST_PLANES,
+    SAMPLE_MEMORY,
+    TILE_MEMORY,
+    TILE_PASS,
+    GpuProgram,
+    PassSpec,
+    preprocess,
+    showing,
+)
 from supersampler.backends.gpu.shader import Constants
 from supersampler.frame import Float32
 from supersampler.methods.classifier.gpu_network import CHUNK, read_gpu_network

@@ -3,10 +3,9 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
-from supersampler.backends.gpu.at_rest import showing
-from supersampler.backends.gpu.extents import LARGE, PixelMemory, PixelTexture
 from supersampler.backends.gpu.history import HistoryLayout
-from supersampler.backends.gpu.program import GpuProgram
+from supersampler.backends.gpu.memory import LARGE, PixelMemory, PixelTexture
+from supersampler.backends.gpu.program import GpuProgram, showing
 from supersampler.methods.classifier.gpu import LAYOUT, classifier_program
 from supersampler.methods.classifier_large.spec import CLASSIFIER_LARGE, REACH, SHARPNESS
 from supersampler.methods.model_info import ModelInfo

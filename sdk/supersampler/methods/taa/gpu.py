@@ -1,7 +1,7 @@
 """Shaders of `taa`."""
 
-from supersampler.backends.gpu.extents import RENDER, PixelTexture
 from supersampler.backends.gpu.history import HistoryLayout, Plane, of_plane
+from supersampler.backends.gpu.memory import RENDER, PixelTexture
 from supersampler.backends.gpu.program import GpuProgram, PassSpec
 from supersampler.methods.missing import FILL_CONSTANTS
 from supersampler.methods.model_info import ModelInfo

@@ -1,6 +1,8 @@
 """Shaders of `taau`."""
 
-from supersampler.backends.gpu.at_rest import (
+from supersampler.backends.gpu.history import HistoryLayout, Plane, of_plane
+from supersampler.backends.gpu.memory import BLOCKS, ONE, PixelTexture
+from supersampler.backends.gpu.program import (
     BLOCK_PASSES,
     REST_CHANNELS,
     REST_CONSTANTS,
@@ -9,12 +11,11 @@ from supersampler.backends.gpu.at_rest import (
     SAMPLE_MEMORY,
     TILE_MEMORY,
     TILE_PASS,
+    GpuProgram,
+    PassSpec,
     preprocess,
     showing,
 )
-from supersampler.backends.gpu.extents import BLOCKS, ONE, PixelTexture
-from supersampler.backends.gpu.history import HistoryLayout, Plane, of_plane
-from supersampler.backends.gpu.program import GpuProgram, PassSpec
 from supersampler.methods.model_info import ModelInfo
 from supersampler.methods.spec import constants_of
 from supersampler.methods.taau.spec import (

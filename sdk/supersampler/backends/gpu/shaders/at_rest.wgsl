@@ -3,7 +3,6 @@
 //
 // Images are of the display here, also where a method's own are larger. Constants are those of methods/at_rest.py.
 
-const OLDEST = 0x1p+20;
 // Flags of a block, in x of `block_states`; y is the part of the mean in its image.
 const KEEPS = 1u;       // the mean goes on: it has samples, and stands still
 const ADDS = 2u;        // this frame's samples belong into it

@@ -9,7 +9,6 @@
 const COVERED = 0.999;   // of four bilinear weights
 const ROWS = 4;          // of a block
 const SIDE = 4;          // blocks of a workgroup in either direction
-const PLASTIC = 0.7548776662466927;   // the inverse of the plastic number
 const SHARE = 1.0 / f32(BLOCK * BLOCK);
 
 @group(0) @binding(1) var<storage, read> next_state: State;
@@ -61,7 +60,7 @@ fn mean_at(sample: vec2i) -> vec4f {
     return mix(upper, lower, t.y);
 }
 
-fn order_of(i: i32) -> f32 { return 2.0 * fract(f32(i) * PLASTIC) - 1.0; }
+fn order_of(i: i32) -> f32 { return 2.0 * fract(f32(i) * ORDER) - 1.0; }
 
 fn sums_of(block: vec2i, row: i32, has_mean: bool) -> Row {
     var found = Row();

@@ -1,18 +1,62 @@
-"""A frame in textures or buffers of the caller's device."""
+"""The frame and the parameters that a step reads: arrays, or textures and buffers of the caller's device."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from supersampler.backends.gpu.frame_inputs import CHANNELS
+import numpy as np
+
+from supersampler.backends.gpu.history import GpuHistory
+from supersampler.backends.gpu.memory import RENDER, Memory, PixelBuffer, PixelMemory, write_to
 from supersampler.errors import ArgumentError, FrameError, shown
-from supersampler.frame import Size
+from supersampler.frame import Float32, Frame, Size
+from supersampler.io.display import usable_exposure
 
 if TYPE_CHECKING:
     import wgpu
 
-_SAMPLED, _STORED, _STORAGE = 4, 8, 128  # usages, as WebGPU numbers them
 IMAGE_FORMAT = "rgba16float"
+PARAMS = 16
+"""Values of the shader's `Params`."""
+CHANNELS = {"color": 3, "depth": 1, "motion": 2, "reactive": 1}
+"""Images of a frame that shaders read, and their channels; the last may be missing."""
+_SAMPLED, _STORED, _STORAGE = 4, 8, 128  # usages, as WebGPU numbers them
+_SAME_DEVICE = "`Model.load(..., executor='gpu', device=device)` runs on the textures' device."
+
+
+def step_params(
+    frame: "Frame | DeviceFrame",
+    history: GpuHistory,
+    *,
+    has_reactive: bool,
+    adds_samples: float,
+    writes_aux: bool,
+    skip: bool,
+) -> Float32:
+    """Return the shader's `Params` of a step from `history`; with auxiliary outputs no tile is left out."""
+    sizes = *frame.size, *history.display, *history.render
+    values = *frame.jitter, usable_exposure(frame.exposure) or 0.0
+    flags = adds_samples, writes_aux, frame.pre_exposure, has_reactive, skip and not writes_aux
+    return np.array([*sizes, *values, *flags, 0.0, 0.0], np.float32)
+
+
+def frame_buffers(names: Collection[str]) -> dict[str, PixelMemory]:
+    """Return the buffers of the images that a method reads, by the names that shaders use."""
+    return {
+        f"frame_{name}": PixelBuffer(4 * channels, RENDER)
+        for name, channels in CHANNELS.items()
+        if name in names
+    }
+
+
+def write_frame(
+    device: "wgpu.GPUDevice", memory: Mapping[str, Memory], frame: Frame, names: Collection[str]
+) -> None:
+    """Copy the images of a frame that the method reads to its buffers."""
+    for name in CHANNELS:
+        image: Any = getattr(frame, name)
+        if name in names and image is not None:
+            write_to(device, memory[f"frame_{name}"], np.asarray(image, np.float32))
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,23 +155,16 @@ def check_encoder(encoder: object, device: "wgpu.GPUDevice") -> None:
         raise ArgumentError("encoder", got="of another device", want="of the Upscaler's", hint=_SAME_DEVICE)
 
 
-_SAME_DEVICE = "`Model.load(..., executor='gpu', device=device)` runs on the textures' device."
-
-
 def device_of(image: Any) -> Any:
     """Return the device of a texture or buffer."""
     return image._device  # wgpu has no public name for it
 
 
-def _is_float(texture_format: str) -> bool:
-    """Return whether shaders read floats from a format; those of depth buffers are read otherwise."""
-    return ("float" in texture_format or "norm" in texture_format) and "depth" not in texture_format
-
-
 def _check_image(name: str, image: Any, size: Size, device: "wgpu.GPUDevice") -> None:
     if is_texture(image):
-        good = tuple(image.size[:2]) == size and _is_float(image.format)
-        if not good or not image.usage & _SAMPLED:
+        kind = image.format
+        is_float = ("float" in kind or "norm" in kind) and "depth" not in kind  # shaders read depth otherwise
+        if tuple(image.size[:2]) != size or not is_float or not image.usage & _SAMPLED:
             got = f"{image.format} {tuple(image.size[:2])} with usage {image.usage}"
             raise FrameError(name, got=got, want=f"a colour format {size} with TEXTURE_BINDING")
     else:
