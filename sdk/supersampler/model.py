@@ -21,9 +21,8 @@ from supersampler.arguments import (
 )
 from supersampler.backends.base import Executor
 from supersampler.backends.cpu.memory import aligned
-from supersampler.backends.onnx.aovs import AovBlender, check_aovs
-from supersampler.backends.onnx.executor import OnnxExecutor
-from supersampler.backends.onnx.providers import CPU, resolve_providers
+from supersampler.backends.onnx.executor import AovBlender, OnnxExecutor, check_aovs
+from supersampler.backends.onnx.runtime import CPU, resolve_providers
 from supersampler.backends.onnx.session import pixels_of, session_options, vector_inputs
 from supersampler.backends.onnx.tensors import Tensor, checked_tensors, graph_inputs, render_size_of, taken
 from supersampler.conventions.jitter import check_ratio

@@ -17,7 +17,7 @@ from fuzzing import damaged, examples, replaced, run_apart
 from noise import noise
 from supersampler import Model, Upscaler
 from supersampler.backends.onnx.graph_file import refusal_of
-from supersampler.backends.onnx.providers import CPU
+from supersampler.backends.onnx.runtime import CPU
 from supersampler.extrapolation import Extrapolator
 from supersampler.methods.model_file import find_model, read_model_info
 

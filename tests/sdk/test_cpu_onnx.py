@@ -15,8 +15,7 @@ import pytest
 
 from noise import Size, noise
 from supersampler import ArgumentError, Frame, Model, ModelError, Shot, Upscaler
-from supersampler.backends.onnx.providers import NAMES
-from supersampler.backends.onnx.runtime import ort
+from supersampler.backends.onnx.runtime import NAMES, ort
 from supersampler.errors import ProviderError
 from supersampler.frame import Float32
 from supersampler.io.display import display_transform

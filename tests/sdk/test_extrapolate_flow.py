@@ -11,7 +11,7 @@ import pytest
 from alternating import alternate, extrapolated_by_torch
 from flow_method import Shadow
 from supersampler import Frame, FrameError, Model, Upscaler, halton_jitter
-from supersampler.backends.onnx.providers import CPU
+from supersampler.backends.onnx.runtime import CPU
 from supersampler.extrapolation import Extrapolator
 from supersampler.frame import Float32
 from supersampler.methods.model_file import find_model

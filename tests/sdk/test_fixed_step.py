@@ -18,7 +18,7 @@ from noise import noise
 from supersampler import ArgumentError, Frame, FrameError, Model, Upscaler
 from supersampler.backends.onnx.cuda_graph import with_display_size
 from supersampler.backends.onnx.executor import OnnxExecutor
-from supersampler.backends.onnx.providers import NAMES, capturing, precise
+from supersampler.backends.onnx.runtime import NAMES, capturing, precise
 from supersampler.backends.onnx.tensors import tensors_of_frame
 from supersampler.errors import ProviderError
 from supersampler.methods.model_file import extrapolation_names, find_model, model_names, read_model_info

@@ -19,7 +19,7 @@ from noise import noise
 from supersampler import Model, ModelError, ShotError, Upscaler
 from supersampler.backends.cpu.layout import INPUT_PLANES
 from supersampler.backends.onnx.graph_file import refusal_of
-from supersampler.backends.onnx.providers import CPU
+from supersampler.backends.onnx.runtime import CPU
 from supersampler.extrapolation import Extrapolator
 from supersampler.io.json_fields import read_fields
 from supersampler.io.shot import Shot, shot

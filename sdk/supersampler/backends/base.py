@@ -1,4 +1,4 @@
-"""What all backends share: the protocol `Executor`, and locks that are free in a forked child."""
+"""What all backends share: the protocols of executors, and locks that are free in a forked child."""
 
 import os
 import weakref
@@ -77,6 +77,25 @@ class Executor(Protocol):
 
     def load(self, buffers: Buffers, tensors: Mapping[str, NDArray[Any]]) -> None:
         """Fill buffers from all history tensors, already checked."""
+
+
+class ExtrapolationExecutor(Protocol):
+    """Runs a model that extrapolates; keeps no state between calls.
+
+    Attributes:
+        name: "onnx" or "cpu".
+    """
+
+    name: str
+
+    def upload(self, array: NDArray[Any]) -> Any:
+        """Return a history tensor made from an array, which may share its memory."""
+
+    def download(self, tensor: Any) -> NDArray[Any]:
+        """Return a copy of a history tensor as an array."""
+
+    def extrapolate(self, frame: Frame, history: Mapping[str, Any]) -> tuple[Float32, Mapping[str, Any]]:
+        """Return the colour of a checked unshaded frame, (h, w, 3), and the next history."""
 
 
 class ForkSafeLock:

@@ -5,11 +5,10 @@ import warnings
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
-from supersampler.backends.base import Executor
+from supersampler.backends.base import Executor, ExtrapolationExecutor
 from supersampler.backends.cpu.threads import ThreadPool
-from supersampler.backends.onnx.executor import OnnxExecutor
-from supersampler.backends.onnx.extrapolation import ExtrapolationExecutor, OnnxExtrapolation
-from supersampler.backends.onnx.providers import CPU
+from supersampler.backends.onnx.executor import OnnxExecutor, OnnxExtrapolation
+from supersampler.backends.onnx.runtime import CPU
 from supersampler.errors import ArgumentError, BackendWarning, KernelError
 from supersampler.methods.model_info import ModelInfo
 from supersampler.methods.registry import find_method, load, methods

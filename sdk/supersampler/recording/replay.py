@@ -7,7 +7,7 @@ from typing import NamedTuple, cast
 
 import numpy as np
 
-from supersampler.backends.onnx.providers import resolve_providers
+from supersampler.backends.onnx.runtime import resolve_providers
 from supersampler.backends.onnx.tensors import image_of_tensor, tensors_of_frame
 from supersampler.errors import ProviderError, RecordingError
 from supersampler.history import StepResult

@@ -5,8 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from supersampler.backends.onnx.providers import capturing, check_provider_in_use
-from supersampler.backends.onnx.runtime import ort
+from supersampler.backends.onnx.runtime import capturing, ort
 from supersampler.backends.onnx.session import open_session, running, session_options
 from supersampler.frame import Size
 from supersampler.methods.model_info import ModelInfo, extents
@@ -55,7 +54,6 @@ class FixedStep:
         if any(tensor.name == "display_size" for tensor in info.inputs):
             graph = with_display_size(graph, display)
         self._session = open_session(path, options, capturing(providers), graph)
-        check_provider_in_use(providers[0], self._session.get_providers())
         self._binding = self._session.io_binding()
         self._inputs: dict[str, ort.OrtValue] = {}
         self._outputs: dict[str, ort.OrtValue] = {}  # history tensors by the names of their inputs

@@ -1,4 +1,4 @@
-"""`OnnxExecutor`: runs a step as one graph in ONNX Runtime; the history stays on the device."""
+"""`OnnxExecutor` and others: run steps, extrapolation and the blending of AOVs as graphs in ONNX Runtime."""
 
 import math
 from collections.abc import Collection, Mapping, Sequence
@@ -9,18 +9,22 @@ from numpy.typing import NDArray
 
 from supersampler.backends.base import ForkSafeLock, StepReport
 from supersampler.backends.onnx.cuda_graph import FixedStep
-from supersampler.backends.onnx.providers import capturing, check_provider_in_use, device_of
-from supersampler.backends.onnx.runtime import ort
+from supersampler.backends.onnx.runtime import capturing, device_of, ort
 from supersampler.backends.onnx.session import (
     VECTORS,
     frame_inputs,
     open_session,
+    pixels_of,
+    run_bound,
     running,
     session_options,
 )
 from supersampler.backends.onnx.tensors import check_tensor, render_size_of
+from supersampler.errors import FrameError, ModelError
 from supersampler.frame import Float32, Frame, Size
-from supersampler.methods.model_info import ModelInfo
+from supersampler.methods.aovs.spec import AOVS
+from supersampler.methods.model_info import ModelInfo, TensorInfo
+from supersampler.methods.spec import TENSORS, dtype_of
 
 Tensors = dict[str, ort.OrtValue]
 
@@ -52,7 +56,6 @@ class OnnxExecutor:
         self._path, options = info.steps[precision], session_options(threads)
         self._session = open_session(self._path, options, providers, takes=info.takes, gives=info.gives)
         self.providers: list[str] = self._session.get_providers()
-        check_provider_in_use(providers[0], self.providers)
         self.device = device_of(self.providers[0])
         self._fixed: FixedStep | None = None
         self._lock = ForkSafeLock()  # of `_fixed`
@@ -140,18 +143,8 @@ class OnnxExecutor:
         return self._fixed
 
     def _run(self, given: Tensors, history: Tensors, next_history: Tensors, results: Tensors) -> None:
-        binding = self._session.io_binding()
-        for name, value in given.items():
-            binding.bind_ortvalue_input(name, value)
-        for h in self._info.history:
-            binding.bind_ortvalue_input(h.input.name, history[h.input.name])
-            binding.bind_ortvalue_output(h.output, next_history[h.input.name])
-        for name, value in results.items():
-            binding.bind_ortvalue_output(name, value)
-        with running(self._path):
-            binding.synchronize_inputs()  # other libraries may have written on their own streams
-            self._session.run_with_iobinding(binding)
-            binding.synchronize_outputs()
+        written = {h.output: next_history[h.input.name] for h in self._info.history}
+        run_bound(self._session, self._path, {**given, **history}, {**written, **results})
 
     def required_bytes(self, display: Size, render: Size) -> tuple[int, int | None]:
         """See `Executor`."""
@@ -175,3 +168,109 @@ class OnnxExecutor:
 def _values(arrays: Mapping[str, np.ndarray[Any, Any]]) -> Tensors:
     """Return arrays as values of ONNX Runtime, which share their memory."""
     return {name: ort.OrtValue.ortvalue_from_numpy(array) for name, array in arrays.items()}
+
+
+class OnnxExtrapolation:
+    """Extrapolates with ONNX Runtime; see `ExtrapolationExecutor`.
+
+    Args:
+        info: the model.
+        providers: execution providers, in order of preference.
+        threads: number of CPU threads; 0 uses every core.
+
+    Raises:
+        ModelError: ONNX Runtime cannot load the graph.
+        ProviderError: a provider cannot start.
+    """
+
+    name = "onnx"
+
+    def __init__(self, info: ModelInfo, providers: Sequence[str], threads: int) -> None:
+        self._info = info
+        path, options = info.steps["fp32"], session_options(threads)
+        self._session = open_session(path, options, providers, takes=info.takes, gives=info.gives)
+        self._device = device_of(self._session.get_providers()[0])
+
+    def upload(self, array: NDArray[Any]) -> ort.OrtValue:
+        """See `ExtrapolationExecutor`."""
+        return ort.OrtValue.ortvalue_from_numpy(array, self._device, 0)
+
+    def download(self, tensor: ort.OrtValue) -> NDArray[Any]:
+        """See `ExtrapolationExecutor`."""
+        return np.array(tensor.numpy())
+
+    def extrapolate(
+        self, frame: Frame, history: Mapping[str, ort.OrtValue]
+    ) -> tuple[Float32, Mapping[str, ort.OrtValue]]:
+        """See `ExtrapolationExecutor`."""
+        inputs = frame_inputs(frame, frame.size, [tensor.name for tensor in self._info.inputs])
+        planes = np.empty((1, 3, *frame.size[::-1]), np.float32)
+        names = [entry.input.name for entry in self._info.history]
+        outputs: dict[str, Any] = {entry.output: self._device for entry in self._info.history}
+        outputs[self._info.image.name] = ort.OrtValue.ortvalue_from_numpy(planes)
+        path = self._info.steps["fp32"]
+        binding = run_bound(self._session, path, {**_values(inputs), **history}, outputs)
+        return pixels_of(planes), dict(zip(names, binding.get_outputs()[: len(names)], strict=True))
+
+
+_INPUTS = [
+    *(TensorInfo(name, dtype_of(name), TENSORS[name]) for name in AOVS.inputs),
+    *(TensorInfo(name, "float32", shape) for name, shape in AOVS.graph_history.items()),
+]
+_OUTPUTS = [TensorInfo("image", "float32", AOVS.image)]
+
+
+def check_aovs(frame: Frame, history: Float32 | None) -> None:
+    """Raise FrameError unless the frame has AOVs, with as many channels as `history` (1, k, H, W)."""
+    if frame.aovs is None:
+        raise FrameError("aovs", got=None, want="(h, w, k), as it is asked for")
+    channels = frame.aovs.shape[2]
+    if history is not None and history.shape[1] != channels:
+        want = f"{history.shape[1]} channels as before, or a reset"
+        raise FrameError("aovs", got=f"{channels} channels", want=want)
+
+
+class AovBlender:
+    """Runs a model's graph for AOVs, loaded on first use; threads may share it."""
+
+    def __init__(self, info: ModelInfo, options: ort.SessionOptions) -> None:
+        self._path, self._options = info.aovs_path, options
+        self._lock = ForkSafeLock()
+        self._session: ort.InferenceSession | None = None
+
+    def blend(
+        self, frame: Frame, weight: Float32 | None, history: Float32 | None, display_size: Size
+    ) -> Float32:
+        """Upsample the channels to display size and blend them with their history.
+
+        Args:
+            frame: with `aovs` (h, w, k); see `check_aovs`.
+            weight: (1, 1, H, W) weight of the history; None for a method without one.
+            history: (1, k, H, W) blended AOVs of the previous frame; None without them.
+            display_size: (W, H).
+
+        Returns:
+            (1, k, H, W) float32.
+        """
+        inputs = frame_inputs(frame, display_size, ("aovs", "depth", "motion", "jitter", "display_size"))
+        shape = (1, inputs["aovs"].shape[1], *display_size[::-1])
+        if weight is None or history is None:
+            weight = np.zeros((1, 1, *shape[2:]), np.float32)
+        inputs |= {
+            "weight": weight,
+            "history.aovs": np.zeros(shape, np.float32) if history is None else history,
+        }
+        session = self._loaded()
+        with running(self._path):
+            image: Float32 = session.run(["image"], inputs)[0]
+        if image.shape != shape:
+            raise ModelError(f"{self._path}: gives {image.shape} for 'image'; want {shape}.")
+        return image
+
+    def _loaded(self) -> ort.InferenceSession:
+        with self._lock.lock:
+            if self._session is None:
+                self._session = open_session(
+                    self._path, self._options, ["CPUExecutionProvider"], takes=_INPUTS, gives=_OUTPUTS
+                )
+            return self._session

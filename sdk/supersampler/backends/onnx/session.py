@@ -1,6 +1,6 @@
 """Sessions of ONNX Runtime, and the inputs that graphs read from a frame."""
 
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -8,10 +8,8 @@ from typing import Any
 import numpy as np
 
 from supersampler.backends.onnx.graph_file import refusal_of
-from supersampler.backends.onnx.providers import precise
-from supersampler.backends.onnx.runs import OnnxRun
-from supersampler.backends.onnx.runtime import ort
-from supersampler.errors import ModelError
+from supersampler.backends.onnx.runtime import OnnxRun, ort, precise
+from supersampler.errors import ModelError, ProviderError
 from supersampler.frame import Float32, Frame, Size
 from supersampler.io.display import usable_exposure
 from supersampler.methods.at_rest import ADDS_SAMPLES
@@ -60,16 +58,18 @@ def open_session(
 
     Raises:
         ModelError: the graph is too large, refused, has other tensors, or ONNX Runtime cannot load it.
+        ProviderError: the first provider cannot start.
     """
     inputs, outputs = list(takes), list(gives)
     output_names = {tensor.name for tensor in outputs}
     try:
         session = ort.InferenceSession(graph or _content(path), options, providers=precise(providers))
+        _check_in_use(providers[0], session.get_providers())
         if inputs:
             _check_tensors(path, "input", inputs, session.get_inputs())
         found = [node for node in session.get_outputs() if node.name in output_names]
         _check_tensors(path, "output", outputs, found)
-    except ModelError:
+    except (ModelError, ProviderError):
         raise
     except Exception as error:  # exceptions of ONNX Runtime have no other common base
         raise ModelError(f"{path}: ONNX Runtime cannot load it: {error}") from error
@@ -84,6 +84,45 @@ def running(path: Path) -> Iterator[None]:
             yield
     except Exception as error:  # exceptions of ONNX Runtime have no other common base
         raise ModelError(f"{path}: ONNX Runtime cannot run it: {error}") from error
+
+
+def run_bound(
+    session: ort.InferenceSession,
+    path: Path,
+    inputs: Mapping[str, ort.OrtValue],
+    outputs: Mapping[str, ort.OrtValue | str],
+) -> ort.IOBinding:
+    """Run the graph at `path`, and return the binding, which has its outputs.
+
+    Args:
+        session: loaded from `path`.
+        path: named in errors.
+        inputs: all inputs, by name.
+        outputs: by name, values to write to, or devices to allocate them on.
+    """
+    binding = session.io_binding()
+    for name, value in inputs.items():
+        binding.bind_ortvalue_input(name, value)
+    for name, target in outputs.items():
+        if isinstance(target, str):
+            binding.bind_output(name, target)
+        else:
+            binding.bind_ortvalue_output(name, target)
+    with running(path):
+        binding.synchronize_inputs()  # other libraries may have written on their own streams
+        session.run_with_iobinding(binding)
+        binding.synchronize_outputs()
+    return binding
+
+
+def _check_in_use(provider: Provider, used: Sequence[str]) -> None:
+    """Raise ProviderError if ONNX Runtime uses another provider, as it does when libraries are missing."""
+    name = provider if isinstance(provider, str) else provider[0]
+    if name not in used:
+        raise ProviderError(
+            f"{name} is installed but could not start; ONNX Runtime fell back to {', '.join(used)}. "
+            "Its libraries (CUDA and cuDNN for CUDAExecutionProvider) are missing or of another version."
+        )
 
 
 def _content(path: Path) -> bytes:

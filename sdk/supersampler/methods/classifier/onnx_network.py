@@ -10,7 +10,6 @@ from supersampler.backends.cpu.memory import aligned
 from supersampler.backends.cpu.structs import pack
 from supersampler.backends.cpu.threads import ThreadPool
 from supersampler.backends.cpu.tiles import Tiles
-from supersampler.backends.onnx.providers import check_provider_in_use
 from supersampler.backends.onnx.session import open_session, running, session_options
 from supersampler.errors import ModelError
 from supersampler.frame import Float32, Size
@@ -64,7 +63,6 @@ class NetworkSession:
         self._outputs = gives
         self._session = open_session(self.path, options, providers, takes=takes, gives=gives)
         self.providers: list[str] = self._session.get_providers()
-        check_provider_in_use(providers[0], self.providers)
 
     def run(self, planes: Float32) -> NetworkOutputs:
         """Infer from the inputs, (channels of both, h, w), one after the other.
