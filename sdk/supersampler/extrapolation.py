@@ -1,9 +1,8 @@
 """Extrapolation: the colour of unshaded frames, computed from the last shaded one (docs/contract.md)."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,15 +25,10 @@ _FRAME_INPUTS |= {"motion_jitter": "jitter", SHADED_MOTION: "motion"}
 """Frame input that fills a history tensor; other history tensors are G-buffers without their prefix."""
 
 
-@dataclass(frozen=True, eq=False)
-class ShadedHistory:
-    """The history from which unshaded frames are extrapolated: the last shaded frame, and the motion since.
+ShadedHistory: TypeAlias = Mapping[str, Any]
+"""The history from which unshaded frames are extrapolated: the last shaded frame, and the motion since.
 
-    Attributes:
-        tensors: by their names in the graph, as `ExtrapolationExecutor.upload` returns them; read only.
-    """
-
-    tensors: Mapping[str, Any]
+Tensors of the executor by their names in the graph, read only."""
 
 
 class Extrapolator:
@@ -92,7 +86,7 @@ class Extrapolator:
             name = full_name.removeprefix("history.")
             current_name = name.removeprefix(EARLIER)
             if current_name != name:
-                source = tensors if history is None else history.tensors
+                source = tensors if history is None else history
                 tensors[full_name] = source[f"history.{current_name}"]
             elif name == MOTION or (name == SHADED_MOTION and history is None):
                 zeros = np.zeros((1, 2, *frame.size[::-1]), np.float32)
@@ -104,7 +98,7 @@ class Extrapolator:
                     array = array / np.float32(frame.pre_exposure)
                 # engines reuse their buffers, so a view of the frame is copied
                 tensors[full_name] = self._executor.upload(array if array.base is None else array.copy())
-        return ShadedHistory(tensors)
+        return tensors
 
     def extrapolate(self, frame: Frame, history: ShadedHistory | None) -> tuple[Float32, ShadedHistory]:
         """Compute the colour of an unshaded frame.
@@ -119,14 +113,23 @@ class Extrapolator:
         Raises:
             FrameError: the frame has colour or lacks a G-buffer that the model reads, or there is no history.
         """
-        history = _checked(frame, history)
+        if frame.color is not None:
+            want, hint = "None, as it is to be extrapolated", "`step` takes shaded frames."
+            raise FrameError("color", got=frame.color.shape, want=want, hint=hint)
+        if frame.reset:
+            hint = "There is nothing to extrapolate from: shade the first frame after a cut."
+            raise FrameError("reset", got="True on a frame that was not shaded", want="False", hint=hint)
+        if history is None:
+            hint = (
+                "After a start or a reset there is nothing to extrapolate from: shade a frame, and `step` it."
+            )
+            raise FrameError("color", got="None before any shaded frame", want="(h, w, 3)", hint=hint)
         check_gbuffers(frame, self.info.gbuffers, frame.size, self.info.method)
-        color, next_tensors = self._executor.extrapolate(frame, history.tensors)
-        return color, ShadedHistory(next_tensors)
+        return self._executor.extrapolate(frame, history)
 
     def save(self, history: ShadedHistory) -> dict[str, NDArray[Any]]:
         """Return copies of a history's tensors, by their names in the contract."""
-        return {name: self._executor.download(tensor) for name, tensor in history.tensors.items()}
+        return {name: self._executor.download(tensor) for name, tensor in history.items()}
 
     def load(self, arrays: Mapping[str, NDArray[Any]]) -> ShadedHistory:
         """Return the history whose tensors `save` copied.
@@ -140,19 +143,4 @@ class Extrapolator:
         checked = checked_arrays(
             arrays, specs, lambda got, want: ArgumentError("state.shaded", got=got, want=want)
         )
-        return ShadedHistory(
-            {name: self._executor.upload(np.array(a, order="C")) for name, a in checked.items()}
-        )
-
-
-def _checked(frame: Frame, history: ShadedHistory | None) -> ShadedHistory:
-    if frame.color is not None:
-        hint = "`step` takes shaded frames."
-        raise FrameError("color", got=frame.color.shape, want="None, as it is to be extrapolated", hint=hint)
-    if frame.reset:
-        hint = "There is nothing to extrapolate from: shade the first frame after a cut."
-        raise FrameError("reset", got="True on a frame that was not shaded", want="False", hint=hint)
-    if history is None:
-        hint = "After a start or a reset there is nothing to extrapolate from: shade a frame, and `step` it."
-        raise FrameError("color", got="None before any shaded frame", want="(h, w, 3)", hint=hint)
-    return history
+        return {name: self._executor.upload(np.array(a, order="C")) for name, a in checked.items()}

@@ -44,7 +44,7 @@ from supersampler.methods.executors import ExecutorName, Precision, choose_execu
 from supersampler.methods.gbuffers import check_gbuffers, sampled
 from supersampler.methods.model_file import read_model_info, read_upscaling_info
 from supersampler.methods.model_info import ModelInfo, map_size
-from supersampler.methods.sizes import resized
+from supersampler.methods.spec import resized
 
 if TYPE_CHECKING:
     import wgpu

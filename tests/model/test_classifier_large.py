@@ -5,7 +5,7 @@ import torch
 
 from supersampler import ArgumentError, Upscaler
 from supersampler.methods.at_rest import AT_REST_HISTORY
-from supersampler.methods.sizes import large_size
+from supersampler.methods.spec import large_size
 from supersampler_bench.stress.scenes import still
 from supersampler_model import ops
 from supersampler_model.methods.base import load_trained, shipped_weights

@@ -13,7 +13,7 @@ from supersampler.frame import Float32
 from supersampler.methods.classifier_large.cpu import DOWNSAMPLE
 from supersampler.methods.classifier_large.downsampling import DownsamplingTables
 from supersampler.methods.classifier_large.structs import Downsampling
-from supersampler.methods.sizes import large_size
+from supersampler.methods.spec import large_size
 from supersampler_model import ops
 
 SIZES = [

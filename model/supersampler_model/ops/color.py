@@ -9,7 +9,7 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from supersampler.methods.classifier.spec import ToneSpace
-from supersampler.methods.missing import FILL_WINDOW, GREY_SHARE
+from supersampler.methods.spec import FILL_WINDOW, GREY_SHARE
 from supersampler_model.ops.images import window_means
 
 MAX_HALF = 65504.0

@@ -15,7 +15,7 @@ from torch import Tensor
 
 from supersampler.errors import ArgumentError
 from supersampler.methods.registry import methods
-from supersampler.methods.sizes import large_size
+from supersampler.methods.spec import large_size
 from supersampler_model import ops
 from supersampler_model.data.dataset import Dataset
 from supersampler_model.data.labels import Ghost

@@ -11,7 +11,6 @@ from supersampler.frame import Size
 from supersampler.methods.array_spec import ArraySpec, values_of
 from supersampler.methods.at_rest import AT_REST_HISTORY, block_count, phase_count
 from supersampler.methods.gbuffers import GBUFFERS
-from supersampler.methods.sizes import half_size, large_size
 from supersampler.methods.spec import (
     BLOCKS,
     DISPLAY,
@@ -25,6 +24,8 @@ from supersampler.methods.spec import (
     RENDER,
     MapOf,
     Shape,
+    half_size,
+    large_size,
     sized,
 )
 

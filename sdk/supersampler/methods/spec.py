@@ -11,7 +11,7 @@ from typing import Annotated, Any, NamedTuple, get_args, get_type_hints
 
 import numpy as np
 
-from supersampler.frame import Float32
+from supersampler.frame import Float32, Size
 from supersampler.methods.gbuffers import GBUFFERS
 
 Shape = tuple[int | str, ...]
@@ -43,6 +43,13 @@ NEXT_PHASES = "phases"
 CHANNELS = "channels"
 """Number of a frame's AOV channels."""
 
+FILL_WINDOW = 32
+"""Side of the window, samples, whose mean a missing sample gets: a multiple of the lanes of CPU kernels."""
+GREY_SHARE = 1e-3
+"""Weight of grey of the exposure's key beside that of a full window: it shows where the window is empty."""
+FILL_CONSTANTS = {"FILL_WINDOW": FILL_WINDOW, "GREY_SHARE": GREY_SHARE}
+"""FILL_WINDOW and GREY_SHARE, by the names that shaders use."""
+
 INPUTS: Mapping[str, Shape] = {
     "color": (1, 3, *RENDER),
     "depth": (1, 1, *RENDER),
@@ -73,6 +80,27 @@ TENSORS: Mapping[str, Shape] = {
     "converged": WEIGHT,
 }
 """Shapes of the inputs of all graphs and of auxiliary outputs."""
+
+
+def half_size(size: Size) -> Size:
+    """Return half of a (width, height), rounded up."""
+    return (size[0] + 1) // 2, (size[1] + 1) // 2
+
+
+def large_size(display: Size) -> Size:
+    """Return 1.4 times a display's (width, height), rounded up."""
+    return (7 * display[0] + 4) // 5, (7 * display[1] + 4) // 5
+
+
+def resized(planes: Float32, size: Size) -> Float32:
+    """Return the nearest pixels of planes (1, c, h, w) at another (width, height)."""
+    if planes.shape[:1:-1] == tuple(size):
+        return planes
+    rows, columns = (
+        (np.arange(extent) * 2 + 1) * own // (2 * extent)
+        for extent, own in zip(size[::-1], planes.shape[2:], strict=True)
+    )
+    return np.ascontiguousarray(planes[:, :, rows[:, None], columns])
 
 
 def dtype_of(tensor: str) -> str:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from supersampler.backends.gpu.device import check_texture_size
 from supersampler.frame import Size
 from supersampler.methods.at_rest import BLOCK, PHASES_PER_SAMPLE, SPARE_PHASES, block_count, phase_count
-from supersampler.methods.sizes import large_size
+from supersampler.methods.spec import large_size
 
 if TYPE_CHECKING:
     import wgpu

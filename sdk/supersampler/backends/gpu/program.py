@@ -23,7 +23,7 @@ from supersampler.backends.gpu.memory import PixelTexture as Texture
 from supersampler.backends.gpu.shader import Constants, Shader, load_shader
 from supersampler.frame import Size
 from supersampler.methods import at_rest
-from supersampler.methods.missing import FILL_CONSTANTS
+from supersampler.methods.spec import FILL_CONSTANTS
 
 ARRAYS = {"frame": "frame_arrays", "image": "image_array"}
 TEXTURES = {"frame": "frame_textures", "image": "image_texture"}

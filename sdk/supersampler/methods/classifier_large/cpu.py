@@ -17,7 +17,7 @@ from supersampler.methods.classifier.onnx_network import NetworkSession
 from supersampler.methods.classifier_large.downsampling import DownsamplingTables
 from supersampler.methods.classifier_large.structs import Downsampling
 from supersampler.methods.model_info import ModelInfo
-from supersampler.methods.sizes import large_size, resized
+from supersampler.methods.spec import large_size, resized
 
 DOWNSAMPLE = "methods.classifier_large.kernels.downsample"
 

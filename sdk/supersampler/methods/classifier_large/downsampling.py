@@ -8,7 +8,7 @@ from supersampler.backends.cpu.resample_tables import up_to
 from supersampler.backends.cpu.structs import Words
 from supersampler.frame import Float32, Size
 from supersampler.methods.classifier_large.spec import REACH, SHARPNESS
-from supersampler.methods.sizes import large_size
+from supersampler.methods.spec import large_size
 
 TAPS = 2 * REACH
 """Rows and columns of the image that a pixel of the display reads."""

@@ -3,9 +3,8 @@
 from supersampler.backends.gpu.history import HistoryLayout, Plane, of_plane
 from supersampler.backends.gpu.memory import RENDER, PixelTexture
 from supersampler.backends.gpu.program import GpuProgram, PassSpec
-from supersampler.methods.missing import FILL_CONSTANTS
 from supersampler.methods.model_info import ModelInfo
-from supersampler.methods.spec import constants_of
+from supersampler.methods.spec import FILL_CONSTANTS, constants_of
 from supersampler.methods.taa.spec import TAA
 
 LAYOUT = HistoryLayout(TAA, {"pixels": Plane("color")}, {"color": of_plane("pixels", 0, 1, 2)})

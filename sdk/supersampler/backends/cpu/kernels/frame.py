@@ -35,7 +35,7 @@ from supersampler.backends.cpu.simd.vector import (
 )
 from supersampler.backends.cpu.structs import Floats, FrameInputs, FrameSamples
 from supersampler.methods.at_rest import MAX_STATIC_MOTION
-from supersampler.methods.missing import FILL_WINDOW
+from supersampler.methods.spec import FILL_WINDOW
 
 DARKEST = 1e-4
 LEAVES, COVERS = 1.0, 0.95  # see `occluding_depth` of the torch methods
