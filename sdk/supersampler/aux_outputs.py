@@ -20,13 +20,13 @@ CLASS_COLORS: Mapping[str, tuple[int, int, int]] = {
 }
 """sRGB of each class, from the colour-blind-safe palette of Okabe and Ito."""
 
-MOST_SAMPLES = 64.0
+MAX_SAMPLES = 64.0
 """Sample count at the end of the colour scale."""
 
 LEGENDS: Mapping[str, Legend] = {
     "classes": Legend(colors=[f"rgb{color}" for color in CLASS_COLORS.values()], names=tuple(CLASS_COLORS)),
     "weight": false_color_legend("this frame", "history"),
-    "count": false_color_legend("no sample", f"{MOST_SAMPLES:.0f}, by logarithm"),
+    "count": false_color_legend("no sample", f"{MAX_SAMPLES:.0f}, by logarithm"),
     "converged": false_color_legend("the method's image", "frozen mean of the samples"),
 }
 """Legend of each layer, for `compare.About`."""
@@ -43,7 +43,7 @@ def aux_output_layers(result: StepResult) -> dict[str, Bytes]:
     if result.weight is not None:
         layers["weight"] = false_color(result.weight)
     if result.count is not None:
-        layers["count"] = false_color(np.log1p(result.count) / np.log1p(MOST_SAMPLES))
+        layers["count"] = false_color(np.log1p(result.count) / np.log1p(MAX_SAMPLES))
     if result.converged is not None:
         layers["converged"] = false_color(result.converged)
     return layers

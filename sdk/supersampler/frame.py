@@ -22,6 +22,7 @@ GBUFFER_CHANNELS: Mapping[str, int] = {
 }  # fmt: skip
 GBUFFER_DISPLAY_CHANNELS: Mapping[str, int] = {**GBUFFER_CHANNELS, "depth": 1}
 
+_CHANNELS = {"color": 3, "depth": 1, "motion": 2, "reactive": 1, "motion_next": 2}
 _GROUPS = {"gbuffer": GBUFFER_CHANNELS, "gbuffer_display": GBUFFER_DISPLAY_CHANNELS}
 _MIN_EXPOSURE = float(np.finfo(np.float32).smallest_subnormal)
 _MAX_EXPOSURE = float(np.finfo(np.float32).max)
@@ -84,7 +85,7 @@ class Frame:
     motion_next: Array | None = None
 
     def __post_init__(self) -> None:
-        for name in ("color", "depth", "motion", "reactive", "aovs", "motion_next"):
+        for name in (*_CHANNELS, "aovs"):
             value = getattr(self, name)
             if value is not None or name in ("depth", "motion"):
                 object.__setattr__(self, name, as_array(name, value))
@@ -117,14 +118,11 @@ class Frame:
             name, want = ("depth", "(h, w)") if self.color is None else ("color", "(h, w, 3)")
             raise FrameError(name, got=leader.shape, want=f"{want} with at least one pixel")
         h, w = leader.shape[1:] if _is_channels_first(leader) else leader.shape[:2]
-        if self.color is not None:
-            _check("color", self.color, (h, w, 3), _HALF_OR_SINGLE)
-        _check("depth", self.depth, (h, w), _SINGLE)
-        _check("motion", self.motion, (h, w, 2), _HALF_OR_SINGLE)
-        if self.reactive is not None:
-            _check("reactive", self.reactive, (h, w), _HALF_OR_SINGLE)
-        if self.motion_next is not None:
-            _check("motion_next", self.motion_next, (h, w, 2), _HALF_OR_SINGLE)
+        for name, channels in _CHANNELS.items():
+            array = getattr(self, name)
+            if array is not None:
+                shape = (h, w) if channels == 1 else (h, w, channels)
+                _check(name, array, shape, _SINGLE if name == "depth" else _HALF_OR_SINGLE)
         if self.aovs is not None:
             channels = self.aovs.shape[-1] if self.aovs.shape[:2] == (h, w) and self.aovs.ndim == 3 else 0
             channels = channels if 1 <= channels <= MAX_AOVS else "k"
@@ -152,9 +150,9 @@ def _frame_hint(value: object) -> str:
 
 def arrays_of(frame: Frame) -> list[NDArray[Any]]:
     """Return all arrays of a frame, G-buffers included."""
+    images = [getattr(frame, name) for name in (*_CHANNELS, "aovs")]
     buffers = [*(frame.gbuffer or {}).values(), *(frame.gbuffer_display or {}).values()]
-    images = frame.color, frame.depth, frame.motion, frame.reactive, frame.aovs, frame.motion_next, *buffers
-    return [a for a in images if a is not None]
+    return [array for array in (*images, *buffers) if array is not None]
 
 
 def checked_jitter(jitter: Sequence[float]) -> tuple[float, float]:
@@ -255,9 +253,9 @@ def _check(
 
 def _hint(array: NDArray[Any], shape: tuple[object, ...]) -> str:
     """Return advice for the usual mistakes behind a wrong shape or type."""
-    if array.shape == shape and array.dtype.kind in "biu":
-        return "Bring integers to their range first: array.astype(np.float32) / 255, say."
     if array.shape == shape:
+        if array.dtype.kind in "biu":
+            return "Bring integers to their range first: array.astype(np.float32) / 255, say."
         return "Convert it: array.astype(np.float32)."
     if len(shape) == 3 and array.shape[1:] == shape[:2]:
         rest = "[..., :3]" if shape[2] == 3 and array.shape[0] == 4 else ""
@@ -297,10 +295,10 @@ def checked_buffers(name: str, buffers: Mapping[str, Array]) -> Mapping[str, Arr
 def _check_reactive(mask: Array) -> None:
     """Raise FrameError unless all values are in [0, 1]."""
     with np.errstate(invalid="ignore"):
-        least, most = float(mask.min()), float(mask.max())
-    if not (least >= 0.0 and most <= 1.0):  # written so that NaN fails
+        low, high = float(mask.min()), float(mask.max())
+    if not (low >= 0.0 and high <= 1.0):  # written so that NaN fails
         hint = "0 keeps the history, 1 shows this frame alone: np.clip(mask, 0, 1), say."
-        raise FrameError("reactive", got=f"from {least:g} to {most:g}", want="values in [0, 1]", hint=hint)
+        raise FrameError("reactive", got=f"from {low:g} to {high:g}", want="values in [0, 1]", hint=hint)
 
 
 def _checked_gbuffer(name: str, buffers: Mapping[str, Array], size: Size | None) -> dict[str, Array]:

@@ -22,7 +22,7 @@ from gpu_steps import (
     moving,
 )
 from supersampler import Frame, Upscaler, halton_jitter
-from supersampler.backends.gpu.executor import MOST_GROUPS, GpuExecutor
+from supersampler.backends.gpu.executor import MAX_GROUPS, GpuExecutor
 from supersampler.backends.gpu.memory import TEXELS, write_to
 from supersampler.backends.gpu.program import ARRAYS
 from supersampler.history import StepResult
@@ -207,8 +207,8 @@ def test_a_thousand_steps_do_not_grow() -> None:
     before, kept = run(200)
     after, still_kept = run(1000)
     assert after - before <= MOST_GROWTH
-    assert still_kept <= len(groups) * MOST_GROUPS
-    assert kept <= len(groups) * MOST_GROUPS
+    assert still_kept <= len(groups) * MAX_GROUPS
+    assert kept <= len(groups) * MAX_GROUPS
 
 
 def test_changing_render_sizes_do_not_grow() -> None:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from supersampler.backends.gpu.shader import MOST_ROUNDS, unrolled
+from supersampler.backends.gpu.shader import MAX_ROUNDS, unrolled
 
 
 def test_a_marked_loop_is_a_block_with_a_constant_for_each_round() -> None:
@@ -34,7 +34,7 @@ def test_braces_and_words_in_comments_do_not_count() -> None:
 def test_loops_that_are_not_marked_and_long_ones_stay() -> None:
     code = "for (var i = 0; i < 2; i++) { g(i); }"
     assert unrolled(code) == code
-    long = f"for (var i = 0; i < {MOST_ROUNDS + 1}; i++) {{ g(i); }}"
+    long = f"for (var i = 0; i < {MAX_ROUNDS + 1}; i++) {{ g(i); }}"
     assert unrolled(f"/* unroll */ {long}") == long
 
 

@@ -1,4 +1,4 @@
-"""What all backends share: the protocols of executors, and locks that are free in a forked child."""
+"""Protocols of the executors, and locks that are free in a forked child."""
 
 import os
 import weakref
@@ -15,7 +15,7 @@ Buffers = Any
 
 
 class StepReport(NamedTuple):
-    """What a step returns besides its image.
+    """Results of a step besides its image.
 
     Attributes:
         outputs: the auxiliary outputs, NCHW, by name.

@@ -1,4 +1,4 @@
-"""What a method is: its model folder; in a folder each, its `spec`, and its stages and kernels on the CPU.
+"""Methods: the registry, model folders, and in a folder each a method's `spec`, kernels and shaders.
 
 Torch is not imported here; the trained definition of each method is supersampler_model.methods.
 """

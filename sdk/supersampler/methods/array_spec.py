@@ -85,9 +85,9 @@ def _checked(
     if spec.values is not None and plain.size:
         low, high = spec.values
         with np.errstate(invalid="ignore"):
-            least, most = plain.min(), plain.max()
-        if not (low <= least and most <= high):  # written so that NaN fails
-            raise refusal(f"with {name!r} from {least} to {most}", f"values from {low:g} to {high:g}")
+            found = plain.min(), plain.max()
+        if not (low <= found[0] and found[1] <= high):  # written so that NaN fails
+            raise refusal(f"with {name!r} from {found[0]} to {found[1]}", f"values from {low:g} to {high:g}")
     if plain.dtype == bool and (plain.view(np.uint8) > 1).any():
         raise refusal(f"with {name!r} of bytes beyond 1", f"{spec} of bytes 0 and 1")
     return plain

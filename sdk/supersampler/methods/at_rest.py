@@ -122,9 +122,9 @@ def check_history(arrays: Mapping[str, NDArray[Any]], refusal: Callable[[str, st
         ("jitter of phases", phases[:, :2], -0.5, 0.5, False),
         ("ages of phases", phases[:, 2:], 0.0, OLDEST, True),
     )
-    for name, values, least, most, whole in ranges:
+    for name, values, minimum, maximum, whole in ranges:
         low, high = float(values.min()), float(values.max())
-        if not (least <= low and high <= most):
-            raise refusal(f"with {name} from {low:g} to {high:g}", f"from {least:g} to {most:g}")
+        if not (minimum <= low and high <= maximum):
+            raise refusal(f"with {name} from {low:g} to {high:g}", f"from {minimum:g} to {maximum:g}")
         if whole and (values % 1.0).any():
             raise refusal(f"with {name} such as {float(values[values % 1.0 != 0.0][0])!r}", "whole numbers")

@@ -203,7 +203,7 @@ def _parse(folder: Path, data: Field) -> ModelInfo:
 def _ratios(data: Field) -> tuple[float, float]:
     numbers = [item.number(1.0, 64.0) for item in data.items(2)]
     if len(numbers) != 2 or numbers[0] > numbers[1]:
-        data.refuse("[least, largest]")
+        data.refuse("[smallest, largest]")
     return numbers[0], numbers[1]
 
 
@@ -251,8 +251,8 @@ def _check_contract(info: ModelInfo) -> None:
             _refuse(info, f"input {tensor.name!r}", _text(tensor), f"{wanted[1]} {wanted[0]}")
     if (info.image.type, info.image.shape) not in [("float32", (1, 3, *s)) for s in (DISPLAY, RENDER)]:
         _refuse(info, "image", _text(info.image), f"{(1, 3, *DISPLAY)} or {(1, 3, *RENDER)} float32")
-    _check_unique(info, "inputs and history", info.takes)
-    _check_unique(info, "image, history's outputs and aux_outputs", info.gives)
+    _check_unique(info, "inputs and history", info.graph_inputs)
+    _check_unique(info, "image, history's outputs and aux_outputs", info.graph_outputs)
     if info.extrapolates:
         _check_extrapolation(info)
     else:

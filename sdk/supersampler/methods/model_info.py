@@ -133,12 +133,12 @@ class ModelInfo:
         return wanted.items() <= channels.items()
 
     @property
-    def takes(self) -> list[TensorInfo]:
+    def graph_inputs(self) -> list[TensorInfo]:
         """All inputs of the graph."""
         return [*self.inputs, *(h.input for h in self.history)]
 
     @property
-    def gives(self) -> list[TensorInfo]:
+    def graph_outputs(self) -> list[TensorInfo]:
         """All outputs of the graph."""
         next_history = [TensorInfo(h.output, h.input.type, h.input.shape) for h in self.history]
         return [self.image, *next_history, *self.aux_outputs]

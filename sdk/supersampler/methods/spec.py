@@ -35,11 +35,11 @@ LARGE_HALF = ("large_half_height", "large_half_width")
 BLOCKS = ("previous_blocks_down", "previous_blocks_across")
 """Blocks of 4x4 samples of the previous frame, at its edges of fewer."""
 NEXT_BLOCKS = ("blocks_down", "blocks_across")
-"""The same of this frame."""
+"""Blocks of this frame."""
 PHASES = "previous_phases"
 """Phases of the jitter of which history is kept: int(9 ratio^2) + 2, for the previous frame."""
 NEXT_PHASES = "phases"
-"""The same for this frame."""
+"""Phases of the jitter, for this frame."""
 CHANNELS = "channels"
 """Number of a frame's AOV channels."""
 
@@ -109,10 +109,10 @@ def dtype_of(tensor: str) -> str:
 
 
 class Range(NamedTuple):
-    """Least and largest value of a constant."""
+    """Smallest and largest value of a constant."""
 
-    least: float
-    most: float
+    low: float
+    high: float
 
 
 Sigma = Annotated[float, Range(1e-3, 1e3)]
@@ -159,7 +159,7 @@ class MethodSpec:
         aux_outputs: names in TENSORS of outputs that the next step does not need.
         maps: debug views, by name.
         image: shape of the image.
-        ratios: least and largest ratio of display to render size, per axis. Where both are equal, display
+        ratios: smallest and largest ratio of display to render size, per axis. Where both are equal, display
             sizes are exactly that many times the render size.
         only_extrapolated: whether it handles extrapolated frames only, for a method of shaded frames.
         config: frozen dataclass of its constants, with defaults.

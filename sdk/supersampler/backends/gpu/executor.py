@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 
 Resource = Any
 """A buffer or a texture view."""
-MOST_GROUPS = 16
+MAX_GROUPS = 16
 """Bind groups that a pass keeps: those of the resources that it used last."""
 _pipelines: "WeakKeyDictionary[wgpu.GPUDevice, dict[str, tuple[Any, list[Any]]]]" = WeakKeyDictionary()
 _lock = Lock()
@@ -101,7 +101,7 @@ class Pass:
         ]
         group = self._device.create_bind_group(layout=self._layouts[number], entries=entries)
         self._groups[key] = bound, group  # `bound` keeps the ids from being used again
-        if len(self._groups) > MOST_GROUPS:
+        if len(self._groups) > MAX_GROUPS:
             self._groups.popitem(last=False)
         return group
 
@@ -124,7 +124,7 @@ def _pipeline(device: "wgpu.GPUDevice", shader: Shader) -> tuple[Any, list[Any]]
         return known[shader.code]
 
 
-MOST_SIZES = 2
+MAX_SIZES = 2
 """Sizes whose buffers are kept; dynamic resolution changes them often."""
 
 
@@ -320,7 +320,7 @@ class GpuExecutor:
     def _buffers_for(self, render: Size, display: Size) -> StepBuffers:
         key = render, display
         if key not in self._buffers:
-            while len(self._buffers) >= MOST_SIZES:
+            while len(self._buffers) >= MAX_SIZES:
                 self._buffers.popitem(last=False)
             self._buffers[key] = self._new_buffers(render, display)
         self._buffers.move_to_end(key)

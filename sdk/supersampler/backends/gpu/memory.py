@@ -156,7 +156,7 @@ class Readback:
 
 
 Base = Literal["one", "render", "previous", "display", "large", "signatures", "previous_signatures"]
-MOST_PHASES = PHASES_PER_SAMPLE * 4 * 4 + SPARE_PHASES
+MAX_PHASES = PHASES_PER_SAMPLE * 4 * 4 + SPARE_PHASES
 """Phases of the largest ratio."""
 
 
@@ -182,7 +182,7 @@ class Extent(NamedTuple):
 
     @property
     def enlarged(self) -> "Extent":
-        """The same rule on the larger display; itself where it is not of the display."""
+        """This rule on the larger display; unchanged where it does not depend on the display."""
         return self._replace(of="large") if self.of == "display" else self
 
 
@@ -198,7 +198,7 @@ def _size_of(base: Base, render: Size, display: Size, previous: Size) -> Size:
 
 ONE, RENDER, PREVIOUS, DISPLAY = Extent("one"), Extent("render"), Extent("previous"), Extent("display")
 HALF, LARGE, LARGE_HALF = Extent("display", 2), Extent("large"), Extent("large", 2)
-BLOCKS, PHASES = Extent("render", BLOCK), Extent("one", multiply=(MOST_PHASES, 1))
+BLOCKS, PHASES = Extent("render", BLOCK), Extent("one", multiply=(MAX_PHASES, 1))
 
 
 class PixelBuffer(NamedTuple):

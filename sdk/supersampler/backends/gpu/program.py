@@ -63,7 +63,7 @@ EXPOSURE_MEMORY: Mapping[str, PixelMemory] = {"measured": PixelBuffer(8 * PARTS)
 
 @dataclass(frozen=True)
 class GpuProgram:
-    """What a step of a method is on a GPU.
+    """Passes, memory and weights of a method's step on a GPU; it needs no device.
 
     Attributes:
         layout: layout of the method's history.

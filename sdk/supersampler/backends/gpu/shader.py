@@ -13,7 +13,7 @@ from importlib.resources import files
 from typing import Any, NamedTuple
 
 SHARED = "supersampler.backends.gpu"
-MOST_ROUNDS = 16
+MAX_ROUNDS = 16
 """Loops with more rounds stay loops: they would take long to compile."""
 Constants = Mapping[str, float | int | bool]
 
@@ -266,7 +266,7 @@ def _written(code: str, constants: Mapping[str, int]) -> str:
     body, after = _written(code[loop.end() : end], constants), _written(code[end + 1 :], constants)
     if _JUMP.search(_COMMENT.sub("", body)):
         raise ValueError(f"a loop that is unrolled has no break or continue: {_line(code, len(before))}")
-    if stop - int(first) > MOST_ROUNDS:
+    if stop - int(first) > MAX_ROUNDS:
         return f"{before}{loop[0].removeprefix(_MARK + ' ')}{body}}}{after}"
     kind = "u32" if unsigned else "i32"
     rounds = [f"{{ const {name}: {kind} = {i}{unsigned};{body}}}" for i in range(int(first), stop)]

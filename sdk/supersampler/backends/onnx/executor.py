@@ -54,7 +54,9 @@ class OnnxExecutor:
             capturing(providers)  # raises before a graph is loaded
         self._info, self._threads, self.precision, self.capture = info, threads, precision, capture
         self._path, options = info.steps[precision], session_options(threads)
-        self._session = open_session(self._path, options, providers, takes=info.takes, gives=info.gives)
+        self._session = open_session(
+            self._path, options, providers, inputs=info.graph_inputs, outputs=info.graph_outputs
+        )
         self.providers: list[str] = self._session.get_providers()
         self.device = device_of(self.providers[0])
         self._fixed: FixedStep | None = None
@@ -188,7 +190,9 @@ class OnnxExtrapolation:
     def __init__(self, info: ModelInfo, providers: Sequence[str], threads: int) -> None:
         self._info = info
         path, options = info.steps["fp32"], session_options(threads)
-        self._session = open_session(path, options, providers, takes=info.takes, gives=info.gives)
+        self._session = open_session(
+            path, options, providers, inputs=info.graph_inputs, outputs=info.graph_outputs
+        )
         self._device = device_of(self._session.get_providers()[0])
 
     def upload(self, array: NDArray[Any]) -> ort.OrtValue:
@@ -271,6 +275,6 @@ class AovBlender:
         with self._lock.lock:
             if self._session is None:
                 self._session = open_session(
-                    self._path, self._options, ["CPUExecutionProvider"], takes=_INPUTS, gives=_OUTPUTS
+                    self._path, self._options, ["CPUExecutionProvider"], inputs=_INPUTS, outputs=_OUTPUTS
                 )
             return self._session

@@ -1,6 +1,6 @@
 """Sessions of ONNX Runtime, and the inputs that graphs read from a frame."""
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -40,8 +40,8 @@ def open_session(
     providers: Sequence[Provider],
     graph: bytes | None = None,
     *,
-    takes: Iterable[TensorInfo] = (),
-    gives: Iterable[TensorInfo] = (),
+    inputs: Sequence[TensorInfo] = (),
+    outputs: Sequence[TensorInfo] = (),
 ) -> ort.InferenceSession:
     """Load the graph at `path`, or `graph`, which was derived from it.
 
@@ -53,14 +53,13 @@ def open_session(
         options: options of the session.
         providers: execution providers, in order of preference.
         graph: content to load instead of the file's.
-        takes: all inputs of the graph; an empty list disables the check.
-        gives: outputs that the graph must have, perhaps among others.
+        inputs: all inputs of the graph; an empty list disables the check.
+        outputs: outputs that the graph must have, perhaps among others.
 
     Raises:
         ModelError: the graph is too large, refused, has other tensors, or ONNX Runtime cannot load it.
         ProviderError: the first provider cannot start.
     """
-    inputs, outputs = list(takes), list(gives)
     output_names = {tensor.name for tensor in outputs}
     try:
         session = ort.InferenceSession(graph or _content(path), options, providers=precise(providers))

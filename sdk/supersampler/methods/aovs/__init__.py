@@ -1,4 +1,4 @@
 """The step that blends a frame's AOVs, which every model folder has as `aovs.onnx`.
 
-What it is (`spec`); no kernels. The torch definition is supersampler_model.methods.aovs.
+Its definition (`spec`); no kernels. The torch definition is supersampler_model.methods.aovs.
 """

@@ -1,4 +1,4 @@
-"""What the step is that blends a frame's AOVs by the weight that blended the colour."""
+"""Definition of `aovs`, the step that blends a frame's AOVs by the weight that blended the colour."""
 
 from supersampler.methods.spec import CHANNELS, DISPLAY, MethodSpec
 

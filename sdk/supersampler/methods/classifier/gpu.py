@@ -37,7 +37,8 @@ from supersampler.methods.spec import constants_of
 
 GLARE = 4.0
 """Added to a maximum in [0, 1] for each consecutive frame with glare: see ranges.wgsl."""
-LEAST, MOST = 65535.0, 16383.0
+LOW_STEPS, HIGH_STEPS = 65535.0, 16383.0
+"""Steps of the minimum and of the maximum luma in a word."""
 TILES = ((16, 8), (8, 8), (8, 8), (4, 4))
 """Pixels of a workgroup at each level: its features fit into 16 KiB."""
 ALIGNED = 8
@@ -48,17 +49,17 @@ TEXELS_ACROSS = {1: 1, 2: 2, 4: 2, 16: 4}
 
 def _unpack_ranges(words: Packed) -> Float32:
     packed = words[..., 0]
-    high = (packed >> 16 & 0x3FFF) / MOST + GLARE * (packed >> 30)
-    return np.stack([(packed & 0xFFFF) / LEAST, high], -1).astype(np.float32)
+    high = (packed >> 16 & 0x3FFF) / HIGH_STEPS + GLARE * (packed >> 30)
+    return np.stack([(packed & 0xFFFF) / LOW_STEPS, high], -1).astype(np.float32)
 
 
 def _pack_ranges(pixels: Float32) -> Packed:
     low, high = pixels[..., 0], pixels[..., 1]
     glare = np.clip(np.floor(high / GLARE + 0.5), 0.0, 3.0)
-    most = np.clip(high - GLARE * glare, 0.0, 1.0)
-    bits = [np.clip(low, 0.0, 1.0) * LEAST + 0.5, most * MOST + 0.5, glare]
-    least, largest, frames = (part.astype(np.uint32) for part in bits)
-    packed: Packed = least | largest << 16 | frames << 30
+    maximum = np.clip(high - GLARE * glare, 0.0, 1.0)
+    bits = [np.clip(low, 0.0, 1.0) * LOW_STEPS + 0.5, maximum * HIGH_STEPS + 0.5, glare]
+    minimum, rounded, frames = (part.astype(np.uint32) for part in bits)
+    packed: Packed = minimum | rounded << 16 | frames << 30
     return packed
 
 
@@ -92,7 +93,7 @@ LAYOUT = HistoryLayout(
 
 
 def classifier_program(info: ModelInfo) -> GpuProgram:
-    """Return what a step of `classifier` or of a relative is on a GPU.
+    """Return the GPU program of `classifier` or of a relative.
 
     Raises:
         ModelError: see `read_gpu_network`.

@@ -53,15 +53,15 @@ class NetworkSession:
         self.path, self.precision = info.networks[precision], precision
         options = session_options(threads)
         options.add_session_config_entry(_EXACT_PRODUCTS, "1")
-        takes, gives = (
+        inputs, outputs = (
             [TensorInfo(name, "float32", (1, channels, *HALF)) for name, channels in tensors.items()]
             for tensors in (
                 {"packed": _PACKED, "half_inputs": _HALF_INPUTS},
                 {"logits": CLASSES, "blend_parameters": 4 * parameters},
             )
         )
-        self._outputs = gives
-        self._session = open_session(self.path, options, providers, takes=takes, gives=gives)
+        self._outputs = outputs
+        self._session = open_session(self.path, options, providers, inputs=inputs, outputs=outputs)
         self.providers: list[str] = self._session.get_providers()
 
     def run(self, planes: Float32) -> NetworkOutputs:
@@ -113,11 +113,11 @@ class Inference:
         unused = aligned((4,), np.uint8)  # of layers
         self._scratch = [level_scratch(self.inputs, unused) for _ in range(pool.threads)]
 
-    def run(self, tiles: Tiles) -> tuple[NetworkOutputs]:  # noqa: ARG002  # a session takes whole images
+    def run(self, tiles: Tiles) -> tuple[NetworkOutputs]:  # noqa: ARG002  # a session inputs whole images
         """Infer all pixels, of which those outside of gathered tiles mean nothing; see `compose_rows`."""
         outputs: list[NetworkOutputs] = []
         self._pool.run_rows("network inputs", self.inputs.half_height, self._read)
-        self._pool.run_rows(  # by the pool, which takes the time
+        self._pool.run_rows(  # by the pool, which inputs the time
             "network", 1, lambda *_: outputs.append(self._network.session.run(self._planes))
         )
         return (outputs[0],)

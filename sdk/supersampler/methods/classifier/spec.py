@@ -1,4 +1,4 @@
-"""What `classifier` and its relatives are: a small network says how history and frame are blended."""
+"""Definitions of `classifier` and its relatives: a network predicts how history and frame are blended."""
 
 from dataclasses import dataclass, field, replace
 from typing import Literal
@@ -18,7 +18,7 @@ from supersampler.methods.spec import (
 )
 
 CLASSES = 6
-"""Of a pixel. Ghosting: none, visibility, shading; aliasing: none, geometry, texture."""
+"""Class probabilities of a pixel. Ghosting: none, visibility, shading; aliasing: none, geometry, texture."""
 INPUTS = (
     "frame",  # luma of this frame, upsampled
     "sample",  # luma of the samples near the pixel
@@ -140,7 +140,7 @@ class ClassifierConfig:
 
 @dataclass(frozen=True)
 class SmallConfig(ClassifierConfig):
-    """Half the width, and without the parts that take time and of which a trained network has little."""
+    """Half the width, without parts that cost time and gain little."""
 
     network: NetworkConfig = field(
         default_factory=lambda: NetworkConfig(levels=(16, 32, 64, 128), decoder=16, hidden=26)
@@ -179,7 +179,7 @@ BASE = MethodSpec(
     ratios=(1.0, 3.0),
     config=ClassifierConfig,
 )
-"""What all methods with a classifier have."""
+"""Facts of all methods with a classifier."""
 CLASSIFIER = register(
     replace(
         BASE,
@@ -211,7 +211,7 @@ CLASSIFIER_PAPER = register(
         source="Guo, Chen, Dong and Tong 2022, supplement",
         history={
             **BASE.history,
-            "state": (1, 7, *DISPLAY),  # counter, least and most colour
+            "state": (1, 7, *DISPLAY),  # counter, minimum and maximum colour
             "classes": (1, CLASSES, *DISPLAY),
         },
         config=PaperConfig,

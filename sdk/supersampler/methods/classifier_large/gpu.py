@@ -15,7 +15,7 @@ _VARIANTS: Mapping[str, str] = {"display": "display_large", "show": "show_large"
 
 
 def large_program(info: ModelInfo) -> GpuProgram:
-    """Return what a step of a `classifier-large` model is on a GPU.
+    """Return the GPU program of a `classifier-large` model.
 
     Raises:
         ModelError: see `classifier_program`.

@@ -1,4 +1,4 @@
-"""What `classifier-large` is: `classifier` on a larger history."""
+"""Definition of `classifier-large`: `classifier` on a larger history."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

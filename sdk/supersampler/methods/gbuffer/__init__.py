@@ -1,4 +1,4 @@
 """`gbuffer` and its relatives: supersampling with G-buffers of display size.
 
-What they are (`spec`); no kernels yet. The torch definition is supersampler_model.methods.gbuffer.
+Their definitions (`spec`); no kernels yet. The torch definition is supersampler_model.methods.gbuffer.
 """

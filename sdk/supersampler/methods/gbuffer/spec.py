@@ -1,4 +1,4 @@
-"""What `gbuffer` and its relatives are: supersampling with G-buffers of display size."""
+"""Definitions of `gbuffer` and its relatives: supersampling with G-buffers of display size."""
 
 from dataclasses import dataclass, field, replace
 from typing import Literal
@@ -87,7 +87,7 @@ class SmallGBufferConfig(GBufferConfig):
 
 @dataclass(frozen=True)
 class SmallGBuffer4Config(SmallGBufferConfig):
-    """The same at a ratio of 4."""
+    """Narrow, at a ratio of 4."""
 
     ratio: int = 4
 

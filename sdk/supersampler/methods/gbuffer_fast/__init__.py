@@ -1,5 +1,5 @@
 """`gbuffer-fast`: `classifier` on light that G-buffers of display size guide.
 
-What it is (`spec`) and its CPU backend (`cpu`), of the classifier's kernels. The torch definition is
+Its definition (`spec`) and its CPU backend (`cpu`), of the classifier's kernels. The torch definition is
 supersampler_model.methods.gbuffer_fast.
 """

@@ -1,4 +1,4 @@
-"""What `gbuffer-fast` is: `classifier` on light that G-buffers of display size guide."""
+"""Definition of `gbuffer-fast`: `classifier` on lighting that display-size G-buffers guide."""
 
 from dataclasses import dataclass
 
@@ -32,13 +32,13 @@ class GuidedConfig(ClassifierConfig):
     guide_sigma: Sigma = 0.5
     """Gaussian of a sample's weight by distance, render pixels."""
     depth_sigma: Sigma = 0.03
-    """The same by the relative difference of depth."""
+    """Gaussian of a sample's weight by the relative difference of depth."""
     normal_falloff: Number = 4.0
     """A sample's weight is exp(-falloff * squared difference), of normals."""
     base_color_falloff: Number = 8.0
-    """The same, of base colours."""
+    """As `normal_falloff`, for base colours."""
     min_reflectance: Share = 0.08
-    """What black surfaces reflect, about twice that of a dielectric; white ones reflect 1."""
+    """Reflectance of black surfaces, about twice that of a dielectric; white ones reflect 1."""
 
 
 GBUFFER_FAST = register(

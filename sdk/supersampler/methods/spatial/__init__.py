@@ -1,4 +1,4 @@
 """`bilinear` and `bicubic`: each frame by itself.
 
-What they are (`spec`); no kernels. The torch definition is supersampler_model.methods.spatial.
+Their definitions (`spec`); no kernels. The torch definition is supersampler_model.methods.spatial.
 """

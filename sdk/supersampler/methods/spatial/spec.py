@@ -1,4 +1,4 @@
-"""What `bilinear` and `bicubic` are: the baselines without a history."""
+"""Definitions of `bilinear` and `bicubic`, the baselines without a history."""
 
 from dataclasses import replace
 

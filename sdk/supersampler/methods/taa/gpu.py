@@ -11,7 +11,7 @@ LAYOUT = HistoryLayout(TAA, {"pixels": Plane("color")}, {"color": of_plane("pixe
 
 
 def taa_program(info: ModelInfo) -> GpuProgram:
-    """Return what a step of a `taa` model is on a GPU."""
+    """Return the GPU program of a `taa` model."""
     return GpuProgram(
         LAYOUT,
         ("supersampler.methods.taa",),

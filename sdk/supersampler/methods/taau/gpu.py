@@ -48,7 +48,7 @@ LAYOUT = HistoryLayout(
 
 
 def taau_program(info: ModelInfo) -> GpuProgram:
-    """Return what a step of a `taau` model is on a GPU."""
+    """Return the GPU program of a `taau` model."""
     constants = {name: info.config[name] for name in constants_of(TAAU)}
     constants |= {
         "flash": FLASH,

@@ -37,7 +37,7 @@ class TaauConfig:
     gamma_still: Number = 1.3
     """Half size of the box in standard deviations, at rest."""
     gamma_moving: Number = 0.8
-    """The same at speeds of `gamma_speed` and above."""
+    """Half size of the box at speeds of `gamma_speed` and above."""
     gamma_speed: Number = 10.0
     """Speed in display pixels per frame."""
     gamma_time: Number = 1.6
