@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from method_lists import WITH_SHADERS
 from noise import Size
 from supersampler import Frame, Model, Upscaler, halton_jitter
 from supersampler.backends.gpu.device import default_device
@@ -16,8 +17,7 @@ from supersampler.frame import Float32
 from supersampler.io.display import display_transform
 from supersampler_bench.stress.scenes import Orbit
 
-METHODS = ["taa", "taau", "classifier", "classifier-small"]
-WITH_LARGE = [*METHODS, "classifier-large"]
+METHODS = [name for name in WITH_SHADERS if name != "classifier-large"]
 RENDER, DISPLAY = (20, 12), (40, 24)
 TOLERANCES = {"taa": 1e-3, "taau": 1e-3, **dict.fromkeys(WITH_LARGE[2:], 3e-3)}
 """Mean difference of display values, in [0, 1], from the CPU backend; `taa` clips at thresholds, and the

@@ -179,14 +179,6 @@ def test_few_modules_lie_at_the_root_of_the_sdk() -> None:
     assert len(modules) <= 12, sorted(modules)
 
 
-@pytest.mark.parametrize("package", PACKAGES)
-def test_every_folder_says_what_lives_there(package: str) -> None:
-    top = ROOT / PACKAGES[package] / package
-    for folder in {file.parent for file in top.rglob("*.py")} - {top}:
-        text = ast.get_docstring(ast.parse((folder / "__init__.py").read_text(encoding="utf-8"))) or ""
-        assert len(text.splitlines()) >= 2, f"{folder.relative_to(ROOT)}/__init__.py"
-
-
 def test_the_sdk_imports_its_runtime_dependencies_and_nothing_else() -> None:
     allowed = RUNTIME | OPTIONAL | {"supersampler"} | set(sys.stdlib_module_names)
     found = imports_outside("supersampler", allowed)

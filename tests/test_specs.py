@@ -1,12 +1,9 @@
-"""What a method is stands in its spec.py alone; all other code reads it there."""
+"""Torch modules, shipped models and kernels agree with the specs of the methods."""
 
-import ast
 import dataclasses
 import inspect
 import json
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -28,89 +25,7 @@ ALL: dict[str, type[Method]] = {
     EXTRAPOLATE_UNSHADED.name: UnshadedExtrapolate,
     AOVS.name: BlendAovs,
 }
-PACKAGES = ("sdk/supersampler", "model/supersampler_model", "export/supersampler_export")
-SHARED_SPEC = Path("sdk/supersampler/methods/at_rest.py")  # of methods that converge
-METHOD_FOLDERS = ("model/supersampler_model/methods",)
 KERNELS = [spec for spec in methods().values() if spec.cpu]
-FACTS = {field.name for field in dataclasses.fields(MethodSpec)}
-CONSTANTS = {field.name for spec in KERNELS for field in dataclasses.fields(spec.config)}
-HISTORY = {name for method in ALL.values() for name in method.spec.history}
-EXTENTS = {"RENDER", "PREVIOUS", "SHADED", "EARLIER", "BETWEEN", "DISPLAY", "HALF"}
-TEXT_OF_EXTENTS = {f"{name.lower()}_{side}" for name in EXTENTS for side in ("height", "width")}
-
-
-def modules(*folders: str) -> Iterator[tuple[Path, ast.Module]]:
-    """Yield every module in these folders but the specs themselves."""
-    for folder in folders:
-        for file in sorted((ROOT / folder).rglob("*.py")):
-            if file.name != "spec.py" and file.relative_to(ROOT) != SHARED_SPEC:
-                yield file.relative_to(ROOT), ast.parse(file.read_text("utf-8"))
-
-
-def facts_of_classes(tree: ast.Module) -> Iterator[str]:
-    """Yield facts and constants that a class body gives a value."""
-    for body in (node.body for node in ast.walk(tree) if isinstance(node, ast.ClassDef)):
-        for part in body:
-            if isinstance(part, ast.Assign) or (isinstance(part, ast.AnnAssign) and part.value):
-                targets = part.targets if isinstance(part, ast.Assign) else [part.target]
-                names = {n.id for t in targets for n in ast.walk(t) if isinstance(n, ast.Name)}
-                yield from sorted(names & (FACTS | CONSTANTS))
-
-
-def lists_of_constants(tree: ast.Module) -> Iterator[str]:
-    """Yield lists of three constants or more, by name ("gamma") or as indices (GAMMA)."""
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Tuple | ast.List | ast.Set):
-            texts = {part.value for part in node.elts if isinstance(part, ast.Constant)}
-            indices = {p.id.lower() for p in node.elts if isinstance(p, ast.Name) and p.id.isupper()}
-            if len((texts | indices) & CONSTANTS) >= 3:
-                yield ast.unparse(node)
-
-
-def shapes_of_history(tree: ast.Module) -> Iterator[str]:
-    """Yield dictionaries from names of history tensors to shapes."""
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Dict):
-            keys = {k.value for k in node.keys if isinstance(k, ast.Constant) and isinstance(k.value, str)}
-            spread = [s for v in node.values for s in ast.walk(v) if isinstance(s, ast.Starred)]
-            used = {n.id for s in spread for n in ast.walk(s) if isinstance(n, ast.Name)}
-            prefixed = any(key.startswith("history.") for key in keys)
-            if (prefixed or len(keys & HISTORY) >= 2) and used & EXTENTS:
-                yield ast.unparse(node)
-
-
-def names_of_extents(tree: ast.Module) -> Iterator[str]:
-    """Yield names of free extents, such as "render_height"."""
-    texts = (node.value for node in ast.walk(tree) if isinstance(node, ast.Constant))
-    yield from (text for text in texts if isinstance(text, str) and text in TEXT_OF_EXTENTS)
-
-
-RULES = (
-    (
-        facts_of_classes,
-        METHOD_FOLDERS,
-        "class Taau:\n    ratios: ClassVar = (1.0, 4.0)\n    gamma_still = 1.3",
-    ),
-    (
-        lists_of_constants,
-        PACKAGES,
-        "A = ('gamma', 'samples', 'contraction')\nW, GAMMA, SAMPLES, CONTRACTION = range(4)",
-    ),
-    (
-        shapes_of_history,
-        PACKAGES,
-        "A = {'history.color': (1, 3, *DISPLAY)}\nB = {'color': (1, 3, *DISPLAY), 'jitter': (1, 2)}",
-    ),
-    (names_of_extents, PACKAGES, "A = ('render_height', 'half_width')"),
-)
-"""Each: what finds them, where, and two that it has to find."""
-
-
-@pytest.mark.parametrize("rule", RULES, ids=lambda rule: rule[0].__name__)
-def test_no_fact_of_a_method_is_written_outside_of_specs(rule: tuple[Any, tuple[str, ...], str]) -> None:
-    find, folders, wrong = rule
-    assert [(str(file), found) for file, tree in modules(*folders) for found in find(tree)] == []
-    assert len(list(find(ast.parse(wrong)))) == 2, "the rule finds nothing"
 
 
 @pytest.mark.parametrize("name", ALL)

@@ -9,7 +9,7 @@ import numpy as np
 from supersampler.conventions.jitter import check_ratio
 from supersampler.errors import FrameError
 from supersampler.frame import Float32, Frame, Size
-from supersampler.methods.gbuffers import GBUFFERS, Place, grouped, lacking, listed
+from supersampler.methods.gbuffers import GBUFFERS, BufferField, grouped, lacking, listed
 from supersampler.methods.model_file import find_model, read_model_info
 from supersampler_bench.quality.masks import to_display
 
@@ -77,7 +77,7 @@ def with_default_gbuffers(frame: Frame, names: Iterable[str], display: Size) -> 
     return replace(frame, gbuffer=gbuffer, gbuffer_display=gbuffer_display)
 
 
-def _default_gbuffer(place: Place, frame: Frame, display: Size) -> Float32:
+def _default_gbuffer(place: BufferField, frame: Frame, display: Size) -> Float32:
     if place.key != "depth":
         return _matte(place.key, place.shape(frame.size, display))
     depth = to_display(frame.depth, frame.jitter, display)

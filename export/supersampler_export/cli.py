@@ -11,7 +11,7 @@ import typer
 from supersampler.cli.terminal import Terminal
 from supersampler.errors import ArgumentError
 from supersampler.methods.executors import with_shaders
-from supersampler.methods.registry import listed, methods
+from supersampler.methods.registry import listed_methods, methods
 from supersampler_export.shaders.folder import (
     DESCRIPTION,
     Images,
@@ -31,7 +31,7 @@ def export(
     method: Annotated[
         str,
         typer.Argument(
-            help=f"One of {listed(methods().values())}; `all`: those that ship. With --target: a "
+            help=f"One of {listed_methods(methods().values())}; `all`: those that ship. With --target: a "
             "model that ships, or a model folder."
         ),
     ],

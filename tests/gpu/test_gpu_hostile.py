@@ -12,13 +12,13 @@ from gpu_steps import (
     METHODS,
     RENDER,
     TOLERANCES,
-    WITH_LARGE,
     device_or_skip,
     distance,
     make,
     model,
     moving,
 )
+from method_lists import WITH_SHADERS
 from supersampler import Frame
 from supersampler.errors import FrameError
 
@@ -56,7 +56,7 @@ def test_a_bad_pixel_is_handled_as_on_the_cpu(method: str, name: str, value: flo
         assert distance(image, other) <= TOLERANCES[method], f"frame {index}"
 
 
-@pytest.mark.parametrize("method", WITH_LARGE)
+@pytest.mark.parametrize("method", WITH_SHADERS)
 @pytest.mark.parametrize("value", [np.nan, np.inf, -1.0, 65504.0])
 def test_after_a_bad_frame_the_images_return_to_those_of_good_ones(method: str, value: float) -> None:
     spoiled, good, cpu = make(method), make(method), make(method, "cpu")

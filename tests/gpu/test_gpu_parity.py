@@ -13,13 +13,13 @@ from gpu_steps import (
     METHODS,
     RENDER,
     TOLERANCES,
-    WITH_LARGE,
     assert_alike,
     device_or_skip,
     distance,
     make,
     moving,
 )
+from method_lists import WITH_SHADERS
 from noise import Size, noise
 from supersampler import Frame, Upscaler, halton_jitter
 from supersampler_bench.parity import stepper_of_torch
@@ -95,7 +95,7 @@ def test_render_sizes_that_change_keep_the_history_as_on_the_cpu(method: str) ->
     assert np.abs(kept - fresh).max() > 1e-3, "the history has an effect"
 
 
-@pytest.mark.parametrize("method", WITH_LARGE)
+@pytest.mark.parametrize("method", WITH_SHADERS)
 def test_jumps_of_exposure_are_followed_as_on_the_cpu(method: str) -> None:
     exposures = [None, None, 1.0, 1.0, 300.0, 300.0, 0.001, None, None, 1e30, 1.0, 1e-40, 1.0, None]
     frames = [replace(moving(index), exposure=value) for index, value in enumerate(exposures)]
@@ -145,7 +145,7 @@ def _ages(upscaler: Upscaler) -> Any:
     return history["history.static_blocks"][0, 0]
 
 
-@pytest.mark.parametrize("method", WITH_LARGE)
+@pytest.mark.parametrize("method", WITH_SHADERS)
 def test_a_cut_forgets_all_before_it(method: str) -> None:
     upscaler = make(method)
     first = upscaler.step(moving(0))

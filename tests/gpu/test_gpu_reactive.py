@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gpu_steps import WITH_LARGE, device_or_skip, make, moving
+from gpu_steps import device_or_skip, make, moving
+from method_lists import WITH_SHADERS
 from noise import Size, noise
 from supersampler import Frame, halton_jitter
 from supersampler.io.display import display_transform
@@ -30,7 +31,7 @@ def masked(index: int, size: Size, factor: float = 1.7) -> Frame:
 
 
 @pytest.mark.parametrize(("render", "display"), SIZES)
-@pytest.mark.parametrize("method", WITH_LARGE)
+@pytest.mark.parametrize("method", WITH_SHADERS)
 def test_images_are_those_of_the_cpu_backend(method: str, render: Size, display: Size) -> None:
     """Mean, 99.9 % quantile and largest difference of display values."""
     exact, off = method in ("taa", "taau"), []
@@ -45,7 +46,7 @@ def test_images_are_those_of_the_cpu_backend(method: str, render: Size, display:
     assert differences.max() < (0.06 if exact else 0.15)
 
 
-@pytest.mark.parametrize("method", WITH_LARGE)
+@pytest.mark.parametrize("method", WITH_SHADERS)
 def test_a_mask_of_zeros_and_a_power_of_two_change_no_bit(method: str) -> None:
     ours, theirs = make(method), make(method)
     for index in range(4):

@@ -2,12 +2,13 @@
 
 import pytest
 
-from gpu_steps import WITH_LARGE, device_or_skip, model
+from gpu_steps import device_or_skip, model
+from method_lists import WITH_SHADERS
 from supersampler import Upscaler
 from thin_things import contrast, expected_depth, hostile, kept_depth, trace, upscaler_of
 
 device_or_skip()
-METHODS = [method for method in WITH_LARGE if method != "taa"]
+METHODS = [method for method in WITH_SHADERS if method != "taa"]
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from method_lists import WITH_KERNELS as METHODS
 from noise import Size, noise
 from supersampler import ArgumentError, Frame, Model, ModelError, Shot, Upscaler
 from supersampler.backends.cpu.workspaces import KEPT, Workspaces
@@ -20,7 +21,6 @@ from supersampler.model import ExecutorName
 from supersampler_bench.stress.scenes import still
 
 EXECUTORS: tuple[ExecutorName, ...] = ("onnx", "cpu")
-METHODS = ["taa", "taau", "classifier", "classifier-small", "classifier-large"]
 SIZES = [
     ((32, 18), (64, 36)),
     ((33, 17), (50, 26)),

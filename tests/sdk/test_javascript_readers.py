@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from method_lists import WITH_SHADERS
 from noise import noise
 from supersampler.io.images import Channel, write_exr
 from supersampler.io.shot import Shot, ShotWriter
@@ -24,7 +25,6 @@ NODE = shutil.which("node")
 PEAK = 400 << 20
 SECONDS = 60.0
 HALF, FLOAT = 1, 2
-METHODS = ("taa", "taau", "classifier", "classifier-small", "classifier-large")
 
 if NODE is None:
     pytest.skip("Node.js is not installed here", allow_module_level=True)
@@ -411,7 +411,7 @@ def test_descriptions_of_shaders_that_attack_are_refused_by_their_place(tmp_path
     assert all(text.startswith("UpscalerError: ") for text in said)
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", WITH_SHADERS)
 def test_exported_shaders_are_read(method: str, tmp_path: Path) -> None:
     write_shader_folder(method, tmp_path / "shaders")
     assert answers("shaders", tmp_path / "shaders", [{}], tmp_path) == ["read"]

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from method_lists import WITH_KERNELS
 from noise import noise
 from supersampler import ArgumentError, Frame, FrameError, Model, StepResult, Upscaler, halton_jitter
 from supersampler.aux_outputs import CLASS_COLORS, aux_output_layers, class_colors
@@ -18,10 +19,9 @@ from supersampler.validation import FrameChecker
 
 DISPLAY = (64, 36)
 STILL = np.zeros((18, 32, 2), np.float32)
-TEMPORAL = ["taa", "taau", "classifier", "classifier-small", "classifier-large"]
 
 
-@pytest.fixture(scope="module", params=TEMPORAL)
+@pytest.fixture(scope="module", params=WITH_KERNELS)
 def model(request: pytest.FixtureRequest) -> Model:
     return Model.load(request.param, threads=1)
 

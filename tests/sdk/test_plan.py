@@ -5,6 +5,7 @@ import tracemalloc
 import numpy as np
 import pytest
 
+from method_lists import WITH_KERNELS
 from noise import Size, noise
 from supersampler import Frame, FrameError, Model, Upscaler, halton_jitter
 from supersampler.conventions import jitter_phase_count
@@ -13,7 +14,7 @@ RENDER: Size = (320, 180)
 DISPLAY: Size = (640, 360)
 
 
-@pytest.mark.parametrize("method", ["taa", "taau", "classifier", "classifier-small", "classifier-large"])
+@pytest.mark.parametrize("method", WITH_KERNELS)
 def test_the_bytes_of_a_plan_are_those_that_an_upscaler_takes(method: str) -> None:
     model = Model.load(method, executor="cpu", threads=2)
     plan = model.plan(RENDER, DISPLAY)

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from method_lists import WITH_KERNELS as TEMPORAL
 from noise import noise
 from supersampler import ArgumentError, FrameError, Model, ModelError, Upscaler
 from supersampler.errors import ProviderError
@@ -19,8 +20,7 @@ from supersampler.methods.model_file import model_names
 from supersampler.upscaler import PRESETS, PresetName
 
 DISPLAY = (64, 36)
-METHODS = ["bilinear", "bicubic", "taa", "taau", "classifier", "classifier-small", "classifier-large"]
-TEMPORAL = ["taa", "taau", "classifier", "classifier-small", "classifier-large"]
+METHODS = ["bilinear", "bicubic", *TEMPORAL]
 
 
 @pytest.fixture(scope="session")

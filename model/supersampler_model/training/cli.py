@@ -15,7 +15,7 @@ from supersampler.cli.arguments import open_shot
 from supersampler.cli.terminal import Terminal
 from supersampler.errors import ArgumentError, did_you_mean
 from supersampler.io.files import check_ours
-from supersampler.methods.registry import listed, methods
+from supersampler.methods.registry import listed_methods, methods
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -33,7 +33,7 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 @app.command()
 def train(
-    name: Annotated[str, typer.Argument(metavar="METHOD", help=f"{listed(_LEARNED.values())}.")],
+    name: Annotated[str, typer.Argument(metavar="METHOD", help=f"{listed_methods(_LEARNED.values())}.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the run.")],
     data: Annotated[list[Path] | None, typer.Option(help="Training set; any number of them.")] = None,
     shot: Annotated[list[Path] | None, typer.Option(help="Shot with references; any number.")] = None,

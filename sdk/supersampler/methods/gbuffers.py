@@ -2,27 +2,16 @@
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
+from supersampler.conventions import RawFrame
 from supersampler.errors import FrameError
 from supersampler.frame import GBUFFER_CHANNELS, GBUFFER_DISPLAY_CHANNELS, Array, Frame, Size
 
 
-class HasGBuffers(Protocol):
-    """A `Frame` or a `RawFrame`."""
-
-    @property
-    def gbuffer(self) -> Mapping[str, Array] | None:
-        """At render size, by name."""
-
-    @property
-    def gbuffer_display(self) -> Mapping[str, Array] | None:
-        """At display size, by name."""
-
-
-class Place(NamedTuple):
+class BufferField(NamedTuple):
     """The field and key of a G-buffer in a frame; `str` gives gbuffer_display['normal']."""
 
     group: str  # the frame's field
@@ -37,7 +26,7 @@ class Place(NamedTuple):
         """Whether it has display size."""
         return self.group == "gbuffer_display"
 
-    def find(self, frame: HasGBuffers) -> Array | None:
+    def find(self, frame: Frame | RawFrame) -> Array | None:
         """The buffer; None where the frame lacks it."""
         buffers: Mapping[str, Array] = getattr(frame, self.group) or {}
         return buffers.get(self.key)
@@ -48,8 +37,8 @@ class Place(NamedTuple):
         return (height, width) if self.channels == 1 else (height, width, self.channels)
 
 
-GBUFFERS: Mapping[str, Place] = {
-    f"{group}_{key}": Place(group, key, channels)
+GBUFFERS: Mapping[str, BufferField] = {
+    f"{group}_{key}": BufferField(group, key, channels)
     for group, known in (("gbuffer", GBUFFER_CHANNELS), ("gbuffer_display", GBUFFER_DISPLAY_CHANNELS))
     for key, channels in known.items()
 }
@@ -61,7 +50,7 @@ def check_gbuffers(frame: Frame, names: Iterable[str], display_size: Size, metho
 
     Args:
         frame: its other buffers are not checked.
-        names: tensors that the method takes.
+        names: inputs of the method.
         display_size: (width, height).
         method: its name, for the message.
     """
@@ -103,7 +92,7 @@ def sampled(frame: Frame, names: Collection[str], display_size: Size) -> Frame:
 
     Args:
         frame: it has passed `check_gbuffers`.
-        names: tensors that the method takes.
+        names: inputs of the method.
         display_size: (width, height).
     """
     missing = [name for name in names if GBUFFERS[name].find(frame) is None]
@@ -120,7 +109,7 @@ def sampled(frame: Frame, names: Collection[str], display_size: Size) -> Frame:
     return replace(frame, gbuffer=found)
 
 
-def names_of(frame: HasGBuffers) -> list[str]:
+def names_of(frame: Frame | RawFrame) -> list[str]:
     """Tensor names of the G-buffers that a frame has."""
     return [name for name, place in GBUFFERS.items() if place.find(frame) is not None]
 

@@ -36,7 +36,7 @@ def find_method(name: str) -> MethodSpec | None:
     return _registered.get(name)
 
 
-def listed(specs: Iterable[MethodSpec]) -> str:
+def listed_methods(specs: Iterable[MethodSpec]) -> str:
     """Return names with commas between; those without released weights are marked."""
     return ", ".join(spec.name if spec.ships else f"{spec.name} (no weights ship)" for spec in specs)
 

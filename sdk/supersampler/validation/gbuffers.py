@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.frame import Array, Float32, Frame
-from supersampler.methods.gbuffers import GBUFFERS, Place
+from supersampler.methods.gbuffers import GBUFFERS, BufferField
 from supersampler.validation import mistakes
 from supersampler.validation.mistakes import Mistake, where
 from supersampler.validation.probe import pixel_grid
@@ -38,7 +38,7 @@ def gbuffer_mistakes(frame: Frame, names: Collection[str]) -> Iterator[Mistake]:
             yield from _normal(place, values) if place.key == "normal" else _fraction(place, values)
 
 
-def _fraction(place: Place, values: Float32) -> Iterator[Mistake]:
+def _fraction(place: BufferField, values: Float32) -> Iterator[Mistake]:
     outside = float(np.mean((values < -_RANGE_ERROR) | (values > 1.0 + _RANGE_ERROR)))
     if outside > _MIN_FRACTION:
         low, high = float(values.min()), float(values.max())
@@ -47,7 +47,7 @@ def _fraction(place: Place, values: Float32) -> Iterator[Mistake]:
         yield mistake.found(place=place, share=outside, low=low, high=high)
 
 
-def _normal(place: Place, values: Float32) -> Iterator[Mistake]:
+def _normal(place: BufferField, values: Float32) -> Iterator[Mistake]:
     length = np.linalg.norm(values, axis=-1)
     wrong = (length > _LENGTH_ERROR) & (np.abs(length - 1.0) > _LENGTH_ERROR)
     if wrong.mean() <= _MIN_FRACTION:
@@ -61,7 +61,7 @@ def _normal(place: Place, values: Float32) -> Iterator[Mistake]:
     yield mistake.found(place=place, share=wrong.mean(), low=lengths.min(), high=lengths.max())
 
 
-def _depth(place: Place, array: Array, frame: Frame) -> Iterator[Mistake]:
+def _depth(place: BufferField, array: Array, frame: Frame) -> Iterator[Mistake]:
     """Compare display-size depth with render-size depth, which must be of the same kind."""
     if array.min() < 0.0:
         yield mistakes.GBUFFER_DEPTH_NEGATIVE.found(place=place, low=float(array.min()))
