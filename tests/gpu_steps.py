@@ -19,7 +19,7 @@ from supersampler_bench.stress.scenes import Orbit
 
 METHODS = [name for name in WITH_SHADERS if name != "classifier-large"]
 RENDER, DISPLAY = (20, 12), (40, 24)
-TOLERANCES = {"taa": 1e-3, "taau": 1e-3, **dict.fromkeys(WITH_LARGE[2:], 3e-3)}
+TOLERANCES = {name: 1e-3 if name in ("taa", "taau") else 3e-3 for name in WITH_SHADERS}
 """Mean difference of display values, in [0, 1], from the CPU backend; `taa` clips at thresholds, and the
 others read samples as half floats."""
 INT8 = 6e-3
