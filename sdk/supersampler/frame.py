@@ -124,9 +124,8 @@ class Frame:
                 shape = (h, w) if channels == 1 else (h, w, channels)
                 _check(name, array, shape, _SINGLE if name == "depth" else _HALF_OR_SINGLE)
         if self.aovs is not None:
-            channels = self.aovs.shape[-1] if self.aovs.shape[:2] == (h, w) and self.aovs.ndim == 3 else 0
-            channels = channels if 1 <= channels <= MAX_AOVS else "k"
-            _check("aovs", self.aovs, (h, w, channels), _HALF_OR_SINGLE)
+            count = self.aovs.shape[-1] if self.aovs.shape[:2] == (h, w) and self.aovs.ndim == 3 else 0
+            _check("aovs", self.aovs, (h, w, count if 1 <= count <= MAX_AOVS else "k"), _HALF_OR_SINGLE)
 
 
 def checked_frame(frame: Frame) -> Frame:

@@ -14,13 +14,13 @@ from gpu_steps import (
     METHODS,
     RENDER,
     TOLERANCES,
-    WITH_LARGE,
     device_or_skip,
     distance,
     make,
     model,
     moving,
 )
+from method_lists import WITH_SHADERS
 from supersampler import Frame, Upscaler, halton_jitter
 from supersampler.backends.gpu.executor import MAX_GROUPS, GpuExecutor
 from supersampler.backends.gpu.memory import TEXELS, write_to
@@ -32,7 +32,7 @@ from supersampler.recording import open_recording
 from supersampler.recording.replay import Replay
 from supersampler_bench.stress import scenes
 
-CONVERGING = WITH_LARGE[1:]
+CONVERGING = WITH_SHADERS[1:]
 MAPS = {"taa": ["weight"], "taau": ["weight", "count", "converged"]}
 ALL_MAPS = ["class_map", "weight", "count", "converged"]
 MOST_GROWTH = 8 << 20
@@ -60,7 +60,7 @@ def test_a_saved_state_continues_bit_for_bit(method: str) -> None:
         np.testing.assert_array_equal(other.step(moving(index)), ours.step(moving(index)))
 
 
-@pytest.mark.parametrize("method", WITH_LARGE)
+@pytest.mark.parametrize("method", WITH_SHADERS)
 @pytest.mark.parametrize(("first", "second"), [("cpu", "gpu"), ("gpu", "cpu"), ("onnx", "gpu")])
 def test_a_state_passes_from_one_backend_to_another(method: str, first: str, second: str) -> None:
     before, after, whole = make(method, first), make(method, second), make(method, second)
@@ -73,7 +73,7 @@ def test_a_state_passes_from_one_backend_to_another(method: str, first: str, sec
         assert distance(after.step(moving(index)), whole.step(moving(index))) <= most
 
 
-@pytest.mark.parametrize("method", WITH_LARGE)
+@pytest.mark.parametrize("method", WITH_SHADERS)
 def test_outputs_beside_the_image_are_those_of_the_cpu(method: str) -> None:
     names = MAPS.get(method, ALL_MAPS)
     ours, theirs = make(method), make(method, "cpu")
