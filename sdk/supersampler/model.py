@@ -24,7 +24,13 @@ from supersampler.backends.cpu.memory import aligned
 from supersampler.backends.onnx.executor import AovBlender, OnnxExecutor, check_aovs
 from supersampler.backends.onnx.runtime import CPU, resolve_providers
 from supersampler.backends.onnx.session import pixels_of, session_options, vector_inputs
-from supersampler.backends.onnx.tensors import Tensor, checked_tensors, graph_inputs, render_size_of, taken
+from supersampler.backends.onnx.tensors import (
+    Tensor,
+    checked_tensors,
+    graph_inputs,
+    ort_value_of,
+    render_size_of,
+)
 from supersampler.conventions.jitter import check_ratio
 from supersampler.errors import ArgumentError, FrameError, shown
 from supersampler.frame import (
@@ -364,7 +370,7 @@ class Model:
         render_size = render_size_of(given["color"])
         check_ratio(self.info.ratios, render_size, display)
         next_history = self._next_history(history_out, display, render_size)
-        target = None if out is None else taken(out, "image")
+        target = None if out is None else ort_value_of(out, "image")
         if target is not None and target.data_ptr() in {value.data_ptr() for value in given.values()}:
             raise ArgumentError("out", got="memory of the frame", want="memory that the step does not read")
         image = self._executor.step_tensors(given, display, history.buffers, next_history.buffers, target)

@@ -16,7 +16,7 @@ from supersampler.backends.gpu import device as devices
 from supersampler.backends.gpu.device import LIMITS, TEXTURE_SIDE
 from supersampler.backends.gpu.executor import Pass
 from supersampler.backends.gpu.program import ARRAYS, TEXTURES, PassSpec
-from supersampler.backends.gpu.shader import needed
+from supersampler.backends.gpu.shader import reachable_code
 from supersampler.errors import ArgumentError, DeviceError
 from supersampler.model import Model
 
@@ -147,7 +147,7 @@ def test_an_adapter_below_the_limits_is_named(monkeypatch: pytest.MonkeyPatch) -
 def test_a_shader_that_does_not_compile_is_shown_with_the_adapter(monkeypatch: pytest.MonkeyPatch) -> None:
     from supersampler.backends.gpu import shader
 
-    monkeypatch.setattr(shader, "needed", lambda parts: needed(parts) + "\nfn broken( {")
+    monkeypatch.setattr(shader, "reachable_code", lambda parts: reachable_code(parts) + "\nfn broken( {")
     with pytest.raises(DeviceError, match=r"llvmpipe|\(.*\).*compiling shaders"):
         Upscaler("taau", scale=2.0, executor="gpu")
 

@@ -170,6 +170,8 @@ def preprocess(surface: str) -> PassSpec:
     )
 
 
-def showing(shader: str, constants: Constants | None = None, tile: tuple[int, int] = (16, 16)) -> PassSpec:
+def display_pass(
+    shader: str, constants: Constants | None = None, tile: tuple[int, int] = (16, 16)
+) -> PassSpec:
     """Return a pass that writes the image, at display size; `tile`: of `PassSpec`."""
     return PassSpec(shader, DISPLAY, tile, constants={**REST_CONSTANTS, **(constants or {})})

@@ -113,7 +113,7 @@ def load_shader(
 ) -> Shader:
     """Return a shader after what it needs of the files that it imports (`// import NAME`), each once.
 
-    Loops that are marked with `/* unroll */` are written out (`unrolled`).
+    Loops that are marked with `/* unroll */` are written out (`unroll`).
 
     Args:
         name: of its file, without the suffix.
@@ -121,9 +121,9 @@ def load_shader(
         constants: written first, as `const NAME = value;`.
         variants: files to import in place of a name.
     """
-    parts: dict[str, Part] = {"": parsed(_constants_text(constants))}
+    parts: dict[str, Part] = {"": parse(_constants_text(constants))}
     _collect(name, (*folders, SHARED), variants or {}, parts)
-    code = unrolled(needed(parts.values()))
+    code = unroll(reachable_code(parts.values()))
     return Shader(name, code, tuple(_bindings(code)))
 
 
@@ -143,7 +143,7 @@ def _source(name: str, folders: tuple[str, ...]) -> tuple[list[str], Part]:
         file = files(folder) / "shaders" / f"{name}.wgsl"
         if file.is_file():
             text = file.read_text(encoding="utf-8")
-            return _IMPORT.findall(text), parsed(_IMPORT.sub("", text))
+            return _IMPORT.findall(text), parse(_IMPORT.sub("", text))
     raise FileNotFoundError(f"{name}.wgsl in {', '.join(folders)}")
 
 
@@ -171,7 +171,7 @@ def _bindings(code: str) -> list[Binding]:
     return sorted(found, key=lambda b: (b.group, b.index))
 
 
-def parsed(source: str) -> Part:
+def parse(source: str) -> Part:
     """Return the declarations of a file.
 
     Comments belong to the declaration after them; the first comment, before an empty line, to the file.
@@ -187,7 +187,7 @@ def parsed(source: str) -> Part:
     return Part(header.strip(), found)
 
 
-def needed(parts: Iterable[Part], entry: str = "main") -> str:
+def reachable_code(parts: Iterable[Part], entry: str = "main") -> str:
     """Return the code of what `entry` needs, in order, with the headers of the files.
 
     Raises:
@@ -239,7 +239,7 @@ def _declaration(text: str) -> Declaration:
     return Declaration(name[1], text, frozenset(words))
 
 
-def unrolled(code: str) -> str:
+def unroll(code: str) -> str:
     """Write out marked loops: a block with a constant for each round.
 
     A marked loop is `/* unroll */ for (var i = FIRST; i < END; i++) {`, or with `<=`. FIRST is a number; END
@@ -248,10 +248,10 @@ def unrolled(code: str) -> str:
     Raises:
         ValueError: a marked loop is of another form.
     """
-    return _written(code, {name: int(value) for name, value in _CONSTANT.findall(code)})
+    return _unroll(code, {name: int(value) for name, value in _CONSTANT.findall(code)})
 
 
-def _written(code: str, constants: Mapping[str, int]) -> str:
+def _unroll(code: str, constants: Mapping[str, int]) -> str:
     before, mark, _ = code.partition(_MARK)
     if not mark:
         return code
@@ -263,7 +263,7 @@ def _written(code: str, constants: Mapping[str, int]) -> str:
     if last not in constants and not last.removesuffix("u").isdigit():
         raise ValueError(f"{last} is no constant number: {_line(code, len(before))}")
     stop = (constants[last] if last in constants else int(last.removesuffix("u"))) + (sign == "<=")
-    body, after = _written(code[loop.end() : end], constants), _written(code[end + 1 :], constants)
+    body, after = _unroll(code[loop.end() : end], constants), _unroll(code[end + 1 :], constants)
     if _JUMP.search(_COMMENT.sub("", body)):
         raise ValueError(f"a loop that is unrolled has no break or continue: {_line(code, len(before))}")
     if stop - int(first) > MAX_ROUNDS:

@@ -35,7 +35,7 @@ def checked_tensors(tensors: Mapping[str, Tensor]) -> Mapping[str, Tensor]:
     return tensors
 
 
-def taken(tensor: Tensor, name: str) -> ort.OrtValue:
+def ort_value_of(tensor: Tensor, name: str) -> ort.OrtValue:
     """Return a value of ONNX Runtime that shares a tensor's memory.
 
     Raises:
@@ -73,7 +73,7 @@ def graph_inputs(
         elif info.name not in tensors:
             raise FrameError(info.name, got=None, want=f"a tensor {info.shape}")
         else:
-            values[info.name] = taken(tensors[info.name], info.name)
+            values[info.name] = ort_value_of(tensors[info.name], info.name)
     return values
 
 
@@ -103,7 +103,7 @@ def size_of_tensors(tensors: Mapping[str, Tensor]) -> Size:
     """
     if "color" not in tensors:
         raise FrameError("color", got=None, want="a tensor (1, 3, h, w)")
-    return render_size_of(taken(tensors["color"], "color"))
+    return render_size_of(ort_value_of(tensors["color"], "color"))
 
 
 def check_tensor(value: ort.OrtValue, info: TensorInfo, shape: tuple[int, ...], device: str) -> None:
@@ -147,7 +147,7 @@ def frame_of_tensors(
             continue
         if name not in tensors:
             raise FrameError(name, got=None, want="a tensor")
-        planes: Float32 = taken(tensors[name], name).numpy()
+        planes: Float32 = ort_value_of(tensors[name], name).numpy()
         if planes.ndim != 4 or planes.shape[0] != 1:
             raise FrameError(name, got=planes.shape, want="(1, c, h, w)")
         images[name] = pixels_of(planes)
@@ -167,4 +167,4 @@ def tensors_of_frame(frame: Frame, device: str) -> dict[str, Tensor]:
 
 def image_of_tensor(image: Tensor) -> Float32:
     """Return a copy of an image (1, 3, H, W) as an array (H, W, 3)."""
-    return pixels_of(taken(image, "image").numpy())
+    return pixels_of(ort_value_of(image, "image").numpy())

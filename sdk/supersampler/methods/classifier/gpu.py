@@ -24,8 +24,8 @@ from supersampler.backends.gpu.program import (
     TILE_PASS,
     GpuProgram,
     PassSpec,
+    display_pass,
     preprocess,
-    showing,
 )
 from supersampler.backends.gpu.shader import Constants
 from supersampler.frame import Float32
@@ -111,7 +111,7 @@ def classifier_program(info: ModelInfo) -> GpuProgram:
     levels = [_level_pass(one, tile) for one, tile in zip(network.levels, TILES, strict=True)]
     passes = (
         *BLOCK_PASSES, TILE_PASS, preprocess("depth"), PassSpec("gather", constants=REST_CONSTANTS), *levels,
-        showing("compose", {**network.last, **blend}),
+        display_pass("compose", {**network.last, **blend}),
     )  # fmt: skip
     memory: dict[str, PixelMemory] = {
         **REST_MEMORY,

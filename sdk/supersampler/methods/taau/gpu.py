@@ -13,8 +13,8 @@ from supersampler.backends.gpu.program import (
     TILE_PASS,
     GpuProgram,
     PassSpec,
+    display_pass,
     preprocess,
-    showing,
 )
 from supersampler.methods.model_info import ModelInfo
 from supersampler.methods.spec import constants_of
@@ -66,7 +66,7 @@ def taau_program(info: ModelInfo) -> GpuProgram:
         preprocess("shade"),
         PassSpec("light", ONE, (1, 1)),
         PassSpec("lag", BLOCKS, (8, 8), REST_CONSTANTS),
-        showing("blend", tile=(32, 4)),
+        display_pass("blend", tile=(32, 4)),
     )
     kept = {"kept_samples": PixelTexture(BLOCKS, "rg32float")}
     memory = {**REST_MEMORY, **TILE_MEMORY, **SAMPLE_MEMORY, **kept}
