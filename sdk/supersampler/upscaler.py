@@ -19,7 +19,6 @@ from supersampler.arguments import (
     checked_size,
     ieee_arithmetic,
 )
-from supersampler.backends.gpu.frame import DeviceFrame, check_encoder, checked_images, checked_target
 from supersampler.backends.onnx.tensors import Tensor, checked_tensors, size_of_tensors, tensors_of_frame
 from supersampler.conventions.jitter import display_size_of
 from supersampler.errors import ArgumentError, FrameError, shown
@@ -458,6 +457,14 @@ class Upscaler:
         The next call continues from this frame: submit frames in order, each once. Call `reset` after an
         encoder that is not submitted. Arguments, result and errors are those of `step_textures`.
         """
+        # not imported by sessions on other backends
+        from supersampler.backends.gpu.frame import (
+            DeviceFrame,
+            check_encoder,
+            checked_images,
+            checked_target,
+        )
+
         self._check_open()
         started, gpu = time.perf_counter(), self.model.gpu
         self._check_no_extrapolation("step_textures")
