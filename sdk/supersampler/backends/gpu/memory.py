@@ -175,9 +175,9 @@ class Extent(NamedTuple):
     divide: int = 1
     multiply: Size = (1, 1)
 
-    def size(self, render: Size, display: Size, previous: Size | None = None) -> Size:
-        """Return (width, height) at these sizes; `previous` is as `render` if not given."""
-        width, height = _size_of(self.of, render, display, previous or render)
+    def size(self, render: Size, display: Size) -> Size:
+        """Return (width, height) at these sizes, after a previous frame of the same size."""
+        width, height = _size_of(self.of, render, display)
         return -(-width // self.divide) * self.multiply[0], -(-height // self.divide) * self.multiply[1]
 
     @property
@@ -186,14 +186,13 @@ class Extent(NamedTuple):
         return self._replace(of="large") if self.of == "display" else self
 
 
-def _size_of(base: Base, render: Size, display: Size, previous: Size) -> Size:
+def _size_of(base: Base, render: Size, display: Size) -> Size:
     if base == "large":
         return large_size(display)
     if base.endswith("signatures"):
-        frame = render if base == "signatures" else previous
-        across, down = block_count(frame)
-        return across, down * phase_count(display, frame)
-    return {"one": (1, 1), "render": render, "display": display}.get(base, previous)
+        across, down = block_count(render)
+        return across, down * phase_count(display, render)
+    return {"one": (1, 1), "display": display}.get(base, render)
 
 
 ONE, RENDER, PREVIOUS, DISPLAY = Extent("one"), Extent("render"), Extent("previous"), Extent("display")
@@ -207,9 +206,9 @@ class PixelBuffer(NamedTuple):
     bytes: int
     extent: Extent = ONE
 
-    def spec(self, render: Size, display: Size, previous: Size | None = None) -> MemorySpec:
+    def spec(self, render: Size, display: Size) -> MemorySpec:
         """Return the memory at these sizes; see `Extent.size`."""
-        width, height = self.extent.size(render, display, previous)
+        width, height = self.extent.size(render, display)
         return BufferSpec(self.bytes * width * height)
 
 
@@ -219,9 +218,9 @@ class PixelTexture(NamedTuple):
     extent: Extent
     format: str = "rgba32float"
 
-    def spec(self, render: Size, display: Size, previous: Size | None = None) -> MemorySpec:
+    def spec(self, render: Size, display: Size) -> MemorySpec:
         """Return the memory at these sizes; see `Extent.size`."""
-        return TextureSpec(self.extent.size(render, display, previous), self.format)
+        return TextureSpec(self.extent.size(render, display), self.format)
 
 
 PixelMemory = PixelBuffer | PixelTexture
