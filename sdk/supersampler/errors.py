@@ -34,24 +34,26 @@ class SupersamplerError(Exception):
         return _restored, (type(self), self.args, self.__dict__)
 
 
-class FrameError(SupersamplerError, ValueError):
+class _ValueError(SupersamplerError, ValueError):
+    _prefix = ""
+
+    def __init__(self, name: str, *, got: object, want: object, hint: str = "") -> None:
+        self.name, self.got, self.want, self.hint = name, got, want, hint
+        super().__init__(f"{self._prefix}{name} is {got}; want {want}. {hint}".rstrip())
+
+
+class FrameError(_ValueError):
     """One input of one frame breaks the contract; `name` says which.
 
     >>> str(FrameError("depth", got="(80, 45) float32", want="(45, 80) float32"))
     'frame.depth is (80, 45) float32; want (45, 80) float32.'
     """
 
-    def __init__(self, name: str, *, got: object, want: object, hint: str = "") -> None:
-        self.name, self.got, self.want, self.hint = name, got, want, hint
-        super().__init__(f"frame.{name} is {got}; want {want}. {hint}".rstrip())
+    _prefix = "frame."
 
 
-class ArgumentError(SupersamplerError, ValueError):
+class ArgumentError(_ValueError):
     """An argument is out of its range or contradicts another; `name` says which."""
-
-    def __init__(self, name: str, *, got: object, want: object, hint: str = "") -> None:
-        self.name, self.got, self.want, self.hint = name, got, want, hint
-        super().__init__(f"{name} is {got}; want {want}. {hint}".rstrip())
 
 
 class _FileError(SupersamplerError, OSError):
@@ -82,6 +84,10 @@ class KernelError(SupersamplerError, RuntimeError):
 
 class DeviceError(SupersamplerError, RuntimeError):
     """The GPU backend found no device, or the device failed; the message names the adapter and a remedy."""
+
+
+class FrameWarning(UserWarning):
+    """A check of pixels found a likely mistake in a frame; the message names it."""
 
 
 class BackendWarning(UserWarning):
@@ -125,7 +131,3 @@ def shown(value: object) -> str:
 def printable(text: str) -> str:
     """Replace unprintable characters: names in files must not send control codes to a terminal or a log."""
     return "".join(character if character.isprintable() else "?" for character in text)
-
-
-class FrameWarning(UserWarning):
-    """A check of pixels found a likely mistake in a frame; the message names it."""

@@ -14,6 +14,7 @@ import pytest
 
 from c_host import built_or_skip
 from dxc import compile_hlsl
+from method_lists import WITH_SHADERS
 from raw_shots import SIZES, read_images, wanted_images, write_raw
 from supersampler import Shot
 from supersampler_export.shaders.folder import write_shader_folder
@@ -24,7 +25,7 @@ EXAMPLES, TESTS = ROOT / "examples", ROOT / "tests"
 MODULES = EXAMPLES / "node_dawn" / "node_modules"
 VULKAN = ROOT / ".venv-vulkan" / "bin" / "python"
 DXC = ROOT / "out" / "dxc" / "libdxcompiler_x86_64.so.3.7"
-METHODS = ["taa", "taau", "classifier", "classifier-small"]
+METHODS = [name for name in WITH_SHADERS if name != "classifier-large"]
 
 if not MODULES.is_dir():
     pytest.skip(

@@ -62,6 +62,13 @@ def test_all_that_the_page_loads_is_less_than_three_megabytes(site: Path) -> Non
     assert sum(path.stat().st_size for path in files) < BUDGET
 
 
+def test_the_page_offers_every_method_with_shaders(site: Path) -> None:
+    page = (site / "index.html").read_text("utf-8")
+    select = page.partition('<select name="method">')[2].partition("</select>")[0]
+    assert sorted(re.findall("<option>([^<]+)</option>", select)) == sorted(with_shaders())
+    assert select.startswith("<option>classifier</option>")
+
+
 def test_every_file_that_a_module_or_page_names_is_there_and_below_the_root(site: Path) -> None:
     sources = [path for path in own_files(site) if path.suffix in {".js", ".html"}]
     named = re.compile(

@@ -35,6 +35,7 @@ from supersampler.io.json_fields import Field, read_json
 from supersampler.io.shot import Shot
 from supersampler.methods.executors import with_shaders
 from supersampler.methods.model_file import shipped_model
+from supersampler.methods.registry import methods
 
 SHOT = "plaza"
 RECORD = "site.json"
@@ -97,6 +98,7 @@ def site_files(
     shot = Shot.open(SHOT)
     found |= {f"shot/{path.name}": path for path in sorted(shot.source.glob("*.*"))}
     files: dict[str, Callable[[], bytes]] = {name: partial(_content, path) for name, path in found.items()}
+    files["index.html"] = partial(_with_methods, found["index.html"])
     for index in shot.reference_indices:
         files[f"shot/reference/{index:04d}.exr"] = cache(partial(_reference, shot, index))
     for method in with_shaders():
@@ -158,6 +160,13 @@ def _listed(folder: Path) -> list[str]:
 def _content(path: Path) -> bytes:
     with os_errors_as_shot_error(path):
         return path.read_bytes()
+
+
+def _with_methods(page: Path) -> bytes:
+    """Return the page with an option for each method that has shaders, those with a network first."""
+    names = sorted(with_shaders(), key=lambda name: not methods()[name].task)
+    options = "".join(f"<option>{name}</option>" for name in names)
+    return _content(page).replace(b"<!-- methods -->", options.encode())
 
 
 def _reference(shot: Shot, index: int) -> bytes:
