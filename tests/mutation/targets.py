@@ -27,7 +27,6 @@ TESTS = [
     "tests/sdk/test_checks*.py",
     "tests/sdk/test_*_checks.py",
     "tests/sdk/test_conventions*.py",
-    "tests/sdk/test_depth_order.py",
     "tests/sdk/test_detect*.py",
     "tests/sdk/test_extrapolate.py",
     "tests/sdk/test_gbuffers.py",

@@ -1,13 +1,19 @@
 """Tests of the display transform and of measured exposure, with invalid pixels, too."""
 
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+from supersampler import ArgumentError, ShotError
 from supersampler.conventions.encodings import srgb_encoded
 from supersampler.io.display import ExposureMeter, auto_exposure, display_transform, to_uint8
+from supersampler.io.display_transforms import display_transform_from, ocio_transform
 
 HOSTILE = np.array(
     [[[np.nan, np.inf, -np.inf], [-1.0, 65504.0, 1e-45]], [[0.0, 0.0, 0.0], [1e38, 1.0, 0.5]]], np.float32
@@ -86,3 +92,205 @@ def test_the_meter_follows_slowly_until_a_cut() -> None:
     assert meter.read(grey(1.8)) == pytest.approx(0.1**0.1)
     assert meter.read(None) == pytest.approx(0.1**0.1)  # a frame that was not shaded
     assert meter.read(grey(1.8), reset=True) == pytest.approx(0.1)
+
+
+# --- what PNG, TIFF and video files show: the tone curve, sRGB alone, OpenColorIO views ---
+
+
+CONFIG = """
+ocio_profile_version: 2
+roles: {scene_linear: linear, default: linear}
+file_rules: [!<Rule> {name: Default, colorspace: default}]
+displays:
+  screen:
+    - !<View> {name: As it is, colorspace: linear}
+    - !<View> {name: Root, colorspace: root}
+looks:
+  - !<Look> {name: Half, process_space: linear, transform: !<MatrixTransform> {matrix: [0.5, 0, 0, 0, 0, 0.5, 0, 0, 0, 0, 0.5, 0, 0, 0, 0, 1]}}
+colorspaces:
+  - !<ColorSpace> {name: linear}
+  - !<ColorSpace> {name: root, from_scene_reference: !<ExponentTransform> {value: [0.5, 0.5, 0.5, 1]}}
+"""  # noqa: E501
+LIGHT = np.array([[[0.04, 0.16, 0.25], [0.0, 1.0, 4.0]]], np.float32)
+
+
+AP1_TO_REC709 = [  # Bradford-adapted, as in the ACES documents, for column vectors
+    [1.7050510, -0.6217921, -0.0832589],
+    [-0.1302564, 1.1408047, -0.0105483],
+    [-0.0240034, -0.1289690, 1.1529723],
+]
+
+
+@pytest.fixture
+def config(tmp_path: Path) -> str:
+    path = tmp_path / "config.ocio"
+    path.write_text(CONFIG)
+    return str(path)
+
+
+def test_without_options_exposure_tone_curve_and_srgb_are_shown() -> None:
+    transform = display_transform_from()
+    assert transform.stops is None
+    np.testing.assert_array_equal(transform.show(LIGHT, 0.3), display_transform(LIGHT, 0.3))
+
+
+def test_a_fixed_exposure_replaces_that_of_the_frame() -> None:
+    transform = display_transform_from(exposure=-1.0)
+    np.testing.assert_array_equal(transform.show(LIGHT, 9.0), display_transform(LIGHT, 0.5))
+
+
+def test_acescg_is_converted_to_rec_709_before_the_tone_curve() -> None:
+    light = np.array([[[0.2, 0.5, 0.1], [0.3, 0.3, 0.3]]], np.float32)
+    shown = display_transform_from(color_space="ACEScg").show(light, 2.0)
+    expected = display_transform(light @ np.transpose(AP1_TO_REC709), 2.0)
+    np.testing.assert_allclose(shown, expected, atol=1e-5)
+    assert np.ptp(shown[0, 1]) < 1e-5  # grey stays grey: the white point is adapted
+
+
+def test_pixels_that_are_no_numbers_are_shown_all_the_same() -> None:
+    broken = np.array([[[np.nan, 0.1, 0.1], [np.inf, 0.1, 0.1]]], np.float32)
+    for options in (
+        {},
+        {"color_space": "ACEScg"},
+        {"srgb": True},
+        {"view": "ACES 2.0 - SDR 100 nits (Rec.709)"},
+    ):
+        shown = display_transform_from(**options).show(broken)
+        assert np.isfinite(shown).all(), options
+        assert shown.min() >= 0.0, options
+        assert shown.max() <= 1.0, options
+
+
+def test_srgb_frames_come_back_clipped_and_encoded_without_exposure_and_curve() -> None:
+    transform = display_transform_from(srgb=True)
+    np.testing.assert_allclose(transform.show(LIGHT, 5.0), srgb_encoded(LIGHT.clip(0, 1)), atol=1e-6)
+    brighter = display_transform_from(srgb=True, exposure=1.0).show(LIGHT)
+    np.testing.assert_allclose(brighter, srgb_encoded((LIGHT * 2).clip(0, 1)), atol=1e-6)
+
+
+def test_a_view_shows_light_as_the_configuration_says_and_clips_it(config: str) -> None:
+    root = ocio_transform(config, "screen", "Root")
+    np.testing.assert_allclose(root.show(LIGHT, 7.0), np.minimum(np.sqrt(LIGHT), 1), atol=1e-4)
+    assert root.show(LIGHT).dtype == np.float32
+    none = ocio_transform(config, "screen", "As it is", look="None")
+    np.testing.assert_allclose(none.show(LIGHT), np.minimum(LIGHT, 1), atol=1e-6)
+
+
+def test_exposure_comes_before_the_view_and_gamma_after_it(config: str) -> None:
+    darker = ocio_transform(config, "screen", "Root", stops=-2.0).show(LIGHT)
+    np.testing.assert_allclose(darker, np.sqrt(LIGHT / 4), atol=1e-4)
+    linear = ocio_transform(config, "screen", "Root", gamma=0.5).show(LIGHT)
+    np.testing.assert_allclose(linear, np.minimum(LIGHT, 1), atol=1e-4)
+
+
+def test_a_look_comes_before_the_view(config: str) -> None:
+    half = ocio_transform(config, "screen", "Root", look="Half").show(LIGHT)
+    np.testing.assert_allclose(half, np.minimum(np.sqrt(LIGHT / 2), 1), atol=1e-4)
+
+
+def test_display_and_view_are_the_configurations_first_by_default(config: str) -> None:
+    found = display_transform_from(ocio=config).ocio
+    assert found is not None
+    assert (found.display, found.view) == ("screen", "As it is")
+
+
+def test_the_configuration_is_that_of_the_environment_or_the_studio_config(
+    config: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("OCIO", raising=False)
+    studio = display_transform_from(view="Un-tone-mapped").ocio
+    assert studio is not None
+    assert (studio.config, studio.display) == ("ocio://studio-config-latest", "sRGB - Display")
+    monkeypatch.setenv("OCIO", config)
+    of_environment = display_transform_from(view="Root").ocio
+    assert of_environment is not None
+    assert of_environment.config == config
+    assert display_transform_from().ocio is None  # the variable alone asks for no view
+
+
+def test_a_view_takes_the_colour_space_of_the_shot_into_account() -> None:
+    light = np.array([[[0.2, 0.5, 0.1]]], np.float32)
+    ap1 = display_transform_from(color_space="ACEScg", view="Un-tone-mapped").show(light)
+    expected = srgb_encoded((light @ np.transpose(AP1_TO_REC709)).astype(np.float32)).clip(0, 1)
+    np.testing.assert_allclose(ap1, expected, atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"view": "Rot"}, r"view is 'Rot'; want one of As it is, Root\. Did you mean 'Root'\?"),
+        ({"display": "screan"}, r"display is 'screan'; want one of screen\. Did you mean 'screen'\?"),
+        ({"look": "+Haf"}, r"look is 'Haf'; want one of Half\. Did you mean 'Half'\?"),
+        ({"color_space": "rot"}, r"color_space is 'rot'; want one of linear, root\. Did you mean 'root'\?"),
+    ],
+)
+def test_a_name_that_the_configuration_has_not_is_refused_before_any_image(
+    config: str, options: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(ArgumentError, match=message):
+        display_transform_from(ocio=config, **options)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"ocio": "ocio://studio-config-lates"}, "ocio is .* Did you mean 'ocio://studio-config-latest'"),
+        (
+            {"color_space": "ACEScct"},
+            r"color_space is 'ACEScct'; want a linear colour space .* mean 'ACEScg'",
+        ),
+        ({"exposure": 25.0}, "exposure is 25.0; want stops, -24 to 24"),
+        ({"exposure": float("nan")}, "exposure is nan; want stops, -24 to 24"),
+    ],
+)
+def test_options_that_no_configuration_has_are_refused(options: dict[str, Any], message: str) -> None:
+    with pytest.raises(ArgumentError, match=message):
+        display_transform_from(**options)
+
+
+def test_a_missing_or_damaged_configuration_is_one_line_that_names_it(config: str) -> None:
+    with pytest.raises(ShotError, match=r"config\.ocio\.gone: there is no such file"):
+        display_transform_from(ocio=f"{config}.gone")
+    Path(config).write_text("no configuration")
+    with pytest.raises(ShotError, match=r"config\.ocio: is no OpenColorIO configuration \(.*\)") as caught:
+        display_transform_from(ocio=config)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_table_that_is_missing_beside_the_configuration_is_refused_before_any_image(config: str) -> None:
+    root, table = "ExponentTransform> {value: [0.5, 0.5, 0.5, 1]}", "FileTransform> {src: no.spi1d}"
+    Path(config).write_text(Path(config).read_text().replace(root, table))
+    with pytest.raises(ShotError, match=r"no\.spi1d"):
+        display_transform_from(ocio=config, view="Root")
+
+
+def test_the_encoding_is_that_of_the_display(config: str) -> None:
+    assert display_transform_from().encoding == "srgb_rec709_display"
+    assert display_transform_from(display="Display P3 - Display").encoding == "srgb_p3d65_display"
+    assert display_transform_from(ocio=config).encoding == "lin_rec709_scene"
+    assert display_transform_from(ocio=config, view="Root").encoding == "srgb_rec709_display"  # has no name
+
+
+def test_no_image_is_refused(config: str) -> None:
+    with pytest.raises(ArgumentError, match=r"image is .*; want"):
+        display_transform_from(ocio=config).show(LIGHT[..., 0])
+
+
+def test_settings_say_all_that_the_values_depend_on(config: str) -> None:
+    transform = display_transform_from(ocio=config, view="Root", exposure=1.5)
+    settings = transform.to_json()
+    assert settings == {
+        "color_space": "lin_rec709",
+        "stops": 1.5,
+        "tone_curve": True,
+        "ocio": {
+            "config": config,
+            "display": "screen",
+            "view": "Root",
+            "look": "",
+            "gamma": 1.0,
+            "encoding": "srgb_rec709_display",
+        },
+    }
+    assert transform.description == "exposure of +1.5 stops, view Root on screen (OpenColorIO)"
+    assert replace(transform, ocio=None).description == "exposure of +1.5 stops, c / (1 + max(r, g, b)), sRGB"

@@ -10,18 +10,26 @@ import pytest
 from supersampler.conventions import Conventions
 from supersampler.conventions.jitter import halton_jitter
 from supersampler.errors import FrameError, FrameWarning
-from supersampler.frame import Frame
+from supersampler.frame import Float32, Frame
 from supersampler.validation import FrameChecker
-from supersampler.validation.probe import FrameProbe, reading_text
-from supersampler.validation.rankings import SURE, Detection, Hypothesis, Verdict, ranked
+from supersampler.validation.probe import (
+    FrameProbe,
+    count_disoccluded,
+    plane_curvature,
+    reading_text,
+    sky_fraction,
+)
+from supersampler.validation.rankings import SURE, Detection, Hypothesis, Verdict, rank_depth, ranked
 from supersampler.validation.reprojection import FramePair, frame_pairs
 from supersampler.validation.temporal import (
+    FACTORS,
     FramesSeen,
     _better_reading,
     _other_order,
     _readings,
     _surfaces,
     temporal_mistakes,
+    wrong_amplitude,
 )
 from supersampler_model.data.scenes.analytic import Plane, checker
 
@@ -248,3 +256,117 @@ def test_planes_decide_where_what_flickers_seems_to_hide_closer_things(kind: str
     )
     found = temporal_mistakes(seen, (40, 40), (80, 80))
     assert any("as if depth were linear" in str(mistake.error()) for mistake in found) == doubted
+
+
+# --- The amplitude of the jitter in images is estimated from reprojection, and reported where it is clear ---
+
+
+VARIANCE = 1.0
+
+
+def errors(x: float, y: float, gain: float) -> dict[tuple[float, float], tuple[float, ...]]:
+    """Errors whose least one is at these factors, and lower by `gain` than that of the stated jitter."""
+    stated, least = 0.1, 0.1 * (1.0 - gain)
+    slope = (stated - least) / ((1.0 - x) ** 2 + (1.0 - y) ** 2)
+    return {(a, b): (least + slope * ((a - x) ** 2 + (b - y) ** 2), VARIANCE) for a, b in FACTORS}
+
+
+@pytest.mark.parametrize(("x", "y"), [(0.5, 0.5), (1.5, 1.5), (0.5, 1.5)])
+def test_a_jitter_that_is_wrong_in_both_axes_is_found_by_a_small_gain(x: float, y: float) -> None:
+    found = wrong_amplitude(errors(x, y, 0.2), 2)
+    assert found is not None
+    assert (found.x, found.y) == pytest.approx((x, y), abs=1e-6)
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_a_jitter_that_is_wrong_in_one_axis_takes_a_larger_gain(axis: int) -> None:
+    x, y = ((0.5, 1.0), (1.0, 0.5))[axis]
+    assert wrong_amplitude(errors(x, y, 0.06), 2) is None
+    assert wrong_amplitude(errors(x, y, 0.12), 2) is not None
+
+
+def test_one_pair_of_frames_and_a_right_jitter_say_nothing() -> None:
+    assert wrong_amplitude(errors(0.5, 0.5, 0.2), 1) is None
+    assert wrong_amplitude(errors(0.9, 1.1, 0.2), 2) is None
+
+
+# --- `bend`, the curvature of depth by which the detector tells its kind ---
+
+
+def plane(height: int, width: int, slope: float = 1e-4) -> Float32:
+    """1 / distance of a plane, float32."""
+    rows, columns = np.mgrid[:height, :width]
+    return np.asarray(0.1 + slope * (columns + 0.5 * rows), np.float32)
+
+
+@pytest.mark.parametrize(("height", "width"), [(300, 1300), (1300, 300), (60, 80)])
+def test_a_plane_in_the_middle_has_no_bend_whatever_is_around_it(height: int, width: int) -> None:
+    depth = plane(height, width)
+    far_off = np.ones_like(depth, dtype=bool)
+    far_off[max(0, height // 2 - 200) : height // 2 + 200, max(0, width // 2 - 200) : width // 2 + 200] = (
+        False
+    )
+    depth[far_off] = np.random.default_rng(0).random(far_off.sum(), np.float32)
+    assert plane_curvature(depth, "reversed") == 0.0
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("flip", [False, True])
+def test_the_middle_begins_and_ends_200_pixels_from_the_centre(axis: int, flip: bool) -> None:
+    """A little more than half of the middle is a plane, and reaches its edge: the median is of the plane."""
+    depth = np.random.default_rng(0).random((1300, 400), np.float32)
+    depth[450:670] = plane(220, 400)
+    depth = depth[::-1] if flip else depth
+    assert plane_curvature(depth if axis == 0 else depth.T, "reversed") == 0.0
+
+
+def test_rounding_of_forward_depth_is_that_of_numbers_near_1() -> None:
+    rows, columns = np.mgrid[:200, :300]
+    inverse = 1e-3 + 2e-5 * columns + 2e-5 * rows
+    assert plane_curvature((1.0 - inverse).astype(np.float32), "forward") == 0.0
+
+
+def test_depth_that_is_read_in_the_wrong_order_is_bent() -> None:
+    linear = 1.0 / plane(200, 300, 1e-3)
+    assert plane_curvature(linear, "linear") == 0.0
+    assert plane_curvature(linear, "reversed") > 1e-3
+
+
+@pytest.mark.parametrize(("pixels", "error"), [(0, 1.0), (1, 0.5), (2, 0.5)])
+def test_sky_in_a_thousandth_of_the_pixels_speaks_for_its_order(pixels: int, error: float) -> None:
+    """Where no order finds a sky, each is half wrong; nothing is disoccluded, which is half wrong too."""
+    depth = plane(25, 40, 1e-3)
+    depth.ravel()[:pixels] = 0.0
+    color, motion = np.ones((25, 40, 3), np.float32), np.zeros((25, 40, 2), np.float32)
+    frame = FrameProbe.of_frame(Frame(color=color, depth=depth, motion=motion, jitter=(0.0, 0.0)))
+    found = rank_depth([], [frame], Conventions()).ranked[0]
+    assert found.overrides["depth"] == "reversed_infinite"
+    assert found.error == pytest.approx(error, abs=0.01)
+
+
+def test_linear_depth_is_sky_from_a_million_on() -> None:
+    assert sky_fraction(np.array([[1e6, np.inf]]), "linear") == 1.0
+    assert sky_fraction(np.array([[0.999e6, 1.0]]), "linear") == 0.0
+
+
+@pytest.mark.parametrize("row", [-2, -1, 0, 1, 2])
+@pytest.mark.parametrize("column", [-2, -1, 0, 1, 2])
+def test_a_surface_in_the_3x3_pixels_around_a_place_is_one_of_its_own(row: int, column: int) -> None:
+    """Depth was 0.2 everywhere; a pixel of 0.3 nearby says that what was there is no closer surface."""
+    now, before = np.full((9, 9), 0.1, np.float32), np.full((9, 9), 0.2, np.float32)
+    now[4 + row, 4 + column] = 0.3
+    middle = np.array([4])
+    found = count_disoccluded(now, before, "reversed", (middle, middle), np.zeros((1, 2)))
+    assert found == ((0, 0) if max(abs(row), abs(column)) < 2 else (1, 0))
+
+
+def test_a_surface_that_comes_a_little_closer_is_its_own() -> None:
+    """An object that approaches, by 9 % of its distance in a frame, is no surface before a farther one."""
+    middle, now = np.array([4]), np.full((9, 9), 0.2, np.float32)
+
+    def found(before: float) -> tuple[int, int]:
+        earlier = np.full((9, 9), before, np.float32)
+        return count_disoccluded(now, earlier, "reversed", (middle, middle), np.zeros((1, 2)))
+
+    assert found(0.2 / 1.09) == (0, 0)
+    assert found(0.2 / 1.11) == (0, 1)
