@@ -1,4 +1,4 @@
-"""Tests of `import_blender`: signs, units and order of the imported frames."""
+"""Tests of the importers and `open_source`: signs, units and order of the imported frames."""
 
 import json
 import math

@@ -141,7 +141,7 @@ def test_wrong_arguments_are_named() -> None:
         jittered_projection(np.eye(4), (float("inf"), 0.0), (4, 4))
 
 
-# --- Ratios of display to render size: all that rounding makes of a ratio is allowed, and nothing else ---
+# --- ratios of display to render size, with the rounding of sizes ---
 
 
 LOW, HIGH = 1.0, 3.0

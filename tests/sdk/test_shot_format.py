@@ -267,7 +267,7 @@ def test_classes_of_another_size_or_without_a_reference_are_refused(tmp_path: Pa
     assert len(out) == 0
 
 
-# --- Tests that the shipped shot opens by its name ---
+# --- the shipped shot, which opens by its name ---
 
 
 def test_the_shipped_shot_is_small_and_whole() -> None:

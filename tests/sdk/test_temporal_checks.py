@@ -258,7 +258,7 @@ def test_planes_decide_where_what_flickers_seems_to_hide_closer_things(kind: str
     assert any("as if depth were linear" in str(mistake.error()) for mistake in found) == doubted
 
 
-# --- The amplitude of the jitter in images is estimated from reprojection, and reported where it is clear ---
+# --- the amplitude of the jitter in images, estimated from reprojection ---
 
 
 VARIANCE = 1.0
@@ -290,7 +290,7 @@ def test_one_pair_of_frames_and_a_right_jitter_say_nothing() -> None:
     assert wrong_amplitude(errors(0.9, 1.1, 0.2), 2) is None
 
 
-# --- `bend`, the curvature of depth by which the detector tells its kind ---
+# --- kinds of depth: curvature of planes, sky, disocclusions ---
 
 
 def plane(height: int, width: int, slope: float = 1e-4) -> Float32:
@@ -300,7 +300,7 @@ def plane(height: int, width: int, slope: float = 1e-4) -> Float32:
 
 
 @pytest.mark.parametrize(("height", "width"), [(300, 1300), (1300, 300), (60, 80)])
-def test_a_plane_in_the_middle_has_no_bend_whatever_is_around_it(height: int, width: int) -> None:
+def test_a_plane_in_the_middle_has_no_curvature_whatever_is_around_it(height: int, width: int) -> None:
     depth = plane(height, width)
     far_off = np.ones_like(depth, dtype=bool)
     far_off[max(0, height // 2 - 200) : height // 2 + 200, max(0, width // 2 - 200) : width // 2 + 200] = (

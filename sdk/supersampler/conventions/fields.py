@@ -1,8 +1,7 @@
 """The fields of `Conventions` and their checks."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Literal, get_args
+from dataclasses import dataclass, fields
+from typing import Literal, get_args, get_origin
 
 from supersampler.arguments import as_number, checked_choice
 from supersampler.conventions.encodings import DepthKind
@@ -14,14 +13,8 @@ Direction = Literal["previous_minus_current", "current_minus_previous"]
 NextDirection = Literal["next_minus_current", "current_minus_next"]
 Resolution = Literal["render", "display"]
 
-_CHOICES: Mapping[str, tuple[str, ...]] = {
-    "motion_unit": get_args(Unit), "motion_direction": get_args(Direction),
-    "motion_next_direction": get_args(NextDirection),
-    "motion_resolution": get_args(Resolution), "depth": get_args(DepthKind), "jitter_unit": get_args(Unit),
-}  # fmt: skip
-_LEAST, _MOST = 1e-30, 1e30  # factors for single precision
-_RANGE = f"{_LEAST:g} to {_MOST:g}"
-_SWITCHES = ("motion_flip_y", "motion_jittered", "jitter_flip_y", "bottom_up", "srgb")
+_MIN_FACTOR, _MAX_FACTOR = 1e-30, 1e30  # factors for single precision
+_RANGE = f"{_MIN_FACTOR:g} to {_MAX_FACTOR:g}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,11 +38,12 @@ class ConventionFields:
     srgb: bool = False
 
     def __post_init__(self) -> None:
-        for name, choices in _CHOICES.items():
-            checked_choice(name, getattr(self, name), choices)
-        for name in _SWITCHES:
-            if not isinstance(getattr(self, name), bool):
-                raise ArgumentError(name, got=shown(getattr(self, name)), want="True or False")
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if get_origin(field.type) is Literal:
+                checked_choice(field.name, value, get_args(field.type))
+            elif field.type is bool and not isinstance(value, bool):
+                raise ArgumentError(field.name, got=shown(value), want="True or False")
         if _number(self.jitter_sign) not in (1.0, -1.0):
             raise ArgumentError("jitter_sign", got=shown(self.jitter_sign), want="+1 or -1")
         object.__setattr__(self, "motion_scale", _checked_scale(self.motion_scale))
@@ -81,7 +75,7 @@ def _number(value: object) -> float | None:
 
 def _is_usable(value: object) -> bool:
     number = _number(value)
-    return number is not None and _LEAST <= abs(number) <= _MOST
+    return number is not None and _MIN_FACTOR <= abs(number) <= _MAX_FACTOR
 
 
 def _checked_scale(scale: object) -> tuple[float, float]:

@@ -121,8 +121,8 @@ def _luminance(color: Array) -> Float32:
 def pixel_grid(size: tuple[int, int], count: int = GRID_PIXELS) -> PixelGrid:
     """Return an even grid of about `count` pixels at most in (width, height)."""
     step = max(1, int(np.ceil(np.sqrt(size[0] * size[1] / count))))
-    rows, columns = np.mgrid[step // 2 : size[1] : step, step // 2 : size[0] : step]
-    return rows.ravel(), columns.ravel()
+    columns, rows = (np.arange(step // 2, extent, step) for extent in size)
+    return rows.repeat(len(columns)), np.tile(columns, len(rows))
 
 
 def reading_text(field: Literal["motion", "jitter"], reading: Conventions) -> str:
@@ -207,7 +207,7 @@ def _range_3x3(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the minimum and maximum 1 / distance of 3 x 3 pixels; NaN with sky in them."""
     height, width = depth.shape
-    dy, dx = np.mgrid[-1:2, -1:2].reshape(2, 9, 1)
-    near = depth[np.clip(rows + dy, 0, height - 1), np.clip(columns + dx, 0, width - 1)]
-    inverse = _inverse_distance(near, order)
+    near_rows = [np.clip(rows + step, 0, height - 1) for step in (-1, 0, 1)]
+    near_columns = [np.clip(columns + step, 0, width - 1) for step in (-1, 0, 1)]
+    inverse = _inverse_distance(np.stack([depth[y, x] for y in near_rows for x in near_columns]), order)
     return inverse.min(axis=0), inverse.max(axis=0)

@@ -155,8 +155,8 @@ def _sample(padded: Float32, x: NDArray[Any], y: NDArray[Any]) -> NDArray[np.flo
     weights_x, weights_y = _spline(x - column), _spline(y - row)
     total = np.zeros(x.shape)
     for dy, weight_y in enumerate(weights_y):
-        start = corner + dy * (width + 2)
-        total += weight_y * sum(weight * values[start + dx] for dx, weight in enumerate(weights_x))
+        start = dy * (width + 2)
+        total += weight_y * sum(weight * values[corner + (start + dx)] for dx, weight in enumerate(weights_x))
     return np.where(inside, total, np.nan)
 
 

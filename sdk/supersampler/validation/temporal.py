@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -161,7 +162,8 @@ def temporal_mistakes(seen: FramesSeen, size: Size, display_size: Size) -> Itera
         yield mistakes.depth_kind(f"moving surfaces hide closer ones, as if depth were {kind}", kind)
 
 
-def _readings(size: Size, display_size: Size) -> dict[str, Conventions]:
+@lru_cache(maxsize=16)
+def _readings(size: Size, display_size: Size) -> Mapping[str, Conventions]:
     """Return other readings of a frame's motion or jitter, by their Python calls."""
     found = [Conventions(**motion, motion_jittered=j) for motion in MOTION_READINGS for j in (False, True)]
     found += [Conventions(**jitter) for jitter in JITTER_READINGS if jitter["jitter_unit"] == "pixels"]
