@@ -60,12 +60,6 @@ def assert_holds(path: Path, values: np.ndarray = VALUES) -> None:
         np.testing.assert_array_equal(image[name], values[..., index])
 
 
-def test_tiles_hold_the_values_of_scanlines(tmp_path: Path) -> None:
-    assert_holds(write_parts(tmp_path / "lines.exr", (spec_of(), VALUES)))
-    tiled = spec_of(tile_width=4, tile_height=4)
-    assert_holds(write_parts(tmp_path / "tiles.exr", (tiled, VALUES)))
-
-
 def test_half_and_float_in_one_file_keep_their_types(tmp_path: Path) -> None:
     types = ("half", "half", "half", "float", "half", "float")
     mixed = spec_of(channelformats=tuple(map(TypeDesc, types)))
