@@ -1,23 +1,20 @@
-"""Methods in half floats: near single precision, never infinite; the passes over their graphs."""
+"""Methods in half floats: near single precision, never infinite."""
 
 import itertools
 import math
 
-import numpy as np
 import onnx
 import pytest
 import torch
-from onnx import TensorProto, helper, numpy_helper
+from onnx import TensorProto
 from torch import nn
 
 from hostile_frames import RENDER, display_of, frames
-from supersampler.backends.onnx.runtime import ort
 from supersampler.methods.model_file import find_model
 from supersampler_export import parity
 from supersampler_export.graph import ExportError
 from supersampler_export.half import to_half
 from supersampler_export.parity import check_half
-from supersampler_export.simplify import joined_slices, without_detours
 from supersampler_model import ops
 from supersampler_model.methods import load_method
 from supersampler_model.methods.base import Method
@@ -123,79 +120,3 @@ def test_a_shipped_graph_resamples_and_infers_in_half_floats_and_reads_the_histo
     assert used["Conv"].count(HALF) > 0.7 * len(used["Conv"])
     borders = (*model.graph.input, *model.graph.output)
     assert {value.type.tensor_type.elem_type for value in borders} == {FLOAT, LONG}
-
-
-def graph_of(nodes: list[onnx.NodeProto], kind: int, constants: dict[str, list[int]]) -> onnx.ModelProto:
-    shape: list[str | int | None] = ["n", 4, "h", "w"]
-    values = [helper.make_tensor_value_info(name, kind, shape) for name in ("image", "out")]
-    tensors = [numpy_helper.from_array(np.array(v, np.int64), k) for k, v in constants.items()]
-    graph = helper.make_graph(nodes, "g", values[:1], values[1:], tensors)
-    return helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
-
-
-def test_casts_around_an_operator_of_one_input_are_removed_and_others_stay() -> None:
-    nodes = [
-        helper.make_node("Cast", ["image"], ["up"], to=FLOAT),
-        helper.make_node("Abs", ["up"], ["positive"]),
-        helper.make_node("Cast", ["positive"], ["down"], to=HALF),
-        helper.make_node("Cast", ["down"], ["again"], to=FLOAT),
-        helper.make_node("Exp", ["again"], ["large"]),
-        helper.make_node("Cast", ["large"], ["out"], to=HALF),
-    ]
-    model = without_detours(graph_of(nodes, HALF, {}))
-    assert [node.op_type for node in model.graph.node] == ["Abs", "Cast", "Exp", "Cast"]
-    onnx.checker.check_model(model, full_check=True)
-
-
-def test_casts_stay_around_an_operator_whose_result_is_read_in_single_precision() -> None:
-    up = helper.make_node("Cast", ["image"], ["up"], to=FLOAT)
-    read_so = [
-        up,
-        helper.make_node("Abs", ["up"], ["positive"]),
-        helper.make_node("Cast", ["positive"], ["down"], to=HALF),
-        helper.make_node("Exp", ["positive"], ["large"]),
-        helper.make_node("Cast", ["large"], ["half"], to=HALF),
-        helper.make_node("Add", ["down", "half"], ["out"]),
-    ]
-    is_output = [up, helper.make_node("Abs", ["up"], ["out"])]
-    for nodes in (read_so, is_output):
-        model = without_detours(graph_of(nodes, HALF, {}))
-        assert [node.op_type for node in model.graph.node] == [node.op_type for node in nodes]
-
-
-def test_slices_of_both_axes_become_one_of_the_same_pixels() -> None:
-    names = ("one", "two", "rows", "columns")
-    constants = dict(zip(names, ([1], [2], [2], [3]), strict=True)) | {"four": [4], "none": [0]}
-    nodes = [
-        helper.make_node("Slice", ["image", "one", "four", "rows", "one"], ["first"]),
-        helper.make_node("Slice", ["first", "none", "two", "columns", "one"], ["out"]),
-    ]
-    before = graph_of(nodes, FLOAT, constants)
-    image = np.random.default_rng(0).random((1, 4, 5, 6), np.float32)
-    after = joined_slices(onnx.ModelProto.FromString(before.SerializeToString()))
-    assert [node.op_type for node in after.graph.node] == ["Slice"]
-    assert set(after.graph.node[0].input[1:]) <= {tensor.name for tensor in after.graph.initializer}
-    ours, theirs = (
-        ort.InferenceSession(model.SerializeToString(), providers=["CPUExecutionProvider"]).run(
-            None, {"image": image}
-        )[0]
-        for model in (before, after)
-    )
-    np.testing.assert_array_equal(ours, theirs)
-    np.testing.assert_array_equal(theirs, image[:, :, 1:4, :2])
-
-
-def test_slices_along_one_axis_or_with_other_readers_stay() -> None:
-    constants = {"one": [1], "two": [2], "four": [4], "rows": [2], "columns": [3]}
-    same = [
-        helper.make_node("Slice", ["image", "one", "four", "rows", "one"], ["first"]),
-        helper.make_node("Slice", ["first", "one", "two", "rows", "one"], ["out"]),
-    ]
-    read_twice = [
-        helper.make_node("Slice", ["image", "one", "four", "rows", "one"], ["first"]),
-        helper.make_node("Slice", ["first", "one", "two", "columns", "one"], ["second"]),
-        helper.make_node("Concat", ["first", "second"], ["out"], axis=3),
-    ]
-    for nodes in (same, read_twice):
-        model = joined_slices(graph_of(nodes, FLOAT, constants))
-        assert [node.op_type for node in model.graph.node] == [node.op_type for node in nodes]

@@ -1,18 +1,42 @@
-"""The building blocks against slow definitions in numpy, written out pixel by pixel."""
+"""Operations against slow definitions in numpy: resampling, motion, clipping, exposure, downsampling."""
+
+import math
 
 import numpy as np
 import pytest
 import torch
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from torch import Tensor
 
+from supersampler.backends.cpu.kernel_loader import load_kernels
+from supersampler.backends.cpu.layout import LANES
+from supersampler.backends.cpu.memory import address
+from supersampler.backends.cpu.resample_tables import up_to
+from supersampler.backends.cpu.structs import pack
+from supersampler.frame import Float32
+from supersampler.io.display import followed_exposure, usable_exposure
 from supersampler.methods.classifier.spec import ToneSpace
+from supersampler.methods.classifier_large.cpu import DOWNSAMPLE
+from supersampler.methods.classifier_large.downsampling import DownsamplingTables
+from supersampler.methods.classifier_large.structs import Downsampling
+from supersampler.methods.spec import large_size
 from supersampler_model import ops
 
 SIZES = st.tuples(st.integers(1, 9), st.integers(1, 7))
 RATIOS = st.floats(1.0, 4.0)
 JITTER = st.tuples(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5))
+DISPLAY_SIZES = [
+    ops.Size(32, 18),
+    ops.Size(33, 17),
+    ops.Size(1, 1),
+    ops.Size(2, 1),
+    ops.Size(15, 40),
+    ops.Size(50, 3),
+]
+LUMAS = st.one_of(st.floats(0.0, 65504.0, width=32), st.just(float("nan")))
+EXPOSURES = st.one_of(st.just(0.0), st.floats(2.0**-60, 2.0**60, width=32))
+BEFORE = st.floats(2.0**-18, 2.0**11, width=32)
 
 
 def random_image(seed: int, size: tuple[int, int], channels: int = 3) -> Tensor:
@@ -264,3 +288,151 @@ def test_a_tone_curve_keeps_to_one_and_comes_back(space: ToneSpace) -> None:
     assert toned.min() >= 0.0
     assert toned.max() <= 1.0
     torch.testing.assert_close(ops.TONES[space].inverse(toned), color, rtol=1e-2, atol=1e-4)
+
+
+def by_torch(image: Float32, display: ops.Size, exposure: float = 1.0) -> Float32:
+    planes = torch.from_numpy(image).permute(2, 0, 1)[None]
+    return ops.downsample(planes, display, torch.tensor([exposure]))[0].permute(1, 2, 0).numpy()
+
+
+def by_kernel(image: Float32, display: ops.Size, exposure: float, parts: int) -> Float32:
+    """Filter in some parts of rows, as threads do."""
+    t, out = DownsamplingTables(display, 1), np.full((display.height, display.width, 3), np.nan, np.float32)
+    t.image[:] = image
+    large = image.shape
+    work = Downsampling(
+        t.image, out, t.rows, t.row_weights, t.columns, t.column_weights,
+        display.width, up_to(display.width, LANES), large[1], large[0], exposure,
+    )  # fmt: skip
+    kernel = load_kernels(DOWNSAMPLE)[DOWNSAMPLE]
+    edges = np.linspace(0, display.height, parts + 1).astype(int)
+    for y0, y1 in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
+        if y0 < y1:
+            kernel(pack(work), address(t.scratch[0]), y0, y1)
+    return out
+
+
+def larger(display: ops.Size) -> Float32:
+    width, height = large_size(display)
+    return np.random.default_rng(0).gamma(0.5, 4.0, (height, width, 3)).astype(np.float32)
+
+
+@pytest.mark.parametrize("display", DISPLAY_SIZES)
+def test_one_colour_stays_what_it_is(display: ops.Size) -> None:
+    width, height = large_size(display)
+    image = np.full((height, width, 3), (0.25, 3.0, 40.0), np.float32)
+    np.testing.assert_allclose(by_torch(image, display), image[: display.height, : display.width], rtol=1e-4)
+
+
+def test_a_slope_stays_at_its_place() -> None:
+    """In toned values, in which colours are filtered; a shift by a tenth of a pixel would show."""
+    display = ops.Size(32, 20)
+    width, height = large_size(display)
+    x, y = (np.arange(width) + 0.5) / width, (np.arange(height)[:, None] + 0.5) / height
+    toned = torch.from_numpy((0.2 + 0.3 * x + 0.2 * y).astype(np.float32)).expand(1, 3, -1, -1)
+    image = ops.inverse_tone(toned)
+    found = ops.tone(ops.downsample(image, display, torch.ones(1)))[0, 0].numpy()
+    x, y = (np.arange(32) + 0.5) / 32, (np.arange(20)[:, None] + 0.5) / 20
+    off = np.abs(found - (0.2 + 0.3 * x + 0.2 * y))[3:-3, 3:-3]
+    assert off.max() < 6e-4
+
+
+def test_detail_of_the_display_keeps_its_contrast_and_finer_detail_goes() -> None:
+    display = ops.Size(48, 4)
+    width, height = large_size(display)
+    x = (np.arange(width) + 0.5) * display.width / width
+
+    def contrast(period: float) -> float:
+        """Return what is left of stripes of so many display pixels."""
+        toned = (0.5 + 0.2 * np.sin(2 * np.pi * x / period)).astype(np.float32)
+        image = ops.inverse_tone(torch.from_numpy(toned).expand(1, 3, height, -1))
+        found = ops.tone(ops.downsample(image, display, torch.ones(1)))[0, 0, :, 8:-8]
+        return float(found.std() * 2**0.5 / 0.2)
+
+    assert contrast(8.0) > 0.97
+    assert contrast(4.0) > 0.95
+    assert contrast(1.5) < 0.35
+
+
+@pytest.mark.parametrize("exposure", [1.0, 0.03, 50.0])
+@pytest.mark.parametrize("display", DISPLAY_SIZES)
+def test_the_kernel_computes_what_torch_computes(display: ops.Size, exposure: float) -> None:
+    image = larger(display)
+    image.reshape(-1)[::7] = 0.0
+    image.reshape(-1)[3::31] = 65504.0
+    ours = by_torch(image, display, exposure)
+    for parts in (1, 3):
+        theirs = by_kernel(image, display, exposure, parts)
+        toned = [
+            ops.tone(torch.from_numpy(each * exposure).permute(2, 0, 1)[None]) for each in (ours, theirs)
+        ]
+        torch.testing.assert_close(*toned, rtol=0.0, atol=2e-5)
+        assert theirs.min() >= 0.0
+        assert theirs.max() <= 65504.0
+
+
+def test_exposure_is_given_or_measured_and_adapts() -> None:
+    color, all_of_it, none = torch.full((1, 3, 4, 4), 0.5), torch.ones(1, 1, 4, 4), torch.zeros(1)
+    assert abs(ops.exposure_for(color, all_of_it, torch.tensor([3.0]), none).item()) == 3.0
+    measured = abs(ops.exposure_for(color, all_of_it, none, none).item())
+    assert measured == pytest.approx(0.18 / 0.5)
+    before = torch.tensor([measured * 8])
+    adapting = ops.exposure_for(color, all_of_it, none, before).item()
+    assert adapting == pytest.approx(measured * 8**0.9, rel=1e-4)
+
+
+def test_exposure_looks_at_usable_pixels_only() -> None:
+    color, usable, none = torch.full((1, 3, 4, 4), 0.5), torch.ones(1, 1, 4, 4), torch.zeros(1)
+    color[..., 0, :], usable[..., 0, :] = 0.0, 0.0
+    assert abs(ops.exposure_for(color, usable, none, none).item()) == pytest.approx(0.18 / 0.5)
+    assert ops.exposure_for(color * 0, usable * 0, none, torch.tensor([0.7])).item() == pytest.approx(0.7)
+
+
+def followed(luma: float, exposure: float, before: float) -> float:
+    """What `exposure_for` returns of a frame of one luminance; not a number: of none that is usable."""
+    usable = torch.full((1, 1, 2, 2), float(luma >= 0.0))
+    color = torch.full((1, 3, 2, 2), luma).nan_to_num(0.0)
+    return ops.exposure_for(color, usable, torch.tensor([exposure]), torch.tensor([before])).item()
+
+
+@pytest.mark.parametrize("exposure", [1e30, 1e-40, float("inf"), 2.0**25, 2.0**-25, -1.0])
+def test_an_absurd_exposure_is_measured_as_if_none_were_given(exposure: float) -> None:
+    for before in (0.0, 0.5, -0.5):
+        assert followed(0.5, exposure, before) == followed(0.5, 0.0, before)
+
+
+@pytest.mark.parametrize(("luma", "exposure"), [(0.5, 1e4), (0.5, 1e-3), (65504.0, 0.0), (0.0, 0.0)])
+def test_an_outlier_changes_the_exposure_when_a_second_frame_wants_it(luma: float, exposure: float) -> None:
+    first = followed(luma, exposure, 0.3)
+    assert first == pytest.approx(-0.3), "the one before holds"
+    wanted = exposure or abs(followed(luma, 0.0, 0.0))
+    assert followed(luma, exposure, first) == pytest.approx(wanted)
+    back = followed(0.5, 0.0, first)
+    assert back == pytest.approx(followed(0.5, 0.0, 0.3)), "one frame alone leaves nothing"
+
+
+def test_a_first_exposure_that_the_second_frame_does_not_confirm_is_forgotten_at_once() -> None:
+    first = followed(0.5, 1e4, 0.0)
+    assert abs(first) == pytest.approx(1e4), "there is none before it to hold"
+    assert followed(0.5, 0.0, first) == pytest.approx(0.36)
+
+
+@given(luma=LUMAS, exposure=EXPOSURES, before=BEFORE)
+def test_one_frame_moves_the_exposure_by_six_stops_at_most(
+    luma: float, exposure: float, before: float
+) -> None:
+    after = followed(luma, exposure, before)
+    limit = 6.0 if 2.0**-24 <= exposure <= 2.0**24 else 0.6  # of what is measured a tenth of the way
+    assert abs(math.log2(abs(after) / before)) <= limit + 1e-3
+
+
+@given(luma=LUMAS, exposure=EXPOSURES, before=BEFORE, sign=st.sampled_from([1.0, -1.0, 0.0]))
+def test_runtime_and_models_follow_an_exposure_alike(
+    luma: float, exposure: float, before: float, sign: float
+) -> None:
+    before *= sign
+    target = None if math.isnan(luma) else 0.18 / max(luma, 1e-4)
+    wanted = usable_exposure(exposure or None) or target
+    assume(wanted is None or not before or abs(abs(math.log2(wanted / abs(before))) - 6.0) > 1e-3)
+    here = followed_exposure(usable_exposure(exposure or None), target, before)
+    assert followed(luma, exposure, before) == pytest.approx(here, rel=1e-4)

@@ -214,17 +214,17 @@ def _requires(
     shaders = [one.shader for one, _, _ in passes]
     threads = [workgroup_size(shader) for shader in shaders]
 
-    def most(*wanted: str) -> int:
-        return max(sum(binding.kind in wanted for binding in shader.bindings) for shader in shaders)
+    def max_bindings(*kinds: str) -> int:
+        return max(sum(binding.kind in kinds for binding in shader.bindings) for shader in shaders)
 
     return {
         **({"wgsl_language_features": LANGUAGE_FEATURES[program.precision]} if target == "wgsl" else {}),
         **needs(target, [placed for _, _, placed in passes]),
         "features": [],
         "limits": {
-            "maxStorageBuffersPerShaderStage": most("storage", "read-only-storage"),
-            "maxStorageTexturesPerShaderStage": most("storage-texture"),
-            "maxSampledTexturesPerShaderStage": most("texture", "uint-texture"),
+            "maxStorageBuffersPerShaderStage": max_bindings("storage", "read-only-storage"),
+            "maxStorageTexturesPerShaderStage": max_bindings("storage-texture"),
+            "maxSampledTexturesPerShaderStage": max_bindings("texture", "uint-texture"),
             "maxComputeInvocationsPerWorkgroup": max(map(prod, threads)),
             "maxComputeWorkgroupSizeX": max(x for x, _, _ in threads),
             "maxComputeWorkgroupSizeY": max(y for _, y, _ in threads),

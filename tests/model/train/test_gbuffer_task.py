@@ -1,21 +1,50 @@
-"""Training of `gbuffer` on crops with G-buffers, with larger weights on reflective surfaces."""
+"""Training of `gbuffer`: structural dissimilarity, and larger weights on reflective surfaces."""
 
 from dataclasses import replace
-from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import pytest
 import torch
+from torch import Tensor
 
 from gbuffer_sets import gbuffer_data
 from supersampler.methods.gbuffer.spec import SMALL_NETWORK, GBufferConfig
-from supersampler_model.methods.gbuffer import SmallGBuffer
+from supersampler_model import ops
+from supersampler_model.methods.gbuffer import Gathered, SmallGBuffer
+from supersampler_model.methods.gbuffer_surfaces import Surfaces
 from supersampler_model.training import gbuffer_task
 from supersampler_model.training.crops import CropFrame
-from supersampler_model.training.gbuffer_task import GBufferTask, reflective_of
-from supersampler_model.training.tasks import start_task
-from supersampler_model.training.trainer import Plan, Trainer
+from supersampler_model.training.gbuffer_task import GBufferTask, GBufferWeights, reflective_of
+from supersampler_model.training.losses import display_values, dissimilarity
 
+SIDE = 12  # of the render size
 RATIO, SIZE = 2, 24
+
+
+def surfaces(side: int, **fields: Tensor) -> Surfaces:
+    """Grey, rough dielectrics that face the eye."""
+    one = torch.ones(1, 1, side, side)
+    toward = torch.cat([0.0 * one, 0.0 * one, one], dim=1)
+    plain = Surfaces(0.5 * one.expand(-1, 3, -1, -1), toward, 0.8 * one, 0.0 * one, 0.5 * one, 0.5 * one)
+    return plain._replace(**fields)
+
+
+def sample(display: Surfaces) -> CropFrame:
+    """A noisy frame at rest, whose truth is other noise."""
+    random = torch.Generator().manual_seed(0)
+    render = surfaces(SIDE)
+    gbuffer = {f"gbuffer_{name}": value for name, value in render._asdict().items() if name != "depth"}
+    gbuffer |= {f"gbuffer_display_{name}": value for name, value in display._asdict().items()}
+    color = torch.rand(1, 3, SIDE, SIDE, generator=random)
+    reference = torch.rand(1, 3, 2 * SIDE, 2 * SIDE, generator=random)
+    classes = torch.zeros(1, 2 * SIDE, 2 * SIDE, dtype=torch.int64)
+    view = ops.View(ops.Size(2 * SIDE, 2 * SIDE), ops.Size(SIDE, SIDE), torch.zeros(1, 2))
+    motion = torch.zeros(1, 2, SIDE, SIDE)
+    exposure = torch.ones(1)
+    return CropFrame(
+        color, render.depth, motion, exposure, view, True, reference, classes, classes, gbuffer
+    )  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -25,68 +54,110 @@ def task() -> GBufferTask:
     return GBufferTask(SmallGBuffer(GBufferConfig(network=network)))
 
 
+def half_metal() -> Surfaces:
+    metal = torch.zeros(1, 1, 2 * SIDE, 2 * SIDE)
+    metal[..., :SIDE] = 1.0
+    return surfaces(2 * SIDE, metallic=metal)
+
+
+def test_structure_costs_the_mean_dissimilarity_of_shown_images(task: GBufferTask) -> None:
+    frame = sample(surfaces(2 * SIDE))
+    frame.reference[..., :2, :2] = torch.nan
+    with torch.no_grad():
+        stepped = task.step([frame], [task.first_state(frame)])
+    apart = dissimilarity(
+        display_values(stepped.images, frame.exposure), display_values(frame.reference, frame.exposure)
+    )
+    expected = task.losses.structure * float(apart.nanmean())
+    assert float(stepped.terms["structure"]) == pytest.approx(expected, rel=1e-4)
+    assert expected > 0.01
+
+
+def test_structure_counts_more_where_surfaces_shine(task: GBufferTask) -> None:
+    frame = sample(half_metal())
+    with torch.no_grad():
+        stepped = task.step([frame], [task.first_state(frame)])
+    apart = dissimilarity(
+        display_values(stepped.images, frame.exposure), display_values(frame.reference, frame.exposure)
+    )
+    weight = torch.ones_like(apart)
+    weight[..., :SIDE] += task.losses.reflective_structure
+    assert task.losses.reflective_structure > 0.0
+    expected = task.losses.structure * float((weight * apart).sum() / weight.sum())
+    even = task.losses.structure * float(apart.mean())
+    assert float(stepped.terms["structure"]) == pytest.approx(expected, rel=1e-4)
+    assert abs(expected - even) > 1e-4 * even, "the scene tells the two apart"
+
+
+def test_without_any_truth_structure_costs_nothing(task: GBufferTask) -> None:
+    frame = sample(surfaces(2 * SIDE))
+    frame.reference[:] = torch.nan
+    with torch.no_grad():
+        stepped = task.step([frame], [task.first_state(frame)])
+    assert float(stepped.terms["structure"]) == 0.0
+
+
+def test_each_weight_changes_its_own_term(task: GBufferTask) -> None:
+    frame = sample(half_metal())
+
+    def stepped(**weights: float) -> tuple[float, float]:
+        other = GBufferTask(task.method, GBufferWeights(**weights))
+        with torch.no_grad():
+            done = other.step([frame], [task.first_state(frame)])
+        assert isinstance(done.weight, Tensor)
+        return float(done.terms["structure"]), float(done.weight.max())
+
+    term, weight = stepped(structure=0.2, reflective=0.5)
+    assert stepped(structure=0.4, reflective=0.5) == pytest.approx((2.0 * term, weight), rel=1e-4)
+    assert stepped(structure=0.2, reflective=1.5) == pytest.approx((term, weight + 1.0), rel=1e-4)
+    assert weight == pytest.approx(1.5)
+
+
+def gathered(now: Tensor, before: Tensor) -> Gathered:
+    """What is looked at of a frame: normals, (3,) each, of surfaces that reflect little."""
+    normal, previous = (n.reshape(1, 3, 1, 1) for n in (now, before))
+    display = surfaces(4, normal=normal.expand(1, 3, 4, 4))
+    render = SimpleNamespace(shape=(1, 11, 2, 2))
+    current = SimpleNamespace(inputs=SimpleNamespace(display=display))
+    made = SimpleNamespace(current=current, previous_normal=previous.expand(1, 3, 2, 2), frame=render)
+    return cast(Gathered, cast(Any, made))
+
+
+def at(degrees: float) -> Tensor:
+    turn = torch.deg2rad(torch.tensor(degrees))
+    return torch.stack([turn.sin(), torch.zeros(()), turn.cos()])
+
+
+@pytest.mark.parametrize(("degrees", "found"), [(0, 0), (40, 0), (44, 0), (46, 1), (80, 1), (120, 1)])
+def test_a_normal_that_has_turned_by_more_than_45_degrees_counts_as_reflective(
+    degrees: float, found: int
+) -> None:
+    assert (reflective_of(gathered(at(degrees), at(0))) == found).all()
+    assert (reflective_of(gathered(at(10), at(10 + degrees))) == found).all()
+
+
+def test_what_was_not_seen_before_has_not_turned_and_the_sky_never_shines() -> None:
+    assert not reflective_of(gathered(at(90), torch.zeros(3))).any()
+    assert not reflective_of(gathered(torch.zeros(3), at(0))).any()
+
+
+@pytest.mark.parametrize(
+    ("metallic", "roughness", "found"),
+    [(0.94, 0.5, 0), (0.96, 0.5, 1), (0.0, 0.03, 0), (0.0, 0.01, 1), (1.0, 0.0, 1)],
+)
+def test_metal_and_mirrors_are_reflective(metallic: float, roughness: float, found: int) -> None:
+    here = gathered(at(0), at(0))
+    one = torch.ones(1, 1, 4, 4)
+    display = here.current.inputs.display._replace(metallic=metallic * one, roughness=roughness * one)
+    here.current.inputs.display = display  # type: ignore[misc]
+    assert (reflective_of(here) == found).all()
+
+
 @pytest.fixture(scope="module")
 def samples(task: GBufferTask, tmp_path_factory: pytest.TempPathFactory) -> list[CropFrame]:
     dataset = task.data(gbuffer_data(tmp_path_factory.mktemp("set"), RATIO))
     walk = iter(task.stream([dataset], size=SIZE, seed=[1]))
     return [next(walk) for _ in range(3)]
-
-
-def test_errors_weigh_more_on_metal_and_mirrors_alone(task: GBufferTask, samples: list[CropFrame]) -> None:
-    sample = samples[0]
-    rough = {name: value.clone() for name, value in sample.gbuffer.items()}
-    rough["gbuffer_display_metallic"][:] = 0.0
-    rough["gbuffer_display_roughness"][:] = 0.5
-    rough["gbuffer_display_metallic"][..., 2, 3] = 1.0
-    rough["gbuffer_display_roughness"][..., 4, 5] = 0.01
-    changed = sample._replace(gbuffer=rough)
-    stepped = task.step([changed], [task.first_state(changed)])
-    assert isinstance(stepped.weight, torch.Tensor)
-    normal = rough["gbuffer_display_normal"].square().sum(dim=1, keepdim=True) > 0.5
-    expected = torch.ones_like(stepped.weight)
-    expected[..., 2, 3] = expected[..., 4, 5] = 1.5
-    torch.testing.assert_close(stepped.weight, torch.where(normal, expected, torch.ones_like(expected)))
-
-
-def test_errors_weigh_more_where_normals_have_turned(task: GBufferTask, samples: list[CropFrame]) -> None:
-    states = [task.first_state(samples[0])]
-    states = task.step([samples[0]], states).states
-    gathered = task.gather(samples[1], states[0])
-    still = float(reflective_of(gathered).mean())
-    turned = {name: value.clone() for name, value in samples[1].gbuffer.items()}
-    turned["gbuffer_display_normal"] = -turned["gbuffer_display_normal"]
-    after = task.gather(samples[1]._replace(gbuffer=turned), states[0])
-    assert float(reflective_of(after).mean()) > still + 0.3
-
-
-def test_states_go_from_frame_to_frame_and_gradients_reach_all_weights(
-    task: GBufferTask, samples: list[CropFrame]
-) -> None:
-    for parameter in task.method.net.blend.parameters():
-        torch.nn.init.normal_(parameter, std=0.1)
-    states = [task.first_state(samples[0])]
-    loss = torch.zeros(())
-    for sample in samples:
-        stepped = task.step([sample], states)
-        assert [state.shape for state in stepped.states[0]] == [state.shape for state in states[0]]
-        states = stepped.states
-        loss = loss + stepped.images.mean() + stepped.terms["structure"]
-    assert loss.isfinite()
-    loss.backward()  # type: ignore[no-untyped-call]
-    missing = [name for name, p in task.method.named_parameters() if p.grad is None or not p.grad.any()]
-    assert missing == []
-
-
-def test_a_run_of_each_kind_begins(tmp_path: Path) -> None:
-    dataset = gbuffer_data(tmp_path / "set", RATIO)
-    task = start_task("gbuffer-small")
-    trainer = Trainer(task, [dataset], Plan(steps=1, batch=1, frames=2, size=SIZE), tmp_path / "run")
-    trainer.run()
-    trained = trainer.trained({})
-    assert trained.method == "gbuffer-small"
-    again = start_task("gbuffer-small", trained).method
-    assert again.provenance["steps"] == 1
-    assert start_task("gbuffer-small-4x").config["ratio"] == 4
 
 
 def test_structure_is_a_mean_over_the_pixels_of_all_processes(

@@ -1,8 +1,10 @@
-"""The trainer works with any recurrent method: here one with G-buffers, its own loss and no classes."""
+"""The trainer works with any recurrent method: one with G-buffers and its own loss, and the shipped ones."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from itertools import islice
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, cast
 
 import pytest
 import torch
@@ -11,13 +13,22 @@ from torch.nn import functional as F
 
 from gbuffer_sets import gbuffer_data
 from supersampler.errors import ArgumentError
+from supersampler.methods.classifier.spec import ClassifierConfig, NetworkConfig
+from supersampler.methods.gbuffer.spec import SMALL_NETWORK, GBufferConfig
+from supersampler.methods.gbuffer_fast.spec import GuidedConfig
 from supersampler.methods.spec import DISPLAY, MethodSpec
 from supersampler_model.data.dataset import Dataset
 from supersampler_model.methods.base import Method
+from supersampler_model.methods.classifier import LargeClassifier
+from supersampler_model.methods.gbuffer import SmallGBuffer
+from supersampler_model.methods.gbuffer_fast import GuidedClassifier
+from supersampler_model.training.classifier_tasks import GuidedTask, LargeTask
 from supersampler_model.training.crops import CropFrame, Stream
 from supersampler_model.training.datasets import frame_inputs, gbuffer_set
+from supersampler_model.training.gbuffer_task import GBufferTask
 from supersampler_model.training.losses import ImageWeights
 from supersampler_model.training.task import State, Stepped, Task
+from supersampler_model.training.tasks import start_task
 from supersampler_model.training.trainer import Plan, Trainer
 from supersampler_model.training.validation import validate, validation_entries
 
@@ -108,19 +119,6 @@ def test_it_learns_and_validation_feeds_it_what_its_step_names(dataset: Dataset,
     assert terms == [["image", "rough"]] * PLAN.steps
 
 
-def test_it_stops_and_goes_on_exactly(dataset: Dataset, tmp_path: Path) -> None:
-    whole = trainer(dataset, tmp_path / "whole")
-    whole.run(until=6)
-    first = trainer(dataset, tmp_path / "parts")
-    first.run(until=3)
-    first.save()
-    second = trainer(dataset, tmp_path / "parts")
-    second.run(until=6)
-    assert second.done == 6
-    for name, value in whole.method.state_dict().items():
-        assert torch.equal(value, second.method.state_dict()[name]), name
-
-
 def test_a_frame_without_what_a_step_names_is_refused(dataset: Dataset) -> None:
     frame = dataset.read(dataset.entries("validation")[0], 0)
     with pytest.raises(ArgumentError, match="without gbuffer_normal"):
@@ -131,3 +129,68 @@ def test_weights_say_what_they_were_made_from(dataset: Dataset, tmp_path: Path) 
     trained = trainer(dataset, tmp_path).trained({"validation": {}})
     assert (trained.method, trained.config) == ("mixture", {})
     assert trained.tensors.keys() == {"net.weight", "net.bias"}
+
+
+TINY = NetworkConfig(levels=(16, 16, 32, 64), decoder=8, hidden=8)
+TINY_GBUFFER = replace(SMALL_NETWORK, surfaces=(8, 8), detailed=(8, 8), frame=8, levels=(8, 8, 8, 8))
+TASKS: dict[str, Callable[[], Task]] = {
+    "classifier-large": lambda: LargeTask(LargeClassifier(ClassifierConfig(network=TINY))),
+    "gbuffer-fast": lambda: GuidedTask(GuidedClassifier(GuidedConfig(network=TINY))),
+    "gbuffer-small": lambda: GBufferTask(SmallGBuffer(GBufferConfig(network=TINY_GBUFFER))),
+}
+
+
+@pytest.mark.parametrize("name", TASKS)
+def test_gradients_of_three_frames_reach_all_weights(dataset: Dataset, name: str) -> None:
+    torch.manual_seed(0)
+    task = TASKS[name]()
+    for parameter in cast(Any, task.method).net.blend.parameters():
+        nn.init.normal_(parameter, std=0.1)
+    walk = iter(task.stream([task.data(dataset)], size=24, seed=[1]))
+    states, loss, shapes = list[State](), torch.zeros(()), []
+    for sample in islice(walk, 3):
+        stepped = task.step([sample], states or [task.first_state(sample)])
+        states = stepped.states
+        shapes.append([tensor.shape for tensor in states[0]])
+        assert stepped.images.shape == sample.reference.shape == (1, 3, 24, 24)
+        assert isinstance(stepped.weight, Tensor)
+        assert stepped.weight.shape == (1, 1, 24, 24)
+        loss = loss + stepped.images.mean() + sum(stepped.terms.values())
+    assert shapes == [shapes[0]] * 3
+    assert loss.isfinite()
+    loss.backward()  # type: ignore[no-untyped-call]
+    assert [name for name, p in task.method.named_parameters() if p.grad is None or not p.grad.any()] == []
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "classifier",
+        "classifier-small",
+        "classifier-large",
+        "classifier-paper",
+        "gbuffer-small",
+        "gbuffer-fast",
+    ],
+)
+def test_a_run_changes_all_weights_and_another_begins_with_them(
+    dataset: Dataset, tmp_path: Path, name: str
+) -> None:
+    torch.manual_seed(0)
+    task = start_task(name)
+    before = [p.clone() for p in task.method.parameters()]
+    run = Trainer(task, [dataset], Plan(steps=2, batch=1, frames=2, size=24), tmp_path)
+    run.run()
+    assert not any(torch.equal(a, b) for a, b in zip(before, run.method.parameters(), strict=True))
+    assert start_task(name, run.trained({})).method.provenance["steps"] == 2
+
+
+def test_a_larger_history_is_validated_at_the_size_of_the_display(dataset: Dataset) -> None:
+    task = start_task("classifier-large")
+    found = validate(task.method.eval(), validation_entries([dataset], task.ratios), task.runner)
+    assert found.psnr > 5.0
+    assert set(found.overlap) >= {"visibility", "geometry"}
+
+
+def test_the_ratio_of_a_variant_is_its_own() -> None:
+    assert start_task("gbuffer-small-4x").config["ratio"] == 4

@@ -1,5 +1,6 @@
-"""The trainer: the loss falls, runs resume exactly, and unusable data is refused."""
+"""The trainer: the loss falls, runs resume exactly, fine-tuning, optimizer and run log."""
 
+import csv
 import dataclasses
 import signal
 from functools import partial
@@ -9,21 +10,26 @@ import numpy as np
 import pytest
 import torch
 import typer
+from torch import nn
+from typer.testing import CliRunner
 
 from stopped_run import assert_goes_on_exactly
 from supersampler import halton_jitter
-from supersampler.errors import ArgumentError
+from supersampler.cli import app
+from supersampler.errors import ArgumentError, ShotError
+from supersampler.io.shot import Shot, ShotWriter
 from supersampler_model.data.dataset import Dataset, TrainingFrame, create_dataset
 from supersampler_model.data.dataset.description import Description, SequenceEntry
 from supersampler_model.data.dataset.frame_file import write_training_frame
 from supersampler_model.data.scenes.analytic import DiscOverPlane
 from supersampler_model.data.specs import SequenceSpec
-from supersampler_model.methods.classifier import Classifier, LargeClassifier, SmallClassifier
-from supersampler_model.methods.classifier_paper import PaperClassifier
+from supersampler_model.methods.classifier import Classifier
 from supersampler_model.training.classifier_tasks import ClassifierTask
 from supersampler_model.training.cli import update_and_save
+from supersampler_model.training.datasets import UNKNOWN, dataset_of_shots
 from supersampler_model.training.losses import ClassifierWeights
-from supersampler_model.training.tasks import start_task
+from supersampler_model.training.optimizer import Muon, is_matrix, orthogonalised
+from supersampler_model.training.run_log import RunLog
 from supersampler_model.training.trainer import CHECKPOINT, Plan, Trainer, Update, load_checkpoint
 from supersampler_model.training.validation import validate
 
@@ -104,19 +110,6 @@ def test_the_error_falls(dataset: Dataset, tmp_path: Path) -> None:
     assert np.mean(losses[-8:]) < 0.9 * np.mean(losses[:8])
 
 
-@pytest.mark.parametrize("method", [Classifier, SmallClassifier, LargeClassifier, PaperClassifier])
-def test_every_classifier_learns_with_gradients_in_all_its_weights(
-    dataset: Dataset, tmp_path: Path, method: type[Classifier]
-) -> None:
-    torch.manual_seed(0)
-    start, plan = start_task(method.name), dataclasses.replace(PLAN, steps=2)
-    before = [p.clone() for p in start.method.parameters()]
-    run = Trainer(start, [dataset], plan, tmp_path)
-    run.run()
-    moved = [not torch.equal(a, b) for a, b in zip(before, run.method.parameters(), strict=True)]
-    assert all(moved)
-
-
 def test_classes_of_a_first_frame_do_not_count_in_validation(dataset: Dataset, tmp_path: Path) -> None:
     [entry] = dataset.entries("train")
     method, other = Classifier().eval(), create_dataset(tmp_path / "set", dataset.description)
@@ -156,3 +149,128 @@ def test_a_checkpoint_that_is_none_is_refused(tmp_path: Path) -> None:
     broken.write_bytes(b"not a checkpoint")
     with pytest.raises(ArgumentError, match="checkpoint"):
         load_checkpoint(broken)
+
+
+def shot(folder: Path, *, every: int | None = 2) -> Shot:
+    writer = ShotWriter(folder, name="disc", display_size=DISPLAY, frame_rate=30.0)
+    scene = DiscOverPlane()
+    for index in range(12):
+        truth = scene.truth(index, DISPLAY) if every and index % every == 0 else None
+        writer.write(scene.frame(index, RENDER, halton_jitter(index, 2.0)), reference=truth)
+    return Shot.open(folder)
+
+
+def test_references_become_truth_and_what_is_missing_is_marked(tmp_path: Path) -> None:
+    dataset = dataset_of_shots([shot(tmp_path / "shot")], tmp_path / "set", "train")
+    [entry] = dataset.entries("train")
+    even, odd = dataset.read(entry, 0), dataset.read(entry, 1)
+    assert np.isfinite(even.reference).all()
+    assert np.isnan(odd.reference).all()
+    assert (even.ghost == UNKNOWN).all()
+    assert entry.ratio == 2.0
+
+
+def test_training_on_shots_learns_from_the_frames_with_references(tmp_path: Path) -> None:
+    dataset = dataset_of_shots([shot(tmp_path / "shot")], tmp_path / "set", "train")
+    sequence = [(dataset, dataset.entries("train")[0])]
+    losses: list[float] = []
+    torch.manual_seed(0)
+    plan = Plan(steps=40, batch=2, frames=2, size=48, rate=2e-2, average=8)
+    trainer = Trainer(ClassifierTask(Classifier()), [dataset], plan, tmp_path)
+    before = validate(trainer.average.eval(), sequence).psnr
+    trainer.run(on_update=lambda update: losses.append(update.losses["image"]))
+    assert np.isfinite(losses).all()
+    assert all(parameter.isfinite().all() for parameter in trainer.method.parameters())
+    assert validate(trainer.average.eval(), sequence).psnr > before + 0.1
+
+
+def test_a_shot_without_any_reference_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ShotError, match="no frame has a reference"):
+        dataset_of_shots([shot(tmp_path / "shot", every=None)], tmp_path / "set", "train")
+
+
+@pytest.mark.parametrize("shape", [(8, 8), (4, 20), (20, 4)])
+def test_singular_values_come_near_one(shape: tuple[int, int]) -> None:
+    torch.manual_seed(0)
+    values = torch.linalg.svdvals(orthogonalised(torch.randn(shape)))
+    assert values.min() > 0.6
+    assert values.max() < 1.3
+
+
+def test_only_weights_of_1x1_convolutions_are_matrices() -> None:
+    assert is_matrix(nn.Conv2d(4, 8, 1).weight)
+    assert not is_matrix(nn.Conv2d(8, 8, 3, groups=8).weight)
+    assert not is_matrix(nn.BatchNorm2d(4).weight)
+
+
+def test_a_network_learns_a_linear_map() -> None:
+    torch.manual_seed(0)
+    network = nn.Sequential(nn.Conv2d(6, 6, 1, bias=False), nn.BatchNorm2d(6))
+    mixed = nn.Conv2d(6, 6, 1).requires_grad_(False)
+    optimizer = Muon(network.parameters(), rate=0.02, decay=0.0)
+    losses = []
+    for _ in range(60):
+        image = torch.randn(2, 6, 8, 8)
+        loss = (network(image) - mixed(image)).square().mean()
+        optimizer.zero_grad()
+        loss.backward()
+        optimizer.step()
+        losses.append(loss.item())
+    assert losses[-1] < 0.25 * losses[0]
+
+
+def test_its_state_goes_on_where_it_was() -> None:
+    def run(stop: int | None) -> torch.Tensor:
+        torch.manual_seed(0)
+        layer = nn.Conv2d(3, 3, 1)
+        optimizer = Muon(layer.parameters(), rate=0.02, decay=0.01)
+        for index in range(6):
+            if index == stop:
+                state = optimizer.state_dict()
+                optimizer = Muon(layer.parameters(), rate=0.02, decay=0.01)
+                optimizer.load_state_dict(state)
+            layer(torch.full((1, 3, 2, 2), float(index))).square().mean().backward()
+            optimizer.step()
+        return layer.weight.detach()
+
+    assert torch.equal(run(None), run(3))
+
+
+def rows(folder: Path) -> list[dict[str, str]]:
+    with (folder / "log.csv").open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_rows_are_added_and_those_of_later_steps_dropped(tmp_path: Path) -> None:
+    with RunLog(tmp_path, ["loss"]) as log:
+        log.write(10, {"loss": 0.5, "psnr": 30.0})
+        log.write(20, {"loss": 0.4, "psnr": 31.0, "visibility": 0.2}, np.zeros((4, 6, 3), np.float32))
+    with RunLog(tmp_path, ["loss"]) as log:
+        log.write(20, {"loss": 0.3, "psnr": 32.0})
+    assert [(row["step"], row["loss"]) for row in rows(tmp_path)] == [("10.0", "0.5"), ("20.0", "0.3")]
+    assert (tmp_path / "curves.png").stat().st_size > 1000
+    assert (tmp_path / "image.png").exists()
+    assert list((tmp_path / "tensorboard").iterdir())
+
+
+def test_curves_have_a_panel_of_classes_only_where_there_are_classes(tmp_path: Path) -> None:
+    with RunLog(tmp_path, ["image", "rough"]) as log:
+        log.write(10, {"image": 0.5, "rough": 0.1, "psnr": 30.0})
+        without = width(tmp_path / "curves.png")
+        log.write(20, {"image": 0.4, "rough": 0.1, "psnr": 31.0, "visibility": 0.2})
+    assert 3 * without == 2 * width(tmp_path / "curves.png")
+
+
+@pytest.mark.parametrize("name", ["weights.safetensors", "log.csv", "curves.png", "image.png"])
+def test_a_run_does_not_begin_over_files_of_others(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_bytes(b"mine")
+    done = CliRunner().invoke(
+        app, ["train", "classifier", "--data", str(tmp_path / "none"), "-o", str(tmp_path)]
+    )
+    assert done.exit_code == 1
+    assert f"{name}: is there already, and is not of a run in this folder" in done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+
+
+def width(image: Path) -> int:
+    return int.from_bytes(image.read_bytes()[16:20], "big")

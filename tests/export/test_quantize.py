@@ -1,12 +1,23 @@
-"""Quantized layers match float layers to within half a step of each value."""
+"""Quantised networks: layers, ranges and graphs."""
+
+import itertools
+from collections.abc import Sequence
+from functools import cache
 
 import numpy as np
+import onnx
 import pytest
 import torch
 from numpy.typing import NDArray
+from onnx import numpy_helper
 from torch import nn
 
+from network_passes import Bytes, Pass, passes_of
+from supersampler import Model, Shot
+from supersampler.backends.onnx.runtime import ort
 from supersampler.methods.classifier.spec import DEFAULT_INPUTS
+from supersampler.methods.model_file import find_model, model_names, read_model_info
+from supersampler_bench.compatibility import with_default_gbuffers
 from supersampler_export.half import HalfNetwork, folded
 from supersampler_export.quantize import (
     BLOCK,
@@ -24,6 +35,8 @@ from supersampler_export.quantize import (
     unpacked,
 )
 from supersampler_export.quantize import folded as folded_pointwise
+from supersampler_export.quantized_graph import quantized_network
+from supersampler_model.methods import load_method
 from supersampler_model.methods.classifier_network import Pointwise
 
 RANDOM = np.random.default_rng(0)
@@ -34,6 +47,17 @@ GIVEN = (
     .beside(ByteLayout.of(2, 0.005))
 )
 """Bytes of eleven channels from three sources, with one of no channel between them."""
+NAMES = [name for name in model_names() if "int8" in read_model_info(find_model(name)).networks]
+DISPLAYS = [(321, 181), (322, 180)]
+"""Odd, so that the last packed row and column repeat, and in no multiple of 8 packed pixels; even."""
+FRAMES = 2
+TORCH = (1e-6, 1e-5, 1e-4)
+"""Mean difference, that at 99.9 % of values, and the largest, of float networks, over the largest value."""
+AS_WRITTEN, OPTIMIZED = (0.002, 0.1), (0.03, 0.25)
+"""Mean difference of blend parameters and that at 99.9 %: of a session without optimizations, which computes
+convolutions in floats; and of the default one, which rounds biases to int32. Parameters are about -6 to 6."""
+EQUAL, NEAR = {False: 0.98, True: 0.8}, 0.999
+"""Share of logits that are equal (True: optimized), and within one step of their last bit."""
 
 
 def values_of(bytes_: NDArray[np.uint8], layout: ByteLayout) -> NDArray[np.float64]:
@@ -169,3 +193,121 @@ def test_a_network_in_halves_has_its_normalisation_folded_and_says_nearly_the_sa
     assert {p.dtype for p in half.parameters()} == {torch.float16}
     assert {p.dtype for p in network.parameters()} == {torch.float32}, "the one given stays as it is"
     torch.testing.assert_close(folded(network)(given), want, rtol=1e-4, atol=1e-5)
+
+
+@cache
+def passes(name: str, display: tuple[int, int]) -> list[Pass]:
+    model = Model.load(name, executor="cpu", threads=1)
+    frames = [item.frame for item in itertools.islice(Shot.open("plaza"), FRAMES)]
+    frames = [with_default_gbuffers(frame, model.info.gbuffers, display) for frame in frames]
+    return passes_of(model, frames, display)
+
+
+@cache
+def hostile_pass(name: str) -> Pass:
+    """Inputs at both ends of their ranges: areas of each value, and noise of both."""
+
+    def change(inputs: Bytes) -> None:
+        random = np.random.default_rng(0)
+        height, width = inputs.shape[:2]
+        blocks = 255 * random.integers(0, 2, (height // 16 + 1, width // 16 + 1, 72), np.uint8)
+        inputs[:] = blocks.repeat(16, axis=0).repeat(16, axis=1)[:height, :width]
+        inputs[: height // 4] = 255 * random.integers(0, 2, inputs[: height // 4].shape, np.uint8)
+
+    model, display = Model.load(name, executor="cpu", threads=1), DISPLAYS[0]
+    frame = with_default_gbuffers(Shot.open("plaza").read(0).frame, model.info.gbuffers, display)
+    [found] = passes_of(model, [frame], display, change)
+    return found
+
+
+def all_passes(name: str) -> list[Pass]:
+    return [*(p for display in DISPLAYS for p in passes(name, display)), hostile_pass(name)]
+
+
+def session_of(graph: bytes, *, optimized: bool) -> ort.InferenceSession:
+    options, levels = ort.SessionOptions(), ort.GraphOptimizationLevel
+    options.graph_optimization_level = levels.ORT_ENABLE_ALL if optimized else levels.ORT_DISABLE_ALL
+    options.add_session_config_entry("session.x64quantprecision", "1")
+    options.intra_op_num_threads = 1
+    return ort.InferenceSession(graph, options, providers=["CPUExecutionProvider"])
+
+
+def is_equal(graph: bytes, given: Sequence[Pass], *, optimized: bool) -> bool:
+    session = session_of(graph, optimized=optimized)
+    steps, blends = [], []
+    for one in given:
+        logits, blend = session.run(["logits", "blend_parameters"], one.feeds)
+        assert logits.shape == one.logits.shape
+        assert blend.shape == one.blend_parameters.shape
+        steps.append(np.abs(logits - one.logits).ravel() / step_of(graph))
+        blends.append(np.abs(blend - one.blend_parameters).ravel())
+    step, off = np.concatenate(steps), np.concatenate(blends)
+    mean, most = OPTIMIZED if optimized else AS_WRITTEN
+    logits_agree = (step < 0.5).mean() >= EQUAL[optimized] and (step < 1.5).mean() >= NEAR
+    return bool(logits_agree and off.mean() <= mean and np.quantile(off, 0.999) <= most)
+
+
+@cache
+def step_of(graph: bytes) -> float:
+    """Last bit of the logits: the scale that they are dequantized by."""
+    model = onnx.load_from_string(graph)
+    [node] = [node for node in model.graph.node if node.output[0] == "logits"]
+    assert node.op_type == "DequantizeLinear"
+    return float(constants_of(model)[node.input[1]])
+
+
+def constants_of(model: onnx.ModelProto) -> dict[str, NDArray[np.generic]]:
+    return {tensor.name: numpy_helper.to_array(tensor) for tensor in model.graph.initializer}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_shipped_int8_graph_is_made_of_the_shipped_network_and_its_int8_weights(name: str) -> None:
+    folder = find_model(name)
+    made = quantized_network(onnx.load(folder / "network.onnx"), (folder / "network.npz").read_bytes())
+    hint = f"run: supersampler export {name} -o {folder}"
+    assert (folder / "network.int8.onnx").read_bytes() == made.SerializeToString(deterministic=True), hint
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_int8_graph_has_the_inputs_and_outputs_of_the_network(name: str) -> None:
+    float_graph, int8_graph = (
+        onnx.load(find_model(name) / file).graph for file in ("network.onnx", "network.int8.onnx")
+    )
+    assert list(int8_graph.input) == list(float_graph.input)
+    assert list(int8_graph.output) == list(float_graph.output)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_network_computes_what_torch_computes_on_the_inputs_of_real_frames(name: str) -> None:
+    fused = load_method(name).subgraph()
+    assert fused is not None
+    session = session_of((find_model(name) / "network.onnx").read_bytes(), optimized=True)
+    for one in all_passes(name):
+        with torch.no_grad():
+            ours = fused.module(*map(torch.from_numpy, (one.packed, one.half_inputs)))
+        for tensor, other in zip(ours, session.run(list(fused.outputs), one.feeds), strict=True):
+            off = np.abs(tensor.numpy() - other) / np.abs(other).max()
+            assert off.mean() <= TORCH[0]
+            assert np.quantile(off, 0.999) <= TORCH[1]
+            assert off.max() <= TORCH[2]
+
+
+@pytest.mark.parametrize("optimized", [False, True])
+@pytest.mark.parametrize("name", NAMES)
+def test_the_int8_graph_computes_what_the_cpu_backend_computes(name: str, optimized: bool) -> None:
+    graph = (find_model(name) / "network.int8.onnx").read_bytes()
+    assert is_equal(graph, all_passes(name), optimized=optimized)
+
+
+def test_a_scale_that_is_off_by_two_percent_is_noticed_in_every_layer() -> None:
+    content, given = (
+        (find_model("classifier") / "network.int8.onnx").read_bytes(),
+        passes("classifier", DISPLAYS[0]),
+    )
+    scales = [name for name in constants_of(onnx.load_from_string(content)) if name.endswith("weight.scale")]
+    assert len(scales) == 16
+    for name in scales:
+        model = onnx.load_from_string(content)
+        [tensor] = [tensor for tensor in model.graph.initializer if tensor.name == name]
+        tensor.CopyFrom(numpy_helper.from_array(numpy_helper.to_array(tensor) * np.float32(1.02), name))
+        assert not is_equal(model.SerializeToString(), given, optimized=False), name
