@@ -6,9 +6,9 @@ from dataclasses import replace
 import torch
 
 from supersampler import Frame, Upscaler
-from supersampler.backends.onnx.session import frame_inputs
 from supersampler.frame import Float32
 from supersampler_model.methods.base import Method
+from torch_inputs import tensors_of
 
 Shaded = Callable[[int], Frame]
 """Every frame of a scene, with its colour."""
@@ -31,8 +31,7 @@ def extrapolated_by_torch(method: Method, shaded: Shaded, pattern: str) -> list[
     for index, kind in enumerate(pattern):
         frame, names = shaded(index), [*method.inputs(), "color"]
         height, width = frame.depth.shape
-        arrays = frame_inputs(frame, (width, height), names)
-        inputs = {name: torch.from_numpy(array) for name, array in arrays.items()}
+        inputs = tensors_of(frame, (width, height), names)
         if kind == "s":
             history = method.after_shaded(inputs, history)
             made.append(None)

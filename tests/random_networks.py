@@ -13,7 +13,6 @@ from torch import nn
 
 from noise import Size
 from supersampler import Frame, Model, Upscaler
-from supersampler.backends.onnx.session import frame_inputs
 from supersampler.frame import Float32
 from supersampler.io.display import display_transform
 from supersampler.methods.classifier.spec import NetworkConfig
@@ -22,6 +21,7 @@ from supersampler_export import quantize
 from supersampler_export.quantize import cpu_network
 from supersampler_model.methods.classifier import Classifier
 from supersampler_model.ops.images import Size as ModelSize
+from torch_inputs import tensors_of
 
 TINY = NetworkConfig(levels=(16, 16, 32, 64), decoder=16, hidden=16)
 Made = tuple[Classifier, Model]
@@ -53,8 +53,7 @@ def step_both(made: Made, frames: list[Frame], display: Size) -> list[tuple[Floa
     history: Any = method.first_history(ModelSize(*display), ModelSize(*frames[0].size))
     pairs = []
     for frame in frames:
-        inputs = frame_inputs(frame, display, method.inputs())
-        tensors = [torch.from_numpy(np.ascontiguousarray(inputs[name])) for name in method.inputs()]
+        tensors = tensors_of(frame, display, method.inputs()).values()
         with torch.no_grad():
             image, history, _ = method.step(*tensors, *history)
         pairs.append((image[0].permute(1, 2, 0).numpy(), upscaler.step(frame)))

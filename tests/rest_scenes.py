@@ -16,7 +16,7 @@ from supersampler.io.display import display_transform
 from supersampler.methods.model_info import extents
 from supersampler.methods.spec import sized
 from supersampler_model.methods.base import Method
-from torch_inputs import plain_inputs
+from torch_inputs import tensors_of
 
 FINE = 3
 """Side of the grid of truth samples in a display pixel."""
@@ -137,24 +137,13 @@ class Stepped:
 
     def step(self, frame: Frame) -> Float32:
         """Return the image, (H, W, 3)."""
-        width, height = frame.size
         if frame.reset or not self._history:
             at = extents(render=frame.size, display=self._display, previous=frame.size)
             self._history = {name: torch.zeros(sized(s, at)) for name, s in self._method.history.items()}
-        images = {"color": frame.color, "depth": frame.depth, "motion": frame.motion}
-        images |= {} if frame.reactive is None else {"reactive": frame.reactive}
-        given = plain_inputs((width, height)) | {
-            "jitter": torch.tensor([frame.jitter]),
-            "exposure": torch.tensor([frame.exposure or 0.0]),
-            "pre_exposure": torch.tensor([frame.pre_exposure]),
-            "display_size": torch.tensor(self._display),
-            "adds_samples": torch.tensor([self.adds_samples]),
-            **{name: planes(np.asarray(image)) for name, image in images.items()},
-        }
+        names = self._method.inputs()
+        inputs = tensors_of(frame, self._display, names, adds_samples=self.adds_samples)
         with torch.no_grad():
-            outputs = self._method.step(
-                *(given[name] for name in self._method.inputs()), *self._history.values()
-            )
+            outputs = self._method.step(*inputs.values(), *self._history.values())
         self._history = dict(zip(self._method.history, outputs.history, strict=True))
         self.frozen: Float32 = (outputs.aux_outputs or [torch.zeros(1, 1, 1, 1)])[-1][0, 0].numpy()
         return np.asarray(outputs.image[0].permute(1, 2, 0).numpy())
@@ -162,11 +151,6 @@ class Stepped:
     def tensor(self, name: str) -> NDArray[Any]:
         """Return a history tensor."""
         return np.asarray(self._history[name].numpy())
-
-
-def planes(image: NDArray[Any]) -> torch.Tensor:
-    """Return (h, w, c) or (h, w) as (1, c, h, w)."""
-    return torch.from_numpy(np.atleast_3d(image).astype(np.float32).transpose(2, 0, 1).copy())[None]
 
 
 def worse_by(image: Float32, own: Float32, truth: Float32) -> tuple[float, float]:

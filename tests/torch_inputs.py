@@ -1,9 +1,20 @@
-"""Inputs of a step in torch that most tests leave as they are: no reactive mask, no pre-exposure."""
+"""Inputs of a step in torch: those of a frame, and those that most tests leave as they are."""
+
+from collections.abc import Collection
 
 import torch
 from torch import Tensor
 
-from supersampler.frame import Size
+from supersampler.backends.onnx.session import frame_inputs
+from supersampler.frame import Frame, Size
+
+
+def tensors_of(
+    frame: Frame, display: Size, names: Collection[str], *, adds_samples: float = 1.0
+) -> dict[str, Tensor]:
+    """Return these inputs of a step on a frame by name."""
+    arrays = frame_inputs(frame, display, names, adds_samples=adds_samples)
+    return {name: torch.from_numpy(array) for name, array in arrays.items()}
 
 
 def plain_inputs(render: Size) -> dict[str, Tensor]:

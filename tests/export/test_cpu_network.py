@@ -27,6 +27,15 @@ VARIANTS = [
 ]
 
 
+def with_bad_pixels(frame: Frame, bad: float) -> Frame:
+    """Replace some pixels of every image."""
+    spots, fields = np.random.default_rng(0).random((18, 32)) < 0.05, dict[str, Any]()
+    for name in ("color", "depth", "motion"):
+        fields[name] = np.array(getattr(frame, name), np.float32)
+        fields[name][spots] = bad
+    return replace(frame, **fields)
+
+
 def fits(**widths: object) -> bool:
     return _fits(ClassifierConfig(network=replace(LARGEST, **widths)))  # type: ignore[arg-type]
 
@@ -81,12 +90,7 @@ def test_every_variant_computes_what_torch_computes(made: Made, render: Size, di
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -1.0, 1e30])
 def test_hostile_pixels_do_the_same_to_every_variant(made: Made, bad: float) -> None:
     frames = [noise(seed) for seed in range(4)]
-    spots = np.random.default_rng(0).random((18, 32)) < 0.05
-    spoilt: dict[str, Any] = {}
-    for name in ("color", "depth", "motion"):
-        spoilt[name] = np.array(getattr(frames[2], name), np.float32)
-        spoilt[name][spots] = bad
-    frames[2] = replace(frames[2], **spoilt)
+    frames[2] = with_bad_pixels(frames[2], bad)
     pairs = step_both(made, frames, (64, 36))
     assert all(np.isfinite(theirs).all() and theirs.min() >= 0.0 for _, theirs in pairs)
     compare(pairs)
@@ -161,16 +165,12 @@ def test_the_kernels_compute_what_torch_computes(guided: Made, render: Size, dis
 def test_hostile_pixels_do_the_same_to_both(guided: Made, bad: float) -> None:
     display = (64, 36)
     frames = [surfaced(seed, (32, 18), display) for seed in range(4)]
-    spots = np.random.default_rng(0).random((18, 32)) < 0.05
-    spoilt: dict[str, Any] = {}
-    for name in ("color", "depth", "motion"):
-        spoilt[name] = np.array(getattr(frames[2], name), np.float32)
-        spoilt[name][spots] = bad
     buffers = surfaces(2, (32, 18), display)
     for buffer in buffers.values():
         buffer[np.random.default_rng(1).random(buffer.shape[:2]) < 0.05] = bad
     gbuffer, gbuffer_display = grouped(buffers)
-    frames[2] = replace(frames[2], **spoilt, gbuffer=gbuffer, gbuffer_display=gbuffer_display)
+    buffers_only = replace(frames[2], gbuffer=gbuffer, gbuffer_display=gbuffer_display)
+    frames[2] = with_bad_pixels(buffers_only, bad)
     pairs = step_both(guided, frames, display)
     assert all(np.isfinite(theirs).all() and theirs.min() >= 0.0 for _, theirs in pairs)
     compare(pairs)

@@ -8,7 +8,6 @@ import torch
 
 from lit_scene import LitScene
 from supersampler import Frame, Model, Upscaler, halton_jitter
-from supersampler.backends.onnx.session import frame_inputs
 from supersampler.frame import Float32
 from supersampler.methods.classifier.spec import ClassifierConfig, NetworkConfig
 from supersampler.methods.model_file import find_model, read_model_info
@@ -21,6 +20,7 @@ from supersampler_model import ops
 from supersampler_model.methods.base import Method, load_trained, shipped_weights
 from supersampler_model.methods.extrapolate import Extrapolate, UnshadedExtrapolate
 from supersampler_model.methods.guided_warp import GuidedWarp
+from torch_inputs import tensors_of
 
 SIZE, DISPLAY = (21, 13), (41, 27)
 SMALL = ClassifierConfig(
@@ -60,8 +60,7 @@ def by_torch(method: Extrapolate, pattern: str) -> list[Float32]:
     )
     for index, kind in enumerate(pattern):
         names = [*UnshadedExtrapolate.inputs(), "gbuffer_normal"]
-        arrays = frame_inputs(frame(index, "s"), DISPLAY, names)
-        given = {name: torch.from_numpy(array) for name, array in arrays.items()}
+        given = tensors_of(frame(index, "s"), DISPLAY, names)
         stepping: Method = method
         with torch.no_grad():
             if kind == "u":

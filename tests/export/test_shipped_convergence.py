@@ -14,7 +14,8 @@ from supersampler_export.graph import history_name
 from supersampler_model import ops
 from supersampler_model.data.scenes.analytic import still_scene
 from supersampler_model.methods import load_method
-from torch_inputs import plain_inputs
+from supersampler_model.methods.taau import Taau
+from torch_inputs import tensors_of
 
 METHODS = ["taau", "classifier", "classifier-small"]
 RENDER, DISPLAY = ops.Size(64, 36), ops.Size(128, 72)
@@ -31,21 +32,7 @@ GRAPHS = [
 def inputs_of(index: int) -> dict[str, torch.Tensor]:
     """Frame `index` of a still scene."""
     frame = still_scene().frame(index, RENDER, halton_jitter(index, 2.0))
-    assert frame.color is not None
-    planes = {
-        "color": np.asarray(frame.color).transpose(2, 0, 1),
-        "depth": np.asarray(frame.depth)[None],
-        "motion": np.asarray(frame.motion).transpose(2, 0, 1),
-    }
-    tensors = {
-        name: torch.from_numpy(np.ascontiguousarray(a, dtype=np.float32))[None] for name, a in planes.items()
-    }
-    return tensors | {
-        "jitter": torch.tensor([frame.jitter]),
-        "exposure": torch.ones(1),
-        "display_size": torch.tensor(DISPLAY),
-        **plain_inputs(RENDER),
-    }
+    return tensors_of(frame, DISPLAY, [*Taau.inputs(), "reactive"])
 
 
 def session_of(path: Path) -> ort.InferenceSession:

@@ -9,7 +9,6 @@ from torch import Tensor
 
 from lit_scene import LitScene
 from supersampler import Model, Upscaler, halton_jitter
-from supersampler.backends.onnx.session import frame_inputs
 from supersampler.errors import ArgumentError
 from supersampler.frame import Float32
 from supersampler.methods.at_rest import AT_REST_HISTORY
@@ -19,6 +18,7 @@ from supersampler_model.methods.base import Method, Trained, load_trained, shipp
 from supersampler_model.methods.classifier import Classifier
 from supersampler_model.methods.extrapolate import Extrapolate, UnshadedExtrapolate, packed_base_color
 from supersampler_model.methods.guided_warp import GuidedWarp
+from torch_inputs import tensors_of
 
 RENDER, DISPLAY = (40, 23), (80, 46)
 SCENE = LitScene(velocity=(1.3, -0.6), radius=7.0, disc_velocity=(2.5, 0.5), sky=5.0)
@@ -44,7 +44,7 @@ def from_classifier(weights: Trained) -> Extrapolate:
 def given(index: int, render: Sizes = RENDER, display: Sizes = DISPLAY) -> dict[str, Tensor]:
     frame = SCENE.frame(index, render, halton_jitter(index, 2.0))
     names = [*UnshadedExtrapolate.inputs(), "gbuffer_normal", "adds_samples"]
-    return {name: torch.from_numpy(a) for name, a in frame_inputs(frame, display, names).items()}
+    return tensors_of(frame, display, names)
 
 
 def step(method: Method, inputs: Mapping[str, Tensor], history: State) -> tuple[Tensor, State]:

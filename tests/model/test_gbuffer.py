@@ -200,21 +200,6 @@ def test_surfaces_that_are_no_numbers_become_black_and_far() -> None:
     assert float(made.depth) == -1.0
 
 
-def test_masks_find_what_was_hidden_and_what_has_another_colour() -> None:
-    def image(value: float, channels: int = 3) -> Tensor:
-        return torch.full((1, channels, 7, 7), value)
-
-    now = (image(0.2), image(0.3), image(0.1, 1))
-    assert not occluded(now, now).any()
-    assert occluded(now, (now[0], now[1], image(0.08, 1))).all()  # equation 1: 25 % farther
-    assert not occluded(now, (now[0], now[1], image(0.095, 1))).any()
-    assert occluded(now, (now[0], image(0.9), now[2])).all()
-    assert occluded(now, (image(0.8), now[1], now[2])).all()
-    one = image(0.2)
-    one[..., 3, 3] = 0.8  # in the previous frame: unlike all of its neighbours now
-    assert occluded(now, (one, now[1], now[2])).nonzero()[:, 2:].tolist() == [[3, 3]]
-
-
 @pytest.mark.parametrize(("stops", "changed"), [(5.9, 0.0), (6.1, 1.0)])
 def test_light_has_changed_where_it_is_six_stops_off_on_average(stops: float, changed: float) -> None:
     previous, known = torch.full((1, 3, 6, 8), 0.2), torch.ones(1, 1, 6, 8)
@@ -239,11 +224,6 @@ def test_gradients_are_differences_to_the_right_and_below() -> None:
     expected[1, 1], expected[1, 2], expected[0, 2] = 1.5, 3.0, 1.5
     torch.testing.assert_close(found[0], expected)
     assert not found[1].any()
-
-
-def test_depth_is_seen_without_its_unit() -> None:
-    depth, closest = torch.rand(1, 1, 5, 5) + 0.1, torch.full((1, 1, 5, 5), 1.2)
-    torch.testing.assert_close(relative_depth(depth, closest), relative_depth(1e-3 * depth, 1e-3 * closest))
 
 
 def test_the_history_is_read_at_its_nearest_sample_and_says_how_far_that_is() -> None:

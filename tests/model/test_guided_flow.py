@@ -10,7 +10,6 @@ from torch import Tensor
 
 from flow_method import Shadow, random_flow
 from supersampler import Frame, halton_jitter
-from supersampler.backends.onnx.session import frame_inputs
 from supersampler.frame import Size
 from supersampler.methods.extrapolation.spec import GuidedFlowConfig
 from supersampler_export.half import HalfNetwork
@@ -27,6 +26,7 @@ from supersampler_model.methods.guided_flow import (
     moved,
 )
 from supersampler_model.methods.guided_warp import GuidedWarp, surface_of
+from torch_inputs import tensors_of
 
 SIZE = (64, 36)
 INPUTS = ["color", *GuidedFlow.inputs()]
@@ -36,7 +36,7 @@ SCENE = Shadow(2.0, velocity=(0.7, -0.4))
 
 def tensors(frame: Frame) -> dict[str, Tensor]:
     names = INPUTS if frame.color is not None else GuidedFlow.inputs()
-    return {name: torch.from_numpy(array) for name, array in frame_inputs(frame, SIZE, names).items()}
+    return tensors_of(frame, SIZE, names)
 
 
 def run(method: Method, frames: Sequence[dict[str, Tensor]], pattern: str) -> list[Tensor]:

@@ -10,11 +10,11 @@ from torch import Tensor
 
 from lit_scene import LitScene, even
 from supersampler import Frame, halton_jitter
-from supersampler.backends.onnx.session import frame_inputs
 from supersampler.frame import Float32, Size
 from supersampler_model import ops
 from supersampler_model.data.scenes.analytic import EXTENT, places
 from supersampler_model.methods.guided_warp import GuidedWarp, back_to_shaded, indices_of_smallest, samples_at
+from torch_inputs import tensors_of
 
 SIZE = (64, 36)
 INPUTS = ["color", *GuidedWarp.inputs()]
@@ -23,7 +23,7 @@ HISTORY = list(GuidedWarp.history)
 
 def tensors(frame: Frame) -> dict[str, Tensor]:
     names = INPUTS if frame.color is not None else GuidedWarp.inputs()
-    return {name: torch.from_numpy(array) for name, array in frame_inputs(frame, SIZE, names).items()}
+    return tensors_of(frame, SIZE, names)
 
 
 def extrapolated(frame: Frame, history: list[Tensor]) -> tuple[Float32, list[Tensor]]:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from more_scenes import Cut, ShadingStep, dots, thin_lines
+from rest_scenes import Stepped
 from studies.ablation_variants import CLASSIFIERS
 from supersampler import Frame, Model, Upscaler, halton_jitter
 from supersampler.frame import Float32
@@ -54,26 +55,8 @@ def run(name: str, scene: Scene, count: int) -> list[Float32]:
 
 
 def run_torch(method: Method, scene: Scene, count: int) -> list[Float32]:
-    history = method.first_history(ops.Size(*DISPLAY), ops.Size(*RENDER))
-    images = []
-    for frame in frames(scene, count):
-        assert frame.color is not None
-        planes = {
-            "color": frame.color.transpose(2, 0, 1),
-            "depth": frame.depth[None],
-            "motion": frame.motion.transpose(2, 0, 1),
-        }
-        tensors = {name: torch.from_numpy(np.ascontiguousarray(a))[None] for name, a in planes.items()}
-        tensors |= {
-            "jitter": torch.tensor([frame.jitter]),
-            "exposure": torch.ones(1),
-            "display_size": torch.tensor(DISPLAY),
-            **plain_inputs(frame.size),
-        }
-        with torch.no_grad():
-            image, history, _ = method.step(*(tensors[name] for name in method.inputs()), *history)
-        images.append(image[0].numpy().transpose(1, 2, 0))
-    return images
+    stepped = Stepped(method, DISPLAY)
+    return [stepped.step(frame) for frame in frames(scene, count)]
 
 
 @pytest.mark.parametrize("pattern", PATTERNS, ids=lambda p: p.__name__)

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from rest_scenes import Light, RestScene, Stepped, flat, stripes, wave
-from supersampler import Frame, Upscaler, halton_jitter
+from supersampler import Upscaler, halton_jitter
 from supersampler.frame import Float32
 from supersampler.io.display import display_transform
 from supersampler.methods.taau.spec import MOST_SAMPLES, TaauConfig
@@ -39,7 +39,7 @@ from supersampler_model.methods.taau import (
     shade_of,
 )
 from supersampler_model.ops import at_rest
-from torch_inputs import plain_inputs
+from torch_inputs import tensors_of
 
 RULES = Taau()
 C = RULES.config
@@ -485,24 +485,14 @@ def errors(scene: Ball, ratio: float, count: int = 20) -> list[Float32]:
     history, found = method.first_history(ops.Size(*DISPLAY), render), []
     for index in range(count):
         frame = scene.frame(index, render, halton_jitter(index, ratio))
+        inputs = tensors_of(frame, DISPLAY, method.inputs()).values()
         with torch.no_grad():
-            _, history, _ = method.step(*inputs(frame), *history)
+            _, history, _ = method.step(*inputs, *history)
         if index >= 8:
             image = history[0][0].permute(1, 2, 0).numpy()  # at rest the image is a mean of samples
             error = display_transform(image, 1.0) - display_transform(scene.truth(index, DISPLAY, 4), 1.0)
             found.append(np.where(scene.middle(index), error[..., 0], np.nan))
     return found
-
-
-def inputs(frame: Frame) -> list[torch.Tensor]:
-    assert frame.color is not None
-    images = {"color": frame.color, "depth": frame.depth[..., None], "motion": frame.motion}
-    found = {
-        name: torch.from_numpy(np.array(image.transpose(2, 0, 1)))[None] for name, image in images.items()
-    }
-    found |= {"jitter": torch.tensor([frame.jitter]), "exposure": torch.ones(1)}
-    found |= {"display_size": torch.tensor(DISPLAY), **plain_inputs(frame.size)}
-    return [found[name] for name in Taau.inputs()]
 
 
 def grid(error: Float32) -> float:
