@@ -31,7 +31,7 @@ def halved(name: str) -> tuple[Method, Method]:
 
 @pytest.fixture
 def one_size(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of the sizes of the gate that with the most distant samples: at a ratio of 4."""
+    """Check at a ratio of 4 alone, where samples are farthest apart."""
     monkeypatch.setattr(parity, "sizes_of", lambda _: [(ops.Size(21, 13), ops.Size(84, 52))])
 
 

@@ -21,7 +21,7 @@ from supersampler_model.methods.base import Method
 
 SHIPPED = [name for name, spec in methods().items() if spec.ships]
 SHADED = (True, False, False, True, False, True, False)
-"""Of methods that extrapolate unshaded frames."""
+"""Frames that are shaded, for methods that extrapolate the others."""
 
 
 def dotted(image: Tensor) -> Tensor:

@@ -1,4 +1,4 @@
-"""What the exporter writes around gathers, casts and slices is simplified, and the result is the same."""
+"""Gathers, casts and slices of traced graphs are simplified, and the result is the same."""
 
 from collections.abc import Sequence
 

@@ -21,7 +21,7 @@ from supersampler_model.methods.base import Method
 from supersampler_model.methods.taau import Taau
 
 MEAN, QUANTILE = 1.0, 4.0
-"""What an image may be worse by than the method's own, 1/255 of the display."""
+"""Bounds of the extra error over the method's own image, 1/255 of the display."""
 WAVE = RestScene(wave)
 FROZEN = 2 * WAVE.period + 1
 """Frames after which a still scene is frozen."""

@@ -1,4 +1,4 @@
-"""What `classifier-paper` does with a frame, its history and the classes, whatever its weights."""
+"""`classifier-paper` with any weights: frame, history and classes."""
 
 import pytest
 import torch
@@ -30,7 +30,7 @@ def always(method: PaperClassifier, weight: float) -> None:
 
 
 def logits(ghost: Tensor) -> Tensor:
-    """The same ghosting class everywhere, no aliasing."""
+    """Logits of one ghosting class everywhere, without aliasing."""
     each = torch.cat([ghost, NONE])[None, :, None, None]
     return each.expand(1, 6, DISPLAY.height // 2, DISPLAY.width // 2).clone()
 

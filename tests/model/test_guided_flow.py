@@ -1,4 +1,4 @@
-"""What `guided-flow` promises: all that `guided-warp` does, and light that moves by itself."""
+"""`guided-flow` equals `guided-warp` before training, and moves light on surfaces at rest."""
 
 from collections.abc import Sequence
 
@@ -55,12 +55,12 @@ def run(method: Method, frames: Sequence[dict[str, Tensor]], pattern: str) -> li
 
 
 def gathered(scene: Shadow, pattern: str = "sus") -> Gathered:
-    """What is known of the frame after these."""
+    """Gather the frame after these."""
     return gathered_from([tensors(scene.frame(index)) for index in range(len(pattern) + 1)], pattern)
 
 
 def gathered_from(frames: Sequence[dict[str, Tensor]], pattern: str = "sus") -> Gathered:
-    """What the gather stage computes for the last of the frames; `pattern` is of those before."""
+    """Gather the last frame; `pattern` is that of the frames before."""
     history = run(GuidedFlow().eval(), frames[:-1], pattern)[-len(HISTORY) :]
     now = frames[-1]
     surface = surface_of(now["gbuffer_base_color"], now["gbuffer_normal"], now["depth"])
@@ -145,7 +145,7 @@ def test_light_does_not_move_from_one_surface_to_another() -> None:
 
 
 def sure_of(image: Tensor) -> Tensor:
-    """What a network says that leaves the light of an image's size where it is, and is sure of it."""
+    """Network outputs that leave all light where it is, with certainty."""
     said = torch.zeros(1, 4, *halved(image).shape[2:])
     said[:, 3] = 30.0
     return said

@@ -1,4 +1,4 @@
-"""What `guided-warp` promises, on scenes whose light is known, and what its parts compute."""
+"""`guided-warp` on scenes whose light is known, and its parts."""
 
 import numpy as np
 import pytest
@@ -65,7 +65,7 @@ def test_a_textured_plane_that_pans_is_reproduced(velocity: tuple[float, float])
 @given(*(st.floats(-0.5, 0.5),) * 4, st.floats(-3.0, 3.0))
 @settings(max_examples=20)
 def test_light_is_read_where_the_sample_saw_it(x0: float, y0: float, x1: float, y1: float, v: float) -> None:
-    """Whatever the jitters: light that rises evenly tells the place that it was read at."""
+    """Light that rises evenly shows the position that it was read at, with any jitters."""
 
     def rising(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.stack([1.0 + x / 40.0, 1.0 + y / 40.0, np.ones_like(x)], axis=-1)

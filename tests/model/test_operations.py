@@ -389,7 +389,7 @@ def test_exposure_looks_at_usable_pixels_only() -> None:
 
 
 def followed(luma: float, exposure: float, before: float) -> float:
-    """What `exposure_for` returns of a frame of one luminance; not a number: of none that is usable."""
+    """Follow the exposure of a frame of one luminance; NaN stands for a frame without usable pixels."""
     usable = torch.full((1, 1, 2, 2), float(luma >= 0.0))
     color = torch.full((1, 3, 2, 2), luma).nan_to_num(0.0)
     return ops.exposure_for(color, usable, torch.tensor([exposure]), torch.tensor([before])).item()

@@ -49,7 +49,7 @@ X, Y = torch.arange(12.0).expand(9, 12), torch.arange(9.0)[:, None].expand(9, 12
 START = 40
 DISPLAY = (128, 72)
 STEP = 1.0 / 255.0
-"""Of an 8-bit image."""
+"""A step of an 8-bit image."""
 
 
 def plane(*values: float) -> Tensor:

@@ -19,7 +19,7 @@ FORMAT, VERSION = "supersampler-shaders", 3
 LANGUAGE_FEATURES = {"fp32": [], "int8": ["packed_4x8_integer_dot_product"]}
 """WGSL language features by precision."""
 VARIANTS = {"textures": TEXTURES, "buffers": ARRAYS}
-"""Where frame and image are."""
+"""Kinds of resources that hold frame and image."""
 _CONSTANT = re.compile(r"^const (\w+) = ([^;]+);", re.MULTILINE)
 _WORKGROUP = re.compile(r"@workgroup_size\(([^)]*)\)")
 

@@ -21,7 +21,7 @@ DESCRIPTION = "upscaler.json"
 _NAMES = re.compile(rf"\d+_\w+\.({'|'.join(SUFFIXES.values())})|network\.bin")
 """Names that an export writes: of those that a description lists, no others are removed."""
 LONGEST_LINE = 140
-"""Of upscaler.json, for a list or object on one line."""
+"""Longest line of upscaler.json that holds a whole list or object."""
 
 
 def write_shader_folder(

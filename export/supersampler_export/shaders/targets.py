@@ -1,4 +1,4 @@
-"""What differs between the targets: file names, entry points, and where resources are bound."""
+"""Differences between the targets: file names, entry points, and where resources are bound."""
 
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence

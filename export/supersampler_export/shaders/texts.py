@@ -1,4 +1,4 @@
-"""What upscaler.json says about values: the inputs of a frame, the fields of `Params`, and the history."""
+"""Texts of upscaler.json about values: the inputs of a frame, the fields of `Params`, and the history."""
 
 from typing import Any
 

@@ -46,7 +46,7 @@ from supersampler_model.methods.classifier_network import ClassifierNetwork, cla
 from supersampler_model.ops import at_rest
 
 HEIGHT = 64.0
-"""Of the Gaussian of a sample along an axis: at a height of 1, far weights are too small for half floats."""
+"""Height of a sample's Gaussian along an axis: at 1, far weights are too small for half floats."""
 MAX_FACTOR: Mapping[torch.dtype, float] = {torch.float32: 16.0, torch.float16: 8.0}
 """Maximum of the logarithm of a factor: sums of nine such factors are half floats."""
 MAX_SHARPNESS = 2.0  # factor of the detail that is added

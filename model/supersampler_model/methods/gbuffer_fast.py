@@ -24,7 +24,7 @@ from supersampler_model.methods.gbuffer_surfaces import depth_difference, lit, s
 from supersampler_model.ops import at_rest
 
 MIN_WEIGHT = 1e-4
-"""Of the farthest sample, and of the most different surface: some light is found everywhere."""
+"""Minimum weights by distance and by agreement, so that some light is found everywhere."""
 MAX_DIFFERENCE = 10.0
 """Largest exponent of depth: half floats hold its exponential."""
 STEP_COST = 0.002

@@ -107,7 +107,7 @@ def test_the_classes_of_both_groups_are_learned_from_their_own_labels(task: Clas
 
 
 def test_a_state_is_what_a_whole_frame_would_leave(task: ClassifierTask) -> None:
-    """The same tensors in the same order as those of the method's own step, without the mean of samples."""
+    """States are the tensors of the method's own step in their order, without the mean of samples."""
     frame = sample(labels(Ghost.NONE), motion=0.3)
     inputs = {name: getattr(frame, name) for name in ("color", "depth", "motion", "exposure")}
     inputs |= {"jitter": frame.view.jitter, "display_size": torch.tensor(DISPLAY), **plain_inputs(RENDER)}

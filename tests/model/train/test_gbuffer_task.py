@@ -114,7 +114,7 @@ def test_each_weight_changes_its_own_term(task: GBufferTask) -> None:
 
 
 def gathered(now: Tensor, before: Tensor) -> Gathered:
-    """What is looked at of a frame: normals, (3,) each, of surfaces that reflect little."""
+    """Gathered tensors of rough surfaces with these normals, (3,) each."""
     normal, previous = (n.reshape(1, 3, 1, 1) for n in (now, before))
     display = surfaces(4, normal=normal.expand(1, 3, 4, 4))
     render = SimpleNamespace(shape=(1, 11, 2, 2))

@@ -100,7 +100,7 @@ def test_the_right_class_of_each_group_costs_nothing_and_any_other_does(ghost: i
 
 @pytest.mark.parametrize(("rare", "factor"), [(4, 4.0), (1, 8.0)])
 def test_a_rare_class_weighs_by_the_root_of_its_rarity_up_to_a_bound(rare: int, factor: float) -> None:
-    """Of 64 (of 256) quads: `rare` of another class. The network says that both classes are as likely."""
+    """`rare` of 64 or 256 quads are of another class; the logits are the same everywhere."""
     ghost = (
         torch.zeros(1, 16, 16, dtype=torch.int64) if rare == 4 else torch.zeros(1, 32, 32, dtype=torch.int64)
     )
