@@ -56,7 +56,7 @@ OK = "0" * 64
 @pytest.mark.parametrize(
     ("members", "match"),
     [
-        ({"ratios": []}, r"ratios is \[\]; want \[least, largest\]"),
+        ({"ratios": []}, r"ratios is \[\]; want \[smallest, largest\]"),
         ({"ratios": [2, 1]}, "ratios"),
         ({"ratios": [1, True]}, r"ratios\[1\] is True; want a number"),
         ({"ratios": [1, 10**400]}, r"ratios\[1\] is 1000"),
