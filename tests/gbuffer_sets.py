@@ -8,8 +8,13 @@ from numpy.typing import NDArray
 
 from supersampler import halton_jitter
 from supersampler_model.data.dataset import Dataset, TrainingFrame, create_dataset
-from supersampler_model.data.dataset.description import Description, SequenceEntry
-from supersampler_model.data.dataset.frame_file import Rerendered, write_rerendered, write_training_frame
+from supersampler_model.data.dataset.storage import (
+    Description,
+    Rerendered,
+    SequenceEntry,
+    write_rerendered,
+    write_training_frame,
+)
 from supersampler_model.data.scenes.analytic import EXTENT, Values, places
 from supersampler_model.data.specs import SequenceSpec
 

@@ -13,7 +13,7 @@ from supersampler_model.data.scenes.scene import (
     Material,
     Mesh,
     Particles,
-    Point,
+    PointLight,
     Scene,
     Skin,
     Spot,
@@ -255,7 +255,9 @@ class Yard:
                 position=(2.5 - t, 3.5, 2.5), target=(0.5, 0.0, 0.0), color=(10.0, 8.0, 20.0), outer=30.0
             ),
             points=(
-                Point(position=(0.9, 0.5, 1.4), color=(1.2 * pulse, 0.6 * pulse, 0.15 * pulse), reach=4.0),
+                PointLight(
+                    position=(0.9, 0.5, 1.4), color=(1.2 * pulse, 0.6 * pulse, 0.15 * pulse), reach=4.0
+                ),
             ),
             particles=() if self.frozen_lights else (particles,),
         )

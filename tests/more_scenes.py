@@ -8,10 +8,10 @@ from supersampler_model.data.scenes.analytic import (
     EXTENT,
     FAR,
     NEAR,
+    AnalyticScene,
     Mask,
     Pattern,
-    Scene,
-    Surface,
+    SurfaceSample,
     Values,
     from_spokes,
     grey,
@@ -42,7 +42,7 @@ def on_dark(bright: Mask) -> Values:
 
 
 @dataclass(frozen=True)
-class Floor(Scene):
+class Floor(AnalyticScene):
     """A slanted plane, seen by a camera that goes `speed` distance units a frame towards its horizon.
 
     The horizon is above the screen. Distances are 1 / reversed depth, which grows evenly from FAR at the
@@ -56,7 +56,7 @@ class Floor(Scene):
     SLOPE = (NEAR - FAR) / EXTENT[1]  # reversed depth a unit of y
     FOCAL = EXTENT[0]  # units of the screen at distance 1; 53 degrees from left to right
 
-    def surface(self, index: int, x: Values, y: Values) -> Surface:
+    def surface(self, index: int, x: Values, y: Values) -> SurfaceSample:
         """Return the floor, nearer by `speed` with each frame."""
         depth = FAR + self.SLOPE * y
         depth_before = 1.0 / (1.0 / depth + self.speed)
@@ -64,18 +64,18 @@ class Floor(Scene):
         motion = aside * (depth_before / depth - 1.0), (depth_before - depth) / self.SLOPE
         up = np.broadcast_to((0.0, 1.0, 0.0), (*x.shape, 3))
         color = self.pattern(aside / (depth * self.FOCAL), 1.0 / depth + index * self.speed)
-        return Surface(color, depth, np.stack(motion, axis=-1), depth_before, up, up)
+        return SurfaceSample(color, depth, np.stack(motion, axis=-1), depth_before, up, up)
 
 
 @dataclass(frozen=True)
-class ShadingStep(Scene):
+class ShadingStep(AnalyticScene):
     """A scene whose light changes by `gain` at frame `at`, without any motion to tell of it."""
 
-    scene: Scene
+    scene: AnalyticScene
     at: int
     gain: float = 0.25
 
-    def surface(self, index: int, x: Values, y: Values) -> Surface:
+    def surface(self, index: int, x: Values, y: Values) -> SurfaceSample:
         """Return the scene, in the light of now."""
         surface = self.scene.surface(index, x, y)
         return surface._replace(color=surface.color * (self.gain if index >= self.at else 1.0))
@@ -85,19 +85,19 @@ class ShadingStep(Scene):
         return self.scene.visible_before(index, x, y)
 
     def cut(self, index: int) -> bool:
-        """See `Scene.cut`."""
+        """See `AnalyticScene.cut`."""
         return self.scene.cut(index)
 
 
 @dataclass(frozen=True)
-class Cut(Scene):
+class Cut(AnalyticScene):
     """One scene until frame `at`, another from then on, which starts with a reset."""
 
-    before: Scene
-    after: Scene
+    before: AnalyticScene
+    after: AnalyticScene
     at: int
 
-    def surface(self, index: int, x: Values, y: Values) -> Surface:
+    def surface(self, index: int, x: Values, y: Values) -> SurfaceSample:
         """Return the surfaces of the current scene."""
         return self.shown(index).surface(index, x, y)
 
@@ -109,6 +109,14 @@ class Cut(Scene):
         """Return True where the scene changes, and where the one that is on starts anew."""
         return index == self.at or self.shown(index).cut(index)
 
-    def shown(self, index: int) -> Scene:
+    def shown(self, index: int) -> AnalyticScene:
         """Return the scene that frame `index` shows."""
         return self.before if index < self.at else self.after
+
+
+def near(mask: Mask) -> Mask:
+    """Return the mask and the pixels that touch it."""
+    padded = np.pad(mask, 1)
+    height, width = mask.shape
+    shifted = [padded[i : i + height, j : j + width] for i in range(3) for j in range(3)]
+    return np.asarray(np.any(shifted, axis=0))

@@ -9,7 +9,15 @@ import torch
 from noise import Size, noise
 from supersampler import Frame, Upscaler, halton_jitter
 from supersampler.frame import Float32
-from supersampler_model.data.scenes.analytic import EXTENT, FAR, NEAR, Scene, Surface, Values, grey
+from supersampler_model.data.scenes.analytic import (
+    EXTENT,
+    FAR,
+    NEAR,
+    AnalyticScene,
+    SurfaceSample,
+    Values,
+    grey,
+)
 from supersampler_model.ops.motion import occluding_depth, usable_depth, usable_motion
 
 RENDER, DISPLAY, RATIO = (96, 54), (192, 108), 2.0
@@ -49,7 +57,7 @@ def kept_depth(upscaler: Upscaler, frame: Frame) -> Float32:
 
 
 @dataclass(frozen=True)
-class Wire(Scene):
+class Wire(AnalyticScene):
     """A dark wire, 0.6 render pixels wide, in front of a static light wall.
 
     Attributes:
@@ -72,7 +80,7 @@ class Wire(Scene):
         """Return the position of a vertical wire at these heights, units."""
         return self.START + self.step * index + self.LEAN * y
 
-    def surface(self, index: int, x: Values, y: Values) -> Surface:
+    def surface(self, index: int, x: Values, y: Values) -> SurfaceSample:
         """Return the wire where it is, else the wall."""
         off = y - 0.51 * EXTENT[1] if self.level else x - self.middle(index, y)
         is_wire = np.abs(off) < 0.5 * self.WIDTH
@@ -80,10 +88,10 @@ class Wire(Scene):
         motion = np.where(is_wire[..., None], (-self.step, 0.0), 0.0)
         toward = np.broadcast_to((0.0, 0.0, 1.0), (*x.shape, 3))
         color = grey(np.where(is_wire, self.DARK, self.WALL))
-        return Surface(color, depth, motion, depth, toward, toward)
+        return SurfaceSample(color, depth, motion, depth, toward, toward)
 
 
-def last_image(upscaler: Upscaler, scene: Scene) -> Float32:
+def last_image(upscaler: Upscaler, scene: AnalyticScene) -> Float32:
     """Return the image of the last of FRAMES frames."""
     for index in range(FRAMES):
         image = upscaler.step(scene.frame(index, RENDER, halton_jitter(index, RATIO)))

@@ -24,7 +24,7 @@ from supersampler.io.files import replacing
 from supersampler.io.images import encode_jpeg
 from supersampler_bench.shots.public_shots import CACHE_VARIABLE, default_cache, shot_folder
 from supersampler_model.data.dataset.overview import overlay
-from supersampler_model.data.labels import label
+from supersampler_model.data.rendered import labels_of
 from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.sequences import (
     APART_FAMILIES,
@@ -95,7 +95,7 @@ def families() -> Pixels:
             for i in (index - 1, index)
         )
         image = to_uint8(display_transform(now.reference.color, now.exposure))
-        labels = label(now.evidence(now.exposure), before.evidence(now.exposure))
+        labels = labels_of(now, before)
         tiles.append(np.concatenate([image, overlay(labels, image)], axis=1))
     tiles += [np.full_like(tiles[0], 255)] * (-len(tiles) % columns)
     rows = [np.concatenate(tiles[i : i + columns], axis=1) for i in range(0, len(tiles), columns)]

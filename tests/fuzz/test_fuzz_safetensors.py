@@ -16,7 +16,7 @@ from fuzzing import damaged, examples, replaced, run_apart
 from supersampler import ShotError
 from supersampler.io.shot import import_arm
 from supersampler_model.data.dataset import TrainingFrame, read_training_frame
-from supersampler_model.data.dataset.frame_file import write_training_frame
+from supersampler_model.data.dataset.storage import write_training_frame
 from supersampler_model.methods.base import load_trained
 
 FRAMES, HEIGHT, WIDTH = 2, 4, 6

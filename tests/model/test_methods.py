@@ -19,7 +19,7 @@ from supersampler.methods.model_file import model_names
 from supersampler.methods.registry import methods
 from supersampler.methods.taa.spec import TaaConfig
 from supersampler_model import ops
-from supersampler_model.data.scenes.analytic import DiscOverPlane, Plane, Scene, checker, zone_plate
+from supersampler_model.data.scenes.analytic import AnalyticScene, DiscOverPlane, Plane, checker, zone_plate
 from supersampler_model.methods.base import Method
 from supersampler_model.methods.taa import Gathered, Taa
 from torch_inputs import plain_inputs
@@ -44,17 +44,17 @@ def psnr(a: Float32, b: Float32) -> float:
     return float(-10 * np.log10(np.mean(off * off)))
 
 
-def frames(scene: Scene, count: int) -> Iterator[Frame]:
+def frames(scene: AnalyticScene, count: int) -> Iterator[Frame]:
     for index in range(count):
         yield scene.frame(index, RENDER, halton_jitter(index, 2.0))
 
 
-def run(name: str, scene: Scene, count: int) -> list[Float32]:
+def run(name: str, scene: AnalyticScene, count: int) -> list[Float32]:
     upscaler = Upscaler(Model.load(name, threads=1), display_size=DISPLAY, validate="off")
     return [upscaler.step(frame) for frame in frames(scene, count)]
 
 
-def run_torch(method: Method, scene: Scene, count: int) -> list[Float32]:
+def run_torch(method: Method, scene: AnalyticScene, count: int) -> list[Float32]:
     stepped = Stepped(method, DISPLAY)
     return [stepped.step(frame) for frame in frames(scene, count)]
 

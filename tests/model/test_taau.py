@@ -17,9 +17,9 @@ from supersampler.methods.taau.spec import MOST_SAMPLES, TaauConfig
 from supersampler_model import ops
 from supersampler_model.data.scenes.analytic import (
     NEAR,
+    AnalyticScene,
     Mask,
-    Scene,
-    Surface,
+    SurfaceSample,
     Values,
     Vector,
     facing,
@@ -433,7 +433,7 @@ def test_backends_keep_as_many_samples(executor: Any, ratio: float) -> None:
 
 
 @dataclass(frozen=True)
-class Ball(Scene):
+class Ball(AnalyticScene):
     """A ball in the middle of the screen, before grey, that turns under a light that turns around it.
 
     `spin` and `turn` are radians a frame, about the vertical axis; `velocity` is of the ball, units a frame.
@@ -446,7 +446,7 @@ class Ball(Scene):
 
     RADIUS = 15.0
 
-    def surface(self, index: int, x: Values, y: Values) -> Surface:
+    def surface(self, index: int, x: Values, y: Values) -> SurfaceSample:
         """Return the ball where it is, and grey around it."""
         across, down = self.place(index, x, y)
         near = np.sqrt(np.maximum(1.0 - across**2 - down**2, 0.0))
@@ -458,7 +458,9 @@ class Ball(Scene):
         on = across**2 + down**2 < 1.0
         color = np.where(on[..., None], grey(self.light(index, normal)), 0.3)
         depth = np.where(on, NEAR, 0.5 * NEAR)
-        return Surface(color, depth, np.where(on[..., None], motion, 0.0), depth, facing(x, y), facing(x, y))
+        return SurfaceSample(
+            color, depth, np.where(on[..., None], motion, 0.0), depth, facing(x, y), facing(x, y)
+        )
 
     def light(self, index: int, normal: Values) -> Values:
         """Return what a matte surface with a highlight reflects."""

@@ -14,7 +14,7 @@ import torch
 
 import shared_run
 from gbuffer_sets import gbuffer_data
-from supersampler_model.data.dataset.frame_file import write_training_frame
+from supersampler_model.data.dataset.storage import write_training_frame
 from supersampler_model.training.trainer import CHECKPOINT, load_checkpoint
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="finds processes in /proc")

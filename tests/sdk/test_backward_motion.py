@@ -14,7 +14,7 @@ from supersampler.io.shot import ShotWriter, import_blender
 from supersampler.sequence import backward_motion
 from supersampler.sequence.backward_motion import reversed_frame, scattered_motion
 from supersampler.validation import FrameChecker, detect_conventions
-from supersampler_model.data.scenes.analytic import DiscOverPlane, Plane, Scene, zone_plate
+from supersampler_model.data.scenes.analytic import AnalyticScene, DiscOverPlane, Plane, zone_plate
 
 SIZE = (128, 72)
 UNIT = 2.0  # pixels of a unit of the analytic scenes
@@ -22,7 +22,7 @@ DISC = DiscOverPlane(velocity=(1.37, 0.71), background_velocity=(-0.45, 0.2), pa
 RECORDED = Path(__file__).parents[1] / "blender" / "recorded"
 
 
-def frame(scene: Scene, index: int, size: tuple[int, int] = SIZE) -> Frame:
+def frame(scene: AnalyticScene, index: int, size: tuple[int, int] = SIZE) -> Frame:
     return replace(scene.frame(index, size, halton_jitter(index, 2.0)), exposure=1.0)
 
 

@@ -19,7 +19,7 @@ from supersampler_bench.stress.runner import chosen
 from supersampler_bench.stress.scenario import Figure, Session, Subject, Trial
 from supersampler_bench.stress.scenes import STILL
 from supersampler_bench.stress.subjects import subjects
-from supersampler_model.data.scenes.analytic import DiscOverPlane, Scene
+from supersampler_model.data.scenes.analytic import AnalyticScene, DiscOverPlane
 
 DISPLAY, WARM, CLEAN = (32, 24), 10, 30
 WITH_KERNELS = ["taa", "taau", "classifier", "classifier-small", "classifier+guided-warp"]
@@ -50,7 +50,7 @@ class Run:
 
 def frame_of(index: int, ratio: int, *, dressed: bool, at_rest: bool) -> Frame:
     """A disc before a panning plane; or wires at rest, maybe with G-buffers of other surfaces."""
-    scene: Scene = STILL if dressed or at_rest else DiscOverPlane()
+    scene: AnalyticScene = STILL if dressed or at_rest else DiscOverPlane()
     render = DISPLAY[0] // ratio, DISPLAY[1] // ratio
     frame = scene.frame(index, render, halton_jitter(index, float(ratio)))
     frame = replace(frame, reset=False, exposure=None)

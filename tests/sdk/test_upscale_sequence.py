@@ -32,7 +32,7 @@ from supersampler.sequence.backward_motion import reversed_frame
 from supersampler.sequence.both_ways import weight_of
 from supersampler.sequence.frame_store import FrameStore, Stored
 from supersampler_bench.compatibility import with_default_gbuffers
-from supersampler_model.data.scenes.analytic import DiscOverPlane, Plane, Scene, zone_plate
+from supersampler_model.data.scenes.analytic import AnalyticScene, DiscOverPlane, Plane, zone_plate
 from upscale_runs import DISPLAY_SIZE, images, moving, pixels, run, upscale, write_shot
 
 COUNT = 11
@@ -105,7 +105,7 @@ def test_a_frame_alone_between_cuts_has_the_image_of_one_pass() -> None:
         pytest.param(Plane(zone_plate, velocity=(0.37, 0.21)), "classifier", id="pan"),
     ],
 )
-def test_two_passes_are_nearer_to_the_truth_than_one(scene: Scene, method: str) -> None:
+def test_two_passes_are_nearer_to_the_truth_than_one(scene: AnalyticScene, method: str) -> None:
     jitters = [halton_jitter(index, 2.0) for index in range(10)]
     shown = [scene.frame(index, (64, 36), jitter) for index, jitter in enumerate(jitters)]
     given = [replace(one, exposure=1.0, reset=index == 0) for index, one in enumerate(shown)]

@@ -18,7 +18,7 @@ from supersampler_bench.record import BenchRecord
 from supersampler_bench.shots.public_shots import TEST_SHOTS
 from supersampler_bench.shots.rendering import rendered_frame
 from supersampler_model.data.renderer.renderer import Renderer
-from supersampler_model.data.scenes.analytic import Scene, still_scene, still_scene_with_mover
+from supersampler_model.data.scenes.analytic import AnalyticScene, still_scene, still_scene_with_mover
 from supersampler_model.data.sequences import HeldSequence
 from supersampler_model.data.shots import render_size
 from supersampler_model.data.specs import SequenceSpec
@@ -218,7 +218,7 @@ def make_scene(name: str, display: Size, ratio: float, samples: int) -> StillSce
     size, moves, count = render_size(display, ratio), name.endswith(MOVER), frame_count(ratio)
     jitter = [halton_jitter(index, ratio) for index in range(count)]
     if name.startswith("analytic"):
-        analytic: Scene = still_scene_with_mover() if moves else still_scene()
+        analytic: AnalyticScene = still_scene_with_mover() if moves else still_scene()
         frames = [analytic.frame(index, size, jitter[index]) for index in range(count)]
         truth = analytic.truth(count - 1, display)
     else:

@@ -29,7 +29,7 @@ from supersampler_bench.stress.scenario import (
     scenario,
 )
 from supersampler_bench.stress.scenes import PERIOD, STILL, Orbit, frames_of, still, truth
-from supersampler_model.data.scenes.analytic import Plane, Scene, zone_plate
+from supersampler_model.data.scenes.analytic import AnalyticScene, Plane, zone_plate
 
 FIELDS = ("color", "depth", "motion")
 PLACES = ("pixels", "row", "frame")
@@ -299,8 +299,8 @@ for _name, (_hostile, _cases) in _ONE_FRAME.items():
 
 HARM = 0.05
 """dB of PSNR that a shot may lose by the second pass."""
-STATIC: Sequence[Scene] = (STILL, Plane(zone_plate))
-SCENES: Sequence[Scene] = (STILL, Orbit(), Plane(zone_plate, velocity=(0.37, 0.21)))
+STATIC: Sequence[AnalyticScene] = (STILL, Plane(zone_plate))
+SCENES: Sequence[AnalyticScene] = (STILL, Orbit(), Plane(zone_plate, velocity=(0.37, 0.21)))
 SPOILED = 24
 """Number of frames of a shot that has one hostile frame."""
 
@@ -312,7 +312,7 @@ class StressShot(NamedTuple):
     truths: Sequence[Float32]
 
 
-def shots_of(trial: Trial, lengths: Sequence[int], of: Sequence[Scene]) -> Figures:
+def shots_of(trial: Trial, lengths: Sequence[int], of: Sequence[AnalyticScene]) -> Figures:
     """Upscale shots of these lengths, one after another."""
     return _lost(trial, _shots(trial, lengths, of))
 
@@ -356,7 +356,7 @@ for _name, _values in VALUES.items():
 _two_passes("exposure", hostile_shots, 12 * SPOILED, _other_exposures)
 
 
-def _shots(trial: Trial, lengths: Sequence[int], of: Sequence[Scene]) -> list[StressShot]:
+def _shots(trial: Trial, lengths: Sequence[int], of: Sequence[AnalyticScene]) -> list[StressShot]:
     """Return shots of these lengths, of the scenes in turn; frames and jitter go on from shot to shot."""
     shots, first = [], 0
     for length, scene in zip(lengths, cycle(of), strict=False):

@@ -14,9 +14,9 @@ from supersampler.frame import Float32, Size
 from supersampler_model.data.scenes.analytic import (
     FAR,
     NEAR,
+    AnalyticScene,
     Plane,
-    Scene,
-    Surface,
+    SurfaceSample,
     Values,
     WiresOverPlane,
     checker,
@@ -29,14 +29,14 @@ PERIOD = jitter_phase_count(RATIO)
 LAP = 40  # frames after which the moving scene repeats
 LOOP = lcm(PERIOD, LAP)
 """Frames after which scene and jitter both repeat: so must the images."""
-STILL: Scene = WiresOverPlane(Plane(checker))
+STILL: AnalyticScene = WiresOverPlane(Plane(checker))
 
 
 @dataclass(frozen=True)
-class Orbit(Scene):
+class Orbit(AnalyticScene):
     """A near, ringed disc circles in front of a swinging plane; everything repeats after `LAP` frames."""
 
-    def surface(self, index: int, x: Values, y: Values) -> Surface:
+    def surface(self, index: int, x: Values, y: Values) -> SurfaceSample:
         """Return the disc where it is, else the plane."""
         plane, plane_before = _swing(index), _swing(index - 1)
         disc, disc_before = _round(index), _round(index - 1)
@@ -47,7 +47,7 @@ class Orbit(Scene):
             inside[..., None], grey(0.5 + 0.5 * np.cos(2.0 * distance)), checker(x - plane[0], y - plane[1])
         )
         motion = np.where(inside[..., None], disc_before - disc, plane_before - plane)
-        return Surface(color, depth, motion, depth, facing(x, y), facing(x, y))
+        return SurfaceSample(color, depth, motion, depth, facing(x, y), facing(x, y))
 
 
 def _swing(index: int) -> Values:
@@ -72,7 +72,7 @@ def moving(render: Size, every: int = 1) -> Sequence[Frame]:
     return frames_of(Orbit(), render, lcm(PERIOD * every, LAP), every)
 
 
-def frames_of(scene: Scene, render: Size, count: int, every: int = 1) -> Sequence[Frame]:
+def frames_of(scene: AnalyticScene, render: Size, count: int, every: int = 1) -> Sequence[Frame]:
     """Return frames of a scene, none of which resets.
 
     Args:
@@ -103,6 +103,6 @@ def real(render: Size) -> Sequence[Frame]:
 
 
 @cache
-def truth(scene: Scene, index: int, display: Size) -> Float32:
+def truth(scene: AnalyticScene, index: int, display: Size) -> Float32:
     """Return the exact image of a frame."""
     return scene.truth(index, display, 8)

@@ -43,7 +43,7 @@ Extent = int | tuple[int, ...] | None
 """Length of an axis: exact, one of several, or any length >= 1 (None)."""
 
 
-def check(name: str, values: Sequence[float], count: int) -> tuple[float, ...]:
+def check_vector(name: str, values: Sequence[float], count: int) -> tuple[float, ...]:
     """Return `values` as `count` finite floats."""
     try:
         floats = tuple(float(value) for value in values)
@@ -54,14 +54,19 @@ def check(name: str, values: Sequence[float], count: int) -> tuple[float, ...]:
     return floats
 
 
-def check_number(name: str, value: float, least: float, most: float, *, open_below: bool = False) -> None:
-    """Raise unless `value` is finite and in [least, most], or in (least, most] if `open_below`."""
-    inside = least < value <= most if open_below else least <= value <= most  # NaN fails both
+def check_number(name: str, value: float, low: float, high: float, *, open_below: bool = False) -> None:
+    """Raise unless `value` is finite and in [low, high], or in (low, high] if `open_below`."""
+    inside = low < value <= high if open_below else low <= value <= high  # NaN fails both
     if not inside or not np.isfinite(value):
-        bounds = f"{'>' if open_below else '>='} {least:g}" + (
-            f" and <= {most:g}" if np.isfinite(most) else ""
-        )
-        raise SceneError(name, got=value, want=f"a finite number {bounds}")
+        upper = f" and <= {high:g}" if np.isfinite(high) else ""
+        want = f"a finite number {'>' if open_below else '>='} {low:g}{upper}"
+        raise SceneError(name, got=value, want=want)
+
+
+def check_color(name: str, color: Sequence[float], maximum: float = np.inf) -> None:
+    """Raise unless `color` is three finite numbers in [0, maximum]."""
+    for value in check_vector(name, color, 3):
+        check_number(name, value, 0.0, maximum)
 
 
 def check_array(name: str, array: Any, shape: tuple[Extent, ...], dtype: type) -> None:

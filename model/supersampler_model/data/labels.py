@@ -1,4 +1,8 @@
-"""Automatic labels of pixels: where history is invalid (ghosting) and where one sample aliases."""
+"""Automatic labels of pixels: where history is invalid (ghosting) and where one sample aliases.
+
+The rules are equations 1 to 9 of the supplement of Guo et al. 2022, section 2. docs/data.md lists the choices
+where the supplement is silent or contradicts itself.
+"""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
@@ -73,7 +77,7 @@ class PixelStatistics:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Evidence:
+class LabelInputs:
     """Inputs of the label rules for one frame, at display size (W, H).
 
     Attributes:
@@ -99,7 +103,7 @@ class Evidence:
 
 
 def toned(color: Values, exposure: float = 1.0) -> Values:
-    """Exposed linear RGB to [0, 1): c / (1 + c), each channel alone, after a clamp to [0, 65504]."""
+    """Convert exposed linear RGB to [0, 1): c / (1 + c), each channel alone, after a clamp to [0, 65504]."""
     exposed = np.clip(color * exposure, 0.0, BRIGHTEST)
     return np.asarray(exposed / (1.0 + exposed))
 
@@ -131,19 +135,15 @@ def statistics_of(samples: Iterable[Sample], exposure: float = 1.0) -> PixelStat
         mapped_spread = np.maximum(mapped_spread, _distance(first.normal_mapped, sample.normal_mapped))
         total += sample.color
         count += 1
-    return PixelStatistics(
-        depth_min=farthest.astype(np.float32),
-        depth_max=nearest.astype(np.float32),
-        color_min=low.astype(np.float32),
-        color_max=high.astype(np.float32),
-        color=(total / count).astype(np.float32),
-        normal_spread=spread.astype(np.float32),
-        normal_mapped_spread=mapped_spread.astype(np.float32),
-    )
+    arrays = {
+        "depth_min": farthest, "depth_max": nearest, "color_min": low, "color_max": high,
+        "color": total / count, "normal_spread": spread, "normal_mapped_spread": mapped_spread,
+    }  # fmt: skip
+    return PixelStatistics(**{name: array.astype(np.float32) for name, array in arrays.items()})
 
 
 def _distance(a: Values, b: Values) -> Values:
-    """(H, W, 3) each to (H, W), L1."""
+    """Return the L1 distances (H, W) of vectors (H, W, 3)."""
     return np.asarray(np.abs(a - b).sum(axis=-1))
 
 
@@ -218,7 +218,7 @@ class Labels:
     alias: ClassMap
 
 
-def label(now: Evidence, before: Evidence | None, thresholds: LabelThresholds = DEFAULTS) -> Labels:
+def label(now: LabelInputs, before: LabelInputs | None, thresholds: LabelThresholds = DEFAULTS) -> Labels:
     """Label one frame.
 
     Args:
@@ -236,16 +236,16 @@ def label(now: Evidence, before: Evidence | None, thresholds: LabelThresholds = 
         if before.pixels.shape != now.pixels.shape:
             want = f"{now.pixels.shape}, as the frame after it"
             raise ArgumentError("before", got=before.pixels.shape, want=want)
-        occluded = visibility_ghosting(now, before, thresholds)
-        relit = shading_ghosting(now, before, thresholds) & ~aliased
+        occluded = _visibility_ghosting(now, before, thresholds)
+        relit = _shading_ghosting(now, before, thresholds) & ~aliased
     # The paper's "shading ghosting label correction": occluded and aliased pixels are not relit.
     ghost = np.where(occluded, Ghost.VISIBILITY, np.where(relit, Ghost.SHADING, Ghost.NONE))
     alias = np.where(geometry, Alias.GEOMETRY, np.where(aliased, Alias.TEXTURE, Alias.NONE))
     return Labels(ghost.astype(np.uint8), alias.astype(np.uint8))
 
 
-def visibility_ghosting(now: Evidence, before: Evidence, thresholds: LabelThresholds = DEFAULTS) -> Mask:
-    """R_G, (H, W): the surface was occluded by a closer one of another velocity, or off screen."""
+def _visibility_ghosting(now: LabelInputs, before: LabelInputs, thresholds: LabelThresholds) -> Mask:
+    """Return R_G, (H, W): the surface was occluded by a closer one of another velocity, or off screen."""
     previous, on_screen = reprojected(now.motion)
     closest = before.pixels.depth_max[previous]
     slope = _allowance(before.pixels, thresholds)[previous]  # for the samples' spread and for the rounding
@@ -254,7 +254,7 @@ def visibility_ghosting(now: Evidence, before: Evidence, thresholds: LabelThresh
     return _dilated(occluded | ~on_screen, now, thresholds)
 
 
-def _dilated(ghosts: Mask, now: Evidence, thresholds: LabelThresholds) -> Mask:
+def _dilated(ghosts: Mask, now: LabelInputs, thresholds: LabelThresholds) -> Mask:
     """Spread to each of 8 neighbours that is behind the labelled pixel and moves otherwise.
 
     Upscalers dilate motion: such a neighbour reads its history where the labelled surface was.
@@ -268,8 +268,8 @@ def _dilated(ghosts: Mask, now: Evidence, thresholds: LabelThresholds) -> Mask:
     return spread
 
 
-def shading_ghosting(now: Evidence, before: Evidence, thresholds: LabelThresholds = DEFAULTS) -> Mask:
-    """R_S before its correction, (H, W): on screen one frame ago, under other lighting, and not isolated."""
+def _shading_ghosting(now: LabelInputs, before: LabelInputs, thresholds: LabelThresholds) -> Mask:
+    """Return R_S before its correction, (H, W): on screen one frame ago, other lighting, not isolated."""
     previous, on_screen = reprojected(now.motion)
     low, high = now.pixels.color_min, now.pixels.color_max
     low_before, high_before = before.pixels.color_min[previous], before.pixels.color_max[previous]
@@ -279,7 +279,7 @@ def shading_ghosting(now: Evidence, before: Evidence, thresholds: LabelThreshold
 
 
 def aliasing(pixels: PixelStatistics, thresholds: LabelThresholds = DEFAULTS) -> tuple[Mask, Mask]:
-    """A_G and A, (H, W) each: geometry aliasing, and all aliasing."""
+    """Return A_G and A, (H, W) each: geometry aliasing, and all aliasing."""
     slope = _allowance(pixels, thresholds)
     depth = _closer(pixels.depth_max, pixels.depth_min, slope, thresholds.depth_alias)  # (7)
     geometry = depth | (pixels.normal_spread > thresholds.normal)  # (8), without normal maps
@@ -312,7 +312,7 @@ def reprojected(motion: Float32) -> tuple[Places, Mask]:
 
 
 def plane_slope(pixels: PixelStatistics) -> Float32:
-    """(H, W) change of a plane's reversed depth over one pixel: |dD/dx| + |dD/dy|.
+    """Return the change (H, W) of a plane's reversed depth over one pixel: |dD/dx| + |dD/dy|.
 
     A plane's reversed depth is linear on the screen, so its ranges step evenly from pixel to pixel and this
     is exact. Edges are kept out by the smallest of four steps along each axis (to both sides; of the closest
@@ -332,7 +332,7 @@ def plane_slope(pixels: PixelStatistics) -> Float32:
 
 
 def box_overlap(low: Float32, high: Float32, low2: Float32, high2: Float32, padding: float) -> Float32:
-    """(H, W) intersection over union, by volume, of the colour boxes (H, W, 3) after padding, [0, 1]."""
+    """Return the intersection over union (H, W), by volume, of colour boxes (H, W, 3) after padding."""
     sides = np.minimum(high, high2) - np.maximum(low, low2) + 2.0 * padding
     common = _volume(np.maximum(sides, 0.0))
     volume, volume2 = (_volume(b - a + 2.0 * padding) for a, b in ((low, high), (low2, high2)))
@@ -371,12 +371,12 @@ def _neighbours() -> Iterator[tuple[tuple[slice, slice], tuple[slice, slice]]]:
 
 
 def _closer(front: Float32, back: Float32, slope: Float32, threshold: float) -> Mask:
-    """Where `front` is closer than `back` by more than `threshold` of it and than the slope explains."""
+    """Return where `front` is closer than `back` by more than `threshold` of it and the slope explain."""
     return np.asarray(front - back - slope > threshold * front)
 
 
 def _differs(velocity: Float32, other: Float32, threshold: float) -> Mask:
-    """(..., 2) each to (...): where the velocities' squared distance is above `threshold`."""
+    """Return where the squared distance of velocities (..., 2) is above `threshold`."""
     squared = np.square(velocity - other)
     return np.asarray(squared[..., 0] + squared[..., 1] > threshold)
 
@@ -408,15 +408,15 @@ def thin(pixels: PixelStatistics) -> Mask:
     than two has none. A pixel is thin where its closest sample is in front of all solid squares within
     `_REACH` pixels: by more than 1 %, and by more than the slope of a plane explains, as in the other labels.
     """
-    solid = -_largest(-pixels.depth_min, (0, 1))  # of the square whose first pixel this is
-    nearest = _largest(solid, range(-_REACH - 1, _REACH + 1))
+    solid = -_max_around(-pixels.depth_min, (0, 1))  # of the square whose first pixel this is
+    nearest = _max_around(solid, range(-_REACH - 1, _REACH + 1))
     reach = range(-_REACH, _REACH + 1)
-    slope = (_REACH + 2) * _largest(plane_slope(pixels), reach)  # to the far side of the square
+    slope = (_REACH + 2) * _max_around(plane_slope(pixels), reach)  # to the far side of the square
     return np.asarray(pixels.depth_max - nearest - slope > _CLOSER * pixels.depth_max)
 
 
-def _largest(values: Float32, offsets: Sequence[int]) -> Float32:
-    """Return the largest value at these offsets from each pixel, along both axes; borders are repeated."""
+def _max_around(values: Float32, offsets: Sequence[int]) -> Float32:
+    """Return the maximum at these offsets from each pixel, along both axes; borders are repeated."""
     for axis in (0, 1):
         places = np.arange(values.shape[axis])
         shifted = (np.take(values, places + offset, axis, mode="clip") for offset in offsets)

@@ -7,10 +7,9 @@ import numpy as np
 
 from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.scenes.procedural import lighting, materials, paths, shapes
-from supersampler_model.data.scenes.procedural.fixtures import bulb, bunting, dust, skyline, smoke
 from supersampler_model.data.scenes.procedural.outdoors import bush, tree
 from supersampler_model.data.scenes.procedural.paths import drift, placed, turned_by, vector
-from supersampler_model.data.scenes.procedural.stage import Stage
+from supersampler_model.data.scenes.procedural.stage import Stage, bulb, bunting, dust, skyline, smoke
 from supersampler_model.data.scenes.scene import Camera, Color, Rng, Sun
 from supersampler_model.data.sequences import Sequence, SequenceSpec
 from supersampler_model.data.shots import ShotForm, render_shot
@@ -76,7 +75,7 @@ def _houses(rng: Rng, stage: Stage) -> None:
 
 
 def _fence(rng: Rng, stage: Stage) -> None:
-    """Chain-link that runs away from the camera on the left, with posts and a rail."""
+    """Add chain-link that runs away from the camera on the left, with posts and a rail."""
     link = materials.fence(rng, 10)
     stage.put(shapes.wall(9.0, 1.9, 0.75), link, placed(-3.3, 0, -3.2, yaw=np.pi / 2.0))
     posts = [(shapes.cylinder(0.035, 2.0, 10), placed(-3.3, 0, z)) for z in np.arange(-7.7, 1.4, 1.5)]
@@ -85,7 +84,7 @@ def _fence(rng: Rng, stage: Stage) -> None:
 
 
 def _fountain(rng: Rng, stage: Stage) -> None:
-    """A basin with a turning golden knot over water, and a chrome ball beside it."""
+    """Add a basin with a turning golden knot over water, and a chrome ball beside it."""
     stone = materials.concrete(rng)
     rim = [(1.25, 0.0), (1.3, 0.42), (1.12, 0.45), (1.08, 0.3), (0.0, 0.3)]
     stage.put(shapes.lathe(rim, 48), stone, placed(0.3, 0, -3.6))
@@ -110,7 +109,7 @@ def _garden(rng: Rng, stage: Stage) -> None:
 
 
 def _cart(rng: Rng, stage: Stage) -> None:
-    """A vendor's cart that rolls through the image and disoccludes the background."""
+    """Add a vendor's cart that rolls through the image and disoccludes the background."""
     rolling: paths.Pose = paths.upright(lambda t: np.array([-2.5 + 3.4 * t, 0.0, -1.3]))
     box, lid = shapes.box(1.0, 0.5, 0.6, 1.0), shapes.box(1.1, 0.05, 0.7)
     stage.put(
@@ -142,7 +141,7 @@ def _balls(rng: Rng, stage: Stage) -> None:
 
 
 def _lights(rng: Rng, stage: Stage) -> None:
-    """Lanterns on the cords that throb, a blinking sign, and a coloured spot that sweeps over the fronts."""
+    """Add lanterns on the cords that throb, a blinking sign, and a spot that sweeps over the fronts."""
     for x, y, z in ((-4.4, 2.9, -4.4), (-2.2, 3.1, -4.3), (2.4, 3.0, -4.6), (4.2, 2.6, -1.8)):
         glow, color = lighting.pulse(rng, "throb"), lighting.tint(rng, 5.0, 0.7)
         bulb(stage, (x, y, z), color, size=0.11, reach=5.0, pulsing=glow)

@@ -7,7 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler import Frame
-from supersampler_model.data.labels import DEFAULTS, Evidence, Labels, LabelThresholds, PixelStatistics, label
+from supersampler_model.data.labels import (
+    DEFAULTS,
+    LabelInputs,
+    Labels,
+    LabelThresholds,
+    PixelStatistics,
+    label,
+)
 
 UNIT_BUFFERS = ("base_color", "roughness", "metallic", "specular")
 """G-buffers in [0, 1]; they are stored with eight bits, as in engines."""
@@ -16,7 +23,7 @@ Float32: TypeAlias = NDArray[np.float32]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Surfaces:
+class SurfaceBuffers:
     """Surfaces at each pixel, by one sample: (h, w, ...). Row 0 is on top, x points right, y down.
 
     Attributes:
@@ -61,8 +68,8 @@ class Rendered:
     """
 
     color: Float16
-    render: Surfaces
-    display: Surfaces
+    render: SurfaceBuffers
+    display: SurfaceBuffers
     reference: PixelStatistics
     jitter: tuple[float, float]
     reset: bool
@@ -73,13 +80,13 @@ class Rendered:
         frame = frame_of(self.color, self.render, self.display, jitter=self.jitter, exposure=self.exposure)
         return replace(frame, reset=self.reset)
 
-    def evidence(self, exposure: float | None = None) -> Evidence:
+    def label_inputs(self, exposure: float | None = None) -> LabelInputs:
         """Return the inputs of the label rules.
 
         Args:
             exposure: at which colours are compared, the same for both frames; None: the frame's own.
         """
-        return Evidence(
+        return LabelInputs(
             pixels=self.reference.toned(self.exposure if exposure is None else exposure),
             motion=self.display.motion, depth_before=self.display.previous_depth, cut=self.reset,
         )  # fmt: skip
@@ -87,14 +94,14 @@ class Rendered:
 
 def labels_of(now: Rendered, before: Rendered | None, thresholds: LabelThresholds = DEFAULTS) -> Labels:
     """Return a frame's labels. Both frames are compared at its exposure, which does not change the light."""
-    previous = None if before is None else before.evidence(now.exposure)
-    return label(now.evidence(now.exposure), previous, thresholds)
+    previous = None if before is None else before.label_inputs(now.exposure)
+    return label(now.label_inputs(now.exposure), previous, thresholds)
 
 
 def frame_of(
     color: Float16,
-    render: Surfaces,
-    display: Surfaces | None,
+    render: SurfaceBuffers,
+    display: SurfaceBuffers | None,
     *,
     jitter: tuple[float, float],
     reset: bool = False,

@@ -78,7 +78,7 @@ class StagedSequence(Sequence):
 
 
 class HeldSequence(StagedSequence):
-    """The same with the camera and exposure of frame `at` throughout.
+    """A staged sequence with the camera and exposure of frame `at` throughout.
 
     Args:
         spec: of the sequence.

@@ -139,7 +139,7 @@ def render_shot(
 
 def _classes(now: Rendered, before: Rendered | None, form: ShotForm) -> ClassMaps:
     labels = labels_of(now, before)
-    thin_pixels = thin(now.evidence().pixels).astype(np.uint8) if form.thin else None
+    thin_pixels = thin(now.label_inputs().pixels).astype(np.uint8) if form.thin else None
     return ClassMaps(labels.ghost, labels.alias, thin_pixels)
 
 

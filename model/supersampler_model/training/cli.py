@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from types import FrameType
 
-    from supersampler_model.data.dataset.description import Split
+    from supersampler_model.data.dataset.storage import Split
     from supersampler_model.training.trainer import Trainer, Update
     from supersampler_model.training.validation import Validated
 

@@ -26,7 +26,7 @@ from supersampler.frame import Float32
 from supersampler.methods.gbuffers import GBUFFERS
 from supersampler_model import ops
 from supersampler_model.data.dataset import Dataset, TrainingFrame
-from supersampler_model.data.dataset.description import SequenceEntry
+from supersampler_model.data.dataset.storage import SequenceEntry
 from supersampler_model.data.labels import Alias
 from supersampler_model.training.datasets import gbuffers, planes, sequences_of
 

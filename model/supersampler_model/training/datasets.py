@@ -16,8 +16,7 @@ from supersampler.io.display import auto_exposure
 from supersampler.io.shot import Shot, ShotFrame
 from supersampler.methods.gbuffers import GBUFFERS
 from supersampler_model.data.dataset import Dataset, TrainingFrame, create_dataset
-from supersampler_model.data.dataset.description import Description, SequenceEntry, Split
-from supersampler_model.data.dataset.frame_file import write_training_frame
+from supersampler_model.data.dataset.storage import Description, SequenceEntry, Split, write_training_frame
 from supersampler_model.data.specs import SequenceSpec
 
 UNKNOWN = 255

@@ -16,7 +16,7 @@ from torch import Tensor
 from supersampler.errors import ArgumentError
 from supersampler_model import ops
 from supersampler_model.data.dataset import Dataset, TrainingFrame
-from supersampler_model.data.dataset.description import SequenceEntry
+from supersampler_model.data.dataset.storage import SequenceEntry
 from supersampler_model.data.labels import Ghost
 from supersampler_model.methods.base import Method
 from supersampler_model.methods.guided_flow import LIGHT, Gathered, GuidedFlow, flow_history

@@ -15,7 +15,7 @@ from supersampler.methods.at_rest import ADDS_SAMPLES
 from supersampler.methods.spec import FRAME_INPUTS
 from supersampler_model import ops
 from supersampler_model.data.dataset import Dataset, TrainingFrame
-from supersampler_model.data.dataset.description import SequenceEntry
+from supersampler_model.data.dataset.storage import SequenceEntry
 from supersampler_model.methods.base import Method
 from supersampler_model.training.datasets import frame_inputs, gbuffers
 

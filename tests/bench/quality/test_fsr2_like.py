@@ -18,9 +18,9 @@ from supersampler_bench.fsr2.method import FSR2_LIKE, Fsr2Like
 from supersampler_bench.fsr2.passes import DepthClip
 from supersampler_bench.quality.measure import measure_quality, runnable
 from supersampler_model.data.scenes.analytic import (
+    AnalyticScene,
     DiscOverPlane,
     Plane,
-    Scene,
     Values,
     checker,
     plain,
@@ -31,7 +31,7 @@ SMALL = (32, 18)
 
 
 def images(
-    scene: Scene, count: int, render: Size = RENDER, display: Size = DISPLAY
+    scene: AnalyticScene, count: int, render: Size = RENDER, display: Size = DISPLAY
 ) -> Iterator[tuple[int, Float32]]:
     """Yield the number and the image of each frame of a scene."""
     upscaler = Fsr2Like(display)
@@ -39,7 +39,7 @@ def images(
         yield index, upscaler.step(scene.frame(index, render, halton_jitter(index, display[0] / render[0])))
 
 
-def last(scene: Scene, count: int, render: Size = RENDER, display: Size = DISPLAY) -> Float32:
+def last(scene: AnalyticScene, count: int, render: Size = RENDER, display: Size = DISPLAY) -> Float32:
     """Return the last image of `count` frames."""
     return list(images(scene, count, render, display))[-1][1]
 

@@ -24,7 +24,7 @@ from supersampler_bench.quality.scores import (
     MethodRow,
     MethodScores,
 )
-from supersampler_model.data.scenes.analytic import DiscOverPlane, Plane, Scene, checker
+from supersampler_model.data.scenes.analytic import AnalyticScene, DiscOverPlane, Plane, checker
 
 RENDER, DISPLAY = (48, 27), (96, 54)
 SCENE = DiscOverPlane()
@@ -33,7 +33,7 @@ SCENE = DiscOverPlane()
 def write_shot(
     folder: Path,
     *,
-    scene: Scene = SCENE,
+    scene: AnalyticScene = SCENE,
     references: Sequence[int],
     count: int = 6,
     classes: ClassMaps | None = None,

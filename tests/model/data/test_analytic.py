@@ -4,19 +4,18 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from more_scenes import Cut, Floor, ShadingStep, dots, ripples, thin_lines
+from more_scenes import Cut, Floor, ShadingStep, dots, near, ripples, thin_lines
 from supersampler import halton_jitter
 from supersampler.conventions import camera_motion
 from supersampler_bench.quality.metrics import psnr
 from supersampler_model.data.scenes.analytic import (
-    EXTENT,
     FAR,
     NEAR,
+    AnalyticScene,
     DiscOverPlane,
     Mask,
     Pattern,
     Plane,
-    Scene,
     WiresOverPlane,
     checker,
     places,
@@ -30,7 +29,7 @@ RENDER, DISPLAY = (64, 36), (128, 72)
 PATTERNS = pytest.mark.parametrize("pattern", [zone_plate, thin_lines, dots, checker])
 
 
-def accumulated(scene: Scene, count: int, sign: float) -> NDArray[np.float32]:
+def accumulated(scene: AnalyticScene, count: int, sign: float) -> NDArray[np.float32]:
     """Put the samples of `count` jittered frames where they fell at twice the size, and average.
 
     `sign` -1 reads the jitter the wrong way round.
@@ -65,7 +64,7 @@ def test_the_truth_is_the_same_scene_at_every_size() -> None:
     np.testing.assert_allclose(large.reshape(72, 2, 128, 2, 3).mean(axis=(1, 3)), small, atol=1e-6)
 
 
-def followed(scene: Scene, index: int, sign: float = 1.0) -> tuple[float, Mask]:
+def followed(scene: AnalyticScene, index: int, sign: float = 1.0) -> tuple[float, Mask]:
     """PSNR of the last truth, moved along whole-pixel motion, and where that is fair to ask."""
     motion = sign * scene.frame(index, DISPLAY).motion
     rows, columns = np.indices((72, 128))
@@ -77,16 +76,8 @@ def followed(scene: Scene, index: int, sign: float = 1.0) -> tuple[float, Mask]:
     return psnr(past, scene.truth(index, DISPLAY), fair), fair
 
 
-def near(mask: Mask) -> Mask:
-    """Return the mask and the pixels that touch it."""
-    padded = np.pad(mask, 1)
-    height, width = mask.shape
-    shifted = [padded[i : i + height, j : j + width] for i in range(3) for j in range(3)]
-    return np.asarray(np.any(shifted, axis=0))
-
-
 @pytest.mark.parametrize("scene", [Plane(checker, (1.5, -1.0)), Plane(dots, (-0.5, 2.0)), DiscOverPlane()])
-def test_the_truth_moves_by_the_motion_away_from_disocclusion(scene: Scene) -> None:
+def test_the_truth_moves_by_the_motion_away_from_disocclusion(scene: AnalyticScene) -> None:
     score, fair = followed(scene, 4)
     assert fair.mean() > 0.7
     assert score > 60
@@ -116,24 +107,6 @@ def test_what_pans_in_from_off_screen_is_disoccluded() -> None:
     assert not revealed[:, 4:].any()
 
 
-def test_a_shading_step_changes_the_light_and_nothing_else() -> None:
-    scene = ShadingStep(Plane(dots), at=3, gain=0.25)
-    before, after = scene.frame(2, RENDER), scene.frame(3, RENDER)
-    np.testing.assert_allclose(np.asarray(after.color), 0.25 * np.asarray(before.color))
-    assert not after.motion.any()
-    assert not after.reset
-
-
-def test_a_cut_resets_shows_the_other_scene_and_has_no_history() -> None:
-    scene = Cut(Plane(dots), Plane(checker), at=2)
-    assert [scene.frame(i, RENDER).reset for i in range(4)] == [True, False, True, False]
-    np.testing.assert_array_equal(
-        np.asarray(scene.frame(2, RENDER).color), np.asarray(Plane(checker).frame(2, RENDER).color)
-    )
-    assert scene.disoccluded(2, RENDER).all()
-    assert not scene.disoccluded(3, RENDER).any()
-
-
 @pytest.mark.parametrize(
     "scene",
     [
@@ -146,7 +119,7 @@ def test_a_cut_resets_shows_the_other_scene_and_has_no_history() -> None:
         Cut(Plane(dots), Floor(checker, 3.0), at=4),
     ],
 )
-def test_what_is_seen_was_where_its_motion_says_at_the_depth_it_says(scene: Scene) -> None:
+def test_what_is_seen_was_where_its_motion_says_at_the_depth_it_says(scene: AnalyticScene) -> None:
     x, y = places(DISPLAY)
     now, seen = scene.surface(5, x, y), scene.visible_before(5, x, y)
     assert seen.mean() > 0.5
@@ -157,36 +130,22 @@ def test_what_is_seen_was_where_its_motion_says_at_the_depth_it_says(scene: Scen
     np.testing.assert_allclose(before.normal_mapped[seen], now.normal_mapped[seen], atol=1e-6)
 
 
-def test_a_floor_is_a_plane_and_comes_closer() -> None:
-    now = Floor(checker, 3.0).surface(5, *places(DISPLAY))
-    np.testing.assert_allclose(np.diff(now.depth, n=2, axis=0), 0.0, atol=1e-15)  # linear on the screen
-    np.testing.assert_allclose(1.0 / now.depth_before - 1.0 / now.depth, 3.0)
-    assert FAR < now.depth.min() < now.depth.max() < NEAR
-    away = np.stack(np.broadcast_arrays(*places(DISPLAY)), axis=-1) - (EXTENT[0] / 2, -FAR / Floor.SLOPE)
-    assert (now.motion * away).sum(axis=-1).max() < 0  # all came from its vanishing point
-
-
-def test_a_changed_light_and_a_cut_keep_what_a_scene_says_of_its_previous_frame() -> None:
-    scene = DiscOverPlane()
-    for wrapped in (ShadingStep(scene, at=4), Cut(Plane(dots), scene, at=2)):
-        np.testing.assert_array_equal(wrapped.disoccluded(4, DISPLAY), scene.disoccluded(4, DISPLAY))
-    assert ShadingStep(Cut(Plane(dots), scene, at=2), at=4).cut(2)
-
-
 def test_evidence_holds_the_ranges_and_the_mean_of_the_samples() -> None:
     scene = DiscOverPlane()
-    drawn = scene.evidence(3, RENDER, samples=4)
+    drawn = scene.label_inputs(3, RENDER, samples=4)
     np.testing.assert_array_equal(drawn.pixels.color, scene.truth(3, RENDER, samples=4))
     np.testing.assert_array_equal(drawn.motion, scene.frame(3, RENDER).motion)
     np.testing.assert_array_equal(drawn.depth_before, scene.frame(3, RENDER).depth)  # nothing comes closer
     depths = np.array([sample.depth for sample in scene.samples(3, RENDER, 4)], np.float32)
     np.testing.assert_array_equal(drawn.pixels.depth_min, depths.min(axis=0))
     np.testing.assert_array_equal(drawn.pixels.depth_max, depths.max(axis=0))
-    assert [scene.evidence(i, RENDER, samples=1).cut for i in (0, 1)] == [True, False]
+    assert [scene.label_inputs(i, RENDER, samples=1).cut for i in (0, 1)] == [True, False]
 
 
 def test_a_normal_map_changes_nothing_but_the_mapped_normals() -> None:
-    flat, bumpy = (Plane(plain, bumps=bumps).evidence(0, RENDER) for bumps in (Plane(plain).bumps, ripples))
+    flat, bumpy = (
+        Plane(plain, bumps=bumps).label_inputs(0, RENDER) for bumps in (Plane(plain).bumps, ripples)
+    )
     assert bumpy.pixels.normal_mapped_spread.min() > 0.3
     assert not flat.pixels.normal_mapped_spread.any()
     assert not bumpy.pixels.normal_spread.any()

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from gl_scenes import Yard, ball, box, fence_texture, moved, plane, unlit
 from supersampler_model.data.errors import SceneError
-from supersampler_model.data.rendered import Surfaces
+from supersampler_model.data.rendered import SurfaceBuffers
 from supersampler_model.data.renderer import renderer as module
 from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.scenes.procedural.paths import turned_by
@@ -19,7 +19,7 @@ from supersampler_model.data.scenes.scene import (
     Instance,
     Material,
     Particles,
-    Point,
+    PointLight,
     Scene,
     Spot,
     Sun,
@@ -56,7 +56,7 @@ def middle(renderer: Renderer, scene: Scene) -> NDArray[np.float32]:
 def test_a_matte_floor_reflects_its_share_of_all_lights(renderer: Renderer) -> None:
     white, base = (np.pi, np.pi, np.pi), np.array(MATTE.base_color)
     sun = Sun(direction=(0.0, -1.0, -1.0), color=white, radius=10.0)
-    point = Point(position=(0.0, 2.0, 0.0), color=white, reach=1000.0)
+    point = PointLight(position=(0.0, 2.0, 0.0), color=white, reach=1000.0)
     spot = Spot(position=(0.0, 2.0, 0.0), target=(0.0, 0.0, 0.0), color=white, reach=1000.0)
     for scene, share in (
         (seen_from(ABOVE, floor(), radiance=0.8), 0.8),
@@ -248,7 +248,7 @@ def test_the_same_scene_gives_the_same_bytes(renderer: Renderer) -> None:
         assert getattr(one.reference, name).tobytes() == getattr(two.reference, name).tobytes()
 
 
-def assert_same_surfaces(a: Surfaces, b: Surfaces) -> None:
+def assert_same_surfaces(a: SurfaceBuffers, b: SurfaceBuffers) -> None:
     for name in type(a).__slots__:
         assert getattr(a, name).tobytes() == getattr(b, name).tobytes(), name
 
@@ -257,7 +257,7 @@ def test_a_rendered_frame_is_a_frame_and_evidence(renderer: Renderer) -> None:
     scene = Yard().scene(0)
     scene = replace(scene, camera=replace(scene.camera, exposure=2.0))
     rendered = renderer.render(scene, (80, 45), jitter=(0.125, -0.25), reset=True)
-    frame, evidence = rendered.frame(), rendered.evidence()
+    frame, evidence = rendered.frame(), rendered.label_inputs()
     assert (frame.size, frame.jitter, frame.reset, frame.exposure) == ((80, 45), (0.125, -0.25), True, 2.0)
     assert frame.gbuffer is not None
     assert frame.gbuffer_display is not None

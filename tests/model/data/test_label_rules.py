@@ -15,8 +15,8 @@ from supersampler.errors import ArgumentError
 from supersampler.frame import Float32
 from supersampler_model.data.labels import (
     Alias,
-    Evidence,
     Ghost,
+    LabelInputs,
     LabelThresholds,
     PixelStatistics,
     Sample,
@@ -38,7 +38,7 @@ HIDDEN = {"depth_before": 0.04, "motion": -0.8}  # both components
 few = settings(max_examples=40, deadline=None)
 
 
-def evidence(shape: tuple[int, int] = (9, 12), **overrides: Any) -> Evidence:
+def evidence(shape: tuple[int, int] = (9, 12), **overrides: Any) -> LabelInputs:
     """Return a still, grey, flat surface; overrides are arrays, or numbers that fill one."""
     channels = {"color": (3,), "motion": (2,)}
     fields: dict[str, Any] = {}
@@ -47,10 +47,10 @@ def evidence(shape: tuple[int, int] = (9, 12), **overrides: Any) -> Evidence:
         values = np.asarray(overrides.get(name, FILL[kind]), np.float32)
         fields[name] = np.broadcast_to(values, (*shape, *channels.get(kind, ())))
     frame = {name: fields.pop(name) for name in ("motion", "depth_before")}
-    return Evidence(pixels=PixelStatistics(**fields), **frame)
+    return LabelInputs(pixels=PixelStatistics(**fields), **frame)
 
 
-def changed(**in_the_middle: float) -> tuple[Evidence, Evidence]:
+def changed(**in_the_middle: float) -> tuple[LabelInputs, LabelInputs]:
     """Two frames alike but for what is given, in 5x5 pixels of the current one."""
     shape, still = (9, 12), evidence()
     now = {}
@@ -264,7 +264,7 @@ def test_any_two_frames_of_any_size_have_labels(seed: int, shape: tuple[int, ...
     random = np.random.default_rng(seed)
     height, width = shape
 
-    def frame() -> Evidence:
+    def frame() -> LabelInputs:
         depth, color = random.choice([0.0, FAR, NEAR], (3, *shape)), random.random((2, *shape, 3))
         return evidence(
             (height, width),

@@ -11,8 +11,8 @@ import pytest
 from supersampler.io.display import display_transform
 from supersampler_model.data.errors import SceneError
 from supersampler_model.data.renderer.renderer import Renderer
-from supersampler_model.data.scenes.procedural import fixtures, lighting, materials, paths, shapes
-from supersampler_model.data.scenes.procedural.stage import Stage
+from supersampler_model.data.scenes.procedural import lighting, materials, paths, shapes
+from supersampler_model.data.scenes.procedural.stage import CASTERS, Stage, caster
 from supersampler_model.data.scenes.scene import Camera, Instance, Mesh, Scene
 from supersampler_model.data.sequences import APART_FAMILIES, TEST_FAMILIES, TRAIN_FAMILIES, make_sequence
 from supersampler_model.data.specs import Sequence, SequenceSpec
@@ -195,7 +195,7 @@ def test_every_third_hour_is_dusk_or_night_and_then_the_sun_is_low_or_gone() -> 
 
 
 def test_a_caster_is_never_seen_but_its_shadow_is(small_renderer: Renderer) -> None:
-    for kind in fixtures.CASTERS:
+    for kind in CASTERS:
         pictures = []
         for cast in (False, True):
             rng = np.random.default_rng(5)
@@ -204,7 +204,7 @@ def test_a_caster_is_never_seen_but_its_shadow_is(small_renderer: Renderer) -> N
             stage = Stage(environment=weather.environment, sun=sun)
             stage.put(shapes.plane(40.0, 40.0), materials.plaster(rng, (0.6, 0.6, 0.6)))
             if cast:
-                fixtures.caster(rng, stage, sun, kind)
+                caster(rng, stage, sun, kind)
             camera = Camera(position=(0.0, 3.0, -14.0), target=(0.0, 3.0, 0.0))  # towards caster and sun
             pictures.append(small_renderer.reference(stage.scene(0.2, 0.2, camera, camera)))
         without, shadowed = pictures

@@ -1,6 +1,5 @@
 """`supersampler render`: its files, interruptions, full disks and invalid options."""
 
-import json
 import os
 import signal
 import subprocess
@@ -110,17 +109,6 @@ def test_a_broken_file_is_named_before_anything_is_written(files: Path, tmp_path
     [line] = answer.output.splitlines()
     assert line.startswith(f"error: {files / 'worse.glb'}: mesh 0 'Cube', primitive 0")
     assert not (tmp_path / "set").exists()
-
-
-def test_a_file_that_has_changed_stops_the_run(files: Path, tmp_path: Path) -> None:
-    out = tmp_path / "set"
-    options = ("--gltf", files, "--gltf-fraction", "1", "--sequences", "1", *SMALL)
-    assert render(out, *options).exit_code == 0
-    cube(emissiveFactor=[1.0, 0.0, 0.0]).save(files / "cube.glb")
-    answer = render(out, *options)
-    assert answer.exit_code == 1
-    assert "these have changed since the set was begun" in answer.output
-    assert json.loads((out / "dataset.json").read_text())["sequences"][0]["spec"]["files"][0][0] == "cube.glb"
 
 
 @pytest.mark.parametrize(

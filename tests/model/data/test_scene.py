@@ -15,7 +15,7 @@ from supersampler_model.data.scenes.scene import (
     Material,
     Mesh,
     Particles,
-    Point,
+    PointLight,
     Scene,
     Skin,
     Spot,
@@ -28,7 +28,7 @@ WHITE = np.full((2, 2, 3), 255, np.uint8)
 PAINT = Texture(pixels=WHITE)
 ROWS = np.ones((2, 4), np.float32)
 HERE = moved(0, 0, 0)
-LAMP = Point(position=(0.0, 1.0, 0.0), color=(1.0, 1.0, 1.0))
+LAMP = PointLight(position=(0.0, 1.0, 0.0), color=(1.0, 1.0, 1.0))
 WIDER = Camera(position=(0.0, 0.0, 1.0), target=(0.0, 0.0, 0.0), near=0.2)
 
 
@@ -73,7 +73,7 @@ BAD: list[tuple[Callable[[], object], str]] = [
     (lambda: Camera(position=(0, 0, 0), target=(0, 0, 1), near=0.0), r"camera\.near is 0\.0; want .* > 0"),
     (lambda: Sun(direction=(0, 0, 0), color=(1, 1, 1)), r"sun\.direction is \(0, 0, 0\); want a direction"),
     (lambda: Spot(position=(0, 0, 0), target=(1, 0, 0), color=(1, 1, 1), outer=95.0), r"spot\.outer is 95"),
-    (lambda: Point(position=(0, 0, 0), color=(1, -1, 1)), r"point\.color is -1"),
+    (lambda: PointLight(position=(0, 0, 0), color=(1, -1, 1)), r"point\.color is -1"),
     (lambda: scene(points=(LAMP,) * 17), r"scene\.points is 17 lights; .* 16"),
     (lambda: scene(camera_before=WIDER), r"camera_before\.near"),
     (

@@ -145,7 +145,7 @@ def test_the_plaza_moves_hides_and_changes_its_light() -> None:
     before, now = (renderer.render(plaza.scene(i), (160, 90), jitter=(0, 0)) for i in (26, 27))
     motion = np.hypot(now.display.motion[..., 0], now.display.motion[..., 1])
     assert 0.5 < np.median(motion) < 4.0  # the camera walks
-    labels = label(now.evidence(1.0), before.evidence(1.0))
+    labels = label(now.label_inputs(1.0), before.label_inputs(1.0))
     assert (labels.ghost == Ghost.VISIBILITY).mean() > 0.01
     assert (labels.ghost == Ghost.SHADING).mean() > 0.01
     assert (labels.alias == Alias.GEOMETRY).mean() > 0.1

@@ -19,8 +19,7 @@ from supersampler.cli import app
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.io.shot import Shot, ShotWriter
 from supersampler_model.data.dataset import Dataset, TrainingFrame, create_dataset
-from supersampler_model.data.dataset.description import Description, SequenceEntry
-from supersampler_model.data.dataset.frame_file import write_training_frame
+from supersampler_model.data.dataset.storage import Description, SequenceEntry, write_training_frame
 from supersampler_model.data.scenes.analytic import DiscOverPlane
 from supersampler_model.data.specs import SequenceSpec
 from supersampler_model.methods.classifier import Classifier

@@ -3,19 +3,17 @@
 `dataset.json` lists the sequences. Crops are cut by `training.crops`.
 """
 
-from supersampler_model.data.dataset.description import (
+from supersampler_model.data.dataset.rendering import RenderPlan, plan_sequences, render_sequence
+from supersampler_model.data.dataset.storage import (
     Dataset,
     Description,
     SequenceEntry,
+    TrainingFrame,
     create_dataset,
     open_dataset,
-)
-from supersampler_model.data.dataset.frame_file import (
-    TrainingFrame,
     read_training_frame,
     write_training_frame,
 )
-from supersampler_model.data.dataset.rendering import RenderPlan, plan_sequences, render_sequence
 
 __all__ = [
     "Dataset",

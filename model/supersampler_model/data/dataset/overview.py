@@ -17,7 +17,7 @@ from supersampler.aux_outputs import CLASS_COLORS
 from supersampler.errors import ArgumentError
 from supersampler.io.display import display_transform, to_uint8
 from supersampler.io.images import write_png
-from supersampler_model.data.dataset.description import Dataset, SequenceEntry, Split, open_dataset
+from supersampler_model.data.dataset.storage import Dataset, SequenceEntry, Split, open_dataset
 from supersampler_model.data.labels import Alias, Ghost, Labels
 
 Image = NDArray[np.uint8]

@@ -11,16 +11,14 @@ import numpy as np
 from supersampler import halton_jitter
 from supersampler.errors import ArgumentError
 from supersampler.io.files import remove_partial_files
-from supersampler_model.data.dataset.description import (
+from supersampler_model.data.dataset.storage import (
     Dataset,
     Description,
+    Rerendered,
     SequenceEntry,
     Split,
-    open_dataset,
-)
-from supersampler_model.data.dataset.frame_file import (
-    Rerendered,
     TrainingFrame,
+    open_dataset,
     write_rerendered,
     write_training_frame,
 )

@@ -133,8 +133,8 @@ def open_graphics() -> Graphics:
         except Exception as error:  # moderngl raises bare Exceptions
             reasons.append(f"{name}: {' '.join(str(error).split())}")
     else:
-        wanted = f"no OpenGL {VERSION / 100:.1f} ({'; '.join(reasons)})"
-        raise GraphicsError(f"{wanted}. Do one of: {APT}; {PIP}")
+        problem = f"no OpenGL {VERSION / 100:.1f} ({'; '.join(reasons)})"
+        raise GraphicsError(f"{problem}. Do one of: {APT}; {PIP}")
     graphics.gl.gc_mode = "context_gc"
     with graphics.gl:
         graphics.call("glClipControl", _LOWER_LEFT, _ZERO_TO_ONE)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from supersampler.conventions import mip_bias
 from supersampler_model.data.errors import SceneError
 from supersampler_model.data.labels import PixelStatistics
-from supersampler_model.data.rendered import Float16, Float32, Rendered, Surfaces
+from supersampler_model.data.rendered import Float16, Float32, Rendered, SurfaceBuffers
 from supersampler_model.data.renderer.context import VERSION, Graphics, open_graphics
 from supersampler_model.data.renderer.uploads import (
     DRAW_BYTES,
@@ -223,7 +223,7 @@ class Renderer:
 
     def frame(
         self, scene: Scene, render_size: Size, *, jitter: tuple[float, float]
-    ) -> tuple[Float16, Surfaces]:
+    ) -> tuple[Float16, SurfaceBuffers]:
         """Render the input of an upscaler: colour (h, w, 3) and surfaces, at pixel centre + jitter.
 
         Args:
@@ -238,7 +238,7 @@ class Renderer:
             target = self._draw(scene, "COLOR_AND_SURFACES", "frame", raster)
             return _part(target.read(4), slice(3)), _surfaces(target)
 
-    def display(self, scene: Scene) -> Surfaces:
+    def display(self, scene: Scene) -> SurfaceBuffers:
         """Render the surfaces at display size, at pixel centres."""
         with self._gl:
             return _surfaces(self._draw(scene, "SURFACES", "display", Raster.of_frame(self.display_size)))
@@ -385,10 +385,10 @@ def sorted_particles(groups: tuple[Particles, ...], scene: Scene) -> Float32:
     return np.ascontiguousarray(rows[np.argsort(along, kind="stable")])
 
 
-def _surfaces(target: Target) -> Surfaces:
+def _surfaces(target: Target) -> SurfaceBuffers:
     motion, smooth, normal, base = (target.read(index) for index in range(4))
     rgb = slice(3)
-    return Surfaces(
+    return SurfaceBuffers(
         depth=_part(motion, 2), motion=_part(motion, slice(2)), previous_depth=_part(motion, 3),
         base_color=_part(base, rgb), normal=_part(normal, rgb), smooth_normal=_part(smooth, rgb),
         roughness=_part(normal, 3), metallic=_part(base, 3), specular=_part(smooth, 3),

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -19,8 +20,13 @@ from supersampler_model.data.scenes.scene import (
     Spot,
     Sun,
     Texture,
+    Values,
 )
 
+Size = tuple[int, int]
+DRAW_BYTES = 256  # per instance; a multiple of every GL's offset alignment
+PALETTES_BYTES = 2 * MAX_JOINTS * 64
+SHADOW_SIZE = 2048  # texels a side, of the sun's map; the spot's has half as many
 _SRGB8_ALPHA8 = 0x8C43
 _MAPS = ("base_color", "normal", "orm", "emissive")
 _PLAIN = ("3f4 3f4 4f4 2f4", "position", "normal", "tangent", "uv")
@@ -33,22 +39,21 @@ class Assets:
 
     def __init__(self, gl: Any) -> None:
         self._gl = gl
-        self._buffers: WeakKeyDictionary[Mesh, list[Any]] = WeakKeyDictionary()
-        self._arrays: WeakKeyDictionary[Mesh, dict[Any, Any]] = WeakKeyDictionary()
-        self._textures: WeakKeyDictionary[Texture, dict[float | None, Any]] = WeakKeyDictionary()
-        self._materials: WeakKeyDictionary[Material, Any] = WeakKeyDictionary()
-        self._environments: WeakKeyDictionary[Environment, Any] = WeakKeyDictionary()
+        self._uploads: WeakKeyDictionary[Any, dict[Any, Any]] = WeakKeyDictionary()  # by source and variant
         self._white = gl.texture((1, 1), 4, b"\xff" * 4)
+
+    def _once(self, source: Any, variant: Any, upload: Callable[[], Any]) -> Any:
+        uploads = self._uploads.setdefault(source, {})
+        if variant not in uploads:
+            uploads[variant] = upload()
+        return uploads[variant]
 
     def draw(self, mesh: Mesh, program: Any) -> None:
         """Draw all triangles of `mesh`."""
-        arrays = self._arrays.setdefault(mesh, {})
-        if program not in arrays:
-            arrays[program] = self._vertex_array(mesh, program)
-        arrays[program].render()
+        self._once(mesh, program, lambda: self._vertex_array(mesh, program)).render()
 
     def _vertex_array(self, mesh: Mesh, program: Any) -> Any:
-        buffers = _once(self._buffers, mesh, self._upload_mesh)
+        buffers = self._once(mesh, None, lambda: self._upload_mesh(mesh))
         content: list[tuple[Any, ...]] = [(buffers[1], *_PLAIN)]
         if len(buffers) > 2:
             content.append((buffers[2], *_SKINNED))
@@ -66,17 +71,15 @@ class Assets:
 
     def bind_material(self, material: Material, block: int, *, maps: int = len(_MAPS)) -> None:
         """Bind the constants to uniform block `block`, the first `maps` textures to units from 0 on."""
-        _once(self._materials, material, self._upload_material).bind_to_uniform_block(block)
+        constants = self._once(material, None, lambda: self._upload_material(material))
+        constants.bind_to_uniform_block(block)
         for unit, name in enumerate(_MAPS[:maps]):
             texture: Texture | None = getattr(material, f"{name}_texture")
             cutoff = material.alpha_cutoff if name == "base_color" else None
-            (self._white if texture is None else self._texture(texture, cutoff)).use(unit)
-
-    def _texture(self, texture: Texture, cutoff: float | None) -> Any:
-        by_cutoff = self._textures.setdefault(texture, {})
-        if cutoff not in by_cutoff:
-            by_cutoff[cutoff] = self._upload_texture(texture, cutoff)
-        return by_cutoff[cutoff]
+            if texture is None:
+                self._white.use(unit)
+            else:
+                self._once(texture, cutoff, partial(self._upload_texture, texture, cutoff)).use(unit)
 
     def _upload_material(self, material: Material) -> Any:
         cutoff = -1.0 if material.alpha_cutoff is None else material.alpha_cutoff
@@ -103,7 +106,7 @@ class Assets:
 
     def environment(self, environment: Environment) -> tuple[Any, NDArray[np.float64]]:
         """Return the panorama's texture, rougher from mip to mip, and its irradiance (9, 3)."""
-        texture, irradiance = _once(self._environments, environment, self._upload_environment)
+        texture, irradiance = self._once(environment, None, lambda: self._upload_environment(environment))
         return texture, irradiance
 
     def _upload_environment(self, environment: Environment) -> tuple[Any, Any]:
@@ -117,12 +120,6 @@ class Assets:
         texture.filter = (self._gl.LINEAR_MIPMAP_LINEAR, self._gl.LINEAR)
         texture.repeat_y = False
         return texture, environment.irradiance()
-
-
-def _once(made: Any, source: Any, make: Callable[[Any], Any]) -> Any:
-    if source not in made:
-        made[source] = make(source)
-    return made[source]
 
 
 def _keep_coverage(texture: Any, pixels: NDArray[np.uint8], cutoff: float) -> None:
@@ -147,13 +144,6 @@ def _keep_coverage(texture: Any, pixels: NDArray[np.uint8], cutoff: float) -> No
         texture.write(mip.tobytes(), viewport=(0, 0, *size), level=level)
 
 
-Values = NDArray[np.float64]
-Size = tuple[int, int]
-DRAW_BYTES = 256  # per instance; a multiple of every GL's offset alignment
-PALETTES_BYTES = 2 * MAX_JOINTS * 64
-SHADOW_SIZE = 2048  # texels a side, of the sun's map; the spot's has half as many
-
-
 @dataclass(frozen=True, slots=True)
 class Raster:
     """A grid of samples over a part of the image.
@@ -175,16 +165,14 @@ class Raster:
     def of_frame(
         cls, size: Size, jitter: tuple[float, float] = (0.0, 0.0), filter_width: float = 1.0
     ) -> "Raster":
-        """One sample a pixel at its centre + jitter."""
+        """Return a grid of one sample a pixel, at its centre + jitter."""
         return cls(size, (jitter[0] / size[0], jitter[1] / size[1]), (1.0, 1.0), size, filter_width)
 
     def window(self) -> list[float]:
-        """Scale x, y and offset x, y that map this part of clip space to [-1, 1]."""
-        scale = [1.0 / extent for extent in self.extent]
-        middles = [
-            2.0 * corner + extent - 1.0 for corner, extent in zip(self.corner, self.extent, strict=True)
-        ]
-        return [*scale, *(-middle * factor for middle, factor in zip(middles, scale, strict=True))]
+        """Return scale x, y and offset x, y that map this part of clip space to [-1, 1]."""
+        scale = 1.0 / np.array(self.extent)
+        middle = 2.0 * np.array(self.corner) + self.extent - 1.0
+        return [*scale, *(-middle * scale)]
 
 
 def columns(*matrices: Values) -> bytes:
@@ -217,7 +205,8 @@ def draw_blocks(instances: tuple[Instance, ...]) -> bytes:
     for instance in instances:
         normal = np.eye(4)
         normal[:3, :3] = np.linalg.inv(instance.model[:3, :3]).T
-        block = columns(instance.model, _before(instance), normal) + rows((instance.emission,))
+        block = columns(instance.model, np.asarray(instance.model_before), normal)
+        block += rows((instance.emission,))
         blocks.append(block.ljust(DRAW_BYTES, b"\0"))
     return b"".join(blocks)
 
@@ -227,8 +216,8 @@ def palette_blocks(instances: list[Instance]) -> bytes:
     blocks = []
     for instance in instances:
         palettes = np.zeros((2, MAX_JOINTS, 4, 4))
-        palettes[0, : len(_palette(instance.palette))] = instance.palette
-        palettes[1, : len(_palette(instance.palette_before))] = instance.palette_before
+        for palette, joints in zip(palettes, (instance.palette, instance.palette_before), strict=True):
+            palette[: len(np.asarray(joints))] = joints
         blocks.append(columns(palettes))
     return b"".join(blocks)
 
@@ -252,13 +241,3 @@ def lights_block(scene: Scene, irradiance: Values, panorama_height: int, levels:
     points = [*((*point.position, point.reach) for point in scene.points), *padding]
     colors = [*(point.color for point in scene.points), *padding]
     return columns(sun.matrix(), spot.matrix()) + rows(*vectors, *irradiance, *points, *colors)
-
-
-def _before(instance: Instance) -> Values:
-    assert instance.model_before is not None  # noqa: S101 - Instance fills it in
-    return instance.model_before
-
-
-def _palette(palette: Values | None) -> Values:
-    assert palette is not None  # noqa: S101 - Instance has checked that a skinned mesh has one
-    return palette

@@ -1,4 +1,13 @@
-"""Analytic scenes in numpy: exact references at any resolution and exact motion, without a renderer."""
+"""Analytic scenes in numpy: exact references at any resolution and exact motion, without a renderer.
+
+A scene is a function of the frame index and of positions on a screen of 64 x 36 units (16:9); the image size
+is an argument: 1 unit is 2 pixels at 128 x 72.
+
+>>> scene = Plane(zone_plate)
+>>> frames = [scene.frame(i, (64, 36), jitter) for i, jitter in enumerate(jitters)]
+>>> truth = scene.truth(0, (128, 72))
+>>> labels = label(scene.label_inputs(1, (128, 72)), scene.label_inputs(0, (128, 72)))
+"""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -9,7 +18,7 @@ from numpy.typing import NDArray
 
 from supersampler import Frame
 from supersampler.frame import Float32, Size
-from supersampler_model.data.labels import Evidence, Sample, statistics_of
+from supersampler_model.data.labels import LabelInputs, Sample, statistics_of
 
 Values = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -21,7 +30,7 @@ EXTENT = (64.0, 36.0)
 FAR, NEAR = 0.01, 0.1  # reversed depth of background and foreground
 
 
-class Surface(NamedTuple):
+class SurfaceSample(NamedTuple):
     """Surfaces at some positions."""
 
     color: Values  # (..., 3) linear RGB
@@ -32,10 +41,10 @@ class Surface(NamedTuple):
     normal_mapped: Values  # (..., 3) with it
 
 
-class Scene:
+class AnalyticScene:
     """Base of the scenes: subclasses define surfaces, this class samples them."""
 
-    def surface(self, index: int, x: Values, y: Values) -> Surface:
+    def surface(self, index: int, x: Values, y: Values) -> SurfaceSample:
         """Return the surfaces at (x, y) units in frame `index`."""
         raise NotImplementedError
 
@@ -51,7 +60,7 @@ class Scene:
         return np.asarray(inside & (not self.cut(index)))
 
     def frame(self, index: int, size: Size, jitter: Vector = (0.0, 0.0)) -> Frame:
-        """Sample the scene once a pixel, at centre + jitter: conventions of DESIGN.md section 3."""
+        """Sample the scene once a pixel, at centre + jitter, in the conventions of `Frame`."""
         surface = self.surface(index, *places(size, jitter))
         motion = surface.motion * np.array(size) / EXTENT
         return Frame(
@@ -71,7 +80,7 @@ class Scene:
         return (total / samples**2).astype(np.float32)
 
     def disoccluded(self, index: int, size: Size) -> Mask:
-        """(H, W), True where the surface at a pixel's centre was occluded or off screen one frame ago."""
+        """Return where the surface at a pixel's centre was occluded or off screen one frame ago."""
         return ~self.visible_before(index, *places(size))
 
     def samples(self, index: int, size: Size, samples: int = 8) -> Iterator[Sample]:
@@ -80,10 +89,10 @@ class Scene:
             surface = self.surface(index, x, y)
             yield Sample(surface.color, surface.depth, surface.normal, surface.normal_mapped)
 
-    def evidence(self, index: int, size: Size, samples: int = 8) -> Evidence:
+    def label_inputs(self, index: int, size: Size, samples: int = 8) -> LabelInputs:
         """Return the inputs of the label rules, at exposure 1, from a samples x samples grid per pixel."""
         centers = self.surface(index, *places(size))
-        return Evidence(
+        return LabelInputs(
             pixels=statistics_of(self.samples(index, size, samples)),
             motion=(centers.motion * np.array(size) / EXTENT).astype(np.float32),
             depth_before=centers.depth_before.astype(np.float32),
@@ -142,7 +151,7 @@ def from_spokes(x: Values, y: Values) -> Values:
 
 
 def grey(values: Values) -> Values:
-    """(...) to (..., 3)."""
+    """Repeat values (...) to (..., 3)."""
     return np.repeat(values[..., None], 3, axis=-1)
 
 
@@ -150,7 +159,7 @@ def grey(values: Values) -> Values:
 
 
 @dataclass(frozen=True)
-class Plane(Scene):
+class Plane(AnalyticScene):
     """A pattern that fills the screen and pans by `velocity`, units a frame; (0, 0) is a still camera.
 
     `bumps` is its normal map, and pans with it.
@@ -160,22 +169,22 @@ class Plane(Scene):
     velocity: Vector = (0.0, 0.0)
     bumps: Pattern = facing
 
-    def surface(self, index: int, x: Values, y: Values) -> Surface:
+    def surface(self, index: int, x: Values, y: Values) -> SurfaceSample:
         """Return the pattern, moved."""
         there = x - index * self.velocity[0], y - index * self.velocity[1]
         depth = np.full(x.shape, FAR)
         motion = np.broadcast_to(-np.array(self.velocity), (*x.shape, 2))  # previous minus current
-        return Surface(self.pattern(*there), depth, motion, depth, facing(x, y), self.bumps(*there))
+        return SurfaceSample(self.pattern(*there), depth, motion, depth, facing(x, y), self.bumps(*there))
 
 
 @dataclass(frozen=True)
-class WiresOverPlane(Scene):
+class WiresOverPlane(AnalyticScene):
     """White wires near the camera, before a plane; all stand still. `half_width` in units."""
 
     background: Plane = Plane(plain)
     half_width: float = 0.2
 
-    def surface(self, index: int, x: Values, y: Values) -> Surface:
+    def surface(self, index: int, x: Values, y: Values) -> SurfaceSample:
         """Return wires, white, and between them the plane."""
         behind, wires = self.background.surface(index, x, y), from_spokes(x, y) < self.half_width
         color, depth = np.where(wires[..., None], 1.0, behind.color), np.where(wires, NEAR, FAR)
@@ -183,7 +192,7 @@ class WiresOverPlane(Scene):
 
 
 @dataclass(frozen=True)
-class DiscOverPlane(Scene):
+class DiscOverPlane(AnalyticScene):
     """A near, ringed disc over a panning background: it occludes at its front and disoccludes at its back.
 
     Its rings move with it. `start` and `radius` in units, velocities in units a frame.
@@ -195,7 +204,7 @@ class DiscOverPlane(Scene):
     radius: float = 8.0
     pattern: Pattern = checker
 
-    def surface(self, index: int, x: Values, y: Values) -> Surface:
+    def surface(self, index: int, x: Values, y: Values) -> SurfaceSample:
         """Return the disc where it is, else the background."""
         behind = Plane(self.pattern, self.background_velocity).surface(index, x, y)
         inside = self.contains(index, x, y)
@@ -235,7 +244,11 @@ _DIRECTIONS = ((0.9, 0.4, 0.0), (0.3, 0.9, 1.0), (-0.6, 0.8, 2.0))
 
 
 def still_life(x: Values, y: Values) -> Values:
-    """Return the colours: a `Pattern`."""
+    """Return the colours of the scene of `bench still`: fine waves, rings, a check pattern, a thin line.
+
+    One frame at ratio 2 undersamples its waves and rings, so a method needs several jittered frames to
+    resolve them; one jitter period suffices, as the patterns are smooth.
+    """
     left = np.where((x < WAVES_END)[..., None], _waves(x, y), _rings(x, y))
     right = np.where((y < CHECKS_END)[..., None], _checks(x, y), _line(x, y))
     return np.where((x < RINGS_END)[..., None], left, right)

@@ -14,7 +14,14 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler_model.data.errors import SceneError, check, check_array, check_matrices, check_number
+from supersampler_model.data.errors import (
+    SceneError,
+    check_array,
+    check_color,
+    check_matrices,
+    check_number,
+    check_vector,
+)
 
 Rng: TypeAlias = np.random.Generator
 Values: TypeAlias = NDArray[np.float64]
@@ -49,9 +56,9 @@ class Camera:
 
     def __post_init__(self) -> None:
         for name in ("position", "target", "up"):
-            check(f"camera.{name}", getattr(self, name), 3)
-        for name, most in (("fov_y", 175.0), ("near", np.inf), ("exposure", np.inf)):
-            check_number(f"camera.{name}", getattr(self, name), 0.0, most, open_below=True)
+            check_vector(f"camera.{name}", getattr(self, name), 3)
+        for name, maximum in (("fov_y", 175.0), ("near", np.inf), ("exposure", np.inf)):
+            check_number(f"camera.{name}", getattr(self, name), 0.0, maximum, open_below=True)
         if not np.linalg.norm(np.cross(np.subtract(self.target, self.position), self.up)) > 0.0:
             got = f"{self.target} from {self.position}, up {self.up}"
             raise SceneError("camera.target", got=got, want="a direction other than up, at some distance")
@@ -204,8 +211,8 @@ class Sun:
 
     def __post_init__(self) -> None:
         _check_direction("sun.direction", self.direction)
-        check("sun.center", self.center, 3)
-        _check_color("sun.color", self.color)
+        check_vector("sun.center", self.center, 3)
+        check_color("sun.color", self.color)
         check_number("sun.radius", self.radius, 0.0, np.inf, open_below=True)
 
     def matrix(self) -> Matrix:
@@ -234,10 +241,10 @@ class Spot:
     reach: float = 20.0
 
     def __post_init__(self) -> None:
-        check("spot.position", self.position, 3)
-        check("spot.target", self.target, 3)
+        check_vector("spot.position", self.position, 3)
+        check_vector("spot.target", self.target, 3)
         _check_direction("spot.target - position", _vector(np.subtract(self.target, self.position)))
-        _check_color("spot.color", self.color)
+        check_color("spot.color", self.color)
         check_number("spot.outer", self.outer, 0.0, 80.0, open_below=True)
         check_number("spot.inner", self.inner, 0.0, self.outer)
         check_number("spot.reach", self.reach, 0.1, np.inf, open_below=True)
@@ -253,7 +260,7 @@ class Spot:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Point:
+class PointLight:
     """Light into all directions, without a shadow.
 
     Attributes:
@@ -266,8 +273,8 @@ class Point:
     reach: float = 10.0
 
     def __post_init__(self) -> None:
-        check("point.position", self.position, 3)
-        _check_color("point.color", self.color)
+        check_vector("point.position", self.position, 3)
+        check_color("point.color", self.color)
         check_number("point.reach", self.reach, 0.0, np.inf, open_below=True)
 
 
@@ -281,13 +288,8 @@ def _up_for(direction: Matrix) -> Vector:
 
 
 def _check_direction(name: str, direction: Vector) -> None:
-    if not np.linalg.norm(check(name, direction, 3)) > 0.0:
+    if not np.linalg.norm(check_vector(name, direction, 3)) > 0.0:
         raise SceneError(name, got=direction, want="a direction")
-
-
-def _check_color(name: str, color: Color) -> None:
-    for value in check(name, color, 3):
-        check_number(name, value, 0.0, np.inf)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -306,7 +308,7 @@ class Skin:
         check_array("skin.joints", self.joints, (None, 4), np.uint16)
         check_array("skin.weights", self.weights, (len(self.joints), 4), np.float32)
         if np.abs(self.weights.sum(axis=1) - 1.0).max() > 1e-3:
-            raise SceneError("skin.weights", got="of another sum in places", want="a sum of 1 at each vertex")
+            raise SceneError("skin.weights", got="another sum at some vertices", want="a sum of 1")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, weakref_slot=True)
@@ -422,10 +424,8 @@ class Material:
     double_sided: bool = False
 
     def __post_init__(self) -> None:
-        for name in ("base_color", "emissive"):
-            most = 1.0 if name == "base_color" else np.inf
-            for value in check(f"material.{name}", getattr(self, name), 3):
-                check_number(f"material.{name}", value, 0.0, most)
+        check_color("material.base_color", self.base_color, 1.0)
+        check_color("material.emissive", self.emissive)
         for name in ("roughness", "metallic", "specular"):
             check_number(f"material.{name}", getattr(self, name), 0.0, 1.0)
         self._check_textures()
@@ -531,12 +531,12 @@ class Scene:
     instances: tuple[Instance, ...]
     sun: Sun | None = None
     spot: Spot | None = None
-    points: tuple[Point, ...] = ()
+    points: tuple[PointLight, ...] = ()
     particles: tuple[Particles, ...] = ()
 
     def __post_init__(self) -> None:
         if len(self.points) > MAX_POINTS:
-            hint = "Drop those that reach the least, per frame if need be."
+            hint = "Drop those with the shortest reach, per frame if need be."
             raise SceneError(
                 "scene.points", got=f"{len(self.points)} lights", want=f"at most {MAX_POINTS}", hint=hint
             )

@@ -5,11 +5,10 @@ from collections.abc import Callable
 import numpy as np
 
 from supersampler_model.data.scenes.gltf.ground import Ground
-from supersampler_model.data.scenes.procedural import fixtures, lighting, materials, paths, shapes
-from supersampler_model.data.scenes.procedural.fixtures import bulb
+from supersampler_model.data.scenes.procedural import lighting, materials, paths, shapes
 from supersampler_model.data.scenes.procedural.outdoors import bush
 from supersampler_model.data.scenes.procedural.paths import placed
-from supersampler_model.data.scenes.procedural.stage import Stage
+from supersampler_model.data.scenes.procedural.stage import Stage, bulb, dust, fireflies, smoke, sparks
 from supersampler_model.data.scenes.scene import Color, Material, Matrix, Mesh, Rng, Values
 
 _CLEARANCE = 0.5  # metres around an object that are kept free
@@ -155,10 +154,10 @@ def _particles(rng: Rng, stage: Stage, focus: Values) -> None:
     above = paths.vector(focus + rng.uniform((-1.0, 0.1, -1.0), (1.0, 1.0, 1.0)))
     stage.particles.append(
         (
-            lambda: fixtures.dust(rng, low, high, size=rng.uniform(0.006, 0.014)),
-            lambda: fixtures.fireflies(rng, low, high),
-            lambda: fixtures.sparks(rng, above),
-            lambda: fixtures.smoke(rng, above),
+            lambda: dust(rng, low, high, size=rng.uniform(0.006, 0.014)),
+            lambda: fireflies(rng, low, high),
+            lambda: sparks(rng, above),
+            lambda: smoke(rng, above),
         )[int(rng.integers(4))]()
     )
 

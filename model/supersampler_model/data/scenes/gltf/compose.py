@@ -22,10 +22,9 @@ from supersampler_model.data.scenes.gltf.document import GltfError, MalformedErr
 from supersampler_model.data.scenes.gltf.ground import Ground, ground_of, triangles_of
 from supersampler_model.data.scenes.gltf.model import GltfScene
 from supersampler_model.data.scenes.procedural import lighting, materials, shapes
-from supersampler_model.data.scenes.procedural.fixtures import hills, skyline
 from supersampler_model.data.scenes.procedural.lighting import Pulse
 from supersampler_model.data.scenes.procedural.paths import Place, placed, vector
-from supersampler_model.data.scenes.procedural.stage import Stage
+from supersampler_model.data.scenes.procedural.stage import Stage, hills, skyline
 from supersampler_model.data.scenes.scene import (
     Camera,
     Color,

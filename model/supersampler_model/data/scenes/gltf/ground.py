@@ -147,13 +147,13 @@ def _samples(triangles: Values, cell: float) -> tuple[Values, NDArray[np.bool_]]
     a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
     normals = np.cross(b - a, c - a)
     areas = 0.5 * np.linalg.norm(normals, axis=1)
-    wanted = np.minimum(8.0 * areas / cell**2, 8.0 * CELLS**2)  # a huge one lies outside, mostly
-    shortage = min(1.0, _SAMPLES / max(float(wanted.sum()), 1e-9))
-    of = np.repeat(np.arange(len(areas)), np.ceil(shortage * wanted).astype(int))
-    u, v = np.random.default_rng(0).random((2, len(of), 1))
+    counts = np.minimum(8.0 * areas / cell**2, 8.0 * CELLS**2)  # a huge one lies outside, mostly
+    thinning = min(1.0, _SAMPLES / max(float(counts.sum()), 1e-9))
+    owner = np.repeat(np.arange(len(areas)), np.ceil(thinning * counts).astype(int))
+    u, v = np.random.default_rng(0).random((2, len(owner), 1))
     u, v = np.where(u + v > 1.0, 1.0 - u, u), np.where(u + v > 1.0, 1.0 - v, v)
-    points = a[of] + u * (b - a)[of] + v * (c - a)[of]
-    return points, (normals[:, 1] > 1.4 * areas)[of]  # that faces up, within 45 degrees
+    points = a[owner] + u * (b - a)[owner] + v * (c - a)[owner]
+    return points, (normals[:, 1] > 1.4 * areas)[owner]  # that faces up, within 45 degrees
 
 
 def _heights(y: Values, boxes: Integers, levels: Integers) -> Values:

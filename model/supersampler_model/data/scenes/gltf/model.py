@@ -92,7 +92,7 @@ def _slerp(start: Values, end: Values, fraction: float) -> Values:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Clip:
+class AnimationClip:
     """One animation of a file.
 
     Attributes:
@@ -114,7 +114,7 @@ class Node(NamedTuple):
     rest: dict[str, Values]
 
 
-class Part(NamedTuple):
+class PlacedPrimitive(NamedTuple):
     """One primitive of one node."""
 
     mesh: Mesh
@@ -221,7 +221,7 @@ class GltfScene:
         return tuple(instances)
 
 
-def _clips(document: Document) -> tuple[Clip, ...]:
+def _clips(document: Document) -> tuple[AnimationClip, ...]:
     """Read the animations of a file."""
     clips = []
     for index in range(len(document.content.get("animations", []))):
@@ -230,7 +230,7 @@ def _clips(document: Document) -> tuple[Clip, ...]:
             read = [_channel(document, content, number) for number in range(len(content["channels"]))]
             channels = tuple(channel for channel in read if channel is not None)
             duration = max((float(channel.times[-1]) for channel in channels), default=0.0)
-            clips.append(Clip(str(content.get("name", "")), duration, channels))
+            clips.append(AnimationClip(str(content.get("name", "")), duration, channels))
     return tuple(clips)
 
 
@@ -304,7 +304,7 @@ def _numbers(item: Json, name: str, count: int, default: Any = None) -> Values:
     return values
 
 
-def _matrices(nodes: tuple[Node, ...], clip: Clip | None, time: float) -> dict[int, Matrix]:
+def _matrices(nodes: tuple[Node, ...], clip: AnimationClip | None, time: float) -> dict[int, Matrix]:
     """Return the matrix of each node to the scene's space, `time` seconds into a clip, or at rest."""
     moved: dict[int, dict[str, Values]] = {}
     for channel in clip.channels if clip else ():
@@ -332,7 +332,7 @@ def _matrix_of(translation: Values, rotation: Values, scale: Values) -> Matrix:
     return matrix
 
 
-def _parts(document: Document, nodes: tuple[Node, ...]) -> Iterator[Part]:
+def _parts(document: Document, nodes: tuple[Node, ...]) -> Iterator[PlacedPrimitive]:
     """Yield the visible primitives of all nodes; a mesh that several nodes show is read once."""
     materials = Materials(document)
     read: dict[Any, tuple[Mesh, Integers | None]] = {}
@@ -353,11 +353,11 @@ def _parts(document: Document, nodes: tuple[Node, ...]) -> Iterator[Part]:
                     read[key] = _primitive(document, content, surface.coordinates, count)
                 shape, used = read[key]
                 if joints is None or inverse_bind is None or used is None:
-                    yield Part(shape, surface.material, node.number, None, None)
+                    yield PlacedPrimitive(shape, surface.material, node.number, None, None)
                     continue
                 if len(used) > MAX_JOINTS:
                     raise MalformedError(f"{len(used)} joints move it; at most {MAX_JOINTS} are supported")
-                yield Part(shape, surface.material, node.number, joints[used], inverse_bind[used])
+                yield PlacedPrimitive(shape, surface.material, node.number, joints[used], inverse_bind[used])
 
 
 def _skin(document: Document, index: Any, nodes: tuple[Node, ...]) -> tuple[Integers, Matrices]:

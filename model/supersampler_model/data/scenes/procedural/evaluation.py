@@ -5,7 +5,11 @@ from itertools import pairwise
 import numpy as np
 
 from supersampler_model.data.scenes.procedural import lighting, materials, paths, shapes
-from supersampler_model.data.scenes.procedural.fixtures import (
+from supersampler_model.data.scenes.procedural.materials import color
+from supersampler_model.data.scenes.procedural.outdoors import bush, meadow, tree
+from supersampler_model.data.scenes.procedural.paths import placed, turned_by
+from supersampler_model.data.scenes.procedural.stage import (
+    Stage,
     bulb,
     bunting,
     dust,
@@ -15,15 +19,11 @@ from supersampler_model.data.scenes.procedural.fixtures import (
     smoke,
     sparks,
 )
-from supersampler_model.data.scenes.procedural.materials import color
-from supersampler_model.data.scenes.procedural.outdoors import bush, meadow, tree
-from supersampler_model.data.scenes.procedural.paths import placed, turned_by
-from supersampler_model.data.scenes.procedural.stage import Stage
 from supersampler_model.data.scenes.scene import Material, Matrix, Rng
 
 
 def machine_hall(rng: Rng) -> Stage:
-    """Build the hall."""
+    """Build a machine hall of pipes, grilles, pistons and beacons, in steam."""
     stage = Stage(
         environment=lighting.indoors(rng, (0.1, 0.09, 0.075), 10, 2.0), exposure=rng.uniform(1.3, 1.8)
     )
@@ -119,7 +119,7 @@ def _machine_lights(rng: Rng, stage: Stage) -> None:
 
 
 def market(rng: Rng) -> Stage:
-    """Build the street on a dusty afternoon."""
+    """Build a market street with awnings, fruit, bunting, lanterns and people, on a dusty afternoon."""
     sky = lighting.outdoors(rng, (0.18, 0.3, 0.55), (0.75, 0.62, 0.45), (0.2, 0.16, 0.11), clouds=0.7)
     stage = Stage(environment=sky, exposure=0.7)
     clouds = lighting.maybe(rng, 0.5, lighting.pulse, "fade")
@@ -235,7 +235,7 @@ def _lanterns(rng: Rng, stage: Stage) -> None:
 
 
 def night_garden(rng: Rng) -> Stage:
-    """Build the garden."""
+    """Build a garden at night with hedges, a pond, lanterns in the wind and fireflies."""
     sky = lighting.outdoors(rng, (0.008, 0.012, 0.035), (0.03, 0.035, 0.06), (0.01, 0.012, 0.008), clouds=0.6)
     stage = Stage(environment=sky, exposure=rng.uniform(1.7, 2.4))
     stage.sun = lighting.sunlight(rng, 0.22, 11.0, elevation=(25, 50), warmth=-0.7, center=(0, 0, -2))
@@ -326,7 +326,7 @@ def _garden_lights(rng: Rng, stage: Stage) -> None:
 
 
 def gallery(rng: Rng) -> Stage:
-    """Build the rooms."""
+    """Build a gallery with a polished floor, sculptures, paintings and mobiles that turn."""
     bright = rng.random() < 0.6
     stage = Stage(
         environment=lighting.indoors(rng, (0.2, 0.2, 0.21) if bright else (0.05, 0.05, 0.06), 12, 3.5),
@@ -442,7 +442,7 @@ def _gallery_lights(rng: Rng, stage: Stage) -> None:
 
 
 def court(rng: Rng) -> Stage:
-    """Build the court, by day or under floodlights."""
+    """Build a sports court with nets, fast balls and dummies of players, by day or under floodlights."""
     night = rng.random() < 0.5
     if night:
         sky = lighting.outdoors(rng, (0.01, 0.015, 0.04), (0.05, 0.05, 0.09), (0.02, 0.02, 0.02))

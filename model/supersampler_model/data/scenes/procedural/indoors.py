@@ -3,7 +3,10 @@
 import numpy as np
 
 from supersampler_model.data.scenes.procedural import lighting, materials, paths, shapes
-from supersampler_model.data.scenes.procedural.fixtures import (
+from supersampler_model.data.scenes.procedural.materials import screen, sign
+from supersampler_model.data.scenes.procedural.paths import placed, turned_by
+from supersampler_model.data.scenes.procedural.stage import (
+    Stage,
     bulb,
     caster,
     dust,
@@ -12,14 +15,11 @@ from supersampler_model.data.scenes.procedural.fixtures import (
     smoke,
     sparks,
 )
-from supersampler_model.data.scenes.procedural.materials import screen, sign
-from supersampler_model.data.scenes.procedural.paths import placed, turned_by
-from supersampler_model.data.scenes.procedural.stage import Stage
 from supersampler_model.data.scenes.scene import Material, Mesh, Rng, Values
 
 
 def floors(rng: Rng) -> Stage:
-    """Build a hall of columns with a light over it and balls that roll over the floor, lit or in the dark."""
+    """Build a hall of columns: balls roll over its finely patterned, polished floor, lit or in the dark."""
     dark = rng.random() < 0.27
     ambient = 0.016 if dark else 0.1 * rng.uniform(0.25, 0.9)
     stage = Stage(
@@ -137,7 +137,7 @@ TABLE = 0.85  # metres high
 
 
 def metals(rng: Rng) -> Stage:
-    """Build the workshop with its table, or a show room with plinths, lit or in the dark."""
+    """Build a workshop or a show room of mirrors and metals under coloured lights that circle and pulse."""
     dark, show_room = rng.random() < 0.27, rng.random() < 0.45
     ambient = 0.014 if dark else 0.1 * rng.uniform(0.4, 1.0)
     panels = int(rng.integers(3, 6)) if dark else int(rng.integers(6, 14))
@@ -287,7 +287,7 @@ HEIGHT = 3.0
 
 
 def flicker(rng: Rng) -> Stage:
-    """Build the corridor: with dim ambient light, or lit by its lamps alone."""
+    """Build a cellar corridor with a swinging lamp, a fan and flickering tubes; shadows move."""
     ambient = 0.035 if rng.random() < 0.65 else 0.004
     stage = Stage(
         environment=lighting.indoors(rng, (ambient, 1.15 * ambient, 1.4 * ambient), 3, 11.0 * ambient),

@@ -1,12 +1,21 @@
 """Random lights as functions of time in seconds, and random panoramas."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from supersampler_model.data.scenes.procedural.paths import Place, Point3, pendulum, place_of, vector
-from supersampler_model.data.scenes.scene import Color, Environment, Point, Rng, Spot, Sun, Vector, directions
+from supersampler_model.data.scenes.scene import (
+    Color,
+    Environment,
+    PointLight,
+    Rng,
+    Spot,
+    Sun,
+    Vector,
+    directions,
+)
 
 Pulse = Callable[[float], float]
 """Seconds to a factor >= 0, about 1 on average."""
@@ -132,10 +141,10 @@ def hanging(
 
 def lamp(
     place: Place | Point3, color: Color, *, reach: float = 8.0, pulsing: Pulse = steady
-) -> Callable[[float], Point]:
+) -> Callable[[float], PointLight]:
     """Return a point light at a place, fixed or moving."""
     position = place_of(place)
-    return lambda t: Point(
+    return lambda t: PointLight(
         position=vector(position(t)), color=vector(np.multiply(color, pulsing(t))), reach=reach
     )
 
@@ -172,33 +181,32 @@ def indoors(rng: Rng, ambient: Color, panels: int, strength: float) -> Environme
     return Environment(pixels=image.astype(np.float32))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Weather:
-    """The light of an hour outdoors, with an exposure that suits it.
-
-    Attributes:
-        sun: of the sun or the moon, from behind those who look along -z.
-        dark: whether lamps have to light the scene.
-    """
+class Weather(NamedTuple):
+    """The light of an hour outdoors, with an exposure that suits it."""
 
     environment: Environment
     exposure: float
-    sun: Callable[[float], Sun]
-    dark: bool
+    sun: Callable[[float], Sun]  # the sun or the moon, from behind those who look along -z
+    dark: bool  # whether lamps have to light the scene
 
 
-HOURS = ("day", "stark", "dusk", "night")
-_SKIES: dict[str, tuple[Color, Color, Color]] = {  # radiances of zenith, horizon and ground
-    "day": ((0.11, 0.23, 0.52), (0.42, 0.47, 0.54), (0.1, 0.1, 0.08)),
-    "stark": ((0.04, 0.11, 0.32), (0.2, 0.24, 0.3), (0.05, 0.045, 0.04)),
-    "dusk": ((0.035, 0.05, 0.14), (0.34, 0.16, 0.08), (0.03, 0.025, 0.02)),
-    "night": ((0.002, 0.003, 0.01), (0.011, 0.011, 0.018), (0.003, 0.003, 0.003)),
-}
-_SUNS = {  # strength, warmth, range of elevation, exposure
-    "day": (6.5, 0.25, (28.0, 58.0), 0.75),
-    "stark": (9.0, 0.2, (22.0, 50.0), 0.6),
-    "dusk": (5.0, 0.65, (16.0, 30.0), 0.95),
-    "night": (0.22, -0.6, (30.0, 55.0), 2.4),
+class Hour(NamedTuple):
+    """Radiances of the sky, and the sun or moon."""
+
+    zenith: Color
+    horizon: Color
+    ground: Color
+    strength: float
+    warmth: float
+    elevation: tuple[float, float]
+    exposure: float
+
+
+HOURS = {
+    "day": Hour((0.11, 0.23, 0.52), (0.42, 0.47, 0.54), (0.1, 0.1, 0.08), 6.5, 0.25, (28.0, 58.0), 0.75),
+    "stark": Hour((0.04, 0.11, 0.32), (0.2, 0.24, 0.3), (0.05, 0.045, 0.04), 9.0, 0.2, (22.0, 50.0), 0.6),
+    "dusk": Hour((0.035, 0.05, 0.14), (0.34, 0.16, 0.08), (0.03, 0.025, 0.02), 5.0, 0.65, (16.0, 30.0), 0.95),
+    "night": Hour((0.002, 0.003, 0.01), (0.011, 0.011, 0.018), (0.003,) * 3, 0.22, -0.6, (30.0, 55.0), 2.4),
 }
 
 
@@ -207,16 +215,13 @@ def weather(rng: Rng, radius: float, center: Vector = (0.0, 0.0, 0.0)) -> Weathe
 
     The shadow map of the sun covers `radius` metres around `center`.
     """
-    hour = str(rng.choice(HOURS, p=(0.42, 0.28, 0.12, 0.18)))
-    strength, warmth, elevation, exposure = _SUNS[hour]
-    pulsing = maybe(rng, 0.3, lightning) if hour == "night" else maybe(rng, 0.85, clouds)
-    zenith, horizon, ground = _SKIES[hour]
-    return Weather(
-        environment=outdoors(rng, zenith, horizon, ground, clouds=rng.uniform(0.5, 1.1)),
-        exposure=exposure * rng.uniform(0.9, 1.15),
-        sun=sunlight(
-            rng, strength, radius, elevation=elevation, pulsing=pulsing, warmth=warmth, center=center,
-            azimuth=(3.9, 5.5),
-        ),
-        dark=hour == "night",
+    name = str(rng.choice(tuple(HOURS), p=(0.42, 0.28, 0.12, 0.18)))
+    hour, dark = HOURS[name], name == "night"
+    pulsing = maybe(rng, 0.3, lightning) if dark else maybe(rng, 0.85, clouds)
+    sky = outdoors(rng, hour.zenith, hour.horizon, hour.ground, clouds=rng.uniform(0.5, 1.1))
+    exposure = hour.exposure * rng.uniform(0.9, 1.15)
+    sun = sunlight(
+        rng, hour.strength, radius, elevation=hour.elevation, pulsing=pulsing, warmth=hour.warmth,
+        center=center, azimuth=(3.9, 5.5),
     )  # fmt: skip
+    return Weather(sky, exposure, sun, dark)

@@ -3,9 +3,11 @@
 import numpy as np
 
 from supersampler_model.data.scenes.procedural import lighting, materials, paths, shapes
-from supersampler_model.data.scenes.procedural.fixtures import (
+from supersampler_model.data.scenes.procedural.paths import placed, turned_by
+from supersampler_model.data.scenes.procedural.stage import (
     CASTERS,
     WHEEL,
+    Stage,
     bulb,
     caster,
     dust,
@@ -15,15 +17,13 @@ from supersampler_model.data.scenes.procedural.fixtures import (
     skyline,
     smoke,
 )
-from supersampler_model.data.scenes.procedural.paths import placed, turned_by
-from supersampler_model.data.scenes.procedural.stage import Stage
 from supersampler_model.data.scenes.scene import Color, Material, Rng, Values
 
 FENCE_HEIGHT = 2.2
 
 
 def fences(rng: Rng) -> Stage:
-    """Build a fenced yard under power lines, at any hour."""
+    """Build a yard under power lines, at any hour: wires, poles, and a moving cart behind chain-link."""
     weather = lighting.weather(rng, 14.0)
     stage = Stage(environment=weather.environment, exposure=weather.exposure, sun=weather.sun)
     stage.put(shapes.plane(50.0, 50.0, 0.4), _yard(rng))
@@ -141,7 +141,7 @@ def _yard_lights(rng: Rng, stage: Stage, dark: bool) -> None:
 
 
 def movers(rng: Rng) -> Stage:
-    """Build the street, at any hour."""
+    """Build a street, at any hour, where vans and drones rush past and disocclude the background."""
     weather = lighting.weather(rng, 13.0, (0.0, 0.0, -3.0))
     stage = Stage(environment=weather.environment, exposure=weather.exposure, sun=weather.sun)
     _street(rng, stage, 1.5 if weather.dark else 0.4)
@@ -266,7 +266,7 @@ GREENS: tuple[Color, ...] = ((0.3, 0.45, 0.13), (0.42, 0.45, 0.14), (0.2, 0.38, 
 
 
 def foliage(rng: Rng) -> Stage:
-    """Build the meadow at any hour, on a windy day with fast clouds or by lanterns at night."""
+    """Build a meadow with trees and bushes in the wind: under fast clouds, or by lanterns at night."""
     weather = lighting.weather(rng, 11.0, (0.0, 0.0, -2.0))
     stage = Stage(environment=weather.environment, exposure=weather.exposure, sun=weather.sun)
     green = GREENS[int(rng.integers(len(GREENS)))]

@@ -6,10 +6,9 @@ from itertools import pairwise
 import numpy as np
 
 from supersampler_model.data.scenes.procedural import lighting, materials, paths, shapes
-from supersampler_model.data.scenes.procedural.fixtures import WHEEL, bulb, hills
 from supersampler_model.data.scenes.procedural.paths import along, placed, turned_by
 from supersampler_model.data.scenes.procedural.shapes import Part, Point
-from supersampler_model.data.scenes.procedural.stage import Stage
+from supersampler_model.data.scenes.procedural.stage import WHEEL, Stage, bulb, hills
 from supersampler_model.data.scenes.scene import Mesh, Rng, Values
 
 HALF_LENGTH, HALF_WIDTH = 9.5, 2.3

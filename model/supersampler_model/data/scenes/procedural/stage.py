@@ -1,16 +1,36 @@
-"""The stage of a family: all objects and lights of a scene as functions of time in seconds."""
+"""Stages, and what several families put on them: lamps, fans, skylines, moving shadow casters, particles.
 
-from collections.abc import Callable, Iterable
+A stage holds all objects and lights of a scene as functions of time in seconds. Particles have no motion
+vectors, as in engines.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
+from supersampler_model.data.scenes.procedural import lighting, materials, shapes
 from supersampler_model.data.scenes.procedural.lighting import Pulse, steady
-from supersampler_model.data.scenes.procedural.paths import Pose, Vantage
+from supersampler_model.data.scenes.procedural.paths import (
+    Place,
+    Point3,
+    Pose,
+    Vantage,
+    attached,
+    place_of,
+    placed,
+    spinning,
+    swing,
+    turned_by,
+    upright,
+    vector,
+    wind,
+)
 from supersampler_model.data.scenes.procedural.shapes import Part, merged
 from supersampler_model.data.scenes.scene import (
     Camera,
+    Color,
     Environment,
     Instance,
     Material,
@@ -18,10 +38,12 @@ from supersampler_model.data.scenes.scene import (
     Matrix,
     Mesh,
     Particles,
-    Point,
+    PointLight,
+    Rng,
     Scene,
     Spot,
     Sun,
+    Values,
     Vector,
 )
 
@@ -57,7 +79,7 @@ class Stage:
     Attributes:
         environment: the panorama around it.
         exposure: that suits its light.
-        vantages: camera positions; each shot takes one.
+        vantages: camera positions; each shot uses one.
     """
 
     environment: Environment
@@ -66,7 +88,7 @@ class Stage:
     props: list[Prop] = field(default_factory=list)
     sun: Callable[[float], Sun] | None = None
     spot: Callable[[float], Spot] | None = None
-    points: list[Callable[[float], Point]] = field(default_factory=list)
+    points: list[Callable[[float], PointLight]] = field(default_factory=list)
     particles: list[Callable[[float], Particles]] = field(default_factory=list)
 
     def put(
@@ -95,3 +117,220 @@ class Stage:
             points=tuple(point(now) for point in self.points),
             particles=tuple(cloud(now) for cloud in self.particles),
         )
+
+
+Cloud = Callable[[float], Particles]
+
+
+def sparks(rng: Rng, origin: Sequence[float], count: int = 60) -> Cloud:
+    """Return sparks that fly from a point, fall and die, again and again."""
+    speed = rng.normal((0.0, 2.2, 0.0), 1.3, (count, 3))
+    start, life = rng.random(count), rng.uniform(0.5, 1.1, count)
+
+    def at(t: float) -> Particles:
+        age = (t / life + start) % 1.0 * life
+        centers = np.asarray(origin) + speed * age[:, None] - (0.0, 4.9, 0.0) * age[:, None] ** 2
+        fading = 6.0 * (1.0 - age / life)
+        return _sprites(centers, np.full(count, 0.018), fading[:, None] * (1.0, 0.55, 0.15), 0.0 * age)
+
+    return at
+
+
+def dust(
+    rng: Rng, low: Sequence[float], high: Sequence[float], count: int = 80, *, size: float = 0.012,
+    color: Color = (0.9, 0.85, 0.7), opacity: float = 0.5,
+) -> Cloud:  # fmt: skip
+    """Return motes that drift in a box and come in again on the other side; opacity 0 makes them glow."""
+    corner, extent = np.asarray(low, np.float64), np.subtract(high, low)
+    start, drift = rng.random((count, 3)), rng.normal((0.25, 0.05, 0.0), 0.35, (count, 3))
+    radii = size * rng.uniform(0.5, 1.6, count)
+
+    def at(t: float) -> Particles:
+        centers = corner + extent * ((start + drift * t / extent) % 1.0)
+        light = np.tile(color, (count, 1)) * (opacity or 1.0)
+        return _sprites(centers, radii, light, np.full(count, opacity))
+
+    return at
+
+
+def smoke(
+    rng: Rng, origin: Sequence[float], count: int = 24, *, grey: float = 0.35, rise: float = 1.2
+) -> Cloud:
+    """Return puffs that rise from a point, grow and thin out."""
+    start, lean = rng.random(count), rng.normal((0.1, rise, 0.0), 0.18, (count, 3))
+    life = 1.8
+
+    def at(t: float) -> Particles:
+        age = (t / life + start) % 1.0
+        way = (age * life)[:, None] * lean
+        opacity = 0.35 * np.sin(np.pi * age)
+        return _sprites(
+            np.asarray(origin) + way, 0.08 + 0.35 * age, grey * opacity[:, None] * np.ones(3), opacity
+        )
+
+    return at
+
+
+def fireflies(rng: Rng, low: Sequence[float], high: Sequence[float], count: int = 25) -> Cloud:
+    """Return lights that wander and blink."""
+    home = rng.uniform(low, high, (count, 3))
+    rates, phases = rng.uniform(1.0, 4.0, (count, 3)), rng.uniform(0.0, 6.3, (count, 3))
+
+    def at(t: float) -> Particles:
+        centers = home + 0.35 * np.sin(rates * t + phases)
+        light = 2.5 * np.clip(np.sin(3.0 * rates[:, 0] * t + phases[:, 1]), 0.0, 1.0)
+        return _sprites(centers, np.full(count, 0.025), light[:, None] * (0.8, 1.0, 0.3), 0.0 * light)
+
+    return at
+
+
+def _sprites(centers: Values, radii: Values, light: Values, opacity: Values) -> Particles:
+    colors = np.concatenate([light, opacity[:, None]], axis=1)
+    return Particles(
+        centers=centers.astype(np.float32), radii=radii.astype(np.float32), colors=colors.astype(np.float32)
+    )
+
+
+CASTERS = ("mill", "train", "clouds", "boughs")
+
+
+def caster(rng: Rng, stage: Stage, sun: Callable[[float], Sun], kind: str | None = None) -> None:
+    """Add one of the CASTERS, a random one by default.
+
+    All are flat and face the sun. Cameras in the scene see their backs, which are culled.
+    """
+    kind = kind or str(rng.choice(CASTERS))
+    frame, radius = _frame(sun(0.0)), sun(0.0).radius
+    if kind == "mill":
+        mesh, pose = _mill(rng, radius, frame)
+    elif kind == "train":
+        mesh, pose = _train(rng, radius, frame)
+    else:
+        if kind == "clouds":
+            angle, speed = rng.uniform(-0.5, 0.5), (5.0, 14.0)
+            end = 0.4 * radius * np.array([np.cos(angle), np.sin(angle), 0.0])
+        else:
+            end, speed = radius * rng.uniform(0.04, 0.12) * np.array([1.0, 0.3, 0.0]), (2.0, 8.0)
+        way = swing(rng, (-end).tolist(), end.tolist(), rng.uniform(*speed))
+        mesh = _blots(rng, 9, radius, 0.14) if kind == "clouds" else _blots(rng, 18, 0.8 * radius, 0.08)
+        pose = attached(lambda _: frame, upright(way))
+    stage.put(mesh, materials.glow((0.0, 0.0, 0.0), 0.0), pose)
+
+
+def _frame(sun: Sun) -> Matrix:
+    """Return the matrix from a frame with z towards the sun and x level to the world, (4, 4).
+
+    The origin lies between the scene and the sun, inside its shadow map.
+    """
+    to_sun = -np.asarray(sun.direction) / np.linalg.norm(sun.direction)
+    across = np.cross((0.0, 1.0, 0.0), to_sun)
+    across /= np.linalg.norm(across)
+    frame = np.eye(4)
+    frame[:3, 0], frame[:3, 1], frame[:3, 2] = across, np.cross(to_sun, across), to_sun
+    frame[:3, 3] = np.asarray(sun.center) + 0.8 * sun.radius * to_sun
+    return frame
+
+
+def _mill(rng: Rng, radius: float, frame: Matrix) -> tuple[Mesh, Pose]:
+    """The blades of a windmill or a fan before the sun."""
+    length, count = radius * rng.uniform(0.3, 0.55), int(rng.integers(3, 6))
+    blade = shapes.wall(length * rng.uniform(0.16, 0.34), length)
+    turns = np.linspace(0.0, 2.0 * np.pi, count, endpoint=False)
+    mesh = shapes.merged((blade, turned_by(2, angle)) for angle in turns)
+    hub = frame @ placed(*(radius * rng.uniform((-0.3, -0.2), (0.3, 0.2))).tolist())
+    rate = float(rng.uniform(1.5, 5.0) * rng.choice([-1.0, 1.0]))
+    return mesh, lambda t: np.asarray(hub @ turned_by(2, rate * t))
+
+
+def _train(rng: Rng, radius: float, frame: Matrix) -> tuple[Mesh, Pose]:
+    """Wagons of an elevated railway with gaps between them, without an end."""
+    period, fraction = rng.uniform(2.5, 6.0), rng.uniform(0.4, 0.75)
+    tall, y = radius * rng.uniform(0.2, 0.6), radius * rng.uniform(-0.5, 0.1)
+    wagon = shapes.wall(fraction * period, tall)
+    count = int(np.ceil(radius / period)) + 1
+    mesh = shapes.merged((wagon, placed(k * period, y)) for k in range(-count, count + 1))
+    speed = float(rng.uniform(5.0, 15.0) * rng.choice([-1.0, 1.0]))
+    return mesh, lambda t: np.asarray(frame @ placed(speed * t % period))
+
+
+def _blots(rng: Rng, count: int, radius: float, size: float) -> Mesh:
+    """Return ragged spots, `size` times the radius wide on average, strewn over a square."""
+    blots = []
+    for x, y in rng.uniform(-0.75 * radius, 0.75 * radius, (count, 2)):
+        width = 2.0 * radius * size * rng.uniform(0.5, 1.5)
+        middle = placed(x, y)
+        for angle in rng.uniform(0.0, np.pi, 3):
+            leaf = shapes.wall(width, 0.6 * width)
+            blots.append((leaf, middle @ turned_by(2, angle) @ placed(0.0, -0.3 * width)))
+    return shapes.merged(blots)
+
+
+WHEEL = np.eye(4)[[1, 0, 2, 3]] * np.array([1.0, 1.0, -1.0, 1.0])
+"""Turns y to x: a level ring becomes a wheel that rolls along z."""
+
+
+def bulb(
+    stage: Stage, path: Place | Point3, color: Color, *, size: float = 0.06, glow: float = 5.0,
+    reach: float = 6.0, pulsing: Pulse = steady,
+) -> None:  # fmt: skip
+    """Add a point light and a glowing ball of radius `size`, at a point or moving along a path."""
+    stage.points.append(lighting.lamp(path, color, reach=reach, pulsing=pulsing))
+    glowing_ball(stage, path, size, vector(np.divide(color, max(color))), glow, pulsing)
+
+
+def glowing_ball(
+    stage: Stage, path: Place | Point3, size: float, color: Color, glow: float, pulsing: Pulse = steady
+) -> None:
+    """Add a glowing ball without a light source, at a point or moving along a path."""
+    shine, pose = materials.glow(color, glow), upright(place_of(path))
+    stage.put(shapes.ball(size, 8), shine, pose, emission=pulsing, shadow=False)
+
+
+def fan(rng: Rng, stage: Stage, at: Vector, length: float, depth: float, speeds: tuple[float, float]) -> None:
+    """Add a fan of four horizontal blades, whose shadows turn."""
+    blade, turns = shapes.box(length, 0.02, depth), [k * np.pi / 2.0 for k in range(4)]
+    blades = [(blade, placed(yaw=turn) @ placed(0.5 * length + 0.05)) for turn in turns]
+    turning = spinning(placed(*at), (0, 1, 0), rng.uniform(*speeds))
+    stage.put(blades, materials.paint(rng), turning)
+
+
+def skyline(rng: Rng, stage: Stage) -> None:
+    """Add a ring of buildings far away."""
+    blocks = []
+    for angle in np.linspace(0.0, 2.0 * np.pi, 44, endpoint=False):
+        away, width = rng.uniform(28.0, 45.0), rng.uniform(3.0, 8.0)
+        block = shapes.box(width, float(rng.gamma(5.0, 1.3)), width, 0.07)
+        blocks.append((block, placed(away * np.sin(angle), 0, away * np.cos(angle), yaw=angle)))
+    stage.put(blocks, materials.facade(rng), shadow=False)
+
+
+def bunting(
+    rng: Rng, stage: Stage, left: Point3, right: Point3, *, sag: float, cord: tuple[float, float], flags: int,
+    margin: float, gap: float,
+) -> None:  # fmt: skip
+    """Add flags in the wind on a cord that hangs through by `sag` metres.
+
+    `cord` is its radius in metres and its grey, `margin` the fraction without flags at each end, and `gap` is
+    the distance from the cord to the middle of a flag, metres.
+    """
+    stage.put(shapes.wire(left, right, sag, cord[0]), materials.paint(rng, (cord[1],) * 3))
+    t = np.linspace(margin, 1.0 - margin, flags)[:, None]
+    middles = (1.0 - t) * np.array(left) + t * np.array(right)
+    middles[:, 1] -= (4.0 * sag * t * (1.0 - t))[:, 0] + gap
+    mesh = shapes.cards(rng, middles, np.arange(flags), 0.24, np.array([0.0, 30.0, float(left[2])]))
+    stage.put(mesh, materials.striped(rng, 3), palette=wind(rng, middles, 0.09))
+
+
+def hills(rng: Rng, stage: Stage, hue: Color) -> None:
+    """Add hills and far trees around; `hue` is sRGB."""
+    lumps = []
+    for angle in np.linspace(0.0, 2.0 * np.pi, 26, endpoint=False):
+        away, size = rng.uniform(38.0, 55.0), rng.uniform(6.0, 13.0)
+        form = placed(away * np.sin(angle), -1.5, away * np.cos(angle), size=(size, 0.45 * size, size))
+        lumps.append((shapes.rock(rng, 1.0, 6), form))
+    for angle in rng.uniform(0.0, 2.0 * np.pi, 60):
+        away, size = rng.uniform(18.0, 34.0), rng.uniform(0.8, 2.2)
+        form = placed(away * np.sin(angle), size, away * np.cos(angle), size=size)
+        lumps.append((shapes.rock(rng, 1.0, 6), form))
+    far = materials.ground(rng, hue, 0.6, 8.0)
+    stage.put(lumps, far, shadow=False)
