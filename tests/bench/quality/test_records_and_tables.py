@@ -206,14 +206,6 @@ def test_the_tables_of_a_record_that_was_read_back_are_the_same(tmp_path: Path) 
     assert again.tables("quality shots") == record.tables("quality shots")
 
 
-def test_the_command_teaches_its_options() -> None:
-    answer = CliRunner().invoke(app, ["bench", "quality", "--help"], env={"COLUMNS": "200", "NO_COLOR": "1"})
-    assert answer.exit_code == 0
-    options = ("--methods", "--ratio", "--cache", "--output", "--json", "--update")
-    for word in (*options, "plaza", "test-shots"):
-        assert word in answer.stdout
-
-
 @pytest.mark.parametrize("command", [("parity", "--json"), ("report", "-o")])
 def test_a_file_that_no_bench_wrote_is_kept(tmp_path: Path, command: tuple[str, str]) -> None:
     (tmp_path / "notes").write_text('{"mine": 1}')
