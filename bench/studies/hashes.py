@@ -80,7 +80,7 @@ class ModelRun:
 
 @dataclass(frozen=True)
 class Hashed:
-    """Hashes of one subject's images at one size.
+    """Hashes of one run's images at one size.
 
     Attributes:
         subject: model and how it ran.
@@ -100,7 +100,7 @@ class Hashed:
 
     @property
     def name(self) -> str:
-        """ModelRun and sizes as text, to find the same run in another record."""
+        """Model, run and sizes as text, to find the same run in another record."""
         return f"{self.subject}, {_sizes(self.render, self.display)}"
 
 
