@@ -12,7 +12,7 @@ from supersampler import Model, Upscaler, halton_jitter
 from supersampler.io.display import display_transform, to_uint8
 from supersampler.io.images import write_png
 from supersampler.model import ExecutorName
-from supersampler_bench.compatibility import with_default_gbuffers
+from supersampler_bench.specs import with_default_gbuffers
 from supersampler_model.data.scenes.analytic import DiscOverPlane
 
 FOLDER = Path(__file__).parent / "golden"

@@ -8,7 +8,7 @@ from supersampler import Frame, Model, Upscaler
 from supersampler.conventions.jitter import only_ratio
 from supersampler.errors import ArgumentError
 from supersampler.methods.model_file import find_model, model_names, read_model_info
-from supersampler_bench.compatibility import with_default_gbuffers
+from supersampler_bench.specs import with_default_gbuffers
 
 RENDER = (17, 13)
 DISPLAY = (33, 25)

@@ -30,8 +30,8 @@ from supersampler.frame import Float32, Size
 from supersampler.methods.model_file import model_names
 from supersampler.model import ExecutorName, Precision
 from supersampler_bench.cli.options import JSON, counted, listed, say, warn
-from supersampler_bench.compatibility import incompatibility
 from supersampler_bench.record import JsonRecord, Provenance, machine_name, read_record, write_json
+from supersampler_bench.specs import incompatibility
 from supersampler_bench.timing.latency import frames_of
 
 FRAMES, STILL_FRAMES = 24, 48

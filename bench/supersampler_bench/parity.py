@@ -19,10 +19,10 @@ from supersampler.io.display import display_transform
 from supersampler.methods.model_file import find_model, read_model_info
 from supersampler.methods.registry import methods
 from supersampler.model import ExecutorName, Precision
-from supersampler_bench.compatibility import gbuffers_of
 from supersampler_bench.markdown import size_text, table
 from supersampler_bench.record import BenchRecord
 from supersampler_bench.shots.rendering import rendered_sequence
+from supersampler_bench.specs import gbuffers_of
 from supersampler_export.half import to_half
 from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.methods import load_method

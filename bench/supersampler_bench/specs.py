@@ -1,9 +1,18 @@
-"""A method with its settings as text: "classifier:fp32", "taau:off", "taau:gpu", "classifier:x2"."""
+"""Methods with their settings as text, their compatibility with frames, and default G-buffers."""
 
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
 
-from supersampler.errors import ArgumentError, shown
+import numpy as np
+
+from supersampler.conventions.jitter import check_ratio
+from supersampler.errors import ArgumentError, FrameError, shown
+from supersampler.frame import Float32, Frame, Size
+from supersampler.methods.gbuffers import GBUFFERS, BufferField, grouped, lacking, listed
+from supersampler.methods.model_file import find_model, read_model_info
 from supersampler.model import AtRest, ExecutorName, Precision
+from supersampler_bench.quality.masks import to_display
 
 _TWO_PASSES = "x2"
 _PRECISIONS: dict[str, Precision] = {"fp32": "fp32", "fp16": "fp16", "int8": "int8"}
@@ -64,3 +73,79 @@ def parse_spec(text: str, *, two_passes: bool = False) -> Spec:
         hint = "`bench quality` measures two passes."
         raise ArgumentError("method", got=shown(text), want="a method of one pass", hint=hint)
     return Spec(model, precision, at_rest, executor, passes)
+
+
+MATTE = {
+    "base_color": (0.5, 0.5, 0.5),
+    "normal": (0.0, 0.0, 1.0),
+    "roughness": (0.5,),
+    "metallic": (0.0,),
+    "specular": (0.5,),
+}
+"""Values of default G-buffers in every pixel, by name."""
+
+
+def incompatibility(model: str, render: Size, display: Size, gbuffers: Collection[str] | None = None) -> str:
+    """Return why a method does not run on some frames; "" where it does.
+
+    Args:
+        model: name of a shipped model, or a model folder.
+        render: (width, height) of the frames.
+        display: (width, height) of the images.
+        gbuffers: names of the G-buffers that the frames have; None where default ones may be added.
+
+    Raises:
+        ModelError: there is no such model.
+    """
+    info = read_model_info(find_model(model))
+    if info.extrapolates:
+        return f"{model} is left out: it does not upscale, it extrapolates unshaded frames."
+    try:
+        check_ratio(info.ratios, render, display)
+    except FrameError as error:
+        return f"{model} is left out: {error}"
+    missing = [] if gbuffers is None else lacking(info.gbuffers, gbuffers)
+    return f"{model} is left out: the frames have no {listed(missing)}." if missing else ""
+
+
+def compatible(
+    models: Sequence[str], render: Size, display: Size, on_left_out: Callable[[str], None]
+) -> list[str]:
+    """Return those of some methods that run at these sizes; `on_left_out` gets the reason for each other."""
+    reasons = {model: incompatibility(model, render, display) for model in models}
+    for reason in filter(None, reasons.values()):
+        on_left_out(reason)
+    return [model for model in models if not reasons[model]]
+
+
+def gbuffers_of(models: Iterable[str]) -> set[str]:
+    """Return the names of the G-buffers that any of these methods reads."""
+    return {name for model in models for name in read_model_info(find_model(model)).gbuffers}
+
+
+def with_default_gbuffers(frame: Frame, names: Iterable[str], display: Size) -> Frame:
+    """Return a frame with the G-buffers of these tensor names; missing ones are those of a matte surface.
+
+    Missing depth of display size is the nearest sample of the frame's depth, and 0 where that is not valid.
+    """
+    found = {name: GBUFFERS[name].find(frame) for name in names}
+    if all(array is not None for array in found.values()):
+        return frame
+    made = {
+        name: _default_gbuffer(GBUFFERS[name], frame, display) if array is None else array
+        for name, array in found.items()
+    }
+    gbuffer, gbuffer_display = grouped(made)
+    return replace(frame, gbuffer=gbuffer, gbuffer_display=gbuffer_display)
+
+
+def _default_gbuffer(place: BufferField, frame: Frame, display: Size) -> Float32:
+    if place.key != "depth":
+        return _matte(place.key, place.shape(frame.size, display))
+    depth = to_display(frame.depth, frame.jitter, display)
+    return np.where(np.isfinite(depth) & (depth > 0.0), depth, np.float32(0.0))
+
+
+@lru_cache(maxsize=len(GBUFFERS))  # buffers of one size; a 4K one takes 100 MB
+def _matte(key: str, shape: tuple[int, ...]) -> Float32:
+    return np.full((*shape[:2], len(MATTE[key])), MATTE[key], np.float32).reshape(shape)

@@ -13,8 +13,8 @@ from supersampler.io.display import auto_exposure, display_transform
 from supersampler.io.shot import ShotWriter
 from supersampler.methods.gbuffers import GBUFFERS, names_of
 from supersampler.validation import FrameChecker
-from supersampler_bench.compatibility import gbuffers_of, incompatibility, with_default_gbuffers
 from supersampler_bench.quality.measure import ScoredImage, measure_quality, runnable
+from supersampler_bench.specs import gbuffers_of, incompatibility, with_default_gbuffers
 from supersampler_bench.stress.runner import chosen, left_out, measure, runs
 from supersampler_bench.stress.subjects import subjects
 from supersampler_bench.timing.device import measure_device

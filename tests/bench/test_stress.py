@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from supersampler import ArgumentError, Frame
 from supersampler.frame import Float32, Size
 from supersampler.history import State
-from supersampler_bench.cli.app import app
+from supersampler_bench.cli import app
 from supersampler_bench.stress.compare import ImageDifference, contraction, recovery
 from supersampler_bench.stress.hostile import MIN_BOUND, hostile_bound
 from supersampler_bench.stress.runner import (

@@ -17,7 +17,7 @@ from supersampler import Model, Shot
 from supersampler.backends.onnx.runtime import ort
 from supersampler.methods.classifier.spec import DEFAULT_INPUTS
 from supersampler.methods.model_file import find_model, model_names, read_model_info
-from supersampler_bench.compatibility import with_default_gbuffers
+from supersampler_bench.specs import with_default_gbuffers
 from supersampler_export.half import HalfNetwork, folded
 from supersampler_export.quantize import (
     BLOCK,

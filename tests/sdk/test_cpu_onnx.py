@@ -20,7 +20,7 @@ from supersampler.errors import ProviderError
 from supersampler.frame import Float32
 from supersampler.io.display import display_transform
 from supersampler.methods.model_file import find_model, model_names, read_model_info
-from supersampler_bench.compatibility import with_default_gbuffers
+from supersampler_bench.specs import with_default_gbuffers
 from supersampler_bench.stress.scenes import still
 
 METHODS = [name for name in model_names() if "int8" in read_model_info(find_model(name)).networks]

@@ -14,7 +14,7 @@ from supersampler.frame import Float32
 from supersampler.model import ExecutorName
 from supersampler.recording import open_recording
 from supersampler.recording.replay import Replay
-from supersampler_bench.compatibility import with_default_gbuffers
+from supersampler_bench.specs import with_default_gbuffers
 from supersampler_bench.stress.scenes import still
 
 SIZE, DISPLAY = (64, 36), (128, 72)

@@ -11,7 +11,7 @@ from method_backends import BACKENDS, make
 from supersampler import Frame, Upscaler, halton_jitter
 from supersampler.errors import ArgumentError
 from supersampler.methods.spec import FILL_WINDOW, GREY_SHARE
-from supersampler_bench.compatibility import with_default_gbuffers
+from supersampler_bench.specs import with_default_gbuffers
 from supersampler_model.ops.color import EXPOSURE_KEY, filled
 
 RENDER = (17, 13)

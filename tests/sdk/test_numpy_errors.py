@@ -18,7 +18,7 @@ from supersampler.io.display import ExposureMeter, display_transform, to_uint8
 from supersampler.io.display_transforms import display_transform_from
 from supersampler.methods.model_file import extrapolation_names, model_names
 from supersampler.validation import detect_conventions
-from supersampler_bench.compatibility import with_default_gbuffers
+from supersampler_bench.specs import with_default_gbuffers
 
 SIZE = (24, 16)
 TINY = np.float32(1e-42)  # a denormal

@@ -31,7 +31,7 @@ from supersampler.sequence import both_ways
 from supersampler.sequence.backward_motion import reversed_frame
 from supersampler.sequence.both_ways import weight_of
 from supersampler.sequence.frame_store import FrameStore, Stored
-from supersampler_bench.compatibility import with_default_gbuffers
+from supersampler_bench.specs import with_default_gbuffers
 from supersampler_model.data.scenes.analytic import AnalyticScene, DiscOverPlane, Plane, zone_plate
 from upscale_runs import DISPLAY_SIZE, images, moving, pixels, run, upscale, write_shot
 

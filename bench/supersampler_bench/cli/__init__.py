@@ -3,6 +3,35 @@
 Measurements and statistics are in the other packages. The main command loads `app` from here.
 """
 
-from supersampler_bench.cli.app import app
+import typer
 
-__all__ = ["app"]
+from supersampler_bench.cli import quality, report, timing
+
+app = typer.Typer(no_args_is_help=True, add_completion=False, rich_markup_mode=None)
+
+
+@app.callback()
+def bench() -> None:
+    """Measure methods on shots with references; every published number comes from here."""
+
+
+for command in (
+    quality.quality,
+    quality.extrapolation,
+    timing.cost,
+    timing.traffic,
+    timing.latency,
+    timing.startup,
+    timing.device,
+    timing.skip,
+    quality.still,
+    timing.pareto,
+    report.stress,
+    quality.parity,
+    quality.shots,
+    quality.product_shot,
+    report.records,
+    report.tables,
+    report.report,
+):
+    app.command(command.__name__.replace("_", "-"))(command)

@@ -296,9 +296,9 @@ def pareto(
       supersampler bench pareto --budget-ms 16 --display-size 1920x1080
       supersampler bench pareto bench/results/quality-test-shots*.json -o docs/images --update docs/pareto.md
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
-    from supersampler_bench.compatibility import gbuffers_of
     from supersampler_bench.quality.extrapolation import ExtrapolationRecord
     from supersampler_bench.quality.score_table import QualityRecord
+    from supersampler_bench.specs import gbuffers_of
     from supersampler_bench.timing import pareto as bench
 
     check_page(update, bench.ParetoRecord, "pareto")

@@ -21,7 +21,6 @@ from supersampler.methods.gbuffers import names_of
 from supersampler.sequence.both_ways import BothWays, buffers_of, frames_of
 from supersampler.sequence.interpolation import Interpolator
 from supersampler.upscaler import Upscaler
-from supersampler_bench.compatibility import incompatibility
 from supersampler_bench.fsr2.method import FSR2_LIKE, Fsr2Like
 from supersampler_bench.quality import masks, metrics, strred
 from supersampler_bench.quality.scores import (
@@ -33,7 +32,7 @@ from supersampler_bench.quality.scores import (
     Scores,
     count_classes,
 )
-from supersampler_bench.specs import parse_spec
+from supersampler_bench.specs import incompatibility, parse_spec
 from supersampler_model.data.shots import variant_name
 
 Bool = NDArray[np.bool_]

@@ -11,8 +11,7 @@ from supersampler.frame import Float32, Size
 from supersampler.history import State
 from supersampler.methods.model_info import ModelInfo
 from supersampler.model import ExecutorName, Precision
-from supersampler_bench.compatibility import with_default_gbuffers
-from supersampler_bench.specs import parse_spec
+from supersampler_bench.specs import parse_spec, with_default_gbuffers
 from supersampler_bench.stress.scenario import REACH, RECOVERY, Session, Subject
 from supersampler_bench.stress.scenes import PERIOD
 

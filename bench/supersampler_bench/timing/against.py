@@ -32,10 +32,9 @@ from supersampler.io.child_process import end_text, run
 from supersampler.io.files import replacing
 from supersampler.methods.gbuffers import GBUFFERS
 from supersampler.methods.model_file import find_model, read_model_info
-from supersampler_bench.compatibility import gbuffers_of, incompatibility, with_default_gbuffers
 from supersampler_bench.markdown import size_text, table
 from supersampler_bench.record import BenchRecord
-from supersampler_bench.specs import parse_spec
+from supersampler_bench.specs import gbuffers_of, incompatibility, parse_spec, with_default_gbuffers
 from supersampler_bench.timing.latency import frames_of
 from supersampler_model.data.shots import render_size
 

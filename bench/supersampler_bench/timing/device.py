@@ -15,9 +15,9 @@ from supersampler.backends.onnx.session import frame_inputs
 from supersampler.errors import ArgumentError, DeviceError
 from supersampler.frame import Size
 from supersampler.model import Precision
-from supersampler_bench.compatibility import compatible, with_default_gbuffers
 from supersampler_bench.markdown import size_text, table
 from supersampler_bench.record import BenchRecord
+from supersampler_bench.specs import compatible, with_default_gbuffers
 from supersampler_bench.timing.latency import (
     COPIED,
     WARM_UP,

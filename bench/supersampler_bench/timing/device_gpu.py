@@ -14,7 +14,7 @@ from supersampler.backends.gpu.device import LIMITS, default_device, name_of
 from supersampler.backends.gpu.memory import BufferSpec, MemorySpec, TextureSpec, allocate, write_to
 from supersampler.errors import ArgumentError, DeviceError
 from supersampler.frame import Size
-from supersampler_bench.compatibility import compatible
+from supersampler_bench.specs import compatible
 from supersampler_bench.timing.gpu_traffic import pass_costs
 from supersampler_bench.timing.latency import frames_of, quantiles, take_turns
 from supersampler_model.data.shots import render_size

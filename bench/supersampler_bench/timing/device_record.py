@@ -13,9 +13,9 @@ from supersampler.frame import Float32, Size
 from supersampler.io.display import display_transform
 from supersampler.io.machine import installed_versions
 from supersampler.methods.model_file import find_model, sha256
-from supersampler_bench.compatibility import compatible
 from supersampler_bench.markdown import size_text, table
 from supersampler_bench.record import BenchRecord
+from supersampler_bench.specs import compatible
 from supersampler_bench.timing.device_gpu import DeviceLimits, GpuStep, frame_textures, measure_limits
 from supersampler_bench.timing.latency import frames_of
 

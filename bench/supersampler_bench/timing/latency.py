@@ -18,9 +18,9 @@ from supersampler.errors import ArgumentError, DeviceError
 from supersampler.frame import Float32, Size
 from supersampler.methods.gbuffers import GBUFFERS
 from supersampler.model import ExecutorName, Precision
-from supersampler_bench.compatibility import compatible, with_default_gbuffers
 from supersampler_bench.markdown import size_text, table
 from supersampler_bench.record import BenchRecord
+from supersampler_bench.specs import compatible, with_default_gbuffers
 from supersampler_model.data.shots import render_size
 
 WARM_UP = 4  # steps of each setting before any counts

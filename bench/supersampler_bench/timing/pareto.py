@@ -18,12 +18,11 @@ from supersampler.errors import ArgumentError, ModelError
 from supersampler.frame import Size
 from supersampler.methods.model_file import find_model, model_names, read_model_info
 from supersampler.upscaler import Upscaler
-from supersampler_bench.compatibility import gbuffers_of, with_default_gbuffers
 from supersampler_bench.markdown import size_text, table
 from supersampler_bench.quality.extrapolation import EVERY_SECOND, ExtrapolationRecord
 from supersampler_bench.quality.score_table import CLIP_COLUMNS, Column, QualityRecord
 from supersampler_bench.record import BenchRecord
-from supersampler_bench.specs import Spec, parse_spec
+from supersampler_bench.specs import Spec, gbuffers_of, parse_spec, with_default_gbuffers
 from supersampler_bench.timing.latency import WARM_UP, Setting, frames_of, measure_settings, take_turns
 from supersampler_model.data.shots import render_size
 

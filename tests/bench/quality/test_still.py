@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 from supersampler import ArgumentError
 from supersampler.conventions import jitter_phase_count
-from supersampler_bench.cli.app import app
+from supersampler_bench.cli import app
 from supersampler_bench.quality.still import (
     PERIODS,
     StillRecord,

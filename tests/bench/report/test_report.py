@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from supersampler import ArgumentError
 from supersampler.io.shot import Shot, ShotWriter
-from supersampler_bench.cli.app import app
+from supersampler_bench.cli import app
 from supersampler_bench.parity import Agreement, ParityRecord
 from supersampler_bench.quality.score_table import CLIP_COLUMNS
 from supersampler_bench.record import BenchRecord, JsonRecord, read_record, write_json

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from supersampler.cli import app as supersampler
 from supersampler.errors import ArgumentError
 from supersampler.io.child_process import run
-from supersampler_bench.cli.app import app
+from supersampler_bench.cli import app
 from supersampler_bench.timing import against
 from supersampler_bench.timing.against import (
     COVERAGE,

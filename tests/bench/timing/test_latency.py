@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from supersampler_bench.cli.app import app
+from supersampler_bench.cli import app
 from supersampler_bench.timing import latency
 from supersampler_bench.timing.latency import frames_of, measure_latency
 
