@@ -1,5 +1,6 @@
 # make demo   upscale the shipped shot, with runtime dependencies only; see out/compare.html
-# make test   all tests
+# make test   most tests, in minutes
+# make test-all   all tests, as on merge: also random inputs, processes, examples, the GPU backend on software Vulkan
 # make check  style and types
 # make records  measures all published records whose models have changed since, and rewrites the tables: hours
 # make docs   the documentation as a site, out/site; a broken link or an undocumented public name fails
@@ -27,14 +28,19 @@ SOURCES := $(shell find sdk model export bench examples/web -name '*.py' -o -nam
 
 EXTENSION := sdk/supersampler/integrations/blender/extension
 
-.PHONY: demo extension test hashes fuzz traces mutation check records docs clean test-integrations blender pyvista panda3d mitsuba pygfx webgpu web cpp
+.PHONY: demo extension test test-all hashes fuzz traces mutation check records docs clean test-integrations blender pyvista panda3d mitsuba pygfx webgpu web cpp
 
 demo: $(RUNTIME)
 	.venv/bin/supersampler demo -o out
 
 # Two processes: threads of torch, in each, would wait for those of the other. Long files come early, as they lie.
+PYTEST := OMP_NUM_THREADS=1 .venv-dev/bin/pytest -q --numprocesses 2 --dist loadscope --no-loadscope-reorder
+
 test: $(DEVELOPMENT)
-	OMP_NUM_THREADS=1 .venv-dev/bin/pytest -q --numprocesses 2 --dist loadscope --no-loadscope-reorder
+	$(PYTEST) -m 'not long'
+
+test-all: test
+	$(PYTEST) -m long
 
 extension:
 	mkdir -p dist
