@@ -11,13 +11,13 @@ from torch import Tensor
 from flow_method import Shadow, random_flow
 from supersampler import Frame, halton_jitter
 from supersampler.frame import Size
+from supersampler.methods.constants import MAX_TONED
 from supersampler.methods.extrapolation.spec import GuidedFlowConfig
 from supersampler_export.half import HalfNetwork
 from supersampler_model import ops
 from supersampler_model.data.scenes.analytic import EXTENT, places
 from supersampler_model.methods.base import Method
 from supersampler_model.methods.guided_flow import (
-    MAX_TONED,
     Gathered,
     GuidedFlow,
     flow_history,

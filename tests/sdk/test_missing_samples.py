@@ -10,9 +10,10 @@ from gpu_steps import device_or_skip
 from method_backends import BACKENDS, make
 from supersampler import Frame, Upscaler, halton_jitter
 from supersampler.errors import ArgumentError
-from supersampler.methods.spec import FILL_WINDOW, GREY_SHARE
+from supersampler.io.display import EXPOSURE_KEY
+from supersampler.methods.constants import FILL_WINDOW, GREY_SHARE
 from supersampler_bench.specs import with_default_gbuffers
-from supersampler_model.ops.color import EXPOSURE_KEY, filled
+from supersampler_model.ops.color import filled
 
 RENDER = (17, 13)
 SHADED = [(name, kind) for name, kind in BACKENDS if not name.startswith(("guided", "extrapolate"))]

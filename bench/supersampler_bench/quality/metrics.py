@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from supersampler.errors import ArgumentError, SupersamplerError
 from supersampler.frame import Array, Float32
-from supersampler.io.display import decibels
+from supersampler.io.display import BT709_WEIGHTS, decibels
 
 Bool = NDArray[np.bool_]
 
-_BT709 = np.array([0.2126, 0.7152, 0.0722], np.float64)
+_BT709 = np.array(BT709_WEIGHTS)
 _WINDOW = 11  # SSIM, Wang et al. 2004: 11x11 Gaussian of sigma 1.5
 _SIGMA = 1.5
 

@@ -19,7 +19,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from supersampler.frame import Array
-from supersampler.io.display import to_uint8
+from supersampler.io.display import BT709_WEIGHTS, to_uint8
 
 Plane = NDArray[np.float64]
 
@@ -31,7 +31,7 @@ _BLOCK = 3
 _NOISE = 0.1  # variance of the visual system's noise, grey levels squared
 _RIDGE = 1e-6  # fraction of the mean variance added to the diagonal: repeating patterns give rank < 9
 _ROUNDING = 1e-12  # variance, grey levels squared, below which a band is empty
-_BT709 = np.array([0.2126, 0.7152, 0.0722], np.float64)
+_BT709 = np.array(BT709_WEIGHTS)
 
 # sp5Filters of the steerable pyramid (Simoncelli and Freeman 1995), as pyrtools has them: upper left quarters
 _INITIAL_LOWPASS = (

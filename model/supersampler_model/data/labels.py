@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from supersampler.errors import ArgumentError
 from supersampler.frame import Float32
+from supersampler.io.display import MAX_HALF
 
 Values = NDArray[np.floating[Any]]
-BRIGHTEST = 65504.0  # maximum of half floats; brighter samples are fireflies
 
 
 class Sample(NamedTuple):
@@ -104,7 +104,7 @@ class LabelInputs:
 
 def toned(color: Values, exposure: float = 1.0) -> Values:
     """Convert exposed linear RGB to [0, 1): c / (1 + c), each channel alone, after a clamp to [0, 65504]."""
-    exposed = np.clip(color * exposure, 0.0, BRIGHTEST)
+    exposed = np.clip(color * exposure, 0.0, MAX_HALF)
     return np.asarray(exposed / (1.0 + exposed))
 
 

@@ -9,6 +9,7 @@ from typing import ClassVar
 import torch
 from torch import Tensor
 
+from supersampler.io.display import MAX_HALF
 from supersampler.methods.aovs.spec import AOVS
 from supersampler_model import ops
 from supersampler_model.methods.base import Method
@@ -40,7 +41,7 @@ class BlendAovs(Method):
         display, render = ops.display_size_of(display_size), ops.size_of(aovs)
         grid = ops.grid_of(display, render, jitter)
         known = ops.is_number(aovs).float()
-        values = torch.where(known > 0.0, aovs.clamp(-ops.MAX_HALF, ops.MAX_HALF), 0.0)
+        values = torch.where(known > 0.0, aovs.clamp(-MAX_HALF, MAX_HALF), 0.0)
         sums = grid.upsample(torch.cat([values, known], dim=1), ops.gaussian(SIGMA))
         total, certainty = sums.split_with_sizes([aovs.shape[1], aovs.shape[1]], dim=1)
         current = total / certainty.clamp(min=ops.min_divisor(certainty, 1e-6))

@@ -20,17 +20,25 @@ import torch
 from torch import Tensor, nn
 
 from supersampler.errors import ArgumentError
+from supersampler.io.display import MAX_HALF
 from supersampler.methods.classifier.spec import (
     CLASSES,
     CLASSIFIER,
     CLASSIFIER_SMALL,
     CONTRAST,
     FLASH_FRACTION,
+    FRAME_PRIOR,
+    HALF_COUNT,
+    MAX_LOG_FACTOR,
+    MAX_SHARPNESS,
+    MIN_PRIOR,
+    OTHER_PRIOR,
     RISE,
     WHITE,
     ClassifierConfig,
 )
 from supersampler.methods.classifier_large.spec import CLASSIFIER_LARGE
+from supersampler.methods.constants import CONFIRMED, GLARE, MIN_CUBIC_WEIGHT, MIN_WEIGHT
 from supersampler.methods.spec import HALF, LARGE_HALF
 from supersampler_model import ops
 from supersampler_model.methods.base import LearnedMethod, NetworkSubgraph, Trained, config_of
@@ -47,9 +55,8 @@ from supersampler_model.ops import at_rest
 
 HEIGHT = 64.0
 """Height of a sample's Gaussian along an axis: at 1, far weights are too small for half floats."""
-MAX_FACTOR: Mapping[torch.dtype, float] = {torch.float32: 16.0, torch.float16: 8.0}
+MAX_FACTOR: Mapping[torch.dtype, float] = {torch.float32: MAX_LOG_FACTOR, torch.float16: 8.0}
 """Maximum of the logarithm of a factor: sums of nine such factors are half floats."""
-MAX_SHARPNESS = 2.0  # factor of the detail that is added
 DIM = 1e30  # the unit off screen: every colour becomes black
 
 
@@ -239,10 +246,10 @@ class Classifier(LearnedMethod):
         sample, confidence = self.near_samples(samples, view, grid)
         sharp = grid.upsample(samples, ops.catmull_rom)
         mean, deviation, found = self.local_statistics(toned, usable, grid)
-        smooth = torch.where(found > ops.MIN_WEIGHT, ops.from_ycocg(mean), fill.to(self.dtype))
+        smooth = torch.where(found > MIN_WEIGHT, ops.from_ycocg(mean), fill.to(self.dtype))
         sharp, whole = sharp.split_with_sizes([3, 1], dim=1)
         # with missing samples the negative weights dominate
-        frame = torch.where(whole > 0.9, sharp / whole.clamp(min=0.9), smooth)
+        frame = torch.where(whole > MIN_CUBIC_WEIGHT, sharp / whole.clamp(min=MIN_CUBIC_WEIGHT), smooth)
         glare, edge, sampled = at_pixel
         return CurrentFrame(
             frame=frame.clamp(0.0, ops.TONED[self.dtype]),
@@ -310,10 +317,10 @@ class Classifier(LearnedMethod):
         unit = 1.0 / exposure
         unit_on_screen = torch.where(on > 0.0, unit, DIM)
         linear = self.toned(front.read(given), unit_on_screen)
-        cubic = ops.read_cubic(given, front.position, c.history_sharpness).clamp(0.0, ops.MAX_HALF)
+        cubic = ops.read_cubic(given, front.position, c.history_sharpness).clamp(0.0, MAX_HALF)
         color, undilated = self.toned(cubic, unit_on_screen), own.read(given)
         if relit is not None:
-            undilated = (undilated * relit).clamp(0.0, ops.MAX_HALF)
+            undilated = (undilated * relit).clamp(0.0, MAX_HALF)
             unit = torch.where(own.on_screen > 0.0, unit, DIM)
         classes = ops.read(history.classes, 0.5 * front.position[:, ::2, ::2])
         return WarpedHistory(
@@ -357,8 +364,8 @@ class Classifier(LearnedMethod):
         sharpened = warped.color + sharpness.clamp(0.0, MAX_SHARPNESS) * warped.detail
         sharpened = sharpened.clamp(0.0, brightest)
         known = (warped.samples > 0.0).float()  # without history the weight is 0 whatever the network infers
-        colors = [(sharpened, known * (warped.samples * warped.surface + 1e-3))]
-        weight = known * (0.1 * warped.samples + 1e-3)
+        colors = [(sharpened, known * (warped.samples * warped.surface + MIN_PRIOR))]
+        weight = known * (OTHER_PRIOR * warped.samples + MIN_PRIOR)
         if self.config.rectified:
             box = ops.Box(current.mean, self.config.gamma * current.deviation)
             step = ops.from_ycocg(ops.step_to_box(ops.ycocg(sharpened.to(self.dtype)), box))
@@ -379,15 +386,15 @@ class Classifier(LearnedMethod):
             resting: see `step_outputs`.
         """
         c, current, warped, display = self.config, gathered.current, gathered.warped, gathered.display
-        blend = blend.clamp(-16.0, MAX_FACTOR[blend.dtype])
+        blend = blend.clamp(-MAX_LOG_FACTOR, MAX_FACTOR[blend.dtype])
         factors, sharpness, kernel = blend.split_with_sizes((c.candidates, *c.filters), dim=1)
         history_colors = self.history_colors(gathered, sharpness)
         kernel = ops.limited(current.window.mean(kernel, current.frame))
         sampled = current.sampled.float()
         current_colors = [
-            (current.sample, sampled * (current.confidence.float() + 1e-3)),
-            (current.frame, 0.05 * sampled),
-            (kernel, 0.05 * sampled),
+            (current.sample, sampled * (current.confidence.float() + MIN_PRIOR)),
+            (current.frame, FRAME_PRIOR * sampled),
+            (kernel, FRAME_PRIOR * sampled),
         ]
         color, weight, odds = ops.composite(
             history_colors, current_colors, factors, gathered.reactive, current.frame
@@ -397,7 +404,7 @@ class Classifier(LearnedMethod):
         classes = classes_of(logits.float(), warped.samples[:, :, ::2, ::2] > 0.0)
         count = torch.minimum(odds, warped.samples).clamp(max=c.samples) + current.confidence
         luma = ops.luminance(current.sample)
-        trust = (4.0 * odds / warped.samples.clamp(min=1e-6)).clamp(max=1.0) * (warped.samples > 0.0)
+        trust = (HALF_COUNT * odds / warped.samples.clamp(min=1e-6)).clamp(max=1.0) * (warped.samples > 0.0)
         rate = current.confidence * c.contraction
         low, high = ops.channels_of(warped.range)
         low = torch.minimum(low, luma) + rate * (luma - low).clamp(min=0.0)
@@ -406,10 +413,10 @@ class Classifier(LearnedMethod):
         glares = (current.glare > 0.0) & ((warped.samples > 0.0) | (warped.glare > 0.0))
         still_bright = (luma > WHITE) & (warped.glare > 0.0)
         unexplained = unexplained_light(luma, current.mean[:, :1], warped, display, resting)
-        unconfirmed = (glares | still_bright | unexplained) & (warped.glare < ops.CONFIRMED - 1.0)
+        unconfirmed = (glares | still_bright | unexplained) & (warped.glare < CONFIRMED - 1.0)
         count = torch.where(unconfirmed | gathered.flash, 0.0, count)
-        glared = torch.where(unconfirmed, warped.glare + 1.0, (ops.CONFIRMED * current.glare).float())
-        state = torch.cat([count, low, high + ops.GLARE * glared], dim=1)
+        glared = torch.where(unconfirmed, warped.glare + 1.0, (CONFIRMED * current.glare).float())
+        state = torch.cat([count, low, high + GLARE * glared], dim=1)
         image, state, weight = (ops.cut_to(plane, display) for plane in (image, state, weight))
         return Finished(image, state, ops.cut_to(classes, ops.half_of(display)), weight)
 

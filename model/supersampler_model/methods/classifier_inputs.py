@@ -12,12 +12,12 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from supersampler.methods.classifier.spec import NEIGHBOURHOOD_INPUTS, CountCode
+from supersampler.methods.classifier.spec import HALF_COUNT, NEIGHBOURHOOD_INPUTS, CountCode
 from supersampler_model import ops
 
 FULL_COUNT = 64.0  # samples at which the logarithm is 1
 COUNTS: Mapping[CountCode, Callable[[Tensor], Tensor]] = {
-    "saturating": lambda count: count / (count + 4.0),
+    "saturating": lambda count: count / (count + HALF_COUNT),
     "logarithm": lambda count: (1.0 + count).log() / math.log1p(FULL_COUNT),
 }
 """Encodings of the sample count, to [0, 1)."""

@@ -20,6 +20,7 @@ from supersampler.methods.gbuffer.spec import (
     GBUFFER_DEPTH,
     GBUFFER_SMALL,
     GBUFFER_SMALL_4X,
+    NEIGHBOUR_WEIGHTS,
     GBufferConfig,
 )
 from supersampler.methods.spec import DISPLAY, RENDER, Shape
@@ -51,8 +52,6 @@ from supersampler_model.methods.gbuffer_surfaces import (
 MAX_FACTOR: Mapping[torch.dtype, float] = {torch.float32: 12.0, torch.float16: 8.0}
 """Maximum of the logarithm of a factor, and minus its minimum: sums of nine such factors are half floats."""
 FILLED = 1e-4  # weight of a sample that is missing, 1 of others
-NEIGHBOUR_WEIGHTS = (0.03, 0.12, 0.03, 0.12, 1.0, 0.12, 0.03, 0.12, 0.03)
-"""Initial weights of a pixel and its eight neighbours in the learned kernel, row by row."""
 MOTION_UNIT = 8.0  # render pixels per unit of the motion inputs
 PREVIOUS_NORMAL = slice(13, 16)  # channels of `NetworkInputs.refiner_inputs`: normals of the previous frame
 

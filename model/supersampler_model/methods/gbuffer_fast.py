@@ -14,21 +14,21 @@ from typing import ClassVar, NamedTuple, Self
 import torch
 from torch import Tensor
 
-from supersampler.methods.gbuffer_fast.spec import GBUFFER_FAST, GBUFFERS_READ, GuidedConfig
+from supersampler.methods.constants import MIN_NORMAL
+from supersampler.methods.gbuffer.spec import NEIGHBOUR_WEIGHTS, STEP_COST
+from supersampler.methods.gbuffer_fast.spec import (
+    GBUFFER_FAST,
+    GBUFFERS_READ,
+    MAX_DEPTH_COST,
+    MIN_SIMILARITY,
+    GuidedConfig,
+)
 from supersampler_model import ops
 from supersampler_model.methods.base import Trained
 from supersampler_model.methods.classifier import Classifier, adapted, edge_of
 from supersampler_model.methods.classifier_inputs import CurrentFrame, Gathered, History, root
-from supersampler_model.methods.gbuffer import NEIGHBOUR_WEIGHTS
 from supersampler_model.methods.gbuffer_surfaces import depth_difference, lit, samples_3x3, squared_norm
 from supersampler_model.ops import at_rest
-
-MIN_WEIGHT = 1e-4
-"""Minimum weights by distance and by agreement, so that some light is found everywhere."""
-MAX_DIFFERENCE = 10.0
-"""Largest exponent of depth: half floats hold its exponential."""
-STEP_COST = 0.002
-"""Relative depth that a nearer sample may differ more and still be the pixel's own surface."""
 
 
 class DisplaySurfaces(NamedTuple):
@@ -50,7 +50,7 @@ class DisplaySurfaces(NamedTuple):
 
         Colour over reflectance is light, which varies less than textures do (FuseSR, Zhong et al. 2023).
         """
-        sky = squared_norm(self.normal) < 0.1
+        sky = squared_norm(self.normal) < MIN_NORMAL
         return torch.where(sky, 1.0, minimum + (1.0 - minimum) * self.base_color)
 
     def features(self, config: GuidedConfig) -> Tensor:
@@ -238,11 +238,11 @@ def guide(
             grid.x.nearest + across - grid.x.position
         )
         difference = depth_difference(depth, display.depth)
-        of_depth = (difference * difference * (0.5 / config.depth_sigma**2)).clamp(max=MAX_DIFFERENCE)
+        of_depth = (difference * difference * (0.5 / config.depth_sigma**2)).clamp(max=MAX_DEPTH_COST)
         similarity = (-(of_depth + squared_norm(features - target).float())).exp()
-        distance = (distance + MIN_WEIGHT) * known
+        distance = (distance + MIN_SIMILARITY) * known
         colors.append(color)
-        weights.append(distance * (similarity + MIN_WEIGHT))
+        weights.append(distance * (similarity + MIN_SIMILARITY))
         similar.append(distance * similarity)
         cost = difference + STEP_COST * (down * down + across * across)
         chosen = moved if chosen is None else torch.where(cost < lowest, moved, chosen)

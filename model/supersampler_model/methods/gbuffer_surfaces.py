@@ -8,6 +8,9 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
+from supersampler.io.display import MAX_HALF
+from supersampler.methods.constants import MIN_NORMAL
+from supersampler.methods.gbuffer.spec import STEP_COST
 from supersampler_model import ops
 
 MIN_REFLECTANCE = 0.04  # added to every reflectance; about that of a dielectric
@@ -68,7 +71,7 @@ def reflectance(surfaces: Surfaces) -> Tensor:
     base, metal = surfaces.base_color, surfaces.metallic
     dielectric = 1.0 - metal
     reflected = base * dielectric + 0.08 * surfaces.specular * dielectric + base * metal + MIN_REFLECTANCE
-    sky = (squared_norm(surfaces.normal) < 0.1).to(base.dtype)
+    sky = (squared_norm(surfaces.normal) < MIN_NORMAL).to(base.dtype)
     return reflected + sky * (1.0 - reflected)
 
 
@@ -78,7 +81,7 @@ def lit(light: Tensor, reflected: Tensor) -> Tensor:
     It equals `tone(inverse_tone(light) * reflected)`; linear light is not computed, as it may exceed half
     floats.
     """
-    color, minimum = light * reflected, ops.min_divisor(light, 1.0 / ops.MAX_HALF)
+    color, minimum = light * reflected, ops.min_divisor(light, 1.0 / MAX_HALF)
     return (color / ((1.0 - ops.largest(light)).clamp(min=minimum) + ops.largest(color))).clamp(
         0.0, ops.TONED[light.dtype]
     )
@@ -226,7 +229,7 @@ def motion_of_surface(depth: Tensor, motion: Tensor, display_depth: Tensor, grid
     lowest = torch.full_like(display_depth, torch.inf)
     chosen = torch.zeros_like(display_depth).expand(-1, 2, -1, -1)
     for down, across, (sample, moved) in samples_3x3([depth, motion], grid):
-        cost = depth_difference(sample, display_depth) + 0.002 * (down * down + across * across)
+        cost = depth_difference(sample, display_depth) + STEP_COST * (down * down + across * across)
         better = cost < lowest
         lowest, chosen = torch.where(better, cost, lowest), torch.where(better, moved, chosen)
     return chosen

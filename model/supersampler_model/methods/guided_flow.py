@@ -18,14 +18,19 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from supersampler.methods.extrapolation.spec import GUIDED_FLOW, FlowNetworkConfig, GuidedFlowConfig
+from supersampler.methods.constants import MAX_TONED
+from supersampler.methods.extrapolation.spec import (
+    GUIDED_FLOW,
+    SKY_DEPTH,
+    FlowNetworkConfig,
+    GuidedFlowConfig,
+)
 from supersampler.methods.spec import HALF
 from supersampler_model import ops
 from supersampler_model.methods.base import LearnedMethod, NetworkSubgraph
 from supersampler_model.methods.classifier_network import Block, padded
 from supersampler_model.methods.gbuffer_network import doubled
 from supersampler_model.methods.guided_warp import (
-    SKY_DEPTH,
     Shaded,
     Surface,
     back_to_shaded,
@@ -41,7 +46,6 @@ FLOW = 2  # output channels of the flow: offset across, offset down
 OUTPUTS = (FLOW, 1, 1)
 """Output channels: flow in pixels of the inputs, gain, logit of the blend weight of the moved light."""
 AGE_RATIO = 3.0  # age of the earlier input over that of the later one, where every second frame is shaded
-MAX_TONED = 1.0 - 1e-4
 
 
 class Decoder(nn.Module):

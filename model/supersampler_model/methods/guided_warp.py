@@ -16,16 +16,20 @@ from typing import ClassVar, NamedTuple
 import torch
 from torch import Tensor
 
-from supersampler.methods.extrapolation.spec import GUIDED_WARP, GuidedWarpConfig
+from supersampler.io.display import MAX_HALF
+from supersampler.methods.constants import MAX_MOTION, MIN_NORMAL, UNKNOWN_DEPTH
+from supersampler.methods.extrapolation.spec import (
+    GUIDED_WARP,
+    INVALID_DEPTH,
+    KEY_INDICES,
+    KEY_STEPS,
+    MAX_KEY,
+    NEIGHBOURS,
+    SKY_DEPTH,
+    GuidedWarpConfig,
+)
 from supersampler_model import ops
 from supersampler_model.methods.base import Method
-
-NEIGHBOURS = ((0, -1), (-1, 0), (1, 0), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1))
-"""Offsets (x, y) of the eight neighbours of a pixel, nearest first."""
-SKY_DEPTH = 1e-30  # in place of 0, for the logarithm
-INVALID_DEPTH = 1e4  # feature of invalid depth, in standard deviations: unlike all others
-KEY_STEPS, MAX_KEY, KEY_INDICES = 16.0, 262143.0, 64.0
-"""Layout of a sort key: steps per unit of cost, maximum number of steps, range of indices."""
 
 
 class Surface(NamedTuple):
@@ -69,7 +73,7 @@ def shaded_of(color: Tensor, base_color: Tensor, normal: Tensor, depth: Tensor, 
 
 def reflectance(surface: Surface, config: GuidedWarpConfig) -> Tensor:
     """Return the reflectance (1, 3, h, w): base colour plus `config.least`; 1 at the sky."""
-    sky = ops.sum_of([surface.normal[:, i : i + 1] ** 2 for i in range(3)]) < 0.1
+    sky = ops.sum_of([surface.normal[:, i : i + 1] ** 2 for i in range(3)]) < MIN_NORMAL
     return torch.where(sky, 1.0, surface.base_color + config.least)
 
 
@@ -93,7 +97,7 @@ def _guide(surface: Surface, shaded: Shaded, x: Tensor, y: Tensor, config: Guide
     x, y = x.clamp(0.0, size.width - 1.0), y.clamp(0.0, size.height - 1.0)
     # Without any valid depth in the shaded frame, depth must not count: all its samples would be unlike.
     has_depth = (shaded.surface.depth >= 0.0).float().sum() > 0.0
-    unknown = torch.full_like(surface.depth, ops.UNKNOWN_DEPTH)
+    unknown = torch.full_like(surface.depth, UNKNOWN_DEPTH)
     surface = surface._replace(depth=torch.where(has_depth, surface.depth, unknown))
     pixels, samples = _features(surface, config), _features(shaded.surface, config)
     return Guide(pixels, samples, size, x.reshape(-1), y.reshape(-1))
@@ -153,9 +157,9 @@ def surface_of(base_color: Tensor, normal: Tensor, depth: Tensor, usable: Tensor
         The surfaces; their depth is UNKNOWN_DEPTH where a G-buffer is invalid or the sample is not usable.
     """
     depth = ops.usable_depth(depth)
-    known = torch.cat([base_color, normal], dim=1).abs() <= ops.MAX_HALF
+    known = torch.cat([base_color, normal], dim=1).abs() <= MAX_HALF
     valid_here = [known[:, i : i + 1] for i in range(6)] + ([] if usable is None else [usable > 0.0])
-    depth = torch.where(reduce(torch.logical_and, valid_here), depth, ops.UNKNOWN_DEPTH)
+    depth = torch.where(reduce(torch.logical_and, valid_here), depth, UNKNOWN_DEPTH)
     return Surface(ops.finite(base_color).clamp(0.0, 1.0), ops.finite(normal).clamp(-1.0, 1.0), depth)
 
 
@@ -175,7 +179,7 @@ def back_to_shaded(motion: Tensor, jitter: Tensor, before: Tensor, jitter_before
     rest = ops.read(ops.usable_motion(before), places)
     across = rest[:, :1] * render.width / previous.width
     down = rest[:, 1:] * render.height / previous.height
-    return (motion + torch.cat([across, down], dim=1)).clamp(-ops.FAR, ops.FAR)
+    return (motion + torch.cat([across, down], dim=1)).clamp(-MAX_MOTION, MAX_MOTION)
 
 
 def samples_at(

@@ -31,6 +31,14 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from supersampler.methods.at_rest import BLOCK, DARK, WINDOWS
+from supersampler.methods.constants import (
+    CONFIRMED,
+    DARKNESS,
+    FULL_WEIGHT,
+    GLARE,
+    MIN_CUBIC_WEIGHT,
+    MIN_WEIGHT,
+)
 from supersampler.methods.taau.spec import (
     FIT,
     FLASH,
@@ -38,6 +46,9 @@ from supersampler.methods.taau.spec import (
     LAG_STEP,
     LEAST_BLOCKS,
     LEAST_FLASH,
+    MIN_BOX_WEIGHT,
+    MIN_CHANGE,
+    MIN_SAMPLES,
     MOST_SAMPLES,
     TAAU,
     UNFIT,
@@ -46,10 +57,6 @@ from supersampler.methods.taau.spec import (
 from supersampler_model import ops
 from supersampler_model.methods.base import Method
 from supersampler_model.ops import at_rest
-
-MIN_CHANGE = 0.004  # of toned luma: one step of an 8-bit image
-MIN_SAMPLES = 1e-3  # with fewer samples the history is not used
-MIN_BOX_WEIGHT = 0.5  # usable fraction of the window of the box, below which its variance is 1
 
 
 class Moments(NamedTuple):
@@ -178,9 +185,11 @@ class Taau(Method):
         samples = torch.cat([toned, usable], dim=1)
         c = self.config
         smooth, found = grid.upsample(samples, ops.gaussian(c.frame_sigma)).split_with_sizes([3, 1], dim=1)
-        smooth = torch.where(found > ops.MIN_WEIGHT, smooth / found.clamp(min=ops.MIN_WEIGHT), fill)
+        smooth = torch.where(found > MIN_WEIGHT, smooth / found.clamp(min=MIN_WEIGHT), fill)
         sharp, whole = grid.upsample(samples, ops.catmull_rom).split_with_sizes([3, 1], dim=1)
-        sharpness = c.frame_sharpness * (whole > 0.9)  # with missing samples the negative weights dominate
+        sharpness = c.frame_sharpness * (
+            whole > MIN_CUBIC_WEIGHT
+        )  # with missing samples the negative weights dominate
         near = grid.upsample(samples, ops.gaussian(c.sample_sigma), view.ratio)
         near, weight = near.split_with_sizes([3, 1], dim=1)
         fit = fit_of(toned[:, :1], usable, surface[:, 2:3])
@@ -237,9 +246,7 @@ class Taau(Method):
         """Compute the blend parameters by rules, in place of a network; `flash`: last of `light_after`."""
         c = self.config
         unchanged = 1.0 - self.change_of_light(current.shade, warped.shade)
-        unknown = (warped.glare > 0.0) & (
-            warped.glare < ops.CONFIRMED
-        )  # its shade has light that was not added
+        unknown = (warped.glare > 0.0) & (warped.glare < CONFIRMED)  # its shade has light that was not added
         unchanged = torch.where(unknown, 1.0, unchanged)
         spread = warped.power.sqrt() * unchanged
         moving = (warped.speed / c.gamma_speed).clamp(max=1.0)
@@ -252,7 +259,7 @@ class Taau(Method):
         holds = warped.surface * unchanged
         samples = torch.minimum(warped.samples * holds * inside, limit)
         weight = current.confidence / (samples + current.confidence).clamp(min=1e-6)
-        glares = (current.glare > 0.0) & (warped.glare < ops.CONFIRMED - 1.0)
+        glares = (current.glare > 0.0) & (warped.glare < CONFIRMED - 1.0)
         trusted = torch.where(glares, warped.surface, holds)
         kept = torch.minimum(warped.samples * trusted, limit)
         now, before = current.shade[:, 1:2], warped.shade[:, 1:2]
@@ -294,10 +301,10 @@ class Taau(Method):
         counted = samples.clamp(max=self.config.spread_samples) + current.confidence
         rate = current.confidence / counted.clamp(min=1e-6)
         known = (blend.samples > MIN_SAMPLES).float() * blend.spreads
-        power = known * (warped.power + rate * (error * error - warped.power) - ops.DARKNESS).clamp(min=0.0)
-        now = [samples + current.confidence, power + ops.GLARE * ops.CONFIRMED * current.glare]
-        glare = (warped.glare + current.glare).clamp(max=ops.CONFIRMED)
-        before = [blend.kept, blend.trusted * warped.power + ops.GLARE * glare]
+        power = known * (warped.power + rate * (error * error - warped.power) - DARKNESS).clamp(min=0.0)
+        now = [samples + current.confidence, power + GLARE * CONFIRMED * current.glare]
+        glare = (warped.glare + current.glare).clamp(max=CONFIRMED)
+        before = [blend.kept, blend.trusted * warped.power + GLARE * glare]
         return image, torch.where(blend.unconfirmed, torch.cat(before, dim=1), torch.cat(now, dim=1))
 
 
@@ -339,7 +346,7 @@ def shade_of(luma: Tensor, usable: Tensor) -> Tensor:
     Without usable samples the deviation is 1, so that no mean counts as changed.
     """
     sums = ops.blurred(torch.cat([luma, luma * luma, usable], dim=1))
-    known = (sums[:, 2:3] > ops.MIN_WEIGHT).float()
+    known = (sums[:, 2:3] > MIN_WEIGHT).float()
     moments = ops.normalised(sums)
     mean, square = moments[:, :1], moments[:, 1:2]
     deviation = (square - mean * mean).clamp(min=0.0).sqrt()
@@ -428,7 +435,7 @@ def fit_of(luma: Tensor, usable: Tensor, deviation: Tensor) -> Tensor:
     slopes = F.conv2d(ops.padded_3x3(luma), torch.stack([slope, slope.T])[:, None])
     explained = (slopes * slopes).sum(dim=1, keepdim=True) * (6.0 / 9.0)
     fraction = explained / (deviation * deviation).clamp(min=1e-7)
-    return ((fraction - UNFIT) / (FIT - UNFIT)).clamp(0.0, 1.0) * (ops.blurred(usable) > 0.999)
+    return ((fraction - UNFIT) / (FIT - UNFIT)).clamp(0.0, 1.0) * (ops.blurred(usable) > FULL_WEIGHT)
 
 
 def plane_moments(color: Tensor, usable: Tensor, fit: Tensor, grid: ops.Grid, sigma: float) -> Moments:
@@ -450,7 +457,7 @@ def plane_moments(color: Tensor, usable: Tensor, fit: Tensor, grid: ops.Grid, si
     mean = first / total
     variance = (second / total - mean * mean).clamp(min=0.0)
     across, down = ops.resample(color[:, :1], x.slope, y.mean), ops.resample(color[:, :1], x.mean, y.slope)
-    fit = fit * (weight > 0.999)  # the slopes are of whole windows
+    fit = fit * (weight > FULL_WEIGHT)  # the slopes are of whole windows
     luma = mean[:, :1] - fit * (across * x.shift + down * y.shift[:, None])
     luma_variance = (variance[:, :1] - fit * (across * across + down * down)).clamp(min=0.0)
     variance = torch.cat([luma_variance, variance[:, 1:]], dim=1)

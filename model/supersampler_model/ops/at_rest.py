@@ -33,6 +33,7 @@ from torch.nn import functional as F
 
 from supersampler.methods import at_rest as spec
 from supersampler.methods.at_rest import BLOCK, WINDOWS
+from supersampler.methods.constants import FULL_WEIGHT
 from supersampler_model.ops.color import bounded, sanitize, valid
 from supersampler_model.ops.images import (
     Size,
@@ -46,8 +47,6 @@ from supersampler_model.ops.images import (
 )
 from supersampler_model.ops.motion import squared_length, usable_motion
 from supersampler_model.ops.sampling import Bands, Grid, resample
-
-COVERED = 0.999  # minimum sum of four bilinear weights
 
 
 class RestFrame(NamedTuple):
@@ -432,7 +431,7 @@ def residuals_of(
     enough = (mean[:, 3:] >= spec.LEAST_WEIGHT).float()
     expected = at_samples(torch.cat([mean[:, :3], enough], dim=1), size_of(color), jitter)
     expected, enough = expected.split_with_sizes([3, 1], dim=1)
-    counted = usable * (enough > COVERED)
+    counted = usable * (enough > FULL_WEIGHT)
     difference = (color - expected) * counted
     squares = [(part * part).sum(dim=1, keepdim=True) for part in (difference, color * counted)]
     values = torch.cat([counted, difference, color * counted, expected * counted, *squares], dim=1)

@@ -8,25 +8,22 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
+from supersampler.io.display import (
+    BT709_WEIGHTS,
+    DARKEST,
+    EXPOSURE_ADAPTATION,
+    EXPOSURE_KEY,
+    EXPOSURE_OUTLIER,
+    MAX_EXPOSURE,
+    MAX_HALF,
+    MIN_EXPOSURE,
+)
 from supersampler.methods.classifier.spec import ToneSpace
-from supersampler.methods.spec import FILL_WINDOW, GREY_SHARE
+from supersampler.methods.constants import DARKNESS, FILL_WINDOW, GLARE, GLARE_EXPOSED, GREY_SHARE, MAX_TONED
 from supersampler_model.ops.images import window_means
 
-MAX_HALF = 65504.0
-EXPOSURE_KEY = 0.18
-EXPOSURE_ADAPTATION = 0.1
-TONED: Mapping[torch.dtype, float] = {torch.float32: 1.0 - 1e-4, torch.float16: 1.0 - 2.0**-10}
-"""Maximum of a toned colour, by type: 1 is infinite light, to which half floats round bright light."""
-MIN_EXPOSURE, MAX_EXPOSURE = 2.0**-24, 2.0**24
-OUTLIER = 64.0
-DARKEST = 1e-4
-DARKNESS = 1e-12
-GLARE_EXPOSED = 1024.0
-"""Exposed light ten stops over white; no display can distinguish brighter light."""
-GLARE = 4.0
-"""Added to a history value in [0, 1] for each consecutive frame with such light nearby."""
-CONFIRMED = 3.0
-"""Consecutive frames after which such light is accumulated: one shaded, one extrapolated, one more."""
+TONED: Mapping[torch.dtype, float] = {torch.float32: MAX_TONED, torch.float16: 1.0 - 2.0**-10}
+"""Maximum of a toned colour, by type: half floats round brighter light to 1, which is infinite light."""
 
 
 def is_number(values: Tensor) -> Tensor:
@@ -103,7 +100,7 @@ def without_glare(values: Tensor) -> tuple[Tensor, Tensor]:
 
 def luminance(color: Tensor) -> Tensor:
     """Return the BT.709 luminance of linear RGB, (1, 1, h, w)."""
-    return F.conv2d(color, color.new_tensor([0.2126, 0.7152, 0.0722]).reshape(1, 3, 1, 1))
+    return F.conv2d(color, color.new_tensor(BT709_WEIGHTS).reshape(1, 3, 1, 1))
 
 
 def largest(color: Tensor) -> Tensor:
@@ -128,8 +125,8 @@ def exposure_for(color: Tensor, usable: Tensor, given: Tensor, before: Tensor) -
 
     The exposure is `given` where that is in [MIN_EXPOSURE, MAX_EXPOSURE]. Otherwise it is measured and adapts
     from the previous frame by a tenth of the difference in stops; without usable pixels the previous exposure
-    is kept. An exposure that differs from the previous one by more than a factor of OUTLIER is ignored for
-    one frame, and used at once if the next frame is an outlier too.
+    is kept. An exposure that differs from the previous one by more than a factor of EXPOSURE_OUTLIER is
+    ignored for one frame, and used at once if the next frame is an outlier too.
 
     Args:
         color: (1, 3, h, w) linear RGB, >= 0.
@@ -145,7 +142,7 @@ def exposure_for(color: Tensor, usable: Tensor, given: Tensor, before: Tensor) -
     measured = torch.where(has_history, torch.where(count > 0.0, smooth, known), target)
     followed = torch.where(is_given, given, measured)
     proposed = torch.where(is_given, given, torch.where(has_history & (count <= 0.0), known, target))
-    is_outlier = has_history & ((proposed > known * OUTLIER) | (proposed * OUTLIER < known))
+    is_outlier = has_history & ((proposed > known * EXPOSURE_OUTLIER) | (proposed * EXPOSURE_OUTLIER < known))
     confirmed = torch.where(is_outlier, torch.where(before < 0.0, proposed, -known), followed)
     return torch.where(has_history, confirmed, -followed)
 
@@ -159,7 +156,7 @@ def is_flash(followed: Tensor, given: Tensor, before: Tensor) -> Tensor:
         before: (1,) result of `exposure_for` for the previous frame; 0 without one.
     """
     known, used = before.abs(), followed.abs()
-    is_outlier = (followed < 0.0) | (used > known * OUTLIER) | (used * OUTLIER < known)
+    is_outlier = (followed < 0.0) | (used > known * EXPOSURE_OUTLIER) | (used * EXPOSURE_OUTLIER < known)
     is_given = (given >= MIN_EXPOSURE) & (given <= MAX_EXPOSURE)
     return is_outlier & (torch.where(is_given, 0.0, known) > 0.0)
 

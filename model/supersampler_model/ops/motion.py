@@ -6,6 +6,15 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
+from supersampler.methods.constants import (
+    CATMULL_ROM,
+    FINITE_MOTION,
+    MAX_DEPTH,
+    MAX_MOTION,
+    SAME_THIN_DEPTH,
+    THIN_MOTION,
+    UNKNOWN_DEPTH,
+)
 from supersampler_model.ops.images import (
     Size,
     channels_of,
@@ -20,24 +29,18 @@ from supersampler_model.ops.images import (
 )
 from supersampler_model.ops.sampling import Extent, Grid, in_row, pair
 
-LONGEST, FAR = 3e38, 1e6  # pixels: larger motion is not finite; finite motion is clamped to FAR
 STEP = 2.0**-24  # of float32 below 1
-UNKNOWN_DEPTH = -1.0  # below the sky's 0: never the closest, never disoccluded
-THIN_MOTION = (
-    1.0  # render pixels along an axis, relative to its background, after which thin geometry is gone
-)
-SAME_THIN_DEPTH = 0.95  # minimum depth of another part of thin geometry, as a fraction of its depth
 
 
 def usable_motion(motion: Tensor) -> Tensor:
-    """Replace NaN and Inf by zero motion; clamp finite vectors to FAR."""
-    known = motion.abs() <= LONGEST
-    return torch.where(known, motion.clamp(-FAR, FAR), 0.0)
+    """Replace NaN and Inf by zero motion; clamp finite vectors to MAX_MOTION."""
+    known = motion.abs() <= FINITE_MOTION
+    return torch.where(known, motion.clamp(-MAX_MOTION, MAX_MOTION), 0.0)
 
 
 def usable_depth(depth: Tensor) -> Tensor:
     """Replace NaN, Inf and negative depth by UNKNOWN_DEPTH."""
-    return torch.where((depth >= 0.0) & (depth <= 1e30), depth, UNKNOWN_DEPTH)
+    return torch.where((depth >= 0.0) & (depth <= MAX_DEPTH), depth, UNKNOWN_DEPTH)
 
 
 def dilate_motion_2x2(depth: Tensor, motion: Tensor) -> tuple[Tensor, Tensor]:
@@ -115,7 +118,7 @@ def disocclusion(
     first = position.floor()
     right, below = (part[:, None] for part in (position - first).unbind(dim=3))
     around = padded_3x3(history_depth)[:, :, :-1, :-1]  # so that both samples beside an edge are the edge's
-    limit = torch.where(around > 1e-12, 1.0 / (ramp * around.clamp(min=1e-12)), 1e30)
+    limit = torch.where(around > 1e-12, 1.0 / (ramp * around.clamp(min=1e-12)), MAX_DEPTH)
     limits = read(torch.cat(neighbours_2x2(limit), dim=1), first + 1.0, mode="nearest")
     # the relative change (before - depth) / before less the margin, over the ramp
     occluded = ((1.0 - margin) / ramp - depth.clamp(min=1e-20) * limits).clamp(0.0, 1.0)
@@ -234,7 +237,7 @@ def _bilinear(image: Tensor, place: Tensor) -> Tensor:
     return F.grid_sample(image, place, mode="bilinear", padding_mode="zeros", align_corners=False)
 
 
-def read_cubic(image: Tensor, position: Tensor, sharpness: float = 0.5) -> Tensor:
+def read_cubic(image: Tensor, position: Tensor, sharpness: float = CATMULL_ROM) -> Tensor:
     """Resample with a cubic (sharpness 0.5: Catmull-Rom) from five bilinear reads.
 
     The middle two samples of an axis share a read. The four corner reads have small weights; they are

@@ -11,7 +11,8 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from supersampler.methods.classifier_large.spec import REACH, SHARPNESS
+from supersampler.methods.classifier_large.spec import LANCZOS_SCALE, LANCZOS_SLOPE, REACH, SHARPNESS
+from supersampler.methods.constants import MIN_KERNEL_WEIGHT, MIN_WEIGHT
 from supersampler_model.ops.color import TONED, bounded, inverse_tone, min_divisor, tone
 from supersampler_model.ops.images import Size, pick_columns, pick_rows, size_of
 
@@ -23,8 +24,6 @@ ALIGNED = 16
 """Multiple of display pixels to which a grid may be extended: networks then need no padding of their own."""
 WINDOW = 9
 """Samples in a learned kernel: a 3x3 neighbourhood."""
-MIN_WEIGHT = 1e-3
-"""Sum of weights below which no sample of a neighbourhood is usable."""
 
 
 class Bands(NamedTuple):
@@ -342,9 +341,9 @@ def neighbourhood_samples(samples: Tensor, grid: Grid, sigma: float) -> Window:
     by_row = torch.arange(WINDOW, device=samples.device)
     rows = gaussian(sigma)(row - grid.y.position).index_select(0, by_row // 3)
     columns = gaussian(sigma)(column - grid.x.position).index_select(0, by_row % 3)
-    rows = torch.stack([rows, 0.0 * rows + 1e-4], dim=2).to(samples.dtype)
+    rows = torch.stack([rows, 0.0 * rows + MIN_KERNEL_WEIGHT], dim=2).to(samples.dtype)
     columns = torch.stack([columns, 0.0 * columns + 1.0], dim=1).to(samples.dtype)
-    near = rows @ columns  # the product of both and 1e-4
+    near = rows @ columns  # the product of both, plus that weight
     return Window(color, usable[:, 0] * near)
 
 
@@ -380,5 +379,5 @@ def gaussian(sigma: float) -> Kernel:
 def lanczos(distance: Tensor) -> Tensor:
     """Lanczos filter of two lobes, support 2, as the polynomial that FSR uses in place of sines."""
     squared = (distance * distance).clamp(max=4.0)
-    base, window = 0.4 * squared - 1.0, 0.25 * squared - 1.0
-    return (1.5625 * base * base - 0.5625) * window * window
+    base, window = LANCZOS_SLOPE * squared - 1.0, 0.25 * squared - 1.0
+    return (LANCZOS_SCALE * base * base - (LANCZOS_SCALE - 1.0)) * window * window

@@ -23,6 +23,7 @@ from torch import Tensor
 
 from supersampler.errors import ArgumentError
 from supersampler.frame import Float32
+from supersampler.io.display import MAX_HALF
 from supersampler.methods.gbuffers import GBUFFERS
 from supersampler_model import ops
 from supersampler_model.data.dataset import Dataset, TrainingFrame
@@ -263,7 +264,7 @@ class PathNoise(NamedTuple):
         """Return a frame's colour, (1, 3, h, w) linear RGB, multiplied by noise."""
         luma = ops.luminance(color.clamp(min=0.0))
         certain = self.certain * luma / (luma + luma.mean() + 1e-12)
-        return (color * torch.from_numpy(self.factors(certain.numpy(), random))).clamp(max=ops.MAX_HALF)
+        return (color * torch.from_numpy(self.factors(certain.numpy(), random))).clamp(max=MAX_HALF)
 
 
 def with_fireflies(frame: CropFrame, random: np.random.Generator) -> CropFrame:
@@ -277,7 +278,7 @@ def with_fireflies(frame: CropFrame, random: np.random.Generator) -> CropFrame:
     fraction, stops = 10.0 ** random.uniform(-3.0, -1.0), random.uniform(3.0, 16.0)
     is_firefly = torch.from_numpy(random.random(frame.depth.shape) < fraction)
     light = torch.tensor(2.0**stops, dtype=torch.float32) / frame.exposure
-    return frame._replace(color=torch.where(is_firefly, light.clamp(max=ops.MAX_HALF), frame.color))
+    return frame._replace(color=torch.where(is_firefly, light.clamp(max=MAX_HALF), frame.color))
 
 
 @dataclass

@@ -14,6 +14,7 @@ import torch
 from torch import Tensor
 
 from supersampler.errors import ArgumentError
+from supersampler.io.display import MAX_HALF
 from supersampler_model import ops
 from supersampler_model.data.dataset import Dataset, TrainingFrame
 from supersampler_model.data.dataset.storage import SequenceEntry
@@ -115,7 +116,7 @@ class LightCache:
         method, (later, earlier) = self._method, gathered.lights
         full = [
             ops.bounded(gathered.light * frame.exposure),
-            method.guides(gathered.surface).clamp(-ops.MAX_HALF, ops.MAX_HALF),
+            method.guides(gathered.surface).clamp(-MAX_HALF, MAX_HALF),
             reflectance(gathered.surface, method.config.warp),
             ops.bounded(color * frame.exposure),
             changing_light(frame),

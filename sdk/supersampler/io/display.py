@@ -22,20 +22,32 @@ from supersampler.frame import Array, Float32, as_array
 EXPOSURE_KEY = 0.18
 """Middle grey: the log-average luminance that `auto_exposure` maps an image to."""
 
-EXPOSURES = (2.0**-24, 2.0**24)
+MIN_EXPOSURE, MAX_EXPOSURE = 2.0**-24, 2.0**24
 """Range of exposures that a frame can give; outside of it, exposure is measured. It brings any half float to
 middle grey, with at least two stops to spare."""
+
+EXPOSURE_ADAPTATION = 0.1
+"""Fraction of the difference in stops by which a measured exposure moves in one frame."""
+
+EXPOSURE_OUTLIER = 64.0
+"""Factor between the exposures of two frames above which a second frame must confirm the change."""
+
+DARKEST = 1e-4
+"""Minimum luminance in the logarithmic average."""
+
+MAX_HALF = 65504.0
+"""Largest half float, to which light is clamped."""
+
+BT709_WEIGHTS = (0.2126, 0.7152, 0.0722)
+"""Weights of linear red, green and blue in luminance."""
+
+BT709 = np.array(BT709_WEIGHTS, np.float32)
 
 CEILING_DB = 100.0
 """The PSNR of equal images, finite for means and JSON."""
 
 _ROWS = 32  # that are computed at a time: they stay in the cache
-_DARKEST = 1e-4  # minimum luminance in the logarithmic average
-MAX_HALF = 65504.0
 _LARGEST = 1e30  # exposure; its product with an image still fits single precision
-_ADAPTATION = 0.1  # part of the way, in stops, that exposure moves in one frame
-_OUTLIER = 64.0  # a larger factor between two frames' exposures needs a second frame to confirm it
-BT709 = np.array([0.2126, 0.7152, 0.0722], np.float32)
 
 
 @ieee_arithmetic
@@ -111,14 +123,14 @@ def auto_exposure(color: NDArray[Any]) -> float:
     color = checked_image("color", color)
     usable = color[~np.isnan(color).any(axis=-1)].astype(np.float32, copy=False).clip(0.0, MAX_HALF)
     if not usable.size:
-        return EXPOSURE_KEY / _DARKEST
-    logs = np.log(np.maximum(usable @ BT709, _DARKEST))
+        return EXPOSURE_KEY / DARKEST
+    logs = np.log(np.maximum(usable @ BT709, DARKEST))
     return float(EXPOSURE_KEY * np.exp(-logs.mean(dtype=np.float64)))
 
 
 def usable_exposure(given: float | None) -> float | None:
-    """Return the frame's exposure, or None where it is missing or outside of EXPOSURES: then measure it."""
-    return given if given is not None and EXPOSURES[0] <= given <= EXPOSURES[1] else None
+    """Return the frame's exposure; None where it is missing or out of range, so that it is measured."""
+    return given if given is not None and MIN_EXPOSURE <= given <= MAX_EXPOSURE else None
 
 
 def followed_exposure(given: float | None, target: float | None, before: float) -> float:
@@ -130,7 +142,7 @@ def followed_exposure(given: float | None, target: float | None, before: float) 
     same.
 
     Args:
-        given: the frame's exposure, in EXPOSURES; None: it is measured.
+        given: the frame's exposure, in [MIN_EXPOSURE, MAX_EXPOSURE]; None: it is measured.
         target: measured exposure, > 0; None where no pixel is usable, which keeps the previous one.
         before: result of the previous frame: negative after an unconfirmed outlier, 0 for the first frame.
     """
@@ -138,23 +150,23 @@ def followed_exposure(given: float | None, target: float | None, before: float) 
     exposure = given or target or known or EXPOSURE_KEY
     if not known > 0.0:
         return -exposure
-    if not known / _OUTLIER <= exposure <= known * _OUTLIER:
+    if not known / EXPOSURE_OUTLIER <= exposure <= known * EXPOSURE_OUTLIER:
         return exposure if before < 0.0 else -known
     if given is not None or target is None:
         return exposure
-    return float(known ** (1.0 - _ADAPTATION) * target**_ADAPTATION)
+    return float(known ** (1.0 - EXPOSURE_ADAPTATION) * target**EXPOSURE_ADAPTATION)
 
 
 def is_flash(given: float | None, followed: float, before: float) -> bool:
     """Return whether a measured exposure is an outlier: the light of the whole frame is unconfirmed.
 
     Args:
-        given: the frame's exposure, in EXPOSURES; None: it is measured.
+        given: the frame's exposure, in [MIN_EXPOSURE, MAX_EXPOSURE]; None: it is measured.
         followed: result of `followed_exposure` for this frame.
         before: its result for the previous frame; 0 for the first frame.
     """
     known, used = abs(before), abs(followed)
-    is_outlier = followed < 0.0 or not known / _OUTLIER <= used <= known * _OUTLIER
+    is_outlier = followed < 0.0 or not known / EXPOSURE_OUTLIER <= used <= known * EXPOSURE_OUTLIER
     return given is None and known > 0.0 and is_outlier
 
 

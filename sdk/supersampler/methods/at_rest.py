@@ -55,7 +55,7 @@ LEAST_WEIGHT = 3.5
 """Least weight of a mean that is shown. A whole period has about 8, one for each sample in a pixel."""
 FLICKER = 0.02
 """Largest root mean square residual of a window that counts as none, as a part of its mean."""
-WINDOWS = (2, 8)
+SMALL_WINDOW, LARGE_WINDOW = WINDOWS = (2, 8)
 """Sides of the two windows in which residuals are averaged, blocks."""
 UNIFORM, COMMON = 0.8, 0.06
 """Mean square residual of the small and of the large window, over the variance of the residuals in it, above

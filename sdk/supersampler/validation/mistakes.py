@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.errors import FrameError
-from supersampler.io.display import EXPOSURES
+from supersampler.io.display import MAX_EXPOSURE, MIN_EXPOSURE
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,7 +159,7 @@ JITTER_SWAPPED = Mistake(
     "jitter swapped", "jitter", "(y, x): frames fit better so", "(x, y)", "Hand in (x, y).")
 EXPOSURE_OUT_OF_RANGE = Mistake(
     "exposure out of range", "exposure", "{exposure:.3g}",
-    f"{EXPOSURES[0]:.2g} to {EXPOSURES[1]:.2g}, what brings middle grey to 0.18",
+    f"{MIN_EXPOSURE:.2g} to {MAX_EXPOSURE:.2g}, what brings middle grey to 0.18",
     "A measured one is used in its place, as for exposure=None.")
 
 GBUFFER_NOT_FINITE = Mistake(

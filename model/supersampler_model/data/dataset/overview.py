@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from supersampler.aux_outputs import CLASS_COLORS
 from supersampler.errors import ArgumentError
-from supersampler.io.display import display_transform, to_uint8
+from supersampler.io.display import BT709_WEIGHTS, display_transform, to_uint8
 from supersampler.io.images import write_png
 from supersampler_model.data.dataset.storage import Dataset, SequenceEntry, Split, open_dataset
 from supersampler_model.data.labels import Alias, Ghost, Labels
@@ -23,7 +23,7 @@ from supersampler_model.data.labels import Alias, Ghost, Labels
 Image = NDArray[np.uint8]
 
 OPACITY = 0.6
-LUMA = np.array((0.2126, 0.7152, 0.0722))
+LUMA = np.array(BT709_WEIGHTS)
 
 # Letters of 3 x 5 pixels: five octal digits each, rows from the top; the leftmost pixel is the highest bit.
 GLYPHS = {

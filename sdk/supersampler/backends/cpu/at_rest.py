@@ -14,7 +14,11 @@ from supersampler.backends.cpu.layout import LANES, TILE
 from supersampler.backends.cpu.memory import address, aligned
 from supersampler.backends.cpu.resample_tables import up_to
 from supersampler.backends.cpu.structs import (
+    ADDS,
+    KEEPS,
     NO_MASK,
+    RESTARTS,
+    SUMS,
     AddedSamples,
     BlockSums,
     FrameInputs,
@@ -58,8 +62,6 @@ AT_REST_KERNELS = tuple(
     f"{_KERNELS}.{name}" for name in ("sign_blocks", "sum_blocks", "add_samples", "show_mean", "freeze_mean")
 )
 Bytes = NDArray[np.uint8]
-_SUMS = 12  # of `kernels.at_rest`
-_KEEPS, _ADDS, _RESTARTS = 1, 2, 3
 _SCRATCH = 3 * 3 * LANES
 _GENERATIONS = itertools.count(1)
 
@@ -382,7 +384,7 @@ class AtRest:
         """Return the sums of the residuals of blocks, (SUMS, down, across); 0 where they are not wanted."""
         frame, inputs = seen.frame, seen.inputs
         (w, h), (across, down) = frame.size, block_count(frame.size)
-        sums = np.zeros((_SUMS, down, across), np.float32)
+        sums = np.zeros((SUMS, down, across), np.float32)
         if history.mean is None:
             return sums
         at = blocks_at(history.display, frame.size)
@@ -476,9 +478,7 @@ class AtRest:
             return held
         before = np.abs(history.ages) > 0.0 if same else np.zeros(still.ages.shape, bool)
         begins = still.adds & ~(still.stands & before)
-        modes = np.where(
-            still.adds, np.where(begins, _RESTARTS, _ADDS), np.where(still.ages > 0.0, _KEEPS, 0)
-        )
+        modes = np.where(still.adds, np.where(begins, RESTARTS, ADDS), np.where(still.ages > 0.0, KEEPS, 0))
         written = any_in_tiles(still.adds | still.freezes, display, render)
         stale = any_in_tiles(modes != 0, display, render) & (held != history.generations)
         generations = np.where(written, generation, np.where(stale, history.generations, held))

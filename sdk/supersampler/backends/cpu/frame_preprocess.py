@@ -15,7 +15,7 @@ from supersampler.backends.cpu.structs import NO_MASK, FrameInputs, FrameSamples
 from supersampler.backends.cpu.threads import ThreadPool
 from supersampler.frame import Float32, Frame, Size
 from supersampler.io.display import EXPOSURE_KEY, MAX_HALF, followed_exposure, usable_exposure
-from supersampler.methods.spec import FILL_WINDOW, GREY_SHARE
+from supersampler.methods.constants import FILL_WINDOW, GREY_SHARE
 
 _KERNELS = "backends.cpu.kernels.frame"
 MEASURE = f"{_KERNELS}.measure"

@@ -22,8 +22,8 @@ NEVER_CALLED = (  # numba refers to these where Python code could raise; kernels
 )  # fmt: skip
 SYMBOLS = (*CALLED, *NEVER_CALLED)
 """All external symbols that a kernel may refer to."""
-SOURCES = ("backends/cpu", "conventions", "integrations", "methods", "sequence")
-"""Folders of the package with kernels, and with the structs and constants that kernels import."""
+SOURCES = ("backends/cpu", "conventions", "integrations", "io/display.py", "methods", "sequence")
+"""Folders and files of the package with kernels, and the structs and constants that kernels import."""
 _MAGIC = b"supersampler kernel 2\n"
 _DIGEST = 32  # bytes of a SHA-256
 
@@ -106,7 +106,7 @@ def _key() -> str:
     hashed = hashlib.sha256()
     package = Path(__file__).parents[2]
     for folder in SOURCES:
-        for path in sorted((package / folder).rglob("*.py")):
+        for path in sorted((package / folder).rglob("*.py")) or [package / folder]:
             hashed.update(path.read_bytes())
     for part in (
         *versions,

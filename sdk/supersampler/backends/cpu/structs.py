@@ -95,8 +95,8 @@ class FrameSamples(NamedTuple):
         eroded_depth: (height, padded_width) the farthest of 3x3.
         dilated: (height, stride, 4) depth and motion of the closest of 2x2 samples.
         own: (height, stride, 4) motion of the sample itself, range of depth in 3x3 samples, 1 where one of
-            these is over GLARING.
-        glares: (height,) 1 where a sample of the row is over GLARING, else 0.
+            these is over GLARE_TONED.
+        glares: (height,) 1 where a sample of the row is over GLARE_TONED, else 0.
         still_rows: (height,) 1 where a sample of the row does not move, else 0.
         reactive, has_reactive: see `FrameInputs`.
         fill: (down, 3, `fill_pitch`) toned RGB of missing samples, by row of windows and column of the
@@ -195,6 +195,12 @@ class RestSamples(NamedTuple):
     height: int
     across: int
     down: int
+
+
+SUMS = 12
+"""Sums of a block: samples; residuals, RGB; samples, RGB; the mean there, RGB; squares of the first two."""
+KEEPS, ADDS, RESTARTS = 1, 2, 3
+"""Modes of a block's mean: it stays, takes the samples, or begins with them. 0: it has none."""
 
 
 class BlockSums(NamedTuple):

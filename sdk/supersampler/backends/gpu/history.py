@@ -24,6 +24,7 @@ from supersampler.backends.gpu.memory import (
     write_to,
 )
 from supersampler.frame import Float32, Size
+from supersampler.io.display import MAX_HALF
 from supersampler.methods.at_rest import BLOCK, phase_count
 from supersampler.methods.spec import BLOCKS as BLOCKS_SHAPE
 from supersampler.methods.spec import DISPLAY as DISPLAY_SHAPE
@@ -36,7 +37,6 @@ if TYPE_CHECKING:
     import wgpu
 
 STATE = "state"
-MAX_HALF = 65504.0
 STATE_VALUES = 16
 """Fields of the shader's `State`: signed exposure, flash, jitter, light, and values of one step."""
 _STATE_TENSORS = {"exposure": slice(0, 1), "jitter": slice(2, 4), "light": slice(4, 8)}

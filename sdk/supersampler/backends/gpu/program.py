@@ -23,7 +23,6 @@ from supersampler.backends.gpu.memory import PixelTexture as Texture
 from supersampler.backends.gpu.shader import Constants, Shader, load_shader
 from supersampler.frame import Size
 from supersampler.methods import at_rest
-from supersampler.methods.spec import FILL_CONSTANTS
 
 ARRAYS = {"frame": "frame_arrays", "image": "image_array"}
 TEXTURES = {"frame": "frame_textures", "image": "image_texture"}
@@ -120,22 +119,14 @@ class GpuProgram:
 
 SIDE = 16
 """Samples of a workgroup of `preprocess` in either direction."""
-REST_CONSTANTS: Constants = {
-    **{
-        name: value for name, value in vars(at_rest).items() if name.isupper() and type(value) in (int, float)
-    },
-    "SMALL_WINDOW": at_rest.WINDOWS[0],
-    "LARGE_WINDOW": at_rest.WINDOWS[1],
-}
-"""Constants of methods/at_rest.py for the shaders."""
 BLOCK_PASSES = (
-    PassSpec("follow_jitter", ONE, (1, 1), REST_CONSTANTS),
-    PassSpec("compare_blocks", BLOCKS, (4, 4), REST_CONSTANTS),
-    PassSpec("decide_blocks", BLOCKS, (8, 8), REST_CONSTANTS),
+    PassSpec("follow_jitter", ONE, (1, 1)),
+    PassSpec("compare_blocks", BLOCKS, (4, 4)),
+    PassSpec("decide_blocks", BLOCKS, (8, 8)),
 )
 """Passes that decide what stands still. They read the frame, the exposure and the history alone."""
 TILES = Extent("display", at_rest.TILE)
-TILE_PASS = PassSpec("rest_tiles", TILES, (8, 8), REST_CONSTANTS)
+TILE_PASS = PassSpec("rest_tiles", TILES, (8, 8))
 REST_PLANES = {
     "mean": Plane("static_mean"),
     "blocks": Plane("static_blocks"),
@@ -165,13 +156,11 @@ SAMPLE_MEMORY: Mapping[str, PixelMemory] = {
 
 def preprocess(surface: str) -> PassSpec:
     """Return the pass on the samples of a frame; `surface`: what it stores of them, "depth" or "shade"."""
-    return PassSpec(
-        "preprocess", RENDER, (SIDE, SIDE), FILL_CONSTANTS, variants={"surface": f"surface_{surface}"}
-    )
+    return PassSpec("preprocess", RENDER, (SIDE, SIDE), variants={"surface": f"surface_{surface}"})
 
 
 def display_pass(
     shader: str, constants: Constants | None = None, tile: tuple[int, int] = (16, 16)
 ) -> PassSpec:
     """Return a pass that writes the image, at display size; `tile`: of `PassSpec`."""
-    return PassSpec(shader, DISPLAY, tile, constants={**REST_CONSTANTS, **(constants or {})})
+    return PassSpec(shader, DISPLAY, tile, constants=constants or {})

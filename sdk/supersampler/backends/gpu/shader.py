@@ -6,16 +6,26 @@ constants. Mark small loops that index; others only cost time to compile.
 """
 
 import re
+import struct
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
+from importlib import import_module
 from importlib.resources import files
 from typing import Any, NamedTuple
 
 SHARED = "supersampler.backends.gpu"
+SHARED_CONSTANTS = (
+    "supersampler.io.display",
+    "supersampler.methods.constants",
+    "supersampler.methods.at_rest",
+)
+"""Modules whose constants all shaders can use."""
 MAX_ROUNDS = 16
 """Loops with more rounds stay loops: they would take long to compile."""
-Constants = Mapping[str, float | int | bool]
+Number = float | int | bool
+Constants = Mapping[str, Number]
+Vector = tuple[float, float, float]
 
 _IMPORT = re.compile(r"^// import (\w+)\n", re.MULTILINE)
 _BINDING = re.compile(r"@group\((\d+)\) @binding\((\d+)\) var(?:<([^>]*)>)? (\w+): ([^;]+);")
@@ -117,11 +127,15 @@ def load_shader(
 
     Args:
         name: of its file, without the suffix.
-        folders: packages with a folder `shaders`; those of `backends.gpu` are found always.
-        constants: written first, as `const NAME = value;`.
+        folders: packages of methods, with a folder `shaders` and a module `spec`. Shaders of `backends.gpu`
+            are always found.
+        constants: declared first, as `const NAME = value;`, after those of SHARED_CONSTANTS and of the specs.
         variants: files to import in place of a name.
     """
-    parts: dict[str, Part] = {"": parse(_constants_text(constants))}
+    modules = *SHARED_CONSTANTS, *(f"{folder}.spec" for folder in reversed(folders))
+    known = {key: value for module in modules for key, value in numbers_of(module).items()}
+    known |= {key.upper(): value for key, value in constants.items()}
+    parts = {"": Part("", [one for key, value in known.items() for one in _declarations(key, value)])}
     _collect(name, (*folders, SHARED), variants or {}, parts)
     code = unroll(reachable_code(parts.values()))
     return Shader(name, code, tuple(_bindings(code)))
@@ -147,13 +161,38 @@ def _source(name: str, folders: tuple[str, ...]) -> tuple[list[str], Part]:
     raise FileNotFoundError(f"{name}.wgsl in {', '.join(folders)}")
 
 
-def _constants_text(constants: Constants) -> str:
-    return "".join(f"const {name.upper()} = {_literal(value)};\n" for name, value in constants.items())
+@cache
+def numbers_of(module: str) -> Mapping[str, Number | Vector]:
+    """Return the public constants of a module that are numbers, or three of them, by name."""
+    return {
+        name: value
+        for name, value in vars(import_module(module)).items()
+        if name[0].isalpha() and name.isupper() and (_is_number(value) or _is_vector(value))
+    }
 
 
-def _literal(value: float | int | bool) -> str:
+def _is_number(value: object) -> bool:
+    return isinstance(value, (int, float))
+
+
+def _is_vector(value: object) -> bool:
+    return isinstance(value, tuple) and len(value) == 3 and all(map(_is_number, value))
+
+
+def _declarations(name: str, value: Number | Vector) -> list[Declaration]:
+    """Return `const NAME`; of a float >= 0 also `const NAME_BITS`, its bits in single precision."""
+    found = [Declaration(name, f"const {name} = {_literal(value)};", frozenset())]
+    if isinstance(value, float) and value >= 0.0:
+        (bits,) = struct.unpack("<I", struct.pack("<f", value))
+        found.append(Declaration(f"{name}_BITS", f"const {name}_BITS = {bits:#010x}u;", frozenset()))
+    return found
+
+
+def _literal(value: Number | Vector) -> str:
     if isinstance(value, bool):
         return str(value).lower()
+    if isinstance(value, tuple):
+        return f"vec3f({', '.join(map(_literal, value))})"
     return repr(value) if isinstance(value, int) else repr(float(value))
 
 

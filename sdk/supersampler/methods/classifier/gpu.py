@@ -16,7 +16,6 @@ from supersampler.backends.gpu.memory import (
 from supersampler.backends.gpu.program import (
     BLOCK_PASSES,
     REST_CHANNELS,
-    REST_CONSTANTS,
     REST_MEMORY,
     REST_PLANES,
     SAMPLE_MEMORY,
@@ -30,13 +29,12 @@ from supersampler.backends.gpu.program import (
 from supersampler.backends.gpu.shader import Constants
 from supersampler.frame import Float32
 from supersampler.methods.classifier.gpu_network import CHUNK, read_gpu_network
-from supersampler.methods.classifier.spec import CLASSES, CLASSIFIER, CONTRAST, FLASH_FRACTION, RISE, WHITE
+from supersampler.methods.classifier.spec import CLASSES, CLASSIFIER
 from supersampler.methods.classifier.variant import Variant
+from supersampler.methods.constants import CONFIRMED, GLARE
 from supersampler.methods.model_info import ModelInfo
 from supersampler.methods.spec import constants_of
 
-GLARE = 4.0
-"""Added to a maximum in [0, 1] for each consecutive frame with glare: see ranges.wgsl."""
 LOW_STEPS, HIGH_STEPS = 65535.0, 16383.0
 """Steps of the minimum and of the maximum luma in a word."""
 TILES = ((16, 8), (8, 8), (8, 8), (4, 4))
@@ -55,7 +53,7 @@ def _unpack_ranges(words: Packed) -> Float32:
 
 def _pack_ranges(pixels: Float32) -> Packed:
     low, high = pixels[..., 0], pixels[..., 1]
-    glare = np.clip(np.floor(high / GLARE + 0.5), 0.0, 3.0)
+    glare = np.clip(np.floor(high / GLARE + 0.5), 0.0, CONFIRMED)
     maximum = np.clip(high - GLARE * glare, 0.0, 1.0)
     bits = [np.clip(low, 0.0, 1.0) * LOW_STEPS + 0.5, maximum * HIGH_STEPS + 0.5, glare]
     minimum, rounded, frames = (part.astype(np.uint32) for part in bits)
@@ -101,7 +99,7 @@ def classifier_program(info: ModelInfo) -> GpuProgram:
     variant = Variant.of(info.config)
     network = read_gpu_network(info, variant)
     constants = {name: info.config[name] for name in constants_of(CLASSIFIER)}
-    constants |= {"white": WHITE, "rise": RISE, "contrast": CONTRAST, "flash_fraction": FLASH_FRACTION}
+    constants |= {"low_steps": LOW_STEPS, "high_steps": HIGH_STEPS}
     constants |= variant._asdict()
     blend = {
         "colors": variant.history_colors + 3,
@@ -110,7 +108,7 @@ def classifier_program(info: ModelInfo) -> GpuProgram:
     }
     levels = [_level_pass(one, tile) for one, tile in zip(network.levels, TILES, strict=True)]
     passes = (
-        *BLOCK_PASSES, TILE_PASS, preprocess("depth"), PassSpec("gather", constants=REST_CONSTANTS), *levels,
+        *BLOCK_PASSES, TILE_PASS, preprocess("depth"), PassSpec("gather"), *levels,
         display_pass("compose", {**network.last, **blend}),
     )  # fmt: skip
     memory: dict[str, PixelMemory] = {

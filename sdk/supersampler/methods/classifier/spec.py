@@ -58,6 +58,19 @@ WHITE, RISE, CONTRAST, FLASH_FRACTION = 0.5, 0.2, 0.1, 1.0 / 64.0
 of the history. More than FLASH_FRACTION of the image must be such pixels, brighter by CONTRAST than their
 neighbourhoods: an area that a moving object disoccludes is not."""
 
+MAX_LOG_FACTOR = 16.0
+"""Limit of the logarithm of a learned factor of a weight, in either direction."""
+MAX_SHARPNESS = 2.0
+"""Maximum factor of the detail that is added to the history."""
+FRAME_PRIOR = 0.05
+"""Initial weight of the upsampled frame, and of the samples under the learned kernel."""
+OTHER_PRIOR = 0.1
+"""Initial weight of the other history colours, as a fraction of that of the warped history."""
+MIN_PRIOR = 1e-3
+"""Added to the initial weights of all other colours."""
+HALF_COUNT = 4.0
+"""Sample count whose code, the network input, is 1/2; fraction of the history for which its range is kept."""
+
 
 @dataclass(frozen=True)
 class NetworkConfig:

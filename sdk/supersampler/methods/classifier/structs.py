@@ -225,7 +225,7 @@ class FinishConstants(NamedTuple):
     Attributes:
         exposure: of the frame.
         most_samples, contraction: see ClassifierConfig.
-        glares: 1 where the frame or the history may have light over GLARING, else 0.
+        glares: 1 where the frame or the history may have light over GLARE_EXPOSED, else 0.
         rises: 1 where light that rises over the history is unconfirmed, see FLASH_FRACTION, else 0.
         flash: 1 where all light of the frame is unconfirmed, see `is_flash`, else 0.
         streams: which outputs are written past the caches; see `compose`.

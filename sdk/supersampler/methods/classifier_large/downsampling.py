@@ -7,7 +7,7 @@ from supersampler.backends.cpu.memory import aligned
 from supersampler.backends.cpu.resample_tables import up_to
 from supersampler.backends.cpu.structs import Words
 from supersampler.frame import Float32, Size
-from supersampler.methods.classifier_large.spec import REACH, SHARPNESS
+from supersampler.methods.classifier_large.spec import LANCZOS_SCALE, LANCZOS_SLOPE, REACH, SHARPNESS
 from supersampler.methods.spec import large_size
 
 TAPS = 2 * REACH
@@ -50,6 +50,11 @@ def _axis(display: int, large: int) -> tuple[Words, Float32]:
 def _lanczos(distance: Float32) -> Float32:
     """Lanczos filter of two lobes, as a polynomial."""
     squared = np.minimum(distance * distance, np.float32(4.0))
-    base, window = np.float32(0.4) * squared - np.float32(1.0), np.float32(0.25) * squared - np.float32(1.0)
-    found: Float32 = (np.float32(1.5625) * base * base - np.float32(0.5625)) * window * window
+    base, window = (
+        np.float32(LANCZOS_SLOPE) * squared - np.float32(1.0),
+        np.float32(0.25) * squared - np.float32(1.0),
+    )
+    found: Float32 = (
+        (np.float32(LANCZOS_SCALE) * base * base - np.float32(LANCZOS_SCALE - 1.0)) * window * window
+    )
     return found

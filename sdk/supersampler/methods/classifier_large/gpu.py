@@ -7,7 +7,7 @@ from supersampler.backends.gpu.history import HistoryLayout
 from supersampler.backends.gpu.memory import LARGE, PixelMemory, PixelTexture
 from supersampler.backends.gpu.program import GpuProgram, display_pass
 from supersampler.methods.classifier.gpu import LAYOUT, classifier_program
-from supersampler.methods.classifier_large.spec import CLASSIFIER_LARGE, REACH, SHARPNESS
+from supersampler.methods.classifier_large.spec import CLASSIFIER_LARGE, REACH
 from supersampler.methods.model_info import ModelInfo
 
 _VARIANTS: Mapping[str, str] = {"display": "display_large", "show": "show_large"}
@@ -34,7 +34,7 @@ def large_program(info: ModelInfo) -> GpuProgram:
         packages=("supersampler.methods.classifier_large", *program.packages),
         method_passes=(
             *passes,
-            display_pass("downsample", {"sharpness": SHARPNESS, "taps": 2 * REACH}),
+            display_pass("downsample", {"taps": 2 * REACH}),
         ),
         method_memory={**memory, "large_image": PixelTexture(LARGE)},
     )

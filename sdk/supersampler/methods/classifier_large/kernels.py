@@ -18,9 +18,7 @@ from supersampler.backends.cpu.simd.vector import load16, spread16, store
 from supersampler.backends.cpu.structs import Floats
 from supersampler.methods.classifier_large.downsampling import RING, TAPS
 from supersampler.methods.classifier_large.structs import Downsampling
-
-MOST = 1.0 - 1e-4
-"""Maximum of a toned colour, as in the torch module."""
+from supersampler.methods.constants import MAX_TONED
 
 
 @device_function
@@ -62,7 +60,7 @@ def filter_across(work, line, at, x):
         weight = load16(work.column_weights, columns)
         pixel = gather4(line, work.columns, columns, 4, at)
         r, g, b = r + pixel[0] * weight, g + pixel[1] * weight, b + pixel[2] * weight
-    return clamped(r, 0.0, MOST), clamped(g, 0.0, MOST), clamped(b, 0.0, MOST)
+    return clamped(r, 0.0, MAX_TONED), clamped(g, 0.0, MAX_TONED), clamped(b, 0.0, MAX_TONED)
 
 
 def downsample(work: Downsampling, scratch: Floats, y0: int, y1: int):

@@ -12,6 +12,8 @@ SHARPNESS = 1.15
 """The Lanczos filter to the display is narrower than usual by this, as its input blurs a little, too."""
 REACH = 3
 """Pixels of the history on either side that the filter reads; its support is 2 / SHARPNESS display pixels."""
+LANCZOS_SCALE, LANCZOS_SLOPE = 25.0 / 16.0, 0.4
+"""Coefficients of the polynomial that FSR uses in place of the sines of a Lanczos filter of two lobes."""
 _LARGER: Mapping[Shape, Shape] = {DISPLAY: LARGE, HALF: LARGE_HALF}
 _HISTORY = {name: (*shape[:2], *_LARGER.get(shape[2:], shape[2:])) for name, shape in BASE.history.items()}
 

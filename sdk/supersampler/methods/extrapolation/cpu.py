@@ -15,13 +15,13 @@ from supersampler.backends.cpu.threads import ThreadPool
 from supersampler.backends.cpu.workspaces import Workspaces
 from supersampler.backends.onnx.session import image_of
 from supersampler.frame import Float32, Frame, Size
-from supersampler.methods.extrapolation.spec import GUIDED_WARP
+from supersampler.methods.constants import MAX_DEPTH
+from supersampler.methods.extrapolation.spec import GUIDED_WARP, NEIGHBOURS
 from supersampler.methods.extrapolation.structs import ExtrapolationOutput, Rings, UnshadedFrame
 from supersampler.methods.model_info import ModelInfo
 from supersampler.methods.spec import constants_array
 
 KERNELS = "methods.extrapolation.kernels"
-_NEIGHBORS = ((0, -1), (-1, 0), (1, 0), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1))
 
 
 class _Space:
@@ -48,7 +48,7 @@ class GuidedWarpCpu:
         self._extrapolate_rows, self._read_shaded = load_kernels(*names).values()
         self._pool = pool
         self._constants, strides = constants_array(GUIDED_WARP, info.config), info.config["strides"]
-        offsets = [(0, 0), *((s * x, s * y) for s in strides for x, y in _NEIGHBORS)]
+        offsets = [(0, 0), *((s * x, s * y) for s in strides for x, y in NEIGHBOURS)]
         x, y = np.array(offsets, np.float32).T.copy()
         self._rings = Rings(x, y, np.array(strides, np.int32), len(strides))
         self._spaces = Workspaces(lambda shaded: _Space(shaded, pool.threads))
@@ -69,7 +69,7 @@ class GuidedWarpCpu:
         (h, w), (shaded_h, shaded_w) = frame.depth.shape, color.shape[2:]
         image, next_motion = np.empty((h, w, 3), np.float32), np.empty((1, 2, h, w), np.float32)
         jitters = (frame.jitter, history["history.jitter"][0], history["history.motion_jitter"][0])
-        has_depth = any(((row >= 0.0) & (row <= 1e30)).any() for row in history["history.depth"][0, 0])
+        has_depth = any(((row >= 0.0) & (row <= MAX_DEPTH)).any() for row in history["history.depth"][0, 0])
         numbers = np.array(
             [
                 *self._constants, shaded_w, shaded_h, *previous_motion.shape[:1:-1],

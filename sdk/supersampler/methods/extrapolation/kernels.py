@@ -7,8 +7,6 @@ shaded frame, which is the usual case, one load reads the samples of all sixteen
 import numpy as np
 
 from supersampler.backends.cpu.kernels.colors import (
-    DARKNESS,
-    MAX_HALF,
     clamped,
     exponential,
     logarithm,
@@ -16,7 +14,7 @@ from supersampler.backends.cpu.kernels.colors import (
     select3,
     usable,
 )
-from supersampler.backends.cpu.kernels.frame import FARTHEST_MOTION, MAX_MOTION, motion_at, sample_indices
+from supersampler.backends.cpu.kernels.frame import motion_at, sample_indices
 from supersampler.backends.cpu.layout import GUIDE_PLANES
 from supersampler.backends.cpu.simd.device_function import device_function
 from supersampler.backends.cpu.simd.vector import (
@@ -35,7 +33,16 @@ from supersampler.backends.cpu.simd.vector import (
     to_int,
 )
 from supersampler.backends.cpu.structs import Floats, Words
-from supersampler.methods.extrapolation.spec import GUIDED_WARP
+from supersampler.io.display import MAX_HALF
+from supersampler.methods.constants import DARKNESS, FINITE_MOTION, MAX_DEPTH, MAX_MOTION, MIN_NORMAL
+from supersampler.methods.extrapolation.spec import (
+    GUIDED_WARP,
+    INVALID_DEPTH,
+    KEY_INDICES,
+    KEY_STEPS,
+    MAX_KEY,
+    SKY_DEPTH,
+)
 from supersampler.methods.extrapolation.structs import ExtrapolationOutput, Rings, UnshadedFrame
 from supersampler.methods.spec import constant_indices
 
@@ -49,10 +56,7 @@ C = constant_indices(GUIDED_WARP)
 Sizes and jitters (x, then y) of the shaded and the previous frame. HAS_PREVIOUS_MOTION: 0 where the motion of
 the previous frame is all zeros. HAS_DEPTH: 0 where the shaded frame has no valid depth.
 """
-MIN_DEPTH, NO_SURFACE = 1e-30, 1e4
-DISTANCE_STEPS, MAX_DISTANCE, MAX_TAPS = 16.0, 262143.0, 64.0
-"""Distances are compared in steps of 1 / DISTANCE_STEPS, up to MAX_DISTANCE of them."""
-MARGIN = 0.999  # against rounding, where a ring is skipped because all of its samples are too far away
+MARGIN = 1.0 - 1e-3  # against rounding, where a ring is skipped because all of its samples are too far away
 
 
 @device_function
@@ -82,7 +86,7 @@ def gather3(image, index, sample_pitch, channel_pitch):
 @device_function
 def reflectance_of(base, normal, least):
     """Return the divisor of each colour channel; 1 at the sky, where the normal is 0."""
-    sky = normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2] < 0.1
+    sky = normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2] < MIN_NORMAL
     one = 1.0, 1.0, 1.0
     return select3(sky, one, (base[0] + least, base[1] + least, base[2] + least))
 
@@ -93,10 +97,12 @@ def guides_at(base, normal, depth, index, sample_pitch, channel_pitch, valid, nu
     b = gather3(base, index, sample_pitch, channel_pitch)
     n = gather3(normal, index, sample_pitch, channel_pitch)
     d = gather(depth, index)
-    valid = valid & are_usable(b[0], b[1], b[2]) & are_usable(n[0], n[1], n[2]) & (d >= 0.0) & (d <= 1e30)
+    valid = (
+        valid & are_usable(b[0], b[1], b[2]) & are_usable(n[0], n[1], n[2]) & (d >= 0.0) & (d <= MAX_DEPTH)
+    )
     b = sanitized(b[0], 0.0), sanitized(b[1], 0.0), sanitized(b[2], 0.0)
     n = sanitized(n[0], -1.0), sanitized(n[1], -1.0), sanitized(n[2], -1.0)
-    log_depth = select(valid, logarithm(maximum(d, MIN_DEPTH)) / numbers[C.depth_sigma], NO_SURFACE)
+    log_depth = select(valid, logarithm(maximum(d, SKY_DEPTH)) / numbers[C.depth_sigma], INVALID_DEPTH)
     s = numbers[C.surface_sigma]
     guides = (b[0] / s, b[1] / s, b[2] / s, n[0] / s, n[1] / s, n[2] / s, log_depth)
     return guides, reflectance_of(b, n, numbers[C.least])
@@ -132,9 +138,9 @@ def reproject(position, jitter, other_jitter, size, other_size):
 
 @device_function
 def sanitized_motion(plane, index):
-    """Return the sanitized motion of sixteen samples on one axis; see MAX_MOTION."""
+    """Return the sanitized motion of sixteen samples on one axis."""
     value = gather(plane, index)
-    return select(absolute(value) <= MAX_MOTION, clamped(value, -FARTHEST_MOTION, FARTHEST_MOTION), 0.0)
+    return select(absolute(value) <= FINITE_MOTION, clamped(value, -MAX_MOTION, MAX_MOTION), 0.0)
 
 
 @device_function
@@ -164,8 +170,7 @@ def motion_to_shaded(motion, previous_motion, index, column, row, w, h, n):
     plane = previous_w * previous_h
     dx = interpolated_motion(previous_motion, 0, x, y, previous_w, previous_h) * float_w / n[PREVIOUS_W]
     dy = interpolated_motion(previous_motion, plane, x, y, previous_w, previous_h) * float_h / n[PREVIOUS_H]
-    far = FARTHEST_MOTION
-    return clamped(mx + dx, -far, far), clamped(my + dy, -far, far)
+    return clamped(mx + dx, -MAX_MOTION, MAX_MOTION), clamped(my + dy, -MAX_MOTION, MAX_MOTION)
 
 
 @device_function
@@ -214,7 +219,7 @@ def insert_sorted(nearest, candidate):
 @device_function
 def sort_key(distance, tap):
     """Return a key that orders candidates by quantized distance, then by the number of the tap."""
-    return minimum(floor(distance * DISTANCE_STEPS), MAX_DISTANCE) * MAX_TAPS + tap
+    return minimum(floor(distance * KEY_STEPS), MAX_KEY) * KEY_INDICES + tap
 
 
 @device_function
@@ -234,13 +239,13 @@ def nearest_four(guides, samples, size, w, h, stride, x, y, across, down, stride
         and row >= reach and row < h - reach and column >= reach and column + 15 < w - reach
     )  # fmt: skip
     to_center = maximum(absolute(left - x), absolute(top - y))
-    infinite = spread16(np.float32(3e38))
+    infinite = spread16(np.float32(FINITE_MOTION))
     none = infinite, infinite, center
     nearest = none, none, none, none
     for ring in range(rings):
         if ring:
             gap = (to_center * -1.0 + np.float32(strides[ring])) / sigma
-            least_key = floor(squared(gap) * (0.5 * MARGIN * DISTANCE_STEPS)) * MAX_TAPS
+            least_key = floor(squared(gap) * (0.5 * MARGIN * KEY_STEPS)) * KEY_INDICES
             if all_lanes(least_key >= nearest[3][0]):
                 break
         for k in range(8 * ring + 1 if ring else 0, 8 * ring + 9):

@@ -8,6 +8,15 @@ from supersampler.methods.classifier.spec import BASE
 from supersampler.methods.registry import register
 from supersampler.methods.spec import BETWEEN, EARLIER, PREVIOUS, RENDER, SHADED, MethodSpec, Number, Sigma
 
+NEIGHBOURS = ((0, -1), (-1, 0), (1, 0), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1))
+"""Offsets (x, y) of the eight neighbours of a sample, nearest first."""
+SKY_DEPTH = 1e-30
+"""Depth of the sky in logarithms, in place of 0."""
+INVALID_DEPTH = 1e4
+"""Guide of an invalid depth, in standard deviations: unlike all others."""
+KEY_STEPS, MAX_KEY, KEY_INDICES = 16.0, 262143.0, 64.0
+"""Layout of a sort key: steps per unit of cost, maximum number of steps, range of indices."""
+
 
 @dataclass(frozen=True)
 class GuidedWarpConfig:

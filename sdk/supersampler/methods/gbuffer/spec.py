@@ -9,6 +9,10 @@ from supersampler.methods.spec import DISPLAY, FRAME_INPUTS, PREVIOUS, MethodSpe
 
 FRAME = 11
 """Channels of a stored frame: linear RGB, depth, base colour, normal, 1 where usable."""
+NEIGHBOUR_WEIGHTS = (0.03, 0.12, 0.03, 0.12, 1.0, 0.12, 0.03, 0.12, 0.03)
+"""Initial weights of 3x3 pixels under a learned kernel, which multiplies them."""
+STEP_COST = 0.002
+"""Relative depth that a sample one step nearer may differ more and still be of the pixel's own surface."""
 Attention = Literal["both", "one", "none"]
 
 

@@ -22,6 +22,11 @@ GBUFFERS_READ = (
     "gbuffer_display_depth",
 )
 
+MIN_SIMILARITY = 1e-4
+"""Added to the weights of the farthest sample and of the least similar surface: light is found everywhere."""
+MAX_DEPTH_COST = 10.0
+"""Limit of the exponent of a difference in depth: half floats hold its exponential."""
+
 
 @dataclass(frozen=True)
 class GuidedConfig(ClassifierConfig):

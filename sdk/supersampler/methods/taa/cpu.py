@@ -10,6 +10,7 @@ from supersampler.backends.cpu.resample_tables import Columns, Filter, ResampleT
 from supersampler.backends.cpu.structs import NO_MASK, pack
 from supersampler.backends.cpu.threads import Rect, ThreadPool
 from supersampler.frame import Size
+from supersampler.methods.constants import CATMULL_ROM
 from supersampler.methods.model_info import ModelInfo
 from supersampler.methods.taa.spec import TAA
 from supersampler.methods.taa.structs import LinearAxis, TaaSamples, TaaScratch
@@ -17,7 +18,6 @@ from supersampler.methods.taa.structs import LinearAxis, TaaSamples, TaaScratch
 KERNELS = "methods.taa.kernels"
 STEP, FILL, READ = f"{KERNELS}.step_rows", f"{KERNELS}.fill_boxes", f"{KERNELS}.read_samples"
 LAYOUT = HistoryLayout(TAA, {"pixels": Plane(("color",), TAA_PIXEL)})
-SHARPNESS = 0.5  # Catmull-Rom
 
 
 class _Space:
@@ -79,7 +79,7 @@ class TaaCpu(CpuExecutor[_Space]):
         """Compute the image, which is the next history."""
         history = step.history
         alpha = self._alpha if abs(history.exposure) > 0.0 else 1.0
-        numbers = np.array([step.inputs.exposure, alpha, SHARPNESS], np.float32)
+        numbers = np.array([step.inputs.exposure, alpha, CATMULL_ROM], np.float32)
         columns, rows = (  # a tent has weight only at the inner two of the four samples around a pixel
             pack(LinearAxis(axis.samples[1], axis.samples[2], axis.weights[1], axis.weights[2], axis.near))
             for axis in space.tables.at(step.frame.jitter)

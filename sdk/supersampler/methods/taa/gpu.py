@@ -4,7 +4,7 @@ from supersampler.backends.gpu.history import HistoryLayout, Plane, of_plane
 from supersampler.backends.gpu.memory import RENDER, PixelTexture
 from supersampler.backends.gpu.program import GpuProgram, PassSpec
 from supersampler.methods.model_info import ModelInfo
-from supersampler.methods.spec import FILL_CONSTANTS, constants_of
+from supersampler.methods.spec import constants_of
 from supersampler.methods.taa.spec import TAA
 
 LAYOUT = HistoryLayout(TAA, {"pixels": Plane("color")}, {"color": of_plane("pixels", 0, 1, 2)})
@@ -16,6 +16,6 @@ def taa_program(info: ModelInfo) -> GpuProgram:
         LAYOUT,
         ("supersampler.methods.taa",),
         {name: info.config[name] for name in constants_of(TAA)},
-        (PassSpec("boxes", RENDER, constants=FILL_CONSTANTS), PassSpec("blend")),
+        (PassSpec("boxes", RENDER), PassSpec("blend")),
         {name: PixelTexture(RENDER) for name in ("tones", "lows", "highs", "longest")},
     )

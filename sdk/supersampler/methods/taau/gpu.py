@@ -5,7 +5,6 @@ from supersampler.backends.gpu.memory import BLOCKS, ONE, PixelTexture
 from supersampler.backends.gpu.program import (
     BLOCK_PASSES,
     REST_CHANNELS,
-    REST_CONSTANTS,
     REST_MEMORY,
     REST_PLANES,
     SAMPLE_MEMORY,
@@ -18,17 +17,7 @@ from supersampler.backends.gpu.program import (
 )
 from supersampler.methods.model_info import ModelInfo
 from supersampler.methods.spec import constants_of
-from supersampler.methods.taau.spec import (
-    FIT,
-    FLASH,
-    FLASH_MEMORY,
-    LAG_STEP,
-    LEAST_BLOCKS,
-    LEAST_FLASH,
-    MOST_SAMPLES,
-    TAAU,
-    UNFIT,
-)
+from supersampler.methods.taau.spec import TAAU
 
 LAYOUT = HistoryLayout(
     TAAU,
@@ -50,22 +39,12 @@ LAYOUT = HistoryLayout(
 def taau_program(info: ModelInfo) -> GpuProgram:
     """Return the GPU program of a `taau` model."""
     constants = {name: info.config[name] for name in constants_of(TAAU)}
-    constants |= {
-        "flash": FLASH,
-        "least_flash": LEAST_FLASH,
-        "flash_memory": FLASH_MEMORY,
-        "unfit": UNFIT,
-        "fit": FIT,
-        "lag_step": LAG_STEP,
-        "least_blocks": LEAST_BLOCKS,
-        "most_samples": MOST_SAMPLES,
-    }
     passes = (
         *BLOCK_PASSES,
         TILE_PASS,
         preprocess("shade"),
         PassSpec("light", ONE, (1, 1)),
-        PassSpec("lag", BLOCKS, (8, 8), REST_CONSTANTS),
+        PassSpec("lag", BLOCKS, (8, 8)),
         display_pass("blend", tile=(32, 4)),
     )
     kept = {"kept_samples": PixelTexture(BLOCKS, "rg32float")}

@@ -6,9 +6,6 @@ Device functions compute sixteen pixels at once, with a vector per channel.
 import numpy as np
 
 from supersampler.backends.cpu.kernels.colors import (
-    CONFIRMED,
-    DARKNESS,
-    GLARE,
     clamped,
     from_ycocg,
     largest,
@@ -66,12 +63,28 @@ from supersampler.backends.cpu.simd.vector import (
 )
 from supersampler.backends.cpu.structs import Floats, FrameSamples, Output, ResampleTables
 from supersampler.methods.at_rest import BLOCK
+from supersampler.methods.constants import (
+    CONFIRMED,
+    DARKNESS,
+    FULL_WEIGHT,
+    GLARE,
+    MIN_CUBIC_WEIGHT,
+    MIN_WEIGHT,
+)
 from supersampler.methods.spec import constant_indices
-from supersampler.methods.taau.spec import FIT, FLASH, LAG_STEP, LEAST_FLASH, TAAU, UNFIT
+from supersampler.methods.taau.spec import (
+    FIT,
+    FLASH,
+    LAG_STEP,
+    LEAST_FLASH,
+    MIN_BOX_WEIGHT,
+    MIN_CHANGE,
+    MIN_SAMPLES,
+    TAAU,
+    UNFIT,
+)
 from supersampler.methods.taau.structs import ComparedBlocks, TaauHistoryInput, TaauScratch
 
-MIN_CHANGE, MIN_SAMPLES, MIN_WEIGHT, MIN_BOX_WEIGHT = 0.004, 1e-3, 1e-3, 0.5
-"""As in the torch method and in `supersampler_model.ops.sampling`."""
 STEPS = BLOCK // LAG_STEP
 """Samples of a block that are compared with the history, along an axis."""
 C = constant_indices(TAAU)
@@ -111,8 +124,8 @@ def shade(samples: FrameSamples, line: Floats, surface: Floats, sums: Floats, y0
         samples: the frame.
         line: (4, PAD + stride + PAD) scratch.
         surface: (height, PAD + stride + PAD, 4), written to: occluding depth, mean and deviation of toned
-            luma over 3x3 samples, whether these are on a plane, [0, 1], plus 2 where one is over GLARING. The
-            padding repeats the border.
+            luma over 3x3 samples, whether these are on a plane, [0, 1], plus 2 where one is over
+            GLARE_EXPOSED. The padding repeats the border.
         sums: (height, 2), written to: sums of each row's means and squared deviations.
         y0: the first row.
         y1: the row after the last.
@@ -155,7 +168,7 @@ def shade(samples: FrameSamples, line: Floats, surface: Floats, sums: Floats, y0
             deviation = select(usable > 9.0 * MIN_WEIGHT, deviation, 1.0)
             across = load16(line, PAD + x + 1) - load16(line, PAD + x - 1)
             fit = fit_of(across, sum3(line, 3 * padded_width + PAD + x), deviation)
-            fit = select(usable > 8.99, fit, 0.0)
+            fit = select(usable > 9.0 * FULL_WEIGHT, fit, 0.0)
             store4(surface, 4 * (here + x), occluding, mean, deviation, fit + 2.0 * glare)
             inside = ramp16() + np.int32(x) < np.int32(w)
             mean_sum = mean_sum + select(inside, mean, 0.0)
@@ -178,7 +191,7 @@ def current_frame(sums, near, across, shift_x, shift_y, fit, sharpness):
         sharpness: fraction of Catmull-Rom in `frame`.
     """
     scale, sharp_scale = 1.0 / maximum(sums[3], 1e-6), 1.0 / maximum(sums[7], 1e-6)
-    sharp = select(sums[7] > 0.9, sharpness, sums[3] * 0.0)
+    sharp = select(sums[7] > MIN_CUBIC_WEIGHT, sharpness, sums[3] * 0.0)
     smooth = scaled3((sums[0], sums[1], sums[2]), scale)
     frame = ycocg(*lerp3(smooth, scaled3((sums[4], sums[5], sums[6]), sharp_scale), sharp))
     sample = ycocg(*scaled3((near[0], near[1], near[2]), 1.0 / maximum(near[3], 1e-6)))
@@ -187,7 +200,7 @@ def current_frame(sums, near, across, shift_x, shift_y, fit, sharpness):
     squares = scaled3((sums[11], sums[12], sums[13]), scale)
     variance = maximum(squares[0] - luma * luma, 0.0)
     down = sums[15]
-    fit = select(sums[14] > 0.999, fit, 0.0)
+    fit = select(sums[14] > FULL_WEIGHT, fit, 0.0)
     center = luma - fit * (across * shift_x + down * shift_y), orange, green
     deviations = (
         square_root(select(known, maximum(variance - fit * (across * across + down * down), 0.0), 1.0)),
@@ -273,7 +286,7 @@ def blend(
         surface: 0 where the surface was occluded in the previous frame, 1 where it was visible.
         unchanged: 1 - `change_of_light`.
         fit: whether 3x3 samples are on a plane, [0, 1].
-        glare: 1 where this frame has light over GLARING nearby.
+        glare: 1 where this frame has light over GLARE_EXPOSED nearby.
         flash: 1 where the light of this frame is unconfirmed.
         moved: speed, display pixels; blur of the resampling, 0 on a pixel's centre, 1 on a corner of four.
         mask: fraction of the image that is this frame alone; 0 where the frame has no reactive mask, else 1.

@@ -19,6 +19,13 @@ LAG_STEP, LEAST_BLOCKS, MOST_SAMPLES = 2, 0.125, 1024.0
 """Samples along an axis of which one is compared for the lag; least part of a window's blocks that are; a
 number of samples that limits nothing."""
 
+MIN_CHANGE = 0.004
+"""Change of toned luma that is always tolerated: one step of an 8-bit image."""
+MIN_SAMPLES = 1e-3
+"""Number of samples below which the history is not used."""
+MIN_BOX_WEIGHT = 0.5
+"""Fraction of the samples in the window of the variance box that must be usable."""
+
 
 @dataclass(frozen=True)
 class TaauConfig:

@@ -5,8 +5,6 @@ Blocks are numbered row by row. A pixel's mean is four floats: linear RGB, and t
 
 import numpy as np
 
-from supersampler.backends.cpu.kernels.colors import MAX_HALF
-from supersampler.backends.cpu.kernels.frame import MAX_MOTION
 from supersampler.backends.cpu.layout import LANES
 from supersampler.backends.cpu.simd.device_function import device_function
 from supersampler.backends.cpu.simd.shuffles import first_third, last_third, load_columns4, second_third
@@ -24,6 +22,9 @@ from supersampler.backends.cpu.simd.vector import (
     store,
 )
 from supersampler.backends.cpu.structs import (
+    KEEPS,
+    RESTARTS,
+    SUMS,
     AddedSamples,
     BlockSums,
     Bytes,
@@ -31,19 +32,14 @@ from supersampler.backends.cpu.structs import (
     RestSamples,
     ShownMean,
 )
+from supersampler.io.display import MAX_HALF
 from supersampler.methods.at_rest import BLOCK, LEAST_WEIGHT, MAX_STATIC_MOTION
+from supersampler.methods.constants import DARKNESS, FINITE_MOTION, FULL_WEIGHT
 
 RGB = 3 * LANES
 """Values of the samples that are read together: LANES // BLOCK blocks."""
-COVERED = np.float32(0.999)
-"""Least sum of the bilinear weights of known pixels, as in the torch module."""
-SUMS = 12
-"""Sums of a block: samples; residuals, RGB; samples, RGB; the mean there, RGB; squares of the first two."""
-KEEPS, ADDS, RESTARTS = 1, 2, 3
-"""Modes of a block's mean: it stays, takes the samples, or begins with them. 0: it has none."""
 SLOW = np.float32(0.7 * MAX_STATIC_MOTION)
 """On both axes a sample that moves no more than this stands."""
-DARKNESS = np.float32(1e-12)
 LEAST = np.float32(LEAST_WEIGHT)
 
 
@@ -64,8 +60,8 @@ def moves(samples, y, x):
     """Return whether a sample moves, or is reactive."""
     at = y * samples.width + x
     mx, my = samples.motion[2 * at], samples.motion[2 * at + 1]
-    mx = mx if abs(mx) <= np.float32(MAX_MOTION) else np.float32(0.0)
-    my = my if abs(my) <= np.float32(MAX_MOTION) else np.float32(0.0)
+    mx = mx if abs(mx) <= np.float32(FINITE_MOTION) else np.float32(0.0)
+    my = my if abs(my) <= np.float32(FINITE_MOTION) else np.float32(0.0)
     if mx * mx + my * my > np.float32(MAX_STATIC_MOTION * MAX_STATIC_MOTION):
         return True
     return samples.has_reactive != 0 and samples.reactive[at] > np.float32(0.0)
@@ -209,7 +205,7 @@ def add_residual(sums, y, x, block, count):
     if is_missing(sums.color, at):
         return
     expected = mean_at(sums, y, x)
-    if not expected[3] > COVERED:
+    if not expected[3] > np.float32(FULL_WEIGHT):
         return
     squares, color_squares = np.float32(0.0), np.float32(0.0)
     r, g, b = within_half(sums.color[at]), within_half(sums.color[at + 1]), within_half(sums.color[at + 2])
@@ -340,7 +336,7 @@ def show_pixel(shown, y, x, share, dx, dy):
         moved += slope(mean[above + c], here, mean[under + c], known_y) * dy
         own = shown.image[to + c]
         value = min(own + share * (max(here - moved, np.float32(0.0)) - own), np.float32(MAX_HALF))
-        shown.image[to + c] = value if value >= DARKNESS else np.float32(0.0)
+        shown.image[to + c] = value if value >= np.float32(DARKNESS) else np.float32(0.0)
 
 
 @device_function

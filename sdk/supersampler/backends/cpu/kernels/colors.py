@@ -16,12 +16,10 @@ from supersampler.backends.cpu.simd.vector import (
     to_float,
     to_int,
 )
+from supersampler.io.display import BT709_WEIGHTS, MAX_HALF
+from supersampler.methods.constants import DARKNESS, GLARE
 
-MAX_HALF = 65504.0
-DARKNESS = 1e-12
-GLARING = 1024.0 / 1025.0
-"""Smallest toned value that counts as glare; `supersampler_model.ops.color` explains all three."""
-GLARE, CONFIRMED = 4.0, 3.0
+RED, GREEN, BLUE = BT709_WEIGHTS
 
 
 @device_function
@@ -78,7 +76,7 @@ def from_ycocg(y: Any, co: Any, cg: Any) -> Any:
 @device_function
 def luminance(r: Any, g: Any, b: Any) -> Any:
     """Return the luminance of linear RGB (Rec. 709)."""
-    return r * 0.2126 + g * 0.7152 + b * 0.0722
+    return r * RED + g * GREEN + b * BLUE
 
 
 @device_function
@@ -123,8 +121,7 @@ def linear_of(r: Any, g: Any, b: Any, exposure: float) -> Any:
     """Convert toned colours to linear RGB: `bounded(inverse_tone(...) / exposure)`."""
     scale = 1.0 / (maximum(1.0 - largest(r, g, b), 1.0 / MAX_HALF) * exposure)
     r, g, b = minimum(r * scale, MAX_HALF), minimum(g * scale, MAX_HALF), minimum(b * scale, MAX_HALF)
-    darkest = DARKNESS
-    return select(r >= darkest, r, 0.0), select(g >= darkest, g, 0.0), select(b >= darkest, b, 0.0)
+    return select(r >= DARKNESS, r, 0.0), select(g >= DARKNESS, g, 0.0), select(b >= DARKNESS, b, 0.0)
 
 
 @device_function

@@ -3,7 +3,6 @@
 import numpy as np
 
 from supersampler.backends.cpu.kernels.colors import (
-    GLARING,
     clamped,
     largest,
     logarithm,
@@ -34,13 +33,18 @@ from supersampler.backends.cpu.simd.vector import (
     to_int,
 )
 from supersampler.backends.cpu.structs import Floats, FrameInputs, FrameSamples
+from supersampler.io.display import DARKEST
 from supersampler.methods.at_rest import MAX_STATIC_MOTION
-from supersampler.methods.spec import FILL_WINDOW
-
-DARKEST = 1e-4
-LEAVES, COVERS = 1.0, 0.95  # see `occluding_depth` of the torch methods
-MAX_MOTION, FARTHEST_MOTION = 3e38, 1e6
-"""Pixels. NaN and longer motion than MAX_MOTION become 0; other motion is clamped to FARTHEST_MOTION."""
+from supersampler.methods.constants import (
+    FILL_WINDOW,
+    FINITE_MOTION,
+    GLARE_TONED,
+    MAX_DEPTH,
+    MAX_MOTION,
+    SAME_THIN_DEPTH,
+    THIN_MOTION,
+    UNKNOWN_DEPTH,
+)
 
 
 @device_function
@@ -82,10 +86,16 @@ def or_fill(found, color, samples, tables, x, y):
 
 @device_function
 def motion_at(motion, index):
-    """Return the sanitized motion of sixteen samples; see MAX_MOTION."""
+    """Return the sanitized motion of sixteen samples: 0 where it is not finite."""
     mx, my = gather(motion, index * 2), gather(motion, index * 2 + 1)
-    x, y = clamped(mx, -FARTHEST_MOTION, FARTHEST_MOTION), clamped(my, -FARTHEST_MOTION, FARTHEST_MOTION)
-    return select(absolute(mx) <= MAX_MOTION, x, 0.0), select(absolute(my) <= MAX_MOTION, y, 0.0)
+    x, y = clamped(mx, -MAX_MOTION, MAX_MOTION), clamped(my, -MAX_MOTION, MAX_MOTION)
+    return select(absolute(mx) <= FINITE_MOTION, x, 0.0), select(absolute(my) <= FINITE_MOTION, y, 0.0)
+
+
+@device_function
+def usable_depth(depth):
+    """Return depth, UNKNOWN_DEPTH where it is negative, too large or NaN."""
+    return select((depth >= 0.0) & (depth <= MAX_DEPTH), depth, UNKNOWN_DEPTH)
 
 
 @device_function
@@ -131,11 +141,11 @@ def prepare(frame: FrameInputs, samples: FrameSamples, y0: int, y1: int):
                 store(colors, to + c * padded_width, value)
             d, (mx, my) = gather(frame.depth, index), motion_at(frame.motion, index)
             to = y * padded_width + PAD + x
-            store(samples.depth, to, select((d >= 0.0) & (d <= 1e30), d, -1.0))
+            store(samples.depth, to, usable_depth(d))
             store(samples.motion_x, to, mx)
             store(samples.motion_y, to, my)
             slowest = minimum(slowest, mx * mx + my * my)
-        samples.glares[y] = 0.0 if all_lanes(brightest <= GLARING) else 1.0
+        samples.glares[y] = 0.0 if all_lanes(brightest <= GLARE_TONED) else 1.0
         samples.still_rows[y] = 0.0 if all_lanes(slowest > MAX_STATIC_MOTION * MAX_STATIC_MOTION) else 1.0
         for c in range(SAMPLE_PLANES):
             repeat_ends(colors, (SAMPLE_PLANES * y + c) * padded_width + PAD, w)
@@ -192,12 +202,12 @@ def dilate(samples: FrameSamples, y0: int, y1: int):
 
 @device_function
 def glare_at(colors, index, padded_width):
-    """Return 1 where one of three neighbouring samples of a row is over GLARING, else 0."""
+    """Return 1 where one of three neighbouring samples of a row is over GLARE_TONED, else 0."""
     brightest = spread16(np.float32(0.0))
     for channel in range(3):
         for column in range(-1, 2):
             brightest = maximum(brightest, load16(colors, index + channel * padded_width + column))
-    return select(brightest > GLARING, 1.0, brightest * 0.0)
+    return select(brightest > GLARE_TONED, 1.0, brightest * 0.0)
 
 
 @device_function
@@ -222,9 +232,9 @@ def occluding_at(samples, y, x):
         across, down, farthest = motion_over_background(samples, y, x)
         speed = maximum(absolute(across), absolute(down))
         speed = select((depth > opened) & (farthest >= 0.0), speed, 0.0)
-        if not all_lanes(speed < LEAVES):
+        if not all_lanes(speed < THIN_MOTION):
             follows = closest_around(samples, across + to_float(ramp16() + np.int32(x)), down + np.float32(y))
-            opened = select((speed >= LEAVES) & (follows < COVERS * depth), depth, opened)
+            opened = select((speed >= THIN_MOTION) & (follows < SAME_THIN_DEPTH * depth), depth, opened)
     return opened
 
 

@@ -1,17 +1,13 @@
 // Colour: tone curve, YCoCg, glare. Twin of ops/color.py.
 
-const GLARING = 1024.0;   // exposed light ten stops over white
-const GLARE = 4.0;        // added to a history value in [0, 1] for each consecutive frame with such light nearby
-const CONFIRMED = 3.0;    // consecutive frames after which such light is accumulated
-
 fn largest(color: vec3f) -> f32 { return max(max(color.r, color.g), color.b); }
 
-fn luminance(color: vec3f) -> f32 { return 0.2126 * color.r + 0.7152 * color.g + 0.0722 * color.b; }
+fn luminance(color: vec3f) -> f32 { return BT709_WEIGHTS.r * color.r + BT709_WEIGHTS.g * color.g + BT709_WEIGHTS.b * color.b; }
 
 // Exposed linear RGB [0, inf) to [0, 1): keeps hue, weighs down fireflies.
 fn tone(color: vec3f) -> vec3f { return color / (1.0 + largest(color)); }
 
-fn inverse_tone(color: vec3f) -> vec3f { return color / max(1.0 - largest(color), 1.0 / 65504.0); }
+fn inverse_tone(color: vec3f) -> vec3f { return color / max(1.0 - largest(color), 1.0 / MAX_HALF); }
 
 fn ycocg(c: vec3f) -> vec3f {
     return vec3f(0.25 * (c.r + c.b) + 0.5 * c.g, 0.5 * (c.r - c.b), 0.5 * c.g - 0.25 * (c.r + c.b));

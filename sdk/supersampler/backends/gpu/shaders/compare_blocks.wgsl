@@ -6,7 +6,6 @@
 // import sanitize
 // import frame
 
-const COVERED = 0.999;   // of four bilinear weights
 const ROWS = 4;          // of a block
 const SIDE = 4;          // blocks of a workgroup in either direction
 const SHARE = 1.0 / f32(BLOCK * BLOCK);
@@ -75,7 +74,7 @@ fn sums_of(block: vec2i, row: i32, has_mean: bool) -> Row {
         found.parts[0] += SHARE * vec4f(roots, dot(roots, order));
         if (!has_mean) { continue; }
         let mean = mean_at(p);
-        if (mean.a <= COVERED) { continue; }
+        if (mean.a <= FULL_WEIGHT) { continue; }
         let difference = color - mean.rgb;
         found.parts[1] += SHARE * vec4f(difference, 1.0);
         found.parts[2] += SHARE * vec4f(color, dot(difference, difference));

@@ -1,17 +1,10 @@
 // Exposure of a frame: given, or 0.18 over the log-average luminance, adapted. Twin of `exposure_for`.
 // import params
 
-const LEAST_EXPOSURE = 0x1p-24;
-const MOST_EXPOSURE = 0x1p+24;
-const EXPOSURE_KEY = 0.18;
-const EXPOSURE_ADAPTATION = 0.1;
-const DARKEST = 1e-4;
-const OUTLIER = 64.0;
-
-fn is_given() -> bool { return params.exposure >= LEAST_EXPOSURE && params.exposure <= MOST_EXPOSURE; }
+fn is_given() -> bool { return params.exposure >= MIN_EXPOSURE && params.exposure <= MAX_EXPOSURE; }
 
 fn is_outlier(exposure: f32, known: f32) -> bool {
-    return exposure > known * OUTLIER || exposure * OUTLIER < known;
+    return exposure > known * EXPOSURE_OUTLIER || exposure * EXPOSURE_OUTLIER < known;
 }
 
 // Signed exposure for the history: negative until a second frame confirms it.

@@ -2,4 +2,4 @@
 
 @group(1) @binding(4) var image: texture_storage_2d<rgba16float, write>;
 
-fn store_image(p: vec2i, color: vec3f) { textureStore(image, p, vec4f(min(color, vec3f(65504.0)), 1.0)); }
+fn store_image(p: vec2i, color: vec3f) { textureStore(image, p, vec4f(min(color, vec3f(MAX_HALF)), 1.0)); }

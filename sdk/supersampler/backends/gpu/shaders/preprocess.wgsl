@@ -8,9 +8,6 @@
 // import missing
 // import surface
 
-const MIN_WEIGHT = 1e-3;
-const LEAVES = 1.0;     // as in torch
-const COVERS = 0.95;
 const SIDE = 16;
 const DEPTHS = SIDE + 4;   // side of the tile with two samples around
 const WIDE = SIDE + 2;     // with one sample around
@@ -35,12 +32,12 @@ fn sample_at(p: vec2i) -> Sample {
     let exposure = exposure_of(next_state);
     let found = sample_of_frame(p, exposure);
     let exposed = min(found.color * exposure, vec3f(MAX_HALF));
-    return Sample(exposed, found.usable, largest(exposed) * found.usable > GLARING);
+    return Sample(exposed, found.usable, largest(exposed) * found.usable > GLARE_EXPOSED);
 }
 
 // Erosion of the depth at a sample inside the image.
 fn erode(p: vec2i, origin: vec2i) -> f32 {
-    var farthest = 1e30;
+    var farthest = f32(MAX_DEPTH);
     /* unroll */ for (var j = -1; j <= 1; j++) {
         /* unroll */ for (var i = -1; i <= 1; i++) { farthest = min(farthest, depth_near(p + vec2i(i, j), origin)); }
     }
@@ -90,7 +87,7 @@ fn dilate(p: vec2i, origin: vec2i) -> vec4f {
 
 // Without thin things, but with those that leave: see `occluding_depth` of the torch methods.
 fn occluding(p: vec2i, origin: vec2i) -> f32 {
-    var opened = -1e30;
+    var opened = -f32(MAX_DEPTH);
     /* unroll */ for (var j = -1; j <= 1; j++) {
         /* unroll */ for (var i = -1; i <= 1; i++) { opened = max(opened, eroded[wide_index(p + vec2i(i, j), origin)]); }
     }
@@ -98,8 +95,8 @@ fn occluding(p: vec2i, origin: vec2i) -> f32 {
     if (depth <= opened) { return opened; }
     let background = farthest_near(p, origin);
     let over = usable_motion(motion_at(p)) - usable_motion(motion_at(background));
-    let moves = max(abs(over.x), abs(over.y)) >= LEAVES && depth_near(background, origin) >= 0.0;
-    if (!moves || closest_around(vec2f(p) + over) >= COVERS * depth) { return opened; }
+    let moves = max(abs(over.x), abs(over.y)) >= THIN_MOTION && depth_near(background, origin) >= 0.0;
+    if (!moves || closest_around(vec2f(p) + over) >= SAME_THIN_DEPTH * depth) { return opened; }
     return depth;
 }
 

@@ -2,16 +2,8 @@
 // so that comparisons of floats may not find them. Patterns of positive floats have the order of the floats.
 // import params
 
-const MAX_HALF = 65504.0;
-const UNKNOWN_DEPTH = -1.0;   // below the sky's 0: never the closest, never disoccluded
-const MAX_HALF_BITS = 0x477fe000u;
-const MAX_DEPTH_BITS = 0x7149f2cau;   // 1e30
-const LONGEST_BITS = 0x7f61b1e6u;     // 3e38
 const SIGN = 0x80000000u;
-const FAR = 1e6;              // pixels: longer motion is clamped
 const INFINITY_BITS = 0x7f800000u;
-const DARKNESS = 1e-12;       // fading averages would otherwise end as denormals
-const DARKNESS_BITS = 0x2b8cbcccu;
 
 // Whether no channel is NaN.
 fn all_valid(color: vec3f) -> bool {
@@ -31,8 +23,8 @@ fn sanitize1(value: f32) -> f32 {
 
 // NaN and Inf become zero motion.
 fn usable_motion(motion: vec2f) -> vec2f {
-    let known = (bitcast<vec2u>(motion) & vec2u(~SIGN)) <= vec2u(LONGEST_BITS);
-    return select(vec2f(0.0), clamp(motion, vec2f(-FAR), vec2f(FAR)), known);
+    let known = (bitcast<vec2u>(motion) & vec2u(~SIGN)) <= vec2u(FINITE_MOTION_BITS);
+    return select(vec2f(0.0), clamp(motion, vec2f(-MAX_MOTION), vec2f(MAX_MOTION)), known);
 }
 
 // NaN, Inf and negative depth become UNKNOWN_DEPTH.

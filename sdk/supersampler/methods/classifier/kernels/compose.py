@@ -3,8 +3,6 @@
 import numpy as np
 
 from supersampler.backends.cpu.kernels.colors import (
-    CONFIRMED,
-    GLARE,
     clamped,
     from_ycocg,
     largest,
@@ -47,12 +45,21 @@ from supersampler.methods.classifier.kernels.gather import (
     MIN_LUMA,
     SAMPLE,
     SURFACE,
-    TONED,
     light_rises,
 )
+from supersampler.methods.classifier.spec import (
+    FRAME_PRIOR,
+    HALF_COUNT,
+    MAX_LOG_FACTOR,
+    MAX_SHARPNESS,
+    MIN_PRIOR,
+    OTHER_PRIOR,
+)
 from supersampler.methods.classifier.variant import Variant
+from supersampler.methods.constants import CONFIRMED, GLARE, MAX_TONED, MIN_KERNEL_WEIGHT
+from supersampler.methods.gbuffer.spec import NEIGHBOUR_WEIGHTS
 
-SHARPEST = 2.0
+CENTER, SIDE, CORNER = (np.float32(NEIGHBOUR_WEIGHTS[k]) for k in (4, 1, 0))
 ROUNDS = 12582912.0  # 1.5 * 2^23: the sum has the rounded number in its last bits
 HALVES = 32  # fp16 values of a cache line
 STREAMS_HISTORY, STREAMS_IMAGE = 1, 2  # bits of `streams`: rows begin at cache lines, and bypass the caches
@@ -61,7 +68,7 @@ STREAMS_HISTORY, STREAMS_IMAGE = 1, 2  # bits of `streams`: rows begin at cache 
 @device_function
 def factor(value):
     """Return e^x for x clamped to [-16, 16], with a relative error of 1e-5."""
-    x = clamped(value, -16.0, 16.0) * 1.4426950408889634
+    x = clamped(value, -MAX_LOG_FACTOR, MAX_LOG_FACTOR) * 1.4426950408889634
     rounded = x + ROUNDS
     f = x - (rounded - ROUNDS)
     p = (((f * 9.58285e-3 + 5.590642e-2) * f + 2.4024099e-1) * f + 6.9312419e-1) * f + 1.0
@@ -78,7 +85,7 @@ def blend_parameters(blend, pitch, index, count, half):
 @device_function
 def sharpened(color, sharpness, detail):
     """Return a channel of the history with detail added; see `Classifier.history_colors`."""
-    return clamped(color + sharpness * detail, 0.0, TONED)
+    return clamped(color + sharpness * detail, 0.0, MAX_TONED)
 
 
 @device_function
@@ -93,7 +100,7 @@ def clip_to_center(color, mean, extents):
     )
     scale = 1.0 / maximum(overshoot, 1.0)
     r, g, b = from_ycocg(mean[0] + y * scale, mean[1] + co * scale, mean[2] + cg * scale)
-    return clamped(r, 0.0, TONED), clamped(g, 0.0, TONED), clamped(b, 0.0, TONED)
+    return clamped(r, 0.0, MAX_TONED), clamped(g, 0.0, MAX_TONED), clamped(b, 0.0, MAX_TONED)
 
 
 @device_function
@@ -111,10 +118,10 @@ def added(sums, weight, color):
 
 @device_function
 def neighbour_weight(k):
-    """Return the initial weight of one of 3x3 pixels; see `NEIGHBOUR_WEIGHTS` of `gbuffer`."""
+    """Return the initial weight of one of 3x3 pixels."""
     if k == 4:
-        return np.float32(1.0)
-    return np.float32(0.12) if k % 2 else np.float32(0.03)
+        return CENTER
+    return SIDE if k % 2 else CORNER
 
 
 def make_compose_row(variant: Variant):
@@ -160,7 +167,7 @@ def make_compose_row(variant: Variant):
             else:
                 first, step, index = places_in(columns_near, x)
                 for k in range(9):
-                    initial = load16(across, (k % 3) * width + x) * down[3 * y + k // 3] + 1e-4
+                    initial = load16(across, (k % 3) * width + x) * down[3 * y + k // 3] + MIN_KERNEL_WEIGHT
                     number = m + kernel + k
                     tap_weight = initial * factor(
                         blend_parameters(blend, blend_pitch, number, parameters, pixels)
@@ -180,7 +187,7 @@ def make_compose_row(variant: Variant):
                 sampled_here = load16(rest, rest_at + 16 * sampled_plane)
             else:
                 sampled_here = select(sums[3] > 0.0, spread16(np.float32(1.0)), zero)
-            sampled, frame_weight = sampled_here * (confidence + 1e-3), sampled_here * 0.05
+            sampled, frame_weight = sampled_here * (confidence + MIN_PRIOR), sampled_here * FRAME_PRIOR
             sample = three(rest, rest_at + 16 * SAMPLE)
             number = m + sample_weight
             current = added(
@@ -201,8 +208,8 @@ def make_compose_row(variant: Variant):
             # history colours
             number, count = m + sample_weight - 1, load16(rest, rest_at + 16 * COUNT)
             known = count > 0.0
-            initial = select(known, count * load16(rest, rest_at + 16 * SURFACE) + 1e-3, 0.0)
-            other = select(known, count * 0.1 + 1e-3, 0.0)
+            initial = select(known, count * load16(rest, rest_at + 16 * SURFACE) + MIN_PRIOR, 0.0)
+            other = select(known, count * OTHER_PRIOR + MIN_PRIOR, 0.0)
             first = initial * factor(blend_parameters(blend, blend_pitch, m, parameters, pixels))
             second = third = zero
             history_weight = zero + first
@@ -213,7 +220,7 @@ def make_compose_row(variant: Variant):
                 third = other * factor(blend_parameters(blend, blend_pitch, number, parameters, pixels))
                 history_weight = history_weight + third
             strength = clamped(
-                blend_parameters(blend, blend_pitch, m + sharpness, parameters, pixels), 0.0, SHARPEST
+                blend_parameters(blend, blend_pitch, m + sharpness, parameters, pixels), 0.0, MAX_SHARPNESS
             )
             detail = three(rest, rest_at + 16 * DETAIL)
             warped = three(warped_planes, at)
@@ -251,7 +258,7 @@ def make_compose_row(variant: Variant):
             odds = history_weight / maximum(current_weight, 1e-12) * (sampled + frame_weight + frame_weight)
             next_count = minimum(minimum(odds, count), constants.most_samples) + confidence
             luma = luminance(sample[0], sample[1], sample[2])
-            trust = select(known, minimum(odds * 4.0 / maximum(count, 1e-6), 1.0), 0.0)
+            trust = select(known, minimum(odds * HALF_COUNT / maximum(count, 1e-6), 1.0), 0.0)
             rate = confidence * constants.contraction
             low, high = load16(rest, rest_at + 16 * MIN_LUMA), load16(rest, rest_at + 16 * MAX_LUMA)
             warped_glare = high * 0.0

@@ -7,8 +7,6 @@ channels of one pixel. Rows are padded to a multiple of sixteen pixels.
 import numpy as np
 
 from supersampler.backends.cpu.kernels.colors import (
-    CONFIRMED,
-    GLARE,
     clamped,
     from_ycocg,
     largest,
@@ -61,7 +59,7 @@ from supersampler.methods.classifier.kernels.guided import (
     warp_reflectance,
 )
 from supersampler.methods.classifier.kernels.network_inputs import complete_row, store_input, warp_classes
-from supersampler.methods.classifier.spec import CLASSIFIER, CONTRAST, RISE, WHITE
+from supersampler.methods.classifier.spec import CLASSIFIER, CONTRAST, HALF_COUNT, RISE, WHITE
 from supersampler.methods.classifier.structs import (
     ClassifierHistoryInput,
     Gathered,
@@ -70,9 +68,9 @@ from supersampler.methods.classifier.structs import (
     NetworkInputs,
 )
 from supersampler.methods.classifier.variant import Variant
+from supersampler.methods.constants import CONFIRMED, GLARE, MAX_TONED, MIN_CUBIC_WEIGHT, MIN_WEIGHT
 from supersampler.methods.spec import constant_indices
 
-TONED = 1.0 - 1e-4
 FRAME, SAMPLE, CONFIDENCE, DETAIL, SURFACE, COUNT, MIN_LUMA, MAX_LUMA = 0, 3, 6, 7, 10, 11, 12, 13
 """First planes of `Gathered.rest`; `Variant` gives those after them."""
 C = constant_indices(CLASSIFIER)
@@ -80,7 +78,7 @@ EXPOSURE, W, H, BIG_W, BIG_H, OLD_W, OLD_H, JITTER_X, JITTER_Y, GLARES = range(l
 """Indices into `numbers`, after the constants of `classifier`.
 
 Sizes: W, H of this frame, BIG of the display, OLD of the previous frame. JITTER: of the previous frame.
-GLARES: 1 where this frame or the history may have light over GLARING, else 0.
+GLARES: 1 where this frame or the history may have light over GLARE_EXPOSED, else 0.
 """
 
 
@@ -136,11 +134,11 @@ def current_frame(sums, gamma):
     """
     scale = 1.0 / maximum(sums[3], 1e-6)
     sample = (
-        clamped(sums[0] * scale, 0.0, TONED),
-        clamped(sums[1] * scale, 0.0, TONED),
-        clamped(sums[2] * scale, 0.0, TONED),
+        clamped(sums[0] * scale, 0.0, MAX_TONED),
+        clamped(sums[1] * scale, 0.0, MAX_TONED),
+        clamped(sums[2] * scale, 0.0, MAX_TONED),
     )
-    scale, known = 1.0 / maximum(sums[14], 1e-6), sums[14] > 1e-3
+    scale, known = 1.0 / maximum(sums[14], 1e-6), sums[14] > MIN_WEIGHT
     mean = sums[8] * scale, sums[9] * scale, sums[10] * scale
     variances = (
         select(known, sums[11] * scale, 1.0) - mean[0] * mean[0],
@@ -148,11 +146,11 @@ def current_frame(sums, gamma):
         select(known, sums[13] * scale, 1.0) - mean[2] * mean[2],
     )
     r, g, b = from_ycocg(mean[0], mean[1], mean[2])
-    whole, scale = sums[7] > 0.9, 1.0 / maximum(sums[7], 1e-6)
+    whole, scale = sums[7] > MIN_CUBIC_WEIGHT, 1.0 / maximum(sums[7], 1e-6)
     frame = (
-        clamped(select(whole, sums[4] * scale, r), 0.0, TONED),
-        clamped(select(whole, sums[5] * scale, g), 0.0, TONED),
-        clamped(select(whole, sums[6] * scale, b), 0.0, TONED),
+        clamped(select(whole, sums[4] * scale, r), 0.0, MAX_TONED),
+        clamped(select(whole, sums[5] * scale, g), 0.0, MAX_TONED),
+        clamped(select(whole, sums[6] * scale, b), 0.0, MAX_TONED),
     )
     extents = (
         square_root(maximum(variances[0], 0.0)) * gamma,
@@ -298,7 +296,7 @@ def make_gather_rows(*parts: str):
                 sums = filter_all_across(line, stride + 2 * PAD, starts, across, width, x, not guided)
                 frame, sample, confidence, mean, extents, variance = current_frame(sums, numbers[C.gamma])
                 if samples.fill_pitch > 0:
-                    frame = or_fill(sums[14] > 1e-3, frame, samples, tables, x, y)
+                    frame = or_fill(sums[14] > MIN_WEIGHT, frame, samples, tables, x, y)
                 if guided:
                     frame = lit(light, reflected)
                     image_row = 3 * y * padded_width + PAD
@@ -345,7 +343,7 @@ def make_gather_rows(*parts: str):
                     store_input(inputs, words.MAX_LUMA * width + to, root(high))
                 store_input(inputs, words.DETAIL * width + to, root(max_difference(color, linear)))
                 store_input(inputs, words.CONFIDENCE * width + to, confidence)
-                store_input(inputs, words.COUNT * width + to, count / (count + 4.0))
+                store_input(inputs, words.COUNT * width + to, count / (count + HALF_COUNT))
                 store_input(inputs, words.DEPTH_DIFFERENCE * width + to, difference * 0.5 + 0.5)
                 store_input(inputs, words.SURFACE * width + to, surface)
                 store_input(inputs, words.EDGE * width + to, edge)

@@ -7,7 +7,6 @@ sixteen pixels.
 import numpy as np
 
 from supersampler.backends.cpu.kernels.colors import (
-    MAX_HALF,
     clamped,
     exponential,
     largest,
@@ -15,7 +14,13 @@ from supersampler.backends.cpu.kernels.colors import (
     toned,
 )
 from supersampler.backends.cpu.kernels.filters import add_tap, places_in
-from supersampler.backends.cpu.kernels.frame import color_at, filled_at, repeat_ends, sample_indices
+from supersampler.backends.cpu.kernels.frame import (
+    color_at,
+    filled_at,
+    repeat_ends,
+    sample_indices,
+    usable_depth,
+)
 from supersampler.backends.cpu.layout import PAD, SAMPLE_PLANES, SURFACE_PLANES
 from supersampler.backends.cpu.simd.device_function import device_function
 from supersampler.backends.cpu.simd.shuffles import load_columns4
@@ -34,11 +39,12 @@ from supersampler.backends.cpu.simd.vector import (
     to_int,
 )
 from supersampler.backends.cpu.structs import Floats, FrameInputs
+from supersampler.io.display import MAX_HALF
 from supersampler.methods.classifier.structs import Guide
+from supersampler.methods.constants import MAX_DEPTH, MAX_TONED, MIN_NORMAL
+from supersampler.methods.gbuffer.spec import STEP_COST
+from supersampler.methods.gbuffer_fast.spec import MAX_DEPTH_COST, MIN_SIMILARITY
 
-TONED = 1.0 - 1e-4
-LEAST_WEIGHT, MOST_DIFFERENCE, STEP_COST = 1e-4, 10.0, 0.002
-"""See `supersampler_model.methods.gbuffer_fast`."""
 USABLE = 3
 """Plane of the samples' colours: 1 where usable."""
 
@@ -62,7 +68,7 @@ def surface_at(base_color, normal, index):
 def reflectance(color, normal, least):
     """Return the reflectance of surfaces; 1 at the sky, which has no normal."""
     x, y, z = normal
-    sky, scale = x * x + y * y + z * z < 0.1, 1.0 - least
+    sky, scale = x * x + y * y + z * z < MIN_NORMAL, 1.0 - least
     r, g, b = color[0] * scale + least, color[1] * scale + least, color[2] * scale + least
     return select(sky, 1.0, r), select(sky, 1.0, g), select(sky, 1.0, b)
 
@@ -99,7 +105,7 @@ def prepare_depth(depth: Floats, w: int, pitch: int, y0: int, y1: int, out: Floa
         to = y * (pitch + 2 * PAD) + PAD
         for x in range(0, w, 16):
             d = gather(depth, sample_indices(x, y, w))
-            store(out, to + x, select((d >= 0.0) & (d <= 1e30), d, -1.0))
+            store(out, to + x, usable_depth(d))
         repeat_ends(out, to, w)
 
 
@@ -137,7 +143,7 @@ def guide_pixels(samples, guide, tables, y, x, width, base, facing, depth):
     br, bg, bb = base[0] * of_color, base[1] * of_color, base[2] * of_color
     zero = spread16(np.float32(0.0))
     r = g = b = total = similar = known = move_x = move_y = zero
-    least = zero + np.float32(1e30)
+    least = zero + np.float32(MAX_DEPTH)
     for k in range(9):
         line, column = k // 3 - 1, k % 3 - 1
         row = min(max(near + line, 0), height - 1)
@@ -153,11 +159,11 @@ def guide_pixels(samples, guide, tables, y, x, width, base, facing, depth):
         exponent = exponent + squared_difference(planes, f + 3 * padded_width, step, index, br)
         exponent = exponent + squared_difference(planes, f + 4 * padded_width, step, index, bg)
         exponent = exponent + squared_difference(planes, f + 5 * padded_width, step, index, bb)
-        exponent = exponent + minimum(apart * apart * guide.depth_scale, MOST_DIFFERENCE)
+        exponent = exponent + minimum(apart * apart * guide.depth_scale, MAX_DEPTH_COST)
         similarity = exponential(zero - exponent)
-        distance = load16(across, (k % 3) * width + x) * down[3 * y + k // 3] + LEAST_WEIGHT
+        distance = load16(across, (k % 3) * width + x) * down[3 * y + k // 3] + MIN_SIMILARITY
         distance = distance * gather_nearby(colors, usable, step, index)
-        weight = distance * (similarity + LEAST_WEIGHT)
+        weight = distance * (similarity + MIN_SIMILARITY)
         r = add_tap(planes, surface, step, index, weight, r)
         g = add_tap(planes, surface + padded_width, step, index, weight, g)
         b = add_tap(planes, surface + 2 * padded_width, step, index, weight, b)
@@ -184,7 +190,11 @@ def lit(light, reflected):
     r, g, b = light[0] * reflected[0], light[1] * reflected[1], light[2] * reflected[2]
     dark = maximum(1.0 - largest(light[0], light[1], light[2]), 1.0 / MAX_HALF)
     scale = 1.0 / (dark + largest(r, g, b))
-    return clamped(r * scale, 0.0, TONED), clamped(g * scale, 0.0, TONED), clamped(b * scale, 0.0, TONED)
+    return (
+        clamped(r * scale, 0.0, MAX_TONED),
+        clamped(g * scale, 0.0, MAX_TONED),
+        clamped(b * scale, 0.0, MAX_TONED),
+    )
 
 
 @device_function

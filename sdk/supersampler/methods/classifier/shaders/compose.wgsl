@@ -13,7 +13,6 @@
 // import show
 
 const SIDE = 16;
-const SHARPEST = 2.0;       // maximum factor of the detail that is added
 
 @group(0) @binding(2) var<storage, read> network: array<vec4u>;
 @group(0) @binding(3) var<storage, read> next_state: State;
@@ -42,25 +41,25 @@ struct Sum {
 fn add(sum: Sum, weight: f32, color: vec3f) -> Sum { return Sum(sum.color + weight * color, sum.weight + weight); }
 
 fn parameter(blend: ptr<function, array<vec4f, QUADS>>, i: u32) -> f32 {
-    return clamp((*blend)[i / 4u][i % 4u], -16.0, 16.0);
+    return clamp((*blend)[i / 4u][i % 4u], -MAX_LOG_FACTOR, MAX_LOG_FACTOR);
 }
 
 // The history with detail added.
 fn sharpened(before: WarpedHistory, blend: ptr<function, array<vec4f, QUADS>>) -> vec3f {
-    let detail = clamp(parameter(blend, SHARPNESS_AT), 0.0, SHARPEST) * before.detail;
-    return clamp(before.color + detail, vec3f(0.0), vec3f(TONED));
+    let detail = clamp(parameter(blend, SHARPNESS_AT), 0.0, MAX_SHARPNESS) * before.detail;
+    return clamp(before.color + detail, vec3f(0.0), vec3f(MAX_TONED));
 }
 
 fn blend_history(p: vec2i, now: CurrentFrame, before: WarpedHistory, visibility: f32,
                  blend: ptr<function, array<vec4f, QUADS>>) -> Sum {
     if (before.samples <= 0.0) { return Sum(vec3f(0.0), 0.0); }
     let color = sharpened(before, blend);
-    let other = 0.1 * before.samples + 1e-3;
-    let first = (before.samples * visibility + 1e-3) * exp(parameter(blend, 0u));
+    let other = OTHER_PRIOR * before.samples + MIN_PRIOR;
+    let first = (before.samples * visibility + MIN_PRIOR) * exp(parameter(blend, 0u));
     var sum = Sum(first * color, first);
     if (RECTIFIED) {
         let box = variance_box(now.first, now.second, GAMMA);
-        let clipped = clamp(from_ycocg(clip_to_center(ycocg(color), box)), vec3f(0.0), vec3f(TONED));
+        let clipped = clamp(from_ycocg(clip_to_center(ycocg(color), box)), vec3f(0.0), vec3f(MAX_TONED));
         sum = add(sum, other * exp(parameter(blend, 1u)), clipped);
     }
     if (OWN_MOTION) {
@@ -79,7 +78,7 @@ fn filter_samples(at: vec2f, blend: ptr<function, array<vec4f, QUADS>>) -> Sum {
     /* unroll */ for (var k = 0; k < 9; k++) {
         let q = center + vec2i(k % 3, k / 3) - 1;
         let distance = vec2f(q) - at;
-        let initial = gaussian1(distance.x, KERNEL_SIGMA) * gaussian1(distance.y, KERNEL_SIGMA) + 1e-4;
+        let initial = gaussian1(distance.x, KERNEL_SIGMA) * gaussian1(distance.y, KERNEL_SIGMA) + MIN_KERNEL_WEIGHT;
         let tap = toned_sample(samples, q);
         sum = add(sum, tap.a * initial * exp(parameter(blend, KERNEL_AT + u32(k))), tap.rgb);
     }
@@ -89,7 +88,7 @@ fn filter_samples(at: vec2f, blend: ptr<function, array<vec4f, QUADS>>) -> Sum {
 // Range of luma after this frame's sample, and the number of frames with glare.
 fn next_range(luma: f32, now: CurrentFrame, before: WarpedHistory, odds: f32, glared: f32) -> u32 {
     let known = before.samples > 0.0;
-    let trust = select(0.0, min(4.0 * odds / max(before.samples, 1e-6), 1.0), known);
+    let trust = select(0.0, min(HALF_COUNT * odds / max(before.samples, 1e-6), 1.0), known);
     let rate = now.confidence * CONTRACTION;
     let low = min(before.range.x, luma) + rate * max(luma - before.range.x, 0.0);
     let high = max(before.range.y, luma) - rate * max(before.range.y - luma, 0.0);
@@ -113,11 +112,11 @@ fn compose(p: vec2i, cell: u32, corner: u32, rests: bool) {
     let filtered = filter_samples(at, &blend);
     let learned = select(now.frame, filtered.color / max(filtered.weight, 1e-12), filtered.weight > 1e-9);
     let sampled_here = select(0.0, 1.0, filtered.weight > 0.0);
-    let sampled = sampled_here * (now.confidence + 1e-3);
+    let sampled = sampled_here * (now.confidence + MIN_PRIOR);
     var current = Sum(vec3f(0.0), 0.0);
     current = add(current, sampled * exp(parameter(&blend, COLORS - 3u)), now.sample);
-    current = add(current, 0.05 * sampled_here * exp(parameter(&blend, COLORS - 2u)), now.frame);
-    current = add(current, 0.05 * sampled_here * exp(parameter(&blend, COLORS - 1u)), learned);
+    current = add(current, FRAME_PRIOR * sampled_here * exp(parameter(&blend, COLORS - 2u)), now.frame);
+    current = add(current, FRAME_PRIOR * sampled_here * exp(parameter(&blend, COLORS - 1u)), learned);
     let reactive = mask_in(textureLoad(dilated, nearest(at), 0).w);
     if (reactive > 0.0) {
         let present = max(current.weight, 1e-12);
@@ -129,7 +128,7 @@ fn compose(p: vec2i, cell: u32, corner: u32, rests: bool) {
     let toned = select(now.frame, (history.color + current.color) / total, weights > 0.0);
     let image = bounded(inverse_tone(toned) / exposure);
 
-    let odds = history.weight / max(current.weight, 1e-12) * (sampled + 0.1 * sampled_here);
+    let odds = history.weight / max(current.weight, 1e-12) * (sampled + 2.0 * FRAME_PRIOR * sampled_here);
     let luma = luminance(now.sample);
     let glares = glares_near(samples, nearest(at));
     let bright = (glares && (before.samples > 0.0 || before.glare > 0.0)) || (luma > WHITE && before.glare > 0.0);

@@ -4,9 +4,6 @@
 // import sampling
 // import samples
 
-const TONED = 1.0 - 1e-4;   // maximum of a toned colour
-const MIN_WEIGHT = 1e-3;
-
 struct CurrentFrame {       // colours are toned RGB
     frame: vec3f,           // cubic upsampling
     sample: vec3f,          // mean of the samples near the pixel
@@ -44,11 +41,11 @@ fn gather_current(samples: texture_2d<f32>, at: vec2f) -> CurrentFrame {
     let first = moment.xyz / total;
     let second = select(vec3f(1.0), square / total, moment.w > MIN_WEIGHT);
     // with missing samples the negative weights of the cubic dominate
-    var frame = select(from_ycocg(first), sharp.rgb / max(sharp.w, 1e-6), sharp.w > 0.9);
+    var frame = select(from_ycocg(first), sharp.rgb / max(sharp.w, 1e-6), sharp.w > MIN_CUBIC_WEIGHT);
     if (moment.w <= MIN_WEIGHT) { frame = filled_sample(samples, nearest(at)); }
     return CurrentFrame(
-        clamp(frame, vec3f(0.0), vec3f(TONED)),
-        clamp(near.rgb / max(near.w, 1e-6), vec3f(0.0), vec3f(TONED)),
+        clamp(frame, vec3f(0.0), vec3f(MAX_TONED)),
+        clamp(near.rgb / max(near.w, 1e-6), vec3f(0.0), vec3f(MAX_TONED)),
         min(near.w, 1.0),
         first,
         second);

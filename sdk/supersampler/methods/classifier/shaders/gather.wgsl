@@ -71,7 +71,7 @@ fn write_inputs(p: vec2i, origin: vec2i, there: Reprojection, before: WarpedHist
                            max(max(around.x - luma, luma - around.y), 0.0))),
         pack4x8unorm(vec4f(root(before.range.x), root(before.range.y), root(largest(abs(before.detail))),
                            now.confidence)),
-        pack4x8unorm(vec4f(before.samples / (before.samples + 4.0), surface.difference * 0.5 + 0.5,
+        pack4x8unorm(vec4f(before.samples / (before.samples + HALF_COUNT), surface.difference * 0.5 + 0.5,
                            surface.visibility, edge))));
     return history_luma_here - luminance(frame);
 }

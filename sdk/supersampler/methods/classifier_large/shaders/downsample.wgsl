@@ -8,7 +8,6 @@
 // import show
 
 const SIDE = 16;
-const TONED = 1.0 - 1e-4;   // maximum of a toned colour
 
 @group(0) @binding(1) var<storage, read> next_state: State;
 @group(0) @binding(2) var large_image: texture_2d<f32>;
@@ -16,9 +15,9 @@ const TONED = 1.0 - 1e-4;   // maximum of a toned colour
 
 fn lanczos(distance: f32) -> f32 {
     let squared = min(distance * distance, 4.0);
-    let base = 0.4 * squared - 1.0;
+    let base = LANCZOS_SLOPE * squared - 1.0;
     let window = 0.25 * squared - 1.0;
-    return (1.5625 * base * base - 0.5625) * window * window;
+    return (LANCZOS_SCALE * base * base - (LANCZOS_SCALE - 1.0)) * window * window;
 }
 
 // Weights of the pixels from `first` on, along an axis; their sum is 1.
@@ -48,7 +47,7 @@ fn filtered(p: vec2i, exposure: f32) -> vec3f {
         }
         sum += down[j] * row;
     }
-    return clamp(sum, vec3f(0.0), vec3f(TONED));
+    return clamp(sum, vec3f(0.0), vec3f(MAX_TONED));
 }
 
 @compute @workgroup_size(SIDE, SIDE)

@@ -8,7 +8,6 @@
 // import variance_box
 // import store
 
-const CATMULL_ROM = 0.5;
 const SLACK = 1e-5;   // more than rounding: a box of one colour is a point, where enter and leave are equal but for it
 
 @group(0) @binding(1) var<storage, read> history_state: State;

@@ -12,11 +12,6 @@
 // import reactive
 // import show
 
-const MIN_CHANGE = 0.004;       // of toned luma: one step of an 8-bit image
-const MIN_SAMPLES = 1e-3;       // with fewer samples the history is not used
-const MIN_BOX_WEIGHT = 0.5;
-const MIN_WEIGHT = 1e-3;
-
 @group(0) @binding(1) var<storage, read> history_state: State;
 @group(0) @binding(2) var<storage, read> next_state: State;
 @group(0) @binding(3) var samples: texture_2d<f32>;
@@ -107,11 +102,11 @@ fn gather_current(p: vec2i) -> Current {
     }
     var frame = smoothed.xyz / max(smoothed.w, MIN_WEIGHT);
     if (smoothed.w <= MIN_WEIGHT) { frame = ycocg(filled_sample(samples, sample)); }
-    let sharpness = select(0.0, FRAME_SHARPNESS, sharp.w > 0.9);
+    let sharpness = select(0.0, FRAME_SHARPNESS, sharp.w > MIN_CUBIC_WEIGHT);
     var center = moment.xyz / max(moment.w, 1e-6);
     var variance = max(square / max(moment.w, 1e-6) - center * center, vec3f(0.0));
     let shade = textureLoad(next_surface, sample, 0).zw;
-    let whole = moment.w > 0.999 && steps.z > 8.99;
+    let whole = moment.w > FULL_WEIGHT && steps.z > 9.0 * FULL_WEIGHT;
     let explained = dot(steps.xy, steps.xy) * (6.0 / 9.0 / 36.0) / max(shade.y * shade.y, 1e-7);
     let fit = select(0.0, clamp((explained - UNFIT) / (FIT - UNFIT), 0.0, 1.0), whole);
     center.x -= fit * dot(slope, vec2f(line_x.shift, line_y.shift));

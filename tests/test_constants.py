@@ -1,0 +1,154 @@
+"""Algorithm constants are written once: torch, CPU kernels and shaders read them from the specs."""
+
+import ast
+import re
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from supersampler.backends.gpu.shader import SHARED_CONSTANTS, numbers_of
+from supersampler.methods.registry import methods
+from supersampler.methods.spec import constants_of
+
+ROOT = Path(__file__).parents[1]
+SDK, MODEL = ROOT / "sdk" / "supersampler", ROOT / "model" / "supersampler_model"
+Sources = Mapping[str, str]
+_COMMENT = re.compile(r"//[^\n]*")
+_FLOAT = re.compile(r"(?<![\w.])(?:0x[0-9a-f.]+p[-+]?\d+|\d+\.\d*(?:e[-+]?\d+)?|\d+e[-+]?\d+)")
+_CONST = re.compile(r"^const (\w+)", re.MULTILINE)
+
+
+def texts(files: list[Path]) -> Sources:
+    assert files
+    return {str(file.relative_to(ROOT)): file.read_text(encoding="utf-8") for file in sorted(files)}
+
+
+def spec_modules() -> list[str]:
+    """Return the modules that define constants: the shared ones, and the spec of each method."""
+    return [*SHARED_CONSTANTS, *sorted({spec.config.__module__ for spec in methods().values()})]
+
+
+def defined(module: str) -> dict[str, float]:
+    """Return the constants of a module by name."""
+    return {
+        f"{name}[{index}]" if isinstance(value, tuple) else name: part
+        for name, value in numbers_of(module).items()
+        for index, part in enumerate(np.ravel(value).tolist())
+    }
+
+
+def configured(module: str) -> dict[str, float]:
+    """Return the constants in the configs of a module's methods by name."""
+    specs = [spec for spec in methods().values() if spec.config.__module__ == module]
+    values = {name: getattr(spec.config(), name) for spec in specs for name in constants_of(spec)}
+    return {name: value for name, value in values.items() if value is not None}
+
+
+def known_in(file: str, text: str) -> dict[str, float]:
+    """Return the constants that a file must not repeat; of a method's file, not those of other methods."""
+    parts, known = Path(file).parts, dict[str, float]()
+    for module in spec_modules():
+        owner = module.removesuffix(".spec").rpartition(".")[2]
+        if owner in ("display", "constants", *parts) or module in text or "methods" not in parts:
+            known |= defined(module)
+        if owner in parts:
+            known |= configured(module)
+    return known
+
+
+def implementations() -> dict[str, Sources]:
+    """Return the sources that compute with constants: all but the modules that define them."""
+    defining = {ROOT / "sdk" / f"{module.replace('.', '/')}.py" for module in spec_modules()}
+    folders = ("backends/cpu", "backends/gpu", "methods")
+    of_sdk = [file for folder in folders for file in (SDK / folder).rglob("*.py")]
+    torch = [*(MODEL / "ops").rglob("*.py"), *(MODEL / "methods").rglob("*.py")]
+    return {
+        "shaders": texts([*SDK.rglob("*.wgsl")]),
+        "numpy": texts([file for file in of_sdk if file not in defining]),
+        "torch": texts(torch),
+    }
+
+
+def shader_numbers(text: str) -> Iterator[float]:
+    for literal in _FLOAT.findall(_COMMENT.sub("", text)):
+        yield float.fromhex(literal) if literal.startswith("0x") else float(literal)
+
+
+def python_numbers(text: str) -> Iterator[float]:
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Constant) and isinstance(node.value, float):
+            yield node.value
+
+
+def named_numbers(text: str) -> Iterator[str]:
+    """Yield the names of a module's upper-case constants that are made of number literals alone."""
+    for node in ast.parse(text).body:
+        if not isinstance(node, ast.Assign):
+            continue
+        parts = list(ast.walk(node.value))
+        if any(isinstance(part, (ast.Name, ast.Call)) for part in parts):
+            continue
+        if any(isinstance(part, ast.Constant) and isinstance(part.value, float) for part in parts):
+            names = (
+                part.id for target in node.targets for part in ast.walk(target) if isinstance(part, ast.Name)
+            )
+            yield from (name for name in names if name.isupper())
+
+
+def is_plain(value: float) -> bool:
+    """Return whether a number says little: a small fraction, a tenth or a power of ten."""
+    small = abs(value) < 1000.0 and (value * 16.0 % 1.0 == 0.0 or round(value * 10.0, 9) % 1.0 == 0.0)
+    return small or f"{abs(value):e}".partition("e")[0].strip("0") == "1."
+
+
+def significant_digits(value: float) -> int:
+    return len(f"{value:.16g}".lower().partition("e")[0].replace(".", "").strip("0"))
+
+
+def numbers(file: str, text: str) -> list[float]:
+    """Return the number literals of a file that are not plain."""
+    found = shader_numbers(text) if file.endswith(".wgsl") else python_numbers(text)
+    return [value for value in found if not is_plain(value)]
+
+
+def typed_again(sources: Sources) -> list[str]:
+    """Return the literals that equal a constant of the specs."""
+    found = []
+    for file, text in sources.items():
+        known = known_in(file, text)
+        for value in numbers(file, text):
+            same = [name for name, number in known.items() if np.float32(number) == np.float32(value)]
+            found += [f"{file}: {value:g} is {' or '.join(same)}"] if same else []
+    return found
+
+
+@pytest.mark.parametrize("kind", ["shaders", "numpy", "torch"])
+def test_no_constant_of_a_spec_is_typed_again(kind: str) -> None:
+    assert typed_again(implementations()[kind]) == []
+
+
+def test_no_number_of_three_digits_is_typed_in_two_implementations() -> None:
+    found = Counter[float]()
+    for sources in implementations().values():
+        values = {value for file, text in sources.items() for value in numbers(file, text)}
+        found.update(value for value in values if significant_digits(value) > 2)
+    assert [value for value, count in found.items() if count > 1] == []
+
+
+def test_no_named_number_is_defined_in_two_implementations() -> None:
+    found = Counter(name for module in spec_modules() for name in numbers_of(module))
+    for kind, sources in implementations().items():
+        names = _CONST.findall if kind == "shaders" else named_numbers
+        found.update({name for text in sources.values() for name in names(text)})
+    assert [name for name, count in found.items() if count > 1] == []
+
+
+def test_a_constant_that_is_typed_again_is_found() -> None:
+    change = {"a.wgsl": "// 0.004\nconst CHANGE = 0.004;\n", "b.py": "def f(x):\n    return x * 65504.0\n"}
+    assert typed_again(change) == ["a.wgsl: 0.004 is MIN_CHANGE", "b.py: 65504 is MAX_HALF"]
+    assert list(named_numbers("MIN_CHANGE, B = 0.004, 2\nC = f(0.5)\nd = 0.5\n")) == ["MIN_CHANGE", "B"]
+    assert all(map(is_plain, (0.5, 1.0, 0.9, 1e-6, 1e-3, -1.0, 100.0, 0.0)))
+    assert not any(map(is_plain, (0.004, 0.05, 0.999, 65504.0, 1024.0, 3e38, 0.2126)))
