@@ -19,7 +19,7 @@ PACKAGES = {
     "supersampler_export": "export",
     "supersampler_bench": "bench",
 }
-TOOL_CHAIN = ("isa", "memory", "structs", "kernel_cache", "kernel_compiler", "kernel_loader", "simd")
+TOOL_CHAIN = ("memory", "structs", "kernel_cache", "kernel_compiler", "kernel_loader", "simd")
 FLOORS = (  # of the SDK, the lowest first: a module imports from its own floor and those below it
     ("errors", "arguments"),
     ("frame",),

@@ -10,7 +10,7 @@ from noise import Size, noise
 from random_networks import TINY, Made, compare, step_both, with_random_weights
 from supersampler import Frame
 from supersampler.methods.classifier.spec import CLASSIFIER, ClassifierConfig, NetworkConfig
-from supersampler.methods.classifier.variant import Variant
+from supersampler.methods.classifier.structs import Variant
 from supersampler.methods.gbuffer_fast.spec import GBUFFERS_READ, GuidedConfig
 from supersampler.methods.gbuffers import GBUFFERS, grouped
 from supersampler.methods.spec import flags_of

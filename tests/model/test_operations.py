@@ -18,8 +18,7 @@ from supersampler.frame import Float32
 from supersampler.io.display import followed_exposure, usable_exposure
 from supersampler.methods.classifier.spec import ToneSpace
 from supersampler.methods.classifier_large.cpu import DOWNSAMPLE
-from supersampler.methods.classifier_large.downsampling import DownsamplingTables
-from supersampler.methods.classifier_large.structs import Downsampling
+from supersampler.methods.classifier_large.downsampling import Downsampling, DownsamplingTables
 from supersampler.methods.spec import large_size
 from supersampler_model import ops
 

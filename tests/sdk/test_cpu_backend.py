@@ -14,7 +14,7 @@ import pytest
 from method_lists import WITH_KERNELS as METHODS
 from noise import Size, noise
 from supersampler import ArgumentError, Frame, Model, ModelError, Shot, Upscaler
-from supersampler.backends.cpu.workspaces import KEPT, Workspaces
+from supersampler.backends.cpu.memory import KEPT, Workspaces
 from supersampler.frame import Float32
 from supersampler.io.display import display_transform
 from supersampler.model import ExecutorName

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from numba import cfunc, types
 
-from supersampler.backends.cpu import isa
 from supersampler.backends.cpu.kernels.colors import logarithm
 from supersampler.backends.cpu.memory import address
+from supersampler.backends.cpu.simd import vector
 from supersampler.backends.cpu.simd.shuffles import load_columns, load_columns4, load_columns8
 from supersampler.backends.cpu.simd.vector import dot4, gather_nearby, load16, store
 from supersampler.methods.classifier.kernels.compose import factor
@@ -23,9 +23,9 @@ FEATURES = ((), ("avx2",), ("avx2", "avxvnni"), ("avx2", "avx512f", "avx512vnni"
 
 
 def have_only(monkeypatch: pytest.MonkeyPatch, features: Collection[str]) -> None:
-    if not all(isa.has(feature) for feature in features):
+    if not all(vector.has(feature) for feature in features):
         pytest.skip("this processor has it not")
-    monkeypatch.setattr(isa, "has", lambda feature: feature in features)
+    monkeypatch.setattr(vector, "has", lambda feature: feature in features)
 
 
 def run(function: Callable[..., None], kinds: list[Any], *arrays: Any) -> None:

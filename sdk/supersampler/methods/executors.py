@@ -118,7 +118,7 @@ def _cpu_onnx_executor(
         raise ArgumentError("executor", got=got, want=want)
     _check_constants(info, spec)
     from supersampler.methods.classifier.onnx_network import NetworkSession
-    from supersampler.methods.classifier.variant import Variant
+    from supersampler.methods.classifier.structs import Variant
 
     session = NetworkSession(info, kind, providers, threads, Variant.of(info.config).blend_parameters)
     executor: Executor = load(spec.cpu)(info, ThreadPool(threads or _core_count()), session)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from supersampler.backends.cpu.simd.device_function import device_function
+from supersampler.backends.cpu.simd.vector import device_function
 from supersampler.sequence.backward_motion import HIDDEN, OTHER_SURFACE, REACH, SAME_SURFACE, ScatterTables
 from supersampler.sequence.both_ways import MergedImages
 

@@ -20,12 +20,11 @@ from supersampler.backends.cpu.frame_preprocess import (
 )
 from supersampler.backends.cpu.history import CpuHistory, Generations, HistoryLayout
 from supersampler.backends.cpu.kernel_loader import load_kernels
-from supersampler.backends.cpu.memory import held_bytes
+from supersampler.backends.cpu.memory import Workspaces, held_bytes
 from supersampler.backends.cpu.resample_tables import ResampleTableCache
 from supersampler.backends.cpu.structs import FrameInputs, Output
 from supersampler.backends.cpu.threads import Rect, ThreadPool
 from supersampler.backends.cpu.tiles import Bool, Tiles, runs_of, scaled
-from supersampler.backends.cpu.workspaces import Workspaces
 from supersampler.frame import Float32, Frame, Size
 from supersampler.methods.at_rest import block_count, phase_count
 

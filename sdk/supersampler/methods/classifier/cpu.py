@@ -8,12 +8,11 @@ from supersampler.backends.cpu.executor import CpuExecutor, Step
 from supersampler.backends.cpu.frame_preprocess import READ_KERNELS, ResampledFrame
 from supersampler.backends.cpu.history import HistoryLayout, Plane
 from supersampler.backends.cpu.layout import CLASSIFIER_PIXEL, HISTORY_PLANES, INPUT_PLANES, LANES, PAD, TILE
-from supersampler.backends.cpu.memory import LINE, address, aligned, held_bytes
+from supersampler.backends.cpu.memory import LINE, Workspaces, address, aligned, held_bytes
 from supersampler.backends.cpu.resample_tables import Filter, catmull_rom, gaussian, up_to
 from supersampler.backends.cpu.structs import pack
 from supersampler.backends.cpu.threads import Rect, RectTask, ThreadPool
 from supersampler.backends.cpu.tiles import Bool
-from supersampler.backends.cpu.workspaces import Workspaces
 from supersampler.frame import Float32, Size
 from supersampler.io.display import is_flash, usable_exposure
 from supersampler.methods.classifier.int8_network import LEVEL, Int8Network
@@ -26,8 +25,8 @@ from supersampler.methods.classifier.structs import (
     Gathered,
     GatherScratch,
     Guide,
+    Variant,
 )
-from supersampler.methods.classifier.variant import Variant
 from supersampler.methods.model_info import ModelInfo
 from supersampler.methods.spec import constants_array
 

@@ -5,17 +5,15 @@ from supersampler.backends.cpu.frame_preprocess import AuxOutputs
 from supersampler.backends.cpu.history import CpuHistory
 from supersampler.backends.cpu.kernel_loader import load_kernels
 from supersampler.backends.cpu.layout import LANES
-from supersampler.backends.cpu.memory import address, held_bytes
+from supersampler.backends.cpu.memory import Workspaces, address, held_bytes
 from supersampler.backends.cpu.resample_tables import up_to
 from supersampler.backends.cpu.structs import FrameInputs, pack
 from supersampler.backends.cpu.threads import ThreadPool
 from supersampler.backends.cpu.tiles import Bool, Tiles
-from supersampler.backends.cpu.workspaces import Workspaces
 from supersampler.frame import Float32, Frame, Size
 from supersampler.methods.classifier.cpu import ClassifierCpu
 from supersampler.methods.classifier.onnx_network import NetworkSession
-from supersampler.methods.classifier_large.downsampling import DownsamplingTables
-from supersampler.methods.classifier_large.structs import Downsampling
+from supersampler.methods.classifier_large.downsampling import Downsampling, DownsamplingTables
 from supersampler.methods.model_info import ModelInfo
 from supersampler.methods.spec import large_size, resized
 

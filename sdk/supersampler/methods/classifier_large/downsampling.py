@@ -1,11 +1,13 @@
-"""Tables of the filter to the display: twins of `supersampler_model.ops.sampling`, in its float32."""
+"""The filter of `classifier-large` to the display: its tables, and the arguments of its kernel."""
+
+from typing import NamedTuple
 
 import numpy as np
 
 from supersampler.backends.cpu.layout import LANES
 from supersampler.backends.cpu.memory import aligned
 from supersampler.backends.cpu.resample_tables import up_to
-from supersampler.backends.cpu.structs import Words
+from supersampler.backends.cpu.structs import Floats, Words
 from supersampler.frame import Float32, Size
 from supersampler.methods.classifier_large.spec import LANCZOS_SCALE, LANCZOS_SLOPE, REACH, SHARPNESS
 from supersampler.methods.spec import large_size
@@ -58,3 +60,32 @@ def _lanczos(distance: Float32) -> Float32:
         (np.float32(LANCZOS_SCALE) * base * base - np.float32(LANCZOS_SCALE - 1.0)) * window * window
     )
     return found
+
+
+class Downsampling(NamedTuple):
+    """An image, and its filter to the display.
+
+    Attributes:
+        image: (large height, large_width, 3) linear RGB.
+        output: (height, width, 3) likewise, written to.
+        rows: (height, TAPS) rows of the image that a row of the display reads.
+        row_weights: (height, TAPS).
+        columns: (TAPS, pitch) likewise for columns.
+        column_weights: (TAPS, pitch).
+        width: of the display.
+        pitch: width, rounded up to whole vectors.
+        large_width, large_height: of the image.
+        exposure: multiplies colours before the tone curve.
+    """
+
+    image: Floats
+    output: Floats
+    rows: Words
+    row_weights: Floats
+    columns: Words
+    column_weights: Floats
+    width: int
+    pitch: int
+    large_width: int
+    large_height: int
+    exposure: float

@@ -4,7 +4,6 @@ import numpy as np
 
 from supersampler.backends.cpu.kernels.colors import clamped, linear_of, toned
 from supersampler.backends.cpu.kernels.frame import color_at, sample_indices, store4
-from supersampler.backends.cpu.simd.device_function import device_function
 from supersampler.backends.cpu.simd.shuffles import (
     every_first,
     every_second,
@@ -14,10 +13,9 @@ from supersampler.backends.cpu.simd.shuffles import (
     last_third,
     second_third,
 )
-from supersampler.backends.cpu.simd.vector import load16, spread16, store
+from supersampler.backends.cpu.simd.vector import device_function, load16, spread16, store
 from supersampler.backends.cpu.structs import Floats
-from supersampler.methods.classifier_large.downsampling import RING, TAPS
-from supersampler.methods.classifier_large.structs import Downsampling
+from supersampler.methods.classifier_large.downsampling import RING, TAPS, Downsampling
 from supersampler.methods.constants import MAX_TONED
 
 

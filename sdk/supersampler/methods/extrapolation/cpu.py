@@ -8,11 +8,10 @@ from numpy.typing import NDArray
 
 from supersampler.backends.cpu.kernel_loader import load_kernels
 from supersampler.backends.cpu.layout import LANES, SHADED_PLANES
-from supersampler.backends.cpu.memory import address, aligned
+from supersampler.backends.cpu.memory import Workspaces, address, aligned
 from supersampler.backends.cpu.resample_tables import up_to
 from supersampler.backends.cpu.structs import pack
 from supersampler.backends.cpu.threads import ThreadPool
-from supersampler.backends.cpu.workspaces import Workspaces
 from supersampler.backends.onnx.session import image_of
 from supersampler.frame import Float32, Frame, Size
 from supersampler.methods.constants import MAX_DEPTH

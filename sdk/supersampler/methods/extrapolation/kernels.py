@@ -16,10 +16,10 @@ from supersampler.backends.cpu.kernels.colors import (
 )
 from supersampler.backends.cpu.kernels.frame import motion_at, sample_indices
 from supersampler.backends.cpu.layout import GUIDE_PLANES
-from supersampler.backends.cpu.simd.device_function import device_function
 from supersampler.backends.cpu.simd.vector import (
     absolute,
     all_lanes,
+    device_function,
     floor,
     gather,
     load16,

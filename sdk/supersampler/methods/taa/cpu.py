@@ -1,5 +1,7 @@
 """CPU backend of `taa` (Salvi 2016), for its default options."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from supersampler.backends.cpu.executor import CpuExecutor, Step
@@ -7,13 +9,60 @@ from supersampler.backends.cpu.history import HistoryLayout, Plane
 from supersampler.backends.cpu.layout import LANES, PAD, TAA_BOX, TAA_PIXEL, TAA_PLANES, TILE
 from supersampler.backends.cpu.memory import address, aligned
 from supersampler.backends.cpu.resample_tables import Columns, Filter, ResampleTableCache, linear, up_to
-from supersampler.backends.cpu.structs import NO_MASK, pack
+from supersampler.backends.cpu.structs import NO_MASK, Floats, Words, pack
 from supersampler.backends.cpu.threads import Rect, ThreadPool
 from supersampler.frame import Size
 from supersampler.methods.constants import CATMULL_ROM
 from supersampler.methods.model_info import ModelInfo
 from supersampler.methods.taa.spec import TAA
-from supersampler.methods.taa.structs import LinearAxis, TaaSamples, TaaScratch
+
+
+class TaaSamples(NamedTuple):
+    """The samples of a frame, and the variance box of the 3x3 samples around each.
+
+    Attributes:
+        planes: (height, TAA_PLANES, PAD + stride + PAD) toned YCoCg, motion in render pixels.
+        boxes: (height, TAA_BOX, stride) minimum and maximum YCoCg of the box, the longest motion.
+        reactive, has_reactive: see `FrameInputs`.
+        gamma: half extent of the box, in standard deviations.
+        width, height: size of the frame.
+        stride: width, rounded up to whole vectors.
+    """
+
+    planes: Floats
+    boxes: Floats
+    reactive: Floats
+    has_reactive: int
+    gamma: float
+    width: int
+    height: int
+    stride: int
+
+
+class LinearAxis(NamedTuple):
+    """Linear interpolation of samples at the display pixels of one axis; arrays are (pixels,).
+
+    Attributes:
+        first, second: the samples before and after the pixel.
+        first_weight, second_weight: their weights.
+        nearest: the nearest sample.
+    """
+
+    first: Words
+    second: Words
+    first_weight: Floats
+    second_weight: Floats
+    nearest: Words
+
+
+class TaaScratch(NamedTuple):
+    """Scratch of one thread: offsets and weights of the warp, the warped history, the image's pixels."""
+
+    slots: Words
+    weights: Floats
+    warped: Floats
+    out: Floats
+
 
 KERNELS = "methods.taa.kernels"
 STEP, FILL, READ = f"{KERNELS}.step_rows", f"{KERNELS}.fill_boxes", f"{KERNELS}.read_samples"

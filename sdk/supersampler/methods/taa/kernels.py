@@ -19,10 +19,10 @@ from supersampler.backends.cpu.kernels.colors import (
 from supersampler.backends.cpu.kernels.frame import filled_at, motion_at, repeat_ends, sample_indices
 from supersampler.backends.cpu.kernels.warp import cubic4, on_screen, prepare_warp, previous_position
 from supersampler.backends.cpu.layout import PAD, TAA_BOX, TAA_PIXEL, TAA_PLANES
-from supersampler.backends.cpu.simd.device_function import device_function
 from supersampler.backends.cpu.simd.shuffles import load_columns4, transposed
 from supersampler.backends.cpu.simd.vector import (
     absolute,
+    device_function,
     gather,
     load16,
     maximum,
@@ -34,7 +34,7 @@ from supersampler.backends.cpu.simd.vector import (
     to_float,
 )
 from supersampler.backends.cpu.structs import Floats, FrameInputs, Output
-from supersampler.methods.taa.structs import LinearAxis, TaaSamples, TaaScratch
+from supersampler.methods.taa.cpu import LinearAxis, TaaSamples, TaaScratch
 
 EXPOSURE, ALPHA, SHARPNESS = range(3)
 """Indices into `numbers`; ALPHA is 1 where there is no history."""

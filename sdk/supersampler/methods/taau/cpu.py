@@ -1,27 +1,131 @@
 """CPU backend of `taau`, temporal upsampling without a network."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.backends.cpu.at_rest import blocks_at, nearest_pixels
+from supersampler.backends.cpu.at_rest import (
+    Stillness,
+    blocks_at,
+    nearest_pixels,
+    spread,
+    windowed,
+    windows_around,
+)
 from supersampler.backends.cpu.executor import CpuExecutor, Step
 from supersampler.backends.cpu.frame_preprocess import READ_KERNELS, ResampledFrame
 from supersampler.backends.cpu.history import HistoryLayout, Plane
 from supersampler.backends.cpu.layout import LANES, TAAU_PIXEL, TILE
 from supersampler.backends.cpu.memory import address, aligned
 from supersampler.backends.cpu.resample_tables import Filter, catmull_rom, gaussian, line_filters, up_to
-from supersampler.backends.cpu.structs import NO_MASK, pack
+from supersampler.backends.cpu.structs import NO_MASK, Floats, Words, pack
 from supersampler.backends.cpu.threads import Rect, ThreadPool
 from supersampler.backends.cpu.tiles import Bool
 from supersampler.frame import Float32, Size
-from supersampler.methods.at_rest import block_count
+from supersampler.methods.at_rest import BLOCK, DARK, WINDOWS, block_count
 from supersampler.methods.model_info import ModelInfo
 from supersampler.methods.spec import constants_array
-from supersampler.methods.taau.lag import compared, samples_kept
-from supersampler.methods.taau.spec import FLASH, FLASH_MEMORY, LEAST_FLASH, TAAU
-from supersampler.methods.taau.structs import ComparedBlocks, TaauHistoryInput, TaauScratch
+from supersampler.methods.taau.spec import (
+    FLASH,
+    FLASH_MEMORY,
+    LAG_STEP,
+    LEAST_BLOCKS,
+    LEAST_FLASH,
+    MOST_SAMPLES,
+    TAAU,
+)
+
+
+class TaauHistoryInput(NamedTuple):
+    """The history that the kernels read.
+
+    Attributes:
+        pixels: (display height, display width, TAAU_PIXEL).
+        surface: (height, pitch, 4) of the previous frame, see the kernel `shade`.
+        pitch: samples from row to row: PAD + stride + PAD.
+        kept: (blocks down, `kept_pitch`) number of samples that are kept, by column of the display.
+        kept_rows: (display height,) row of `kept`.
+        has_kept: 1 where `kept` has numbers, else 0.
+    """
+
+    pixels: Floats
+    surface: Floats
+    pitch: int
+    kept: Floats
+    kept_rows: Words
+    kept_pitch: int
+    has_kept: int
+
+
+class ComparedBlocks(NamedTuple):
+    """Arguments of the kernel `compare_with_history`.
+
+    Attributes:
+        pixels: (display height, display width, TAAU_PIXEL) of the history.
+        columns, rows: the pixel nearest to each column and row of samples.
+        sums: (6, blocks down, `pitch`) RGB of the difference of samples and history, toned; of the history.
+        across, pitch: blocks of a row; rounded up to whole vectors.
+        down: rows of blocks.
+        width: of the display.
+        exposure: of this frame.
+    """
+
+    pixels: Floats
+    columns: Words
+    rows: Words
+    sums: Floats
+    across: int
+    pitch: int
+    down: int
+    width: int
+    exposure: float
+
+
+class TaauScratch(NamedTuple):
+    """Scratch of one thread: filtered rows; offsets and weights of the warp; warped and final pixels."""
+
+    line: Floats
+    slots: Words
+    weights: Floats
+    warped: Floats
+    out: Floats
+
+
+def compared(still: Stillness) -> Bool:
+    """Return the blocks that are compared with the history, (down, across)."""
+    return ~still.moves & ~still.stays
+
+
+def samples_kept(sums: Float32, still: Stillness, config: Mapping[str, float]) -> Float32 | None:
+    """Return the number of samples of the history that are kept, (down, across) blocks; None if all are.
+
+    Args:
+        sums: (6, down, across) by the kernel `compare_with_history`.
+        still: what stands still.
+        config: constants of the model.
+    """
+    rows, columns = windows_around(compared(still))
+    free, side = compared(still)[rows, columns], WINDOWS[1]
+    sums = sums[:, rows, columns]
+    difference, level = sums.reshape(2, 3, *free.shape) / np.float32((BLOCK // LAG_STEP) ** 2)
+    values = np.concatenate([difference, np.square(difference), level, free[None]]) * free
+    down, across = free.shape
+    sums = windowed(np.pad(values, ((0, 0), (0, -down % side), (0, -across % side))), side)
+    count = sums[9]
+    difference, square, level = sums[:9].reshape(3, 3, *count.shape) / np.maximum(count, 1.0)
+    variance = np.maximum(square - np.square(difference), 0.0)
+    error = np.sqrt(variance / np.maximum(count - 1.0, 1.0))
+    lag = (np.abs(difference) - config["lag_deviations"] * error).max(axis=0)
+    excess = lag / (level.max(axis=0) + DARK) - config["lag"]
+    least = config["lag_samples"] / MOST_SAMPLES
+    limited = (count >= LEAST_BLOCKS * side * side) & (excess > least)
+    kept = np.where(limited, config["lag_samples"] / np.maximum(excess, least), MOST_SAMPLES)
+    whole = np.full(still.stays.shape, MOST_SAMPLES, np.float32)
+    whole[rows, columns] = np.where(free, spread(kept, side, free.shape), MOST_SAMPLES)
+    return whole if (whole < MOST_SAMPLES).any() else None
+
 
 KERNELS = "methods.taau.kernels"
 STEP, COMPARE, SHADE = (f"{KERNELS}.{name}" for name in ("step_rows", "compare_with_history", "shade"))

@@ -37,7 +37,6 @@ from supersampler.backends.cpu.kernels.warp import (
     warp5,
 )
 from supersampler.backends.cpu.layout import FILTER_LINES, PAD, SAMPLE_PLANES, TAAU_PIXEL
-from supersampler.backends.cpu.simd.device_function import device_function
 from supersampler.backends.cpu.simd.shuffles import (
     first_third,
     gather4,
@@ -48,6 +47,7 @@ from supersampler.backends.cpu.simd.shuffles import (
 )
 from supersampler.backends.cpu.simd.vector import (
     absolute,
+    device_function,
     floor,
     gather,
     load4,
@@ -72,6 +72,7 @@ from supersampler.methods.constants import (
     MIN_WEIGHT,
 )
 from supersampler.methods.spec import constant_indices
+from supersampler.methods.taau.cpu import ComparedBlocks, TaauHistoryInput, TaauScratch
 from supersampler.methods.taau.spec import (
     FIT,
     FLASH,
@@ -83,7 +84,6 @@ from supersampler.methods.taau.spec import (
     TAAU,
     UNFIT,
 )
-from supersampler.methods.taau.structs import ComparedBlocks, TaauHistoryInput, TaauScratch
 
 STEPS = BLOCK // LAG_STEP
 """Samples of a block that are compared with the history, along an axis."""

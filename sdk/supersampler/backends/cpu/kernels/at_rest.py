@@ -6,11 +6,11 @@ Blocks are numbered row by row. A pixel's mean is four floats: linear RGB, and t
 import numpy as np
 
 from supersampler.backends.cpu.layout import LANES
-from supersampler.backends.cpu.simd.device_function import device_function
 from supersampler.backends.cpu.simd.shuffles import first_third, last_third, load_columns4, second_third
 from supersampler.backends.cpu.simd.vector import (
     absolute,
     all_lanes,
+    device_function,
     gather,
     load16,
     maximum,

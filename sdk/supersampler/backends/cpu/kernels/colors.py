@@ -4,9 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from supersampler.backends.cpu.simd.device_function import device_function
 from supersampler.backends.cpu.simd.vector import (
     bits_of,
+    device_function,
     float_of,
     floor,
     maximum,

@@ -8,8 +8,15 @@ border.
 import numpy as np
 
 from supersampler.backends.cpu.layout import PAD, SAMPLE_PLANES
-from supersampler.backends.cpu.simd.device_function import device_function
-from supersampler.backends.cpu.simd.vector import gather_nearby, load16, ramp16, select, spread16, store
+from supersampler.backends.cpu.simd.vector import (
+    device_function,
+    gather_nearby,
+    load16,
+    ramp16,
+    select,
+    spread16,
+    store,
+)
 
 
 @device_function

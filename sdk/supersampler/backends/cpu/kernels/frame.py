@@ -14,11 +14,11 @@ from supersampler.backends.cpu.kernels.colors import (
     ycocg,
 )
 from supersampler.backends.cpu.layout import PAD, SAMPLE_PLANES
-from supersampler.backends.cpu.simd.device_function import device_function
 from supersampler.backends.cpu.simd.shuffles import rows4, zipped
 from supersampler.backends.cpu.simd.vector import (
     absolute,
     all_lanes,
+    device_function,
     floor,
     gather,
     load16,

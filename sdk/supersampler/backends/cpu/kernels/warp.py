@@ -4,9 +4,9 @@ import numpy as np
 
 from supersampler.backends.cpu.kernels.colors import clamped
 from supersampler.backends.cpu.layout import PAD
-from supersampler.backends.cpu.simd.device_function import device_function
 from supersampler.backends.cpu.simd.shuffles import joined, low_half
 from supersampler.backends.cpu.simd.vector import (
+    device_function,
     floor,
     load4,
     load8,

@@ -10,9 +10,7 @@ from typing import Any
 from llvmlite import ir
 from numba.extending import intrinsic
 
-from supersampler.backends.cpu.isa import lane_indices
-from supersampler.backends.cpu.simd.device_function import device_function
-from supersampler.backends.cpu.simd.vector import Vector, load4, load16
+from supersampler.backends.cpu.simd.vector import Vector, device_function, lane_indices, load4, load16
 
 
 def _shuffler(order: Callable[[int], list[int]]) -> Callable[..., Any]:

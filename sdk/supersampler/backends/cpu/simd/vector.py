@@ -8,20 +8,144 @@ Loads and stores take pointers and do not check bounds. The functions exist only
 """
 
 import operator
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
+import llvmlite.binding as llvm
 from llvmlite import ir
-from numba.core import cgutils, types
+from numba import njit
+from numba.core import cgutils, config, types
 from numba.core.errors import RequireLiteralValue
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, models, register_model
 
-from supersampler.backends.cpu.isa import add_products, lane_indices
-from supersampler.backends.cpu.isa import gather_nearby as gather_eights
+_I16, _I32 = ir.IntType(16), ir.IntType(32)
+_LANES, _HALF = 16, 8  # of a vector, and of half of it
+
+
+# Instructions of x86 (AVX2, AVX-512, VNNI) that LLVM does not choose by itself, with portable fallbacks
+
+
+def has(feature: str) -> bool:
+    """Return whether the target processor has a feature, by LLVM's name."""
+    features = config.CPU_FEATURES
+    if features is None:
+        features = llvm.get_host_cpu_features().flatten()
+    return f"+{feature}" in features.split(",")
+
+
+def add_products(builder: ir.IRBuilder, total: ir.Value, unsigned: ir.Value, signed: ir.Value) -> ir.Value:
+    """Add to each i32 lane the four products of its unsigned and signed bytes."""
+    if has("avx512vnni"):
+        return _call(builder, "llvm.x86.avx512.vpdpbusd.512", total.type, total, unsigned, signed)
+    if has("avxvnni"):  # Intel's desktop processors since 2021
+        return _added_in_halves(builder, total, unsigned, signed)
+    return builder.add(total, _products_in_halves(builder, unsigned, signed))
+
+
+def _added_in_halves(
+    builder: ir.IRBuilder, total: ir.Value, unsigned: ir.Value, signed: ir.Value
+) -> ir.Value:
+    """Compute `add_products` in two halves of eight lanes."""
+    half = ir.VectorType(_I32, _HALF)
+    parts = ([_slice(builder, v, first, _HALF) for v in (total, unsigned, signed)] for first in (0, _HALF))
+    return _concatenated(
+        builder, *(_call(builder, "llvm.x86.avx512.vpdpbusd.256", half, *part) for part in parts)
+    )
+
+
+def _products_in_halves(builder: ir.IRBuilder, unsigned: ir.Value, signed: ir.Value) -> ir.Value:
+    """Return sums of four products, from 16-bit products of the even bytes and of the odd bytes."""
+    words = ir.VectorType(_I16, 2 * _LANES)
+    eight, low = ir.Constant(words, [8] * 2 * _LANES), ir.Constant(words, [255] * 2 * _LANES)
+    one, other = builder.bitcast(unsigned, words), builder.bitcast(signed, words)
+    even = builder.and_(one, low), builder.ashr(builder.shl(other, eight), eight)
+    odd = builder.lshr(one, eight), builder.ashr(other, eight)
+    return builder.add(_pair_sums(builder, *even), _pair_sums(builder, *odd))
+
+
+def _pair_sums(builder: ir.IRBuilder, one: ir.Value, other: ir.Value) -> ir.Value:
+    """Return sums of two products of 16-bit numbers."""
+    if has("avx2"):
+        whole = ir.VectorType(_I32, _HALF)
+        parts = [(_slice(builder, v, 0, _LANES), _slice(builder, v, _LANES, _LANES)) for v in (one, other)]
+        found = [_call(builder, "llvm.x86.avx2.pmadd.wd", whole, a, b) for a, b in zip(*parts, strict=True)]
+        return _concatenated(builder, *found)
+    wide = ir.VectorType(_I32, 2 * _LANES)
+    products = builder.mul(builder.sext(one, wide), builder.sext(other, wide))
+    first, second = (
+        builder.shuffle_vector(products, products, lane_indices(range(begin, 2 * _LANES, 2)))
+        for begin in (0, 1)
+    )
+    return builder.add(first, second)
+
+
+def gather_eights(
+    builder: ir.IRBuilder, pointer: ir.Value, offset: ir.Value, step: ir.Value, index: ir.Value
+) -> ir.Value:
+    """Load sixteen f32: lane i from `offset + index[i]`, lanes 8 to 15 from `offset + step + index[i]`.
+
+    `index` is i32 in 0 to 7; `step` is at most 8.
+    """
+    if has("avx512f"):
+        return _gather_permuted(builder, pointer, offset, step, index)
+    low, high = _slice(builder, index, 0, _HALF), _slice(builder, index, _HALF, _HALF)
+    halves = [(offset, low), (builder.add(offset, step), high)]
+    if has("avx2"):
+        permps = "llvm.x86.avx2.permps"
+        found = [(_load(builder, pointer, begin, _HALF), lanes) for begin, lanes in halves]
+        return _concatenated(builder, *(_call(builder, permps, v.type, v, lanes) for v, lanes in found))
+    gathered = ir.Constant(ir.VectorType(ir.FloatType(), _LANES), ir.Undefined)
+    for lane in range(_LANES):
+        begin, lanes = halves[lane // _HALF]
+        element = builder.and_(builder.extract_element(lanes, _lane(lane % _HALF)), _lane(_HALF - 1))
+        value = builder.load(builder.gep(pointer, [builder.add(begin, builder.zext(element, begin.type))]))
+        gathered = builder.insert_element(gathered, value, _lane(lane))
+    return gathered
+
+
+def _gather_permuted(
+    builder: ir.IRBuilder, pointer: ir.Value, offset: ir.Value, step: ir.Value, index: ir.Value
+) -> ir.Value:
+    zeros = ir.Constant(index.type, [0] * _LANES)
+    ninth = builder.insert_element(zeros, builder.trunc(step, _I32), _lane(_HALF))
+    steps = builder.shuffle_vector(ninth, ninth, ir.Constant(index.type, [0] * _HALF + [_HALF] * _HALF))
+    values = _load(builder, pointer, offset, _LANES)
+    return _call(builder, "llvm.x86.avx512.permvar.sf.512", values.type, values, builder.add(index, steps))
+
+
+def _load(builder: ir.IRBuilder, pointer: ir.Value, offset: ir.Value, count: int) -> ir.Value:
+    kind = ir.VectorType(ir.FloatType(), count).as_pointer()
+    value = builder.load(builder.bitcast(builder.gep(pointer, [offset]), kind))
+    value.align = 4
+    return value
+
+
+def _lane(lane: int) -> ir.Constant:
+    return ir.Constant(_I32, lane)
+
+
+def _call(builder: ir.IRBuilder, name: str, gives: ir.Type, *args: ir.Value) -> ir.Value:
+    kind = ir.FunctionType(gives, [value.type for value in args])
+    return builder.call(cgutils.get_or_insert_function(builder.module, kind, name), args)
+
+
+def lane_indices(indices: Iterable[int]) -> ir.Constant:
+    """Return the indices that a shuffle takes."""
+    lanes = list(indices)
+    return ir.Constant(ir.VectorType(_I32, len(lanes)), lanes)
+
+
+def _slice(builder: ir.IRBuilder, vector: ir.Value, first: int, count: int) -> ir.Value:
+    return builder.shuffle_vector(vector, vector, lane_indices(range(first, first + count)))
+
+
+def _concatenated(builder: ir.IRBuilder, one: ir.Value, other: ir.Value) -> ir.Value:
+    return builder.shuffle_vector(one, other, lane_indices(range(2 * one.type.count)))
+
 
 _FAST = ("contract", "nsz")  # a * b + c may become one instruction; no other reordering
-_I32, _I1, _F32 = ir.IntType(32), ir.IntType(1), ir.FloatType()
+_I1, _F32 = ir.IntType(1), ir.FloatType()
 _KINDS = {"f32": _F32, "i32": _I32, "mask": _I1}
 
 
@@ -287,7 +411,7 @@ def dot4(_: Any, total: Any, bytes_: Any, signed: Any) -> Any:
 
 @intrinsic
 def gather_nearby(_: Any, pointer: Any, at: Any, step: Any, index: Any) -> Any:
-    """Load sixteen float32 from two runs of eight; see `isa.gather_nearby`."""
+    """Load sixteen float32 from two runs of eight; see `gather_eights`."""
 
     def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
         return gather_eights(builder, *args)
@@ -363,3 +487,7 @@ def spread16(_: Any, value: Any) -> Any:
         return _broadcast(builder, args[0], vector.llvm)
 
     return vector(*vector.operands(value)), make
+
+
+device_function = njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, no_rewrites=True)
+"""Without the wrappers and passes that only calls from Python need: a third of the compile time."""

@@ -14,7 +14,6 @@ from supersampler.backends.cpu.kernels.colors import (
 from supersampler.backends.cpu.kernels.filters import places_in, tap
 from supersampler.backends.cpu.kernels.frame import reactive_at
 from supersampler.backends.cpu.layout import HISTORY_PLANES, PAD, SAMPLE_PLANES
-from supersampler.backends.cpu.simd.device_function import device_function
 from supersampler.backends.cpu.simd.shuffles import (
     first_third,
     last_third,
@@ -25,6 +24,7 @@ from supersampler.backends.cpu.simd.shuffles import (
 from supersampler.backends.cpu.simd.vector import (
     absolute,
     bits_of,
+    device_function,
     float_of,
     load8,
     load16,
@@ -55,7 +55,7 @@ from supersampler.methods.classifier.spec import (
     MIN_PRIOR,
     OTHER_PRIOR,
 )
-from supersampler.methods.classifier.variant import Variant
+from supersampler.methods.classifier.structs import Variant
 from supersampler.methods.constants import CONFIRMED, GLARE, MAX_TONED, MIN_KERNEL_WEIGHT
 from supersampler.methods.gbuffer.spec import NEIGHBOUR_WEIGHTS
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from supersampler.backends.cpu.layout import PIXELS_AT_ONCE, RECORD_WORDS
-from supersampler.backends.cpu.simd.device_function import device_function
+from supersampler.backends.cpu.simd.vector import device_function
 from supersampler.methods.classifier.kernels.network import clear, depthwise_row, pointwise_row, pool_row
 from supersampler.methods.classifier.kernels.network_inputs import mean_difference_row
 from supersampler.methods.classifier.structs import (

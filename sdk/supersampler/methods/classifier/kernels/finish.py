@@ -3,9 +3,17 @@
 import numpy as np
 
 from supersampler.backends.cpu.layout import INPUT_PLANES, RECORD_WORDS
-from supersampler.backends.cpu.simd.device_function import device_function
 from supersampler.backends.cpu.simd.shuffles import load_columns
-from supersampler.backends.cpu.simd.vector import dot4, load16, select, spread16, store, to_float, to_int
+from supersampler.backends.cpu.simd.vector import (
+    device_function,
+    dot4,
+    load16,
+    select,
+    spread16,
+    store,
+    to_float,
+    to_int,
+)
 from supersampler.backends.cpu.structs import FrameSamples, Output, ResampleTables, Words
 from supersampler.methods.classifier.kernels.compose import factor, make_compose_row
 from supersampler.methods.classifier.kernels.gather import COUNT
@@ -14,6 +22,7 @@ from supersampler.methods.classifier.kernels.network import (
     pointwise_row,
     pointwise_row_of_two,
 )
+from supersampler.methods.classifier.spec import CLASSES
 from supersampler.methods.classifier.structs import (
     EncodedLevels,
     FinishConstants,
@@ -22,8 +31,8 @@ from supersampler.methods.classifier.structs import (
     Gathered,
     NetworkInputs,
     NetworkOutputs,
+    Variant,
 )
-from supersampler.methods.classifier.variant import Variant
 
 WIDE = 16  # words of the hidden layer's output
 VISIBILITY = np.int32(255 << 8)  # of ghosting, in the first word of class probabilities: certain
@@ -34,6 +43,7 @@ OF_ALIASING = np.int32(-1 << 24)  # the byte of that word that is of aliasing
 def blend_row(hidden, layers, outputs, p0, p1, pitch, columns, out, classes, to):
     """Compute blend parameters, (outputs, pitch), and class probabilities of packed pixels p0 to p1.
 
+    Logits follow the blend parameters.
     Sixteen pixels side by side: columns (WIDE, 16) is scratch, their bytes word by word.
     """
     layer, first, step = layers.blend, layers.logits, layers.logits_scale
@@ -46,17 +56,11 @@ def blend_row(hidden, layers, outputs, p0, p1, pitch, columns, out, classes, to)
             sums = eight_sums(columns, words, weights, c * words)
             for i in range(8):
                 store(out, (c + i) * pitch + p, to_float(sums[i]) * scales[c + i] + biases[c + i])
-        a, b, c = (
-            exp_logit(columns, first, step),
-            exp_logit(columns, first + 1, step),
-            exp_logit(columns, first + 2, step),
-        )
-        d, e, f = (
-            exp_logit(columns, first + 3, step),
-            exp_logit(columns, first + 4, step),
-            exp_logit(columns, first + 5, step),
-        )
-        store_classes(a, b, c, d, e, f, columns, p1 - p, classes, to + 8 * p)
+        for c in range(CLASSES):
+            byte = first + c
+            value = load16(columns, 16 * (byte // 4)) >> np.int32(8 * (byte % 4)) & np.int32(255)
+            store(out, (outputs + c) * pitch + p, (to_float(value) - 128.0) * step)
+        store_classes(out, outputs * pitch + p, pitch, columns, p1 - p, classes, to + 8 * p)
 
 
 @device_function
@@ -77,11 +81,14 @@ def eight_sums(columns, words, weights, first):
 
 
 @device_function
-def store_classes(a, b, c, d, e, f, columns, count, classes, to):
+def store_classes(logits, at, pitch, columns, count, classes, to):
     """Write the class probabilities of up to sixteen packed pixels, eight bytes each; 255 is one.
 
-    a to f: e^logit of each class; columns: scratch.
+    logits: planes of `pitch`, from `at` on; columns: scratch.
     """
+    a, b = factor(load16(logits, at)), factor(load16(logits, at + pitch))
+    c, d = factor(load16(logits, at + 2 * pitch)), factor(load16(logits, at + 3 * pitch))
+    e, f = factor(load16(logits, at + 4 * pitch)), factor(load16(logits, at + 5 * pitch))
     one, two = 255.0 / (a + b + c), 255.0 / (d + e + f)
     low = (
         byte_of(a * one)
@@ -111,13 +118,6 @@ def mark_unknown(gathered, planes, y, p0, p1, known, classes, to):
             if known[2 * i] == 0:
                 at = to // 4 + x + 2 * i
                 classes[at] = classes[at] & OF_ALIASING | VISIBILITY
-
-
-@device_function
-def exp_logit(columns, byte, scale):
-    """Return e^logit of sixteen pixels; byte: of the hidden layer."""
-    value = load16(columns, 16 * (byte // 4)) >> np.int32(8 * (byte % 4)) & np.int32(255)
-    return factor((to_float(value) - 128.0) * scale)
 
 
 @device_function
@@ -191,22 +191,11 @@ def infer_row(network, parameters, y, p0, p1, half_w, half_h, pitch, scratch, cl
             at = ((4 * k + part) * half_h + y) * half_w + p0
             read_plane(network.blend, at, count, blend, (part * parameters + k) * pitch + p0)
     first = 4 * parameters * pitch
-    for c in range(6):
+    for c in range(CLASSES):
         at = (c * half_h + y) * half_w + p0
         read_plane(network.logits, at, count, blend, first + c * pitch + p0)
     for p in range(p0, p1, 16):
-        at = first + p
-        a, b, c = (
-            factor(load16(blend, at)),
-            factor(load16(blend, at + pitch)),
-            factor(load16(blend, at + 2 * pitch)),
-        )
-        d, e, f = (
-            factor(load16(blend, at + 3 * pitch)),
-            factor(load16(blend, at + 4 * pitch)),
-            factor(load16(blend, at + 5 * pitch)),
-        )
-        store_classes(a, b, c, d, e, f, scratch.columns, p1 - p, classes, 8 * (y * half_w + p))
+        store_classes(blend, first + p, pitch, scratch.columns, p1 - p, classes, 8 * (y * half_w + p))
 
 
 def make_compose_rows(*parts: str):

@@ -28,11 +28,11 @@ from supersampler.backends.cpu.kernels.warp import (
     warp,
 )
 from supersampler.backends.cpu.layout import HISTORY_PLANES, INPUT_PLANES, PAD, RECORD_WORDS
-from supersampler.backends.cpu.simd.device_function import device_function
 from supersampler.backends.cpu.simd.shuffles import gather4, load_columns
 from supersampler.backends.cpu.simd.vector import (
     absolute,
     all_lanes,
+    device_function,
     floor,
     load16,
     maximum,
@@ -66,8 +66,8 @@ from supersampler.methods.classifier.structs import (
     GatherScratch,
     Guide,
     NetworkInputs,
+    Variant,
 )
-from supersampler.methods.classifier.variant import Variant
 from supersampler.methods.constants import CONFIRMED, GLARE, MAX_TONED, MIN_CUBIC_WEIGHT, MIN_WEIGHT
 from supersampler.methods.spec import constant_indices
 

@@ -22,10 +22,10 @@ from supersampler.backends.cpu.kernels.frame import (
     usable_depth,
 )
 from supersampler.backends.cpu.layout import PAD, SAMPLE_PLANES, SURFACE_PLANES
-from supersampler.backends.cpu.simd.device_function import device_function
 from supersampler.backends.cpu.simd.shuffles import load_columns4
 from supersampler.backends.cpu.simd.vector import (
     absolute,
+    device_function,
     gather,
     gather_nearby,
     load4,

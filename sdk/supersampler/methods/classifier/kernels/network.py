@@ -8,8 +8,8 @@ the four bytes of a word; the sums of 32 channels of PIXELS_AT_ONCE pixels stay 
 import numpy as np
 
 from supersampler.backends.cpu.layout import PIXELS_AT_ONCE
-from supersampler.backends.cpu.simd.device_function import device_function
 from supersampler.backends.cpu.simd.vector import (
+    device_function,
     dot4,
     load4,
     load8,

@@ -11,10 +11,10 @@ from supersampler.backends.cpu.kernels.colors import clamped, root
 from supersampler.backends.cpu.kernels.frame import repeat_ends
 from supersampler.backends.cpu.kernels.warp import store_offsets
 from supersampler.backends.cpu.layout import INPUT_PLANES, PAD, RECORD_WORDS
-from supersampler.backends.cpu.simd.device_function import device_function
 from supersampler.backends.cpu.simd.shuffles import evens, odds, transposed
 from supersampler.backends.cpu.simd.vector import (
     absolute,
+    device_function,
     load8,
     load16,
     maximum,
