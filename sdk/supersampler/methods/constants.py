@@ -11,7 +11,7 @@ DARKNESS = 1e-12
 GLARE_EXPOSED = 1024.0
 """Exposed light ten stops over white; no display can distinguish brighter light."""
 GLARE_TONED = GLARE_EXPOSED / (1.0 + GLARE_EXPOSED)
-"""The same light after the tone curve."""
+"""GLARE_EXPOSED after the tone curve."""
 GLARE = 4.0
 """Added to a history value in [0, 1] for each consecutive frame with such light nearby."""
 CONFIRMED = 3.0

@@ -1,4 +1,4 @@
-"""Convergence of static blocks on the CPU: twin of `supersampler_model.ops.at_rest`."""
+"""Convergence of static blocks on the CPU; same as `supersampler_model.ops.at_rest`."""
 
 import itertools
 from collections.abc import Mapping
@@ -163,7 +163,7 @@ class _Seen(NamedTuple):
 
 
 class Stillness(NamedTuple):
-    """Masks and values of each block of a frame, (down, across): twin of `StaticBlocks` in ops/at_rest.py."""
+    """Masks and values of each block of a frame, (down, across); same as `StaticBlocks` in ops/at_rest.py."""
 
     cycle: Cycle
     noisy: bool

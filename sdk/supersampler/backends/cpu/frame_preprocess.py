@@ -50,7 +50,7 @@ def with_exposure(inputs: FrameInputs, exposure: float) -> FrameInputs:
 def missing_fill(color: Float32, exposure: float) -> Float32 | None:
     """Return the linear RGB of missing samples by window, (down, across, 3); None where none is missing.
 
-    Twin of `supersampler_model.ops.color.filled`.
+    Same as `supersampler_model.ops.color.filled`.
     """
     if not np.isnan(color.min()):
         return None

@@ -1,6 +1,6 @@
 """Resampling tables: the samples that each row and column of the display reads, and their filter weights.
 
-Twins of `supersampler_model.ops.sampling.positions`, `nearest` and `taps`, with the same float32 arithmetic.
+Same as `supersampler_model.ops.sampling.positions` and `nearest`, with the same float32 arithmetic.
 """
 
 from collections.abc import Callable, Sequence
@@ -143,7 +143,7 @@ def gaussian(sigma: float) -> Kernel:
 def line_filters(sigma: float) -> list[Kernel]:
     """Return filters that fit a line to samples under a Gaussian: its mean, its slope, and its shift.
 
-    Twin of `supersampler_model.methods.taau.PlaneAxis`. The shift is the same for all samples.
+    Same as `supersampler_model.methods.taau.PlaneAxis`. The shift is the same for all samples.
     """
     window = gaussian(sigma)
 

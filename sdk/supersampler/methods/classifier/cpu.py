@@ -47,7 +47,7 @@ LAYOUT = HistoryLayout(
 
 _NONE = np.zeros(1, np.float32)
 NO_GUIDE = Guide(_NONE, _NONE, _NONE, _NONE, np.zeros(1, np.uint8), np.zeros(1, np.int32), 0.0, 0.0, 0.0, 0.0)
-"""Of variants that are not `guided`."""
+"""Guide of variants that are not `guided`."""
 
 
 class _Space:

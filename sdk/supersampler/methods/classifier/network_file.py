@@ -54,7 +54,7 @@ def read_network(info: ModelInfo, outputs: int) -> dict[str, NDArray[Any]]:
 
 
 def network_specs(info: ModelInfo, outputs: int) -> dict[str, ArraySpec]:
-    """What the arrays are, of a network of the widths in model.json.
+    """Return the arrays of a network with the widths in model.json.
 
     Raises:
         ModelError: kernels have no room for it.

@@ -7,7 +7,7 @@ from supersampler.backends.cpu.structs import Bytes, Floats, Halves, Words
 
 
 class Variant(NamedTuple):
-    """What kernels leave out where it is not set: its planes, reads and arithmetic.
+    """Compile-time variant of the kernels: they leave out the planes and arithmetic of what is not set.
 
     The first two are of ClassifierConfig; `guided` is that the frame has G-buffers of display size, as
     `gbuffer-fast` reads them. Properties are indices of planes of `Gathered.rest` and of blend parameters.
@@ -33,17 +33,17 @@ class Variant(NamedTuple):
 
     @property
     def mean(self) -> int:
-        """Of `rest`: mean and reach of the box, YCoCg."""
+        """First plane of `rest` with mean and half extent of the box, YCoCg."""
         return 14
 
     @property
     def own(self) -> int:
-        """Of `rest`: the history warped by the pixel's own motion."""
+        """First plane of `rest` with the history warped by the pixel's own motion."""
         return self.mean + 6 * self.rectified
 
     @property
     def sampled(self) -> int:
-        """Of `rest`: 1 where one of the samples around is usable, else 0."""
+        """Plane of `rest` that is 1 where one of the samples around is usable, else 0."""
         return self.own + 3 * self.own_motion
 
     @property
@@ -58,12 +58,12 @@ class Variant(NamedTuple):
 
     @property
     def sharpness(self) -> int:
-        """Of `blend_parameters`, after the weights; the kernel follows."""
+        """Index of the sharpness in `blend_parameters`, after the weights."""
         return self.history_colors + 3
 
     @property
     def kernel_weights(self) -> int:
-        """Of `blend_parameters`: nine."""
+        """First of the nine weights of the kernel in `blend_parameters`."""
         return self.sharpness + 1
 
     @property
@@ -73,7 +73,7 @@ class Variant(NamedTuple):
 
     @property
     def outputs(self) -> int:
-        """Of the last layer: `blend_parameters` of four pixels, in eights."""
+        """Outputs of the last layer: `blend_parameters` of four pixels, up to a multiple of eight."""
         return -(-4 * self.blend_parameters // 8) * 8
 
 
@@ -116,7 +116,7 @@ class Gathered(NamedTuple):
 
 
 class Guide(NamedTuple):
-    """What the variant `guided` reads and writes beside the others; rows are padded as those of samples.
+    """Additional inputs and outputs of the variant `guided`; rows are padded as those of samples.
 
     Attributes:
         samples: (render height, SURFACE_PLANES, padded width) light, toned, and features of surfaces.

@@ -1,4 +1,4 @@
-"""Kernel of the filter to the display: twin of `supersampler_model.ops.sampling`."""
+"""Kernel of the filter to the display; same as `supersampler_model.ops.sampling`."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Kernels of `guided-warp`: twins of `supersampler_model.methods.guided_warp`.
+"""Kernels of `guided-warp`; same as `supersampler_model.methods.guided_warp`.
 
 Device functions compute sixteen pixels of a row at once. Where these lead to neighbouring samples of the
 shaded frame, which is the usual case, one load reads the samples of all sixteen.

@@ -1,4 +1,4 @@
-"""Kernels of `taa` (Salvi 2016, with his defaults): twins of `supersampler_model.methods.taa`.
+"""Kernels of `taa` (Salvi 2016, with his defaults); same as `supersampler_model.methods.taa`.
 
 They tone the samples, compute a variance box around each, then compute the image in one pass.
 """

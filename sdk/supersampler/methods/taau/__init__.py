@@ -1,4 +1,4 @@
 """`taau`: temporal upsampling without a network.
 
-Its definition (`spec`), CPU backend (`cpu`) and kernels; the torch twin is in supersampler_model.methods.
+Its definition (`spec`), CPU backend (`cpu`) and kernels; the torch module is in supersampler_model.methods.
 """

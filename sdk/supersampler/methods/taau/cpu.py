@@ -198,7 +198,7 @@ class TaauCpu(CpuExecutor[_Space]):
         )
 
     def _write_light(self, step: Step, space: _Space, change: float) -> None:
-        """Write `history.light`: twin of `light_after` of the torch method."""
+        """Write `history.light`; same as `light_after` of the torch method."""
         mean, *contrasts, flashes = step.history.values["light"]
         slope = change / (1.0 + (change - 1.0) * mean) ** 2
         last, older = slope * slope * np.array(contrasts)

@@ -1,4 +1,4 @@
-"""Kernels of `taau`: twins of `supersampler_model.methods.taau`, in one pass over the image.
+"""Kernels of `taau`; same as `supersampler_model.methods.taau`, in one pass over the image.
 
 Device functions compute sixteen pixels at once, with a vector per channel.
 """
@@ -105,7 +105,7 @@ def sum3(line, index):
 
 @device_function
 def fit_of(across, down, deviation):
-    """Return whether 3x3 samples are on a plane, [0, 1]; twin of the torch method's.
+    """Return whether 3x3 samples are on a plane, [0, 1]; same as in torch.
 
     across: sum of the samples to the right less that of those to the left; down: of those below less above.
     """
@@ -118,7 +118,7 @@ def fit_of(across, down, deviation):
 def shade(samples: FrameSamples, line: Floats, surface: Floats, sums: Floats, y0: int, y1: int):
     """Write rows y0 to y1 of the surface, for disocclusion and lighting tests of the next frame.
 
-    Twin of `shade_of`.
+    Same as `shade_of`.
 
     Args:
         samples: the frame.

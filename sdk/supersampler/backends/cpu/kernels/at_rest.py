@@ -1,4 +1,4 @@
-"""Kernels of what stands still: twins of `supersampler_model.ops.at_rest`.
+"""Kernels of static blocks; same as `supersampler_model.ops.at_rest`.
 
 Blocks are numbered row by row. A pixel's mean is four floats: linear RGB, and the sum of the weights.
 """

@@ -1,4 +1,4 @@
-"""Device functions for colours, a vector per channel; twins of `supersampler_model.ops.color`."""
+"""Device functions for colours, a vector per channel; same as `supersampler_model.ops.color`."""
 
 from typing import Any
 

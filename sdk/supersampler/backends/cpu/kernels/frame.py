@@ -219,7 +219,7 @@ def store4(out, index, first, second, third, fourth):
 
 @device_function
 def occluding_at(samples, y, x):
-    """Return the occluding depth of sixteen samples; twin of `occluding_depth` of the torch methods."""
+    """Return the occluding depth of sixteen samples; same as `occluding_depth` of the torch methods."""
     eroded, depths, h = samples.eroded_depth, samples.depth, samples.height
     padded_width = samples.stride + 2 * PAD
     here = y * padded_width + PAD + x

@@ -1,4 +1,4 @@
-// What stands still: the sizes and flags of blocks, shared by the passes. Twin of ops/at_rest.py.
+// Static blocks: their sizes and flags, shared by the passes. Same as ops/at_rest.py.
 // import params
 //
 // Images are of the display here, also where a method's own are larger. Constants are those of methods/at_rest.py.

@@ -1,4 +1,4 @@
-// What `compare_blocks` finds out about a block of samples, for `decide_blocks`: means over its samples.
+// Means over the samples of a block: output of `compare_blocks`, input of `decide_blocks`.
 
 struct Sums {
     difference: vec4f,   // of samples and mean, RGB; part of the samples that count

@@ -1,4 +1,4 @@
-// Colour: tone curve, YCoCg, glare. Twin of ops/color.py.
+// Colour: tone curve, YCoCg, glare. Same as ops/color.py.
 
 fn largest(color: vec3f) -> f32 { return max(max(color.r, color.g), color.b); }
 

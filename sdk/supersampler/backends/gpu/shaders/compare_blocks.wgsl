@@ -1,5 +1,5 @@
 // Compare blocks of 4x4 samples with their signatures of this phase, and samples with the mean. Four threads for
-// each block, one for each row of it. Twin of `signatures_of`, `differing` and `residuals_of`.
+// each block, one for each row of it. Same as `signatures_of`, `differing` and `residuals_of`.
 // import at_rest
 // import block_sums
 // import state

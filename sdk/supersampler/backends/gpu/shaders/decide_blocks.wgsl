@@ -1,5 +1,5 @@
 // Decide what stands still, is shown and freezes, by block. A workgroup is a large window.
-// Twin of `compare` and `converge`, but for the pixels.
+// Same as `compare` and `converge`, but for the pixels.
 // import at_rest
 // import block_sums
 // import state

@@ -1,4 +1,4 @@
-// Exposure of a frame: given, or 0.18 over the log-average luminance, adapted. Twin of `exposure_for`.
+// Exposure of a frame: given, or 0.18 over the log-average luminance, adapted. Same as `exposure_for`.
 // import params
 
 fn is_given() -> bool { return params.exposure >= MIN_EXPOSURE && params.exposure <= MAX_EXPOSURE; }

@@ -1,5 +1,5 @@
 // Find the frame's jitter in the table of phases, or give it the row that was not used for longest: one thread.
-// Twin of `follow_jitter`.
+// Same as `follow_jitter`.
 // import at_rest
 // import state
 

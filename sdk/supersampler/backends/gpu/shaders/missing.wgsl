@@ -1,4 +1,4 @@
-// Missing samples of a frame: see `filled`, whose twin this is.
+// Missing samples of a frame; same as `filled` in torch.
 // import params
 // import sanitize
 // import state

@@ -1,4 +1,4 @@
-// Reprojection into the previous frame and resampling of the history. Twin of ops/motion.py.
+// Reprojection into the previous frame and resampling of the history. Same as ops/motion.py.
 // import params
 // import sanitize
 

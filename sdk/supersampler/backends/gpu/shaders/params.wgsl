@@ -1,4 +1,4 @@
-// What a step is about: sizes, jitter, exposure. Every pass reads it.
+// Parameters of a step: sizes, jitter, exposure. Every pass reads them.
 // import display
 
 struct Params {

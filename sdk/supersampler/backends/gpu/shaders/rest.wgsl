@@ -1,4 +1,4 @@
-// The image of a pixel and the mean of its samples: see `converge`, whose twin this is.
+// The image of a pixel and the mean of its samples; same as `converge` in torch.
 // import at_rest
 // import state
 // import sanitize

@@ -1,5 +1,5 @@
 // Tiles of the method's images whose blocks are all frozen; its own history is kept there. Where all of the frame is
-// frozen, so are the values of the whole frame. Twin of `Stillness.resting` and `kept_frame`.
+// frozen, so are the values of the whole frame. Same as `StaticBlocks.resting` and `kept_frame`.
 // import at_rest
 // import tiles
 // import state

@@ -1,5 +1,5 @@
 // The sampling grid (DESIGN: display pixel p looks at (p + 0.5) / r - 0.5 - jitter) and filters.
-// Twin of ops/sampling.py.
+// Same as ops/sampling.py.
 // import params
 
 fn render_position(p: vec2i) -> vec2f {

@@ -13,7 +13,7 @@ fn all_valid(color: vec3f) -> bool {
 // Clamp to [0, 65504], infinity included; NaN becomes 0.
 fn sanitize(color: vec3f) -> vec3f { return vec3f(sanitize1(color.r), sanitize1(color.g), sanitize1(color.b)); }
 
-// The same of a frame's colour, without pre-exposure.
+// Sanitized colour of a frame, without pre-exposure.
 fn scene_color(given: vec3f) -> vec3f { return sanitize(given / params.pre_exposure); }
 
 fn sanitize1(value: f32) -> f32 {

@@ -1,4 +1,4 @@
-// What the next frame needs of this one's surfaces: depth, and occluding depth; and each sample's own motion.
+// Surfaces that the next frame reads: depth, and occluding depth; and each sample's own motion.
 
 @group(0) @binding(4) var next_surface: texture_storage_2d<rg32float, write>;
 @group(0) @binding(5) var own_motion: texture_storage_2d<rg32float, write>;

@@ -1,4 +1,4 @@
-// What the next frame needs of this one's surfaces: depth, occluding depth, and mean and
+// Surfaces that the next frame reads: depth, occluding depth, and mean and
 // deviation of luma.
 
 @group(0) @binding(4) var next_surface: texture_storage_2d<rgba32float, write>;

@@ -1,4 +1,4 @@
-// Variance clipping (Salvi 2016). Twin of ops/rectification.py.
+// Variance clipping (Salvi 2016). Same as ops/blending.py.
 
 struct Box {
     low: vec3f,

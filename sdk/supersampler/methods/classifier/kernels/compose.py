@@ -1,4 +1,4 @@
-"""Compositor of `classifier`: twin of `Classifier.finish` for one row of display pixels."""
+"""Compositor of `classifier`; same as `Classifier.finish` for one row of display pixels."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Gather of `classifier`: twins of `Classifier.gather` and of its network inputs, in one pass.
+"""Gather of `classifier`; same as `Classifier.gather` and its network inputs, in one pass.
 
 A vector holds one channel of sixteen pixels. Where positions differ from pixel to pixel (warps), it holds the
 channels of one pixel. Rows are padded to a multiple of sixteen pixels.
@@ -174,7 +174,7 @@ def confirmed_glare(glare, warped_glare, count, luma):
 
 @device_function
 def light_rises(luma, high, count, surface):
-    """Return where light over white rises over all samples of the history; twin of `unexplained_light`."""
+    """Return where light over white rises over all samples of the history; same as `unexplained_light`."""
     return (luma > WHITE) & (luma > high + RISE) & (count * surface > 0.0)
 
 

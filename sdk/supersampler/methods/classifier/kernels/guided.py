@@ -1,4 +1,4 @@
-"""Guided colour of the variant `guided`: twins of supersampler_model.methods.gbuffer_fast.
+"""Guided colour of the variant `guided`; same as supersampler_model.methods.gbuffer_fast.
 
 Light of this frame is resampled at display pixels by the agreement of surfaces. A vector holds one channel of
 sixteen pixels.
@@ -111,7 +111,7 @@ def prepare_depth(depth: Floats, w: int, pitch: int, y0: int, y1: int, out: Floa
 
 @device_function
 def edge_at(depth, y, x, height, padded_width):
-    """Return the relative range of depth in 3x3 pixels; twin of `edge_of`."""
+    """Return the relative range of depth in 3x3 pixels; same as `edge_of`."""
     closest = farthest = load16(depth, y * padded_width + PAD + x)
     for line in range(-1, 2):
         row = min(max(y + line, 0), height - 1) * padded_width + PAD + x

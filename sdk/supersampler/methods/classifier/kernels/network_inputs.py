@@ -1,4 +1,4 @@
-"""Network inputs of `classifier`, as bytes: twins of `pixel_inputs` and `neighbourhood_inputs`.
+"""Network inputs of `classifier`, as bytes; same as `pixel_inputs` and `neighbourhood_inputs`.
 
 A record holds the inputs of a packed pixel (2x2 display pixels) in RECORD_WORDS words of four bytes. Words 0
 to 15 hold one input of the four pixels each. Words 16 and 17 hold the inputs at half display size: six class
@@ -33,7 +33,7 @@ from supersampler.backends.cpu.simd.vector import (
 ) = range(16)  # fmt: skip
 """Words of a record, by the names of `pixel_inputs`."""
 RELIT_TO_FRAME, AGREEMENT = MIN_LUMA, MAX_LUMA
-"""What the variant `guided` has in their places."""
+"""Inputs of the variant `guided` in their places."""
 CLASSES = 16
 """First word of a record at half display size."""
 

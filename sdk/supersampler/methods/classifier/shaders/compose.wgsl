@@ -1,5 +1,5 @@
 // The image of `classifier` and its next history: the last layers of the network, then the compositor.
-// Twin of `Classifier.finish`.
+// Same as `Classifier.finish`.
 // import params
 // import state
 // import sampling

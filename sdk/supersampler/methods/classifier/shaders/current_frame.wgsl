@@ -1,4 +1,4 @@
-// This frame at a display pixel. Twin of `Classifier.gather_current`.
+// This frame at a display pixel. Same as `Classifier.gather_current`.
 // import params
 // import colors
 // import sampling

@@ -1,5 +1,5 @@
 // Network inputs of `classifier`, sixteen bytes for each display pixel, and the differences of which the two inputs
-// at half display size are means. Twin of network_inputs.py.
+// at half display size are means. Same as classifier_inputs.py.
 // import params
 // import state
 // import sampling

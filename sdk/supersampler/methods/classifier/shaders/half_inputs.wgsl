@@ -1,5 +1,5 @@
 // Network inputs at half display size: six class probabilities of the previous frame, and two means that say how
-// history and frame differ around. Twin of `neighbourhood_inputs`.
+// history and frame differ around. Same as `neighbourhood_inputs`.
 // import params
 // import sampling
 // import motion

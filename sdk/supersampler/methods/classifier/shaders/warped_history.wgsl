@@ -1,4 +1,4 @@
-// The history at a display pixel. Twin of `Classifier.gather_history`.
+// The history at a display pixel. Same as `Classifier.gather_history`.
 // import params
 // import sanitize
 // import colors

@@ -1,5 +1,5 @@
 // The image of the display: a Lanczos filter of two lobes on the toned colours of the larger image.
-// Twin of ops/downsampling.py. Auxiliary outputs are those of the nearest pixel.
+// Same as ops/sampling.py. Auxiliary outputs are those of the nearest pixel.
 // import params
 // import large
 // import state

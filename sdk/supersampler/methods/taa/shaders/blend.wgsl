@@ -1,4 +1,4 @@
-// The image of `taa`: clip the history towards the new sample, and blend 10 % of it. Twin of `Taa.finish`.
+// The image of `taa`: clip the history towards the new sample, and blend 10 % of it. Same as `Taa.finish`.
 // import params
 // import sanitize
 // import colors

@@ -1,4 +1,4 @@
-// Neighbourhoods of each sample for `taa`: box of colours, longest motion. Twin of `Taa.neighbourhood_box`.
+// Neighbourhoods of each sample for `taa`: box of colours, longest motion. Same as `Taa.neighbourhood_box`.
 // import params
 // import sanitize
 // import colors

@@ -1,5 +1,5 @@
 // The image of `taau` and its next history, one thread for each display pixel.
-// Twin of supersampler_model.methods.taau.
+// Same as supersampler_model.methods.taau.
 // import params
 // import sanitize
 // import colors

@@ -1,4 +1,4 @@
-// Number of samples of the history that are kept, by block; a workgroup is a window. Twin of `samples_kept`.
+// Number of samples of the history that are kept, by block; a workgroup is a window. Same as `samples_kept`.
 // import at_rest
 // import samples
 // import state

@@ -1,4 +1,4 @@
-// Whether the light of this whole frame is unconfirmed. Twin of `light_after`.
+// Whether the light of this whole frame is unconfirmed. Same as `light_after`.
 // import params
 // import state
 // import contrast
