@@ -1,4 +1,4 @@
-"""What of our graphs ONNX Runtime's CUDA provider runs, from docs/OperatorKernels.md in its repository.
+"""Operators of our graphs that ONNX Runtime's CUDA provider runs, by docs/OperatorKernels.md of its source.
 
 Read at commit 001d12d2623fd411ce0f83d05abb5e82304a3389: kernels for opset 17, and of their types those that
 our graphs could have.
@@ -31,4 +31,4 @@ CUDA_KERNELS = {
 CPU_INPUTS = dict.fromkeys(
     ("Clip", "Expand", "ReduceSum", "Reshape", "Slice", "Split", "Squeeze", "Unsqueeze"), slice(1, None)
 )
-"""Which inputs kernels read in CPU memory."""
+"""Inputs that kernels read in CPU memory."""

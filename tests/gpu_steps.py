@@ -23,7 +23,7 @@ TOLERANCES = {name: 1e-3 if name in ("taa", "taau") else 3e-3 for name in WITH_S
 """Mean difference of display values, in [0, 1], from the CPU backend; `taa` clips at thresholds, and the
 others read samples as half floats."""
 INT8 = 6e-3
-"""The same between int8 networks and the fp32 networks of torch and ONNX, on small and noisy images."""
+"""Tolerances between int8 networks and the fp32 networks of torch and ONNX, on small and noisy images."""
 
 
 def device_or_skip() -> Any:

@@ -52,7 +52,7 @@ class LitScene:
     sky: float = 0.0  # height of the strip on top where there is nothing
 
     def surface(self, index: int, x: Values, y: Values) -> dict[str, Values]:
-        """What is seen at places of frame `index`, by the names of a frame's fields."""
+        """Values seen at places of frame `index`, by the names of a frame's fields."""
         (vx, vy), (dx, dy) = self.velocity, self.disc_velocity
         there = x - index * vx, y - index * vy
         disc = np.hypot(x - self.start[0] - index * dx, y - self.start[1] - index * dy) < self.radius

@@ -1,4 +1,4 @@
-"""What ships may not get worse unnoticed: quality on the shipped shot, size of networks, graphs and files."""
+"""Shipped methods may not get worse unnoticed: quality on the shipped shot, sizes of networks and files."""
 
 import itertools
 
@@ -30,7 +30,7 @@ CONTRACTS = {
     "classifier-small": 0.93,
     "classifier-large": 0.97,
 }
-"""What is left of an error after a frame at rest."""
+"""Part of an error that remains after a frame at rest."""
 PRODUCTS = {
     "classifier": 4200, "classifier-small": 2000, "classifier-large": 7410, "extrapolate": 4200,
     "gbuffer-fast": 4200, "gbuffer-small": 17500, "gbuffer-small-4x": 7200, "guided-flow": 1550,
@@ -54,7 +54,7 @@ KILOBYTES = {
     "network.int8.onnx": 110,
     "network.npz": 130,
 }
-"""Of each file; three times that of methods that read many G-buffers."""
+"""Limit of each file; three times that for methods that read many G-buffers."""
 
 
 @pytest.mark.parametrize("name", FLOORS)

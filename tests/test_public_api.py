@@ -1,4 +1,4 @@
-"""What `from supersampler import ...` offers is what `__all__` says, and each name explains itself."""
+"""`from supersampler import ...` offers the names of `__all__`, and each has a docstring."""
 
 import types
 

@@ -15,7 +15,7 @@ from rest_scenes import SCENES, RestScene, stripes, wave, worse_by
 from supersampler import Model, Upscaler
 
 MEAN, QUANTILE = 1.0, 4.0
-"""What an image may be worse by, 1/255 of the display."""
+"""Limits of how much worse an image may be, 1/255 of the display."""
 
 
 Promise = Callable[[RestScene, str], None]

@@ -1,4 +1,4 @@
-"""What is left out changes no bit: rest, motion, light, sizes, masks, cuts and outputs by chance."""
+"""Skipping changes no bit: rest, motion, light, sizes, masks, cuts and outputs by chance."""
 
 import os
 from collections.abc import Iterator
@@ -16,7 +16,7 @@ from supersampler import Frame, Model, Upscaler, halton_jitter
 DISPLAY = (100, 70)
 """More than one tile, and parts of tiles."""
 SIZES = ((100, 70), (67, 47))
-"""Of ratios 1 and about 1.5: their jitter repeats soon, and so tiles rest soon."""
+"""Sizes at ratios 1 and about 1.5: the jitter repeats soon, and so tiles rest soon."""
 
 
 class Segment(NamedTuple):

@@ -1,4 +1,4 @@
-"""What stands still on the GPU is what stands still in torch: decisions, means, images, frozen pixels."""
+"""The GPU agrees with torch at rest: decisions, means, images, frozen pixels."""
 
 from collections.abc import Iterator, Sequence
 from functools import cache

@@ -30,7 +30,7 @@ KILLED, SURVIVED, UNREACHED = "killed", "survived", "no test runs it"
 
 @dataclass(frozen=True)
 class StepResult:
-    """What became of a mutant.
+    """Result of a mutant.
 
     Attributes:
         outcome: KILLED, SURVIVED or UNREACHED.

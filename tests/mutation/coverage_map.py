@@ -1,4 +1,4 @@
-"""Which tests run which lines: recorded file by file, kept as long as neither side changes."""
+"""Map of the lines that tests run: recorded file by file, kept as long as neither side changes."""
 
 import hashlib
 import json

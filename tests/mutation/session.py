@@ -26,7 +26,7 @@ MEMORY = 12 << 30
 
 @dataclass
 class Outcome:
-    """What a run of tests tells.
+    """Result of a run of tests.
 
     Attributes:
         failed: the first test that failed, or what else went wrong; None where all passed.

@@ -1,4 +1,4 @@
-"""What is mutated, and which tests may notice. The only place that knows where modules lie."""
+"""Modules to mutate, and the tests that may notice. The only place that knows where modules lie."""
 
 TARGETS = [
     "model/supersampler_model/methods/**/*.py",

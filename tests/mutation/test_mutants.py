@@ -19,7 +19,7 @@ def share(values: list[float], *, upper: float = 2.0) -> float:
 
 
 def changes(code: str) -> set[tuple[str, str]]:
-    """What stands in for what, as expressions."""
+    """Replacements, as expressions."""
     source = code.encode()
     found = [m for place in mutants_of("module.py", source) for m in place if m.is_change(source)]
     return {(source[m.start : m.end].decode(), ast.unparse(ast.parse(m.new))) for m in found}

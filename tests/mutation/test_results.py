@@ -1,4 +1,4 @@
-"""What the mutation tool has found is kept as long as it holds."""
+"""Results of the mutation tool are kept as long as they hold."""
 
 import tomllib
 from dataclasses import replace

@@ -47,7 +47,7 @@ socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
 
 @dataclass
 class Traced:
-    """What a process has left in its home folder, and what strace has seen of it, if there is one."""
+    """Files that a process left in its home folder, and its system calls where strace is installed."""
 
     home: Path
     log: str

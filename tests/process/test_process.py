@@ -1,4 +1,4 @@
-"""What a process keeps, how it ends, and what it can do without."""
+"""A process keeps its settings, ends cleanly, and works without optional packages."""
 
 import sys
 from pathlib import Path

@@ -140,7 +140,7 @@ def _upscaler(name: str) -> Call:
 
 
 def _loading(name: str) -> Call:
-    """Of an argument that goes with a model's name alone."""
+    """An argument that is allowed beside a model's name alone."""
     given: dict[str, Any] = {"display_size": DISPLAY, "executor": "onnx"}
     model = {} if name in ("model", "preset") else {"model": "bilinear"}
     return lambda value: Upscaler(**{**given, **model, name: value}).close()

@@ -41,7 +41,7 @@ def test_scattered_motion_is_that_of_each_surface() -> None:
 
 
 def test_a_surface_that_the_next_frame_hides_keeps_its_own_motion() -> None:
-    """What the disc will cover has the background's motion, not the disc's."""
+    """Pixels that the disc will cover have the background's motion, not the disc's."""
     now, after = frame(DISC, 0), frame(DISC, 1)
     x, y = np.meshgrid(np.arange(SIZE[0]) + 0.5 + now.jitter[0], np.arange(SIZE[1]) + 0.5 + now.jitter[1])
     x, y = x / UNIT, y / UNIT
@@ -136,7 +136,7 @@ def test_a_shot_keeps_motion_next_and_reads_it_on_demand(tmp_path: Path) -> None
 
 
 def test_blenders_vector_pass_leads_to_the_next_frame() -> None:
-    """Of recorded frames: its Z and W agree with the next frame's X and Y, as the scattered motion does."""
+    """Recorded Z and W agree with the next frame's X and Y, and so does the scattered motion."""
     shown = [item.frame for item in import_blender(RECORDED)]
     for now, after in pairwise(shown):
         assert now.motion_next is not None

@@ -1,4 +1,4 @@
-"""What cannot be is refused where it is handed in, by an error that says what would do."""
+"""Impossible arguments are refused at once, by an error that says what would do."""
 
 import re
 from collections.abc import Callable

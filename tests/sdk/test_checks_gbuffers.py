@@ -17,7 +17,7 @@ PIXELS = WIDTH * HEIGHT
 def complaint(
     name: str, array: Float32, depth: Float32 | None = None, jitter: tuple[float, float] = (0.0, 0.0)
 ) -> str:
-    """What is said of a frame with this buffer; "" for nothing."""
+    """Return the warning about a frame with this buffer; "" for none."""
     x = np.broadcast_to(np.arange(WIDTH, dtype=np.float32), (HEIGHT, WIDTH))
     place = GBUFFERS[name]
     fields: dict[str, Any] = {place.group: {place.key: array}}
@@ -137,7 +137,7 @@ def test_a_few_places_that_both_depths_know_tell_nothing() -> None:
 
 @pytest.mark.parametrize("jitter", [(0.4, 0.0), (-0.4, 0.0), (0.0, 0.4), (0.0, -0.4)])
 def test_depths_are_compared_where_the_samples_lie(jitter: tuple[float, float]) -> None:
-    """Of each two display pixels one has the sample's depth: that which it lies in, by its jitter's sign."""
+    """One of two display pixels has the sample's depth: the one that its jitter's sign puts it in."""
     axis = 0 if jitter[1] else 1
     own = np.arange(2 * (HEIGHT, WIDTH)[axis]) % 2 == int(sum(jitter) > 0.0)
     mask = own[:, None] if axis == 0 else own[None]

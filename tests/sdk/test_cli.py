@@ -46,7 +46,7 @@ def shot(tmp_path: Path) -> Path:
 
 
 def upscaled(path: Path, display_size: tuple[int, int]) -> list[np.ndarray]:
-    """What the library itself makes of the shot."""
+    """Images that the library makes of the shot."""
     upscaler = Upscaler("classifier", display_size=display_size)
     return [upscaler.step(item.frame) for item in Shot.open(path)]
 

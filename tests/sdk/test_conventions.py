@@ -282,7 +282,7 @@ def frame(**fields: Any) -> Frame:
 
 
 def test_motion_of_display_size_is_read_where_the_samples_lie() -> None:
-    """Of column i at ratio 2 the sample lies in display column floor(2 (i + 0.5 + jitter))."""
+    """At ratio 2 the sample of column i lies in display column floor(2 (i + 0.5 + jitter))."""
     conventions = Conventions(motion_resolution="display", motion_unit="uv")
     motion = numbered(DISPLAY) / np.array(RENDER, np.float32)
     got = conventions.converter().to_frame(raw(motion=motion, jitter=JITTER)).motion

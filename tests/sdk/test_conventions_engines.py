@@ -29,7 +29,7 @@ Matrix = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Drawn:
-    """What an engine stores of a point, and where the point is drawn, in pixels and rows of the buffers."""
+    """Values that an engine stores for a point, and the pixel it is drawn at."""
 
     motion: tuple[float, float]
     jitter: tuple[float, float]
@@ -93,7 +93,7 @@ def unity_urp(*, top: bool) -> Drawn:
 
 
 def upright(drawn: Drawn) -> Drawn:
-    """The same, with rows from the top of the image."""
+    """Values of an engine whose rows start at the top of the image."""
     turned = [np.array([p[0], SIZE[1] - 1 - p[1]]) for p in (drawn.now, drawn.before, drawn.jittered)]
     return Drawn(drawn.motion, drawn.jitter, drawn.depth, *turned)
 
@@ -193,7 +193,7 @@ def projection(kind: str) -> Matrix_SPACES:
 
 
 def opengl(matrix: Matrix_SPACES) -> Matrix_SPACES:
-    """The same with a depth from -1 to 1."""
+    """Values of an engine with a depth from -1 to 1."""
     return np.array([matrix[0], matrix[1], 2.0 * matrix[2] - matrix[3], matrix[3]])
 
 

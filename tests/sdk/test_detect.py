@@ -229,7 +229,7 @@ def test_a_jitter_that_changes_along_one_axis_alone_is_read(other: tuple[float, 
 
 
 def test_units_are_those_that_leave_samples_in_their_pixel() -> None:
-    """Of 8x6 pixels one is 1/8 and 1/6 wide in UV, and twice that in NDC."""
+    """One of 8x6 pixels is 1/8 wide and 1/6 high in UV, and twice that in NDC."""
     assert units(readings((0.0, 0.0), (0.06, 0.08))) == {"pixels", "uv", "ndc"}
     assert units(readings((0.0, 0.0), (0.12, 0.16))) == {"pixels", "ndc"}
     assert units(readings((0.0, 0.0), (0.13, 0.0))) == {"pixels"}

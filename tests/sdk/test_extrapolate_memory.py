@@ -1,4 +1,4 @@
-"""What drawing a frame that was not shaded takes."""
+"""Memory and time that an extrapolated frame takes."""
 
 import subprocess
 import sys

@@ -186,7 +186,7 @@ def test_products_on_cuda_are_of_full_precision() -> None:
 
 
 SIDES = (("width", 32), ("height", 18))
-"""Of every frame, those before included."""
+"""Every frame counts, those before included."""
 
 
 def graphs() -> list[Any]:
@@ -200,7 +200,7 @@ def graphs() -> list[Any]:
 
 
 def graph_at_one_size(path: Path, optimized: Path) -> onnx.GraphProto:
-    """What is left of a graph when ONNX Runtime hands its nodes out to providers."""
+    """The graph that ONNX Runtime assigns to providers."""
     ratio = read_model_info(path.parent).only_ratio
     display = DISPLAY if ratio is None else (round(32 * ratio), round(18 * ratio))
     sizes = extents(render=(32, 18), display=display, previous=(32, 18))

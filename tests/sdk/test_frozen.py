@@ -1,4 +1,4 @@
-"""What stands still is frozen, and stays so bit for bit; `skip` changes no image; "off" averages nothing."""
+"""Static images are frozen, and stay so bit for bit; `skip` changes no image; "off" averages nothing."""
 
 from collections.abc import Iterator
 from dataclasses import replace

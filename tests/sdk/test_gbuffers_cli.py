@@ -36,7 +36,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def broken(folder: Path, tmp_path: Path) -> Path:
-    """The same, with files of display size whose pixels cannot be read."""
+    """A shot with files of display size whose pixels cannot be read."""
     for file in sorted(folder.rglob("*")):
         if file.is_file():
             copy = tmp_path / "broken" / file.relative_to(folder)

@@ -1,4 +1,4 @@
-"""What is missing in every frame shows what is near, on every method and backend: never black."""
+"""Samples missing in every frame show their neighbourhood, on every method and backend: never black."""
 
 from typing import Any
 

@@ -8,7 +8,7 @@ import pytest
 from supersampler.cli.results import OutputQueue
 
 THREADS = 2
-"""Of a queue on one core."""
+"""Limit of a queue on one core."""
 
 
 def test_results_are_handed_on_in_the_order_of_put() -> None:

@@ -1,4 +1,4 @@
-"""What a plan says is what there is."""
+"""Plans state the memory and multiply-adds that a session has."""
 
 import tracemalloc
 

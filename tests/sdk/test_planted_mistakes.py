@@ -86,7 +86,7 @@ def messages(frames: list[Frame], validate: Validate = "warn") -> str:
 
 
 def notes(frames: list[Frame]) -> str:
-    """What `supersampler check` says of the frames."""
+    """Return the output of `supersampler check` for the frames."""
     return detect_conventions([Conventions().converter().from_frame(frame) for frame in frames]).summary()
 
 

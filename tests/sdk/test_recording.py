@@ -84,7 +84,7 @@ def test_a_replay_is_bit_for_bit_what_was_recorded(models: dict[str, Model], nam
 
 
 def test_what_rested_rests_again(models: dict[str, Model], file: Path) -> None:
-    """What is frozen is part of a state."""
+    """Frozen pixels are part of a state."""
     still = noise(0, motion=np.zeros((18, 32, 2), np.float32), exposure=1.0)
     period = [replace(still, jitter=halton_jitter(index, 2.0)) for index in range(32)]
     with recorded(models["taau"], file) as upscaler:

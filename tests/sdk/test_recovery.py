@@ -71,7 +71,7 @@ def begun(method: str, executor: Any, *, dressed: bool = False, at_rest: bool = 
 
 
 def left(run: Run, **changes: Any) -> ImageDifference:
-    """What the last image differs by."""
+    """Difference of the last image."""
     return difference(run.after(**changes)[-1], run.calm[-1])
 
 
@@ -108,7 +108,7 @@ CHANCE = 1.25
 
 
 def figures(scenario: str, method: str, executor: Any) -> Sequence[Figure]:
-    """What `bench stress` finds."""
+    """Findings of `bench stress`."""
     run = chosen([f"one frame's {scenario}"])[0].run
     display = (96, 64) if executor == "cpu" else (48, 32)
     return run(Trial(subjects([method], [executor])[0], display, 0))

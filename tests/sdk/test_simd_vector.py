@@ -19,7 +19,7 @@ FLOATS, WORDS = types.CPointer(types.float32), types.CPointer(types.int32)
 
 
 FEATURES = ((), ("avx2",), ("avx2", "avxvnni"), ("avx2", "avx512f", "avx512vnni"))
-"""Of processors for which code is made in other ways; those that this one lacks are left out."""
+"""Processors that get other code; those whose instructions this one lacks are left out."""
 
 
 def have_only(monkeypatch: pytest.MonkeyPatch, features: Collection[str]) -> None:

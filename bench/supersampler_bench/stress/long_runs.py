@@ -78,7 +78,7 @@ def in_motion(trial: Trial) -> Figures:
 
 @scenario("steady", "against single precision", cpu=2080, onnx=2080, quick=480, pairs=True)
 def precisions(trial: Trial) -> Figures:
-    """The same moving frames on the ONNX backend in fp32: the difference is small and does not grow."""
+    """Moving frames on the ONNX backend in fp32: the difference is small and does not grow."""
     frames = trial.moving
     loops = max(trial.frames // len(frames), 3)
     session, exact = trial.begin(), (trial.subject.exact or trial.subject.begin)(trial.display, 1)
