@@ -333,7 +333,7 @@ def test_a_shot_whose_run_was_killed_between_a_frame_and_its_list_goes_on(
         raise SystemExit
 
     with monkeypatch.context() as patch:
-        patch.setattr(ShotWriter, "_publish", killed)
+        patch.setattr("supersampler.io.shot.writer.shot_json", killed)
         with pytest.raises(SystemExit):
             copy_shot(Shot.open(shot), tmp_path / "copy")
     assert "0000.exr" in content(tmp_path / "copy")
