@@ -29,7 +29,7 @@ SMALL = ClassifierConfig(
     rectified=False,
     own_motion=False,
 )
-"""As few operators as possible: tracing takes time for each."""
+"""Smallest network of the method: tracing takes time for each operator."""
 SCENE = LitScene(velocity=(1.3, -0.6), radius=7.0, disc_velocity=(2.5, 0.5), sky=5.0)
 
 

@@ -120,7 +120,7 @@ class CropRegion:
         (width, height), step = display_size, round(entry.ratio) if aligned else 1
         render = entry.render_size(display_size)
         r, g, b = (int(i) for i in random.permutation(3))
-        drawn: dict[str, Any] = {
+        values: dict[str, Any] = {
             "left": step * int(random.integers((width - size) // step + 1)),
             "top": step * int(random.integers((height - size) // step + 1)),
             "flip": (bool(random.integers(2)), bool(random.integers(2))),
@@ -130,9 +130,9 @@ class CropRegion:
         }
         if gbuffers != "none":
             q, upper = np.linalg.qr(random.normal(size=(3, 3)))  # uniform rotations (Mezzadri 2007)
-            drawn["world"] = (q * np.sign(np.diag(upper))).astype(np.float32)
+            values["world"] = (q * np.sign(np.diag(upper))).astype(np.float32)
         ratio = width / render[0], height / render[1]
-        return cls(size=size, ratio=ratio, colors=(r, g, b), gbuffers=gbuffers, aligned=aligned, **drawn)
+        return cls(size=size, ratio=ratio, colors=(r, g, b), gbuffers=gbuffers, aligned=aligned, **values)
 
     def cut(self, frame: TrainingFrame, *, reset: bool) -> CropFrame:
         """Cut the crop out of one frame, with the G-buffers that the frame has."""

@@ -209,28 +209,28 @@ class GpuExecutor:
         skip: bool,
     ) -> StepReport:
         """See `Executor`."""
-        render, wanted = frame.size, [name for name in AUX if name in aux_outputs]
+        render, names = frame.size, [name for name in AUX if name in aux_outputs]
         with self._lock.lock, raising(self.device, f"in a step to {display}"):
             buffers = self._buffers_for(render, display)
             write_frame(self.device, buffers.memory, frame, self.program.layout.spec.inputs)
             params = step_params(
                 frame, history, has_reactive=frame.reactive is not None, adds_samples=adds_samples,
-                writes_aux=bool(wanted), skip=skip,
+                writes_aux=bool(names), skip=skip,
             )  # fmt: skip
             encoder = self.device.create_command_encoder()
             target = {"image": buffers.image.buffer}
             self._encode(encoder, ARRAYS, params, history, next_history, target, buffers)
             buffers.image.encode(encoder)
-            if wanted:
+            if names:
                 buffers.aux.encode(encoder)
             self.device.queue.submit([encoder.finish()])
             buffers.image.copy_to(image)
-            if not wanted:
+            if not names:
                 return StepReport({})
             values = np.empty((*image.shape[:2], len(AUX)), np.float32)
             buffers.aux.copy_to(values)
             return StepReport(
-                {name: np.ascontiguousarray(values[None, None, ..., AUX.index(name)]) for name in wanted}
+                {name: np.ascontiguousarray(values[None, None, ..., AUX.index(name)]) for name in names}
             )
 
     def encode(

@@ -95,7 +95,7 @@ def checked_images(
 
     Args:
         images: a mapping; see `Upscaler.step_textures`.
-        names: what the method reads.
+        names: inputs of the method.
         render_size: of buffers.
         device: of the backend.
 
@@ -104,13 +104,13 @@ def checked_images(
     """
     if not isinstance(images, Mapping):
         raise FrameError("images", got=shown(images), want="textures or buffers by name")
-    wanted = [name for name in CHANNELS if name in names]
-    if images.get("reactive") is None and "reactive" in wanted:
-        wanted.remove("reactive")
-    for name in wanted:
+    required = [name for name in CHANNELS if name in names]
+    if images.get("reactive") is None and "reactive" in required:
+        required.remove("reactive")
+    for name in required:
         if images.get(name) is None:
             raise FrameError(name, got=None, want="a texture or buffer of wgpu")
-    given = {name: images[name] for name in wanted}
+    given = {name: images[name] for name in required}
     kinds = {is_texture(image) for image in given.values()}
     if len(kinds) > 1:
         raise FrameError("images", got="textures and buffers", want="one kind")

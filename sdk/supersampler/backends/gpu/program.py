@@ -124,7 +124,7 @@ BLOCK_PASSES = (
     PassSpec("compare_blocks", BLOCKS, (4, 4)),
     PassSpec("decide_blocks", BLOCKS, (8, 8)),
 )
-"""Passes that decide what stands still. They read the frame, the exposure and the history alone."""
+"""Passes that find static blocks. They read the frame, the exposure and the history, nothing else."""
 TILES = Extent("display", at_rest.TILE)
 TILE_PASS = PassSpec("rest_tiles", TILES, (8, 8))
 REST_PLANES = {

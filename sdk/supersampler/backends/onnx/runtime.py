@@ -103,25 +103,25 @@ def resolve_providers(providers: str | Sequence[str]) -> list[str]:
         ArgumentError: `providers` is neither a name nor a list of names.
         ProviderError: a name is unknown, or its provider is not installed; the message lists those that are.
     """
-    wanted = [providers] if isinstance(providers, str) else providers
-    if not is_row(wanted) or not all(isinstance(name, str) for name in wanted) or not len(wanted):
+    given = [providers] if isinstance(providers, str) else providers
+    if not is_row(given) or not all(isinstance(name, str) for name in given) or not len(given):
         want = "'auto', a provider's name, or several in a list"
         raise ArgumentError("providers", got=shown(providers), want=want)
     _check_one_distribution()
     available = ort.get_available_providers()
     if isinstance(providers, str) and providers == "auto":
         return [NAMES[name] for name in _AUTOMATIC if NAMES[name] in available][:1]
-    names = [NAMES.get(name.lower(), name) for name in wanted]
-    for asked, name in zip(wanted, names, strict=True):
+    names = [NAMES.get(name.lower(), name) for name in given]
+    for typed, name in zip(given, names, strict=True):
         if name not in (*NAMES.values(), *available, *ort.get_all_providers()):
             raise ProviderError(
-                f"no execution provider is called {shown(asked)}; known are {', '.join(NAMES)}, ONNX "
+                f"no execution provider is called {shown(typed)}; known are {', '.join(NAMES)}, ONNX "
                 f"Runtime's own names, and 'auto' by itself. Available here: {', '.join(available)}. "
-                f"{did_you_mean(asked, NAMES)}".rstrip()
+                f"{did_you_mean(typed, NAMES)}".rstrip()
             )
         if name not in available:
             raise ProviderError(
-                f"execution provider {asked!r} is not in this installation of ONNX Runtime; "
+                f"execution provider {typed!r} is not in this installation of ONNX Runtime; "
                 f"available: {', '.join(available)}. Other providers come with other distributions: "
                 "uninstall onnxruntime, then install onnxruntime-gpu or onnxruntime-directml."
             )

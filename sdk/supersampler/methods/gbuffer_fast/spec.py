@@ -41,7 +41,7 @@ class GuidedConfig(ClassifierConfig):
     normal_falloff: Number = 4.0
     """A sample's weight is exp(-falloff * squared difference), of normals."""
     base_color_falloff: Number = 8.0
-    """As `normal_falloff`, for base colours."""
+    """A sample's weight is exp(-falloff * squared difference), of base colours."""
     min_reflectance: Share = 0.08
     """Reflectance of black surfaces, about twice that of a dielectric; white ones reflect 1."""
 

@@ -209,7 +209,7 @@ def wave(depth: float, hertz: float, phase: float = 0.0, *, square: bool = False
 
 
 class HandHeldCamera(NamedTuple):
-    """A camera that is carried along a course and looks at a target."""
+    """Camera that moves along a course with a hand's sway, and looks at a target."""
 
     course: Course  # of the eye
     target: Values  # (3,) metres

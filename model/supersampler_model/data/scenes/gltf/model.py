@@ -189,10 +189,10 @@ class GltfScene:
         """Return the instances of the file at a time.
 
         Args:
-            time: seconds into the clip; before its start and after its end it stands still.
-            time_before: the same one frame ago.
+            time: seconds into the clip; clamped to its length.
+            time_before: `time` of the previous frame.
             transform: (4, 4) the file's space to the world.
-            transform_before: the same one frame ago; None: no motion.
+            transform_before: `transform` of the previous frame; None: no motion.
             clip: index in `clips`; a file without any stays as it is.
             emission: multiplies what its materials emit.
 
