@@ -17,7 +17,6 @@ from supersampler_bench.quality.measure import ScoredImage, measure_quality, run
 from supersampler_bench.specs import gbuffers_of, incompatibility, with_default_gbuffers
 from supersampler_bench.stress.runner import chosen, left_out, measure, runs
 from supersampler_bench.stress.subjects import subjects
-from supersampler_bench.timing.device import measure_device
 from supersampler_bench.timing.latency import measure_latency
 
 RENDER, DISPLAY = (32, 18), (64, 36)
@@ -69,16 +68,6 @@ def test_speed_times_a_method_with_buffers_where_it_renders(gbuffer_model: Path)
     assert reading - plain == history + 4 * (3 * 32 * 18 + 6 * 64 * 36)
     assert len(unfit) == 1
     assert "(65, 36)" in unfit[0]
-
-
-def test_a_device_is_timed_with_buffers_captured_too(gbuffer_model: Path) -> None:
-    name, unfit = str(gbuffer_model), list[str]()
-    results = measure_device(
-        [name], [DISPLAY, (63, 36)], ["fp32"], provider="cpu", steps=1, captures=(False, True),
-        on_left_out=unfit.append,
-    )  # fmt: skip
-    assert [(r.method, r.capture) for r in results] == [("demodulated", False), ("demodulated", True)]
-    assert len(unfit) == 1
 
 
 def test_stress_gives_buffers_and_says_what_a_ratio_leaves_out(gbuffer_model: Path) -> None:

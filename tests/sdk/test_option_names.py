@@ -65,5 +65,5 @@ def test_messages_name_only_options_that_exist(folder: str) -> None:
 @pytest.mark.parametrize("option", ["--size", "--sizes", "--ratios", "--provider", "--extrapolation"])
 def test_options_have_one_name_in_all_commands(option: str) -> None:
     """Other names are in use: --display-size, --render-size, --ratio, --providers, --extrapolate."""
-    others = {"--size": {"train"}, "--sizes": {"bench traffic"}}  # of crops; pairs of sizes
+    others = {"--size": {"train"}}  # of crops
     assert {name for name, options in commands().items() if option in options} == others.get(option, set())

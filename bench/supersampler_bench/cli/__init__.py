@@ -19,11 +19,10 @@ for command in (
     quality.quality,
     quality.extrapolation,
     timing.cost,
-    timing.traffic,
     timing.latency,
+    timing.against,
     timing.startup,
     timing.device,
-    timing.skip,
     quality.still,
     timing.pareto,
     report.stress,
@@ -32,6 +31,5 @@ for command in (
     quality.product_shot,
     report.records,
     report.tables,
-    report.report,
 ):
     app.command(command.__name__.replace("_", "-"))(command)

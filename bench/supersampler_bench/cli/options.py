@@ -38,10 +38,12 @@ UPDATE = Annotated[
     Path | None, typer.Option(help="Rewrite the tables between this Markdown file's bench marks.")
 ]
 METHODS = Annotated[str, typer.Option(help="Shipped models or model folders, with commas between.")]
-SCENES = Annotated[str, typer.Option(help="Families of test shots, with commas between.")]
 DISPLAY_SIZE = Annotated[str, typer.Option(help="Size of the images, as 960x540.")]
 DISPLAY_SIZES = Annotated[str, typer.Option(help="Display sizes, with commas between.")]
 ONE_RATIO = Annotated[float, typer.Option(min=1.0, help="Display over render size.")]
+THREADS = Annotated[
+    str | None, typer.Option(help="CPU threads, with commas between.", show_default="all cores")
+]
 STEPS = Annotated[int, typer.Option(min=1, help="Timed steps of each setting.")]
 SAMPLES = Annotated[int, typer.Option(min=1, help="Samples per pixel of the references.")]
 EXECUTORS = Annotated[str, typer.Option(help="cpu, onnx, cpu+onnx, gpu, with commas between.")]
@@ -124,18 +126,6 @@ def numbers_of(option: str, text: str) -> list[float]:
         return [float(part) for part in listed(text)]
     except ValueError as error:
         raise ArgumentError(option, got=repr(text), want="numbers with commas between: 1.5,2") from error
-
-
-def size_pairs_of(text: str) -> list[tuple[Size, Size]]:
-    """Return the render and display sizes of an option, as 960x540:1920x1080.
-
-    Raises:
-        ArgumentError: a part is no pair of sizes.
-    """
-    pairs = [part.split(":") for part in listed(text)]
-    if any(len(pair) != 2 for pair in pairs):
-        raise ArgumentError("--sizes", got=repr(text), want="pairs as 960x540:1920x1080, with commas between")
-    return [(parse_size(render, "--sizes"), parse_size(display, "--sizes")) for render, display in pairs]
 
 
 def words_of(option: str, text: str, known: Sequence[T]) -> list[T]:

@@ -53,7 +53,7 @@ def quality(
     cache: CACHE = None,
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", help="Folder for curves over the frames, error heat maps, classes."),
+        typer.Option("-o", "--output", help="Folder for curves over the frames and error heat maps."),
     ] = None,
     json: JSON = None,
     update: Annotated[
@@ -81,10 +81,6 @@ def quality(
     for page in update or []:
         check_page(page, QualityRecord, f"quality {name}")
     record = QualityRecord.of([_measured(one, origin, listed(methods), output) for one, origin in opened])
-    if output is not None:
-        from supersampler_bench.report.figures import draw_means  # needs matplotlib
-
-        draw_means(record, output)
     console = Terminal()
     for title, rows in [*record.shot_tables(), *record.mean_tables().values()]:
         console.print(rich_table(title, rows))

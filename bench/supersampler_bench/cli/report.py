@@ -1,4 +1,4 @@
-"""`supersampler bench` commands about records: stress, records, tables and report."""
+"""`supersampler bench` commands about records: stress, records and tables."""
 
 import time
 from pathlib import Path
@@ -7,7 +7,6 @@ from typing import Annotated
 import typer
 
 from supersampler.cli.terminal import Terminal
-from supersampler.io.files import check_ours
 from supersampler_bench.cli.options import (
     ERRORS,
     EXECUTORS,
@@ -21,7 +20,6 @@ from supersampler_bench.cli.options import (
     say,
     warn,
 )
-from supersampler_bench.record import SHIPPED_PARETO, read_record
 
 
 def stress(
@@ -140,47 +138,3 @@ def records(
         )
     if failed:
         raise typer.Exit(1)
-
-
-def report(
-    output: Annotated[Path, typer.Option("-o", "--output", help="The page.")] = Path("report.html"),
-    results: Annotated[
-        Path | None,
-        typer.Option(
-            help="Folder of records; with --quick, where they are written.",
-            show_default="bench/results; with --quick, beside the page",
-        ),
-    ] = None,
-    quick: Annotated[
-        bool, typer.Option("--quick", help="Measure everything briefly first, on this machine.")
-    ] = False,
-) -> None:
-    """Make one HTML page of all records: tables, figures, machine and versions, images side by side.
-
-    The page needs no other file and no network. With --quick it shows rough numbers of this machine: quality
-    of the shipped shot, latency, one against the other, parity, stress.
-
-    \b
-    Examples:
-      supersampler bench report -o report.html
-      supersampler bench report --quick -o here.html
-    """  # noqa: D301  # \b is click's mark for lines that are not to be joined
-    from supersampler.io.shot import Shot
-    from supersampler_bench.report.doc_tables import RESULTS, read_records
-    from supersampler_bench.report.page import is_page, write_page
-    from supersampler_bench.report.quick import split_view
-
-    check_ours(output, is_page, "a page of `bench report`")
-    if quick:
-        from supersampler_bench.report.quick import measure_quickly
-
-        folder = results or output.parent / f"{output.stem}-records"
-        measure_quickly(folder, lambda name, message: say(f"{name}: {message}"))
-    else:
-        folder = results or RESULTS
-    records = read_records(folder)
-    if not quick and "pareto" not in records and SHIPPED_PARETO.is_file():
-        records["pareto"] = read_record(SHIPPED_PARETO)
-    with ERRORS.status("writing"):
-        write_page(output, records, split_view(Shot.open("plaza")))
-    Terminal().print(f"{output}: {', '.join(records)}", soft_wrap=True)

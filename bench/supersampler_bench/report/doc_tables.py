@@ -27,17 +27,14 @@ from supersampler_bench.record import (
 )
 from supersampler_bench.stress.runner import StressRecord
 from supersampler_bench.timing.against import AgainstRecord, StartupRecord
-from supersampler_bench.timing.device import DeviceRecord
+from supersampler_bench.timing.cost import CostRecord
 from supersampler_bench.timing.device_record import GpuRecord
 from supersampler_bench.timing.latency import LatencyRecord
 from supersampler_bench.timing.pareto import ParetoRecord
-from supersampler_bench.timing.skip import SkipRecord
-from supersampler_bench.timing.traffic import CostRecord, TrafficRecord
 
 RECORDS: tuple[type[BenchRecord], ...] = (
     *(QualityRecord, ExtrapolationRecord, StillRecord, ParityRecord, StressRecord),
-    *(LatencyRecord, AgainstRecord, StartupRecord, SkipRecord, ParetoRecord),
-    *(DeviceRecord, GpuRecord, CostRecord, TrafficRecord),
+    *(LatencyRecord, AgainstRecord, StartupRecord, ParetoRecord, GpuRecord, CostRecord),
 )
 """Types of the records whose tables the documentation has."""
 RESULTS = Path("bench/results")

@@ -1,4 +1,4 @@
-"""Figures of records: time against error, curves over frames, error heat maps, classes."""
+"""Figures of records: time against error, curves over frames, error heat maps."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -17,30 +17,11 @@ from supersampler.conventions import jitter_phase_count
 from supersampler.frame import Float32
 from supersampler.io.compare import false_color
 from supersampler.io.files import replacing
-from supersampler_bench.markdown import figure as figure_text
 from supersampler_bench.markdown import size_text
 from supersampler_bench.quality.measure import ScoredImage
-from supersampler_bench.quality.score_table import (
-    CLIP_COLUMNS,
-    COLUMNS,
-    Column,
-    QualityRecord,
-    caption,
-    confusions_of,
-    sizes,
-)
-from supersampler_bench.quality.scores import (
-    BORDER,
-    CLASSES,
-    WARM_UP_FRAMES,
-    Counts,
-    MethodRow,
-    ShotRow,
-    fractions,
-    overlap,
-)
+from supersampler_bench.quality.score_table import CLIP_COLUMNS, COLUMNS, Column, sizes
+from supersampler_bench.quality.scores import BORDER, WARM_UP_FRAMES, MethodRow, ShotRow
 from supersampler_bench.quality.still import StillRecord, StillScores
-from supersampler_bench.record import BenchRecord, JsonRecord
 from supersampler_bench.timing.pareto import ParetoPoint, ParetoRecord, by_ratio, frontier
 from supersampler_model.data.shots import variant_name
 
@@ -146,7 +127,7 @@ def _save(figure: Figure, path: Path) -> None:
 
 
 def draw_shot(shot: ShotRow, maps: ErrorMaps, folder: Path) -> None:
-    """Write a folder with curves, errors and, where a method predicts them, classes of one shot.
+    """Write a folder with curves and errors of one shot.
 
     Args:
         shot: by `shot_row`.
@@ -156,15 +137,6 @@ def draw_shot(shot: ShotRow, maps: ErrorMaps, folder: Path) -> None:
     name = shot.name + (f"-{variant_name(shot.ratio)}" if shot.ratio is not None else "")
     draw_curves(shot, folder / name / "curves.png")
     draw_errors(sizes(shot), maps, folder / name / "errors.png")
-    if confusions := confusions_of(shot.methods):
-        draw_classes(caption(shot), confusions, folder / name / "classes.png")
-
-
-def draw_means(record: QualityRecord, folder: Path) -> None:
-    """Draw the classes of all shots at each ratio, where there are several shots."""
-    for ratio, (title, rows) in record.mean_tables().items():
-        if confusions := confusions_of(rows):
-            draw_classes(title, confusions, folder / f"classes-{variant_name(ratio)}.png")
 
 
 def draw_curves(shot: ShotRow, path: Path) -> None:
@@ -234,40 +206,6 @@ def draw_errors(title: str, maps: ErrorMaps, path: Path) -> None:
     _save(figure, path)
 
 
-def draw_classes(title: str, confusions: Sequence[tuple[str, Counts]], path: Path) -> None:
-    """Draw, by method, the predicted classes of each true class.
-
-    Args:
-        title: of the figure.
-        confusions: methods and their class counts.
-        path: of the PNG.
-    """
-    figure = Figure(figsize=(10.0, 4.2 * len(confusions) + 0.5), dpi=_DPI, layout="constrained")
-    panels = figure.subplots(len(confusions), len(CLASSES), squeeze=False)
-    for row, (method, counts) in zip(panels, confusions, strict=True):
-        for axes, (group, names), matrix in zip(row, CLASSES.items(), counts, strict=True):
-            _draw_matrix(axes, names, matrix)
-            axes.set_title(f"{method}: {group}", fontsize="medium")
-    figure.suptitle(title)
-    _save(figure, path)
-
-
-def _draw_matrix(axes: Axes, names: Sequence[str], matrix: Counts) -> None:
-    predicted_as = fractions(matrix)
-    part = matrix.sum(axis=1) / max(matrix.sum(), 1)
-    axes.imshow(np.nan_to_num(predicted_as), cmap="Blues", vmin=0.0, vmax=1.0)
-    axes.set_xticks(range(len(names)), names)
-    labels = [
-        f"{name}\n{of_all:.2%} of pixels\nIoU {figure_text(iou, 3)}"
-        for name, of_all, iou in zip(names, part, overlap(matrix), strict=True)
-    ]
-    axes.set_yticks(range(len(names)), labels)
-    axes.set(xlabel="predicted", ylabel="true")
-    for (true, predicted), value in np.ndenumerate(predicted_as):
-        ink = "white" if value > 0.5 else "black"
-        axes.text(predicted, true, figure_text(100.0 * value, 1, "%"), ha="center", va="center", color=ink)
-
-
 def _limit(errors: Sequence[Float32]) -> float:
     """Upper end of the colour scale: the 99.8th percentile, since outliers would darken all else."""
     return max(float(np.percentile(error, 99.8)) for error in errors) or 1.0
@@ -275,41 +213,6 @@ def _limit(errors: Sequence[Float32]) -> float:
 
 _GREY = "0.65"
 _NEAR = 0.04  # fraction of the time and of the range of scores within which points share a label
-
-
-def draw_record(data: JsonRecord, folder: Path) -> list[tuple[str, Path]]:
-    """Draw what a record has figures of: time against each error, curves over frames.
-
-    Args:
-        data: of any bench.
-        folder: of the PNG files.
-
-    Returns:
-        Title and file of each.
-    """
-    record = BenchRecord.from_json(data)
-    if isinstance(record, ParetoRecord):
-        written = draw_pareto(record, folder)
-        headings = {f"pareto-{c.name.replace('_', '-')}": c.title for c in CLIP_COLUMNS}
-        return [(f"{headings[path.stem]} against time", path) for path in written]
-    if isinstance(record, QualityRecord):
-        return _curves(record, folder)
-    if isinstance(record, StillRecord):
-        draw_still(record, folder / "still.png")
-        return [("PSNR in front of a fixed camera, over the frames", folder / "still.png")]
-    return []
-
-
-def _curves(record: QualityRecord, folder: Path) -> list[tuple[str, Path]]:
-    if len({shot.ratio for shot in record.shots}) > 1:
-        return []  # too many: curves of each shot at each ratio
-    curves = []
-    for number, shot in enumerate(record.shots):
-        if all(row.frames for row in shot.methods):  # published records have summaries alone
-            path = folder / f"curves-{number}.png"
-            draw_curves(shot, path)
-            curves.append((f"{sizes(shot)}: over the frames", path))
-    return curves
 
 
 def draw_still(record: StillRecord, path: Path) -> None:

@@ -11,12 +11,10 @@ is a request as JSON; the last line that it prints is its answer, as JSON.
 
 import json
 import os
-import subprocess
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import suppress
-from dataclasses import asdict, dataclass
-from functools import cached_property
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
 from itertools import product
 from math import comb
 from pathlib import Path
@@ -31,10 +29,9 @@ from supersampler.frame import Size
 from supersampler.io.child_process import end_text, run
 from supersampler.io.files import replacing
 from supersampler.methods.gbuffers import GBUFFERS
-from supersampler.methods.model_file import find_model, read_model_info
 from supersampler_bench.markdown import size_text, table
 from supersampler_bench.record import BenchRecord
-from supersampler_bench.specs import gbuffers_of, incompatibility, parse_spec, with_default_gbuffers
+from supersampler_bench.specs import compatible, gbuffers_of, parse_spec, with_default_gbuffers
 from supersampler_bench.timing.latency import frames_of
 from supersampler_model.data.shots import render_size
 
@@ -76,23 +73,20 @@ upscaler = Upscaler(request["method"], display_size=(width, height), providers="
                     threads=request["threads"], validate="off")
 image = np.empty((height, width, 3), np.float32)
 wall, cores = [], []
-for index in range(request["warm_up"] + request["steps"]):
+for index in range(10 + request["steps"]):
     began, spent = time.perf_counter(), time.process_time()
     upscaler.step(frames[index % len(frames)], out=image)
     wall.append(time.perf_counter() - began)
     cores.append(time.process_time() - spent)
-print(json.dumps({"wall": wall[request["warm_up"]:], "cores": cores[request["warm_up"]:]}))
+print(json.dumps({"wall": wall[10:], "cores": cores[10:]}))
 """
-"""Prints the seconds of each step, wall time and time of all cores.
+"""Prints the seconds of each step after ten of warm-up, wall time and time of all cores.
 
-Request: method, frames (NPZ file), display (width, height), threads, warm_up (steps not counted), steps.
+Request: method, frames (NPZ file), display (width, height), threads, steps.
 """
-_GIT_SECONDS = 30.0
 _ABOUT = """
-import json, os, platform, supersampler
-folder = os.path.dirname(os.path.abspath(supersampler.__file__))
-about = {"version": supersampler.__version__, "folder": folder, "python": platform.python_version()}
-print(json.dumps(about))
+import json, platform, supersampler
+print(json.dumps({"version": supersampler.__version__, "python": platform.python_version()}))
 """
 
 
@@ -110,28 +104,17 @@ class Version:
     python: str
     cache: Path
 
-    @cached_property
-    def about(self) -> dict[str, Any]:
-        """Version, Python, and the commit if the package is a git checkout, else None.
-
-        Raises:
-            ArgumentError: there is no such interpreter, or it has no supersampler.
-        """
-        about = self.run(_ABOUT)
-        return {**about, "commit": commit(Path(about.pop("folder")))}
-
-    def run(self, program: str, *, cache: Path | None = None, **request: Any) -> dict[str, Any]:
+    def run(self, program: str, **request: Any) -> dict[str, Any]:
         """Run a program in a new process, and return its answer.
 
         Args:
             program: `FIRST_IMAGE` or `STEPS`.
-            cache: folder for compiled kernels, instead of the version's own.
             request: of the program.
 
         Raises:
             ArgumentError: it fails; with its last message.
         """
-        environment = {**os.environ, "XDG_CACHE_HOME": str(cache or self.cache), "PYTHONSAFEPATH": "1"}
+        environment = {**os.environ, "XDG_CACHE_HOME": str(self.cache), "PYTHONSAFEPATH": "1"}
         if self.name == "other":
             environment.pop("PYTHONPATH", None)  # it may lead to this version
         command = [self.python, "-c", program.strip(), json.dumps(request)]
@@ -150,7 +133,7 @@ class Version:
             raise self._error(f"no Python: it prints {answer[:60]!r}") from None
 
     def _error(self, problem: str) -> ArgumentError:
-        option, want = "--against", "an interpreter that has the other version of supersampler"
+        option, want = "PYTHON", "an interpreter that has the other version of supersampler"
         if self.name == "this":
             option, want = "--methods", "methods that run in this version"
         return ArgumentError(option, got=f"{self.python}: {problem}", want=want)
@@ -159,20 +142,6 @@ class Version:
 def _last_line(output: bytes) -> str:
     lines = output.decode(errors="replace").split("\n")
     return next((line.strip() for line in reversed(lines) if line.strip()), "")
-
-
-def commit(folder: Path) -> str | None:
-    """Return the commit that a package's folder is a checkout of; None if it is none or git is missing."""
-    with suppress(OSError, subprocess.SubprocessError):
-        _git(folder, "ls-files", "--error-unmatch", "__init__.py")
-        return _git(folder, "describe", "--always", "--dirty", "--exclude=*", "--abbrev=12")
-    return None
-
-
-def _git(folder: Path, *command: str) -> str:
-    done = run(["git", "-C", str(folder), *command], seconds=_GIT_SECONDS)
-    done.check_returncode()
-    return done.stdout.decode(errors="replace").strip()
 
 
 @dataclass(frozen=True)
@@ -258,39 +227,16 @@ class StartupRecord(BenchRecord):
 
 COVERAGE = 0.95
 """Minimum probability with which the interval of a median contains it."""
-ROUNDS, MIN_ROUNDS = 10, 6
-"""Rounds of steps by default; minimum number that gives an interval of `COVERAGE`."""
-_WARM_UP = 10  # steps of each process before those that count
+MIN_ROUNDS = 6
+"""Minimum number of rounds that gives an interval of `COVERAGE`."""
 
-STEP_WALL, STEP_CORES = "step, wall", "step, all cores"
-FIRST, FIRST_FRESH = "first image", "first image, nothing kept"
-"""Kinds of times: of a step; from the first line of a program to its first image, kernels cached or not."""
+STEP_WALL, STEP_CORES, FIRST = "step, wall", "step, all cores", "first image"
+"""Kinds of times: of a step; from the first line of a program to its first image, with cached kernels."""
 Pair: TypeAlias = tuple[float, float]
 """Times of this version and of the other."""
 Versions: TypeAlias = tuple[Version, Version]
 T = TypeVar("T")
 R = TypeVar("R")
-
-
-@dataclass(frozen=True)
-class Rounds:
-    """Numbers of rounds.
-
-    Attributes:
-        rounds: rounds of steps.
-        steps: steps that count, of each version and method in a round.
-        starts: rounds of first images with cached kernels.
-        fresh: rounds of first images with an empty kernel cache.
-    """
-
-    rounds: int = ROUNDS
-    steps: int = 10
-    starts: int = ROUNDS
-    fresh: int = 0
-
-    def total(self, settings: int) -> int:
-        """Return the rounds of one method at so many sizes and numbers of threads."""
-        return settings * self.rounds + self.starts + self.fresh
 
 
 @dataclass(frozen=True)
@@ -301,7 +247,7 @@ class Compared:
         method: the model's name.
         display: (width, height) of the images.
         threads: on the CPU; 0 for first images, which use the version's default.
-        what: `STEP_WALL`, `STEP_CORES`, `FIRST` or `FIRST_FRESH`.
+        what: `STEP_WALL`, `STEP_CORES` or `FIRST`.
         this: of the installed version.
         other: of the other one.
         median: of the ratios this / other in each round.
@@ -328,10 +274,11 @@ def measure_against(
     threads: Sequence[int],
     *,
     ratio: float = 2.0,
-    rounds: Rounds = Rounds(),
+    rounds: int = 10,
+    steps: int = 30,
     on_round: Callable[[], None] = lambda: None,
     on_left_out: Callable[[str], None] = lambda _: None,
-) -> tuple[dict[str, Any], list[Compared]]:
+) -> tuple[dict[str, dict[str, str]], list[Compared]]:
     """Time methods in this version and in another one.
 
     Args:
@@ -340,7 +287,8 @@ def measure_against(
         displays: (width, height) of the images.
         threads: numbers of CPU threads.
         ratio: display over render size.
-        rounds: how often.
+        rounds: of each setting; at least MIN_ROUNDS.
+        steps: that count, of each version in a round.
         on_round: called after each round of each method.
         on_left_out: called with what is not timed, and why.
 
@@ -348,37 +296,44 @@ def measure_against(
         Facts of the versions "this" and "other", and the times.
 
     Raises:
-        ArgumentError: `python` is no interpreter, has no supersampler, lacks a method, or a process died; or
-            rounds are too few for an interval.
+        ArgumentError: `python` is no interpreter, has no supersampler, lacks a method, or a process died.
     """
-    for name, count in asdict(rounds).items():
-        if name != "steps" and 0 < count < MIN_ROUNDS:
-            want = f"at least {MIN_ROUNDS}, or 0"
-            raise ArgumentError(f"--{name}", got=count, want=want, hint="Fewer give no interval.")
     results: list[Compared] = []
     with TemporaryDirectory() as name:
         folder = Path(name)
         sides = Version("this", sys.executable, folder / "this"), Version("other", python, folder / "other")
-        about = {side.name: side.about for side in reversed(sides)}  # a wrong interpreter fails at once
+        other, this = (side.run(_ABOUT) for side in reversed(sides))  # a wrong interpreter fails at once
         for display, count in product(displays, threads):
             render, frames = render_size(display, ratio), folder / "frames.npz"
-            able = [method for method in methods if not incompatibility(method, render, display)]
+            able = compatible(methods, render, display, on_left_out)
             _write_frames(frames, able, render, display)
             for method in able:
-                results += _steps(sides, frames, method, display, count, rounds, on_round)
-        for method in methods:
-            if reason := _no_first_image(method, render_size(displays[0], ratio), displays[0]):
-                on_left_out(reason)
-            else:
-                results += _first_images(sides, method, displays[0], ratio, rounds, on_round)
-    return about, results
+                request = {"method": method, "frames": str(frames), "display": display, "threads": count}
+                timed = partial(_step_times, request={**request, "steps": steps})
+                pairs = _in_rounds(rounds, sides, timed, on_round)
+                for number, what in enumerate((STEP_WALL, STEP_CORES)):
+                    one = [(this[number], other[number]) for this, other in pairs]
+                    results.append(compared(method, display, count, what, one))
+        render = render_size(displays[0], ratio)
+        for method in compatible(methods, render, displays[0], lambda _: None):
+            if not gbuffers_of([method]):  # the program's frame has none
+                timed_first = partial(
+                    _first_time, request={"method": method, "render": render, "scale": ratio}
+                )
+                for side in sides:
+                    timed_first(side)  # fills the kernel cache
+                firsts = _in_rounds(rounds, sides, timed_first, on_round)
+                results.append(compared(method, displays[0], 0, FIRST, firsts))
+    return {"this": this, "other": other}, results
 
 
-def _no_first_image(method: str, render: Size, display: Size) -> str:
-    if reason := incompatibility(method, render, display):
-        return reason
-    info = read_model_info(find_model(method))
-    return f"{method}: no first image is timed, as its frames have no G-buffers." if info.gbuffers else ""
+def _step_times(version: Version, request: Mapping[str, Any]) -> Pair:
+    seconds = version.run(STEPS, **request)
+    return 1e3 * median(seconds["wall"]), 1e3 * fmean(seconds["cores"])
+
+
+def _first_time(version: Version, request: Mapping[str, Any]) -> float:
+    return 1e3 * float(version.run(FIRST_IMAGE, **request)["seconds"])
 
 
 def _write_frames(path: Path, methods: Sequence[str], render: Size, display: Size) -> None:
@@ -393,55 +348,8 @@ def _write_frames(path: Path, methods: Sequence[str], render: Size, display: Siz
         place, array = GBUFFERS[name], GBUFFERS[name].find(first)
         if array is not None:
             arrays[f"{place.group}.{place.key}"] = array
-    with replacing(path) as partial:
-        np.savez(partial, **arrays)  # type: ignore[arg-type]  # its stub mistakes the names for other arguments
-
-
-def _steps(
-    sides: Versions,
-    frames: Path,
-    method: str,
-    display: Size,
-    threads: int,
-    rounds: Rounds,
-    on_round: Callable[[], None],
-) -> Iterator[Compared]:
-    request: dict[str, Any] = {
-        "method": method,
-        "frames": str(frames),
-        "display": display,
-        "threads": threads,
-    }
-
-    def timed(version: Version) -> Pair:
-        seconds = version.run(STEPS, **request, warm_up=_WARM_UP, steps=rounds.steps)
-        return 1e3 * median(seconds["wall"]), 1e3 * fmean(seconds["cores"])
-
-    found = _in_rounds(rounds.rounds, sides, timed, on_round)
-    for number, what in enumerate((STEP_WALL, STEP_CORES)):
-        pairs = [(this[number], other[number]) for this, other in found]
-        yield compared(method, display, threads, what, pairs)
-
-
-def _first_images(
-    sides: Versions, method: str, display: Size, ratio: float, rounds: Rounds, on_round: Callable[[], None]
-) -> Iterator[Compared]:
-    request: dict[str, Any] = {"method": method, "render": render_size(display, ratio), "scale": ratio}
-
-    def kept(version: Version) -> float:
-        return 1e3 * float(version.run(FIRST_IMAGE, **request)["seconds"])
-
-    def fresh(version: Version) -> float:
-        with TemporaryDirectory() as empty:
-            return 1e3 * float(version.run(FIRST_IMAGE, cache=Path(empty), **request)["seconds"])
-
-    if rounds.fresh:
-        pairs = _in_rounds(rounds.fresh, sides, fresh, on_round)
-        yield compared(method, display, 0, FIRST_FRESH, pairs)
-    if rounds.starts:
-        for version in sides:
-            kept(version)  # fills the kernel caches
-        yield compared(method, display, 0, FIRST, _in_rounds(rounds.starts, sides, kept, on_round))
+    with replacing(path) as partial_path:
+        np.savez(partial_path, **arrays)  # type: ignore[arg-type]  # its stub mistakes the names for other arguments
 
 
 def _in_rounds(
@@ -484,8 +392,8 @@ class AgainstRecord(BenchRecord):
     """Times of two versions, "this" and "other"."""
 
     ratio: float
-    sides: dict[str, Any]
-    taken: Rounds
+    sides: dict[str, dict[str, str]]
+    steps: int
     compared: list[Compared]
     BENCH = "against"
 
@@ -501,16 +409,11 @@ class AgainstRecord(BenchRecord):
             ]
             for c in self.compared
         ]
+        this, other = (f"{side['version']}, Python {side['python']}" for side in self.sides.values())
         caption = (
-            f"This version ({_named(self.sides['this'])}) and another ({_named(self.sides['other'])}) in "
-            f"turns, {self.taken.rounds} rounds of {self.taken.steps} steps each at ratio {self.ratio:g}; "
-            "medians over the rounds, and of the ratios in each round, with an interval of order statistics "
-            f"that holds the median with at least {COVERAGE:.0%}. {self.machine_name}."
+            f"This version ({this}) and another ({other}) in turns, {self.steps} steps a round at ratio "
+            f"{self.ratio:g}; medians over the rounds, and of the ratios in each round, with an interval of "
+            f"order statistics that holds the median with at least {COVERAGE:.0%}. {self.machine_name}."
         )
         headings = ["display", "threads:", "method", "what", "other, ms:", "this, ms:", "this / other:"]
         return table([*headings, "95 % interval"], rows, caption)
-
-
-def _named(version: Mapping[str, Any]) -> str:
-    commit = f", commit {version['commit']}" if version["commit"] else ""
-    return f"{version['version']}{commit}, Python {version['python']}"

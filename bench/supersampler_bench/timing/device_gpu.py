@@ -15,8 +15,8 @@ from supersampler.backends.gpu.memory import BufferSpec, MemorySpec, TextureSpec
 from supersampler.errors import ArgumentError, DeviceError
 from supersampler.frame import Size
 from supersampler_bench.specs import compatible
-from supersampler_bench.timing.gpu_traffic import pass_costs
 from supersampler_bench.timing.latency import frames_of, quantiles, take_turns
+from supersampler_bench.timing.pass_costs import pass_costs
 from supersampler_model.data.shots import render_size
 
 if TYPE_CHECKING:
@@ -339,7 +339,7 @@ def measure_gpu(
 
 
 def frame_textures(device: "wgpu.GPUDevice", frame: Frame) -> dict[str, "wgpu.GPUTexture"]:
-    """Return textures of a frame's images, of the formats that `bench traffic` counts."""
+    """Return textures of a frame's images, of the formats that `pass_costs` counts."""
     width, height = frame.size
     textures = {}
     for name, (texel, channels) in _CHANNELS.items():

@@ -1,29 +1,26 @@
 """Run time against error: settings that no other beats in both, and presets.
 
-Errors come from records of `bench quality` and `bench extrapolation`, which do not depend on the machine, or
-from an earlier Pareto record; times are measured here. Settings are compared at one ratio, because a ratio
-saves time in the renderer, not in the upscaler. The time of an unshaded frame is that of extrapolating and
-upscaling it; its shading is saved in the renderer.
+Errors come from records of `bench quality`, which do not depend on the machine, or from an earlier Pareto
+record; times are measured here. Settings are compared at one ratio, because a ratio saves time in the
+renderer, not in the upscaler.
 """
 
 import itertools
 import statistics
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from supersampler import Model, upscale_sequence
 from supersampler.errors import ArgumentError, ModelError
 from supersampler.frame import Size
 from supersampler.methods.model_file import find_model, model_names, read_model_info
-from supersampler.upscaler import Upscaler
 from supersampler_bench.markdown import size_text, table
-from supersampler_bench.quality.extrapolation import EVERY_SECOND, ExtrapolationRecord
 from supersampler_bench.quality.score_table import CLIP_COLUMNS, Column, QualityRecord
 from supersampler_bench.record import BenchRecord
 from supersampler_bench.specs import Spec, gbuffers_of, parse_spec, with_default_gbuffers
-from supersampler_bench.timing.latency import WARM_UP, Setting, frames_of, measure_settings, take_turns
+from supersampler_bench.timing.latency import Setting, frames_of, measure_settings
 from supersampler_model.data.shots import render_size
 
 FRAMES, PAIRS, ALL_FRAMES = 192, 5, 32
@@ -80,112 +77,6 @@ def measure_passes(
     seconds(2)
     runs = [(seconds(1), seconds(2)) for _ in range(pairs)]
     return PassTimes(frames, [one for one, _ in runs], [two for _, two in runs])
-
-
-UNSHADED_COLUMNS = CLIP_COLUMNS[:4]
-
-
-@dataclass(frozen=True)
-class UnshadedPoint:
-    """One upscaler and the model that extrapolates every second frame for it.
-
-    Attributes:
-        upscaler: method, precision, and what it does at rest.
-        model: that extrapolates.
-        ratio: display over render size.
-        shaded: median wall time of a step on a shaded frame, milliseconds.
-        unshaded: the same of an unshaded frame, with its extrapolation.
-        scores: of unshaded frames, by the name of a column; tPSNR is of all frames.
-        shaded_psnr: of the same frames, were they shaded.
-    """
-
-    upscaler: str
-    model: str
-    ratio: float
-    shaded: float
-    unshaded: float
-    scores: Mapping[str, float]
-    shaded_psnr: float
-
-
-class _UnshadedRunner:
-    """An Upscaler with every second frame unshaded."""
-
-    def __init__(self, scored: UnshadedPoint, display: Size, threads: int) -> None:
-        spec = parse_spec(scored.upscaler)
-        self.scored = scored
-        self._upscaler = Upscaler(
-            spec.model,
-            display_size=display,
-            providers="cpu",
-            threads=threads,
-            precision=spec.precision,
-            at_rest=spec.at_rest,
-            extrapolation=scored.model,
-            validate="off",
-        )
-        frames = frames_of(render_size(display, scored.ratio))
-        complete = (with_default_gbuffers(frame, self._upscaler.gbuffers, display) for frame in frames)
-        self._frames = itertools.cycle([replace(frame, reset=False) for frame in complete])
-        self._walls: tuple[list[float], list[float]] = [], []
-        take_turns([self], WARM_UP)
-        self._walls = [], []
-
-    def step(self) -> None:
-        """Time a frame of either kind."""
-        for unshaded, walls in enumerate(self._walls):
-            frame, began = next(self._frames), time.perf_counter()
-            if unshaded:
-                self._upscaler.extrapolate(replace(frame, color=None))
-            else:
-                self._upscaler.step(frame)
-            walls.append(1e3 * (time.perf_counter() - began))
-
-    def timed(self) -> UnshadedPoint:
-        """Summarise."""
-        shaded, unshaded = map(statistics.median, self._walls)
-        return replace(self.scored, shaded=shaded, unshaded=unshaded)
-
-
-def measure_unshaded(
-    records: Sequence["ExtrapolationRecord | ParetoRecord"],
-    display: Size,
-    *,
-    threads: int,
-    steps: int,
-    on_round: Callable[[], None] = lambda: None,
-) -> list[UnshadedPoint]:
-    """Time in turns everything that records have scores of; return the fastest first.
-
-    Args:
-        records: where several have the same scores, the last counts.
-        display: (width, height) of the images that are timed.
-        threads: on the CPU.
-        steps: that count, of each kind of frame.
-        on_round: called `steps` times.
-    """
-    scored = [point for record in records for point in unshaded_points_of(record)]
-    latest = {(point.upscaler, point.model, point.ratio): point for point in scored}
-    runners = [_UnshadedRunner(point, display, threads) for point in latest.values()]
-    take_turns(runners, steps, on_round=on_round)
-    return sorted((runner.timed() for runner in runners), key=lambda p: (p.ratio, p.unshaded))
-
-
-def unshaded_points_of(record: "ExtrapolationRecord | ParetoRecord") -> Iterator[UnshadedPoint]:
-    """Yield the scores of a record; times are 0 where it has none."""
-    if isinstance(record, ParetoRecord):
-        yield from record.unshaded
-        return
-    for ratio, row in record.rows():
-        if row.alternation != EVERY_SECOND:
-            continue
-        scores = {method.method: method.known() for method in row.methods}
-        for method, model in itertools.product(scores, record.models):
-            upscaler, _, way = method.partition(", ")
-            if way == model:
-                found = {c.name: scores[method][c.name] for c in UNSHADED_COLUMNS}
-                shaded = scores[f"{upscaler}, shaded"]["psnr"]
-                yield UnshadedPoint(upscaler, model, ratio, 0.0, 0.0, found, shaded)
 
 
 SPATIAL = ("bilinear", "bicubic")
@@ -396,16 +287,14 @@ class ParetoRecord(BenchRecord):
         display: (width, height) of the images that were timed.
         threads: on the CPU.
         points: by `measure_pareto`.
-        unshaded: by `measure_unshaded`.
     """
 
     shots: list[str]
     display: Size
     threads: int
     points: list[ParetoPoint]
-    unshaded: list[UnshadedPoint] = field(default_factory=list)
     BENCH = "pareto"
-    TABLES = ("", "presets", "unshaded")
+    TABLES = ("", "presets")
 
     def table(self) -> str:
         """Return the settings as Markdown, with a caption; bold figures are on their frontier."""
@@ -428,21 +317,3 @@ class ParetoRecord(BenchRecord):
     def presets_table(self) -> str:
         """Return the presets that follow from the points, as Markdown."""
         return table(["preset", "setting"], presets(at_ratio(self.points, PRESET_RATIO)).items())
-
-    def unshaded_table(self) -> str:
-        """Return the times of unshaded frames as Markdown, with a caption; "" without any."""
-        if not self.unshaded:
-            return ""
-        rows = []
-        for p in self.unshaded:
-            times = [f"{p.shaded:.1f}", f"{p.unshaded:.1f}", f"{p.shaded_psnr:.2f}"]
-            scores = (c.figure(p.scores) for c in UNSHADED_COLUMNS)
-            rows.append([f"{p.ratio:g}", p.upscaler, p.model, *times, *scores])
-        caption = (
-            f"Every second frame is unshaded. Time of a step to {size_text(self.display)} on "
-            f"{self.threads} threads ({self.machine_name}): on a shaded frame, and on an unshaded one "
-            "with its extrapolation. Scores are of unshaded frames, tPSNR of all; PSNR shaded is of the same "
-            "frames, shaded."
-        )
-        headings = ["ratio:", "upscaler", "extrapolated by", "ms shaded:", "ms unshaded:", "PSNR dB shaded:"]
-        return table([*headings, *(f"{c.title}:" for c in UNSHADED_COLUMNS)], rows, caption)

@@ -25,7 +25,6 @@ from supersampler_bench.quality.scores import (
     shot_row,
 )
 from supersampler_bench.record import Provenance, age_of, read_record, write_json
-from supersampler_bench.report.figures import draw_means
 from supersampler_model.data.scenes.analytic import Plane, checker
 
 README = "# Title\n<!-- bench:quality plaza -->\nold\n<!-- /bench -->\ntext\n<!-- /bench -->\n"
@@ -164,7 +163,7 @@ def test_the_command_renders_what_is_wrong_and_fills_every_page(tmp_path: Path) 
     figures = {
         p.name: np.asarray(ImageBuf(str(p)).get_pixels("uint8")) for p in (tmp_path / "out" / "own").iterdir()
     }
-    assert set(figures) == {"curves.png", "errors.png", "classes.png"}
+    assert set(figures) == {"curves.png", "errors.png"}
     assert all(image.std() > 10.0 for image in figures.values())
 
 
@@ -176,7 +175,7 @@ def test_a_page_without_a_block_for_the_shot_is_refused_before_anything_is_measu
     assert find_blocks(page, QualityRecord.block_names("quality plaza")) == ["quality plaza"]
 
 
-def test_several_shots_have_tables_and_figures_of_their_mean(tmp_path: Path) -> None:
+def test_several_shots_have_tables_of_their_mean() -> None:
     measured = [
         MethodScores(r.method, [replace(f, cropped_classes=np.ones((2, 3, 3), np.int64)) for f in r.frames])
         for r in RESULTS
@@ -189,8 +188,6 @@ def test_several_shots_have_tables_and_figures_of_their_mean(tmp_path: Path) -> 
     assert "**12.0**" in clip
     assert "33.3 %" in classes
     assert classes.count("Mean of the shots") == 1
-    draw_means(record, tmp_path / "out")
-    assert [path.name for path in (tmp_path / "out").iterdir()] == ["classes-2x.png"]
     without = QualityRecord.of([shot_row(Shot.open("plaza"), RESULTS)])
     assert without.tables("quality plaza")["quality plaza classes"] == NO_CLASSES
 

@@ -1,4 +1,4 @@
-"""`bench device --executor gpu`: what is timed, compared and recorded, and its tables."""
+"""`bench device`: what is timed and recorded, and its tables."""
 
 import json
 from dataclasses import replace
@@ -23,7 +23,7 @@ from supersampler_bench.timing.device_gpu import (
     measure_gpu,
     measure_limits,
 )
-from supersampler_bench.timing.device_record import GpuImages, GpuRecord
+from supersampler_bench.timing.device_record import GpuRecord
 
 DISPLAY = (128, 72)
 LIMITS = DeviceLimits(buffers=1e12, textures=2e12, multiplied=1e13)
@@ -35,7 +35,6 @@ STEP = GpuStep(
     "classifier", (960, 540), (1920, 1080), "int8", 300, 1.2, 1.3, 1.4, 20.0, 25.0, 3.0,
     (GpuPass("measure", 0.01, 0.01, 0, 0), *PASSES),
 )  # fmt: skip
-IMAGES = GpuImages("classifier", "arrays", (161, 91), (321, 181), 8, 4e-4, 8e-3, 0.03)
 ADAPTER = {"device": "Some GPU", "backend_type": "Vulkan", "description": "1.2.3"}
 EMPTY = GpuRecord(ADAPTER, {"wgpu": "0.32.0"}, {"classifier": {"model.json": "00"}}, LIMITS)
 
@@ -47,7 +46,7 @@ def device() -> Any:
 
 
 def record() -> GpuRecord:
-    measured = replace(EMPTY, steps=[STEP, replace(STEP, display=(1440, 810))], images=[IMAGES])
+    measured = replace(EMPTY, steps=[STEP, replace(STEP, display=(1440, 810))])
     return GpuRecord.from_json(json.loads(json.dumps(measured.to_json())))
 
 
@@ -106,30 +105,27 @@ def test_tables_set_each_time_beside_the_least_one() -> None:
     assert "measure" not in passes, "less than 5 % of the step"
     assert passes.count("gather") == 1, "of the first size alone"
     assert "classifier 1.11 of 1.20" in passes
-    assert "| classifier | arrays | 4.0e-04 | 8.0e-03 | 0.030 |" in record().images_table()
 
 
 def test_a_record_without_results_has_tables() -> None:
     assert all(EMPTY.tables("device").values())
 
 
-def test_the_three_tables_of_a_record_fill_blocks_of_its_name() -> None:
+def test_both_tables_of_a_record_fill_blocks_of_its_name() -> None:
     blocks = blocks_of("device-some", record().to_json())
-    assert list(blocks) == ["device some", "device some passes", "device some images"]
-    assert blocks["device some images"]() == record().images_table()
+    assert list(blocks) == ["device some", "device some passes"]
+    assert blocks["device some passes"]() == record().passes_table()
 
 
 def test_the_command_records_what_it_measured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     device_or_skip()
     monkeypatch.setattr(device_gpu, "RUNS", 1)
     path, page = tmp_path / "device.json", tmp_path / "page.md"
-    names = ("device", "device passes", "device images")
+    names = ("device", "device passes")
     page.write_text("\n".join(f"<!-- bench:{name} -->\n<!-- /bench -->" for name in names), encoding="utf-8")
     command = [
         "bench",
         "device",
-        "--executor",
-        "gpu",
         "--methods",
         "taa",
         "--display-size",
@@ -142,10 +138,5 @@ def test_the_command_records_what_it_measured(tmp_path: Path, monkeypatch: pytes
     found = json.loads(path.read_text("utf-8"))
     assert found["models"]["taa"]["model.json"] == sha256(find_model("taa") / "model.json")
     assert found["adapter"]["device"] in GpuRecord.from_json(found).table()
-    assert [(one["method"], one["memory"]) for one in found["images"]] == [
-        ("taa", "arrays"),
-        ("taa", "textures"),
-    ]
-    assert all(one["mean"] < 1e-3 for one in found["images"])
     text = page.read_text("utf-8")
     assert all(table in text for table in GpuRecord.from_json(found).tables("device").values())

@@ -8,7 +8,7 @@ import pytest
 
 from supersampler import ArgumentError
 from supersampler.methods.model_file import find_model
-from supersampler_bench.timing.traffic import CostRecord, measure_cost
+from supersampler_bench.timing.cost import CostRecord, measure_cost
 from supersampler_model.methods.classifier import SmallClassifier
 
 

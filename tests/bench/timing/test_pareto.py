@@ -20,11 +20,9 @@ from supersampler_bench.timing.pareto import (
     best_within,
     frontier,
     measure_pareto,
-    measure_unshaded,
     presets,
     scores_of,
     shots_of,
-    unshaded_points_of,
 )
 
 PSNR, FLIP = CLIP_COLUMNS[0], CLIP_COLUMNS[2]
@@ -189,37 +187,3 @@ def test_two_passes_are_timed_beside_one_and_no_preset_or_step_budget_takes_them
 
 def test_presets_leave_out_methods_that_do_not_serve_all_ratios() -> None:
     assert presets([*KNOWN, point("classifier-large", 30.0, 31.0)]) == presets(KNOWN)
-
-
-def extrapolation(*, means: bool = True) -> ExtrapolationRecord:
-    ways = [("shaded", 30.0), ("warp", 26.0), ("warp, filled", 26.5), ("guided-warp", 29.0)]
-    methods = [row(f"{name}, {way}", psnr) for name in ("taau", "taa:off") for way, psnr in ways]
-    rows = [Alternated(text, methods, 2.0 if means else None) for text in ("1:1", "2:1")]
-    return ExtrapolationRecord([shot(alternations=rows)], ["guided-warp"], rows if means else [])
-
-
-@pytest.mark.parametrize("means", [True, False])
-def test_only_what_renders_every_second_frame_has_a_time(means: bool) -> None:
-    found = list(unshaded_points_of(extrapolation(means=means)))
-    assert [(h.upscaler, h.model) for h in found] == [("taau", "guided-warp"), ("taa:off", "guided-warp")]
-    assert {h.ratio for h in found} == {2.0 if means else 1.5}
-    assert (found[0].scores["psnr"], found[0].shaded_psnr) == (29.0, 30.0)
-
-
-def test_both_kinds_of_frames_are_timed_shown_and_come_back_from_their_record() -> None:
-    measured = measure_unshaded([extrapolation()], (48, 27), threads=1, steps=1)
-    assert [h.unshaded for h in measured] == sorted(h.unshaded for h in measured)
-    assert all(h.shaded > 0.0 and h.unshaded > 0.0 for h in measured)
-    record = ParetoRecord(["a"], (48, 27), 1, [], measured)
-    assert list(unshaded_points_of(ParetoRecord.from_json(record.to_json()))) == measured
-    table = record.unshaded_table()
-    assert "| 2 | taau | guided-warp | " in table
-    assert "| 30.00 | 29.00 | 0.9000 | " in table
-    assert ParetoRecord(["a"], (48, 27), 1, []).unshaded_table() == ""
-
-
-def test_of_scores_that_several_records_have_the_last_are_timed_once() -> None:
-    points = [replace(p, scores={**p.scores, "psnr": 20.0}) for p in unshaded_points_of(extrapolation())]
-    before = ParetoRecord(["a"], (48, 27), 1, [], points)
-    measured = measure_unshaded([before, extrapolation()], (48, 27), threads=1, steps=1)
-    assert sorted((h.upscaler, h.scores["psnr"]) for h in measured) == [("taa:off", 29.0), ("taau", 29.0)]
