@@ -84,18 +84,10 @@ pygfx: $(DEVELOPMENT)
 
 # Dawn refuses Mesa's software adapter before 23; Chromium's SwiftShader, if it is there, is taken for it.
 DAWN_ICD ?= $(firstword $(wildcard /usr/lib/chromium/vk_swiftshader_icd.json))
-DXC := out/dxc/libdxcompiler_x86_64.so.3.7
 
-webgpu: $(DEVELOPMENT) $(DXC)
+webgpu: $(DEVELOPMENT)
 	npm ci --prefix examples/node_dawn --ignore-scripts --no-audit --no-fund
-	test -d .venv-vulkan || $(PYTHON) -m venv .venv-vulkan
-	.venv-vulkan/bin/python -c 'import vulkan' 2>/dev/null || .venv-vulkan/bin/pip install -q --disable-pip-version-check 'vulkan==1.3.275.1'
 	SUPERSAMPLER_DAWN_ICD=$(DAWN_ICD) .venv-dev/bin/pytest -q -rs --timeout=1800 tests/integrations/test_webgpu.py
-
-$(DXC): tests/integrations/dxc.txt | $(DEVELOPMENT)
-	mkdir -p $(@D)
-	.venv-dev/bin/pip download -q --disable-pip-version-check --no-deps --no-binary :all: --require-hashes -r $< -d $(@D)
-	tar -xzf $(@D)/compushady-*.tar.gz -C $(@D) --strip-components=3 --wildcards '*/backends/$(@F)' && touch $@
 
 # Without npm the tests of three.js and of the fallback are skipped, with the reason.
 NODE := .node/node_modules
@@ -142,7 +134,7 @@ docs: $(DOCS)
 	NO_MKDOCS_2_WARNING=1 .venv-docs/bin/mkdocs build --quiet
 
 clean:
-	rm -rf .venv .venv-dev .venv-docs .venv-blender .venv-pyvista .venv-panda3d .venv-mitsuba .venv-pygfx .venv-vulkan .venv-web .node .onnxruntime examples/node_dawn/node_modules out dist build .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	rm -rf .venv .venv-dev .venv-docs .venv-blender .venv-pyvista .venv-panda3d .venv-mitsuba .venv-pygfx .venv-web .node .onnxruntime examples/node_dawn/node_modules out dist build .mypy_cache .pytest_cache .ruff_cache .hypothesis
 
 # A copy of the package as users get it: made anew when a source changes.
 $(RUNTIME): pyproject.toml $(SOURCES)

@@ -4,7 +4,7 @@ Torch is imported where it is used: --help and shaders work without.
 """
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -17,7 +17,6 @@ from supersampler_export.shaders.folder import (
     Images,
     write_shader_folder,
 )
-from supersampler_export.shaders.translation import Target
 
 app = typer.Typer(
     help="Write a method as a model folder for ONNX Runtime, or its shaders for engines.",
@@ -43,7 +42,7 @@ def export(
         ),
     ] = None,
     target: Annotated[
-        Target | None,
+        Literal["wgsl"] | None,
         typer.Option(help="Write compute shaders in this language in place of a model folder."),
     ] = None,
     images: Annotated[
@@ -55,7 +54,7 @@ def export(
     The files are written only after ONNX Runtime reproduces the images of torch, at sizes not traced.
 
     With --target, write a compute shader for each pass, the weights, and upscaler.json, which says how an
-    engine runs them. This needs no torch and no GPU; all but wgsl are translated by naga, which npm installs.
+    engine runs them. This needs no torch and no GPU.
 
     \b
     Examples:
@@ -70,7 +69,7 @@ def export(
             raise ArgumentError("--weights", got=weights, want="none with --target", hint=hint)
         for name in with_shaders() if method == "all" else [method]:
             folder = output / name if method == "all" else output
-            write_shader_folder(name, folder, target=target, images=images)
+            write_shader_folder(name, folder, images=images)
             Terminal().print(f"{name}: {folder / DESCRIPTION}", soft_wrap=True)
         return
     if images != "textures":

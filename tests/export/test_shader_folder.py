@@ -23,10 +23,7 @@ from supersampler.cli.app import app
 from supersampler.errors import ArgumentError, ModelError, ShotError
 from supersampler.methods.executors import gpu_program, with_shaders
 from supersampler.methods.model_file import read_upscaling_info
-from supersampler_export.shaders import translation
 from supersampler_export.shaders.folder import write_shader_folder
-from supersampler_export.shaders.targets import PLACE
-from supersampler_export.shaders.translation import TranslationError, translate
 
 METHODS = with_shaders()
 SHADERS = [
@@ -286,61 +283,3 @@ def test_all_writes_every_shipped_model_that_has_shaders(tmp_path: Path) -> None
     assert done.exit_code == 0, done.output
     assert {folder.name for folder in tmp_path.iterdir()} == {*METHODS}
     assert all(about(tmp_path / method)["method"] == method for method in METHODS)
-
-
-def test_without_node_the_error_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("PATH", "")
-    with pytest.raises(TranslationError, match=r"n(ode|pm) is not installed.*Node\.js 20"):
-        translate("spirv", {})
-
-
-def test_a_failed_installation_leaves_nothing_and_says_why(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    for name in ("node", "npm"):
-        (tmp_path / name).write_text("#!/bin/sh\necho no registry >&2\nexit 1\n")
-        (tmp_path / name).chmod(0o755)
-    monkeypatch.setenv("PATH", f"{tmp_path}:/bin:/usr/bin")
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    with pytest.raises(TranslationError, match="npm failed: no registry"):
-        translate("hlsl", {})
-    assert list((tmp_path / "cache" / "supersampler" / "naga").iterdir()) == []
-
-
-def test_what_naga_refuses_is_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(translation, "_installed", lambda: tmp_path)
-    monkeypatch.setattr(translation, "_program", lambda name: name)
-    monkeypatch.setattr(translation, "_run", lambda *_: json.dumps({"error": "06_blend: expected ;"}))
-    with pytest.raises(TranslationError, match=r"naga refused a shader\. 06_blend: expected ;"):
-        translate("msl", {"06_blend": ""})
-
-
-METAL = b"""struct _mslBufferSizes {
-    uint size1;
-    uint size3;
-};
-kernel void main_(
-  uint thread_ [[thread_index_in_threadgroup]]
-, constant Params& params [[user(fake0)]]
-, device type_7& pooled [[user(fake0)]]
-, threadgroup type_8& sums
-, device type_5 const& pooled_above_1 [[user(fake0)]]
-, metal::texture2d<uint, metal::access::write> kept [[user(fake0)]]
-, constant _mslBufferSizes& _buffer_sizes [[user(fake0)]]
-) {
-"""
-
-
-def test_arguments_of_metal_are_numbered_by_kind() -> None:
-    spec = program("classifier").passes[9]
-    names = {"params", "pooled", "pooled_above", "kept"}
-    bindings = [b for b in program("classifier").shader(spec, TEXTURES).bindings if b.name in names]
-    placed = PLACE["msl"](METAL, bindings)
-    slots = {b.name: slot for b, slot in zip(bindings, placed.slots, strict=True)}
-    buffers = {"params": 0, "pooled": 1, "pooled_above": 2}
-    assert slots == {**{name: {"buffer": at} for name, at in buffers.items()}, "kept": {"texture": 0}}
-    assert placed.entry_point == "main_"
-    assert placed.buffer_sizes == (3, ["pooled", "pooled_above"])
-    assert b"_buffer_sizes [[buffer(3)]]" in placed.code
-    assert b"kept [[texture(0)]]" in placed.code
-    assert b"fake" not in placed.code

@@ -22,7 +22,7 @@ APART = ("bpy", "blender.extension", "render_frames", "pyvista", "vtk", "__main_
 def classes() -> list[type[SupersamplerError]]:
     for name in PACKAGES:
         for module in walk_packages(import_module(name).__path__, f"{name}."):
-            if "errors" in module.name or "translation" in module.name or "graph" in module.name:
+            if "errors" in module.name or "graph" in module.name:
                 import_module(module.name)
     found, waiting = [], [SupersamplerError]
     while waiting:

@@ -234,7 +234,6 @@ STEP_WALL, STEP_CORES, FIRST = "step, wall", "step, all cores", "first image"
 """Kinds of times: of a step; from the first line of a program to its first image, with cached kernels."""
 Pair: TypeAlias = tuple[float, float]
 """Times of this version and of the other."""
-Versions: TypeAlias = tuple[Version, Version]
 T = TypeVar("T")
 R = TypeVar("R")
 

@@ -12,7 +12,6 @@ from supersampler.backends.gpu.program import ARRAYS, TEXTURES, GpuProgram, Pass
 from supersampler.backends.gpu.shader import Binding, Shader
 from supersampler.methods.model_info import ModelInfo
 from supersampler_export.shaders import texts
-from supersampler_export.shaders.targets import Placed, needs
 
 FORMAT, VERSION = "supersampler-shaders", 3
 """The name of the format, and its version, raised when hosts must change."""
@@ -37,6 +36,11 @@ class ExportedPass(NamedTuple):
     spec: PassSpec
     shader: Shader
 
+    @property
+    def file(self) -> str:
+        """Name of its file."""
+        return f"{self.name}.wgsl"
+
     def resource(self, binding: Binding) -> str:
         """Return the name of the resource of a binding."""
         return self.spec.names.get(binding.name, binding.name)
@@ -52,11 +56,7 @@ def exported_passes(program: GpuProgram, images: str) -> list[ExportedPass]:
 
 
 def described(
-    info: ModelInfo,
-    program: GpuProgram,
-    images: str,
-    target: str,
-    passes: Sequence[tuple[ExportedPass, str, Placed]],
+    info: ModelInfo, program: GpuProgram, images: str, passes: Sequence[ExportedPass]
 ) -> dict[str, Any]:
     """Return the content of upscaler.json, without the digests of files.
 
@@ -64,25 +64,23 @@ def described(
         info: the model.
         program: of it.
         images: key of VARIANTS.
-        target: key of SUFFIXES.
-        passes: each with the name of its file, and its shader in the target's language.
+        passes: of a step.
     """
-    exported = [one for one, _, _ in passes]
-    used = {one.resource(binding) for one in exported for binding in one.shader.bindings}
+    used = {one.resource(binding) for one in passes for binding in one.shader.bindings}
     inputs = [name for name in texts.INPUTS if f"frame_{name}" in used]
     return {
         "format": FORMAT,
         "version": VERSION,
         "method": info.method,
         "precision": program.precision,
-        "target": target,
+        "target": "wgsl",
         "images": images,
         "ratios": list(info.ratios),
         "source": info.source,
         "supersampler": __version__,
         "licence": info.licence,
         "attributions": list(info.attributions),
-        "requires": _requires(program, target, passes),
+        "requires": _requires(program, passes),
         "inputs": [_input(name, images) for name in inputs],
         "output": _output(images),
         "params": _params(),
@@ -96,7 +94,7 @@ def described(
         "sizes": texts.SIZES,
         "resources": [one for one in _resources(program, images) if one["name"] in used],
         "step": texts.STEP,
-        "passes": [_pass(*one) for one in passes],
+        "passes": [_pass(one) for one in passes],
     }
 
 
@@ -114,12 +112,11 @@ def _whole(text: str, constants: Mapping[str, str]) -> int:
     return int(constants.get(text, text).rstrip("u"))
 
 
-def _pass(one: ExportedPass, file: str, shader: Placed) -> dict[str, Any]:
-    resources = {binding.name: one.resource(binding) for binding in one.shader.bindings}
-    entry = {
+def _pass(one: ExportedPass) -> dict[str, Any]:
+    return {
         "name": one.name,
-        "file": file,
-        "entry_point": shader.entry_point,
+        "file": one.file,
+        "entry_point": "main",
         "workgroup_size": workgroup_size(one.shader),
         "covers": _size(one.spec.extent),
         "tile": list(one.spec.tile),
@@ -127,18 +124,13 @@ def _pass(one: ExportedPass, file: str, shader: Placed) -> dict[str, Any]:
             {
                 "group": binding.group,
                 "binding": binding.index,
-                "resource": resources[binding.name],
+                "resource": one.resource(binding),
                 "kind": binding.kind,
                 **({"format": binding.format} if binding.format else {}),
-                **slot,
             }
-            for binding, slot in zip(one.shader.bindings, shader.slots, strict=True)
+            for binding in one.shader.bindings
         ],
     }
-    if shader.buffer_sizes is not None:
-        slot, names = shader.buffer_sizes
-        entry["buffer_sizes"] = {"buffer": slot, "of": [resources[name] for name in names]}
-    return entry
 
 
 def _size(extent: Extent) -> dict[str, Any]:
@@ -207,19 +199,16 @@ def _params() -> dict[str, Any]:
     return {"resource": "params", "type": "float32", "bytes": -(-offset // 16) * 16, "fields": fields}
 
 
-def _requires(
-    program: GpuProgram, target: str, passes: Sequence[tuple[ExportedPass, str, Placed]]
-) -> dict[str, Any]:
+def _requires(program: GpuProgram, passes: Sequence[ExportedPass]) -> dict[str, Any]:
     """Return features and limits; WebGPU's default limits suffice."""
-    shaders = [one.shader for one, _, _ in passes]
+    shaders = [one.shader for one in passes]
     threads = [workgroup_size(shader) for shader in shaders]
 
     def max_bindings(*kinds: str) -> int:
         return max(sum(binding.kind in kinds for binding in shader.bindings) for shader in shaders)
 
     return {
-        **({"wgsl_language_features": LANGUAGE_FEATURES[program.precision]} if target == "wgsl" else {}),
-        **needs(target, [placed for _, _, placed in passes]),
+        "wgsl_language_features": LANGUAGE_FEATURES[program.precision],
         "features": [],
         "limits": {
             "maxStorageBuffersPerShaderStage": max_bindings("storage", "read-only-storage"),

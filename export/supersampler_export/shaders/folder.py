@@ -3,7 +3,6 @@
 import hashlib
 import json
 import re
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -12,34 +11,29 @@ from supersampler.io.files import check_ours, remove_files, write_bytes
 from supersampler.io.json_fields import read_json
 from supersampler.methods.executors import gpu_program, with_shaders
 from supersampler.methods.model_file import read_upscaling_info
-from supersampler_export.shaders.description import FORMAT, ExportedPass, described, exported_passes
-from supersampler_export.shaders.targets import PLACE, SUFFIXES, Placed
-from supersampler_export.shaders.translation import Target, translate
+from supersampler_export.shaders.description import FORMAT, described, exported_passes
 
 Images = Literal["textures", "buffers"]
 DESCRIPTION = "upscaler.json"
-_NAMES = re.compile(rf"\d+_\w+\.({'|'.join(SUFFIXES.values())})|network\.bin")
+_NAMES = re.compile(r"\d+_\w+\.wgsl|network\.bin")
 """Names that an export writes: of those that a description lists, no others are removed."""
 LONGEST_LINE = 140
 """Longest line of upscaler.json that holds a whole list or object."""
 
 
-def write_shader_folder(
-    model: str | Path, folder: Path, *, target: Target = "wgsl", images: Images = "textures"
-) -> None:
-    """Write the shaders of a model.
+def write_shader_folder(model: str | Path, folder: Path, *, images: Images = "textures") -> None:
+    """Write the shaders of a model, in WGSL.
 
     Args:
         model: a shipped model by name, or a model folder.
         folder: to write to; files of an earlier export in it are replaced.
-        target: language of the shaders. All but "wgsl" need Node.js with npm.
         images: whether the shaders take frame and image in textures or in buffers.
 
     Raises:
         ShotError: files in the way were not written by an export; nothing is written.
-        ModelError, ArgumentError, TranslationError: see `shader_files`.
+        ModelError, ArgumentError: see `shader_files`.
     """
-    content = shader_files(model, target=target, images=images)
+    content = shader_files(model, images=images)
     before = _listed(folder)
     for name in content:
         check_ours(folder / name, lambda path: path.name in before, f"listed by {DESCRIPTION} beside it")
@@ -48,20 +42,16 @@ def write_shader_folder(
         write_bytes(folder / name, data)
 
 
-def shader_files(
-    model: str | Path, *, target: Target = "wgsl", images: Images = "textures"
-) -> dict[str, bytes]:
+def shader_files(model: str | Path, *, images: Images = "textures") -> dict[str, bytes]:
     """Return the files of the shaders of a model by name; the description is the last one.
 
     Args:
         model: see `write_shader_folder`.
-        target: see there.
         images: see there.
 
     Raises:
         ModelError: there is no such model, or it is damaged.
         ArgumentError: the model has no shaders.
-        TranslationError: the shaders cannot be translated.
     """
     info = read_upscaling_info(model)
     program = gpu_program(info)
@@ -70,28 +60,11 @@ def shader_files(
         hint = "Without --target it is written for ONNX Runtime."
         raise ArgumentError("METHOD", got=repr(info.method), want=want, hint=hint)
     passes = exported_passes(program, images)
-    shaders = placed(passes, target)
-    files = [f"{one.name}.{SUFFIXES[target]}" for one in passes]
-    content = {file: shader.code for file, shader in zip(files, shaders, strict=True)}
+    content = {one.file: one.shader.code.encode() for one in passes}
     content |= {f"{name}.bin": words.astype("<u4").tobytes() for name, words in program.weights.items()}
-    description = described(info, program, images, target, list(zip(passes, files, shaders, strict=True)))
+    description = described(info, program, images, passes)
     description["files"] = {name: hashlib.sha256(data).hexdigest() for name, data in content.items()}
     return {**content, DESCRIPTION: f"{_json(description)}\n".encode()}
-
-
-def placed(passes: Sequence[ExportedPass], target: Target) -> list[Placed]:
-    """Return the shaders of passes in a language.
-
-    Raises:
-        TranslationError: see `translate`.
-    """
-    sources = {one.name: one.shader.code for one in passes}
-    codes = (
-        {name: code.encode() for name, code in sources.items()}
-        if target == "wgsl"
-        else translate(target, sources)
-    )
-    return [PLACE[target](codes[one.name], one.shader.bindings) for one in passes]
 
 
 def _json(value: Any, indent: str = "") -> str:
