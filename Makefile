@@ -8,14 +8,13 @@
 # make fuzz   what is tested by chance, at length: SUPERSAMPLER_FUZZ cases of each kind of file and argument
 # make traces the graph of every shipped method is what the exporter writes today; afterwards `make test` traces none again
 # make mutation   changes of one place that no test notices: MUTATIONS=300 of them, MINUTES=60 at most, SEED=0
-# make test-integrations   `supersampler blender` with a real Blender, PyVista, Panda3D, Mitsuba: each where it can be had
+# make test-integrations   `supersampler blender` with a real Blender, PyVista, Mitsuba: each where it can be had
 # make extension   the extension for Blender 4.2 and later: dist/supersampler_blender.zip
 # make blender   the first of them: bpy from PyPI, for Python 3.11; SUPERSAMPLER_BLENDER=/path/of/blender is taken instead
 # make pyvista   the second: PyVista from PyPI, OpenGL in software will do
-# make panda3d   the third: examples/panda3d_live.py with Panda3D from PyPI, OpenGL in software will do
-# make mitsuba   the fourth: examples/mitsuba_sequence.py with Mitsuba from PyPI, which needs an LLVM of the system
-# make pygfx   the fifth: examples/pygfx_live.py with pygfx from PyPI, Vulkan in software will do
-# make webgpu  the sixth: exported shaders in Node with Dawn, on Vulkan, and through DXC, with what npm and PyPI have
+# make mitsuba   the third: examples/mitsuba_sequence.py with Mitsuba from PyPI, which needs an LLVM of the system
+# make pygfx   the fourth: examples/pygfx_live.py with pygfx from PyPI, Vulkan in software will do
+# make webgpu  the fifth: exported shaders in Node with Dawn, from npm
 # make web     the page of `demo --web` in Chromium (Debian's chromium, or SUPERSAMPLER_CHROMIUM), with three.js and ONNX Runtime Web from npm
 # make cpp   examples/cpp_onnxruntime, compiled and run on the whole shipped shot; headers from Debian's registry
 # PYTHON=python3.12 chooses the interpreter of new environments. On Windows: the pip lines in README.md.
@@ -28,7 +27,7 @@ SOURCES := $(shell find sdk model export bench examples/web -name '*.py' -o -nam
 
 EXTENSION := sdk/supersampler/integrations/blender/extension
 
-.PHONY: demo extension test test-all hashes fuzz traces mutation check records docs clean test-integrations blender pyvista panda3d mitsuba pygfx webgpu web cpp
+.PHONY: demo extension test test-all hashes fuzz traces mutation check records docs clean test-integrations blender pyvista mitsuba pygfx webgpu web cpp
 
 demo: $(RUNTIME)
 	.venv/bin/supersampler demo -o out
@@ -46,7 +45,7 @@ extension:
 	mkdir -p dist
 	cd $(EXTENSION) && $(PYTHON) -m zipfile -c $(CURDIR)/dist/supersampler_blender.zip __init__.py run.py blender_manifest.toml
 
-test-integrations: blender pyvista panda3d mitsuba pygfx webgpu
+test-integrations: blender pyvista mitsuba pygfx webgpu
 
 # Blender's own Python, with its numpy: apart from ours. Where bpy cannot be installed, the tests say that they are skipped.
 blender: $(DEVELOPMENT) extension
@@ -63,12 +62,6 @@ pyvista: $(DEVELOPMENT)
 	.venv-pyvista/bin/python -c 'import pyvista, supersampler, pytest_timeout' 2>/dev/null \
 	    || .venv-pyvista/bin/pip install -q --disable-pip-version-check -e . pytest pytest-timeout hypothesis 'pyvista>=0.45'
 	.venv-pyvista/bin/pytest -q -rs --timeout=1800 tests/integrations/test_pyvista.py
-
-panda3d: $(DEVELOPMENT)
-	test -d .venv-panda3d || $(PYTHON) -m venv .venv-panda3d
-	.venv-panda3d/bin/python -c 'import panda3d, supersampler, pytest_timeout' 2>/dev/null \
-	    || .venv-panda3d/bin/pip install -q --disable-pip-version-check -e . pytest pytest-timeout hypothesis panda3d
-	.venv-panda3d/bin/pytest -q -rs --timeout=1800 tests/integrations/test_panda3d.py
 
 mitsuba: $(DEVELOPMENT)
 	test -d .venv-mitsuba || $(PYTHON) -m venv .venv-mitsuba
@@ -134,7 +127,7 @@ docs: $(DOCS)
 	NO_MKDOCS_2_WARNING=1 .venv-docs/bin/mkdocs build --quiet
 
 clean:
-	rm -rf .venv .venv-dev .venv-docs .venv-blender .venv-pyvista .venv-panda3d .venv-mitsuba .venv-pygfx .venv-web .node .onnxruntime examples/node_dawn/node_modules out dist build .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	rm -rf .venv .venv-dev .venv-docs .venv-blender .venv-pyvista .venv-mitsuba .venv-pygfx .venv-web .node .onnxruntime examples/node_dawn/node_modules out dist build .mypy_cache .pytest_cache .ruff_cache .hypothesis
 
 # A copy of the package as users get it: made anew when a source changes.
 $(RUNTIME): pyproject.toml $(SOURCES)

@@ -17,10 +17,9 @@ ROOT = Path(__file__).parents[2]
 OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]+")
 CALL = re.compile(r"`supersampler (\w+)([^`]*)")
 OTHERS = {"--help", "--version", "--debug"} | {
-    "--abbrev", "--always", "--dirty", "--error-unmatch", "--exclude",  # git
-    "--ignore-scripts", "--no-audit", "--no-fund",  # npm
+    "--abbrev", "--always", "--dirty",  # git
     "--background", "--python", "--python-exit-code",  # Blender
-    "--collect-all", "--no-python", "--nproc-per-node",  # PyInstaller, torchrun
+    "--collect-all",  # PyInstaller
 }  # fmt: skip
 """Options of the whole command, and of other programs."""
 

@@ -5,7 +5,6 @@ an unshaded frame is extrapolated as in an engine, without gradients, from the l
 The tensors of that frame are part of the crop's state.
 """
 
-import contextlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -24,13 +23,12 @@ from supersampler_model.methods.base import Method
 from supersampler_model.methods.classifier import Classifier
 from supersampler_model.methods.classifier_inputs import Gathered, History
 from supersampler_model.methods.classifier_network import unpack
-from supersampler_model.methods.extrapolate import SURFACE, Extrapolate, packed_base_color
+from supersampler_model.methods.extrapolate import Extrapolate, packed_base_color
 from supersampler_model.methods.gbuffer_fast import GuidedClassifier, GuidedFrame
 from supersampler_model.methods.guided_warp import GuidedWarp
 from supersampler_model.training.crops import CropFrame, Stream, UnshadedStream
 from supersampler_model.training.datasets import UNKNOWN, unshaded_set
 from supersampler_model.training.losses import ClassifierWeights, class_loss
-from supersampler_model.training.processes import mean_of_processes, process_count, uncounted
 from supersampler_model.training.task import State, Stepped, Task, in_batches
 from supersampler_model.training.validation import AlternatingRunner, SequenceRunner
 
@@ -304,23 +302,17 @@ class ExtrapolateTask(ClassifierTask):
         return AlternatingCrop(crop, unshaded=False, twin=extrapolated, next_history=shaded)
 
     def _features(self, inputs: Sequence[tuple[Tensor, Tensor]], surfaces: Sequence[Tensor | None]) -> Tensor:
-        """Return the features of all crops, in one batch per encoder; extrapolated crops have a surface.
-
-        Processes normalise each batch together: one without crops for it runs a crop that does not count.
-        """
+        """Return the features of all crops, in one batch per encoder; extrapolated crops have a surface."""
         packed, half_inputs = map(torch.cat, zip(*inputs, strict=True))
         shaded = [i for i, surface in enumerate(surfaces) if surface is None]
         extrapolated = [i for i, surface in enumerate(surfaces) if surface is not None]
         known = [surface for surface in surfaces if surface is not None]
-        surface = torch.cat(known or [packed.new_zeros(1, 4 * SURFACE, *packed.shape[2:])])
-        features, order = list[Tensor](), list[int]()
-        for batch, of_batch in ((shaded, None), (extrapolated, surface)):
-            if batch or process_count() > 1:
-                crops = batch or [0]
-                with contextlib.nullcontext() if batch else uncounted():
-                    features.append(self.method.net.encode(packed[crops], half_inputs[crops], of_batch))
-                order += batch or [len(inputs)]
-        return torch.cat(features)[torch.tensor(order).argsort()[: len(inputs)]]
+        features = [
+            self.method.net.encode(packed[crops], half_inputs[crops], surface)
+            for crops, surface in ((shaded, None), (extrapolated, torch.cat(known) if known else None))
+            if crops
+        ]
+        return torch.cat(features)[torch.tensor([*shaded, *extrapolated]).argsort()]
 
 
 def _surface(crop: CropFrame) -> Tensor:
@@ -330,7 +322,7 @@ def _surface(crop: CropFrame) -> Tensor:
 def _mean_difference(one: Tensor, other: Tensor) -> Tensor:
     """Return the mean absolute difference of pairs; 0 without pairs."""
     difference = (one.float() - other.float()).abs()
-    return difference.sum() / mean_of_processes(difference.new_tensor(difference.numel())).clamp(min=1.0)
+    return difference.sum() / max(difference.numel(), 1)
 
 
 def _shipped(name: str) -> Method:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import signal
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from pathlib import Path
 from statistics import mean
 from typing import TYPE_CHECKING, Annotated, Any, cast
@@ -56,8 +56,6 @@ def train(
 ) -> None:
     """Train a method that learns; a run that was stopped goes on when the same command is given again.
 
-    With several processes or GPUs: `torchrun --nproc-per-node 2 --no-python supersampler train ...`.
-
     \b
     Examples:
       supersampler train classifier --data data -o run
@@ -71,26 +69,18 @@ def train(
     from supersampler_model.data.dataset import open_dataset
     from supersampler_model.methods.base import load_trained, shipped_weights
     from supersampler_model.training.datasets import dataset_of_shots
-    from supersampler_model.training.processes import (
-        join_processes,
-        leave_processes,
-        one_process_first,
-        process_rank,
-    )
     from supersampler_model.training.tasks import start_task
     from supersampler_model.training.trainer import Plan, Trainer
     from supersampler_model.training.validation import validate, validation_entries
 
-    join_processes()
     torch.manual_seed(seed)
     _check_free(output)
     output.mkdir(parents=True, exist_ok=True)
     datasets = [open_dataset(folder) for folder in data or []]
-    with one_process_first():  # the others find its files
-        for paths, split in ((shot, "train"), (validation_shot, "validation")):
-            if paths:
-                shots = [open_shot(str(path)) for path in paths]
-                datasets.append(dataset_of_shots(shots, output / f"{split}-shots", cast("Split", split)))
+    for paths, split in ((shot, "train"), (validation_shot, "validation")):
+        if paths:
+            shots = [open_shot(str(path)) for path in paths]
+            datasets.append(dataset_of_shots(shots, output / f"{split}-shots", cast("Split", split)))
     if not any(dataset.entries("train") for dataset in datasets):
         raise ArgumentError("--data or --shot", got="neither", want="something to learn from")
     begin = shipped_weights(name) if init == "shipped" else init and Path(init)
@@ -101,37 +91,31 @@ def train(
     plan = Plan(steps=steps, size=size, batch=batch, frames=frames, rate=rate, seed=seed)
     trainer = Trainer(task, datasets, plan, output)
     entries = validation_entries(trainer.datasets, task.ratios)
-    first = process_rank() == 0
-    baseline = validate(task.baseline.eval(), entries, task.runner) if entries and first else None
+    baseline = validate(task.baseline.eval(), entries, task.runner) if entries else None
     updates: list[Update] = []
     while trainer.done < plan.steps:
         update_and_save(trainer, min((trainer.done // every + 1) * every, plan.steps), updates)
-        if first:
-            found = validate(trainer.average.eval(), entries, task.runner) if entries else None
-            _report(trainer, output, updates, found, baseline, {"attributions": named, "init": begun})
+        found = validate(trainer.average.eval(), entries, task.runner) if entries else None
+        _report(trainer, output, updates, found, baseline, {"attributions": named, "init": begun})
         updates.clear()
-    leave_processes()
 
 
 def update_and_save(trainer: Trainer, until: int, updates: list[Update]) -> None:
     """Update and save; on a terminal with a progress bar. Adds to `updates`.
 
     Raises:
-        typer.Exit: Ctrl-C, after the update in progress; of one process.
+        typer.Exit: Ctrl-C, after the update in progress.
     """
-    from supersampler_model.training.processes import process_count, process_rank
-
-    alone = process_count() == 1  # several would stop after different updates, and wait for each other
-    with _progress(trainer, shown=process_rank() == 0) as advance:
+    with _progress(trainer) as advance:
 
         def count(update: Update) -> None:
             updates.append(update)
             advance()
 
-        with StopRequest() if alone else nullcontext() as stop:
-            trainer.run(until, on_update=count, stops=lambda: stop is not None and stop.requested)
+        with StopRequest() as stop:
+            trainer.run(until, on_update=count, stops=lambda: stop.requested)
         trainer.save()
-    if stop is not None and stop.requested and trainer.done < trainer.plan.steps:
+    if stop.requested and trainer.done < trainer.plan.steps:
         _CONSOLE.print(f"Stopped after {trainer.done} updates. The same command, given again, goes on.")
         raise typer.Exit(130)
 
@@ -165,11 +149,10 @@ class StopRequest:
 
 
 @contextmanager
-def _progress(trainer: Trainer, *, shown: bool) -> Iterator[Callable[[], None]]:
+def _progress(trainer: Trainer) -> Iterator[Callable[[], None]]:
     """Show the updates done on a terminal; yield what to call after each."""
     columns = (TextColumn("training"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    disabled = not (shown and _CONSOLE.is_terminal)
-    with Progress(*columns, console=_CONSOLE, transient=True, disable=disabled) as progress:
+    with Progress(*columns, console=_CONSOLE, transient=True, disable=not _CONSOLE.is_terminal) as progress:
         task = progress.add_task("", total=trainer.plan.steps, completed=trainer.done)
         yield lambda: progress.advance(task)
 

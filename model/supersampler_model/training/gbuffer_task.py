@@ -13,7 +13,6 @@ from supersampler_model.methods.gbuffer import FrameInputs, Gathered, GBuffer, H
 from supersampler_model.training.crops import CropFrame, Stream
 from supersampler_model.training.datasets import gbuffer_set
 from supersampler_model.training.losses import ImageWeights, display_values, dissimilarity
-from supersampler_model.training.processes import mean_of_processes
 from supersampler_model.training.task import State, Stepped, Task
 
 COS_45 = 0.5**0.5
@@ -101,4 +100,4 @@ def _mean(values: Tensor, weight: Tensor) -> Tensor:
     """Return the weighted mean over known values (equation 6)."""
     known = values.isfinite().float()
     values = torch.where(known > 0.0, values, torch.zeros_like(values))
-    return (values * weight).sum() / mean_of_processes((known * weight).sum()).clamp(min=1.0)
+    return (values * weight).sum() / (known * weight).sum().clamp(min=1.0)

@@ -7,7 +7,6 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from supersampler_model import ops
-from supersampler_model.training.processes import mean_of_processes
 
 SSIM_SIZE, SSIM_SIGMA = 11, 1.5
 C1, C2 = 0.01**2, 0.03**2  # constants of SSIM for values in [0, 1]
@@ -71,8 +70,7 @@ def _mean_error(error: Tensor, rms: float, weight: Tensor | float = 1.0) -> Tens
     error = torch.where(known, error, torch.zeros_like(error))
     count = known.sum(dim=(1, 2, 3)).clamp(min=1)
     squared = (weight * error * error).sum(dim=(1, 2, 3)) / count
-    known_values = mean_of_processes(count.sum().float())
-    return (weight * error.abs()).sum() / known_values + rms * (squared + 1e-6).sqrt().mean()
+    return (weight * error.abs()).sum() / count.sum() + rms * (squared + 1e-6).sqrt().mean()
 
 
 def dissimilarity(image: Tensor, truth: Tensor) -> Tensor:
@@ -128,8 +126,8 @@ def class_fractions(classes: Tensor) -> Tensor:
 
 
 def _entropy(logits: Tensor, fractions: Tensor, rarest: float) -> Tensor:
-    frequency = mean_of_processes(fractions.mean(dim=(0, 2, 3))).clamp(min=1e-6)
+    frequency = fractions.mean(dim=(0, 2, 3)).clamp(min=1e-6)
     balance = (1.0 / frequency).sqrt().clamp(max=rarest)
     weighted = fractions * balance[:, None, None]
-    total = mean_of_processes(weighted.sum()).clamp(min=1e-6)
+    total = weighted.sum().clamp(min=1e-6)
     return -(weighted * logits.log_softmax(dim=1)).sum() / total

@@ -16,7 +16,6 @@ from typing import Any, NamedTuple, cast
 
 import torch
 from torch import Tensor
-from torch.nn.utils import parameters_to_vector, vector_to_parameters
 from torch.optim.swa_utils import AveragedModel
 
 from supersampler.errors import ArgumentError
@@ -29,19 +28,12 @@ from supersampler_model.training.crops import StreamPosition
 from supersampler_model.training.datasets import data_hash
 from supersampler_model.training.losses import display_values, image_loss
 from supersampler_model.training.optimizer import Muon
-from supersampler_model.training.processes import (
-    gather_on_first,
-    mean_of_processes,
-    process_count,
-    process_rank,
-    share_batch_norm,
-)
 from supersampler_model.training.task import State, Task
 
 CPU = torch.device("cpu")
 CHECKPOINT = "checkpoint.pt"
 """Name in the folder of a run."""
-VERSION = 4
+VERSION = 5
 
 
 @dataclass(frozen=True)
@@ -50,7 +42,7 @@ class Plan:
 
     Attributes:
         steps: updates of the weights.
-        batch: streams, of all processes together.
+        batch: streams.
         frames: frames per update.
         size: of the crops, display pixels.
         rate: highest learning rate; it warms up over the first 2 % and falls as a cosine to a hundredth.
@@ -81,18 +73,15 @@ class Update(NamedTuple):
 class Trainer:
     """A run in a folder; it resumes from a checkpoint if there is one.
 
-    On several processes each steps its share of the streams, and all have the weights that one process would
-    have; a run may resume on another number of processes.
-
     Args:
         task: the method and its training step.
         datasets: training data.
         plan: settings.
-        folder: holds the checkpoint and the log; of all processes.
+        folder: holds the checkpoint and the log.
 
     Raises:
-        ArgumentError: there is no training data, the batch does not divide among the processes, or the
-            folder holds a run of other data, another method, other weights of the loss or another plan.
+        ArgumentError: there is no training data, the batch is empty, or the folder holds a run of other data,
+            another method, other weights of the loss or another plan.
     """
 
     def __init__(self, task: Task, datasets: Sequence[Dataset], plan: Plan, folder: Path) -> None:
@@ -102,20 +91,15 @@ class Trainer:
         self._averaged = AveragedModel(task.method, CPU, mean, use_buffers=True)
         self.average = cast(Method, self._averaged.module)  # validated on the CPU
         self.method = task.method.to(self.device)
-        share_batch_norm(self.method)
         self.datasets = [task.data(dataset) for dataset in datasets]
         self.optimizer = Muon(self.method.parameters(), rate=plan.rate, decay=plan.decay)
         self.done = 0
-        count, left = divmod(plan.batch, process_count())
-        if left or not count:
-            want = f"a multiple of {process_count()}, the number of processes"
-            raise ArgumentError("batch", got=plan.batch, want=want)
-        first = process_rank() * count
-        self._own = slice(first, first + count)  # this process's streams, of those of the batch
+        if plan.batch < 1:
+            raise ArgumentError("batch", got=plan.batch, want="at least 1")
         seeds = [[plan.seed, number] for number in range(plan.batch)]
-        self._streams = [task.stream(self.datasets, size=plan.size, seed=seed) for seed in seeds[self._own]]
+        self._streams = [task.stream(self.datasets, size=plan.size, seed=seed) for seed in seeds]
         self._iterators: list[Iterator[Any]] = [iter(s) for s in self._streams]
-        self._states: Sequence[State | None] = [None] * count
+        self._states: Sequence[State | None] = [None] * plan.batch
         self._error: Tensor | None = None
         if (folder / CHECKPOINT).exists():
             self._load(folder / CHECKPOINT)
@@ -142,13 +126,7 @@ class Trainer:
             on_update(Update(losses, time.perf_counter() - started))
 
     def save(self) -> None:
-        """Write the checkpoint, of all processes at once: a run that is killed leaves none of two updates."""
-        states = [state and [t.cpu() for t in state] for state in self._states]
-        error = None if self._error is None else self._error.cpu()
-        shares = gather_on_first(([asdict(s.position) for s in self._streams], states, error))
-        if process_rank() > 0:
-            return
-        errors = [error for *_, error in shares if error is not None]
+        """Write the checkpoint."""
         save_checkpoint(
             self.folder / CHECKPOINT,
             {
@@ -156,9 +134,9 @@ class Trainer:
                 "method": self.method.state_dict(),
                 "average": self._averaged.state_dict(),
                 "optimizer": self.optimizer.state_dict(),
-                "places": [place for places, *_ in shares for place in places],
-                "states": [state for _, states, _ in shares for state in states],
-                "error": torch.cat(errors) if errors else None,
+                "positions": [asdict(stream.position) for stream in self._streams],
+                "states": [state and [t.cpu() for t in state] for state in self._states],
+                "error": None if self._error is None else self._error.cpu(),
                 "commit": source_commit(),
                 **self._made_of(),
             },
@@ -198,11 +176,11 @@ class Trainer:
         self.method.load_state_dict(content["method"])
         self._averaged.load_state_dict(content["average"])
         self.optimizer.load_state_dict(content["optimizer"])
-        for stream, place in zip(self._streams, content["places"][self._own], strict=True):
-            stream.position = StreamPosition(**place)
-        states, error = content["states"][self._own], content["error"]
+        for stream, position in zip(self._streams, content["positions"], strict=True):
+            stream.position = StreamPosition(**position)
+        states, error = content["states"], content["error"]
         self._states = [state and [t.to(self.device) for t in state] for state in states]
-        self._error = None if error is None else error[self._own].to(self.device)
+        self._error = None if error is None else error.to(self.device)
 
     def _update(self) -> dict[str, float]:
         """Take a step of the optimizer; return the terms of its loss."""
@@ -214,13 +192,12 @@ class Trainer:
         loss = ops.sum_of(list(terms.values())) / self.plan.frames
         self.optimizer.zero_grad()
         loss.backward()  # type: ignore[no-untyped-call]
-        self._average_gradients()
         torch.nn.utils.clip_grad_norm_(self.method.parameters(), 1.0)
         self.optimizer.step()
         self._averaged.update_parameters(self.method)
         self._states = [state and [t.detach() for t in state] for state in self._states]
         self._error = None if self._error is None else self._error.detach()
-        values = mean_of_processes(torch.stack([*terms.values()]).detach()) / self.plan.frames
+        values = torch.stack([*terms.values()]).detach() / self.plan.frames
         return dict(zip(terms, values.tolist(), strict=True))
 
     def _frame(self) -> dict[str, Tensor]:
@@ -246,13 +223,6 @@ class Trainer:
             return self.plan.rate * (self.done + 1) / warmup_steps
         progress = (self.done - warmup_steps) / max(self.plan.steps - warmup_steps, 1)
         return self.plan.rate * (0.01 + 0.99 * 0.5 * (1.0 + math.cos(math.pi * progress)))
-
-    def _average_gradients(self) -> None:
-        for parameter in self.method.parameters():
-            if parameter.grad is None:  # no crop of this process used the weight
-                parameter.grad = torch.zeros_like(parameter)
-        gradients = [cast(Tensor, parameter.grad) for parameter in self.method.parameters()]
-        vector_to_parameters(mean_of_processes(parameters_to_vector(gradients)), gradients)
 
 
 def _running_mean(length: int, mean: Tensor, value: Tensor, count: Tensor | int) -> Tensor:

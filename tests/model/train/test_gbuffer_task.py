@@ -8,12 +8,10 @@ import pytest
 import torch
 from torch import Tensor
 
-from gbuffer_sets import gbuffer_data
 from supersampler.methods.gbuffer.spec import SMALL_NETWORK, GBufferConfig
 from supersampler_model import ops
 from supersampler_model.methods.gbuffer import Gathered, SmallGBuffer
 from supersampler_model.methods.gbuffer_surfaces import Surfaces
-from supersampler_model.training import gbuffer_task
 from supersampler_model.training.crops import CropFrame
 from supersampler_model.training.gbuffer_task import GBufferTask, GBufferWeights, reflective_of
 from supersampler_model.training.losses import display_values, dissimilarity
@@ -151,19 +149,3 @@ def test_metal_and_mirrors_are_reflective(metallic: float, roughness: float, fou
     display = here.current.inputs.display._replace(metallic=metallic * one, roughness=roughness * one)
     here.current.inputs.display = display  # type: ignore[misc]
     assert (reflective_of(here) == found).all()
-
-
-@pytest.fixture(scope="module")
-def samples(task: GBufferTask, tmp_path_factory: pytest.TempPathFactory) -> list[CropFrame]:
-    dataset = task.data(gbuffer_data(tmp_path_factory.mktemp("set"), RATIO))
-    walk = iter(task.stream([dataset], size=SIZE, seed=[1]))
-    return [next(walk) for _ in range(3)]
-
-
-def test_structure_is_a_mean_over_the_pixels_of_all_processes(
-    task: GBufferTask, samples: list[CropFrame], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    alone = task.step([samples[0]], [task.first_state(samples[0])]).terms["structure"]
-    monkeypatch.setattr(gbuffer_task, "mean_of_processes", lambda total: 2.0 * total)
-    shared = task.step([samples[0]], [task.first_state(samples[0])]).terms["structure"]
-    torch.testing.assert_close(shared, 0.5 * alone)

@@ -1,7 +1,6 @@
 """Losses of training: values of each term, compared with numbers computed by hand, and their gradients."""
 
 import math
-import threading
 
 import pytest
 import torch
@@ -46,36 +45,6 @@ def test_pixels_of_no_known_class_are_left_out(unknown: int) -> None:
         class_loss(upper, ghost, ghost, CLASSES), class_loss(logits, ghost, ghost, CLASSES)
     )
     assert known.isfinite()
-
-
-def test_the_class_loss_of_two_processes_is_that_of_the_whole_batch(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Class frequencies and the total weight are those of the batch, and not those of each crop."""
-    both, values = threading.Barrier(2), [torch.zeros(1), torch.zeros(1)]
-
-    def mean_of_two(value: Tensor) -> Tensor:
-        values[int(threading.current_thread().name)] = value.detach()
-        both.wait(timeout=20.0)
-        mean = (values[0] + values[1]) / 2.0
-        both.wait(timeout=20.0)  # before the next value replaces one that the other thread has yet to read
-        return mean
-
-    generator = torch.Generator().manual_seed(0)
-    logits = torch.randn(2, 6, 8, 8, generator=generator)
-    classes = torch.randint(0, 3, (2, 16, 16), generator=generator)
-    classes[0][classes[0] == 2] = 0  # none of it in the first process's crop
-    whole, losses = class_loss(logits, classes, classes, CLASSES), [torch.zeros(()), torch.zeros(())]
-    monkeypatch.setattr("supersampler_model.training.losses.mean_of_processes", mean_of_two)
-
-    def run(rank: int) -> None:
-        part = slice(rank, rank + 1)
-        losses[rank] = class_loss(logits[part], classes[part], classes[part], CLASSES)
-
-    threads = [threading.Thread(target=run, args=(rank,), name=str(rank)) for rank in range(2)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    torch.testing.assert_close((losses[0] + losses[1]) / 2.0, whole)
 
 
 def sure_of(ghost: int, alias: int) -> Tensor:
