@@ -42,7 +42,7 @@ def train(
     ] = None,
     steps: Annotated[int, typer.Option(help="Updates of the weights.")] = 12000,
     size: Annotated[int, typer.Option(help="Of the crops, display pixels.")] = 128,
-    batch: Annotated[int, typer.Option(help="Crops, of all processes together.")] = 8,
+    batch: Annotated[int, typer.Option(help="Crops in an update.")] = 8,
     frames: Annotated[int, typer.Option(help="That an update looks back on.")] = 4,
     rate: Annotated[float, typer.Option(help="Highest learning rate.")] = 6e-3,
     every: Annotated[int, typer.Option(help="Updates between validations and checkpoints.")] = 500,
@@ -188,7 +188,7 @@ def _report(
 ) -> None:
     """Write the weights and the log, and say how it goes."""
     from supersampler_model.methods.base import save_trained
-    from supersampler_model.training.run_log import RunLog
+    from supersampler_model.training.run_log import write_log
 
     scores = {} if found is None else {**found.scores, **found.overlap}
     name = trainer.task.baseline.name
@@ -197,8 +197,7 @@ def _report(
     )
     means = {name: mean(u.losses[name] for u in updates) for name in updates[0].losses}
     save_trained(output / "weights.safetensors", trainer.trained({"validation": scores, **facts}))
-    with RunLog(output, list(means)) as log:
-        log.write(trainer.done, {**means, **scores, **baselines}, None if found is None else found.image)
+    write_log(output, trainer.done, {**means, **scores, **baselines}, found and found.image)
     line = ", ".join(f"{name} {value:.3f}" for name, value in {**means, **scores, **baselines}.items())
     seconds = mean(update.seconds for update in updates)
     _CONSOLE.print(f"{trainer.done}/{trainer.plan.steps}, {seconds:.2f} s an update: {line}")

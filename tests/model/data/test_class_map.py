@@ -1,4 +1,4 @@
-"""Class maps: each class has its colour, the image stays visible, the legend gives the fractions."""
+"""Class maps: each class has its colour, and the image stays visible."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from supersampler.aux_outputs import CLASS_COLORS, NO_CLASS
 from supersampler.errors import ArgumentError
-from supersampler_model.data.dataset.overview import masks_of, overlay, with_legend
+from supersampler_model.data.dataset.overview import masks_of, overlay
 from supersampler_model.data.labels import Labels
 
 NAMES = [
@@ -49,21 +49,6 @@ def test_an_overlay_tints_classes_and_shows_the_rest_in_grey(image: NDArray[np.g
     red = np.zeros((3, 3, 3), np.uint8)
     red[..., 0] = 200
     assert np.ptp(overlay(labels(), red)[0, 0].astype(int)) == 0  # this pixel has no class
-
-
-@pytest.mark.parametrize("width", [3, 90, 640, 1920])
-def test_a_legend_under_the_image_names_each_class_with_its_fraction(width: int) -> None:
-    shown = labels(width // 3)
-    image = overlay(shown, np.full((*shown.ghost.shape, 3), 255, np.uint8))
-    full = with_legend(image, shown)
-    height = image.shape[0]
-    np.testing.assert_array_equal(full[:height, : image.shape[1]], image)
-    legend = full[height:]
-    for color in CLASS_COLORS.values():
-        assert (legend == np.array(color)).all(axis=-1).sum() >= 36  # a swatch
-    other = with_legend(image, Labels(np.zeros_like(shown.ghost), shown.alias))
-    assert other.shape == full.shape
-    assert (other[height:] != legend).any()  # other fractions
 
 
 @pytest.mark.parametrize("image", [np.zeros((3, 4, 3), np.uint8), np.zeros((3, 3, 3), np.int32)])

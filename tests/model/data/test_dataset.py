@@ -207,13 +207,12 @@ def test_damage_is_named(tmp_path: Path, small_renderer: Renderer) -> None:
         open_dataset(tmp_path)
 
 
-def test_info_counts_and_renders_a_contact_sheet(tmp_path: Path, small_renderer: Renderer) -> None:
+def test_info_counts_sequences_frames_and_classes(tmp_path: Path, small_renderer: Renderer) -> None:
     rendered(tmp_path, small_renderer)
     said = rows(tmp_path)
     assert said["sequences"] == "train: 1 sequences, 3 of 3 frames"
     assert said["ratios"] == "2 in 1"
     assert "visibility" in said["classes"]
-    assert (tmp_path / "contact-sheet.png").stat().st_size > 1000
 
 
 def test_a_plan_follows_from_its_seed_and_keeps_test_families_apart() -> None:

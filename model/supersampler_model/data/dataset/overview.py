@@ -1,8 +1,8 @@
-"""Overviews of a training set: class maps, a contact sheet, and the rows of `supersampler info DATASET`.
+"""Overviews of a training set: class maps, and the rows of `supersampler info DATASET`.
 
-Class maps show false colours over an image, with a legend. The colours are those of Okabe and Ito, which
-colour-blind readers can distinguish. Aliased pixels with visibility ghosting have a colour of their own; no
-other two classes can be combined.
+Class maps show false colours over an image. The colours are those of Okabe and Ito, which colour-blind
+readers can distinguish. Aliased pixels with visibility ghosting have a colour of their own; no other two
+classes can be combined.
 """
 
 from collections import Counter
@@ -25,18 +25,7 @@ Image = NDArray[np.uint8]
 OPACITY = 0.6
 LUMA = np.array(BT709_WEIGHTS)
 
-# Letters of 3 x 5 pixels: five octal digits each, rows from the top; the leftmost pixel is the highest bit.
-GLYPHS = {
-    "a": "25755", "b": "65656", "c": "34443", "d": "65556", "e": "74647", "f": "74644", "g": "34553",
-    "h": "55755", "i": "72227", "j": "11152", "k": "55655", "l": "44447", "m": "57755", "n": "65555",
-    "o": "25552", "p": "65644", "q": "25563", "r": "65655", "s": "34216", "t": "72222", "u": "55557",
-    "v": "55552", "w": "55775", "x": "55255", "y": "55222", "z": "71247", "0": "75557", "1": "26227",
-    "2": "61247", "3": "61216", "4": "55711", "5": "74616", "6": "34752", "7": "71222", "8": "25252",
-    "9": "25716", ".": "00002", ",": "00024", "%": "51245", " ": "00000",
-}  # fmt: skip
-ADVANCE, LINE = 4, 8  # pixels from letter to letter, and from line to line, before scaling
 _SPLITS: tuple[Split, ...] = ("train", "validation", "test")
-_ACROSS, _WIDTH = 6, 240  # images per row of a contact sheet, maximum width of each
 
 
 def masks_of(labels: Labels) -> dict[str, NDArray[np.bool_]]:
@@ -73,76 +62,25 @@ def overlay(labels: Labels, image: NDArray[Any]) -> Image:
     return np.asarray(np.clip(np.rint(tinted), 0, 255), np.uint8)
 
 
-def with_legend(image: Image, labels: Labels) -> Image:
-    """Put a legend under an image: each colour, its class, and the fraction of pixels.
-
-    Returns:
-        (H + legend, max(W, legend), 3) sRGB; the image is in the upper left corner.
-    """
-    scale = 1 + image.shape[1] // 480
-    lines = [_legend_line(name, float(np.mean(mask)), scale) for name, mask in masks_of(labels).items()]
-    columns = max(1, min(len(lines), image.shape[1] // lines[0].shape[1]))
-    lines += [np.zeros_like(lines[0])] * (-len(lines) % columns)
-    rows = [np.concatenate(lines[i : i + columns], axis=1) for i in range(0, len(lines), columns)]
-    legend = np.concatenate(rows)
-    width = max(image.shape[1], legend.shape[1])
-    return np.concatenate(
-        [np.pad(part, ((0, 0), (0, width - part.shape[1]), (0, 0))) for part in (image, legend)]
-    )
-
-
-def _legend_line(name: str, fraction: float, scale: int) -> Image:
-    """Return one entry of the legend, of fixed width: a swatch, the name, the fraction in percent."""
-    text = f"{name:<{max(map(len, CLASS_COLORS))}} {100 * fraction:5.1f}%"
-    letters = [[[int(row) >> bit & 1 for bit in (2, 1, 0)] for row in GLYPHS[letter]] for letter in text]
-    ink = np.concatenate([np.pad(np.array(letter, bool), ((0, 0), (0, 1))) for letter in letters], axis=1)
-    line = np.zeros((LINE, LINE + ink.shape[1] + ADVANCE, 3), np.uint8)
-    line[1 : LINE - 1, 1 : LINE - 1] = CLASS_COLORS[name]
-    line[1 : 1 + ink.shape[0], LINE : LINE + ink.shape[1]][ink] = 255
-    return line.repeat(scale, axis=0).repeat(scale, axis=1)
-
-
 def write_class_maps(dataset: Dataset, folder: Path) -> None:
-    """Write the class map of the middle frame of each sequence that has one, with a legend."""
+    """Write the class map of the middle frame of each sequence that has one."""
     for entry in dataset.entries():
         complete = dataset.complete(entry)
         if complete:
             frame = dataset.read(entry, complete // 2)
             labels = Labels(ghost=np.array(frame.ghost), alias=np.array(frame.alias))
             image = overlay(labels, to_uint8(display_transform(frame.reference, frame.exposure)))
-            write_png(folder / f"{entry.spec.family}-{entry.spec.seed}.png", with_legend(image, labels))
-
-
-def contact_sheet(dataset: Dataset) -> Image:
-    """Return the middle frame of each sequence, row by row: (h, w, 3) sRGB."""
-    images = [_thumbnail(dataset, entry) for entry in dataset.entries() if dataset.complete(entry)]
-    if not images:
-        return np.zeros((1, 1, 3), np.uint8)
-    across = min(len(images), _ACROSS)
-    images += [np.zeros_like(images[0])] * (-len(images) % across)
-    rows = [np.concatenate(images[i : i + across], axis=1) for i in range(0, len(images), across)]
-    return np.concatenate(rows)
-
-
-def _thumbnail(dataset: Dataset, entry: SequenceEntry) -> Image:
-    frame = dataset.read(entry, dataset.complete(entry) // 2)
-    step = -(-frame.reference.shape[1] // _WIDTH)
-    height, width = (n // step * step for n in frame.reference.shape[:2])
-    blocks = np.asarray(frame.reference[:height, :width], np.float32)
-    mean = blocks.reshape(height // step, step, width // step, step, 3).mean(axis=(1, 3))
-    return to_uint8(display_transform(mean, frame.exposure))
+            write_png(folder / f"{entry.spec.family}-{entry.spec.seed}.png", image)
 
 
 def rows(folder: Path) -> dict[str, str]:
-    """Return name and text of each row, and write a contact sheet to the set's folder.
+    """Return name and text of each row.
 
     Raises:
         DatasetError: the folder is no training set, or a frame is damaged.
     """
     dataset = open_dataset(folder)
     width, height = dataset.description.display_size
-    sheet = folder / "contact-sheet.png"
-    write_png(sheet, contact_sheet(dataset))
     ratios = Counter(entry.ratio for entry in dataset.entries())
     families = Counter(entry.spec.family for entry in dataset.entries())
     return {
@@ -152,7 +90,6 @@ def rows(folder: Path) -> dict[str, str]:
         "ratios": ", ".join(f"{ratio:g} in {count}" for ratio, count in sorted(ratios.items())),
         "families": ", ".join(f"{family} {count}" for family, count in sorted(families.items())),
         "classes": "\n".join(_classes(dataset)),
-        "sheet": str(sheet),
     }
 
 
