@@ -10,7 +10,7 @@ import pytest
 from supersampler.cli.app import EXTRAS
 
 ROOT = Path(__file__).parents[2]
-IMPORTED_AS = {"flip-evaluator": "flip_evaluator", "markdown-it-py": "markdown_it"}
+IMPORTED_AS = {"flip-evaluator": "flip_evaluator"}
 NOT_COMMANDS = {"docs", "dev"}
 CLOSED = """
 import os, sys

@@ -41,7 +41,6 @@ EXTRAS = {
     "tensorboard": "train",
     "matplotlib": "bench",
     "flip_evaluator": "bench",
-    "markdown_it": "bench",
     "msgspec": "bench",
     "wgpu": "gpu",
     "moderngl": "render",
