@@ -6,7 +6,7 @@
 # make docs   the documentation as a site, out/site; a broken link or an undocumented public name fails
 # make hashes compare every image of every method with bench/results/studies/hashes.json, bit for bit
 # make fuzz   what is tested by chance, at length: SUPERSAMPLER_FUZZ cases of each kind of file and argument
-# make traces the graph of every shipped method is what the exporter writes today; afterwards `make test` traces none again
+# make traces the graph of every shipped method is what the exporter writes today; `make test-all` traces some
 # make mutation   changes of one place that no test notices: MUTATIONS=300 of them, MINUTES=60 at most, SEED=0
 # make test-integrations   `supersampler blender` with a real Blender, PyVista, Mitsuba: each where it can be had
 # make extension   the extension for Blender 4.2 and later: dist/supersampler_blender.zip

@@ -8,14 +8,22 @@ import pytest
 if TYPE_CHECKING:
     from supersampler_model.data.renderer.renderer import Renderer
 
-LONG = ("fuzz", "gpu", "integrations", "mutation", "process", "test_examples.py")
-"""Folders and files of tests that start processes, run software Vulkan or draw their inputs by chance."""
+LONG = {
+    "export/test_export_traced.py": "traces graphs, up to a minute each",
+    "fuzz": "draws inputs by chance",
+    "gpu": "runs software Vulkan",
+    "integrations": "starts other programs",
+    "mutation": "runs tests",
+    "process": "starts processes",
+    "test_examples.py": "runs every example",
+}
+"""Folders and files of tests that are long, and why. A single test is marked where it stands."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     root = Path(__file__).parent
     for item in items:
-        if item.path.relative_to(root).parts[0] in LONG:
+        if any(item.path.is_relative_to(root / name) for name in LONG):
             item.add_marker("long")
 
 

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from OpenImageIO import ImageBuf
 
-from supersampler import Model, Upscaler, halton_jitter
+from shared_models import shared_model
+from supersampler import Upscaler, halton_jitter
 from supersampler.io.display import display_transform, to_uint8
 from supersampler.io.images import write_png
 from supersampler.model import ExecutorName
@@ -48,7 +49,7 @@ RUNS = [
 
 def rendered(run: Run) -> NDArray[np.uint8]:
     """Return frame 12 of a disc that crosses a panning checker, as display values."""
-    model = Model.load(run.method, executor=run.executor)
+    model = shared_model(run.method, executor=run.executor)
     ratio = model.info.only_ratio or 2.0
     display = round(RENDER[0] * ratio), round(RENDER[1] * ratio)
     upscaler = Upscaler(model, display_size=display, extrapolation=run.extrapolation, validate="off")

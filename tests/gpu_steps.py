@@ -10,6 +10,7 @@ import pytest
 
 from method_lists import WITH_SHADERS
 from noise import Size
+from shared_models import shared_model
 from supersampler import Frame, Model, Upscaler, halton_jitter
 from supersampler.backends.gpu.device import default_device
 from supersampler.errors import DeviceError
@@ -36,7 +37,7 @@ def device_or_skip() -> Any:
 
 @cache
 def model(method: str, executor: Any = "gpu") -> Model:
-    return Model.load(method, executor=executor, threads=1)
+    return shared_model(method, executor=executor)
 
 
 def make(method: str, executor: Any = "gpu", display: Size = DISPLAY, **options: Any) -> Upscaler:

@@ -4,6 +4,7 @@ from functools import cache
 from typing import Any
 
 from noise import noise
+from shared_models import shared_model
 from supersampler import Frame, Model, Upscaler
 from supersampler.conventions.jitter import only_ratio
 from supersampler.errors import ArgumentError
@@ -16,7 +17,7 @@ DISPLAY = (33, 25)
 
 @cache
 def model(method: str, executor: Any) -> Model:
-    return Model.load(method, executor=executor, threads=1)
+    return shared_model(method, executor=executor)
 
 
 def has(method: str, executor: str) -> bool:

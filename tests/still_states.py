@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from noise import noise
+from shared_models import shared_model
 from supersampler import Frame, Model, Upscaler, halton_jitter
 from supersampler.history import State
 
@@ -15,7 +16,7 @@ FRAMES = 66  # two periods of jitter, after which all is frozen
 
 @lru_cache
 def loaded(method: str, executor: str) -> Model:
-    return Model.load(method, executor=executor, threads=2)  # type: ignore[arg-type]
+    return shared_model(method, executor=executor, threads=2)
 
 
 def upscaler(method: str = "taau", executor: str = "cpu") -> Upscaler:

@@ -33,6 +33,7 @@ PACKAGES = (
 GENERATED = {DOCS / "reference/api.md", DOCS / "reference/cli.md", DOCS / "contributing.md"}
 
 
+@pytest.mark.long  # traces a graph
 def test_the_page_on_adding_a_method_adds_a_step(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     page = (DOCS / "how-to/add-a-method.md").read_text(encoding="utf-8")
     page = page.partition("## A step of your own")[

@@ -4,7 +4,8 @@ import ast
 import importlib.util
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -41,9 +42,15 @@ RUNTIME = {"numpy", "onnxruntime", "OpenImageIO", "numba", "llvmlite", "typer", 
 OPTIONAL = {"wgpu"}  # an extra: imported where it is used
 
 
+@cache
+def parsed(file: Path) -> Sequence[ast.AST]:
+    """Return all nodes of a module."""
+    return tuple(ast.walk(ast.parse(file.read_text(encoding="utf-8"))))
+
+
 def imported(file: Path) -> Iterator[tuple[int, str]]:
     """Yield (line, top-level package) of each import statement, those inside functions too."""
-    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+    for node in parsed(file):
         if isinstance(node, ast.Import):
             yield from ((node.lineno, alias.name.split(".")[0]) for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.level == 0:
@@ -83,14 +90,13 @@ def floor_of(module: str) -> int:
 
 def modules_imported(file: Path, package: str = "supersampler") -> Iterator[tuple[int, str]]:
     """Yield (line, module of the package) of each import statement, but those for type checkers alone."""
-    tree = ast.parse(file.read_text(encoding="utf-8"))
     for_types = {
         id(inner)
-        for node in ast.walk(tree)
+        for node in parsed(file)
         if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
         for inner in ast.walk(node)
     }
-    for node in ast.walk(tree):
+    for node in parsed(file):
         if isinstance(node, ast.ImportFrom) and id(node) not in for_types:
             module = str(node.module)
             if module.startswith(f"{package}."):
@@ -120,7 +126,7 @@ def imports_of(top: Path) -> dict[str, set[str]]:
     }
     found: dict[str, set[str]] = {}
     for module, file in names.items():
-        nodes = list(ast.walk(ast.parse(file.read_text(encoding="utf-8"))))
+        nodes = parsed(file)
         wanted = [alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names]
         for node in nodes:
             if isinstance(node, ast.ImportFrom):

@@ -136,7 +136,9 @@ def test_contraction_keeps_what_never_fades_within_its_values() -> None:
     assert found.rate == pytest.approx(0.5, abs=2e-3)
 
 
-@pytest.mark.parametrize("name", ["at rest", "values not a number", "contraction at rest", "threads"])
+@pytest.mark.parametrize(
+    "name", ["at rest", "values not a number", "extreme depth", "contraction at rest", "threads"]
+)
 def test_a_sound_average_passes(name: str) -> None:
     outcome = run(scenario(name), SOUND, quick=True)
     assert outcome.error == ""
@@ -147,6 +149,19 @@ def test_what_keeps_a_bad_value_fails() -> None:
     outcome = run(scenario("values not a number"), KEEPS_BAD, quick=True)
     assert not outcome.passed
     assert failed(outcome) == ["frames until clean", "bad values"]
+
+
+def test_single_frames_flicker() -> None:
+    spatial = subject(lambda display, _: Average(display, keep=0.0, new=1.0))
+    [flicker] = [f for f in run(scenario("at rest"), spatial, quick=True).figures if "flicker" in f.name]
+    assert flicker.value > 1.0 > flicker.bound > 0.3
+
+
+@pytest.mark.parametrize("name", ["spike of 65504", "fireflies"])
+def test_light_that_stays_longer_than_one_and_a_half_periods_fails(name: str) -> None:
+    clipped = subject(lambda display, _: Average(display, mend=lambda color: np.minimum(sound(color), 2.0)))
+    assert failed(run(scenario(name), SOUND)) == ["frames until clean"]
+    assert failed(run(scenario(name), clipped)) == []
 
 
 def test_what_diverges_fails() -> None:

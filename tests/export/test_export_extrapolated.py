@@ -7,7 +7,8 @@ import pytest
 import torch
 
 from lit_scene import LitScene
-from supersampler import Frame, Model, Upscaler, halton_jitter
+from shared_models import shared_model
+from supersampler import Frame, Upscaler, halton_jitter
 from supersampler.frame import Float32
 from supersampler.methods.classifier.spec import ClassifierConfig, NetworkConfig
 from supersampler.methods.model_file import find_model, read_model_info
@@ -78,7 +79,7 @@ def by_torch(method: Extrapolate, pattern: str) -> list[Float32]:
 def test_upscalers_compute_what_torch_computes_however_frames_alternate(
     shipped: Extrapolate, pattern: str
 ) -> None:
-    model = Model.load("extrapolate", threads=1, providers="cpu")
+    model = shared_model("extrapolate", providers="cpu")
     upscaler = Upscaler(model, display_size=DISPLAY, extrapolation="guided-warp", validate="off")
     for index, truth in enumerate(by_torch(shipped, pattern)):
         step = upscaler.step if pattern[index] == "s" else upscaler.extrapolate

@@ -13,7 +13,8 @@ from onnx import numpy_helper
 from torch import nn
 
 from network_passes import Bytes, Pass, passes_of
-from supersampler import Model, Shot
+from shared_models import shared_model
+from supersampler import Shot
 from supersampler.backends.onnx.runtime import ort
 from supersampler.methods.classifier.spec import DEFAULT_INPUTS
 from supersampler.methods.model_file import find_model, model_names, read_model_info
@@ -197,7 +198,7 @@ def test_a_network_in_halves_has_its_normalisation_folded_and_says_nearly_the_sa
 
 @cache
 def passes(name: str, display: tuple[int, int]) -> list[Pass]:
-    model = Model.load(name, executor="cpu", threads=1)
+    model = shared_model(name, executor="cpu")
     frames = [item.frame for item in itertools.islice(Shot.open("plaza"), FRAMES)]
     frames = [with_default_gbuffers(frame, model.info.gbuffers, display) for frame in frames]
     return passes_of(model, frames, display)
@@ -214,7 +215,7 @@ def hostile_pass(name: str) -> Pass:
         inputs[:] = blocks.repeat(16, axis=0).repeat(16, axis=1)[:height, :width]
         inputs[: height // 4] = 255 * random.integers(0, 2, inputs[: height // 4].shape, np.uint8)
 
-    model, display = Model.load(name, executor="cpu", threads=1), DISPLAYS[0]
+    model, display = shared_model(name, executor="cpu"), DISPLAYS[0]
     frame = with_default_gbuffers(Shot.open("plaza").read(0).frame, model.info.gbuffers, display)
     [found] = passes_of(model, [frame], display, change)
     return found

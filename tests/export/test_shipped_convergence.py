@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 import torch
 
-from supersampler import Model, Upscaler, halton_jitter
+from shared_models import shared_model
+from supersampler import Upscaler, halton_jitter
 from supersampler.backends.onnx.runtime import ort
 from supersampler.conventions import jitter_phase_count
 from supersampler.methods.model_file import find_model
@@ -82,7 +83,7 @@ def test_a_mean_of_many_samples_still_takes_a_small_difference(name: str, file: 
 
 @pytest.mark.parametrize("name", METHODS)
 def test_the_map_converged_is_returned_where_it_is_asked_for(name: str) -> None:
-    upscaler = Upscaler(Model.load(name, executor="onnx"), display_size=DISPLAY, validate="off")
+    upscaler = Upscaler(shared_model(name, executor="onnx"), display_size=DISPLAY, validate="off")
     for index in range(FROZEN):
         result = upscaler.step(
             still_scene().frame(index, RENDER, halton_jitter(index, 2.0)), outputs=("converged",)

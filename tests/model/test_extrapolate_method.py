@@ -8,7 +8,8 @@ import torch
 from torch import Tensor
 
 from lit_scene import LitScene
-from supersampler import Model, Upscaler, halton_jitter
+from shared_models import shared_model
+from supersampler import Upscaler, halton_jitter
 from supersampler.errors import ArgumentError
 from supersampler.frame import Float32
 from supersampler.methods.at_rest import AT_REST_HISTORY
@@ -73,7 +74,7 @@ def test_before_training_extrapolated_frames_are_those_of_classifier(
     from_classifier: Extrapolate, pattern: str
 ) -> None:
     inner, history, shaded = from_classifier.on_extrapolated(), first(from_classifier), State()
-    model = Model.load("classifier", executor="onnx", threads=1)
+    model = shared_model("classifier", executor="onnx")
     upscaler = Upscaler(model, display_size=DISPLAY, extrapolation="guided-warp", validate="off")
     for index, kind in enumerate(pattern):
         inputs, frame = given(index), SCENE.frame(index, RENDER, halton_jitter(index, 2.0))

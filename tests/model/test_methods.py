@@ -11,8 +11,9 @@ from torch import Tensor
 
 from more_scenes import Cut, ShadingStep, dots, thin_lines
 from rest_scenes import Stepped
+from shared_models import shared_model
 from studies.ablation_variants import CLASSIFIERS
-from supersampler import Frame, Model, Upscaler, halton_jitter
+from supersampler import Frame, Upscaler, halton_jitter
 from supersampler.frame import Float32
 from supersampler.io.display import display_transform
 from supersampler.methods.model_file import model_names
@@ -50,7 +51,7 @@ def frames(scene: AnalyticScene, count: int) -> Iterator[Frame]:
 
 
 def run(name: str, scene: AnalyticScene, count: int) -> list[Float32]:
-    upscaler = Upscaler(Model.load(name, threads=1), display_size=DISPLAY, validate="off")
+    upscaler = Upscaler(shared_model(name), display_size=DISPLAY, validate="off")
     return [upscaler.step(frame) for frame in frames(scene, count)]
 
 

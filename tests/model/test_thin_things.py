@@ -4,7 +4,8 @@ import pytest
 import torch
 from torch import Tensor
 
-from supersampler import Model, Upscaler
+from shared_models import shared_model
+from supersampler import Upscaler
 from supersampler.model import ExecutorName
 from supersampler_model import ops
 from thin_things import contrast, expected_depth, hostile, kept_depth, trace, upscaler_of
@@ -64,7 +65,7 @@ def test_broad_things_hide_what_is_behind_them_however_they_move() -> None:
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("size", [(33, 17), (5, 40), (1, 1)])
 def test_all_backends_keep_the_same_depth(method: str, executor: ExecutorName, size: tuple[int, int]) -> None:
-    model = Model.load(method, executor=executor, threads=1)
+    model = shared_model(method, executor=executor)
     for seed in range(4):
         frame = hostile(seed, size)
         upscaler = Upscaler(model, display_size=(2 * size[0], 2 * size[1]), validate="off")

@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays_
 
 from noise import noise
+from shared_models import shared_model
 from supersampler import (
     Conventions,
     Frame,
@@ -131,7 +132,7 @@ def _converted(name: str) -> Call:
 
 @cache
 def _bilinear() -> Model:
-    return Model.load("bilinear")
+    return shared_model("bilinear")
 
 
 def _upscaler(name: str) -> Call:
@@ -266,7 +267,7 @@ def _session(model: Model) -> Upscaler:
 @pytest.mark.parametrize("name", SESSION)
 def test_a_refused_call_changes_no_history(name: str, executor: ExecutorName) -> None:
     method = "classifier-small" if executor == "cpu+onnx" else "taau"
-    model = Model.load(method, threads=1, executor=executor)
+    model = shared_model(method, executor=executor)
     disturbed, innocent = _session(model), _session(model)
     for make in HOSTILE.values():
         if refusal(lambda: SESSION[name](disturbed, make())) is None:  # noqa: B023  # called at once
@@ -277,7 +278,7 @@ def test_a_refused_call_changes_no_history(name: str, executor: ExecutorName) ->
 
 @pytest.mark.parametrize("name", ["frame", "history", "outputs", "out", "history_out", "at_rest", "skip"])
 def test_a_model_takes_hostile_arguments_or_refuses_them(name: str) -> None:
-    model = Model.load("taau", threads=1)
+    model = shared_model("taau")
     given: dict[str, Any] = {"frame": GOOD, "history": model.first_history(DISPLAY, SIZE), "outputs": ()}
     expected, _ = model.run_outputs(**given)
     for make in HOSTILE.values():

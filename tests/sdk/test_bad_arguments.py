@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from noise import noise
+from shared_models import shared_model
 from supersampler import ArgumentError, Conventions, FrameError, Model, Upscaler, jittered_projection
 from supersampler.arguments import MAX_PIXELS, MAX_SIDE, MAX_THREADS, checked_threads
 from supersampler.backends.onnx.session import planes_of
@@ -82,7 +83,7 @@ def test_threads_are_any_whole_number() -> None:
     "size", [(1.5, 2), (64.0, 36.0), ("64", "36"), (True, True), "64", {64, 36}, (2**40, 2**40), (0, 4), (4,)]
 )
 def test_a_size_that_is_none_is_refused_wherever_one_is_asked_for(size: Any) -> None:
-    model = Model.load("bilinear")
+    model = shared_model("bilinear")
     calls: list[Callable[[], object]] = [
         lambda: Upscaler(model, display_size=size),
         lambda: Upscaler(model, scale=2, render_size=size),
@@ -100,7 +101,7 @@ def test_a_size_that_is_none_is_refused_wherever_one_is_asked_for(size: Any) -> 
 
 
 def test_a_display_is_no_larger_than_kernels_and_graphs_can_count() -> None:
-    model = Model.load("bilinear")
+    model = shared_model("bilinear")
     for size in ((MAX_SIDE + 1, 1), (1, MAX_SIDE + 1), (MAX_SIDE, MAX_PIXELS // MAX_SIDE + 1)):
         with pytest.raises(ArgumentError, match=f"at most {MAX_PIXELS} pixels together"):
             Upscaler(model, display_size=size)
@@ -112,7 +113,7 @@ def test_a_display_is_no_larger_than_kernels_and_graphs_can_count() -> None:
 
 
 def test_all_but_close_is_refused_by_a_closed_upscaler() -> None:
-    upscaler = Upscaler(Model.load("taau", threads=1, executor="onnx"), display_size=DISPLAY)
+    upscaler = Upscaler(shared_model("taau", executor="onnx"), display_size=DISPLAY)
     upscaler.step(GOOD)
     state = upscaler.save_state()
     upscaler.close()
@@ -159,13 +160,13 @@ def test_an_array_that_was_given_another_shape_since_is_refused() -> None:
     motion = np.array(GOOD.motion)
     frame = replace(GOOD, motion=motion)
     motion.resize((4, 4, 2), refcheck=False)
-    upscaler = Upscaler(Model.load("taau", threads=1), display_size=DISPLAY)
+    upscaler = Upscaler(shared_model("taau"), display_size=DISPLAY)
     with pytest.raises(FrameError, match=r"motion is \(4, 4, 2\) float32"):
         upscaler.step(frame)
 
 
 def test_an_image_is_not_written_over_what_the_step_reads() -> None:
-    upscaler = Upscaler(Model.load("taau", threads=1), display_size=SIZE)
+    upscaler = Upscaler(shared_model("taau"), display_size=SIZE)
     both = np.zeros((18, 32, 6), np.float32)
     both[..., 3:] = GOOD.color
     with pytest.raises(ArgumentError, match="out is memory of the frame"):
@@ -175,7 +176,7 @@ def test_an_image_is_not_written_over_what_the_step_reads() -> None:
 
 
 def test_tensors_that_cannot_be_a_frame_are_refused_and_the_history_stays() -> None:
-    model = Model.load("taau", threads=1, executor="onnx")
+    model = shared_model("taau", executor="onnx")
     disturbed, innocent = (Upscaler(model, display_size=SIZE, validate="off") for _ in range(2))
     for upscaler in (disturbed, innocent):
         upscaler.step_tensors(TENSORS, jitter=GOOD.jitter)
@@ -193,7 +194,7 @@ def test_tensors_that_cannot_be_a_frame_are_refused_and_the_history_stays() -> N
 
 def test_a_history_of_another_model_or_size_is_refused() -> None:
     """Kernels read of it what their own histories have."""
-    taau, taa = Model.load("taau", threads=1), Model.load("taa", threads=1)
+    taau, taa = shared_model("taau"), shared_model("taa")
     history = taau.first_history(DISPLAY, SIZE)
     with pytest.raises(ArgumentError, match=r"history is .*; want a History of this model"):
         taa.run(GOOD, history)

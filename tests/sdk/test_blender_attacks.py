@@ -133,6 +133,7 @@ def test_a_link_in_place_of_a_frame_is_not_taken(tmp_path: Path, monkeypatch: py
     assert (tmp_path / "secret").read_text() == "key"
 
 
+@pytest.mark.long  # waits for seconds
 def test_a_blender_that_ignores_signals_is_killed(tmp_path: Path) -> None:
     began = time.monotonic()
     assert "no camera" in error_of(blender(tmp_path, stubborn=True, error="no camera"))
@@ -140,6 +141,7 @@ def test_a_blender_that_ignores_signals_is_killed(tmp_path: Path) -> None:
     assert not is_running(int((tmp_path / "pid").read_text()))
 
 
+@pytest.mark.long  # waits for seconds
 def test_a_program_that_blender_started_and_left_behind_does_not_make_the_command_wait(
     tmp_path: Path,
 ) -> None:

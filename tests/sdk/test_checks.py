@@ -21,11 +21,7 @@ from supersampler.io.shot import Shot
 from supersampler.validation import FrameChecker
 from supersampler.validation.checker import Validate
 from supersampler.validation.single_frame import mixed_edges
-from supersampler_model.data.product_shot import Plaza
-from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.scenes.analytic import DiscOverPlane, Plane, checker, zone_plate
-from supersampler_model.data.sequences import APART_FAMILIES, TEST_FAMILIES, TRAIN_FAMILIES, make_sequence
-from supersampler_model.data.specs import SequenceSpec
 
 DISPLAY = (640, 360)
 
@@ -475,30 +471,6 @@ def told_checks(frames: list[Frame], ratio: float) -> list[str]:
         for frame in frames:
             checker.check(frame, (round(ratio * width), round(ratio * height)))
     return [str(each.message) for each in caught]
-
-
-def rendered(family: str, ratio: float) -> list[Frame]:
-    """Frames of a scene of training or test shots, with the renderer's own mip bias."""
-    display = (320, 180)
-    renderer = Renderer(display)
-    sequence = (
-        Plaza() if family == "plaza" else make_sequence(SequenceSpec(family=family, seed=100, frames=5))
-    )
-    frames = []
-    for index in range(3):
-        jitter = halton_jitter(index, ratio)
-        size = (int(display[0] / ratio), int(display[1] / ratio))
-        color, surfaces = renderer.frame(sequence.scene(index), size, jitter=jitter)
-        motion = surfaces.motion.astype(np.float16)
-        frames.append(
-            Frame(color=color, depth=surfaces.depth, motion=motion, jitter=jitter, reset=index == 0)
-        )
-    return frames
-
-
-@pytest.mark.parametrize("family", ["plaza", *TRAIN_FAMILIES, *TEST_FAMILIES, *APART_FAMILIES])
-def test_rendered_scenes_pass_without_a_word(family: str) -> None:
-    assert told_checks(rendered(family, 2.0), 2.0) == []
 
 
 def tone_mapped(color: Any) -> Any:

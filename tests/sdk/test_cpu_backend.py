@@ -5,14 +5,17 @@ import subprocess
 import sys
 from collections.abc import Mapping
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from compact_frames import cropped
 from method_lists import WITH_KERNELS as METHODS
 from noise import Size, noise
+from shared_models import shared_model
 from supersampler import ArgumentError, Frame, Model, ModelError, Shot, Upscaler
 from supersampler.backends.cpu.memory import KEPT, Workspaces
 from supersampler.frame import Float32
@@ -38,7 +41,7 @@ BRIGHT = (2e-5, 1e-3)
 
 @pytest.fixture(scope="module")
 def models() -> dict[tuple[str, str], Model]:
-    return {(m, e): Model.load(m, threads=2, executor=e) for m in METHODS for e in EXECUTORS}
+    return {(m, e): shared_model(m, threads=2, executor=e) for m in METHODS for e in EXECUTORS}
 
 
 def step_both(
@@ -182,8 +185,8 @@ def test_a_frame_whose_exposure_is_an_outlier_is_not_accumulated(
 
 @pytest.mark.parametrize("method", METHODS)
 def test_real_frames_come_out_alike_and_stay_so(models: dict[tuple[str, str], Model], method: str) -> None:
-    frames = [item.frame for item in Shot.open("plaza")][:12]
-    pairs = step_both(models, method, frames, (480, 270))
+    frames = [cropped(item.frame, 160, 90) for item in islice(Shot.open("plaza"), 12)]
+    pairs = step_both(models, method, frames, (240, 135))
     for one, other in (pairs[0], pairs[5], pairs[11]):
         compare(one.image, other.image, method)
 
@@ -192,7 +195,7 @@ def test_real_frames_come_out_alike_and_stay_so(models: dict[tuple[str, str], Mo
 def test_the_number_of_threads_changes_no_bit(method: str) -> None:
     images = []
     for threads in (1, 2, 5):
-        model = Model.load(method, threads=threads, executor="cpu")
+        model = shared_model(method, threads=threads, executor="cpu")
         upscaler = Upscaler(model, display_size=(97, 55), validate="off")
         images.append([upscaler.step(noise(seed, (48, 27), exposure=None)) for seed in range(4)])
     np.testing.assert_array_equal(images[0], images[1])
@@ -255,6 +258,7 @@ def test_a_damaged_network_is_refused(tmp_path: Path) -> None:
 LOAD = "import sys; from supersampler import Model; Model.load('taa', executor='cpu'); "
 
 
+@pytest.mark.long  # in new processes
 def test_kernels_are_compiled_once_and_then_need_no_compiler(tmp_path: Path) -> None:
     environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
     subprocess.run([sys.executable, "-c", LOAD], check=True, env=environment)
@@ -267,6 +271,7 @@ def test_kernels_are_compiled_once_and_then_need_no_compiler(tmp_path: Path) -> 
     assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.kernel")} == kept
 
 
+@pytest.mark.long  # in a new process
 def test_kernels_that_cannot_be_kept_run_all_the_same(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("no folder")
     environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path / "file")}

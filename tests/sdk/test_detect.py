@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from compact_frames import cropped
 from supersampler.conventions import Conventions, RawFrame
 from supersampler.conventions.jitter import halton_jitter
 from supersampler.errors import ArgumentError, FrameError
@@ -41,11 +42,11 @@ JITTER_READINGS = [
 @pytest.fixture(scope="module")
 def frames() -> list[Frame]:
     shot = Shot.open("plaza")
-    return [shot.read(index).frame for index in range(14, 18)]
+    return [cropped(shot.read(index).frame, 224, 126) for index in range(14, 18)]
 
 
 def planted(frames: list[Frame], conventions: Conventions) -> list[RawFrame]:
-    converter = conventions.converter(display_size=(640, 360))
+    converter = conventions.converter(display_size=(448, 252))
     return [converter.from_frame(frame) for frame in frames]
 
 

@@ -1,7 +1,6 @@
 """Unshaded frames where nothing moves: they add nothing to the mean of the samples."""
 
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,11 +8,10 @@ import pytest
 
 from alternating import alternate
 from lit_scene import LitScene
-from supersampler import Frame, Model, Upscaler, halton_jitter
+from shared_models import shared_model
+from supersampler import Frame, Upscaler, halton_jitter
 from supersampler.frame import Float32
 from supersampler.model import ExecutorName
-from supersampler.recording import open_recording
-from supersampler.recording.replay import Replay
 from supersampler_bench.specs import with_default_gbuffers
 from supersampler_bench.stress.scenes import still
 
@@ -22,7 +20,7 @@ STILL_BUT_A_DISC = LitScene(radius=7.0, disc_velocity=(0.5, 0.0))
 
 
 def make(method: str, executor: ExecutorName, **options: Any) -> Upscaler:
-    model = Model.load(method, threads=1, executor=executor)
+    model = shared_model(method, executor=executor)
     return Upscaler(model, display_size=DISPLAY, extrapolation="guided-warp", validate="off", **options)
 
 
@@ -64,7 +62,7 @@ def test_where_each_jitter_comes_twice_all_that_stands_still_converges_and_stays
 ) -> None:
     """The second frame of a jitter is extrapolated, or shaded again; it is no part of the period."""
     upscaler = Upscaler(
-        Model.load("taau", threads=1, executor=executor),
+        shared_model("taau", executor=executor),
         display_size=(48, 32), extrapolation="guided-warp", validate="off",
     )  # fmt: skip
     frames, shares = still((24, 16), 2), []
@@ -76,13 +74,3 @@ def test_where_each_jitter_comes_twice_all_that_stands_still_converges_and_stays
             upscaler.step(frame)
         shares.append(upscaler.stats.converged)
     assert shares[3 * len(frames) :] == [1.0] * len(frames)
-
-
-def test_a_replay_adds_no_samples_of_unshaded_frames_either(tmp_path: Path) -> None:
-    file = tmp_path / "a.recording"
-    with make("taau", "onnx", record=file) as upscaler:
-        made = alternate(upscaler, at_rest, "sssuusus")
-    replay = Replay(open_recording(file))
-    steps = [step for step in map(replay.call, replay.recording) if step is not None]
-    for image, step in zip(made, steps, strict=True):
-        np.testing.assert_equal(image, None if step.result is None else step.result.image)

@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,13 +9,12 @@ import pytest
 
 from alternating import alternate, extrapolated_by_torch
 from flow_method import Shadow
-from supersampler import Frame, FrameError, Model, Upscaler, halton_jitter
+from shared_models import shared_model
+from supersampler import Frame, Model, Upscaler, halton_jitter
 from supersampler.backends.onnx.runtime import CPU
 from supersampler.extrapolation import Extrapolator
 from supersampler.frame import Float32
 from supersampler.methods.model_file import find_model
-from supersampler.recording import open_recording
-from supersampler.recording.replay import Replay
 from supersampler_model.methods.base import load_trained, shipped_weights
 from supersampler_model.methods.guided_flow import GuidedFlow
 
@@ -35,7 +33,7 @@ def trained() -> GuidedFlow:
 
 @pytest.fixture(scope="module")
 def taau() -> Model:
-    return Model.load("taau", threads=1, executor="onnx")
+    return shared_model("taau", executor="onnx")
 
 
 @pytest.fixture
@@ -106,59 +104,3 @@ def test_an_upscaler_steps_on_colors_extrapolated_from_two_shaded_frames(make: A
     other.step(frame(2))  # the same frames, of which the earlier ones are not known
     b = other.extrapolate(frame(3, color=None))
     assert np.abs(a[3] - b).mean() > 1e-3
-
-
-def test_a_cut_and_a_reset_forget_both(make: Any) -> None:
-    cut, reset, fresh = make(), make(), make()
-    run(cut, "su"), run(reset, "su")
-    reset.reset()
-    images = []
-    for upscaler, first in ((cut, True), (reset, False), (fresh, False)):
-        upscaler.step(frame(2, reset=first))
-        images.append(upscaler.extrapolate(frame(3, color=None)))
-    for image in images[:2]:
-        np.testing.assert_array_equal(image, images[2])
-
-
-@pytest.mark.parametrize("pattern", ["s", "su", "sus", "susu"])
-def test_a_state_continues_bit_for_bit(make: Any, pattern: str) -> None:
-    one, other = make(), make()
-    run(one, pattern)
-    other.load_state(one.save_state())
-    for a, b in zip(run(one, "usu", 4), run(other, "usu", 4), strict=True):
-        np.testing.assert_array_equal(a, b)
-
-
-def test_a_recording_is_replayed_bit_for_bit(make: Any, tmp_path: Path) -> None:
-    with make(record=tmp_path / "a.recording") as upscaler:
-        run(upscaler, "susu")
-        upscaler.load_state(upscaler.save_state())
-        run(upscaler, "su", 4)
-    replay = Replay(open_recording(tmp_path / "a.recording"), extrapolation=FOLDER)
-    steps = [step for step in map(replay.call, replay.recording) if step is not None]
-    assert [step.exact for step in steps] == [True] * 6
-
-
-def test_an_engine_may_use_its_buffers_again(make: Any) -> None:
-    one, other = make(), make()
-    for index in (0, 1):
-        one.step(frame(index))
-        reused = frame(index)
-        other.step(reused)
-        assert reused.color is not None
-        assert reused.gbuffer is not None
-        for array in (reused.color, reused.depth, reused.motion, *reused.gbuffer.values()):
-            array[...] = 0.123
-    np.testing.assert_array_equal(
-        one.extrapolate(frame(2, color=None)), other.extrapolate(frame(2, color=None))
-    )
-
-
-def test_a_frame_that_is_refused_changes_nothing(make: Any) -> None:
-    one, other = make(), make()
-    run(one, "sus"), run(other, "sus")
-    lacking = frame(3, color=None, gbuffer={"base_color": frame(3).gbuffer["base_color"]})  # type: ignore[index]
-    with pytest.raises(FrameError, match=r"gbuffer\['normal'\] is None.*guided-flow"):
-        other.extrapolate(lacking)
-    for a, b in zip(run(one, "us", 3), run(other, "us", 3), strict=True):
-        np.testing.assert_array_equal(a, b)

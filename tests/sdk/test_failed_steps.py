@@ -62,7 +62,7 @@ def changed(first: State, second: State) -> list[str]:
 def test_after_a_step_that_failed_at_any_stage_the_next_good_frame_works(
     method: str, light: float, runs: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for first in range(STAGES):
+    for first in range(0, STAGES, 3):
         calm, shaken = session(method), session(method)
         for index, (frame, _) in enumerate(SCENE.frames(FRAMES)):
             before = calm.save_state()

@@ -15,6 +15,7 @@ from onnx import TensorProto
 
 from cuda_kernels import CPU_INPUTS, CUDA_KERNELS
 from noise import noise
+from shared_models import shared_model
 from supersampler import ArgumentError, Frame, FrameError, Model, Upscaler
 from supersampler.backends.onnx.cuda_graph import with_display_size
 from supersampler.backends.onnx.executor import OnnxExecutor
@@ -30,7 +31,7 @@ METHODS = ["bilinear", "taau", "classifier-small"]
 
 @functools.cache
 def load(method: str, *, capture: bool = False) -> Model:
-    return Model.load(method, providers="cpu", threads=1, executor="onnx", capture=capture)
+    return shared_model(method, providers="cpu", executor="onnx", capture=capture)
 
 
 @pytest.fixture(scope="module", params=METHODS)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from shared_models import shared_model
 from still_states import still_state
 from supersampler import ArgumentError, Frame, Model, Upscaler, halton_jitter
 from supersampler.backends.onnx.tensors import tensors_of_frame
@@ -25,7 +26,7 @@ WAYS = [("taau", "cpu"), ("taau", "onnx"), ("classifier", "cpu"), ("classifier-l
 
 @cache
 def model(method: str, executor: Any, threads: int = 1) -> Model:
-    return Model.load(method, executor=executor, threads=threads)
+    return shared_model(method, executor=executor, threads=threads)
 
 
 def make(method: str = "taau", executor: str = "cpu", threads: int = 1, **options: Any) -> Upscaler:

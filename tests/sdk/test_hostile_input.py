@@ -4,21 +4,27 @@ import pickle
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
+from itertools import product
 from typing import Any
 
 import numpy as np
 import pytest
 
 from noise import noise
+from shared_models import shared_model
 from supersampler import Frame, Model, Upscaler, halton_jitter
+from supersampler.conventions import jitter_phase_count
 from supersampler.frame import Float32
 from supersampler.io.display import display_transform
 from supersampler_model.data.scenes.analytic import Plane, checker
 
 SIZE, DISPLAY = (32, 18), (64, 36)
+FEW = 1.5
+"""A ratio whose jitter has few phases."""
 METHODS = ["bilinear", "bicubic", "taa", "taau", "classifier", "classifier-small"]
 BAD = 4
-LAST = BAD + 96  # three jitter periods later: the bad samples differ from those after one; two more freeze it
+LAST = BAD + 3 * jitter_phase_count(FEW)
+"""Three jitter periods later: the bad samples differ from those after one; two more freeze it."""
 
 Spoil = Callable[[Float32], None]
 
@@ -58,13 +64,13 @@ HOSTILE: dict[str, tuple[str, Spoil]] = {
 
 @pytest.fixture(scope="module", params=["onnx", "auto"])
 def models(request: pytest.FixtureRequest) -> dict[str, Model]:
-    return {name: Model.load(name, threads=1, executor=request.param) for name in METHODS}
+    return {name: shared_model(name, executor=request.param) for name in METHODS}
 
 
 @pytest.fixture(scope="module")
 def clean(models: dict[str, Model]) -> dict[str, Float32]:
     """The last image of each method where no frame was bad."""
-    return {name: steps(make(model), 0, LAST) for name, model in models.items()}
+    return {name: steps(make(model, FEW), 0, LAST) for name, model in models.items()}
 
 
 @pytest.fixture(scope="module")
@@ -74,32 +80,32 @@ def last_images(models: dict[str, Model]) -> dict[tuple[str, bytes], Float32]:
 
 
 @cache
-def rendered(index: int) -> Frame:
-    return Plane(checker).frame(index, SIZE, halton_jitter(index, 2.0))
+def rendered(index: int, ratio: float) -> Frame:
+    return Plane(checker).frame(index, SIZE, halton_jitter(index, ratio))
 
 
-def still(index: int, **overrides: Any) -> Frame:
-    return replace(rendered(index), **{"reset": False, **overrides})
+def still(index: int, ratio: float = 2.0, **overrides: Any) -> Frame:
+    return replace(rendered(index, ratio), **{"reset": False, **overrides})
 
 
 def steps(upscaler: Upscaler, first: int, last: int) -> Float32:
-    """Step good frames and return the last image; all are finite."""
+    """Step good frames at the ratio FEW and return the last image; all are finite."""
     for index in range(first, last + 1):
-        image = upscaler.step(still(index))
+        image = upscaler.step(still(index, FEW))
         assert np.isfinite(image).all()
     return image
 
 
 def spoilt(case: str, seed: int) -> Frame:
     name, spoil = HOSTILE[case]
-    array = np.array(getattr(still(seed), name))
+    array = np.array(getattr(still(seed, FEW), name))
     with np.errstate(over="ignore"):
         spoil(array)
-    return still(seed, **{name: array})
+    return still(seed, FEW, **{name: array})
 
 
-def make(model: Model) -> Upscaler:
-    return Upscaler(model, display_size=DISPLAY, validate="off")
+def make(model: Model, ratio: float = 2.0, **options: Any) -> Upscaler:
+    return Upscaler(model, scale=ratio, render_size=SIZE, validate="off", **options)
 
 
 @pytest.mark.parametrize("case", HOSTILE)
@@ -111,7 +117,7 @@ def test_a_hostile_frame_gives_a_clean_image_and_is_forgotten(
     name: str,
     case: str,
 ) -> None:
-    upscaler = make(models[name])
+    upscaler = make(models[name], FEW)
     steps(upscaler, 0, BAD - 1)
     bad = upscaler.step(spoilt(case, BAD))
     assert np.isfinite(bad).all()
@@ -189,6 +195,19 @@ def test_a_bad_pixel_does_not_spread(models: dict[str, Model]) -> None:
 
 
 @pytest.mark.parametrize("name", METHODS)
+def test_lost_and_repeated_frames_and_jitter_in_the_corners_are_forgotten(
+    models: dict[str, Model], name: str
+) -> None:
+    disturbed, calm = (make(models[name], FEW, at_rest="off") for _ in range(2))
+    for index, corner in enumerate(product((-0.5, 0.5), repeat=2)):
+        frame = Plane(checker).frame(index, SIZE, corner)
+        for _ in range(index % 3):
+            disturbed.step(replace(frame, reset=False))
+    off = np.abs(np.subtract(*(display_transform(steps(u, 4, LAST)) for u in (disturbed, calm))))
+    assert off.mean() < 0.004, "one step of an 8-bit image"
+
+
+@pytest.mark.parametrize("name", METHODS)
 def test_an_all_sky_frame_is_upscaled(models: dict[str, Model], name: str) -> None:
     upscaler = make(models[name])
     sky = np.zeros((SIZE[1], SIZE[0]), np.float32)
@@ -209,7 +228,7 @@ def test_a_frame_7680_wide_is_upscaled(models: dict[str, Model]) -> None:
 def test_a_spike_of_light_fades(models: dict[str, Model]) -> None:
     upscaler, innocent = make(models["taau"]), make(models["taau"])
     off = []
-    for index in range(30 + LAST):
+    for index in range(30 + BAD + 96):
         color = np.array(still(index).color)
         if index == 30:
             color[5:7, 5:7] = 65504

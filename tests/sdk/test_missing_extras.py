@@ -6,7 +6,9 @@ import tomllib
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
+from supersampler.cli import app
 from supersampler.cli.app import EXTRAS
 
 ROOT = Path(__file__).parents[2]
@@ -67,8 +69,7 @@ def test_output_that_nobody_reads_ends_without_a_word(words: list[str]) -> None:
 
 @pytest.mark.parametrize("words", [["bench"], ["bench", "cost"], ["render"], ["train"], ["export"]])
 def test_help_of_all_tools_is_in_one_style(words: list[str]) -> None:
-    command = [sys.executable, "-m", "supersampler", *words, "--help"]
-    said = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    said = CliRunner().invoke(app, [*words, "--help"], prog_name="supersampler").output
     assert "--install-completion" not in said
     assert said.startswith("Usage: supersampler")
     assert "╭" not in said

@@ -9,6 +9,7 @@ from typer.testing import CliRunner
 
 from method_lists import WITH_KERNELS
 from noise import noise
+from shared_models import shared_model
 from supersampler import ArgumentError, Frame, FrameError, Model, StepResult, Upscaler, halton_jitter
 from supersampler.aux_outputs import CLASS_COLORS, aux_output_layers, class_colors
 from supersampler.cli import app
@@ -23,7 +24,7 @@ STILL = np.zeros((18, 32, 2), np.float32)
 
 @pytest.fixture(scope="module", params=WITH_KERNELS)
 def model(request: pytest.FixtureRequest) -> Model:
-    return Model.load(request.param, threads=1)
+    return shared_model(request.param)
 
 
 def make(model: Model | str) -> Upscaler:
@@ -73,7 +74,7 @@ def test_the_count_of_a_still_scene_grows() -> None:
 @pytest.mark.parametrize("executor", ["cpu", "onnx"])
 @pytest.mark.parametrize("method", ["taau", "classifier", "classifier-small"])
 def test_stats_hold_the_mean_of_the_map_of_what_has_converged(method: str, executor: ExecutorName) -> None:
-    model = Model.load(method, executor=executor, threads=2)
+    model = shared_model(method, executor=executor, threads=2)
     upscaler = Upscaler(model, display_size=DISPLAY, validate="off")
     assert upscaler.stats.converged == 0.0
     means = []
@@ -98,7 +99,7 @@ def test_stats_hold_the_mean_of_the_map_of_what_has_converged(method: str, execu
 @pytest.mark.parametrize("executor", ["cpu", "onnx"])
 @pytest.mark.parametrize("method", ["classifier", "classifier-small"])
 def test_pixels_without_history_are_classed_as_disoccluded(method: str, executor: ExecutorName) -> None:
-    model = Model.load(method, executor=executor, threads=1)
+    model = shared_model(method, executor=executor)
     upscaler = Upscaler(model, display_size=(63, 37), validate="off")
     first = stepped(upscaler, noise(0, (32, 19), reset=True), "class_map").class_map
     assert first is not None
@@ -112,7 +113,7 @@ def test_pixels_without_history_are_classed_as_disoccluded(method: str, executor
 
 
 def test_a_method_that_does_not_converge_has_no_such_map_and_no_such_number() -> None:
-    upscaler = Upscaler(Model.load("taa", executor="onnx"), display_size=DISPLAY, validate="off")
+    upscaler = Upscaler(shared_model("taa", executor="onnx"), display_size=DISPLAY, validate="off")
     with pytest.raises(ArgumentError, match="converged"):
         upscaler.step(noise(0), outputs=("converged",))
     upscaler.step(noise(0))

@@ -7,7 +7,8 @@ import pytest
 
 from method_lists import WITH_KERNELS
 from noise import Size, noise
-from supersampler import Frame, FrameError, Model, Upscaler, halton_jitter
+from shared_models import shared_model
+from supersampler import Frame, FrameError, Upscaler, halton_jitter
 from supersampler.conventions import jitter_phase_count
 
 RENDER: Size = (320, 180)
@@ -16,7 +17,7 @@ DISPLAY: Size = (640, 360)
 
 @pytest.mark.parametrize("method", WITH_KERNELS)
 def test_the_bytes_of_a_plan_are_those_that_an_upscaler_takes(method: str) -> None:
-    model = Model.load(method, executor="cpu", threads=2)
+    model = shared_model(method, executor="cpu", threads=2)
     plan = model.plan(RENDER, DISPLAY)
     assert plan.working_bytes is not None
     still, image = noise(3, RENDER), np.empty((*DISPLAY[::-1], 3), np.float32)
@@ -43,7 +44,7 @@ def test_the_bytes_of_a_plan_are_those_that_an_upscaler_takes(method: str) -> No
 
 @pytest.mark.parametrize("method", ["bilinear", "taau", "classifier", "classifier-large"])
 def test_a_graphs_history_is_planned_by_its_shapes(method: str) -> None:
-    model = Model.load(method, executor="onnx", threads=1)
+    model = shared_model(method, executor="onnx")
     plan = model.plan(RENDER, DISPLAY)
     assert (plan.executor, plan.precision, plan.working_bytes) == ("onnx", "fp32", None)
     saved = model.save_history(model.first_history(DISPLAY, RENDER))

@@ -15,6 +15,7 @@ import pytest
 
 from noise import noise
 from recorded_files import DISPLAY, contents, recorded, replayed
+from shared_models import shared_model
 from supersampler import ArgumentError, Frame, FrameError, Model, Upscaler, halton_jitter
 from supersampler.backends.onnx.session import planes_of
 from supersampler.errors import RecordingError
@@ -28,7 +29,7 @@ from supersampler.recording.replay import Replay, Replayed
 
 @pytest.fixture(scope="module")
 def models() -> dict[str, Model]:
-    return {name: Model.load(name, threads=1) for name in ("taau", "classifier")}
+    return {name: shared_model(name) for name in ("taau", "classifier")}
 
 
 @pytest.fixture
@@ -165,7 +166,7 @@ def test_a_buffer_that_was_given_another_shape_is_refused_and_the_recording_goes
 
 
 def test_tensors_are_recorded_and_come_as_tensors_again(file: Path) -> None:
-    with recorded(Model.load("taau", threads=1, executor="onnx"), file, validate="strict") as upscaler:
+    with recorded(shared_model("taau", executor="onnx"), file, validate="strict") as upscaler:
         for seed in range(3):
             frame = noise(seed)
             images = {name: planes_of(getattr(frame, name)) for name in ("color", "depth", "motion")}

@@ -11,6 +11,7 @@ import pytest
 
 from noise import noise
 from recorded_files import mend_hashes
+from shared_models import shared_model
 from supersampler import ArgumentError, Model, Upscaler
 from supersampler.errors import RecordingError
 from supersampler.io.images import write_exr
@@ -25,7 +26,7 @@ STATE = {"method": "taau", "history": False, "shaded": False, "version": 1}
 
 @pytest.fixture(scope="module")
 def taau() -> Model:
-    return Model.load("taau", threads=1)
+    return shared_model("taau")
 
 
 @pytest.fixture

@@ -110,8 +110,7 @@ CHANCE = 1.25
 def figures(scenario: str, method: str, executor: Any) -> Sequence[Figure]:
     """Findings of `bench stress`."""
     run = chosen([f"one frame's {scenario}"])[0].run
-    display = (96, 64) if executor == "cpu" else (48, 32)
-    return run(Trial(subjects([method], [executor])[0], display, 0))
+    return run(Trial(subjects([method], [executor])[0], (48, 32), 0))
 
 
 @pytest.mark.parametrize(

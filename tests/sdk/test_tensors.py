@@ -8,7 +8,8 @@ import pytest
 import torch
 
 from noise import noise
-from supersampler import ArgumentError, Frame, FrameError, Model, Upscaler
+from shared_models import shared_model
+from supersampler import ArgumentError, Frame, FrameError, Upscaler
 from supersampler.backends.onnx.session import planes_of
 
 DISPLAY = (64, 36)
@@ -19,7 +20,7 @@ def tensors_of(frame: Frame) -> dict[str, torch.Tensor]:
 
 
 def upscaler(method: str = "taau", executor: Any = "onnx") -> Upscaler:
-    return Upscaler(Model.load(method, threads=1, executor=executor), display_size=DISPLAY, validate="off")
+    return Upscaler(shared_model(method, executor=executor), display_size=DISPLAY, validate="off")
 
 
 @pytest.mark.parametrize("method", ["bilinear", "taau", "classifier"])

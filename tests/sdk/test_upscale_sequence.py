@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from shared_models import shared_model
 from supersampler import (
     ArgumentError,
     Frame,
-    Model,
     Shot,
     ShotError,
     Upscaler,
@@ -270,7 +270,7 @@ def test_images_are_the_same_from_memory_and_from_the_disk(monkeypatch: pytest.M
 
 
 def test_gbuffers_reach_both_runs_from_the_disk_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    model = Model.load("gbuffer-small", providers="cpu")
+    model = shared_model("gbuffer-small", providers="cpu")
     given = [with_default_gbuffers(frame, model.info.gbuffers, DISPLAY_SIZE) for frame in frames(3)]
     in_memory = merged(given, model=model)
     monkeypatch.setattr("supersampler.sequence.frame_store.MEMORY", 0.0)

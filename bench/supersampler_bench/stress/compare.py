@@ -86,6 +86,7 @@ class Repeated:
         psnr: dB, of the last loop; NaN without references.
         lost: PSNR, dB, from the settled loop to the last.
         swing: dB, from the worst to the best image of the last loop.
+        flicker: of the last loop's images.
     """
 
     change: float
@@ -93,6 +94,7 @@ class Repeated:
     psnr: float
     lost: float
     swing: float
+    flicker: float
 
     def measured(self) -> Figures:
         """Return the change in the last loop, and the PSNR lost."""
@@ -121,7 +123,13 @@ def repeat(trial: Trial, frames: Sequence[Frame], truths: Sequence[Float32] = ()
         if loop == settled:
             early = images
         before = images
-    return Repeated(change, _mean_apart(before, early), psnr[-1], psnr[settled] - psnr[-1], swing)
+    apart, lost = _mean_apart(before, early), psnr[settled] - psnr[-1]
+    return Repeated(change, apart, psnr[-1], lost, swing, flicker(before))
+
+
+def flicker(images: Sequence[Float32]) -> float:
+    """Return the standard deviation of display values over time, root mean square of all pixels."""
+    return float(np.sqrt(np.var(np.stack(images), axis=0).mean()))
 
 
 def _mean_apart(one: Sequence[Float32], other: Sequence[Float32]) -> float:

@@ -186,6 +186,42 @@ def _reach(image: Float32, baseline: Float32, x: int, y: int) -> float:
     return float(away.max(initial=-0.5 * BLOCK)) + 0.5 * BLOCK
 
 
+@scenario("hostile", "spike of 65504", cpu=96, quick=56)
+def spike(trial: Trial) -> Figures:
+    """In one frame, 2x2 pixels have the brightest light of half floats."""
+    run = Disturbance(trial, trial.still)
+    run.step_same(2 * PERIOD)
+    where = np.zeros(trial.render[::-1], bool)
+    where[4:6, 4:6] = True
+    frame = next(run.frames)
+    run.step([(with_values(frame, "color", where, LARGEST), frame)])
+    return run.measured()
+
+
+@scenario("hostile", "fireflies", cpu=96)
+def fireflies(trial: Trial) -> Figures:
+    """In motion, for a jitter period, half a percent of the pixels are far too bright."""
+    run, random = Disturbance(trial, trial.moving), np.random.default_rng(3)
+    run.step_same(PERIOD)
+    for frame in islice(run.frames, PERIOD):
+        where = random.random(trial.render[::-1]) < 0.005
+        light = float(10.0 ** random.uniform(2.0, np.log10(LARGEST)))
+        run.step([(with_values(frame, "color", where, light), frame)])
+    return run.measured()
+
+
+@scenario("hostile", "extreme depth", cpu=160)
+def extreme_depth(trial: Trial) -> Figures:
+    """For two periods, frames in turn are all sky, all infinitely near, and of random depth."""
+    run, random = Disturbance(trial, trial.still), np.random.default_rng(2)
+    run.step_same(PERIOD)
+    for index, frame in enumerate(islice(run.frames, 2 * PERIOD)):
+        depths = (0.0, 1e30, 10.0 ** random.uniform(-37.0, 37.0, frame.depth.shape))
+        depth = np.broadcast_to(depths[index % 3], frame.depth.shape).astype(np.float32)
+        run.step([(replace(frame, depth=depth), frame)])
+    return run.measured()
+
+
 CLEAN = 30
 """Number of clean frames after the hostile one."""
 MIN_BOUND = ImageDifference(mean=0.1 / 255.0, p999=4.0 / 255.0)

@@ -7,10 +7,10 @@ from itertools import cycle, islice
 
 import numpy as np
 
-from supersampler import Frame, halton_jitter
+from supersampler import Frame, Upscaler, halton_jitter
 from supersampler.frame import Float32, Size
 from supersampler.io.display import decibels, display_transform
-from supersampler_bench.stress.compare import EVERY, Disturbance, contraction, difference, repeat
+from supersampler_bench.stress.compare import EVERY, Disturbance, contraction, difference, flicker, repeat
 from supersampler_bench.stress.scenario import (
     DECAY,
     REST,
@@ -53,7 +53,15 @@ def at_rest(trial: Trial) -> Figures:
     if trial.subject.remembers:
         average = _psnr_of_average(frames, trial.display, display_transform(reference))
         figures.append(Figure("PSNR below an average, dB", average - run.psnr, DECAY))
+        spatial = Upscaler("bilinear", display_size=trial.display, validate="off", threads=1)
+        share = run.flicker / flicker([display_transform(spatial.step(frame)) for frame in frames])
+        figures.append(Figure("flicker, share of bilinear's", share, passed_by_average(EMA, PERIOD)))
     return figures
+
+
+def passed_by_average(new: float, period: int) -> float:
+    """Return the share of a sine of this period that an average with `new` of each frame passes."""
+    return float(new / abs(1.0 - (1.0 - new) * np.exp(-2j * np.pi / period)))
 
 
 def _psnr_of_average(frames: Sequence[Frame], display: Size, reference: Float32) -> float:

@@ -58,6 +58,7 @@ def measured(tmp_path_factory: pytest.TempPathFactory) -> Measured:
     return Measured(record, (folder / "page.md").read_text(), started)
 
 
+@pytest.mark.long  # `measured` starts twenty processes
 def test_each_time_is_a_median_of_ratios_of_rounds(measured: Measured) -> None:
     found = measured.record["compared"]
     assert [row["what"] for row in found] == [STEP_WALL, STEP_CORES, FIRST]
@@ -70,6 +71,7 @@ def test_each_time_is_a_median_of_ratios_of_rounds(measured: Measured) -> None:
     assert "| 32x18 | 1 | bilinear | step, wall |" in measured.page
 
 
+@pytest.mark.long  # `measured` starts twenty processes
 def test_each_round_has_new_processes(measured: Measured) -> None:
     assert sum(STEPS.strip() in command for command in measured.started) == 2 * 6
     firsts = sum(FIRST_IMAGE.strip() in command for command in measured.started)

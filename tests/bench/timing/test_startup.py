@@ -1,9 +1,12 @@
 """First-frame time with an empty and with a full kernel cache."""
 
+import pytest
+
 from gpu_steps import device_or_skip
 from supersampler_bench.timing.against import FirstFrame, StartupRecord, measure_startup
 
 
+@pytest.mark.long  # in new processes
 def test_kernels_are_compiled_in_the_fresh_process_and_kept_for_the_later() -> None:
     started: list[int] = []
     (result,) = measure_startup(["taa"], (64, 36), cold=1, warm=2, on_process=lambda: started.append(1))
@@ -13,6 +16,7 @@ def test_kernels_are_compiled_in_the_fresh_process_and_kept_for_the_later() -> N
     assert 0.0 < result.warm_seconds < result.cold_seconds
 
 
+@pytest.mark.long  # in new processes
 def test_a_program_on_the_gpu_is_timed_from_its_start_too() -> None:
     device_or_skip()
     (result,) = measure_startup(["taa:gpu"], (64, 36), cold=1, warm=1)

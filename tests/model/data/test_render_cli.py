@@ -47,6 +47,7 @@ def test_a_disk_that_refuses_is_one_line_and_the_next_run_goes_on(tmp_path: Path
     assert render(out, *options).exit_code == 0
 
 
+@pytest.mark.long  # kills a process
 def test_a_killed_run_leaves_whole_frames_ends_its_workers_and_goes_on(tmp_path: Path) -> None:
     out, options = tmp_path / "set", ("--scenes", "floors", "--sequences", "1", *SMALL, "--frames", "24")
     command = [sys.executable, "-m", "supersampler", "render", str(out), *options]

@@ -1,0 +1,12 @@
+"""Models of the package, each loaded once in a process: tests share them, as the sessions of a program do."""
+
+from functools import cache
+from typing import Any
+
+from supersampler import Model
+
+
+@cache
+def shared_model(method: str, **options: Any) -> Model:
+    """Return `Model.load(method, **options)`, on one thread by default."""
+    return Model.load(method, **{"threads": 1, **options})
