@@ -28,7 +28,7 @@ TESTS = [
     "tests/sdk/test_*_checks.py",
     "tests/sdk/test_conventions*.py",
     "tests/sdk/test_detect*.py",
-    "tests/sdk/test_extrapolate.py",
+    "tests/sdk/test_extrapolat*.py",
     "tests/sdk/test_gbuffers.py",
     "tests/sdk/test_jitter.py",
     "tests/test_golden*.py",
