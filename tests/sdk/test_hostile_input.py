@@ -199,8 +199,8 @@ def test_lost_and_repeated_frames_and_jitter_in_the_corners_are_forgotten(
     models: dict[str, Model], name: str
 ) -> None:
     disturbed, calm = (make(models[name], FEW, at_rest="off") for _ in range(2))
-    for index, corner in enumerate(product((-0.5, 0.5), repeat=2)):
-        frame = Plane(checker).frame(index, SIZE, corner)
+    for index, (x, y) in enumerate(product((-0.5, 0.5), repeat=2)):
+        frame = Plane(checker).frame(index, SIZE, (x, y))
         for _ in range(index % 3):
             disturbed.step(replace(frame, reset=False))
     off = np.abs(np.subtract(*(display_transform(steps(u, 4, LAST)) for u in (disturbed, calm))))
