@@ -119,8 +119,7 @@ def latency(
             warm_up=warm_up,
             on_left_out=warn,
         )
-        limits = bench.measure_limits()
-    publish(bench.LatencyRecord(ratio, results, limits), "latency", json, update)
+    publish(bench.LatencyRecord(ratio, results), "latency", json, update)
 
 
 def _counts_of(threads: str | None) -> list[int]:

@@ -5,7 +5,6 @@ import os
 import statistics
 import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -16,7 +15,6 @@ import numpy as np
 from supersampler import Frame, Model, Shot, Upscaler
 from supersampler.errors import ArgumentError, DeviceError
 from supersampler.frame import Float32, Size
-from supersampler.methods.gbuffers import GBUFFERS
 from supersampler.model import ExecutorName, Precision
 from supersampler_bench.markdown import size_text, table
 from supersampler_bench.record import BenchRecord
@@ -26,7 +24,6 @@ from supersampler_model.data.shots import render_size
 WARM_UP = 4  # steps of each setting before any counts
 REFERENCE = "taa"  # on the CPU backend; other times are given as multiples of its time
 SLOW = 10.0  # multiple of the reference; slower settings take turns apart, as they leave cold caches
-COPIED = 1 << 28  # bytes of the copy that is timed; several times the size of caches
 
 
 @dataclass(frozen=True)
@@ -52,8 +49,6 @@ class Timed:
         processor: mean time that all cores together spent on a step.
         multiple: median over that of `taa` on the CPU backend at the same size and threads.
         stages: mean wall time by stage; empty for the ONNX backend.
-        moved: bytes that a step must move: the frame, the history before and after, the image.
-        multiply_adds: of the network.
         resident: bytes by which the process grew while the setting was loaded and warmed up; 0 where the
             system does not say.
         first: milliseconds from a model's name to its first image: loading, kernels, one step.
@@ -68,18 +63,8 @@ class Timed:
     processor: float
     multiple: float
     stages: dict[str, float]
-    moved: int
-    multiply_adds: int
     resident: int
     first: float
-
-
-@dataclass(frozen=True)
-class Limits:
-    """Throughput of numpy on this machine, per second: bytes moved by copies, multiply-adds of a product."""
-
-    moved: float
-    multiplied: float
 
 
 class _LatencyRunner:
@@ -99,11 +84,6 @@ class _LatencyRunner:
         self._upscaler = Upscaler(model, display_size=setting.display, validate="off")
         self._image = np.empty((*setting.display[::-1], 3), np.float32)
         self._frames = itertools.cycle([replace(frame, reset=False) for frame in frames])
-        first = frames[0]
-        gbuffers = [GBUFFERS[name].find(first) for name in model.info.gbuffers]
-        images = (first.color, first.depth, first.motion, *gbuffers, self._image)
-        self._plan = model.plan(first.size, setting.display)
-        self._moved = sum(i.nbytes for i in images if i is not None) + self._plan.history_bytes
         self.wall: list[float] = []
         self._processor = 0.0
         self.step(counts=False)
@@ -139,8 +119,6 @@ class _LatencyRunner:
             stages={
                 name: 1e3 * (spent - self._warm_up.get(name, 0.0)) / steps for name, spent in stages.items()
             },
-            moved=self._moved,
-            multiply_adds=self._plan.multiply_adds,
             resident=self._resident,
             first=self._first,
         )
@@ -275,30 +253,6 @@ def _tiled(image: Any, render: Size) -> Float32:
     return np.ascontiguousarray(np.tile(image, times)[: render[1], : render[0]], np.float32)
 
 
-def measure_limits() -> Limits:
-    """Measure a copy on all cores, and a matrix product on the threads of BLAS."""
-    source = np.ones(COPIED // 4, np.float32)
-    target = np.empty_like(source)
-    cores = os.cpu_count() or 1
-    parts = list(zip(np.array_split(target, cores), np.array_split(source, cores), strict=True))
-    with ThreadPoolExecutor(cores) as pool:
-        copied = fastest(6, lambda: list(pool.map(lambda part: np.copyto(*part), parts)))
-    matrix = np.ones((1536, 1536), np.float32)
-    product = np.empty_like(matrix)
-    multiplied = fastest(6, lambda: np.matmul(matrix, matrix, out=product))
-    return Limits(2 * COPIED / copied, len(matrix) ** 3 / multiplied)
-
-
-def fastest(runs: int, work: Callable[[], object]) -> float:
-    """Return the seconds of the fastest of several runs."""
-    times = []
-    for _ in range(runs):
-        began = time.perf_counter()
-        work()
-        times.append(time.perf_counter() - began)
-    return min(times)
-
-
 def _resident() -> int:
     """Bytes of this process in memory; 0 where the system does not say."""
     try:
@@ -310,11 +264,10 @@ def _resident() -> int:
 
 @dataclass(frozen=True)
 class LatencyRecord(BenchRecord):
-    """Times of settings at a ratio, and the limits of the machine."""
+    """Times of settings at a ratio."""
 
     ratio: float
     timed: list[Timed]
-    limits: Limits
     BENCH = "latency"
     TABLES = ("", "summary")
 
@@ -323,16 +276,12 @@ class LatencyRecord(BenchRecord):
         caption = (
             f"A step at ratio {self.ratio:g}, from frame in memory to image in memory, on the shipped shot, "
             f"whose camera moves, repeated to the size; settings of a size take turns. {self.machine_name}. "
-            "Cores: milliseconds of all together. Memory: share of the step in which frame, history and "
-            f"image could be moved, at the {1e-9 * self.limits.moved:.1f} GB/s of a copy on all cores. G/s: "
-            "multiply-adds of the network over the time of the whole step; a product of matrices in single "
-            f"precision reaches {1e-9 * self.limits.multiplied:.0f}. MiB: growth of the process. First: "
-            "milliseconds from the model to its first image."
+            "Cores: milliseconds of all together. MiB: growth of the process. First: milliseconds from the "
+            "model to its first image."
         )
         headings = ["display", "threads:", "method", "executor", "ms:", "p95:", "p99:", "cores:", "of taa:"]
-        headings += ["memory:", "G/s:", "MiB:", "first:"]
-        rows = (_row(timed, self.limits) for timed in self.timed)
-        return f"{table(headings, rows, caption)}\n\n{_stage_table(self.timed)}"
+        headings += ["MiB:", "first:"]
+        return f"{table(headings, map(_row, self.timed), caption)}\n\n{_stage_table(self.timed)}"
 
     def summary_table(self) -> str:
         """Return the times of the largest size and number of threads as Markdown, for README."""
@@ -350,14 +299,11 @@ class LatencyRecord(BenchRecord):
         return table(headings, rows, f"{self.machine_name}, {self.timed[0].setting.executor} backend.")
 
 
-def _row(r: Timed, limits: Limits) -> list[object]:
-    seconds = 1e-3 * r.median
+def _row(r: Timed) -> list[object]:
     return [
         *_subject(r),
         f"{r.executor}, {r.precision}",
         *(f"{time:.1f}" for time in (r.median, r.p95, r.p99, r.processor, r.multiple)),
-        f"{r.moved / limits.moved / seconds:.0%}",
-        f"{1e-9 * r.multiply_adds / seconds:.0f}" if r.multiply_adds else "–",
         f"{r.resident / 2**20:.0f}",
         f"{r.first:.0f}",
     ]
