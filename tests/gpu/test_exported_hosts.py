@@ -1,7 +1,6 @@
 """Hosts that know nothing of this package compute its images from an exported folder."""
 
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -10,8 +9,6 @@ from c_host import built_or_skip
 from gpu_steps import device_or_skip
 from raw_shots import SIZES, read_images, wanted_images, write_raw
 from supersampler_export.shaders.folder import write_shader_folder
-
-EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
 @pytest.fixture(scope="module", params=["taa", "classifier", "classifier-large"])
@@ -49,13 +46,6 @@ def test_a_host_in_c_computes_the_images_of_the_gpu_backend(
     images = run([str(program)], root, "c")
     assert len(images) == len(SIZES)
     assert images == wanted_images(method)
-
-
-def test_a_host_of_wgpu_alone_does_so_with_textures_larger_than_needed(exported: tuple[str, Path]) -> None:
-    method, root = exported
-    script = EXAMPLES / "bare_wgpu.py"
-    assert "import supersampler" not in script.read_text().replace("not import supersampler", "")
-    assert run([sys.executable, "-I", str(script)], root, "bare") == wanted_images(method)
 
 
 @pytest.mark.parametrize(
