@@ -21,7 +21,7 @@ from supersampler.methods.gbuffers import names_of
 from supersampler.sequence.both_ways import BothWays, buffers_of, frames_of
 from supersampler.sequence.interpolation import Interpolator
 from supersampler.upscaler import Upscaler
-from supersampler_bench.fsr2.method import FSR2_LIKE, Fsr2Like
+from supersampler_bench.fsr2 import FSR2_LIKE, Fsr2Like
 from supersampler_bench.quality import masks, metrics, strred
 from supersampler_bench.quality.scores import (
     BORDER,

@@ -13,9 +13,8 @@ from supersampler.conventions.jitter import halton_jitter
 from supersampler.frame import Float32, Size
 from supersampler.io.display import BT709, decibels, display_transform
 from supersampler.io.shot import Shot, ShotWriter
-from supersampler_bench.fsr2 import passes
-from supersampler_bench.fsr2.method import FSR2_LIKE, Fsr2Like
-from supersampler_bench.fsr2.passes import DepthClip
+from supersampler_bench import fsr2
+from supersampler_bench.fsr2 import FSR2_LIKE, DepthClip, Fsr2Like
 from supersampler_bench.quality.measure import measure_quality, runnable
 from supersampler_model.data.scenes.analytic import (
     AnalyticScene,
@@ -79,7 +78,7 @@ def test_where_the_depth_clip_says_so_less_is_left_of_what_hid_a_surface(
 
     clipped = error()
     monkeypatch.setattr(
-        passes, "depth_clip", lambda buffers, *_: DepthClip(*np.zeros((2, *buffers.depth.shape)))
+        fsr2, "depth_clip", lambda buffers, *_: DepthClip(*np.zeros((2, *buffers.depth.shape)))
     )
     assert clipped < 0.9 * error()
 
@@ -98,7 +97,7 @@ def test_locks_keep_a_thin_line_bright_and_still(monkeypatch: pytest.MonkeyPatch
         return np.array(steps[-12:])
 
     locked = shown()
-    monkeypatch.setattr(passes, "thin_features", lambda luma: np.zeros(luma.shape, bool))
+    monkeypatch.setattr(fsr2, "thin_features", lambda luma: np.zeros(luma.shape, bool))
     unlocked = shown()
     assert locked.mean() > 1.3 * unlocked.mean()
     assert np.abs(np.diff(locked, axis=0)).mean() < 0.6 * np.abs(np.diff(unlocked, axis=0)).mean()
@@ -128,7 +127,7 @@ def test_the_exposure_is_the_frame_s_and_measured_where_it_has_none() -> None:
         return found
 
     logs = np.log(np.asarray(scene.frame(0, SMALL).color) @ BT709)
-    measured = passes.auto_exposure(float(logs.mean()))
+    measured = fsr2.auto_exposure(float(logs.mean()))
     off = [np.abs(image(None) - image(given)).max() for given in (measured, 100.0 * measured)]
     assert off[0] < 0.1 * off[1]
 
