@@ -5,79 +5,17 @@ record; times are measured here. Settings are compared at one ratio, because a r
 renderer, not in the upscaler.
 """
 
-import itertools
-import statistics
-import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import NamedTuple
+from dataclasses import dataclass
 
-from supersampler import Model, upscale_sequence
 from supersampler.errors import ArgumentError, ModelError
 from supersampler.frame import Size
 from supersampler.methods.model_file import find_model, model_names, read_model_info
 from supersampler_bench.markdown import size_text, table
 from supersampler_bench.quality.score_table import CLIP_COLUMNS, Column, QualityRecord
 from supersampler_bench.record import BenchRecord
-from supersampler_bench.specs import Spec, gbuffers_of, parse_spec, with_default_gbuffers
-from supersampler_bench.timing.latency import Setting, frames_of, measure_settings
-from supersampler_model.data.shots import render_size
-
-FRAMES, PAIRS, ALL_FRAMES = 192, 5, 32
-"""Frames of a run; runs of one pass and of two; frames of the shipped shot, which the runs repeat."""
-
-
-class PassTimes(NamedTuple):
-    """Seconds of the runs of one pass and of two, in turns."""
-
-    frames: int
-    one: list[float]
-    two: list[float]
-
-    @property
-    def ratio(self) -> float:
-        """Median ratio of two passes to one, pair by pair."""
-        return statistics.median(two / one for one, two in zip(self.one, self.two, strict=True))
-
-
-def measure_passes(
-    spec: Spec,
-    display: Size,
-    *,
-    ratio: float = 2.0,
-    threads: int = 0,
-    frames: int = FRAMES,
-    pairs: int = PAIRS,
-) -> PassTimes:
-    """Time runs of one pass and of two in turns; the first run of two passes warms up.
-
-    Args:
-        spec: the method; its number of passes is not read.
-        display: (width, height) of the images.
-        ratio: display over render size.
-        threads: on the CPU.
-        frames: of a run, without cuts: the shipped shot's, tiled to the render size, again and again.
-        pairs: runs of each kind.
-    """
-    model = Model.load(
-        spec.model, providers="cpu", threads=threads, precision=spec.precision, executor=spec.executor
-    )
-    tiled = frames_of(render_size(display, ratio), first=0, count=ALL_FRAMES)
-    ring = [with_default_gbuffers(frame, model.info.gbuffers, display) for frame in tiled]
-
-    def seconds(passes: int) -> float:
-        given = itertools.islice(itertools.cycle(ring), frames)
-        began = time.perf_counter()
-        for _ in upscale_sequence(
-            given, display_size=display, model=model, passes=passes, at_rest=spec.at_rest, validate="off"
-        ):
-            pass
-        return time.perf_counter() - began
-
-    seconds(2)
-    runs = [(seconds(1), seconds(2)) for _ in range(pairs)]
-    return PassTimes(frames, [one for one, _ in runs], [two for _, two in runs])
-
+from supersampler_bench.specs import Spec, gbuffers_of, parse_spec
+from supersampler_bench.timing.latency import Setting, measure_settings
 
 SPATIAL = ("bilinear", "bicubic")
 PRESET_RATIO = 2.0
@@ -94,8 +32,7 @@ class ParetoPoint:
         spec: method, precision, and what it does at rest, see `parse_spec`.
         runs: executor and precision that were chosen.
         ratio: display over render size.
-        milliseconds: median wall time of a step; for two passes, of a frame: that of a step, times the ratio
-            of runs of two passes to runs of one.
+        milliseconds: median wall time of a step.
         scores: by the name of a column, mean over the test shots.
     """
 
@@ -108,7 +45,7 @@ class ParetoPoint:
     @property
     def run(self) -> Spec:
         """The spec, parsed."""
-        return parse_spec(self.spec, two_passes=True)
+        return parse_spec(self.spec)
 
 
 def measure_pareto(
@@ -121,8 +58,6 @@ def measure_pareto(
     on_round: Callable[[], None] = lambda: None,
 ) -> list[ParetoPoint]:
     """Time all settings that quality records have scores of, on this machine.
-
-    Two passes are timed where the records have scores of one pass of the same setting.
 
     Args:
         records: of the same shots.
@@ -143,7 +78,7 @@ def measure_pareto(
         setting_of = {
             spec: Setting(spec.model, display, "auto", threads, spec.precision)
             for spec in scores
-            if spec.passes == 1 and spec.model not in missing
+            if spec.model not in missing
         }
         settings = list(dict.fromkeys(setting_of.values()))
         found = measure_settings(
@@ -151,13 +86,9 @@ def measure_pareto(
         )
         timed = {t.setting: t for t in found}
         for spec in scores:
-            setting = setting_of.get(replace(spec, passes=1))
-            if setting is not None and (t := timed.get(setting)) is not None:
-                factor = 1.0
-                if spec.passes == 2:
-                    factor = measure_passes(spec, display, ratio=ratio, threads=threads).ratio
+            if (setting := setting_of.get(spec)) is not None and (t := timed.get(setting)) is not None:
                 runs = f"{t.executor}, {t.precision}"
-                points.append(ParetoPoint(str(spec), runs, ratio, t.median * factor, scores[spec]))
+                points.append(ParetoPoint(str(spec), runs, ratio, t.median, scores[spec]))
     return points
 
 
@@ -186,6 +117,8 @@ def scores_of(
             want = "of `bench quality test-shots --json` or `bench pareto --json`, all of the same shots"
             raise ArgumentError("record", got=got, want=want)
         for ratio, spec, known in scores:
+            if spec.passes > 1:  # which are no step
+                continue
             names = (c.name for c in CLIP_COLUMNS if c.name in known)
             found.setdefault(ratio, {})[spec] = {name: known[name] for name in names}
     return dict(sorted(found.items()))
@@ -219,11 +152,11 @@ def presets(points: Sequence[ParetoPoint]) -> dict[str, str]:
     balanced: of those between, the one that gains most over fast per additional millisecond; else high.
 
     Only settings with the default `at_rest` compete, because shots in motion do not show what it gains.
-    Methods that read G-buffers are left out, because not all frames have them, those that do not serve
-    PRESET_RATIOS, because a preset is for any ratio, and two passes, because a live view has no later frames.
+    Methods that read G-buffers are left out, because not all frames have them, and those that do not serve
+    PRESET_RATIOS, because a preset is for any ratio.
     """
     special = {name for name in model_names() if gbuffers_of([name]) or not _serves_presets(name)}
-    live = [p for p in points if p.run.model not in special and p.run.passes == 1]
+    live = [p for p in points if p.run.model not in special]
     line = frontier([p for p in live if p.run.at_rest == "converge"], CLIP_COLUMNS[0])
     floor = max(p.scores["psnr"] for p in points if p.run.model in SPATIAL)
     good = [p for p in line if p.scores["psnr"] >= floor + MIN_GAIN] or line[-1:]
@@ -247,11 +180,11 @@ def _gain(point: ParetoPoint, fast: ParetoPoint) -> float:
 def best_within(points: Sequence[ParetoPoint], budget: float) -> list[ParetoPoint]:
     """Return the settings of highest PSNR whose step takes at most `budget` milliseconds, at each ratio.
 
-    Where the best one reads G-buffers, the best that reads none follows it. Two passes are no step.
+    Where the best one reads G-buffers, the best that reads none follows it.
     """
     found = []
     for group in by_ratio(points).values():
-        steps = (p for p in group if p.milliseconds <= budget and p.run.passes == 1)
+        steps = (p for p in group if p.milliseconds <= budget)
         fast_enough = sorted(steps, key=lambda p: p.scores["psnr"], reverse=True)
         for point in fast_enough:
             found.append(point)
