@@ -36,12 +36,9 @@ from supersampler_bench.record import SHIPPED_PARETO, BenchRecord, Provenance, r
 
 
 def cost(
-    methods: METHODS = "classifier,classifier-small",
-    display_size: DISPLAY_SIZE = "960x540",
-    json: JSON = None,
-    update: UPDATE = None,
+    methods: METHODS = "classifier,classifier-small", json: JSON = None, update: UPDATE = None
 ) -> None:
-    """Count the multiply-adds and parameters of networks, in their graphs.
+    """Say how many multiply-adds and parameters networks have.
 
     \b
     Example:
@@ -50,9 +47,7 @@ def cost(
     from supersampler_bench.timing import cost as bench
 
     check_page(update, bench.CostRecord, "cost")
-    size = parse_size(display_size, "--display-size")
-    costs = [bench.measure_cost(name, size) for name in listed(methods)]
-    publish(bench.CostRecord(size, costs), "cost", json, update)
+    publish(bench.CostRecord([bench.cost_of(name) for name in listed(methods)]), "cost", json, update)
 
 
 def startup(

@@ -1,4 +1,4 @@
-"""Multiply-adds and parameters of networks, counted in their graphs."""
+"""Multiply-adds and parameters of networks, as `model.json` and the graph say."""
 
 import math
 from dataclasses import dataclass
@@ -6,13 +6,10 @@ from pathlib import Path
 
 import onnx
 
-from supersampler.conventions.jitter import only_ratio
 from supersampler.errors import ArgumentError
-from supersampler.frame import Size
 from supersampler.methods.model_file import find_model, read_model_info
-from supersampler_bench.markdown import size_text, table
+from supersampler_bench.markdown import table
 from supersampler_bench.record import BenchRecord
-from supersampler_export.count import multiply_adds
 
 
 @dataclass(frozen=True)
@@ -32,8 +29,8 @@ class Cost:
     operators: int
 
 
-def measure_cost(name_or_path: str, display_size: Size) -> Cost:
-    """Count the work of a model's network for one frame.
+def cost_of(name_or_path: str) -> Cost:
+    """Return the cost of a model's network.
 
     Raises:
         ModelError: there is no such model.
@@ -43,18 +40,16 @@ def measure_cost(name_or_path: str, display_size: Size) -> Cost:
     path = folder / "network.onnx"
     if not path.is_file():
         raise ArgumentError("--methods", got=name_or_path, want="methods with a network")
-    model = onnx.load(path)
-    parameters = sum(math.prod(tensor.dims) for tensor in model.graph.initializer)
-    ratio = only_ratio(read_model_info(folder).ratios)
-    counted = multiply_adds(model, display_size, 2 if ratio is None else round(ratio))
-    return Cost(Path(name_or_path).name, counted, parameters, len(model.graph.node))
+    graph = onnx.load(path).graph
+    parameters = sum(math.prod(tensor.dims) for tensor in graph.initializer)
+    counted = read_model_info(folder).multiply_adds
+    return Cost(Path(name_or_path).name, counted, parameters, len(graph.node))
 
 
 @dataclass(frozen=True)
 class CostRecord(BenchRecord):
-    """Costs of networks at a display size."""
+    """Costs of networks."""
 
-    display: Size
     networks: list[Cost]
     BENCH = "cost"
 
@@ -64,4 +59,4 @@ class CostRecord(BenchRecord):
             [c.method, f"{c.multiply_adds:,.0f}", f"{c.parameters:,}", c.operators] for c in self.networks
         ]
         headings = ["method", "multiply-adds a display pixel:", "parameters:", "operators:"]
-        return table(headings, rows, f"The network alone (`network.onnx`), at {size_text(self.display)}.")
+        return table(headings, rows, "The network alone (`network.onnx`).")

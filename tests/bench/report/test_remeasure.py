@@ -17,7 +17,7 @@ from supersampler_bench.report.doc_tables import COMMANDS, Recipe, clock, measur
 from supersampler_model.data.scenes.analytic import Plane, checker
 
 ROOT = Path(__file__).parents[3]
-COST = "supersampler bench cost --methods classifier-small --display-size 64x36"
+COST = "supersampler bench cost --methods classifier-small"
 
 
 def recorded(command: str, **values: Any) -> dict[str, Any]:

@@ -63,11 +63,11 @@ def test_a_number_that_is_in_no_record_fails_the_check_by_its_name(
 def test_a_record_of_another_version_is_said_to_be_one(repository: Path) -> None:
     path = repository / RESULTS / "cost.json"
     record = json.loads(path.read_text())
-    del record["display"]
+    del record["networks"]
     write_json(record, path)
     answer = CliRunner().invoke(app, ["tables", str(repository)])
     assert answer.exit_code == 0
-    assert "missing required field `display`" in answer.output
+    assert "missing required field `networks`" in answer.output
 
 
 def test_a_folder_without_records_is_named(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from supersampler import ArgumentError
 from supersampler.methods.model_file import find_model
-from supersampler_bench.timing.cost import CostRecord, measure_cost
+from supersampler_bench.timing.cost import CostRecord, cost_of
 from supersampler_model.methods.classifier import SmallClassifier
 
 
@@ -28,17 +28,16 @@ def by_hand() -> float:
 
 
 def test_the_count_is_that_of_the_layers_and_within_the_budget(tmp_path: Path) -> None:
-    folder = shutil.copytree(find_model("classifier-small"), tmp_path / "small")
-    cost = measure_cost(str(folder), (256, 128))
+    cost = cost_of(str(shutil.copytree(find_model("classifier-small"), tmp_path / "small")))
     assert cost.multiply_adds == pytest.approx(by_hand())
     assert cost.multiply_adds <= 2000.0
     assert cost.method == "small"
-    assert f"{cost.multiply_adds:,.0f}" in CostRecord((256, 128), [cost]).table()
+    assert f"{cost.multiply_adds:,.0f}" in CostRecord([cost]).table()
 
 
 def test_a_method_without_a_network_is_named() -> None:
     with pytest.raises(ArgumentError, match="taau"):
-        measure_cost("taau", (64, 36))
+        cost_of("taau")
 
 
 def test_the_config_of_a_small_one_says_so() -> None:
