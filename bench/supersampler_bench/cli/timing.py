@@ -35,9 +35,7 @@ from supersampler_bench.cli.options import (
 from supersampler_bench.record import SHIPPED_PARETO, BenchRecord, Provenance, read_record, write_json
 
 
-def cost(
-    methods: METHODS = "classifier,classifier-small", json: JSON = None, update: UPDATE = None
-) -> None:
+def cost(methods: METHODS = "classifier,classifier-small", json: JSON = None, update: UPDATE = None) -> None:
     """Say how many multiply-adds and parameters networks have.
 
     \b
