@@ -354,7 +354,7 @@ def lock_luma(color: Array, exposure: float) -> Array:
     """Return the luma (h, w) that locks compare: the sixth root of CIE lightness / 100."""
     y = tonemap(prepared(color, exposure)) @ BT709
     lightness = np.where(y <= 216.0 / 24389.0, y * (24389.0 / 27.0), np.cbrt(y) * 116.0 - 16.0)
-    return np.power(lightness.astype(np.float32) * np.float32(0.01), np.float32(1.0 / 6.0))
+    return np.asarray(np.power(lightness.astype(np.float32) * np.float32(0.01), np.float32(1.0 / 6.0)))
 
 
 def thin_features(plane: Array) -> Bool:
