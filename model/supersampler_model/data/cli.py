@@ -37,6 +37,12 @@ def render(
     ] = "",
     samples: Annotated[int, typer.Option(help="Of the reference, a pixel; a square number.")] = 64,
     gbuffers: Annotated[bool, typer.Option(help="Keep display-size G-buffers too.")] = False,
+    gltf: Annotated[
+        Path | None, typer.Option(help="Folder of .glb and .gltf files, and .hdr panoramas, to compose from.")
+    ] = None,
+    gltf_fraction: Annotated[
+        float, typer.Option(help="Fraction of the sequences that is composed of the files in --gltf.")
+    ] = 0.3,
     seed: Annotated[int, typer.Option(help="The same seed gives the same set.")] = 0,
     workers: Annotated[int, typer.Option(help="Processes.")] = 1,
     show_labels: Annotated[
@@ -47,11 +53,16 @@ def render(
 
     A stopped run resumes when the same command is given again; --also may be added then.
 
+    With --gltf, files 8 m wide or more are stages, the others props on them; every file is read before
+    rendering begins. A quarter of the files is kept for validation sequences and used in no other; a kind
+    (stage, prop, panorama) with one file only is trained on alone.
+
     \b
     Examples:
       supersampler render data --sequences 60 --frames 25 --workers 2
       supersampler render data --scenes fences,floors --show-labels
       supersampler render data --gbuffers --also 2,4
+      supersampler render data --gltf my/scenes --gltf-fraction 0.3
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_model.data.dataset import RenderPlan, create_dataset, plan_sequences
     from supersampler_model.data.dataset.overview import write_class_maps
@@ -67,6 +78,8 @@ def render(
         samples=samples,
         gbuffers=gbuffers,
         seed=seed,
+        gltf=gltf,
+        gltf_fraction=gltf_fraction,
     )
     console = Terminal(stderr=True)
     dataset = create_dataset(output, plan_sequences(plan))

@@ -7,13 +7,15 @@ from zlib import crc32
 import numpy as np
 
 from supersampler_model.data.errors import SceneError
+from supersampler_model.data.scenes.gltf.compose import Composition
 from supersampler_model.data.scenes.procedural import APART, TEST, TRAIN
 from supersampler_model.data.scenes.procedural.paths import camera_path
 from supersampler_model.data.scenes.scene import Camera
-from supersampler_model.data.specs import Sequence, SequenceSpec
+from supersampler_model.data.specs import GLTF, Sequence, SequenceSpec
 
 __all__ = [
     "APART_FAMILIES",
+    "GLTF",
     "TEST_FAMILIES",
     "TRAIN_FAMILIES",
     "Sequence",
@@ -36,9 +38,13 @@ def make_sequence(spec: SequenceSpec) -> Sequence:
 
     Raises:
         SceneError: there is no such family.
+        GltfError: a file of a GLTF sequence is broken, or is not the one that the spec names.
     """
+    if spec.family == GLTF:
+        return Composition(spec)
     if spec.family not in _FAMILIES:
-        raise SceneError("spec.family", got=repr(spec.family), want=f"one of {', '.join(_FAMILIES)}")
+        known = ", ".join((*_FAMILIES, GLTF))
+        raise SceneError("spec.family", got=repr(spec.family), want=f"one of {known}")
     return StagedSequence(spec)
 
 

@@ -9,27 +9,38 @@ from supersampler_model.data.errors import SceneError, check_number
 from supersampler_model.data.scenes.procedural.stage import Stage
 from supersampler_model.data.scenes.scene import Camera, Scene
 
+GLTF = "gltf"
+"""Family of sequences composed of glTF files."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SequenceSpec:
     """The parameters that generate a sequence; plain data for a JSON file.
 
     Attributes:
-        family: one of TRAIN_FAMILIES, TEST_FAMILIES or APART_FAMILIES.
+        family: one of TRAIN_FAMILIES, TEST_FAMILIES or APART_FAMILIES, or GLTF.
         seed: >= 0, of layout, textures, colours, lights, camera, speeds, cuts and exposure.
         frames: how many, >= 1.
         frame_rate: frames a second, > 0.
+        folder: of the files of a GLTF sequence; None of the others.
+        files: of a GLTF sequence: name below `folder`, and SHA-256 of the content.
     """
 
     family: str
     seed: int
     frames: int
     frame_rate: float = 30.0
+    folder: str | None = None
+    files: tuple[tuple[str, str], ...] = ()
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "files", tuple((name, digest) for name, digest in self.files))  # from JSON
         check_number("spec.seed", self.seed, 0, np.inf)
         check_number("spec.frames", self.frames, 1, np.inf)
         check_number("spec.frame_rate", self.frame_rate, 0.0, np.inf, open_below=True)
+        if (self.family == GLTF) != (self.folder is not None and len(self.files) > 0):
+            want = "both of a gltf sequence, neither of another"
+            raise SceneError("spec.folder, files", got=f"{self.folder!r}, {len(self.files)} files", want=want)
 
 
 class Sequence(ABC):

@@ -149,6 +149,12 @@ def data_hash(datasets: Sequence[Dataset]) -> str:
     return digest.hexdigest()
 
 
+def assets(datasets: Sequence[Dataset]) -> list[str]:
+    """Return the names of the asset files in the training sequences, for attribution."""
+    entries = [entry for dataset in datasets for entry in dataset.entries("train")]
+    return sorted({name for entry in entries for name, _ in entry.spec.files})
+
+
 def frame_inputs(frame: TrainingFrame, names: Sequence[str]) -> dict[str, Tensor]:
     """Return the inputs of a method from a training frame, by name, in the order of the names.
 

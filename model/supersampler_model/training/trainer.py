@@ -25,7 +25,7 @@ from supersampler_model import ops
 from supersampler_model.data.dataset import Dataset
 from supersampler_model.methods.base import Method, Trained
 from supersampler_model.training.crops import StreamPosition
-from supersampler_model.training.datasets import data_hash
+from supersampler_model.training.datasets import assets, data_hash
 from supersampler_model.training.losses import display_values, image_loss
 from supersampler_model.training.optimizer import Muon
 from supersampler_model.training.task import State, Task
@@ -160,6 +160,7 @@ class Trainer:
             {
                 "steps": self.done,
                 "data": data_hash(self.datasets),
+                "assets": assets(self.datasets),
                 "commit": source_commit(),
                 **facts,
             },

@@ -1,5 +1,6 @@
 """Training sets: rendering resumes after any interruption, and files return what was rendered."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -7,6 +8,7 @@ import numpy as np
 import pytest
 
 from gl_scenes import Yard
+from gltf_files import cube, strip
 from supersampler import ArgumentError, Upscaler, halton_jitter
 from supersampler.io.display import display_transform
 from supersampler_model.data.dataset import (
@@ -229,8 +231,58 @@ def test_a_plan_follows_from_its_seed_and_keeps_test_families_apart() -> None:
         plan_sequences(RenderPlan(families=("none",)))
 
 
-def test_the_plan_of_a_seed_stays_the_same() -> None:
+def test_a_plan_without_files_is_the_same_as_before_there_were_files() -> None:
     drawn = plan_sequences(RenderPlan(sequences=3, seed=1)).sequences
     assert [(e.spec.family, e.spec.seed, e.ratio) for e in drawn] == [
         ("fences", 1016164991, 4.0), ("floors", 1099128569, 1.5), ("metals", 1767258089, 2.0),
     ]  # fmt: skip
+
+
+def test_a_description_from_before_there_were_files_opens_and_goes_on(tmp_path: Path) -> None:
+    drawn = plan_sequences(RenderPlan(sequences=3))
+    content = drawn.to_json()
+    for entry in content["sequences"]:
+        del entry["spec"]["folder"], entry["spec"]["files"]
+    (tmp_path / "dataset.json").write_text(json.dumps(content))
+    assert open_dataset(tmp_path).description == drawn
+    create_dataset(tmp_path, drawn)
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> Path:
+    folder = tmp_path / "files"
+    folder.mkdir()
+    for index in range(4):
+        cube(emissiveFactor=[index, 0.0, 0.0]).save(folder / f"cube{index}.glb")
+    return folder
+
+
+def test_a_share_of_the_sequences_is_composed_of_files_and_recorded(files: Path) -> None:
+    plan = RenderPlan(sequences=30, gltf=files, gltf_fraction=0.4)
+    drawn = plan_sequences(plan)
+    assert drawn == plan_sequences(plan) == Description.from_json(json.loads(json.dumps(drawn.to_json())))
+    composed = [e for e in drawn.sequences if e.spec.family == "gltf"]
+    assert len(composed) == 12
+    assert {e.spec.family for e in drawn.sequences} == {"gltf", *TRAIN_FAMILIES}
+    trained, validated = (
+        {file for e in composed if e.split == split for file in e.spec.files}
+        for split in ("train", "validation")
+    )
+    assert (len(trained), len(validated), len(trained | validated)) == (3, 1, 4)
+    alone = plan_sequences(replace(plan, gltf_fraction=1.0))
+    assert {e.spec.family for e in alone.sequences} == {"gltf"}
+    with pytest.raises(ArgumentError, match="gltf_fraction is 0"):
+        plan_sequences(replace(plan, gltf_fraction=0.0))
+
+
+def test_files_that_have_changed_since_the_set_was_begun_are_named(files: Path, tmp_path: Path) -> None:
+    plan = RenderPlan(sequences=8, gltf=files, gltf_fraction=1.0)
+    create_dataset(tmp_path / "set", plan_sequences(plan))
+    create_dataset(tmp_path / "set", plan_sequences(plan))
+    cube(emissiveFactor=[9.0, 0.0, 0.0]).save(files / "cube2.glb")
+    with pytest.raises(DatasetError, match=r"changed since the set was begun: .*files/cube2\.glb\. Put back"):
+        create_dataset(tmp_path / "set", plan_sequences(plan))
+    strip().save(files / "strip.glb")
+    (files / "cube2.glb").unlink()
+    with pytest.raises(DatasetError, match=r"has other sequences\. .* the same glTF files"):
+        create_dataset(tmp_path / "set", plan_sequences(plan))

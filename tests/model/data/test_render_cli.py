@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner, Result
 
+from gltf_files import cube
 from supersampler.cli.app import app
 from supersampler_model.data.dataset import open_dataset, read_training_frame
 
@@ -18,6 +19,24 @@ SMALL = ("--frames", "2", "--display-size", "64x36", "--samples", "4", "--ratio"
 
 def render(*arguments: object) -> Result:
     return CliRunner().invoke(app, ["render", *map(str, arguments)])
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> Path:
+    folder = tmp_path / "files"
+    folder.mkdir()
+    cube().save(folder / "cube.glb")
+    return folder
+
+
+def test_sequences_of_files_are_rendered_beside_procedural_ones(files: Path, tmp_path: Path) -> None:
+    options = ("--scenes", "floors", "--gltf", files, "--gltf-fraction", "0.5", "--sequences", "2", *SMALL)
+    answer = render(tmp_path / "set", *options)
+    assert answer.exit_code == 0, answer.output
+    assert "4 frames of 64x36" in answer.output
+    dataset = open_dataset(tmp_path / "set")
+    assert sorted(entry.spec.family for entry in dataset.entries()) == ["floors", "gltf"]
+    assert all(dataset.complete(entry) == 2 for entry in dataset.entries())
 
 
 def test_a_set_is_rendered_at_other_ratios_when_they_are_asked_for_later(tmp_path: Path) -> None:
@@ -82,10 +101,23 @@ def _wait_for_the_end_of_group(group: int) -> None:
     pytest.fail("workers outlive a killed run")
 
 
+def test_a_broken_file_is_named_before_anything_is_written(files: Path, tmp_path: Path) -> None:
+    file = cube()
+    file.json["meshes"][0]["primitives"][0]["indices"] = 99
+    file.save(files / "worse.glb")
+    answer = render(tmp_path / "set", "--gltf", files, *SMALL)
+    assert answer.exit_code == 1
+    [line] = answer.output.splitlines()
+    assert line.startswith(f"error: {files / 'worse.glb'}: mesh 0 'Cube', primitive 0")
+    assert not (tmp_path / "set").exists()
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
         (("--scenes", "wires"), "error: families is 'wires'; want some of fences, "),
+        (("--gltf", "nowhere"), "error: folder is nowhere, which is none; want a folder"),
+        (("--gltf-fraction", "1.5"), "error: gltf_fraction is 1.5; want a fraction"),
         (("--ratio", "2;3"), "error: --ratio is '2;3'; want numbers"),
     ],
 )

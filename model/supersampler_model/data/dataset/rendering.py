@@ -27,6 +27,7 @@ from supersampler_model.data.labels import DEFAULTS, LabelThresholds
 from supersampler_model.data.processes import OnFrame, run_parts
 from supersampler_model.data.rendered import labels_of
 from supersampler_model.data.renderer.renderer import Renderer
+from supersampler_model.data.scenes.gltf.compose import read_folder
 from supersampler_model.data.sequences import APART_FAMILIES, TEST_FAMILIES, TRAIN_FAMILIES, make_sequence
 from supersampler_model.data.shots import render_frame
 from supersampler_model.data.specs import SequenceSpec
@@ -41,7 +42,12 @@ MAX_DIFFERENCE = 0.01  # relative, of the means of two images of one frame by di
 
 @dataclass(frozen=True, kw_only=True)
 class RenderPlan:
-    """Options of the command line; sizes are (width, height)."""
+    """Options of the command line; sizes are (width, height).
+
+    Attributes:
+        gltf: folder of files to compose sequences of; None: procedural families alone.
+        gltf_fraction: of the sequences that are composed of them, (0, 1]; the others are of `families`.
+    """
 
     families: Sequence[str] = TRAIN_FAMILIES
     sequences: int = 60
@@ -51,6 +57,8 @@ class RenderPlan:
     samples: int = 64
     gbuffers: bool = False
     seed: int = 0
+    gltf: Path | None = None
+    gltf_fraction: float = 0.3
 
     def check(self) -> None:
         """Raise an ArgumentError for an unknown family, a ratio below 1, or nothing to render."""
@@ -63,25 +71,37 @@ class RenderPlan:
                 raise ArgumentError(name, got=getattr(self, name), want="at least 1")
         if not self.families or not self.ratios or min(self.ratios) < 1.0:
             raise ArgumentError("ratios", got=list(self.ratios), want="some of at least 1.0")
+        if not 0.0 < self.gltf_fraction <= 1.0:
+            raise ArgumentError("gltf_fraction", got=self.gltf_fraction, want="a fraction > 0 and <= 1")
 
 
 def plan_sequences(plan: RenderPlan) -> Description:
-    """Draw the sequences of a set: families take turns; ratios and seeds follow from one seed.
+    """Draw the sequences of a set: families take turns; files, ratios and seeds follow from one seed.
 
-    Sequences for validation have other seeds than those for training.
+    Procedural sequences for validation have other seeds than those for training. Composed ones also have
+    other files, where there are at least two of a kind (stages, props, panoramas).
 
     Raises:
         ArgumentError: an unknown family, a ratio below 1, or nothing to render.
+        SceneError: there is nothing to compose in the folder.
+        GltfError: a file in it is broken or not supported.
     """
     plan.check()
     random = np.random.default_rng(plan.seed)
     next_ratio = _ratio_turns(plan.ratios, random)
-    entries = []
+    training, validation = (None, None) if plan.gltf is None else read_folder(plan.gltf).split(plan.seed)
+    fraction, entries = 0.0 if plan.gltf is None else plan.gltf_fraction, []
     for index in range(plan.sequences):
         seed = int(random.integers(1 << 31))
-        turn, place = divmod(index, len(plan.families))
-        spec = SequenceSpec(family=plan.families[place], seed=seed, frames=plan.frames)
-        split = _split(turn) if spec.family in TRAIN_FAMILIES else "test"
+        composed, after = (int(fraction * number + 0.5) for number in (index, index + 1))  # spread evenly
+        if training is not None and after > composed:
+            split = "train" if validation is None else _split(composed)
+            folder = training if validation is None or split == "train" else validation
+            spec = folder.spec(seed, plan.frames)
+        else:
+            turn, place = divmod(index - composed, len(plan.families))
+            spec = SequenceSpec(family=plan.families[place], seed=seed, frames=plan.frames)
+            split = _split(turn) if spec.family in TRAIN_FAMILIES else "test"
         entries.append(SequenceEntry(spec=spec, ratio=next_ratio(spec.family), split=split))
     return Description(
         display_size=plan.display_size, samples=plan.samples, gbuffers=plan.gbuffers, seed=plan.seed,

@@ -319,7 +319,7 @@ def create_dataset(folder: Path, description: Description) -> Dataset:
     """Create a data set, or open one of the same description.
 
     Raises:
-        DatasetError: the folder holds a set of another description, or folders of no set.
+        DatasetError: the folder holds a set of another description or of changed files, or folders of no set.
     """
     path = folder / FILE_NAME
     if is_there(path):
@@ -356,7 +356,18 @@ def open_dataset(folder: Path) -> Dataset:
 
 
 def _check_same(path: Path, existing: Description, requested: Description) -> None:
+    now, before = _digests(requested), _digests(existing)
+    changed = sorted(name for name in now.keys() & before.keys() if now[name] != before[name])
+    if changed:
+        hint = "Put back the files that the set was begun with, or begin another set."
+        raise DatasetError(path, f"these have changed since the set was begun: {', '.join(changed)}", hint)
     for name, value in asdict(requested).items():
         if asdict(existing)[name] != value:
-            hint = "Give the options of the first run, or another folder."
+            hint = "Give the options of the first run, and the same glTF files if any, or another folder."
             raise DatasetError(path, f"the set that is there has other {name.replace('_', ' ')}", hint)
+
+
+def _digests(description: Description) -> dict[str, str]:
+    """Return the SHA-256 of all asset files of a data set, by path."""
+    specs = [entry.spec for entry in description.sequences]
+    return {f"{spec.folder}/{name}": digest for spec in specs for name, digest in spec.files}

@@ -1,4 +1,4 @@
-"""Scenes to render: procedural families, and analytic ones without a renderer.
+"""Scenes to render: procedural families, glTF assets, and analytic ones without a renderer.
 
 They hold geometry, materials, lights and motion; `data.renderer` renders them.
 """
