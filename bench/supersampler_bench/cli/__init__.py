@@ -23,6 +23,7 @@ for command in (
     timing.against,
     timing.startup,
     timing.device,
+    timing.skip,
     quality.still,
     timing.pareto,
     report.stress,

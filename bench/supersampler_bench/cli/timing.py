@@ -1,4 +1,4 @@
-"""`supersampler bench` commands about time: cost, startup, latency, against, device and pareto."""
+"""`supersampler bench` commands about time: cost, startup, latency, against, device, skip and pareto."""
 
 import os
 import time
@@ -18,6 +18,7 @@ from supersampler_bench.cli.options import (
     JSON,
     METHODS,
     ONE_RATIO,
+    SAMPLES,
     STEPS,
     THREADS,
     UPDATE,
@@ -153,6 +154,39 @@ def against(
             on_left_out=warn,
         )
     publish(bench.AgainstRecord(ratio, sides, steps, results), "against", json, update)
+
+
+def skip(
+    scenes: Annotated[str, typer.Option(help="Families of test shots, with commas between.")] = (
+        "court,gallery,market"
+    ),
+    methods: METHODS = "taau,classifier",
+    display_size: DISPLAY_SIZE = "960x540",
+    ratio: ONE_RATIO = 2.0,
+    samples: SAMPLES = 64,
+    json: JSON = None,
+    update: UPDATE = None,
+) -> None:
+    """Measure the time saved where nothing moves, the time of finding that out, and the error.
+
+    Test shots with a fixed camera, static and with moving objects, and with a moving camera, where there
+    is nothing to save. Methods need kernels. Frames are rendered here, with OpenGL. Nothing else should run
+    on the machine.
+
+    \b
+    Example:
+      supersampler bench skip --scenes court --methods classifier --update docs/results/backends.md
+    """  # noqa: D301  # \b is click's mark for lines that are not to be joined
+    from supersampler_bench.timing import skip as bench
+
+    check_page(update, bench.SkipRecord, "skip")
+    families, names, size = listed(scenes), listed(methods), parse_size(display_size, "--display-size")
+    with counted("frames", len(bench.MOVES) * len(families) * bench.frame_count(ratio)) as advance:
+        results = bench.measure_skipping(
+            families, names, size, ratio=ratio, samples=samples, on_frame=advance
+        )
+    record = bench.SkipRecord(size, ratio, results, bench.frame_count(ratio))
+    publish(record, "skip", json, update)
 
 
 def pareto(

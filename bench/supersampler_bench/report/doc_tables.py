@@ -31,10 +31,11 @@ from supersampler_bench.timing.cost import CostRecord
 from supersampler_bench.timing.device_record import GpuRecord
 from supersampler_bench.timing.latency import LatencyRecord
 from supersampler_bench.timing.pareto import ParetoRecord
+from supersampler_bench.timing.skip import SkipRecord
 
 RECORDS: tuple[type[BenchRecord], ...] = (
     *(QualityRecord, ExtrapolationRecord, StillRecord, ParityRecord, StressRecord),
-    *(LatencyRecord, AgainstRecord, StartupRecord, ParetoRecord, GpuRecord, CostRecord),
+    *(LatencyRecord, AgainstRecord, StartupRecord, SkipRecord, ParetoRecord, GpuRecord, CostRecord),
 )
 """Types of the records whose tables the documentation has."""
 RESULTS = Path("bench/results")

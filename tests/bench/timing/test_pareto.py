@@ -9,9 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from supersampler import ArgumentError
-from supersampler_bench.quality.extrapolation import ExtrapolationRecord
 from supersampler_bench.quality.score_table import CLIP_COLUMNS, QualityRecord
-from supersampler_bench.quality.scores import Alternated, MethodRow, ShotRow
+from supersampler_bench.quality.scores import MethodRow, ShotRow
 from supersampler_bench.report.figures import draw_pareto
 from supersampler_bench.specs import Spec, parse_spec
 from supersampler_bench.timing.pareto import (
