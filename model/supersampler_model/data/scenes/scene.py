@@ -14,7 +14,14 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler_model.data.errors import SceneError
+from supersampler_model.data.errors import (
+    SceneError,
+    check_array,
+    check_color,
+    check_matrices,
+    check_number,
+    check_vector,
+)
 
 Rng: TypeAlias = np.random.Generator
 Values: TypeAlias = NDArray[np.float64]
@@ -46,6 +53,15 @@ class Camera:
     fov_y: float = 60.0
     near: float = 0.1
     exposure: float = 1.0
+
+    def __post_init__(self) -> None:
+        for name in ("position", "target", "up"):
+            check_vector(f"camera.{name}", getattr(self, name), 3)
+        for name, maximum in (("fov_y", 175.0), ("near", np.inf), ("exposure", np.inf)):
+            check_number(f"camera.{name}", getattr(self, name), 0.0, maximum, open_below=True)
+        if not np.linalg.norm(np.cross(np.subtract(self.target, self.position), self.up)) > 0.0:
+            got = f"{self.target} from {self.position}, up {self.up}"
+            raise SceneError("camera.target", got=got, want="a direction other than up, at some distance")
 
     def view(self) -> Matrix:
         """Return world to view: x right, y up, looking at -z."""
@@ -87,6 +103,15 @@ class Environment:
     """
 
     pixels: Points
+
+    def __post_init__(self) -> None:
+        check_array("environment.pixels", self.pixels, (None, None, 3), np.float32)
+        height, width = self.pixels.shape[:2]
+        if width != 2 * height or height < 32 or height & (height - 1):
+            want = "(h, 2 h, 3), h a power of two from 32 on"
+            raise SceneError("environment.pixels", got=self.pixels.shape, want=want)
+        if self.pixels.min() < 0.0:
+            raise SceneError("environment.pixels", got="negative in places", want="radiance >= 0")
 
     def mips(self) -> list[Points]:
         """Return the panorama at half the size each, down to 4 x 2, blurred for ever rougher mirrors.
@@ -184,6 +209,12 @@ class Sun:
     center: Vector = (0.0, 0.0, 0.0)
     radius: float = 20.0
 
+    def __post_init__(self) -> None:
+        _check_direction("sun.direction", self.direction)
+        check_vector("sun.center", self.center, 3)
+        check_color("sun.color", self.color)
+        check_number("sun.radius", self.radius, 0.0, np.inf, open_below=True)
+
     def matrix(self) -> Matrix:
         """Return world to the shadow map's clip space: x, y in [-1, 1], depth in [0, 1], 0 at the light."""
         to_light = -np.array(self.direction) / np.linalg.norm(self.direction)
@@ -209,6 +240,15 @@ class Spot:
     outer: float = 25.0
     reach: float = 20.0
 
+    def __post_init__(self) -> None:
+        check_vector("spot.position", self.position, 3)
+        check_vector("spot.target", self.target, 3)
+        _check_direction("spot.target - position", _vector(np.subtract(self.target, self.position)))
+        check_color("spot.color", self.color)
+        check_number("spot.outer", self.outer, 0.0, 80.0, open_below=True)
+        check_number("spot.inner", self.inner, 0.0, self.outer)
+        check_number("spot.reach", self.reach, 0.1, np.inf, open_below=True)
+
     def matrix(self) -> Matrix:
         """Return world to the shadow map's clip space: depth in [0, 1], 0 is 0.1 m from the light."""
         axis = np.subtract(self.target, self.position)
@@ -232,6 +272,11 @@ class PointLight:
     color: Color
     reach: float = 10.0
 
+    def __post_init__(self) -> None:
+        check_vector("point.position", self.position, 3)
+        check_color("point.color", self.color)
+        check_number("point.reach", self.reach, 0.0, np.inf, open_below=True)
+
 
 def _vector(values: Matrix) -> Vector:
     x, y, z = (float(value) for value in values)
@@ -240,6 +285,11 @@ def _vector(values: Matrix) -> Vector:
 
 def _up_for(direction: Matrix) -> Vector:
     return (0.0, 0.0, 1.0) if abs(direction[1]) > 0.99 else (0.0, 1.0, 0.0)
+
+
+def _check_direction(name: str, direction: Vector) -> None:
+    if not np.linalg.norm(check_vector(name, direction, 3)) > 0.0:
+        raise SceneError(name, got=direction, want="a direction")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -253,6 +303,12 @@ class Skin:
 
     joints: Joints
     weights: Points
+
+    def __post_init__(self) -> None:
+        check_array("skin.joints", self.joints, (None, 4), np.uint16)
+        check_array("skin.weights", self.weights, (len(self.joints), 4), np.float32)
+        if np.abs(self.weights.sum(axis=1) - 1.0).max() > 1e-3:
+            raise SceneError("skin.weights", got="another sum at some vertices", want="a sum of 1")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, weakref_slot=True)
@@ -275,6 +331,18 @@ class Mesh:
     tangents: Points
     indices: Indices
     skin: Skin | None = None
+
+    def __post_init__(self) -> None:
+        count = len(self.positions)
+        check_array("mesh.positions", self.positions, (None, 3), np.float32)
+        check_array("mesh.normals", self.normals, (count, 3), np.float32)
+        check_array("mesh.uv", self.uv, (count, 2), np.float32)
+        check_array("mesh.tangents", self.tangents, (count, 4), np.float32)
+        check_array("mesh.indices", self.indices, (None, 3), np.uint32)
+        if int(self.indices.max()) >= count:
+            raise SceneError("mesh.indices", got=int(self.indices.max()), want=f"vertices below {count}")
+        if self.skin is not None and len(self.skin.joints) != count:
+            raise SceneError("mesh.skin", got=f"{len(self.skin.joints)} vertices", want=f"{count}")
 
     def center(self) -> Points:
         """Return the middle of the bounding box (3,), local."""
@@ -321,6 +389,9 @@ class Texture:
     pixels: Pixels
     srgb: bool = True
 
+    def __post_init__(self) -> None:
+        check_array("texture.pixels", self.pixels, (None, None, (3, 4)), np.uint8)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, weakref_slot=True)
 class Material:
@@ -352,6 +423,29 @@ class Material:
     alpha_cutoff: float | None = None
     double_sided: bool = False
 
+    def __post_init__(self) -> None:
+        check_color("material.base_color", self.base_color, 1.0)
+        check_color("material.emissive", self.emissive)
+        for name in ("roughness", "metallic", "specular"):
+            check_number(f"material.{name}", getattr(self, name), 0.0, 1.0)
+        self._check_textures()
+
+    def _check_textures(self) -> None:
+        for name, srgb in (("base_color", True), ("normal", False), ("orm", False), ("emissive", True)):
+            texture = getattr(self, f"{name}_texture")
+            if texture is None:
+                continue
+            if not isinstance(texture, Texture):
+                raise SceneError(f"material.{name}_texture", got=type(texture).__name__, want="a Texture")
+            if texture.srgb != srgb:
+                raise SceneError(f"material.{name}_texture.srgb", got=texture.srgb, want=srgb)
+        if self.alpha_cutoff is not None:
+            check_number("material.alpha_cutoff", self.alpha_cutoff, 0.0, 1.0)
+            if self.base_color_texture is None or self.base_color_texture.pixels.shape[2] != 4:
+                hint = "The opacity that alpha_cutoff tests is its fourth channel."
+                got = "missing" if self.base_color_texture is None else "without opacity"
+                raise SceneError("material.base_color_texture", got=got, want="an RGBA texture", hint=hint)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Instance:
@@ -379,6 +473,24 @@ class Instance:
         for name in ("model", "palette"):
             if getattr(self, f"{name}_before") is None:
                 object.__setattr__(self, f"{name}_before", getattr(self, name))
+        for name in ("model", "model_before"):
+            check_matrices(f"instance.{name}", getattr(self, name), (4, 4))
+        check_number("instance.emission", self.emission, 0.0, np.inf)
+        self._check_palettes()
+
+    def _check_palettes(self) -> None:
+        skin = self.mesh.skin
+        if (skin is None) != (self.palette is None):
+            got, want = ("given", "None") if skin is None else ("None", "a pose, since the mesh has a skin")
+            raise SceneError("instance.palette", got=got, want=want)
+        if skin is None or self.palette is None:
+            return
+        joints = len(self.palette)
+        if not int(skin.joints.max()) < joints <= MAX_JOINTS:
+            want = f"{int(skin.joints.max()) + 1} to {MAX_JOINTS}, as the skin refers to them"
+            raise SceneError("instance.palette", got=f"{joints} joints", want=want)
+        check_matrices("instance.palette", self.palette, (joints, 4, 4))
+        check_matrices("instance.palette_before", self.palette_before, (joints, 4, 4))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -396,6 +508,12 @@ class Particles:
     centers: Points
     radii: Points
     colors: Points
+
+    def __post_init__(self) -> None:
+        count = len(self.centers)
+        check_array("particles.centers", self.centers, (count, 3), np.float32)
+        check_array("particles.radii", self.radii, (count,), np.float32)
+        check_array("particles.colors", self.colors, (count, 4), np.float32)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -421,4 +539,9 @@ class Scene:
             hint = "Drop those with the shortest reach, per frame if need be."
             raise SceneError(
                 "scene.points", got=f"{len(self.points)} lights", want=f"at most {MAX_POINTS}", hint=hint
+            )
+        if self.camera.near != self.camera_before.near:
+            hint = "Depth is near / distance and is compared between frames."
+            raise SceneError(
+                "scene.camera_before.near", got=self.camera_before.near, want=self.camera.near, hint=hint
             )
