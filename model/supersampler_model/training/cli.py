@@ -197,7 +197,8 @@ def _report(
     )
     means = {name: mean(u.losses[name] for u in updates) for name in updates[0].losses}
     save_trained(output / "weights.safetensors", trainer.trained({"validation": scores, **facts}))
-    write_log(output, trainer.done, {**means, **scores, **baselines}, found and found.image)
+    image = None if found is None else found.image
+    write_log(output, trainer.done, {**means, **scores, **baselines}, image)
     line = ", ".join(f"{name} {value:.3f}" for name, value in {**means, **scores, **baselines}.items())
     seconds = mean(update.seconds for update in updates)
     _CONSOLE.print(f"{trainer.done}/{trainer.plan.steps}, {seconds:.2f} s an update: {line}")
