@@ -13,8 +13,8 @@ creeps, a screen that scrolls and a camera that moves less than can be seen show
 
 Light that blinks with a divisor of the jitter period would pass this test. So residuals of the samples from
 the mean are compared over the period, too. Aliasing averages out over a window of samples, light does not: a
-block is not shown where a window's mean residual is large for the variance in it (UNIFORM in its 8x8 samples
-or in those beside them, COMMON in 32x32), or where the mean does not predict the samples (UNRESOLVED).
+block is not shown where a window's mean residual is large for the variance in it (UNIFORM in its 8x8 samples,
+or PARTIAL beside such a window, COMMON in 32x32), or where the mean does not predict the samples (UNRESOLVED).
 
 Samples of a path tracer never repeat. Where `adds_samples` is NOISY, all samples are added, and nothing is
 confirmed or frozen. A block restarts where the mean residual of its small window, averaged over about eight
@@ -458,14 +458,15 @@ def moments_of(sums: Tensor, side: int, size: Size) -> WindowMoments:
 def steadiness(small: WindowMoments, large: WindowMoments, exposure: Tensor) -> Tensor:
     """Return the excess of residuals over UNIFORM, COMMON and UNRESOLVED, (1, 3, hb, wb); below 0 is steady.
 
-    The first is the maximum over the windows around: a light reaches into them.
+    Beside a window above UNIFORM the limit is PARTIAL: a light reaches into the windows around.
     """
     uniform = excess(small.square, small.variance, spec.UNIFORM, small, exposure)
+    partial = excess(small.square, small.variance, spec.PARTIAL, small, exposure)
     sparkling = (small.contrast - spec.SPARKLING * small.level.square()).clamp(min=0.0)
     contrast = small.contrast + spec.BESIDE * with_windows_around(small.contrast)
     explained = contrast + (1.0 / spec.UNRESOLVED - 1.0) * sparkling
     tests = [
-        with_windows_around(uniform),
+        torch.minimum(with_windows_around(uniform), partial),
         excess(large.square, large.variance, spec.COMMON, large, exposure),
         excess(small.variance, explained, spec.UNRESOLVED, small, exposure),
     ]

@@ -46,6 +46,7 @@ from supersampler.methods.at_rest import (
     OLDEST,
     ORDER,
     OUTER,
+    PARTIAL,
     SHOWN,
     SHOWN_FROM,
     SPARKLING,
@@ -580,11 +581,12 @@ def windows_of(sums: Float32, side: int) -> Windows:
 def steadiness_of(small: Windows, large: Windows, dark: float) -> Float32:
     """Return how far residuals are over the limits, (3, down, across); see `steadiness` in torch."""
     uniform = _excess(small.square, small.variance, UNIFORM, small, dark)
+    partial = _excess(small.square, small.variance, PARTIAL, small, dark)
     sparkling = np.maximum(small.contrast - SPARKLING * np.square(small.level), 0.0)
     contrast = small.contrast + np.float32(BESIDE) * _widened(small.contrast, WINDOWS[0])
     explained = contrast + np.float32(1.0 / UNRESOLVED - 1.0) * sparkling
     tests = [
-        _widened(uniform, WINDOWS[0]),
+        np.minimum(_widened(uniform, WINDOWS[0]), partial),
         _excess(large.square, large.variance, COMMON, large, dark),
         _excess(small.variance, explained, UNRESOLVED, small, dark),
     ]

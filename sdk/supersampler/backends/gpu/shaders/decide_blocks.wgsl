@@ -78,7 +78,7 @@ fn windows_around(block: vec2i, origin: vec2i) -> vec2f {
     return most;
 }
 
-// How far the residuals are over UNIFORM, here or in a window beside it, COMMON and UNRESOLVED; below 0 is steady.
+// Excess of the residuals over UNIFORM (PARTIAL beside a window above it), COMMON and UNRESOLVED; below 0 is steady.
 fn steadiness(block: vec2i, origin: vec2i) -> vec3f {
     let small = window_of(block, origin, SMALL_WINDOW);
     let large = window_of(block, origin, LARGE_WINDOW);
@@ -86,7 +86,7 @@ fn steadiness(block: vec2i, origin: vec2i) -> vec3f {
     let sparkling = max(small.contrast - SPARKLING * small.level * small.level, 0.0);
     let explained = small.contrast + BESIDE * around.y + (1.0 / UNRESOLVED - 1.0) * sparkling;
     return vec3f(
-        around.x,
+        min(around.x, excess(square(small), small.variance, PARTIAL, small)),
         excess(square(large), large.variance, COMMON, large),
         excess(small.variance, explained, UNRESOLVED, small));
 }
