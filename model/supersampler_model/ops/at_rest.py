@@ -14,7 +14,8 @@ creeps, a screen that scrolls and a camera that moves less than can be seen show
 Light that blinks with a divisor of the jitter period would pass this test. So residuals of the samples from
 the mean are compared over the period, too. Aliasing averages out over a window of samples, light does not: a
 block is not shown where a window's mean residual is large for the variance in it (UNIFORM in its 8x8 samples,
-or PARTIAL beside such a window, COMMON in 32x32), or where the mean does not predict the samples (UNRESOLVED).
+or PARTIAL beside such a window, COMMON in 32x32), or where the mean does not predict the samples
+(UNRESOLVED).
 
 Samples of a path tracer never repeat. Where `adds_samples` is NOISY, all samples are added, and nothing is
 confirmed or frozen. A block restarts where the mean residual of its small window, averaged over about eight

@@ -61,8 +61,8 @@ UNIFORM, PARTIAL, COMMON = 0.8, 0.1, 0.06
 """Mean square residual of the small and of the large window, over the variance of the residuals in it, above
 which light changes with the jitter. Of static scenes nearly all windows are below 0.6 and 0.02; light that
 changes by one factor has the reciprocal of the squared contrast of the ground, and f / (1 - f) where it
-changes in a part f of a window. A light that fills a window reaches into those around it: beside a window above
-UNIFORM, the limit is PARTIAL."""
+changes in a part f of a window. A light that fills a window reaches into those around it: beside a window
+above UNIFORM, the limit is PARTIAL."""
 UNRESOLVED = 0.85
 """Variance of the residuals in a small window, over that of the samples, above which the mean says nothing of
 the samples: they are of a pattern that moves in step with the jitter. Patterns reach 0.8 where they stand."""
