@@ -1,5 +1,7 @@
 """The least method that reads G-buffers, at one ratio, and frames for it."""
 
+import os
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 from unittest.mock import patch
@@ -72,13 +74,16 @@ class Demodulated(Method):
 
 
 def exported(folders: pytest.TempPathFactory) -> Path:
-    """Folder of the method, once a session, with a copy of `aovs.onnx`, which is the same in all folders."""
-    folder = folders.getbasetemp() / Demodulated.name
-    if (folder / "model.json").exists():
+    """Folder of the method, traced once for all processes, with the `aovs.onnx` of all folders."""
+    base = folders.getbasetemp()
+    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / Demodulated.name
+    if folder.exists():
         return folder
-    aovs = find_model("bilinear") / "aovs.onnx"
+    aovs, made = find_model("bilinear") / "aovs.onnx", base / "made"
     with patch("supersampler_export.folder.aovs_graph", aovs.read_bytes):
-        write_model_folder(Demodulated(), folder)
+        write_model_folder(Demodulated(), made)
+    with suppress(OSError):  # another process was first
+        made.rename(folder)
     return folder
 
 

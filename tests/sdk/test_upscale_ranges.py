@@ -126,6 +126,7 @@ def test_a_range_across_a_cut_has_the_bits_of_two_ranges(shot: Path, tmp_path: P
     assert images(tmp_path / "across") == images(tmp_path / "apart")
 
 
+@pytest.mark.long  # in two processes
 def test_two_ranges_at_once_into_one_folder_are_the_whole(shot: Path, tmp_path: Path) -> None:
     command = [sys.executable, "-m", "supersampler", "upscale", str(shot), "-o", str(tmp_path / "out")]
     options = ["--method", "bilinear", "--preroll", "2", "--threads", "1"]

@@ -57,6 +57,7 @@ def test_a_record_is_due_where_its_models_or_its_command_have_changed(root: Path
         list(recipes(root, ["third"]))
 
 
+@pytest.mark.long  # runs commands in processes
 def test_a_command_that_fails_leaves_the_record_and_says_why(root: Path) -> None:
     said: list[str] = []
     first, second = recipes(root)

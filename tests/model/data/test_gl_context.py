@@ -117,6 +117,7 @@ def test_where_libegl_is_not_installed_osmesa_renders_the_same_image(tmp_path: P
     assert np.quantile(np.abs(other - mine), 0.999) < 0.02
 
 
+@pytest.mark.long  # runs tests in a process
 def test_without_opengl_the_tests_that_draw_fail_by_the_line_that_mends_it_and_none_is_skipped() -> None:
     folder = Path(__file__).parent
     files = [folder / name for name in ("test_gl_motion.py", "test_gl_renderer.py")]
