@@ -21,9 +21,10 @@ LONG = {
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    root = Path(__file__).parent
+    places = [Path(__file__).parent / name for name in LONG]
+    assert all(place.exists() for place in places), "a place of long tests has another name"
     for item in items:
-        if any(item.path.is_relative_to(root / name) for name in LONG):
+        if any(item.path.is_relative_to(place) for place in places):
             item.add_marker("long")
 
 
