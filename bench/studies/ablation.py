@@ -20,8 +20,8 @@ import typer
 
 from studies.ablation_variants import VARIANTS, Variants
 from supersampler.errors import ArgumentError
-from supersampler_bench.cli.options import ERRORS, JSON, UPDATE, check_page, publish
-from supersampler_bench.markdown import table
+from supersampler_bench.cli.options import ERRORS, JSON, publish
+from supersampler_bench.markdown import table, update_block
 from supersampler_bench.record import BenchRecord, write_json
 from supersampler_model.data.dataset import open_dataset
 from supersampler_model.training.trainer import Plan, Trainer
@@ -170,18 +170,20 @@ def main(
     seeds: Annotated[int, typer.Option(min=1, help="Runs of each variant; the first has at least two.")] = 1,
     workers: Annotated[int, typer.Option(min=1, help="Runs at a time, one thread each.")] = 1,
     json: JSON = None,
-    update: UPDATE = None,
+    update: Annotated[Path | None, typer.Option(help="Rewrite the table of this Markdown file.")] = None,
 ) -> None:
     """Train METHOD with one choice changed at a time, briefly, and compare on validation sequences."""
     if method not in VARIANTS:
         raise ArgumentError("METHOD", got=method, want=f"one of {', '.join(VARIANTS)}")
     block = f"study ablation {method}"
-    check_page(update, AblationRecord, block)
     plan = Ablation(method, data, output, steps=steps, size=size, seeds=seeds, workers=workers)
     rows = run_ablation(
         plan, lambda name, s: ERRORS.print(f"{name}: {s.psnr:.2f} dB, tPSNR {s.tpsnr:.2f} dB")
     )
-    publish(AblationRecord(method, steps, BATCH, size, rows), block, json, update)
+    record = AblationRecord(method, steps, BATCH, size, rows)
+    publish(record, block, json)
+    if update is not None:
+        update_block(update, block, record.table())
 
 
 if __name__ == "__main__":

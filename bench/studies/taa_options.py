@@ -4,6 +4,9 @@ python bench/studies/taa_options.py test-shots --json bench/results/studies/salv
     --update docs/results/methods.md
 """
 
+from pathlib import Path
+from typing import Annotated
+
 import numpy as np
 import torch
 import typer
@@ -17,12 +20,11 @@ from supersampler_bench.cli.options import (
     JSON,
     RATIO,
     SHOT,
-    UPDATE,
-    check_page,
     counted,
     opened_shots,
     publish,
 )
+from supersampler_bench.markdown import update_block
 from supersampler_bench.quality.measure import StepImage, Stepper, measure_steppers, reference_size
 from supersampler_bench.quality.score_table import QualityRecord
 from supersampler_bench.quality.scores import MethodRow, ShotRow
@@ -75,18 +77,24 @@ class TaaOptionsRecord(QualityRecord):
 
 
 def main(
-    shot: SHOT, ratio: RATIO = "2", cache: CACHE = None, json: JSON = None, update: UPDATE = None
+    shot: SHOT,
+    ratio: RATIO = "2",
+    cache: CACHE = None,
+    json: JSON = None,
+    update: Annotated[Path | None, typer.Option(help="Rewrite the table of this Markdown file.")] = None,
 ) -> None:
     """Measure every option; frames need references."""
     name, opened = opened_shots(shot, cache, ratio)
     block = f"study salvi-options {name}"
-    check_page(update, TaaOptionsRecord, block)
     measured = []
     with counted("frames", sum(len(one) for one, _ in opened)) as advance:
         for one, origin in opened:
             scores = measure_steppers(one, steppers(one), on_frame=advance)
             measured.append(ShotRow.of(one, origin, methods=[MethodRow.of(each) for each in scores]))
-    publish(TaaOptionsRecord.of(measured), block, json, update)
+    record = TaaOptionsRecord.of(measured)
+    publish(record, block, json)
+    if update is not None:
+        update_block(update, block, record.table())
 
 
 if __name__ == "__main__":

@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from supersampler.errors import ArgumentError
@@ -32,25 +32,6 @@ def figure(value: float | None, digits: int, unit: str = "") -> str:
 def size_text(size: Size | Sequence[int]) -> str:
     """Return (width, height) as "960x540"."""
     return f"{size[0]}x{size[1]}"
-
-
-def find_blocks(path: Path, names: Sequence[str]) -> list[str]:
-    """Return those of the blocks `names` that a Markdown file has.
-
-    Raises:
-        ArgumentError: it has none of them, or one twice, or cannot be read.
-    """
-    content = path.read_text(encoding="utf-8") if path.is_file() else ""
-    found = [name for name in names if f"<!-- bench:{name} -->" in content]
-    for name in found or names[:1]:
-        find_block(path, name)
-    return found
-
-
-def update_blocks(path: Path, texts: Mapping[str, str]) -> None:
-    """Replace each of the named blocks that a Markdown file has; see `update_block`."""
-    for name in find_blocks(path, list(texts)):
-        update_block(path, name, texts[name])
 
 
 def update_block(path: Path, name: str, text: str) -> None:

@@ -16,7 +16,6 @@ from supersampler.frame import Size
 from supersampler.io.files import check_ours
 from supersampler.io.shot import Shot
 from supersampler.model import ExecutorName
-from supersampler_bench.markdown import find_blocks, update_blocks
 from supersampler_bench.record import BenchRecord, is_record, write_json
 from supersampler_bench.shots import public_shots
 
@@ -33,9 +32,6 @@ def _checked_json(path: Path | None) -> Path | None:
 
 JSON = Annotated[
     Path | None, typer.Option(help="Write all values and their setting here.", callback=_checked_json)
-]
-UPDATE = Annotated[
-    Path | None, typer.Option(help="Rewrite the tables between this Markdown file's bench marks.")
 ]
 METHODS = Annotated[str, typer.Option(help="Shipped models or model folders, with commas between.")]
 DISPLAY_SIZE = Annotated[str, typer.Option(help="Size of the images, as 960x540.")]
@@ -147,45 +143,26 @@ def executors_of(text: str) -> list[ExecutorName]:
     return words_of("--executors", text, kinds)
 
 
-def check_page(page: Path | None, kind: type[BenchRecord], name: str) -> None:
-    """Fail before the measurement, not after it, where a page has no block of such a record.
-
-    Args:
-        page: Markdown file; None: there is none.
-        kind: of the record.
-        name: of its first block, as "latency".
-
-    Raises:
-        ArgumentError: the page has none of its blocks, or one twice.
-    """
-    if page is not None:
-        find_blocks(page, kind.block_names(name))
-
-
 def publish(
     record: BenchRecord,
     name: str,
     json: Path | None,
-    page: Path | None,
     *,
-    page_only: Collection[str] = (),
+    unprinted: Collection[str] = (),
 ) -> None:
-    """Print the tables of a record; write the record to `json`, the tables to the page.
+    """Print the tables of a record, and write it to `json`.
 
     Args:
         record: of a measurement.
         name: of its first block, as "latency".
         json: file of the record; None writes none.
-        page: Markdown file that has blocks of the tables; None writes none.
-        page_only: names of blocks that are not printed.
+        unprinted: names of blocks that are left out.
     """
     texts = record.tables(name)
-    printed = [text for block, text in texts.items() if block not in page_only and text]
+    printed = [text for block, text in texts.items() if block not in unprinted and text]
     Terminal().print("\n\n".join(printed), soft_wrap=True)
     if json is not None:
         write_json(record, json)
-    if page is not None:
-        update_blocks(page, texts)
 
 
 def opened_shots(shot: str, cache: Path | None, ratio: str) -> tuple[str, list[tuple[Shot, dict[str, Any]]]]:

@@ -21,8 +21,6 @@ from supersampler_bench.cli.options import (
     RATIO,
     SAMPLES,
     SHOT,
-    UPDATE,
-    check_page,
     counted,
     executors_of,
     listed,
@@ -32,7 +30,6 @@ from supersampler_bench.cli.options import (
     warn,
     words_of,
 )
-from supersampler_bench.markdown import update_blocks
 from supersampler_bench.record import write_json
 from supersampler_bench.shots import public_shots
 
@@ -56,10 +53,6 @@ def quality(
         typer.Option("-o", "--output", help="Folder for curves over the frames and error heat maps."),
     ] = None,
     json: JSON = None,
-    update: Annotated[
-        list[Path] | None,
-        typer.Option(help="Rewrite the tables between this Markdown file's bench marks; any number."),
-    ] = None,
 ) -> None:
     """Compare the images of methods with a shot's references.
 
@@ -71,15 +64,13 @@ def quality(
 
     \b
     Examples:
-      supersampler bench quality plaza --methods bilinear,taau --update README.md
+      supersampler bench quality plaza --methods bilinear,taau
       supersampler bench quality my_shot -o errors
       supersampler bench quality test-shots --ratio 1.5,2,3,4 --json results.json
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_bench.quality.score_table import QualityRecord, rich_class_table, rich_table
 
-    name, opened = opened_shots(shot, cache, ratio)
-    for page in update or []:
-        check_page(page, QualityRecord, f"quality {name}")
+    _, opened = opened_shots(shot, cache, ratio)
     record = QualityRecord.of([_measured(one, origin, listed(methods), output) for one, origin in opened])
     console = Terminal()
     for title, rows in [*record.shot_tables(), *record.mean_tables().values()]:
@@ -88,8 +79,6 @@ def quality(
             console.print(classes)
     if json is not None:
         write_json(record, json)
-    for page in update or []:
-        update_blocks(page, record.tables(f"quality {name}"))
 
 
 def _measured(shot: Shot, origin: dict[str, Any], methods: list[str], output: Path | None) -> "ShotRow":
@@ -127,7 +116,6 @@ def extrapolation(
     ratio: RATIO = "2",
     cache: CACHE = None,
     json: JSON = None,
-    update: UPDATE = None,
 ) -> None:
     """Remove the colour of every second frame, or of two of three, and score their images.
 
@@ -137,13 +125,12 @@ def extrapolation(
 
     \b
     Examples:
-      supersampler bench extrapolation test-shots --update docs/results/methods.md
+      supersampler bench extrapolation test-shots
       supersampler bench extrapolation my_shot --methods taau --alternation 2:1 --json mine.json
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_bench.quality import extrapolation as bench
 
     name, opened = opened_shots(shot, cache, ratio)
-    check_page(update, bench.ExtrapolationRecord, f"extrapolation {name}")
     upscalers, extrapolators, alternations = listed(methods), listed(models), listed(alternation)
     runs = sum(len(bench.runs_of(text, every_frame=every_frame)) for text in alternations)
     measured = []
@@ -160,7 +147,7 @@ def extrapolation(
             )
             measured.append(bench.unshaded_row(one, scores, origin))
     record = bench.ExtrapolationRecord.of(measured, extrapolators, every_frame=every_frame)
-    publish(record, f"extrapolation {name}", json, update)
+    publish(record, f"extrapolation {name}", json)
 
 
 QUICK_DISPLAY: Size = (96, 54)
@@ -183,7 +170,6 @@ def still(
         Path | None, typer.Option("-o", "--output", help="Folder for still.png: curves over the frames.")
     ] = None,
     json: JSON = None,
-    update: UPDATE = None,
 ) -> None:
     """Measure images of scenes that stand still, after 1, 2 and 4 jitter periods, and the time of a frame.
 
@@ -193,7 +179,7 @@ def still(
     \b
     Examples:
       supersampler bench still --scenes analytic:2 --methods taau
-      supersampler bench still -o docs/images --json still.json --update README.md
+      supersampler bench still -o docs/images --json still.json
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_bench.quality.still import (
         TIMED_RATIO,
@@ -203,7 +189,6 @@ def still(
         measure_times,
     )
 
-    check_page(update, StillRecord, "still")
     chosen, display, timed_display = (
         _scenes_of(scenes),
         parse_size(display_size, "--display-size"),
@@ -223,7 +208,7 @@ def still(
 
         draw_still(record, output / "still.png")
         say(str(output / "still.png"))
-    publish(record, "still", json, update)
+    publish(record, "still", json)
 
 
 def _scenes_of(text: str) -> list[tuple[str, float]]:
@@ -251,21 +236,19 @@ def parity(
     ] = "taa,taau,classifier-small,classifier,classifier-large,gbuffer-fast",
     frames: Annotated[int, typer.Option(min=10, help="Consecutive frames at each size.")] = 200,
     json: JSON = None,
-    update: UPDATE = None,
 ) -> None:
     """Compare the ONNX and CPU backends with torch, over a long sequence that is rendered here, with OpenGL.
 
     \b
     Example:
-      supersampler bench parity --methods classifier --frames 300 --update docs/results/backends.md
+      supersampler bench parity --methods classifier --frames 300
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_bench import parity as bench
 
-    check_page(update, bench.ParityRecord, "parity")
     names = listed(methods)
     with counted("frames", len(bench.methods_by_size(names)) * frames) as advance:
         results = bench.measure_parity(names, frames, on_frame=advance)
-    publish(bench.ParityRecord(results), "parity", json, update)
+    publish(bench.ParityRecord(results), "parity", json)
 
 
 def shots(

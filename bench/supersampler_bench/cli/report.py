@@ -11,8 +11,6 @@ from supersampler_bench.cli.options import (
     ERRORS,
     EXECUTORS,
     JSON,
-    UPDATE,
-    check_page,
     counted,
     executors_of,
     listed,
@@ -35,7 +33,6 @@ def stress(
     quick: Annotated[bool, typer.Option("--quick", help="Some of them, with few and small frames.")] = False,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Folder for outcomes.")] = None,
     json: JSON = None,
-    update: UPDATE = None,
 ) -> None:
     """Run methods for long and on hostile input, and compare each figure with its bound.
 
@@ -46,12 +43,11 @@ def stress(
     \b
     Examples:
       supersampler bench stress --quick --methods classifier --executors cpu
-      supersampler bench stress -o stress --json stress.json --update docs/stability.md
+      supersampler bench stress -o stress --json stress.json
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_bench.stress import runner
     from supersampler_bench.stress.subjects import subjects
 
-    check_page(update, runner.StressRecord, "stress")
     scenarios = runner.chosen(listed(only) if only else [], quick=quick)
     stressed = subjects(listed(methods), executors_of(executors))
     for text in runner.left_out(scenarios, stressed):
@@ -63,7 +59,7 @@ def stress(
             outcomes.append(outcome)
             advance()
     record = runner.StressRecord(outcomes, quick=quick)
-    publish(record, "stress", json, update, page_only=["stress scenarios"])
+    publish(record, "stress", json, unprinted=["stress scenarios"])
 
 
 def tables(

@@ -21,8 +21,6 @@ from supersampler_bench.cli.options import (
     SAMPLES,
     STEPS,
     THREADS,
-    UPDATE,
-    check_page,
     counted,
     executors_of,
     listed,
@@ -36,17 +34,16 @@ from supersampler_bench.cli.options import (
 from supersampler_bench.record import SHIPPED_PARETO, BenchRecord, Provenance, read_record, write_json
 
 
-def cost(methods: METHODS = "classifier,classifier-small", json: JSON = None, update: UPDATE = None) -> None:
+def cost(methods: METHODS = "classifier,classifier-small", json: JSON = None) -> None:
     """Say how many multiply-adds and parameters networks have.
 
     \b
     Example:
-      supersampler bench cost --methods classifier,my_classifier --update docs/results/methods.md
+      supersampler bench cost --methods classifier,my_classifier
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_bench.timing import cost as bench
 
-    check_page(update, bench.CostRecord, "cost")
-    publish(bench.CostRecord([bench.cost_of(name) for name in listed(methods)]), "cost", json, update)
+    publish(bench.CostRecord([bench.cost_of(name) for name in listed(methods)]), "cost", json)
 
 
 def startup(
@@ -55,22 +52,20 @@ def startup(
     cold: Annotated[int, typer.Option(min=1, help="Processes that start with an empty kernel cache.")] = 3,
     warm: Annotated[int, typer.Option(min=1, help="Processes that start with a full one.")] = 5,
     json: JSON = None,
-    update: UPDATE = None,
 ) -> None:
     """Time the first frame of a program: with an empty kernel cache, and with a full one.
 
     \b
     Example:
-      supersampler bench startup --methods classifier --update docs/results/backends.md
+      supersampler bench startup --methods classifier
       supersampler bench startup --methods taau:gpu,classifier:gpu
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_bench.timing import against as bench
 
-    check_page(update, bench.StartupRecord, "startup")
     names, render = listed(methods), parse_size(render_size, "--render-size")
     with counted("programs", len(names) * (cold + warm)) as advance:
         results = bench.measure_startup(names, render, cold=cold, warm=warm, on_process=advance)
-    publish(bench.StartupRecord(render, 2.0, results), "startup", json, update)
+    publish(bench.StartupRecord(render, 2.0, results), "startup", json)
 
 
 def latency(
@@ -84,7 +79,6 @@ def latency(
     warm_up: Annotated[int, typer.Option(min=1, help="Steps of each setting that do not count.")] = 20,
     steps: STEPS = 200,
     json: JSON = None,
-    update: UPDATE = None,
 ) -> None:
     """Time the steps of methods on this machine: median, p95, p99, stages, CPU time, memory, first image.
 
@@ -98,7 +92,6 @@ def latency(
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_bench.timing import latency as bench
 
-    check_page(update, bench.LatencyRecord, "latency")
     known: tuple[Precision, ...] = ("auto", "fp32", "fp16", "int8")
     with ERRORS.status("timing"):
         results = bench.measure_latency(
@@ -113,7 +106,7 @@ def latency(
             warm_up=warm_up,
             on_left_out=warn,
         )
-    publish(bench.LatencyRecord(ratio, results), "latency", json, update)
+    publish(bench.LatencyRecord(ratio, results), "latency", json)
 
 
 def _counts_of(threads: str | None) -> list[int]:
@@ -129,7 +122,6 @@ def against(
     rounds: Annotated[int, typer.Option(min=6, help="Pairs of new processes for each setting.")] = 10,
     steps: STEPS = 30,
     json: JSON = None,
-    update: UPDATE = None,
 ) -> None:
     """Time this version against another one: steps, and programs up to their first image.
 
@@ -141,7 +133,6 @@ def against(
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_bench.timing import against as bench
 
-    check_page(update, bench.AgainstRecord, "against")
     names, counts = listed(methods), _counts_of(threads)
     displays = sizes_of("--display-size", display_size)
     with counted("rounds", len(names) * rounds * (len(displays) * len(counts) + 1)) as advance:
@@ -153,7 +144,7 @@ def against(
             on_round=advance,
             on_left_out=warn,
         )
-    publish(bench.AgainstRecord(ratio, sides, steps, results), "against", json, update)
+    publish(bench.AgainstRecord(ratio, sides, steps, results), "against", json)
 
 
 def skip(
@@ -207,7 +198,6 @@ def pareto(
         Path | None, typer.Option("-o", "--output", help="Folder for a figure of each metric.")
     ] = None,
     json: JSON = None,
-    update: UPDATE = None,
 ) -> None:
     """Time every setting that was scored, and plot time against error.
 
@@ -216,13 +206,12 @@ def pareto(
     \b
     Examples:
       supersampler bench pareto --budget-ms 16 --display-size 1920x1080
-      supersampler bench pareto bench/results/quality-test-shots*.json -o docs/images --update docs/pareto.md
+      supersampler bench pareto bench/results/quality-test-shots*.json -o docs/images
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_bench.quality.score_table import QualityRecord
     from supersampler_bench.specs import gbuffers_of
     from supersampler_bench.timing import pareto as bench
 
-    check_page(update, bench.ParetoRecord, "pareto")
     records = [BenchRecord.from_json(read_record(path)) for path in quality or [SHIPPED_PARETO]]
     size = parse_size(display_size, "--display-size")
     scored = [r for r in records if isinstance(r, QualityRecord | bench.ParetoRecord)]
@@ -231,7 +220,7 @@ def pareto(
             scored, size, threads=threads, steps=steps, on_left_out=warn, on_round=advance
         )
     record = bench.ParetoRecord(bench.shots_of(scored[0]), size, threads, points)
-    publish(record, "pareto", json, update)
+    publish(record, "pareto", json)
     if output is not None:
         from supersampler_bench.report.figures import draw_pareto  # needs matplotlib
 
@@ -252,7 +241,6 @@ def device(
     ratio: Annotated[str, typer.Option(help="Display over render size, with commas between.")] = "2",
     steps: STEPS = 100,
     json: JSON = None,
-    update: UPDATE = None,
 ) -> None:
     """Time the GPU backend with frame and image in textures, by timestamps of the device.
 
@@ -267,7 +255,6 @@ def device(
 
     names, displays = listed(methods), sizes_of("--display-size", display_size)
     ratios = numbers_of("--ratio", ratio)
-    check_page(update, GpuRecord, "device")
     device, began = device_with_timestamps(), time.perf_counter()
     record = GpuRecord.of(device, names)
     say(f"{record.adapter['device']}: copies {1e-9 * record.limits.moved:.0f} GB/s")
@@ -280,4 +267,4 @@ def device(
     for step in measure_gpu(device, names, displays, ratios, steps=steps, on_left_out=warn):
         record.steps.append(step)
         keep(f"{step.method} {step.render} to {step.display}: {step.median:.3f} ms, first {step.first:.1f} s")
-    publish(replace(record, provenance=Provenance.now()), "device", json, update)
+    publish(replace(record, provenance=Provenance.now()), "device", json)

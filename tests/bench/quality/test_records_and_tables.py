@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from supersampler import ArgumentError, __version__
 from supersampler.cli import app
 from supersampler.io.shot import ClassMaps, Shot, ShotWriter
-from supersampler_bench.markdown import find_blocks, update_block
+from supersampler_bench.markdown import update_block
 from supersampler_bench.quality.score_table import NO_CLASSES, QualityRecord, caption, markdown_table
 from supersampler_bench.quality.scores import (
     FRAME_METRICS,
@@ -120,14 +120,13 @@ def test_the_markdown_table_says_what_was_measured() -> None:
     assert lines[-1].startswith("plaza, 320x180 to 640x360: 17 reference frames of 32, without the")
 
 
-def test_the_command_prints_records_and_updates(tmp_path: Path) -> None:
-    readme, values = tmp_path / "README.md", tmp_path / "values.json"
-    readme.write_text(README.replace("plaza", "small"), encoding="utf-8")
+def test_the_command_prints_and_records(tmp_path: Path) -> None:
+    values = tmp_path / "values.json"
     scene = Plane(checker, velocity=(1.0, 0.0))
     with ShotWriter(tmp_path / "shot", name="small", display_size=(80, 60), frame_rate=30) as writer:
         for index in range(10):
             writer.write(scene.frame(index, (40, 30)), reference=scene.truth(index, (80, 60), samples=2))
-    options = ["--methods", "bilinear, bicubic", "--json", str(values), "--update", str(readme)]
+    options = ["--methods", "bilinear, bicubic", "--json", str(values)]
     answer = CliRunner().invoke(app, ["bench", "quality", str(tmp_path / "shot"), *options])
     assert answer.exit_code == 0, answer.output
     record = json.loads(values.read_text(encoding="utf-8"))
@@ -135,44 +134,32 @@ def test_the_command_prints_records_and_updates(tmp_path: Path) -> None:
     assert shot["masks"] == "depth and motion"
     psnr = f"{shot['methods'][1]['summary']['warm_cropped']['psnr']:.2f}"
     assert psnr in answer.stdout
-    assert psnr in readme.read_text(encoding="utf-8")
     assert [len(method["frames"]) for method in shot["methods"]] == [10, 10]
 
 
-def test_the_command_renders_what_is_wrong_and_fills_every_page(tmp_path: Path) -> None:
-    first, second = tmp_path / "README.md", tmp_path / "quality.md"
-    first.write_text(README.replace("plaza", "own"), encoding="utf-8")
-    names = ("quality own clip", "quality own classes")
-    second.write_text("\n".join(f"<!-- bench:{n} -->\n<!-- /bench -->" for n in names), encoding="utf-8")
+def test_the_command_draws_what_is_wrong(tmp_path: Path) -> None:
     scene, size = Plane(checker, velocity=(1.0, 0.0)), (80, 60)
     aliased = ClassMaps(np.zeros((60, 80), np.uint8), np.ones((60, 80), np.uint8))
     with ShotWriter(tmp_path / "shot", name="own", display_size=size, frame_rate=30) as writer:
         for index in range(10):
             truth = scene.truth(index, size, samples=2)
             writer.write(scene.frame(index, (40, 30)), reference=truth, classes=aliased)
-    options = ["--methods", "bilinear,classifier-small", "-o", str(tmp_path / "out")]
-    pages = ["--update", str(first), "--update", str(second)]
-    answer = CliRunner().invoke(app, ["bench", "quality", str(tmp_path / "shot"), *options, *pages])
+    values = tmp_path / "values.json"
+    options = ["--methods", "bilinear,classifier-small", "-o", str(tmp_path / "out"), "--json", str(values)]
+    answer = CliRunner().invoke(app, ["bench", "quality", str(tmp_path / "shot"), *options])
     assert answer.exit_code == 0, answer.output
     assert "aliasing: geometry" in answer.stdout
     assert "STRRED" in answer.stdout
-    assert "STRRED" not in first.read_text(encoding="utf-8")
-    filled = second.read_text(encoding="utf-8")
-    assert filled.count("STRRED") == 2  # without and with warm-up and border
-    assert filled.count("`classifier-small`") == 2
+    record = QualityRecord.from_json(read_record(values))
+    first, clip, classes = record.tables("quality own").values()
+    assert "STRRED" not in first
+    assert clip.count("STRRED") == 2  # without and with warm-up and border
+    assert classes.count("`classifier-small`") == 2
     figures = {
         p.name: np.asarray(ImageBuf(str(p)).get_pixels("uint8")) for p in (tmp_path / "out" / "own").iterdir()
     }
     assert set(figures) == {"curves.png", "errors.png"}
     assert all(image.std() > 10.0 for image in figures.values())
-
-
-def test_a_page_without_a_block_for_the_shot_is_refused_before_anything_is_measured(tmp_path: Path) -> None:
-    page = tmp_path / "page.md"
-    page.write_text(README, encoding="utf-8")
-    with pytest.raises(ArgumentError, match="0 blocks of 'quality other'"):
-        find_blocks(page, QualityRecord.block_names("quality other"))
-    assert find_blocks(page, QualityRecord.block_names("quality plaza")) == ["quality plaza"]
 
 
 def test_several_shots_have_tables_of_their_mean() -> None:

@@ -35,7 +35,7 @@ class Measured(NamedTuple):
     """This version against itself, by the command: what it wrote, and the programs that it started."""
 
     record: dict[str, Any]
-    page: str
+    output: str
     started: list[list[str]]
 
 
@@ -47,15 +47,14 @@ def measured(tmp_path_factory: pytest.TempPathFactory) -> Measured:
         started.append(command)
         return run(command, **options)
 
-    (folder / "page.md").write_text("<!-- bench:against -->\n<!-- /bench -->\n")
     options = ["--methods", "bilinear", "--display-size", "32x18", "--threads", "1", "--rounds", "6"]
-    files = ["--json", str(folder / "against.json"), "--update", str(folder / "page.md")]
+    files = ["--json", str(folder / "against.json")]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(against, "run", noted)
         result = CliRunner().invoke(app, ["against", sys.executable, *options, "--steps", "1", *files])
     assert result.exit_code == 0, result.output
     record = json.loads((folder / "against.json").read_text())
-    return Measured(record, (folder / "page.md").read_text(), started)
+    return Measured(record, result.output, started)
 
 
 @pytest.mark.long  # `measured` starts twenty processes
@@ -68,7 +67,7 @@ def test_each_time_is_a_median_of_ratios_of_rounds(measured: Measured) -> None:
         assert row["median"] == pytest.approx(median(ratios))
         assert min(ratios) <= row["low"] <= row["median"] <= row["high"] <= max(ratios)
     assert measured.record["sides"]["this"] == measured.record["sides"]["other"]
-    assert "| 32x18 | 1 | bilinear | step, wall |" in measured.page
+    assert "| 32x18 | 1 | bilinear | step, wall |" in measured.output
 
 
 @pytest.mark.long  # `measured` starts twenty processes
