@@ -156,7 +156,6 @@ def skip(
     ratio: ONE_RATIO = 2.0,
     samples: SAMPLES = 64,
     json: JSON = None,
-    update: UPDATE = None,
 ) -> None:
     """Measure the time saved where nothing moves, the time of finding that out, and the error.
 
@@ -166,18 +165,17 @@ def skip(
 
     \b
     Example:
-      supersampler bench skip --scenes court --methods classifier --update docs/results/backends.md
+      supersampler bench skip --scenes court --methods classifier
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_bench.timing import skip as bench
 
-    check_page(update, bench.SkipRecord, "skip")
     families, names, size = listed(scenes), listed(methods), parse_size(display_size, "--display-size")
     with counted("frames", len(bench.MOVES) * len(families) * bench.frame_count(ratio)) as advance:
         results = bench.measure_skipping(
             families, names, size, ratio=ratio, samples=samples, on_frame=advance
         )
     record = bench.SkipRecord(size, ratio, results, bench.frame_count(ratio))
-    publish(record, "skip", json, update)
+    publish(record, "skip", json)
 
 
 def pareto(
