@@ -35,7 +35,7 @@ def display_of(method: str) -> tuple[int, int]:
     return DISPLAY if ratio is None else (round(ratio * RENDER[0]), round(ratio * RENDER[1]))
 
 
-BACKENDS = [(name, kind) for name in model_names() for kind in ("onnx", "cpu", "cpu+onnx") if has(name, kind)]
+BACKENDS = [(name, kind) for name in model_names() for kind in ("onnx", "cpu") if has(name, kind)]
 """(method, executor)."""
 
 

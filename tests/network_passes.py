@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 from supersampler import Frame, Model, Upscaler
 from supersampler.methods.classifier.cpu import ClassifierCpu
 from supersampler.methods.classifier.int8_network import Encoder
-from supersampler.methods.classifier.onnx_network import SIGNED
+from supersampler.methods.classifier.spec import DEFAULT_INPUTS
 
 Bytes = NDArray[np.uint8]
 Floats = NDArray[np.float32]
+SIGNED = slice(4 * DEFAULT_INPUTS.index("depth_difference"), 4 * DEFAULT_INPUTS.index("depth_difference") + 4)
+"""Planes of `packed` in [-1, 1]; all other inputs are in [0, 1]."""
 
 
 class Pass(NamedTuple):

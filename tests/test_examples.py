@@ -53,19 +53,6 @@ def test_bare_onnx_runtime_computes_the_images_of_upscaler(tmp_path: Path) -> No
         np.testing.assert_array_equal(image, upscaler.step(item.frame))
 
 
-def test_the_example_with_the_network_in_onnx_runtime_has_nearly_the_images_of_the_kernels(
-    tmp_path: Path,
-) -> None:
-    arguments = ["plaza", "--frames", "3", "--precision", "int8", "-o", str(tmp_path)]
-    command = [sys.executable, str(EXAMPLES / "onnx_network.py"), *arguments]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
-    assert "classifier: network in int8 on CPUExecutionProvider" in done.stdout
-    differences = [float(text) for text in re.findall("mean difference (.*) of 1", done.stdout)]
-    assert len(differences) == 3
-    assert max(differences) < 1e-3
-    assert [read_png(file).shape for file in sorted(tmp_path.glob("*.png"))] == [(360, 640, 3)] * 3
-
-
 def test_raw_frames_are_those_of_the_shot(tmp_path: Path) -> None:
     script = EXAMPLES / "raw_frames.py"
     subprocess.run(

@@ -114,7 +114,6 @@ class Model:
         threads: int = 0,
         executor: ExecutorName = "auto",
         precision: Precision = "auto",
-        capture: bool = False,
         device: "wgpu.GPUDevice | None" = None,
     ) -> "Model":
         """Load a shipped model by name, or a model folder by path.
@@ -126,36 +125,32 @@ class Model:
             threads: number of CPU threads; 0 uses every core.
             executor: "onnx" runs the model's graph in ONNX Runtime; "cpu" runs kernels compiled for this
                 processor, which is several times as fast; "auto" uses "cpu" if the provider is the CPU and
-                the model has kernels; "gpu" runs shaders on any GPU (`pip install "supersampler[gpu]"`);
-                "cpu+onnx" runs the network of a classifier in ONNX Runtime on `providers`, such as that of an
-                NPU, and kernels before and after it.
+                the model has kernels; "gpu" runs shaders on any GPU (`pip install "supersampler[gpu]"`).
             precision: precision of the network: "int8", which the CPU backend always uses; "fp32" or "fp16"
-                with the ONNX backend; "fp32" or "int8" with "cpu+onnx". With "fp16", colours within a frame
-                are half floats, too; the history never is.
-            capture: CUDA and TensorRT capture the step with tensors as a CUDA graph and replay it; a new size
-                is captured again. The CPU uses the same fixed buffers without capture.
+                with the ONNX backend. With "fp16", colours within a frame are half floats, too; the history
+                never is.
             device: with executor="gpu", the device of the caller's textures; None opens one.
 
         Raises:
             ModelError: the model does not exist, is damaged, has another contract, or does not upscale.
-            ProviderError: a provider is not available, or cannot capture.
+            ProviderError: a provider is not available.
             DeviceError: there is no GPU, or it does not compile the shaders.
             ArgumentError: an argument is unknown, or the model does not support the combination.
         """
-        threads, capture = checked_threads(threads), checked_flag("capture", capture)
+        threads = checked_threads(threads)
         executor = checked_choice("executor", executor, get_args(ExecutorName))
         precision = checked_choice("precision", precision, get_args(Precision))
         info, names = read_upscaling_info(checked_path("model", name_or_path)), resolve_providers(providers)
-        chosen = choose_executor(info, names, threads, executor, precision, capture=capture, device=device)
+        chosen = choose_executor(info, names, threads, executor, precision, device=device)
         if info.extrapolated is None or not isinstance(chosen, OnnxExecutor):
             return cls(info, chosen, threads)
         other = read_model_info(info.extrapolated)
-        steps = OnnxExecutor(other, threads, chosen.providers, chosen.precision, capture=False)
+        steps = OnnxExecutor(other, threads, chosen.providers, chosen.precision)
         return cls(info, chosen, threads, cls(other, steps, threads))
 
     @property
     def executor(self) -> str:
-        """The backend in use: "onnx", "cpu", "cpu+onnx" or "gpu"."""
+        """The backend in use: "onnx", "cpu" or "gpu"."""
         return self._executor.name
 
     @property
@@ -167,11 +162,6 @@ class Model:
     def device(self) -> str:
         """The device of histories and of tensors for `run_tensors`: "cpu", "cuda", "dml"."""
         return self._executor.device if isinstance(self._executor, OnnxExecutor) else "cpu"
-
-    @property
-    def capture(self) -> bool:
-        """Whether steps with tensors are captured; see `load`."""
-        return isinstance(self._executor, OnnxExecutor) and self._executor.capture
 
     @property
     def gpu(self) -> "GpuExecutor":
@@ -356,7 +346,6 @@ class Model:
 
         Raises:
             FrameError: an input is missing, or has a wrong type, shape, range or device.
-            ModelError: the provider cannot capture the step.
             ArgumentError: the executor is not "onnx", or `history_out` is `history`.
         """
         if not isinstance(self._executor, OnnxExecutor):

@@ -9,7 +9,6 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Literal, NamedTuple, NoReturn, TypeAlias, get_args, overload
 
 from supersampler.arguments import (
-    as_flag,
     as_index,
     checked_choice,
     checked_flag,
@@ -19,7 +18,7 @@ from supersampler.arguments import (
     checked_size,
     ieee_arithmetic,
 )
-from supersampler.backends.onnx.tensors import Tensor, checked_tensors, size_of_tensors, tensors_of_frame
+from supersampler.backends.onnx.tensors import Tensor, checked_tensors, size_of_tensors
 from supersampler.conventions.jitter import display_size_of
 from supersampler.errors import ArgumentError, FrameError, shown
 from supersampler.extrapolation import Extrapolator, ShadedHistory
@@ -100,7 +99,7 @@ class Upscaler:
         scale: instead of `display_size`: display size over the first frame's render size, rounded to pixels.
         render_size: (width, height) of the frames. Only `warm_up` needs it; with `scale` it fixes the display
             size before the first frame. Frames may have other sizes.
-        providers, threads, precision, capture: see `Model.load`; not with a `Model`.
+        providers, threads, precision: see `Model.load`; not with a `Model`.
         executor: see `Model.load`; "auto" with a `Model`. "onnx" runs extrapolation in ONNX Runtime, too.
         at_rest: "converge": where nothing moves or changes, the image becomes the mean of one jitter period
             of samples, and is then frozen. "accumulate" is for path tracers: where only noise changes, all
@@ -140,7 +139,6 @@ class Upscaler:
         threads: int = 0,
         executor: ExecutorName = "auto",
         precision: Precision = "auto",
-        capture: bool = False,
         at_rest: AtRest = "converge",
         skip: bool = True,
         preset: PresetName | None = None,
@@ -163,15 +161,14 @@ class Upscaler:
         if isinstance(model, Model):
             words = {"providers": providers, "executor": executor, "precision": precision}
             given = [name for name, word in words.items() if not (isinstance(word, str) and word == "auto")]
-            given += ["threads"] * (as_index(threads) != 0) + ["capture"] * (as_flag(capture) is not False)
+            given += ["threads"] * (as_index(threads) != 0)
             if given:
                 raise ArgumentError(" and ".join(given), got="set beside a Model", want="set in Model.load")
             self.model = model
         else:
             self.model = Model.load(
-                model, providers=providers, threads=threads, executor=executor, precision=precision,
-                capture=capture,
-            )  # fmt: skip
+                model, providers=providers, threads=threads, executor=executor, precision=precision
+            )
         self._camera = CameraState(display_size)
         self._checker = FrameChecker(validate, converges=self.model.info.converges)
         self._extrapolator: Extrapolator | None = None
@@ -369,7 +366,6 @@ class Upscaler:
 
         Raises:
             FrameError: a tensor is missing, or has a wrong type, shape or device. The history is unchanged.
-            ModelError: the provider cannot capture the step. The history is unchanged.
             ArgumentError: the executor does not accept tensors, or the Upscaler has an `extrapolation`.
         """
         self._check_open()
@@ -499,8 +495,6 @@ class Upscaler:
     def warm_up(self, render_size: Size | None = None) -> None:
         """Run once on a black frame, so that the first `step` is fast; the history is unchanged.
 
-        With `capture`, call it on the thread that will step: ONNX Runtime keeps CUDA graphs per thread.
-
         Raises:
             ArgumentError: `render_size` is missing here and in the constructor.
         """
@@ -514,9 +508,6 @@ class Upscaler:
         self.model.run(frame, history)
         if self._on_extrapolated is not self.model:
             self._on_extrapolated.run(frame, history)
-        if self.model.capture:
-            tensors = tensors_of_frame(frame, self.model.device)
-            self.model.run_tensors(tensors, history, jitter=frame.jitter)
 
     def save_state(self) -> State:
         """Copy the history. An Upscaler that loads it computes the same next images, bit for bit."""

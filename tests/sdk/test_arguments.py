@@ -171,7 +171,7 @@ PURE: dict[str, Call] = {
     },
     **{
         f"Upscaler({name})": _loading(name)
-        for name in ("model", "providers", "threads", "executor", "precision", "capture", "preset")
+        for name in ("model", "providers", "threads", "executor", "precision", "preset")
     },
     "Model.load": Model.load,
     "Upscaler.plan(render_size)": lambda value: Upscaler.plan(value, DISPLAY, "bilinear"),
@@ -266,8 +266,7 @@ def _session(model: Model) -> Upscaler:
 @pytest.mark.parametrize("executor", get_args(ExecutorName)[1:])
 @pytest.mark.parametrize("name", SESSION)
 def test_a_refused_call_changes_no_history(name: str, executor: ExecutorName) -> None:
-    method = "classifier-small" if executor == "cpu+onnx" else "taau"
-    model = shared_model(method, executor=executor)
+    model = shared_model("taau", executor=executor)
     disturbed, innocent = _session(model), _session(model)
     for make in HOSTILE.values():
         if refusal(lambda: SESSION[name](disturbed, make())) is None:  # noqa: B023  # called at once

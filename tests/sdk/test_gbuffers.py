@@ -38,7 +38,7 @@ def model(gbuffer_model: Path) -> Model:
 
 @pytest.fixture(scope="module")
 def capturing(gbuffer_model: Path) -> Model:
-    return Model.load(gbuffer_model, providers="cpu", threads=1, capture=True)
+    return Model.load(gbuffer_model, providers="cpu", threads=1, executor="onnx")
 
 
 def upscaler(model: Model, **options: Any) -> Upscaler:

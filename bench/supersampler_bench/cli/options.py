@@ -42,7 +42,7 @@ THREADS = Annotated[
 ]
 STEPS = Annotated[int, typer.Option(min=1, help="Timed steps of each setting.")]
 SAMPLES = Annotated[int, typer.Option(min=1, help="Samples per pixel of the references.")]
-EXECUTORS = Annotated[str, typer.Option(help="cpu, onnx, cpu+onnx, gpu, with commas between.")]
+EXECUTORS = Annotated[str, typer.Option(help="cpu, onnx, gpu, with commas between.")]
 SHOT = Annotated[
     str,
     typer.Argument(
@@ -139,7 +139,7 @@ def words_of(option: str, text: str, known: Sequence[T]) -> list[T]:
 
 def executors_of(text: str) -> list[ExecutorName]:
     """Return the executors of an option."""
-    kinds: Sequence[ExecutorName] = ("cpu", "onnx", "cpu+onnx", "gpu")
+    kinds: Sequence[ExecutorName] = ("cpu", "onnx", "gpu")
     return words_of("--executors", text, kinds)
 
 

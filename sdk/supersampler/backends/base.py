@@ -30,7 +30,7 @@ class Executor(Protocol):
     """Runs steps of one model. Results depend on no state of an executor; threads may share it.
 
     Attributes:
-        name: "onnx", "cpu", "cpu+onnx" or "gpu".
+        name: "onnx", "cpu" or "gpu".
         precision: precision of the network: "fp32", "fp16" or "int8".
     """
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 # The same words as in the SDK's modules, whose import would slow down `--help`.
 Validate = Literal["off", "warn", "strict"]
 Precision = Literal["auto", "fp32", "fp16", "int8"]
-Executor = Literal["auto", "onnx", "cpu", "cpu+onnx", "gpu"]
+Executor = Literal["auto", "onnx", "cpu", "gpu"]
 Preset = Literal["fast", "balanced", "high"]
 AtRest = Literal["converge", "accumulate", "off"]
 Layout = Literal["auto", "blender", "channels", "arm"]

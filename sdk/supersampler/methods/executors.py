@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from supersampler.backends.gpu.program import GpuProgram
 
-ExecutorName = Literal["auto", "onnx", "cpu", "cpu+onnx", "gpu"]
+ExecutorName = Literal["auto", "onnx", "cpu", "gpu"]
 Precision = Literal["auto", "fp32", "fp16", "int8"]
 
 
@@ -30,29 +30,24 @@ def choose_executor(
     executor: ExecutorName,
     precision: Precision,
     *,
-    capture: bool,
     device: "wgpu.GPUDevice | None",
 ) -> Executor:
     """Return the backend that `Model.load` describes; see there for arguments and errors."""
     if executor == "gpu":
-        return _gpu_executor(info, precision, capture=capture, device=device)
+        return _gpu_executor(info, precision, device)
     if device is not None:
         raise ArgumentError("device", got=f"given with {executor=}", want="executor='gpu'")
-    if executor == "cpu+onnx":
-        if capture:
-            raise ArgumentError("capture", got=f"True with {executor=}", want="executor='onnx'")
-        return _cpu_onnx_executor(info, providers, threads, precision)
-    if executor != "onnx" and not capture and list(providers) == [CPU]:
+    if executor != "onnx" and list(providers) == [CPU]:
         required = executor == "cpu" or precision == "int8"
         kernels: Executor | None = _with_kernels(info, threads, required=required)
         if kernels is not None and precision in ("auto", kernels.precision):
             return kernels
     kind = "fp32" if precision == "auto" else precision
     if executor == "cpu" or kind not in info.steps:
-        got = f"{executor=}, {precision=}, {capture=}, providers {', '.join(providers)}"
+        got = f"{executor=}, {precision=}, providers {', '.join(providers)}"
         want = f"what {info.method!r} has: a graph in {' or '.join(info.steps)}, or kernels, on the CPU"
-        raise ArgumentError("executor", got=got, want=want, hint="Only graphs are captured." * capture)
-    return OnnxExecutor(info, threads, providers, kind, capture=capture)
+        raise ArgumentError("executor", got=got, want=want)
+    return OnnxExecutor(info, threads, providers, kind)
 
 
 def choose_extrapolation(
@@ -90,9 +85,7 @@ def with_shaders() -> list[str]:
     return [name for name, spec in methods().items() if spec.gpu and spec.ships]
 
 
-def _gpu_executor(
-    info: ModelInfo, precision: Precision, *, capture: bool, device: "wgpu.GPUDevice | None"
-) -> Executor:
+def _gpu_executor(info: ModelInfo, precision: Precision, device: "wgpu.GPUDevice | None") -> Executor:
     program = gpu_program(info)
     if program is None:
         want = f"'onnx' for {info.method!r}: {', '.join(with_shaders())} have shaders"
@@ -100,29 +93,9 @@ def _gpu_executor(
     if precision not in ("auto", program.precision):
         want = f"'auto' or {program.precision!r} on the GPU"
         raise ArgumentError("precision", got=repr(precision), want=want)
-    if capture:
-        raise ArgumentError("capture", got=True, want="False", hint="Only graphs are captured.")
     from supersampler.backends.gpu.executor import GpuExecutor
 
     return GpuExecutor(program, device)
-
-
-def _cpu_onnx_executor(
-    info: ModelInfo, providers: Sequence[str], threads: int, precision: Precision
-) -> Executor:
-    """Return the CPU backend of a classifier whose network runs in ONNX Runtime."""
-    spec, kind = _supported(info), "fp32" if precision == "auto" else precision
-    if spec is None or not spec.cpu or kind not in info.networks:
-        got = f"'cpu+onnx' with {precision=} for {info.method!r}"
-        want = "a classifier, whose network is in fp32 (network.onnx) or int8 (network.int8.onnx)"
-        raise ArgumentError("executor", got=got, want=want)
-    _check_constants(info, spec)
-    from supersampler.methods.classifier.onnx_network import NetworkSession
-    from supersampler.methods.classifier.structs import Variant
-
-    session = NetworkSession(info, kind, providers, threads, Variant.of(info.config).blend_parameters)
-    executor: Executor = load(spec.cpu)(info, ThreadPool(threads or _core_count()), session)
-    return executor
 
 
 _warned: list[str] = []

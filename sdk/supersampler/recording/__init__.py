@@ -95,7 +95,7 @@ class Setup(RecordedModel):
     Attributes:
         contract: version of the graph contract (docs/contract.md).
         extrapolation: the model that extrapolates unshaded frames, or None.
-        executor: "onnx", "cpu", "cpu+onnx" or "gpu".
+        executor: "onnx", "cpu" or "gpu".
         precision: precision of the network, "fp32", "fp16" or "int8".
         providers: ONNX Runtime providers.
         threads: requested CPU threads; 0 is every core.
@@ -314,7 +314,7 @@ def _setup(data: Field) -> Setup:
     return Setup(
         **_model(data),
         extrapolation=data.read("extrapolation", lambda model: RecordedModel(**_model(model)), None),
-        executor=data["executor"].one_of("onnx", "cpu", "cpu+onnx", "gpu"),
+        executor=data["executor"].one_of("onnx", "cpu", "gpu"),
         precision=data["precision"].one_of("fp32", "fp16", "int8"),
         providers=data["providers"].texts(),
         threads=checked_threads(data["threads"].of(int)),

@@ -1,4 +1,4 @@
-"""The ONNX backend: sessions, IO binding, tensors on a device, CUDA graphs.
+"""The ONNX backend: sessions, IO binding, tensors on a device.
 
 No other modules import onnxruntime.
 """

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.backends.base import ForkSafeLock, StepReport
-from supersampler.backends.onnx.cuda_graph import FixedStep
-from supersampler.backends.onnx.runtime import capturing, device_of, ort
+from supersampler.backends.onnx.runtime import device_of, ort
 from supersampler.backends.onnx.session import (
     VECTORS,
     frame_inputs,
@@ -37,30 +36,22 @@ class OnnxExecutor:
         threads: number of CPU threads; 0 uses every core.
         providers: execution providers, in order of preference.
         precision: key of the graph in `ModelInfo.steps`.
-        capture: see `Model.load`.
 
     Attributes:
-        capture: see `Model.load`.
         providers: the providers in use.
         device: device of the buffers; see `device_of`.
     """
 
     name = "onnx"
 
-    def __init__(
-        self, info: ModelInfo, threads: int, providers: Sequence[str], precision: str, *, capture: bool
-    ) -> None:
-        if capture:
-            capturing(providers)  # raises before a graph is loaded
-        self._info, self._threads, self.precision, self.capture = info, threads, precision, capture
+    def __init__(self, info: ModelInfo, threads: int, providers: Sequence[str], precision: str) -> None:
+        self._info, self.precision = info, precision
         self._path, options = info.steps[precision], session_options(threads)
         self._session = open_session(
             self._path, options, providers, inputs=info.graph_inputs, outputs=info.graph_outputs
         )
         self.providers: list[str] = self._session.get_providers()
         self.device = device_of(self.providers[0])
-        self._fixed: FixedStep | None = None
-        self._lock = ForkSafeLock()  # of `_fixed`
 
     def zeros(self, display: Size, render: Size) -> Tensors:
         """See `Executor`."""
@@ -129,20 +120,8 @@ class OnnxExecutor:
         for tensor in (*(t for t in info.inputs if t.name not in VECTORS), info.image):
             value = image if tensor is info.image else given[tensor.name]
             check_tensor(value, tensor, tensor.shape_for(**sizes), self.device)
-        if self.capture and self.fits(history, display, render):  # else the render size has changed
-            with self._lock.lock:
-                fixed = self._fixed_step(display, render)
-                fixed.run({**given, **history}, {**next_history, info.image.name: image})
-        else:
-            self._run(given, history, next_history, {info.image.name: image})
+        self._run(given, history, next_history, {info.image.name: image})
         return image
-
-    def _fixed_step(self, display: Size, render: Size) -> FixedStep:
-        if self._fixed is None or self._fixed.sizes != (display, render):
-            self._fixed = None  # frees its memory first
-            setup = self._info, self._path, self.providers, self._threads, self.device
-            self._fixed = FixedStep(*setup, display=display, render=render)
-        return self._fixed
 
     def _run(self, given: Tensors, history: Tensors, next_history: Tensors, results: Tensors) -> None:
         written = {h.output: next_history[h.input.name] for h in self._info.history}

@@ -32,7 +32,7 @@ else:
         os.environ.pop(_VARIABLE, None)
     ort.disable_telemetry_events()
 
-__all__ = ["CPU", "NAMES", "OnnxRun", "capturing", "device_of", "ort", "precise", "resolve_providers"]
+__all__ = ["CPU", "NAMES", "OnnxRun", "device_of", "ort", "precise", "resolve_providers"]
 
 _MAX_SECONDS = 30.0  # that the interpreter waits
 _running: set[int] = set()  # threads that are in a run
@@ -85,11 +85,6 @@ NAMES = {
 CPU = NAMES["cpu"]
 
 _AUTOMATIC = ("cuda", "directml", "cpu")  # providers that support every operator of our graphs
-_CAPTURE = {  # options that capture a session as a CUDA graph; on the CPU there is nothing to capture
-    NAMES["cuda"]: {"enable_cuda_graph": "1"},
-    NAMES["tensorrt"]: {"trt_cuda_graph_enable": "1"},
-    CPU: {},
-}
 _PRECISE = {NAMES["cuda"]: {"use_tf32": "0"}}
 """Options of full float32 products: TF32 has 10 bits, too few for the moments of colours."""
 _DEVICES = {NAMES["cuda"]: "cuda", NAMES["tensorrt"]: "cuda", NAMES["directml"]: "dml"}
@@ -133,27 +128,9 @@ def device_of(provider: str) -> str:
     return _DEVICES.get(provider, "cpu")
 
 
-def capturing(providers: Sequence[str]) -> list[tuple[str, dict[str, str]]]:
-    """Return providers with options, of which the first captures the runs of a session.
-
-    Raises:
-        ProviderError: the first provider cannot capture.
-    """
-    if providers[0] not in _CAPTURE:
-        raise ProviderError(
-            f"{providers[0]} cannot capture a step; {', '.join(_CAPTURE)} take capture=True. "
-            "Leave it out, or ask for one of these."
-        )
-    return [(name, _CAPTURE[name] if name == providers[0] else {}) for name in providers]
-
-
-def precise(
-    providers: Sequence[str | tuple[str, dict[str, str]]],
-) -> list[str | tuple[str, dict[str, str]]]:
+def precise(providers: Sequence[str]) -> list[str | tuple[str, dict[str, str]]]:
     """Return providers with the options that switch off TF32, where a provider has it on by default."""
-    named = [(given, {}) if isinstance(given, str) else given for given in providers]
-    merged = [(name, {**_PRECISE.get(name, {}), **options}) for name, options in named]
-    return [(name, options) if options else name for name, options in merged]
+    return [(name, _PRECISE[name]) if name in _PRECISE else name for name in providers]
 
 
 def _check_one_distribution() -> None:

@@ -21,8 +21,6 @@ VECTORS = ("jitter", "exposure", "pre_exposure", ADDS_SAMPLES, "display_size")
 """Inputs of a graph that are not images: small, and in CPU memory."""
 ORT_TYPES = {"float32": "tensor(float)", "int64": "tensor(int64)"}
 """Names of types in ONNX Runtime."""
-Provider = str | tuple[str, dict[str, str]]
-"""Name of an execution provider, with or without options."""
 
 
 def session_options(threads: int) -> ort.SessionOptions:
@@ -37,13 +35,12 @@ def session_options(threads: int) -> ort.SessionOptions:
 def open_session(
     path: Path,
     options: ort.SessionOptions,
-    providers: Sequence[Provider],
-    graph: bytes | None = None,
+    providers: Sequence[str],
     *,
     inputs: Sequence[TensorInfo] = (),
     outputs: Sequence[TensorInfo] = (),
 ) -> ort.InferenceSession:
-    """Load the graph at `path`, or `graph`, which was derived from it.
+    """Load the graph at `path`.
 
     Graphs that do not ship with this package are first checked: those with data in other files, or with
     operators that are not ONNX's own, are refused.
@@ -52,7 +49,6 @@ def open_session(
         path: path of the graph.
         options: options of the session.
         providers: execution providers, in order of preference.
-        graph: content to load instead of the file's.
         inputs: all inputs of the graph; an empty list disables the check.
         outputs: outputs that the graph must have, perhaps among others.
 
@@ -62,7 +58,7 @@ def open_session(
     """
     output_names = {tensor.name for tensor in outputs}
     try:
-        session = ort.InferenceSession(graph or _content(path), options, providers=precise(providers))
+        session = ort.InferenceSession(_content(path), options, providers=precise(providers))
         _check_in_use(providers[0], session.get_providers())
         if inputs:
             _check_tensors(path, "input", inputs, session.get_inputs())
@@ -114,12 +110,11 @@ def run_bound(
     return binding
 
 
-def _check_in_use(provider: Provider, used: Sequence[str]) -> None:
+def _check_in_use(provider: str, used: Sequence[str]) -> None:
     """Raise ProviderError if ONNX Runtime uses another provider, as it does when libraries are missing."""
-    name = provider if isinstance(provider, str) else provider[0]
-    if name not in used:
+    if provider not in used:
         raise ProviderError(
-            f"{name} is installed but could not start; ONNX Runtime fell back to {', '.join(used)}. "
+            f"{provider} is installed but could not start; ONNX Runtime fell back to {', '.join(used)}. "
             "Its libraries (CUDA and cuDNN for CUDAExecutionProvider) are missing or of another version."
         )
 

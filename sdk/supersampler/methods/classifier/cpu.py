@@ -16,7 +16,6 @@ from supersampler.backends.cpu.tiles import Bool
 from supersampler.frame import Float32, Size
 from supersampler.io.display import is_flash, usable_exposure
 from supersampler.methods.classifier.int8_network import LEVEL, Int8Network
-from supersampler.methods.classifier.onnx_network import COMPLETE, NetworkSession, OnnxNetwork
 from supersampler.methods.classifier.spec import CLASSES, CLASSIFIER, FLASH_FRACTION
 from supersampler.methods.classifier.structs import (
     ClassifierHistoryInput,
@@ -32,7 +31,6 @@ from supersampler.methods.spec import constants_array
 
 GATHER = "methods.classifier.kernels.gather.make_gather_rows"
 FINISH = "methods.classifier.kernels.finish.make_finish_rows"
-COMPOSE = "methods.classifier.kernels.finish.make_compose_rows"
 KEEP_DEPTH = "backends.cpu.kernels.frame.keep_depth"
 LAYOUT = HistoryLayout(
     CLASSIFIER,
@@ -102,10 +100,8 @@ class ClassifierCpu(CpuExecutor[ResampledFrame]):
     Args:
         info: the model.
         pool: threads that compute.
-        session: of the network, which ONNX Runtime then runs; None: kernels run the int8 network.
 
     Attributes:
-        providers: execution providers of the session.
         layout: of the history.
         guided: whether the kernels are of the variant `guided`.
         preparing: names of kernels that `guide_of` needs.
@@ -115,19 +111,13 @@ class ClassifierCpu(CpuExecutor[ResampledFrame]):
     guided: ClassVar = False
     preparing: ClassVar[tuple[str, ...]] = ()
 
-    def __init__(self, info: ModelInfo, pool: ThreadPool, session: NetworkSession | None = None) -> None:
+    def __init__(self, info: ModelInfo, pool: ThreadPool) -> None:
         self.variant = Variant.of(info.config, guided=self.guided)
-        infer, last = (LEVEL, FINISH) if session is None else (COMPLETE, COMPOSE)
-        names = self.variant.kernel(GATHER), KEEP_DEPTH, infer, self.variant.kernel(last)
+        names = self.variant.kernel(GATHER), KEEP_DEPTH, LEVEL, self.variant.kernel(FINISH)
         others = *READ_KERNELS, *names[1:-1], *self.preparing
         super().__init__(self.layout, pool, names[0], *others, names[-1])
         self._gather, self._keep_depth, kernel, self._finish = (self.kernels[name] for name in names)
-        self.network: Int8Network | OnnxNetwork
-        if session is None:
-            self.network = Int8Network(info, self.variant.outputs, kernel)
-        else:
-            self.network, self.name = OnnxNetwork(session, kernel), "cpu+onnx"
-            self.providers = session.providers
+        self.network = Int8Network(info, self.variant.outputs, kernel)
         self.precision = self.network.precision
         self._config = c = info.config
         self._constants = constants_array(CLASSIFIER, c)
@@ -141,11 +131,6 @@ class ClassifierCpu(CpuExecutor[ResampledFrame]):
 
     def _space(self, render: Size, display: Size) -> ResampledFrame:
         return ResampledFrame(render, display, self._filters, self.pool.threads, self._windows)
-
-    def required_bytes(self, display: Size, render: Size) -> tuple[int, int | None]:
-        """See `Executor`."""
-        history, working = super().required_bytes(display, render)
-        return history, None if isinstance(self.network, OnnxNetwork) else working
 
     def _working_bytes(self, display: Size, render: Size) -> int:
         return super()._working_bytes(display, render) + held_bytes(_Space(self, display))

@@ -1,8 +1,4 @@
-"""The int8 network of `classifier`: its weights, and the encoder, which runs level by level.
-
-`OnnxNetwork` and its `Inference` have the same members, and run in the places of `Int8Network` and `Encoder`.
-"""
-
+"""The int8 network of `classifier`: its weights, and the encoder, which runs level by level."""
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 

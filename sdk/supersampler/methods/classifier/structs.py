@@ -279,18 +279,6 @@ class FinishLayers(NamedTuple):
     logits_scale: float
 
 
-class NetworkOutputs(NamedTuple):
-    """Outputs of the network where ONNX Runtime runs it, planes of packed pixels.
-
-    Attributes:
-        logits: (CLASSES, half height, half width) of the classes.
-        blend: (4 * Variant.blend_parameters, half height, half width), parameter by parameter.
-    """
-
-    logits: Floats
-    blend: Floats
-
-
 class FinishConstants(NamedTuple):
     """Constants of finish.
 
@@ -315,7 +303,7 @@ class FinishConstants(NamedTuple):
 class FinishScratch(NamedTuple):
     """Scratch of one thread of finish: rows; `_words` are the same bytes as words.
 
-    Rows of `blend` are blend parameters, then CLASSES logits of NetworkOutputs.
+    Rows of `blend` are blend parameters, then CLASSES logits.
     """
 
     read: Bytes

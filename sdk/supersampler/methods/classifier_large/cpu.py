@@ -12,7 +12,6 @@ from supersampler.backends.cpu.threads import ThreadPool
 from supersampler.backends.cpu.tiles import Bool, Tiles
 from supersampler.frame import Float32, Frame, Size
 from supersampler.methods.classifier.cpu import ClassifierCpu
-from supersampler.methods.classifier.onnx_network import NetworkSession
 from supersampler.methods.classifier_large.downsampling import Downsampling, DownsamplingTables
 from supersampler.methods.model_info import ModelInfo
 from supersampler.methods.spec import large_size, resized
@@ -23,8 +22,8 @@ DOWNSAMPLE = "methods.classifier_large.kernels.downsample"
 class LargeCpu(ClassifierCpu):
     """Runs `classifier-large`; all buffers of the step, and its tiles, are of the larger display."""
 
-    def __init__(self, info: ModelInfo, pool: ThreadPool, session: NetworkSession | None = None) -> None:
-        super().__init__(info, pool, session)
+    def __init__(self, info: ModelInfo, pool: ThreadPool) -> None:
+        super().__init__(info, pool)
         self._filter = load_kernels(DOWNSAMPLE)[DOWNSAMPLE]
         self._tables = Workspaces(lambda display: DownsamplingTables(display, pool.threads))
 

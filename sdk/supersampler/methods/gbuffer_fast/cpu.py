@@ -15,7 +15,6 @@ from supersampler.backends.cpu.structs import pack
 from supersampler.backends.cpu.threads import Rect, RectTask, ThreadPool
 from supersampler.frame import Array, Float32, Size
 from supersampler.methods.classifier.cpu import ClassifierCpu
-from supersampler.methods.classifier.onnx_network import NetworkSession
 from supersampler.methods.classifier.structs import Guide
 from supersampler.methods.gbuffer_fast.spec import GBUFFER_FAST, GBUFFERS_READ
 from supersampler.methods.gbuffers import GBUFFERS
@@ -62,8 +61,8 @@ class GuidedCpu(ClassifierCpu):
     guided: ClassVar = True
     preparing: ClassVar = (PREPARE_SURFACES, PREPARE_DEPTH)
 
-    def __init__(self, info: ModelInfo, pool: ThreadPool, session: NetworkSession | None = None) -> None:
-        super().__init__(info, pool, session)
+    def __init__(self, info: ModelInfo, pool: ThreadPool) -> None:
+        super().__init__(info, pool)
         c = info.config
         self._windows = [gaussian(c["guide_sigma"])]
         falloffs = c["normal_falloff"], c["base_color_falloff"]

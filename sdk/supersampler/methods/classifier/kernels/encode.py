@@ -73,13 +73,3 @@ def level(
                 line_words, start, between // 4, between // 4, last.weights, last.blocks, last.scale,
                 last.bias, buffers.out, to, buffers.out_pitch, count,
             )  # fmt: skip
-
-
-def complete_inputs(network: NetworkInputs, scratch: LevelScratch, y0: int, y1: int):
-    """Complete the records of rows y0 to y1; see `mean_difference_row`."""
-    width, height, stride = network.half_width, network.half_height, network.means_stride
-    for y in range(y0, y1):
-        mean_difference_row(
-            network.means, height, stride, y, 0, width, scratch.signed, scratch.absolute, scratch.tent,
-            scratch.codes, network.records, y * network.row * RECORD_WORDS,
-        )  # fmt: skip

@@ -30,7 +30,6 @@ from supersampler.methods.classifier.structs import (
     FinishScratch,
     Gathered,
     NetworkInputs,
-    NetworkOutputs,
     Variant,
 )
 
@@ -170,55 +169,3 @@ def make_finish_rows(*parts: str):
                 )  # fmt: skip
 
     return finish_rows
-
-
-@device_function
-def read_plane(plane, first, count, row, to):
-    """Copy `count` values of a plane from `first` on to a row."""
-    whole = count // 16 * 16
-    for x in range(0, whole, 16):
-        store(row, to + x, load16(plane, first + x))
-    for x in range(whole, count):  # nothing is read beyond the plane, which is not ours
-        row[to + x] = plane[first + x]
-
-
-@device_function
-def infer_row(network, parameters, y, p0, p1, half_w, half_h, pitch, scratch, classes):
-    """Read blend parameters and class probabilities of packed pixels p0 to p1 of row y."""
-    blend, count = scratch.blend, p1 - p0
-    for k in range(parameters):
-        for part in range(4):  # pixel by pixel, as `compose_row` reads them
-            at = ((4 * k + part) * half_h + y) * half_w + p0
-            read_plane(network.blend, at, count, blend, (part * parameters + k) * pitch + p0)
-    first = 4 * parameters * pitch
-    for c in range(CLASSES):
-        at = (c * half_h + y) * half_w + p0
-        read_plane(network.logits, at, count, blend, first + c * pitch + p0)
-    for p in range(p0, p1, 16):
-        store_classes(blend, first + p, pitch, scratch.columns, p1 - p, classes, 8 * (y * half_w + p))
-
-
-def make_compose_rows(*parts: str):
-    """Return `compose_rows` of the variant with these parts."""
-    variant = Variant.with_parts(*parts)
-    compose_row = make_compose_row(variant)
-    parameters, planes = variant.blend_parameters, variant.rest
-
-    def compose_rows(
-        network: NetworkOutputs, gathered: Gathered, samples: FrameSamples, tables: ResampleTables,
-        constants: FinishConstants, scratch: FinishScratch, output: Output, next_classes: Words, y0: int,
-        y1: int, p0: int, p1: int,
-    ):  # fmt: skip
-        """Compose like `finish_rows`, from the outputs of the network."""
-        half_w, half_h = (output.width + 1) // 2, (output.height + 1) // 2
-        pitch = (half_w + 15) // 16 * 16
-        for y in range(y0, y1):
-            infer_row(network, parameters, y, p0, p1, half_w, half_h, pitch, scratch, next_classes)
-            mark_unknown(gathered, planes, y, p0, p1, scratch.columns, next_classes, 8 * y * half_w)
-            for row in range(2 * y, min(2 * y + 2, output.height)):
-                compose_row(
-                    row, scratch.blend, pitch, gathered, samples, tables, constants, output,
-                    scratch.out, 2 * p0, min(2 * p1, output.pitch),
-                )  # fmt: skip
-
-    return compose_rows
