@@ -1,12 +1,15 @@
-"""Helpers that make, replay and change recordings, with matching hashes."""
+"""Helpers that make, replay and change recordings, with matching checksums."""
 
-import hashlib
-import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from supersampler import Model, Upscaler
-from supersampler.recording import open_recording
+from supersampler.io.safetensors import open_safetensors, write_safetensors
+from supersampler.recording import _crc_of, open_recording
 from supersampler.recording.replay import Replay, Replayed
 
 DISPLAY = (64, 36)
@@ -26,22 +29,12 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in files}
 
 
-def with_hashes(files: dict[str, bytes]) -> dict[str, bytes]:
-    """Return the files of a recording with a log whose hashes are theirs; lines that are no calls stay."""
-    lines = []
-    for line in files["calls.jsonl"].splitlines(keepends=True):
-        try:
-            call = json.loads(line)
-            call["sha256"] = {
-                name: hashlib.sha256(files[name]).hexdigest() if name in files else digest
-                for name, digest in call["sha256"].items()
-            }
-            lines.append(json.dumps(call).encode() + b"\n")
-        except (ValueError, LookupError, TypeError, AttributeError, RecursionError):
-            lines.append(line)
-    return {**files, "calls.jsonl": b"".join(lines)}
+def read(path: Path) -> tuple[str, dict[str, NDArray[Any]]]:
+    """Return JSON text and arrays of a file of a recording."""
+    tensors, texts = open_safetensors(path)
+    return texts["record"], {name: np.array(array) for name, array in tensors.items()}
 
 
-def mend_hashes(folder: Path) -> None:
-    """Write the log of a recording anew, with the hashes of the files that are there."""
-    (folder / "calls.jsonl").write_bytes(with_hashes(contents(folder))["calls.jsonl"])
+def rewrite(path: Path, text: str, arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Write a file of a recording with a matching checksum, whatever its text is."""
+    write_safetensors(path, arrays, {"record": text, "crc32": str(_crc_of(text, arrays))})

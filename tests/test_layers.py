@@ -38,7 +38,16 @@ FLOORS = (  # of the SDK, the lowest first: a module imports from its own floor 
     ("cli",),
 )
 PROGRAMS = {"bpy", "vtkmodules"}  # other people's: only integrations import them
-RUNTIME = {"numpy", "onnxruntime", "OpenImageIO", "numba", "llvmlite", "typer", "rich"}  # a runtime install
+RUNTIME = {
+    "numpy",
+    "onnxruntime",
+    "OpenImageIO",
+    "numba",
+    "llvmlite",
+    "msgspec",
+    "typer",
+    "rich",
+}  # a runtime install
 OPTIONAL = {"wgpu"}  # an extra: imported where it is used
 
 

@@ -3,15 +3,16 @@
 import json
 import shutil
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from fuzzing import damaged, examples, replaced, run_apart
-from recorded_files import with_hashes
+from recorded_files import read, rewrite
 from still_states import FRAMES, frame, loaded, still_state
-from supersampler import Upscaler
+from supersampler import ShotError, Upscaler
 from supersampler.recording import open_recording
 from supersampler.recording.replay import Replay
 
@@ -38,29 +39,30 @@ def recorded(method: str) -> dict[str, bytes]:
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in files}
 
 
-def hostile(files: dict[str, bytes], rng: Rng) -> dict[str, bytes]:
-    """Return a recording with one or two changes: to the log, the setup, or the bytes of any file."""
-    files = dict(files)
+def hostile(files: dict[str, bytes], rng: Rng, folder: Path) -> None:
+    """Write a recording with one or two changes: to the setup, texts, arrays, or bytes of a file."""
+    for name, data in files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(data)
     for _ in range(int(rng.integers(1, 3))):
-        name = str(rng.choice([*files]))
-        lines = files["calls.jsonl"].splitlines()
-        match int(rng.integers(0, 8)):
-            case 0:
-                lines.insert(int(rng.integers(len(lines))), lines[int(rng.integers(len(lines)))])
-            case 1 | 2 | 3:
-                at = int(rng.integers(len(lines)))
-                lines[at] = _changed(lines[at], rng)
-            case 4:
-                files["recording.json"] = _changed(files["recording.json"], rng)
-            case 5 if name.endswith((".exr", ".safetensors")):
-                files[name] = _with_extremes(files[name], rng)
-            case 6 if name.endswith(".exr"):
-                files[name] = files[str(rng.choice([n for n in files if n.endswith(".exr")]))]
-            case _:
-                files[name] = damaged(files[name], rng)
-                continue
-        files["calls.jsonl"] = b"".join(line + b"\n" for line in lines)
-    return with_hashes(files) if rng.random() < 0.9 else files
+        path, other = (folder / str(rng.choice([n for n in files if n != "recording.json"])) for _ in "ab")
+        with suppress(ShotError, LookupError):  # damaged before
+            match int(rng.integers(0, 7)):
+                case 0:
+                    setup = folder / "recording.json"
+                    setup.write_bytes(_changed(setup.read_bytes(), rng))
+                case 1 | 2:
+                    text, arrays = read(path)
+                    rewrite(path, _changed(text.encode(), rng).decode(errors="replace"), arrays)
+                case 3:
+                    text, arrays = read(path)
+                    rewrite(path, text, {name: _with_extremes(array, rng) for name, array in arrays.items()})
+                case 4:
+                    rewrite(path, read(path)[0], read(other)[1])
+                case 5:
+                    path.write_bytes(other.read_bytes())
+                case _:
+                    path.write_bytes(damaged(path.read_bytes(), rng))
 
 
 def _changed(text: bytes, rng: Rng) -> bytes:
@@ -73,13 +75,12 @@ def _changed(text: bytes, rng: Rng) -> bytes:
         return b"[" * 5000
 
 
-def _with_extremes(data: bytes, rng: Rng) -> bytes:
-    """Return a file with other numbers in its second half, where pixels or tensors are."""
-    begin = len(data) // 2 // 4 * 4
-    values = np.frombuffer(data[begin : len(data) // 4 * 4], np.float32).copy()
+def _with_extremes(array: np.ndarray, rng: Rng) -> np.ndarray:
+    changed = array.copy()
     extreme = rng.choice([np.nan, np.inf, -1.0, 1e30, 1e-42])
-    values[rng.random(values.size) < rng.choice([0.01, 1.0])] = extreme
-    return data[:begin] + values.tobytes() + data[len(data) // 4 * 4 :]
+    with np.errstate(all="ignore"):
+        changed[rng.random(array.shape) < rng.choice([0.01, 1.0])] = extreme
+    return changed
 
 
 def prepare() -> Callable[[int], object]:
@@ -88,9 +89,7 @@ def prepare() -> Callable[[int], object]:
 
     def run(case: int) -> None:
         shutil.rmtree(folder, ignore_errors=True)
-        for name, data in hostile(recordings[case % 2], np.random.default_rng(case)).items():
-            (folder / name).parent.mkdir(parents=True, exist_ok=True)
-            (folder / name).write_bytes(data)
+        hostile(recordings[case % 2], np.random.default_rng(case), folder)
         replay = Replay(open_recording(folder))
         for call in replay.recording:
             done = replay.call(call)

@@ -12,9 +12,10 @@ from typer.testing import CliRunner, Result
 from blender_files import RECORDED, fake_blender, scene_file
 from supersampler import ArgumentError
 from supersampler.cli import app
-from supersampler.integrations.blender.render import find_blender, frame_range
+from supersampler.integrations.blender.render import find_blender
 from supersampler.io.images import read_exr, read_exr_metadata
 from supersampler.io.shot import open_source
+from supersampler.io.shot.numbered import FrameRange
 from supersampler.upscaler import Upscaler
 
 METHOD = ("--method", "bilinear")
@@ -233,8 +234,9 @@ def test_a_missing_scene_is_an_error(tmp_path: Path) -> None:
 @pytest.mark.parametrize("text", ["", "a", "8-5", "-5", "5-", "1.5", "1-2-3", "9999999999"])
 def test_other_ranges_of_frames_are_refused(text: str) -> None:
     with pytest.raises(ArgumentError, match=r"--frames is .*; want FIRST-LAST"):
-        frame_range(text)
+        FrameRange.parse(text, "--frames", lowest=0)
 
 
 def test_ranges_of_frames_are_read() -> None:
-    assert [frame_range(text) for text in ("1-48", "12", " 0 - 0 ")] == [(1, 48), (12, 12), (0, 0)]
+    found = [FrameRange.parse(text, "--frames", lowest=0) for text in ("1-48", "12", " 0 - 0 ")]
+    assert found == [FrameRange(1, 48), FrameRange(12, 12), FrameRange(0, 0)]

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from supersampler import ShotError
-from supersampler.cli.upscale import _folders
 from supersampler.conventions import Conventions
 from supersampler.io.images import write_exr, write_png, write_tiff
 from supersampler.io.shot import Shot, copy_shot, import_channels, open_source
@@ -124,12 +123,6 @@ def test_names_of_folders_are_text(tmp_path: Path, folder: str) -> None:
         for ours, names in channels.items()
     }
     assert places_of(import_channels(tmp_path / folder, mapped, conventions=OURS)) == [0, 1]
-
-
-def test_several_shots_go_to_folders_of_their_names_with_wildcards_of_patterns_only(tmp_path: Path) -> None:
-    (tmp_path / "take#1").mkdir()
-    shots = [str(tmp_path / "take#1"), str(tmp_path / "beauty.####.exr")]
-    assert [folder.name for folder in _folders(shots, tmp_path / "out").values()] == ["take#1", "beauty"]
 
 
 def test_an_extension_may_be_in_any_case(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from supersampler import ArgumentError, ShotError
 from supersampler.cli.app import app
 from supersampler.conventions import Conventions
-from supersampler.io.images import write_exr, write_png
+from supersampler.io.images import write_png
 from supersampler.io.shot import Shot, copy_shot, import_channels
 
 WIDTH, HEIGHT = 61, 35
@@ -148,25 +148,12 @@ def test_a_linear_depth_states_its_range_in_scene_units(tmp_path: Path) -> None:
     np.testing.assert_allclose(shot.read(0).frame.depth, NEAR / scene.distance[0], rtol=1e-4)
 
 
-def test_base_255_reads_what_unity_packs(tmp_path: Path) -> None:
-    write_capture(tmp_path, captured(1))
-    values = np.random.default_rng(2).uniform(0, 0.999, (HEIGHT, WIDTH))
-    low = (values * 255) % 1.0  # EncodeFloatRG: frac(v), frac(255 v), and the first less the second over 255
-    high = values - low / 255
-    pair = np.stack([high, low, low], -1)
-    write_png(tmp_path / "depth" / "depth_0001.png", np.rint(pair * 255).astype(np.uint8))
-    packed = {"bytes": DEPTH_24["bytes"][:2], "range": [0, 256 / 255], "base": 255}
-    depth = opened(tmp_path, {"depth": packed}, depth="reversed_infinite", far=None).read(0).frame.depth
-    np.testing.assert_allclose(depth, values, atol=0.51 / 255**2)
-
-
 def test_a_range_that_puts_0_on_a_code_keeps_what_is_at_rest_at_rest(tmp_path: Path) -> None:
     write_capture(tmp_path, captured(1))
     code = np.full((HEIGHT, WIDTH), 32768)
     write_png(tmp_path / "mv" / "mv_0001.png", np.stack([code >> 8, code & 255] * 2, -1).astype(np.uint8))
     shot = opened(tmp_path, {"motion": {**UV, "range": [-32768 / 32767.5, 32767 / 32767.5]}})
     assert (shot.read(0).frame.motion == 0).all()
-    assert not any("at rest moves" in loss for loss in shot.losses)
 
 
 def test_references_of_8_bits_are_decoded_to_linear(tmp_path: Path) -> None:
@@ -184,26 +171,7 @@ def test_the_copy_holds_the_same_frames(tmp_path: Path) -> None:
     assert_is_the_capture(shot, scene)
 
 
-def test_losses_name_color_motion_depth_and_jitter(tmp_path: Path) -> None:
-    shot = opened(write_capture(tmp_path, captured(), depth_bytes=1), {"depth": DEPTH_8})
-    assert shot.losses == (
-        "Colour has 8 bits and ends at white: highlights are cut off.",
-        "Motion comes in steps of 0.0019 x 0.0011 render pixels, and none is 0: what is at rest moves by "
-        "0.00093 x 0.00053 a frame.",
-        "Depth comes in 256 steps.",
-        "No frame has jitter: what is at rest gains no detail from frame to frame.",
-    )
-    assert shot.cropped(2, 2).losses == shot.losses
-
-
-def test_floating_point_loses_nothing(tmp_path: Path) -> None:
-    plane = np.full((HEIGHT, WIDTH), 0.5, np.float32)
-    write_exr(tmp_path / "0001.exr", dict.fromkeys("RGBZXY", plane))
-    channel_map = {"color": ["R", "G", "B"], "depth": "Z", "motion": ["X", "Y"]}
-    assert import_channels(tmp_path, channel_map, conventions=Conventions()).losses == ()
-
-
-def test_the_command_imports_by_two_json_files_and_says_what_is_lost(tmp_path: Path) -> None:
+def test_the_command_imports_by_two_json_files(tmp_path: Path) -> None:
     scene = captured()
     write_capture(tmp_path / "png", scene)
     channels, conventions = tmp_path / "channels.json", tmp_path / "conventions.json"
@@ -213,7 +181,6 @@ def test_the_command_imports_by_two_json_files_and_says_what_is_lost(tmp_path: P
     options = ["--channels", str(channels), "--conventions", str(conventions)]
     result = CliRunner().invoke(app, ["import", str(tmp_path / "png"), "-o", str(out), *options])
     assert result.exit_code == 0, result.output
-    assert "Lost in these files: Depth comes in 16777216 steps." in result.output
     assert_is_the_capture(Shot.open(out), scene)
 
 
@@ -240,11 +207,10 @@ def test_the_command_imports_by_two_json_files_and_says_what_is_lost(tmp_path: P
             "want .* finite numbers: .* bytes that are all 0",
         ),
         ("depth", {"bytes": ["R"], "range": "0 to 1"}, r"want \[low, high\]"),
-        ("depth", {"bytes": ["R"], "range": [0, 1], "base": 10}, "base'] is 10; want 256, or 255"),
         (
             "depth",
             {"byte": ["R"], "range": [0, 1]},
-            "with 'byte'; want keys of bytes, range, base. Did you mean",
+            "with 'byte'; want keys of bytes, range. Did you mean",
         ),
         ("color", {"bytes": ["R"], "range": [0, 1]}, "want 3 channel names"),
     ],

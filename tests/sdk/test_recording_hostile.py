@@ -2,7 +2,6 @@
 
 import json
 import os
-import re
 from pathlib import Path
 from typing import Any
 
@@ -10,18 +9,21 @@ import numpy as np
 import pytest
 
 from noise import noise
-from recorded_files import mend_hashes
+from recorded_files import read, rewrite
 from shared_models import shared_model
 from supersampler import ArgumentError, Model, Upscaler
 from supersampler.errors import RecordingError
-from supersampler.io.images import write_exr
-from supersampler.io.shot.safetensors import open_safetensors, write_safetensors
-from supersampler.recording import MAX_LINE, open_recording
+from supersampler.recording import CALL, OUTCOME, open_recording
 from supersampler.recording.replay import Replay
 
-FRAME = {"file": "0000.exr", "jitter": [0, 0], "render_size": [32, 18]}
-STEP = {"call": "step", "outputs": [], "sha256": dict.fromkeys(("0000.exr", "0009.exr", "shot.json"), "")}
-STATE = {"method": "taau", "history": False, "shaded": False, "version": 1}
+STEP = {
+    "call": "step", "name": "step", "outputs": [], "jitter": [0, 0], "reset": False, "exposure": None,
+    "pre_exposure": 1,
+}  # fmt: skip
+STATE = {
+    "call": "load_state", "method": "taau", "display_size": None, "render_size": None, "version": 4,
+    "history": False, "shaded": False,
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -72,69 +74,38 @@ def test_a_setup_that_no_upscaler_has_is_refused(changes: dict[str, Any], taau: 
         open_recording(file)
 
 
-def append(file: Path, *lines: object) -> None:
-    with (file / "calls.jsonl").open("a") as log:
-        log.writelines(json.dumps(line) + "\n" for line in lines)
-
-
 @pytest.mark.parametrize(
-    ("line", "message"),
+    ("record", "message"),
     [
-        ({"call": "explode"}, "line 4.call is 'explode'"),
-        ({"call": 1}, "line 4.call is 1"),
-        ({}, "line 4 has no 'call'"),
-        ([], "line 4 is "),
-        (STEP, "no 'frame'"),
-        ({**STEP, "frame": 1}, "line 4.frame is 1"),
-        ({**STEP, "frame": {**FRAME, "file": "../0000.exr"}}, "file is "),
-        ({**STEP, "frame": {**FRAME, "file": "/etc/passwd"}}, "file is "),
-        ({**STEP, "frame": {**FRAME, "file": "0009.exr"}}, "there is no such file"),
-        ({**STEP, "frame": {**FRAME, "file": "0001.exr"}}, "sha256 has no '0001.exr'"),
-        ({**STEP, "frame": {**FRAME, "file": "shot.json"}}, "is not an EXR image"),
-        ({**STEP, "frame": {**FRAME, "jitter": [9, 9]}}, "frame.jitter"),
-        ({**STEP, "frame": {**FRAME, "jitter": [0, 10**400]}}, "jitter"),
-        ({**STEP, "frame": {**FRAME, "exposure": float("nan")}}, "NaN is not finite"),
-        ({**STEP, "frame": {**FRAME, "exposure": -1.0}}, "frame.exposure"),
-        ({**STEP, "frame": {**FRAME, "render_size": [18, 32]}}, "32x18"),
-        ({**STEP, "frame": {**FRAME, "render_size": None}}, "render_size"),
-        ({**STEP, "frame": {**FRAME, "surprise": 1}}, "surprise"),
-        ({**STEP, "frame": FRAME, "outputs": "aovs"}, "outputs is 'aovs'"),
-        ({**STEP, "frame": {**FRAME, "file": "0009.exr"}, "sha256": {"0009.exr": 7}}, "is 7; want str"),
-        ({**STEP, "frame": FRAME, "sha256": []}, r"sha256 is \[\]"),
-        ({"call": "load_state", **STATE, "sha256": {"states/0000.safetensors": ""}}, "there is no such file"),
-        ({"call": "load_state", **STATE}, "no 'sha256'"),
-        ({"call": "close", "sha256": {}}, "sha256 has no 'last.exr'"),
-        ({"call": "close", "sha256": 7}, "sha256 is 7"),
+        ({"call": "explode"}, "Invalid value 'explode'"),
+        ({"call": 1}, r"Expected `str` - at `\$.call`"),
+        ({}, "missing required field `call`"),
+        ([], "Expected `object`, got `array`"),
+        ({**STEP, "name": "warm_up"}, r"Invalid enum value 'warm_up' - at `\$.name`"),
+        ({**STEP, "jitter": [9, 9]}, "frame.jitter"),
+        ({**STEP, "jitter": [0, 10**400]}, "jitter"),
+        ({**STEP, "exposure": float("nan")}, "is not JSON"),
+        ({**STEP, "exposure": -1.0}, "frame.exposure"),
+        ({**STEP, "surprise": 1}, "unknown field `surprise`"),
+        ({**STEP, "outputs": "aovs"}, r"Expected `array`, got `str` - at `\$.outputs`"),
+        ({**STEP, "outputs": [3]}, "outputs"),
+        ({**STATE, "method": 1}, "method"),
+        ({**STATE, "display_size": "ab"}, "display_size"),
+        ({**STATE, "history": None}, "history"),
+        ({**STATE, "shaded": 1}, "shaded"),
+        ({**STATE, "version": "1"}, "version"),
+        ({"call": "close", "image": 1}, "unknown field `image`"),
+        ("x" * 100_000, "Expected `object`"),
+        (None, "Expected `object`"),
     ],
 )
-def test_a_line_that_no_upscaler_writes_is_refused(
-    line: object, message: str, taau: Model, file: Path
+def test_a_call_that_no_upscaler_writes_is_refused(
+    record: object, message: str, taau: Model, file: Path
 ) -> None:
     recorded(taau, file).close()
-    append(file, line)
-    mend_hashes(file)
+    path = file / CALL.format(0)
+    rewrite(path, json.dumps(record), read(path)[1])
     with pytest.raises(RecordingError, match=message):
-        list(open_recording(file))
-
-
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {"method": 1},
-        {"display_size": [1, 2**40]},
-        {"display_size": "ab"},
-        {"history": None},
-        {"shaded": 1},
-        {"version": "1"},
-    ],
-)
-def test_a_state_that_no_upscaler_has_is_refused(changes: dict[str, Any], taau: Model, file: Path) -> None:
-    upscaler = recorded(taau, file)
-    upscaler.load_state(upscaler.save_state())
-    log = (file / "calls.jsonl").read_text().splitlines()
-    changed = json.dumps({**json.loads(log[-1]), **changes})
-    (file / "calls.jsonl").write_text("\n".join([*log[:-1], changed, ""]))
-    with pytest.raises(RecordingError, match=next(iter(changes))):
         list(open_recording(file))
 
 
@@ -151,24 +122,30 @@ def test_a_state_that_no_upscaler_has_is_refused(changes: dict[str, Any], taau: 
 )
 def test_an_outcome_that_no_step_has_is_refused(outcome: object, taau: Model, file: Path) -> None:
     recorded(taau, file).close()
-    append(file, {**STEP, "frame": FRAME}, outcome)
-    mend_hashes(file)
-    with pytest.raises(RecordingError, match="line 5"):
+    path = file / OUTCOME.format(0)
+    rewrite(path, json.dumps(outcome), read(path)[1])
+    with pytest.raises(RecordingError, match=r"000000\.safetensors: is not as expected"):
         list(open_recording(file))
 
 
-def test_a_line_without_end_is_refused_before_it_is_read_whole(taau: Model, file: Path) -> None:
+@pytest.mark.parametrize("missing", ["depth", "motion"])
+def test_a_frame_without_an_array_is_refused(missing: str, taau: Model, file: Path) -> None:
     recorded(taau, file).close()
-    with (file / "calls.jsonl").open("a") as log:
-        log.write('"' + "a" * MAX_LINE)
-    with pytest.raises(RecordingError, match="line 4 is longer than 4 MiB"):
-        list(open_recording(file))
-    (file / "calls.jsonl").write_bytes(b"[" * 100_000 + b"\n")
-    with pytest.raises(RecordingError, match="line 1 is not JSON"):
+    path = file / CALL.format(0)
+    text, arrays = read(path)
+    rewrite(path, text, {name: array for name, array in arrays.items() if name != missing})
+    with pytest.raises(RecordingError, match=rf"no Upscaler writes \(frame\.{missing}"):
         list(open_recording(file))
 
 
-@pytest.mark.parametrize("name", ["calls.jsonl", "0000.exr", "sampled/0000.exr", "last.exr"])
+def test_nested_json_is_refused(taau: Model, file: Path) -> None:
+    recorded(taau, file).close()
+    rewrite(file / CALL.format(0), '{"call":' + "[" * 100_000, {})
+    with pytest.raises(RecordingError, match=r"000000\.safetensors: is not"):
+        list(open_recording(file))
+
+
+@pytest.mark.parametrize("name", [CALL.format(0), OUTCOME.format(0), "calls"])
 def test_a_link_out_of_the_folder_is_not_followed(name: str, taau: Model, file: Path) -> None:
     recorded(taau, file).close()
     outside = file.parent / "outside"
@@ -179,7 +156,7 @@ def test_a_link_out_of_the_folder_is_not_followed(name: str, taau: Model, file: 
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="Windows has no named pipes")
-@pytest.mark.parametrize("name", ["recording.json", "calls.jsonl", "0000.exr"])
+@pytest.mark.parametrize("name", ["recording.json", CALL.format(0), OUTCOME.format(0)])
 def test_a_pipe_in_place_of_a_file_is_refused(name: str, taau: Model, file: Path) -> None:
     recorded(taau, file).close()
     (file / name).unlink()
@@ -188,8 +165,8 @@ def test_a_pipe_in_place_of_a_file_is_refused(name: str, taau: Model, file: Path
         list(open_recording(file))
 
 
-@pytest.mark.parametrize("name", ["0000.exr", "sampled/0000.exr", "states/0000.safetensors", "last.exr"])
-def test_a_flipped_bit_in_pixels_or_arrays_is_found(name: str, taau: Model, file: Path) -> None:
+@pytest.mark.parametrize("name", [CALL.format(0), OUTCOME.format(0), CALL.format(1)])
+def test_a_flipped_bit_in_arrays_is_found(name: str, taau: Model, file: Path) -> None:
     upscaler = recorded(taau, file)
     upscaler.load_state(upscaler.save_state())
     upscaler.close()
@@ -205,10 +182,9 @@ def test_a_state_in_a_recording_is_checked_as_any_state(taau: Model, file: Path)
     upscaler = recorded(taau, file)
     upscaler.load_state(upscaler.save_state())
     upscaler.close()
-    path = file / "states" / "0000.safetensors"
-    arrays = {name: np.array(array) for name, array in open_safetensors(path)[0].items()}
-    write_safetensors(path, {**arrays, "history.surface": arrays["history.surface"][..., 1:]})
-    mend_hashes(file)
+    path = file / CALL.format(1)
+    text, arrays = read(path)
+    rewrite(path, text, {**arrays, "history.surface": arrays["history.surface"][..., 1:]})
     replay = Replay(open_recording(file))
     with pytest.raises(ArgumentError, match=r"state is with 'history\.surface'"):
         list(map(replay.call, replay.recording))
@@ -216,10 +192,9 @@ def test_a_state_in_a_recording_is_checked_as_any_state(taau: Model, file: Path)
 
 def test_pixels_of_another_size_are_beyond_tolerance(taau: Model, file: Path) -> None:
     recorded(taau, file).close()
-    write_exr(file / "sampled" / "0000.exr", np.zeros((2, 2, 3), np.float16))
-    log = (file / "calls.jsonl").read_text()
-    (file / "calls.jsonl").write_text(re.sub(r'"image": \d+', '"image": 1', log))
-    mend_hashes(file)
+    rewrite(
+        file / OUTCOME.format(0), '{"returned": {"image": 1}}', {"image": np.zeros((2, 2, 3), np.float32)}
+    )
     replay = Replay(open_recording(file))
     (step,) = filter(None, map(replay.call, replay.recording))
     assert (step.exact, step.within) == (False, False)
@@ -231,6 +206,6 @@ def test_a_frame_beyond_memory_is_refused(taau: Model, file: Path, monkeypatch: 
     def full(*_: object, **__: object) -> None:
         raise MemoryError
 
-    monkeypatch.setattr(np, "stack", full)
+    monkeypatch.setattr("supersampler.recording.open_safetensors", full)
     with pytest.raises(RecordingError, match="needs more memory than there is"):
         list(open_recording(file))

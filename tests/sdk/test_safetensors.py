@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from supersampler import ShotError
-from supersampler.io.shot.safetensors import open_safetensors, write_safetensors
+from supersampler.io.safetensors import open_safetensors, write_safetensors
 
 TYPES = ("f2", "f4", "f8", "?", "u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8")
 

@@ -18,7 +18,6 @@ from supersampler import ArgumentError, Frame, FrameError, ShotError
 from supersampler.conventions import Conventions, RawFrame
 from supersampler.io.files import partial_name
 from supersampler.io.images import read_exr, write_exr
-from supersampler.io.machine import StageTimes
 from supersampler.io.shot import Shot, ShotWriter, copy_shot
 from supersampler_model.data.scenes.analytic import Plane, checker
 
@@ -192,11 +191,9 @@ def test_an_error_is_raised_where_its_frame_is_reached(tmp_path: Path) -> None:
     assert shot_threads() == []
 
 
-def test_frames_stop_before_an_index_and_their_stages_are_measured(tmp_path: Path) -> None:
-    times = StageTimes()
+def test_frames_stop_before_an_index(tmp_path: Path) -> None:
     shot = write_shot(tmp_path, 6)
-    assert [item.index for item in shot.frames(1, 4, times=times)] == [1, 2, 3]
-    assert {name: stage.calls for name, stage in times.stages.items()} == {"read": 3, "convert": 3}
+    assert [item.index for item in shot.frames(1, 4)] == [1, 2, 3]
     assert [item.index for item in shot.frames(4, 99)] == [4, 5]
 
 

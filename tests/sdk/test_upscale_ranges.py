@@ -30,9 +30,9 @@ def numbers(folder: Path) -> list[int]:
 
 @pytest.mark.parametrize(
     ("ranges", "want"),
-    [("3-5,8", [3, 4, 5, 8]), ("0", [0]), ("23", [23]), ("0-23", [*range(24)]), ("9,10,11", [9, 10, 11])],
+    [("3-5", [3, 4, 5]), ("0", [0]), ("23", [23]), ("0-23", [*range(24)])],
 )
-def test_exactly_the_frames_of_the_ranges_are_written(
+def test_exactly_the_frames_of_the_range_are_written(
     shot: Path, tmp_path: Path, ranges: str, want: list[int]
 ) -> None:
     upscale(shot, tmp_path, "--frames", ranges, "--preroll", "2")
@@ -41,18 +41,18 @@ def test_exactly_the_frames_of_the_ranges_are_written(
 
 def test_numbers_are_those_of_the_files_not_indices(tmp_path: Path) -> None:
     renders = write_renders(tmp_path / "in", {n: f"beauty.{n:04d}" for n in range(100, 106)})
-    upscale(renders, tmp_path / "out", "--frames", "102-103,105", *OURS)
-    assert [*images(tmp_path / "out")] == ["beauty.0102.exr", "beauty.0103.exr", "beauty.0105.exr"]
+    upscale(renders, tmp_path / "out", "--frames", "102-103", *OURS)
+    assert [*images(tmp_path / "out")] == ["beauty.0102.exr", "beauty.0103.exr"]
 
 
 def test_a_range_whose_preroll_reaches_a_cut_has_the_bits_of_the_whole_run(
     shot: Path, tmp_path: Path
 ) -> None:
     upscale(shot, tmp_path / "whole", "--preroll", "3", method="taau")
-    part = upscale(shot, tmp_path / "part", "--frames", "2-3,10-13", "--preroll", "3", method="taau")
-    assert "8 frames in" in part.stderr  # none before the cut
+    part = upscale(shot, tmp_path / "part", "--frames", "10-13", "--preroll", "3", method="taau")
+    assert "4 frames in" in part.stderr  # none before the cut
     want = images(tmp_path / "whole")
-    assert images(tmp_path / "part") == {f"{n:04d}.exr": want[f"{n:04d}.exr"] for n in (2, 3, 10, 11, 12, 13)}
+    assert images(tmp_path / "part") == {f"{n:04d}.exr": want[f"{n:04d}.exr"] for n in (10, 11, 12, 13)}
 
 
 def test_a_range_within_a_moving_shot_is_near_the_whole_run_and_nearer_with_more_preroll(
@@ -73,9 +73,9 @@ def test_a_range_within_a_moving_shot_is_near_the_whole_run_and_nearer_with_more
 def test_a_range_begins_with_the_exposure_of_the_whole_run(
     shot: Path, whole: Path, tmp_path: Path, preroll: int
 ) -> None:
-    upscale(shot, tmp_path, "--frames", "6-7,18-19", "--preroll", preroll, "--format", "png")
+    upscale(shot, tmp_path, "--frames", "18-19", "--preroll", preroll, "--format", "png")
     want = images(whole)
-    assert images(tmp_path) == {name: want[name] for name in ("0006.png", "0007.png", "0018.png", "0019.png")}
+    assert images(tmp_path) == {name: want[name] for name in ("0018.png", "0019.png")}
 
 
 def test_a_gap_is_no_matter_outside_of_the_range_and_named_inside(tmp_path: Path) -> None:
@@ -91,7 +91,7 @@ def test_a_gap_is_no_matter_outside_of_the_range_and_named_inside(tmp_path: Path
     assert not (tmp_path / "other").exists()
 
 
-@pytest.mark.parametrize(("ranges", "missing"), [("20-24", "24"), ("2,90-95", "90"), ("30", "30")])
+@pytest.mark.parametrize(("ranges", "missing"), [("20-24", "24"), ("90-95", "90"), ("30", "30")])
 def test_a_frame_that_the_shot_has_not_is_named(
     shot: Path, tmp_path: Path, ranges: str, missing: str
 ) -> None:
@@ -100,23 +100,10 @@ def test_a_frame_that_the_shot_has_not_is_named(
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize(
-    "ranges", ["", "5-", "a", "5-3", "3,2", "1-4,4-6", "10:20", "1x2", "3--5", "--3", "1,,2"]
-)
-def test_ranges_that_are_no_ascending_numbers_are_refused(shot: Path, tmp_path: Path, ranges: str) -> None:
+@pytest.mark.parametrize("ranges", ["", "5-", "a", "5-3", "3,4", "10:20", "1x2", "3--5", "--3"])
+def test_a_range_that_is_none_is_refused(shot: Path, tmp_path: Path, ranges: str) -> None:
     message = refusal("upscale", shot, "-o", tmp_path / "out", f"--frames={ranges}")
-    assert "want frame numbers in ascending order" in message
-
-
-def test_ranges_apart_by_no_more_than_the_preroll_share_the_history(shot: Path, tmp_path: Path) -> None:
-    upscale(shot, tmp_path / "one", "--frames", "13-18", "--preroll", "2", method="taau")
-    near = upscale(shot, tmp_path / "near", "--frames", "13-14,17-18", "--preroll", "2", method="taau")
-    far = upscale(shot, tmp_path / "far", "--frames", "13-14,18", "--preroll", "2", method="taau")
-    want = images(tmp_path / "one")
-    assert images(tmp_path / "near") == {f"00{n}.exr": want[f"00{n}.exr"] for n in (13, 14, 17, 18)}
-    assert images(tmp_path / "far")["0018.exr"] != want["0018.exr"]
-    assert "8 frames in" in near.stderr
-    assert "7 frames in" in far.stderr
+    assert "want FIRST-LAST, such as 10-50" in message
 
 
 def test_a_range_across_a_cut_has_the_bits_of_two_ranges(shot: Path, tmp_path: Path) -> None:
@@ -181,9 +168,9 @@ def test_temporary_files_of_a_killed_run_are_removed_and_those_of_a_running_one_
 def test_a_page_and_a_video_of_a_range_are_called_by_its_numbers(shot: Path, tmp_path: Path) -> None:
     pytest.importorskip("av")
     options = ("--format", "mp4", "--compare", "--preroll", "1")
-    upscale(shot, tmp_path, "--frames", "2-3,5", *options)
+    upscale(shot, tmp_path, "--frames", "2-4", *options)
     upscale(shot, tmp_path, "--frames", "7", *options)
-    label = "0002-0003_0005"
+    label = "0002-0004"
     kinds = ("compare.{}.html", "upscale.{}.json", "video.{}.mp4")
     assert files(tmp_path).keys() == {kind.format(each) for kind in kinds for each in (label, "0007")}
     page = (tmp_path / f"compare.{label}.html").read_text(encoding="utf-8")

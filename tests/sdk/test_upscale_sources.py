@@ -1,4 +1,4 @@
-"""Tests of what `upscale` takes: several shots, and EXR files as other software lays them out."""
+"""Tests of EXR files as other software lays them out, as sources of `upscale`."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 from OpenImageIO import ImageBuf, ImageOutput, ImageSpec, TypeDesc
 
-from supersampler import ArgumentError
-from supersampler.cli.upscale import _folders
 from upscale_runs import (
     DISPLAY_SIZE,
     OURS,
@@ -19,86 +17,12 @@ from upscale_runs import (
     moving,
     pixels,
     refusal,
-    run,
     upscale,
     write_renders,
-    write_shot,
 )
 
 NAMES = ("R", "G", "B", "depth.Z", "motion.X", "motion.Y")
 ACESCG = (0.713, 0.293, 0.165, 0.83, 0.128, 0.044, 0.32168, 0.33767)
-
-# Several shots
-
-
-def test_several_shots_go_to_subfolders_of_their_names(tmp_path: Path) -> None:
-    shots = [write_shot(tmp_path / name, 2) for name in ("kitchen.v1", "kitchen.v2", "in/hall")]
-    done = run("upscale", *shots, "-o", tmp_path / "out", "--method", "bilinear")
-    assert done.exit_code == 0, done.output
-    names = ("hall", "kitchen.v1", "kitchen.v2")
-    assert [*images(tmp_path / "out")] == [
-        f"{name}/{number}.exr" for name in names for number in ("0000", "0001")
-    ]
-    upscale(shots[0], tmp_path / "one")
-    assert (tmp_path / "one/0001.exr").read_bytes() == (tmp_path / "out/kitchen.v1/0001.exr").read_bytes()
-
-
-@pytest.mark.parametrize(
-    ("texts", "want"),
-    [
-        (("a/beauty.####.exr", "b/depth.%04d.exr"), ("beauty", "depth")),
-        (("a/beauty_*.exr", "b/*.exr"), ("beauty", "b")),
-        (("a/shot.json", "b/shot.json"), ("a", "b")),
-        (("a/night.json", "plaza"), ("night", "plaza")),
-        (("take.0010", "take.0011"), ("take.0010", "take.0011")),
-        ((".", "a"), ("work", "a")),
-        (("../work", "./a/.."), None),
-        (("a/x.####.exr", "b/x.####.exr"), None),
-        (("a", "a"), None),
-    ],
-)
-def test_a_shot_is_called_by_its_folder_or_the_begin_of_its_pattern(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, texts: tuple[str, str], want: tuple[str, str] | None
-) -> None:
-    (tmp_path / "work" / "a").mkdir(parents=True)
-    monkeypatch.chdir(tmp_path / "work")
-    if want is None:
-        with pytest.raises(ArgumentError, match="want shots of different names"):
-            _folders([*texts], Path("out"))
-    else:
-        assert _folders([*texts], Path("out")) == {
-            text: Path("out") / name for text, name in zip(texts, want, strict=True)
-        }
-
-
-def test_shots_of_one_name_are_refused_before_any_is_upscaled(tmp_path: Path) -> None:
-    shots = [write_shot(tmp_path / name / "take", 1) for name in ("a", "b")]
-    message = refusal("upscale", *shots, "-o", tmp_path / "out")
-    assert f"SHOT is {shots[0]} and {shots[1]}; want shots of different names" in message
-    assert not (tmp_path / "out").exists()
-
-
-def test_a_broken_shot_among_good_ones_is_one_line_and_the_others_are_complete(tmp_path: Path) -> None:
-    shots = [write_shot(tmp_path / name, 3) for name in ("a", "b", "c")]
-    (shots[1] / "0001.exr").write_bytes((shots[1] / "0001.exr").read_bytes()[:300])
-    done = run("upscale", *shots, tmp_path / "none", "-o", tmp_path / "out", "--method", "bilinear")
-    errors = [line for line in done.stderr.splitlines() if line.startswith("error: ")]
-    assert done.exit_code == 1
-    assert len(errors) == 2
-    assert f"{shots[1] / '0001.exr'}: " in errors[0]
-    assert f"{tmp_path / 'none'}: there is no such file or folder" in errors[1]
-    every = [f"{number:04d}.exr" for number in range(3)]
-    assert [*images(tmp_path / "out")] == [
-        *(f"a/{name}" for name in every), "b/0000.exr", *(f"c/{name}" for name in every)
-    ]  # fmt: skip
-
-
-def test_several_shots_are_not_recorded_into_one_folder(tmp_path: Path) -> None:
-    shots = [write_shot(tmp_path / name, 1) for name in ("a", "b")]
-    message = refusal("upscale", *shots, "-o", tmp_path / "out", "--record", tmp_path / "r")
-    assert "--record is given for several shots; want one shot" in message
-    assert not (tmp_path / "out").exists()
-
 
 # Layouts of EXR files
 

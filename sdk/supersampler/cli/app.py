@@ -41,7 +41,6 @@ EXTRAS = {
     "tensorboard": "train",
     "matplotlib": "bench",
     "flip_evaluator": "bench",
-    "msgspec": "bench",
     "wgpu": "gpu",
     "moderngl": "render",
     "safetensors": "render",

@@ -145,7 +145,7 @@ def open_with(source: str, options: dict[str, Any], frames: tuple[int, int] | No
 
 
 def source_notes(shot: "Shot") -> list[str]:
-    """Return lines to print about an opened shot: what is not read, not known, or lost in its files."""
+    """Return lines to print about an opened shot: what is not read, or not known."""
     from supersampler.io.images import UNKNOWN_COLOR_SPACE
 
     notes = []
@@ -153,7 +153,7 @@ def source_notes(shot: "Shot") -> list[str]:
         notes.append(f"Not read, because they cannot be blended: {', '.join(shot.ignored_channels)}")
     if shot.info.color_space == UNKNOWN_COLOR_SPACE:
         notes.append("The files' headers have unknown primaries. State the colour space: --color-space NAME.")
-    return [*notes, *(f"Lost in these files: {loss}" for loss in shot.losses)]
+    return notes
 
 
 def display_transform_of(color_space: str, *, srgb: bool, options: dict[str, Any]) -> "DisplayTransform":

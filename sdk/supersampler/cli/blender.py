@@ -75,13 +75,14 @@ def blender(
     from supersampler.cli.job import UpscaleJob
     from supersampler.cli.results import ImageOptions
     from supersampler.cli.run import run_job
-    from supersampler.integrations.blender.render import RenderRequest, frame_range, rendering
+    from supersampler.integrations.blender.render import RenderRequest, rendering
+    from supersampler.io.shot.numbered import FrameRange
 
     formats = [str(item) for item in format or [Format.exr]]
     console = Terminal(stderr=True)
     request = RenderRequest(
         blend=scene_file,
-        frames=None if frames is None else frame_range(frames),
+        frames=None if frames is None else FrameRange.parse(frames, "--frames", lowest=0),
         display_size=None if display_size is None else parse_size(display_size, "--display-size"),
         scale=scale,
         samples=samples,

@@ -12,7 +12,7 @@ from supersampler.conventions import jitter_phase_count
 from supersampler.errors import ShotError
 from supersampler.frame import Size
 from supersampler.io.shot import Shot
-from supersampler.io.shot.numbered import FrameNumbers
+from supersampler.io.shot.numbered import FrameRange
 from supersampler.methods.model_file import find_model, read_model_info
 from supersampler.model import AtRest, Model, Precision
 from supersampler.upscaler import PresetName, Upscaler, preset_model
@@ -24,45 +24,36 @@ EXPOSURE_FRAMES = 96
 in each frame: the exposure before these frames has a weight of 0.9^96, 4e-5."""
 
 
-class Segment(NamedTuple):
-    """Indices of frames to step through: `start`, which begins without a history, to `stop` - 1.
-
-    Two passes also read those up to `end` - 1, where the backward run begins; `end` is `stop` or later.
-    """
-
-    start: int
-    stop: int
-    end: int
-
-
 class FramePlan(NamedTuple):
     """The frames of a run.
 
     Attributes:
         numbers: numbers of the frames that are written.
-        segments: frames to step through for them, in order.
         first_number: number of the frame with index 0.
+        start, stop: indices of the frames to step through: `start`, which begins without a history, to
+            `stop` - 1.
+        end: two passes also read the frames up to `end` - 1, where the backward run begins; `stop` or later.
     """
 
-    numbers: FrameNumbers
-    segments: tuple[Segment, ...]
+    numbers: FrameRange
     first_number: int
+    start: int
+    stop: int
+    end: int
 
     def position(self, index: int) -> int | None:
         """Return the position of a frame among the written ones, by its index; None if it is not written."""
         number = self.first_number + index
-        return self.numbers.position(number) if number in self.numbers else None
+        return number - self.numbers.first if number in self.numbers else None
 
-    def segments_from(self, shot: Shot, position: int) -> list[Segment]:
-        """Return what is stepped through to write the frames from a position on."""
-        if position >= len(self.numbers):
-            return []
-        index, found = self.numbers[position] - self.first_number, []
-        for start, stop, end in self.segments:
-            if stop > index:
-                cut = shot.last_cut(min(max(index, start), stop - 1))
-                found.append(Segment(max(start, cut), stop, end))
-        return found
+    def index(self, position: int) -> int:
+        """Return the index of the frame that is written at a position."""
+        return self.numbers.first + position - self.first_number
+
+    def from_position(self, shot: Shot, position: int) -> "FramePlan":
+        """Return the plan that writes the frames from a position on, from the last cut before them."""
+        cut = shot.last_cut(min(max(self.index(position), self.start), self.stop - 1))
+        return self._replace(start=max(self.start, cut))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,10 +79,9 @@ class UpscaleJob:
         passes: 2 merges a forward and a backward run.
         scratch: folder for waiting frames of two passes; None is the system's.
         extrapolation: name or folder of the model for unshaded frames.
-        record: folder to record all frames to; the recording of an earlier run into `output` is replaced.
+        record: new folder to record all frames to.
         overwrite: whether to replace the files of an earlier run.
         holds_shot: whether the shot may be in its own subfolder of `output`.
-        profile: whether to print the times of the stages.
         json: whether to print each frame as a line of JSON.
         console: prints messages.
     """
@@ -100,7 +90,7 @@ class UpscaleJob:
     output: Path
     source: Mapping[str, str] = field(default_factory=dict)
     images: ImageOptions = field(default_factory=ImageOptions)
-    numbers: FrameNumbers | None = None
+    numbers: FrameRange | None = None
     preroll: int | None = None
     model: str | Path | None = None
     display_size: Size | None = None
@@ -120,7 +110,6 @@ class UpscaleJob:
     record: Path | None = None
     overwrite: bool = False
     holds_shot: bool = False
-    profile: bool = False
     json: bool = False
     console: Terminal = field(default_factory=lambda: Terminal(stderr=True))
 
@@ -153,13 +142,10 @@ class UpscaleJob:
         )
 
     def recording_upscaler(self, other: Upscaler) -> Upscaler:
-        """Return an Upscaler with the same model that records; an earlier run's recording is replaced."""
-        from supersampler.recording.recorder import remove_recording
-
-        if self.record is not None:
-            remove_recording(self.record)  # `Results.begin` has checked that it is an earlier run's
-        arguments = {"extrapolation": self.extrapolation, "record": self.record}
-        return self._with_same_model(other, validate=self.validate, **arguments)
+        """Return an Upscaler with the same model that records."""
+        return self._with_same_model(
+            other, validate=self.validate, extrapolation=self.extrapolation, record=self.record
+        )
 
     def backward_upscaler(self, forward: Upscaler) -> Upscaler:
         """Return an Upscaler with the same model for the backward run of two passes."""
@@ -208,22 +194,19 @@ def default_preroll(scale: float) -> int:
 
 
 def open_for(
-    numbers: FrameNumbers,
-    preroll: int | None,
-    open_frames: Callable[[tuple[int, int]], Shot],
-    passes: int = 1,
+    numbers: FrameRange, preroll: int | None, open_frames: Callable[[tuple[int, int]], Shot], passes: int = 1
 ) -> tuple[Shot, str]:
     """Open what a run reads of a shot; gaps elsewhere do not matter.
 
     Args:
         numbers: numbers of the frames to write.
-        preroll: frames before each range; None is the default of the ratio.
+        preroll: frames before them that build the history; None is the default of the ratio.
         open_frames: opens the frames from a first to a last number; ShotError where one between is missing.
-        passes: 2 also reads frames after a range, for the backward run, where there is no gap.
+        passes: 2 also reads frames after the range, for the backward run, where there is no gap.
 
     Returns:
         The shot, and a note or "": where a frame before the preroll is missing, exposure is measured after
-        it. Then there are no frames after the ranges, either.
+        it. Then there are no frames after the range, either.
     """
     before = (MAX_PREROLL if preroll is None else preroll) + EXPOSURE_FRAMES
     min_before = MIN_PREROLL if preroll is None else preroll
@@ -235,36 +218,29 @@ def open_for(
         return shot, f"History and exposure begin at frame {shot.first_number}: {error.problem}."
 
 
-def plan_frames(shot: Shot, numbers: FrameNumbers | None, preroll: int, passes: int = 1) -> FramePlan:
-    """Return the plan of a run.
+def plan_frames(shot: Shot, numbers: FrameRange | None, preroll: int, passes: int = 1) -> FramePlan:
+    """Return the plan of a run; ShotError where the shot lacks one of the frames.
 
     Args:
         shot: the shot.
-        numbers: numbers of the frames to write; None is all of them, in one segment.
-        preroll: number of frames before a range that build its history, if they exist and no cut is among
-            them. The backward run of two passes has as many after a range.
+        numbers: numbers of the frames to write; None is all of them.
+        preroll: number of frames before them that build the history, if they exist and no cut is among them.
+            The backward run of two passes has as many after them.
         passes: 1 or 2.
-
-    Raises:
-        ShotError: the shot has no frame of one of the numbers.
     """
-    begin, end = shot.first_number, shot.first_number + len(shot) - 1
+    own = FrameRange(shot.first_number, shot.first_number + len(shot) - 1)
     if numbers is None:
-        return FramePlan(FrameNumbers(((begin, end),)), (Segment(0, len(shot), len(shot)),), begin)
-    missing = [number for a, b in numbers.ranges for number in (a, b) if not begin <= number <= end]
-    if missing:
-        raise ShotError(shot.path, f"has no frame {missing[0]}", f"Its frames are {begin} to {end}.")
-    segments: list[Segment] = []
-    for first, last in numbers.ranges:
-        index, stop = first - begin, last - begin + 1
-        cut = shot.last_cut(index)
-        start = max(cut, index - preroll)
-        while start > cut and not shot.is_shaded(start):  # history begins with colour
-            start -= 1
-        if segments and start <= segments[-1].stop:
-            start = segments.pop().start
-        end = stop
-        while passes == 2 and end < min(stop + preroll, len(shot)) and shot.last_cut(end) != end:
-            end += 1
-        segments.append(Segment(start, stop, end))
-    return FramePlan(numbers, tuple(segments), begin)
+        return FramePlan(own, own.first, 0, len(shot), len(shot))
+    for number in (numbers.first, numbers.last):
+        if number not in own:
+            problem = f"has no frame {number}"
+            raise ShotError(shot.path, problem, f"Its frames are {own.first} to {own.last}.")
+    index, stop = numbers.first - own.first, numbers.last - own.first + 1
+    cut = shot.last_cut(index)
+    start = max(cut, index - preroll)
+    while start > cut and not shot.is_shaded(start):  # history begins with colour
+        start -= 1
+    end = stop
+    while passes == 2 and end < min(stop + preroll, len(shot)) and shot.last_cut(end) != end:
+        end += 1
+    return FramePlan(numbers, own.first, start, stop, end)

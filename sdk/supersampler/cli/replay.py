@@ -5,13 +5,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+import msgspec
 import typer
 
 from supersampler.cli.arguments import Executor, ImageFormat, Precision, parse_providers, size_text
 from supersampler.cli.terminal import Terminal, echo, frame_warnings
+from supersampler.errors import ShotError
 
 if TYPE_CHECKING:
-    from supersampler.cli.results import Results
     from supersampler.recording import Setup
     from supersampler.recording.replay import Replay, Replayed
 
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 def replay(
     recording: Annotated[Path, typer.Argument(metavar="FOLDER", help="A recording.")],
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Folder to write the images to.")
+        Path | None, typer.Option("-o", "--output", help="New folder to write the images to.")
     ] = None,
     format: Annotated[  # noqa: A002  # the option's name
         list[ImageFormat] | None, typer.Option(help="See `supersampler upscale`.", show_default="exr")
@@ -45,9 +46,6 @@ def replay(
             help="ONNX Runtime providers, as for `supersampler upscale`.", show_default="recorded, or auto"
         ),
     ] = None,
-    overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Replace the images of another replay.")
-    ] = False,
 ) -> None:
     """Replay a recording of `upscale --record FOLDER` or `Upscaler(record=FOLDER)`, and compare the images.
 
@@ -59,8 +57,8 @@ def replay(
       supersampler replay kitchen.recording
       supersampler replay kitchen.recording -o out --format png --executor onnx
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
-    from supersampler.cli.results import ImageOptions, Results, model_settings
-    from supersampler.io.files import check_apart
+    from supersampler.cli.results import ImageOptions, OutputImage
+    from supersampler.io.files import check_apart, is_there
     from supersampler.recording import open_recording
     from supersampler.recording.replay import Replay
 
@@ -72,17 +70,20 @@ def replay(
         precision=precision,
         providers=None if providers is None else parse_providers(providers),
     )
-    results = None
+    images = ImageOptions(formats=[str(item) for item in format or [ImageFormat.exr]])
     if output is not None:
         check_apart(output, recording)
-        results = Results(output, ImageOptions(formats=[str(item) for item in format or [ImageFormat.exr]]))
-        source = {"recording": str(recording.resolve()), "formats": results.options.image_formats}
-        results.begin({**model_settings(replay.model), **source}, None, overwrite=overwrite)
+        if is_there(output):
+            raise ShotError(output, "is there already", "Choose another name, or move it away.")
     steps: list[Replayed] = []
     for line in _machines(replay):
         echo(line)
     try:
-        _repeat(replay, steps, results)
+        for step in _repeat(replay, steps):
+            if output is not None and step.result is not None:
+                result = step.result
+                image = OutputImage(image=result.image, exposure=step.exposure, aovs=result.aovs)
+                images.write(output, step.index, image)
     finally:  # also where a damaged file ends the replay
         for line in _verdict(replay, steps):
             echo(line)
@@ -97,7 +98,7 @@ def _machines(replay: "Replay") -> Iterator[str]:
 
     setup, model = replay.recording.setup, replay.model
     size = f"to {size_text(setup.display_size)}" if setup.display_size else f"{setup.scale:g} times"
-    here = replace(
+    here = msgspec.structs.replace(
         setup, executor=model.executor, precision=model.precision, providers=tuple(model.providers),
         versions=versions(), machine=machine(),
     )  # fmt: skip
@@ -113,13 +114,11 @@ def _machine(setup: "Setup") -> str:
     return f"{provider} ({setup.executor}, {setup.precision}); {packages}; {where}"
 
 
-def _repeat(replay: "Replay", steps: "list[Replayed]", results: "Results | None") -> None:
-    """Repeat all calls; print their outcomes, append them to `steps` and write the images."""
-    from supersampler.cli.results import RECORDED, OutputImage
+def _repeat(replay: "Replay", steps: "list[Replayed]") -> "Iterator[Replayed]":
+    """Repeat all calls, print their outcomes, append them without images to `steps`, and yield them."""
     from supersampler.recording import CloseCall, StepCall
 
     console, call = Terminal(stderr=True), None
-    last: Replayed | None = None  # the last one that returned an image
     for call in replay.recording:
         if isinstance(call, StepCall) and call.outcome is None:  # it may end this process, too
             echo(f"frame {call.index}: its outcome was not recorded")
@@ -130,19 +129,9 @@ def _repeat(replay: "Replay", steps: "list[Replayed]", results: "Results | None"
         steps.append(replace(step, result=None))
         if step.note:
             echo(f"frame {step.index}: {step.note}")
-        if step.result is not None:
-            last = step
-            if results is not None:
-                result = step.result
-                image = OutputImage(image=result.image, exposure=step.exposure, aovs=result.aovs)
-                results.list_files(step.index)
-                results.options.write(results.folder, step.index, image)
+        yield step
     if not isinstance(call, CloseCall):
         echo("The recording was not closed; it ends with its last complete call.")
-    elif results is not None and last is not None and call.image is not None:
-        results.list_files(last.index, recorded=True)
-        image = OutputImage(image=call.image, exposure=last.exposure)
-        results.options.write(results.folder, last.index, image, f"{RECORDED}/")
 
 
 def _verdict(replay: "Replay", steps: "list[Replayed]") -> Iterator[str]:

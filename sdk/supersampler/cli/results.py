@@ -44,7 +44,7 @@ from supersampler.io.images import (
 )
 from supersampler.io.json_fields import read_json
 from supersampler.io.shot.format import COLOR, LARGEST_NUMBER, aov_channels, is_frame_range
-from supersampler.io.shot.numbered import FrameNumbers
+from supersampler.io.shot.numbered import FrameRange
 from supersampler.io.video import check_encoder
 from supersampler.model import Model
 
@@ -52,18 +52,15 @@ FILE_NAME = "upscale.json"
 FIRST, FRAMES, SOURCE, PREROLL = "first frame", "frames", "source", "preroll"
 """Settings: number of the first frame in file names, 0 if missing; numbers of the frames of the run, missing
 if it has all from FIRST on; options by which the shot was opened; frames before a range."""
-RECORDED = "recorded"
-"""Subfolder of the last image of a recording, written by `supersampler replay`."""
 DEMO: Mapping[str, str] = {"command": "demo"}
 """SOURCE of a run of `supersampler demo`, whose files another one replaces."""
 FORMATS = ("exr", "png", "tif")
 NAME = re.compile(r"(?!\.)[^/\\:*?\"<>|#\x00-\x1f]*#+[^/\\:*?\"<>|#\x00-\x1f]*")
 """Names of images without extension: one run of # is the number, with at least as many digits."""
 _FRAME_FILES = re.compile(
-    rf"(?:{RECORDED}/)?(?:(?P<folder>{'|'.join(FORMATS)})/)?{NAME.pattern}\.(?P<format>{'|'.join(FORMATS)})"
+    rf"(?:(?P<folder>{'|'.join(FORMATS)})/)?{NAME.pattern}\.(?P<format>{'|'.join(FORMATS)})"
 )
-_RECORDS = re.compile(r"upscale(\.-?\d[\d_-]*(?:_[0-9a-f]{8})?)?\.json")
-_RECORDING = "records to"
+_RECORDS = re.compile(r"upscale(\.-?\d+(?:--?\d+)?)?\.json")
 _MAX_FILES = 10**9
 _MIN_ALPHA = 0.5 / 65535.0  # less is written as 0
 _START_OVER = f"Remove the files of that run and {FILE_NAME} yourself, or choose another folder."
@@ -157,14 +154,13 @@ class ImageOptions:
             "display transform": self.transform.to_json(),
         }
 
-    def write(self, folder: Path, number: int, output: OutputImage, subfolder: str = "") -> Bytes | None:
+    def write(self, folder: Path, number: int, output: OutputImage) -> Bytes | None:
         """Write the files of one frame, each atomically; several threads may write different frames.
 
         Args:
             folder: folder of the run.
             number: number of the frame.
             output: its image.
-            subfolder: subfolder of the folder, such as "recorded/".
 
         Returns:
             (H, W, 3) uint8, the image of the video; None where there is none.
@@ -175,7 +171,7 @@ class ImageOptions:
         encoding, aspect = self.transform.encoding, pixel_aspect(output.metadata or {})
         display_image = self._display_image(output) if {"png", "tif"}.intersection(self.formats) else None
         for pattern in self.patterns:
-            path = frame_path(folder, f"{subfolder}{pattern}", number)
+            path = frame_path(folder, pattern, number)
             if display_image is not None and path.suffix == ".png":
                 write_png(
                     path,
@@ -259,19 +255,17 @@ class RunRecord:
         settings: all that the images depend on; JSON values.
         files: number of files, from the first frame on, by pattern such as `exr/####.exr`; 1 for the page,
             the number of frames for the video.
-        recording: the folder that the run records to, or None.
     """
 
     settings: Mapping[str, Any]
     files: Mapping[str, int] = field(default_factory=dict)
-    recording: str | None = None
 
     @property
-    def numbers(self) -> FrameNumbers:
+    def numbers(self) -> FrameRange:
         """Numbers of the frames in the names of files, without an end where the run has all."""
         if FRAMES in self.settings:
-            return FrameNumbers.parse(self.settings[FRAMES], FRAMES)
-        return FrameNumbers(((int(self.settings.get(FIRST, 0)), LARGEST_NUMBER),))
+            return FrameRange.parse(self.settings[FRAMES], FRAMES)
+        return FrameRange(int(self.settings.get(FIRST, 0)), LARGEST_NUMBER)
 
     @property
     def page(self) -> str:
@@ -295,11 +289,11 @@ class RunRecord:
     def lists(self, pattern: str, number: int) -> bool:
         """Return whether the frame of this number is listed."""
         numbers = self.numbers
-        return number in numbers and numbers.position(number) < self.files.get(pattern, 0)
+        return 0 <= number - numbers.first < min(len(numbers), self.files.get(pattern, 0))
 
     def write(self, folder: Path) -> None:
         """Write the record into the folder, which is created where it is missing."""
-        content = {**self.settings, _RECORDING: self.recording, "files": dict(self.files)}
+        content = {**self.settings, "files": dict(self.files)}
         write_text(folder / self.file_name, json.dumps(content, indent=2) + "\n")
 
     def own_files(self, folder: Path) -> list[Path]:
@@ -331,8 +325,7 @@ def read_run_record(folder: Path, name: str = FILE_NAME) -> RunRecord | None:
     if not isinstance(files, dict):
         problem = "does not list the files of its run: it is of an earlier version, or of something else"
         raise ShotError(path, problem, _START_OVER)
-    recording = content.pop(_RECORDING, None)
-    record = RunRecord(content, files, recording if isinstance(recording, str) else None)
+    record = RunRecord(content, files)
     _check_numbers(path, record)
     for pattern, count in files.items():
         match = _FRAME_FILES.fullmatch(pattern)
@@ -368,21 +361,19 @@ class Results:
     def begin(
         self,
         settings: Mapping[str, object],
-        frame_count: int | None,
+        frame_count: int,
         *,
         overwrite: bool,
         page: bool = False,
-        recording: Path | None = None,
     ) -> int:
         """Prepare the folder, and return the position of the first incomplete frame.
 
         Args:
             settings: all that the images depend on; JSON values.
-            frame_count: number of frames; None where it is not known.
+            frame_count: number of frames.
             overwrite: whether to remove the files of an earlier run instead of continuing it. A demo does so
                 with one of other settings.
             page: whether the page will be written.
-            recording: the folder that the run will record to; if it exists, it must be an earlier run's.
 
         Raises:
             ShotError: files of another program are in the way; or images of other settings exist and
@@ -407,18 +398,16 @@ class Results:
                 self._check_same(other, settings, ignored=(FIRST, FRAMES, PREROLL))
         single = [record.page] * page + [record.video] * self.options.video
         self._check_free(record, frame_count, single)
-        self._check_recording(recording)
         if self.options.video:
             check_encoder(self.folder / record.video)
         if overwrite:
             remove_files(own)
         kept = {} if overwrite else self._record.files
-        recorded = self._record.recording if recording is None else os.path.realpath(recording)
         listed = [*self._record.files]
-        self._save(RunRecord(settings, kept, recorded))
+        self._save(RunRecord(settings, kept))
         subfolders = {str(Path(pattern).parent) for pattern in listed} - {"."}
         remove_partial_files(self.folder, lambda name: self._is_own_name(name, listed), subfolders)
-        return 0 if frame_count is None else self.count_complete(frame_count)
+        return self.count_complete(frame_count)
 
     def count_complete(self, frame_count: int) -> int:
         """Return the number of complete frames from the first on; only files of these runs count."""
@@ -428,26 +417,21 @@ class Results:
             return frame_count if is_whole else 0
         count = min([frame_count, *(self._record.files.get(pattern, 0) for pattern in patterns)])
         for position in range(count):
-            number = self._record.numbers[position]
+            number = self._record.numbers.first + position
             if not all(is_regular(frame_path(self.folder, pattern, number)) for pattern in patterns):
                 return position
         return count
 
-    def list_files(self, position: int, *, recorded: bool = False) -> None:
-        """List the files of one frame as this run's, before they are written.
-
-        Args:
-            position: position of the frame among those of the run.
-            recorded: whether it is an image from a recording, which has its own subfolder.
+    def list_files(self, position: int) -> None:
+        """List the files of the frame at a position of the run as this run's, before they are written.
 
         Raises:
             ShotError: the disk refused, or a file of another program has a name that is not listed yet.
         """
         listed = dict(self._record.files)
         for pattern in self.options.patterns:
-            pattern = f"{RECORDED}/{pattern}" if recorded else pattern
             for new in range(listed.get(pattern, 0), position + 1):
-                number = self._record.numbers[new]
+                number = self._record.numbers.first + new
                 if is_there(path := frame_path(self.folder, pattern, number)):
                     self._check_listed_elsewhere(pattern, number, path)
             listed[pattern] = max(listed.get(pattern, 0), position + 1)
@@ -482,35 +466,20 @@ class Results:
         numbers = [_frame_number(Path(pattern).name, name) for pattern in listed]
         return any(number is not None and number in self._record.numbers for number in numbers)
 
-    def _check_free(self, record: RunRecord, frame_count: int | None, single: Collection[str]) -> None:
+    def _check_free(self, record: RunRecord, frame_count: int, single: Collection[str]) -> None:
         """Raise ShotError where an unlisted file has the name of one that will be written."""
         for name in single:
             if not self._record.files.get(name) and is_there(self.folder / name):
                 raise _foreign(self.folder / name)
         patterns, numbers = self.options.patterns, record.numbers
-        if frame_count is None:
-            patterns += [f"{RECORDED}/{pattern}" for pattern in patterns]
         for pattern in patterns:
             for number, path in sorted(_numbered(self.folder, pattern)):
-                if number not in numbers or self._record.lists(pattern, number):
-                    continue
-                if frame_count is None or numbers.position(number) < frame_count:
+                if 0 <= number - numbers.first < frame_count and not self._record.lists(pattern, number):
                     self._check_listed_elsewhere(pattern, number, path)
 
     def _check_listed_elsewhere(self, pattern: str, number: int, path: Path) -> None:
         if not any(other.lists(pattern, number) for other in self._others):
             raise _foreign(path)
-
-    def _check_recording(self, recording: Path | None) -> None:
-        """Raise ShotError where the folder to record to exists and is not an earlier run's recording."""
-        if recording is None or not is_there(recording):
-            return
-        from supersampler.recording.recorder import holds_only_a_recording
-
-        own = self._record.recording == os.path.realpath(recording)
-        if not (own and holds_only_a_recording(recording)):
-            problem = f"is there already, and is no recording of an earlier run into {self.folder}"
-            raise ShotError(recording, problem, "Choose another name, or move it away.")
 
     def _check_same(
         self, earlier: RunRecord, settings: Mapping[str, object], *, ignored: Collection[str] = ()
@@ -578,7 +547,7 @@ def _check_numbers(path: Path, record: RunRecord) -> None:
     if type(first) is not int or not is_frame_range(first, LARGEST_NUMBER):
         raise ShotError(path, f"says {FIRST!r}: {first!r}, which no run writes", _START_OVER)
     try:
-        FrameNumbers.parse(frames if isinstance(frames, str) else "", FRAMES)
+        FrameRange.parse(frames if isinstance(frames, str) else "", FRAMES)
     except ArgumentError as error:
         raise ShotError(path, f"says {error}", _START_OVER) from error
     if record.file_name != path.name:

@@ -13,17 +13,16 @@ import typer
 
 from supersampler.aux_outputs import LEGENDS, aux_output_layers
 from supersampler.cli.arguments import size_text
-from supersampler.cli.job import EXPOSURE_FRAMES, FramePlan, Segment, UpscaleJob
+from supersampler.cli.job import EXPOSURE_FRAMES, FramePlan, UpscaleJob
 from supersampler.cli.results import OutputImage, OutputQueue, Results
-from supersampler.cli.terminal import RunProgress, frame_warnings, print_profile
+from supersampler.cli.terminal import RunProgress, frame_warnings
 from supersampler.errors import FrameError, ShotError
 from supersampler.frame import Float32, Frame
 from supersampler.history import StepResult
 from supersampler.io.compare import ERROR_LEGEND, About, compare_layers, compare_page, versions
 from supersampler.io.display import ExposureMeter, usable_exposure
-from supersampler.io.files import check_apart
+from supersampler.io.files import check_apart, is_there
 from supersampler.io.images import Bytes, Metadata, pixel_aspect, result_metadata
-from supersampler.io.machine import StageTimes
 from supersampler.io.shot import ShotFrame
 from supersampler.io.video import VideoWriter, video_writer
 from supersampler.sequence.both_ways import BothWays, ChunkSize, buffers_of
@@ -80,9 +79,9 @@ def run_job(job: UpscaleJob) -> Results:
         plan = job.plan(upscaler)
         count = len(plan.numbers)
         upscaler.warm_up()  # raises for an unusable model or ratio before files are overwritten
-        first = results.begin(
-            job.settings(upscaler), count, overwrite=job.overwrite, page=job.compare, recording=job.record
-        )
+        if job.record is not None and is_there(job.record):
+            raise ShotError(job.record, "is there already", "Choose another name, or move it away.")
+        first = results.begin(job.settings(upscaler), count, overwrite=job.overwrite, page=job.compare)
         if job.record is not None:
             upscaler = stack.enter_context(job.recording_upscaler(upscaler))
         page = job.compare and not (first == count and results.is_newest(results.page))
@@ -91,7 +90,7 @@ def run_job(job: UpscaleJob) -> Results:
             job.console.print(f"All {count} frames are there already.")
             with RunProgress(job.console, 0, json=job.json) as progress:
                 progress.event("begin", shot=job.shot.name, frames=count, complete=count)
-                progress.event("end", frames=0, seconds=0.0, cpu_seconds=0.0, stages={})
+                progress.event("end", frames=0, seconds=0.0, cpu_seconds=0.0)
             return results
         begins = 0 if job.record or video else min(first, count - COMPARE_FRAMES) if page else first
         try:
@@ -112,47 +111,35 @@ class _UpscaleRun:
     ) -> None:
         self._job, self._shot, self._upscaler = job, job.shot, upscaler
         self._results, self._plan, self._first = results, plan, first
-        self._times, self._chunk = StageTimes(), ChunkSize()
+        self._chunk = ChunkSize()
         self._display_size = upscaler.display_size or job.shot.render_size
 
     def upscale(self, begins: int, *, page: bool, video: bool) -> None:
         """Step through the frames that lead to those from position `begins` on."""
         job, results, began, cpu = self._job, self._results, time.perf_counter(), time.process_time()
-        index = self._plan.numbers[begins] - self._plan.first_number
-        # each segment with the index of its first frame whose image is needed
-        segments = [
-            (each, min(max(index, each.start), each.stop))
-            for each in self._plan.segments_from(self._shot, begins)
-        ]
-        total = sum(self._step_count(segment, needed) for segment, needed in segments)
+        plan, count = self._plan.from_position(self._shot, begins), len(self._plan.numbers)
+        needed = min(max(plan.index(begins), plan.start), plan.stop)  # the first one whose image is needed
         with (
             self._page() if page else nullcontext() as add_to_page,
             self._film() if video else nullcontext() as film,
-            RunProgress(job.console, total, json=job.json) as progress,
+            RunProgress(job.console, self._step_count(plan, needed), json=job.json) as progress,
             OutputQueue[Written](partial(self._finish, film, progress)) as queue,
         ):
-            progress.event(
-                "begin", shot=self._shot.name, frames=len(self._plan.numbers), complete=self._first
-            )
-            for segment, needed in segments:
-                self._upscale_segment(segment, needed, queue, add_to_page, progress)
+            progress.event("begin", shot=self._shot.name, frames=count, complete=self._first)
+            self._upscale_frames(plan, needed, queue, add_to_page, progress)
         if video:
-            results.end_file(results.video, len(self._plan.numbers))
+            results.end_file(results.video, count)
         wall, cpu, stats = time.perf_counter() - began, time.process_time() - cpu, self._upscaler.stats
-        rate, step_rate = stats.frames / wall, stats.frames / stats.seconds
-        rates = f"{rate:.1f} per second; without reading and writing {step_rate:.1f}"
+        rates = f"{stats.frames / wall:.1f} per second; the steps alone {stats.frames / stats.seconds:.1f}"
         job.console.print(f"{stats.frames} frames in {wall:.1f} s: {rates}")
         if stats.extrapolated:
             each = stats.extrapolation_seconds / stats.extrapolated
             job.console.print(f"{stats.extrapolated} were not shaded; extrapolating one took {each:.2f} s")
-        if job.profile:
-            print_profile(job.console, self._times, stats.frames, wall, cpu)
-        seconds = {"seconds": round(wall, 3), "cpu_seconds": round(cpu, 3)}
-        progress.event("end", frames=stats.frames, **seconds, stages=self._times.to_json())
+        progress.event("end", frames=stats.frames, seconds=round(wall, 3), cpu_seconds=round(cpu, 3))
 
-    def _upscale_segment(
+    def _upscale_frames(
         self,
-        segment: Segment,
+        plan: FramePlan,
         needed: int,
         queue: OutputQueue[Written],
         add_to_page: _AddToPage | None,
@@ -161,19 +148,19 @@ class _UpscaleRun:
         job, meter = self._job, ExposureMeter()
 
         def on_step(index: int, direction: str) -> None:
-            position = self._plan.position(index)
-            writes = position is not None and position >= self._first and index < segment.stop
+            position = plan.position(index)
+            writes = position is not None and position >= self._first
             forward = "upscaling" if writes else "replaying"
             progress.advance("stepping backward" if direction == "backward" else forward)
 
         if job.passes == 1:
-            steps = self._in_order(segment, on_step, references=add_to_page is not None)
+            steps = self._in_order(plan, on_step, references=add_to_page is not None)
         else:
-            steps = self._both_ways(segment, needed, on_step, references=add_to_page is not None)
+            steps = self._both_ways(plan, needed, on_step, references=add_to_page is not None)
         with closing(steps):
             for stepped in steps:
                 exposure = _measured(meter, stepped.frame) / stepped.frame.pre_exposure  # of the images
-                position = self._plan.position(stepped.index)
+                position = plan.position(stepped.index)
                 if position is None:
                     continue
                 if position >= self._first:
@@ -181,33 +168,29 @@ class _UpscaleRun:
                 if position >= self._first or job.images.video:
                     values = stepped.index, stepped.aov_names, stepped.result, stepped.seconds
                     queue.put(partial(self._write, position, exposure, *values))
-                if add_to_page is not None and position >= len(self._plan.numbers) - COMPARE_FRAMES:
-                    with self._times.measure("page"):
-                        add_to_page(stepped, exposure)
+                if add_to_page is not None and position >= len(plan.numbers) - COMPARE_FRAMES:
+                    add_to_page(stepped, exposure)
 
-    def _step_count(self, segment: Segment, needed: int) -> int:
-        """Return the number of steps of all passes through a segment."""
-        total = segment.stop - segment.start
-        if self._job.passes == 1:
-            return total
-        start = segment.start
-        while start < segment.end:
+    def _step_count(self, plan: FramePlan, needed: int) -> int:
+        """Return the number of steps of all passes."""
+        total, start = plan.stop - plan.start, plan.start
+        while self._job.passes == 2 and start < plan.end:
             stop = start + 1
-            while stop < segment.end and self._shot.last_cut(stop) != stop:
+            while stop < plan.end and self._shot.last_cut(stop) != stop:
                 stop += 1
             skipped = max(0, needed - start) // self._chunk.frames * self._chunk.frames  # whole chunks
             total += self._chunk.backward_steps(max(0, stop - start - skipped))
             start = stop
         return total
 
-    def _in_order(self, segment: Segment, on_step: _OnStep, *, references: bool) -> Generator[SteppedFrame]:
+    def _in_order(self, plan: FramePlan, on_step: _OnStep, *, references: bool) -> Generator[SteppedFrame]:
         """Yield each frame of a segment with the outputs of its step."""
         upscaler, extrapolates = self._upscaler, self._job.extrapolation is not None
-        for item in self._frames(segment, upscaler.gbuffers, references=references):
+        for item in self._frames(plan, upscaler.gbuffers, references=references):
             frame, before = item.frame, upscaler.stats.seconds
             step = upscaler.extrapolate if extrapolates and frame.color is None else upscaler.step
             aovs = () if frame.aovs is None else ("aovs",)
-            with self._named(item.index), self._times.measure("step"):
+            with self._named(item.index):
                 result = step(frame, outputs=(*self._maps(), *aovs))
             result = result if isinstance(result, StepResult) else StepResult(result)
             seconds, names = upscaler.stats.seconds - before, item.raw.aov_names
@@ -215,25 +198,25 @@ class _UpscaleRun:
             on_step(item.index, "forward")
 
     def _both_ways(
-        self, segment: Segment, needed: int, on_step: _OnStep, *, references: bool
+        self, plan: FramePlan, needed: int, on_step: _OnStep, *, references: bool
     ) -> Generator[SteppedFrame]:
         """Yield each frame of a segment with the merged outputs of a forward and a backward run.
 
         Chunks before `needed`, the index of the first frame whose image is needed, have no backward run.
         """
-        job, forward, start = self._job, self._upscaler, segment.start
+        job, forward, start = self._job, self._upscaler, plan.start
         interpolator = None if job.extrapolation is None else interpolator_of(job.extrapolation, forward)
         buffers = buffers_of(forward, interpolator)
         aov_names: deque[Sequence[str] | None] = deque()
 
         def read() -> Iterator[Frame]:
-            for item in self._frames(segment, buffers, references=False):
+            for item in self._frames(plan, buffers, references=False):
                 aov_names.append(item.raw.aov_names)
                 yield item.frame
 
         @contextmanager
         def around(place: int, direction: str) -> Iterator[None]:
-            with self._named(start + place), self._times.measure("step"):
+            with self._named(start + place):
                 yield
             on_step(start + place, direction)
 
@@ -244,22 +227,18 @@ class _UpscaleRun:
                 scratch=job.scratch,
             )  # fmt: skip
             merged, before = runs.run(read(), skip=needed - start), time.perf_counter()
-            written = islice(merged, segment.stop - start)  # later ones began the backward run
+            written = islice(merged, plan.stop - start)  # later ones began the backward run
             for index, (frame, result) in enumerate(written, start):
                 reference = self._shot.read_reference(index) if references else None
                 seconds = time.perf_counter() - before
                 yield SteppedFrame(index, frame, reference, aov_names.popleft(), result, seconds)
                 before = time.perf_counter()
 
-    def _frames(
-        self, segment: Segment, gbuffers: Collection[str], *, references: bool
-    ) -> Iterator[ShotFrame]:
-        exposure = self._exposure_at(segment.start)
-        frames = self._shot.frames(
-            segment.start, segment.end, gbuffers=gbuffers, references=references, times=self._times
-        )
+    def _frames(self, plan: FramePlan, gbuffers: Collection[str], *, references: bool) -> Iterator[ShotFrame]:
+        exposure = self._exposure_at(plan.start)
+        frames = self._shot.frames(plan.start, plan.end, gbuffers=gbuffers, references=references)
         for item in frames:
-            if item.index == segment.start and exposure is not None:
+            if item.index == plan.start and exposure is not None:
                 item = replace(item, frame=replace(item.frame, reset=True, exposure=exposure))
             yield item
 
@@ -271,9 +250,8 @@ class _UpscaleRun:
         if (stated := usable_exposure(self._shot.exposure(index))) is not None:
             return stated
         meter, exposure, start = ExposureMeter(), 0.0, max(cut, index - EXPOSURE_FRAMES)
-        for item in self._shot.frames(start, index + 1, gbuffers=(), references=False, times=self._times):
-            with self._times.measure("exposure"):
-                exposure = _measured(meter, item.frame)
+        for item in self._shot.frames(start, index + 1, gbuffers=(), references=False):
+            exposure = _measured(meter, item.frame)
         return exposure
 
     @contextmanager
@@ -310,19 +288,17 @@ class _UpscaleRun:
         seconds: float,
     ) -> Written:
         """Write the files of a frame; on a thread of the queue."""
-        job, number = self._job, self._plan.numbers[position]
-        with self._times.measure("write"):
-            output = OutputImage(
-                image=result.image, exposure=exposure, aovs=result.aovs, aov_names=aov_names,
-                metadata=self._metadata(index),
-            )  # fmt: skip
-            images = job.images if position >= self._first else replace(job.images, formats=("mp4",))
-            return Written(position, number, images.write(job.output, number, output), seconds)
+        job, number = self._job, self._plan.numbers.first + position
+        output = OutputImage(
+            image=result.image, exposure=exposure, aovs=result.aovs, aov_names=aov_names,
+            metadata=self._metadata(index),
+        )  # fmt: skip
+        images = job.images if position >= self._first else replace(job.images, formats=("mp4",))
+        return Written(position, number, images.write(job.output, number, output), seconds)
 
     def _finish(self, film: VideoWriter | None, progress: RunProgress, written: Written) -> None:
         if film is not None and written.video_image is not None:
-            with self._times.measure("video"):
-                film.write(written.video_image)
+            film.write(written.video_image)
         if written.position >= self._first:
             places = {"index": written.position, "frames": len(self._plan.numbers)}
             progress.event("frame", number=written.number, **places, seconds=round(written.seconds, 4))

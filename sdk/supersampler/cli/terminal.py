@@ -1,10 +1,9 @@
-"""Output on the terminal: text, warnings, progress and stage times.
+"""Output on the terminal: text, warnings and progress.
 
 Names in other people's files send it no control codes, and are not markup.
 """
 
 import json
-import os
 import time
 import warnings
 from collections.abc import Iterator
@@ -15,19 +14,9 @@ import typer
 from rich.console import Console
 
 from supersampler.errors import FrameWarning, printable
-from supersampler.io.machine import StageTimes
 
 LOG_SECONDS = 15.0
 """Time between two lines of progress in a log."""
-_STAGES = {
-    "read": "decode the files of a frame, on a separate thread",
-    "exposure": "measure frames before the preroll",
-    "convert": "to this package's conventions, on the thread that reads",
-    "step": "upscale; only the last line has the CPU time of its threads",
-    "page": "bicubic, and encoding the images of compare.html",
-    "write": "display transform, half floats or integers, compression, disk",
-    "video": "encode",
-}
 
 
 def echo(line: str, *, err: bool = False) -> None:
@@ -112,25 +101,3 @@ class RunProgress:
         """Print a line of JSON, if these were requested."""
         if self._json:
             print(json.dumps({"event": event, **values}), flush=True)
-
-
-def print_profile(console: Terminal, times: StageTimes, frames: int, wall: float, cpu: float) -> None:
-    """Print the milliseconds of each call of each stage, and of each frame.
-
-    Args:
-        console: prints the table.
-        times: times of the stages.
-        frames: number of frames that were stepped.
-        wall: seconds of the run.
-        cpu: CPU seconds of the process in the run.
-    """
-    from rich.table import Table
-
-    table = Table("stage", "wall ms", "CPU ms", "of the run", "", box=None)
-    for name, meaning in _STAGES.items():
-        if stage := times.stages.get(name):
-            each = (f"{1000 * seconds / stage.calls:.1f}" for seconds in (stage.wall, stage.cpu))
-            table.add_row(name, *each, f"{stage.wall / wall:.0%}", meaning)
-    cores = f"{cpu / wall:.2f} of {os.cpu_count()} cores busy"
-    table.add_row("all", f"{1000 * wall / frames:.1f}", f"{1000 * cpu / frames:.1f}", "100%", cores)
-    console.print(table)

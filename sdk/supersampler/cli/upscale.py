@@ -18,23 +18,22 @@ from supersampler.cli.arguments import (
     source_notes,
 )
 from supersampler.cli.terminal import Terminal, echo
-from supersampler.errors import ArgumentError, SupersamplerError
+from supersampler.errors import ArgumentError
 
 if TYPE_CHECKING:
     from supersampler.cli.results import ImageOptions
     from supersampler.io.shot import Shot
 
-_SUFFIXES = (".exr", ".png", ".tif", ".tiff", ".json", ".safetensors")  # folders may have dots in their names
 _JOB_OPTIONS = (
-    "preroll", "scale", "compare", "maps", "threads", "precision", "at_rest", "preset", "passes", "scratch",
-    "validate", "record", "overwrite", "profile", "json",
+    "output", "preroll", "scale", "compare", "maps", "threads", "precision", "at_rest", "preset", "passes",
+    "scratch", "validate", "record", "overwrite", "json",
 )  # fmt: skip
 """Parameters that `UpscaleJob` has by the same name."""
 
 
 def upscale(
-    shots: Annotated[
-        list[str],
+    shot: Annotated[
+        str,
         typer.Argument(
             metavar="SHOT", help="A shot, a folder of frames, a pattern such as beauty.####.exr, or plaza."
         ),
@@ -55,13 +54,13 @@ def upscale(
     ] = None,
     frames: Annotated[
         str | None,
-        typer.Option(metavar="RANGES", help="Numbers of the frames to write: 10-50,60.", show_default="all"),
+        typer.Option(metavar="FIRST-LAST", help="Numbers of the frames to write: 10-50.", show_default="all"),
     ] = None,
     preroll: Annotated[
         int | None,
         typer.Option(
             min=0,
-            help="Frames before a range that build its history. Without --frames: make images as chunks do.",
+            help="Frames before --frames that build the history. Without --frames: make images as chunks do.",
             show_default="with --frames: one jitter period, at least 32",
         ),
     ] = None,
@@ -161,10 +160,9 @@ def upscale(
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace the results of an earlier run.")
     ] = False,
-    profile: Annotated[bool, typer.Option("--profile", help="Print the time of each stage.")] = False,
     json: Annotated[bool, typer.Option("--json", help="Print a line of JSON per frame to stdout.")] = False,
 ) -> None:
-    """Upscale SHOT, frame by frame, into a folder of images; several shots, each into a folder of its name.
+    """Upscale SHOT, frame by frame, into a folder of images.
 
     A run that was stopped continues when the same command is given again: complete frames are kept, and the
     history is rebuilt from the frames since the last cut. Exit codes: 0 done, 1 an error, 2 wrong arguments,
@@ -174,68 +172,53 @@ def upscale(
     Examples:
       supersampler upscale plaza -o out --compare
       supersampler upscale "renders/beauty.####.exr" -o out --conventions blender --frames 100-199
-      supersampler upscale shots/* -o out --format exr --format mp4 --view "ACES 2.0 - SDR 100 nits (Rec.709)"
+      supersampler upscale shots/city -o out --format png --view "ACES 2.0 - SDR 100 nits (Rec.709)"
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler.cli.job import UpscaleJob, open_for
     from supersampler.cli.results import checked_name
     from supersampler.cli.run import run_job
-    from supersampler.io.shot.numbered import FrameNumbers
+    from supersampler.io.shot.numbered import FrameRange
 
     given = dict(locals())
     if method is not None and model is not None:
         raise ArgumentError("--method and --model", got="both given", want="one of the two")
     if display_size is not None and scale is not None:
         raise ArgumentError("--display-size and --scale", got="both given", want="one of the two")
-    numbers = None if frames is None else FrameNumbers.parse(frames, "--frames")
+    if record is not None and passes > 1:
+        raise ArgumentError("--record", got="given with --passes 2", want="one pass, in order")
+    numbers = None if frames is None else FrameRange.parse(frames, "--frames")
     size = None if display_size is None else parse_size(display_size, "--display-size")
     if name is not None:
         name = checked_name(re.sub(r"%0?(\d{0,2})d", lambda field: "#" * int(field[1] or 1), name))
-    folders = _folders(shots, output)
-    if record is not None and passes > 1:
-        raise ArgumentError("--record", got="given with --passes 2", want="one pass, in order")
-    if record is not None and len(folders) > 1:
-        raise ArgumentError("--record", got="given for several shots", want="one shot")
-    console, failed = Terminal(stderr=True), False
-    for text, folder in folders.items():
-        try:
-            notes: list[str] = []
-            if numbers is None:
-                shot = open_with(text, given)
-            else:
-                shot, note = open_for(numbers, preroll, partial(open_with, text, given), passes)
-                notes = [note] if note else []
-            for line in (*notes, *source_notes(shot)):
-                console.print(line, soft_wrap=True)
-            job = UpscaleJob(
-                shot=shot,
-                output=folder,
-                source={key: str(given[key]) for key in SOURCE_OPTIONS if given[key] is not None},
-                images=_image_options(shot, given, name),
-                numbers=numbers,
-                model=model or method,
-                display_size=size,
-                providers=parse_providers(providers),
-                skip=not no_skip,
-                extrapolation=extrapolate,
-                console=console,
-                **{key: given[key] for key in _JOB_OPTIONS},
-            )
-            results = run_job(job)
-            if json:
-                continue
-            if record is not None:
-                echo(f"Replay: supersampler replay {record}")
-            if job.images.video:
-                echo(f"Video: {folder / results.video}")
-            if compare:
-                echo(f"Open in a browser: {folder / results.page}")
-        except (SupersamplerError, OSError) as error:
-            if len(folders) == 1:
-                raise
-            failed = True
-            echo(f"error: {error}", err=True)
-    if failed:
-        raise typer.Exit(1)
+    console, note = Terminal(stderr=True), ""
+    if numbers is None:
+        opened = open_with(shot, given)
+    else:
+        opened, note = open_for(numbers, preroll, partial(open_with, shot, given), passes)
+    for line in (*filter(None, [note]), *source_notes(opened)):
+        console.print(line, soft_wrap=True)
+    job = UpscaleJob(
+        shot=opened,
+        source={key: str(given[key]) for key in SOURCE_OPTIONS if given[key] is not None},
+        images=_image_options(opened, given, name),
+        numbers=numbers,
+        model=model or method,
+        display_size=size,
+        providers=parse_providers(providers),
+        skip=not no_skip,
+        extrapolation=extrapolate,
+        console=console,
+        **{key: given[key] for key in _JOB_OPTIONS},
+    )
+    results = run_job(job)
+    if json:
+        return
+    if record is not None:
+        echo(f"Replay: supersampler replay {record}")
+    if job.images.video:
+        echo(f"Video: {output / results.video}")
+    if compare:
+        echo(f"Open in a browser: {output / results.page}")
 
 
 def _image_options(shot: "Shot", options: dict[str, Any], name: str | None) -> "ImageOptions":
@@ -256,23 +239,3 @@ def _image_options(shot: "Shot", options: dict[str, Any], name: str | None) -> "
         bits=16 if same and stored.type == "uint16" else 8,
         color_space=space,
     )
-
-
-def _folders(shots: list[str], output: Path) -> dict[str, Path]:
-    """Return the folder of the results of each shot; with several, a subfolder of its name."""
-    from supersampler.io.shot.numbered import is_pattern
-
-    if len(shots) == 1:
-        return {shots[0]: output}
-    folders: dict[str, Path] = {}
-    for text in shots:
-        path = Path(text).resolve()
-        name = path.stem if path.suffix.lower() in _SUFFIXES else path.name
-        if is_pattern(path):
-            name = re.sub(r"[._ -]*(#+|%0?\d*d|[*?]+)", "", name)
-        folder = output / (path.parent.name if name == "" or path.name == "shot.json" else name)
-        if folder in folders.values():
-            other = next(shot for shot, given in folders.items() if given == folder)
-            raise ArgumentError("SHOT", got=f"{other} and {text}", want="shots of different names")
-        folders[text] = folder
-    return folders

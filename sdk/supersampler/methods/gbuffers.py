@@ -2,13 +2,16 @@
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from supersampler.conventions import RawFrame
 from supersampler.errors import FrameError
 from supersampler.frame import GBUFFER_CHANNELS, GBUFFER_DISPLAY_CHANNELS, Array, Frame, Size
+
+IMAGES = ("color", "depth", "motion", "reactive", "aovs", "motion_next")
+"""Fields of a frame that are arrays."""
 
 
 class BufferField(NamedTuple):
@@ -133,6 +136,23 @@ def grouped(
     for name, array in buffers.items():
         groups[GBUFFERS[name].group][GBUFFERS[name].key] = array
     return groups["gbuffer"] or None, groups["gbuffer_display"] or None
+
+
+def arrays_by_name(frame: Frame) -> dict[str, Array]:
+    """Return the arrays that a frame has, by tensor name."""
+    images = {name: getattr(frame, name) for name in IMAGES if getattr(frame, name) is not None}
+    return images | {name: GBUFFERS[name].find(frame) for name in names_of(frame)}
+
+
+def frame_of(arrays: Mapping[str, Array], **values: Any) -> Frame:
+    """Return the frame that has these arrays, by tensor name, and other values of `Frame`.
+
+    Raises:
+        FrameError: depth or motion is missing, or an array is not as in `Frame`.
+    """
+    gbuffer, gbuffer_display = grouped({name: arrays[name] for name in arrays if name in GBUFFERS})
+    images: dict[str, Any] = {name: arrays.get(name) for name in IMAGES}
+    return Frame(**images, gbuffer=gbuffer, gbuffer_display=gbuffer_display, **values)
 
 
 def black(names: Iterable[str], render: Size, display: Size) -> Frame:

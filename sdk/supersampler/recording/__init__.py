@@ -1,37 +1,30 @@
 """Recordings of all calls of an Upscaler, for `supersampler replay`; docs/replay.md has the format.
 
-A recording is a shot folder with a call log. `recorder` writes it, `replay` repeats its calls.
+Each call is a safetensors file, and so is the outcome of each step. `recorder` writes them, `replay` repeats
+the calls.
 """
 
 import platform
+import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, TypeAlias, get_args
+from typing import Annotated, Any, Literal, NamedTuple, TypeAlias
 
+import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
-from supersampler.arguments import AtRest, checked_choice, checked_flag, checked_scale, checked_threads
-from supersampler.conventions import Conventions
+from supersampler.arguments import MAX_SIDE, MAX_THREADS, AtRest, checked_size
 from supersampler.errors import RecordingError, ShotError, SupersamplerError
-from supersampler.frame import Array, Float32, Frame, Size
+from supersampler.frame import Frame, Size
 from supersampler.history import State
-from supersampler.io.files import NOT_FOUND, check_inside, check_is_file, is_regular
-from supersampler.io.images import read_exr
-from supersampler.io.json_fields import Field, parse_json, read_json
+from supersampler.io.files import NOT_FOUND, check_inside, is_own_folder, is_regular
+from supersampler.io.json_files import decoded, read_typed
 from supersampler.io.machine import installed_versions
-from supersampler.io.shot.format import (
-    COLOR,
-    files_of,
-    frame_entry,
-    read_frame,
-    read_reference,
-    take,
-    take_aovs,
-)
-from supersampler.io.shot.safetensors import open_safetensors
-from supersampler.methods.model_file import CONTRACT, sha256
+from supersampler.io.safetensors import open_safetensors, write_safetensors
+from supersampler.methods.gbuffers import frame_of
+from supersampler.methods.model_file import CONTRACT
 from supersampler.methods.model_info import ModelInfo
 
 __all__ = [
@@ -46,22 +39,20 @@ __all__ = [
     "open_recording",
 ]
 
-FORMAT = 5
+FORMAT = 6
 """Version of a recording's files; other versions are refused."""
-MAX_LINE = 4 << 20
-"""Maximum bytes of a line of the log."""
-SETUP, CALLS, LAST_IMAGE = "recording.json", "calls.jsonl", "last.exr"
-FRAME, DISPLAY, SAMPLED = "{:04d}.exr", "display/{:04d}.exr", "sampled/{:04d}.exr"
-STATE = "states/{:04d}.safetensors"
+SETUP = "recording.json"
+CALL, OUTCOME = "calls/{:06d}.safetensors", "outcomes/{:06d}.safetensors"
+"""Files of a call and of the outcome of a step, by the number of the call."""
 SHADED = "shaded."
-"""Prefix of the arrays of `State.shaded` in a state's file."""
-_STEPS = ("step", "extrapolate", "step_tensors")
+"""Prefix of the arrays of `State.shaded`."""
+Arrays: TypeAlias = Mapping[str, NDArray[Any]]
 _PACKAGES = ("supersampler", "numpy", "onnxruntime", "onnxruntime-gpu", "onnxruntime-directml")
 _DAMAGED = "The recording is damaged; copy it again."
+_CRC = "crc32"
 
 
-@dataclass(frozen=True, kw_only=True)
-class RecordedModel:
+class RecordedModel(msgspec.Struct, frozen=True, kw_only=True):
     """Identity of a recorded model.
 
     Attributes:
@@ -73,8 +64,8 @@ class RecordedModel:
 
     folder: str
     method: str
-    files: Mapping[str, str]
-    config: Mapping[str, Any]
+    files: dict[str, str]
+    config: dict[str, Any]
 
     @staticmethod
     def of(model: ModelInfo) -> "RecordedModel":
@@ -88,16 +79,13 @@ class RecordedModel:
         return (self.method, self.files, self.config) == (other.method, other.files, other.config)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Setup(RecordedModel):
+class Setup(RecordedModel, frozen=True, kw_only=True):
     """Model, settings and machine of a recorded Upscaler.
 
     Attributes:
         contract: version of the graph contract (docs/contract.md).
         extrapolation: the model that extrapolates unshaded frames, or None.
-        executor: "onnx", "cpu" or "gpu".
-        precision: precision of the network, "fp32", "fp16" or "int8".
-        providers: ONNX Runtime providers.
+        executor, precision, providers: see `Model`.
         threads: requested CPU threads; 0 is every core.
         display_size: (width, height); None where `scale` and the first frame determine it.
         scale: display over render size; unused with a display size.
@@ -108,21 +96,64 @@ class Setup(RecordedModel):
 
     contract: int = CONTRACT
     extrapolation: RecordedModel | None
-    executor: str
-    precision: str
+    executor: Literal["onnx", "cpu", "gpu"]
+    precision: Literal["fp32", "fp16", "int8"]
     providers: tuple[str, ...]
-    threads: int
+    threads: Annotated[int, msgspec.Meta(ge=0, le=MAX_THREADS)]
     display_size: Size | None
-    scale: float
+    scale: Annotated[float, msgspec.Meta(ge=1.0, le=MAX_SIDE)]
     at_rest: AtRest
     skip: bool
-    validate: Any
-    versions: Mapping[str, str]
-    machine: Mapping[str, Any]
+    validate: Literal["off", "warn", "strict"]
+    versions: dict[str, str]
+    machine: dict[str, Any]
 
 
-@dataclass(frozen=True, eq=False)
-class StepOutcome:
+class _Version(msgspec.Struct):
+    format: int
+    contract: int
+
+
+class StepRecord(msgspec.Struct, tag="step", tag_field="call", forbid_unknown_fields=True, kw_only=True):
+    """A step without the arrays of its frame; `name` is that of the method."""
+
+    name: Literal["step", "extrapolate", "step_tensors"]
+    outputs: tuple[str, ...]
+    jitter: tuple[float, float]
+    reset: bool
+    exposure: float | None
+    pre_exposure: float
+
+
+class StateRecord(
+    msgspec.Struct, tag="load_state", tag_field="call", forbid_unknown_fields=True, kw_only=True
+):
+    """A `load_state` without the arrays of the state; `history` and `shaded` say whether it has some."""
+
+    method: str
+    display_size: Size | None
+    render_size: Size | None
+    version: int
+    history: bool
+    shaded: bool
+
+
+class ResetCall(msgspec.Struct, tag="reset", tag_field="call", forbid_unknown_fields=True):
+    """A call of `Upscaler.reset`."""
+
+
+class CloseCall(msgspec.Struct, tag="close", tag_field="call", forbid_unknown_fields=True):
+    """A call of `Upscaler.close`. It is missing where the process ended before it, or still runs."""
+
+
+class OutcomeRecord(msgspec.Struct, forbid_unknown_fields=True):
+    """An outcome without its samples: CRC-32 of each returned array, or class and text of the exception."""
+
+    returned: dict[str, Annotated[int, msgspec.Meta(ge=0, le=0xFFFFFFFF)]] = {}
+    raised: tuple[str, str] = ("", "")
+
+
+class StepOutcome(NamedTuple):
     """Result or error of a recorded step.
 
     Attributes:
@@ -131,13 +162,12 @@ class StepOutcome:
         error: class name and text of the exception; ("", "") where none was raised.
     """
 
-    digests: Mapping[str, int] = field(default_factory=dict)
-    samples: Mapping[str, Array] = field(default_factory=dict)
+    digests: Mapping[str, int]
+    samples: Arrays
     error: tuple[str, str] = ("", "")
 
 
-@dataclass(frozen=True, eq=False)
-class StepCall:
+class StepCall(NamedTuple):
     """A call of `Upscaler.step`, `extrapolate` or `step_tensors`.
 
     Attributes:
@@ -152,37 +182,21 @@ class StepCall:
     name: str
     frame: Frame
     outputs: tuple[str, ...]
-    outcome: StepOutcome | None = None
+    outcome: StepOutcome | None
 
 
-@dataclass(frozen=True)
-class ResetCall:
-    """A call of `Upscaler.reset`."""
-
-
-@dataclass(frozen=True, eq=False)
-class LoadStateCall:
+class LoadStateCall(NamedTuple):
     """A call of `Upscaler.load_state`."""
 
     state: State
 
 
-@dataclass(frozen=True, eq=False)
-class CloseCall:
-    """A call of `Upscaler.close`. It is missing where the process ended before it, or still runs.
-
-    Attributes:
-        image: (H, W, 3) the last image; None where there is none.
-    """
-
-    image: Float32 | None
-
-
 Call: TypeAlias = StepCall | ResetCall | LoadStateCall | CloseCall
+Record: TypeAlias = StepRecord | StateRecord | ResetCall | CloseCall
 
 
 class Recording:
-    """The recorded calls of an Upscaler, in order; each iteration reads the log from its start.
+    """The recorded calls of an Upscaler, in order; each iteration reads them from the first on.
 
     Attributes:
         path: the folder.
@@ -193,87 +207,59 @@ class Recording:
         self.path, self.setup = path, setup
 
     def __iter__(self) -> Iterator[Call]:
-        """Yield the calls up to the last complete line of the log.
+        """Yield the calls.
 
         Raises:
-            RecordingError: a line or a file is damaged, or not of an Upscaler. The calls before it are
-                yielded first.
+            RecordingError: a file is damaged, missing, or not of an Upscaler. The calls before it are yielded
+                first.
         """
-        steps = states = 0
-        step: StepCall | None = None  # its outcome is in the next line
+        steps = 0
+        folder = self.path / "calls"
         with _errors_as_recording_error(self.path):
-            for line in self._lines():
-                if step is not None:
-                    steps += 1
-                    if {"returned", "raised"} & line.value.keys():
-                        yield replace(step, outcome=self._outcome(line, SAMPLED.format(step.index)))
-                        step = None
-                        continue
-                    yield step
-                    step = None
-                name = line["call"].one_of(*_STEPS, "reset", "load_state", "close")
-                if name in _STEPS:
-                    step = self._step(name, line, steps)
-                elif name == "reset":
-                    yield ResetCall()
-                elif name == "load_state":
-                    yield LoadStateCall(_state(line, self._checked(line, STATE.format(states))))
-                    states += 1
-                elif line.optional("sha256") is None:
-                    yield CloseCall(None)
-                else:
-                    yield CloseCall(read_reference(self._checked(line, LAST_IMAGE), None))
-            if step is not None:
-                yield step
+            check_inside(self.path, [folder])
+            count = sum(1 for _ in folder.glob("[!.]*")) if is_own_folder(folder) else 0
+            for number in range(count):
+                record, arrays = self._read(CALL.format(number), Record)
+                match record:
+                    case StepRecord():
+                        yield self._step(steps, record, arrays, OUTCOME.format(number))
+                        steps += 1
+                    case StateRecord():
+                        yield LoadStateCall(_state(record, arrays))
+                    case _:
+                        yield record
 
-    def _lines(self) -> Iterator[Field]:
-        """Yield the log's lines without an incomplete last one."""
-        path, number = self.path / CALLS, 1
+    def _step(self, index: int, record: StepRecord, arrays: Arrays, outcome_file: str) -> StepCall:
+        frame = frame_of(
+            arrays,
+            jitter=record.jitter,
+            reset=record.reset,
+            exposure=record.exposure,
+            pre_exposure=record.pre_exposure,
+        )
+        outcome = None
+        if (self.path / outcome_file).exists():
+            found, samples = self._read(outcome_file, OutcomeRecord)
+            if not any(found.raised) and "image" not in samples:
+                raise ShotError(self.path / outcome_file, "has neither an error nor an image")
+            outcome = StepOutcome(found.returned, samples, found.raised)
+        return StepCall(index, record.name, frame, record.outputs, outcome)
+
+    def _read(self, name: str, kind: Any) -> tuple[Any, Arrays]:
+        """Return what `write_record` wrote, after a check of its place and its CRC-32."""
+        path = self.path / name
         check_inside(self.path, [path])
-        check_is_file(path)
-        with path.open("rb") as file:
-            while (text := file.readline(MAX_LINE)).endswith(b"\n"):
-                try:
-                    line = Field(path, f"line {number}", parse_json(text))
-                except (ValueError, RecursionError) as error:
-                    raise ShotError(path, f"line {number} is not JSON ({error})") from error
-                line.members()  # raises where it is no object
-                yield line
-                number += 1
-        if len(text) == MAX_LINE:
-            raise ShotError(path, f"line {number} is longer than {MAX_LINE >> 20} MiB")
+        tensors, texts = open_safetensors(path)
+        text, arrays = str(texts.get("record")), {name: np.array(array) for name, array in tensors.items()}
+        if str(texts.get(_CRC)) != str(_crc_of(text, arrays)):
+            raise ShotError(path, f"is not as it was recorded ({_CRC} differs)")
+        return decoded(path, text, kind), arrays
 
-    def _step(self, name: str, line: Field, index: int) -> StepCall:
-        entry = frame_entry(line["frame"])
-        if entry.render_size is None:
-            line["frame"].refuse("an entry with a render_size")
-        for file in files_of(entry):
-            self._checked(line, file)
-        raw = read_frame(self.path, entry, entry.render_size, None)
-        return StepCall(index, name, Conventions().converter().to_frame(raw), line["outputs"].texts())
 
-    def _outcome(self, line: Field, file: str) -> StepOutcome:
-        """Read the outcome of a step; `file` has the kept pixels of its images."""
-        if (error := line.optional("raised")) is not None:
-            if len(error.texts()) != 2:
-                error.refuse("[class, text]")
-            name, text = error.texts()
-            return StepOutcome(error=(name, text))
-        digests = {name: crc.whole(0, 0xFFFFFFFF) for name, crc in line["returned"].members().items()}
-        path = self._checked(line, file)
-        channels = read_exr(path)
-        aovs = take_aovs(path, channels)
-        images = {"image": take(path, channels, COLOR)} | ({} if aovs is None else {"aovs": aovs})
-        return StepOutcome(digests, images)
-
-    def _checked(self, line: Field, name: str) -> Path:
-        """Return the path of a call's file, after a check of its place and SHA-256."""
-        path, digest = self.path / name, line["sha256"][name].of(str)
-        check_inside(self.path, [path])
-        check_is_file(path)
-        if sha256(path) != digest:
-            raise ShotError(path, "is not as it was recorded (sha256 differs)")
-        return path
+def write_record(path: Path, record: Record | OutcomeRecord, arrays: Arrays) -> None:
+    """Write a call or an outcome with its arrays; ShotError where the disk refuses."""
+    text = msgspec.json.encode(record).decode()
+    write_safetensors(path, arrays, {"record": text, _CRC: str(_crc_of(text, arrays))})
 
 
 def open_recording(path: Path | str) -> Recording:
@@ -292,17 +278,16 @@ def open_recording(path: Path | str) -> Recording:
         raise RecordingError(folder, "there is no such folder", NOT_FOUND)
     if not is_regular(file):
         raise RecordingError(folder, "is not a recording", "`supersampler upscale --record` writes them.")
-    try:
-        data = Field(file, "the file", read_json(file))
+    with _errors_as_recording_error(folder, "No Upscaler writes this."):
+        version = read_typed(file, _Version)
         for name, known in (("format", FORMAT), ("contract", CONTRACT)):
-            if (found := data[name].of(int)) != known:
+            if (found := getattr(version, name)) != known:
                 hint = "Replay it with the version of supersampler that wrote it."
                 raise RecordingError(file, f"is of {name} {found}; this package reads {known}", hint)
-        return Recording(folder, _setup(data))
-    except ShotError as error:
-        raise RecordingError(error.path, error.problem, "No Upscaler writes this.") from error
-    except SupersamplerError as error:
-        raise error if isinstance(error, RecordingError) else RecordingError(file, str(error)) from error
+        setup = read_typed(file, Setup)
+        if setup.display_size is not None:
+            checked_size("display_size", setup.display_size)
+        return Recording(folder, setup)
 
 
 def versions() -> dict[str, str]:
@@ -310,59 +295,45 @@ def versions() -> dict[str, str]:
     return installed_versions(*_PACKAGES, "numba", "llvmlite") | {"Python": platform.python_version()}
 
 
-def _setup(data: Field) -> Setup:
-    return Setup(
-        **_model(data),
-        extrapolation=data.read("extrapolation", lambda model: RecordedModel(**_model(model)), None),
-        executor=data["executor"].one_of("onnx", "cpu", "gpu"),
-        precision=data["precision"].one_of("fp32", "fp16", "int8"),
-        providers=data["providers"].texts(),
-        threads=checked_threads(data["threads"].of(int)),
-        display_size=data.read("display_size", Field.size, None),
-        scale=checked_scale(data["scale"].number()),
-        at_rest=checked_choice("at_rest", data["at_rest"].value, get_args(AtRest)),
-        skip=checked_flag("skip", data["skip"].value),
-        validate=data["validate"].one_of("off", "warn", "strict"),
-        versions=_texts_by_name(data["versions"]),
-        machine=data["machine"].of(dict),
-    )
-
-
-def _model(data: Field) -> dict[str, Any]:
-    names = {name: data[name].of(str) for name in ("folder", "method")}
-    return {**names, "files": _texts_by_name(data["files"]), "config": data["config"].of(dict)}
-
-
-def _texts_by_name(data: Field) -> dict[str, str]:
-    return {name: text.of(str) for name, text in data.members().items()}
-
-
-def _state(data: Field, path: Path) -> State:
-    """Read a state, whose arrays `Upscaler.load_state` checks."""
-    arrays = {name: np.array(array) for name, array in open_safetensors(path)[0].items()}
-    shaded = {n.removeprefix(SHADED): array for n, array in arrays.items() if n.startswith(SHADED)}
-    history = {n: array for n, array in arrays.items() if not n.startswith(SHADED)}
+def _state(record: StateRecord, arrays: Arrays) -> State:
+    """Return a state, whose arrays `Upscaler.load_state` checks."""
+    shaded = {name.removeprefix(SHADED): array for name, array in arrays.items() if name.startswith(SHADED)}
+    history = {name: array for name, array in arrays.items() if not name.startswith(SHADED)}
     return State(
-        data["method"].of(str),
-        data.read("display_size", Field.size, None),
-        data.read("render_size", Field.size, None),
-        history if data["history"].flag() else None,
-        shaded if data["shaded"].flag() else None,
-        data["version"].of(int),
+        record.method,
+        record.display_size,
+        record.render_size,
+        history if record.history else None,
+        shaded if record.shaded else None,
+        record.version,
     )
+
+
+def _crc_of(text: str, arrays: Arrays) -> int:
+    crc = zlib.crc32(text.encode(errors="replace"))
+    for name in sorted(arrays):
+        crc = crc32(arrays[name], zlib.crc32(name.encode(errors="replace"), crc))
+    return crc
+
+
+def crc32(array: NDArray[Any], start: int = 0) -> int:
+    """Return the CRC-32 of an array's bytes, continued from another."""
+    return zlib.crc32(np.ascontiguousarray(array).reshape(-1).view(np.uint8).data, start)
 
 
 @contextmanager
-def _errors_as_recording_error(path: Path) -> Iterator[None]:
+def _errors_as_recording_error(path: Path, hint: str = _DAMAGED) -> Iterator[None]:
     """Raise RecordingError in place of other errors about a recording's content."""
     try:
         yield
+    except RecordingError:
+        raise
     except MemoryError as error:
-        hint = "Replay it on a machine with more memory."
-        raise RecordingError(path, "needs more memory than there is", hint) from error
+        remedy = "Replay it on a machine with more memory."
+        raise RecordingError(path, "needs more memory than there is", remedy) from error
     except ShotError as error:
-        raise RecordingError(error.path, error.problem, _DAMAGED) from error
+        raise RecordingError(error.path, error.problem, hint) from error
     except OSError as error:
         raise RecordingError(path, f"cannot be read ({error})") from error
     except SupersamplerError as error:
-        raise RecordingError(path, f"has a call that no Upscaler makes ({error})", _DAMAGED) from error
+        raise RecordingError(path, f"has content that no Upscaler writes ({error})", hint) from error

@@ -160,7 +160,7 @@ class Replay:
             case ResetCall():
                 self._upscaler.reset()
                 self._meter = ExposureMeter()
-            case LoadStateCall(state):
+            case LoadStateCall(state=state):
                 self._upscaler.load_state(state)
         return None
 

@@ -9,14 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.errors import ShotError
-from supersampler.frame import GBUFFER_CHANNELS, GBUFFER_DISPLAY_CHANNELS, Frame
+from supersampler.frame import Frame
 from supersampler.io.files import os_errors_as_shot_error
+from supersampler.methods.gbuffers import IMAGES, arrays_by_name, frame_of
 
 MEMORY = 2.0**30
 """Bytes of frames and images that are kept in memory; more go to the disk."""
 _NO_ROOM = "Is the disk full? `scratch` names a folder on another disk; images that were written stay."
-_IMAGES = ("color", "depth", "motion", "reactive", "aovs", "motion_next")
-_GROUPS = {"gbuffer": GBUFFER_CHANNELS, "gbuffer_display": GBUFFER_DISPLAY_CHANNELS}
 
 
 class Stored(NamedTuple):
@@ -100,24 +99,19 @@ class FrameStore:
 
     def put_frame(self, frame: Frame) -> StoredFrame:
         """Keep a copy of a frame, with the optional arrays in `names`."""
-        arrays = {name: getattr(frame, name) for name in _IMAGES}
-        for group in _GROUPS:
-            arrays |= {f"{group}_{name}": array for name, array in (getattr(frame, group) or {}).items()}
-        kept = arrays if self._names is None else {*_IMAGES, *self._names}
-        copies = {  # engines reuse their buffers
-            name: array.copy() for name, array in arrays.items() if array is not None and name in kept
-        }
+        arrays = arrays_by_name(frame)
+        kept = arrays if self._names is None else {*IMAGES, *self._names}
+        copies = {
+            name: array.copy() for name, array in arrays.items() if name in kept
+        }  # engines reuse them
         return StoredFrame(self.put(copies), frame.jitter, frame.reset, frame.exposure, frame.pre_exposure)
 
     def get_frame(self, frame: StoredFrame) -> Frame:
         """Return a frame."""
         stored, jitter, reset, exposure, pre_exposure = frame
-        arrays = self.get(stored)
-        buffers: dict[str, Any] = {name: arrays.get(name) for name in _IMAGES}
-        for group, channels in _GROUPS.items():
-            found = {name: arrays[f"{group}_{name}"] for name in channels if f"{group}_{name}" in arrays}
-            buffers[group] = found or None
-        return Frame(**buffers, jitter=jitter, reset=reset, exposure=exposure, pre_exposure=pre_exposure)
+        return frame_of(
+            self.get(stored), jitter=jitter, reset=reset, exposure=exposure, pre_exposure=pre_exposure
+        )
 
     def drop(self, stored: Stored) -> None:
         """Forget arrays, and free their memory or their place in the file."""

@@ -18,7 +18,7 @@ from supersampler import Frame
 from supersampler.errors import ShotError
 from supersampler.io.files import is_there, replacing
 from supersampler.io.json_fields import read_json
-from supersampler.io.shot.safetensors import open_safetensors
+from supersampler.io.safetensors import open_safetensors
 from supersampler_model.data.errors import DatasetError
 from supersampler_model.data.rendered import UNIT_BUFFERS
 from supersampler_model.data.specs import SequenceSpec

@@ -49,6 +49,7 @@ from supersampler.io.shot.blender import (
     read_render_record,
     rendered_shot,
 )
+from supersampler.io.shot.numbered import FrameRange
 from supersampler.io.shot.shot import Shot
 
 Engine = Literal["cycles", "eevee", "workbench"]
@@ -70,7 +71,7 @@ class RenderRequest:
 
     Attributes:
         blend: the file; it is never written.
-        frames: numbers of the first and the last frame.
+        frames: numbers of the frames.
         display_size: (width, height) of the upscaled images.
         scale: display over render size, >= 1.
         samples: samples per render pixel; None is 16 in Cycles.
@@ -81,7 +82,7 @@ class RenderRequest:
     """
 
     blend: Path
-    frames: tuple[int, int] | None = None
+    frames: FrameRange | None = None
     display_size: Size | None = None
     scale: float = 2.0
     samples: int | None = None
@@ -145,7 +146,7 @@ def rendering(
     complete = len(rendered.record.cameras)
     script = {
         **rendered.record.settings,
-        "frames": request.frames,
+        "frames": request.frames and [request.frames.first, request.frames.last],
         "jitter": rendered.record.jitter,
         "complete": complete,
         "folder": str(folder.resolve()),
@@ -173,7 +174,7 @@ class _RenderFolder:
         scale = request.scale
         settings = request.settings()
         jitter = tuple(halton_jitter(index, scale) for index in range(jitter_phase_count(scale)))
-        first = 0 if request.frames is None else request.frames[0]
+        first = 0 if request.frames is None else request.frames.first
         self.record = RenderRecord(settings=settings, first=first, jitter=jitter)
 
     def begin(self, *, overwrite: bool) -> None:
@@ -214,7 +215,7 @@ class _RenderFolder:
 
     def describe(self, scene: RenderedScene) -> None:
         """Store the description of the scene."""
-        first = scene.numbers[0] if self.request.frames is None else self.request.frames[0]
+        first = scene.numbers[0] if self.request.frames is None else self.request.frames.first
         self.record = replace(self.record, scene=scene, first=first)
         self.record.write(self.path)
 
@@ -247,8 +248,7 @@ class _RenderFolder:
 
     def _count(self) -> int:
         assert self.record.scene is not None  # noqa: S101  # the callers wait for it
-        first, last = self.request.frames or self.record.scene.numbers
-        return last - first + 1
+        return len(self.request.frames or FrameRange(*self.record.scene.numbers))
 
     def _check_free(self) -> None:
         for path in sorted(self.path.glob("*.exr")) if self.path.is_dir() else ():
@@ -264,9 +264,11 @@ class _RenderFolder:
                 "the file has changed" if changed[0] == "blend" else f"{changed[0]} was {was}, is now {now}"
             )
             raise ShotError(self.path, f"frames of another render are there: {what}", hint)
-        requested = self.request.frames or (earlier.scene.numbers if earlier.scene is not None else None)
-        if requested is not None and requested[0] != earlier.first:
-            problem = f"frames from {earlier.first} on are there; this render begins with {requested[0]}"
+        requested = (
+            self.request.frames.first if self.request.frames else earlier.scene and earlier.scene.numbers[0]
+        )
+        if requested not in (None, earlier.first):
+            problem = f"frames from {earlier.first} on are there; this render begins with {requested}"
             raise ShotError(self.path, problem, hint)
 
 
@@ -449,15 +451,6 @@ def find_blender(path: str | None = None) -> str:
             "--blender", got="not given, and no Blender was found", want="its path", hint=hint
         )
     return found
-
-
-def frame_range(text: str) -> tuple[int, int]:
-    """Parse "1-48" as (1, 48) and "12" as (12, 12); ArgumentError for anything else."""
-    found = re.fullmatch(r"\s*(\d{1,9})\s*(?:-\s*(\d{1,9})\s*)?", text)
-    first, last = (int(found[1]), int(found[2] or found[1])) if found else (1, 0)
-    if first > last:
-        raise ArgumentError("--frames", got=repr(text), want="FIRST-LAST, such as 1-48, or one number")
-    return first, last
 
 
 def _unlisted(path: Path) -> ShotError:

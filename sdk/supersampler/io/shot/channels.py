@@ -11,7 +11,6 @@ import numpy as np
 from supersampler.arguments import as_number
 from supersampler.conventions import Conventions, RawFrame
 from supersampler.conventions.encodings import srgb_decoded
-from supersampler.conventions.fields import motion_factor
 from supersampler.errors import ArgumentError, ShotError, did_you_mean, shown
 from supersampler.frame import GBUFFER_CHANNELS, Array, Float32, Size
 from supersampler.io.images import Channel, read_color_space, read_frame_rate, read_image, read_types
@@ -28,133 +27,73 @@ from supersampler.io.shot.format import (
 from supersampler.io.shot.numbered import Jitter, Range, file_names, numbered_files, of_range, read_jitter
 from supersampler.io.shot.shot import Shot
 
-_MOST_BYTES = 4
-_SAME_CODE = 0.01  # of a step: ranges in JSON are rounded
-_BASES = (256, 255)
-_KEYS = ("bytes", "range", "base")
+_MAX_BYTES = 4
 
 
 @dataclass(frozen=True, slots=True)
 class Packing:
-    """The code of numbers in bytes: a number grows linearly with the weighted sum of its bytes.
+    """Numbers packed into bytes: a number is linear in the integer that its bytes form.
 
     Attributes:
         bytes_each: bytes of a number, 1 to 4, the most significant one first.
         low: number whose bytes are all 0.
         high: number whose bytes are all 255; less than `low` where the code runs backwards.
-        base: weight of a byte over that of the next one: 256, or 255 as in Unity's EncodeFloatRG.
     """
 
     bytes_each: int
     low: float
     high: float
-    base: int = 256
-
-    @property
-    def step(self) -> float:
-        """Difference of two successive numbers, > 0."""
-        return abs(self.high - self.low) / (255.0 * float(self._weights().sum()))
-
-    @property
-    def smallest(self) -> float:
-        """Magnitude of the number nearest to 0; exactly 0 where a code means it."""
-        if self.low * self.high > 0.0:
-            return min(abs(self.low), abs(self.high))
-        codes = abs(self.low) / self.step
-        off = abs(codes - round(codes))
-        return 0.0 if off < _SAME_CODE else off * self.step
 
     def decoded(self, channels: Array) -> Float32:
         """Return the numbers, (h, w) of one and (h, w, n) of n.
 
-        Args:
-            channels: (h, w) or (h, w, n * bytes_each), byte / 255, those of a number beside each other.
+        `channels` is (h, w) or (h, w, n * bytes_each), byte / 255, with the bytes of a number side by side.
         """
         height, width = channels.shape[:2]
         levels = np.rint(channels.astype(np.float64) * 255.0).reshape(height, width, -1, self.bytes_each)
-        weights = self._weights()
+        weights = 256.0 ** np.arange(self.bytes_each - 1, -1, -1)
         numbers = self.low + (levels @ weights) * ((self.high - self.low) / (255.0 * weights.sum()))
         single: Float32 = numbers.astype(np.float32)
         return single[..., 0] if single.shape[2] == 1 else single
-
-    def _weights(self) -> Array:
-        return np.float64(self.base) ** np.arange(self.bytes_each - 1, -1, -1)
 
 
 def parse_packing(name: str, value: Mapping[str, Any], count: int) -> tuple[list[str], Packing]:
     """Return the channels of a packed array, in the order of `Packing.decoded`, and its packing.
 
-    `value` is {"bytes": ..., "range": [low, high], "base": 256}. "bytes" lists the channels of a number, the
-    most significant byte first; of an array of `count` > 1 numbers a pixel, one such list each. `name` is the
-    array's, for messages.
+    `value` is {"bytes": ..., "range": [low, high]}. "bytes" lists the channels of a number, the most
+    significant byte first; of an array of `count` > 1 numbers a pixel, one such list each.
 
     Raises:
         ArgumentError: a key is missing or unknown, or a value is not of this form.
     """
-    place = f"channel_map[{name!r}]"
+    place, keys = f"channel_map[{name!r}]", ("bytes", "range")
     for key in value:
-        if key not in _KEYS:
-            got, hint = f"with {shown(key)}", did_you_mean(key, _KEYS)
-            raise ArgumentError(place, got=got, want=f"keys of {', '.join(_KEYS)}", hint=hint)
+        if key not in keys:
+            got, hint = f"with {shown(key)}", did_you_mean(key, keys)
+            raise ArgumentError(place, got=got, want=f"keys of {', '.join(keys)}", hint=hint)
     listed = [value.get("bytes")] if count == 1 else value.get("bytes")
     lists = listed if isinstance(listed, list | tuple) else []
     sizes = {len(each) if _are_texts(each) else 0 for each in lists}
-    if len(lists) != count or len(sizes) != 1 or not 1 <= min(sizes) <= _MOST_BYTES:
-        one = f"a list of 1 to {_MOST_BYTES} channels, the most significant byte first"
+    if len(lists) != count or len(sizes) != 1 or not 1 <= min(sizes) <= _MAX_BYTES:
+        one = f"a list of 1 to {_MAX_BYTES} channels, the most significant byte first"
         want = one if count == 1 else f"{count} lists of equal length, for each number {one}"
         raise ArgumentError(f"{place}['bytes']", got=shown(value.get("bytes")), want=want)
-    low, high = _range(f"{place}['range']", value.get("range"))
-    base = value.get("base", _BASES[0])
-    if base not in _BASES:
-        want = "256, or 255 as in Unity's EncodeFloatRG"
-        raise ArgumentError(f"{place}['base']", got=shown(base), want=want)
-    return [channel for each in lists for channel in each], Packing(min(sizes), low, high, int(base))
-
-
-def losses_of(
-    *,
-    color_bits: int | None,
-    motion: Packing | None,
-    pixels_per_unit: tuple[float, float],
-    depth: Packing | None,
-    is_jittered: bool,
-) -> tuple[str, ...]:
-    """Return sentences on what integers in the files do not hold; none where no integers are read.
-
-    `color_bits`, `motion` and `depth` are None where these are floating point.
-    """
-    losses = []
-    if color_bits is not None:
-        losses.append(f"Colour has {color_bits} bits and ends at white: highlights are cut off.")
-    if motion is not None:
-        x, y = (abs(factor) for factor in pixels_per_unit)
-        text = f"Motion comes in steps of {x * motion.step:.2g} x {y * motion.step:.2g} render pixels"
-        if motion.smallest:
-            rest = f"{x * motion.smallest:.2g} x {y * motion.smallest:.2g}"
-            text += f", and none is 0: what is at rest moves by {rest} a frame"
-        losses.append(f"{text}.")
-    if depth is not None:
-        losses.append(f"Depth comes in {round(abs(depth.high - depth.low) / depth.step) + 1} steps.")
-    if losses and not is_jittered:
-        losses.append("No frame has jitter: what is at rest gains no detail from frame to frame.")
-    return tuple(losses)
+    ends = value.get("range")
+    numbers = [as_number(end) for end in ends] if isinstance(ends, list | tuple) else []
+    if len(numbers) != 2 or None in numbers or not np.isfinite(numbers).all() or numbers[0] == numbers[1]:  # type: ignore[arg-type]
+        want = "[low, high], two different finite numbers: those of bytes that are all 0 and all 255"
+        raise ArgumentError(
+            f"{place}['range']", got=shown(ends), want=want, hint="Motion in UV often has [-1, 1]."
+        )
+    low, high = map(float, ends)
+    return [channel for each in lists for channel in each], Packing(min(sizes), low, high)
 
 
 def _are_texts(value: object) -> bool:
     return isinstance(value, list | tuple) and all(isinstance(text, str) for text in value)
 
 
-def _range(place: str, value: object) -> tuple[float, float]:
-    listed = value if isinstance(value, list | tuple) else ()
-    numbers = [number for each in listed if (number := as_number(each)) is not None and np.isfinite(number)]
-    if len(numbers) == len(listed) == 2 and numbers[0] != numbers[1]:
-        return numbers[0], numbers[1]
-    want = "[low, high], two different finite numbers: those of bytes that are all 0 and all 255"
-    raise ArgumentError(place, got=shown(value), want=want, hint="Motion in UV often has [-1, 1].")
-
-
-_BITS = {"uint8": 8, "uint16": 16, "int8": 8, "int16": 16}
-"""Bits of each integer type that a channel of a file can have."""
+_INTEGERS = {"uint8", "uint16", "int8", "int16"}
 _MAPPED = re.compile(r"(.*\.(?:exr|png|tiff?)):(.*)", re.DOTALL | re.IGNORECASE)
 _FRAME_RATE = 24.0  # where no file states one
 MAP_FILE_NAME = "channels.json"
@@ -214,7 +153,7 @@ def import_channels(
             motion_next (2), base_color, normal (3 each), roughness, metallic, specular (1 each), aovs (any
             number), reference (3). `motion/*.exr:R` is channel R of the files of that pattern; without one,
             of `files`. Numbers that are packed into 8-bit channels are described by `{"bytes": ..., "range":
-            [low, high], "base": 256}`; see `parse_packing`. References are matched by frame number; frames
+            [low, high]}`; see `parse_packing`. References are matched by frame number; frames
             without one are allowed.
         conventions: conventions of these channels and of the jitter.
         files: pattern of the frames' files: `beauty.####.exr`, `beauty.%04d.exr` or `beauty_*.exr`.
@@ -270,9 +209,7 @@ def import_channels(
         return found.read_reference(index, info.display_size)
 
     color = found.sources["color"].channels[0] if "color" in found.sources else "R"
-    shot = Shot(found.folder, info, entries, raw_frame, reference, color_channel=color)
-    shot.losses = found.losses(info, is_jittered=any(map(any, offsets)))
-    return shot
+    return Shot(found.folder, info, entries, raw_frame, reference, color_channel=color)
 
 
 def first_file(folder: Path, options: SequenceOptions) -> Path:
@@ -386,7 +323,7 @@ class _MappedFiles:
                     hint = 'Without "bytes", half and float are read as they are.'
                     raise ShotError(path, f"holds packed {name} as {others[0]}; want 8 bits a channel", hint)
                 continue
-            if kinds.isdisjoint(_BITS) or name == "aovs":
+            if kinds.isdisjoint(_INTEGERS) or name == "aovs":
                 continue
             if name not in ("color", "reference"):
                 hint = (
@@ -398,20 +335,6 @@ class _MappedFiles:
                 hint = "Linear light in so few steps shows bands; write it as half."
                 got = f"without srgb=True, and {path.name} holds {min(kinds)}"
                 raise ArgumentError("conventions", got=got, want="srgb=True for integers", hint=hint)
-
-    def losses(self, info: ShotInfo, *, is_jittered: bool) -> tuple[str, ...]:
-        """Return what the files do not hold, see `Shot.losses`."""
-        large = info.display_size if self._conventions.motion_resolution == "display" else None
-        vector = motion_factor(self._conventions, info.render_size, large or info.render_size)
-        color, motion, depth = (self.sources.get(name) for name in ("color", "motion", "depth"))
-        kinds = set() if color is None else self._stored("color", color)[1]
-        return losses_of(
-            color_bits=min((_BITS[kind] for kind in kinds & _BITS.keys()), default=None),
-            motion=None if motion is None else motion.packing,
-            pixels_per_unit=vector,
-            depth=None if depth is None else depth.packing,
-            is_jittered=is_jittered,
-        )
 
     def _every_source(self) -> dict[str, _Source]:
         return self.sources if self._reference is None else {**self.sources, "reference": self._reference}
@@ -463,7 +386,7 @@ class _MappedFiles:
     def read_reference(self, index: int, display_size: Size | None = None) -> Float32:
         path, channels = self.references[self.numbers[index]], self._every_source()["reference"].channels
         reference = read_reference(path, display_size, channels)
-        return srgb_decoded(reference) if read_types(path)[channels[0]] in _BITS else reference
+        return srgb_decoded(reference) if read_types(path)[channels[0]] in _INTEGERS else reference
 
 
 def _parsed(channel_map: ChannelMap, files: str) -> dict[str, _Source]:

@@ -2,18 +2,16 @@
 
 import os
 import re
-from bisect import bisect_right
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import accumulate, pairwise
+from itertools import pairwise
 from pathlib import Path, PurePath, PurePosixPath
 from typing import TypeAlias
-from zlib import crc32
 
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.io.files import NOT_FOUND, SHOT_FRAMES, check_inside
 from supersampler.io.json_fields import read_json
-from supersampler.io.shot.format import is_frame_range
+from supersampler.io.shot.format import LARGEST_NUMBER, is_frame_range
 
 JITTER_FILE_NAME = "jitter.json"
 FRAME_SUFFIXES = (".exr", ".png", ".tif", ".tiff")
@@ -250,83 +248,36 @@ def _listed(names: Sequence[str]) -> str:
     return " or ".join(names[:4]) + (f" or one of {len(names) - 4} more" if len(names) > 4 else "")
 
 
-_LONGEST_LABEL = 80  # characters; more would make file names too long
-
-
 @dataclass(frozen=True, slots=True)
-class FrameNumbers:
-    """Frame numbers in ascending order.
+class FrameRange:
+    """Frame numbers from `first` to `last`, both included."""
 
-    Attributes:
-        ranges: (first, last) of each range, both included; each begins after the end of the one before.
-    """
-
-    ranges: tuple[tuple[int, int], ...]
+    first: int
+    last: int
 
     @classmethod
-    def parse(cls, text: str, name: str) -> "FrameNumbers":
-        """Return the numbers of "10-50,60" or "-12--3"; ArgumentError, with `name`, for anything else."""
-        parts = [
-            re.fullmatch(r"\s*(-?\d{1,10})\s*(?:-\s*(-?\d{1,10})\s*)?", part) for part in text.split(",")
-        ]
-        found = tuple((int(part[1]), int(part[2] or part[1])) for part in parts if part)
-        ordered = all(first <= last for first, last in found)
-        rising = all(before[1] < after[0] for before, after in pairwise(found))
-        if None in parts or not (ordered and rising) or not is_frame_range(found[0][0], found[-1][1]):
-            want = "frame numbers in ascending order, such as 10-50,60"
-            hint = "Every frame between is needed: motion leads to the frame before." * bool(
-                re.search(r"\d[x:]\d", text)
-            )
-            raise ArgumentError(name, got=repr(text), want=want, hint=hint)
-        return cls(found)
-
-    @property
-    def first(self) -> int:
-        """The smallest number."""
-        return self.ranges[0][0]
-
-    @property
-    def last(self) -> int:
-        """The largest number."""
-        return self.ranges[-1][1]
+    def parse(cls, text: str, name: str, lowest: int = -LARGEST_NUMBER) -> "FrameRange":
+        """Return the numbers of "10-50", "60" or "-12--3"; ArgumentError, with `name`, for anything else."""
+        found = re.fullmatch(r"\s*(-?\d{1,10})\s*(?:-\s*(-?\d{1,10})\s*)?", text)
+        first, last = (int(found[1]), int(found[2] or found[1])) if found else (1, 0)
+        if not is_frame_range(first, last) or first < lowest:
+            raise ArgumentError(name, got=repr(text), want="FIRST-LAST, such as 10-50, or one frame number")
+        return cls(first, last)
 
     @property
     def label(self) -> str:
-        """The numbers as a part of file names: 0010-0050_0060."""
-        label = "_".join(f"{a:04d}" if a == b else f"{a:04d}-{b:04d}" for a, b in self.ranges)
-        short = f"{self.first:04d}-{self.last:04d}_{crc32(label.encode()):08x}"
-        return label if len(label) <= _LONGEST_LABEL else short
+        """The numbers as a part of file names: 0010-0050."""
+        return f"{self.first:04d}" if len(self) == 1 else f"{self.first:04d}-{self.last:04d}"
 
     def __str__(self) -> str:
-        return ",".join(str(a) if a == b else f"{a}-{b}" for a, b in self.ranges)
+        return str(self.first) if len(self) == 1 else f"{self.first}-{self.last}"
 
     def __len__(self) -> int:
-        return sum(last + 1 - first for first, last in self.ranges)
+        return self.last + 1 - self.first
 
-    def __iter__(self) -> Iterator[int]:
-        for first, last in self.ranges:
-            yield from range(first, last + 1)
+    def __contains__(self, number: int) -> bool:
+        return self.first <= number <= self.last
 
-    def __contains__(self, number: object) -> bool:
-        return isinstance(number, int) and any(first <= number <= last for first, last in self.ranges)
-
-    def __getitem__(self, position: int) -> int:
-        """Return the number at a position, from 0."""
-        starts = list(accumulate((last + 1 - first for first, last in self.ranges), initial=0))
-        if not 0 <= position < starts[-1]:
-            raise IndexError(f"frame {position} of {starts[-1]}")
-        at = bisect_right(starts, position) - 1
-        return self.ranges[at][0] + position - starts[at]
-
-    def overlaps(self, other: "FrameNumbers") -> bool:
+    def overlaps(self, other: "FrameRange") -> bool:
         """Return whether a number is in both."""
-        return any(a <= d and c <= b for a, b in self.ranges for c, d in other.ranges)
-
-    def position(self, number: int) -> int:
-        """Return the position of a number, from 0; ValueError where it is not among these."""
-        before = 0
-        for first, last in self.ranges:
-            if first <= number <= last:
-                return before + number - first
-            before += last + 1 - first
-        raise ValueError(f"{number} is not in {self}")
+        return self.first <= other.last and other.first <= self.last

@@ -14,7 +14,6 @@ from supersampler.errors import INCOMPLETE_PACKAGE, FrameError, ShotError, did_y
 from supersampler.frame import Float32, Frame, Size
 from supersampler.io.files import check_inside, is_file
 from supersampler.io.images import Metadata, StoredAs, read_exr_metadata, read_stored_as
-from supersampler.io.machine import StageTimes
 from supersampler.io.shot.format import (
     FILE_NAME,
     ClassMaps,
@@ -90,7 +89,6 @@ class Shot:
         info: properties of all frames.
         ignored_channels: channels of the first frame's file that an importer does not read, though it reads
             others as AOVs: ids, and other data that cannot be blended.
-        losses: sentences on what the files of an importer do not hold, as their numbers are integers.
     """
 
     def __init__(
@@ -109,7 +107,6 @@ class Shot:
         self._entries, self._raw = tuple(entries), read_raw
         self._reference, self._classes = read_reference, read_classes
         self.ignored_channels: tuple[str, ...] = ()
-        self.losses: tuple[str, ...] = ()
         self._color_channel = color_channel
 
     @classmethod
@@ -220,7 +217,7 @@ class Shot:
             self._stop_waiting,
             self._color_channel,
         )
-        shot.ignored_channels, shot.losses = self.ignored_channels, self.losses
+        shot.ignored_channels = self.ignored_channels
         return shot
 
     def __len__(self) -> int:
@@ -236,7 +233,6 @@ class Shot:
         *,
         gbuffers: Collection[str] | None = None,
         references: bool = True,
-        times: StageTimes | None = None,
     ) -> Iterator[ShotFrame]:
         """Iterate over the frames from `start` on, in order; two threads read ahead, one converts.
 
@@ -248,23 +244,18 @@ class Shot:
             gbuffers: G-buffers to read, by their names in `Model.info.gbuffers`, and "motion_next"; None
                 reads all.
             references: whether to read those, too.
-            times: takes the times of the stages "read" and "convert".
         """
-        times = StageTimes() if times is None else times
         converter = converter_at(self.info, self._entries, start)
         waiting: deque[Future[ShotFrame]] = deque()
         readers = ThreadPoolExecutor(_READERS, thread_name_prefix="shot-read")
         converting = ThreadPoolExecutor(1, thread_name_prefix="shot-convert")  # its state follows the order
 
         def load(index: int, stored: Future[_Stored]) -> ShotFrame:
-            raw, reference = stored.result()
-            with times.measure("convert"):
-                return self._converted(index, raw, reference, converter)
+            return self._converted(index, *stored.result(), converter)
 
         def read(index: int) -> _Stored:
-            with times.measure("read"):
-                reference = self.read_reference(index) if references else None
-                return self.read_raw(index, gbuffers=gbuffers), reference
+            reference = self.read_reference(index) if references else None
+            return self.read_raw(index, gbuffers=gbuffers), reference
 
         try:
             for index in range(start, len(self) if stop is None else min(stop, len(self))):

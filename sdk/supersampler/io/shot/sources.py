@@ -9,6 +9,7 @@ from supersampler.arguments import checked_choice, checked_path
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.io.files import os_errors_as_shot_error
 from supersampler.io.images import read_types
+from supersampler.io.shot.arm import import_arm
 from supersampler.io.shot.blender import RENDER_FILE, import_blender, import_render, is_blender
 from supersampler.io.shot.channels import (
     MAP_FILE_NAME,
@@ -19,7 +20,6 @@ from supersampler.io.shot.channels import (
 from supersampler.io.shot.format import FILE_NAME
 from supersampler.io.shot.named_channels import import_named_channels, of_first_view, recognised_map
 from supersampler.io.shot.numbered import FRAME_SUFFIXES, Range, is_pattern, numbered_files, suggestion
-from supersampler.io.shot.safetensors import import_arm
 from supersampler.io.shot.shot import Shot, path_or_shipped
 
 Layout: TypeAlias = Literal["auto", "shot", "render", "blender", "channels", "arm"]

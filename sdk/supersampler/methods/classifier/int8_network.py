@@ -1,4 +1,5 @@
 """The int8 network of `classifier`: its weights, and the encoder, which runs level by level."""
+
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 

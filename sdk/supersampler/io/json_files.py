@@ -1,0 +1,43 @@
+"""Read JSON files that people hand in: limited in size, and checked against a type by msgspec."""
+
+from pathlib import Path
+from typing import Any, TypeVar
+
+import msgspec
+
+from supersampler.errors import ShotError
+from supersampler.io.files import JSON_BYTES, check_is_file, os_errors_as_shot_error
+
+_Value = TypeVar("_Value")
+_HINT = "Correct it there, or write it again."
+
+
+def read_json(path: Path, limit: int = JSON_BYTES) -> Any:  # JSON is anything
+    """Return the content of a JSON file; see `read_typed` for errors."""
+    return read_typed(path, Any, limit=limit)
+
+
+def read_typed(path: Path, kind: type[_Value], hint: str = _HINT, limit: int = JSON_BYTES) -> _Value:
+    """Return the content of a JSON file, converted to a type that msgspec knows.
+
+    Raises:
+        ShotError: it is missing, cannot be read, is larger than `limit` bytes, is not JSON, or is of another
+            type; the message has the place, what was expected there, and the hint.
+    """
+    with os_errors_as_shot_error(path):
+        check_is_file(path)
+        with path.open("rb") as file:
+            text = file.read(limit + 1)
+    if len(text) > limit:
+        raise ShotError(path, f"is larger than {limit >> 20} MiB", "Is it the right file?")
+    return decoded(path, text, kind, hint)
+
+
+def decoded(path: Path, text: bytes | str, kind: type[_Value], hint: str = _HINT) -> _Value:
+    """Return JSON text converted to a type; ShotError, which names the file, where it is not of it."""
+    try:
+        return msgspec.json.decode(text, type=kind)
+    except msgspec.ValidationError as error:
+        raise ShotError(path, f"is not as expected: {error}", hint) from error
+    except (msgspec.DecodeError, UnicodeError, RecursionError) as error:
+        raise ShotError(path, f"is not JSON ({error})", hint) from error
