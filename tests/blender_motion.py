@@ -10,7 +10,7 @@ def camera_motion_of(shot: Shot, record: RenderRecord, index: int) -> Float32:
     """Return (h, w, 2) motion of a frame, as `Frame.motion` has it."""
     frames = [shot.read(index).frame, shot.read(index - 1).frame]
     matrices = [
-        jittered_projection(record.cameras[i].matrix, (-f.jitter[0], -f.jitter[1]), shot.render_size)
+        jittered_projection(record.frames[i].matrix, (-f.jitter[0], -f.jitter[1]), shot.render_size)
         for i, f in zip((index, index - 1), frames, strict=True)
     ]
     near = shot.conventions.near

@@ -15,7 +15,7 @@ import torch
 from supersampler import __version__
 from supersampler.errors import ShotError
 from supersampler.io.files import check_ours, write_bytes
-from supersampler.io.json_fields import read_json
+from supersampler.io.json_files import read_json
 from supersampler.methods.model_file import CONTRACT
 from supersampler.methods.model_info import EXTRAPOLATED
 from supersampler.methods.spec import RENDER, TENSORS, Shape, dtype_of

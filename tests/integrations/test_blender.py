@@ -83,7 +83,7 @@ def test_vectors_agree_with_the_camera_for_every_fit_of_the_sensor(
     assert done.exit_code == 0, done.output
     shot, record = rendered(tmp_path)
     for index in (1, 2):
-        change = np.subtract(record.cameras[index].shift, record.cameras[index - 1].shift)
+        change = np.subtract(record.frames[index].shift, record.frames[index - 1].shift)
         assert np.abs(change).min() > 0.4
         wrong = np.abs(shot.read(index).frame.motion - camera_motion_of(shot, record, index)).max(axis=-1)
         assert np.percentile(wrong, 85) < 1e-3  # but the cube that moves
@@ -272,7 +272,7 @@ def test_the_camera_that_is_named_is_rendered_whatever_the_markers_say(tmp_path:
         options = ("--samples", 1, "--camera", "Camera", "--method", "bilinear")
         done = render(tmp_path / name, *options, markers=markers)
         assert done.exit_code == 0, done.output
-    for marked, plain in zip(*(rendered(tmp_path / n)[1].cameras for n in ("marked", "plain")), strict=True):
+    for marked, plain in zip(*(rendered(tmp_path / n)[1].frames for n in ("marked", "plain")), strict=True):
         np.testing.assert_allclose(marked.matrix, plain.matrix, atol=1e-6)
 
 

@@ -7,10 +7,10 @@ import threading
 import time
 import weakref
 from collections.abc import Callable, Collection
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -199,7 +199,8 @@ def test_frames_stop_before_an_index(tmp_path: Path) -> None:
 
 def test_the_last_cut_is_found_without_a_file(tmp_path: Path) -> None:
     shot = write_shot(tmp_path, 6)
-    shot._entries = tuple(replace(entry, reset=index == 3) for index, entry in enumerate(shot._entries))
+    entries = enumerate(shot._entries)
+    shot._entries = tuple(msgspec.structs.replace(entry, reset=index == 3) for index, entry in entries)
     for path in tmp_path.glob("*.exr"):
         path.unlink()
     assert [shot.last_cut(index) for index in range(6)] == [0, 0, 0, 3, 3, 3]

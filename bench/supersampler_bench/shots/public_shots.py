@@ -13,7 +13,7 @@ from supersampler.conventions import RawFrame
 from supersampler.errors import ShotError
 from supersampler.frame import Size
 from supersampler.io.files import replacing
-from supersampler.io.json_fields import read_json
+from supersampler.io.json_files import read_json
 from supersampler.io.shot import Shot
 from supersampler_model.data.shots import variant_name
 

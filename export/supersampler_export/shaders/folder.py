@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.io.files import check_ours, remove_files, write_bytes
-from supersampler.io.json_fields import read_json
+from supersampler.io.json_files import read_json
 from supersampler.methods.executors import gpu_program, with_shaders
 from supersampler.methods.model_file import read_upscaling_info
 from supersampler_export.shaders.description import FORMAT, described, exported_passes

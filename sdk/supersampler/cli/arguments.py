@@ -216,13 +216,14 @@ def _conventions(text: str) -> Conventions:
 
 def _json_object(text: str, option: str) -> dict[str, Any]:
     """Return a JSON object: the text itself if it begins with {, else the file of this name."""
-    from supersampler.io.json_fields import parse_json, read_json
+    from supersampler.io.json_files import decoded, read_json
 
     want = 'an object, {"name": value, ...}'
     try:
-        content = parse_json(text.encode()) if text.lstrip().startswith("{") else read_json(Path(text))
-    except (ShotError, ValueError, RecursionError) as error:
-        got = f"{text} ({error.problem})" if isinstance(error, ShotError) else f"not JSON ({error})"
+        is_text = text.lstrip().startswith("{")
+        content = decoded(Path("JSON"), text, dict) if is_text else read_json(Path(text))
+    except ShotError as error:
+        got = f"not JSON ({error.problem})" if is_text else f"{text} ({error.problem})"
         raise ArgumentError(option, got=got, want=want) from error
     if not isinstance(content, dict):
         raise ArgumentError(option, got=type(content).__name__, want=want)

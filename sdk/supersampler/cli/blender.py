@@ -117,10 +117,10 @@ def _transform_of(scene: "RenderedScene", formats: list[str]) -> "DisplayTransfo
     view = scene.view
     return ocio_transform(
         scene.ocio,
-        view["display"],
-        view["view"],
-        look=view["look"],
+        view.display,
+        view.view,
+        look=view.look,
         color_space="scene_linear",
-        stops=view["exposure"],
-        gamma=view["gamma"],
+        stops=view.exposure,
+        gamma=view.gamma,
     )

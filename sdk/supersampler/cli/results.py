@@ -42,7 +42,7 @@ from supersampler.io.images import (
     write_png,
     write_tiff,
 )
-from supersampler.io.json_fields import read_json
+from supersampler.io.json_files import read_json
 from supersampler.io.shot.format import COLOR, LARGEST_NUMBER, aov_channels, is_frame_range
 from supersampler.io.shot.numbered import FrameRange
 from supersampler.io.video import check_encoder

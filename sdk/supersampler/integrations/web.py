@@ -13,9 +13,10 @@ from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path, PurePosixPath
 from threading import Thread
-from typing import Any, TypeAlias
+from typing import Annotated, Any, TypeAlias
 from urllib.parse import unquote, urlsplit
 
+import msgspec
 import numpy as np
 
 from supersampler.errors import ArgumentError, ShotError
@@ -31,7 +32,7 @@ from supersampler.io.files import (
     write_text,
 )
 from supersampler.io.images import encode_exr
-from supersampler.io.json_fields import Field, read_json
+from supersampler.io.json_files import Text, read_typed
 from supersampler.io.shot import Shot
 from supersampler.methods.executors import with_shaders
 from supersampler.methods.model_file import shipped_model
@@ -151,10 +152,23 @@ def _listed(folder: Path) -> list[str]:
     path = folder / RECORD
     if not is_there(path):
         return []
-    record = Field(path, "the file", read_json(path) if is_regular(path) else None)
-    if not isinstance(record.value, dict) or record.value.get("written_by") != _WRITTEN_BY:
+    record = read_typed(path, _Record, _FOREIGN) if is_regular(path) else _Record("", [])
+    if record.written_by != _WRITTEN_BY:
         raise ShotError(path, f"was not written by `{_WRITTEN_BY}`", _FOREIGN)
-    return [item.text() for item in record["files"].items(_MAX_FILES)]
+    return record.files
+
+
+class _Record(msgspec.Struct):
+    """Content of RECORD."""
+
+    written_by: str
+    files: Annotated[list[Text], msgspec.Meta(max_length=_MAX_FILES)]
+
+
+class _Package(msgspec.Struct):
+    """What is read of npm's package.json."""
+
+    version: str
 
 
 def _content(path: Path) -> bytes:
@@ -184,7 +198,7 @@ def _packages(node_modules: Path | None) -> dict[str, Path]:
         file = package / "package.json"
         if not is_there(file):
             continue
-        version = Field(file, "the file", read_json(file))["version"].text()
+        version = read_typed(file, _Package).version
         if version != tested_version:
             hint = f"Install it: npm install {name}@{tested_version}"
             raise ShotError(package, f"is version {version}; the page is tested with {tested_version}", hint)

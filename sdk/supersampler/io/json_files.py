@@ -1,14 +1,24 @@
 """Read JSON files that people hand in: limited in size, and checked against a type by msgspec."""
 
+import re
+import reprlib
+from contextlib import suppress
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeAlias, TypeVar
 
 import msgspec
 
 from supersampler.errors import ShotError
-from supersampler.io.files import JSON_BYTES, check_is_file, os_errors_as_shot_error
+from supersampler.io.files import IMAGE_SIDE, JSON_BYTES, check_is_file, os_errors_as_shot_error
 
 _Value = TypeVar("_Value")
+Text: TypeAlias = Annotated[str, msgspec.Meta(min_length=1, max_length=4096)]
+"""Text that a person reads."""
+Rate: TypeAlias = Annotated[float, msgspec.Meta(gt=0.0)]
+"""Frames a second."""
+_Side = Annotated[int, msgspec.Meta(ge=1, le=IMAGE_SIDE)]
+FileSize: TypeAlias = tuple[_Side, _Side]
+"""[width, height]."""
 _HINT = "Correct it there, or write it again."
 
 
@@ -38,6 +48,18 @@ def decoded(path: Path, text: bytes | str, kind: type[_Value], hint: str = _HINT
     try:
         return msgspec.json.decode(text, type=kind)
     except msgspec.ValidationError as error:
-        raise ShotError(path, f"is not as expected: {error}", hint) from error
+        raise ShotError(path, f"is not as expected: {error}{_given(text, str(error))}", hint) from error
     except (msgspec.DecodeError, UnicodeError, RecursionError) as error:
         raise ShotError(path, f"is not JSON ({error})", hint) from error
+
+
+def _given(text: bytes | str, message: str) -> str:
+    """Return ", is VALUE" for the place that a message of msgspec names; "" where it is not known."""
+    place = re.search(r"at `\$([^`]*)`$", message)
+    with suppress(LookupError, TypeError, msgspec.DecodeError):
+        if place and "[...]" not in place[1]:
+            value = msgspec.json.decode(text)
+            for key, index in re.findall(r"\.(\w+)|\[(\d+)\]", place[1]):
+                value = value[key or int(index)]
+            return f", is {reprlib.repr(value)}"
+    return ""

@@ -9,11 +9,13 @@ from collections import Counter
 from collections.abc import Iterable
 from importlib import resources
 from pathlib import Path
-from typing import NoReturn
+from typing import Annotated, Any, Literal, NoReturn
 
-from supersampler.errors import INCOMPLETE_PACKAGE, ModelError, did_you_mean, shown
+import msgspec
+
+from supersampler.errors import INCOMPLETE_PACKAGE, ModelError, ShotError, did_you_mean, shown
 from supersampler.io.files import is_file
-from supersampler.io.json_fields import Field, read_fields
+from supersampler.io.json_files import Text, read_typed
 from supersampler.methods.model_info import (
     EXTRAPOLATED_FILE,
     HistoryInfo,
@@ -41,9 +43,13 @@ CONTRACT = 4
 """Version of the graph contract (docs/contract.md), raised when engines must change their integration."""
 MAX_FILE, MAX_DESCRIPTION = 256 << 20, 1 << 20
 """Maximum bytes of a model's file and of model.json."""
-_MANY, _CHANNELS = 100, 1024  # maximum items of a list or object; maximum numbers per pixel
+_CHANNELS = 1024  # maximum numbers per pixel
+_MANY = msgspec.Meta(max_length=100)
+_Name = Annotated[str, msgspec.Meta(min_length=1, max_length=80)]
+_Channels = Annotated[int, msgspec.Meta(ge=1, le=1024)]
+_Ratio = Annotated[float, msgspec.Meta(ge=1.0, le=64.0)]
 _FILE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,99}")
-_SHA256 = re.compile("[0-9a-f]{64}")
+_HINT = "Export the model again; docs/contract.md lists the keys."
 _OF_FRAMES = {"color", "depth", "jitter", "motion", "motion_jitter", "shaded_motion"}
 _MAPS = {"class_map", "weight", "count", "converged"}  # fields of StepResult
 
@@ -163,78 +169,97 @@ def _check_file(folder: Path, name: str, digest: str) -> None:
 def _described_in(folder: Path) -> ModelInfo:
     """Read and check model.json alone, without the files that it names."""
     path = folder / "model.json"
-    data = read_fields(path, MAX_DESCRIPTION)
-    contract = data["contract"].value
-    if type(contract) is not int or contract != CONTRACT:
-        raise ModelError(
-            f"{path}: model contract is {reprlib.repr(contract)}; this runtime drives {CONTRACT}. "
-            "Export the method again with this version of `supersampler export`."
-        )
-    info = _parse(folder, data)
+    try:
+        contract = read_typed(path, _Version, _HINT, MAX_DESCRIPTION).contract
+        if contract != CONTRACT:
+            raise ModelError(
+                f"{path}: model contract is {contract}; this runtime drives {CONTRACT}. "
+                "Export the method again with this version of `supersampler export`."
+            )
+        data = read_typed(path, _ModelFile, _HINT, MAX_DESCRIPTION)
+    except ShotError as error:
+        raise ModelError(str(error)) from error
+    info = _parsed(folder, data)
     _check_contract(info)
     return info
 
 
-def _parse(folder: Path, data: Field) -> ModelInfo:
+class _Version(msgspec.Struct):
+    contract: int
+
+
+class _Tensor(msgspec.Struct):
+    name: _Name
+    type: Literal["float32", "int64"]
+    shape: Annotated[
+        tuple[Annotated[str, msgspec.Meta(max_length=40)] | _Channels, ...], msgspec.Meta(max_length=4)
+    ]
+
+    def __post_init__(self) -> None:
+        if math.prod(extent for extent in self.shape if isinstance(extent, int)) > _CHANNELS:
+            raise ValueError(f"shape is {self.shape}; want numbers whose product is at most {_CHANNELS}")
+
+    @property
+    def info(self) -> TensorInfo:
+        return TensorInfo(self.name, self.type, self.shape)
+
+
+class _History(_Tensor):
+    output: _Name
+
+
+class _Map(msgspec.Struct):
+    output: _Name
+    first: Annotated[int, msgspec.Meta(ge=0, le=_CHANNELS)]
+    channels: _Channels
+
+
+class _Network(msgspec.Struct):
+    multiply_adds: Annotated[float, msgspec.Meta(ge=0.0, le=1e12)]
+
+
+class _ModelFile(msgspec.Struct):
+    """Content of model.json; see `ModelInfo`."""
+
+    contract: int
+    method: _Name
+    source: Text
+    ratios: tuple[_Ratio, _Ratio]
+    inputs: Annotated[list[_Tensor], _MANY]
+    history: Annotated[list[_History], _MANY]
+    image: _Tensor
+    aux_outputs: Annotated[list[_Tensor], _MANY]
+    maps: Annotated[dict[str, _Map], _MANY]
+    files: Annotated[dict[str, Annotated[str, msgspec.Meta(pattern="^[0-9a-f]{64}$")]], _MANY]
+    config: Annotated[dict[str, Any], _MANY]
+    parity: Annotated[dict[str, Any], _MANY]
+    licence: Text
+    attributions: Annotated[tuple[Text, ...], msgspec.Meta(max_length=1000)]
+    versions: Annotated[dict[str, Annotated[str, msgspec.Meta(max_length=200)]], _MANY]
+    network: _Network | None = None
+    only_extrapolated: bool = False
+
+    def __post_init__(self) -> None:
+        if self.ratios[0] > self.ratios[1]:
+            raise ValueError(f"ratios is {self.ratios}; want [smallest, largest]")
+        for name in self.files:
+            if name != EXTRAPOLATED_FILE and not _FILE_NAME.fullmatch(name):
+                want = f"plain names of files in the folder, or {EXTRAPOLATED_FILE!r}"
+                raise ValueError(f"files has {reprlib.repr(name)}; want {want}")
+
+
+def _parsed(folder: Path, data: _ModelFile) -> ModelInfo:
+    same = ("contract", "method", "source", "ratios", "files", "config", "parity", "licence", "attributions")
     return ModelInfo(
         folder=folder,
-        contract=data["contract"].value,
-        method=data["method"].text(80),
-        source=data["source"].text(),
-        ratios=_ratios(data["ratios"]),
-        inputs=tuple(_tensor(item) for item in data["inputs"].items(_MANY)),
-        history=tuple(
-            HistoryInfo(_tensor(item), item["output"].text(80)) for item in data["history"].items(_MANY)
-        ),
-        image=_tensor(data["image"]),
-        aux_outputs=tuple(_tensor(item) for item in data["aux_outputs"].items(_MANY)),
-        maps={name: _map(item) for name, item in data["maps"].members(_MANY).items()},
-        files={_file_name(item, name): _digest(item) for name, item in data["files"].members(_MANY).items()},
-        multiply_adds=data.read("network", lambda network: network["multiply_adds"].number(0.0, 1e12), 0.0),
-        config={name: item.value for name, item in data["config"].members(_MANY).items()},
-        parity={name: item.value for name, item in data["parity"].members(_MANY).items()},
-        licence=data["licence"].text(),
-        attributions=tuple(item.text() for item in data["attributions"].items(1000)),
-        versions={name: item.text(200) for name, item in data["versions"].members(_MANY).items()},
-        only_extrapolated=data.read("only_extrapolated", Field.flag, default=False),
+        **{name: getattr(data, name) for name in (*same, "versions", "only_extrapolated")},
+        inputs=tuple(tensor.info for tensor in data.inputs),
+        history=tuple(HistoryInfo(item.info, item.output) for item in data.history),
+        image=data.image.info,
+        aux_outputs=tuple(tensor.info for tensor in data.aux_outputs),
+        maps={name: MapOf(item.output, item.first, item.channels) for name, item in data.maps.items()},
+        multiply_adds=0.0 if data.network is None else data.network.multiply_adds,
     )
-
-
-def _ratios(data: Field) -> tuple[float, float]:
-    numbers = [item.number(1.0, 64.0) for item in data.items(2)]
-    if len(numbers) != 2 or numbers[0] > numbers[1]:
-        data.refuse("[smallest, largest]")
-    return numbers[0], numbers[1]
-
-
-def _tensor(data: Field) -> TensorInfo:
-    shape = tuple(
-        item.text(40) if isinstance(item.value, str) else item.whole(1, _CHANNELS)
-        for item in data["shape"].items(4)
-    )
-    if math.prod(extent for extent in shape if isinstance(extent, int)) > _CHANNELS:
-        data["shape"].refuse(f"numbers whose product is at most {_CHANNELS}")
-    if data["type"].value not in ("float32", "int64"):
-        data["type"].refuse("'float32' or 'int64'")
-    return TensorInfo(data["name"].text(80), data["type"].value, shape)
-
-
-def _map(data: Field) -> MapOf:
-    first, channels = data["first"].whole(0, _CHANNELS), data["channels"].whole(1, _CHANNELS)
-    return MapOf(data["output"].text(80), first, channels)
-
-
-def _file_name(data: Field, name: str) -> str:
-    if name != EXTRAPOLATED_FILE and not _FILE_NAME.fullmatch(name):
-        want = f"plain names of files in the folder, or {EXTRAPOLATED_FILE!r}"
-        raise ModelError(f"{data.path}: files has {reprlib.repr(name)}; want {want}. Export the model again.")
-    return name
-
-
-def _digest(data: Field) -> str:
-    if not isinstance(data.value, str) or not _SHA256.fullmatch(data.value):
-        data.refuse("a SHA-256 of 64 hex digits")
-    return str(data.value)
 
 
 def _shipped() -> Path:

@@ -111,7 +111,7 @@ class Setup(RecordedModel, frozen=True, kw_only=True):
 
 class _Version(msgspec.Struct):
     format: int
-    contract: int
+    contract: int = 0
 
 
 class StepRecord(msgspec.Struct, tag="step", tag_field="call", forbid_unknown_fields=True, kw_only=True):

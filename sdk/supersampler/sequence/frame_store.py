@@ -101,9 +101,7 @@ class FrameStore:
         """Keep a copy of a frame, with the optional arrays in `names`."""
         arrays = arrays_by_name(frame)
         kept = arrays if self._names is None else {*IMAGES, *self._names}
-        copies = {
-            name: array.copy() for name, array in arrays.items() if name in kept
-        }  # engines reuse them
+        copies = {name: array.copy() for name, array in arrays.items() if name in kept}  # engines reuse them
         return StoredFrame(self.put(copies), frame.jitter, frame.reset, frame.exposure, frame.pre_exposure)
 
     def get_frame(self, frame: StoredFrame) -> Frame:

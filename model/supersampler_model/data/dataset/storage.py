@@ -17,7 +17,7 @@ from safetensors.numpy import save
 from supersampler import Frame
 from supersampler.errors import ShotError
 from supersampler.io.files import is_there, replacing
-from supersampler.io.json_fields import read_json
+from supersampler.io.json_files import read_json
 from supersampler.io.safetensors import open_safetensors
 from supersampler_model.data.errors import DatasetError
 from supersampler_model.data.rendered import UNIT_BUFFERS

@@ -16,10 +16,12 @@ import sys
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from threading import Condition, Thread
 from typing import Literal, NamedTuple, Self
+
+import msgspec
 
 from supersampler.arguments import checked_scale
 from supersampler.conventions import halton_jitter, jitter_phase_count
@@ -39,12 +41,13 @@ from supersampler.io.files import (
     remove_partial_files,
     rename_partial,
 )
-from supersampler.io.json_fields import Field
+from supersampler.io.json_files import decoded
 from supersampler.io.shot.blender import (
     RENDER_FILE,
     Camera,
     RenderedScene,
     RenderRecord,
+    Rows,
     frame_file,
     read_render_record,
     rendered_shot,
@@ -143,7 +146,7 @@ def rendering(
         return
     program = find_blender(request.program)
     log = rendered.prepare()
-    complete = len(rendered.record.cameras)
+    complete = len(rendered.record.frames)
     script = {
         **rendered.record.settings,
         "frames": request.frames and [request.frames.first, request.frames.last],
@@ -189,12 +192,12 @@ class _RenderFolder:
         if overwrite:
             remove_files([*self._own, self.path / RENDER_FILE])
             return
-        if earlier is None or not earlier.cameras:
+        if earlier is None or not earlier.frames:
             return
         self._check_same(earlier)
         missing = (i for i, name in enumerate(_files(earlier)) if not is_regular(self.path / name))
-        cameras = earlier.cameras[: next(missing, len(earlier.cameras))]
-        self.record = replace(earlier, cameras=cameras)
+        frames = earlier.frames[: next(missing, len(earlier.frames))]
+        self.record = msgspec.structs.replace(earlier, frames=frames)
 
     def prepare(self) -> LogFile:
         """Create the folder, remove what killed runs have not completed, and return the log of this run."""
@@ -211,12 +214,12 @@ class _RenderFolder:
 
     def is_complete(self) -> bool:
         """Return whether all requested frames exist."""
-        return self.record.scene is not None and self._count() <= len(self.record.cameras)
+        return self.record.scene is not None and self._count() <= len(self.record.frames)
 
     def describe(self, scene: RenderedScene) -> None:
         """Store the description of the scene."""
         first = scene.numbers[0] if self.request.frames is None else self.request.frames.first
-        self.record = replace(self.record, scene=scene, first=first)
+        self.record = msgspec.structs.replace(self.record, scene=scene, first=first)
         self.record.write(self.path)
 
     def add(self, number: int, camera: Camera) -> None:
@@ -225,13 +228,13 @@ class _RenderFolder:
         Raises:
             ShotError: another frame is next, another program's file has its name, or the disk refuses.
         """
-        want = self.record.first + len(self.record.cameras)
+        want = self.record.first + len(self.record.frames)
         if number != want:
             raise ShotError(self.path, f"Blender reports frame {number}; want {want}, the next one")
         path = self.path / frame_file(number)
         if is_there(path) and path not in self._own:
             raise _unlisted(path)
-        self.record = replace(self.record, cameras=(*self.record.cameras, camera))
+        self.record = msgspec.structs.replace(self.record, frames=(*self.record.frames, camera))
         self.record.write(self.path)
         rename_partial(partial_name(path, self.run), path)
 
@@ -241,7 +244,7 @@ class _RenderFolder:
 
         def camera_of(index: int) -> Camera:
             wait(index)
-            return self.record.cameras[index]
+            return self.record.frames[index]
 
         shot = rendered_shot(self.path, self.record, self._count(), camera_of, stop_waiting)
         return Rendering(self.record.scene, shot)
@@ -375,19 +378,18 @@ class BlenderRender:
             ShotError: it is no such message, or the frame cannot be stored.
             _ScriptError: the script reports an error.
         """
-        content = Field(self._blend, "Blender's answer", json.loads(text))
-        content.members()  # raises unless it is an object
+        answer = decoded(self._blend, text, _Answer, "The script sends other messages.")
         with self._changed:
-            if "error" in content.value:
-                raise _ScriptError(content["error"].of(str))
-            if "scene" in content.value:
-                self._target.describe(RenderedScene.of(content["scene"]))
+            if answer.error is not None:
+                raise _ScriptError(answer.error)
+            if answer.scene is not None:
+                self._target.describe(answer.scene)
                 self._has_scene = True
-            elif "frame" in content.value:
-                self._target.add(content["frame"].of(int), Camera.of(content))
+            elif answer.frame is not None and answer.camera is not None:
+                self._target.add(answer.frame, Camera(answer.camera, answer.shift))
                 self._count += 1
             else:
-                self._target.note(printable(content["note"].of(str)))
+                self._target.note(printable(answer.note))
             self._changed.notify_all()
 
     def _failure(self, when: str) -> ShotError:
@@ -396,6 +398,17 @@ class BlenderRender:
         error = self._error or f"Blender ended with {end_text(self._child.poll())}"
         problem = f"the render ended {when}: {printable(error).rstrip('.')}"
         return ShotError(self._blend, problem, f"Blender's output is in {self._log.path}.")
+
+
+class _Answer(msgspec.Struct, forbid_unknown_fields=True):
+    """A message of the script: see `render_frames`."""
+
+    error: str | None = None
+    note: str = ""
+    scene: RenderedScene | None = None
+    frame: int | None = None
+    camera: Rows | None = None
+    shift: tuple[float, float] = (0.0, 0.0)
 
 
 class _ScriptError(Exception):
@@ -460,4 +473,4 @@ def _unlisted(path: Path) -> ShotError:
 
 def _files(record: RenderRecord) -> list[str]:
     """Return the names of the frames that a record lists."""
-    return [frame_file(record.first + index) for index in range(len(record.cameras))]
+    return [frame_file(record.first + index) for index in range(len(record.frames))]

@@ -2,10 +2,10 @@
 
 import json
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NoReturn, Unpack
+from typing import Annotated, Any, NoReturn, TypeAlias, Unpack
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,7 +14,7 @@ from supersampler.errors import ArgumentError, ShotError
 from supersampler.frame import GBUFFER_CHANNELS, Array, Float32, Size
 from supersampler.io.files import SHOT_FRAMES, write_text
 from supersampler.io.images import read_exr, read_types
-from supersampler.io.json_fields import Field, read_json
+from supersampler.io.json_files import FileSize, Rate, Text, read_typed
 from supersampler.io.shot.channels import SequenceOptions, first_file, import_channels
 from supersampler.io.shot.format import LARGEST_NUMBER, FrameEntry, ShotInfo, check_size, take
 from supersampler.io.shot.named_channels import blended_and_ignored
@@ -25,34 +25,46 @@ RENDER_FILE = "render.json"
 _VERSION = 1
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Camera:
+_Number = Annotated[int, msgspec.Meta(ge=0, le=LARGEST_NUMBER)]
+_Row = tuple[float, float, float, float]
+Rows: TypeAlias = tuple[_Row, _Row, _Row, _Row]
+"""A matrix, row by row."""
+_Stops = Annotated[float, msgspec.Meta(ge=-32.0, le=32.0)]
+
+
+class Camera(msgspec.Struct, frozen=True):
     """The camera of one frame, as Blender evaluates it.
 
     Attributes:
-        matrix: (4, 4) float64, projection @ view with lens shift and jitter, row-major, acting on column
-            vectors; clip space from -1 to 1, y up.
+        camera: (4, 4) projection @ view with lens shift and jitter, row-major, acting on column vectors; clip
+            space from -1 to 1, y up.
         shift: (x right, y up) of the lens, in render pixels, without jitter.
     """
 
-    matrix: NDArray[np.float64]
+    camera: Rows
     shift: tuple[float, float]
 
-    @classmethod
-    def of(cls, frame: Field) -> "Camera":
-        """Read a camera from {"camera": 4 rows of 4, "shift": [x, y]}; ShotError where it is not that."""
-        rows = [[float(item.number()) for item in row.items(4)] for row in frame["camera"].items(4)]
-        if [len(row) for row in rows] != [4, 4, 4, 4] or not np.linalg.det(rows):
-            frame["camera"].refuse("4 rows of 4 numbers, an invertible matrix")
-        return cls(np.array(rows), frame["shift"].pair())
+    def __post_init__(self) -> None:
+        if not np.linalg.det(self.camera):
+            raise ValueError("the camera is no invertible matrix")
 
-    def to_json(self) -> dict[str, object]:
-        """Return what `of` reads."""
-        return {"camera": self.matrix.tolist(), "shift": self.shift}
+    @property
+    def matrix(self) -> NDArray[np.float64]:
+        """The camera as an array."""
+        return np.array(self.camera)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RenderedScene:
+class View(msgspec.Struct, frozen=True):
+    """Blender's colour management: names, exposure in stops, and gamma."""
+
+    display: Text
+    view: Text
+    look: Text
+    exposure: _Stops
+    gamma: _Stops
+
+
+class RenderedScene(msgspec.Struct, frozen=True, kw_only=True):
     """Description of the rendered scene, as Blender reports it.
 
     Attributes:
@@ -64,51 +76,23 @@ class RenderedScene:
         frame_rate: frames a second.
         render_size: (width, height) of the frames.
         display_size: (width, height) of the images to make of them.
-        view: display, view, look, exposure (stops) and gamma of Blender's colour management.
+        view: its colour management.
         ocio: file of Blender's OpenColorIO configuration.
     """
 
-    name: str
-    blender: str
-    engine: str
-    layer: str
-    numbers: tuple[int, int]
-    frame_rate: float
-    render_size: Size
-    display_size: Size
-    view: Mapping[str, Any]
-    ocio: str
-
-    @classmethod
-    def of(cls, scene: Field) -> "RenderedScene":
-        """Read a scene; ShotError for a missing or wrong entry."""
-        numbers = [number.whole(0, LARGEST_NUMBER) for number in scene["numbers"].items(2)]
-        if len(numbers) != 2:
-            scene["numbers"].refuse("[first, last]")
-        view = scene["view"]
-        return cls(
-            name=scene["name"].text(),
-            blender=scene["blender"].text(),
-            engine=scene["engine"].text(),
-            layer=scene["layer"].text(),
-            numbers=(numbers[0], numbers[1]),
-            frame_rate=scene["frame_rate"].rate(),
-            render_size=scene["render_size"].size(),
-            display_size=scene["display_size"].size(),
-            view={
-                **{name: view[name].text() for name in ("display", "view", "look")},
-                **{name: float(view[name].number(-32.0, 32.0)) for name in ("exposure", "gamma")},
-            },
-            ocio=scene["ocio"].text(),
-        )
-
-    def to_json(self) -> dict[str, object]:
-        """Return what `of` reads."""
-        return {name: getattr(self, name) for name in self.__slots__}
+    name: Text
+    blender: Text
+    engine: Text
+    layer: Text
+    numbers: tuple[_Number, _Number]
+    frame_rate: Rate
+    render_size: FileSize
+    display_size: FileSize
+    view: View
+    ocio: Text
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RenderRecord:
+class RenderRecord(msgspec.Struct, frozen=True, kw_only=True):
     """Content of render.json.
 
     Attributes:
@@ -116,47 +100,35 @@ class RenderRecord:
         first: number of the first frame.
         jitter: (x right, y down) of the first frames, in render pixels; then they repeat.
         scene: None until Blender has opened the file.
-        cameras: of the frames that are listed, from the first on.
+        frames: cameras of the frames that are listed, from the first on.
     """
 
-    settings: Mapping[str, Any]
-    first: int
-    jitter: tuple[tuple[float, float], ...]
+    version: int = _VERSION
+    settings: dict[str, Any]
+    first: _Number
+    jitter: Annotated[tuple[tuple[float, float], ...], msgspec.Meta(min_length=1, max_length=SHOT_FRAMES)]
     scene: RenderedScene | None = None
-    cameras: tuple[Camera, ...] = ()
+    frames: Annotated[tuple[Camera, ...], msgspec.Meta(max_length=SHOT_FRAMES)] = ()
 
     def write(self, folder: Path) -> None:
         """Write render.json into the folder; ShotError where the disk refuses."""
-        content = {
-            "version": _VERSION,
-            "settings": self.settings,
-            "first": self.first,
-            "jitter": self.jitter,
-            "scene": None if self.scene is None else self.scene.to_json(),
-        }
+        content = msgspec.to_builtins(self)
+        frames = ",\n".join("    " + json.dumps(camera) for camera in content.pop("frames"))
         head = "".join(f'  "{key}": {json.dumps(value)},\n' for key, value in content.items())
-        frames = ",\n".join("    " + json.dumps(camera.to_json()) for camera in self.cameras)
         write_text(folder / RENDER_FILE, f'{{\n{head}  "frames": [\n{frames}\n  ]\n}}\n')
+
+
+class _Version(msgspec.Struct):
+    version: int
 
 
 def read_render_record(folder: Path) -> RenderRecord:
     """Read render.json of a folder; ShotError where it is missing, damaged or of another version."""
-    path = folder / RENDER_FILE
-    header = Field(path, "the file", read_json(path))
-    version = header["version"].of(int)
+    path, hint = folder / RENDER_FILE, "Render it again, or update supersampler."
+    version = read_typed(path, _Version, hint).version
     if version != _VERSION:
-        hint = "Render it again, or update supersampler."
         raise ShotError(path, f"is of version {version}; this package reads {_VERSION}", hint)
-    jitter = tuple(pair.pair() for pair in header["jitter"].items(SHOT_FRAMES))
-    if not jitter:
-        header["jitter"].refuse("[x, y] of one frame or more")
-    return RenderRecord(
-        settings=header["settings"].of(dict),
-        first=header["first"].whole(0, LARGEST_NUMBER),
-        jitter=jitter,
-        scene=header.read("scene", RenderedScene.of, None),
-        cameras=tuple(Camera.of(frame) for frame in header["frames"].items(SHOT_FRAMES)),
-    )
+    return read_typed(path, RenderRecord, hint)
 
 
 _DEPTH = ("Depth.Z", "Z.Z", "Z")
@@ -286,9 +258,9 @@ def import_render(folder: Path | str) -> Shot:
     """
     folder = Path(folder)
     record = read_render_record(folder)
-    if not record.cameras:
+    if not record.frames:
         raise ShotError(folder, "has no complete frame", "Give `supersampler blender` again: it continues.")
-    return rendered_shot(folder, record, len(record.cameras), record.cameras.__getitem__)
+    return rendered_shot(folder, record, len(record.frames), record.frames.__getitem__)
 
 
 def rendered_shot(

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeAlias, TypedDict
 
+import msgspec
 import numpy as np
 
 from supersampler.arguments import as_number
@@ -14,7 +15,7 @@ from supersampler.conventions.encodings import srgb_decoded
 from supersampler.errors import ArgumentError, ShotError, did_you_mean, shown
 from supersampler.frame import GBUFFER_CHANNELS, Array, Float32, Size
 from supersampler.io.images import Channel, read_color_space, read_frame_rate, read_image, read_types
-from supersampler.io.json_fields import Field, read_json
+from supersampler.io.json_files import FileSize, Rate, Text, read_typed
 from supersampler.io.shot.format import (
     FrameEntry,
     ShotInfo,
@@ -234,24 +235,36 @@ def import_described_channels(
         ShotError: see `import_channels`; or channels.json is missing or wrong.
     """
     folder = Path(folder)
-    data = Field(folder / MAP_FILE_NAME, "the file", read_json(folder / MAP_FILE_NAME))
-    data.check_names(("channels", "conventions", "display_size", "frame_rate", "cuts", "name", "color_space"))
+    path = folder / MAP_FILE_NAME
+    given = read_typed(path, _MapFile, "docs/shots.md lists the keys.")
     try:
         return import_channels(
             folder,
-            data["channels"].of(dict),
-            conventions=Conventions.from_json(data["conventions"].of(dict)),
+            given.channels,
+            conventions=Conventions.from_json(given.conventions),
             files=files,
             frames=frames,
             jitter=jitter,
-            display_size=data.read("display_size", Field.size, None),
-            frame_rate=data.read("frame_rate", Field.rate, None),
-            cuts=data.read("cuts", lambda cuts: cuts.of(list), ()),
-            name=data.read("name", lambda name: name.of(str), None),
-            color_space=color_space or data.read("color_space", Field.text, None),
+            display_size=given.display_size,
+            frame_rate=given.frame_rate,
+            cuts=given.cuts,
+            name=given.name,
+            color_space=color_space or given.color_space,
         )
     except ArgumentError as error:
-        raise ShotError(data.path, f"is not valid: {error}") from error
+        raise ShotError(path, f"is not valid: {error}") from error
+
+
+class _MapFile(msgspec.Struct, forbid_unknown_fields=True):
+    """Content of channels.json; see `import_channels`."""
+
+    channels: dict[str, Any]
+    conventions: dict[str, Any]
+    display_size: FileSize | None = None
+    frame_rate: Rate | None = None
+    cuts: tuple[int, ...] = ()
+    name: str | None = None
+    color_space: Text | None = None
 
 
 @dataclass(frozen=True, slots=True)

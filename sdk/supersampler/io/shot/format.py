@@ -6,7 +6,9 @@ import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path, PurePosixPath
+from typing import Annotated, Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,13 +18,14 @@ from supersampler.frame import Array, Float32, Size
 from supersampler.io.display_transforms import REC709
 from supersampler.io.files import IMAGE_CHANNELS, SHOT_FRAMES
 from supersampler.io.images import Channel, Metadata, read_exr, read_image, read_types, write_exr
-from supersampler.io.json_fields import Field, read_json
+from supersampler.io.json_files import FileSize, Rate, Text, read_typed
 
 FORMAT_VERSION = 1
 FILE_NAME = "shot.json"
 LARGEST_NUMBER = 10**9
 """Largest number of a frame in the name of its image; the smallest is its negative."""
 _LONGEST = 255  # bytes of a name; no file system takes more
+_HINT = "docs/shots.md lists the keys."
 _FORBIDDEN = re.compile(r"[\\:\x00-\x1f\ud800-\udfff]")
 
 
@@ -59,8 +62,7 @@ class ShotInfo:
     color_space: str = REC709
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FrameEntry:
+class FrameEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """One frame in shot.json.
 
     Attributes:
@@ -82,8 +84,26 @@ class FrameEntry:
     pre_exposure: float = 1.0
     display_file: str | None = None
     reference: str | None = None
-    render_size: Size | None = None
+    render_size: FileSize | None = None
     shaded: bool = True
+
+
+class _ShotFile(msgspec.Struct, kw_only=True, forbid_unknown_fields=True):
+    """Content of shot.json but its version; see `ShotInfo`."""
+
+    version: int
+    name: str
+    render_size: FileSize
+    display_size: FileSize | None = None
+    frame_rate: Rate | None = None
+    conventions: dict[str, Any]
+    license: str = ""
+    attribution: tuple[str, ...] = ()
+    first_number: Annotated[int, msgspec.Meta(ge=-LARGEST_NUMBER, le=LARGEST_NUMBER)] = 0
+    file_names: Annotated[str, msgspec.Meta(max_length=_LONGEST)] = "####"
+    aov_names: Annotated[tuple[Text, ...], msgspec.Meta(max_length=IMAGE_CHANNELS)] = ()
+    color_space: Text = REC709
+    frames: Annotated[list[FrameEntry], msgspec.Meta(min_length=1, max_length=SHOT_FRAMES)]
 
 
 def is_frame_range(first: int, last: int) -> bool:
@@ -102,34 +122,24 @@ def load_shot_json(path: Path) -> tuple[ShotInfo, list[FrameEntry]]:
     Raises:
         ShotError: it is missing, not JSON, of another version, or an entry is missing, wrong or repeated.
     """
-    header = Field(path, "the file", read_json(path))
-    version = header["version"].of(int)
+    version = read_typed(path, _Version, _HINT).version
     if version != FORMAT_VERSION:
         hint = "Write it again, or update supersampler."
         raise ShotError(path, f"is of version {version}; this package reads {FORMAT_VERSION}", hint)
-    header.check_names({"version", "frames", *(field.name for field in fields(ShotInfo))})
+    content = read_typed(path, _ShotFile, _HINT)
     try:
-        conventions = Conventions.from_json(header["conventions"].of(dict))
+        conventions = Conventions.from_json(content.conventions)
     except ArgumentError as error:
         raise ShotError(path, f'"conventions" is not valid: {error}') from error
-    info = ShotInfo(
-        name=header["name"].of(str),
-        render_size=header["render_size"].size(),
-        display_size=header.read("display_size", Field.size, None),
-        frame_rate=header.read("frame_rate", Field.rate, None),
-        conventions=conventions,
-        license=header.read("license", lambda text: text.of(str), ""),
-        attribution=header.read("attribution", Field.texts, ()),
-        first_number=header.read("first_number", lambda n: n.whole(-LARGEST_NUMBER, LARGEST_NUMBER), 0),
-        file_names=header.read("file_names", _file_names, "####"),
-        aov_names=header.read("aov_names", _aov_names, ()),
-        color_space=header.read("color_space", Field.text, REC709),
-    )
-    entries = [frame_entry(item) for item in header["frames"].items(SHOT_FRAMES)]
-    if not entries:
-        raise ShotError(path, f"lists no frames; want 1 to {SHOT_FRAMES}")
-    _check_listed_once(path, entries)
-    return info, entries
+    names = [field.name for field in fields(ShotInfo) if field.name != "conventions"]
+    info = ShotInfo(conventions=conventions, **{name: getattr(content, name) for name in names})
+    _check_names(path, info)
+    for index, entry in enumerate(content.frames):
+        for name in (entry.file, entry.display_file, entry.reference):
+            if name is not None:
+                _check_file(path, f"frames[{index}]", name)
+    _check_listed_once(path, content.frames)
+    return info, content.frames
 
 
 def shot_json(info: ShotInfo, entries: Sequence[FrameEntry]) -> str:
@@ -156,46 +166,29 @@ def entry_json(entry: FrameEntry) -> dict[str, object]:
     return item
 
 
-def frame_entry(data: Field) -> FrameEntry:
-    """Read a frame's entry, the inverse of `entry_json`; ShotError for a missing or wrong key."""
-    data.check_names([field.name for field in fields(FrameEntry)])
-    return FrameEntry(
-        file=_file(data["file"]),
-        jitter=data["jitter"].pair(),
-        reset=data.read("reset", Field.flag, default=False),
-        exposure=data.read("exposure", Field.number, None),
-        pre_exposure=data.read("pre_exposure", Field.number, 1.0),
-        display_file=data.read("display_file", _file, None),
-        reference=data.read("reference", _file, None),
-        render_size=data.read("render_size", Field.size, None),
-        shaded=data.read("shaded", Field.flag, default=True),
-    )
+class _Version(msgspec.Struct):
+    version: int
 
 
-def _file_names(data: Field) -> str:
-    """Read a name with one field for the number; no path, as results are named by it."""
-    name = data.text(_LONGEST)
+def _check_names(path: Path, info: ShotInfo) -> None:
+    """Check the names of results: no path, with one field for the number; AOVs that differ from colour."""
+    name, aovs = info.file_names, info.aov_names
     if re.fullmatch(r"[^#/]*#{4,}[^#/]*", name) is None or _FORBIDDEN.search(name) or name[0] == ".":
-        data.refuse("a name with one ####, such as beauty.####")
-    return name
+        raise ShotError(
+            path, f"file_names is {name!r}; want a name with one ####, such as beauty.####", _HINT
+        )
+    if len({*aovs, *"RGB"}) != len(aovs) + 3:
+        raise ShotError(path, f"aov_names is {aovs}; want names that differ, and are not R, G or B", _HINT)
 
 
-def _aov_names(data: Field) -> tuple[str, ...]:
-    names = tuple(item.text(_LONGEST) for item in data.items(IMAGE_CHANNELS))
-    if len({*names, *"RGB"}) != len(names) + 3:
-        data.refuse("names that differ, and are not R, G or B")
-    return names
-
-
-def _file(data: Field) -> str:
-    """Read a file name, which must be inside the shot's folder: a shot must not reach other files."""
-    name = data.of(str)
-    path = PurePosixPath(name)
-    if not path.name or path.is_absolute() or ".." in path.parts or _FORBIDDEN.search(name):
-        data.refuse("a file inside the shot's folder, with forward slashes")
-    if any(len(part.encode()) > _LONGEST for part in path.parts):
-        data.refuse(f"names of at most {_LONGEST} bytes")
-    return name
+def _check_file(path: Path, place: str, name: str) -> None:
+    """Check a file name, which must be inside the shot's folder: a shot must not reach other files."""
+    inner = PurePosixPath(name)
+    if not inner.name or inner.is_absolute() or ".." in inner.parts or _FORBIDDEN.search(name):
+        want = "a file inside the shot's folder, with forward slashes"
+        raise ShotError(path, f"{place} has the file {name!r}; want {want}", _HINT)
+    if any(len(part.encode()) > _LONGEST for part in inner.parts):
+        raise ShotError(path, f"{place} has a name longer than {_LONGEST} bytes", _HINT)
 
 
 def _check_listed_once(path: Path, entries: Sequence[FrameEntry]) -> None:

@@ -10,7 +10,7 @@ from typing import TypeAlias
 
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.io.files import NOT_FOUND, SHOT_FRAMES, check_inside
-from supersampler.io.json_fields import read_json
+from supersampler.io.json_files import read_json
 from supersampler.io.shot.format import LARGEST_NUMBER, is_frame_range
 
 JITTER_FILE_NAME = "jitter.json"

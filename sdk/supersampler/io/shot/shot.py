@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeAlias
 
+import msgspec
+
 from supersampler.arguments import checked_path
 from supersampler.conventions import Conventions, Converter, RawFrame
 from supersampler.errors import INCOMPLETE_PACKAGE, FrameError, ShotError, did_you_mean
@@ -202,7 +204,7 @@ class Shot:
         if not entries:
             numbers = f"{self.first_number} to {self.first_number + len(self) - 1}"
             raise ShotError(self.path, f"has no frame from {first} to {last}", f"Its frames are {numbers}.")
-        entries[0] = replace(entries[0], reset=True)
+        entries[0] = msgspec.structs.replace(entries[0], reset=True)
 
         def read_raw(index: int, gbuffers: Collection[str] | None) -> RawFrame:
             return replace(self._raw(begin + index, gbuffers), reset=entries[index].reset)

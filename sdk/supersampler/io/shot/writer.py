@@ -26,7 +26,7 @@ from supersampler.io.files import (
     write_text,
 )
 from supersampler.io.images import Metadata
-from supersampler.io.json_fields import read_json
+from supersampler.io.json_files import read_json
 from supersampler.io.shot.format import (
     FILE_NAME,
     ClassMaps,
