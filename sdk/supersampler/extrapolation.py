@@ -34,12 +34,6 @@ Tensors of the executor by their names in the graph, read only."""
 class Extrapolator:
     """A model that computes the colour of unshaded frames. It keeps no state between calls.
 
-    Args:
-        name_or_path: name of a shipped model, or path of a model folder.
-        providers: execution providers of ONNX Runtime, in order of preference.
-        threads: number of CPU threads; 0 uses every core.
-        executor: see `Model.load`.
-
     Attributes:
         info: contents of its model.json.
         executor: the backend in use, "onnx" or "cpu".
@@ -70,10 +64,8 @@ class Extrapolator:
 
         The colour is kept without pre-exposure.
 
-        Args:
-            frame: a frame with colour.
-            history: history before this frame, of which a model may keep parts; not changed. None where there
-                is none; ignored on a reset.
+        `history` is the one before this frame, of which a model may keep parts; it is ignored on a
+        reset.
 
         Raises:
             FrameError: the frame lacks a G-buffer that the model reads.

@@ -14,12 +14,10 @@ from blender_files import RECORDED, fake_blender, scene_file
 from fuzzing import examples, replaced, run_apart
 from supersampler.cli import app
 from supersampler.errors import SupersamplerError
-from supersampler.integrations.web import write_site
 from supersampler_export.shaders.folder import write_shader_folder
 
 MINE = ("thesis.tex", "id_ed25519", "notes/0000.exr", "frames/0001.exr", "model.bin", ".ssh/config")
 """Files of somebody else in the folder that is written to; beside it, too."""
-SITE: dict[str, Callable[[], bytes]] = {"index.html": bytes, "models/taa/a.wgsl": bytes}
 
 
 def upscale(folder: Path) -> Iterator[list[str]]:
@@ -46,7 +44,6 @@ def commands(folder: Path) -> dict[str, tuple[str, Callable[[], object]]]:
     return {
         "upscale": ("upscale.0000-0001.json", run(upscale(folder))),
         "blender": ("render.json", run(blender(folder))),
-        "site": ("site.json", lambda: write_site(folder, SITE)),
         "shaders": ("upscaler.json", lambda: write_shader_folder("taa", folder)),
     }
 
@@ -88,7 +85,7 @@ def prepare() -> Callable[[int], object]:
             root = Path(made).resolve()
             folder = root / "out" / "render"
             folder.parent.mkdir()
-            record, write = list(commands(folder).values())[case % 4]
+            record, write = list(commands(folder).values())[case % 3]
             write()
             mine = all_files(root, MINE)
             if rng.random() < 0.3:

@@ -34,7 +34,7 @@ def test_motion_holds_the_change_of_the_lens_shift_and_the_turn_of_the_sky() -> 
         frame, want = shot.read(index).frame, camera_motion_of(shot, record, index)
         wrong = np.abs(frame.motion - want).max(axis=-1)
         assert np.percentile(wrong, 90) < 1e-3  # but the cube that moves
-        change = np.subtract(record.cameras[index].shift, record.cameras[index - 1].shift)
+        change = np.subtract(record.frames[index].shift, record.frames[index - 1].shift)
         assert np.abs(change).min() > 0.4
         sky = frame.depth == 0
         assert 0.2 < sky.mean() < 0.8
@@ -134,13 +134,16 @@ def test_a_record_is_read_as_it_was_written(folder: Path) -> None:
     ("change", "message"),
     [
         ({"version": 2}, "is of version 2; this package reads 1"),
-        ({"first": -1}, "first is -1; want a whole number"),
-        ({"jitter": []}, r"jitter is \[\]; want \[x, y\] of one frame or more"),
-        ({"frames": [{"camera": [[1]], "shift": [0, 0]}]}, "camera is .*; want 4 rows of 4 numbers"),
-        ({"frames": [{"camera": [[0] * 4] * 4, "shift": [0, 0]}]}, "an invertible matrix"),
-        ({"frames": [{"camera": np.eye(4).tolist()}]}, "has no 'shift'"),
+        ({"first": -1}, r"Expected `int` >= 0 - at `\$\.first`, is -1"),
+        ({"jitter": []}, r"length >= 1 - at `\$\.jitter`, is \[\]"),
+        (
+            {"frames": [{"camera": [[1]], "shift": [0, 0]}]},
+            r"length 4 - at `\$\.frames\[0\]\.camera\[0\]`",
+        ),
+        ({"frames": [{"camera": [[0] * 4] * 4, "shift": [0, 0]}]}, "no invertible matrix"),
+        ({"frames": [{"camera": np.eye(4).tolist()}]}, "missing required field `shift`"),
         ({"frames": []}, "has no complete frame"),
-        ({"scene": {"name": "Scene"}}, "scene has no 'numbers'"),
+        ({"scene": {"name": "Scene"}}, r"missing required field `blender` - at `\$\.scene`"),
         ({"scene": None}, "does not describe the scene"),
     ],
 )

@@ -121,10 +121,8 @@ def open_shot(text: str) -> "Shot":
 def open_with(source: str, options: dict[str, Any], frames: tuple[int, int] | None = None) -> "Shot":
     """Open a shot, a folder, a pattern or a file.
 
-    Args:
-        source: see `open_source`.
-        options: values of the parameters SOURCE_OPTIONS; others are ignored.
-        frames: see `open_source`.
+    `options` are values of the parameters SOURCE_OPTIONS, and maybe others; for `frames` see
+    `open_source`.
 
     Raises:
         ArgumentError: an option is wrong, or the layout does not use it; it is named as on the command line.
@@ -159,10 +157,7 @@ def source_notes(shot: "Shot") -> list[str]:
 def display_transform_of(color_space: str, *, srgb: bool, options: dict[str, Any]) -> "DisplayTransform":
     """Return `display_transform_from` of DISPLAY_OPTIONS; errors name the options as they are typed.
 
-    Args:
-        color_space: colour space of the shot's linear light.
-        srgb: whether the shot's colour is sRGB-encoded (`shot.conventions.srgb`).
-        options: values of the parameters DISPLAY_OPTIONS; others are ignored.
+    `options` are values of the parameters DISPLAY_OPTIONS, and maybe others.
 
     Raises:
         ArgumentError, ShotError: a name is not in the configuration, or it cannot be read.

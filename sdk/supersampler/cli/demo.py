@@ -27,7 +27,7 @@ def demo(
     ] = None,
     write: Annotated[
         Path | None,
-        typer.Option(help="With --web: write the page to this folder for a file host; do not serve it."),
+        typer.Option(help="With --web: write the page to this new folder, for a file host; do not serve it."),
     ] = None,
     node_modules: Annotated[
         Path | None,

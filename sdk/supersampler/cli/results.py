@@ -157,11 +157,6 @@ class ImageOptions:
     def write(self, folder: Path, number: int, output: OutputImage) -> Bytes | None:
         """Write the files of one frame, each atomically; several threads may write different frames.
 
-        Args:
-            folder: folder of the run.
-            number: number of the frame.
-            output: its image.
-
         Returns:
             (H, W, 3) uint8, the image of the video; None where there is none.
 

@@ -54,13 +54,7 @@ def frame_warnings(console: Terminal, index: int) -> Iterator[None]:
 
 
 class RunProgress:
-    """Progress of a run: a bar on a terminal, a line now and then in a log, or a line of JSON per frame.
-
-    Args:
-        console: prints the bar or the lines.
-        total: number of steps.
-        json: whether to print lines of JSON to stdout.
-    """
+    """Progress of a run: a bar on a terminal, a line now and then in a log, or a line of JSON per frame."""
 
     def __init__(self, console: Terminal, total: int, *, json: bool) -> None:
         from rich import progress  # --help does not need it

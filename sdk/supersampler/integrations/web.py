@@ -4,8 +4,6 @@ All links in it are relative, so any file host will do. Its own files are in exa
 in web_page/.
 """
 
-import json
-import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import cache, partial
@@ -13,7 +11,7 @@ from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path, PurePosixPath
 from threading import Thread
-from typing import Annotated, Any, TypeAlias
+from typing import Any, TypeAlias
 from urllib.parse import unquote, urlsplit
 
 import msgspec
@@ -21,25 +19,20 @@ import numpy as np
 
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.io.files import (
-    check_inside,
-    is_own_folder,
-    is_regular,
     is_there,
     os_errors_as_shot_error,
-    remove_empty_folders,
-    remove_files,
     write_bytes,
-    write_text,
 )
 from supersampler.io.images import encode_exr
-from supersampler.io.json_files import Text, read_typed
+from supersampler.io.json_files import read_typed
 from supersampler.io.shot import Shot
 from supersampler.methods.executors import with_shaders
 from supersampler.methods.model_file import shipped_model
 from supersampler.methods.registry import methods
 
+__all__ = ["PACKAGES", "page_files", "serving", "site_files", "write_site"]
+
 SHOT = "plaza"
-RECORD = "site.json"
 PACKAGES: Mapping[str, str] = {"three": "0.187.0", "onnxruntime-web": "1.30.0"}
 """Packages of npm and their versions, for three.html and for the fallback without WebGPU."""
 SiteFiles: TypeAlias = Mapping[str, Callable[[], bytes]]
@@ -55,14 +48,6 @@ _FILES: Mapping[str, tuple[str, ...]] = {
         "dist/ort-wasm-simd-threaded.asyncify.wasm",
     ),
 }
-_WRITTEN_BY = "supersampler demo --web"
-_MAX_FILES = 10_000
-_STALE = re.compile(
-    r"(models|onnx|shot|vendor|page|scene|three)(/[\w-]+)*/[\w.-]+\.(wgsl|bin|json|onnx|exr|m?js|wasm)",
-    re.ASCII,
-)
-"""Names that another version may have written: no other listed file is removed."""
-_FOREIGN = "Move it away, or choose another folder."
 HOST = "127.0.0.1"
 TYPES: Mapping[str, str] = {
     ".html": "text/html; charset=utf-8",
@@ -109,60 +94,21 @@ def site_files(
 
 
 def write_site(folder: Path, files: SiteFiles) -> None:
-    """Write the page as a folder; only files of an earlier call are replaced or removed.
-
-    Args:
-        folder: to write to; it may hold other files, under other names.
-        files: as `site_files` returns them.
+    """Write the page as a folder, which must be new or empty.
 
     Raises:
-        ShotError: the folder holds a file of another program under the name of one of these; or links that
-            lead out of it; or the disk refuses.
+        ShotError: the folder holds something; or the disk refuses.
     """
-    listed = [name for name in _listed(folder) if name in files or _STALE.fullmatch(name)]
-    check_inside(folder, [folder / name for name in (RECORD, *listed, *files)])
-    for name in (*files, *listed):
-        path = folder / name
-        if is_there(path) and not (name in listed and is_regular(path)):
-            raise ShotError(path, f"is there already, and {RECORD} does not list it", _FOREIGN)
-    _record(folder, {*listed, *files})
-    stale = [folder / name for name in listed if name not in files]
-    remove_files(stale)
-    below = {parent for path in stale for parent in path.parents if folder in parent.parents}
-    remove_empty_folders(sorted(filter(is_own_folder, below), key=lambda path: len(path.parts), reverse=True))
+    if is_there(folder) and not (folder.is_dir() and next(folder.iterdir(), None) is None):
+        raise ShotError(folder, "is there already, and is no empty folder", "Choose another, or remove it.")
     for name, content in files.items():
         write_bytes(folder / name, content())
-    _record(folder, set(files))
 
 
 def page_files() -> Path:
     """Return the folder of the page's own files: beside this module, or in a checkout's examples/."""
     shipped = Path(__file__).parent / "web_page"
     return shipped if shipped.is_dir() else Path(__file__).parents[3] / "examples" / "web"
-
-
-def _record(folder: Path, names: set[str]) -> None:
-    """Write the list of this page's files."""
-    content = {"written_by": _WRITTEN_BY, "files": sorted(names)}
-    write_text(folder / RECORD, json.dumps(content, indent=1) + "\n")
-
-
-def _listed(folder: Path) -> list[str]:
-    """Return the names in the record of an earlier call; ShotError where it is another program's."""
-    path = folder / RECORD
-    if not is_there(path):
-        return []
-    record = read_typed(path, _Record, _FOREIGN) if is_regular(path) else _Record("", [])
-    if record.written_by != _WRITTEN_BY:
-        raise ShotError(path, f"was not written by `{_WRITTEN_BY}`", _FOREIGN)
-    return record.files
-
-
-class _Record(msgspec.Struct):
-    """Content of RECORD."""
-
-    written_by: str
-    files: Annotated[list[Text], msgspec.Meta(max_length=_MAX_FILES)]
 
 
 class _Package(msgspec.Struct):

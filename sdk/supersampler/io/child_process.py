@@ -118,11 +118,7 @@ def run(
 ) -> "subprocess.CompletedProcess[bytes]":
     """Run a program to its end; its standard input is empty.
 
-    Args:
-        command: see `ChildProcess`.
-        seconds: time limit; None is no limit.
-        environment: see `ChildProcess`.
-        folder: see `ChildProcess`.
+    See `ChildProcess` for the arguments; `seconds` None is no time limit.
 
     Raises:
         OSError: it cannot be started.

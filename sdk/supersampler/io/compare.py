@@ -156,10 +156,6 @@ class ComparePage:
 def compare_page(path: Path | str, about: About) -> Iterator[ComparePage]:
     """Write a page. The file appears when the block ends without an error; until then an older one stays.
 
-    Args:
-        path: the file.
-        about: title, sizes, notes.
-
     Raises:
         ShotError: the file cannot be written.
         ArgumentError: the block has added no frame.

@@ -174,13 +174,6 @@ def remove_files(paths: Iterable[Path]) -> None:
             path.unlink(missing_ok=True)
 
 
-def remove_empty_folders(folders: Iterable[Path]) -> None:
-    """Remove those of some folders that are empty; those inside others must come first."""
-    for folder in folders:
-        with suppress(OSError):  # it holds something, or is none
-            folder.rmdir()
-
-
 def user_cache() -> Path:
     """Return this package's folder in the user's cache; without a home, one that cannot be made."""
     stated, home = os.environ.get("XDG_CACHE_HOME", ""), os.path.expanduser("~")  # noqa: PTH111  # never raises

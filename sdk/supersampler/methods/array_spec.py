@@ -42,13 +42,8 @@ def checked_arrays(
 ) -> dict[str, NDArray[Any]]:
     """Check that there are the arrays of `specs` and no others, and return them.
 
-    Args:
-        arrays: a mapping.
-        specs: by name.
-        refusal: makes the exception that is raised.
-
-    Returns:
-        Plain numpy arrays on the same memory, in the order of `specs`.
+    The result is plain numpy arrays on the same memory, in the order of `specs`; `refusal` makes the
+    exception.
     """
     if not isinstance(arrays, Mapping):
         raise refusal(type(arrays).__name__, "arrays by name")

@@ -51,11 +51,7 @@ GBUFFERS: Mapping[str, BufferField] = {
 def check_gbuffers(frame: Frame, names: Iterable[str], display_size: Size, method: str) -> None:
     """Raise FrameError where a frame lacks a G-buffer, or its size is wrong; see `sampled` for what may lack.
 
-    Args:
-        frame: its other buffers are not checked.
-        names: inputs of the method.
-        display_size: (width, height).
-        method: its name, for the message.
+    `names` are the inputs of the method; other buffers of the frame are not checked.
     """
     names = tuple(names)
     for name, place in ((name, GBUFFERS[name]) for name in names):
@@ -93,10 +89,7 @@ def sampled(frame: Frame, names: Collection[str], display_size: Size) -> Frame:
     A missing one is read from the buffer of display size, at the pixel whose centre is nearest to each
     sample: exact on surfaces that fill a pixel, and another surface's along edges.
 
-    Args:
-        frame: it has passed `check_gbuffers`.
-        names: inputs of the method.
-        display_size: (width, height).
+    The frame has passed `check_gbuffers`; `names` are the inputs of the method.
     """
     missing = [name for name in names if GBUFFERS[name].find(frame) is None]
     if not missing:

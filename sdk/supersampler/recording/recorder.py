@@ -53,12 +53,8 @@ class Recorder:
     Where the disk refuses, the call raises before it is made, and the recording ends with the previous call.
     Later calls are not recorded.
 
-    Args:
-        path: the folder, which must not exist.
-        model: the Upscaler's model.
-        extrapolation: the models that extrapolate unshaded frames, at most one.
-        inputs: names of the tensors that the models read; other G-buffers are not recorded.
-        settings: the Upscaler's display_size, scale, at_rest, skip and validate.
+    The folder must not exist. `extrapolation` has one model at most; G-buffers that are not in `inputs`
+    are not recorded; `settings` are display_size, scale, at_rest, skip and validate of the Upscaler.
 
     Raises:
         RecordingError: the folder exists, or cannot be written.

@@ -96,14 +96,10 @@ class _Window:
 class BothWays:
     """Merges a forward and a backward run of a model.
 
-    Args:
-        forward: steps through the frames in order; it keeps its history from chunk to chunk.
-        backward: an Upscaler with the same model and display size, for each chunk's frames in reverse.
-        chunk: size of the chunks.
-        outputs: names of auxiliary outputs; all but "aovs" are those of the forward run.
-        around: makes a context for each step, from the index of its frame and the direction.
-        interpolator: computes the colour of unshaded frames; without one they are refused.
-        memory, scratch: see `FrameStore`.
+    `forward` keeps its history from chunk to chunk; `backward`, with the same model and display size,
+    begins anew with each. Of the auxiliary `outputs` all but "aovs" are those of the forward run.
+    `around` makes a context for each step, from the index of its frame and the direction. Without an
+    interpolator, unshaded frames are refused. For `memory` and `scratch` see `FrameStore`.
 
     Raises:
         ShotError: `scratch` is not a folder.
@@ -258,12 +254,7 @@ def merge_images(
     The mean is taken of c / (1 + max(c)), of exposed colours: the brighter of two linear values would
     dominate on a display.
 
-    Args:
-        image: (H, W, 3) float32 linear RGB of the forward run.
-        other: (H, W, 3) float32 linear RGB of the backward run.
-        weight: (H, W) weight of the first.
-        other_weight: (H, W) weight of the other.
-        exposure: exposure of the frame.
+    Images are (H, W, 3) float32 linear RGB, of the forward and the backward run; weights are (H, W).
     """
     kernel = kernel_if_possible("sequence.kernels.merge_images")
     images = MergedImages(image, other, weight, other_weight, weight.size, exposure)

@@ -40,11 +40,8 @@ class FrameStore:
 
     The file has no name, or one that the system removes: nothing of it is left however the process ends.
 
-    Args:
-        memory: bytes to keep in memory; None is MEMORY.
-        folder: where to make the scratch file, when it is needed; None is the system's place for temporary
-            files.
-        names: optional arrays of frames to keep, by `input_name`; None keeps all.
+    `memory` is the limit in bytes (None: MEMORY), `folder` the place of the scratch file (None: the
+    system's). Optional arrays of frames are kept if they are in `names` (None: all).
 
     Raises:
         ShotError: `folder` is not a folder.

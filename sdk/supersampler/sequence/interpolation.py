@@ -47,12 +47,7 @@ class Side(NamedTuple):
 class Interpolator:
     """Computes the colours of the unshaded frames of windows of a sequence, one window after another.
 
-    Args:
-        extrapolator: extrapolates the light of one side.
-        gbuffers: names of the G-buffers that it and the upscaler read on unshaded frames.
-
-    Attributes:
-        gbuffers: as given.
+    `gbuffers` are those that it and the upscaler read on unshaded frames.
 
     Raises:
         ArgumentError: the model keeps no surfaces of the shaded frame.
@@ -142,11 +137,6 @@ class Interpolator:
 
 def interpolator_of(model: str | Path, upscaler: Upscaler, executor: ExecutorName = "auto") -> Interpolator:
     """Return an Interpolator on the providers and threads of an Upscaler.
-
-    Args:
-        model: name of a model that extrapolates, or its folder.
-        upscaler: the Upscaler.
-        executor: see `Model.load`.
 
     Raises:
         ModelError: the model does not exist, or does not extrapolate.

@@ -69,10 +69,7 @@ class FrameChecker:
     def check(self, frame: Frame, display_size: Size, gbuffers: Collection[str] = ()) -> None:
         """Check one frame alone and against the earlier ones.
 
-        Args:
-            frame: the next frame; `reset` drops the earlier ones.
-            display_size: (width, height) of the output.
-            gbuffers: G-buffers to check, by their names in `ModelInfo.gbuffers`.
+        `reset` of the frame drops the earlier ones. `gbuffers` are named as in `ModelInfo.gbuffers`.
 
         Raises:
             FrameError: a mistake was found and `validate` is "strict". The checker is then unchanged.

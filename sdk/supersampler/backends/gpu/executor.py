@@ -53,15 +53,8 @@ _lock = Lock()
 class Pass:
     """A shader, ready to be encoded.
 
-    Args:
-        device: compiles it, unless it has compiled the same code before.
-        shader: the source.
-        tile: pixels that a workgroup computes, (x, y).
-        names: of the resources of variables, where they differ.
-
-    Attributes:
-        shader: as given.
-        tile: as given.
+    It dispatches workgroups of `tile` pixels (x, y); `names` has the resources of variables whose names
+    differ.
     """
 
     def __init__(
@@ -78,10 +71,7 @@ class Pass:
     ) -> None:
         """Dispatch the workgroups that cover `size`, (width, height).
 
-        Args:
-            encoder: of a compute pass.
-            resources: by name: that of the shader's variable, or the one that `names` gives for it.
-            size: in pixels.
+        `resources` are by name of the shader's variable, or by the one that `names` gives for it.
         """
         encoder.set_pipeline(self._pipeline)
         for number, bindings in enumerate(self._bindings):
@@ -147,15 +137,6 @@ class StepBuffers:
 
 class GpuExecutor:
     """Runs a method as compute shaders; see `Executor`.
-
-    Args:
-        program: passes and memory of the method.
-        device: to run on; None is that of the process.
-
-    Attributes:
-        device: as given, or that of the process.
-        program: as given.
-        weights: of a network, by the names that shaders use.
 
     Raises:
         DeviceError: there is no device, or it does not compile a shader.
@@ -246,14 +227,7 @@ class GpuExecutor:
     ) -> None:
         """Encode a step on a frame in textures or buffers of this device.
 
-        Args:
-            encoder: of this device.
-            frame: the frame, checked.
-            history: history after the previous frame; not changed.
-            next_history: written to; not `history`.
-            image: texture or buffer to write to, checked.
-            adds_samples: see `Executor.step`.
-            skip: see `Executor.step`.
+        Encoder, frame and image are checked; see `Executor.step` for `adds_samples` and `skip`.
         """
         kinds = {"frame": frame.in_textures, "image": is_texture(image)}
         variants = {name: (TEXTURES if kind else ARRAYS)[name] for name, kind in kinds.items()}

@@ -93,11 +93,7 @@ def checked_images(
 ) -> tuple[dict[str, Any], Size]:
     """Return the images that a method reads, and their size.
 
-    Args:
-        images: a mapping; see `Upscaler.step_textures`.
-        names: inputs of the method.
-        render_size: of buffers.
-        device: of the backend.
+    `names` are the inputs of the method, `render_size` is that of buffers; see `Upscaler.step_textures`.
 
     Raises:
         FrameError: an image is missing, of another device, or has a wrong size, format or usage.

@@ -126,12 +126,7 @@ def read_back(device: "wgpu.GPUDevice", memory: Memory) -> NDArray[np.uint32]:
 class Readback:
     """A storage buffer, and a second one in which the CPU reads its contents.
 
-    Args:
-        device: of the buffers.
-        shape: of the float32 array.
-
-    Attributes:
-        buffer: what shaders write.
+    Shaders write to `buffer`, a float32 array of this shape.
     """
 
     def __init__(self, device: "wgpu.GPUDevice", shape: tuple[int, ...]) -> None:

@@ -31,15 +31,7 @@ Tensors = dict[str, ort.OrtValue]
 class OnnxExecutor:
     """Runs a graph of the whole step; see `Executor`.
 
-    Args:
-        info: the model.
-        threads: number of CPU threads; 0 uses every core.
-        providers: execution providers, in order of preference.
-        precision: key of the graph in `ModelInfo.steps`.
-
-    Attributes:
-        providers: the providers in use.
-        device: device of the buffers; see `device_of`.
+    `precision` is a key of `ModelInfo.steps`; `device` is that of the buffers, see `device_of`.
     """
 
     name = "onnx"
@@ -101,12 +93,7 @@ class OnnxExecutor:
     ) -> ort.OrtValue:
         """Upscale a frame on the device to an image on the device.
 
-        Args:
-            given: inputs of the graph.
-            display: (W, H).
-            history: history after the previous frame; not changed.
-            next_history: written to; not `history`.
-            image: (1, 3, H, W), written to; None allocates it.
+        `given` has all inputs of the graph. The image is (1, 3, H, W); None allocates it.
 
         Raises:
             FrameError: an input or `image` has a wrong type or shape, or is on another device.
@@ -152,17 +139,7 @@ def _values(arrays: Mapping[str, np.ndarray[Any, Any]]) -> Tensors:
 
 
 class OnnxExtrapolation:
-    """Extrapolates with ONNX Runtime; see `ExtrapolationExecutor`.
-
-    Args:
-        info: the model.
-        providers: execution providers, in order of preference.
-        threads: number of CPU threads; 0 uses every core.
-
-    Raises:
-        ModelError: ONNX Runtime cannot load the graph.
-        ProviderError: a provider cannot start.
-    """
+    """Extrapolates with ONNX Runtime; see `ExtrapolationExecutor`."""
 
     name = "onnx"
 
@@ -226,14 +203,8 @@ class AovBlender:
     ) -> Float32:
         """Upsample the channels to display size and blend them with their history.
 
-        Args:
-            frame: with `aovs` (h, w, k); see `check_aovs`.
-            weight: (1, 1, H, W) weight of the history; None for a method without one.
-            history: (1, k, H, W) blended AOVs of the previous frame; None without them.
-            display_size: (W, H).
-
-        Returns:
-            (1, k, H, W) float32.
+        `frame` has `aovs` (h, w, k), see `check_aovs`; `weight` is (1, 1, H, W), that of the history,
+        or None for a method without one. History and result are (1, k, H, W) float32.
         """
         inputs = frame_inputs(frame, display_size, ("aovs", "depth", "motion", "jitter", "display_size"))
         shape = (1, inputs["aovs"].shape[1], *display_size[::-1])

@@ -45,12 +45,8 @@ def open_session(
     Graphs that do not ship with this package are first checked: those with data in other files, or with
     operators that are not ONNX's own, are refused.
 
-    Args:
-        path: path of the graph.
-        options: options of the session.
-        providers: execution providers, in order of preference.
-        inputs: all inputs of the graph; an empty list disables the check.
-        outputs: outputs that the graph must have, perhaps among others.
+    The graph must have exactly these inputs (an empty list disables the check), and these outputs,
+    perhaps among others.
 
     Raises:
         ModelError: the graph is too large, refused, has other tensors, or ONNX Runtime cannot load it.
@@ -89,11 +85,7 @@ def run_bound(
 ) -> ort.IOBinding:
     """Run the graph at `path`, and return the binding, which has its outputs.
 
-    Args:
-        session: loaded from `path`.
-        path: named in errors.
-        inputs: all inputs, by name.
-        outputs: by name, values to write to, or devices to allocate them on.
+    Outputs are values to write to, or names of devices to allocate them on.
     """
     binding = session.io_binding()
     for name, value in inputs.items():

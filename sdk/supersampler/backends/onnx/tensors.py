@@ -126,14 +126,8 @@ def frame_of_tensors(
 ) -> Frame:
     """Return a frame with copies of tensors in CPU memory.
 
-    Args:
-        tensors: tensors by name.
-        jitter: see `Frame`.
-        exposure: see `Frame`.
-        pre_exposure: see `Frame`.
-        reset: see `Frame`.
-        inputs: names of the tensors that the method reads. Depth and motion that it does not read may be
-            missing, and are then 0; other G-buffers are ignored.
+    `inputs` are the names of the tensors that the method reads. Depth and motion that it does not read
+    may be missing, and are then 0; other G-buffers are ignored.
 
     Raises:
         FrameError: a tensor is missing, or has a wrong type, shape or range.

@@ -282,12 +282,8 @@ class BlenderRender:
     ...     render.wait_for_scene()
     ...     render.wait_for(0)
 
-    Args:
-        program: as `find_blender` returns it.
-        blend: the scene's file; it is never written.
-        log: receives Blender's output; it is closed with the render.
-        settings: see `render_frames.main`, without "blend" and "token".
-        target: folder of the frames, which another thread writes; an error ends the render.
+    `settings` are those of `render_frames.main`, without "blend" and "token". Another thread writes to
+    `target`; an error of it ends the render.
 
     Raises:
         ShotError: (of any method) Blender ended before its work was done; the message says why.
@@ -378,7 +374,7 @@ class BlenderRender:
             ShotError: it is no such message, or the frame cannot be stored.
             _ScriptError: the script reports an error.
         """
-        answer = decoded(self._blend, text, _Answer, "The script sends other messages.")
+        answer = decoded(self._blend, text, _Answer, "Blender runs another script.")
         with self._changed:
             if answer.error is not None:
                 raise _ScriptError(answer.error)
@@ -388,8 +384,10 @@ class BlenderRender:
             elif answer.frame is not None and answer.camera is not None:
                 self._target.add(answer.frame, Camera(answer.camera, answer.shift))
                 self._count += 1
-            else:
+            elif answer.note is not None:
                 self._target.note(printable(answer.note))
+            else:
+                raise ShotError(self._blend, "Blender's answer has no note, scene, frame or error")
             self._changed.notify_all()
 
     def _failure(self, when: str) -> ShotError:
@@ -404,7 +402,7 @@ class _Answer(msgspec.Struct, forbid_unknown_fields=True):
     """A message of the script: see `render_frames`."""
 
     error: str | None = None
-    note: str = ""
+    note: str | None = None
     scene: RenderedScene | None = None
     frame: int | None = None
     camera: Rows | None = None
@@ -418,11 +416,8 @@ class _ScriptError(Exception):
 def start_script(program: str, script: Path, variables: Mapping[str, str]) -> ChildProcess:
     """Start a script in Blender; its output is all that either prints.
 
-    Args:
-        program: as `find_blender` returns it.
-        script: its file.
-        variables: environment variables for it. Those of this Python are not passed on, because Blender's
-            Python would find this one's packages.
+    Environment variables of this Python are not passed on, because Blender's Python would find this one's
+    packages.
     """
     command = [program, str(script)]
     if not Path(program).stem.lower().startswith("python"):

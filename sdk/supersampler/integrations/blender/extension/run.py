@@ -24,11 +24,6 @@ class Run:
 
     The command stops when this process ends: see `supersampler.cli.stopping`.
 
-    Args:
-        command: the program and its arguments.
-        output: folder that it writes to.
-        total: number of frames.
-
     Raises:
         OSError: there is no such program.
     """
