@@ -11,7 +11,7 @@ from OpenImageIO import ImageOutput, ImageSpec
 from fuzzing import damaged, examples, run_apart
 from supersampler import ShotError
 from supersampler.errors import SupersamplerError
-from supersampler.io.images import read_exr, read_types, write_exr
+from supersampler.io.images import read_exr, read_header, write_exr
 from supersampler.io.shot.format import read_classes
 
 COMPRESSIONS = ("zip", "zips", "piz", "rle", "none", "dwaa:45", "dwab:45", "pxr24", "b44", "b44a")
@@ -84,7 +84,7 @@ def prepare() -> Callable[[int], object]:
         data = with_other_numbers(data, rng) if rng.random() < 0.4 else damaged(data, rng)
         path = Path("case.exr")
         path.write_bytes(data)
-        for read in (read_types, read_exr, lambda path: read_classes(path, None)):
+        for read in (read_header, read_exr, lambda path: read_classes(path, None)):
             try:
                 read(path)
             except SupersamplerError:

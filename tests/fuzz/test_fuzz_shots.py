@@ -15,6 +15,7 @@ from noise import noise
 from supersampler import ShotError
 from supersampler.cli.results import RunRecord, read_run_record
 from supersampler.conventions import Conventions
+from supersampler.io.files import JSON_BYTES
 from supersampler.io.shot import Shot, ShotWriter, open_source
 
 FILES = ("0000.exr", "0001.exr", "display/0001.exr", "reference/0001.exr")
@@ -120,7 +121,7 @@ CHANGES = {
     "a long path": ('"0001.exr"', f'"{"a/" * 5000}a.exr"', "the file of frame 1 is missing"),
     "deep nesting": ('"attribution": ["Me"]', f'"attribution": {"[" * 100_000}', "is not JSON"),
     "a zero byte": ('"0001.exr"', '"00\\u000001.exr"', "a file inside the shot's folder"),
-    "half a character": ('"0001.exr"', '"00\\ud80001.exr"', "a file inside the shot's folder"),
+    "half a character": ('"0001.exr"', '"00\\ud80001.exr"', "is not JSON"),
     "the folder itself": ('"0001.exr"', '"."', "a file inside the shot's folder"),
 }
 
@@ -134,12 +135,11 @@ def test_what_no_shot_can_say_is_a_shot_error(shot: Path, case: str) -> None:
 
 
 def test_a_description_that_never_ends_or_is_too_large_is_refused(
-    shot: Path, monkeypatch: pytest.MonkeyPatch
+    shot: Path,
 ) -> None:
-    with monkeypatch.context() as patch:
-        patch.setattr("supersampler.io.json_fields.JSON_BYTES", 100)
-        with pytest.raises(ShotError, match="is larger than"):
-            Shot.open(shot)
+    (shot / "shot.json").write_bytes(b" " * (JSON_BYTES + 1))
+    with pytest.raises(ShotError, match="is larger than"):
+        Shot.open(shot)
     (shot / "shot.json").unlink()
     os.mkfifo(shot / "shot.json")
     with pytest.raises(ShotError, match="is no regular file"):

@@ -13,7 +13,7 @@ from blender_files import RECORDED, fake_blender, scene_file
 from supersampler import ArgumentError
 from supersampler.cli import app
 from supersampler.integrations.blender.render import find_blender
-from supersampler.io.images import read_exr, read_exr_metadata
+from supersampler.io.images import read_exr, read_header
 from supersampler.io.shot import open_source
 from supersampler.io.shot.numbered import FrameRange
 from supersampler.upscaler import Upscaler
@@ -62,11 +62,11 @@ def test_images_have_blenders_numbers_and_are_those_of_the_rendered_shot(tmp_pat
 
 def test_metadata_of_blenders_frames_is_kept_but_what_is_of_their_layout(tmp_path: Path) -> None:
     blender(tmp_path)
-    metadata = read_exr_metadata(tmp_path / "out" / "0006.exr")
+    metadata = read_header(tmp_path / "out" / "0006.exr").metadata
     assert metadata.items() >= {"Camera": "Camera", "Frame": "6", "Scene": "Scene"}.items()
     stated = {name: metadata.pop(name) for name in ("chromaticities", "colorInteropID")}
     assert stated["colorInteropID"] == "lin_rec709_scene"
-    assert metadata == read_exr_metadata(RECORDED / "0006.exr")
+    assert metadata == read_header(RECORDED / "0006.exr").metadata
     assert "BlenderMultiChannel" not in metadata  # the results are no multilayer files
 
 

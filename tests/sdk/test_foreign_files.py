@@ -14,11 +14,9 @@ from supersampler import ArgumentError, ShotError
 from supersampler.conventions import Conventions
 from supersampler.io.images import (
     TypedValues,
-    read_color_space,
     read_exr,
-    read_exr_metadata,
+    read_header,
     read_image,
-    read_types,
     write_exr,
 )
 from supersampler.io.shot import Shot, copy_shot, import_channels, open_source
@@ -65,9 +63,9 @@ def test_half_and_float_in_one_file_keep_their_types(tmp_path: Path) -> None:
     mixed = spec_of(channelformats=tuple(map(TypeDesc, types)))
     path = write_parts(tmp_path / "mixed.exr", (mixed, VALUES))
     assert_holds(path)
-    assert read_types(path) == dict(zip(NAMES, types, strict=True))
+    assert read_header(path).types == dict(zip(NAMES, types, strict=True))
     assert {name: str(array.dtype) for name, array in read_exr(path).items()} == {
-        name: "float16" if kind == "half" else "float32" for name, kind in read_types(path).items()
+        name: "float16" if kind == "half" else "float32" for name, kind in read_header(path).types.items()
     }
 
 
@@ -295,7 +293,7 @@ def test_metadata_of_every_kind_is_read_and_written_again(tmp_path: Path) -> Non
         else:
             spec.attribute("owner" if name == "Copyright" else name, value)
     path = write_parts(tmp_path / "in" / "f.0001.exr", (spec, VALUES))
-    assert read_exr_metadata(path) == want
+    assert read_header(path).metadata == want
     shot = copy_shot(open_source(tmp_path / "in", conventions=OURS), tmp_path / "out")
     assert shot.read_metadata(0) == want
     assert shot.info.color_space == "ACEScg"
@@ -319,7 +317,7 @@ def test_the_colour_space_is_what_the_header_states(tmp_path: Path, name: str, v
     else:
         spec.attribute(name, value)
     path = write_parts(tmp_path / "f.0001.exr", (spec, VALUES))
-    assert read_color_space(path) == want
+    assert read_header(path).color_space == want
     assert open_source(tmp_path, conventions=OURS).info.color_space == want
     stated = open_source(tmp_path, conventions=OURS, color_space="ARRI LogC4")
     assert stated.info.color_space == "ARRI LogC4"

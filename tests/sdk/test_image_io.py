@@ -21,7 +21,7 @@ from supersampler.io.images import (
     encode_png,
     half_pixels,
     read_exr,
-    read_types,
+    read_header,
     write_exr,
     write_png,
     write_tiff,
@@ -46,7 +46,7 @@ def test_an_exr_keeps_every_value_and_every_type(
         path = Path(folder) / "image.exr"
         write_exr(path, image, compression=compression)
         again = read_exr(path)
-        assert set(again) == names == set(read_types(path))
+        assert set(again) == names == set(read_header(path).types)
     for name, array in image.items():
         assert again[name].dtype == array.dtype
         np.testing.assert_array_equal(again[name], array)
@@ -81,7 +81,7 @@ def test_the_parts_of_a_multi_part_file_are_read_as_one_image(tmp_path: Path) ->
         parts.append((spec, np.full((5, 7, len(channels)), value, np.float32)))
     write_parts(path, parts)
     image = read_exr(path)
-    assert list(image) == ["View.Combined.R", "View.Combined.G", "Depth.Z"] == list(read_types(path))
+    assert list(image) == ["View.Combined.R", "View.Combined.G", "Depth.Z"] == list(read_header(path).types)
     assert [float(array[0, 0]) for array in image.values()] == [0.0, 0.0, 1.0]
     assert list(read_exr(path, only=["Depth.Z"])) == ["Depth.Z"]
 

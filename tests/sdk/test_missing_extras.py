@@ -37,7 +37,6 @@ def test_every_package_of_an_extra_is_known_to_the_error_message() -> None:
     ("missing", "words", "extra"),
     [
         ("matplotlib", ["bench", "quality", "plaza", "--methods", "bilinear", "-o", "x"], "bench"),
-        ("msgspec", ["bench", "pareto"], "bench"),
         ("onnx", ["bench", "cost"], "train"),
         ("torch", ["bench", "parity"], "train"),
         ("moderngl", ["bench", "parity", "--methods", "bilinear", "--frames", "10"], "render"),

@@ -208,7 +208,7 @@ def test_a_shot_json_with_names_that_lead_elsewhere_is_refused(tmp_path: Path, n
     path = copy_shot(source, tmp_path / "copy")
     content = json.loads((path.path / "shot.json").read_text())
     (path.path / "shot.json").write_text(json.dumps({**content, "file_names": name}))
-    with pytest.raises(ShotError, match=r"file_names is .*; want"):
+    with pytest.raises(ShotError, match=r"file_names( is .*; want|`, is 3)"):
         Shot.open(path.path)
 
 

@@ -1,9 +1,9 @@
 """`UpscaleJob`: input, settings and output of one run, its Upscalers, and the frames to step through."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 from supersampler.cli.arguments import size_text
 from supersampler.cli.results import FIRST, FRAMES, PREROLL, SOURCE, ImageOptions, model_settings
@@ -24,7 +24,8 @@ EXPOSURE_FRAMES = 96
 in each frame: the exposure before these frames has a weight of 0.9^96, 4e-5."""
 
 
-class FramePlan(NamedTuple):
+@dataclass(frozen=True)
+class FramePlan:
     """The frames of a run.
 
     Attributes:
@@ -53,7 +54,7 @@ class FramePlan(NamedTuple):
     def from_position(self, shot: Shot, position: int) -> "FramePlan":
         """Return the plan that writes the frames from a position on, from the last cut before them."""
         cut = shot.last_cut(min(max(self.index(position), self.start), self.stop - 1))
-        return self._replace(start=max(self.start, cut))
+        return replace(self, start=max(self.start, cut))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,6 +7,7 @@ import re
 import tempfile
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
@@ -103,17 +104,6 @@ def read_image(
             if chosen:
                 image.update(_read_part(source, part, names, chosen, path, outside))
     return image
-
-
-def read_types(path: Path | str) -> dict[str, str]:
-    """Return the channels of `read_image` with their types: "half", "float", "uint", "uint8", "uint16"."""
-    with opened(path) as (source, kind):
-        types: dict[str, str] = {}
-        for part, names in enumerate(_part_names(source, path, kind)):
-            source.seek_subimage(part, 0)
-            spec = source.spec()
-            types |= {name: str(spec.channelformat(index)) for index, name in enumerate(names)}
-        return types
 
 
 def last_reason(last_error: Callable[[], str]) -> str:
@@ -284,7 +274,7 @@ _LAYOUT = re.compile(
 """Entries that are true of the file that is read only: of its storage, its windows, its parts and views."""
 _DEFAULTS = {PIXEL_ASPECT: 1.0, "screenWindowWidth": 1.0, "screenWindowCenter": (0.0, 0.0)}
 """Entries that every EXR file has; these values say nothing."""
-_MOST_ENTRIES, _LONGEST_TEXT, _MOST_VALUES = 256, 4096, 64
+_MAX_ENTRIES, _MAX_TEXT, _MAX_VALUES = 256, 4096, 64
 _WHITE_D65, _WHITE_ACES = (0.3127, 0.3290), (0.32168, 0.33767)
 _PRIMARIES = {
     REC709: (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, *_WHITE_D65),
@@ -301,49 +291,64 @@ _INTEROP_IDS = {
 }  # fmt: skip
 
 
-class StoredAs(NamedTuple):
-    """How a file stores its colour.
+@dataclass(frozen=True)
+class ImageHeader:
+    """Header of an EXR, PNG or TIFF file.
 
     Attributes:
-        format: "exr", "png", "tif"; "safetensors" for Arm's sequences.
-        type: "half", "float", "uint8", "uint16".
+        format: "exr", "png" or "tif".
+        types: channels of `read_image`, with their types: "half", "float", "uint", "uint8", "uint16".
+        metadata: description of the content of an EXR file by the program that wrote it: Frame, Camera, time
+            codes, lens. Entries on its storage are left out: compression, windows, tiles, views, parts.
+        views: views of a stereo EXR file; channels without a view's name belong to the first.
+        color_space: of the linear light, by its name in the OpenColorIO configs of ACES. EXR files state it
+            by `colorInteropID` or `chromaticities`. Others, and those without: "lin_rec709", which
+            sRGB-encoded colour has when it is decoded. Other chromaticities than Rec. 709, AP1, AP0,
+            Rec. 2020 and P3-D65: "unknown".
     """
 
     format: str
-    type: str
+    types: Mapping[str, str]
+    metadata: Metadata
+    views: Sequence[str]
+    color_space: str
+
+    @property
+    def frame_rate(self) -> float | None:
+        """Frames a second; None where none are stated."""
+        return rate_of(self.metadata.get(FRAME_RATE))
 
 
-def read_stored_as(path: Path | str, channel: str) -> StoredAs:
-    """Return how a file stores a channel; "half" where it has no such channel."""
-    with opened(path) as (_, kind):
-        return StoredAs(kind, read_types(path).get(channel, "half"))
-
-
-def read_exr_metadata(path: Path | str) -> Metadata:
-    """Return what the program that wrote an EXR file says of its content: Frame, Camera, timecodes, lens.
-
-    Entries that describe the file are left out: its compression, windows, tiles, views, parts.
-    """
-    with opened(path, ("exr",)) as (source, _):
-        found: Metadata = {}
-        for entry in source.spec().extra_attribs:
-            value, name = entry.value, str(entry.name)
-            if _LAYOUT.match(name) or _DEFAULTS.get(name) == value:
-                continue
-            if isinstance(value, str | int | float):
-                found[name] = value[:_LONGEST_TEXT] if isinstance(value, str) else value
-            elif isinstance(value, tuple) and len(value) <= _MOST_VALUES:
-                found[name] = TypedValues(str(entry.type), value)
-            if len(found) == _MOST_ENTRIES:
-                break
-    return found
-
-
-def read_frame_rate(path: Path | str) -> float | None:
-    """Return the frames a second that an EXR file's header states; None where it states none."""
+def read_header(path: Path | str) -> ImageHeader:
+    """Read the header of an EXR, PNG or TIFF file; see `read_exr` for errors."""
     with opened(path) as (source, kind):
-        rate = source.spec().getattribute(FRAME_RATE) if kind == "exr" else None
-        return rate_of(TypedValues("rational", rate) if isinstance(rate, tuple) else None)
+        types: dict[str, str] = {}
+        for part, names in enumerate(_part_names(source, path, kind)):
+            source.seek_subimage(part, 0)
+            spec = source.spec()
+            types |= {name: str(spec.channelformat(index)) for index, name in enumerate(names)}
+        if kind != "exr":
+            return ImageHeader(kind, types, {}, (), REC709)
+        source.seek_subimage(0, 0)
+        spec = source.spec()
+        views = spec.getattribute("multiView")
+        views = tuple(map(str, views)) if isinstance(views, tuple) else ()
+        return ImageHeader(kind, types, _metadata(spec), views, _color_space(spec))
+
+
+def _metadata(spec: ImageSpec) -> Metadata:
+    found: Metadata = {}
+    for entry in spec.extra_attribs:
+        value, name = entry.value, str(entry.name)
+        if _LAYOUT.match(name) or _DEFAULTS.get(name) == value:
+            continue
+        if isinstance(value, str | int | float):
+            found[name] = value[:_MAX_TEXT] if isinstance(value, str) else value
+        elif isinstance(value, tuple) and len(value) <= _MAX_VALUES:
+            found[name] = TypedValues(str(entry.type), value)
+        if len(found) == _MAX_ENTRIES:
+            break
+    return found
 
 
 def rate_of(entry: str | int | float | TypedValues | None) -> float | None:
@@ -353,24 +358,6 @@ def rate_of(entry: str | int | float | TypedValues | None) -> float | None:
             rate = frames / seconds
             return rate if RATES[0] <= rate <= RATES[1] else None
     return None
-
-
-def read_other_views(path: Path | str) -> list[str]:
-    """Return the views of a stereo EXR file but the first, to which channels without a view's name belong."""
-    with opened(path) as (source, kind):
-        views = source.spec().getattribute("multiView") if kind == "exr" else None
-        return [str(view) for view in views[1:]] if isinstance(views, tuple) else []
-
-
-def read_color_space(path: Path | str) -> str:
-    """Return the colour space that a file's header states, by its name in the OpenColorIO configs of ACES.
-
-    EXR files state it by `colorInteropID` or `chromaticities`. Others, and those without: "lin_rec709", which
-    sRGB-encoded colour has when it is decoded. Other chromaticities than Rec. 709, AP1, AP0, Rec. 2020 and
-    P3-D65: "unknown".
-    """
-    with opened(path) as (source, kind):
-        return _color_space(source.spec()) if kind == "exr" else REC709
 
 
 def _color_space(spec: ImageSpec) -> str:
@@ -391,7 +378,7 @@ _ROUNDED = 0.02  # relative difference of the two axes' ratios that rounding to 
 def result_metadata(
     metadata: Metadata, *, frame_rate: float | None, render_size: Size, display_size: Size
 ) -> Metadata:
-    """Return the header entries of an upscaled image: those of its frame (`read_exr_metadata`), fitted.
+    """Return the header entries of an upscaled image: those of its frame, fitted.
 
     The pixel aspect ratio changes where the two axes are enlarged by different ratios. A frame rate that the
     header states becomes `frame_rate`, that of the film (None keeps it); a time code of another rate is
@@ -449,7 +436,7 @@ def write_exr(
         channels: the c channel names of an array.
         compression: lossless "zip", "zips", "piz", "rle", "none"; "zip:9" is slower and smaller. Lossy
             "dwaa:45", "dwab:45": larger numbers give smaller files.
-        metadata: entries of the header, as `read_exr_metadata` returns them.
+        metadata: entries of the header, as in `ImageHeader`.
         color_space: linear space of the colours, such as "ACEScg": the header states name and primaries if
             STUDIO_CONFIG has it. None: the header is silent, which means Rec. 709.
 

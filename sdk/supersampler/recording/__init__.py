@@ -8,6 +8,7 @@ import platform
 import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, TypeAlias
 
@@ -167,7 +168,8 @@ class StepOutcome(NamedTuple):
     error: tuple[str, str] = ("", "")
 
 
-class StepCall(NamedTuple):
+@dataclass(frozen=True)
+class StepCall:
     """A call of `Upscaler.step`, `extrapolate` or `step_tensors`.
 
     Attributes:

@@ -225,7 +225,7 @@ class Recorder:
 def returned(index: int, result: StepResult) -> StepOutcome:
     """Return the outcome of step `index`, which returned `result`."""
     arrays = {name: array for name, array in vars(result).items() if array is not None}
-    samples = {name: _sampled(index, arrays[name]) for name in ("image", "aovs") if name in arrays}
+    samples = {name: _sampled(index, arrays[name]) for name in arrays if name in ("image", "aovs")}
     return StepOutcome({name: crc32(array) for name, array in arrays.items()}, samples)
 
 

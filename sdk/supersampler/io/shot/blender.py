@@ -13,7 +13,7 @@ from supersampler.conventions import Conventions, RawFrame, camera_motion, jitte
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.frame import GBUFFER_CHANNELS, Array, Float32, Size
 from supersampler.io.files import SHOT_FRAMES, write_text
-from supersampler.io.images import read_exr, read_types
+from supersampler.io.images import read_exr, read_header
 from supersampler.io.json_files import FileSize, Rate, Text, read_typed
 from supersampler.io.shot.channels import SequenceOptions, first_file, import_channels
 from supersampler.io.shot.format import LARGEST_NUMBER, FrameEntry, ShotInfo, check_size, take
@@ -164,7 +164,7 @@ def import_blender(
     """
     folder = Path(folder)
     first = first_file(folder, options)
-    types = read_types(first)
+    types = read_header(first).types
     channel_map = layer_map(first, types, layer)
     conventions = Conventions.blender() if conventions is None else conventions
     if conventions.motion_jittered:  # of Eevee: the next frame's jitter is in it
@@ -239,7 +239,7 @@ def _complete_layers(channels: Sequence[str], *, motion: bool = True) -> list[st
 
 def _reference_channels(path: Path) -> list[str]:
     """Return the colour channels of a reference: a layer's Combined pass, or plain R, G, B."""
-    channels = list(read_types(path))
+    channels = list(read_header(path).types)
     for name in channels:
         if name == "R" or name.endswith(".Combined.R"):
             return [f"{name.removesuffix('R')}{axis}" for axis in "RGB"]
@@ -330,7 +330,7 @@ def _arrays(
     path: Path, scene: RenderedScene, gbuffers: Collection[str] | None
 ) -> tuple[dict[str, Array], list[str]]:
     """Read the arrays of a frame; also return the names of its AOVs."""
-    names = layer_map(path, read_types(path), scene.layer, motion=False)
+    names = layer_map(path, read_header(path).types, scene.layer, motion=False)
     names.pop("motion_next", None)  # the next frame's camera, which it lacks, may not be known yet
     aovs = names.get("aovs", [])
     for name in GBUFFER_CHANNELS:

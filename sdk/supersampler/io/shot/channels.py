@@ -1,5 +1,6 @@
 """Import EXR, PNG and TIFF sequences in any layout, by a map from our names to their channels."""
 
+import math
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -14,7 +15,7 @@ from supersampler.conventions import Conventions, RawFrame
 from supersampler.conventions.encodings import srgb_decoded
 from supersampler.errors import ArgumentError, ShotError, did_you_mean, shown
 from supersampler.frame import GBUFFER_CHANNELS, Array, Float32, Size
-from supersampler.io.images import Channel, read_color_space, read_frame_rate, read_image, read_types
+from supersampler.io.images import Channel, read_header, read_image
 from supersampler.io.json_files import FileSize, Rate, Text, read_typed
 from supersampler.io.shot.format import (
     FrameEntry,
@@ -80,13 +81,14 @@ def parse_packing(name: str, value: Mapping[str, Any], count: int) -> tuple[list
         want = one if count == 1 else f"{count} lists of equal length, for each number {one}"
         raise ArgumentError(f"{place}['bytes']", got=shown(value.get("bytes")), want=want)
     ends = value.get("range")
-    numbers = [as_number(end) for end in ends] if isinstance(ends, list | tuple) else []
-    if len(numbers) != 2 or None in numbers or not np.isfinite(numbers).all() or numbers[0] == numbers[1]:  # type: ignore[arg-type]
+    given = [as_number(end) for end in ends] if isinstance(ends, list | tuple) else []
+    numbers = [number for number in given if number is not None and math.isfinite(number)]
+    if len(given) != 2 or len(set(numbers)) != 2:
         want = "[low, high], two different finite numbers: those of bytes that are all 0 and all 255"
         raise ArgumentError(
             f"{place}['range']", got=shown(ends), want=want, hint="Motion in UV often has [-1, 1]."
         )
-    low, high = map(float, ends)
+    low, high = numbers
     return [channel for each in lists for channel in each], Packing(min(sizes), low, high)
 
 
@@ -168,7 +170,7 @@ def import_channels(
         name: name of the shot; by default the folder's.
         aov_names: names of the AOVs in files of results; by default they are numbered.
         color_space: of the colour, see `ShotInfo`; by default what the first file states, see
-            `read_color_space`.
+            `supersampler.io.images.ImageHeader`.
 
     Raises:
         ShotError: files or channels are missing, or differ in number or size.
@@ -183,8 +185,9 @@ def import_channels(
     if display_size is None and found.references:
         image = found.read_reference(found.numbers.index(next(iter(found.references))))
         display_size = (image.shape[1], image.shape[0])
+    header = read_header(found.frame_file(0))
     if frame_rate is None:
-        frame_rate = read_frame_rate(found.frame_file(0)) or _FRAME_RATE
+        frame_rate = header.frame_rate or _FRAME_RATE
     info = ShotInfo(
         name=name or found.folder.resolve().name,
         render_size=(width, height),
@@ -194,7 +197,7 @@ def import_channels(
         first_number=found.numbers[0] if is_frame_range(found.numbers[0], found.numbers[-1]) else 0,
         file_names=file_names(found.frame_file(0), found.frame_pattern),
         aov_names=tuple(aov_names),
-        color_space=color_space or read_color_space(found.frame_file(0)),
+        color_space=color_space or header.color_space,
     )
     entries = [
         found.entry(i, offset, reset=i == 0 or index in cuts)
@@ -356,7 +359,7 @@ class _MappedFiles:
         """Return the first file of an array, and the types of its channels that are there."""
         first = self.references if name == "reference" else self.files[source.pattern]
         path = next(iter(first.values()))
-        types = read_types(path)
+        types = read_header(path).types
         return path, {types[channel] for channel in source.channels if channel in types}
 
     def read_raw(
@@ -399,7 +402,7 @@ class _MappedFiles:
     def read_reference(self, index: int, display_size: Size | None = None) -> Float32:
         path, channels = self.references[self.numbers[index]], self._every_source()["reference"].channels
         reference = read_reference(path, display_size, channels)
-        return srgb_decoded(reference) if read_types(path)[channels[0]] in _INTEGERS else reference
+        return srgb_decoded(reference) if read_header(path).types[channels[0]] in _INTEGERS else reference
 
 
 def _parsed(channel_map: ChannelMap, files: str) -> dict[str, _Source]:

@@ -17,7 +17,7 @@ from supersampler.errors import ArgumentError, ShotError
 from supersampler.frame import Array, Float32, Size
 from supersampler.io.display_transforms import REC709
 from supersampler.io.files import IMAGE_CHANNELS, SHOT_FRAMES
-from supersampler.io.images import Channel, Metadata, read_exr, read_image, read_types, write_exr
+from supersampler.io.images import Channel, Metadata, read_exr, read_header, read_image, write_exr
 from supersampler.io.json_files import FileSize, Rate, Text, read_typed
 
 FORMAT_VERSION = 1
@@ -391,7 +391,7 @@ def take(path: Path, channels: Mapping[str, Channel], names: Sequence[str]) -> A
     """
     for name in names:
         if name not in channels:
-            raise ShotError(path, f"has no channel {name}", f"It has {', '.join(read_types(path))}.")
+            raise ShotError(path, f"has no channel {name}", f"It has {', '.join(read_header(path).types)}.")
         if channels[name].dtype not in (np.float16, np.float32):
             problem = f"channel {name} is {channels[name].dtype}; want half or float"
             raise ShotError(path, problem, "Write it as 16- or 32-bit floating point.")

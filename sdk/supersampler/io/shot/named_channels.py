@@ -7,7 +7,7 @@ from typing import Unpack
 
 from supersampler.conventions import Conventions
 from supersampler.errors import ShotError
-from supersampler.io.images import read_other_views, read_types
+from supersampler.io.images import ImageHeader, read_header
 from supersampler.io.shot.channels import SequenceOptions, first_file, import_channels
 from supersampler.io.shot.shot import Shot
 
@@ -87,16 +87,11 @@ def recognised_map(path: Path, channels: Iterable[str]) -> dict[str, list[str]] 
     return found if {"depth", "motion"} <= found.keys() else None
 
 
-def of_first_view(path: Path, types: Mapping[str, str]) -> tuple[dict[str, str], list[str]]:
-    """Return the channels of a stereo file's first view with their types, and the names of the others.
-
-    Args:
-        path: the file.
-        types: names of all of its channels, with their types.
-    """
-    views = set(read_other_views(path))
-    others = [name for name in types if not views.isdisjoint(name.split(".")[:-1])]
-    return {name: kind for name, kind in types.items() if name not in others}, others
+def of_first_view(header: ImageHeader) -> tuple[dict[str, str], list[str]]:
+    """Return the channels of a stereo file's first view with their types, and the names of the others."""
+    views = set(header.views[1:])
+    others = [name for name in header.types if not views.isdisjoint(name.split(".")[:-1])]
+    return {name: kind for name, kind in header.types.items() if name not in others}, others
 
 
 def blended_and_ignored(
@@ -170,7 +165,7 @@ def import_named_channels(
     """
     folder = Path(folder)
     first = first_file(folder, options)
-    types, other_views = of_first_view(first, read_types(first))
+    types, other_views = of_first_view(read_header(first))
     channel_map = recognised_map(first, types)
     if channel_map is None:
         hint = "docs/shots.md lists the names that are recognised; a channels.json states others."

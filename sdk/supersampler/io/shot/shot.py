@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import msgspec
 
@@ -15,7 +15,7 @@ from supersampler.conventions import Conventions, Converter, RawFrame
 from supersampler.errors import INCOMPLETE_PACKAGE, FrameError, ShotError, did_you_mean
 from supersampler.frame import Float32, Frame, Size
 from supersampler.io.files import check_inside, is_file
-from supersampler.io.images import Metadata, StoredAs, read_exr_metadata, read_stored_as
+from supersampler.io.images import Metadata, read_header
 from supersampler.io.shot.format import (
     FILE_NAME,
     ClassMaps,
@@ -73,6 +73,18 @@ class ShotFrame:
     frame: Frame
     raw: RawFrame
     reference: Float32 | None
+
+
+class StoredAs(NamedTuple):
+    """How a file stores its colour.
+
+    Attributes:
+        format: "exr", "png", "tif"; "safetensors" for Arm's sequences.
+        type: "half", "float", "uint8", "uint16".
+    """
+
+    format: str
+    type: str
 
 
 class Shot:
@@ -184,7 +196,8 @@ class Shot:
         path = self.source / self._entries[0].file
         if path.suffix == ".safetensors":
             return StoredAs("safetensors", "half")
-        return read_stored_as(path, self._color_channel)
+        header = read_header(path)
+        return StoredAs(header.format, header.types.get(self._color_channel, "half"))
 
     @property
     def reference_indices(self) -> list[int]:
@@ -311,9 +324,9 @@ class Shot:
         return None if self._entries[index].reference is None else self._classes(index)
 
     def read_metadata(self, index: int) -> Metadata:
-        """Return what the program that rendered a frame says in its EXR file; see `read_exr_metadata`."""
+        """Return the description of a frame by the program that rendered it; {} for files other than EXR."""
         path = self.source / self._entries[index].file
-        return read_exr_metadata(path) if path.suffix.lower() == ".exr" else {}
+        return read_header(path).metadata if path.suffix.lower() == ".exr" else {}
 
     def _converted(
         self, index: int, raw: RawFrame, reference: Float32 | None, converter: Converter

@@ -8,7 +8,7 @@ from typing import Literal, TypeAlias, get_args
 from supersampler.arguments import checked_choice, checked_path
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.io.files import os_errors_as_shot_error
-from supersampler.io.images import read_types
+from supersampler.io.images import read_header
 from supersampler.io.shot.arm import import_arm
 from supersampler.io.shot.blender import RENDER_FILE, import_blender, import_render, is_blender
 from supersampler.io.shot.channels import (
@@ -120,15 +120,15 @@ def guess_layout(
         frames = list(numbered_files(path, files).values())
     if not frames:
         raise ShotError(path, f"holds {_listed(names) or 'nothing'}", _KNOWN)
-    channels = list(read_types(frames[0]))
-    if is_blender(channels):
+    header = read_header(frames[0])
+    if is_blender(header.types):
         return "blender"
-    if recognised_map(frames[0], of_first_view(frames[0], read_types(frames[0]))[0]) is not None:
+    if recognised_map(frames[0], of_first_view(header)[0]) is not None:
         return "channels"
     hint = (
         f"A {MAP_FILE_NAME} says which is which (docs/shots.md); in Blender, turn on Combined, Z and Vector."
     )
-    raise ShotError(path, f"holds frames with the channels {_listed(channels)}", hint)
+    raise ShotError(path, f"holds frames with the channels {_listed(list(header.types))}", hint)
 
 
 def _listed(names: Sequence[str]) -> str:
