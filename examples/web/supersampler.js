@@ -25,7 +25,7 @@ import {
 
 export { UpscalerError };
 
-const MOST_GROUPS = 8; // bind groups that a pass keeps: frames and histories alternate
+const MAX_GROUPS = 8; // bind groups that a pass keeps: frames and histories alternate
 const EXPOSURES = [2 ** -24, 2 ** 24];
 const BUFFER = { MAP_WRITE: 2, COPY_SRC: 4, COPY_DST: 8, UNIFORM: 64, STORAGE: 128 }; // GPUBufferUsage
 const TEXTURE = { COPY_SRC: 1, TEXTURE_BINDING: 4, STORAGE_BINDING: 8, RENDER_ATTACHMENT: 16 }; // GPUTextureUsage
@@ -314,7 +314,7 @@ export class Upscaler {
       group = this.device.createBindGroup({ layout: layout.layout, entries });
     }
     pass.bindGroups.set(key, group);
-    if (pass.bindGroups.size > MOST_GROUPS) pass.bindGroups.delete(pass.bindGroups.keys().next().value);
+    if (pass.bindGroups.size > MAX_GROUPS) pass.bindGroups.delete(pass.bindGroups.keys().next().value);
     return group;
   }
 

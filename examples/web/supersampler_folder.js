@@ -5,7 +5,7 @@
 
 const FORMAT = "supersampler-shaders";
 const VERSION = 3;
-const LEAST_BYTES = 16; // of a buffer
+const MIN_BYTES = 16; // of a buffer
 const COMPUTE = 4; // GPUShaderStage.COMPUTE
 const UPDATE = "Update the browser or the driver.";
 const EXPORT = "Export the folder again.";
@@ -86,8 +86,8 @@ export function sizeOf({ of, divide, multiply }, sizes) {
 }
 
 export function bytesOf(described, width, height) {
-  if (described.role === "aux") return LEAST_BYTES; // it is not written
-  return Math.max(Math.ceil((described.bytes * width * height) / 4) * 4, LEAST_BYTES);
+  if (described.role === "aux") return MIN_BYTES; // it is not written
+  return Math.max(Math.ceil((described.bytes * width * height) / 4) * 4, MIN_BYTES);
 }
 
 /** Return whether display size over render size is in a range, up to the rounding of both to whole pixels. */

@@ -23,7 +23,7 @@ from supersampler.io.shot import Shot, ShotWriter
 from supersampler_export.shaders.folder import write_shader_folder
 
 RUNNER = Path(__file__).parent / "javascript" / "read_cases.mjs"
-LEAST_NODE = 18  # it has DecompressionStream
+MIN_NODE = 18  # it has DecompressionStream
 PEAK = 600 << 20
 """Bytes of memory of the process in Node, which takes 100 MiB without a case."""
 RUNAWAY = 2 * PEAK
@@ -49,8 +49,8 @@ def node_or_skip() -> str:
     if node is None:
         pytest.skip("Node.js is not installed here")
     version = subprocess.run([node, "--version"], check=True, capture_output=True, text=True).stdout
-    if int(version.strip("v\n").partition(".")[0]) < LEAST_NODE:
-        pytest.skip(f"Node.js {version.strip()} is older than {LEAST_NODE}, and has no DecompressionStream")
+    if int(version.strip("v\n").partition(".")[0]) < MIN_NODE:
+        pytest.skip(f"Node.js {version.strip()} is older than {MIN_NODE}, and has no DecompressionStream")
     return node
 
 

@@ -70,15 +70,15 @@ def test_textures_are_as_large_as_those_of_the_adapter() -> None:
 
 
 def test_a_display_beyond_the_adapters_textures_is_refused_with_its_limit() -> None:
-    most = model("taau").gpu.device.adapter.limits[TEXTURE_SIDE]
+    limit = model("taau").gpu.device.adapter.limits[TEXTURE_SIDE]
     message = (
-        rf"textures of at most {most} pixels a side, .* want {most + 8}x8: choose a smaller display size"
+        rf"textures of at most {limit} pixels a side, .* want {limit + 8}x8: choose a smaller display size"
     )
     with (
-        Upscaler("taau", display_size=(most + 8, 8), executor="gpu") as upscaler,
+        Upscaler("taau", display_size=(limit + 8, 8), executor="gpu") as upscaler,
         pytest.raises(DeviceError, match=message),
     ):
-        upscaler.step(flat(most // 2 + 4, 4))
+        upscaler.step(flat(limit // 2 + 4, 4))
 
 
 def test_workgroup_memory_is_at_most_16_kib() -> None:

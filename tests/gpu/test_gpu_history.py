@@ -35,7 +35,7 @@ from supersampler_bench.stress import scenes
 CONVERGING = WITH_SHADERS[1:]
 MAPS = {"taa": ["weight"], "taau": ["weight", "count", "converged"]}
 ALL_MAPS = ["class_map", "weight", "count", "converged"]
-MOST_GROWTH = 8 << 20
+MAX_GROWTH = 8 << 20
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -206,7 +206,7 @@ def test_a_thousand_steps_do_not_grow() -> None:
 
     before, kept = run(200)
     after, still_kept = run(1000)
-    assert after - before <= MOST_GROWTH
+    assert after - before <= MAX_GROWTH
     assert still_kept <= len(groups) * MAX_GROUPS
     assert kept <= len(groups) * MAX_GROUPS
 
@@ -221,7 +221,7 @@ def test_changing_render_sizes_do_not_grow() -> None:
         return resident()
 
     before = run(100)
-    assert run(100) - before <= MOST_GROWTH
+    assert run(100) - before <= MAX_GROWTH
 
 
 def resident() -> int:

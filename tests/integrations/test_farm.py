@@ -25,7 +25,7 @@ TEMPLATE = Path(__file__).parents[2] / "examples" / "farm" / "supersample.yaml"
 RENDER, DISPLAY = (40, 24), (80, 48)
 FRAMES, CHUNK, PREROLL, SPEED = 24, 8, 6, 1.7
 METHOD = "taau"
-LEAST = 60.0  # dB, of a chunk's images against those of one run
+MIN_DECIBELS = 60.0  # dB, of a chunk's images against those of one run
 
 
 def moving(index: int) -> Frame:
@@ -116,7 +116,7 @@ def test_a_job_of_chunks_has_the_images_of_one_run(whole: Path, chunks: tuple[Pa
         if index < CHUNK:
             assert np.array_equal(image, other), index
         error = np.square(display_transform(image) - display_transform(other)).mean()
-        assert decibels(float(error)) > LEAST, index
+        assert decibels(float(error)) > MIN_DECIBELS, index
 
 
 def test_tasks_report_their_progress(chunks: tuple[Path, str]) -> None:

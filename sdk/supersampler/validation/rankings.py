@@ -240,14 +240,14 @@ def rank_depth(pairs: Sequence[FramePair], frames: Sequence[FrameProbe], found: 
         {order: float(np.mean([measure(frame.depth, order) for frame in frames])) for order in ORDERS}
         for measure in (plane_curvature, sky_fraction)
     )
-    most_curved = float(np.nanmax([*curved.values(), 0.0]))
+    max_curvature = float(np.nanmax([*curved.values(), 0.0]))
     hypotheses, without_planes = [], {}
     for order in ORDERS:
         no_sky = 0.5 if max(skies.values()) < 1e-3 else float(skies[order] < 1e-3)
         without_planes[order] = _wrongly_hidden(pairs, order, found) + no_sky
         of_planes = 0.0
-        if most_curved >= _MIN_CURVATURE:
-            of_planes = 1.0 if np.isnan(curved[order]) else curved[order] / most_curved
+        if max_curvature >= _MIN_CURVATURE:
+            of_planes = 1.0 if np.isnan(curved[order]) else curved[order] / max_curvature
         error = without_planes[order] + of_planes
         hypotheses.append(Hypothesis(_DEPTH_TEXT[order], _depth_overrides(order, frames, found), error))
     verdict = ranked("depth", hypotheses, found)

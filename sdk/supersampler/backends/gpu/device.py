@@ -129,14 +129,14 @@ def raising(device: "wgpu.GPUDevice", doing: str) -> Iterator[None]:
 
 def check_texture_size(device: "wgpu.GPUDevice", size: Size) -> None:
     """Raise DeviceError where (width, height) exceeds the device's textures; it names the adapter's limit."""
-    most, of_adapter = (int(each.limits[TEXTURE_SIDE]) for each in (device, device.adapter))
-    if max(size) > most:
+    limit, of_adapter = (int(each.limits[TEXTURE_SIDE]) for each in (device, device.adapter))
+    if max(size) > limit:
         remedy = "choose a smaller display size, or executor='auto'"
-        if most < of_adapter:
+        if limit < of_adapter:
             remedy = f"request the device with {TEXTURE_SIDE} {of_adapter}"
         raise DeviceError(
             f"adapter {name_of(device.adapter)} has textures of at most {of_adapter} pixels a side, "
-            f"and the device of {most}; want {size[0]}x{size[1]}: {remedy}"
+            f"and the device of {limit}; want {size[0]}x{size[1]}: {remedy}"
         )
 
 

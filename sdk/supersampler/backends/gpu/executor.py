@@ -303,10 +303,9 @@ class GpuExecutor:
     def _new_buffers(self, render: Size, display: Size) -> StepBuffers:
         pixels, shape = display[0] * display[1], (display[1], display[0])
         if 12 * pixels > storage_limit(self.device):
-            most = storage_limit(self.device) // 12
             raise DeviceError(
                 f"an image of {display} needs {12 * pixels} bytes in one binding; the device's limit is "
-                f"{storage_limit(self.device)}: at most {most} pixels"
+                f"{storage_limit(self.device)}: at most {storage_limit(self.device) // 12} pixels"
             )
         memory = {**frame_buffers(self.program.layout.spec.inputs), **self.program.work}
         return StepBuffers(

@@ -164,9 +164,9 @@ def _check_image(name: str, image: Any, size: Size, device: "wgpu.GPUDevice") ->
             got = f"{image.format} {tuple(image.size[:2])} with usage {image.usage}"
             raise FrameError(name, got=got, want=f"a colour format {size} with TEXTURE_BINDING")
     else:
-        least = 4 * CHANNELS[name] * size[0] * size[1]
-        if getattr(image, "size", 0) < least or not image.usage & _STORAGE:
-            want = f"at least {least} bytes with STORAGE: float32, row by row"
+        min_bytes = 4 * CHANNELS[name] * size[0] * size[1]
+        if getattr(image, "size", 0) < min_bytes or not image.usage & _STORAGE:
+            want = f"at least {min_bytes} bytes with STORAGE: float32, row by row"
             raise FrameError(name, got=f"{getattr(image, 'size', shown(image))} bytes", want=want)
     if device_of(image) is not device:
         raise FrameError(name, got="of another device", want="of the Upscaler's", hint=_SAME_DEVICE)

@@ -44,7 +44,7 @@ from supersampler.io.files import (
 from supersampler.io.json_files import decoded
 from supersampler.io.shot.blender import (
     RENDER_FILE,
-    Camera,
+    RenderedCamera,
     RenderedScene,
     RenderRecord,
     Rows,
@@ -222,7 +222,7 @@ class _RenderFolder:
         self.record = msgspec.structs.replace(self.record, scene=scene, first=first)
         self.record.write(self.path)
 
-    def add(self, number: int, camera: Camera) -> None:
+    def add(self, number: int, camera: RenderedCamera) -> None:
         """List the next frame, and give its file its name.
 
         Raises:
@@ -242,7 +242,7 @@ class _RenderFolder:
         """Return scene and Shot; `wait` is called with a frame's index before it is read."""
         assert self.record.scene is not None  # noqa: S101  # the callers wait for it
 
-        def camera_of(index: int) -> Camera:
+        def camera_of(index: int) -> RenderedCamera:
             wait(index)
             return self.record.frames[index]
 
@@ -382,7 +382,7 @@ class BlenderRender:
                 self._target.describe(answer.scene)
                 self._has_scene = True
             elif answer.frame is not None and answer.camera is not None:
-                self._target.add(answer.frame, Camera(answer.camera, answer.shift))
+                self._target.add(answer.frame, RenderedCamera(answer.camera, answer.shift))
                 self._count += 1
             elif answer.note is not None:
                 self._target.note(printable(answer.note))

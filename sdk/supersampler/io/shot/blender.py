@@ -32,7 +32,7 @@ Rows: TypeAlias = tuple[_Row, _Row, _Row, _Row]
 _Stops = Annotated[float, msgspec.Meta(ge=-32.0, le=32.0)]
 
 
-class Camera(msgspec.Struct, frozen=True):
+class RenderedCamera(msgspec.Struct, frozen=True):
     """The camera of one frame, as Blender evaluates it.
 
     Attributes:
@@ -54,7 +54,7 @@ class Camera(msgspec.Struct, frozen=True):
         return np.array(self.camera)
 
 
-class View(msgspec.Struct, frozen=True):
+class ColorManagement(msgspec.Struct, frozen=True):
     """Blender's colour management: names, exposure in stops, and gamma."""
 
     display: Text
@@ -88,7 +88,7 @@ class RenderedScene(msgspec.Struct, frozen=True, kw_only=True):
     frame_rate: Rate
     render_size: FileSize
     display_size: FileSize
-    view: View
+    view: ColorManagement
     ocio: Text
 
 
@@ -108,7 +108,7 @@ class RenderRecord(msgspec.Struct, frozen=True, kw_only=True):
     first: _Number
     jitter: Annotated[tuple[tuple[float, float], ...], msgspec.Meta(min_length=1, max_length=SHOT_FRAMES)]
     scene: RenderedScene | None = None
-    frames: Annotated[tuple[Camera, ...], msgspec.Meta(max_length=SHOT_FRAMES)] = ()
+    frames: Annotated[tuple[RenderedCamera, ...], msgspec.Meta(max_length=SHOT_FRAMES)] = ()
 
     def write(self, folder: Path) -> None:
         """Write render.json into the folder; ShotError where the disk refuses."""
@@ -267,7 +267,7 @@ def rendered_shot(
     folder: Path,
     record: RenderRecord,
     count: int,
-    camera_of: Callable[[int], Camera],
+    camera_of: Callable[[int], RenderedCamera],
     stop_waiting: Callable[[], None] = lambda: None,
 ) -> Shot:
     """Return a Shot of `count` frames that need not exist yet.
@@ -349,7 +349,7 @@ def _arrays(
 def _motion(
     arrays: Mapping[str, Array],
     engine: str,
-    cameras: tuple[Camera, Camera],
+    cameras: tuple[RenderedCamera, RenderedCamera],
     jitters: tuple[tuple[float, float], tuple[float, float]],
 ) -> Float32:
     """Return the vectors of a frame in Blender's conventions: previous minus current, pixels, y up."""
@@ -374,5 +374,5 @@ def _motion(
     return motion
 
 
-def _without_jitter(camera: Camera, jitter: tuple[float, float], size: Size) -> Array:
+def _without_jitter(camera: RenderedCamera, jitter: tuple[float, float], size: Size) -> Array:
     return jittered_projection(camera.matrix, (-jitter[0], -jitter[1]), size)

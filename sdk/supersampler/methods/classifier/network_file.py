@@ -99,15 +99,16 @@ def _widths(info: ModelInfo) -> tuple[list[int], int, int]:
     network = info.config.get("network")
     widths: Mapping[str, Any] = network if isinstance(network, Mapping) else {}
     levels, decoder, hidden = (widths.get(name) for name in ("levels", "decoder", "hidden"))
-    most = [room * 4**level * (1 if level + 1 == len(KEPT) else 2) for level, room in enumerate(KEPT)]
+    max_widths = [room * 4**level * (1 if level + 1 == len(KEPT) else 2) for level, room in enumerate(KEPT)]
     if (
         not isinstance(levels, (list, tuple))
         or len(levels) != len(KEPT)
         or not all(
-            type(n) is int and n in range(_LANES, m + 1, _LANES) for n, m in zip(levels, most, strict=True)
+            type(n) is int and n in range(_LANES, m + 1, _LANES)
+            for n, m in zip(levels, max_widths, strict=True)
         )
     ):
-        want = f"{len(KEPT)} multiples of {_LANES} up to {', '.join(map(str, most))}"
+        want = f"{len(KEPT)} multiples of {_LANES} up to {', '.join(map(str, max_widths))}"
         raise info.config_error("network.levels", levels, want)
     if type(decoder) is not int or not 1 <= decoder <= _FEATURES or widths.get("decoder_layers") != 1:
         raise info.config_error("network.decoder", decoder, f"a number from 1 to {_FEATURES}, of one layer")
@@ -118,29 +119,29 @@ def _widths(info: ModelInfo) -> tuple[list[int], int, int]:
 
 def _arrays_of(path: Path, specs: Mapping[str, ArraySpec]) -> dict[str, NDArray[Any]]:
     """Read arrays by name; no more is decompressed, or made room for, than they take that are wanted."""
-    most = {name: _bytes_of(spec) for name, spec in specs.items()}
-    limit = sum(most.values()) + len(most) * _HEAD
+    max_bytes = {name: _bytes_of(spec) for name, spec in specs.items()}
+    limit = sum(max_bytes.values()) + len(max_bytes) * _HEAD
     if path.stat().st_size > limit:
         raise _refused(path, f"of {path.stat().st_size} bytes", f"at most {limit}")
     arrays = {}
     with zipfile.ZipFile(path) as file:
         for entry in file.infolist():
             name = entry.filename.removesuffix(".npy")
-            if name not in most or name in arrays:
+            if name not in max_bytes or name in arrays:
                 raise _refused(path, f"with {name[:80]!r}", f"each of {', '.join(specs)} once")
-            if entry.file_size > most[name] + _HEAD:
+            if entry.file_size > max_bytes[name] + _HEAD:
                 raise _refused(path, f"with {name!r} of {entry.file_size} bytes", f"{specs[name]}")
             with file.open(entry) as data:  # which gives no more than it says, whatever is compressed in it
-                arrays[name] = _array_of(io.BytesIO(data.read()), most[name])
+                arrays[name] = _array_of(io.BytesIO(data.read()), max_bytes[name])
     return arrays
 
 
-def _array_of(data: BinaryIO, most: int) -> NDArray[Any]:
+def _array_of(data: BinaryIO, max_bytes: int) -> NDArray[Any]:
     if npy.read_magic(data) != (1, 0):
         raise ValueError("not of version 1.0 of numpy's format")
     shape, fortran, dtype = npy.read_array_header_1_0(data)
     values = data.read()
-    if fortran or dtype.hasobject or len(values) > most:
+    if fortran or dtype.hasobject or len(values) > max_bytes:
         raise ValueError(f"an array of {dtype} in {len(values)} bytes")
     return np.frombuffer(values, dtype).reshape(shape)
 
