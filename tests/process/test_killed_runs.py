@@ -18,7 +18,7 @@ ALL = int(os.environ.get("SUPERSAMPLER_KILLS", "6"))
 """Kills in the whole of this file; `make fuzz` does 200."""
 RUNS = {
     "whole": (),
-    "range": ("--frames", "3-18,24-28", "--preroll", "2"),
+    "range": ("--frames", "3-18", "--preroll", "2"),
 }
 
 

@@ -116,7 +116,7 @@ def test_names_in_a_file_have_no_say_over_the_terminal(shot: Path) -> None:
     content = (shot / "shot.json").read_text().replace('"tiny"', '"\\u001b[2J\\nwhat"')
     (shot / "shot.json").write_text(content)
     done = CliRunner().invoke(app, ["info", str(shot)])
-    assert (done.exit_code, "?[2J?" in done.stdout) == (0, True)
+    assert (done.exit_code, "?[2J" in done.stdout) == (0, True)
     (shot / "0000.exr").write_bytes(b"")
     done = CliRunner().invoke(app, ["info", str(shot)])
     assert (done.exit_code, done.stderr.count("\n")) == (1, 1)

@@ -9,7 +9,13 @@ from typing import Annotated, Any, TypeAlias, TypeVar
 import msgspec
 
 from supersampler.errors import ShotError
-from supersampler.io.files import IMAGE_SIDE, JSON_BYTES, check_is_file, os_errors_as_shot_error
+from supersampler.io.files import (
+    IMAGE_SIDE,
+    JSON_BYTES,
+    check_is_file,
+    image_size_problem,
+    os_errors_as_shot_error,
+)
 
 _Value = TypeVar("_Value")
 Text: TypeAlias = Annotated[str, msgspec.Meta(min_length=1, max_length=4096)]
@@ -18,8 +24,15 @@ Rate: TypeAlias = Annotated[float, msgspec.Meta(gt=0.0)]
 """Frames a second."""
 _Side = Annotated[int, msgspec.Meta(ge=1, le=IMAGE_SIDE)]
 FileSize: TypeAlias = tuple[_Side, _Side]
-"""[width, height]."""
+"""[width, height]; a Struct that has one calls `check_sizes`."""
 _HINT = "Correct it there, or write it again."
+
+
+def check_sizes(*sizes: FileSize | None) -> None:
+    """Raise ValueError, which msgspec makes an error of its own, where an image has too many pixels."""
+    for size in filter(None, sizes):
+        if (problem := image_size_problem(*size)) is not None:
+            raise ValueError(f"a size {problem}")
 
 
 def read_json(path: Path, limit: int = JSON_BYTES) -> Any:  # JSON is anything

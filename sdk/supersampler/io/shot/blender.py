@@ -14,7 +14,7 @@ from supersampler.errors import ArgumentError, ShotError
 from supersampler.frame import GBUFFER_CHANNELS, Array, Float32, Size
 from supersampler.io.files import SHOT_FRAMES, write_text
 from supersampler.io.images import read_exr, read_header
-from supersampler.io.json_files import FileSize, Rate, Text, read_typed
+from supersampler.io.json_files import FileSize, Rate, Text, check_sizes, read_typed
 from supersampler.io.shot.channels import SequenceOptions, first_file, import_channels
 from supersampler.io.shot.format import LARGEST_NUMBER, FrameEntry, ShotInfo, check_size, take
 from supersampler.io.shot.named_channels import blended_and_ignored
@@ -90,6 +90,9 @@ class RenderedScene(msgspec.Struct, frozen=True, kw_only=True):
     display_size: FileSize
     view: ColorManagement
     ocio: Text
+
+    def __post_init__(self) -> None:
+        check_sizes(self.render_size, self.display_size)
 
 
 class RenderRecord(msgspec.Struct, frozen=True, kw_only=True):

@@ -16,7 +16,7 @@ from supersampler.conventions.encodings import srgb_decoded
 from supersampler.errors import ArgumentError, ShotError, did_you_mean, shown
 from supersampler.frame import GBUFFER_CHANNELS, Array, Float32, Size
 from supersampler.io.images import Channel, read_header, read_image
-from supersampler.io.json_files import FileSize, Rate, Text, read_typed
+from supersampler.io.json_files import FileSize, Rate, Text, check_sizes, read_typed
 from supersampler.io.shot.format import (
     FrameEntry,
     ShotInfo,
@@ -268,6 +268,9 @@ class _MapFile(msgspec.Struct, forbid_unknown_fields=True):
     cuts: tuple[int, ...] = ()
     name: str | None = None
     color_space: Text | None = None
+
+    def __post_init__(self) -> None:
+        check_sizes(self.display_size)
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,7 +18,7 @@ from supersampler.frame import Array, Float32, Size
 from supersampler.io.display_transforms import REC709
 from supersampler.io.files import IMAGE_CHANNELS, SHOT_FRAMES
 from supersampler.io.images import Channel, Metadata, read_exr, read_header, read_image, write_exr
-from supersampler.io.json_files import FileSize, Rate, Text, read_typed
+from supersampler.io.json_files import FileSize, Rate, Text, check_sizes, read_typed
 
 FORMAT_VERSION = 1
 FILE_NAME = "shot.json"
@@ -87,6 +87,9 @@ class FrameEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     render_size: FileSize | None = None
     shaded: bool = True
 
+    def __post_init__(self) -> None:
+        check_sizes(self.render_size)
+
 
 class _ShotFile(msgspec.Struct, kw_only=True, forbid_unknown_fields=True):
     """Content of shot.json but its version; see `ShotInfo`."""
@@ -104,6 +107,9 @@ class _ShotFile(msgspec.Struct, kw_only=True, forbid_unknown_fields=True):
     aov_names: Annotated[tuple[Text, ...], msgspec.Meta(max_length=IMAGE_CHANNELS)] = ()
     color_space: Text = REC709
     frames: Annotated[list[FrameEntry], msgspec.Meta(min_length=1, max_length=SHOT_FRAMES)]
+
+    def __post_init__(self) -> None:
+        check_sizes(self.render_size, self.display_size)
 
 
 def is_frame_range(first: int, last: int) -> bool:
