@@ -24,7 +24,7 @@ TOLERANCES = {name: 1e-3 if name in ("taa", "taau") else 3e-3 for name in WITH_S
 """Mean difference of display values, in [0, 1], from the CPU backend; `taa` clips at thresholds, and the
 others read samples as half floats."""
 INT8 = 6e-3
-"""Tolerances between int8 networks and the fp32 networks of torch and ONNX, on small and noisy images."""
+"""Tolerance between int8 networks and the fp32 networks of torch and ONNX, on small and noisy images."""
 
 
 def device_or_skip() -> Any:
@@ -61,10 +61,10 @@ def distance(one: Float32, other: Float32, exposure: float | None = None) -> flo
 def assert_alike(method: str, frames: Sequence[Frame], display: Size = DISPLAY, other: Any = "cpu") -> None:
     """Step the GPU backend and another one through the same frames; compare each image."""
     ours, theirs = make(method, display=display), make(method, other, display)
-    most = INT8 if other == "onnx" and method.startswith("classifier") else TOLERANCES[method]
+    tolerance = INT8 if other == "onnx" and method.startswith("classifier") else TOLERANCES[method]
     for index, frame in enumerate(frames):
         image = ours.step(frame)
         assert np.isfinite(image).all(), f"frame {index}"
         assert image.min() >= 0.0, f"frame {index}"
         off = distance(image, theirs.step(frame), frame.exposure)
-        assert off <= most, f"frame {index}"
+        assert off <= tolerance, f"frame {index}"

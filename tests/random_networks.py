@@ -28,7 +28,7 @@ Made = tuple[Classifier, Model]
 
 
 def with_random_weights(method: Classifier, folder: Path) -> Made:
-    """Return the method, and its model in `folder`: of a model folder only what the CPU backend needs."""
+    """Return the method, and its model, written to `folder` with only what the CPU backend needs."""
     torch.manual_seed(0)
     assert isinstance(method.net.blend, nn.Conv2d)
     assert method.net.blend.bias is not None
@@ -47,7 +47,7 @@ def with_random_weights(method: Classifier, folder: Path) -> Made:
 
 
 def step_both(made: Made, frames: list[Frame], display: Size) -> list[tuple[Float32, Float32]]:
-    """Images of torch and of the CPU backend, (H, W, 3)."""
+    """Return the images of torch and of the CPU backend, (H, W, 3)."""
     method, model = made
     upscaler = Upscaler(model, display_size=display, validate="off")
     history: Any = method.first_history(ModelSize(*display), ModelSize(*frames[0].size))

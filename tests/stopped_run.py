@@ -8,12 +8,12 @@ import torch
 from supersampler_model.training.trainer import Trainer
 
 
-def assert_goes_on_exactly(trainer: Callable[[Path], Trainer], folder: Path) -> None:
-    """A run that is stopped after three updates must end with the weights of one that is not.
+def assert_resumes_exactly(trainer: Callable[[Path], Trainer], folder: Path) -> None:
+    """Check that a run stopped after three updates ends with the weights of one that is not stopped.
 
     Args:
-        trainer: makes the run of a folder, which need not exist.
-        folder: for the runs' own.
+        trainer: makes the run in a folder, which need not exist.
+        folder: for the folders of the runs.
     """
     whole = trainer(folder / "whole")
     whole.run()

@@ -298,7 +298,7 @@ def _difference(old: Hashed, new: Hashed) -> Iterator[str]:
 
 
 def other_setting(before: JsonRecord, after: JsonRecord) -> str:
-    """Return by what machines and versions of two records differ, as a sentence; "" where they do not."""
+    """Return how machines and versions of two records differ, as a sentence; "" where they do not."""
     pairs = [("machine", machine_name(before), machine_name(after))]
     versions, others = before["versions"], after["versions"]
     pairs += [(name, versions.get(name), others.get(name)) for name in versions if name != "supersampler"]

@@ -1,4 +1,4 @@
-/** Where in their pixels the samples of a frame lie: Halton's sequence, 8 ratio^2 places. */
+/** Jitter of frames: Halton's sequence, 8 ratio^2 places in the pixel. */
 
 /**
  * @param {number} index of the frame @param {number} ratio display over render size

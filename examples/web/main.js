@@ -1,6 +1,6 @@
 /**
- * The page: the scene or a shot, upscaled on WebGPU; where that is not to be had, a shot by ONNX Runtime Web.
- * `?test` in the address: nothing runs by itself, and `window.supersamplerDemo` steps and reads images.
+ * The page: the scene or a shot, upscaled on WebGPU; without WebGPU, a shot by ONNX Runtime Web.
+ * `?test` in the address: nothing starts by itself, and `window.supersamplerDemo` steps and reads images.
  * `?source=shot&method=taau&ratio=3&size=640x360&left=bilinear&right=truth` sets the controls.
  */
 

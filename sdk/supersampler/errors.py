@@ -23,7 +23,7 @@ INCOMPLETE_PACKAGE = (
     "Build a frozen app with pyinstaller --collect-all supersampler; otherwise install the package again."
 )
 """Remedy where a data file of this package is missing."""
-_LONGEST = 120  # characters of a value in a message
+_MAX_SHOWN = 120  # characters of a value in a message
 
 
 class SupersamplerError(Exception):
@@ -105,7 +105,7 @@ def _restored(
 
 def did_you_mean(word: object, choices: Collection[str]) -> str:
     """Return "Did you mean 'x'?" for a misspelt word; "" where no choice is similar."""
-    if not isinstance(word, str) or len(word) > _LONGEST:
+    if not isinstance(word, str) or len(word) > _MAX_SHOWN:
         return ""
     by_lower = {choice.lower(): choice for choice in choices}
     close = difflib.get_close_matches(word.lower(), by_lower, 1)
@@ -115,7 +115,7 @@ def did_you_mean(word: object, choices: Collection[str]) -> str:
 def shown(value: object) -> str:
     """Return a short text for any value, for messages; a `repr` that fails is not a problem.
 
-    Arrays, and what holds some, are shown by shape or type.
+    Arrays are shown by shape, and what contains them by type.
     """
     try:
         if getattr(value, "ndim", 0):
@@ -125,7 +125,7 @@ def shown(value: object) -> str:
             return f"of type {type(value).__name__}"
     except Exception:  # of a user's class, or of an int with more than 4300 digits
         return f"of type {type(value).__name__}"
-    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
+    return text if len(text) <= _MAX_SHOWN else f"{text[:_MAX_SHOWN]}..."
 
 
 def printable(text: str) -> str:

@@ -55,13 +55,13 @@ def node_or_skip() -> str:
 
 
 def run_cases(kind: str, base: Path, mutate: Mutate, count: int, work: Path) -> list[str]:
-    """Read cases 0 to `count` in child processes, and return what happened that must not, a line each.
+    """Read cases 0 to `count` in child processes, and return a line for each that went wrong.
 
     Args:
         kind: key of READERS in read_cases.mjs.
         base: folder of the whole files.
-        mutate: files that replace some of these; a generator that is seeded by the case's number says which.
-        count: of cases.
+        mutate: returns the files to replace, by a generator that is seeded with the case's number.
+        count: number of cases.
         work: folder for the cases.
     """
     node, first = node_or_skip(), 0
@@ -151,7 +151,7 @@ def resident(process: int) -> int:
 
 
 def write_tiny(folder: Path) -> None:
-    """A shot of two frames in this package's conventions, one with a reference."""
+    """Write a shot of two frames in this package's conventions, one with a reference."""
     with ShotWriter(folder, name="tiny", display_size=(64, 36), frame_rate=30) as writer:
         writer.write(noise(0))
         writer.write(noise(1, exposure=0.5), reference=np.zeros((36, 64, 3), np.float32))

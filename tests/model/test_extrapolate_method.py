@@ -1,4 +1,4 @@
-"""`extrapolate` before any training is `classifier`, of both kinds of frames; its two encoders are two."""
+"""`extrapolate` equals `classifier` before training; each of its encoders sees one kind of frame."""
 
 from collections.abc import Mapping
 

@@ -1,4 +1,4 @@
-/** What the readers of examples/web promise about servers, folders and sizes. Writes {promise: true, or what was found} as JSON. */
+/** Checks of the readers of examples/web with servers, folders and sizes. Writes {promise: true, or a description of the failure} as JSON. */
 
 import { createServer } from "node:http";
 import {
@@ -23,7 +23,7 @@ async function refuses(kind, text, call) {
   return "nothing was thrown";
 }
 
-// --- ratios: as sdk/supersampler/conventions/ratios.py ---
+// --- ratios: as check_ratio in sdk/supersampler/conventions/jitter.py ---
 
 const fits = (render, display) => fitsRatio([1, 3], [render, 100], [display, 200]);
 found["a ratio in the range fits"] = fits(100, 200);

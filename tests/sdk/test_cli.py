@@ -46,7 +46,7 @@ def shot(tmp_path: Path) -> Path:
 
 
 def upscaled(path: Path, display_size: tuple[int, int]) -> list[np.ndarray]:
-    """Images that the library makes of the shot."""
+    """Return the images that the library makes of the shot."""
     upscaler = Upscaler("classifier", display_size=display_size)
     return [upscaler.step(item.frame) for item in Shot.open(path)]
 
@@ -153,7 +153,7 @@ def test_other_settings_need_overwrite(shot: Path, tmp_path: Path) -> None:
     assert list((tmp_path / "out").glob("*.png")) == []  # the earlier run's
 
 
-def test_overwrite_keeps_what_is_there_until_the_new_settings_are_known_to_do(
+def test_overwrite_keeps_what_is_there_until_the_new_settings_are_known_to_work(
     shot: Path, tmp_path: Path
 ) -> None:
     run("upscale", shot, "-o", tmp_path / "out")

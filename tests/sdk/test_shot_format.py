@@ -145,7 +145,7 @@ def test_the_files_shown_in_the_docs_are_read(tmp_path: Path) -> None:
     assert import_described_channels(tmp_path).read(48).frame.reset
 
 
-# --- shots that share their display-size files, and of class maps beside a reference ---
+# --- shots that share their display-size files; class maps beside a reference ---
 
 
 DISPLAY_SIZE = (32, 18)

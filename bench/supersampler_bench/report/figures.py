@@ -47,7 +47,7 @@ class ErrorMaps:
     Warm-up frames count only in shots that have no later ones.
 
     Args:
-        methods: their names.
+        methods: names of the methods.
     """
 
     def __init__(self, methods: list[str]) -> None:
@@ -99,11 +99,11 @@ def _panels(
     """Yield panels of a figure, two in a row; then write the figure.
 
     Args:
-        count: of the panels.
-        path: of the PNG.
-        size: of a panel, inches.
-        title: of the figure.
-        legend: entries in a row of the legend of the first panel; 0: there is no legend.
+        count: number of panels.
+        path: PNG to write.
+        size: inches of a panel, (width, height).
+        title: title of the figure.
+        legend: entries in a row of the legend, which is the first panel's; 0: there is no legend.
         sharex: whether panels share their horizontal axis.
     """
     columns = min(count, 2)
@@ -130,9 +130,9 @@ def draw_shot(shot: ShotRow, maps: ErrorMaps, folder: Path) -> None:
     """Write a folder with curves and errors of one shot.
 
     Args:
-        shot: by `shot_row`.
-        maps: that have watched the measurement.
-        folder: of the folder.
+        shot: scores of the shot.
+        maps: errors of its measurement.
+        folder: the new folder is written here.
     """
     name = shot.name + (f"-{variant_name(shot.ratio)}" if shot.ratio is not None else "")
     draw_curves(shot, folder / name / "curves.png")
@@ -143,8 +143,8 @@ def draw_curves(shot: ShotRow, path: Path) -> None:
     """Draw each metric of each method over the frames, without the border; the warm-up is shaded.
 
     Args:
-        shot: by `shot_row`.
-        path: of the PNG.
+        shot: scores of the shot.
+        path: PNG to write.
     """
     rows = shot.methods
     columns = [c for c in dict.fromkeys((*COLUMNS, *CLIP_COLUMNS)) if any(_curve(c, row) for row in rows)]
@@ -175,12 +175,12 @@ def _curve(column: Column, row: MethodRow) -> dict[int, float]:
 
 
 def draw_errors(title: str, maps: ErrorMaps, path: Path) -> None:
-    """Draw, by method, its image of the worst frame, the error there and the mean error, on one scale.
+    """Draw each method's image of the worst frame, its error there and its mean error, on one scale.
 
     Args:
-        title: of the figure.
-        maps: that have watched at least one frame.
-        path: of the PNG.
+        title: title of the figure.
+        maps: errors of at least one frame.
+        path: PNG to write.
     """
     means, worst = maps.means, maps.worst
     height, width = means[0].shape
@@ -219,8 +219,8 @@ def draw_still(record: StillRecord, path: Path) -> None:
     """Draw a panel for each scene at one ratio: PSNR of each method over the frames.
 
     Args:
-        record: of `bench still`.
-        path: of the PNG.
+        record: record of `bench still`.
+        path: PNG to write.
     """
     scenes: dict[str, list[StillScores]] = {}
     for score in record.scores_at_one_ratio():

@@ -29,7 +29,7 @@ class ScenarioOutcome:
         scenario, method, executor, precision: what was run.
         display: (width, height) of the images.
         frames: approximate number of frames.
-        figures: measured values, among them the number of bad values; none of a run that raised.
+        figures: measured values, among them the number of bad values; empty where the run raised.
         error: the error that it raised.
     """
 
@@ -83,11 +83,10 @@ def left_out(scenarios: Sequence[Scenario], subjects: Sequence[Subject]) -> list
     for subject in subjects:
         names = [scenario.name for scenario in scenarios if not scenario.supports(subject)]
         low, high = subject.ratios
-        ratios = f"{low:g} alone" if low == high else f"{low:g} to {high:g}"
+        ratios = f"only ratio is {low:g}" if low == high else f"ratios are {low:g} to {high:g}"
         if names:
             texts.append(
-                f"{subject.method} {subject.executor}, whose ratios are {ratios}, is left out of "
-                f"{', '.join(names)}"
+                f"{subject.method} {subject.executor}, whose {ratios}, is left out of {', '.join(names)}"
             )
     return texts
 
@@ -99,7 +98,7 @@ def measure(
     quick: bool = False,
     keep: Path | None = None,
 ) -> Iterator[ScenarioOutcome]:
-    """Run all scenarios that suit each subject; yield each outcome when it is there.
+    """Run all scenarios that suit each subject; yield each outcome as it is ready.
 
     Args:
         scenarios: of FAMILIES, or others.
@@ -205,8 +204,8 @@ class StressRecord(BenchRecord):
         if {o.scenario for o in outcomes} & {s.name for s in FAMILIES["recovery"]}:
             caption += (
                 " After one hostile frame, the bound is the largest difference after a reset at one of "
+                "five frames, if that is larger."
             )
-            caption += "five frames, if that is larger."
         broken = [f"- {o.scenario}, {o.subject}: broke. {o.error}" for o in outcomes if o.error]
         headings = ["scenario", "figure", "at most:", *(f"{subject}:" for subject in subjects)]
         return "\n".join([table(headings, rows, caption), *([""] if broken else []), *broken])

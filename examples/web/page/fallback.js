@@ -54,7 +54,7 @@ class FallbackPage {
     stage.onChange = () => this.presenter.present(stage.shown);
   }
 
-  /** Shows frame after frame; returns never. */
+  /** Shows frame after frame, and never returns. */
   async run() {
     const { pause, single, method } = this.controls;
     let isPaused = false, wake = () => {};

@@ -23,7 +23,7 @@ const RATIOS = [1 / 8, 8]; // of display to render size, beyond those of all met
 const JSON_BYTES = 1 << 24, FILE_BYTES = 2 ** 30, FRAMES = 1 << 20, TEXT = 4096;
 const NAME_BYTES = 255, FORBIDDEN = /[\\:\x00-\x1f\ud800-\udfff]/u; // of names of files, as in supersampler.io.shot.format
 const UTF8 = new TextEncoder();
-const DROPPED = 1 << 17, DEEPEST = 16; // files and folders of a dropped folder
+const MAX_DROPPED = 1 << 17, MAX_DEPTH = 16; // files, and folders in folders, of a dropped folder
 
 /** A shot that cannot be shown; the message names the file and what is missing. */
 export class ShotError extends Error {
@@ -184,10 +184,10 @@ async function filesBelow(root) {
     for (let entries = await read(); entries.length; entries = await read()) { // a reader gives a hundred at a time
       for (const entry of entries) {
         const path = prefix + entry.name;
-        if (++count > DROPPED) throw new ShotError(`${root.name} has more than ${DROPPED} files.`);
+        if (++count > MAX_DROPPED) throw new ShotError(`${root.name} has more than ${MAX_DROPPED} files.`);
         if (!entry.isDirectory) files.set(path, await named(path, new Promise((resolve, reject) => entry.file(resolve, reject))));
-        else if (depth < DEEPEST) folders.push({ folder: entry, prefix: `${path}/`, depth: depth + 1 });
-        else throw new ShotError(`${path} is a folder in more than ${DEEPEST} others.`);
+        else if (depth < MAX_DEPTH) folders.push({ folder: entry, prefix: `${path}/`, depth: depth + 1 });
+        else throw new ShotError(`${path} is a folder in more than ${MAX_DEPTH} others.`);
       }
     }
   }

@@ -191,7 +191,10 @@ def size_text(size: Size | None) -> str:
 
 
 def _with_option(error: ArgumentError, names: dict[str, str]) -> ArgumentError:
-    """Return the error with the name of the option that was typed, by the argument's name; "" is the same."""
+    """Return the error with the option in place of the argument that it names.
+
+    `names` maps arguments to options; "" stands for the option of the argument's name.
+    """
     if error.name not in names:
         return error
     option = names[error.name] or f"--{error.name.replace('_', '-')}"

@@ -23,7 +23,7 @@ class Conventions(ConventionFields):
             mvecScale, XeSS's velocity scale.
         motion_direction: "previous_minus_current" vectors are added to a pixel to find it in the previous
             frame, "current_minus_previous" ones are subtracted.
-        motion_next_direction: the same of `motion_next`: "next_minus_current" vectors are added to a pixel to
+        motion_next_direction: of `motion_next`: "next_minus_current" vectors are added to a pixel to
             find it in the next frame, "current_minus_next" ones are subtracted.
         motion_flip_y: True where y is opposite to that of the unit.
         motion_resolution: "render"; or "display": vectors at display size, already dilated. Each render pixel

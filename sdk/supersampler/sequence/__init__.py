@@ -48,7 +48,7 @@ def upscale_sequence(
     >>> for image in upscale_sequence(Shot.open("plaza"), display_size=(640, 360)):
     ...     show(image)  # (360, 640, 3) float32, linear RGB
 
-    Frames are read once, in order: a generator will do as well as a list or a `Shot`. The frames of a chunk
+    Frames are read once, in order: a generator will do. The frames of a chunk
     and its backward images are kept in memory up to 1 GiB, and beyond that in a scratch file, which is
     removed at the end, after an error, and when the iterator is closed or deleted.
 
@@ -61,15 +61,9 @@ def upscale_sequence(
         lookahead: for live use, with two passes: chunks of this many frames, 1 to 64, which read as many
             further frames. The image of a frame comes at most 2 * `lookahead` frames later and costs three
             steps; frames are kept in memory. None is for frames on disk.
-        providers: see `Upscaler`.
-        threads: see `Upscaler`.
-        executor: see `Upscaler`.
-        precision: see `Upscaler`.
-        at_rest: see `Upscaler`.
-        skip: see `Upscaler`.
+        providers, threads, executor, precision, at_rest, skip, validate: see `Upscaler`.
         extrapolation: model for frames without colour, such as "guided-warp". One pass takes their light from
             the previous shaded frame, as `Upscaler.extrapolate`; two passes from the previous and the next.
-        validate: see `Upscaler`.
         scratch: existing folder for the scratch file; None is the system's place for temporary files.
 
     Returns:

@@ -105,7 +105,7 @@ def test_sequences_rendered_at_another_ratio_share_what_is_of_display_size(
     assert frame.frame().gbuffer_display is not None
 
 
-def test_another_ratio_is_not_rendered_of_scenes_that_have_changed(
+def test_another_ratio_is_not_rendered_for_scenes_that_have_changed(
     tmp_path: Path, small_renderer: Renderer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     dataset, _ = rendered(tmp_path, small_renderer)

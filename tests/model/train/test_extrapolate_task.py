@@ -12,7 +12,7 @@ import torch
 from typer.testing import CliRunner
 
 from gbuffer_sets import DISPLAY, gbuffer_data
-from stopped_run import assert_goes_on_exactly
+from stopped_run import assert_resumes_exactly
 from supersampler.cli import app
 from supersampler.errors import ArgumentError
 from supersampler.methods.classifier.spec import ClassifierConfig, NetworkConfig
@@ -165,7 +165,7 @@ def trainer(data: Dataset, folder: Path) -> Trainer:
 
 
 def test_a_run_that_was_stopped_ends_with_the_same_weights(data: Dataset, tmp_path: Path) -> None:
-    assert_goes_on_exactly(partial(trainer, data), tmp_path)
+    assert_resumes_exactly(partial(trainer, data), tmp_path)
 
 
 def test_validation_tells_shaded_frames_from_hidden_ones(data: Dataset, task: ExtrapolateTask) -> None:

@@ -13,7 +13,7 @@ import typer
 from torch import nn
 from typer.testing import CliRunner
 
-from stopped_run import assert_goes_on_exactly
+from stopped_run import assert_resumes_exactly
 from supersampler import halton_jitter
 from supersampler.cli import app
 from supersampler.errors import ArgumentError, ShotError
@@ -65,7 +65,7 @@ def trainer(dataset: Dataset, folder: Path, plan: Plan = PLAN) -> Trainer:
 
 
 def test_a_run_that_was_stopped_ends_with_the_same_weights(dataset: Dataset, tmp_path: Path) -> None:
-    assert_goes_on_exactly(partial(trainer, dataset), tmp_path)
+    assert_resumes_exactly(partial(trainer, dataset), tmp_path)
 
 
 class Interrupting(list[Update]):

@@ -44,7 +44,7 @@ class Camera:
     Attributes:
         fov_y: vertical field of view, degrees.
         near: metres; depth is near / view distance.
-        exposure: what the frame's colour is multiplied by before the tone curve; the colour itself is not.
+        exposure: factor of the frame's colour before the tone curve; the colour is stored without it.
     """
 
     position: Vector
@@ -201,7 +201,7 @@ class Sun:
     Attributes:
         direction: from the light to the scene; its length does not matter.
         color: irradiance on a surface that faces it.
-        center, radius: of the sphere that the shadow map covers, metres; there is no shadow outside.
+        center, radius: sphere that the shadow map covers, metres; there is no shadow outside.
     """
 
     direction: Vector

@@ -11,7 +11,7 @@ from supersampler_model.data.scenes.scene import Camera, Matrices, Matrix, Rng, 
 def placed(
     x: float = 0.0, y: float = 0.0, z: float = 0.0, *, yaw: float = 0.0, size: float | Sequence[float] = 1.0
 ) -> Matrix:
-    """Return: scale by `size`, turn by `yaw` radians about y, move to (x, y, z)."""
+    """Return the pose that scales by `size`, turns by `yaw` radians about y, and moves to (x, y, z)."""
     matrix = turned_by(1, yaw)
     matrix[:3, :3] *= np.broadcast_to(np.asarray(size, np.float64), 3)
     matrix[:3, 3] = x, y, z
@@ -70,7 +70,7 @@ def place_of(place: Place | Point3) -> Place:
 
 
 def drift(rng: Rng, amount: float, rate: float) -> Place:
-    """Return a random wandering around the origin: about `amount` metres at about `rate` hertz."""
+    """Return a random path around the origin: about `amount` metres at about `rate` hertz."""
     waves = rng.normal(0.0, amount / 2.0, (4, 3))
     rates, phases = 2.0 * np.pi * rate * rng.uniform(0.4, 1.6, (4, 3)), rng.uniform(0.0, 6.3, (4, 3))
     return lambda t: np.asarray((waves * np.sin(rates * t + phases)).sum(axis=0))
