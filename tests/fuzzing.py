@@ -46,9 +46,9 @@ def run_apart(prepare: Prepare, count: int, *, memory: int = 1 << 30, seconds: f
 
     Args:
         prepare: a function of a module's top level; it runs once in each child, without limits.
-        count: of cases.
+        count: number of cases.
         memory: bytes of address space that cases may take beyond what `prepare` took (Linux).
-        seconds: that a case may take.
+        seconds: seconds that a case may take.
 
     Returns:
         What happened that must not, a line each: a signal, a hang, or an exception outside of

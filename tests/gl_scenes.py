@@ -155,7 +155,7 @@ class Yard:
     """All features of the renderer in one scene. Frame 0 onwards at 30 frames a second.
 
     Args:
-        seed: of the textures.
+        seed: seed of the textures.
         frozen_lights: nothing but objects and the camera moves, no highlights follow them.
         still: nothing moves at all.
     """

@@ -53,10 +53,10 @@ class RestScene:
     """A pattern on a wall, lit as a whole or in part.
 
     Attributes:
-        pattern: of display pixels (x, y).
+        pattern: pattern of display pixels (x, y).
         light: factor of the frame's light, a number or RGB.
         place: "all" of the wall is lit so and scrolls, a round "spot", or what an "edge" has passed.
-        speed: of the edge, and of the pattern in `place`, display pixels a frame; nothing says that it moves.
+        speed: speed of the edge, and of the pattern in `place`, display pixels a frame; motion vectors lack it.
         creep: motion of the camera, render pixels a frame, which motion vectors say.
         mover: whether a disc moves across, with motion vectors.
         render: (width, height) of the frames.

@@ -63,9 +63,9 @@ class Ablation:
     Attributes:
         method: a key of VARIANTS.
         data: training sets.
-        folder: of the runs, numbered like the method's variants; existing runs are continued.
+        folder: folder of the runs, numbered like the method's variants; existing runs are continued.
         steps: updates of each run.
-        size: of the crops, display pixels.
+        size: size of the crops, display pixels.
         seeds: runs of each variant. The first variant has at least two, so that chance is known.
         workers: runs at a time, one thread each.
     """

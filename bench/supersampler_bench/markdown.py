@@ -14,7 +14,7 @@ def table(headings: Sequence[str], rows: Iterable[Iterable[object]], caption: st
     """Return a Markdown table with its caption below.
 
     Args:
-        headings: of the columns; one that ends with ":" is aligned to the right, as numbers are.
+        headings: headings of the columns; one that ends with ":" is aligned to the right, as numbers are.
         rows: cells of each row.
         caption: a paragraph; "" for none.
     """

@@ -55,7 +55,7 @@ class Agreement:
         frames: number of frames.
         first: mean difference over the first tenth of the frames.
         last: mean difference over the last tenth.
-        psnr: of the images of the last tenth against torch's, dB.
+        psnr: PSNR of the images of the last tenth against torch's, dB.
         p999: largest 99.9th percentile of the differences of a frame.
     """
 
@@ -77,7 +77,7 @@ def measure_parity(
 
     Args:
         methods: names of shipped models.
-        frames: of each sequence.
+        frames: frames of each sequence.
         on_frame: called after each frame of a size.
     """
     results = []

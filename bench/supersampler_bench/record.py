@@ -38,12 +38,12 @@ class Provenance:
     """Provenance of a measurement.
 
     Attributes:
-        commit: of the repository; None outside of one.
+        commit: commit of the repository; None outside a repository.
         model_digests: see `model_digests`; None in records from before there were any.
-        versions: of Python and of packages.
+        versions: versions of Python and of packages.
         machine: processor, cores and operating system.
-        command: that measured.
-        date: in UTC.
+        command: command that measured.
+        date: date in UTC.
         seconds: duration of the command.
     """
 
@@ -77,7 +77,7 @@ class BenchRecord:
     """Values of one measurement, and their tables. A subclass has the values of one bench as fields.
 
     Attributes:
-        provenance: of the measurement.
+        provenance: provenance of the measurement.
         quick: whether few steps and frames were measured, so that numbers are rough.
     """
 

@@ -18,7 +18,7 @@ class HalfNetwork(nn.Module):
     exceed the range of half floats.
 
     Args:
-        network: of (tensor, ...) to (tensor, ...); not changed.
+        network: network of (tensor, ...) to (tensor, ...); not changed.
     """
 
     def __init__(self, network: nn.Module) -> None:

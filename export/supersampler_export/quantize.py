@@ -84,7 +84,7 @@ class ByteLayout:
 
     Attributes:
         channel: index of the channel; -1: padding.
-        scale: of its values.
+        scale: scale of its values.
         zero: byte of the value 0.
     """
 
@@ -190,7 +190,7 @@ def quantized(network: ClassifierNetwork, ranges: Mapping[str, float]) -> Arrays
 
     Args:
         network: trained.
-        ranges: of the outputs of layers, by name, from `calibrated`.
+        ranges: ranges of the outputs of layers, by name, from `calibrated`.
 
     Returns:
         "<layer>.weights", ".scale" and ".bias" of each; "logits.first", the index of the classes among the

@@ -74,9 +74,9 @@ def layer_of(arrays: Arrays, name: str, shape: tuple[int, ...]) -> Layer:
     The inverse of `pixelwise`, `depthwise` and `by_output` of `quantize`.
 
     Args:
-        arrays: of `network.npz`.
-        name: of the graph's convolution: "encoder.blocks.0.1", "decoder.0.0", "classes", ...
-        shape: of its weights, (out, in, height, width).
+        arrays: arrays of `network.npz`.
+        name: name of the graph's convolution: "encoder.blocks.0.1", "decoder.0.0", "classes", ...
+        shape: shape of its weights, (out, in, height, width).
     """
     part, level = _part_of(name), int(name.split(".")[2]) if name.startswith("encoder") else 0
     weights, scale, bias = (arrays[f"{part}.{field}"] for field in ("weights", "scale", "bias"))

@@ -82,8 +82,8 @@ class CoverageMap:
     """Tests by the lines that they run.
 
     Attributes:
-        seconds: that each test takes by itself.
-        lines: of each target, by line, the tests of which one may notice a change there.
+        seconds: seconds that each test takes by itself.
+        lines: lines of each target, by line, the tests of which one may notice a change there.
     """
 
     seconds: dict[str, float]

@@ -56,8 +56,8 @@ class Mutant:
     """One change of one file.
 
     Attributes:
-        path: of the file, from the root.
-        line: of the change, from 1.
+        path: path of the file, from the root.
+        line: line of the change, from 1.
         lines: first and last line of the statement that it is in.
         on_import: whether that runs when the module is imported, and its value is used elsewhere.
         where: function or class, dotted; empty outside of all.

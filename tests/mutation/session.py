@@ -30,8 +30,8 @@ class Outcome:
 
     Attributes:
         failed: the first test that failed, or what else went wrong; None where all passed.
-        seconds: of each test that passed, with what is set up for it.
-        lines: of each target file, the tests that ran each line; see `coverage_map`.
+        seconds: seconds of each test that passed, with what is set up for it.
+        lines: lines of each target file, the tests that ran each line; see `coverage_map`.
     """
 
     failed: str | None = None

@@ -153,8 +153,8 @@ def publish(
     """Print the tables of a record, and write it to `json`.
 
     Args:
-        record: of a measurement.
-        name: of its first block, as "latency".
+        record: record of a measurement.
+        name: name of its first block, such as "latency".
         json: file of the record; None writes none.
         unprinted: names of blocks that are left out.
     """

@@ -107,7 +107,7 @@ def motion_over_two_frames(frame: Frame, since: Array | None, jitter: tuple[floa
     Args:
         frame: this one.
         since: (h, w, 2), from the previous frame to an earlier one; None: return the frame's own motion.
-        jitter: of the previous frame.
+        jitter: jitter of the previous frame.
     """
     if since is None:
         return frame.motion
@@ -233,7 +233,7 @@ def measure_extrapolation(
     Args:
         shot: all of its frames are shaded and have the G-buffers that the models read.
         upscalers: as `parse_spec` reads them.
-        models: that extrapolate: their names, or folders.
+        models: models that extrapolate: their names, or folders.
         alternations: as `Alternation` reads them.
         every_frame: run once with each offset of an alternation, so that each frame but the first after a cut
             is scored as unshaded and as shaded.
@@ -330,7 +330,7 @@ class WarpBaseline:
     """Upscales shaded frames alone, and warps the last image on the others.
 
     Args:
-        upscaler: of the shaded ones.
+        upscaler: upscaler of the shaded ones.
         alternation: which frames are unshaded.
         filled: whether disoccluded pixels are filled from the nearest background.
     """
@@ -362,8 +362,8 @@ class ExtrapolationRecord(ScoresRecord):
     """Scores of unshaded frames on shots, and their means at each ratio.
 
     Attributes:
-        models: that extrapolate.
-        means: at each ratio and alternation.
+        models: models that extrapolate.
+        means: means at each ratio and alternation.
         every_frame: see `measure_extrapolation`.
     """
 

@@ -209,10 +209,10 @@ def both_ways_images(
     """Yield the images of some frames in two passes.
 
     Args:
-        frames: in order.
+        frames: frames in order.
         forward: of the method.
         outputs: names of further outputs, such as "class_map".
-        interpolator: of the colours of unshaded frames.
+        interpolator: interpolator of the colours of unshaded frames.
     """
     backward = Upscaler(
         forward.model, display_size=forward.display_size, at_rest=forward.at_rest, validate="off"

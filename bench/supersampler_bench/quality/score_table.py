@@ -30,7 +30,7 @@ class Column:
     """Presentation of one metric.
 
     Attributes:
-        name: of the metric, in a record.
+        name: name of the metric, in a record.
         title: for people.
         digits: after the point.
         higher: whether more is better.
@@ -82,7 +82,7 @@ def markdown_table(
     Args:
         title: the caption without its full stop.
         rows: one for each method.
-        columns: in order; rare ones are omitted where no row has a value.
+        columns: columns in order; rare ones are omitted where no row has a value.
         everything: count the first frames and the border, too.
     """
     shown = _shown(columns, rows)

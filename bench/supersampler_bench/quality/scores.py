@@ -49,7 +49,7 @@ def count_classes(class_map: Float32, truth: ClassMaps, border: int = 0) -> Coun
     Args:
         class_map: (H / 2, W / 2, 6), sizes rounded up, see `StepResult.class_map`; or (H, W, 6), as that of
             `classifier-paper`.
-        truth: of (H, W) pixels.
+        truth: truth of (H, W) pixels.
         border: display pixels at each side that do not count.
 
     Raises:
@@ -188,7 +188,7 @@ class MethodRow:
         summary: of each of SUMMARY_VARIANTS, each metric; None or NaN where it is unknown.
         classes: class counts of each of SUMMARY_VARIANTS, by group.
         frames: scores of single frames: number, full, cropped. Published records have none.
-        ratio: of a mean over shots.
+        ratio: ratio of a mean over shots.
     """
 
     method: str
@@ -245,7 +245,7 @@ class ShotRow:
     """Scores of methods on one shot in a record.
 
     Attributes:
-        name: of the shot.
+        name: name of the shot.
         shot_json_sha256: of its description; None where that is no file.
         frames: their number.
         reference_frames: numbers of the frames that have a reference.

@@ -39,7 +39,7 @@ class StillScores:
     """One method in one scene; of pixels that never change.
 
     Attributes:
-        scene: of SCENES.
+        scene: one of SCENES.
         ratio: display over render size.
         method: the model's name.
         executor: "cpu" or "onnx".
@@ -68,7 +68,7 @@ class StillTimes:
 
     Attributes:
         method: the model's name.
-        milliseconds: of a full step, with `skip=False`, in the last period.
+        milliseconds: milliseconds of a full step, with `skip=False`, in the last period.
         settling: of a frame in the second period, over that of a full step on the same frames.
         rest: likewise in the last period.
     """
@@ -84,7 +84,7 @@ class StillScene:
     """Frames before a fixed camera.
 
     Attributes:
-        frames: of PERIODS[-1] jitter periods.
+        frames: frames of PERIODS[-1] jitter periods.
         truth: (H, W, 3) reference of the last frame, as a screen shows it.
         still: (H, W) pixels that never change.
     """
@@ -111,10 +111,10 @@ def measure_still(
     """Step methods through scenes for four jitter periods.
 
     Args:
-        scenes: of SCENES, each with a ratio.
+        scenes: some of SCENES, each with a ratio.
         methods: names of models.
         display: (width, height) of the images.
-        executors: that run each method.
+        executors: executors that run each method.
         samples: per pixel of the test shots' references.
         on_frame: called after each frame of a scene.
     """
@@ -210,7 +210,7 @@ def make_scene(name: str, display: Size, ratio: float, samples: int) -> StillSce
     """Render a scene.
 
     Args:
-        name: of SCENES.
+        name: one of SCENES.
         display: (width, height) of the images.
         ratio: display over render size.
         samples: per pixel of the test shots' references.

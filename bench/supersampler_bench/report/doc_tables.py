@@ -53,7 +53,7 @@ def blocks_of(name: str, record: JsonRecord) -> Mapping[str, Callable[[], str]]:
     They raise ArgumentError if the record was written by another version.
 
     Args:
-        name: of its file, without the suffix: "quality-plaza" is the block "quality plaza".
+        name: name of its file, without the suffix: "quality-plaza" is the block "quality plaza".
         record: read from it.
     """
     kind = next((kind for kind in RECORDS if record["bench"] == kind.BENCH), None)
@@ -87,7 +87,7 @@ class DocBlock:
 
     Attributes:
         page: the file.
-        name: of the block.
+        name: name of the block.
         text: its present text.
         recorded: the text made from its record; None where there is no record of this version.
         problem: why there is none.
@@ -152,7 +152,7 @@ class Recipe:
     """Command that measures a record.
 
     Attributes:
-        name: of the record's file, without the suffix.
+        name: name of the record's file, without the suffix.
         command: as one types it, without --json.
         record: the present one; None where there is none.
     """
@@ -182,7 +182,7 @@ def recipes(root: Path, names: Sequence[str] = ()) -> Iterator[Recipe]:
 
     Args:
         root: the repository.
-        names: of records; none are all.
+        names: names of records; none are all.
 
     Raises:
         ArgumentError: there is no such file, or it has no such record.

@@ -31,8 +31,8 @@ class TestShots:
     """Settings of test shots. Seeds were chosen by eye; no family here is trained on.
 
     Attributes:
-        seeds: of each family's sequence.
-        frames: of each shot.
+        seeds: seeds of each family's sequence.
+        frames: frames of each shot.
         display_size: (width, height) of references and display-size G-buffers.
         ratios: display over render size.
         samples: a pixel of the reference.

@@ -37,8 +37,8 @@ def rendered_frame(
     """Render a scene at render size, with its camera's exposure.
 
     Args:
-        renderer: of the scene.
-        scene: at the time of this frame.
+        renderer: renderer of the scene.
+        scene: scene at the time of this frame.
         size: (width, height), render pixels.
         jitter: (x, y) render pixels, in [-0.5, 0.5].
         reset: whether the frame is the first after a cut.
@@ -55,8 +55,8 @@ def rendered_sequence(
     """Render a test shot of any length; yield frames, references and exposures of the camera.
 
     Args:
-        renderer: of display size.
-        family: of the test shot.
+        renderer: renderer of display size.
+        family: family of the test shot.
         count: number of frames.
         size: (width, height), render pixels.
         references: number of frames, the last ones, that have a reference (H, W, 3); None for the others.

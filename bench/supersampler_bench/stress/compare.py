@@ -171,7 +171,7 @@ def contraction(
         base: a session.
         other: a second session of the same subject.
         frames: they repeat.
-        rounds: of `EVERY` frames.
+        rounds: rounds of `EVERY` frames.
         size: root mean square of the difference, linear RGB: small, yet far above rounding.
         warm_up: frames before there is a difference.
     """

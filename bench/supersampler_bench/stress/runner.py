@@ -101,7 +101,7 @@ def measure(
     """Run all scenarios that suit each subject; yield each outcome as it is ready.
 
     Args:
-        scenarios: of FAMILIES, or others.
+        scenarios: some of FAMILIES, or others.
         subjects: methods in executors.
         quick: few and small frames.
         keep: folder of kept outcomes, which are reused where nothing has changed since.

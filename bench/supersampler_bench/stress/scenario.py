@@ -54,7 +54,7 @@ class Subject:
     Attributes:
         method: its name.
         executor: "cpu" or "onnx".
-        precision: of the network, "fp32", "fp16" or "int8".
+        precision: precision of the network, "fp32", "fp16" or "int8".
         remembers: whether it has a history.
         reach: display pixels around a bad one that may look different.
         begin: of the method as it runs by default.
@@ -245,9 +245,9 @@ def scenario(
     """Decorate a function of (trial, *arguments), which adds it to a family.
 
     Args:
-        family: of FAMILIES.
+        family: one of FAMILIES.
         name: see `Scenario`.
-        arguments: of the function, after the trial.
+        arguments: arguments of the function, after the trial.
         cpu: frames on the CPU backend.
         onnx: frames on the ONNX backend; 0: as many as on the CPU backend.
         description: by default the function's docstring.

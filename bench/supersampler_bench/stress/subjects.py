@@ -26,7 +26,7 @@ def subjects(methods: Sequence[str], executors: Sequence[ExecutorName]) -> list[
     Args:
         methods: shipped models or model folders, with a precision as in "classifier:fp16"; "taau+guided-warp"
             is `taau` with every second frame unshaded and extrapolated by the other; "taau:x2" is two passes.
-        executors: of the upscaling method.
+        executors: executors of the upscaling method.
     """
     return [subject for method in methods for subject in _of(method, executors)]
 

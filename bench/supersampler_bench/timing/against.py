@@ -109,7 +109,7 @@ class Version:
 
         Args:
             program: `FIRST_IMAGE` or `STEPS`.
-            request: of the program.
+            request: request of the program.
 
         Raises:
             ArgumentError: it fails; with its last message.
@@ -150,8 +150,8 @@ class FirstFrame:
 
     Attributes:
         method: the model's name.
-        cold_seconds: with an empty kernel cache.
-        warm_seconds: with the kernels cached.
+        cold_seconds: seconds with an empty kernel cache.
+        warm_seconds: seconds with the kernels cached.
         cache_bytes: size of the cached kernels.
     """
 
@@ -245,7 +245,7 @@ class Compared:
     Attributes:
         method: the model's name.
         display: (width, height) of the images.
-        threads: on the CPU; 0 for first images, which use the version's default.
+        threads: threads on the CPU; 0 for first images, which use the version's default.
         what: `STEP_WALL`, `STEP_CORES` or `FIRST`.
         this: of the installed version.
         other: of the other one.
@@ -286,8 +286,8 @@ def measure_against(
         displays: (width, height) of the images.
         threads: numbers of CPU threads.
         ratio: display over render size.
-        rounds: of each setting; at least MIN_ROUNDS.
-        steps: that count, of each version in a round.
+        rounds: rounds of each setting; at least MIN_ROUNDS.
+        steps: steps that count, of each version in a round.
         on_round: called after each round of each method.
         on_left_out: called with what is not timed, and why.
 

@@ -18,7 +18,7 @@ class Cost:
 
     Attributes:
         method: the model's name.
-        multiply_adds: of its convolutions and matrix products, per display pixel.
+        multiply_adds: multiply-adds of its convolutions and matrix products, per display pixel.
         parameters: numbers in its weights.
         operators: nodes of the graph.
     """

@@ -43,7 +43,7 @@ class Stopwatch:
 
     Args:
         device: see `device_with_timestamps`.
-        max_pairs: in one command buffer.
+        max_pairs: largest number of pairs in one command buffer.
     """
 
     def __init__(self, device: "wgpu.GPUDevice", max_pairs: int) -> None:
@@ -96,7 +96,7 @@ class EachDispatch:
     """A command encoder with a timed pass for each dispatch.
 
     Args:
-        encoder: of the commands.
+        encoder: encoder of the commands.
         watch: gets a pair of timestamps for each dispatch.
     """
 
@@ -250,10 +250,10 @@ class GpuPass:
     """A pass of a step.
 
     Attributes:
-        name: of its shader.
+        name: name of its shader.
         median, p95: milliseconds.
         moved: bytes that it declares.
-        multiply_adds: of the network.
+        multiply_adds: multiply-adds of the network.
     """
 
     name: str
@@ -271,12 +271,12 @@ class GpuStep:
         method: its name.
         render: (width, height) of the frames.
         display: (width, height) of the images.
-        precision: of the network.
-        steps: that were timed.
+        precision: precision of the network.
+        steps: steps that were timed.
         median, p95, p99: of a step on frame and image in textures, by the device's clock.
         wall, wall_p95: of `step`, from arrays to an array, by the program's clock.
         first: seconds of loading the model and of its first steps, with shaders that are not yet compiled.
-        passes: in order; each waits for the one before.
+        passes: passes in order; each waits for the one before.
     """
 
     method: str
@@ -321,7 +321,7 @@ def measure_gpu(
         methods: names of shipped models, or model folders.
         displays: (width, height) of the images.
         ratios: display over render size; those that a method lacks are left out.
-        steps: that count, of each.
+        steps: steps that count, of each.
         on_left_out: called with the reason why a method is left out.
     """
     for display, ratio in itertools.product(displays, ratios):

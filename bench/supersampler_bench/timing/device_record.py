@@ -27,7 +27,7 @@ class GpuRecord(BenchRecord):
         adapter: as wgpu describes it, with the driver.
         packages: versions of wgpu and of its native library.
         models: SHA-256 of each model's files, by model and file.
-        limits: of the device.
+        limits: limits of the device.
         steps: times of methods.
     """
 

@@ -168,9 +168,9 @@ def measure_latency(
         executors: those that a method lacks are left out.
         threads: numbers of CPU threads.
         precisions: those that an executor lacks are left out.
-        providers: of ONNX Runtime, see `Model.load`.
+        providers: providers of ONNX Runtime, see `Model.load`.
         ratio: display over render size.
-        steps: that count, of each setting.
+        steps: steps that count, of each setting.
         warm_up: steps of each setting before those, the first image's left out.
         on_left_out: called with the reason why a method is left out.
     """
@@ -199,8 +199,8 @@ def measure_settings(
     Args:
         settings: those that a method lacks are left out. Missing G-buffers get default values.
         ratio: display over render size.
-        steps: that count, of each.
-        providers: of ONNX Runtime, see `Model.load`.
+        steps: steps that count, of each.
+        providers: providers of ONNX Runtime, see `Model.load`.
         warm_up: steps of each before those.
         on_left_out: called with the reason why a method is left out.
         on_round: called 2 x `steps` times: after each turn of the fast, and of the slow.

@@ -60,10 +60,10 @@ def measure_pareto(
     """Time all settings that quality records have scores of, on this machine.
 
     Args:
-        records: of the same shots.
+        records: records of the same shots.
         display: (width, height) of the images that are timed.
-        threads: on the CPU.
-        steps: that count, of each setting.
+        threads: threads on the CPU.
+        steps: steps that count, of each setting.
         on_left_out: called with the reason why a method is left out: no such model, or another ratio.
         on_round: called 2 x `steps` times for each ratio of `scores_of`.
 
@@ -218,8 +218,8 @@ class ParetoRecord(BenchRecord):
     Attributes:
         shots: names of those that were scored.
         display: (width, height) of the images that were timed.
-        threads: on the CPU.
-        points: by `measure_pareto`.
+        threads: threads on the CPU.
+        points: points by `measure_pareto`.
     """
 
     shots: list[str]

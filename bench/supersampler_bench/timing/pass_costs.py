@@ -27,9 +27,9 @@ class PassCost(NamedTuple):
     """Cost of one pass of a step, as it declares its resources.
 
     Attributes:
-        name: of its shader; with its level, where a method has it several times.
+        name: name of its shader; with its level, where a method has it several times.
         moved: bytes, read and written.
-        multiply_adds: of the network, with the channels that fill up chunks.
+        multiply_adds: multiply-adds of the network, with the channels that fill up chunks.
     """
 
     name: str

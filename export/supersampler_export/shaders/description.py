@@ -62,9 +62,9 @@ def described(
 
     Args:
         info: the model.
-        program: of it.
+        program: its GPU program.
         images: key of VARIANTS.
-        passes: of a step.
+        passes: passes of a step.
     """
     used = {one.resource(binding) for one in passes for binding in one.shader.bindings}
     inputs = [name for name in texts.INPUTS if f"frame_{name}" in used]

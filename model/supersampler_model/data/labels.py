@@ -224,7 +224,7 @@ def label(now: LabelInputs, before: LabelInputs | None, thresholds: LabelThresho
     Args:
         now: the frame.
         before: the frame before it, toned at the same exposure; None where there is none, as on a cut.
-        thresholds: of the rules.
+        thresholds: thresholds of the rules.
 
     Raises:
         ArgumentError: the frames differ in size.

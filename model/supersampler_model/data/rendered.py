@@ -61,7 +61,7 @@ class Rendered:
         color: (h, w, 3) linear RGB at render size, one sample a pixel, taken at pixel centre + jitter.
         render: the surfaces of those samples.
         display: the same at display size, at pixel centres without jitter.
-        reference: at display size; its colours are linear.
+        reference: reference at display size; its colours are linear.
         jitter: (x, y) render pixels, in [-0.5, 0.5].
         reset: True on the first frame after a cut.
         exposure: factor of the colour before the tone curve.
@@ -84,7 +84,7 @@ class Rendered:
         """Return the inputs of the label rules.
 
         Args:
-            exposure: at which colours are compared, the same for both frames; None: the frame's own.
+            exposure: exposure at which colours are compared, the same for both frames; None: the frame's own.
         """
         return LabelInputs(
             pixels=self.reference.toned(self.exposure if exposure is None else exposure),

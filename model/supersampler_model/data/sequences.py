@@ -81,7 +81,7 @@ class HeldSequence(StagedSequence):
     """A staged sequence with the camera and exposure of frame `at` throughout.
 
     Args:
-        spec: of the sequence.
+        spec: spec of the sequence.
         at: number of the frame.
         time_stands: whether the scene stands still too.
     """

@@ -25,14 +25,14 @@ class ShotForm:
     """Content and encoding of a stored shot.
 
     Attributes:
-        name: of the shot.
+        name: name of the shot.
         ratios: display over render size, each >= 1; a shot is written for each.
         variants: whether each ratio has a JSON file and a folder of frames; False needs a single ratio.
         gbuffers: whether G-buffers of render and of display size are stored.
         small: whether values that compress badly are rounded: depth to 14 bits, motion to 1 / 256 pixel.
         first_reference: the first frame whose reference is stored.
         thin: whether the classes include that of thin objects.
-        license: of the images.
+        license: licence of the images.
         compression, reference_compression: see `ShotWriter`.
     """
 
@@ -96,9 +96,9 @@ def render_shot(
     References include the classes of their pixels (`Shot.read_classes`).
 
     Args:
-        folder: of the shot.
+        folder: folder of the shot.
         sequence: the scenes.
-        renderer: with display size and samples.
+        renderer: renderer with display size and samples.
         form: content and encoding of the shot.
         on_frame: called after each frame, written at all ratios.
 

@@ -54,7 +54,7 @@ class Method(nn.Module):
         name, history, ratios: those of the spec.
         config: its constants, an instance of `spec.config`.
         compute: the step without pre-exposure: takes the inputs but for `pre_exposure`; returns as `forward`.
-        provenance: of the weights, plain data; empty for methods without a network.
+        provenance: provenance of the weights, plain data; empty for methods without a network.
     """
 
     spec: ClassVar[MethodSpec]
@@ -150,9 +150,9 @@ class Trained(NamedTuple):
 
     Attributes:
         method: its name.
-        config: of the method, plain data.
+        config: config of the method, plain data.
         facts: provenance: steps, hash of the data, commit, scores.
-        tensors: by name.
+        tensors: tensors by name.
     """
 
     method: str

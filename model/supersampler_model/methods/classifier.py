@@ -137,7 +137,7 @@ class Classifier(LearnedMethod):
         """Return the outputs of a step that converges where nothing changes.
 
         Args:
-            gathered: from `gather`.
+            gathered: result of `gather`.
             frame: this frame.
             history: the method's own.
             before: (1, 2) jitter of the previous frame.
@@ -181,8 +181,8 @@ class Classifier(LearnedMethod):
         """Return the method's own image and next history, and the weight of the history.
 
         Args:
-            gathered: from `gather`.
-            logits: from `infer`, as `blend`.
+            gathered: result of `gather`.
+            logits: logits from `infer`, as `blend`.
             blend: blend parameters.
             jitter: (1, 2) of this frame.
             resting: (1, 1, H, W) 1 where the history will be kept; None: nowhere.
@@ -238,8 +238,8 @@ class Classifier(LearnedMethod):
             toned: (1, 3, h, w), filled where samples are missing; shown where no other is near.
             usable: (1, 1, h, w) 0 where a sample is missing, else 1.
             at_pixel: its glare, edge, sampled.
-            view: of the frame.
-            grid: of the display.
+            view: view of the frame.
+            grid: grid of the display.
         """
         fill, toned = grid.pick(toned), toned * usable
         samples = torch.cat([toned, usable], dim=1).to(self.dtype)
@@ -380,7 +380,7 @@ class Classifier(LearnedMethod):
         """Blend, update count, luma range and classes, and return to linear RGB.
 
         Args:
-            gathered: from `gather`.
+            gathered: result of `gather`.
             logits: (1, 6, H / 2, W / 2).
             blend: (1, m, H, W) blend parameters.
             resting: see `step_outputs`.
@@ -492,7 +492,7 @@ def transferred(trained: Trained, config: ClassifierConfig) -> Mapping[str, Tens
 
     Args:
         trained: weights of `classifier`.
-        config: of a method whose network has other inputs, or blends other colours.
+        config: config of a method whose network has other inputs, or blends other colours.
 
     Raises:
         ArgumentError: they are of another method.

@@ -152,7 +152,7 @@ def packed_base_color(base_color: Tensor, view: ops.View) -> Tensor:
 
     Args:
         base_color: (1, 3, h, w); NaN and Inf count as black.
-        view: of the display.
+        view: view of the display.
     """
     known = ops.finite(base_color).clamp(0.0, 1.0)
     return pack(view.grid(ops.size_of(base_color), aligned=True).pick(known).sqrt())

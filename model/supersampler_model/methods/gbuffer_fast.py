@@ -177,8 +177,8 @@ class GuidedClassifier(Classifier):
             usable: (1, 1, h, w) 1 where it is valid, else 0.
             guided: (1, 3, H, W) light of the display's surfaces times their reflectance, toned.
             edge: (1, 1, H, W) relative range of depth around.
-            view: of this frame.
-            grid: of the display.
+            view: view of this frame.
+            grid: grid of the display.
         """
         toned = self.toned(exposed) * usable
         samples = torch.cat([toned, usable], dim=1).to(self.dtype)
@@ -224,8 +224,8 @@ def guide(
         motion: (1, 2, h, w) render pixels.
         render: surfaces of the samples.
         display: surfaces of the pixels of the grid.
-        grid: of the display.
-        config: of the method.
+        grid: grid of the display.
+        config: config of the method.
     """
     near = ops.gaussian(config.guide_sigma)
     own, target = render.features(config), display.features(config)

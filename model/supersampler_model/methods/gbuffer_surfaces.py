@@ -95,7 +95,7 @@ def samples_of(light: Tensor, usable: Tensor, render: Surfaces, display: Surface
         usable: (1, 1, h, w) 1 where the colour is valid, else 0; float32, as all weights are.
         render: surfaces of the samples.
         display: surfaces of the display pixels.
-        grid: of the display.
+        grid: grid of the display.
     """
     colors, weights, similar = [], [], []
     own, target = _features(render), _features(display)
@@ -144,7 +144,7 @@ def weighted_mean(samples: Samples, kernel: Tensor | None = None) -> Tensor:
     """Return the mean (1, 3, H, W) of the samples.
 
     Args:
-        samples: with their weights.
+        samples: samples with their weights.
         kernel: (1, 9, H, W) logarithms of factors to the weights; None: all factors are 1.
     """
     weights = samples.weights

@@ -52,7 +52,7 @@ class Decoder(nn.Module):
     """One level: refines the flow and passes features to the next finer level.
 
     Args:
-        width: of the level's features.
+        width: width of the level's features.
         above: width of the next finer level; None at the finest, which infers all OUTPUTS instead.
         deepest: whether this is the coarsest level, without features from another.
     """

@@ -208,7 +208,7 @@ def indices_of_smallest(values: Sequence[Tensor], count: int) -> list[Tensor]:
 
     Args:
         values: (n) each, >= 0; larger ones than MAX_KEY / KEY_STEPS count as equal.
-        count: of the indices.
+        count: number of indices.
     """
     smallest: list[Tensor] = []
     for number, value in enumerate(values):

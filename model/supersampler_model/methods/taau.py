@@ -445,8 +445,8 @@ def plane_moments(color: Tensor, usable: Tensor, fit: Tensor, grid: ops.Grid, si
         color: (1, 3, h, w) YCoCg, 0 where not usable.
         usable: (1, 1, h, w) 1 or 0.
         fit: (1, 1, H, W) fraction of the plane's part in the result.
-        grid: of the display pixels.
-        sigma: of the Gaussian, render pixels.
+        grid: grid of the display pixels.
+        sigma: sigma of the Gaussian, render pixels.
     """
     window, render = ops.gaussian(sigma), ops.size_of(color)
     kernels = window, lambda d: d * window(d), lambda d: d * d * window(d)

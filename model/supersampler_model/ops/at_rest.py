@@ -146,7 +146,7 @@ def compare(frame: RestFrame, history: RestHistory, previous: Size, display: Siz
 
     Args:
         frame: this frame.
-        history: of the previous frame.
+        history: history of the previous frame.
         previous: render size of the previous frame.
         display: (width, height) of the image.
     """
@@ -202,7 +202,7 @@ def converge(image: Tensor, frame: RestFrame, blocks: StaticBlocks, grid: Grid) 
         image: (1, 3, H, W) the method's, linear RGB.
         frame: this frame.
         blocks: its static blocks.
-        grid: of the frame; it may extend beyond the image.
+        grid: grid of the frame; it may extend beyond the image.
     """
     display, render = size_of(image), size_of(frame.color)
     usable, color = valid(frame.color), sanitize(frame.color, 0.0)

@@ -129,6 +129,6 @@ def reactive_at(reactive: Tensor, usable: Tensor, grid: Grid) -> Tensor:
     Args:
         reactive: (1, 1, h, w) as given: any value, NaN counts as 0.
         usable: (1, 1, h, w) 1 where the colour is valid, else 0.
-        grid: of the display.
+        grid: grid of the display.
     """
     return grid.pick(torch.where(reactive > 0.0, reactive.clamp(max=1.0), 0.0) * usable)

@@ -185,7 +185,7 @@ def reproject(motion: Tensor, display: Size, grid: Grid) -> Reprojection:
     Args:
         motion: (1, H, W, 2) display pixels, previous minus current, see `to_display`.
         display: (width, height) of the previous image.
-        grid: of the pixels.
+        grid: grid of the pixels.
     """
     x, y = grid.x.pixel.to(motion.dtype), grid.y.pixel.to(motion.dtype)
     columns = torch.stack([x, 0.0 * x], dim=1)

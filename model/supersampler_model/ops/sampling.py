@@ -227,8 +227,8 @@ def bands(
         size: samples of the axis.
         spanned: from `span`.
         kernel: evaluated at the signed distance in samples times `scale`.
-        reach: of the kernel.
-        scale: of the distances.
+        reach: reach of the kernel.
+        scale: scale of the distances.
         aligned: whether n is a multiple of BLOCK.
         inside: whether samples beyond the border have a weight of 0, and are not clamped.
     """
@@ -330,8 +330,8 @@ def neighbourhood_samples(samples: Tensor, grid: Grid, sigma: float) -> Window:
 
     Args:
         samples: (1, 4, h, w) colour, and 1 where it is usable.
-        grid: of the display.
-        sigma: of the Gaussian, render pixels.
+        grid: grid of the display.
+        sigma: sigma of the Gaussian, render pixels.
     """
     width, height = size_of(samples)
     row, column = (

@@ -133,7 +133,7 @@ def _ghost(crops: list[CropFrame], gathered: list[Gathered]) -> Tensor:
 
 
 class LargeTask(ClassifierTask):
-    """`classifier-large`: states have 1.4 times the size of the crops; the loss compares images of their size."""
+    """Task of `classifier-large`: states are 1.4 times as large as the crops and the images of the loss."""
 
     def step(self, crops: list[CropFrame], states: list[State]) -> Stepped:
         """See `ClassifierTask`."""

@@ -80,7 +80,7 @@ class CropRegion:
 
     Attributes:
         left, top: corner in display pixels.
-        size: of the crop in display pixels, both ways.
+        size: size of the crop in display pixels, both ways.
         ratio: display over render size, per axis.
         flip: whether columns, rows are reversed.
         turned: whether rows and columns are swapped.
@@ -293,7 +293,7 @@ class CropStream(ABC):
     """An endless stream of crops, frame by frame.
 
     Attributes:
-        position: of the next iteration.
+        position: position of the next iteration.
     """
 
     def __init__(self) -> None:
@@ -310,8 +310,8 @@ class Stream(CropStream):
     Args:
         datasets: sets as `supersampler render` makes them.
         ratios: minimum and maximum ratio.
-        size: of the crops, display pixels.
-        seed: of the random choices; two streams of the same seed and position are the same.
+        size: size of the crops, display pixels.
+        seed: seed of the random choices; two streams of the same seed and position are the same.
         gbuffers: sizes of the G-buffers of the crops.
         aligned: whether crops consist of whole render pixels; the ratio is then one whole number.
 

@@ -30,8 +30,8 @@ def dataset_of_shots(shots: Sequence[Shot], folder: Path, split: Split) -> Datas
     Shots usually have no class labels. Frames without a reference stay, as history; their references are NaN.
 
     Args:
-        shots: of one display size, each with some references.
-        folder: of the data set.
+        shots: shots of one display size, each with some references.
+        folder: folder of the data set.
         split: its split.
 
     Raises:

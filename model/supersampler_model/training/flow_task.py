@@ -131,7 +131,7 @@ class LightStream(CropStream):
         datasets: sets that `gbuffer_set` returned.
         lights: computes the light; may be shared by streams.
         ratio: display over render size.
-        size: of the crops, render pixels.
+        size: size of the crops, render pixels.
         seed: see `Stream`.
 
     Raises:
@@ -161,8 +161,8 @@ def draw_light(random: np.random.Generator, frames: LightFrames, size: int) -> L
 
     Args:
         random: generator.
-        frames: of one sequence.
-        size: of the crop, pixels at half the render size; smaller than the frames.
+        frames: frames of one sequence.
+        size: size of the crop, pixels at half the render size; smaller than the frames.
     """
     chances = frames.full[:, -1].float().mean(dim=(1, 2)).numpy().astype(np.float64) + MIN_CHANCE
     index = int(random.choice(len(chances), p=chances / chances.sum()))

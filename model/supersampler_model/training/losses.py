@@ -57,7 +57,7 @@ def image_loss(error: Tensor, before: Tensor | None, weight: Tensor | float, wei
         error: (n, 3, H, W) image minus reference, NaN without reference.
         before: error of the previous frame; None: there is none.
         weight: (n, 1, H, W) of the error, not of its change.
-        weights: of the terms.
+        weights: weights of the terms.
     """
     loss = _mean_error(error, weights.rms, weight)
     if before is not None:
@@ -108,7 +108,7 @@ def class_loss(logits: Tensor, ghost: Tensor, alias: Tensor, weights: Classifier
         logits: (n, 6, H / 2, W / 2).
         ghost: (n, H, W) int64, 0 to 2; other values are unknown.
         alias: (n, H, W) int64, as `ghost`.
-        weights: of the loss terms.
+        weights: weights of the loss terms.
     """
     return weights.classes * (
         _entropy(logits[:, :3], class_fractions(ghost), weights.rarest)

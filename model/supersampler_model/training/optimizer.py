@@ -23,7 +23,7 @@ class Muon(torch.optim.Optimizer):
     """One optimizer for a whole network.
 
     Args:
-        parameters: of the network.
+        parameters: parameters of the network.
         rate: learning rate.
         decay: decoupled weight decay, of matrices alone.
     """

@@ -18,9 +18,9 @@ def write_log(folder: Path, step: int, values: Mapping[str, float], image: Float
     """Add a row to `log.csv`, and the same to TensorBoard.
 
     Args:
-        folder: of the run; an existing log is continued.
+        folder: folder of the run; an existing log is continued.
         step: updates done; rows of later steps, from a killed run, are dropped.
-        values: by column.
+        values: values by column.
         image: (H, W, 3) display values, for TensorBoard alone.
     """
     path = folder / "log.csv"

@@ -10,7 +10,7 @@ def start_task(name: str, weights: Trained | None = None) -> Task:
     """Return the training task of a method.
 
     Args:
-        name: of the method.
+        name: name of the method.
         weights: to start from: its own, or those of `classifier` where the method extends that; None: random.
 
     Raises:

@@ -44,12 +44,12 @@ class Plan:
         steps: updates of the weights.
         batch: streams.
         frames: frames per update.
-        size: of the crops, display pixels.
+        size: size of the crops, display pixels.
         rate: highest learning rate; it warms up over the first 2 % and falls as a cosine to a hundredth.
         decay: weight decay.
         average: length of the moving average of the weights, updates.
         settle: last fraction of the updates, with batch normalisation in evaluation mode.
-        seed: of weights and crops.
+        seed: seed of weights and crops.
     """
 
     steps: int = 12000

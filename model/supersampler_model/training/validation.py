@@ -113,8 +113,8 @@ class Validated:
     """Scores of one method, means over sequences.
 
     Attributes:
-        psnr: of display values after the warm-up, dB.
-        tpsnr: of their changes from frame to frame, dB; NaN without consecutive images.
+        psnr: PSNR of display values after the warm-up, dB.
+        tpsnr: tPSNR of their changes from frame to frame, dB; NaN without consecutive images.
         overlap: intersection over union per class, without frames after a reset; empty for methods without
             classes.
         kinds: PSNR of shaded and of unshaded frames; empty if all frames are of one kind.

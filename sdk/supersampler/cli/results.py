@@ -109,8 +109,8 @@ class ImageOptions:
         formats: "exr", "png", "tif", "mp4"; several image formats have subfolders of their names.
         name: name of the images without extension; a run of # is the frame's number.
         transform: what PNG, TIFF and video show.
-        compression: of EXR: "zip", "dwaa", "piz" or "none".
-        bits: of PNG: 8 or 16. TIFF has 16.
+        compression: compression of EXR: "zip", "dwaa", "piz" or "none".
+        bits: bits of PNG: 8 or 16. TIFF has 16.
         straight_alpha: whether colour is not multiplied by alpha, as in PNG and TIFF; in EXR it is.
         color_space: colour space of the linear light, which EXR files state. None: unknown, they have what
             the source says.

@@ -58,7 +58,7 @@ class SceneView:
         view_projection: without jitter, to a clip space from -1 to 1.
         near: distance of the near plane; of the far plane `far`.
         parallel: whether the projection is parallel.
-        matrices: of the props, from their own space to the world's.
+        matrices: matrices of the props, from their own space to the world's.
     """
 
     size: Size

@@ -29,7 +29,7 @@ class ChildProcess:
 
     Args:
         command: the program and its arguments.
-        environment: of the program; None is that of this process.
+        environment: environment of the program; None is that of this process.
         folder: its working directory; None is that of this process.
         output: "joined": stdout and stderr have one pipe; "apart": one each; "none": both are dropped.
 

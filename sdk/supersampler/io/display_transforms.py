@@ -79,8 +79,8 @@ class DisplayTransform:
     """Maps linear light to the values of a display; `display_transform_from` makes one of options.
 
     Attributes:
-        color_space: of the light: a linear space of STUDIO_CONFIG by name, or with `ocio` a name, alias or
-            role of its configuration.
+        color_space: colour space of the light: a linear space of STUDIO_CONFIG by name, or with `ocio` a
+            name, alias or role of its configuration.
         stops: fixed exposure in stops; None: the exposure that `show` is given.
         tone_curve: without `ocio`: whether c / (1 + max(r, g, b)) precedes the sRGB encoding; otherwise
             values are clipped at 1.
@@ -114,7 +114,7 @@ class DisplayTransform:
 
         Args:
             image: (h, w, 3) linear RGB. NaN counts as 0, Inf as 65504.
-            exposure: of this frame, > 0; ignored where `stops` is given.
+            exposure: exposure of this frame, > 0; ignored where `stops` is given.
 
         Returns:
             (h, w, 3) float32 in [0, 1].
@@ -169,8 +169,8 @@ def display_transform_from(
         display: by default the configuration's first.
         view: by default the display's first.
         look: a look, or several with commas between.
-        exposure: in stops, -24 to 24. By default the tone curve uses the exposure of each frame, and the
-            others none.
+        exposure: exposure in stops, -24 to 24. By default the tone curve uses the exposure of each frame, and
+            the others none.
 
     Raises:
         ArgumentError: a name is not in the configuration, the colour space has no tone curve, or `exposure`
@@ -210,7 +210,7 @@ def ocio_transform(
         display: None: the configuration's first.
         view: None: the display's first.
         look: "" is the view's; "None" too, as in Blender.
-        color_space: of the light; a name, alias or role of the configuration.
+        color_space: colour space of the light; a name, alias or role of the configuration.
         stops: exposure before the view.
         gamma: > 0, after the view.
 

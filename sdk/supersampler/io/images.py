@@ -301,9 +301,9 @@ class ImageHeader:
         metadata: description of the content of an EXR file by the program that wrote it: Frame, Camera, time
             codes, lens. Entries on its storage are left out: compression, windows, tiles, views, parts.
         views: views of a stereo EXR file; channels without a view's name belong to the first.
-        color_space: of the linear light, by its name in the OpenColorIO configs of ACES. EXR files state it
-            by `colorInteropID` or `chromaticities`. Others, and those without: "lin_rec709", which
-            sRGB-encoded colour has when it is decoded. Other chromaticities than Rec. 709, AP1, AP0,
+        color_space: colour space of the linear light, by its name in the OpenColorIO configs of ACES. EXR
+            files state it by `colorInteropID` or `chromaticities`. Others, and those without: "lin_rec709",
+            which sRGB-encoded colour has when it is decoded. Other chromaticities than Rec. 709, AP1, AP0,
             Rec. 2020 and P3-D65: "unknown".
     """
 
@@ -469,7 +469,7 @@ def half_pixels(images: Sequence[Array]) -> NDArray[np.float16]:
     """Return (h, w, c) images as one array of half floats; values beyond +-65504 are clamped to it.
 
     Args:
-        images: of equal size, with any number of channels each.
+        images: images of equal size, with any number of channels each.
     """
     counts = [image.shape[2] for image in images]
     pixels = np.empty((*images[0].shape[:2], sum(counts)), np.float16)
@@ -484,7 +484,7 @@ def write_png(path: Path | str, image: Levels, encoding: str = SRGB, pixel_aspec
     Args:
         path: the file; its folder is created where it is missing.
         image: (h, w, 3) uint8 or uint16; or (h, w, 4), with alpha that the colours are not multiplied by.
-        encoding: of the pixels, by OpenImageIO's name; tags of the file state it.
+        encoding: encoding of the pixels, by OpenImageIO's name; tags of the file state it.
         pixel_aspect: width of a pixel over its height; the file states it where it is not 1.
 
     Raises:

@@ -112,7 +112,7 @@ def check_history(arrays: Mapping[str, NDArray[Any]], refusal: Callable[[str, st
     """Raise unless the values of the history tensors are such as steps write.
 
     Args:
-        arrays: by name in the graph, of the right types and shapes; others are ignored.
+        arrays: arrays by name in the graph, of the right types and shapes; others are ignored.
         refusal: makes the exception that is raised.
     """
     mean, phases = arrays["history.static_mean"], arrays["history.phases"]

@@ -128,7 +128,7 @@ class BothWays:
         """Yield the outputs of each frame, in order; at most chunk + overlap frames are read ahead.
 
         Args:
-            frames: in order; `reset` marks the first one after a cut.
+            frames: frames in order; `reset` marks the first one after a cut.
             skip: number of frames at the beginning that only build the history: chunks without others have
                 no backward run.
         """
@@ -234,7 +234,7 @@ def weight_of(result: StepResult, steps: int) -> Float32:
     begun, or its history was disoccluded, the other run's image dominates; elsewhere they are averaged.
 
     Args:
-        result: with the outputs WEIGHT_MAPS that the method has.
+        result: result with the outputs WEIGHT_MAPS that the method has.
         steps: number of steps of the run since its history began, including this one.
     """
     weight = np.full(result.image.shape[:2], min(steps / WARM_UP_STEPS, 1.0), np.float32)

@@ -45,7 +45,7 @@ def overlay(labels: Labels, image: NDArray[Any]) -> Image:
     """Return the classes' colours over the image in grey: (H, W, 3) sRGB.
 
     Args:
-        labels: of the frame.
+        labels: labels of the frame.
         image: (H, W, 3) of that frame, tone-mapped sRGB, uint8 or float in [0, 1].
 
     Raises:

@@ -143,8 +143,8 @@ def render_sequence(
     Args:
         dataset: the data set.
         entry: the sequence.
-        renderer: of the set's display size and samples.
-        thresholds: of the labels.
+        renderer: renderer of the set's display size and samples.
+        thresholds: thresholds of the labels.
         on_frame: called after each written frame.
 
     Raises:
@@ -206,7 +206,7 @@ def render_dataset(
 
     Args:
         dataset: the data set.
-        ratio: of a second rendering of all sequences; None: the set itself.
+        ratio: ratio of a second rendering of all sequences; None: the set itself.
         workers: processes; software OpenGL uses cores / workers threads in each.
         on_frame: called after each frame, in this process.
 

@@ -237,8 +237,8 @@ class Description:
         display_size: (width, height) of references and labels.
         samples: per pixel of the reference.
         gbuffers: whether display-size G-buffers are kept.
-        seed: of the random plan.
-        sequences: of all splits.
+        seed: seed of the random plan.
+        sequences: sequences of all splits.
     """
 
     display_size: tuple[int, int]
@@ -264,7 +264,7 @@ class Dataset:
     """A training set on disk, as far as it is rendered.
 
     Args:
-        folder: of the set.
+        folder: folder of the set.
         description: its content.
         own: the set whose references and labels this one reuses, with the sequences rendered a second time at
             another ratio; None: its own.

@@ -199,7 +199,7 @@ class Sun:
     """Parallel light with a shadow inside a sphere.
 
     Attributes:
-        direction: from the light to the scene; its length does not matter.
+        direction: direction from the light to the scene; its length does not matter.
         color: irradiance on a surface that faces it.
         center, radius: sphere that the shadow map covers, metres; there is no shadow outside.
     """

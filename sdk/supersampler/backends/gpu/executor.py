@@ -124,7 +124,7 @@ class StepBuffers:
 
     Attributes:
         params: see `step_params`.
-        memory: of the frame and between passes, by the names that shaders use.
+        memory: memory of the frame and between passes, by the names that shaders use.
         image: (H, W, 3) float32.
         aux: (H, W, 2) float32, the auxiliary outputs AUX.
     """

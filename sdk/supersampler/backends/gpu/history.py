@@ -93,8 +93,8 @@ class HistoryLayout:
 
     Attributes:
         spec: the method.
-        planes: by name.
-        channels: of each tensor: plane and channel of each of its channels.
+        planes: planes by name.
+        channels: channels of each tensor: plane and channel of each of its channels.
     """
 
     spec: MethodSpec
@@ -152,11 +152,11 @@ class GpuHistory:
     """Buffers of a history; zeros at first, which mean no history.
 
     Attributes:
-        device: of the buffers.
+        device: device of the buffers.
         layout: where the tensors are.
         display: (width, height) of the images.
         render: (width, height) of the previous frame.
-        memory: by name; "state" is that of a whole frame.
+        memory: memory by name; "state" is that of a whole frame.
         step: of the step that wrote it; each has its own.
         previous: the same of the history that this step read.
     """

@@ -39,8 +39,8 @@ class PassSpec(NamedTuple):
         shader: name of its file.
         extent: size that its workgroups cover.
         tile: pixels that a workgroup computes.
-        constants: of this pass, beside those of the method.
-        names: of the resources of variables, where they differ.
+        constants: constants of this pass, beside those of the method.
+        names: names of the resources of variables, where they differ.
         variants: files to import in place of a name.
     """
 
@@ -66,12 +66,12 @@ class GpuProgram:
 
     Attributes:
         layout: layout of the method's history.
-        packages: with the method's shaders in their folders `shaders`, in the order of the search.
-        constants: of the method, by name.
-        method_passes: in order, after those of the exposure.
+        packages: packages with the method's shaders in their folders `shaders`, in the order of the search.
+        constants: constants of the method, by name.
+        method_passes: method passes in order, after those of the exposure.
         method_memory: between these passes, by the names that shaders use.
-        weights: of a network, by the names that shaders use; rows of four words.
-        precision: of the network, or of all where there is none.
+        weights: weights of a network, by the names that shaders use; rows of four words.
+        precision: precision of the network, or of all where there is none.
     """
 
     layout: HistoryLayout

@@ -69,9 +69,9 @@ class Binding:
     Attributes:
         group: bind group.
         index: binding in it.
-        name: of the variable, which is that of the resource.
+        name: name of the variable, which is that of the resource.
         kind: "uniform", "storage", "read-only-storage", "texture", "uint-texture" or "storage-texture".
-        format: of a storage texture, else "".
+        format: format of a storage texture, else "".
     """
 
     group: int
@@ -108,7 +108,7 @@ class Shader:
     """The source of one pass.
 
     Attributes:
-        name: of the file, without its suffix.
+        name: name of the file, without its suffix.
         code: complete WGSL: what `main` needs.
         bindings: the resources that it uses.
     """
@@ -126,7 +126,7 @@ def load_shader(
     Loops that are marked with `/* unroll */` are written out (`unroll`).
 
     Args:
-        name: of its file, without the suffix.
+        name: name of its file, without the suffix.
         folders: packages of methods, with a folder `shaders` and a module `spec`. Shaders of `backends.gpu`
             are always found.
         constants: declared first, as `const NAME = value;`, after those of SHARED_CONSTANTS and of the specs.

@@ -68,11 +68,11 @@ class RenderedScene(msgspec.Struct, frozen=True, kw_only=True):
     """Description of the rendered scene, as Blender reports it.
 
     Attributes:
-        name: of the scene.
+        name: name of the scene.
         blender: Blender's version.
         engine: Blender's name of the render engine.
         layer: name of the view layer.
-        numbers: of its own first and last frame.
+        numbers: numbers of its own first and last frame.
         frame_rate: frames a second.
         render_size: (width, height) of the frames.
         display_size: (width, height) of the images to make of them.

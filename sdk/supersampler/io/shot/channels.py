@@ -169,7 +169,7 @@ def import_channels(
         cuts: indices of the first frames after cuts, from the first file; the first frame is always one.
         name: name of the shot; by default the folder's.
         aov_names: names of the AOVs in files of results; by default they are numbered.
-        color_space: of the colour, see `ShotInfo`; by default what the first file states, see
+        color_space: colour space of the pixels, see `ShotInfo`; by default what the first file states, see
             `supersampler.io.images.ImageHeader`.
 
     Raises:

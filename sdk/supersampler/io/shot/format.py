@@ -45,8 +45,8 @@ class ShotInfo:
             0; images of the shot's frames are named by it and the numbers after it.
         file_names: stem of the names of the source's files, #### for the number, such as `beauty.####`.
         aov_names: names of the AOVs' channels in files of results; empty: they are numbered.
-        color_space: of the colour, linear (decoded, where the conventions say sRGB): its name in an
-            OpenColorIO config, such as "lin_rec709" and "ACEScg"; or "unknown".
+        color_space: linear colour space of the pixels (decoded, where the conventions say sRGB): its name in
+            an OpenColorIO config, such as "lin_rec709" and "ACEScg"; or "unknown".
     """
 
     name: str

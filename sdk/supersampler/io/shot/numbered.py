@@ -45,7 +45,7 @@ def numbered_files(folder: Path, pattern: str) -> dict[int, Path]:
 
     Args:
         folder: the pattern is relative to it.
-        pattern: with one field for the number: `beauty.####.exr` takes 4 digits or more, of negative
+        pattern: pattern with one field for the number: `beauty.####.exr` takes 4 digits or more, of negative
             numbers any, `beauty.%04d.exr` the same, `beauty.%d.exr` any; or with `*` or `?`, such as
             `beauty_*.exr`, where the number is the last in the name. Folders have no wildcards.
             The extension may be in any case.

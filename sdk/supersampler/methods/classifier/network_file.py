@@ -33,7 +33,7 @@ def read_network(info: ModelInfo, outputs: int) -> dict[str, NDArray[Any]]:
 
     Args:
         info: the model.
-        outputs: of the last layer.
+        outputs: outputs of the last layer.
 
     Raises:
         ModelError: the file is damaged or larger than such a network is, the widths in model.json are none

@@ -78,7 +78,7 @@ class Stage:
 
     Attributes:
         environment: the panorama around it.
-        exposure: that suits its light.
+        exposure: exposure that suits its light.
         vantages: camera positions; each shot uses one.
     """
 
