@@ -56,7 +56,7 @@ class RestScene:
         pattern: pattern of display pixels (x, y).
         light: factor of the frame's light, a number or RGB.
         place: "all" of the wall is lit so and scrolls, a round "spot", or what an "edge" has passed.
-        speed: speed of the edge, and of the pattern in `place`, display pixels a frame; motion vectors lack it.
+        speed: speed of the edge, and of the pattern in `place`, display pixels a frame; no vector has it.
         creep: motion of the camera, render pixels a frame, which motion vectors say.
         mover: whether a disc moves across, with motion vectors.
         render: (width, height) of the frames.

@@ -36,7 +36,7 @@ class MotionTables(NamedTuple):
         rows: (height, 5) y in clip space, factor of depth, factor of x, rest, part of W.
         depth_w: factor of depth in W.
         far_depth: the farthest depth.
-        width, height: of the image.
+        width, height: size of the image.
     """
 
     motion: Floats

@@ -15,7 +15,7 @@ class EncodedImage(NamedTuple):
     Attributes:
         image: (height, width, 3) display values.
         pixels: (height, width) words of RGBA bytes, written to; row 0 is the bottom one.
-        width, height: of both.
+        width, height: size of both.
     """
 
     image: Floats

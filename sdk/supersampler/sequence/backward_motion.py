@@ -38,8 +38,8 @@ class ScatterTables(NamedTuple):
         next_depth: (next_height, next_width).
         shift_x, shift_y: jitter of the second frame minus that of the first, in pixels of the first.
         scale_x, scale_y: size of the first frame / size of the second.
-        width, height: of the first frame.
-        next_width, next_height: of the second.
+        width, height: size of the first frame.
+        next_width, next_height: size of the second.
     """
 
     motion: Floats
