@@ -25,7 +25,7 @@ def alternate(upscaler: Upscaler, shaded: Shaded, pattern: str, start: int = 0) 
 
 
 def extrapolated_by_torch(method: Method, shaded: Shaded, pattern: str) -> list[Float32 | None]:
-    """Colours (h, w, 3) that a method extrapolates for unshaded frames; None for shaded ones."""
+    """Return the colours (h, w, 3) that a method extrapolates for unshaded frames; None for shaded ones."""
     history: list[torch.Tensor] | None = None
     made: list[Float32 | None] = []
     for index, kind in enumerate(pattern):

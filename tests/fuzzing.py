@@ -37,7 +37,7 @@ HOSTILE: tuple[Any, ...] = (
 
 
 def examples(few: int = 25) -> int:
-    """How many cases a fuzz test runs: SUPERSAMPLER_FUZZ, else `few`."""
+    """Return the number of cases of a fuzz test: SUPERSAMPLER_FUZZ, else `few`."""
     return int(os.environ.get("SUPERSAMPLER_FUZZ", few))
 
 
@@ -51,7 +51,7 @@ def run_apart(prepare: Prepare, count: int, *, memory: int = 1 << 30, seconds: f
         seconds: seconds that a case may take.
 
     Returns:
-        What happened that must not, a line each: a signal, a hang, or an exception outside of
+        A line for each case that went wrong: by a signal, a hang, or an exception other than
         SupersamplerError. A child that died is followed by another for the cases that are left.
     """
     findings: list[str] = []
@@ -148,7 +148,7 @@ def _end_of(ended: subprocess.CompletedProcess[str]) -> str:
 
 
 def _run(file: str, name: str, report: str, first: int, count: int, memory: int, seconds: float) -> None:
-    """Run cases in this process, and report which began and which raised what they must not."""
+    """Run cases in this process, and report which began and which raised other errors than ours."""
     from supersampler.errors import SupersamplerError
 
     spec = importlib.util.spec_from_file_location(Path(file).stem, file)
@@ -177,7 +177,7 @@ def _run(file: str, name: str, report: str, first: int, count: int, memory: int,
 
 
 def _limit(memory: int) -> None:
-    """Let the process take so many bytes of address space more."""
+    """Let the process take this many more bytes of address space."""
     if sys.platform == "linux":
         import resource
 

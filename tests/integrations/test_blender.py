@@ -113,7 +113,7 @@ def test_each_pixel_is_one_place_whatever_the_number_of_samples(tmp_path: Path, 
     assert mixed.mean() < 0.002
 
 
-def test_an_orthographic_camera_is_jittered_likewise(tmp_path: Path) -> None:
+def test_an_orthographic_camera_is_jittered_too(tmp_path: Path) -> None:
     done = render(tmp_path, "--samples", 4, "--method", "bilinear", camera_type="ORTHO", size=[320, 192])
     assert done.exit_code == 0, done.output
     detection = detect_conventions(rendered(tmp_path)[0])
@@ -248,7 +248,7 @@ def test_a_video_shows_the_frames_as_blender_shows_them_at_the_rate_of_the_scene
         ({"camera_type": "PANO"}, (), "a panoramic camera cannot be jittered"),
     ],
 )
-def test_a_scene_that_will_not_do_is_one_line(
+def test_an_unusable_scene_is_one_line_of_error(
     tmp_path: Path, scene: dict[str, Any], options: tuple[str, ...], message: str
 ) -> None:
     done = render(tmp_path, *options, **scene)
@@ -276,7 +276,7 @@ def test_the_camera_that_is_named_is_rendered_whatever_the_markers_say(tmp_path:
         np.testing.assert_allclose(marked.matrix, plain.matrix, atol=1e-6)
 
 
-def test_each_other_frame_is_refused_as_motion_leads_to_the_one_before(tmp_path: Path) -> None:
+def test_every_second_frame_is_refused_as_motion_leads_to_the_one_before(tmp_path: Path) -> None:
     blend = make_scene(tmp_path, properties={"scene.frame_step": 2})
     command = ["blender", blend, "-o", tmp_path / "out", "--blender", PROGRAM]
     done = CliRunner().invoke(app, [str(word) for word in command])
@@ -305,7 +305,7 @@ def test_the_extension_installs_renders_upscales_and_says_what_is_wrong(tmp_path
         assert sorted(p.name for p in (tmp_path / folder).glob("*.exr")) == ["0006.exr", "0007.exr"]
 
 
-def test_a_file_that_is_no_scene_is_one_line(tmp_path: Path) -> None:
+def test_a_file_that_is_no_scene_is_one_line_of_error(tmp_path: Path) -> None:
     (tmp_path / "no.blend").write_text("no scene")
     command = ["blender", tmp_path / "no.blend", "-o", tmp_path / "out", "--blender", PROGRAM]
     done = CliRunner().invoke(app, [str(word) for word in command])

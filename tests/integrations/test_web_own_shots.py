@@ -17,7 +17,7 @@ pytest_plugins = ["chromium_fixtures"]  # fixtures
 
 
 def small_shot(folder: Path, *, without: str = "") -> Path:
-    """Two frames, 32x18, of an own shot; without the channels of one kind."""
+    """Write a shot of two frames, 32x18, without the channels of one kind."""
     (folder / "frames").mkdir(parents=True)
     rng = np.random.default_rng(0)
     for index in range(2):

@@ -1,4 +1,4 @@
-"""Errors survive pickling and copying, as pools of processes do it."""
+"""Errors survive pickling and copying, as process pools need."""
 
 import copy
 import multiprocessing

@@ -21,7 +21,7 @@ CLASSES = ClassifierWeights()
 EVEN = torch.ones(1, 1, 8, 8)
 
 
-def test_what_has_no_truth_costs_nothing_and_pulls_nowhere() -> None:
+def test_pixels_without_truth_cost_nothing_and_have_no_gradient() -> None:
     off = torch.full((1, 3, 8, 8), 0.1, requires_grad=True)
     holes = torch.zeros(1, 1, 8, 8, dtype=torch.bool)
     holes[:, :, 2:5] = True

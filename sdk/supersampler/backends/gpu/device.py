@@ -84,7 +84,7 @@ def _open_device() -> "wgpu.GPUDevice":
             "no GPU adapter was found: install the GPU's Vulkan, Metal or DirectX 12 driver; on Linux "
             f"without a GPU, Debian's mesa-vulkan-drivers has a software adapter ({error})"
         ) from None
-    lacking = [name for name, least in LIMITS.items() if adapter.limits.get(name, least) < least]
+    lacking = [name for name, need in LIMITS.items() if adapter.limits.get(name, need) < need]
     if lacking:
         raise DeviceError(f"adapter {name_of(adapter)} is below WebGPU's default {', '.join(lacking)}")
     try:
@@ -149,8 +149,8 @@ def storage_limit(device: Any) -> int:
 def parse_all_types() -> None:
     """Let cffi parse pointers to all types of wgpu at once.
 
-    It reads and fills private attributes of cffi: where they are others, nothing is done, and each type is
-    parsed when it is asked for.
+    It reads and fills private attributes of cffi. Where a version has others, nothing is done, and each type
+    is parsed when it is first used.
     """
     try:
         from wgpu.backends.wgpu_native._ffi import ffi
