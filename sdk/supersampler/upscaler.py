@@ -382,7 +382,8 @@ class Upscaler:
         Args:
             images: images by name, on the model's device, in the units of `Frame`. Textures of a float
                 format, with TEXTURE_BINDING: "color" (RGB), "depth" (R), "motion" (RG), "reactive" (R),
-                which may be missing. Or buffers of float32, with STORAGE: the arrays of a `Frame`, row by row.
+                which may be missing. Or buffers of float32, with STORAGE: the arrays of a `Frame`, row by
+                row.
             jitter: see `Frame`.
             exposure: see `Frame`.
             pre_exposure: see `Frame`.

@@ -1,4 +1,4 @@
-"""Impossible arguments are refused at once, by an error that says what would do."""
+"""Impossible arguments are refused at once, by an error that says what is allowed."""
 
 import re
 from collections.abc import Callable
@@ -24,10 +24,7 @@ SIZE, DISPLAY = (32, 18), (64, 36)
 GOOD = noise(1, SIZE)
 TENSORS = {name: planes_of(np.asarray(getattr(GOOD, name))) for name in ("color", "depth", "motion")}
 WORDS: dict[str, tuple[Callable[[Any], object], str]] = {
-    "executor": (
-        lambda word: Model.load("bilinear", executor=word),
-        r"'auto', 'onnx', 'cpu', 'cpu\+onnx' or 'gpu'",
-    ),
+    "executor": (lambda word: Model.load("bilinear", executor=word), "'auto', 'onnx', 'cpu' or 'gpu'"),
     "precision": (lambda word: Model.load("bilinear", precision=word), "'auto', 'fp32', 'fp16' or 'int8'"),
     "validate": (lambda word: Upscaler(scale=2, validate=word), "'off', 'warn' or 'strict'"),
     "preset": (lambda word: Upscaler(scale=2, preset=word), "'fast', 'balanced' or 'high'"),

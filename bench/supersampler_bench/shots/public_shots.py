@@ -68,7 +68,7 @@ class TestShots:
 
 
 TEST_SHOTS = TestShots(ratios=(1.5, 2.0, 3.0, 4.0, 1.0))
-"""The five that published means are over. Ratio 1 comes last: it was added to shots that were there."""
+"""The five shots of published means. Ratio 1 comes last: it was added to shots that were there."""
 APART_SHOTS = TestShots(seeds={"rigging": 113}, thin=True)
 """Shots reported separately and excluded from means: ropes, chains, chain-link, power lines."""
 

@@ -340,12 +340,14 @@ def _metadata(spec: ImageSpec) -> Metadata:
     found: Metadata = {}
     for entry in spec.extra_attribs:
         value, name = entry.value, str(entry.name)
-        if _LAYOUT.match(name) or _DEFAULTS.get(name) == value:
+        if _LAYOUT.match(name) or not isinstance(value, str | int | float | tuple):
+            continue  # damaged entries may be arrays
+        if _DEFAULTS.get(name) == value or (isinstance(value, tuple) and len(value) > _MAX_VALUES):
             continue
-        if isinstance(value, str | int | float):
-            found[name] = value[:_MAX_TEXT] if isinstance(value, str) else value
-        elif isinstance(value, tuple) and len(value) <= _MAX_VALUES:
+        if isinstance(value, tuple):
             found[name] = TypedValues(str(entry.type), value)
+        else:
+            found[name] = value[:_MAX_TEXT] if isinstance(value, str) else value
         if len(found) == _MAX_ENTRIES:
             break
     return found

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 _CODEC: Literal["libx264"] = "libx264"
 # "crf" is x264's constant rate factor: nearly no visible loss. With B-frames it does not always write the
-# same bytes of the same images, and a run that was stopped would end with another video.
+# same bytes for the same images, and a run that was stopped would end with another video.
 _OPTIONS = {"crf": "16", "bf": "0"}
 _BT709, _VIDEO_RANGE = 1, 1  # numbers of ITU-T H.273, and FFmpeg's of the range 16 to 235
 
