@@ -128,7 +128,7 @@ class ClassifierNetwork(nn.Module):
         return (F.conv2d(features, of_features, bias) + F.conv2d(planes, of_pixels, stride=2)).relu()
 
     def _blend_pixels(self, hidden_and_one: Tensor) -> Tensor:
-        """Compute the unpacked blend parameters; the channel of ones carries the bias of each of 2x2 pixels."""
+        """Compute the unpacked blend parameters; the channel of ones carries the bias of each pixel."""
         weight, bias = self.blend.state_dict(keep_vars=True).values()
         weight = torch.cat([weight[:, :, 0, 0], bias[:, None]], dim=1)
         weight = weight.reshape(-1, 2, 2, weight.shape[1]).permute(3, 0, 1, 2)

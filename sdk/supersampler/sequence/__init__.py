@@ -61,9 +61,15 @@ def upscale_sequence(
         lookahead: for live use, with two passes: chunks of this many frames, 1 to 64, which read as many
             further frames. The image of a frame comes at most 2 * `lookahead` frames later and costs three
             steps; frames are kept in memory. None is for frames on disk.
-        providers, threads, executor, precision, at_rest, skip, validate: see `Upscaler`.
+        providers: see `Upscaler`.
+        threads: see `Upscaler`.
+        executor: see `Upscaler`.
+        precision: see `Upscaler`.
+        at_rest: see `Upscaler`.
+        skip: see `Upscaler`.
         extrapolation: model for frames without colour, such as "guided-warp". One pass takes their light from
             the previous shaded frame, as `Upscaler.extrapolate`; two passes from the previous and the next.
+        validate: see `Upscaler`.
         scratch: existing folder for the scratch file; None is the system's place for temporary files.
 
     Returns:
