@@ -482,7 +482,7 @@ def luma_instability(box: ColorBox, lumas: Array, reactive: Array, mask: Array) 
     """Find pixels whose luma is nearer to that of an older frame than to the last one's.
 
     Args:
-        box: of this frame.
+        box: colour box of this frame.
         lumas: (H, W, 4) of the previous frames, reprojected; 0 where they are not known.
         reactive: (H, W).
         mask: (H, W), of diverging motion.
@@ -519,9 +519,9 @@ def rectify(
     Args:
         history: (H, W, 3) YCoCg.
         accumulation: (H, W), weight of the history.
-        box: of this frame.
+        box: colour box of this frame.
         kept: (H, W), fraction of the history that locks and flicker keep as it is.
-        sizes: of the frame.
+        sizes: sizes of the frame.
         untrusted: (H, W), the larger of disocclusion and diverging motion.
         speed: (H, W) display pixels.
     """
@@ -546,7 +546,7 @@ def upsample(
         reactive: (H, W), 1 where there is no history: the wider the kernel.
         disoccluded: (H, W).
         speed: (H, W) display pixels: the faster, the narrower the box.
-        sizes: of the frame.
+        sizes: sizes of the frame.
     """
     narrow = np.float32(min(1.99, float(sizes.upscale[0]))) * (1.0 - reactive)
     wide = np.maximum(1.0, (1.0 + narrow) * 0.3)

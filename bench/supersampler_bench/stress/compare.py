@@ -86,7 +86,7 @@ class Repeated:
         psnr: dB, of the last loop; NaN without references.
         lost: PSNR, dB, from the settled loop to the last.
         swing: dB, from the worst to the best image of the last loop.
-        flicker: of the last loop's images.
+        flicker: flicker of the last loop's images.
     """
 
     change: float

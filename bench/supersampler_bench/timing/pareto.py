@@ -33,7 +33,7 @@ class ParetoPoint:
         runs: executor and precision that were chosen.
         ratio: display over render size.
         milliseconds: median wall time of a step.
-        scores: by the name of a column, mean over the test shots.
+        scores: scores by the name of a column, mean over the test shots.
     """
 
     spec: str

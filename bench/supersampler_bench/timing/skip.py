@@ -36,7 +36,7 @@ class RestTimes:
 
     Attributes:
         scene: family of the test shot.
-        moves: of MOVES.
+        moves: some of MOVES.
         method: the model's name.
         converged: fraction of the pixels that are frozen.
         milliseconds: median of a step with `skip=False`.
@@ -91,7 +91,7 @@ def measure_skipping(
     """Step through each scene with and without `skip`, in turns: static, with moving objects, and as it is.
 
     Args:
-        families: of the test shots.
+        families: families of the test shots.
         methods: names of models that have kernels.
         display: (width, height) of the images.
         ratio: display over render size.

@@ -22,8 +22,8 @@ class SequenceSpec:
         seed: >= 0, of layout, textures, colours, lights, camera, speeds, cuts and exposure.
         frames: how many, >= 1.
         frame_rate: frames a second, > 0.
-        folder: of the files of a GLTF sequence; None of the others.
-        files: of a GLTF sequence: name below `folder`, and SHA-256 of the content.
+        folder: folder of the files of a GLTF sequence; None of the others.
+        files: files of a GLTF sequence: name below `folder`, and SHA-256 of the content.
     """
 
     family: str

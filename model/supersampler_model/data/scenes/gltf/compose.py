@@ -68,7 +68,7 @@ class Folder:
         path: absolute.
         stages: files of a room's size or larger, with a floor that one can stand on.
         props: smaller files.
-        panoramas: of the surroundings (.hdr).
+        panoramas: panoramas of the surroundings (.hdr).
     """
 
     path: str

@@ -386,7 +386,7 @@ def _primitive(
     Args:
         document: the file.
         content: the primitive's JSON.
-        coordinates: of its material's textures.
+        coordinates: coordinates of its material's textures.
         joints: number of joints of the skin; None for a rigid mesh, though it may have weights.
 
     Returns:
