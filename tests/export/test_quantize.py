@@ -53,10 +53,10 @@ DISPLAYS = [(321, 181), (322, 180)]
 """Odd, so that the last packed row and column repeat, and in no multiple of 8 packed pixels; even."""
 FRAMES = 2
 TORCH = (1e-6, 1e-5, 1e-4)
-"""Mean difference, that at 99.9 % of values, and the largest, of float networks, over the largest value."""
+"""Bounds for float networks, over the largest value: mean difference, its 99.9 % quantile, and the largest."""
 AS_WRITTEN, OPTIMIZED = (0.002, 0.1), (0.03, 0.25)
-"""Mean difference of blend parameters and that at 99.9 %: of a session without optimizations, which computes
-convolutions in floats; and of the default one, which rounds biases to int32. Parameters are about -6 to 6."""
+"""Bounds for blend parameters, about -6 to 6: mean difference and its 99.9 % quantile. A session without
+optimizations computes convolutions in floats; the default one rounds biases to int32."""
 EQUAL, NEAR = {False: 0.98, True: 0.8}, 0.999
 """Share of logits that are equal (True: optimized), and within one step of their last bit."""
 
@@ -243,9 +243,9 @@ def is_equal(graph: bytes, given: Sequence[Pass], *, optimized: bool) -> bool:
         steps.append(np.abs(logits - one.logits).ravel() / step_of(graph))
         blends.append(np.abs(blend - one.blend_parameters).ravel())
     step, off = np.concatenate(steps), np.concatenate(blends)
-    mean, most = OPTIMIZED if optimized else AS_WRITTEN
+    mean, quantile = OPTIMIZED if optimized else AS_WRITTEN
     logits_agree = (step < 0.5).mean() >= EQUAL[optimized] and (step < 1.5).mean() >= NEAR
-    return bool(logits_agree and off.mean() <= mean and np.quantile(off, 0.999) <= most)
+    return bool(logits_agree and off.mean() <= mean and np.quantile(off, 0.999) <= quantile)
 
 
 @cache

@@ -141,7 +141,7 @@ def _upscaler(name: str) -> Call:
 
 
 def _loading(name: str) -> Call:
-    """An argument that is allowed beside a model's name alone."""
+    """Pass an argument that is refused beside a loaded Model."""
     given: dict[str, Any] = {"display_size": DISPLAY, "executor": "onnx"}
     model = {} if name in ("model", "preset") else {"model": "bilinear"}
     return lambda value: Upscaler(**{**given, **model, name: value}).close()

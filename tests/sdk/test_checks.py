@@ -62,7 +62,9 @@ def jittered(place: Callable[[int], int], count: int = 32) -> list[Frame]:
 
 
 def warnings_of_jitter(frames: list[Frame], validate: Validate = "warn") -> list[str]:
-    return [message for message in told(frames, (48, 32), validate=validate) if "on average" in message]
+    return [
+        message for message in messages_of(frames, (48, 32), validate=validate) if "on average" in message
+    ]
 
 
 @pytest.mark.parametrize("validate", ["warn", "strict"])
@@ -167,7 +169,7 @@ def rest(count: int, **overrides: Any) -> list[Frame]:
     return [noise(1, jitter=jitter, motion=still, **overrides) for jitter in jitters]
 
 
-def told(
+def messages_of(
     frames: list[Frame],
     display: tuple[int, int] = (64, 36),
     *,
@@ -182,27 +184,27 @@ def told(
     return [str(warning.message) for warning in caught]
 
 
-def test_jitter_that_stops_while_nothing_moves_is_told_once() -> None:
-    (message,) = told(rest(40))
+def test_jitter_that_stops_while_nothing_moves_is_warned_of_once() -> None:
+    (message,) = messages_of(rest(40))
     assert "frame.jitter is (0.0, 0.0) in 8 frames in which nothing moved" in message
     assert "halton_jitter" in message
-    assert told(rest(7)) == []
+    assert messages_of(rest(7)) == []
 
 
-def test_jitter_that_stops_is_told_only_where_a_still_image_would_converge() -> None:
-    assert told(rest(40), converges=False) == []
-    assert told(rest(40), (32, 18)) == [], "frames of ratio 1 may be anti-aliased already"
+def test_jitter_that_stops_is_warned_of_only_where_a_still_image_would_converge() -> None:
+    assert messages_of(rest(40), converges=False) == []
+    assert messages_of(rest(40), (32, 18)) == [], "frames of ratio 1 may be anti-aliased already"
     moving = np.full((18, 32, 2), 0.1, np.float32)
-    assert told([replace(frame, motion=moving) for frame in rest(40)]) == []
+    assert messages_of([replace(frame, motion=moving) for frame in rest(40)]) == []
 
 
-def test_jitter_that_never_changes_is_told_once_in_all() -> None:
-    (message,) = told(rest(40)[4:])
+def test_jitter_that_never_changes_is_warned_of_once_in_all() -> None:
+    (message,) = messages_of(rest(40)[4:])
     assert "in 3 frames in a row" in message
 
 
-def test_an_upscaler_tells_of_jitter_that_stops_if_its_method_converges() -> None:
-    for method, tells in (("taau", True), ("taa", False)):
+def test_an_upscaler_warns_of_jitter_that_stops_if_its_method_converges() -> None:
+    for method, warns in (("taau", True), ("taa", False)):
         with (
             Upscaler(method, display_size=(64, 36)) as upscaler,
             warnings.catch_warnings(record=True) as caught,
@@ -210,7 +212,7 @@ def test_an_upscaler_tells_of_jitter_that_stops_if_its_method_converges() -> Non
             warnings.simplefilter("always")
             for frame in rest(10):
                 upscaler.step(frame)
-        assert any("nothing moved" in str(warning.message) for warning in caught) == tells
+        assert any("nothing moved" in str(warning.message) for warning in caught) == warns
 
 
 def test_clipped_colour_is_a_hint_that_never_raises(frames: list[Frame]) -> None:
@@ -422,7 +424,7 @@ def test_colour_that_looks_the_same_upside_down_is_left_alone() -> None:
     assert "upside down" not in complaint(frame(depth=depth, color=color))
 
 
-def test_three_frames_of_a_start_are_read_and_each_kind_is_told_once() -> None:
+def test_three_frames_of_a_start_are_read_and_each_kind_is_warned_of_once() -> None:
     checker = FrameChecker("warn")
 
     jitters = itertools.count()

@@ -1,4 +1,4 @@
-/** What presenter.js does, on a 2D canvas: for browsers without WebGPU. */
+/** The presenter on a 2D canvas, for browsers without WebGPU. */
 
 const STEPS = 4096; // of the curve from tone-mapped light to sRGB
 

@@ -151,7 +151,7 @@ class GBufferNetwork(nn.Module):
     Args:
         config: widths.
         ratio: display over render size.
-        blend_parameters: number of them per display pixel.
+        blend_parameters: number of blend parameters per display pixel.
     """
 
     def __init__(self, config: GBufferNetworkConfig, *, ratio: int, blend_parameters: int) -> None:

@@ -182,7 +182,7 @@ class Renderer:
 
         Args:
             display_size: (width, height) of the reference.
-            samples: a pixel of the reference, a square number; they lie on a regular grid.
+            samples: number of samples of a reference pixel, on a regular grid; a square number.
             graphics: a context to share; None opens one.
 
         Raises:
@@ -190,7 +190,7 @@ class Renderer:
             SceneError: `samples` is no square number, or a size is not positive.
         """
         if samples < 1 or isqrt(samples) ** 2 != samples:
-            raise SceneError("samples", got=samples, want="a square number, as 16 or 64")
+            raise SceneError("samples", got=samples, want="a square number, such as 16 or 64")
         self._side = isqrt(samples)
         self.display_size = _checked("display_size", display_size)
         self._graphics = graphics or open_graphics()
