@@ -83,7 +83,7 @@ class Dilated(NamedTuple):
 
 
 class DepthClip(NamedTuple):
-    """Where the history is not valid, (h, w) each, in [0, 1]."""
+    """Masks of invalid history, (h, w) each, in [0, 1]."""
 
     disoccluded: Array  # 1 where the surface was occluded in the previous frame
     mask: Array  # 1 where motion of neighbours, or of two frames, diverges

@@ -53,7 +53,7 @@ DISPLAYS = [(321, 181), (322, 180)]
 """Odd, so that the last packed row and column repeat, and in no multiple of 8 packed pixels; even."""
 FRAMES = 2
 TORCH = (1e-6, 1e-5, 1e-4)
-"""Bounds for float networks, over the largest value: mean difference, its 99.9 % quantile, and the largest."""
+"""Bounds for float networks, over the largest value: mean difference, 99.9 % quantile, and the largest."""
 AS_WRITTEN, OPTIMIZED = (0.002, 0.1), (0.03, 0.25)
 """Bounds for blend parameters, about -6 to 6: mean difference and its 99.9 % quantile. A session without
 optimizations computes convolutions in floats; the default one rounds biases to int32."""

@@ -1,4 +1,4 @@
-"""Whatever a State holds, loading it and stepping on it ends in images or in errors of ours."""
+"""Any State can be loaded and stepped on, with images or errors of ours."""
 
 from collections.abc import Callable
 from dataclasses import replace

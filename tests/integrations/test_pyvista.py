@@ -64,7 +64,7 @@ def stepped(window: SupersampledWindow, plotter: Any) -> Frame:
 
 
 def place(plotter: Any, point: tuple[float, float, float]) -> Array:
-    """Where the camera sees a point of the world, in render pixels, x right, y down."""
+    """Return where the camera sees a point of the world, in render pixels, x right, y down."""
     plotter.renderer.SetWorldPoint(*point, 1.0)
     plotter.renderer.WorldToDisplay()
     x, y, _ = plotter.renderer.GetDisplayPoint()

@@ -1,5 +1,5 @@
 /**
- * What supersampler.js promises beyond images, in Node with Dawn. Writes {promise: true, or what was found} as JSON.
+ * Checks of the promises of supersampler.js beyond images, in Node with Dawn. Writes {promise: true, or a description of the failure} as JSON.
  *
  *   node webgpu_checks.mjs SHADERS NODE_MODULES
  */

@@ -60,7 +60,7 @@ class Recorder:
 
     @pytest.hookimpl(wrapper=True, tryfirst=True)
     def pytest_runtest_teardown(self) -> Generator[None]:
-        """Whatever runs now tells nothing."""
+        """Ignore lines that run from now on."""
         self.coverage.switch_context("(teardown)")
         return (yield)
 

@@ -1,4 +1,4 @@
-"""Whatever an argument is: it is taken, or a typed error says what is wrong, and no history changes."""
+"""Any argument is taken, or a typed error says what is wrong, and no history changes."""
 
 import contextlib
 import math

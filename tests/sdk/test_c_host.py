@@ -19,7 +19,7 @@ GONE = object()
 """In place of a value: there is none."""
 
 Case = tuple[Sequence[str | int], Any, str]
-"""Where in the JSON, the value there, and a part of the message."""
+"""A place in the JSON, the value there, and a part of the message."""
 
 SHADERS: dict[str, Case] = {
     "another format": (["format"], "other", "want supersampler-shaders version 3"),

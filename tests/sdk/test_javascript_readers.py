@@ -241,7 +241,7 @@ def test_whole_images_are_read(tmp_path: Path) -> None:
 
 
 Edit = tuple[Sequence[str | int], Any]
-"""Where in a JSON file, and what is put there."""
+"""A place in a JSON file, and the value put there."""
 GONE = object()
 
 

@@ -102,7 +102,7 @@ def test_fully_reactive_is_the_image_of_this_frame_alone(method: str, executor: 
 
 @pytest.mark.parametrize(("method", "executor"), WEIGHED)
 def test_of_a_fully_reactive_history_nothing_is_left(method: str, executor: str) -> None:
-    """Whatever light was there before does not show."""
+    """Earlier light does not show."""
     images = []
     for light in (0.0, 50.0):
         upscaler = make(method, executor)

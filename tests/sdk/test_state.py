@@ -93,7 +93,7 @@ def test_a_value_that_no_frame_leaves_is_refused(name: str, value: Any) -> None:
     assert_refused(with_values(still_state(), name, value), f"'{name.replace('.', '[.]')}'")
 
 
-def test_pixels_of_a_shaded_frame_that_are_none_are_taken_as_a_frames_are() -> None:
+def test_invalid_pixels_of_a_shaded_history_are_taken_as_those_of_a_frame() -> None:
     one, color = upscaler(), np.array(frame(0).color)
     color[3, 4] = np.nan
     one.step(frame(0, color=color))

@@ -1,4 +1,4 @@
-/** What the tests of this page call, as `window.supersamplerDemo`, when its address has ?test. */
+/** Functions for the tests of this page: `window.supersamplerDemo`, where its address has ?test. */
 
 import { haltonJitter } from "../jitter.js";
 import { readTexture } from "./readback.js";

@@ -1,4 +1,4 @@
-/** What the tests of the page of three.js call, as `window.threeDemo`, after the last frame. */
+/** Functions for the tests of the page of three.js: `window.threeDemo`, after the last frame. */
 
 import { HalfFloatType, RenderTarget } from "three/webgpu";
 import { haltonJitter } from "../jitter.js";

@@ -112,7 +112,7 @@ def page_files() -> Path:
 
 
 class _Package(msgspec.Struct):
-    """What is read of npm's package.json."""
+    """The fields of npm's package.json that are read."""
 
     version: str
 

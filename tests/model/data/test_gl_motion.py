@@ -49,7 +49,7 @@ def widest(values: Values, radius: int) -> Values:
 
 
 def undisturbed(now: SurfaceBuffers, truth_now: PixelStatistics, truth_before: PixelStatistics) -> Mask:
-    """Where what is seen was seen a frame ago, away from edges of depth and from the border."""
+    """Return a mask of the pixels seen in the previous frame, away from edges of depth and from the border."""
     motion = now.motion.astype(np.float64)
     edges = []
     for truth in (truth_now, truth_before):
@@ -73,7 +73,7 @@ def shift_between(image: Values, other: Values, where: Mask) -> Values:
 
 
 def seen_alone(renderer: Renderer, scene: Scene, instance: int, depth: NDArray[np.float32]) -> Mask:
-    """Where only this instance is seen, two pixels from its rim."""
+    """Return a mask of the pixels that see only this instance, two pixels from its rim."""
     alone = renderer.display(replace(scene, instances=scene.instances[instance : instance + 1])).depth
     hidden = ((alone == 0.0) | (alone != depth)).astype(np.float64)
     return np.asarray(widest(hidden, 2) == 0.0)

@@ -319,7 +319,7 @@ def scene_of(instances: tuple[Instance, ...]) -> Scene:
 
 
 def pixel_of(x: float, y: float) -> tuple[float, float]:
-    """Where `CAMERA` sees a point of z = 0, in an image of 160 x 90."""
+    """Return where `CAMERA` sees a point of z = 0, in an image of 160 x 90."""
     zoom = 45.0 / np.tan(np.radians(30.0)) / 5.0
     return 80.0 + zoom * x, 45.0 - zoom * y
 

@@ -89,7 +89,7 @@ HALVES = Codec(_unpack_halves, _pack_halves)
 
 @dataclass(frozen=True)
 class HistoryLayout:
-    """Where the history tensors of a method are.
+    """Places of the history tensors of a method.
 
     Attributes:
         spec: the method.

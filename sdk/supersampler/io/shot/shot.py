@@ -76,7 +76,7 @@ class ShotFrame:
 
 
 class StoredAs(NamedTuple):
-    """How a file stores its colour.
+    """Format and type of the colour in a file.
 
     Attributes:
         format: "exr", "png", "tif"; "safetensors" for Arm's sequences.
