@@ -90,7 +90,7 @@ PROJECTIONS = {
 
 
 def _pixel(projection: NDArray[Any], point: NDArray[np.float64], size: tuple[int, int]) -> list[float]:
-    """Return where a view-space point lands: pixels, x right, y down; 0.5 is the centre of the first pixel."""
+    """Return where a view-space point lands: pixels, y down; 0.5 is the centre of the first pixel."""
     x, y, _, w = projection @ point
     return [(x / w * 0.5 + 0.5) * size[0], (0.5 - y / w * 0.5) * size[1]]
 

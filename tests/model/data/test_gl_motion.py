@@ -49,7 +49,7 @@ def widest(values: Values, radius: int) -> Values:
 
 
 def undisturbed(now: SurfaceBuffers, truth_now: PixelStatistics, truth_before: PixelStatistics) -> Mask:
-    """Return a mask of the pixels seen in the previous frame, away from edges of depth and from the border."""
+    """Return a mask of the pixels seen in the previous frame, away from depth edges and the border."""
     motion = now.motion.astype(np.float64)
     edges = []
     for truth in (truth_now, truth_before):
