@@ -23,7 +23,7 @@ typedef struct {
     uint32_t size[2];     /* (width, height) of what was rendered, each 1 to 16384 */
     float jitter[2];      /* render pixels */
     float exposure;       /* 0: measured */
-    float pre_exposure;   /* what the colour was multiplied by, in [2^-24, 2^24]; 0: 1 */
+    float pre_exposure;   /* what the colour was multiplied by, in [2^-24, 2^24]; 0 counts as 1 */
     bool reset;           /* true on the first frame after a cut */
 } Frame;
 
