@@ -157,8 +157,8 @@ class GpuHistory:
         display: (width, height) of the images.
         render: (width, height) of the previous frame.
         memory: memory by name; "state" is that of a whole frame.
-        step: of the step that wrote it; each has its own.
-        previous: the same of the history that this step read.
+        step: identity of the step that wrote it.
+        previous: identity of the step that wrote the history which that step read.
     """
 
     device: "wgpu.GPUDevice"

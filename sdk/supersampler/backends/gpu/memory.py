@@ -162,8 +162,8 @@ class Extent(NamedTuple):
         of: "render" and "previous", sizes of this frame and of the one before; "display", of the image;
             "large", 1.4 times the display (`large_size`); "one", which is (1, 1); "signatures" and
             "previous_signatures", the blocks of that frame, one phase of the jitter below the other.
-        divide: of both axes.
-        multiply: of each axis, (x, y).
+        divide: divisor of both axes.
+        multiply: factors of the axes, (x, y).
     """
 
     of: Base
