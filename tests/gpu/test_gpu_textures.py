@@ -71,7 +71,7 @@ def test_textures_give_the_images_of_arrays_as_half_floats(device: Any, ours: Mo
 
 
 @pytest.mark.parametrize("kind", [textures_of, buffers_of])
-def test_textures_and_buffers_may_come_with_a_mask_and_a_pre_exposure(device: Any, ours: Model, kind: Any) -> None:
+def test_textures_and_buffers_take_a_mask_and_a_pre_exposure(device: Any, ours: Model, kind: Any) -> None:
     upscaler, arrays = Upscaler(ours, display_size=DISPLAY), make("taau")
     for index, factor in enumerate((1.0, 4.0, 0.5, 2.0)):
         frame = moving(index)
