@@ -50,7 +50,7 @@ def quality(
     cache: CACHE = None,
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", help="Folder for curves over the frames and error heat maps."),
+        typer.Option("-o", "--output", help="Folder for error heat maps."),
     ] = None,
     json: JSON = None,
 ) -> None:

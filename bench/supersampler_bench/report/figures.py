@@ -1,6 +1,5 @@
-"""Figures of records: time against error, curves over frames, error heat maps."""
+"""Figures: time against error, still scenes over the frames, error heat maps."""
 
-import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -19,8 +18,8 @@ from supersampler.io.compare import false_color
 from supersampler.io.files import replacing
 from supersampler_bench.markdown import size_text
 from supersampler_bench.quality.measure import ScoredImage
-from supersampler_bench.quality.score_table import CLIP_COLUMNS, COLUMNS, Column, sizes
-from supersampler_bench.quality.scores import BORDER, WARM_UP_FRAMES, MethodRow, ShotRow
+from supersampler_bench.quality.score_table import CLIP_COLUMNS, Column, sizes
+from supersampler_bench.quality.scores import WARM_UP_FRAMES, ShotRow
 from supersampler_bench.quality.still import StillRecord, StillScores
 from supersampler_bench.timing.pareto import ParetoPoint, ParetoRecord, by_ratio, frontier
 from supersampler_model.data.shots import variant_name
@@ -127,7 +126,7 @@ def _save(figure: Figure, path: Path) -> None:
 
 
 def draw_shot(shot: ShotRow, maps: ErrorMaps, folder: Path) -> None:
-    """Write a folder with curves and errors of one shot.
+    """Write a folder with the errors of one shot.
 
     Args:
         shot: scores of the shot.
@@ -135,43 +134,7 @@ def draw_shot(shot: ShotRow, maps: ErrorMaps, folder: Path) -> None:
         folder: the new folder is written here.
     """
     name = shot.name + (f"-{variant_name(shot.ratio)}" if shot.ratio is not None else "")
-    draw_curves(shot, folder / name / "curves.png")
     draw_errors(sizes(shot), maps, folder / name / "errors.png")
-
-
-def draw_curves(shot: ShotRow, path: Path) -> None:
-    """Draw each metric of each method over the frames, without the border; the warm-up is shaded.
-
-    Args:
-        shot: scores of the shot.
-        path: PNG to write.
-    """
-    rows = shot.methods
-    columns = [c for c in dict.fromkeys((*COLUMNS, *CLIP_COLUMNS)) if any(_curve(c, row) for row in rows)]
-    about = f"without a border of {BORDER} pixels; the first {WARM_UP_FRAMES} frames shaded"
-    title = f"{sizes(shot)}: {about}"
-    with _panels(len(columns), path, (7.0, 2.6), title=title, legend=7) as panels:
-        for axes, column in zip(panels, columns, strict=True):
-            for row in rows:
-                values = _curve(column, row)
-                numbers = list(range(min(values), max(values) + 1)) if values else []
-                if column.name == "strred":  # pairs of frames: the frames between them have no value
-                    numbers = list(values)
-                curve = [values.get(number, math.nan) for number in numbers]
-                axes.plot(numbers, curve, label=row.method, marker=".", markersize=4, linewidth=1.0)
-            axes.axvspan(-0.5, WARM_UP_FRAMES - 0.5, color="0.92", zorder=0)
-            axes.set_title(column.heading, fontsize="medium")
-            axes.grid(alpha=0.3)
-
-
-def _curve(column: Column, row: MethodRow) -> dict[int, float]:
-    """Return the known values of a metric by frame."""
-    values = {frame["frame"]: frame["cropped"].get(column.name) for frame in row.frames}
-    return {
-        frame: value * column.scale
-        for frame, value in values.items()
-        if value is not None and not math.isnan(value)
-    }
 
 
 def draw_errors(title: str, maps: ErrorMaps, path: Path) -> None:

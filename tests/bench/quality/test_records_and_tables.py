@@ -158,7 +158,7 @@ def test_the_command_draws_what_is_wrong(tmp_path: Path) -> None:
     figures = {
         p.name: np.asarray(ImageBuf(str(p)).get_pixels("uint8")) for p in (tmp_path / "out" / "own").iterdir()
     }
-    assert set(figures) == {"curves.png", "errors.png"}
+    assert set(figures) == {"errors.png"}
     assert all(image.std() > 10.0 for image in figures.values())
 
 
