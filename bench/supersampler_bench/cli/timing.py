@@ -98,7 +98,7 @@ def latency(
             listed(methods),
             sizes_of("--display-size", display_size),
             executors_of(executors),
-            _counts_of(threads),
+            [int(text) for text in listed(threads or str(os.cpu_count() or 1))],
             precisions=words_of("--precisions", precisions, known),
             providers=providers,
             ratio=ratio,
@@ -109,23 +109,19 @@ def latency(
     publish(bench.LatencyRecord(ratio, results), "latency", json)
 
 
-def _counts_of(threads: str | None) -> list[int]:
-    return [int(text) for text in listed(threads or str(os.cpu_count() or 1))]
-
-
 def against(
     python: Annotated[str, typer.Argument(help="Interpreter of an environment that has the other version.")],
     methods: METHODS = "taa,taau,classifier-small,classifier",
-    display_size: DISPLAY_SIZES = "960x540",
-    threads: THREADS = None,
+    display_size: DISPLAY_SIZE = "960x540",
+    threads: Annotated[int | None, typer.Option(min=1, help="CPU threads; all cores unless given.")] = None,
     ratio: ONE_RATIO = 2.0,
-    rounds: Annotated[int, typer.Option(min=6, help="Pairs of new processes for each setting.")] = 10,
+    rounds: Annotated[int, typer.Option(min=1, help="Pairs of new processes for each method.")] = 10,
     steps: STEPS = 30,
     json: JSON = None,
 ) -> None:
-    """Time this version against another one: steps, and programs up to their first image.
+    """Time the steps of this version against those of another one.
 
-    Methods run as they do by default. Nothing else should run on the machine.
+    Methods run as they do by default, and read no G-buffers. Nothing else should run on the machine.
 
     \b
     Example:
@@ -133,18 +129,13 @@ def against(
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_bench.timing import against as bench
 
-    names, counts = listed(methods), _counts_of(threads)
-    displays = sizes_of("--display-size", display_size)
-    with counted("rounds", len(names) * rounds * (len(displays) * len(counts) + 1)) as advance:
-        sides, results = bench.measure_against(
-            *(python, names, displays, counts),
-            ratio=ratio,
-            rounds=rounds,
-            steps=steps,
-            on_round=advance,
-            on_left_out=warn,
+    names, display = listed(methods), parse_size(display_size, "--display-size")
+    count = threads or os.cpu_count() or 1
+    with counted("rounds", len(names) * rounds) as advance:
+        results = bench.measure_against(
+            *(python, names, display, count), ratio=ratio, rounds=rounds, steps=steps, on_round=advance
         )
-    publish(bench.AgainstRecord(ratio, sides, steps, results), "against", json)
+    publish(bench.AgainstRecord(display, ratio, count, steps, results), "against", json)
 
 
 def skip(
@@ -242,7 +233,7 @@ def device(
 ) -> None:
     """Time the GPU backend with frame and image in textures, by timestamps of the device.
 
-    Also each pass, copies of the device, and steps on arrays. The record is written after each result.
+    Also each pass, and steps on arrays. The record is written after each result.
 
     \b
     Example:
@@ -255,7 +246,7 @@ def device(
     ratios = numbers_of("--ratio", ratio)
     device, began = device_with_timestamps(), time.perf_counter()
     record = GpuRecord.of(device, names)
-    say(f"{record.adapter['device']}: copies {1e-9 * record.limits.moved:.0f} GB/s")
+    say(record.adapter["device"])
 
     def keep(text: str) -> None:
         if json is not None:

@@ -126,8 +126,6 @@ def _outwards() -> Iterator[tuple[int, int]]:
     yield from zip(rows.ravel()[kept].tolist(), columns.ravel()[kept].tolist(), strict=True)
 
 
-EVERY_SECOND = "1:1"
-"""One unshaded frame after each shaded one."""
 PSNR_SHADED = "psnr_shaded"
 """PSNR of the shaded frames, whose history passed through unshaded ones."""
 _OMITTED = ("tpsnr", "warped_error_difference", "psnr_aliased")

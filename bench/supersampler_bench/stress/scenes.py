@@ -1,14 +1,13 @@
-"""Frames for scenarios: a static scene, a moving one that repeats, and part of the shipped shot."""
+"""Frames for scenarios: a static scene, and a moving one that repeats."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from itertools import islice
 from math import lcm
 
 import numpy as np
 
-from supersampler import Frame, Shot, halton_jitter
+from supersampler import Frame, halton_jitter
 from supersampler.conventions import jitter_phase_count
 from supersampler.frame import Float32, Size
 from supersampler_model.data.scenes.analytic import (
@@ -83,23 +82,6 @@ def frames_of(scene: AnalyticScene, render: Size, count: int, every: int = 1) ->
     """
     frames = (scene.frame(i, render, halton_jitter(i // every, RATIO)) for i in range(count))
     return [replace(frame, reset=False) for frame in frames]
-
-
-@cache
-def real(render: Size) -> Sequence[Frame]:
-    """Return crops from the middle of the shipped shot's frames."""
-    found = []
-    for item in islice(Shot.open("plaza"), 24):
-        frame = item.frame
-        left, top = (frame.size[0] - render[0]) // 2, (frame.size[1] - render[1]) // 2
-        part = slice(top, top + render[1]), slice(left, left + render[0])
-        color, depth, motion = (
-            np.ascontiguousarray(a[part], np.float32)
-            for a in (frame.color, frame.depth, frame.motion)
-            if a is not None
-        )
-        found.append(replace(frame, color=color, depth=depth, motion=motion, gbuffer=None, reset=False))
-    return found
 
 
 @cache

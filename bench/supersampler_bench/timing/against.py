@@ -3,7 +3,7 @@
 The speed of a machine changes from minute to minute by more than versions differ, and the speed of a process
 depends on where its memory lies. So in each round a method steps on the same frames in a new process of each
 version, one after the other, in alternating order. The result is the median over the rounds of the ratio of
-their times, with an interval.
+their times, with the least and the largest.
 
 A program is given as text and uses the package alone, so the other environment needs no bench. Its argument
 is a request as JSON; the last line that it prints is its answer, as JSON.
@@ -12,27 +12,19 @@ is a request as JSON; the last line that it prints is its answer, as JSON.
 import json
 import os
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
-from itertools import product
-from math import comb
 from pathlib import Path
-from statistics import fmean, median
+from statistics import median
 from tempfile import TemporaryDirectory
-from typing import Any, TypeAlias, TypeVar
-
-import numpy as np
+from typing import Any
 
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
 from supersampler.io.child_process import end_text, run
-from supersampler.io.files import replacing
-from supersampler.methods.gbuffers import GBUFFERS
 from supersampler_bench.markdown import size_text, table
 from supersampler_bench.record import BenchRecord
-from supersampler_bench.specs import compatible, gbuffers_of, parse_spec, with_default_gbuffers
-from supersampler_bench.timing.latency import frames_of
+from supersampler_bench.specs import parse_spec
 from supersampler_model.data.shots import render_size
 
 FIRST_IMAGE = """
@@ -56,37 +48,32 @@ The frame is made in memory, as an engine does; reading files is not timed.
 """
 STEPS = """
 import json, sys, time
+from statistics import median
 import numpy as np
-from supersampler import Frame, Upscaler
+from supersampler import Frame, Shot, Upscaler
 request = json.loads(sys.argv[1])
-arrays, groups = dict(np.load(request["frames"])), {}
-for name in [name for name in arrays if "." in name]:  # gbuffer.NAME, gbuffer_display.NAME
-    group, _, key = name.partition(".")
-    groups.setdefault(group, {})[key] = arrays.pop(name)
-frames = [
-    Frame(**{name: array[i] for name, array in arrays.items() if array[i].ndim > 1},
-          jitter=tuple(map(float, arrays["jitter"][i])), exposure=float(arrays["exposure"][i]), **groups)
-    for i in range(len(arrays["color"]))
-]
-width, height = request["display"]
+(width, height), (w, h) = request["display"], request["render"]
+
+def tiled(image):
+    times = (-(-h // image.shape[0]), -(-w // image.shape[1]), *[1] * (image.ndim - 2))
+    return np.ascontiguousarray(np.tile(image, times)[:h, :w], np.float32)
+
+shot = [item.frame for item in Shot.open("plaza")][8:16]
+frames = [Frame(color=tiled(f.color), depth=tiled(f.depth), motion=tiled(f.motion), jitter=f.jitter,
+                exposure=f.exposure or 1.0) for f in shot]
 upscaler = Upscaler(request["method"], display_size=(width, height), providers="cpu",
                     threads=request["threads"], validate="off")
 image = np.empty((height, width, 3), np.float32)
-wall, cores = [], []
+times = []
 for index in range(10 + request["steps"]):
-    began, spent = time.perf_counter(), time.process_time()
-    upscaler.step(frames[index % len(frames)], out=image)
-    wall.append(time.perf_counter() - began)
-    cores.append(time.process_time() - spent)
-print(json.dumps({"wall": wall[10:], "cores": cores[10:]}))
+    began = time.perf_counter()
+    upscaler.step(frames[index % 8], out=image)
+    times.append(time.perf_counter() - began)
+print(json.dumps({"ms": 1e3 * median(times[10:])}))
 """
-"""Prints the seconds of each step after ten of warm-up, wall time and time of all cores.
+"""Prints the median milliseconds of a step, after ten of warm-up, on the shipped shot, repeated to the size.
 
-Request: method, frames (NPZ file), display (width, height), threads, steps.
-"""
-_ABOUT = """
-import json, platform, supersampler
-print(json.dumps({"version": supersampler.__version__, "python": platform.python_version()}))
+Request: method, display and render (width, height), threads, steps.
 """
 
 
@@ -225,194 +212,88 @@ class StartupRecord(BenchRecord):
         return table(["method", "cold cache, s:", "warm cache, s:", "cache, KiB:"], rows, caption)
 
 
-COVERAGE = 0.95
-"""Minimum probability with which the interval of a median contains it."""
-MIN_ROUNDS = 6
-"""Minimum number of rounds that gives an interval of `COVERAGE`."""
-
-STEP_WALL, STEP_CORES, FIRST = "step, wall", "step, all cores", "first image"
-"""Kinds of times: of a step; from the first line of a program to its first image, with cached kernels."""
-Pair: TypeAlias = tuple[float, float]
-"""Times of this version and of the other."""
-T = TypeVar("T")
-R = TypeVar("R")
-
-
 @dataclass(frozen=True)
 class Compared:
-    """One time of one method in both versions; medians over the rounds, milliseconds.
+    """Median milliseconds of a step of a method in both versions.
 
     Attributes:
         method: the model's name.
-        display: (width, height) of the images.
-        threads: threads on the CPU; 0 for first images, which use the version's default.
-        what: `STEP_WALL`, `STEP_CORES` or `FIRST`.
-        this: of the installed version.
-        other: of the other one.
-        median: of the ratios this / other in each round.
-        low, high: interval that contains the median with at least `COVERAGE`, of order statistics.
         rounds: (this, other) of each round.
     """
 
     method: str
-    display: Size
-    threads: int
-    what: str
-    this: float
-    other: float
-    median: float
-    low: float
-    high: float
-    rounds: list[Pair]
+    rounds: list[tuple[float, float]]
+
+    @property
+    def ratios(self) -> list[float]:
+        """This version's time over the other's, in each round."""
+        return [this / other for this, other in self.rounds]
 
 
 def measure_against(
     python: str,
     methods: Sequence[str],
-    displays: Sequence[Size],
-    threads: Sequence[int],
+    display: Size,
+    threads: int,
     *,
     ratio: float = 2.0,
     rounds: int = 10,
     steps: int = 30,
     on_round: Callable[[], None] = lambda: None,
-    on_left_out: Callable[[str], None] = lambda _: None,
-) -> tuple[dict[str, dict[str, str]], list[Compared]]:
+) -> list[Compared]:
     """Time methods in this version and in another one.
 
     Args:
         python: interpreter of an environment in which the other version is installed.
-        methods: names of models that both have.
-        displays: (width, height) of the images.
-        threads: numbers of CPU threads.
+        methods: names of models that both have, and that read no G-buffers.
+        display: (width, height) of the images.
+        threads: number of CPU threads.
         ratio: display over render size.
-        rounds: rounds of each setting; at least MIN_ROUNDS.
-        steps: steps that count, of each version in a round.
+        rounds: number of pairs of processes for each method.
+        steps: number of steps that count, of each version in a round.
         on_round: called after each round of each method.
-        on_left_out: called with what is not timed, and why.
-
-    Returns:
-        Facts of the versions "this" and "other", and the times.
 
     Raises:
         ArgumentError: `python` is no interpreter, has no supersampler, lacks a method, or a process died.
     """
-    results: list[Compared] = []
+    size = {"display": list(display), "render": list(render_size(display, ratio))}
+    results = [Compared(method, []) for method in methods]
     with TemporaryDirectory() as name:
-        folder = Path(name)
-        sides = Version("this", sys.executable, folder / "this"), Version("other", python, folder / "other")
-        other, this = (side.run(_ABOUT) for side in reversed(sides))  # a wrong interpreter fails at once
-        for display, count in product(displays, threads):
-            render, frames = render_size(display, ratio), folder / "frames.npz"
-            able = compatible(methods, render, display, on_left_out)
-            _write_frames(frames, able, render, display)
-            for method in able:
-                request = {"method": method, "frames": str(frames), "display": display, "threads": count}
-                timed = partial(_step_times, request={**request, "steps": steps})
-                pairs = _in_rounds(rounds, sides, timed, on_round)
-                for number, what in enumerate((STEP_WALL, STEP_CORES)):
-                    one = [(this[number], other[number]) for this, other in pairs]
-                    results.append(compared(method, display, count, what, one))
-        render = render_size(displays[0], ratio)
-        for method in compatible(methods, render, displays[0], lambda _: None):
-            if not gbuffers_of([method]):  # the program's frame has none
-                timed_first = partial(
-                    _first_time, request={"method": method, "render": render, "scale": ratio}
-                )
-                for side in sides:
-                    timed_first(side)  # fills the kernel cache
-                firsts = _in_rounds(rounds, sides, timed_first, on_round)
-                results.append(compared(method, displays[0], 0, FIRST, firsts))
-    return {"this": this, "other": other}, results
-
-
-def _step_times(version: Version, request: Mapping[str, Any]) -> Pair:
-    seconds = version.run(STEPS, **request)
-    return 1e3 * median(seconds["wall"]), 1e3 * fmean(seconds["cores"])
-
-
-def _first_time(version: Version, request: Mapping[str, Any]) -> float:
-    return 1e3 * float(version.run(FIRST_IMAGE, **request)["seconds"])
-
-
-def _write_frames(path: Path, methods: Sequence[str], render: Size, display: Size) -> None:
-    """Write frames for both sides: each field of all frames, and default G-buffers of the first."""
-    frames = frames_of(render)
-    arrays = {name: np.stack([getattr(f, name) for f in frames]) for name in ("color", "depth", "motion")}
-    arrays["jitter"] = np.array([frame.jitter for frame in frames])
-    arrays["exposure"] = np.array([frame.exposure for frame in frames])
-    names = gbuffers_of(methods)
-    first = with_default_gbuffers(frames[0], names, display)
-    for name in names:
-        place, array = GBUFFERS[name], GBUFFERS[name].find(first)
-        if array is not None:
-            arrays[f"{place.group}.{place.key}"] = array
-    with replacing(path) as partial_path:
-        np.savez(partial_path, **arrays)  # type: ignore[arg-type]  # its stub mistakes the names for other arguments
-
-
-def _in_rounds(
-    count: int, sides: tuple[T, T], timed: Callable[[T], R], on_round: Callable[[], None]
-) -> list[tuple[R, R]]:
-    """Time this version, then the other; in every second round the other first."""
-    found = []
-    for index in range(count):
-        first = index % 2
-        results = {side: timed(sides[side]) for side in (first, 1 - first)}
-        found.append((results[0], results[1]))
-        on_round()
-    return found
-
-
-def compared(method: str, display: Size, threads: int, what: str, rounds: list[Pair]) -> Compared:
-    """Summarise all rounds."""
-    ratios = [this / other for this, other in rounds]
-    low, high = interval(ratios)
-    this, other = (median(times) for times in zip(*rounds, strict=True))
-    return Compared(method, display, threads, what, this, other, median(ratios), low, high, rounds)
-
-
-def interval(values: Sequence[float], coverage: float = COVERAGE) -> Pair:
-    """Return an interval that contains the median of the distribution behind some samples.
-
-    Its ends are the k-th values from either end, with the largest k for which the median lies between them
-    with probability `coverage`, whatever the distribution. 0.95 takes `MIN_ROUNDS` values.
-    """
-    count, ordered = len(values), sorted(values)
-    outside, k = 2.0 * 0.5**count, 0  # the probability that the median is beyond the k-th from either end
-    while k + 1 < count // 2 and outside + 2.0 * comb(count, k + 1) * 0.5**count <= 1.0 - coverage:
-        k += 1
-        outside += 2.0 * comb(count, k) * 0.5**count
-    return ordered[k], ordered[-1 - k]
+        this = Version("this", sys.executable, Path(name, "this"))
+        other = Version("other", python, Path(name, "other"))
+        for result in results:
+            request = {"method": result.method, **size, "threads": threads, "steps": steps}
+            for index in range(rounds):
+                pair = (other, this) if index % 2 == 0 else (this, other)  # a wrong interpreter fails at once
+                times = {side.name: float(side.run(STEPS, **request)["ms"]) for side in pair}
+                result.rounds.append((times["this"], times["other"]))
+                on_round()
+    return results
 
 
 @dataclass(frozen=True)
 class AgainstRecord(BenchRecord):
-    """Times of two versions, "this" and "other"."""
+    """Step times of two versions."""
 
+    display: Size
     ratio: float
-    sides: dict[str, dict[str, str]]
+    threads: int
     steps: int
     compared: list[Compared]
     BENCH = "against"
 
     def table(self) -> str:
         """Return the table as Markdown, with its caption."""
-        rows = [
-            [
-                size_text(c.display),
-                c.threads or "all",
-                c.method,
-                c.what,
-                *(f"{c.other:.1f}", f"{c.this:.1f}", f"{c.median:.3f}", f"{c.low:.3f} to {c.high:.3f}"),
-            ]
-            for c in self.compared
-        ]
-        this, other = (f"{side['version']}, Python {side['python']}" for side in self.sides.values())
+        rows = []
+        for one in self.compared:
+            this, other = (median(times) for times in zip(*one.rounds, strict=True))
+            spread = f"{min(one.ratios):.3f} to {max(one.ratios):.3f}"
+            rows.append([one.method, f"{other:.1f}", f"{this:.1f}", f"{median(one.ratios):.3f}", spread])
         caption = (
-            f"This version ({this}) and another ({other}) in turns, {self.steps} steps a round at ratio "
-            f"{self.ratio:g}; medians over the rounds, and of the ratios in each round, with an interval of "
-            f"order statistics that holds the median with at least {COVERAGE:.0%}. {self.machine_name}."
+            f"Steps to {size_text(self.display)} at ratio {self.ratio:g} on {self.threads} threads, in this "
+            f"version and in another in turns, {self.steps} a round. Medians over the rounds; the ratio is "
+            f"that of each round, with its least and largest value. {self.machine_name}."
         )
-        headings = ["display", "threads:", "method", "what", "other, ms:", "this, ms:", "this / other:"]
-        return table([*headings, "95 % interval"], rows, caption)
+        return table(
+            ["method", "other, ms:", "this, ms:", "this / other:", "least to largest"], rows, caption
+        )

@@ -1,4 +1,4 @@
-"""Step time of the GPU backend and of each pass by timestamps, and the limits of the device."""
+"""Step time of the GPU backend and of each pass by timestamps."""
 
 import itertools
 import time
@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 
 from supersampler import Frame, Model, Upscaler
 from supersampler.backends.gpu.device import LIMITS, default_device, name_of
-from supersampler.backends.gpu.memory import BufferSpec, MemorySpec, TextureSpec, allocate, write_to
+from supersampler.backends.gpu.program import PassSpec
 from supersampler.errors import ArgumentError, DeviceError
 from supersampler.frame import Size
 from supersampler_bench.specs import compatible
 from supersampler_bench.timing.latency import frames_of, quantiles, take_turns
-from supersampler_bench.timing.pass_costs import pass_costs
 from supersampler_model.data.shots import render_size
 
 if TYPE_CHECKING:
@@ -137,106 +136,6 @@ class _Dispatches:
         """All passes have ended."""
 
 
-COPY_SIZE = 4096, 2048
-"""Texels of 16 bytes: with 128 MiB the largest binding, several times the size of caches."""
-RUNS = 20
-_BUFFERS = """
-@group(0) @binding(0) var<storage, read> source: array<vec4u>;
-@group(0) @binding(1) var<storage, read_write> copied: array<vec4u>;
-@compute @workgroup_size(16, 16)
-fn main(@builtin(global_invocation_id) id: vec3u) {
-    let i = id.y * 4096u + id.x;
-    copied[i] = source[i];
-}
-"""
-_TEXTURES = """
-@group(0) @binding(0) var source: texture_2d<f32>;
-@group(0) @binding(1) var copied: texture_storage_2d<rgba32float, write>;
-@compute @workgroup_size(16, 16)
-fn main(@builtin(global_invocation_id) id: vec3u) {
-    textureStore(copied, id.xy, textureLoad(source, id.xy, 0));
-}
-"""
-_PRODUCTS = """
-@group(0) @binding(0) var<storage, read_write> sums: array<vec4u>;
-@compute @workgroup_size(16, 16)
-fn main(@builtin(global_invocation_id) id: vec3u) {
-    let i = id.y * 4096u + id.x;
-    let weights = sums[i] + vec4u(id.x, id.y, id.x ^ id.y, 0x01020304u);
-    var sum = vec4i(weights.wzyx);
-    for (var round = 0u; round < ROUNDSu; round++) {
-        sum += vec4i(dot4I8Packed(weights.x, u32(sum.x)), dot4I8Packed(weights.y, u32(sum.y)),
-                     dot4I8Packed(weights.z, u32(sum.z)), dot4I8Packed(weights.w, u32(sum.w)));
-    }
-    sums[i] = vec4u(sum);
-}
-"""
-ROUNDS = 64
-
-
-@dataclass(frozen=True)
-class DeviceLimits:
-    """Throughput of a device, per second.
-
-    Attributes:
-        buffers: bytes read and written by a copy of a buffer in a shader.
-        textures: the same of a texture of four floats.
-        multiplied: multiply-adds of bytes by `dot4I8Packed`.
-    """
-
-    buffers: float
-    textures: float
-    multiplied: float
-
-    @property
-    def moved(self) -> float:
-        """Bytes a second of the faster copy."""
-        return max(self.buffers, self.textures)
-
-    def min_ms(self, moved: int, multiply_adds: int) -> float:
-        """Return the milliseconds of moving bytes or of multiplying, whichever takes longer."""
-        return 1e3 * max(moved / self.moved, multiply_adds / self.multiplied)
-
-
-def measure_limits(device: "wgpu.GPUDevice", *, size: tuple[int, int] = COPY_SIZE) -> DeviceLimits:
-    """Measure copies of `size` texels, and products; the fastest of RUNS runs of each."""
-    texels = size[0] * size[1]
-    buffer, texture = BufferSpec(16 * texels), TextureSpec(size)
-    products = _PRODUCTS.replace("ROUNDS", str(ROUNDS))
-    noise = np.random.default_rng(0).random((size[1], size[0], 4), np.float32)  # zeros may be compressed
-
-    def seconds(code: str, *specs: MemorySpec) -> float:
-        bound = [allocate(device, spec) for spec in specs]
-        write_to(device, bound[0], noise)
-        return min(_run_seconds(device, code, [memory.resource for memory in bound], size))
-
-    times = seconds(_BUFFERS, buffer, buffer), seconds(_TEXTURES, texture, texture), seconds(products, buffer)
-    moved = 32 * texels
-    return DeviceLimits(moved / times[0], moved / times[1], 16 * ROUNDS * texels / times[2])
-
-
-def _run_seconds(
-    device: "wgpu.GPUDevice", code: str, bound: list[Any], size: tuple[int, int]
-) -> Iterator[float]:
-    pipeline = device.create_compute_pipeline(
-        layout="auto", compute={"module": device.create_shader_module(code=code), "entry_point": "main"}
-    )
-    entries = [
-        {"binding": i, "resource": one if "texture_2d" in code else {"buffer": one}}
-        for i, one in enumerate(bound)
-    ]
-    group = device.create_bind_group(layout=pipeline.get_bind_group_layout(0), entries=entries)
-    watch = Stopwatch(device, 1)
-    for _ in range(RUNS):
-        encoder = device.create_command_encoder()
-        compute = watch.timed_pass(encoder)
-        compute.set_pipeline(pipeline)
-        compute.set_bind_group(0, group)
-        compute.dispatch_workgroups(size[0] // 16, size[1] // 16)
-        compute.end()
-        yield 1e-3 * float(watch.submit(encoder)[0])
-
-
 BURST = 10
 """Steps in a command buffer, so that the device does not rest between them."""
 WALL_STEPS = 20
@@ -250,17 +149,13 @@ class GpuPass:
     """A pass of a step.
 
     Attributes:
-        name: name of its shader.
+        name: name of its shader; with its level, where a method has it several times.
         median, p95: milliseconds.
-        moved: bytes that it declares.
-        multiply_adds: multiply-adds of the network.
     """
 
     name: str
     median: float
     p95: float
-    moved: int
-    multiply_adds: int
 
 
 @dataclass(frozen=True)
@@ -291,16 +186,6 @@ class GpuStep:
     wall_p95: float
     first: float
     passes: tuple[GpuPass, ...]
-
-    @property
-    def moved(self) -> int:
-        """Bytes that all passes declare."""
-        return sum(one.moved for one in self.passes)
-
-    @property
-    def multiply_adds(self) -> int:
-        """Multiply-adds of the network, in all passes."""
-        return sum(one.multiply_adds for one in self.passes)
 
 
 def measure_gpu(
@@ -339,7 +224,7 @@ def measure_gpu(
 
 
 def frame_textures(device: "wgpu.GPUDevice", frame: Frame) -> dict[str, "wgpu.GPUTexture"]:
-    """Return textures of a frame's images, of the formats that `pass_costs` counts."""
+    """Return textures of a frame's images, of the formats that engines have."""
     width, height = frame.size
     textures = {}
     for name, (texel, channels) in _CHANNELS.items():
@@ -351,6 +236,10 @@ def frame_textures(device: "wgpu.GPUDevice", frame: Frame) -> dict[str, "wgpu.GP
         device.queue.write_texture({"texture": texture}, values, layout, (width, height, 1))
         textures[name] = texture
     return textures
+
+
+def _name(spec: PassSpec) -> str:
+    return f"{spec.shader} {spec.constants['level']}" if "level" in spec.constants else spec.shader
 
 
 class _GpuRunner:
@@ -394,10 +283,11 @@ class _GpuRunner:
     def timed(self) -> GpuStep:
         """Summarise, after the last turn; time steps on arrays."""
         model, render = self._model, self._placed[0][0].size
-        costs = pass_costs(model.gpu, render, self._display)
         passes = tuple(
-            GpuPass(cost.name, *quantiles(times)[:2], cost.moved, cost.multiply_adds)
-            for cost, times in zip(costs, np.concatenate(self._passes).T.tolist(), strict=True)
+            GpuPass(_name(spec), *quantiles(times)[:2])
+            for spec, times in zip(
+                model.gpu.program.passes, np.concatenate(self._passes).T.tolist(), strict=True
+            )
         )
         setting = model.info.method, render, self._display, model.precision, BURST * len(self._steps)
         return GpuStep(

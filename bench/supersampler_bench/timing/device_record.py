@@ -10,7 +10,7 @@ from supersampler.io.machine import installed_versions
 from supersampler.methods.model_file import find_model, sha256
 from supersampler_bench.markdown import size_text, table
 from supersampler_bench.record import BenchRecord
-from supersampler_bench.timing.device_gpu import DeviceLimits, GpuStep, measure_limits
+from supersampler_bench.timing.device_gpu import GpuStep
 
 if TYPE_CHECKING:
     import wgpu
@@ -27,21 +27,19 @@ class GpuRecord(BenchRecord):
         adapter: as wgpu describes it, with the driver.
         packages: versions of wgpu and of its native library.
         models: SHA-256 of each model's files, by model and file.
-        limits: limits of the device.
         steps: times of methods.
     """
 
     adapter: dict[str, Any]
     packages: dict[str, str]
     models: dict[str, dict[str, str]]
-    limits: DeviceLimits
     steps: list[GpuStep] = field(default_factory=list)
     BENCH = "device-gpu"
     TABLES = ("", "passes")
 
     @classmethod
     def of(cls, device: "wgpu.GPUDevice", methods: Sequence[str]) -> "GpuRecord":
-        """Measure the limits of a device; return the record of methods without their times."""
+        """Return the record of a device and of methods, without their times."""
         from wgpu.backends import wgpu_native
 
         native = ".".join(map(str, wgpu_native.lib_version_info))
@@ -52,20 +50,15 @@ class GpuRecord(BenchRecord):
             for method in methods
         }
         packages = {**installed_versions("wgpu"), "wgpu-native": native}
-        return cls(dict(device.adapter.info), packages, models, measure_limits(device))
+        return cls(dict(device.adapter.info), packages, models)
 
     def table(self) -> str:
         """Return the times of steps as Markdown, with their caption."""
-        limits = self.limits
         rows = [
             [
                 _sizes(s.render, s.display),
                 s.method,
                 *(f"{time:.2f}" for time in (s.median, s.p95)),
-                f"{s.moved / 1e9:.2f}",
-                f"{s.multiply_adds / 1e9:.1f}",
-                f"{(floor := limits.min_ms(s.moved, s.multiply_adds)):.2f}",
-                f"{s.median / floor:.1f}x",
                 f"{s.wall:.0f}",
                 f"{s.first:.1f}",
             ]
@@ -75,29 +68,18 @@ class GpuRecord(BenchRecord):
             f"{self.adapter['device']}, {self.adapter['backend_type']}, driver "
             f"{self.adapter['description']}, wgpu {self.packages['wgpu']}. "
             f"{self.steps[0].steps if rows else 0} steps by the device's timestamps, frame and image in "
-            "textures, exposure measured, all pixels moving; methods of a size take turns. Least: "
-            "time of moving the bytes that passes declare at the "
-            f"{1e-9 * limits.moved:.0f} GB/s of a copy there, or of the network's multiply-adds at the "
-            f"{1e-12 * limits.multiplied:.1f}·10^12 a second that `dot4I8Packed` reaches there, whichever is "
-            "longer. Arrays: `step` from numpy to numpy. First: seconds until the first steps are done, "
+            "textures, exposure measured, all pixels moving; methods of a size take turns. "
+            "Arrays: `step` from numpy to numpy. First: seconds until the first steps are done, "
             "with what has to be compiled for them."
         )
-        headings = ["size", "method", "ms:", "p95:", "GB:", "10^9 multiply-adds:", "least ms:", "of least:"]
-        return table([*headings, "arrays ms:", "first s:"], rows, caption)
+        return table(["size", "method", "ms:", "p95:", "arrays ms:", "first s:"], rows, caption)
 
     def passes_table(self) -> str:
         """Return the times of the passes of the largest steps as Markdown, with their caption."""
         first = [(s.render, s.display) for s in self.steps[:1]]
         shown = [s for s in self.steps if (s.render, s.display) in first]
         rows = [
-            [
-                s.method,
-                one.name,
-                *(f"{one.median:.3f}", f"{one.p95:.3f}"),
-                f"{one.moved / 1e6:.0f}",
-                f"{one.multiply_adds / 1e9:.1f}",
-                f"{one.median / max(self.limits.min_ms(one.moved, one.multiply_adds), 1e-6):.1f}x",
-            ]
+            [s.method, one.name, f"{one.median:.3f}", f"{one.p95:.3f}"]
             for s in shown
             for one in s.passes
             if one.median >= MIN_SHARE * s.median
@@ -109,8 +91,7 @@ class GpuRecord(BenchRecord):
             f"Passes with at least {MIN_SHARE:.0%} of a step, {', '.join(_sizes(*pair) for pair in first)}; "
             f"each waits for the one before. Sums of all passes, ms: {sums}."
         )
-        headings = ["method", "pass", "ms:", "p95:", "MB:", "10^9 multiply-adds:", "of least:"]
-        return table(headings, rows, caption)
+        return table(["method", "pass", "ms:", "p95:"], rows, caption)
 
 
 def _sizes(render: Size, display: Size) -> str:

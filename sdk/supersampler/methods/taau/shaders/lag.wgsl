@@ -10,7 +10,7 @@ const STEPS = BLOCK / LAG_STEP;  // samples of a block that are compared, in eit
 @group(0) @binding(1) var<storage, read> next_state: State;
 @group(0) @binding(2) var samples: texture_2d<f32>;
 @group(0) @binding(3) var block_states: texture_2d<u32>;
-@group(0) @binding(4) var history_pixels: texture_2d<f32>;   // 4 a thread
+@group(0) @binding(4) var history_pixels: texture_2d<f32>;
 @group(0) @binding(5) var kept_samples: texture_storage_2d<rg32float, write>;   // x
 
 struct Sums {
