@@ -139,22 +139,6 @@ def test_a_state_goes_with_and_without_extrapolation(taau: Model) -> None:
     np.testing.assert_array_equal(without_it.step(shaded(3)), with_it.step(shaded(3)))
 
 
-@pytest.mark.parametrize("how", ["missing", "of another size"])
-def test_a_state_that_does_not_fit_is_refused_and_changes_nothing(taau: Model, how: str) -> None:
-    one, other = make(taau), make(taau)
-    run(one, "su"), run(other, "su")
-    state = one.save_state()
-    assert state.shaded is not None
-    wrong = dict(state.shaded)
-    if how == "missing":
-        del wrong["history.normal"]
-    else:
-        wrong["history.normal"] = wrong["history.normal"][:, :, 1:]
-    with pytest.raises(ArgumentError, match=r"'history\.normal'"):
-        other.load_state(replace(state, shaded=wrong))
-    np.testing.assert_array_equal(one.extrapolate(unshaded(2)), other.extrapolate(unshaded(2)))
-
-
 def test_stats_tell_extrapolated_frames_from_shaded_ones(taau: Model) -> None:
     upscaler = make(taau)
     run(upscaler, "suusu")

@@ -41,6 +41,7 @@ def test_every_package_of_an_extra_is_known_to_the_error_message() -> None:
         ("torch", ["bench", "parity"], "train"),
         ("moderngl", ["bench", "parity", "--methods", "bilinear", "--frames", "10"], "render"),
         ("torch", ["train", "classifier", "-o", "x"], "train"),
+        ("torch", ["export", "taau", "-o", "x"], "train"),
         ("av", ["upscale", "plaza", "-o", "x", "--format", "mp4", "--method", "bilinear"], "video"),
     ],
 )

@@ -4,7 +4,6 @@ import json
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -180,29 +179,6 @@ def test_a_record_that_does_not_list_its_files_is_refused_with_what_to_do(shot: 
         assert "does not list the files of its run: it is of an earlier version" in message
         assert "Remove the files of that run and upscale.json yourself, or choose another folder." in message
         assert content(out) == before
-
-
-@pytest.mark.parametrize(
-    "files",
-    [
-        {"../victim": 1}, {"../####.exr": 9}, {"/etc/passwd": 1}, {"victim.txt": 1}, {"exr/../####.exr": 1},
-        {"####.exr": -1}, {"####.exr": True}, {"####.exr": 10**400}, {"####.exr": "9"}, {"compare.html": 2},
-        {"####.jpg": 3}, ["victim.txt"], "victim.txt", {"": 1},
-    ],
-)  # fmt: skip
-def test_a_record_that_lists_what_no_run_writes_removes_nothing(
-    shot: Path, tmp_path: Path, files: Any
-) -> None:
-    out = tmp_path / "out"
-    upscale(shot, out)
-    settings = json.loads((out / "upscale.json").read_text())
-    (out / "upscale.json").write_text(json.dumps({**settings, "files": files}))
-    (out / "victim.txt").write_text("kept")
-    (tmp_path / "victim").write_text("kept")
-    write_exr(tmp_path / "0001.exr", IMAGE)
-    before = content(tmp_path)
-    assert "upscale.json: " in refused(shot, out, "--overwrite")
-    assert content(tmp_path) == before
 
 
 @pytest.mark.parametrize("linked", ["0001.exr", "exr", "upscale.json"])

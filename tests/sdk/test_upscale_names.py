@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -94,15 +95,20 @@ def test_two_sequences_of_a_folder_are_not_taken_for_one_run(tmp_path: Path) -> 
     assert files(tmp_path / "out") == before
 
 
-EVIL = (
+PATTERNS = (
     "../####.exr", "a/b/####.exr", "/####.exr", "exr/../####.exr", "png/####.exr", "exr/exr/####.exr",
     "exr/####.####.exr", ".####.exr", "..####.exr", "\\####.exr", "C:####.exr", "####.json", "####.html",
-    "recorded/../####.exr", "video.####.mp4", "upscale.####.json", "#/####.exr", "a\n####.exr",
+    "recorded/../####.exr", "video.####.mp4", "upscale.####.json", "#/####.exr", "a\n####.exr", "####.jpg",
+    "../0000.exr", "/etc/passwd", "0000.html", "",
 )  # fmt: skip
+EVIL: list[Any] = [
+    *({pattern: 9} for pattern in PATTERNS), {"####.exr": -1}, {"####.exr": True}, {"####.exr": 10**400},
+    {"####.exr": "9"}, {"compare.html": 2}, ["0000.html"], "0000.html",
+]  # fmt: skip
 
 
 @pytest.mark.parametrize("record", ["upscale.json", "upscale.0000-0001.json"])
-def test_a_record_that_lists_patterns_no_run_writes_removes_nothing(
+def test_a_record_that_lists_what_no_run_writes_removes_nothing(
     shot: Path, tmp_path: Path, record: str
 ) -> None:
     out = tmp_path / "below" / "out"
@@ -111,13 +117,23 @@ def test_a_record_that_lists_patterns_no_run_writes_removes_nothing(
     content = json.loads((out / record).read_text())
     for place in (tmp_path, out.parent, out / "a" / "b", out / "png", out / "exr" / "exr"):
         place.mkdir(parents=True, exist_ok=True)
-        for name in ("0000.exr", ".0000.exr", "0000.html", "0000.json", ".0000.deadbeef.partial.exr"):
+        for name in (
+            "0000.exr",
+            ".0000.exr",
+            "0000.html",
+            "0000.json",
+            ".0000.deadbeef.partial.exr",
+            "victim",
+        ):
             (place / name).write_bytes(b"mine")
-    for pattern in EVIL:
-        (out / record).write_text(json.dumps({**content, "files": {**content["files"], pattern: 9}}))
+    for evil in EVIL:
+        listed = {**content["files"], **evil} if isinstance(evil, dict) else evil
+        (out / record).write_text(json.dumps({**content, "files": listed}))
         before = files(tmp_path)
         message = refusal("upscale", shot, "-o", out, "--method", "bilinear", *options, "--overwrite")
-        assert f"{record}: lists {pattern!r}: 9, which no run writes" in message
+        assert f"{record}: " in message
+        if evil in EVIL[: len(PATTERNS)]:
+            assert f"lists {next(iter(evil))!r}: 9, which no run writes" in message
         assert files(tmp_path) == before
 
 
