@@ -58,7 +58,7 @@ def test_every_error_is_the_same_after_pickling_and_copying(kind: type[Supersamp
 
 def test_all_error_classes_are_found() -> None:
     names = {kind.__name__ for kind in classes()}
-    assert {"FrameError", "ShotError", "DeviceError", "ExportError", "GltfError", "TranslationError"} <= names
+    assert {"FrameError", "ShotError", "DeviceError", "ExportError", "GltfError"} <= names
 
 
 @pytest.mark.parametrize(
