@@ -170,13 +170,18 @@ def test_seeds_give_other_scenes() -> None:
     assert one.points != other.points
 
 
+@pytest.fixture(scope="session")
+def display_renderer() -> Renderer:
+    return Renderer((320, 180))
+
+
 @pytest.mark.parametrize("family", ["plaza", *FAMILIES])
-def test_no_check_doubts_a_rendered_scene(family: str) -> None:
+def test_no_check_doubts_a_rendered_scene(family: str, display_renderer: Renderer) -> None:
     """A warning is an error here. The mip bias is the renderer's own."""
     sequence, checker = Plaza() if family == "plaza" else sequence_of(family), FrameChecker()
     for index in range(3):
         jitter, size = halton_jitter(index, 2.0), (160, 90)
-        color, surfaces = Renderer((320, 180)).frame(sequence.scene(index), size, jitter=jitter)
+        color, surfaces = display_renderer.frame(sequence.scene(index), size, jitter=jitter)
         motion = surfaces.motion.astype(np.float16)
         frame = Frame(color=color, depth=surfaces.depth, motion=motion, jitter=jitter, reset=index == 0)
         checker.check(frame, (320, 180))
