@@ -4,6 +4,7 @@ import pytest
 import torch
 from torch import Tensor
 
+from gpu_steps import device_or_skip
 from shared_models import shared_model
 from supersampler import Upscaler
 from supersampler.model import ExecutorName
@@ -12,6 +13,11 @@ from thin_things import contrast, expected_depth, hostile, kept_depth, trace, up
 
 WALL, WIRE = 0.1, 0.5
 METHODS = ["taau", "classifier", "classifier-small", "classifier-large"]
+GPU = pytest.mark.long
+RUNS = [
+    *((method, "cpu") for method in METHODS),
+    *(pytest.param(method, "gpu", marks=GPU) for method in ("taau", "classifier")),
+]
 
 
 def wire(over: tuple[float, float], *, level: bool = False, wall: float = 0.0) -> tuple[Tensor, Tensor]:
@@ -61,10 +67,11 @@ def test_broad_things_hide_what_is_behind_them_however_they_move() -> None:
         torch.testing.assert_close(ops.occluding_depth(depth, motion), depth)
 
 
-@pytest.mark.parametrize("executor", ["cpu", "onnx"])
+@pytest.mark.parametrize("executor", ["cpu", "onnx", pytest.param("gpu", marks=GPU)])
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("size", [(33, 17), (5, 40), (1, 1)])
 def test_all_backends_keep_the_same_depth(method: str, executor: ExecutorName, size: tuple[int, int]) -> None:
+    skip_without(executor)
     model = shared_model(method, executor=executor)
     for seed in range(4):
         frame = hostile(seed, size)
@@ -72,13 +79,20 @@ def test_all_backends_keep_the_same_depth(method: str, executor: ExecutorName, s
         assert (kept_depth(upscaler, frame) == expected_depth(frame)).all()
 
 
+def skip_without(executor: str) -> None:
+    if executor == "gpu":
+        device_or_skip()
+
+
 @pytest.mark.parametrize("speed", [1.0, 4.0])
-@pytest.mark.parametrize("method", METHODS)
-def test_a_thin_thing_leaves_no_trace_where_it_was(method: str, speed: float) -> None:
-    upscaler = upscaler_of(method, executor="cpu")
+@pytest.mark.parametrize(("method", "executor"), RUNS)
+def test_a_thin_thing_leaves_no_trace_where_it_was(method: str, executor: str, speed: float) -> None:
+    skip_without(executor)
+    upscaler = upscaler_of(method, executor=executor)
     assert trace(upscaler, speed) < (0.4 if method == "taau" else 0.15)
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_a_thin_thing_that_moves_along_itself_stays_whole(method: str) -> None:
-    assert contrast(upscaler_of(method, executor="cpu"), 4.0) > 0.55
+@pytest.mark.parametrize(("method", "executor"), RUNS)
+def test_a_thin_thing_that_moves_along_itself_stays_whole(method: str, executor: str) -> None:
+    skip_without(executor)
+    assert contrast(upscaler_of(method, executor=executor), 4.0) > 0.55
