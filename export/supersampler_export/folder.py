@@ -9,6 +9,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import onnx
 import torch
 
@@ -160,7 +161,7 @@ def describe(method: Method) -> dict[str, Any]:
         "image": _tensor("image", spec.image),
         **({} if subgraph is None else {"network": _network(subgraph)}),
         "aux_outputs": [_tensor(name, TENSORS[name]) for name in spec.aux_outputs],
-        "maps": {name: where._asdict() for name, where in spec.maps.items()},
+        "maps": {name: msgspec.structs.asdict(where) for name, where in spec.maps.items()},
         "config": dataclasses.asdict(config),
         **({"learned": dict(method.provenance)} if method.provenance else {}),
         "licence": "Apache-2.0",

@@ -74,7 +74,7 @@ class Extrapolator:
         history = None if frame.reset else history
         tensors: dict[str, Any] = {}
         for entry in self.info.history:
-            full_name = entry.input.name
+            full_name = entry.name
             name = full_name.removeprefix("history.")
             current_name = name.removeprefix(EARLIER)
             if current_name != name:
@@ -131,7 +131,7 @@ class Extrapolator:
         Raises:
             ArgumentError: the arrays belong to another model, or their types or sizes do not match.
         """
-        specs = {h.input.name: h.input.spec_of_frames() for h in self.info.history}
+        specs = {h.name: h.spec_of_frames() for h in self.info.history}
         checked = checked_arrays(
             arrays, specs, lambda got, want: ArgumentError("state.shaded", got=got, want=want)
         )

@@ -318,7 +318,7 @@ class Model:
             weight = report.outputs.get("weight")
             next_history.aovs = self._aov_blender.blend(frame, weight, history.aovs, display)
             aovs = next_history.aovs[0].transpose(1, 2, 0).copy()
-        tensors = {h.output: h.input for h in self.info.history}
+        tensors = {h.output: h for h in self.info.history}
         maps: dict[str, Float32] = {}
         for name in set(outputs) & set(self.info.maps):
             source = self.info.maps[name]
@@ -400,7 +400,7 @@ class Model:
 
     def save_history(self, history: History) -> dict[str, NDArray[Any]]:
         """Return copies of all history tensors; each executor of the model can load them."""
-        names = [h.input.name for h in self.info.history]
+        names = [h.name for h in self.info.history]
         copies = {name: np.array(self._executor.tensor(history.buffers, name)) for name in names}
         return copies if history.aovs is None else {**copies, AOVS: history.aovs.copy()}
 
@@ -414,7 +414,7 @@ class Model:
         """
         display = checked_size("state.display_size", display_size)
         render = checked_size("state.render_size", render_size)
-        tensors = [h.input for h in self.info.history]
+        tensors = self.info.history
         specs = {t.name: t.spec_for(render=render, display=display, previous=render) for t in tensors}
         if isinstance(arrays, Mapping) and AOVS in arrays:
             specs[AOVS] = ArraySpec("float32", (1, "k", *display[::-1]), values_of(AOVS))

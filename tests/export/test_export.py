@@ -133,12 +133,12 @@ def test_a_shipped_graph_is_portable_and_says_what_it_is(name: str) -> None:
 def test_the_description_names_every_tensor_of_the_graph(name: str) -> None:
     info = read_model_info(find_model(name))
     graph = onnx.load(info.steps["fp32"]).graph
-    inputs = [t.name for t in info.inputs] + [h.input.name for h in info.history]
+    inputs = [t.name for t in info.inputs] + [h.name for h in info.history]
     assert [value.name for value in graph.input] == inputs
     outputs = [info.image.name, *(h.output for h in info.history), *(t.name for t in info.aux_outputs)]
     assert [value.name for value in graph.output] == outputs
     assert {where.output for where in info.maps.values()} <= set(outputs)
-    for value, tensor in zip(graph.input, [*info.inputs, *(h.input for h in info.history)], strict=True):
+    for value, tensor in zip(graph.input, [*info.inputs, *info.history], strict=True):
         dims = [dim.dim_param or dim.dim_value for dim in value.type.tensor_type.shape.dim]
         assert tuple(dims) == tensor.shape
         assert helper.tensor_dtype_to_np_dtype(value.type.tensor_type.elem_type) == np.dtype(tensor.type)

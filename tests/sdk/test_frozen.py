@@ -230,7 +230,7 @@ def test_a_state_holds_the_tensors_of_the_contract_and_every_backend_loads_it() 
     upscaler = make("taau", "cpu")
     run(upscaler, range(2 * PERIOD + 2))
     state = upscaler.save_state()
-    assert set(state.history or {}) == {h.input.name for h in upscaler.model.info.history}
+    assert set(state.history or {}) == {h.name for h in upscaler.model.info.history}
     graph = make("taau", "onnx")
     graph.load_state(state)
     assert graph.stats.converged == 1.0

@@ -171,7 +171,7 @@ def _model_rows(model: "ModelInfo") -> dict[str, str]:
         **extrapolated,
         "inputs": "\n".join(map(_tensor_text, model.inputs)),
         "G-buffers": listed(model.gbuffers),
-        "history": "\n".join(_tensor_text(item.input) for item in model.history) or "none",
+        "history": "\n".join(map(_tensor_text, model.history)) or "none",
         "image": _tensor_text(model.image),
         "settings": ", ".join(map(_fact, model.config.items())) or "none",
         "agreement": ", ".join(map(_fact, model.parity.items())),

@@ -137,7 +137,7 @@ def _supported(info: ModelInfo) -> MethodSpec | None:
         return None
     if not spec.kernels_support(info.config):
         return None
-    shapes = {h.input.name: h.input.shape for h in info.history}
+    shapes = {h.name: h.shape for h in info.history}
     outputs = {tensor.name for tensor in info.aux_outputs}
     return spec if shapes == spec.graph_history and outputs <= {*spec.aux_outputs} else None
 

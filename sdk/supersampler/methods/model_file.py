@@ -2,23 +2,19 @@
 
 import hashlib
 import json
-import math
-import re
-import reprlib
 from collections import Counter
 from collections.abc import Iterable
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any, Literal, NoReturn
+from typing import NoReturn
 
 import msgspec
+from msgspec.structs import replace
 
 from supersampler.errors import INCOMPLETE_PACKAGE, ModelError, ShotError, did_you_mean, shown
 from supersampler.io.files import is_file
-from supersampler.io.json_files import Text, read_typed
+from supersampler.io.json_files import read_typed
 from supersampler.methods.model_info import (
-    EXTRAPOLATED_FILE,
-    HistoryInfo,
     ModelInfo,
     TensorInfo,
     has_render_size,
@@ -35,7 +31,6 @@ from supersampler.methods.spec import (
     PREVIOUS,
     RENDER,
     WEIGHT,
-    MapOf,
     dtype_of,
 )
 
@@ -43,12 +38,6 @@ CONTRACT = 4
 """Version of the graph contract (docs/contract.md), raised when engines must change their integration."""
 MAX_FILE, MAX_DESCRIPTION = 256 << 20, 1 << 20
 """Maximum bytes of a model's file and of model.json."""
-_CHANNELS = 1024  # maximum numbers per pixel
-_MANY = msgspec.Meta(max_length=100)
-_Name = Annotated[str, msgspec.Meta(min_length=1, max_length=80)]
-_Channels = Annotated[int, msgspec.Meta(ge=1, le=1024)]
-_Ratio = Annotated[float, msgspec.Meta(ge=1.0, le=64.0)]
-_FILE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,99}")
 _HINT = "Export the model again; docs/contract.md lists the keys."
 _OF_FRAMES = {"color", "depth", "jitter", "motion", "motion_jitter", "shaded_motion"}
 _MAPS = {"class_map", "weight", "count", "converged"}  # fields of StepResult
@@ -176,90 +165,15 @@ def _described_in(folder: Path) -> ModelInfo:
                 f"{path}: model contract is {contract}; this runtime drives {CONTRACT}. "
                 "Export the method again with this version of `supersampler export`."
             )
-        data = read_typed(path, _ModelFile, _HINT, MAX_DESCRIPTION)
+        info = replace(read_typed(path, ModelInfo, _HINT, MAX_DESCRIPTION), folder=folder)
     except ShotError as error:
         raise ModelError(str(error)) from error
-    info = _parsed(folder, data)
     _check_contract(info)
     return info
 
 
 class _Version(msgspec.Struct):
     contract: int
-
-
-class _Tensor(msgspec.Struct):
-    name: _Name
-    type: Literal["float32", "int64"]
-    shape: Annotated[
-        tuple[Annotated[str, msgspec.Meta(max_length=40)] | _Channels, ...], msgspec.Meta(max_length=4)
-    ]
-
-    def __post_init__(self) -> None:
-        if math.prod(extent for extent in self.shape if isinstance(extent, int)) > _CHANNELS:
-            raise ValueError(f"shape is {self.shape}; want numbers whose product is at most {_CHANNELS}")
-
-    @property
-    def info(self) -> TensorInfo:
-        return TensorInfo(self.name, self.type, self.shape)
-
-
-class _History(_Tensor):
-    output: _Name
-
-
-class _Map(msgspec.Struct):
-    output: _Name
-    first: Annotated[int, msgspec.Meta(ge=0, le=_CHANNELS)]
-    channels: _Channels
-
-
-class _Network(msgspec.Struct):
-    multiply_adds: Annotated[float, msgspec.Meta(ge=0.0, le=1e12)]
-
-
-class _ModelFile(msgspec.Struct):
-    """Content of model.json; see `ModelInfo`."""
-
-    contract: int
-    method: _Name
-    source: Text
-    ratios: tuple[_Ratio, _Ratio]
-    inputs: Annotated[list[_Tensor], _MANY]
-    history: Annotated[list[_History], _MANY]
-    image: _Tensor
-    aux_outputs: Annotated[list[_Tensor], _MANY]
-    maps: Annotated[dict[str, _Map], _MANY]
-    files: Annotated[dict[str, Annotated[str, msgspec.Meta(pattern="^[0-9a-f]{64}$")]], _MANY]
-    config: Annotated[dict[str, Any], _MANY]
-    parity: Annotated[dict[str, Any], _MANY]
-    licence: Text
-    attributions: Annotated[tuple[Text, ...], msgspec.Meta(max_length=1000)]
-    versions: Annotated[dict[str, Annotated[str, msgspec.Meta(max_length=200)]], _MANY]
-    network: _Network | None = None
-    only_extrapolated: bool = False
-
-    def __post_init__(self) -> None:
-        if self.ratios[0] > self.ratios[1]:
-            raise ValueError(f"ratios is {self.ratios}; want [smallest, largest]")
-        for name in self.files:
-            if name != EXTRAPOLATED_FILE and not _FILE_NAME.fullmatch(name):
-                want = f"plain names of files in the folder, or {EXTRAPOLATED_FILE!r}"
-                raise ValueError(f"files has {reprlib.repr(name)}; want {want}")
-
-
-def _parsed(folder: Path, data: _ModelFile) -> ModelInfo:
-    same = ("contract", "method", "source", "ratios", "files", "config", "parity", "licence", "attributions")
-    return ModelInfo(
-        folder=folder,
-        **{name: getattr(data, name) for name in (*same, "versions", "only_extrapolated")},
-        inputs=tuple(tensor.info for tensor in data.inputs),
-        history=tuple(HistoryInfo(item.info, item.output) for item in data.history),
-        image=data.image.info,
-        aux_outputs=tuple(tensor.info for tensor in data.aux_outputs),
-        maps={name: MapOf(item.output, item.first, item.channels) for name, item in data.maps.items()},
-        multiply_adds=0.0 if data.network is None else data.network.multiply_adds,
-    )
 
 
 def _shipped() -> Path:
@@ -297,7 +211,7 @@ def _check_upscaling(info: ModelInfo) -> None:
     if "color" not in (tensor.name for tensor in info.inputs):
         _refuse(info, "inputs", "without 'color'", "with it: the model upscales")
     known = {*RENDER, *DISPLAY, *HALF, *LARGE, *LARGE_HALF, *PREVIOUS, *BLOCKS, PHASES}
-    for tensor in (h.input for h in info.history):
+    for tensor in info.history:
         if tensor.type != "float32" or not _named(tensor) <= known or tensor.name == "history.aovs":
             _refuse(info, f"history {tensor.name!r}", _text(tensor), f"float32 of {', '.join(sorted(known))}")
 
@@ -309,7 +223,7 @@ def _check_extrapolation(info: ModelInfo) -> None:
         got, want = "with 'color' or without 'step.onnx'", "neither: it computes the colour"
         _refuse(info, "inputs and files", got, want)
     before: set[str] = set()
-    for tensor in (h.input for h in info.history):
+    for tensor in info.history:
         own = tensor.name.removeprefix("history.")
         later = own.removeprefix("earlier_")
         known = f"gbuffer_{own}" in inputs or own in _OF_FRAMES or (later != own and later in before)
@@ -332,7 +246,7 @@ def _check_aux_outputs(info: ModelInfo) -> None:
     if info.converges and "converged" not in names:
         got, want = ", ".join(names) or "none", "'converged' too, as there is a history of the mean"
         _refuse(info, "aux_outputs", got, want)
-    shapes = {h.output: h.input.shape for h in info.history} | {t.name: t.shape for t in info.aux_outputs}
+    shapes = {h.output: h.shape for h in info.history} | {t.name: t.shape for t in info.aux_outputs}
     for name, where in info.maps.items():
         shape = shapes.get(where.output, ())
         channels = shape[1] if len(shape) == 4 else 0

@@ -1,13 +1,18 @@
 """`ModelInfo`: the parsed content of a model.json."""
 
+import math
+import re
+import reprlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
+
+import msgspec
 
 from supersampler.conventions.jitter import only_ratio
 from supersampler.errors import ModelError
 from supersampler.frame import Size
+from supersampler.io.json_files import Text
 from supersampler.methods.array_spec import ArraySpec, values_of
 from supersampler.methods.at_rest import AT_REST_HISTORY, block_count, phase_count
 from supersampler.methods.gbuffers import GBUFFERS
@@ -17,6 +22,7 @@ from supersampler.methods.spec import (
     HALF,
     LARGE,
     LARGE_HALF,
+    MAX_CHANNELS,
     NEXT_BLOCKS,
     NEXT_PHASES,
     PHASES,
@@ -35,8 +41,14 @@ EXTRAPOLATED_FILE = f"{EXTRAPOLATED}/model.json"
 """Entry of its model.json in `files`, the only one with a folder in its name."""
 
 
-@dataclass(frozen=True)
-class TensorInfo:
+_MANY = msgspec.Meta(max_length=100)
+_Name = Annotated[str, msgspec.Meta(min_length=1, max_length=80)]
+_Ratio = Annotated[float, msgspec.Meta(ge=1.0, le=64.0)]
+_Extent = Annotated[str, msgspec.Meta(max_length=40)] | Annotated[int, msgspec.Meta(ge=1, le=MAX_CHANNELS)]
+_FILE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,99}")
+
+
+class TensorInfo(msgspec.Struct, frozen=True):
     """One input, output or history tensor of a graph.
 
     Attributes:
@@ -45,9 +57,13 @@ class TensorInfo:
         shape: numbers, and names of dynamic extents: render_width, display_height, previous_width, ...
     """
 
-    name: str
-    type: str
-    shape: Shape
+    name: _Name
+    type: Literal["float32", "int64"]
+    shape: Annotated[tuple[_Extent, ...], msgspec.Meta(max_length=4)]
+
+    def __post_init__(self) -> None:
+        if math.prod(extent for extent in self.shape if isinstance(extent, int)) > MAX_CHANNELS:
+            raise ValueError(f"shape is {self.shape}; want numbers whose product is at most {MAX_CHANNELS}")
 
     def shape_for(self, *, render: Size, display: Size, previous: Size) -> tuple[int, ...]:
         """Return the shape at the given (width, height) sizes."""
@@ -63,40 +79,56 @@ class TensorInfo:
         return ArraySpec(self.type, self.shape, values_of(self.name) if "jitter" in self.name else None)
 
 
-@dataclass(frozen=True)
-class HistoryInfo:
-    """One history tensor: `input` takes the previous step's `output`; zeros mean no history."""
+class HistoryInfo(TensorInfo, frozen=True):
+    """One history tensor: its input takes the previous step's `output`; zeros mean no history."""
 
-    input: TensorInfo
-    output: str
+    output: _Name
 
 
-@dataclass(frozen=True)
-class ModelInfo:
+class NetworkInfo(msgspec.Struct, frozen=True):
+    """Cost of a network: its multiply-adds per display pixel."""
+
+    multiply_adds: Annotated[float, msgspec.Meta(ge=0.0, le=1e12)] = 0.0
+
+
+class ModelInfo(msgspec.Struct, frozen=True, kw_only=True):
     """The checked content of a model.json; `supersampler info MODEL` prints it.
 
-    `multiply_adds` counts those of the network, per display pixel. `only_extrapolated`: the model handles
-    extrapolated frames only, for the model in the parent folder.
+    `only_extrapolated`: the model handles extrapolated frames only, for the model in the parent folder.
+    `folder` is that of the file, and no key of it.
     """
 
-    folder: Path
     contract: int
-    method: str
-    source: str
-    ratios: tuple[float, float]
-    inputs: tuple[TensorInfo, ...]
-    history: tuple[HistoryInfo, ...]
+    method: _Name
+    source: Text
+    ratios: tuple[_Ratio, _Ratio]
+    inputs: Annotated[tuple[TensorInfo, ...], _MANY]
+    history: Annotated[tuple[HistoryInfo, ...], _MANY]
     image: TensorInfo
-    aux_outputs: tuple[TensorInfo, ...]
-    maps: Mapping[str, MapOf]
-    files: Mapping[str, str]
-    multiply_adds: float
-    config: Mapping[str, Any]
-    parity: Mapping[str, Any]
-    licence: str
-    attributions: tuple[str, ...]
-    versions: Mapping[str, str]
-    only_extrapolated: bool
+    aux_outputs: Annotated[tuple[TensorInfo, ...], _MANY]
+    maps: Annotated[dict[str, MapOf], _MANY]
+    files: Annotated[dict[str, Annotated[str, msgspec.Meta(pattern="^[0-9a-f]{64}$")]], _MANY]
+    config: Annotated[dict[str, Any], _MANY]
+    parity: Annotated[dict[str, Any], _MANY]
+    licence: Text
+    attributions: Annotated[tuple[Text, ...], msgspec.Meta(max_length=1000)]
+    versions: Annotated[dict[str, Annotated[str, msgspec.Meta(max_length=200)]], _MANY]
+    network: NetworkInfo = NetworkInfo()
+    only_extrapolated: bool = False
+    folder: Path = Path()
+
+    def __post_init__(self) -> None:
+        if self.ratios[0] > self.ratios[1]:
+            raise ValueError(f"ratios is {self.ratios}; want [smallest, largest]")
+        for name in self.files:
+            if name != EXTRAPOLATED_FILE and not _FILE_NAME.fullmatch(name):
+                want = f"plain names of files in the folder, or {EXTRAPOLATED_FILE!r}"
+                raise ValueError(f"files has {reprlib.repr(name)}; want {want}")
+
+    @property
+    def multiply_adds(self) -> float:
+        """Multiply-adds of the network, per display pixel."""
+        return self.network.multiply_adds
 
     @property
     def extrapolated(self) -> Path | None:
@@ -128,19 +160,19 @@ class ModelInfo:
     @property
     def converges(self) -> bool:
         """Whether the image becomes the mean of its samples where nothing moves (`methods.at_rest`)."""
-        channels = {h.input.name: h.input.shape[:2] for h in self.history}
+        channels = {h.name: h.shape[:2] for h in self.history}
         wanted = {f"history.{name}": shape[:2] for name, shape in AT_REST_HISTORY.items()}
         return wanted.items() <= channels.items()
 
     @property
     def graph_inputs(self) -> list[TensorInfo]:
         """All inputs of the graph."""
-        return [*self.inputs, *(h.input for h in self.history)]
+        return [*self.inputs, *self.history]
 
     @property
     def graph_outputs(self) -> list[TensorInfo]:
         """All outputs of the graph."""
-        next_history = [TensorInfo(h.output, h.input.type, h.input.shape) for h in self.history]
+        next_history = [TensorInfo(h.output, h.type, h.shape) for h in self.history]
         return [self.image, *next_history, *self.aux_outputs]
 
     @property

@@ -9,12 +9,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any, NamedTuple, get_args, get_type_hints
 
+import msgspec
 import numpy as np
 
 from supersampler.frame import Float32, Size
 from supersampler.methods.gbuffers import GBUFFERS
 
 Shape = tuple[int | str, ...]
+MAX_CHANNELS = 1024
+"""Largest number of values that a pixel has in a tensor."""
 
 RENDER = ("render_height", "render_width")
 PREVIOUS = ("previous_height", "previous_width")
@@ -120,12 +123,12 @@ Flag = Annotated[bool, "compiled"]
 """An option for which kernels are compiled either way."""
 
 
-class MapOf(NamedTuple):
+class MapOf(msgspec.Struct, frozen=True):
     """A map for debug views: `channels` channels of the graph's output `output`, from `first` on."""
 
-    output: str
-    first: int
-    channels: int
+    output: Annotated[str, msgspec.Meta(min_length=1, max_length=80)]
+    first: Annotated[int, msgspec.Meta(ge=0, le=MAX_CHANNELS)]
+    channels: Annotated[int, msgspec.Meta(ge=1, le=MAX_CHANNELS)]
 
 
 @dataclass(frozen=True)

@@ -54,7 +54,7 @@ class Interpolator:
     """
 
     def __init__(self, extrapolator: Extrapolator, gbuffers: tuple[str, ...]) -> None:
-        missing = {*_REQUIRED} - {entry.input.name for entry in extrapolator.info.history}
+        missing = {*_REQUIRED} - {entry.name for entry in extrapolator.info.history}
         if missing:
             got = f"{extrapolator.info.method!r}, without {', '.join(sorted(missing))}"
             raise ArgumentError("extrapolation", got=got, want="a model such as guided-warp for two passes")

@@ -111,7 +111,7 @@ class OnnxExecutor:
         return image
 
     def _run(self, given: Tensors, history: Tensors, next_history: Tensors, results: Tensors) -> None:
-        written = {h.output: next_history[h.input.name] for h in self._info.history}
+        written = {h.output: next_history[h.name] for h in self._info.history}
         run_bound(self._session, self._path, {**given, **history}, {**written, **results})
 
     def required_bytes(self, display: Size, render: Size) -> tuple[int, int | None]:
@@ -130,7 +130,7 @@ class OnnxExecutor:
 
     def _history_shapes(self, display: Size, render: Size) -> dict[str, tuple[int, ...]]:
         sizes = {"render": render, "display": display, "previous": render}
-        return {h.input.name: h.input.shape_for(**sizes) for h in self._info.history}
+        return {h.name: h.shape_for(**sizes) for h in self._info.history}
 
 
 def _values(arrays: Mapping[str, np.ndarray[Any, Any]]) -> Tensors:
@@ -165,7 +165,7 @@ class OnnxExtrapolation:
         """See `ExtrapolationExecutor`."""
         inputs = frame_inputs(frame, frame.size, [tensor.name for tensor in self._info.inputs])
         planes = np.empty((1, 3, *frame.size[::-1]), np.float32)
-        names = [entry.input.name for entry in self._info.history]
+        names = [entry.name for entry in self._info.history]
         outputs: dict[str, Any] = {entry.output: self._device for entry in self._info.history}
         outputs[self._info.image.name] = ort.OrtValue.ortvalue_from_numpy(planes)
         path = self._info.steps["fp32"]
