@@ -19,7 +19,7 @@ from supersampler.cli.terminal import RunProgress, frame_warnings
 from supersampler.errors import FrameError, ShotError
 from supersampler.frame import Float32, Frame
 from supersampler.history import StepResult
-from supersampler.io.compare import ERROR_LEGEND, About, compare_layers, compare_page, versions
+from supersampler.io.compare import ERROR_LEGEND, About, compare_layers, compare_page, versions_text
 from supersampler.io.display import ExposureMeter, usable_exposure
 from supersampler.io.files import check_apart, is_there
 from supersampler.io.images import Bytes, Metadata, pixel_aspect, result_metadata
@@ -325,7 +325,7 @@ class _UpscaleRun:
                 f"Images show {job.images.transform.description}.",
                 *_PAGE_NOTES,
                 *([f"Shot: {sources}."] if sources else []),
-                versions(),
+                versions_text(),
             ],
         )
         bicubic = Upscaler("bicubic", display_size=size, threads=job.threads, validate="off")

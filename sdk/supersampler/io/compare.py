@@ -222,7 +222,7 @@ def false_color(values: Array) -> Bytes:
     return to_uint8(np.stack(channels, axis=-1) / 255.0)
 
 
-def versions() -> str:
+def versions_text() -> str:
     """Return one line with the versions of the installed packages that images depend on."""
     names = ("supersampler", "onnxruntime", "onnxruntime-gpu", "onnxruntime-directml", "numpy")
     installed = [f"{name} {version}" for name, version in installed_versions(*names).items()]
