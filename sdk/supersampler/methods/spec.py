@@ -7,7 +7,7 @@ constants. Constants that kernels use are annotated with their range: `gamma: Nu
 from collections import namedtuple
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Any, NamedTuple, get_args, get_type_hints
+from typing import Annotated, Any, Literal, NamedTuple, get_args, get_type_hints
 
 import msgspec
 import numpy as np
@@ -99,7 +99,7 @@ def resized(planes: Float32, size: Size) -> Float32:
     return np.ascontiguousarray(planes[:, :, rows[:, None], columns])
 
 
-def dtype_of(tensor: str) -> str:
+def dtype_of(tensor: str) -> Literal["float32", "int64"]:
     """Return numpy's name of a tensor's element type."""
     return "int64" if tensor == "display_size" else "float32"
 
