@@ -1,5 +1,1 @@
-"""Programs for maintainers, in no wheel: ablations of methods, and hashes of all images.
-
-Each runs in a development install: `python bench/studies/NAME.py --help`. Records are in
-bench/results/studies.
-"""
+"""Program for maintainers, in no wheel: hashes of all images, `python bench/studies/hashes.py --help`."""

@@ -1,4 +1,4 @@
 """Measurement: quality, speed and stability against references, by one command.
 
-Every number in README and docs is written by these commands, or by the ablations in bench/studies.
+Every number in README and docs is written by these commands.
 """

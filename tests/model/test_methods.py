@@ -2,6 +2,8 @@
 
 import itertools
 from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,16 +14,18 @@ from torch import Tensor
 from more_scenes import Cut, ShadingStep, dots, thin_lines
 from rest_scenes import Stepped
 from shared_models import shared_model
-from studies.ablation_variants import CLASSIFIERS
 from supersampler import Frame, Upscaler, halton_jitter
 from supersampler.frame import Float32
 from supersampler.io.display import display_transform
+from supersampler.methods.classifier.spec import INPUTS, ClassifierConfig, PaperConfig, SmallConfig
 from supersampler.methods.model_file import model_names
 from supersampler.methods.registry import methods
 from supersampler.methods.taa.spec import TaaConfig
 from supersampler_model import ops
 from supersampler_model.data.scenes.analytic import AnalyticScene, DiscOverPlane, Plane, checker, zone_plate
 from supersampler_model.methods.base import Method
+from supersampler_model.methods.classifier import Classifier, SmallClassifier
+from supersampler_model.methods.classifier_paper import PaperClassifier
 from supersampler_model.methods.taa import Gathered, Taa
 from torch_inputs import plain_inputs
 
@@ -152,12 +156,31 @@ def test_without_jitter_and_motion_taa_of_a_flat_image_is_that_image() -> None:
     np.testing.assert_allclose(image, 0.3, rtol=1e-4)
 
 
-@pytest.mark.parametrize("variant", CLASSIFIERS)
-def test_the_classifier_renders_what_it_is_shown_whatever_is_chosen(variant: str) -> None:
+CHOICES: list[dict[str, Any]] = [
+    {"rectified": False},
+    {"own_motion": False},
+    {"neighbourhood_inputs": ()},
+    {"inputs": tuple(name for name in INPUTS if name not in ("count", "contrast", "surface"))},
+    {"contraction": 0.0},
+    {"recurrent": False},
+    {"tone_space": "channels"},
+    {"tone_space": "logarithm"},
+    {"count_code": "logarithm"},
+]
+CLASSIFIERS = (
+    Classifier(),
+    SmallClassifier(SmallConfig(inputs=INPUTS, rectified=True, own_motion=True)),
+    PaperClassifier(PaperConfig(inputs=INPUTS)),
+    *(Classifier(replace(ClassifierConfig(inputs=INPUTS), **choice)) for choice in CHOICES),
+)
+
+
+@pytest.mark.parametrize("method", CLASSIFIERS, ids=range(len(CLASSIFIERS)))
+def test_the_classifier_renders_what_it_is_shown_whatever_is_chosen(method: Classifier) -> None:
     """Untrained: the paper's network then blends half of the history, ours the running mean."""
     scene = Plane(dots)
     truth = scene.truth(0, DISPLAY)
-    images = run_torch(CLASSIFIERS[variant]().eval(), scene, 6)
+    images = run_torch(method.eval(), scene, 6)
     assert all(np.isfinite(image).all() and image.min() >= 0.0 for image in images)
     assert psnr(images[-1], truth) > psnr(np.full_like(truth, truth.mean()), truth) + 1.0
 

@@ -41,8 +41,6 @@ RECORDS: tuple[type[BenchRecord], ...] = (
 RESULTS = Path("bench/results")
 """Folder of the records of published numbers, in the repository."""
 COMMANDS = Path("bench/records.toml")
-STUDY = "study "
-"""Prefix of the blocks that programs in bench/studies write, from records in bench/results/studies."""
 _PAPER = Path("out/classifier-paper")
 _EXPORT = f"export classifier-paper --weights bench/weights/classifier-paper.safetensors -o {_PAPER}"
 
@@ -126,8 +124,7 @@ def find_all(root: Path) -> Iterator[DocBlock]:
     }
     for page in (root / "README.md", *sorted((root / "docs").rglob("*.md"))):
         for name in re.findall(r"<!-- bench:(.+?) -->", page.read_text(encoding="utf-8")):
-            if not name.startswith(STUDY):
-                yield _block(page, name, makers.get(name))
+            yield _block(page, name, makers.get(name))
 
 
 def _with_age(maker: Callable[[], str], record: JsonRecord) -> str:
