@@ -106,13 +106,6 @@ def extrapolation(
     alternation: Annotated[
         str, typer.Option(help="Unshaded frames to a shaded one, with commas between.")
     ] = "1:1,2:1",
-    every_frame: Annotated[
-        bool,
-        typer.Option(
-            "--every-frame",
-            help="Run once from each frame of the alternation: each frame is scored unshaded and shaded.",
-        ),
-    ] = False,
     ratio: RATIO = "2",
     cache: CACHE = None,
     json: JSON = None,
@@ -132,21 +125,19 @@ def extrapolation(
 
     name, opened = opened_shots(shot, cache, ratio)
     upscalers, extrapolators, alternations = listed(methods), listed(models), listed(alternation)
-    runs = sum(len(bench.runs_of(text, every_frame=every_frame)) for text in alternations)
     measured = []
-    with counted("frames", runs * sum(len(one) for one, _ in opened)) as advance:
+    with counted("frames", len(alternations) * sum(len(one) for one, _ in opened)) as advance:
         for one, origin in opened:
             scores = bench.measure_extrapolation(
                 one,
                 upscalers,
                 extrapolators,
                 alternations,
-                every_frame=every_frame,
                 on_left_out=warn,
                 on_frame=advance,
             )
             measured.append(bench.unshaded_row(one, scores, origin))
-    record = bench.ExtrapolationRecord.of(measured, extrapolators, every_frame=every_frame)
+    record = bench.ExtrapolationRecord.of(measured, extrapolators)
     publish(record, f"extrapolation {name}", json)
 
 

@@ -7,9 +7,6 @@ The colour of every second frame of a shot is removed, or of two of three. Each 
     warp, filled    the same, with disoccluded pixels filled from the nearest background
     a model's name  the upscaler steps on the colour that the model extrapolates
 
-In one run, unshaded and shaded frames are different ones. Wu et al. 2023 run a sequence twice, offset by a
-frame, so that each frame is scored as both.
-
 The warping baselines upscale shaded frames alone, with motion that spans the unshaded frames between them.
 """
 
@@ -144,19 +141,17 @@ class Alternation:
 
     Args:
         text: unshaded to shaded frames: "1:1" leaves out every second frame, "2:1" two of three.
-        offset: frames by which the alternation is ahead: 0 follows the first frame by the unshaded ones, 1 by
-            one of them less.
 
     Raises:
         ArgumentError: the text is something else.
     """
 
-    def __init__(self, text: str, offset: int = 0) -> None:
+    def __init__(self, text: str) -> None:
         unshaded, _, shaded = text.partition(":")
         if not unshaded.isdecimal() or int(unshaded) < 1 or shaded != "1":
             want = "unshaded to shaded frames, as 1:1 or 2:1"
             raise ArgumentError("--alternation", got=repr(text), want=want)
-        self.text, self.period, self._offset = text, int(unshaded) + 1, offset
+        self._period = int(unshaded) + 1
         self.indices: set[int] = set()
         self._since: dict[int, int] = {}  # frames since the last shaded one
 
@@ -164,9 +159,9 @@ class Alternation:
         """Return whether a frame is unshaded; frames come in order, each any number of times."""
         before = self._since.get(item.index - 1)
         if item.frame.reset or before is None:
-            self._since[item.index] = self._offset
+            self._since[item.index] = 0
             return False
-        self._since[item.index] = since = (before + 1) % self.period
+        self._since[item.index] = since = (before + 1) % self._period
         if since:
             self.indices.add(item.index)
         return since > 0
@@ -177,7 +172,7 @@ class UnshadedScores:
     """Scores of unshaded frames, PSNR of the shaded ones, and changes from frame to frame over all frames.
 
     Attributes:
-        unshaded: scores of the unshaded frames, of all runs.
+        unshaded: scores of the unshaded frames.
         shaded: of the shaded ones.
     """
 
@@ -185,19 +180,12 @@ class UnshadedScores:
     shaded: MethodScores
 
     @classmethod
-    def of(cls, runs: Sequence[tuple[MethodScores, Collection[int]]]) -> "UnshadedScores":
-        """Return the scores of some runs of one method, each with the indices of its unshaded frames."""
-        method = runs[0][0].method
-        both = (
-            [
-                frame
-                for scores, unshaded in runs
-                for frame in scores.frames
-                if (frame.frame in unshaded) is kind
-            ]
-            for kind in (True, False)
+    def of(cls, scores: MethodScores, unshaded: Collection[int]) -> "UnshadedScores":
+        """Return the scores of a method, given the indices of its unshaded frames."""
+        kinds = (
+            [frame for frame in scores.frames if (frame.frame in unshaded) is kind] for kind in (True, False)
         )
-        return cls(*(MethodScores(method, frames) for frames in both))
+        return cls(*(MethodScores(scores.method, frames) for frames in kinds))
 
     @property
     def method(self) -> str:
@@ -222,7 +210,6 @@ def measure_extrapolation(
     models: Sequence[str],
     alternations: Sequence[str],
     *,
-    every_frame: bool = False,
     on_left_out: Callable[[str], None] = lambda _: None,
     on_frame: Callable[[], None] = lambda: None,
 ) -> dict[str, list[UnshadedScores]]:
@@ -233,8 +220,6 @@ def measure_extrapolation(
         upscalers: as `parse_spec` reads them.
         models: models that extrapolate: their names, or folders.
         alternations: as `Alternation` reads them.
-        every_frame: run once with each offset of an alternation, so that each frame but the first after a cut
-            is scored as unshaded and as shaded.
         on_left_out: called with the reason why an upscaler is left out.
         on_frame: called after each frame of each run.
 
@@ -252,23 +237,11 @@ def measure_extrapolation(
     upscalers = runnable(shot, upscalers, on_left_out)
     scores = {}
     for text in alternations:
-        runs = []
-        for alternation in runs_of(text, every_frame=every_frame):
-            steppers = [s for name in upscalers for s in _ways(shot, name, models, display, alternation)]
-            found = measure_steppers(shot, steppers, on_frame=on_frame)
-            runs.append([(one, alternation.indices) for one in found])
-        scores[text] = [UnshadedScores.of(same) for same in zip(*runs, strict=True)]
+        alternation = Alternation(text)
+        steppers = [s for name in upscalers for s in _ways(shot, name, models, display, alternation)]
+        found = measure_steppers(shot, steppers, on_frame=on_frame)
+        scores[text] = [UnshadedScores.of(one, alternation.indices) for one in found]
     return scores
-
-
-def runs_of(text: str, *, every_frame: bool) -> list[Alternation]:
-    """Return the alternation of each run: one, or one with each offset.
-
-    Raises:
-        ArgumentError: see `Alternation`.
-    """
-    first = Alternation(text)
-    return [Alternation(text, offset) for offset in range(first.period)] if every_frame else [first]
 
 
 def check_gbuffers(shot: Shot, model: str) -> None:
@@ -362,18 +335,14 @@ class ExtrapolationRecord(ScoresRecord):
     Attributes:
         models: models that extrapolate.
         means: means at each ratio and alternation.
-        every_frame: see `measure_extrapolation`.
     """
 
     models: list[str]
     means: list[Alternated]
-    every_frame: bool = False
     BENCH = "extrapolation"
 
     @classmethod
-    def of(
-        cls, shots: Sequence[ShotRow], models: Sequence[str], *, every_frame: bool = False
-    ) -> "ExtrapolationRecord":
+    def of(cls, shots: Sequence[ShotRow], models: Sequence[str]) -> "ExtrapolationRecord":
         """Return the record of shots by `unshaded_row`."""
         means = []
         for ratio, group in shots_by_ratio(shots).items():
@@ -381,7 +350,7 @@ class ExtrapolationRecord(ScoresRecord):
                 by_method = zip(*(row.methods for row in same), strict=True)
                 methods = [MethodRow.mean(rows) for rows in by_method]
                 means.append(Alternated(same[0].alternation, methods, ratio))
-        return cls(list(shots), list(models), means, every_frame)
+        return cls(list(shots), list(models), means)
 
     def rows(self) -> Iterator[tuple[float, Alternated]]:
         """Yield the means, or the rows of the only shot, each with its ratio."""
@@ -401,15 +370,9 @@ class ExtrapolationRecord(ScoresRecord):
         return "\n\n".join(tables)
 
     def _table(self, about: str, row: Alternated) -> str:
-        of_runs = (
-            "In as many runs as frames alternate, each frame is unshaded and shaded: scores are of it "
-            "unshaded; "
-            if self.every_frame
-            else "Scores are of the unshaded ones; "
-        )
         caption = (
-            f"{about}, {row.alternation} unshaded to shaded frames. {of_runs}tPSNR is of all; "
-            f"without the first {WARM_UP_FRAMES} frames and a border of {BORDER} pixels"
+            f"{about}, {row.alternation} unshaded to shaded frames. Scores are of the unshaded ones; "
+            f"tPSNR is of all; without the first {WARM_UP_FRAMES} frames and a border of {BORDER} pixels"
         )
         return scores_table(caption, row.methods, COLUMNS)
 

@@ -23,7 +23,6 @@ from supersampler_bench.quality.extrapolation import (
     WarpBaseline,
     measure_extrapolation,
     motion_over_two_frames,
-    runs_of,
     unshaded_row,
     warped,
     with_background_filled,
@@ -48,8 +47,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def unshaded(text: str, resets: set[int], offset: int = 0, count: int = 9) -> str:
-    alternation, said = Alternation(text, offset), ""
+def unshaded(text: str, resets: set[int], count: int = 9) -> str:
+    alternation, said = Alternation(text), ""
     for index in range(count):
         item = ShotFrame(index=index, frame=SCENE.frame(index, SIZE, reset=index in resets), **ITEM)
         said += "u" if alternation.leaves_unshaded(item) else "s"
@@ -73,14 +72,6 @@ def test_frames_are_unshaded_after_each_shaded_one_and_never_after_a_cut(
     assert unshaded(text, resets) == said
 
 
-def test_runs_of_every_offset_leave_each_frame_unshaded_as_often_but_the_first_after_a_cut() -> None:
-    assert [unshaded("1:1", {0, 4}, offset) for offset in (0, 1)] == ["susususus", "ssusssusu"]
-    runs = [unshaded("2:1", {0}, offset) for offset in (0, 1, 2)]
-    assert runs == ["suusuusuu", "susuusuus", "ssuusuusu"]
-    assert [alternation.text for alternation in runs_of("2:1", every_frame=True)] == ["2:1"] * 3
-    assert len(runs_of("2:1", every_frame=False)) == 1
-
-
 @pytest.mark.parametrize("text", ["1", "0:1", "1:2", "a:1", "-1:1", ""])
 def test_other_alternations_are_refused(text: str) -> None:
     with pytest.raises(ArgumentError, match="--alternation"):
@@ -97,19 +88,9 @@ def test_scores_are_of_unshaded_frames_and_changes_of_all() -> None:
     scores = MethodScores(
         "m", [scores_of(8, 10.0), scores_of(9, 20.0), scores_of(10, 30.0), scores_of(11, 60.0)]
     )
-    summary = UnshadedScores.of([(scores, {9, 11})]).summary()
+    summary = UnshadedScores.of(scores, {9, 11}).summary()
     assert (summary["psnr"], summary["flip"], summary[PSNR_SHADED]) == (40.0, 40.0, 20.0)
     assert {summary[name] for name in TEMPORAL_METRICS if name != "strred"} == {30.0}
-
-
-def test_of_two_runs_each_frame_counts_as_unshaded_and_as_shaded() -> None:
-    runs = [
-        MethodScores("m", [scores_of(8, first), scores_of(9, second)])
-        for first, second in [(10.0, 20.0), (30.0, 60.0)]
-    ]
-    summary = UnshadedScores.of([(runs[0], {9}), (runs[1], {8})]).summary()
-    assert (summary["psnr"], summary[PSNR_SHADED]) == (25.0, 35.0)  # 20 and 30; 10 and 60
-    assert summary["tpsnr"] == 30.0
 
 
 # --- warping ---
@@ -218,20 +199,6 @@ def test_the_command_prints_a_table_and_a_record_that_makes_it_again(folder: Pat
     assert "lit, 48x27 to 96x54, 1:1 unshaded to shaded frames" in table
     assert blocks_of("extrapolation-lit", record)["extrapolation lit"]() == table
     assert table.splitlines()[2] in done.output
-
-
-def test_the_command_runs_once_for_each_offset_so_that_every_frame_is_scored(
-    folder: Path, tmp_path: Path
-) -> None:
-    file = tmp_path / "extrapolation-lit.json"
-    arguments = ["bench", "extrapolation", str(folder), "--methods", "bilinear", "--alternation", "1:1"]
-    done = CliRunner().invoke(app, [*arguments, "--every-frame", "--json", str(file)])
-    assert done.exit_code == 0
-    record = ExtrapolationRecord.from_json(read_record(file))
-    assert "In as many runs as frames alternate, each frame is unshaded and shaded" in record.table()
-    shaded = record.shots[0].alternations[0].methods[0].known("all_cropped")
-    first_weighs_twice = abs(shaded["psnr"] - shaded[PSNR_SHADED])  # it is never unshaded
-    assert first_weighs_twice < 0.2
 
 
 def test_of_several_shots_the_means_are_shown(folder: Path, tmp_path: Path) -> None:
