@@ -320,24 +320,6 @@ def test_every_scenario_says_what_it_does() -> None:
         chosen(["weather"])
 
 
-def test_outcomes_are_kept_and_taken_from_there(tmp_path: Path) -> None:
-    calls = []
-
-    def begin(display: Size, threads: int) -> Session:
-        calls.append(display)
-        return Average(display)
-
-    first = list(measure([scenario("threads")], [subject(begin)], quick=True, keep=tmp_path))
-    stepped = len(calls)
-    again = list(measure([scenario("threads")], [subject(begin)], quick=True, keep=tmp_path))
-    assert again == first
-    assert len(calls) == stepped
-    (file,) = tmp_path.iterdir()
-    file.write_text(file.read_text().replace('"of": "', '"of": "older'))
-    list(measure([scenario("threads")], [subject(begin)], quick=True, keep=tmp_path))
-    assert len(calls) > stepped
-
-
 def test_what_is_outside_its_bound_stands_out() -> None:
     good = run(scenario("threads"), SOUND, quick=True)
     bad = replace(

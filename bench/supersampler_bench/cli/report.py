@@ -31,19 +31,17 @@ def stress(
     executors: EXECUTORS = "cpu,onnx",
     only: Annotated[str, typer.Option(help="Scenarios, or families of them, with commas between.")] = "",
     quick: Annotated[bool, typer.Option("--quick", help="Some of them, with few and small frames.")] = False,
-    output: Annotated[Path | None, typer.Option("-o", "--output", help="Folder for outcomes.")] = None,
     json: JSON = None,
 ) -> None:
     """Run methods for long and on hostile input, and compare each figure with its bound.
 
-    With a folder, the same command continues a stopped run. After one hostile frame, the bound is 0.1 steps
-    of an 8-bit image in the mean and 4 at 99.9 % of the values, or the largest difference after a reset at
-    one of five frames around it if that is larger.
+    After one hostile frame, the bound is 0.1 steps of an 8-bit image in the mean and 4 at 99.9 % of the
+    values, or the largest difference after a reset at one of five frames around it if that is larger.
 
     \b
     Examples:
       supersampler bench stress --quick --methods classifier --executors cpu
-      supersampler bench stress -o stress --json stress.json
+      supersampler bench stress --json stress.json
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_bench.stress import runner
     from supersampler_bench.stress.subjects import subjects
@@ -54,8 +52,8 @@ def stress(
         warn(text)
     outcomes = []
     total = len(runner.runs(scenarios, stressed))
-    with counted("scenarios", total, resumes=output is not None) as advance:
-        for outcome in runner.measure(scenarios, stressed, quick=quick, keep=output):
+    with counted("scenarios", total) as advance:
+        for outcome in runner.measure(scenarios, stressed, quick=quick):
             outcomes.append(outcome)
             advance()
     record = runner.StressRecord(outcomes, quick=quick)

@@ -1,21 +1,15 @@
-"""Run scenarios one after another, with their record and table. Kept outcomes let a stopped run continue."""
+"""Run scenarios one after another, with their record and table."""
 
-import hashlib
-import json
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
-from pathlib import Path
+from dataclasses import dataclass
 from typing import Any
 
-import supersampler
-import supersampler_bench.stress.hostile
-import supersampler_bench.stress.long_runs
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
-from supersampler.io.files import replacing
 from supersampler_bench.markdown import table
-from supersampler_bench.record import BenchRecord, JsonRecord, converted
+from supersampler_bench.record import BenchRecord, JsonRecord
+from supersampler_bench.stress import hostile, long_runs  # noqa: F401  # they fill FAMILIES
 from supersampler_bench.stress.scenario import FAMILIES, Figure, Scenario, Subject
 
 BAD_VALUES = "bad values"
@@ -92,38 +86,17 @@ def left_out(scenarios: Sequence[Scenario], subjects: Sequence[Subject]) -> list
 
 
 def measure(
-    scenarios: Sequence[Scenario],
-    subjects: Sequence[Subject],
-    *,
-    quick: bool = False,
-    keep: Path | None = None,
+    scenarios: Sequence[Scenario], subjects: Sequence[Subject], *, quick: bool = False
 ) -> Iterator[ScenarioOutcome]:
-    """Run all scenarios that suit each subject; yield each outcome as it is ready.
+    """Run all scenarios that suit each subject; yield each outcome when it is there.
 
     Args:
-        scenarios: some of FAMILIES, or others.
+        scenarios: scenarios of FAMILIES, or others.
         subjects: methods in executors.
         quick: few and small frames.
-        keep: folder of kept outcomes, which are reused where nothing has changed since.
     """
-    state = source_state() if keep is not None else ""
     for scenario, subject in runs(scenarios, subjects):
-        parts = [scenario.name.replace(" ", "_"), Path(subject.method).name, subject.executor]
-        path = None if keep is None else keep / f"{'-'.join(parts + ['quick'] * quick)}.json"
-        outcome = None if path is None else _kept(path, state)
-        if outcome is None:
-            outcome = run(scenario, subject, quick=quick)
-            if path is not None:
-                with replacing(path) as partial:
-                    partial.write_text(json.dumps({"of": state, **asdict(outcome)}), encoding="utf-8")
-        yield outcome
-
-
-def _kept(path: Path, state: str) -> ScenarioOutcome | None:
-    if not path.is_file():
-        return None
-    data: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    return converted(data, ScenarioOutcome) if data.pop("of") == state else None
+        yield run(scenario, subject, quick=quick)
 
 
 def run(scenario: Scenario, subject: Subject, *, quick: bool = False) -> ScenarioOutcome:
@@ -145,17 +118,6 @@ def run(scenario: Scenario, subject: Subject, *, quick: bool = False) -> Scenari
         figures=figures,
         error=error,
     )
-
-
-def source_state() -> str:
-    """Return a digest of everything that outcomes depend on: the runtime with its models, the scenarios."""
-    digest = hashlib.sha256()
-    for module in (supersampler, supersampler_bench.stress):
-        root = Path(str(module.__file__)).parent
-        for path in sorted(root.rglob("*")):
-            if path.suffix in (".py", ".json", ".onnx", ".npz"):
-                digest.update(path.relative_to(root).as_posix().encode() + path.read_bytes())
-    return digest.hexdigest()
 
 
 @dataclass(frozen=True)
