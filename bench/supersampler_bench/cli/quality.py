@@ -9,7 +9,6 @@ from rich.table import Table
 from supersampler.cli.arguments import parse_size
 from supersampler.cli.terminal import Terminal
 from supersampler.errors import ArgumentError
-from supersampler.frame import Size
 from supersampler.io.shot import Shot
 from supersampler_bench.cli.options import (
     CACHE,
@@ -141,11 +140,6 @@ def extrapolation(
     publish(record, f"extrapolation {name}", json)
 
 
-QUICK_DISPLAY: Size = (96, 54)
-TIMED_DISPLAY: Size = (960, 540)
-QUICK_RATIO = 1.0  # of the shortest jitter period
-
-
 def still(
     scenes: Annotated[
         str, typer.Option(help="SCENE:RATIO: analytic, court, or with moving objects, as court-mover.")
@@ -154,46 +148,27 @@ def still(
     executors: EXECUTORS = "cpu,onnx",
     display_size: DISPLAY_SIZE = "320x180",
     samples: SAMPLES = 64,
-    quick: Annotated[
-        bool, typer.Option("--quick", help="Each scene at ratio 1 only, with small images.")
-    ] = False,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Folder for still.png: curves over the frames.")
     ] = None,
     json: JSON = None,
 ) -> None:
-    """Measure images of scenes that stand still, after 1, 2 and 4 jitter periods, and the time of a frame.
+    """Measure images of scenes that stand still, after 1, 2 and 4 jitter periods.
 
-    Compared with the reference. Test shots are rendered here, with OpenGL. Times are measured well only if
-    nothing else runs on the machine.
+    Compared with the reference. Test shots are rendered here, with OpenGL.
 
     \b
     Examples:
       supersampler bench still --scenes analytic:2 --methods taau
       supersampler bench still -o docs/images --json still.json
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
-    from supersampler_bench.quality.still import (
-        TIMED_RATIO,
-        StillRecord,
-        frame_count,
-        measure_still,
-        measure_times,
-    )
+    from supersampler_bench.quality.still import StillRecord, frame_count, measure_still
 
-    chosen, display, timed_display = (
-        _scenes_of(scenes),
-        parse_size(display_size, "--display-size"),
-        TIMED_DISPLAY,
-    )
-    if quick:
-        chosen = [(name, QUICK_RATIO) for name in dict(chosen)]
-        display = timed_display = QUICK_DISPLAY
+    chosen, display = _scenes_of(scenes), parse_size(display_size, "--display-size")
     names, kinds = listed(methods), executors_of(executors)
-    ratios = [*(ratio for _, ratio in chosen), TIMED_RATIO]
-    with counted("frames", sum(map(frame_count, ratios))) as advance:
-        times = measure_times(names if "cpu" in kinds else [], timed_display, on_frame=advance)
+    with counted("frames", sum(frame_count(ratio) for _, ratio in chosen)) as advance:
         results = measure_still(chosen, names, display, executors=kinds, samples=samples, on_frame=advance)
-    record = StillRecord(display, results, timed_display, times, quick=quick)
+    record = StillRecord(display, results)
     if output is not None:
         from supersampler_bench.report.figures import draw_still  # needs matplotlib
 

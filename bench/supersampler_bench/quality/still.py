@@ -1,9 +1,7 @@
-"""Scenes in front of a fixed camera: convergence of methods to the reference, and the time of a frame."""
+"""Scenes in front of a fixed camera: convergence of methods to the reference."""
 
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from statistics import median
 
 import numpy as np
 
@@ -28,7 +26,6 @@ PERIODS = (1, 2, 4)
 MOVER = "-mover"
 SCENES = tuple(f"{name}{end}" for name in ("analytic", *TEST_SHOTS.seeds) for end in ("", MOVER))
 """The analytic scene, and test shots with a fixed camera; objects move in those that end with MOVER."""
-TIMED_SCENE, TIMED_RATIO = "analytic", 2.0
 HELD_FRAME = 12  # frame of the test shot whose camera is kept
 _REACH = 4  # display pixels around what changes that are not scored
 _UNCHANGED = 1.0 / 255.0  # of samples, as a screen shows them
@@ -60,23 +57,6 @@ class StillScores:
         """Return the mean PSNR of the last quarter of so many jitter periods, dB."""
         count = jitter_phase_count(self.ratio)
         return float(np.mean(self.psnr[periods * count - max(count // 4, 1) : periods * count]))
-
-
-@dataclass(frozen=True)
-class StillTimes:
-    """Times of one method on the CPU backend in TIMED_SCENE, medians.
-
-    Attributes:
-        method: the model's name.
-        milliseconds: milliseconds of a full step, with `skip=False`, in the last period.
-        settling: of a frame in the second period, over that of a full step on the same frames.
-        rest: likewise in the last period.
-    """
-
-    method: str
-    milliseconds: float
-    settling: float
-    rest: float
 
 
 @dataclass(frozen=True)
@@ -118,7 +98,8 @@ def measure_still(
         samples: per pixel of the test shots' references.
         on_frame: called after each frame of a scene.
     """
-    models = _models(methods, executors)
+    kinds = [(method, executor) for method in methods for executor in executors]
+    models = {kind: Model.load(kind[0], providers="cpu", executor=kind[1]) for kind in kinds}
     results = []
     for name, ratio in scenes:
         scene = make_scene(name, display, ratio, samples)
@@ -129,48 +110,6 @@ def measure_still(
             on_frame()
         results += [run.scores(name, ratio) for run in runs]
     return results
-
-
-def measure_times(
-    methods: Sequence[str], display: Size, *, on_frame: Callable[[], None] = lambda: None
-) -> list[StillTimes]:
-    """Step methods through TIMED_SCENE on the CPU backend for four jitter periods, in turns, twice.
-
-    Args:
-        methods: names of models.
-        display: (width, height) of the images.
-        on_frame: called after each frame of the scene.
-    """
-    skips = (True, False)
-    image = np.empty((*display[::-1], 3), np.float32)
-    upscalers = {
-        (name, skip): Upscaler(model, display_size=display, skip=skip, validate="off")
-        for (name, _), model in _models(methods, ["cpu"]).items()
-        for skip in skips
-    }
-    times: dict[tuple[str, bool], list[float]] = {key: [] for key in upscalers}
-    size, scene, period = render_size(display, TIMED_RATIO), still_scene(), jitter_phase_count(TIMED_RATIO)
-    for index in range(frame_count(TIMED_RATIO)):
-        frame = scene.frame(index, size, halton_jitter(index, TIMED_RATIO))
-        for key, upscaler in upscalers.items():
-            began = time.perf_counter()
-            upscaler.step(frame, out=image)
-            times[key].append(1e3 * (time.perf_counter() - began))
-        on_frame()
-    second, last = slice(period, 2 * period), slice(-period, None)
-    results = []
-    for method in methods:
-        reused, full = (times[method, skip] for skip in skips)
-        shares = [median(reused[part]) / median(full[part]) for part in (second, last)]
-        results.append(StillTimes(method, median(full[last]), *shares))
-    return results
-
-
-def _models(
-    methods: Sequence[str], executors: Sequence[ExecutorName]
-) -> dict[tuple[str, ExecutorName], Model]:
-    kinds = [(method, executor) for method in methods for executor in executors]
-    return {kind: Model.load(kind[0], providers="cpu", executor=kind[1]) for kind in kinds}
 
 
 class _StillRun:
@@ -249,12 +188,10 @@ def _still(frames: Sequence[Frame], display: Size) -> Bool:
 
 @dataclass(frozen=True)
 class StillRecord(BenchRecord):
-    """Scores of methods in scenes, at a display size; times in TIMED_SCENE, at another."""
+    """Scores of methods in scenes, at a display size."""
 
     display: Size
     scores: list[StillScores]
-    timed_display: Size
-    times: list[StillTimes]
     BENCH = "still"
     TABLES = ("", "summary")
 
@@ -285,24 +222,18 @@ class StillRecord(BenchRecord):
         """Return a row for each method and backend, of all scenes at one ratio, as Markdown."""
         shown = self.scores_at_one_ratio()
         scenes = list(dict.fromkeys(score.scene for score in shown))
-        times = {(row.method, "cpu"): row for row in self.times}  # the ONNX backend computes full steps
         rows = []
         for method, executor in dict.fromkeys((score.method, score.executor) for score in shown):
             first, *others = [s for s in shown if (s.method, s.executor) == (method, executor)]
-            timed = times.get((method, executor), StillTimes(method, 0.0, 1.0, 1.0))
             scores = [first.after(count) for count in PERIODS] + [s.after(PERIODS[-1]) for s in others]
-            shares = [figure(timed.settling, 2), figure(timed.rest, 2)]
-            rows.append([method, executor, *(figure(score, 1) for score in scores), *shares])
+            rows.append([method, executor, *(figure(score, 1) for score in scores)])
         headings = [
             *("method", "backend"),
             *(f"{scenes[0]}, {count} period{'s' * (count > 1)}:" for count in PERIODS),
             *(f"{scene}, {PERIODS[-1]}:" for scene in scenes[1:]),
-            *("time, settling:", "time, at rest:"),
         ]
         caption = (
             f"PSNR, dB, after jitter periods at ratio {shown[0].ratio:g}, of pixels that never change; "
-            f"images of {size_text(self.display)}. Time of a frame in the second period and in the fourth, "
-            f"as a share of the method's full step: {TIMED_SCENE} at ratio {TIMED_RATIO:g}, images of "
-            f"{size_text(self.timed_display)}. {self.machine_name}."
+            f"images of {size_text(self.display)}. {self.machine_name}."
         )
         return table(headings, rows, caption)
