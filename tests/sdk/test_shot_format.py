@@ -267,6 +267,30 @@ def test_classes_of_another_size_or_without_a_reference_are_refused(tmp_path: Pa
     assert len(out) == 0
 
 
+def test_planes_of_truth_are_read_as_they_were_written(tmp_path: Path) -> None:
+    planes = {name: RANDOM.random((18, 32)).astype(np.float16) for name in ("thin", "moving")}
+    with ShotWriter(tmp_path / "a", name="test", display_size=DISPLAY_SIZE, frame_rate=30) as out:
+        for index, truth in enumerate((planes, None, planes)):
+            out.write(frame(index, (16, 9)), reference=SCENE.truth(index, DISPLAY_SIZE, 1), truth=truth)
+        out.write(frame(3, (16, 9)))
+    shot = Shot.open(tmp_path / "a")
+    last = shot.cropped(2, 3)
+    for read in (shot.read_truth(0), copy_shot(shot, tmp_path / "b").read_truth(0), last.read_truth(0)):
+        assert set(read) == set(planes)
+        for name, plane in planes.items():
+            np.testing.assert_array_equal(read[name], plane)
+    assert shot.read_truth(1) == shot.read_truth(3) == {}
+
+
+def test_planes_of_truth_of_another_size_or_without_a_reference_are_refused(tmp_path: Path) -> None:
+    out, reference = writer(tmp_path, "2x"), SCENE.truth(0, DISPLAY_SIZE, 1)
+    with pytest.raises(ArgumentError, match=r"truth\.thin is 32x17; want the shot's display size"):
+        out.write(frame(0, (16, 9)), reference=reference, truth={"thin": np.zeros((17, 32), np.float16)})
+    with pytest.raises(ArgumentError, match="truth is without a reference"):
+        out.write(frame(0, (16, 9)), truth={"thin": np.zeros((18, 32), np.float16)})
+    assert len(out) == 0
+
+
 # --- the shipped shot, which opens by its name ---
 
 

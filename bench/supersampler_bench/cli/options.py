@@ -48,7 +48,7 @@ SHOT = Annotated[
     typer.Argument(
         metavar="SHOT",
         help=f"A shot, the name of a shipped one, or of `bench shots`: {public_shots.NAME} (five), "
-        f"{', '.join(public_shots.APART_SHOTS.seeds)}.",
+        f"{', '.join(name for s in public_shots.APART_SHOTS for name in s.seeds)}.",
     ),
 ]
 RATIO = Annotated[str, typer.Option(help="Of the test shots: display over render size, with commas between.")]

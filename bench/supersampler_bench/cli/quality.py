@@ -42,7 +42,8 @@ def quality(
         str,
         typer.Option(
             help="Shipped models or model folders, with commas between; NAME:fp32, NAME:fp16 for a graph, "
-            "NAME:gpu for shaders, NAME:x2 for two passes, NAME:native for frames of display size; fsr2-like."
+            "NAME:gpu for shaders, NAME:x2 for two passes, NAME:native for frames of display size; "
+            "easu, easu-rcas, fsr2-like."
         ),
     ] = "bilinear,bicubic,taa,taau,classifier-small,classifier,classifier-large",
     ratio: RATIO = "2",
@@ -56,8 +57,10 @@ def quality(
     """Compare the images of methods with a shot's references.
 
     PSNR, SSIM and FLIP of frames; tPSNR, warped error and STRRED of changes from frame to frame; PSNR of
-    disoccluded, relit, aliased and moving pixels; and predicted against true classes. All after the display
-    transform: exposed, tone mapped, sRGB. For the test shots, a table of each and of their mean.
+    disoccluded, relit, aliased and moving pixels, and of first images after a cut; predicted against true
+    classes. On thin_movers and moving_shadows also trails, coverage kept of thin things, shadow edges,
+    speckle, and the error by kind of pixel. All after the display transform: exposed, tone mapped, sRGB. For
+    the test shots, a table of each and of their mean.
     docs/quality.md describes each metric. Methods that cannot upscale a shot, at its ratio or with its
     G-buffers, are left out.
 
@@ -67,15 +70,21 @@ def quality(
       supersampler bench quality my_shot -o errors
       supersampler bench quality test-shots --ratio 1.5,2,3,4 --json results.json
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
-    from supersampler_bench.quality.score_table import QualityRecord, rich_class_table, rich_table
+    from supersampler_bench.quality.score_table import (
+        QualityRecord,
+        rich_class_table,
+        rich_kind_table,
+        rich_table,
+    )
 
     _, opened = opened_shots(shot, cache, ratio)
     record = QualityRecord.of([_measured(one, origin, listed(methods), output) for one, origin in opened])
     console = Terminal()
     for title, rows in [*record.shot_tables(), *record.mean_tables().values()]:
         console.print(rich_table(title, rows))
-        if (classes := rich_class_table(title, rows)) is not None:
-            console.print(classes)
+        for more in (rich_kind_table(title, rows), rich_class_table(title, rows)):
+            if more is not None:
+                console.print(more)
     if json is not None:
         write_json(record, json)
 
@@ -224,7 +233,7 @@ def shots(
         bool, typer.Option("--freeze", help="Make these pixels the ones that figures are published for.")
     ] = False,
 ) -> None:
-    """Render the public test shots, 40 frames each at ratios 1 to 4, and check their pixels.
+    """Render the public test shots at ratios 1 to 4, and check their pixels.
 
     Each has references of 64 samples a pixel, truth classes, and G-buffers of both sizes on every frame. The
     same command continues a stopped run. The pixels' hashes are compared with the frozen ones; another driver
@@ -232,7 +241,10 @@ def shots(
     """
     from supersampler_bench.shots.rendering import frames_there, render_test_shots
 
-    folder, plans = cache or public_shots.default_cache(), (public_shots.TEST_SHOTS, public_shots.APART_SHOTS)
+    folder, plans = (
+        cache or public_shots.default_cache(),
+        (public_shots.TEST_SHOTS, *public_shots.APART_SHOTS),
+    )
     total = sum(plan.frames * len(plan.seeds) for plan in plans)
     done = sum(frames_there(folder, plan) for plan in plans)
     with counted("rendering", total, done, resumes=True) as advance:

@@ -21,11 +21,22 @@ from supersampler.methods.gbuffers import names_of
 from supersampler.sequence.both_ways import BothWays, buffers_of, frames_of
 from supersampler.sequence.interpolation import Interpolator
 from supersampler.upscaler import Upscaler
+from supersampler_bench.fsr1 import EASU, EASU_RCAS, Fsr1
 from supersampler_bench.fsr2 import FSR2_LIKE, Fsr2Like
 from supersampler_bench.quality import masks, metrics, strred
+from supersampler_bench.quality.corners import (
+    CornerTruth,
+    CornerTruths,
+    color_trail,
+    kinds_of,
+    speckle,
+    specks,
+    thin_kept,
+    trail,
+)
 from supersampler_bench.quality.scores import (
     BORDER,
-    MASKED,
+    CLASS_MASKS,
     Counts,
     FrameScores,
     MethodScores,
@@ -33,11 +44,14 @@ from supersampler_bench.quality.scores import (
     count_classes,
 )
 from supersampler_bench.specs import incompatibility, parse_spec
+from supersampler_model.data.rendered import AOVS
 from supersampler_model.data.shots import variant_name
 
 Bool = NDArray[np.bool_]
 NATIVE = ":native"
 """Suffix of methods that step the frames of display size, the variant of the shot at ratio 1."""
+OUTSIDE = (EASU, EASU_RCAS, FSR2_LIKE)
+"""Baselines of others' published formulas, which only this bench has."""
 Bands = tuple[strred.Plane, strred.Plane]
 """STRRED bands of the previous image and of this one."""
 
@@ -61,10 +75,11 @@ class ScoredImage:
 
 @dataclass(frozen=True)
 class StepImage:
-    """The image (H, W, 3) of a step, linear RGB, and its `StepResult.class_map`."""
+    """The image (H, W, 3) of a step, linear RGB, its `StepResult.class_map`, and blended AOVs (H, W, k)."""
 
     image: Float32
     class_map: Float32 | None = None
+    aovs: Float32 | None = None
 
 
 class Stepper(NamedTuple):
@@ -88,7 +103,7 @@ def measure_quality(
         shot: at least one frame with a reference.
         methods: names of shipped models, or model folders, with settings as `parse_spec` reads them
             (":fp32", ":exact", ":x2"); with ":native" at the end, on the shot's frames of display size; or
-            "fsr2-like".
+            one of OUTSIDE.
         watch: called with each image that is scored.
         on_frame: called after each frame.
 
@@ -113,16 +128,16 @@ def measure_steppers(
     """Do what `measure_quality` does, for any steppers."""
     gbuffers = {name for stepper in steppers for name in stepper.gbuffers}
     frames: list[list[FrameScores]] = [[] for _ in steppers]
-    truths = _Truths(reference_size(shot))
+    truths = _Truths(shot)
     before: list[Float32 | None] = [None] * len(steppers)
     for item in shot.frames(gbuffers=gbuffers):
-        truth = truths.next(item, shot.read_classes(item.index))
+        truth = truths.next(item)
         for i, stepper in enumerate(steppers):
             stepped = stepper.step(item)
             if truth is not None:
                 image = display_transform(stepped.image, truth.exposure)
                 flip = metrics.flip_map(image, truth.shown)
-                frames[i].append(_score(image, stepped.class_map, before[i], flip, truth))
+                frames[i].append(_score(image, stepped, before[i], flip, truth))
                 watch(ScoredImage(i, item.index, image, flip))
             before[i] = stepped.image if truth is not None else None
         on_frame()
@@ -143,7 +158,7 @@ def runnable(shot: Shot, methods: Sequence[str], on_left_out: Callable[[str], No
     display, available = reference_size(shot), names_of(shot.read_raw(0))
     reasons = {}
     for method in methods:
-        if method == FSR2_LIKE:
+        if method in OUTSIDE:
             continue
         size = display if method.endswith(NATIVE) else shot.render_size
         spec = parse_spec(method.removesuffix(NATIVE), two_passes=True)
@@ -165,6 +180,14 @@ def stepper_of(method: str | Path, shot: Shot) -> Stepper:
     if method == FSR2_LIKE:
         fsr2 = Fsr2Like(reference_size(shot), 1.0 / (shot.frame_rate or 60.0))
         return Stepper(FSR2_LIKE, lambda item: StepImage(fsr2.step(item.frame)))
+    if method in (EASU, EASU_RCAS):
+        fsr1 = Fsr1(reference_size(shot), sharpens=method == EASU_RCAS)
+
+        def upsample(item: ShotFrame) -> StepImage:
+            image, aovs = fsr1.step(item.frame)
+            return StepImage(image, aovs=aovs)
+
+        return Stepper(str(method), upsample)
     if str(method).endswith(NATIVE):
         native = _native(shot)
         stepper = stepper_of(str(method).removesuffix(NATIVE), native)
@@ -172,6 +195,7 @@ def stepper_of(method: str | Path, shot: Shot) -> Stepper:
         return Stepper(str(method), lambda _: stepper.step(next(frames)))
     upscaler = upscaler_of(str(method), reference_size(shot), two_passes=True)
     outputs = [name for name in ("class_map",) if name in upscaler.model.info.maps]
+    outputs += ["aovs"] * bool(_aov_indices(shot))
 
     is_both_ways = parse_spec(str(method), two_passes=True).passes == 2
     both_ways = None
@@ -183,7 +207,7 @@ def stepper_of(method: str | Path, shot: Shot) -> Stepper:
             return next(both_ways)
         result = upscaler.step(item.frame, outputs=outputs)
         if isinstance(result, StepResult):
-            return StepImage(result.image, result.class_map)
+            return StepImage(result.image, result.class_map, result.aovs)
         return StepImage(result)
 
     return Stepper(str(method), step, upscaler.model.info.gbuffers)
@@ -219,7 +243,7 @@ def both_ways_images(
     )
     runs = BothWays(forward, backward, outputs=tuple(outputs), interpolator=interpolator)
     for _, result in runs.run(frames):
-        yield StepImage(result.image, result.class_map)
+        yield StepImage(result.image, result.class_map, result.aovs)
 
 
 def upscaler_of(
@@ -250,6 +274,12 @@ def reference_size(shot: Shot) -> Size:
     return shot.display_size
 
 
+def _aov_indices(shot: Shot) -> dict[str, int]:
+    """Return the index of each AOV of a shot that measures of corners read."""
+    names = shot.info.aov_names
+    return {name: names.index(name) for name in AOVS if name in names}
+
+
 @dataclass(frozen=True)
 class _Truth:
     """The reference of one frame, with masks and classes; the same for all methods."""
@@ -262,26 +292,31 @@ class _Truth:
     masks: dict[str, Bool]  # (H, W) each; those that are known
     classes: ClassMaps | None
     bands: Bands | None  # None where the frame ends no pair of STRRED
+    corners: CornerTruth | None
+    specks: Float32 | None  # (H, W), of the reference; None without corners
+    aovs: dict[str, int]  # index of each AOV by its name
+    reset: bool
 
 
 class _Truths:
     """Makes the truth of each frame in order; keeps the previous frame and reference for the next."""
 
-    def __init__(self, display_size: Size) -> None:
-        self._display_size = display_size
+    def __init__(self, shot: Shot) -> None:
+        self._shot, self._display_size = shot, reference_size(shot)
+        self._corners = CornerTruths(self._display_size[0] / shot.render_size[0])
         self._frame: Frame | None = None
         self._reference: Float32 | None = None
         self._paired = False  # whether the last frame ended a pair of STRRED; pairs do not overlap
 
-    def next(self, item: ShotFrame, classes: ClassMaps | None) -> _Truth | None:
+    def next(self, item: ShotFrame) -> _Truth | None:
         """Return the truth of the next frame in order; None where it has no reference."""
-        truth = None if item.reference is None else self._truth(item, item.reference, classes)
+        truth = None if item.reference is None else self._truth(item, item.reference)
         self._paired = truth is not None and truth.bands is not None
         self._frame, self._reference = item.frame, item.reference
         return truth
 
-    def _truth(self, item: ShotFrame, reference: Float32, classes: ClassMaps | None) -> _Truth:
-        frame = item.frame
+    def _truth(self, item: ShotFrame, reference: Float32) -> _Truth:
+        frame, classes = item.frame, self._shot.read_classes(item.index)
         exposure = frame.exposure or auto_exposure(reference)
         known = {"moving": self._to_display(masks.moving(frame), frame)}
         if classes is None:
@@ -291,15 +326,27 @@ class _Truths:
         earlier = None if frame.reset else self._reference
         shown = display_transform(reference, exposure)
         previous = None if earlier is None else display_transform(earlier, exposure)
+        motion = masks.display_motion(frame, self._display_size)
+        planes = self._shot.read_truth(item.index)
+        edges = np.zeros(shown.shape[:2], bool) if classes is None else classes.alias == 1
+        is_new = frame.reset or self._reference is None
+        corners = self._corners.next(planes, motion, known["disoccluded"] | edges, reset=is_new)
+        if corners is not None:
+            known["shadow_edges"] = corners.shadow_edges
+            known |= {f"kind_{kind}": mask for kind, mask in kinds_of(corners, edges).items()}
         return _Truth(
             frame=item.index,
             exposure=exposure,
             shown=shown,
             previous=previous,
-            motion=masks.display_motion(frame, self._display_size),
+            motion=motion,
             masks=known,
             classes=classes,
             bands=None if previous is None or self._paired else _bands(previous, shown),
+            corners=corners,
+            specks=None if corners is None else specks(shown, corners.window),
+            aovs=_aov_indices(self._shot),
+            reset=frame.reset,
         )
 
     def _to_display(self, mask: Bool, frame: Frame) -> Bool:
@@ -311,19 +358,25 @@ def _bands(previous: Float32, shown: Float32) -> Bands:
 
 
 def _score(
-    shown: Float32, class_map: Float32 | None, before: Float32 | None, flip: Float32, truth: _Truth
+    shown: Float32, stepped: StepImage, before: Float32 | None, flip: Float32, truth: _Truth
 ) -> FrameScores:
     previous = None if before is None else display_transform(before, truth.exposure)
     bands = None if truth.bands is None or previous is None else _bands(previous, shown)
 
+    of_image = None if truth.corners is None else specks(shown, truth.corners.window)
+
     def scores(border: int) -> Scores:
         found = _scores(shown, previous, truth, flip, border)
-        return found | _strred(bands, truth.bands, border)
+        return (
+            found
+            | _strred(bands, truth.bands, border)
+            | _corners(shown, of_image, stepped.aovs, truth, border)
+        )
 
     def classes(border: int) -> Counts | None:
-        if class_map is None or truth.classes is None:
+        if stepped.class_map is None or truth.classes is None:
             return None
-        return count_classes(class_map, truth.classes, border)
+        return count_classes(stepped.class_map, truth.classes, border)
 
     return FrameScores(truth.frame, scores(0), scores(BORDER), classes(0), classes(BORDER))
 
@@ -338,7 +391,9 @@ def _scores(shown: Float32, previous: Float32 | None, truth: _Truth, flip: Float
         "tpsnr": float("nan"),
         "warped_error_difference": float("nan"),
     }
-    for name in MASKED:
+    if truth.reset:
+        scores["psnr_first"] = scores["psnr"]
+    for name in dict.fromkeys((*CLASS_MASKS, *truth.masks)):
         mask = metrics.crop(truth.masks.get(name, np.zeros(shown.shape[:2], bool)), border)
         scores[f"psnr_{name}"] = metrics.psnr(image, reference, mask)
         scores[f"pixels_{name}"] = float(mask.sum())
@@ -351,6 +406,25 @@ def _scores(shown: Float32, previous: Float32 | None, truth: _Truth, flip: Float
             shown, previous, truth.shown, truth.previous, truth.motion, valid
         )
     return scores
+
+
+def _corners(
+    shown: Float32, of_image: Float32 | None, aovs: Float32 | None, truth: _Truth, border: int
+) -> Scores:
+    """Score the corners of one image: those that the shot and the method have something for."""
+    corners = truth.corners
+    if corners is None or truth.specks is None or of_image is None:
+        return {}
+    found = {
+        "color_trail": color_trail(shown, truth.shown, corners, border),
+        "speckle": speckle(of_image, truth.specks, corners, border),
+    }
+    if aovs is not None and len(truth.aovs) == len(AOVS):
+        still, moving = (aovs[..., truth.aovs[name]] for name in AOVS)
+        found["trail"] = trail(moving, corners, border)
+        found["thin_kept"] = thin_kept(still + moving, corners, border)
+    values = {name: measured.value for name, measured in found.items()}
+    return values | {f"weight_{name}": measured.weight for name, measured in found.items()}
 
 
 def _strred(bands: Bands | None, truth: Bands | None, border: int) -> Scores:

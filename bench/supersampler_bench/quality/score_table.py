@@ -7,6 +7,7 @@ from typing import ClassVar, Self, TypeAlias
 from rich.table import Table
 
 from supersampler_bench.markdown import figure, size_text, table
+from supersampler_bench.quality.corners import KINDS
 from supersampler_bench.quality.scores import (
     BORDER,
     CLASSES,
@@ -22,6 +23,7 @@ from supersampler_bench.quality.scores import (
 
 Titled: TypeAlias = tuple[str, Sequence[MethodRow]]
 """Caption and rows of a table."""
+NO_KINDS = "The shots have no planes of truth, which tell kinds of pixels apart."
 NO_CLASSES = "No method predicts classes, or the shots have no true classes."
 
 
@@ -74,6 +76,18 @@ CLIP_COLUMNS = (*COLUMNS[:5], Column("strred", "STRRED", 1, higher=False))
 """Columns of the second table: metrics of all pixels, and those of whole clips."""
 
 
+CORNER_COLUMNS = (
+    Column("psnr", "PSNR dB", 2),
+    Column("psnr_first", "PSNR dB, first image", 2, rare=True),
+    Column("psnr_shadow_edges", "PSNR dB, shadow edges", 2, rare=True),
+    Column("trail", "trail", 3, higher=False, rare=True),
+    Column("color_trail", "trail in colour", 3, higher=False, rare=True),
+    Column("thin_kept", "thin coverage kept", 3, rare=True),
+    Column("speckle", "speckle 1e-3", 2, higher=False, scale=1000.0, rare=True),
+)
+"""Columns of the table of what the eye sees first."""
+
+
 def markdown_table(
     title: str, rows: Sequence[MethodRow], columns: Sequence[Column] = COLUMNS, *, everything: bool = False
 ) -> str:
@@ -97,7 +111,7 @@ def rich_table(title: str, rows: Sequence[MethodRow]) -> Table:
     shown = Table("", caption=title)
     for row in rows:
         shown.add_column(row.method, justify="right")
-    for column in _shown(dict.fromkeys((*COLUMNS, *CLIP_COLUMNS)), rows):
+    for column in _shown(dict.fromkeys((*COLUMNS, *CLIP_COLUMNS, *CORNER_COLUMNS)), rows):
         shown.add_row(column.heading, *_column(column, rows, "[bold]{}[/bold]"))
     return shown
 
@@ -110,7 +124,7 @@ def _shown(columns: Iterable[Column], rows: Sequence[MethodRow]) -> list[Column]
 def _column(column: Column, rows: Sequence[MethodRow], bold: str, everything: bool = False) -> list[str]:
     figures = [column.figure(row.summary["all_full" if everything else "warm_cropped"]) for row in rows]
     known = [float(f) for f in figures if f != "–"]  # as shown: equal figures are equally good
-    best = (max if column.higher else min)(known, default=None)
+    best = max(known, default=None) if column.higher else min(known, key=abs, default=None)
     return [bold.format(f) if f != "–" and float(f) == best else f for f in figures]
 
 
@@ -151,13 +165,50 @@ def rich_class_table(title: str, rows: Sequence[MethodRow]) -> Table | None:
     return shown
 
 
+def _kind_rows(rows: Sequence[MethodRow]) -> Iterator[list[str]]:
+    """Yield the fraction of the pixels of each of KINDS; then of each method that of the error, and PSNR."""
+    known = [row for row in rows if any(f"pixel_share_{kind}" in row.known() for kind in KINDS)]
+    for row in known[:1]:
+        yield ["of the pixels", *(figure(_percent(row, f"pixel_share_{kind}"), 1, " %") for kind in KINDS)]
+    for row in known:
+        shares = (figure(_percent(row, f"error_share_{kind}"), 1, " %") for kind in KINDS)
+        decibels = (figure(row.known().get(f"psnr_kind_{kind}"), 2, " dB") for kind in KINDS)
+        yield [row.method, *map(", ".join, zip(shares, decibels, strict=True))]
+
+
+def _percent(row: MethodRow, name: str) -> float | None:
+    share = row.known().get(name)
+    return None if share is None else 100.0 * share
+
+
+def kind_table(title: str, rows: Sequence[MethodRow]) -> str:
+    """Return a Markdown table of the error by kind of pixel; "" where kinds are unknown."""
+    found = list(_kind_rows(rows))
+    return (
+        table(["fraction of the error, PSNR", *(f"{kind}:" for kind in KINDS)], found, f"{title}.")
+        if found
+        else ""
+    )
+
+
+def rich_kind_table(title: str, rows: Sequence[MethodRow]) -> Table | None:
+    """Return the error by kind of pixel for a terminal, a line a kind; None where kinds are unknown."""
+    found = list(_kind_rows(rows))
+    if not found:
+        return None
+    shown = Table("fraction of the error, PSNR", *(name for name, *_ in found), caption=title)
+    for kind, *cells in zip(KINDS, *(cells for _, *cells in found), strict=True):
+        shown.add_row(kind, *cells)
+    return shown
+
+
 @dataclass(frozen=True)
 class QualityRecord(ScoresRecord):
     """Scores of methods on shots, and their means at each ratio."""
 
     means: list[MethodRow] = field(default_factory=list)
     BENCH = "quality"
-    TABLES: ClassVar[tuple[str, ...]] = ("", "clip", "classes")
+    TABLES: ClassVar[tuple[str, ...]] = ("", "clip", "classes", "corners", "kinds")
 
     @classmethod
     def of(cls, shots: Sequence[ShotRow]) -> Self:
@@ -212,6 +263,14 @@ class QualityRecord(ScoresRecord):
         """Return the predicted against the true classes."""
         texts = [(title, class_tables(rows)) for title, rows in self.main_tables()]
         return "\n\n".join(f"{text}\n\n{title}." for title, text in texts if text) or NO_CLASSES
+
+    def corners_table(self) -> str:
+        """Return the measures of what the eye sees first."""
+        return "\n\n".join(markdown_table(*titled, CORNER_COLUMNS) for titled in self.main_tables())
+
+    def kinds_table(self) -> str:
+        """Return the error by kind of pixel."""
+        return "\n\n".join(filter(None, (kind_table(*titled) for titled in self.main_tables()))) or NO_KINDS
 
 
 def caption(shot: ShotRow, *, everything: bool = False) -> str:

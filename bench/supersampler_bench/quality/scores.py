@@ -13,21 +13,28 @@ from supersampler.errors import ArgumentError
 from supersampler.frame import Float32, Size
 from supersampler.io.display import decibels
 from supersampler.io.shot import ClassMaps, Shot
+from supersampler_bench.quality.corners import KINDS
 from supersampler_bench.quality.metrics import crop
 from supersampler_bench.record import BenchRecord
 
 Scores = dict[str, float]
-"""By the metric's name; also `pixels_...`, the pixels of a masked PSNR, and `srred` and `trred`, whose
-product is STRRED. NaN where there is nothing to measure."""
+"""By the metric's name; also `pixels_...`, the pixels of a masked PSNR, `weight_...` of measures that have
+one, and `srred` and `trred`, whose product is STRRED. Where there is nothing to measure, a metric is NaN or
+missing."""
 Counts = NDArray[np.int64]
 """(2, 3, 3): pixels by group, true class and predicted class."""
 
 WARM_UP_FRAMES = 8
 BORDER = 8  # display pixels
-MASKED = ("disoccluded", "changing_light", "aliased", "thin", "moving")
+CLASS_MASKS = ("disoccluded", "changing_light", "aliased", "thin", "moving")
+MASKED = (*CLASS_MASKS, "shadow_edges", *(f"kind_{kind}" for kind in KINDS))
+"""Masks of pixels; `psnr_...` of each is measured."""
+WEIGHTED = ("trail", "color_trail", "thin_kept", "speckle")
+"""Measures of corners.py; `weight_...` of each is its weight in the mean over frames."""
 FRAME_METRICS = (
-    *("psnr", "ssim", "flip", "tpsnr", "warped_error_difference", "strred"),
+    *("psnr", "ssim", "flip", "tpsnr", "warped_error_difference", "strred", "psnr_first"),
     *(f"psnr_{mask}" for mask in MASKED),
+    *WEIGHTED,
 )
 SUMMARY_VARIANTS = {
     f"{'warm' if warm else 'all'}_{'cropped' if cropped else 'full'}": {"warm": warm, "cropped": cropped}
@@ -108,14 +115,18 @@ class MethodScores:
         """Return the mean of each metric over the frames that have it; NaN where none does.
 
         PSNR in a mask is that of the mean squared error over all its pixels of all frames, so that a frame
-        weighs by its number of such pixels. STRRED is the mean SRRED times the mean TRRED.
+        weighs by its number of such pixels. STRRED is the mean SRRED times the mean TRRED. The PSNR of first
+        images after a cut is over all frames. Of each kind of pixel there are also `error_share_...`, its
+        fraction of the squared error, and `pixel_share_...`, that of the pixels.
 
         Args:
             warm: leave out the first `WARM_UP_FRAMES` of the shot.
             cropped: leave out the border.
         """
         scores = [f.cropped if cropped else f.full for f in self._counted(warm)]
-        return {name: _pooled(name, scores) for name in FRAME_METRICS}
+        summary = {name: _pooled(name, scores) for name in FRAME_METRICS}
+        first = [f.cropped if cropped else f.full for f in self.frames]
+        return {**summary, **_shares(scores), "psnr_first": _pooled("psnr_first", first)}
 
     def classes(self, *, warm: bool = True, cropped: bool = True) -> Counts | None:
         """Return the class counts of the pixels that `summary` counts; None where classes are unknown."""
@@ -130,15 +141,38 @@ class MethodScores:
 def _pooled(name: str, scores: list[Scores]) -> float:
     if name == "strred":
         return _mean([s["srred"] for s in scores]) * _mean([s["trred"] for s in scores])
-    if name.removeprefix("psnr_") not in MASKED:
-        return _mean([s[name] for s in scores])
-    values = np.array([s[name] for s in scores])
-    known = ~np.isnan(values)
-    if not known.any():
+    known = [s for s in scores if not np.isnan(s.get(name, np.nan))]
+    if not known:
         return float("nan")
-    pixels = np.array([s[name.replace("psnr", "pixels")] for s in scores])
-    squared_errors = 10.0 ** (-values[known] / 10.0)
-    return decibels(float(np.average(squared_errors, weights=pixels[known])))
+    mask = name.removeprefix("psnr_")
+    if mask in MASKED:
+        weights = [s[f"pixels_{mask}"] for s in known]
+        return decibels(float(np.average([_squared_error(s[name]) for s in known], weights=weights)))
+    values = [s[name] for s in known]
+    if name in WEIGHTED:
+        return float(np.average(values, weights=[s[f"weight_{name}"] for s in known]))
+    return _mean(values)
+
+
+def _squared_error(psnr: float) -> float:
+    return float(10.0 ** (-psnr / 10.0))
+
+
+def _shares(scores: list[Scores]) -> Scores:
+    """Return the fractions of each kind of pixel of the squared error and of the pixels; NaN if unknown."""
+    pixels, errors = dict.fromkeys(KINDS, 0.0), dict.fromkeys(KINDS, 0.0)
+    for kind in KINDS:
+        for one in scores:
+            if count := one.get(f"pixels_kind_{kind}", 0.0):
+                pixels[kind] += count
+                errors[kind] += count * _squared_error(one[f"psnr_kind_{kind}"])
+    shares = {f"error_share_{kind}": _fraction(errors[kind], errors) for kind in KINDS}
+    return shares | {f"pixel_share_{kind}": _fraction(pixels[kind], pixels) for kind in KINDS}
+
+
+def _fraction(part: float, of: Mapping[str, float]) -> float:
+    whole = sum(of.values())
+    return part / whole if whole else float("nan")
 
 
 def _mean(values: Sequence[float]) -> float:

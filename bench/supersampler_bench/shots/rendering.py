@@ -114,7 +114,9 @@ def render_test_shot(
         partial.write_text(json.dumps(facts, indent=1) + "\n", encoding="utf-8", newline="\n")
     spec = SequenceSpec(family=family, seed=shots.seeds[family], frames=shots.frames)
     renderer = Renderer(shots.display_size, samples=shots.samples, graphics=graphics)
-    form = ShotForm(name=family, ratios=shots.ratios, license="Apache-2.0", thin=shots.thin)
+    form = ShotForm(
+        name=family, ratios=shots.ratios, license="Apache-2.0", thin=shots.thin, truth=shots.truth
+    )
     render_shot(folder, make_sequence(spec), renderer, form, on_frame=on_frame)
 
 

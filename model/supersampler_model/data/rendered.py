@@ -54,6 +54,32 @@ class SurfaceBuffers:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PixelTruth:
+    """Fractions of each pixel's samples, (h, w) each, in [0, 1]: measures of quality take masks from them.
+
+    Attributes:
+        thin_still: that hit thin things at rest in the world.
+        thin_moving: that hit thin things that move.
+        moving: that hit other things that move.
+        unshadowed: the mean over the samples of the fraction of sun and spot light that no shadow takes; 1
+            where neither would arrive.
+    """
+
+    thin_still: Float16
+    thin_moving: Float16
+    moving: Float16
+    unshadowed: Float16
+
+    def planes(self) -> dict[str, Float16]:
+        """Return the planes by name."""
+        return {name: getattr(self, name) for name in self.__slots__}
+
+
+AOVS = ("thin_still", "thin_moving")
+"""Planes of `PixelTruth` that frames of shots with truth have as AOVs, so that methods blend them."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Rendered:
     """One frame.
 
@@ -65,6 +91,8 @@ class Rendered:
         jitter: (x, y) render pixels, in [-0.5, 0.5].
         reset: True on the first frame after a cut.
         exposure: factor of the colour before the tone curve.
+        samples_truth: of the samples of `color`: 0 or 1, but for the light; None if it was not asked for.
+        truth: of the reference; None likewise.
     """
 
     color: Float16
@@ -74,6 +102,8 @@ class Rendered:
     jitter: tuple[float, float]
     reset: bool
     exposure: float
+    samples_truth: PixelTruth | None = None
+    truth: PixelTruth | None = None
 
     def frame(self) -> Frame:
         """Return the input of an `Upscaler`."""

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler import Frame, halton_jitter
+from supersampler import Conventions, RawFrame, halton_jitter
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
 from supersampler.io.shot import ClassMaps, ShotWriter
 from supersampler_model.data.labels import thin
-from supersampler_model.data.rendered import UNIT_BUFFERS, Rendered, labels_of
+from supersampler_model.data.rendered import AOVS, UNIT_BUFFERS, Rendered, labels_of
 from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.sequences import Sequence
 
@@ -32,6 +32,7 @@ class ShotForm:
         small: whether values that compress badly are rounded: depth to 14 bits, motion to 1 / 256 pixel.
         first_reference: the first frame whose reference is stored.
         thin: whether the classes include that of thin objects.
+        truth: whether references have the planes of `PixelTruth`, and frames the AOVs.
         license: licence of the images.
         compression, reference_compression: see `ShotWriter`.
     """
@@ -43,6 +44,7 @@ class ShotForm:
     small: bool = False
     first_reference: int = 0
     thin: bool = False
+    truth: bool = False
     license: str = ""
     compression: str = "zip"
     reference_compression: str = "zip"
@@ -69,17 +71,19 @@ def render_frame(sequence: Sequence, renderer: Renderer, index: int, ratio: floa
 
 
 def _at_ratios(
-    sequence: Sequence, renderer: Renderer, index: int, ratios: tuple[float, ...]
+    sequence: Sequence, renderer: Renderer, index: int, ratios: tuple[float, ...], *, truth: bool = False
 ) -> Iterator[Rendered]:
     """Yield frame `index` at each ratio; display-size buffers are shared."""
     scene = sequence.scene(index)
     display, reference = renderer.display(scene), renderer.reference(scene)
+    of_reference = renderer.truth(scene) if truth else None
     for ratio in ratios:
-        jitter = halton_jitter(index, ratio)
-        color, surfaces = renderer.frame(scene, render_size(renderer.display_size, ratio), jitter=jitter)
+        jitter, size = halton_jitter(index, ratio), render_size(renderer.display_size, ratio)
+        color, surfaces = renderer.frame(scene, size, jitter=jitter)
         yield Rendered(
             color=color, render=surfaces, display=display, reference=reference, jitter=jitter,
-            reset=sequence.cut(index), exposure=scene.camera.exposure,
+            reset=sequence.cut(index), exposure=scene.camera.exposure, truth=of_reference,
+            samples_truth=renderer.samples_truth(scene, size, jitter=jitter) if truth else None,
         )  # fmt: skip
 
 
@@ -121,7 +125,7 @@ def render_shot(
         classes: ClassMaps | None = None
         has_reference = index >= form.first_reference
         now = before
-        frames = _at_ratios(sequence, renderer, index, form.ratios)
+        frames = _at_ratios(sequence, renderer, index, form.ratios, truth=form.truth)
         for number, (writer, rendered) in enumerate(zip(writers, frames, strict=True)):
             if number == 0:
                 now, classes = rendered, _classes(rendered, before, form)
@@ -131,6 +135,7 @@ def render_shot(
                 _stored(rendered, sequence.exposure(index), form),
                 reference=rendered.reference.color.astype(np.float16) if has_reference else None,
                 classes=classes if has_reference else None,
+                truth=rendered.truth.planes() if has_reference and rendered.truth is not None else None,
                 shared=number > 0,
             )
         before = now
@@ -143,7 +148,7 @@ def _classes(now: Rendered, before: Rendered | None, form: ShotForm) -> ClassMap
     return ClassMaps(labels.ghost, labels.alias, thin_pixels)
 
 
-def _stored(rendered: Rendered, exposure: float | None, form: ShotForm) -> Frame:
+def _stored(rendered: Rendered, exposure: float | None, form: ShotForm) -> RawFrame:
     """Return the stored form of a frame: half floats for motion, eight bits for values in [0, 1]."""
     frame = rendered.frame()
     depth, motion = frame.depth, np.clip(frame.motion, -_MAX_MOTION, _MAX_MOTION)
@@ -153,10 +158,15 @@ def _stored(rendered: Rendered, exposure: float | None, form: ShotForm) -> Frame
         motion = np.round(motion * 256.0) / 256.0
     buffers = (frame.gbuffer, frame.gbuffer_display) if form.gbuffers else (None, None)
     gbuffer, gbuffer_display = map(_compact, buffers)
-    return replace(
+    stored = replace(
         frame, depth=depth, motion=motion.astype(np.float16), exposure=exposure, gbuffer=gbuffer,
         gbuffer_display=gbuffer_display,
     )  # fmt: skip
+    raw = Conventions().converter().from_frame(stored)
+    if rendered.samples_truth is None:
+        return raw
+    planes = rendered.samples_truth.planes()
+    return replace(raw, aovs=np.stack([planes[name] for name in AOVS], axis=-1), aov_names=AOVS)
 
 
 def _compact(buffers: Any) -> dict[str, NDArray[Any]] | None:

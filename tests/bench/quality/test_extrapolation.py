@@ -28,7 +28,7 @@ from supersampler_bench.quality.extrapolation import (
     with_background_filled,
 )
 from supersampler_bench.quality.masks import disoccluded
-from supersampler_bench.quality.scores import FRAME_METRICS, MASKED, FrameScores, MethodScores
+from supersampler_bench.quality.scores import FRAME_METRICS, MASKED, WEIGHTED, FrameScores, MethodScores
 from supersampler_bench.record import read_record, write_json
 from supersampler_bench.report.doc_tables import blocks_of
 
@@ -79,7 +79,8 @@ def test_other_alternations_are_refused(text: str) -> None:
 
 
 def scores_of(frame: int, value: float) -> FrameScores:
-    scores = dict.fromkeys(FRAME_METRICS, value) | dict.fromkeys((f"pixels_{name}" for name in MASKED), 1.0)
+    weights = (*(f"pixels_{name}" for name in MASKED), *(f"weight_{name}" for name in WEIGHTED))
+    scores = dict.fromkeys(FRAME_METRICS, value) | dict.fromkeys(weights, 1.0)
     scores |= {"srred": value, "trred": value}
     return FrameScores(frame, full=scores, cropped=scores)
 

@@ -15,7 +15,13 @@ from supersampler import ArgumentError, __version__
 from supersampler.cli import app
 from supersampler.io.shot import ClassMaps, Shot, ShotWriter
 from supersampler_bench.markdown import update_block
-from supersampler_bench.quality.score_table import NO_CLASSES, QualityRecord, caption, markdown_table
+from supersampler_bench.quality.score_table import (
+    NO_CLASSES,
+    NO_KINDS,
+    QualityRecord,
+    caption,
+    markdown_table,
+)
 from supersampler_bench.quality.scores import (
     FRAME_METRICS,
     FrameScores,
@@ -169,12 +175,14 @@ def test_several_shots_have_tables_of_their_mean() -> None:
     ]
     shots = [shot_row(Shot.open("plaza"), methods, {"ratio": 2.0}) for methods in (measured, measured)]
     record = QualityRecord.of(shots)
-    first, clip, classes = record.tables("quality shots").values()
+    first, clip, classes, corners, kinds = record.tables("quality shots").values()
     assert first.splitlines()[-1].startswith("Mean of the shots plaza, plaza at ratio 2 to 640x360")
     assert clip.count("Mean of the shots") == 2
     assert "**12.0**" in clip
     assert "33.3 %" in classes
     assert classes.count("Mean of the shots") == 1
+    assert "trail" not in corners
+    assert kinds == NO_KINDS
     without = QualityRecord.of([shot_row(Shot.open("plaza"), RESULTS)])
     assert without.tables("quality plaza")["quality plaza classes"] == NO_CLASSES
 

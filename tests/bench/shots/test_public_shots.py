@@ -32,6 +32,7 @@ TINY = TestShots(
 )
 
 TINY_APART = replace(TINY, seeds={"rigging": 113}, thin=True)
+TINY_CORNERS = replace(TINY, seeds={"thin_movers": 5}, ratios=(2.0,), truth=True)
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +41,8 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
     seen: list[bool] = []
     render_test_shots(cache, TINY, workers=2, on_frame=lambda: seen.append(True))
     assert len(seen) == frames_there(cache, TINY) == 20
-    render_test_shots(cache, TINY_APART)
+    for apart in (TINY_APART, TINY_CORNERS):
+        render_test_shots(cache, apart)
     return cache
 
 
@@ -57,11 +59,14 @@ def test_there_is_one_test_shot_of_each_family_that_is_never_trained_on() -> Non
 
 def test_shots_apart_are_of_families_apart_and_in_no_mean() -> None:
     apart = public_shots.APART_SHOTS
-    assert set(apart.seeds) == set(APART_FAMILIES)
-    for name in ("frames", "display_size", "samples"):
-        assert getattr(apart, name) == getattr(public_shots.TEST_SHOTS, name)
+    assert {name for shots in apart for name in shots.seeds} == set(APART_FAMILIES)
+    for name in ("display_size", "samples"):
+        assert {getattr(shots, name) for shots in apart} == {getattr(public_shots.TEST_SHOTS, name)}
     assert public_shots.named("test-shots") == public_shots.TEST_SHOTS
-    assert public_shots.named("rigging") == apart
+    assert public_shots.named("rigging") == public_shots.RIGGING_SHOT
+    one = public_shots.named("moving_shadows")
+    assert one is not None
+    assert (list(one.seeds), one.truth) == (["moving_shadows"], True)
     assert public_shots.named("plaza") is None
 
 
@@ -73,6 +78,27 @@ def test_thin_pixels_are_a_class_of_the_shots_apart_alone(cache: Path, opened: l
     assert 0.02 < classes.thin.mean() < 0.7
     assert others is not None
     assert others.thin is None
+
+
+def test_shots_of_corners_alone_have_planes_of_truth_and_their_aovs(
+    cache: Path, opened: list[PublicShot], tmp_path: Path
+) -> None:
+    [corners] = open_test_shots(cache, [2.0], TINY_CORNERS, cache / "none.json")
+    planes, frame = corners.shot.read_truth(4), corners.shot.read(4).frame
+    assert set(planes) == {"thin_still", "thin_moving", "moving", "unshadowed"}
+    assert corners.shot.info.aov_names == ("thin_still", "thin_moving")
+    assert frame.aovs is not None
+    assert set(np.unique(frame.aovs)) == {0.0, 1.0}
+    assert frame.aovs.mean() == pytest.approx(
+        (planes["thin_still"] + planes["thin_moving"]).mean() / 2, abs=0.01
+    )
+    assert 0.5 < planes["unshadowed"].mean() < 1.0
+    assert opened[0].shot.read_truth(4) == {}
+    copy = copy_shot(corners.shot, tmp_path / "copy")
+    assert pixel_hash(copy) == corners.digest
+    path = tmp_path / "copy" / "reference" / "0004.exr"
+    write_exr(path, {n: 1 - array if n == "truth.moving" else array for n, array in read_exr(path).items()})
+    assert pixel_hash(copy) != corners.digest
 
 
 def test_each_frame_has_its_reference_classes_and_both_g_buffers(opened: list[PublicShot]) -> None:
@@ -188,7 +214,7 @@ def test_the_bench_measures_all_of_them_and_their_mean(
     cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(public_shots, "TEST_SHOTS", TINY)
-    monkeypatch.setattr(public_shots, "APART_SHOTS", TINY_APART)
+    monkeypatch.setattr(public_shots, "APART_SHOTS", (TINY_APART,))
     monkeypatch.setattr(public_shots, "FROZEN", tmp_path / "frozen.json")
     monkeypatch.setenv(public_shots.CACHE_VARIABLE, str(cache))
     shots = CliRunner().invoke(app, ["bench", "shots", "--freeze"])

@@ -101,6 +101,58 @@ def test_shadows_fall_under_things_and_nowhere_else(renderer: Renderer, light: A
     assert 0.3 < share < 0.8  # light falls through holes
 
 
+def test_the_truth_of_pixels_is_coverage_by_kind_of_thing(renderer: Renderer) -> None:
+    def slab(x: float, *, before: float, thin: bool) -> Instance:
+        """Return a level square of 1 m, 1 m above the floor."""
+        model, earlier = (moved(at, 1.0, 0.0, 0.5) for at in (x, before))
+        return Instance(mesh=plane(1.0), material=MATTE, model=model, model_before=earlier, thin=thin)
+
+    slabs = {
+        "thin_still": slab(-2.0, before=-2.0, thin=True),
+        "thin_moving": slab(0.0, before=0.1, thin=True),
+        "moving": slab(2.0, before=2.1, thin=False),
+    }
+    scene = seen_from(ABOVE, floor(), *slabs.values())
+    truth, samples = renderer.truth(scene), renderer.samples_truth(scene, (80, 45), jitter=(0.25, 0.1))
+    _, surfaces = renderer.frame(scene, (80, 45), jitter=(0.25, 0.1))
+    pixel = 2.0 * 3.0 * np.tan(np.radians(30.0)) / 90.0  # metres, 3 m from the camera
+    area = (1.0 / pixel) ** 2
+    for index, name in enumerate(slabs):
+        plane_of = getattr(truth, name).astype(float)
+        assert plane_of.sum() == pytest.approx(area, rel=0.03)
+        column = (plane_of.sum(axis=0) * np.arange(160)).sum() / plane_of.sum()
+        assert column == pytest.approx(79.5 + 2.0 * (index - 1) / pixel, abs=0.5)
+        assert set(np.unique(getattr(samples, name))) == {0.0, 1.0}
+        assert (surfaces.depth[getattr(samples, name) == 1.0] > 0.03).all()  # 0.1 / 3
+    nothing = sum(getattr(samples, name) for name in slabs) == 0.0
+    assert (surfaces.depth[nothing] < 0.03).all()  # 0.1 / 4
+    assert truth.unshadowed.min() == 1.0  # no light casts shadows
+
+
+@pytest.mark.parametrize(
+    "light",
+    [
+        {"sun": Sun(direction=(0.0, -1.0, 0.0), color=(1.0, 1.0, 1.0), radius=3.0)},
+        {
+            "spot": Spot(
+                position=(0, 40, 0), target=(0, 0, 0), color=(9, 9, 9), inner=9.0, outer=10.0, reach=99.0
+            )
+        },
+    ],
+    ids=["sun", "spot"],
+)
+def test_the_truth_of_pixels_has_the_light_that_shadows_leave(renderer: Renderer, light: Any) -> None:
+    camera = replace(ABOVE, position=(0.0, 1.8, 0.0), fov_y=75.0)  # below what casts the shadow
+    cover = Instance(mesh=plane(2.0), material=MATTE, model=moved(0, 2, 0, 0.5))
+    unshadowed = renderer.truth(seen_from(camera, floor(), cover, **light)).unshadowed
+    row, column = np.mgrid[:90, :160]
+    pixel = 1.8 * np.tan(np.radians(37.5)) / 45.0  # metres
+    off = np.maximum(np.abs(column - 79.5), np.abs(row - 44.5)) * pixel  # from the middle
+    assert (unshadowed[off < 0.44] == 0.0).all()
+    assert (unshadowed[off > 0.62] == 1.0).all()
+    assert ((unshadowed > 0.0) & (unshadowed < 1.0)).any()  # the mean over a pixel's samples
+
+
 def test_a_far_fence_is_as_dense_as_a_near_one(renderer: Renderer) -> None:
     glowing = Material(
         base_color=(0.0, 0.0, 0.0), specular=0.0, emissive=(1.0, 1.0, 1.0),

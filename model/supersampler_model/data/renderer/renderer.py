@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from supersampler.conventions import mip_bias
 from supersampler_model.data.errors import SceneError
 from supersampler_model.data.labels import PixelStatistics
-from supersampler_model.data.rendered import Float16, Float32, Rendered, SurfaceBuffers
+from supersampler_model.data.rendered import Float16, Float32, PixelTruth, Rendered, SurfaceBuffers
 from supersampler_model.data.renderer.context import VERSION, Graphics, open_graphics
 from supersampler_model.data.renderer.uploads import (
     DRAW_BYTES,
@@ -47,6 +47,7 @@ _FORMATS: dict[str, Formats] = {
     "COLOR_AND_SURFACES": (*_SURFACES, (4, "f2")),
     "SURFACES": _SURFACES,
     "SAMPLES": ((4, "f4"), (4, "f2")),
+    "TRUTH": ((4, "f2"),),
 }
 _COLOR_AT = {"COLOR_AND_SURFACES": 4, "SAMPLES": 0}
 _RESOLVED: Formats = ((4, "f4"), (4, "f4"), (4, "f4"), (1, "f4"))
@@ -206,7 +207,9 @@ class Renderer:
                 for defines in ((), ("SKINNED",))
             )
             self._resolve = _build(self._gl, ("blocks", "screen_vert"), ("resolve_frag",))
-            self._resolve["side"].value = self._side
+            self._mean = _build(self._gl, ("blocks", "screen_vert"), ("mean_frag",))
+            for program in (self._resolve, self._mean):
+                program["side"].value = self._side
             self._sun_map = ShadowMap(self._graphics, SHADOW_SIZE)
             self._spot_map = ShadowMap(self._graphics, SHADOW_SIZE // 2)
             self._view = self._gl.buffer(reserve=3 * 64 + 5 * 16, dynamic=True)
@@ -231,11 +234,8 @@ class Renderer:
             render_size: (width, height), at most the display size.
             jitter: (x, y) render pixels.
         """
-        width, height = _checked("render_size", render_size)
-        ratio = (self.display_size[0] / width * self.display_size[1] / height) ** 0.5
-        raster = Raster.of_frame(render_size, jitter, 2.0 ** mip_bias(ratio, "log2"))
         with self._gl:
-            target = self._draw(scene, "COLOR_AND_SURFACES", "frame", raster)
+            target = self._draw(scene, "COLOR_AND_SURFACES", "frame", self._frame_raster(render_size, jitter))
             return _part(target.read(4), slice(3)), _surfaces(target)
 
     def display(self, scene: Scene) -> SurfaceBuffers:
@@ -251,7 +251,7 @@ class Renderer:
         with self._gl:
             for place, raster in self._parts():
                 rendered = self._draw(scene, "SAMPLES", "samples", raster)
-                part = self._resolved(rendered)
+                part = self._resolved(rendered, self._resolve, "resolved", _RESOLVED)
                 for whole, index in zip((mean, low, high, spread), range(4), strict=True):
                     whole[place] = part.read(index)
         return PixelStatistics(
@@ -259,6 +259,27 @@ class Renderer:
             depth_min=_part(low, 3), depth_max=_part(high, 3),
             normal_spread=_part(spread, 0), normal_mapped_spread=_part(mean, 3),
         )  # fmt: skip
+
+    def samples_truth(self, scene: Scene, render_size: Size, *, jitter: tuple[float, float]) -> PixelTruth:
+        """Render the truth of the samples that `frame` takes."""
+        raster = self._frame_raster(render_size, jitter)
+        with self._gl:
+            return _truth(self._draw(scene, "TRUTH", "frame_truth", raster).read(0))
+
+    def truth(self, scene: Scene) -> PixelTruth:
+        """Render the truth of the reference: the mean over its samples."""
+        width, height = self.display_size
+        mean = np.empty((height, width, 4), np.float16)
+        with self._gl:
+            for place, raster in self._parts():
+                rendered = self._draw(scene, "TRUTH", "truth", raster)
+                mean[place] = self._resolved(rendered, self._mean, "mean", _FORMATS["TRUTH"]).read(0)
+        return _truth(mean)
+
+    def _frame_raster(self, render_size: Size, jitter: tuple[float, float]) -> Raster:
+        width, height = _checked("render_size", render_size)
+        ratio = (self.display_size[0] / width * self.display_size[1] / height) ** 0.5
+        return Raster.of_frame(render_size, jitter, 2.0 ** mip_bias(ratio, "log2"))
 
     def _parts(self) -> Iterator[tuple[tuple[slice, slice], Raster]]:
         """Yield the tiles of the reference, at most MAX_TILE samples a side, and their places in it."""
@@ -322,14 +343,15 @@ class Renderer:
         framebuffer.color_mask = tuple((True,) * 4 for _ in target.textures)
         framebuffer.depth_mask = True
 
-    def _resolved(self, rendered: Target) -> Target:
+    def _resolved(self, rendered: Target, program: Any, role: str, formats: Formats) -> Target:
+        """Reduce the samples of each pixel by a program."""
         size = (rendered.size[0] // self._side, rendered.size[1] // self._side)
-        target = self._target("resolved", size, _RESOLVED, depth=False)
+        target = self._target(role, size, formats, depth=False)
         target.framebuffer.use()
         self._gl.enable_only(self._gl.NOTHING)
-        rendered.textures[0].use(SAMPLERS["sample_colors"])
-        rendered.textures[1].use(SAMPLERS["sample_normals"])
-        self._screen(self._resolve)
+        for texture, sampler in zip(rendered.textures, ("sample_colors", "sample_normals"), strict=False):
+            texture.use(SAMPLERS[sampler])
+        self._screen(program)
         return target
 
     def _prepare(self, scene: Scene) -> None:
@@ -393,6 +415,11 @@ def _surfaces(target: Target) -> SurfaceBuffers:
         base_color=_part(base, rgb), normal=_part(normal, rgb), smooth_normal=_part(smooth, rgb),
         roughness=_part(normal, 3), metallic=_part(base, 3), specular=_part(smooth, 3),
     )  # fmt: skip
+
+
+def _truth(image: Float16) -> PixelTruth:
+    still, moving, others, light = (_part(image, index) for index in range(4))
+    return PixelTruth(thin_still=still, thin_moving=moving, moving=others, unshadowed=light)
 
 
 def _part(image: Any, channels: slice | int) -> Any:

@@ -206,7 +206,8 @@ def draw_blocks(instances: tuple[Instance, ...]) -> bytes:
         normal = np.eye(4)
         normal[:3, :3] = np.linalg.inv(instance.model[:3, :3]).T
         block = columns(instance.model, np.asarray(instance.model_before), normal)
-        block += rows((instance.emission,))
+        is_thin, moves = instance.thin, instance.moves()
+        block += rows((instance.emission, is_thin and not moves, is_thin and moves, moves and not is_thin))
         blocks.append(block.ljust(DRAW_BYTES, b"\0"))
     return b"".join(blocks)
 

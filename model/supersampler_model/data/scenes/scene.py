@@ -458,6 +458,7 @@ class Instance:
         palette_before: the same one frame ago; None: no motion.
         emission: multiplies the material's emissive colour; flickering lights vary it.
         casts_shadow: False keeps it out of the shadow maps.
+        thin: whether its truth counts as that of thin things, see `PixelTruth`.
     """
 
     mesh: Mesh
@@ -468,6 +469,7 @@ class Instance:
     palette_before: Matrices | None = None
     emission: float = 1.0
     casts_shadow: bool = True
+    thin: bool = False
 
     def __post_init__(self) -> None:
         for name in ("model", "palette"):
@@ -491,6 +493,11 @@ class Instance:
             raise SceneError("instance.palette", got=f"{joints} joints", want=want)
         check_matrices("instance.palette", self.palette, (joints, 4, 4))
         check_matrices("instance.palette_before", self.palette_before, (joints, 4, 4))
+
+    def moves(self) -> bool:
+        """Return whether it has moved or bent since the previous frame, whatever the camera did."""
+        pairs = (self.model, self.model_before), (self.palette, self.palette_before)
+        return not all(np.array_equal(np.asarray(now), np.asarray(before)) for now, before in pairs)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -222,6 +222,8 @@ GBUFFER: Mapping[str, Sequence[str]] = {
 _GBUFFER_DISPLAY: Mapping[str, Sequence[str]] = {**GBUFFER, "depth": DEPTH}
 CLASSES = ("class.ghost", "class.alias", "class.thin")
 """The third may be missing."""
+TRUTH = "truth."
+"""Prefix of the channels of `Shot.read_truth` in a reference's file."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -337,11 +339,22 @@ def read_classes(path: Path, display_size: Size | None) -> ClassMaps | None:
     return ClassMaps(*(array.astype(np.uint8) for array in maps))
 
 
-def write_reference(path: Path, reference: Array, classes: ClassMaps | None, compression: str) -> None:
-    """Write a reference image, (H, W, 3), and its class maps; ShotError where that fails."""
+def read_truth(path: Path, display_size: Size | None) -> dict[str, Array]:
+    """Read the planes of truth in a reference's file, by name; none where it has none."""
+    names = [name for name in read_header(path).types if name.startswith(TRUTH)]
+    channels = read_exr(path, only=names, outside={})
+    check_size(path, channels, display_size)
+    return {name.removeprefix(TRUTH): take(path, channels, (name,)) for name in channels}
+
+
+def write_reference(
+    path: Path, reference: Array, classes: ClassMaps | None, truth: Mapping[str, Array], compression: str
+) -> None:
+    """Write a reference image, (H, W, 3), its class maps and planes of truth; ShotError where that fails."""
     channels = _named(COLOR, reference)
     if classes is not None:
         channels |= {f"class.{name}": array.astype(np.float16) for name, array in classes.known().items()}
+    channels |= {f"{TRUTH}{name}": array for name, array in truth.items()}
     write_exr(path, channels, compression=compression)
 
 

@@ -13,7 +13,7 @@ import msgspec
 from supersampler.arguments import checked_path
 from supersampler.conventions import Conventions, Converter, RawFrame
 from supersampler.errors import INCOMPLETE_PACKAGE, FrameError, ShotError, did_you_mean
-from supersampler.frame import Float32, Frame, Size
+from supersampler.frame import Array, Float32, Frame, Size
 from supersampler.io.files import check_inside, is_file
 from supersampler.io.images import Metadata, read_header
 from supersampler.io.shot.format import (
@@ -26,6 +26,7 @@ from supersampler.io.shot.format import (
     read_classes,
     read_frame,
     read_reference,
+    read_truth,
     sky_depth,
 )
 
@@ -113,13 +114,14 @@ class Shot:
         read_raw: Callable[[int, Collection[str] | None], RawFrame],
         read_reference: Callable[[int], Float32],
         read_classes: Callable[[int], ClassMaps | None] = lambda _: None,
+        read_truth: Callable[[int], dict[str, Array]] = lambda _: {},
         stop_waiting: Callable[[], None] = lambda: None,
         color_channel: str = "R",
     ) -> None:
         self.path, self.info = path, info
         self._stop_waiting = stop_waiting  # ends a `read_raw` that waits for a frame to appear
         self._entries, self._raw = tuple(entries), read_raw
-        self._reference, self._classes = read_reference, read_classes
+        self._reference, self._classes, self._truth = read_reference, read_classes, read_truth
         self.ignored_channels: tuple[str, ...] = ()
         self._color_channel = color_channel
 
@@ -153,7 +155,10 @@ class Shot:
         def classes(index: int) -> ClassMaps | None:
             return read_classes(folder / str(entries[index].reference), info.display_size)
 
-        return cls(path, info, entries, raw_frame, reference, classes)
+        def truth(index: int) -> dict[str, Array]:
+            return read_truth(folder / str(entries[index].reference), info.display_size)
+
+        return cls(path, info, entries, raw_frame, reference, classes, truth)
 
     @property
     def name(self) -> str:
@@ -229,6 +234,7 @@ class Shot:
             read_raw,
             lambda index: self._reference(begin + index),
             lambda index: self._classes(begin + index),
+            lambda index: self._truth(begin + index),
             self._stop_waiting,
             self._color_channel,
         )
@@ -322,6 +328,14 @@ class Shot:
     def read_classes(self, index: int) -> ClassMaps | None:
         """Read the class maps of a frame's reference, (H, W) uint8 each; None where there are none."""
         return None if self._entries[index].reference is None else self._classes(index)
+
+    def read_truth(self, index: int) -> dict[str, Array]:
+        """Read what else the renderer knows of the pixels of a frame's reference: planes (H, W) by name.
+
+        They are the channels `truth.NAME` of the reference's file: coverage by kinds of things, light that no
+        shadow takes. Empty where there are none.
+        """
+        return {} if self._entries[index].reference is None else self._truth(index)
 
     def read_metadata(self, index: int) -> Metadata:
         """Return the description of a frame by the program that rendered it; {} for files other than EXR."""

@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
@@ -132,6 +132,7 @@ class ShotWriter:
         *,
         reference: Array | None = None,
         classes: ClassMaps | None = None,
+        truth: Mapping[str, Array] | None = None,
         shared: bool = False,
         metadata: Metadata | None = None,
     ) -> None:
@@ -142,14 +143,15 @@ class ShotWriter:
                 the first one's AOVs are those of all.
             reference: (H, W, 3) display size, linear RGB: the ideal output.
             classes: class maps of the reference.
+            truth: planes (H, W) of the reference by name, see `Shot.read_truth`.
             shared: the display-size file and the reference exist, written by another variant.
             metadata: entries of the frame file's header.
 
         Raises:
             ShotError: the disk refused, or an array is float64. After any error the shot is unchanged.
             FrameError: the frame breaks the contract.
-            ArgumentError: a display-size array has another size than the shot's, or `classes` are given
-                without a reference.
+            ArgumentError: a display-size array has another size than the shot's, or `classes` or `truth` are
+                given without a reference.
         """
         converter = converter_at(self._info, self._entries, len(self._entries))
         raw = converter.from_frame(frame) if isinstance(frame, Frame) else frame
@@ -159,7 +161,7 @@ class ShotWriter:
         info = self._info
         if not self._entries:
             info = replace(info, render_size=(width, height), aov_names=tuple(raw.aov_names or ()))
-        self._check_display(raw, reference, classes)
+        self._check_display(raw, reference, classes, truth or {})
         number = f"{len(self._entries):04d}.exr"
         entry = FrameEntry(
             file=f"{self._frames_below}{number}",
@@ -176,7 +178,7 @@ class ShotWriter:
             write_frame(self.path, entry, raw, self._compression, display=not shared, metadata=metadata)
             if reference is not None and not shared:
                 path = self.path / str(entry.reference)
-                write_reference(path, reference, classes, self._reference_compression)
+                write_reference(path, reference, classes, truth or {}, self._reference_compression)
             entries = [*self._entries, entry]
             write_text(self._description, shot_json(info, entries))  # lists the frame, which is then complete
             self._info, self._entries = info, entries
@@ -241,12 +243,20 @@ class ShotWriter:
                 raise ShotError(path, f"its {field} is {existing}; this run's is {requested}", hint)
         self._info, self._entries = info, entries
 
-    def _check_display(self, frame: RawFrame, reference: Array | None, classes: ClassMaps | None) -> None:
+    def _check_display(
+        self,
+        frame: RawFrame,
+        reference: Array | None,
+        classes: ClassMaps | None,
+        truth: Mapping[str, Array],
+    ) -> None:
         arrays: dict[str, NDArray[Any] | None] = {"reference": reference, **(frame.gbuffer_display or {})}
+        for name, given in (("classes", classes is not None), ("truth", bool(truth))):
+            if given and reference is None:
+                raise ArgumentError(name, got="without a reference", want="both: they lie in one file")
         if classes is not None:
-            if reference is None:
-                raise ArgumentError("classes", got="without a reference", want="both: they lie in one file")
             arrays |= {f"classes.{name}": array for name, array in classes.known().items()}
+        arrays |= {f"truth.{name}": array for name, array in truth.items()}
         if frame.motion.shape[:2] != frame.depth.shape:
             arrays["motion"] = frame.motion
         if frame.motion_next is not None and frame.motion_next.shape[:2] != frame.depth.shape:
@@ -282,5 +292,8 @@ def copy_shot(shot: Shot, path: Path | str, *, resume: bool = False) -> Shot:
     for index in range(len(writer), len(shot)):
         reference, classes = shot.read_reference(index), shot.read_classes(index)
         metadata = shot.read_metadata(index)
-        writer.write(shot.read_raw(index), reference=reference, classes=classes, metadata=metadata)
+        truth = shot.read_truth(index)
+        writer.write(
+            shot.read_raw(index), reference=reference, classes=classes, truth=truth, metadata=metadata
+        )
     return Shot.open(path)

@@ -15,5 +15,5 @@ layout(std140) uniform Draw {
     mat4 model;
     mat4 model_before;
     mat4 normal_model;  // inverse transpose
-    vec4 draw;          // x: factor of the emissive colour
+    vec4 draw;          // x: factor of the emissive colour; y: thin and still, z: thin and moving, w: moving otherwise
 };

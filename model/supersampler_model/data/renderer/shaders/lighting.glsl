@@ -95,6 +95,51 @@ float attenuation(float distance, float reach) {
     return window * window / max(distance * distance, 1e-4);
 }
 
+// A processor runs both sides of a branch, so lights that a scene lacks are left out of its programs.
+#ifdef SUN
+// Share of the sun's light that arrives at a surface that faces it.
+float sun_share(Shaded s) {
+    float slope = 1.0 - dot(s.smooth_normal, sun_direction.xyz);
+    vec3 beside = s.world + s.smooth_normal * sun_direction.w * (1.0 + 2.0 * slope);
+    return lit(sun_shadow, world_to_sun * vec4(beside, 1.0), 1e-4);
+}
+#endif
+#ifdef SPOT
+// Share of the spot's light that arrives at a surface that faces it, in the direction l at this distance.
+float spot_share(Shaded s, vec3 l, float distance) {
+    float slope = 1.0 - dot(s.smooth_normal, l);
+    vec3 beside = s.world + s.smooth_normal * spot_axis.w * distance * (1.0 + 2.0 * slope);
+    return lit(spot_shadow, world_to_spot * vec4(beside, 1.0), 1e-5);
+}
+#endif
+
+#ifdef TRUTH
+// Share of the light of sun and spot that no shadow takes; 1 where neither would arrive.
+float unshadowed(Shaded s) {
+    float arriving = 0.0, whole = 0.0;
+#ifdef SUN
+    float sun = max(dot(s.smooth_normal, sun_direction.xyz), 0.0) * dot(sun_color.rgb, vec3(1.0));
+    if (sun > 0.0) {
+        arriving += sun * sun_share(s);
+        whole += sun;
+    }
+#endif
+#ifdef SPOT
+    vec3 to_spot = spot_position.xyz - s.world;
+    float distance = length(to_spot);
+    vec3 l = to_spot / distance;
+    float cone = smoothstep(counts.y, spot_color.w, dot(-l, spot_axis.xyz));
+    float spot = cone * max(dot(s.smooth_normal, l), 0.0) * attenuation(distance, spot_position.w);
+    spot *= dot(spot_color.rgb, vec3(1.0));
+    if (spot > 0.0) {
+        arriving += spot * spot_share(s, l, distance);
+        whole += spot;
+    }
+#endif
+    return whole > 0.0 ? arriving / whole : 1.0;
+}
+#endif
+
 vec3 radiance(Shaded s) {
     vec3 v = normalize(eye.xyz - s.world);
     float alpha = max(s.roughness * s.roughness, 2e-3);
@@ -108,13 +153,9 @@ vec3 radiance(Shaded s) {
     vec3 diffuse = r.diffuse * diffuse_environment(s.normal);
     vec3 sum = s.emission + s.occlusion * (diffuse + panorama_at(mirrored, level) * (f0 * brdf.x + brdf.y));
 
-    // A processor runs both sides of a branch, so lights that a scene lacks are left out of its programs.
 #ifdef SUN
     if (dot(s.smooth_normal, sun_direction.xyz) > 0.0) {
-        float slope = 1.0 - dot(s.smooth_normal, sun_direction.xyz);
-        vec3 beside = s.world + s.smooth_normal * sun_direction.w * (1.0 + 2.0 * slope);
-        float share = lit(sun_shadow, world_to_sun * vec4(beside, 1.0), 1e-4);
-        sum += share * sun_color.rgb * reflected(r, sun_direction.xyz);
+        sum += sun_share(s) * sun_color.rgb * reflected(r, sun_direction.xyz);
     }
 #endif
 #ifdef SPOT
@@ -123,10 +164,7 @@ vec3 radiance(Shaded s) {
     vec3 l = to_spot / distance;
     float cone = smoothstep(counts.y, spot_color.w, dot(-l, spot_axis.xyz));
     if (cone > 0.0 && dot(s.smooth_normal, l) > 0.0) {
-        float slope = 1.0 - dot(s.smooth_normal, l);
-        vec3 beside = s.world + s.smooth_normal * spot_axis.w * distance * (1.0 + 2.0 * slope);
-        float share = lit(spot_shadow, world_to_spot * vec4(beside, 1.0), 1e-5);
-        float arriving = share * cone * attenuation(distance, spot_position.w);
+        float arriving = spot_share(s, l, distance) * cone * attenuation(distance, spot_position.w);
         sum += arriving * spot_color.rgb * reflected(r, l);
     }
 #endif

@@ -1,10 +1,12 @@
-// What a fragment writes: to be chosen by one of COLOR_AND_SURFACES, SURFACES, SAMPLES.
+// What a fragment writes: to be chosen by one of COLOR_AND_SURFACES, SURFACES, SAMPLES, TRUTH.
 
 const float BRIGHTEST = 60000.0;  // half floats end at 65504
 
 #ifdef SAMPLES
 layout(location = 0) out vec4 out_color;     // rgb, depth
 layout(location = 1) out vec4 out_normals;   // octahedral: smooth, mapped
+#elif defined(TRUTH)
+layout(location = 0) out vec4 out_truth;     // thin and still, thin and moving, moving otherwise: 0 or 1; unshadowed
 #else
 layout(location = 0) out vec4 out_motion;    // motion xy in pixels, depth, previous depth
 layout(location = 1) out vec4 out_smooth;    // smooth normal, specular

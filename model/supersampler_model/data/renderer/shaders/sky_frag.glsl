@@ -7,6 +7,8 @@ void main() {
 #ifdef SAMPLES
     out_color = vec4(min(panorama_at(normalize(ray), 0.0), BRIGHTEST), 0.0);
     out_normals = vec4(octahedral(vec3(0.0)), octahedral(vec3(0.0)));
+#elif defined(TRUTH)
+    out_truth = vec4(0.0, 0.0, 0.0, 1.0);
 #else
     vec3 now = (world_to_clip * vec4(ray, 0.0)).xyw;
     vec3 before = (world_to_clip_before * vec4(ray, 0.0)).xyw;

@@ -80,6 +80,8 @@ void main() {
 #ifdef SAMPLES
     out_color = vec4(min(radiance(s), BRIGHTEST), depth);
     out_normals = vec4(octahedral(s.smooth_normal), octahedral(s.normal));
+#elif defined(TRUTH)
+    out_truth = vec4(draw.yzw, unshadowed(s));
 #else
     out_motion = vec4(motion_of(v_clip, v_clip_before), depth, eye.w / max(v_clip_before.z, eye.w));
     out_smooth = vec4(s.smooth_normal, s.specular);

@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from supersampler_model.data.scenes.procedural.corners import moving_shadows, thin_movers
 from supersampler_model.data.scenes.procedural.evaluation import (
     court,
     gallery,
@@ -28,4 +29,4 @@ def _by_name(*families: Family) -> dict[str, Family]:
 
 TRAIN = _by_name(fences, floors, metals, movers, foliage, flicker, station)
 TEST = _by_name(machine_hall, market, night_garden, gallery, court)
-APART = _by_name(rigging)
+APART = _by_name(rigging, thin_movers, moving_shadows)

@@ -57,6 +57,7 @@ class Prop(NamedTuple):
     palette: Callable[[float], Matrices] | None
     emission: Pulse
     casts_shadow: bool
+    thin: bool
 
     def instance(self, now: float, before: float) -> Instance:
         """Return the object at the time `now`, with its state at the time `before`, both in seconds."""
@@ -69,6 +70,7 @@ class Prop(NamedTuple):
             palette_before=None if self.palette is None else self.palette(before),
             emission=self.emission(now),
             casts_shadow=self.casts_shadow,
+            thin=self.thin,
         )
 
 
@@ -94,12 +96,13 @@ class Stage:
     def put(
         self, mesh: Mesh | Iterable[Part], material: Material, at: Matrix | Pose | None = None, *,
         palette: Callable[[float], Matrices] | None = None, emission: Pulse = steady, shadow: bool = True,
+        thin: bool = False,
     ) -> None:  # fmt: skip
         """Add an object, at the origin by default; several parts are merged into one mesh."""
         fixed = np.eye(4) if at is None else at
         pose = fixed if callable(fixed) else lambda _: fixed
         mesh = mesh if isinstance(mesh, Mesh) else merged(mesh)
-        self.props.append(Prop(mesh, material, pose, palette, emission, shadow))
+        self.props.append(Prop(mesh, material, pose, palette, emission, shadow, thin))
 
     def add_vantages(self, *views: tuple[Vector, Vector, float], brisk: bool = False) -> None:
         """Add camera positions: position, target and room, see `Vantage`."""

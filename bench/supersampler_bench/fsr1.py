@@ -1,0 +1,154 @@
+"""`easu` and `easu-rcas`: the published formulas and constants of AMD's FSR 1, which reads one frame alone.
+
+Source: ffx_fsr1.h of FidelityFX Super Resolution 1.0 (AMD, 2021, MIT). Formulas and constants are theirs, the
+code is ours. Two things differ: samples lie at pixel centre + jitter, and divisions are exact.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from supersampler.conventions.encodings import srgb_decoded
+from supersampler.errors import FrameError
+from supersampler.frame import Array, Float32, Frame, Size
+from supersampler.io.display import auto_exposure, display_transform, usable_exposure
+from supersampler_bench.fsr2 import inverse_tonemap, lerp, saturate, shifted
+
+EASU, EASU_RCAS = "easu", "easu-rcas"
+"""Names of the methods in `bench quality`: edge-adaptive upsampling alone, and with sharpening after it."""
+SHARPNESS = 0.2
+"""Of RCAS, stops: 0 is the sharpest. The default of AMD's sample."""
+_RCAS_LIMIT = 0.25 - 1.0 / 16.0  # FSR_RCAS_LIMIT
+_TAPS = ((0, -1), (1, -1), (-1, 0), (0, 0), (1, 0), (2, 0), (-1, 1), (0, 1), (1, 1), (2, 1), (0, 2), (1, 2))
+"""The 12 texels (x, y) around a position whose upper left neighbour is (0, 0)."""
+_NEAREST = ((0, 0), (1, 0), (0, 1), (1, 1))
+_FLAT = 1.0 / 32768.0  # squared length of a direction below which there is none
+_LEAST = 1e-6  # of what is divided by
+Indices = NDArray[np.intp]
+
+
+class Fsr1:
+    """FSR 1 for frames of a render size.
+
+    Args:
+        display_size: (width, height) of images.
+        sharpens: whether RCAS follows EASU.
+    """
+
+    def __init__(self, display_size: Size, *, sharpens: bool) -> None:
+        self.display_size, self.sharpens = display_size, sharpens
+
+    def step(self, frame: Frame) -> tuple[Float32, Float32 | None]:
+        """Return the image (H, W, 3), linear RGB, and the AOVs (H, W, k) by the filter of the image.
+
+        As FSR 1 asks for, colour is filtered as a screen shows it: exposed, toned, in sRGB.
+
+        Raises:
+            FrameError: the frame has no colour.
+        """
+        if frame.color is None:
+            raise FrameError("color", got=None, want="a shaded frame")
+        exposure = usable_exposure(frame.exposure) or auto_exposure(frame.color)
+        shown = display_transform(frame.color, exposure)
+        weights, columns, rows = easu_weights(luma(shown), frame.jitter, self.display_size)
+        image = dering(filtered(shown, weights, columns, rows), shown, columns, rows)
+        image = rcas(image) if self.sharpens else image
+        linear = inverse_tonemap(srgb_decoded(saturate(image))) / np.float32(exposure)
+        aovs = None
+        if frame.aovs is not None:
+            upsampled = filtered(frame.aovs.astype(np.float32), weights, columns, rows)
+            aovs = dering(upsampled, frame.aovs, columns, rows)
+        return np.asarray(linear, np.float32), aovs
+
+
+def luma(shown: Array) -> Array:
+    """Return FSR 1's approximate luma (...) of RGB (..., 3): 0.5 R + G + 0.5 B."""
+    return np.asarray(0.5 * shown[..., 0] + shown[..., 1] + 0.5 * shown[..., 2])
+
+
+def easu_weights(
+    lumas: Array, jitter: tuple[float, float], display_size: Size
+) -> tuple[list[Array], list[Indices], list[Indices]]:
+    """Return the normalized weights (H, W) of each of _TAPS, and the columns and rows of their texels.
+
+    Columns and rows are those of the offsets -1, 0, 1, 2, for each column and row of the display. A direction
+    is the sum of the gradients at the four nearest texels, weighted bilinearly. The kernel is a windowed
+    Lanczos2 stretched along the edge, the more the straighter the edge is.
+    """
+    height, width = lumas.shape
+    columns, fx = _texels(display_size[0], width, jitter[0])
+    rows, fy = _texels(display_size[1], height, jitter[1])
+    px, py = fx[None], fy[:, None]
+    gradient_x, straight_x = (_at_nearest(plane, px, py, columns, rows) for plane in _gradient(lumas, 1))
+    gradient_y, straight_y = (_at_nearest(plane, px, py, columns, rows) for plane in _gradient(lumas, 0))
+    square = gradient_x**2 + gradient_y**2
+    is_flat = square < _FLAT
+    size = np.where(is_flat, 1.0, np.sqrt(np.maximum(square, _FLAT)))
+    along_x, along_y = np.where(is_flat, 1.0, gradient_x) / size, gradient_y / size
+    straightness = (0.5 * (straight_x + straight_y)) ** 2
+    stretch = (along_x**2 + along_y**2) / np.maximum(np.maximum(abs(along_x), abs(along_y)), _LEAST)
+    length_x, length_y = 1.0 + (stretch - 1.0) * straightness, 1.0 - 0.5 * straightness
+    lobe = 0.5 + ((0.25 - 0.04) - 0.5) * straightness
+    weights = []
+    for x, y in _TAPS:
+        dx, dy = x - px, y - py
+        across = (dx * along_x + dy * along_y) * length_x
+        beside = (dy * along_x - dx * along_y) * length_y
+        distance = np.minimum(across**2 + beside**2, 1.0 / lobe)
+        base = 25.0 / 16.0 * (2.0 / 5.0 * distance - 1.0) ** 2 - (25.0 / 16.0 - 1.0)
+        weights.append(base * (lobe * distance - 1.0) ** 2)
+    total = np.sum(weights, axis=0)
+    return [np.asarray(weight / total, np.float32) for weight in weights], columns, rows
+
+
+def filtered(image: Array, weights: Sequence[Array], columns: list[Indices], rows: list[Indices]) -> Array:
+    """Return the image (h, w, k) under the weights of _TAPS, (H, W, k)."""
+    terms = (
+        weight[..., None] * image[rows[y + 1][:, None], columns[x + 1]]
+        for weight, (x, y) in zip(weights, _TAPS, strict=True)
+    )
+    return np.asarray(sum(terms))
+
+
+def dering(upsampled: Array, image: Array, columns: list[Indices], rows: list[Indices]) -> Float32:
+    """Clamp to the range of the four nearest texels."""
+    near = [image[rows[y + 1][:, None], columns[x + 1]] for x, y in _NEAREST]
+    return np.asarray(np.clip(upsampled, np.minimum.reduce(near), np.maximum.reduce(near)), np.float32)
+
+
+def rcas(image: Array) -> Array:
+    """Sharpen (H, W, 3) in [0, 1] by the four neighbours, as far as no channel leaves its range."""
+    ring = [shifted(image, dx, dy) for dx, dy in ((0, -1), (-1, 0), (1, 0), (0, 1))]
+    low, high = np.minimum.reduce(ring), np.maximum.reduce(ring)
+    hit_low = np.minimum(low, image) / np.maximum(4.0 * high, _LEAST)
+    hit_high = (1.0 - np.maximum(high, image)) / np.minimum(4.0 * low - 4.0, -_LEAST)
+    lobe = np.maximum(-hit_low, hit_high).max(axis=-1, keepdims=True)
+    lobe = np.clip(lobe, -_RCAS_LIMIT, 0.0) * 2.0**-SHARPNESS
+    return np.asarray((lobe * sum(ring) + image) / (4.0 * lobe + 1.0))
+
+
+def _texels(display: int, render: int, jitter: float) -> tuple[list[Indices], Array]:
+    """Return the texels of the offsets -1, 0, 1, 2 of each display pixel, and its place between 0 and 1."""
+    position = (np.arange(display) + 0.5) * render / display - 0.5 - jitter
+    first = np.floor(position)
+    indices = first.astype(np.intp)
+    return [np.clip(indices + k, 0, render - 1) for k in (-1, 0, 1, 2)], (position - first).astype(np.float32)
+
+
+def _gradient(lumas: Array, axis: int) -> tuple[Array, Array]:
+    """Return the gradient along an axis at each texel, and how straight it is: 1 where luma rises steadily.
+
+    It is 0 where luma rises and falls again.
+    """
+    dx, dy = (1, 0) if axis == 1 else (0, 1)
+    before, after = shifted(lumas, -dx, -dy), shifted(lumas, dx, dy)
+    steps = np.maximum(abs(after - lumas), abs(lumas - before))
+    gradient = after - before
+    return gradient, saturate(abs(gradient) / np.maximum(steps, _LEAST)) ** 2
+
+
+def _at_nearest(plane: Array, px: Array, py: Array, columns: list[Indices], rows: list[Indices]) -> Array:
+    """Return the bilinear mean over the four nearest texels."""
+    corners = [plane[rows[y + 1][:, None], columns[x + 1]] for x, y in _NEAREST]
+    return lerp(lerp(corners[0], corners[1], px), lerp(corners[2], corners[3], px), py)
