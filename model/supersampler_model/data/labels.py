@@ -4,11 +4,11 @@ The rules are equations 1 to 9 of the supplement of Guo et al. 2022, section 2. 
 where the supplement is silent or contradicts itself.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from enum import IntEnum
 from itertools import product
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,15 +18,6 @@ from supersampler.frame import Float32
 from supersampler.io.display import MAX_HALF
 
 Values = NDArray[np.floating[Any]]
-
-
-class Sample(NamedTuple):
-    """One sample of every pixel, at some position in the pixel."""
-
-    color: Values  # (H, W, 3) linear scene RGB, >= 0
-    depth: Values  # (H, W) reversed, 0 at the sky
-    normal: Values  # (H, W, 3) of the surface without its normal map; unit length, 0 at the sky
-    normal_mapped: Values  # (H, W, 3) with its normal map
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -106,45 +97,6 @@ def toned(color: Values, exposure: float = 1.0) -> Values:
     """Convert exposed linear RGB to [0, 1): c / (1 + c), each channel alone, after a clamp to [0, 65504]."""
     exposed = np.clip(color * exposure, 0.0, MAX_HALF)
     return np.asarray(exposed / (1.0 + exposed))
-
-
-def statistics_of(samples: Iterable[Sample], exposure: float = 1.0) -> PixelStatistics:
-    """Gather the samples of one frame, one at a time, so that memory does not grow with their number.
-
-    Args:
-        samples: at least one; the first gives the normals that the others are compared with.
-        exposure: multiplies the colours before they are toned, > 0.
-
-    Raises:
-        ArgumentError: there is no sample.
-    """
-    rest = iter(samples)
-    first = next(rest, None)
-    if first is None:
-        raise ArgumentError("samples", got="none", want="at least one")
-    color = toned(first.color, exposure)
-    low, high, nearest, farthest = color, color, first.depth, first.depth
-    total = np.array(first.color, np.float64)
-    spread = mapped_spread = np.zeros(first.depth.shape)
-    count = 1
-    for sample in rest:
-        color = toned(sample.color, exposure)
-        low, high = np.minimum(low, color), np.maximum(high, color)
-        farthest, nearest = np.minimum(farthest, sample.depth), np.maximum(nearest, sample.depth)
-        spread = np.maximum(spread, _distance(first.normal, sample.normal))
-        mapped_spread = np.maximum(mapped_spread, _distance(first.normal_mapped, sample.normal_mapped))
-        total += sample.color
-        count += 1
-    arrays = {
-        "depth_min": farthest, "depth_max": nearest, "color_min": low, "color_max": high,
-        "color": total / count, "normal_spread": spread, "normal_mapped_spread": mapped_spread,
-    }  # fmt: skip
-    return PixelStatistics(**{name: array.astype(np.float32) for name, array in arrays.items()})
-
-
-def _distance(a: Values, b: Values) -> Values:
-    """Return the L1 distances (H, W) of vectors (H, W, 3)."""
-    return np.asarray(np.abs(a - b).sum(axis=-1))
 
 
 def _check(name: str, array: NDArray[Any], shape: tuple[int, ...]) -> None:

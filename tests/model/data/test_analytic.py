@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from label_samples import label_inputs, samples
 from more_scenes import Cut, Floor, ShadingStep, dots, near, ripples, thin_lines
 from supersampler import halton_jitter
 from supersampler.conventions import camera_motion
@@ -132,19 +133,19 @@ def test_what_is_seen_was_where_its_motion_says_at_the_depth_it_says(scene: Anal
 
 def test_evidence_holds_the_ranges_and_the_mean_of_the_samples() -> None:
     scene = DiscOverPlane()
-    drawn = scene.label_inputs(3, RENDER, samples=4)
+    drawn = label_inputs(scene, 3, RENDER, count=4)
     np.testing.assert_array_equal(drawn.pixels.color, scene.truth(3, RENDER, samples=4))
     np.testing.assert_array_equal(drawn.motion, scene.frame(3, RENDER).motion)
     np.testing.assert_array_equal(drawn.depth_before, scene.frame(3, RENDER).depth)  # nothing comes closer
-    depths = np.array([sample.depth for sample in scene.samples(3, RENDER, 4)], np.float32)
+    depths = np.array([sample.depth for sample in samples(scene, 3, RENDER, 4)], np.float32)
     np.testing.assert_array_equal(drawn.pixels.depth_min, depths.min(axis=0))
     np.testing.assert_array_equal(drawn.pixels.depth_max, depths.max(axis=0))
-    assert [scene.label_inputs(i, RENDER, samples=1).cut for i in (0, 1)] == [True, False]
+    assert [label_inputs(scene, i, RENDER, count=1).cut for i in (0, 1)] == [True, False]
 
 
 def test_a_normal_map_changes_nothing_but_the_mapped_normals() -> None:
     flat, bumpy = (
-        Plane(plain, bumps=bumps).label_inputs(0, RENDER) for bumps in (Plane(plain).bumps, ripples)
+        label_inputs(Plane(plain, bumps=bumps), 0, RENDER) for bumps in (Plane(plain).bumps, ripples)
     )
     assert bumpy.pixels.normal_mapped_spread.min() > 0.3
     assert not flat.pixels.normal_mapped_spread.any()

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from numpy.typing import NDArray
 
+from label_samples import Sample, statistics_of
 from supersampler.errors import ArgumentError
 from supersampler.frame import Float32
 from supersampler_model.data.labels import (
@@ -19,14 +20,12 @@ from supersampler_model.data.labels import (
     LabelInputs,
     LabelThresholds,
     PixelStatistics,
-    Sample,
     aliasing,
     box_overlap,
     color_varies,
     label,
     opened,
     plane_slope,
-    statistics_of,
     toned,
 )
 from supersampler_model.data.scenes.analytic import FAR, NEAR

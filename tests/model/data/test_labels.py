@@ -7,16 +7,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from label_samples import Sample, label_inputs, samples, statistics_of
 from more_scenes import Floor, ShadingStep, dots, near, ripples, thin_lines
 from supersampler_model.data.labels import (
     Alias,
     Ghost,
     Labels,
     LabelThresholds,
-    Sample,
     aliasing,
     label,
-    statistics_of,
 )
 from supersampler_model.data.scenes.analytic import (
     EXTENT,
@@ -38,7 +37,7 @@ PAPER = LabelThresholds(slope_aware=False)
 
 
 def labelled(scene: AnalyticScene, index: int = 3, size: tuple[int, int] = SIZE, **thresholds: Any) -> Labels:
-    now, before = scene.label_inputs(index, size), scene.label_inputs(index - 1, size)
+    now, before = label_inputs(scene, index, size), label_inputs(scene, index - 1, size)
     return label(now, before, LabelThresholds(**thresholds))
 
 
@@ -58,8 +57,8 @@ def test_what_a_disc_reveals_is_visibility_ghosting_and_nothing_else_is(velociti
 def test_motion_read_the_wrong_way_round_finds_other_pixels() -> None:
     scene = DiscOverPlane((3.0, 0.0), (-3.0, 0.0))
     now, before, revealed = (
-        scene.label_inputs(3, SIZE),
-        scene.label_inputs(2, SIZE),
+        label_inputs(scene, 3, SIZE),
+        label_inputs(scene, 2, SIZE),
         scene.disoccluded(3, SIZE),
     )
 
@@ -71,7 +70,7 @@ def test_motion_read_the_wrong_way_round_finds_other_pixels() -> None:
     assert found(1.0) > 0.85
     assert found(-1.0) < 0.6
 
-    pan = Plane(plain, (2.0, 0.0)).label_inputs(3, SIZE)
+    pan = label_inputs(Plane(plain, (2.0, 0.0)), 3, SIZE)
     for motion, columns in ((pan.motion, slice(None, 4)), (-pan.motion, slice(-4, None))):
         ghosts = label(replace(pan, motion=motion), replace(pan, motion=motion)).ghost
         assert (ghosts[:, columns] == Ghost.VISIBILITY).all()
@@ -109,7 +108,7 @@ def test_what_stays_in_sight_while_the_camera_moves_has_no_ghosting(scene: Analy
 
 @pytest.mark.parametrize("size", [(64, 36), (320, 180)])
 def test_a_plane_at_a_grazing_angle_is_geometry_aliasing_by_the_papers_test_alone(size: Any) -> None:
-    now = Floor(plain).label_inputs(0, size)
+    now = label_inputs(Floor(plain), 0, size)
     y = np.array([[0.5], [-0.5]]) * (1 - 1 / 8)  # the lowest and the highest sample
     nearest, farthest = FAR + Floor.SLOPE * (np.arange(size[1]) + 0.5 + y) * EXTENT[1] / size[1]
     grazing = (nearest - farthest) / nearest > 0.01
@@ -124,7 +123,7 @@ def test_a_silhouette_is_geometry_aliasing(thresholds: LabelThresholds) -> None:
     scene = DiscOverPlane()
     corners = [scene.distance(0, *places(SIZE, (dx, dy))) for dx in (-0.5, 0.5) for dy in (-0.5, 0.5)]
     inner = [scene.distance(0, *places(SIZE, (dx, dy))) for dx in (-0.4, 0.4) for dy in (-0.4, 0.4)]
-    edge = label(scene.label_inputs(0, SIZE), None, thresholds).alias == Alias.GEOMETRY
+    edge = label(label_inputs(scene, 0, SIZE), None, thresholds).alias == Alias.GEOMETRY
     bulge = 0.01  # units by which the circle leaves the line between a pixel's corners
     may = (np.min(corners, axis=0) < scene.radius + bulge) & (np.max(corners, axis=0) > scene.radius - bulge)
     must = (np.min(inner, axis=0) < scene.radius) & (np.max(inner, axis=0) > scene.radius)
@@ -135,7 +134,7 @@ def test_a_silhouette_is_geometry_aliasing(thresholds: LabelThresholds) -> None:
 
 def test_a_silhouette_before_a_grazing_plane_is_geometry_aliasing_and_its_surroundings_are_not() -> None:
     size = (64, 36)
-    depth = np.array([s.depth for s in Floor(plain).samples(0, size)])  # 1 % and more from pixel to pixel
+    depth = np.array([s.depth for s in samples(Floor(plain), 0, size)])  # 1 % and more from pixel to pixel
     x = np.array([x for x, _ in ((places(size, (dx / 8 - 0.4375, 0.0))) for dx in range(8))] * 8)
     depth[x < 20.6] = 0.2
     zeros = np.zeros((36, 64, 3))
@@ -151,7 +150,7 @@ def test_thin_wires_are_geometry_aliasing_and_the_same_lines_painted_are_texture
     pixel = EXTENT[0] / SIZE[0]
     off = np.abs(from_spokes(x, y) - 0.2) / pixel  # from a wire's edge, pixels
     for scene, name in ((WiresOverPlane(), Alias.GEOMETRY), (Plane(thin_lines), Alias.TEXTURE)):
-        alias = label(scene.label_inputs(0, SIZE), None).alias
+        alias = label(label_inputs(scene, 0, SIZE), None).alias
         assert (alias[away & (off < 0.4)] == name).all()
         assert not alias[away & (off > 0.5 * np.sqrt(2.0))].any()
         assert set(np.unique(alias)) == {Alias.NONE, name}
@@ -159,23 +158,23 @@ def test_thin_wires_are_geometry_aliasing_and_the_same_lines_painted_are_texture
 
 @pytest.mark.parametrize("scene", [Plane(dots), Plane(zone_plate), Plane(plain, bumps=ripples)])
 def test_fine_texture_and_fine_normals_are_texture_aliasing(scene: AnalyticScene) -> None:
-    alias = label(scene.label_inputs(0, (64, 36)), None).alias
+    alias = label(label_inputs(scene, 0, (64, 36)), None).alias
     assert (alias == Alias.TEXTURE).mean() > 0.05
     assert not (alias == Alias.GEOMETRY).any()
 
 
 def test_a_change_of_exposure_is_no_change_of_light() -> None:
     scene = Plane(zone_plate)
-    before, toned_alike = (statistics_of(scene.samples(0, SIZE), exposure=e) for e in (1.0, 3.0))
-    now = statistics_of(scene.samples(1, SIZE), exposure=3.0)
-    frames = [replace(scene.label_inputs(1, SIZE), pixels=p) for p in (now, toned_alike, before)]
+    before, toned_alike = (statistics_of(samples(scene, 0, SIZE), exposure=e) for e in (1.0, 3.0))
+    now = statistics_of(samples(scene, 1, SIZE), exposure=3.0)
+    frames = [replace(label_inputs(scene, 1, SIZE), pixels=p) for p in (now, toned_alike, before)]
     assert not label(frames[0], frames[1]).ghost.any()
     assert (label(frames[0], frames[2]).ghost == Ghost.SHADING).any()
 
 
 def test_what_came_closer_or_went_away_is_judged_by_the_depth_it_had() -> None:
     scene = Floor(plain, speed=-2.0)
-    now, before = scene.label_inputs(3, SIZE), scene.label_inputs(2, SIZE)
+    now, before = label_inputs(scene, 3, SIZE), label_inputs(scene, 2, SIZE)
     anything_moves = LabelThresholds(velocity=-1.0)  # the depth test alone
     on_screen = ~near(scene.disoccluded(3, SIZE))
     assert not label(now, before, anything_moves).ghost[on_screen].any()

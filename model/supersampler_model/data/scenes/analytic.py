@@ -6,7 +6,6 @@ is an argument: 1 unit is 2 pixels at 128 x 72.
 >>> scene = Plane(zone_plate)
 >>> frames = [scene.frame(i, (64, 36), jitter) for i, jitter in enumerate(jitters)]
 >>> truth = scene.truth(0, (128, 72))
->>> labels = label(scene.label_inputs(1, (128, 72)), scene.label_inputs(0, (128, 72)))
 """
 
 from collections.abc import Callable, Iterator
@@ -18,7 +17,6 @@ from numpy.typing import NDArray
 
 from supersampler import Frame
 from supersampler.frame import Float32, Size
-from supersampler_model.data.labels import LabelInputs, Sample, statistics_of
 
 Values = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -82,22 +80,6 @@ class AnalyticScene:
     def disoccluded(self, index: int, size: Size) -> Mask:
         """Return where the surface at a pixel's centre was occluded or off screen one frame ago."""
         return ~self.visible_before(index, *places(size))
-
-    def samples(self, index: int, size: Size, samples: int = 8) -> Iterator[Sample]:
-        """Yield samples x samples regular ones of each pixel, the upper left one first."""
-        for x, y in grids(size, samples):
-            surface = self.surface(index, x, y)
-            yield Sample(surface.color, surface.depth, surface.normal, surface.normal_mapped)
-
-    def label_inputs(self, index: int, size: Size, samples: int = 8) -> LabelInputs:
-        """Return the inputs of the label rules, at exposure 1, from a samples x samples grid per pixel."""
-        centers = self.surface(index, *places(size))
-        return LabelInputs(
-            pixels=statistics_of(self.samples(index, size, samples)),
-            motion=(centers.motion * np.array(size) / EXTENT).astype(np.float32),
-            depth_before=centers.depth_before.astype(np.float32),
-            cut=self.cut(index),
-        )
 
 
 def places(size: Size, offset: Vector = (0.0, 0.0)) -> tuple[Values, Values]:

@@ -1,0 +1,77 @@
+"""Samples and inputs of the label rules, of analytic scenes: the reference for what the renderer gathers."""
+
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from supersampler.errors import ArgumentError
+from supersampler.frame import Size
+from supersampler_model.data.labels import LabelInputs, PixelStatistics, Values, toned
+from supersampler_model.data.scenes.analytic import EXTENT, AnalyticScene, grids, places
+
+
+class Sample(NamedTuple):
+    """One sample of every pixel, at some position in the pixel."""
+
+    color: Values  # (H, W, 3) linear scene RGB, >= 0
+    depth: Values  # (H, W) reversed, 0 at the sky
+    normal: Values  # (H, W, 3) of the surface without its normal map; unit length, 0 at the sky
+    normal_mapped: Values  # (H, W, 3) with its normal map
+
+
+def statistics_of(samples: Iterable[Sample], exposure: float = 1.0) -> PixelStatistics:
+    """Gather the samples of one frame, one at a time, so that memory does not grow with their number.
+
+    Args:
+        samples: at least one; the first gives the normals that the others are compared with.
+        exposure: multiplies the colours before they are toned, > 0.
+
+    Raises:
+        ArgumentError: there is no sample.
+    """
+    rest = iter(samples)
+    first = next(rest, None)
+    if first is None:
+        raise ArgumentError("samples", got="none", want="at least one")
+    color = toned(first.color, exposure)
+    low, high, nearest, farthest = color, color, first.depth, first.depth
+    total = np.array(first.color, np.float64)
+    spread = mapped_spread = np.zeros(first.depth.shape)
+    count = 1
+    for sample in rest:
+        color = toned(sample.color, exposure)
+        low, high = np.minimum(low, color), np.maximum(high, color)
+        farthest, nearest = np.minimum(farthest, sample.depth), np.maximum(nearest, sample.depth)
+        spread = np.maximum(spread, _distance(first.normal, sample.normal))
+        mapped_spread = np.maximum(mapped_spread, _distance(first.normal_mapped, sample.normal_mapped))
+        total += sample.color
+        count += 1
+    arrays = {
+        "depth_min": farthest, "depth_max": nearest, "color_min": low, "color_max": high,
+        "color": total / count, "normal_spread": spread, "normal_mapped_spread": mapped_spread,
+    }  # fmt: skip
+    return PixelStatistics(**{name: array.astype(np.float32) for name, array in arrays.items()})
+
+
+def _distance(a: Values, b: Values) -> Values:
+    """Return the L1 distances (H, W) of vectors (H, W, 3)."""
+    return np.asarray(np.abs(a - b).sum(axis=-1))
+
+
+def samples(scene: AnalyticScene, index: int, size: Size, count: int = 8) -> Iterator[Sample]:
+    """Yield count x count regular ones of each pixel, the upper left one first."""
+    for x, y in grids(size, count):
+        surface = scene.surface(index, x, y)
+        yield Sample(surface.color, surface.depth, surface.normal, surface.normal_mapped)
+
+
+def label_inputs(scene: AnalyticScene, index: int, size: Size, count: int = 8) -> LabelInputs:
+    """Return the inputs of the label rules, at exposure 1, from a count x count grid per pixel."""
+    centers = scene.surface(index, *places(size))
+    return LabelInputs(
+        pixels=statistics_of(samples(scene, index, size, count)),
+        motion=(centers.motion * np.array(size) / EXTENT).astype(np.float32),
+        depth_before=centers.depth_before.astype(np.float32),
+        cut=scene.cut(index),
+    )
