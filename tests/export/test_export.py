@@ -108,7 +108,11 @@ def test_the_network_in_bytes_is_what_the_exporter_writes_today(name: str) -> No
 
 
 @pytest.mark.parametrize(
-    ("name", "precision"), [*((name, "fp32") for name in SHIPPED), *((name, "fp16") for name in LEARNED)]
+    ("name", "precision"),
+    [
+        *((name, "fp32") for name in SHIPPED),
+        *(pytest.param(name, "fp16", marks=pytest.mark.long) for name in LEARNED),  # seconds each
+    ],
 )
 def test_the_shipped_graph_computes_what_torch_computes_at_sizes_not_traced(
     name: str, precision: Literal["fp32", "fp16"]
