@@ -42,11 +42,11 @@ JITTER_READINGS = [
 @pytest.fixture(scope="module")
 def frames() -> list[Frame]:
     shot = Shot.open("plaza")
-    return [cropped(shot.read(index).frame, 160, 90) for index in range(14, 18)]
+    return [cropped(shot.read(index).frame, 224, 126) for index in range(14, 18)]
 
 
 def planted(frames: list[Frame], conventions: Conventions) -> list[RawFrame]:
-    converter = conventions.converter(display_size=(320, 180))
+    converter = conventions.converter(display_size=(448, 252))
     return [converter.from_frame(frame) for frame in frames]
 
 
