@@ -35,7 +35,7 @@ from supersampler.frame import (
 from supersampler.history import STATE_VERSION, History, State, Stats, StepResult
 from supersampler.methods.at_rest import ADDED
 from supersampler.methods.gbuffers import GBUFFERS, black
-from supersampler.model import AtRest, ExecutorName, Model, Precision
+from supersampler.model import AtRest, ExecutorName, Model, Plan, Precision
 from supersampler.validation import FrameChecker, Validate
 
 if TYPE_CHECKING:
@@ -189,6 +189,34 @@ class Upscaler:
                 record, self.model, infos[2:], inputs, display_size=display_size, scale=self._scale,
                 at_rest=self.at_rest, skip=self.skip, validate=validate,
             )  # fmt: skip
+
+    @staticmethod
+    def plan(
+        render_size: Size,
+        display_size: Size,
+        model: str | Path = "classifier",
+        *,
+        providers: str | Sequence[str] = "auto",
+        threads: int = 0,
+        executor: ExecutorName = "auto",
+        precision: Precision = "auto",
+    ) -> Plan:
+        """Return the memory and the multiply-adds that an Upscaler needs per frame; nothing is allocated.
+
+        >>> plan = Upscaler.plan((960, 540), (1920, 1080))  # render size, display size
+        >>> megabytes = plan.history_bytes / 1e6
+
+        Sizes are (width, height). See `Model.load` for the other arguments; a `Model` has its own `plan`.
+
+        Raises:
+            FrameError: the method does not support this ratio.
+            ModelError, ProviderError, ArgumentError: see `Model.load`.
+        """
+        sizes = checked_size("render_size", render_size), checked_size("display_size", display_size)
+        loaded = Model.load(
+            model, providers=providers, threads=threads, executor=executor, precision=precision
+        )
+        return loaded.plan(*sizes)
 
     @property
     def display_size(self) -> Size | None:

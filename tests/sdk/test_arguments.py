@@ -174,8 +174,9 @@ PURE: dict[str, Call] = {
         for name in ("model", "providers", "threads", "executor", "precision", "preset")
     },
     "Model.load": Model.load,
-    "Model.plan(render_size)": lambda value: Model.load("bilinear").plan(value, DISPLAY),
-    "Model.plan(display_size)": lambda value: Model.load("bilinear").plan(SIZE, value),
+    "Upscaler.plan(render_size)": lambda value: Upscaler.plan(value, DISPLAY, "bilinear"),
+    "Upscaler.plan(display_size)": lambda value: Upscaler.plan(SIZE, value, "bilinear"),
+    "Upscaler.plan(model)": lambda value: Upscaler.plan(SIZE, DISPLAY, value),
     "jitter_phase_count": jitter_phase_count,
     "halton_jitter(index)": lambda value: halton_jitter(value, 2.0),
     "halton_jitter(scale)": lambda value: halton_jitter(1, value),

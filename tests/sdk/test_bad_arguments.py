@@ -85,7 +85,7 @@ def test_a_size_that_is_none_is_refused_wherever_one_is_asked_for(size: Any) -> 
         lambda: Upscaler(model, display_size=size),
         lambda: Upscaler(model, scale=2, render_size=size),
         lambda: Upscaler(model, display_size=DISPLAY).warm_up(size),
-        lambda: model.plan(size, DISPLAY),
+        lambda: Upscaler.plan(size, DISPLAY, "bilinear"),
         lambda: model.plan(SIZE, size),
         lambda: model.first_history(size, SIZE),
         lambda: render_size_for(size, 2.0),

@@ -116,7 +116,11 @@ def test_tensors_are_refused_rather_than_forgotten(taau: Model) -> None:
 def test_what_extrapolates_is_no_upscaler_and_an_upscaler_does_not_extrapolate(taau: Model) -> None:
     assert extrapolation_names() == ["guided-flow", "guided-warp"]
     assert not set(extrapolation_names()) & set(model_names())
-    for use in (Model.load, lambda name: Upscaler(name, scale=2.0)):
+    for use in (
+        Model.load,
+        lambda name: Upscaler(name, scale=2.0),
+        lambda n: Upscaler.plan(SIZE, DISPLAY, n),
+    ):
         with pytest.raises(ModelError, match=r"upscales nothing.*Upscaler\(extrapolation='guided-warp'\)"):
             use("guided-warp")
     with pytest.raises(ModelError, match=r"'taau' upscales.*extrapolation takes guided-flow or guided-warp"):

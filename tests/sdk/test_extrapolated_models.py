@@ -131,7 +131,11 @@ def test_a_frame_without_base_colour_is_refused_by_the_graph_that_reads_it(joint
 
 
 def test_a_model_of_extrapolated_frames_alone_is_refused(folder: Path, joint: Model) -> None:
-    for use in (Model.load, lambda path: Upscaler(path, scale=2.0)):
+    for use in (
+        Model.load,
+        lambda path: Upscaler(path, scale=2.0),
+        lambda p: Upscaler.plan(SIZE, DISPLAY, p),
+    ):
         with pytest.raises(ModelError, match=r"'joint-drawn' steps only on frames .*joint', extrapolation="):
             use(folder / "extrapolated")
     with pytest.raises(ModelError, match=r"'joint-drawn' upscales, and extrapolates no unshaded frames"):
@@ -163,8 +167,9 @@ def test_warming_up_runs_both_and_leaves_the_history(joint: Model) -> None:
     np.testing.assert_array_equal(run(one, "u", 1)[0], run(other, "u", 1)[0])
 
 
-def test_a_plan_is_that_of_shaded_frames(joint: Model) -> None:
-    assert joint.plan(SIZE, DISPLAY) == joint.on_extrapolated.plan(SIZE, DISPLAY)
+def test_a_plan_is_that_of_shaded_frames(folder: Path, joint: Model) -> None:
+    plan = Upscaler.plan(SIZE, DISPLAY, folder, threads=1, providers="cpu")
+    assert plan == joint.plan(SIZE, DISPLAY) == joint.on_extrapolated.plan(SIZE, DISPLAY)
 
 
 def test_a_recording_knows_both_graphs(joint: Model, tmp_path: Path) -> None:

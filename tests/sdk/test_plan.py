@@ -52,11 +52,11 @@ def test_a_graphs_history_is_planned_by_its_shapes(method: str) -> None:
 
 
 def test_multiply_adds_are_those_of_the_network() -> None:
-    plan, small = (shared_model(m).plan(RENDER, DISPLAY) for m in ("classifier", "classifier-small"))
+    plan, small = (Upscaler.plan(RENDER, DISPLAY, m) for m in ("classifier", "classifier-small"))
     assert plan.multiply_adds > 1.9 * small.multiply_adds > 1e8
-    assert shared_model("taau").plan(RENDER, DISPLAY).multiply_adds == 0
+    assert Upscaler.plan(RENDER, DISPLAY, "taau").multiply_adds == 0
 
 
 def test_a_ratio_that_the_method_has_not_is_refused() -> None:
     with pytest.raises(FrameError, match="ratio"):
-        shared_model("classifier").plan((64, 36), (640, 360))
+        Upscaler.plan((64, 36), (640, 360))
