@@ -57,7 +57,7 @@ def held_bytes(thing: Any) -> int:
         elif isinstance(item, (list, tuple)):
             waiting += item
         elif type(item).__module__.startswith("supersampler."):
-            waiting += vars(item).values()
+            waiting += getattr(item, "__dict__", {}).values()  # types of JSON files have slots, and no arrays
     return sum(bases.values())
 
 
