@@ -157,7 +157,7 @@ def test_the_command_draws_what_is_wrong(tmp_path: Path) -> None:
     assert "aliasing: geometry" in answer.stdout
     assert "STRRED" in answer.stdout
     record = QualityRecord.from_json(read_record(values))
-    first, clip, classes = record.tables("quality own").values()
+    first, clip, classes, *_ = record.tables("quality own").values()
     assert "STRRED" not in first
     assert clip.count("STRRED") == 2  # without and with warm-up and border
     assert classes.count("`classifier-small`") == 2
