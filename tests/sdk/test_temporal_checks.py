@@ -239,6 +239,14 @@ def moved_edge(axis: int, sign: float, jitter_before: float) -> FramePair:
     return pair
 
 
+def test_a_vector_that_is_no_number_moves_no_pixel() -> None:
+    motion = np.full((40, 40, 2), 0.5, np.float32)
+    motion[:20] = np.nan
+    frame = replace(even((0.1, 0.2), (40, 40)), motion=motion)
+    [pair] = frame_pairs([FrameProbe.of_frame(frame)] * 2)
+    assert 0.3 < pair.moving(Conventions()).mean() < 0.7
+
+
 def test_one_pair_of_frames_alone_doubts_no_order_of_depth() -> None:
     once = _surfaces(moved_edge(1, 1.0, -0.3))
     assert _other_order(once) is None
