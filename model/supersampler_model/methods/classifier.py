@@ -308,7 +308,7 @@ class Classifier(LearnedMethod):
         split = relit is not None  # the operators of the released graphs
         parts = ops.channels_of(history.depth) if split else [history.depth[:, :1], history.depth[:, 1:2]]
         depths, occluders = parts
-        occluded = ops.disocclusion(depth, occluders, place, c.depth_margin, c.depth_ramp)
+        occluded = ops.occlusion(depth, occluders, place, c.depth_margin, c.depth_ramp)
         depth_before = surface.on_screen * ops.read(depths, (place + 0.5).floor(), mode="nearest")
         difference = ops.relative_depth_change(depth_before, depth)  # equation 10
         samples, low, high = ops.channels_of(on * front.read(history.state))
@@ -363,8 +363,9 @@ class Classifier(LearnedMethod):
         current, warped, brightest = gathered.current, gathered.warped, ops.TONED[torch.float32]
         sharpened = warped.color + sharpness.clamp(0.0, MAX_SHARPNESS) * warped.detail
         sharpened = sharpened.clamp(0.0, brightest)
-        known = (warped.samples > 0.0).float()  # without history the weight is 0 whatever the network infers
-        colors = [(sharpened, known * (warped.samples * warped.surface + MIN_PRIOR))]
+        visible = warped.samples * warped.surface
+        known = (visible > 0.0).float()  # without history the weight is 0 whatever the network infers
+        colors = [(sharpened, known * (visible + MIN_PRIOR))]
         weight = known * (OTHER_PRIOR * warped.samples + MIN_PRIOR)
         if self.config.rectified:
             box = ops.Box(current.mean, self.config.gamma * current.deviation)

@@ -210,7 +210,7 @@ class Taau(Method):
     ) -> tuple[Tensor, Tensor]:
         """Return the surface's previous visibility, (1, 1, H, W), and its shade at this exposure."""
         position, c = before.to_render(reprojection.position), self.config
-        occluded = ops.disocclusion(depth, history[:, :1], position, c.depth_margin, c.depth_ramp)
+        occluded = ops.occlusion(depth, history[:, :1], position, c.depth_margin, c.depth_ramp)
         visible = reprojection.on_screen * (1.0 - 2.0 * occluded).clamp(min=0.0)
         mean, deviation = ops.channels_of(ops.read(history[:, 1:3], position))
         dim = 1.0 + (change - 1.0) * mean  # c / (1 + c) at another exposure, and its slope

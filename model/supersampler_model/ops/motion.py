@@ -65,16 +65,19 @@ def occluding_depth(depth: Tensor, motion: Tensor) -> Tensor:
     """Return the depth that the next frame tests disocclusion against.
 
     Samples hit thin geometry in one frame and miss it in the next, so it must not occlude its own history:
-    its background takes its place (`morphological_opening`). But thin geometry that moves over its background
-    by THIN_MOTION occludes what the next frame shows there, unless another part of it moves to that place, as
-    of a rail that moves along itself. Its motion is assumed to continue.
+    its background takes its place (`morphological_opening`). But what moves over its background by
+    THIN_MOTION leaves: it occludes what the next frame shows there, unless another part of it moves to that
+    place, as of a rail that moves along itself. Its motion is assumed to continue.
 
     Args:
         depth: (1, 1, h, w) reversed, usable.
         motion: (1, 2, h, w) render pixels, previous minus current, usable.
+
+    Returns:
+        (1, 1, h, w): minus the depth of what leaves; else that of the background, >= 0, 0 where unknown.
     """
     farthest, behind = _farthest_3x3(depth, motion)
-    over = motion - behind
+    over = whole_steps(motion - behind)
     w, h = size_of(depth)
     x, y = (torch.arange(extent, device=depth.device).to(depth.dtype) for extent in (w, h))
     across, down = channels_of(over)
@@ -84,9 +87,16 @@ def occluding_depth(depth: Tensor, motion: Tensor) -> Tensor:
     columns = torch.cat([left, right, left, right], dim=2)
     rows = torch.cat([top, top, bottom, bottom], dim=2)
     coming = read(depth, positions_of(columns, rows), mode="nearest").reshape(1, 4, h, w)
-    moves = (over.abs().amax(dim=1, keepdim=True) >= THIN_MOTION) & (farthest >= 0.0)
-    leaves = moves & (coming.amax(dim=1, keepdim=True) < SAME_THIN_DEPTH * depth)
-    return torch.where(leaves, depth, morphological_opening(depth))
+    hidden = torch.maximum(coming.amax(dim=1, keepdim=True), farthest)
+    moves = (over.abs().amax(dim=1, keepdim=True) > 0.0) & (farthest >= 0.0)
+    leaves = moves & (hidden < SAME_THIN_DEPTH * depth)
+    return torch.where(leaves, -depth, morphological_opening(depth).clamp(min=0.0))
+
+
+def whole_steps(motion: Tensor) -> Tensor:
+    """Round components below one sample: from THIN_MOTION on to one, else to 0."""
+    short = motion.abs() < 1.0
+    return torch.where(short, motion.sign() * (motion.abs() >= THIN_MOTION), motion)
 
 
 def _farthest_3x3(depth: Tensor, motion: Tensor) -> tuple[Tensor, Tensor]:
@@ -122,9 +132,31 @@ def disocclusion(
     limits = read(torch.cat(neighbours_2x2(limit), dim=1), first + 1.0, mode="nearest")
     # the relative change (before - depth) / before less the margin, over the ramp
     occluded = ((1.0 - margin) / ramp - depth.clamp(min=1e-20) * limits).clamp(0.0, 1.0)
-    upper, lower = occluded.split_with_sizes([2, 2], dim=1)
+    return _bilinear_of_four(occluded, right, below) * (depth >= 0.0)
+
+
+def occlusion(depth: Tensor, occluders: Tensor, position: Tensor, margin: float, ramp: float) -> Tensor:
+    """Return `disocclusion` by the occluding depth of the previous frame, (1, 1, h, w) of `occluding_depth`.
+
+    An occluder that leaves counts fully wherever it is one of the four samples around a position: motion is
+    that of the closest of these (`dilate_motion_2x2`), so that the history there has its colour.
+    """
+    first = position.floor()
+    right, below = (part[:, None] for part in (position - first).unbind(dim=3))
+    around = padded_3x3(occluders)[:, :, :-1, :-1]
+    limit = torch.where(around.abs() > 1e-12, 1.0 / (ramp * around.abs().clamp(min=1e-12)), MAX_DEPTH)
+    limit = torch.where(around < 0.0, -limit, limit)
+    limits = read(torch.cat(neighbours_2x2(limit), dim=1), first + 1.0, mode="nearest")
+    occluded = ((1.0 - margin) / ramp - depth.clamp(min=1e-20) * limits.abs()).clamp(0.0, 1.0)
+    left = (occluded * (limits < 0.0)).amax(dim=1, keepdim=True)
+    return torch.maximum(left, _bilinear_of_four(occluded, right, below)) * (depth >= 0.0)
+
+
+def _bilinear_of_four(corners: Tensor, right: Tensor, below: Tensor) -> Tensor:
+    """Interpolate between the upper left, upper right, lower left and lower right value, (1, 4, H, W)."""
+    upper, lower = corners.split_with_sizes([2, 2], dim=1)
     left_part, right_part = channels_of(upper + below * (lower - upper))
-    return (left_part + right * (right_part - left_part)) * (depth >= 0.0)
+    return left_part + right * (right_part - left_part)
 
 
 def relative_depth_change(before: Tensor, depth: Tensor) -> Tensor:

@@ -34,8 +34,8 @@ MAX_DEPTH = 1e30
 """Largest depth; larger depth is unknown."""
 UNKNOWN_DEPTH = -1.0
 """Depth of a sample whose depth is not usable: below the sky's 0, so never the closest or disoccluded."""
-THIN_MOTION = 1.0
-"""Render pixels along an axis, relative to its background, after which thin geometry is gone."""
+THIN_MOTION = 0.5
+"""Render pixels a frame along an axis, over its background, from which on a surface leaves its place."""
 SAME_THIN_DEPTH = 0.95
 """Minimum depth of another part of thin geometry, as a fraction of its depth."""
 MIN_NORMAL = 0.1

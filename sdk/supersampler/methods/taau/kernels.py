@@ -28,9 +28,9 @@ from supersampler.backends.cpu.kernels.filters import (
 )
 from supersampler.backends.cpu.kernels.frame import occluding_at, or_fill, reactive_at, repeat_ends, store4
 from supersampler.backends.cpu.kernels.warp import (
-    disocclusion,
     linear_taps,
     mean_of,
+    occlusion,
     on_screen,
     prepare_warp,
     previous_position,
@@ -394,7 +394,7 @@ def step_rows(
             a, b = gather4(history_surface, slots, 0, 4, 0), gather4(history_surface, slots, 0, 4, 4)
             c, d = gather4(history_surface, slots, 16, 4, 0), gather4(history_surface, slots, 16, 4, 4)
             depths_before = a[0], b[0], c[0], d[0]
-            occluded = disocclusion(
+            occluded = occlusion(
                 depth, tap_weights, depths_before, numbers[C.depth_margin], numbers[C.depth_ramp]
             )
             same = select(on, maximum(1.0 - occluded * 2.0, 0.0), 0.0)

@@ -227,15 +227,25 @@ def occluding_at(samples, y, x):
     for row in range(max(y - 1, 0), min(y + 2, h)):
         for column in range(-1, 2):
             opened = maximum(load16(eroded, row * padded_width + PAD + x + column), opened)
+    opened = maximum(opened, 0.0)
     depth = load16(depths, here)
-    if not all_lanes(depth <= opened):
+    if not all_lanes(load16(eroded, here) >= SAME_THIN_DEPTH * depth):
         across, down, farthest = motion_over_background(samples, y, x)
-        speed = maximum(absolute(across), absolute(down))
-        speed = select((depth > opened) & (farthest >= 0.0), speed, 0.0)
-        if not all_lanes(speed < THIN_MOTION):
+        across, down = whole_steps(across), whole_steps(down)
+        apart = (farthest >= 0.0) & (farthest < SAME_THIN_DEPTH * depth)
+        steps = select(apart, maximum(absolute(across), absolute(down)), 0.0)
+        if not all_lanes(steps <= 0.0):
             follows = closest_around(samples, across + to_float(ramp16() + np.int32(x)), down + np.float32(y))
-            opened = select((speed >= THIN_MOTION) & (follows < SAME_THIN_DEPTH * depth), depth, opened)
+            opened = select((steps > 0.0) & (follows < SAME_THIN_DEPTH * depth), depth * -1.0, opened)
     return opened
+
+
+@device_function
+def whole_steps(motion):
+    """Round components below one sample: from THIN_MOTION on to one, else to 0."""
+    length = absolute(motion)
+    step = select(length >= THIN_MOTION, 1.0, length * 0.0)
+    return select(length < 1.0, select(motion < 0.0, step * -1.0, step), motion)
 
 
 @device_function

@@ -6,6 +6,7 @@ from supersampler.backends.cpu.kernels.colors import clamped
 from supersampler.backends.cpu.layout import PAD
 from supersampler.backends.cpu.simd.shuffles import joined, low_half
 from supersampler.backends.cpu.simd.vector import (
+    absolute,
     device_function,
     floor,
     load4,
@@ -165,13 +166,16 @@ def linear_taps(x, y, w, h, padded_width, places):
 
 
 @device_function
-def disocclusion(depth, weights, depths_before, margin, ramp):
-    """Return the weight, [0, 1], of the previous samples that were closer than `depth`."""
-    occluded = depth * 0.0
-    for depth_before, weight in zip(depths_before, weights):  # noqa: B905  # numba has no strict
-        closer = (depth_before - depth) / maximum(maximum(depth_before, depth), 1e-12)
-        occluded = occluded + weight * clamped((closer - margin) / ramp, 0.0, 1.0)
-    return select(depth >= 0.0, occluded, 0.0)
+def occlusion(depth, weights, depths_before, margin, ramp):
+    """Return `occlusion` of the torch methods: depths_before are four values of `occluding_depth`."""
+    occluded = left = depth * 0.0
+    for value, weight in zip(depths_before, weights):  # noqa: B905  # numba has no strict
+        before = absolute(value)
+        closer = (before - depth) / maximum(maximum(before, depth), 1e-12)
+        closer = clamped((closer - margin) / ramp, 0.0, 1.0)
+        occluded = occluded + weight * closer
+        left = select(value < 0.0, maximum(left, closer), left)
+    return select(depth >= 0.0, maximum(occluded, left), 0.0)
 
 
 @device_function

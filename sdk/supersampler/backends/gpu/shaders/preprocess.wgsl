@@ -85,19 +85,26 @@ fn dilate(p: vec2i, origin: vec2i) -> vec4f {
     return vec4f(usable_motion(motion_at(best)), depth_near(best, origin), edge);
 }
 
-// Without thin things, but with those that leave: see `occluding_depth` of the torch methods.
+// Depth without thin things, and minus the depth of what leaves: see `occluding_depth` of the torch methods.
 fn occluding(p: vec2i, origin: vec2i) -> f32 {
     var opened = -f32(MAX_DEPTH);
     /* unroll */ for (var j = -1; j <= 1; j++) {
         /* unroll */ for (var i = -1; i <= 1; i++) { opened = max(opened, eroded[wide_index(p + vec2i(i, j), origin)]); }
     }
+    opened = max(opened, 0.0);
     let depth = depth_near(p, origin);
-    if (depth <= opened) { return opened; }
+    let farthest = eroded[wide_index(p, origin)];
+    if (farthest < 0.0 || farthest >= SAME_THIN_DEPTH * depth) { return opened; }
     let background = farthest_near(p, origin);
-    let over = usable_motion(motion_at(p)) - usable_motion(motion_at(background));
-    let moves = max(abs(over.x), abs(over.y)) >= THIN_MOTION && depth_near(background, origin) >= 0.0;
-    if (!moves || closest_around(vec2f(p) + over) >= SAME_THIN_DEPTH * depth) { return opened; }
-    return depth;
+    let over = whole_steps(usable_motion(motion_at(p)) - usable_motion(motion_at(background)));
+    if (all(over == vec2f(0.0)) || closest_around(vec2f(p) + over) >= SAME_THIN_DEPTH * depth) { return opened; }
+    return -depth;
+}
+
+// Components below one sample: from THIN_MOTION on one, else 0.
+fn whole_steps(motion: vec2f) -> vec2f {
+    let steps = sign(motion) * step(vec2f(THIN_MOTION), abs(motion));
+    return select(motion, steps, abs(motion) < vec2f(1.0));
 }
 
 // 0, -1, 1.

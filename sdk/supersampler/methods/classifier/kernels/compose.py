@@ -207,8 +207,9 @@ def make_compose_row(variant: Variant):
             )
             # history colours
             number, count = m + sample_weight - 1, load16(rest, rest_at + 16 * COUNT)
-            known = count > 0.0
-            initial = select(known, count * load16(rest, rest_at + 16 * SURFACE) + MIN_PRIOR, 0.0)
+            visible = count * load16(rest, rest_at + 16 * SURFACE)
+            known = visible > 0.0
+            initial = select(known, visible + MIN_PRIOR, 0.0)
             other = select(known, count * OTHER_PRIOR + MIN_PRIOR, 0.0)
             first = initial * factor(blend_parameters(blend, blend_pitch, m, parameters, pixels))
             second = third = zero

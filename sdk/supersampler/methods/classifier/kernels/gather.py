@@ -19,8 +19,8 @@ from supersampler.backends.cpu.kernels.colors import (
 from supersampler.backends.cpu.kernels.filters import filter_all_across, filter_all_down
 from supersampler.backends.cpu.kernels.frame import or_fill, repeat_ends, sample_indices
 from supersampler.backends.cpu.kernels.warp import (
-    disocclusion,
     linear_taps,
+    occlusion,
     on_screen,
     prepare_own_warp,
     prepare_warp,
@@ -116,7 +116,7 @@ def gather_surface(depth, of_surface, depths, padded_width, places, numbers):
     weights = linear_taps(x, y, old_w, old_h, padded_width, places)
     a, b, c, d = gather4(depths, places, 0, 2, 0)
     e, f, g, h = gather4(depths, places, 16, 2, 0)
-    occluded = disocclusion(depth, weights, (b, d, f, h), numbers[C.depth_margin], numbers[C.depth_ramp])
+    occluded = occlusion(depth, weights, (b, d, f, h), numbers[C.depth_margin], numbers[C.depth_ramp])
     surface = select(on, maximum(1.0 - occluded * 2.0, 0.0), 0.0)
     right, low = x - floor(x) >= 0.5, y - floor(y) >= 0.5
     depth_before = select(low, select(right, g, e), select(right, c, a))

@@ -52,7 +52,7 @@ fn sharpened(before: WarpedHistory, blend: ptr<function, array<vec4f, QUADS>>) -
 
 fn blend_history(p: vec2i, now: CurrentFrame, before: WarpedHistory, visibility: f32,
                  blend: ptr<function, array<vec4f, QUADS>>) -> Sum {
-    if (before.samples <= 0.0) { return Sum(vec3f(0.0), 0.0); }
+    if (before.samples * visibility <= 0.0) { return Sum(vec3f(0.0), 0.0); }
     let color = sharpened(before, blend);
     let other = OTHER_PRIOR * before.samples + MIN_PRIOR;
     let first = (before.samples * visibility + MIN_PRIOR) * exp(parameter(blend, 0u));
