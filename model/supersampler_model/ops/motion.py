@@ -95,8 +95,9 @@ def occluding_depth(depth: Tensor, motion: Tensor) -> Tensor:
 
 def whole_steps(motion: Tensor) -> Tensor:
     """Round components below one sample: from THIN_MOTION on to one, else to 0."""
-    short = motion.abs() < 1.0
-    return torch.where(short, motion.sign() * (motion.abs() >= THIN_MOTION), motion)
+    length = motion.abs()
+    step = (length >= THIN_MOTION).float()
+    return torch.where(length < 1.0, torch.where(motion < 0.0, -step, step), motion)
 
 
 def _farthest_3x3(depth: Tensor, motion: Tensor) -> tuple[Tensor, Tensor]:
