@@ -76,7 +76,7 @@ def test_stress_gives_buffers_and_says_what_a_ratio_leaves_out(gbuffer_model: Pa
         ("ratios from 1 to 3", "bilinear"),
     ]  # fmt: skip
     (text,) = left_out(scenarios, stressed)
-    assert text.endswith("whose ratios are 2 alone, is left out of ratios from 1 to 3")
+    assert text.endswith("whose only ratio is 2, is left out of ratios from 1 to 3")
     for outcome in measure(chosen(["a cut in every frame", "threads"]), stressed[:1], quick=True):
         assert outcome.passed, outcome
 
